@@ -111,6 +111,7 @@ bench: .venv/dev.stamp
 	$(BIN)/python benchmarks/ekf_step.py
 	$(BIN)/python benchmarks/drivers.py
 	$(BIN)/python benchmarks/false_identities.py
+	$(BIN)/python benchmarks/false_identities.py --streams 1000
 	$(BIN)/python benchmarks/live_cell.py
 	$(BIN)/python benchmarks/desk_filter.py
 	$(BIN)/python benchmarks/desk.py

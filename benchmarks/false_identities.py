@@ -1,6 +1,7 @@
-"""False identities and values that one damaged byte makes, for each family of modems.
+"""False identities and values that damaged bytes make, for each family of modems.
 
 python benchmarks/false_identities.py [--corpus FOLDER] [--family NAME ...]
+python benchmarks/false_identities.py --streams 5000 [--whole SHARE] [--seed N] [--strangers]
 
 Every byte of every reply in the tests' data, and of the replies in FOLDER, is lost, doubled and
 changed in turn. A row is false where it names a cell, a level or a channel that the reply does not;
@@ -8,20 +9,30 @@ an identity that is marked unsure is no false one. Replies come alone, as the fi
 sends; then each damaged one comes between two whole ones, and only a cell that two scans have heard
 counts. Whole replies with an unsure identity are counted too: alone, and after an earlier reply. At
 last each reply comes a hundred times, every fifth of them with a byte lost or doubled: `session`.
+
+With `--streams` a modem sends so many damaged replies of each kind of `DAMAGES`, in one session: at
+each turn one of its family's replies is drawn, and damaged at a place that is drawn. `--whole` is
+the share of replies that come whole in between, by default none. An identity is believed where two
+replies have named it for certain. With `--strangers` every other driver reads the stream as well:
+no driver may invent a cell in the replies of modems that it does not know.
 """
 
 import argparse
 import random
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 
+from logger.core.identities import FEWEST_SCANS
 from logger.core.types import CellReading
 from logger.drivers.family import Family
+from logger.drivers.generic.generic import Generic
 from logger.drivers.reading.number_history import NumberHistory
 from logger.drivers.reading.recognition import mark_doubtful
 from logger.drivers.reading.rows import Registration, Row
+from logger.drivers.reading.serving_cell import with_serving_cell
 from logger.drivers.registry import FAMILIES, reader_of
 from logger.drivers.transcript import replies_of
 
@@ -32,8 +43,6 @@ LEVELS = ("rssi_dbm", "rscp_dbm", "rsrp_dbm", "rxlev_raw")
 WAYS = ("lost", "doubled", "changed")
 POLLS, HIT_EACH = 100, 5
 """Length of a session, less than two minutes of a walk, and how often its line damages a reply."""
-HEARD = 2
-"""Scans in which a cell must have been heard before it counts."""
 
 Who = tuple[str | None, str | None, int | None, int | None]
 Level = tuple[str, float]
@@ -48,6 +57,82 @@ class ReplyContent:
     named: frozenset[Who]
     levels: frozenset[Level]
     channels: frozenset[int]
+
+
+def _flip(text: str, at: int, rng: random.Random) -> str:
+    return text[:at] + chr(ord(text[at]) ^ 1 << rng.randrange(8)) + text[at + 1 :]
+
+
+def _swap(text: str, at: int, _: random.Random) -> str:
+    return text[:at] + text[at : at + 2][::-1] + text[at + 2 :]
+
+
+def _lose(text: str, at: int, _: random.Random) -> str:
+    return text[:at] + text[at + 1 :]
+
+
+def _double(text: str, at: int, _: random.Random) -> str:
+    return text[:at] + text[at] + text[at:]
+
+
+def _cut(text: str, at: int, _: random.Random) -> str:
+    end = (text + "\n").index("\n", at)
+    return text[:at] + text[end:]
+
+
+def _merge(text: str, at: int, _: random.Random) -> str:
+    """Without the line end behind `at`, or the last one before it."""
+    end = text.find("\n", at)
+    end = text.rfind("\n") if end < 0 else end
+    return text if end < 0 else text[:end] + text[end + 1 :]
+
+
+def _insert(text: str, at: int, rng: random.Random) -> str:
+    return text[:at] + chr(rng.randrange(256)) + text[at:]
+
+
+def _burst(text: str, at: int, rng: random.Random) -> str:
+    """Two to six bytes replaced: a half by any byte, a half by printable ones, which look true."""
+    length = rng.randrange(2, 7)
+    alphabet = rng.choice((range(256), range(48, 58)))
+    noise = "".join(chr(rng.choice(alphabet)) for _ in text[at : at + length])
+    return text[:at] + noise + text[at + length :]
+
+
+DAMAGES: Mapping[str, Callable[[str, int, random.Random], str]] = {
+    "flip": _flip,
+    "swap": _swap,
+    "lost": _lose,
+    "doubled": _double,
+    "cut": _cut,
+    "merged": _merge,
+    "inserted": _insert,
+    "burst": _burst,
+}
+"""What a line does to a reply at a place: a flipped bit, two bytes exchanged, a byte lost, doubled
+or inserted, a row cut, two rows merged, several bytes replaced."""
+
+
+@dataclass
+class Stream:
+    """What came of the damaged replies of one kind."""
+
+    damaged: int = 0
+    false: int = 0
+    sure: int = 0
+    believed: set[Who] = field(default_factory=set)
+
+    def add(self, other: "Stream") -> None:
+        """Count another stream too."""
+        self.damaged += other.damaged
+        self.false += other.false
+        self.sure += other.sure
+        self.believed |= other.believed
+
+    @property
+    def cells(self) -> set[Who]:
+        """Those that have a name."""
+        return {who for who in self.believed if None not in who}
 
 
 @dataclass
@@ -103,6 +188,12 @@ def damage_bytes(text: str, way: str, rng: random.Random) -> Iterator[str]:
 def read(driver: Family, text: str, known: NumberHistory) -> tuple[tuple[Row, ...], NumberHistory]:
     """Rows of one reply, as a session reads them."""
     return mark_doubtful(driver.read(text.split("\n")), known)
+
+
+def poll(driver: Family, text: str, known: NumberHistory) -> tuple[tuple[Row, ...], NumberHistory]:
+    """The same, with the serving cell that a poll of any modem puts together."""
+    rows = driver.read(text.split("\n"))
+    return mark_doubtful(with_serving_cell(rows) if driver.name == Generic.name else rows, known)
 
 
 def content_of(rows: Iterable[Row]) -> ReplyContent:
@@ -177,6 +268,56 @@ def count_session(driver: Family, text: str, tally: Tally, polls: int = POLLS) -
             tally.session["marked"] += sure != honest.named
 
 
+def stream(
+    driver: Family,
+    texts: Sequence[str],
+    kind: str,
+    n_damaged: int,
+    *,
+    whole: float = 0.0,
+    seed: int = 1,
+    reader: Family | None = None,
+) -> Stream:
+    """Count the false cells of a session with so many damaged replies of one kind."""
+    rng = random.Random(f"{seed} {driver.name} {kind}")
+    truth = content_of(
+        row for text in texts for row in poll(driver, text, NumberHistory())[0]
+    ).named
+    found, known, heard = Stream(), NumberHistory(), Counter[Who]()
+    while found.damaged < n_damaged:
+        text = rng.choice(texts)
+        if rng.random() >= whole:
+            found.damaged += 1
+            text = DAMAGES[kind](text, rng.randrange(len(text)), rng)
+        rows, known = poll(reader or driver, text, known)
+        content = content_of(rows)
+        found.false += any(is_false(who, truth) for who in content.named)
+        wrong = {who for who in content.sure if is_false(who, truth)}
+        found.sure += bool(wrong)
+        heard.update(wrong)
+    found.believed = {who for who, scans in heard.items() if scans >= FEWEST_SCANS}
+    return found
+
+
+def stream_table(streams: Mapping[str, Mapping[str, Stream]]) -> str:
+    """For each family and kind: false in one reply, sure in one reply, identities believed."""
+    lines = [" ".join([f"{'':12}", *(f"{kind:>16}" for kind in DAMAGES)])]
+    total: dict[str, Stream] = {kind: Stream() for kind in DAMAGES}
+    for name, kinds in streams.items():
+        for kind, found in kinds.items():
+            total[kind].add(found)
+        lines.append(_stream_line(name, kinds))
+    return "\n".join([*lines, _stream_line("all", total)])
+
+
+def _stream_line(name: str, kinds: Mapping[str, Stream]) -> str:
+    cells = (
+        f"{found.false}/{found.sure}/{len(found.believed)}/{len(found.cells)}"
+        for found in kinds.values()
+    )
+    return " ".join([f"{name:12}", *(f"{cell:>16}" for cell in cells)])
+
+
 def _count_alone(found: ReplyContent, honest: ReplyContent, way: str, tally: Tally) -> None:
     tally.identities[way] += any(is_false(who, honest.named) for who in found.sure)
     tally.levels[way] += not found.levels <= honest.levels
@@ -189,7 +330,7 @@ def _sure_cells(driver: Family, text: str, worse: str) -> set[Who]:
     for reply in (text, worse, text):
         rows, known = read(driver, reply, known)
         heard.update(content_of(rows).sure)
-    return {who for who, scans in heard.items() if scans >= HEARD}
+    return {who for who, scans in heard.items() if scans >= FEWEST_SCANS}
 
 
 def table(tallies: dict[str, Tally]) -> str:
@@ -259,13 +400,56 @@ def main() -> None:
     parser.add_argument(
         "--each", type=int, default=1, metavar="N", help="damage every N-th byte only (default 1)"
     )
+    parser.add_argument(
+        "--streams", type=int, metavar="N", help="damaged replies of each kind, in one session"
+    )
+    parser.add_argument("--whole", type=float, default=0.0, metavar="SHARE")
+    parser.add_argument("--seed", type=int, default=1, metavar="N")
+    parser.add_argument("--strangers", action="store_true", help="let other drivers read as well")
     arguments = parser.parse_args()
+    if arguments.streams:
+        _print_streams(arguments)
+        return
     tallies: dict[str, Tally] = {name: Tally() for name in arguments.family}
     for driver, text in replies(arguments.corpus):
         if driver.name in tallies:
             count(driver, text, tallies[driver.name], each=arguments.each)
             count_session(driver, text, tallies[driver.name])
     print(table(tallies))
+
+
+def _print_streams(arguments: argparse.Namespace) -> None:
+    """Print the table of `--streams`."""
+    texts: dict[str, list[str]] = {}
+    for driver, text in replies(arguments.corpus):
+        named = content_of(read(driver, text, NumberHistory())[0]).named
+        if any(None not in who[2:] for who in named):
+            texts.setdefault(driver.name, []).append(text)
+    streams: dict[str, dict[str, Stream]] = {}
+    for name in arguments.family:
+        readers = [other for other in FAMILIES.values() if other.name != name]
+        readers = readers if arguments.strangers else [FAMILIES[name]]
+        of_kind = streams[name] = {kind: Stream() for kind in DAMAGES}
+        for kind, reader in product(DAMAGES, readers):
+            of_kind[kind].add(
+                stream(
+                    FAMILIES[name],
+                    texts[name],
+                    kind,
+                    arguments.streams // len(readers),
+                    whole=arguments.whole,
+                    seed=arguments.seed,
+                    reader=reader,
+                )
+            )
+    n_damaged = {found.damaged for kinds in streams.values() for found in kinds.values()}
+    print(
+        f"{max(n_damaged)} damaged replies of each kind and family, seed {arguments.seed}, "
+        f"{arguments.whole:.0%} whole in between;\n"
+        "replies with a false identity / with a false one that is sure / false identities, or parts"
+        " of one, that two replies named / complete ones among them, which are believed"
+    )
+    print(stream_table(streams))
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """Number of scans that observed each cell, and whether it is enough to report the cell.
 
-A damaged digit gives the name of a cell that does not exist, and no check of the reply's format
-detects it; but the same damage does not occur twice. So a cell is reported when two scans have
-named it, each in a reply that passed all checks of its format.
+A damaged digit gives the name of a cell that does not exist. The first time no check of a reply
+detects it; later ones are marked as unsure. So a cell is reported when two scans have named it
+without doubt.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,8 @@
 """Which cells exist: those that two scans have named.
 
-A changed digit names a cell that does not exist, and no form of a row shows it; but it does not
-occur twice. So a cell named in a single scan is never a target and never located. A reading with an
-unsure identity does not make a cell known.
+A changed digit names a cell that does not exist. The first time nothing shows it; where it comes
+again, the driver knows the true cell and marks the identity as unsure. So a cell named in a single
+scan is never a target and never located, and an unsure identity does not make a cell known.
 """
 
 from logger.core.latest import Latest

@@ -95,9 +95,9 @@ class CellReading:
 
     Identities are integers, whatever base the modem prints. `label` names the cell if an imported
     file has no identity; a modem never fills it. `more` is what else the modem prints, which the
-    run file keeps as raw bytes only. `identity_unsure`: the form of the row does not exclude that a
-    byte of the identity was lost or doubled. `broadcast` is None where the modem prints nothing of
-    it.
+    run file keeps as raw bytes only. `identity_unsure`: a byte of the identity may be lost or
+    doubled, or it may be that of another cell with a damaged digit. `broadcast` is None where the
+    modem prints nothing of it.
     """
 
     role: Annotated[Role, "S12", "serving, neighbour or scan"]

@@ -6,15 +6,20 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.false_identities import (
+    DAMAGES,
+    Stream,
     Tally,
     count,
     count_session,
     damage_bytes,
     is_false,
     replies,
+    stream,
+    stream_table,
     table,
 )
 from logger.core.types import CellReading
+from logger.drivers.reading.cell_history import CellHistory
 from logger.drivers.registry import FAMILIES
 
 EACH = 3
@@ -60,6 +65,54 @@ def test_in_a_session_few_whole_replies_are_marked_and_few_damaged_ones_are_not(
     assert tallies[name].session["whole"] > 100
     assert tallies[name].of_session("marked", "whole") <= MOST_MARKED
     assert tallies[name].of_session("false", "damaged") <= MOST_ALONE
+
+
+@pytest.fixture(scope="module")
+def texts():
+    found = {name: [] for name in FAMILIES}
+    for driver, text in replies():
+        found[driver.name].append(text)
+    return found
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_no_damage_of_any_kind_makes_a_cell_that_is_believed(texts, name):
+    for kind in DAMAGES:
+        found = stream(FAMILIES[name], texts[name], kind, 300)
+        assert found.damaged == 300
+        assert not found.cells, kind
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_no_driver_believes_a_cell_in_the_replies_of_other_modems(texts, name):
+    for other in FAMILIES:
+        for kind in ("flip", "swap", "burst"):
+            found = stream(FAMILIES[other], texts[other], kind, 30, reader=FAMILIES[name])
+            assert not found.cells, (other, kind)
+
+
+def test_a_modem_that_remembers_no_cell_is_found_out(texts, monkeypatch):
+    monkeypatch.setattr(CellHistory, "doubtful", lambda *_: frozenset())
+    found = stream(FAMILIES["sim7600"], texts["sim7600"], "swap", 1000)
+    assert found.false >= found.sure > len(found.believed) >= len(found.cells) > 0
+    counts = f"{found.false}/{found.sure}/{len(found.believed)}/{len(found.cells)}"
+    kinds = {kind: found if kind == "swap" else Stream() for kind in DAMAGES}
+    assert counts in stream_table({"sim7600": kinds}).splitlines()[-1]
+
+
+def test_each_kind_of_damage_is_what_its_name_says():
+    text = "a1,2\nb3"
+    made = {kind: change(text, 1, random.Random(5)) for kind, change in DAMAGES.items()}
+    assert sum(a != b for a, b in zip(text, made["flip"], strict=True)) == 1
+    assert {kind: made[kind] for kind in ("swap", "lost", "doubled", "cut", "merged")} == {
+        "swap": "a,12\nb3",
+        "lost": "a,2\nb3",
+        "doubled": "a11,2\nb3",
+        "cut": "a\nb3",
+        "merged": "a1,2b3",
+    }
+    assert len(made["inserted"]) == len(text) + 1
+    assert len(made["burst"]) == len(text)
 
 
 def test_whole_replies_are_sure_after_an_earlier_one(tallies):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TypeGuard, TypeVar
 
 from logger.core.types import Broadcast, CellReading
+from logger.drivers.reading.cell_history import CellHistory
 from logger.drivers.reading.number_text import NumberForm, NumberText
 from logger.drivers.reading.rows import Registration, Row
 
@@ -42,6 +43,7 @@ class NumberHistory:
     networks: Mapping[Network, int] = field(default_factory=dict)
     codes: Mapping[Code, int] = field(default_factory=dict)
     broadcasts: Mapping[CellBroadcast, int] = field(default_factory=dict)
+    cells: CellHistory = field(default_factory=CellHistory)
 
     @classmethod
     def of_reply(cls, rows: Sequence[Row]) -> "NumberHistory":
@@ -77,6 +79,7 @@ class NumberHistory:
             _add(self.networks, reply.networks),
             _add(self.codes, reply.codes),
             _add(self.broadcasts, reply.broadcasts),
+            self.cells,
         )
 
 

@@ -10,8 +10,9 @@ doubtful:
 - it is what a more frequent number of the same column becomes when a digit is lost or doubled.
 
 A number that is printed twice is sure. An identity with a doubtful number keeps its value and is
-marked; a level or a channel without one of its digits is useless and is dropped. What a cell
-broadcasts is marked until the same is printed of it twice, and half as often as anything else.
+marked; a level or a channel without one of its digits is useless and is dropped. `cell_history`
+compares whole names with those before. What a cell broadcasts is marked until the same is printed
+of it twice, and half as often as anything else.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -19,6 +20,7 @@ from dataclasses import replace
 from typing import Any
 
 from logger.core.types import CellReading
+from logger.drivers.reading.cell_history import OFTEN, CellHistory, Who, namings_of, who_of
 from logger.drivers.reading.network_codes import mnc_digits
 from logger.drivers.reading.number_history import (
     AREA,
@@ -38,11 +40,8 @@ from logger.drivers.reading.number_text import NumberForm, NumberText
 from logger.drivers.reading.rows import Row
 from logger.drivers.reading.serving_cell import is_serving
 
-OFTEN = 5
 SHARE = 2
-"""A number that looks like a damaged one is accepted when it came so often, and at least half as
-often as the other: even a line that damages every fourth reply seldom hits the same digit.
-"""
+"""A number that looks like a damaged one must come at least half as often as the other."""
 SPARSE = 50
 """Lost digits make less than one value in so many too short; firmware without padding prints
 more."""
@@ -71,7 +70,36 @@ def mark_doubtful_replies(
         marked.append(
             tuple(_mark(row, reply, history, unsure=id(row) in contradictory) for row in rows)
         )
-    return marked, history
+    cells, doubtful = _doubtful_names(replies, marked, history.cells)
+    marked = [
+        tuple(
+            replace(row, identity_unsure=True)
+            if has_identity(row) and who_of(row) in names
+            else row
+            for row in rows
+        )
+        for rows, names in zip(marked, doubtful, strict=True)
+    ]
+    return marked, replace(history, cells=cells)
+
+
+def _doubtful_names(
+    replies: Sequence[Sequence[Row]], marked: Sequence[Sequence[Row]], cells: CellHistory
+) -> tuple[CellHistory, list[frozenset[Who]]]:
+    """The cells after the replies, and the doubtful names of each reply."""
+    namings = [namings_of(zip(*rows, strict=True)) for rows in zip(replies, marked, strict=True)]
+    doubtful = []
+    for rows, naming in zip(replies, namings, strict=True):
+        is_scan = any(getattr(row, "role", None) == "scan" for row in rows)
+        cells, names = cells.with_reply(naming, is_scan=is_scan)
+        doubtful.append(names)
+    if len(namings) == 1:
+        return cells, doubtful
+    beside = zip([{}, *namings], namings, [*namings[1:], {}], strict=False)
+    return cells, [
+        cells.doubtful(naming, naming.keys() & (before.keys() | after.keys()))
+        for before, naming, after in beside
+    ]
 
 
 def _contradictory_rows(rows: Sequence[Row]) -> set[int]:

@@ -21,6 +21,8 @@ _REGISTRATION = re.compile(
     rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII
 )
 """The values end where something else begins: another answer in the same line, or text of a log."""
+_AFTER_VALUE = re.compile(r"[\s+\\)\]},;\'<|]|\Z")
+"""What may follow the last value; anything else is noise, which took the end of the value."""
 _LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
 """An answer begins with two small numbers, a report with one: `+CREG: 1,"CE00","00005449"` is a
 report.
@@ -36,7 +38,7 @@ _OFFERED = re.compile(
 )
 """A network of AT+COPS=?; lists close the bracket early, lack quotes and names, and break lines."""
 
-_MOST_STAT = 11
+_MOST_STAT, _WIDEST_STAT = 11, 3
 _CAUSE_TYPES = frozenset({0, 1})
 _CELL, _NR_CELL = NumberForm(16, frozenset({4, 7, 8})), NumberForm(16, frozenset({9, 16}))
 """A registration prints the cells of all technologies in one field, GSM with four digits."""
@@ -49,13 +51,14 @@ def standard_rows(lines: Sequence[str]) -> tuple[Row, ...]:
 
 
 def _registrations(line: str) -> Iterator[Row]:
-    for domain, text in _REGISTRATION.findall(line):
+    for found in _REGISTRATION.finditer(line):
+        domain, text = found.groups()
         answers = _LEADING_TWO.match(text) is not None
         fields = values(text)
-        if text.count('"') % 2:
-            fields[-1] = ""  # cut within quotation marks
+        if text.count('"') % 2 or not _AFTER_VALUE.match(line, found.end()):
+            fields[-1] = ""  # cut
         n, *fields = fields if answers else ["", *fields]
-        stat = decimal(fields[0], 0, _MOST_STAT)
+        stat = decimal(fields[0], 0, _MOST_STAT) if len(fields[0]) <= _WIDEST_STAT else None
         if stat is None:
             continue
         if not at(fields, 1) and at(fields, 2):
