@@ -1,4 +1,7 @@
-"""Many runs, each made into something while the next ones are read."""
+"""Many runs that will be kept, each made into something while the next ones are read.
+
+A run that was altered since it was sealed is an error.
+"""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -9,7 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from logger.core.errors import FieldLoggerError, RunFileError
-from logger.core.runfile import Run, read_small_runs, read_sound_run
+from logger.core.runfile import Run, read_small_runs, read_unaltered_run
 
 _READ_AHEAD = 2
 """Groups of runs, each read by a process of its own while the caller stores the last."""
@@ -63,6 +66,6 @@ def _read_group(
 
 def _outcome(run: Run | Path, make: Callable[[Run], Item]) -> Item | FieldLoggerError:
     try:
-        return make(read_sound_run(run) if isinstance(run, Path) else run)
+        return make(read_unaltered_run(run) if isinstance(run, Path) else run)
     except FieldLoggerError as error:
         return error

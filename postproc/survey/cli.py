@@ -40,8 +40,8 @@ for _command in (baseline, diff, map_command, next_command):
 def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: bool) -> int:
     """Add the runs and logs of folders to a survey.
 
-    A run that is in the survey is not added again. Damaged ones are left out; the exit code is 3
-    if there was one. The command may be stopped at any time and repeated.
+    A run that is in the survey is not added again. Damaged and altered ones are left out; the exit
+    code is 3 if there was one. The command may be stopped at any time and repeated.
     """
     check_libraries("pyarrow")
     from logger.core.errors import ConfigError
@@ -63,6 +63,9 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
     failed = [result for result in results if result.problem]
     for result in failed:
         print(f"left out: {printable(result.problem)}", file=sys.stderr)
+    for result in results:
+        if result.remark:
+            print(f"{printable(str(result.path))}: {result.remark}", file=sys.stderr)
     whole = Survey.open(folder)
     n_cells = len(whole.cells())
     if as_json:

@@ -93,22 +93,28 @@ class Survey:
                 )
 
     @cached_property
-    def runs(self) -> dict[str, SurveyRun]:
-        """All runs by digest, in the order in which they began."""
+    def all_runs(self) -> list[SurveyRun]:
+        """Runs in the order in which they began, also those that others continue."""
         rows = [
             SurveyRun(**row)
             for batch in self.batches
             for row in pq.read_table(layout.runs_file(self.folder, batch)).to_pylist()
         ]
-        rows.sort(key=lambda run: (run.began_utc_ns or 0, run.digest))
-        return {run.digest: run for run in rows}
+        return sorted(rows, key=lambda run: (run.began_utc_ns or 0, run.digest))
+
+    @cached_property
+    def runs(self) -> dict[str, SurveyRun]:
+        """The runs that count, by digest, in the order in which they began."""
+        continued = {run.replaces for run in self.all_runs}
+        return {run.digest: run for run in self.all_runs if run.digest not in continued}
 
     @cached_property
     def cells_of_runs(self) -> pa.Table:
-        """What each run heard of each cell (`layout.CELLS`)."""
+        """What each run that counts heard of each cell (`layout.CELLS`)."""
         files = [layout.cells_file(self.folder, batch) for batch in self.batches]
         tables = [pq.read_table(file) for file in files]
-        return pa.concat_tables(tables) if tables else layout.CELLS.empty_table()
+        heard = pa.concat_tables(tables) if tables else layout.CELLS.empty_table()
+        return heard.filter(_is_one_of("run", list(self.runs)))
 
     @cached_property
     def rats(self) -> dict[str, str]:
