@@ -12,7 +12,12 @@ from logger.command_line import FILE, PATH, json_option
 from postproc.options import cells_option, within_option
 from postproc.survey.answers.cli import baseline, diff, map_command, next_command
 from postproc.survey.libraries import check_libraries
-from postproc.survey.options import folder_argument, survey_prior_options, workers_options
+from postproc.survey.options import (
+    folder_argument,
+    open_survey,
+    survey_prior_options,
+    workers_options,
+)
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
@@ -117,7 +122,6 @@ def locate(
     check_libraries("pyarrow", "distributed", "geopandas")
     from postproc.json_text import as_json as json_text
     from postproc.result import Options
-    from postproc.survey.dataset import Survey
     from postproc.survey.dates import day_utc_ns
     from postproc.survey.layers import write_layers
     from postproc.survey.location import locate_survey
@@ -127,7 +131,7 @@ def locate(
 
     options = Options(prior, within_m=within_m)
     choice = RunChoice(since_utc_ns=day_utc_ns(since) if since else None)
-    whole = Survey.open(folder)
+    whole = open_survey(folder)
     with Cluster(scheduler, workers) as cluster:
         location = locate_survey(whole, options, choice, cells, cluster=cluster)
     files = write_layers(location.cells, location.loggers, stem or folder / "located")

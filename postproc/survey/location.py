@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from logger.core.errors import ConfigError
 from postproc.progress import with_progress
@@ -46,12 +47,12 @@ def locate_survey(
         raise ConfigError(f"cell {min(unknown)} is not in the survey, or not in these runs")
     cells = [cell for cell in cells if not only or cell.cell in only]
     keys = keys_of(survey, choice, options)
-    known = ResultFile(survey.folder / "estimates.jsonl", LocatedCell)
+    known = ResultFile(survey.folder / "estimates.jsonl", tuple[LocatedCell, ...])
     waiting = [cell for cell in cells if known.get(keys[cell.cell]) is None]
     _locate(survey, waiting, choice, options, cluster, known, keys)
-    found = [known.get(keys[cell.cell]) for cell in cells]
+    found = [row for cell in cells for row in known.get(keys[cell.cell]) or ()]
     words = words_of_runs(survey, survey.runs_that_heard(only, allowed), cluster)
-    located = with_words(survey, [cell for cell in found if cell is not None], words)
+    located = with_words(survey, found, words)
     return Location(located, tuple(loggers), len(cells) - len(waiting))
 
 
@@ -72,7 +73,10 @@ def reports_of_loggers(survey: Survey, choice: RunChoice, cluster: Cluster) -> l
     return report(sorted(one for cell in shared for one in known.get(keys[cell.cell]) or ()))
 
 
-def _of_cell(found: Sequence[Agreement], cell: str) -> tuple[Agreement, ...]:
+Row = TypeVar("Row", Agreement, LocatedCell)
+
+
+def _of_cell(found: Sequence[Row], cell: str) -> tuple[Row, ...]:
     return tuple(one for one in found if one.cell == cell)
 
 
@@ -82,10 +86,10 @@ def _locate(
     choice: RunChoice,
     options: Options,
     cluster: Cluster,
-    known: ResultFile[LocatedCell],
+    known: ResultFile[tuple[LocatedCell, ...]],
     keys: dict[str, str],
 ) -> None:
     tasks = tasks_of(survey, cells, choice, options)
     arriving = cluster.results(locate_cells, tasks)
-    for _, located in with_progress(arriving, "locating", len(tasks)):
-        known.put([(keys[cell.cell], cell) for cell in located])
+    for task, located in with_progress(arriving, "locating", len(tasks)):
+        known.put([(keys[cell], _of_cell(located, cell)) for cell in task.cells])

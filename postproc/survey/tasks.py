@@ -16,6 +16,7 @@ from postproc.survey.cell_location import (
     locate_cell_of,
 )
 from postproc.survey.dataset import Survey, SurveyCell
+from postproc.survey.places import places_of
 from postproc.survey.walk_readings import SurveyRun
 
 _MOST_READINGS = 2_000_000
@@ -92,7 +93,11 @@ def locate_cells(task: Task) -> list[LocatedCell]:
     """Estimates of the cells of a task."""
     survey = _survey(task)
     with small_matrices():
-        return [locate_cell_of(cell, survey.runs, task.options) for cell in _cells_of(survey, task)]
+        return [
+            row
+            for cell in _cells_of(survey, task)
+            for row in locate_cell_of(cell, survey.runs, task.options)
+        ]
 
 
 def compare_loggers(task: Task) -> list[Agreement]:
@@ -101,9 +106,10 @@ def compare_loggers(task: Task) -> list[Agreement]:
     found: list[Agreement] = []
     with small_matrices():
         for cell in _cells_of(survey, task):
-            if cell.parts:
-                names = [survey.runs[digest].logger for digest in cell.parts]
-                found += agreements(joined_readings(cell.parts, names), list(dict.fromkeys(names)))
+            for place, near in enumerate(places_of(cell.parts), 1):
+                names = [survey.runs[digest].logger for digest in near]
+                agreeing = agreements(joined_readings(near, names), list(dict.fromkeys(names)))
+                found += [one._replace(place=place) for one in agreeing]
     return found
 
 
@@ -125,7 +131,7 @@ def _cells_of(survey: Survey, task: Task) -> Iterator[CellRuns]:
     n_scans = survey.scans_of(task.cells, allowed)
     for cell in task.cells:
         yield CellRuns(
-            cell, task.area, survey.rats[cell], n_scans.get(cell, 0), parts.get(cell, {})
+            cell, task.area, survey.rats[cell], n_scans.get(cell, {}), parts.get(cell, {})
         )
 
 
