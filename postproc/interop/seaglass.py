@@ -73,14 +73,17 @@ def _between(before: Fields, after: Fields, moment: Moment) -> Fix:
     ends = [fix_of(end, "lat", "lon", moment.utc_ns) for end in (before, after)]
     places = [(number(end, "lat"), number(end, "lon")) for end in (before, after)]
     utm = Utm.at(*places[0])
-    half_m = math.dist(*(utm.to_xy(*place) for place in places)) / 2
+    ends_m = [utm.to_xy(*place) for place in places]
+    half_m = math.dist(*ends_m) / 2
+    # in metres: the mean of two longitudes beside the date line is on the other side of the Earth
+    lat_deg, lon_deg = utm.to_latlon(*(math.fsum(pair) / 2 for pair in zip(*ends_m, strict=True)))
     # gpsd's epx and epy are 95 % of one axis (gpsd_json(5))
     error_m = max(maybe(after, "epx") or 0.0, maybe(after, "epy") or 0.0)
     sigma_m = math.hypot(error_m / 1.96, half_m / math.sqrt(3))
     return replace(
         ends[1],
-        lat_deg=(places[0][0] + places[1][0]) / 2,
-        lon_deg=(places[0][1] + places[1][1]) / 2,
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
         alt_m=maybe(after, "alt"),
         acc_m=sigma_m / SIGMA_OF_RADIUS68 or None,
     )

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.geo import MAX_LATITUDE_DEG, Utm
 from logger.core.observations import CellObservations
-from postproc.multi_run import in_zone
+from postproc.multi_run import REACH_M, in_zone
 
 _TILE_M = 5000.0
 """Readings are first taken together in squares of their own zone: a city has some hundred."""
@@ -26,9 +26,6 @@ _APART_M = 25_000.0
 """Between two towns: one picture of both would show little but the way between them."""
 _LARGEST_M = 300_000.0
 """Of a town: farther from its middle a zone distorts. What is larger is divided."""
-REACH_M = 120_000.0
-"""No cell is heard farther away: 3GPP TS 45.010 has 120 km for GSM with extended timing advance,
-TS 36.211 100 km for LTE. So two readings of one cell are at most twice as far from each other."""
 _EARTH_M = 6_371_000.0
 _OFFSET, _STRIDE = 1 << 19, 1 << 20
 

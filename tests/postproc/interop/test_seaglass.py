@@ -53,3 +53,12 @@ def test_jamming_is_a_remark(tmp_path):
     *_, remark = recognise(tmp_path / "scan.json").read(tmp_path / "scan.json")
     assert isinstance(remark, Remark)
     assert "jamming" in remark.text
+
+
+def test_a_way_across_the_date_line(tmp_path):
+    scan = _scan()
+    scan["gps_before"] |= {"lat": -17.8, "lon": 179.9995}
+    scan["gps_after"] |= {"lat": -17.8, "lon": -179.9995}
+    (tmp_path / "scan.json").write_text(json.dumps([scan]))
+    decoded, *_ = recognise(tmp_path / "scan.json").read(tmp_path / "scan.json")
+    assert abs(decoded.lon_deg) == pytest.approx(180.0, abs=1e-6)
