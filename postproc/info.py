@@ -271,12 +271,10 @@ def _time(run: Run) -> Check:
 def _chain(sealing: Sealing) -> Check:
     if sealing.broken_at is not None:
         text = f"broken: frame {sealing.broken_at} is missing"
-    elif sealing.surplus:
-        text = f"altered: {sealing.surplus} has rows that were not recorded"
+    elif sealing.chain_alteration:
+        text = f"altered: {sealing.chain_alteration}"
     elif sealing.end is None:
         text = f"not sealed, since the run is incomplete: digest so far {sealing.recomputed_digest}"
-    elif not sealing.holds:
-        text = f"altered: sealed with {sealing.end.digest}, recomputed {sealing.recomputed_digest}"
     else:
         text = (
             f"sealed with {sealing.recomputed_digest}; compare it with the digest that was noted "

@@ -24,6 +24,9 @@ from postproc.result import ObservedRun, RunShare
 
 FARTHEST_KM = 300.0
 """Twice the range of GSM and some travel: beyond, no cell is common and UTM scale errors grow."""
+REACH_M = 120_000.0
+"""No cell is heard farther away: 3GPP TS 45.010 has 120 km for GSM with extended timing advance,
+TS 36.211 100 km for LTE. So two readings of one cell are at most twice as far from each other."""
 
 _GEOD = Geod(ellps="WGS84")
 _COLUMNS = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
@@ -54,9 +57,8 @@ def in_one_zone(runs: Sequence[ObservedRun]) -> tuple[ObservedRun, ...]:
     if not placed:
         return tuple(runs)
     first, reference = placed[0]
-    start_deg = _start_deg(reference)
     for run, observations in placed:
-        apart_km = _GEOD.inv(*start_deg, *_start_deg(observations))[2] / 1000.0
+        apart_km = starts_apart_m(reference.track, observations.track) / 1000.0
         if apart_km > FARTHEST_KM:
             raise GeoError(
                 f"{run.path} was walked {apart_km:.0f} km from {first.path}: "
@@ -159,10 +161,14 @@ def modem_identity(run: Run) -> Hashable | None:
     return (port, driver, run.meta.boot_id) if run.meta.boot_id else None
 
 
-def _start_deg(observations: Observations) -> tuple[float, float]:
-    """Longitude and latitude of the first fix."""
-    track = observations.track
-    lat_deg, lon_deg = track.utm.to_latlon(float(track.x_m[0]), float(track.y_m[0]))
+def starts_apart_m(one: Placed, other: Placed) -> float:
+    """Distance between the first positions."""
+    return float(_GEOD.inv(*_start_deg(one), *_start_deg(other))[2])
+
+
+def _start_deg(placed: CellObservations | Track) -> tuple[float, float]:
+    """Longitude and latitude of the first position."""
+    lat_deg, lon_deg = placed.utm.to_latlon(float(placed.x_m[0]), float(placed.y_m[0]))
     return lon_deg, lat_deg
 
 

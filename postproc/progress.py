@@ -1,13 +1,20 @@
-"""A progress bar on the terminal: the current item, the count and the time left."""
+"""A progress bar on the terminal: the current item, the count and the time left.
+
+Elsewhere a line is written now and then, so that nobody takes long work for one that hangs.
+"""
 
 import sys
+import time
 from collections.abc import Iterable, Iterator, Sequence
+from threading import Event, Thread
 from typing import Protocol, TypeVar
 
 from logger.core.printable import printable
 
 _BAR_CELLS = 12
 """Beside the name of a cell it all fits in 80 columns."""
+_SILENCE_S = 30.0
+"""Between two lines of long work; what is over before needs none."""
 
 Item = TypeVar("Item")
 
@@ -23,8 +30,29 @@ class Progress(Protocol):
 def with_progress(
     items: Iterable[Item], what: str, total: int, names: Sequence[str] = ()
 ) -> Iterator[Item]:
-    """Show a bar with the `names` of the items on stderr, if it is a terminal."""
-    return _with_bar(items, what, total, names) if sys.stderr.isatty() else iter(items)
+    """Show a bar with the `names` of the items on stderr, or lines if it is no terminal."""
+    if sys.stderr.isatty():
+        return _with_bar(items, what, total, names)
+    return _with_lines(items, what, total) if total else iter(items)
+
+
+def _with_lines(items: Iterable[Item], what: str, total: int) -> Iterator[Item]:
+    n_done, is_over, began_s = 0, Event(), time.monotonic()
+
+    def write_lines() -> None:
+        while not is_over.wait(_SILENCE_S):
+            passed_s = time.monotonic() - began_s
+            sys.stderr.write(f"{what}: {n_done} of {total} after {passed_s:.0f} s\n")
+
+    lines = Thread(target=write_lines, name="progress", daemon=True)
+    lines.start()
+    try:
+        for item in items:
+            yield item
+            n_done += 1
+    finally:
+        is_over.set()
+        lines.join()
 
 
 def _with_bar(items: Iterable[Item], what: str, total: int, names: Sequence[str]) -> Iterator[Item]:

@@ -1,4 +1,7 @@
-"""Many runs, each made into something while the next ones are read."""
+"""Many runs that will be kept, each made into something while the next ones are read.
+
+A run that was altered since it was sealed is an error.
+"""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -9,7 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from logger.core.errors import FieldLoggerError, RunFileError, error_text
-from logger.core.runfile import Run, read_small_runs, read_sound_run
+from logger.core.runfile import Run, read_small_runs, read_unaltered_run
 
 _READ_AHEAD = 2
 """Groups of runs, each read by a process of its own while the caller stores the last."""
@@ -63,7 +66,7 @@ def _read_group(
 
 def _outcome(run: Run | Path, make: Callable[[Run], Item]) -> Item | FieldLoggerError:
     path = run if isinstance(run, Path) else run.path
-    return outcome_of(path, lambda: make(read_sound_run(run) if isinstance(run, Path) else run))
+    return outcome_of(path, lambda: make(read_unaltered_run(run) if isinstance(run, Path) else run))
 
 
 def outcome_of(path: Path, work: Callable[[], Item]) -> Item | FieldLoggerError:
@@ -72,7 +75,7 @@ def outcome_of(path: Path, work: Callable[[], Item]) -> Item | FieldLoggerError:
         return work()
     except FieldLoggerError as error:
         return error
-    except Exception as error:  # noqa: BLE001 (told as the problem of the file)
+    except Exception as error:  # noqa: BLE001 (it is that of the file)
         return RunFileError(
             f"{path} cannot be used, by an error of this program: {error_text(error)}"
         )

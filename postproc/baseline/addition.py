@@ -5,16 +5,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from logger.core.errors import FieldLoggerError
+from logger.core.runfile import sealing_of
 from postproc.baseline.store import BaselineStore
 from postproc.baseline.walk_summary import WalkSummary, summarise_walk
 from postproc.read_ahead import read_ahead
+
+CONTRADICTION = (
+    "{} says that it is the same run and differs: one of them was changed and sealed anew. Both "
+    "count; the digest that was noted at the stop shows which is genuine"
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Added:
     """What became of a file: added as a walk, in the baseline already, or unusable.
 
-    `walk` is the number of the walk that was added, `problem` why none was.
+    `walk` is the number of the walk that was added, `problem` why none was; `remark` says of one
+    that was added what contradicts it.
     """
 
     path: Path
@@ -25,6 +32,7 @@ class Added:
     n_cells: int = 0
     is_known: bool = False
     problem: str = ""
+    remark: str = ""
 
 
 def add_runs(store: BaselineStore, paths: Sequence[Path]) -> Iterator[Added]:
@@ -40,8 +48,10 @@ def _add(store: BaselineStore, path: Path, outcome: WalkSummary | FieldLoggerErr
     try:
         if isinstance(outcome, FieldLoggerError):
             raise outcome
-        number = store.add(outcome)
+        number = store.add(outcome, lambda earlier: sealing_of(path, earlier).continues)
+        others = [] if number is None else store.contradictions(number)
     except FieldLoggerError as error:
         return Added(path, problem=str(error))
     counts = outcome.n_readings, outcome.n_squares, len(outcome.cells)
-    return Added(path, number, outcome.digest, *counts, is_known=number is None)
+    remark = CONTRADICTION.format(f"walk {others[0]}") if others else ""
+    return Added(path, number, outcome.digest, *counts, is_known=number is None, remark=remark)

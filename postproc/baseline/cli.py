@@ -39,8 +39,8 @@ def baseline() -> None:
 def add(paths: Sequence[Path], target: Path, *, as_json: bool) -> int:
     """Add runs; the file is made if there is none.
 
-    A run whose content is in the baseline is not added again. The exit code is 3 if a run could
-    not be added.
+    A run that is in the baseline is not added again. One that was altered since it was sealed is
+    not added. The exit code is 3 if a run could not be added.
     """
     from logger.core.printable import printable
     from logger.core.runfile import SOMETHING_LOST
@@ -60,6 +60,9 @@ def add(paths: Sequence[Path], target: Path, *, as_json: bool) -> int:
             f"{printable(str(result.path))} was not added: {printable(result.problem)}",
             file=sys.stderr,
         )
+    for result in results:
+        if result.remark:
+            print(f"{printable(str(result.path))}: {result.remark}", file=sys.stderr)
     if as_json:
         runs = [asdict(result) | {"path": str(result.path)} for result in results]
         print(

@@ -11,7 +11,8 @@ TABLES = (
     """CREATE TABLE walk (
         id INTEGER PRIMARY KEY, digest TEXT NOT NULL UNIQUE, run_id TEXT NOT NULL,
         name TEXT NOT NULL, began_utc_ns INTEGER, n_readings INTEGER NOT NULL,
-        n_squares INTEGER NOT NULL, n_cells INTEGER NOT NULL) STRICT""",
+        n_squares INTEGER NOT NULL, n_cells INTEGER NOT NULL,
+        seal TEXT) STRICT""",
     """CREATE TABLE cell (
         id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, rat TEXT NOT NULL,
         mcc TEXT NOT NULL, mnc TEXT NOT NULL, area TEXT NOT NULL, cid TEXT NOT NULL,
@@ -69,6 +70,12 @@ ADD = (
         WHERE id = new.cell""",
 )
 """Add the rows of a new walk to the sums."""
+
+SEAL = "ALTER TABLE walk ADD COLUMN seal TEXT"
+"""The digest that a run was sealed with, empty of one that was cut.
+
+NULL of walks that an earlier version has added, whose `digest` is always that of the content.
+"""
 
 REMOVE = (
     """CREATE TEMP TABLE gone_heard AS

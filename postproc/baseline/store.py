@@ -6,7 +6,7 @@ can be copied to the device as one file.
 """
 
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,21 +72,39 @@ class BaselineStore:
         """Release the file."""
         self._db.close()
 
-    def add(self, walk: WalkSummary) -> int | None:
-        """Add a walk and return its number; None if its content is in the baseline already.
+    def add(
+        self, walk: WalkSummary, continues: Callable[[str], bool] = lambda _: False
+    ) -> int | None:
+        """Add a walk and return its number; None if it is in the baseline already.
 
-        Raises `RunFileError` if another state of the same run is there: both would count.
+        A part of it gives way: a walk that it continues, as `continues` says of a digest, or a
+        damaged copy of it. Raises `RunFileError` if it may itself be a part of one that is there:
+        both would count.
         """
         with self._change():
-            if self._rows("SELECT 1 FROM walk WHERE digest = ?", walk.digest):
+            if "seal" not in [row[1] for row in self._rows("PRAGMA table_info(walk)")]:
+                self._db.execute(schema.SEAL)
+            known = "SELECT 1 FROM walk WHERE digest = ? OR (seal IS NULL AND digest = ?)"
+            if self._rows(known, walk.digest, walk.content):
                 return None
-            same = self._rows("SELECT id FROM walk WHERE run_id = ?", walk.run_id)
-            if same:
-                raise RunFileError(
-                    f"{walk.name} is another state of walk {same[0][0]}; "
-                    f"`postproc baseline remove {same[0][0]}` it first"
-                )
+            same = "SELECT id, digest, seal FROM walk WHERE run_id = ?"
+            for number, digest, seal in self._rows(same, walk.run_id):
+                is_damaged_copy = walk.is_complete and bool(seal) and seal == walk.seal
+                if is_damaged_copy or (seal is not None and continues(digest)):
+                    self._remove(number)
+                elif seal is None or not walk.is_complete:
+                    raise RunFileError(
+                        f"{walk.name} is another state of walk {number}; "
+                        f"`postproc baseline remove {number}` it first"
+                    )
             return self._insert(walk)
+
+    def contradictions(self, walk: int) -> list[int]:
+        """Numbers of other walks of the same run, of which only one can be as it was recorded."""
+        with self._errors():
+            same = "SELECT id FROM walk WHERE id != ? AND run_id = "
+            same += "(SELECT run_id FROM walk WHERE id = ?) ORDER BY id"
+            return [number for (number,) in self._rows(same, walk, walk)]
 
     def walks(self) -> list[StoredWalk]:
         """All walks in the order in which they were added."""
@@ -114,8 +132,7 @@ class BaselineStore:
         """Remove walks by number; what is trusted stays."""
         with self._change():
             for walk in walks:
-                for statement in schema.REMOVE:
-                    self._db.execute(statement, {"walk": walk} if ":walk" in statement else {})
+                self._remove(walk)
 
     def trust(self, cell: str, note: str) -> None:
         """Trust a cell, whether a walk has heard it or not, and store why.
@@ -152,11 +169,15 @@ class BaselineStore:
                     self._db.execute(statement)
         check_head(self.path, self._db)
 
+    def _remove(self, walk: int) -> None:
+        for statement in schema.REMOVE:
+            self._db.execute(statement, {"walk": walk} if ":walk" in statement else {})
+
     def _insert(self, walk: WalkSummary) -> int:
         row = (walk.digest, walk.run_id, walk.name, walk.began_utc_ns, walk.n_readings)
         number = self._db.execute(
-            "INSERT INTO walk VALUES (NULL, ?, ?, ?, ?, ?, ?, ?)",
-            (*row, walk.n_squares, len(walk.cells)),
+            "INSERT INTO walk VALUES (NULL, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (*row, walk.n_squares, len(walk.cells), walk.seal),
         ).lastrowid
         if number is None:
             raise RunFileError(f"{self.path}: no number for the walk")

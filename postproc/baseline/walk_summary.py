@@ -11,6 +11,7 @@ from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.censoring import levels_dbm
 from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
 from logger.core.observations import times_ns
+from logger.core.provenance import is_import
 from logger.core.rows import Rows
 from logger.core.runfile import Run
 from logger.core.squares import SQUARE_M, squares_of
@@ -35,7 +36,9 @@ class HeardRow(NamedTuple):
 class WalkSummary:
     """A walk by square.
 
-    `digest` is that of its content, so one walk has one digest in whatever file it is. `cells` has
+    `digest` says which walk it is, in whatever file (`walk_digest`); `content` is the digest of its
+    content, `seal` what it was sealed with. `is_complete` is false of a run that was cut or that
+    lacks frames, of which there may be more. `cells` has
     the technology of each cell. `visits` are the squares in which cells of a technology were named.
     `channels` are (cell, channel number, code), `UNKNOWN` where it was not printed. `began_utc_ns`
     is None if no fix had a time.
@@ -50,6 +53,9 @@ class WalkSummary:
     heard: list[HeardRow]
     visits: list[tuple[int, str]]
     channels: list[tuple[str, int, int]]
+    content: str = ""
+    seal: str = ""
+    is_complete: bool = True
 
     @property
     def n_squares(self) -> int:
@@ -73,7 +79,7 @@ def summarise_walk(run: Run) -> WalkSummary:
     rats = [_text(rat) for rat in rows["rat"][first]]
     times = fixes["utc_ns"][fixes["utc_ns"] != UNKNOWN_TIME]
     return WalkSummary(
-        digest=content_digest(fixes, readings),
+        digest=walk_digest(run),
         run_id=run.meta.run_id,
         name=run.path.name,
         began_utc_ns=int(times[0]) if len(times) else None,
@@ -82,7 +88,23 @@ def summarise_walk(run: Run) -> WalkSummary:
         heard=rows_by_square(square, cell, rows["seq"], levels_dbm(rows), cells),
         visits=sorted({(int(s), rats[c]) for s, c in set(zip(square.tolist(), cell, strict=True))}),
         channels=_channels(rows, cell, cells),
+        content=content_digest(fixes, readings),
+        seal=run.end.digest if run.end else "",
+        is_complete=run.is_complete,
     )
+
+
+def walk_digest(run: Run) -> str:
+    """Which walk a run is: the digest of its hash chain, or of its content.
+
+    Content identifies an import, since of two imports of one source the chains differ, and a run
+    that lacks frames of what was sealed. It identifies no other run: a copy that differs in what
+    the digest of the content leaves out would be taken for it.
+    """
+    is_part = run.end is not None and not run.is_complete
+    if is_import(run.meta.origin) or is_part or not run.digest:
+        return content_digest(run.tables["fixes"], run.tables["readings"])
+    return run.digest
 
 
 def content_digest(fixes: Rows, readings: Rows) -> str:

@@ -4,14 +4,19 @@ What lies inside a circle around the first fix, or around the last, is left out,
 the walker was there. A circle whose centre is the home would reveal the home, so each circle is
 moved at random and made wider by as much. Since the first fixes of a receiver are often wrong, the
 median of a minute is protected as well.
+
+Texts may name the owner, a folder or a machine. Those are kept whose form is known here; a new
+setting or column of texts is left out until its form is.
 """
 
+import re
 import secrets
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import cos, pi, sin, sqrt
 from pathlib import Path
+from typing import Literal, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -21,16 +26,48 @@ from threadpoolctl import threadpool_limits
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import ConfigError
 from logger.core.live import LiveTracker
+from logger.core.live_settings import BEHIND, FOLLOW, MARK, STRONGEST, SUSPICIOUS, LiveSettings
 from logger.core.provenance import SHARED, origin_of_copy
 from logger.core.runfile import Run
+from logger.core.schema import TABLES
 from logger.core.track import MAX_GAP_S, Track, track_of
-from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
+from logger.core.types import CellReading, Fix, LiveEstimate, Note, Rat, Record, Role, Scan
+from postproc.interop.fields import DEFAULT_CELL
 from postproc.interop.run_builder import Append, meta_of, spare, write_run
 
 BLUR_M = 200.0
 _SHIFT = 0.5
 """Farthest shift of a circle's centre, as a share of the requested radius."""
 _END_S = 60.0
+_CHOICES = (STRONGEST, SUSPICIOUS)
+_CELL_NAME = re.compile(
+    rf"(?:\d{{1,3}}|\?)-(?:\d{{1,3}}|\?)-(?:\d{{1,10}}|\?)-(?:\d{{1,11}}|\?)"
+    rf"|[0-9A-Fa-f]{{2}}(?::[0-9A-Fa-f]{{2}}){{5}}|{DEFAULT_CELL}",
+    re.ASCII,
+)
+"""An identity, also with unknown parts, the address of a transmitter, or the only cell of a log."""
+_BAND_WORDS = "GSM|EGSM|PGSM|RGSM|DCS|PCS|CELLULAR|WCDMA|UMTS|IMT|AWS|LTE|EUTRAN|NR5G|BAND|MODE"
+_FORMS = {
+    "role": re.compile("|".join(get_args(Role))),
+    "rat": re.compile("|".join(map(re.escape, get_args(Rat)))),
+    "mcc": re.compile(r"\d{1,3}", re.ASCII),
+    "mnc": re.compile(r"\d{1,3}", re.ASCII),
+    "band": re.compile(rf"(?:(?:{_BAND_WORDS}|[BbNn]?\d{{1,4}})(?:[-_ ]|$))+", re.ASCII),
+}
+"""Of the texts of a reading besides the name of its cell."""
+_TEXTS = tuple(
+    column.name
+    for column in TABLES["readings"]
+    if column.dtype.startswith("S") and column.name not in {"source", "cell"}
+)
+EVENTS = frozenset(
+    {
+        *(BEHIND, FOLLOW, MARK, "battery-low", "full-scan", "mode-gsm", "mode-left", "mode-set"),
+        *("modem-ready", "modem-restarted", "new-file", "overflow", "port-lost", "port-opened"),
+        *("ports-exchanged", "scan-refused", "stop", "unmapped", "write-failed", "write-resumed"),
+    }
+)
+"""Codes of the notes that a copy has: those that say something without their text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,15 +98,16 @@ def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
             f"the walk is nowhere far from its ends: nothing is left with --blur-m {blur_m:g}"
         )
     start_ns = int(shown.starts[0])
-    # the path of a file of its owner
-    live = msgspec.structs.replace(run.meta.live, baseline="")
-    meta = meta_of(origin_of_copy(run.meta.origin), live=live, truth=run.meta.truth)
+    names = _CellNames()
+    live = _settings_to_share(run.meta.live, names)
+    truth = tuple(msgspec.structs.replace(one, cell=names.of(one.cell)) for one in run.meta.truth)
+    meta = meta_of(origin_of_copy(run.meta.origin), live=live, truth=truth)
     counts: Counter[str] = Counter()
 
     def fill(append: Append) -> int:
         with threadpool_limits(1):  # the estimate as `postproc replay` repeats it
             tracker = LiveTracker(meta.live) if len(run.tables["live"]) else None
-            counts.update(_append(append, _records_to_share(run, shown, start_ns), tracker))
+            counts.update(_append(append, _records_to_share(run, shown, start_ns, names), tracker))
         return int(shown.ends[-1]) - start_ns
 
     write_run(target, meta, fill, SHARED)
@@ -79,7 +117,7 @@ def share(run: Run, target: Path, blur_m: float = BLUR_M) -> Shared:
         counts["Fix"],
         counts["Scan"],
         counts["CellReading"],
-        _removal_notes(run, counts, blur_m),
+        _removal_notes(run, counts, names, blur_m),
         _remaining_notes(run),
     )
 
@@ -136,7 +174,46 @@ def _random_shift_m(most_m: float) -> FloatArray:
     return np.array([away_m * cos(angle), away_m * sin(angle)])
 
 
-def _records_to_share(run: Run, shown: _Shown, start_ns: int) -> Iterator[tuple[int, Record]]:
+class _CellNames:
+    """Names of cells as a copy has them: those that are no identity are numbered."""
+
+    def __init__(self) -> None:
+        self.numbered: dict[str, str] = {}
+
+    def of(self, name: str) -> str:
+        if _CELL_NAME.fullmatch(name):
+            return name
+        return self.numbered.setdefault(name, f"cell-{len(self.numbered) + 1}")
+
+    def of_target(self, target: str) -> str:
+        return target if target in _CHOICES else self.of(target)
+
+
+def _settings_to_share(live: LiveSettings, names: _CellNames) -> LiveSettings:
+    """Numbers and choices of a few words; of the texts the target alone."""
+    kept = {
+        field.name: getattr(live, field.name)
+        for field in msgspec.structs.fields(LiveSettings)
+        if field.type in {int, float, bool} or get_origin(field.type) is Literal
+    }
+    return LiveSettings(**kept, target=names.of_target(live.target))
+
+
+def _reading_to_share(reading: CellReading, names: _CellNames) -> CellReading:
+    unknown = {
+        name: None
+        for name in _TEXTS
+        if (text := getattr(reading, name)) is not None
+        and not (name in _FORMS and _FORMS[name].fullmatch(str(text)))
+    }
+    kept = replace(reading, label=None, **unknown)  # type: ignore[arg-type]
+    cell = reading.cell and names.of(reading.cell)
+    return kept if kept.cell == cell else replace(kept, label=cell)
+
+
+def _records_to_share(
+    run: Run, shown: _Shown, start_ns: int, names: _CellNames
+) -> Iterator[tuple[int, Record]]:
     """Fixes, scans and notes to be shown, with their record numbers, in time since the first."""
     sources: dict[tuple[str, str], str] = {}
     for seq, record in run.records("fixes", "scans", "notes"):
@@ -150,9 +227,12 @@ def _records_to_share(run: Run, shown: _Shown, start_ns: int) -> Iterator[tuple[
                 kind = "gnss"
                 kept = value if value.valid else replace(value, lat_deg=None, lon_deg=None)
             case Scan():
-                kind, kept = "modem", replace(value, t_start_ns=begun_ns - start_ns)
-            case Note():
-                kind, kept = "logger", replace(value, text="")
+                readings = tuple(_reading_to_share(reading, names) for reading in value.readings)
+                kept = replace(value, t_start_ns=begun_ns - start_ns, readings=readings)
+                kind = "modem"
+            case Note() if value.code in EVENTS:
+                text = names.of_target(value.text) if value.code == FOLLOW else ""
+                kind, kept = "logger", replace(value, text=text)
             case _:
                 continue
         # ports have names of the owner's choosing
@@ -179,14 +259,16 @@ def _append(
         counts[type(value).__name__] += 1
         if isinstance(value, Fix):
             numbers[old] = seq
-        if tracker is not None and not isinstance(value, Note):
+        if tracker is not None and not (isinstance(value, Note) and value.code != FOLLOW):
             for estimate in tracker.feed(seq, record):
                 if isinstance(estimate, LiveEstimate):
                     append(Record(record.t_ns, "live", estimate))
     return counts
 
 
-def _removal_notes(run: Run, counts: Counter[str], blur_m: float) -> tuple[str, ...]:
+def _removal_notes(
+    run: Run, counts: Counter[str], names: _CellNames, blur_m: float
+) -> tuple[str, ...]:
     """What was removed, for the walker to read."""
     meta, tables = run.meta, run.tables
     counts_left_out = ", ".join(
@@ -200,8 +282,14 @@ def _removal_notes(run: Run, counts: Counter[str], blur_m: float) -> tuple[str, 
         f"{counts_left_out}: {where}",
         f"{len(run.raw_bytes)} raw bytes of the ports" if len(run.raw_bytes) else "",
         f"the configuration ({len(meta.config_text)} characters)" if meta.config_text else "",
-        f"the texts of {counts['Note']} notes" if counts["Note"] else "",
-        "the number of the boot, the time since boot, and the names of the ports",
+        f"{len(tables['notes']) - counts['Note']} notes, and the texts of the other "
+        f"{counts['Note']}"
+        if len(tables["notes"])
+        else "",
+        f"names of cells that are no identity ({len(names.numbered)}); they are numbered"
+        if names.numbered
+        else "",
+        "the number of the boot, the time since boot, and the names of ports and files",
         f"versions of {len(meta.versions)} programs of the recorder" if meta.versions else "",
         f"{len(tables['live'])} live estimates; they are recomputed from the remaining records"
         if len(tables["live"])
@@ -211,7 +299,7 @@ def _removal_notes(run: Run, counts: Counter[str], blur_m: float) -> tuple[str, 
     return tuple(text for text in removed if text)
 
 
-_TABLES = {"fixes": "Fix", "scans": "Scan", "readings": "CellReading", "notes": "Note"}
+_TABLES = {"fixes": "Fix", "scans": "Scan", "readings": "CellReading"}
 
 
 def _remaining_notes(run: Run) -> tuple[str, ...]:

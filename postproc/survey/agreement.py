@@ -37,7 +37,7 @@ _MAD = 1.4826
 class Agreement(NamedTuple):
     """A logger against the others in the blocks of one cell: its offset, and its scatter.
 
-    Offsets of one cell have an unknown constant in common.
+    Offsets of one cell, in one of the places of its identity, have an unknown constant in common.
     """
 
     logger: str
@@ -45,6 +45,7 @@ class Agreement(NamedTuple):
     n_blocks: int
     offset_db: float
     scatter_db: float
+    place: int = 1
 
 
 class LoggerReport(NamedTuple):
@@ -132,9 +133,10 @@ def liars(reports: Sequence[LoggerReport]) -> Mapping[str, str]:
 def _offsets(found: Sequence[Agreement]) -> Mapping[str, float]:
     """Offset of each logger over all cells, without the constants of the cells."""
     loggers = {name: i for i, name in enumerate(dict.fromkeys(one.logger for one in found))}
-    cells = {name: i for i, name in enumerate(dict.fromkeys(one.cell for one in found))}
+    places = dict.fromkeys((one.cell, one.place) for one in found)
+    cells = {name: i for i, name in enumerate(places)}
     fit = robust_fit(
-        np.array([cells[one.cell] for one in found], np.int64),
+        np.array([cells[one.cell, one.place] for one in found], np.int64),
         np.array([loggers[one.logger] for one in found], np.int64),
         np.array([one.offset_db for one in found], float),
         len(loggers),

@@ -14,7 +14,6 @@ import numpy as np
 import shapely
 from shapely.geometry import shape
 
-from logger.core.errors import GeoError
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
@@ -25,10 +24,11 @@ from logger.core.suspicion.finding import Word
 from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.region_outline import geojson
-from postproc.multi_run import FARTHEST_KM, in_zone, merge
+from postproc.multi_run import merge
 from postproc.result import Options
 from postproc.scan_counts import too_rarely
 from postproc.survey.alignment import Alignment, align
+from postproc.survey.places import places_of
 from postproc.survey.thinning import thin
 from postproc.survey.walk_readings import SurveyRun
 
@@ -46,7 +46,9 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
 
     Positions are degrees (WGS 84) and metres in UTM zone `zone`. `two_sources` and `moved` are log
     Bayes factors of two transmitters, at once or one after the other, against one; None where it
-    was not tried. `region_wkb` is the 95 % region in degrees. `word` is the worst word of suspicion
+    was not tried. An identity that is heard farther apart than any cell reaches has a row for each
+    of `n_places` places; `place` is the number, and the first has most readings. `region_wkb` is
+    the 95 % region in degrees. `word` is the worst word of suspicion
     that a run gave the cell, by the rules `word_rules` in `word_runs` runs; None where no run could
     be asked. `error` is that of the program which ended the estimate, None where none did.
     """
@@ -62,6 +64,8 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     n_modems: int
     first_utc_ns: int | None
     last_utc_ns: int | None
+    place: int = 1
+    n_places: int = 1
     n_used: int = 0
     lat_deg: float | None = None
     lon_deg: float | None = None
@@ -92,42 +96,81 @@ _TOO_MANY_MODEMS = (
 
 
 class CellRuns(NamedTuple):
-    """Readings of a cell by digest of the run, in the order of the runs; scans that named it."""
+    """Readings of a cell, and scans that named it, by digest of the run, in order of the runs."""
 
     cell: str
     area: str
     rat: str
-    n_scans: int
+    n_scans: Mapping[str, int]
     parts: Mapping[str, CellObservations]
 
 
-def locate_cell_of(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options) -> LocatedCell:
-    """The estimate over all runs, or why there is none."""
-    located = attempt(heard.cell, "its estimate", lambda: _locate(heard, runs, options))
+def locate_cell_of(
+    heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options
+) -> list[LocatedCell]:
+    """The estimate over all runs, for each place in which the identity is heard."""
+    places = places_of(heard.parts) or [{}]
+    rows = [_row_of_place(_heard_in(near, heard), runs, options) for near in places]
+    n_readings = sum(row.n_readings for row in rows)
+    return [
+        msgspec.structs.replace(
+            row,
+            place=number,
+            n_places=len(rows),
+            reasons=(*row.reasons, *_elsewhere(len(rows), n_readings - row.n_readings)),
+        )
+        for number, row in enumerate(rows, 1)
+    ]
+
+
+def _heard_in(near: Mapping[str, CellObservations], heard: CellRuns) -> CellRuns:
+    """What was heard of a cell in one place.
+
+    Of a run that heard it in another place as well, scans count whose readings are here.
+    """
+    if not near:
+        return heard
+    n_scans = {
+        digest: heard.n_scans.get(digest, 0)
+        if len(part) == len(heard.parts[digest])
+        else len(np.unique(part.scan_seq))
+        for digest, part in near.items()
+    }
+    return heard._replace(parts=near, n_scans=n_scans)
+
+
+def _elsewhere(n_places: int, n_readings: int) -> list[str]:
+    """The finding that other places name this identity, with `n_readings` there."""
+    if n_places == 1:
+        return []
+    where = "another place" if n_places == 2 else f"{n_places - 1} other places"
+    how = f"with {n_readings} readings, farther away than any cell reaches"
+    return [f"heard in {where} too, {how}: these are different transmitters"]
+
+
+def _row_of_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options) -> LocatedCell:
+    located = attempt(heard.cell, "its estimate", lambda: _locate_place(heard, runs, options))
     if not isinstance(located, Failure):
         return located
-    base = _without_position(heard, [runs[digest] for digest in heard.parts], heard.parts)
+    base = _without_position(heard, [runs[digest] for digest in heard.parts])
     return msgspec.structs.replace(base, reasons=(located.reason,), error=located.error)
 
 
-def _locate(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options) -> LocatedCell:
-    near, n_far = _near_parts(heard.parts)
-    own = [runs[digest] for digest in near]
-    base = _without_position(heard, own, near)
-    reasons = [f"{n_far} runs heard this identity farther than {FARTHEST_KM:.0f} km away"]
-    reasons = reasons if n_far else []
-    why = too_rarely(heard.n_scans)
-    if why or not near:
-        return msgspec.structs.replace(base, reasons=(why or "no reading has a position", *reasons))
-    obs = joined_readings(near, [run.modem for run in own])
+def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options) -> LocatedCell:
+    """The estimate of what is heard in one place."""
+    own = [runs[digest] for digest in heard.parts]
+    base = _without_position(heard, own)
+    why = too_rarely(sum(heard.n_scans.values()))
+    if why or not heard.parts:
+        return msgspec.structs.replace(base, reasons=(why or "no reading has a position",))
+    obs = joined_readings(heard.parts, [run.modem for run in own])
     if why := too_few(obs, obs.usable()):
-        return msgspec.structs.replace(base, reasons=(why, *reasons))
+        return msgspec.structs.replace(base, reasons=(why,))
     aligned = align(obs.usable())
     of_all_modems = thin(aligned.obs)
     posterior = locate(of_all_modems, options.prior)
     usable = of_most_heard_modems(of_all_modems)
-    if len(usable) < len(of_all_modems):
-        reasons.append(_TOO_MANY_MODEMS)
+    reasons = [_TOO_MANY_MODEMS] if len(usable) < len(of_all_modems) else []
     at_once, in_time = _divisions(usable, posterior)
     decision = assess(posterior, usable, _likelier(at_once, in_time), within_m=options.within_m)
     lat_deg, lon_deg = usable.utm.to_latlon(posterior.x_m, posterior.y_m)
@@ -160,31 +203,12 @@ def _locate(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options) ->
 def joined_readings(
     parts: Mapping[str, CellObservations], modems: Sequence[str]
 ) -> CellObservations:
-    """All readings of a cell in one zone, with the modem of each of `parts` numbered."""
+    """All readings of a cell, which are in one zone, with the modem of each of `parts` numbered."""
     numbers = {modem: i for i, modem in enumerate(dict.fromkeys(modems))}
     return merge(dict(enumerate(parts.values())), [numbers[modem] for modem in modems])
 
 
-def _near_parts(
-    parts: Mapping[str, CellObservations],
-) -> tuple[dict[str, CellObservations], int]:
-    """Parts in the zone of the first, and how many are too far away to be the same cell."""
-    near: dict[str, CellObservations] = {}
-    for digest, obs in parts.items():
-        first = next(iter(near.values()), obs)
-        try:
-            placed = in_zone(obs, first.utm)
-        except GeoError:
-            continue
-        apart_m = np.hypot(placed.x_m[0] - first.x_m[0], placed.y_m[0] - first.y_m[0])
-        if apart_m <= FARTHEST_KM * 1000.0:
-            near[digest] = placed
-    return near, len(parts) - len(near)
-
-
-def _without_position(
-    heard: CellRuns, own: Sequence[SurveyRun], near: Mapping[str, CellObservations]
-) -> LocatedCell:
+def _without_position(heard: CellRuns, own: Sequence[SurveyRun]) -> LocatedCell:
     times = [run.began_utc_ns for run in own if run.began_utc_ns is not None]
     return LocatedCell(
         cell=heard.cell,
@@ -192,8 +216,8 @@ def _without_position(
         area=heard.area,
         verdict="cannot tell",
         reasons=(),
-        n_readings=sum(map(len, near.values())),
-        n_scans=heard.n_scans,
+        n_readings=sum(map(len, heard.parts.values())),
+        n_scans=sum(heard.n_scans.values()),
         n_runs=len(own),
         n_modems=len({run.modem for run in own}),
         first_utc_ns=min(times, default=None),

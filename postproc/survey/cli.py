@@ -12,7 +12,12 @@ from logger.command_line import FILE, PATH, json_option
 from postproc.options import cells_option, within_option
 from postproc.survey.answers.cli import baseline, diff, map_command, next_command
 from postproc.survey.libraries import check_libraries
-from postproc.survey.options import folder_argument, survey_prior_options, workers_options
+from postproc.survey.options import (
+    folder_argument,
+    open_survey,
+    survey_prior_options,
+    workers_options,
+)
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
@@ -40,8 +45,8 @@ for _command in (baseline, diff, map_command, next_command):
 def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: bool) -> int:
     """Add the runs and logs of folders to a survey.
 
-    A run that is in the survey is not added again. Damaged ones are left out; the exit code is 3
-    if there was one. The command may be stopped at any time and repeated.
+    A run that is in the survey is not added again. Damaged and altered ones are left out; the exit
+    code is 3 if there was one. The command may be stopped at any time and repeated.
     """
     check_libraries("pyarrow")
     from logger.core.errors import ConfigError
@@ -63,6 +68,9 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
     failed = [result for result in results if result.problem]
     for result in failed:
         print(f"left out: {printable(result.problem)}", file=sys.stderr)
+    for result in results:
+        if result.remark:
+            print(f"{printable(str(result.path))}: {result.remark}", file=sys.stderr)
     whole = Survey.open(folder)
     n_cells = len(whole.cells())
     if as_json:
@@ -116,7 +124,6 @@ def locate(
     from postproc.cell_work import exit_code
     from postproc.json_text import as_json as json_text
     from postproc.result import Options
-    from postproc.survey.dataset import Survey
     from postproc.survey.dates import day_utc_ns
     from postproc.survey.layers import write_layers
     from postproc.survey.location import locate_survey
@@ -126,7 +133,7 @@ def locate(
 
     options = Options(prior, within_m=within_m)
     choice = RunChoice(since_utc_ns=day_utc_ns(since) if since else None)
-    whole = Survey.open(folder)
+    whole = open_survey(folder)
     with Cluster(scheduler, workers) as cluster:
         location = locate_survey(whole, options, choice, cells, cluster=cluster)
     files = write_layers(location.cells, location.loggers, stem or folder / "located")

@@ -20,6 +20,7 @@ from logger.core.errors import ConfigError, RunFileError
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
 from postproc.survey import layout
+from postproc.survey.places import Ground
 from postproc.survey.rule_inputs import RuleColumn, RuleInputs
 from postproc.survey.walk_readings import SurveyRun
 
@@ -93,22 +94,28 @@ class Survey:
                 )
 
     @cached_property
-    def runs(self) -> dict[str, SurveyRun]:
-        """All runs by digest, in the order in which they began."""
+    def all_runs(self) -> list[SurveyRun]:
+        """Runs in the order in which they began, also those that others continue."""
         rows = [
             SurveyRun(**row)
             for batch in self.batches
             for row in pq.read_table(layout.runs_file(self.folder, batch)).to_pylist()
         ]
-        rows.sort(key=lambda run: (run.began_utc_ns or 0, run.digest))
-        return {run.digest: run for run in rows}
+        return sorted(rows, key=lambda run: (run.began_utc_ns or 0, run.digest))
+
+    @cached_property
+    def runs(self) -> dict[str, SurveyRun]:
+        """The runs that count, by digest, in the order in which they began."""
+        continued = {run.replaces for run in self.all_runs}
+        return {run.digest: run for run in self.all_runs if run.digest not in continued}
 
     @cached_property
     def cells_of_runs(self) -> pa.Table:
-        """What each run heard of each cell (`layout.CELLS`)."""
+        """What each run that counts heard of each cell (`layout.CELLS`)."""
         files = [layout.cells_file(self.folder, batch) for batch in self.batches]
         tables = [pq.read_table(file) for file in files]
-        return pa.concat_tables(tables) if tables else layout.CELLS.empty_table()
+        heard = pa.concat_tables(tables) if tables else layout.CELLS.empty_table()
+        return heard.filter(_is_one_of("run", list(self.runs)))
 
     @cached_property
     def rats(self) -> dict[str, str]:
@@ -143,11 +150,13 @@ class Survey:
         heard = set(self.cells_of_runs.filter(_is_one_of("cell", cells))["run"].to_pylist())
         return [run for run in runs if run in heard]
 
-    def scans_of(self, cells: Sequence[str], runs: Sequence[str]) -> dict[str, int]:
-        """Scans of some runs that named each of some cells without doubt."""
-        chosen = _is_one_of("cell", cells) & pc.field("run").isin(pa.array(runs, pa.string()))
-        sums = self.cells_of_runs.filter(chosen).group_by("cell").aggregate([("n_scans", "sum")])
-        return dict(zip(sums["cell"].to_pylist(), sums["n_scans_sum"].to_pylist(), strict=True))
+    def scans_of(self, cells: Sequence[str], runs: Sequence[str]) -> dict[str, dict[str, int]]:
+        """Scans of each of some runs that named each of some cells without doubt."""
+        heard = self.cells_of_runs.filter(_is_one_of("cell", cells) & _is_one_of("run", runs))
+        n_scans: dict[str, dict[str, int]] = {}
+        for row in heard.select(["cell", "run", "n_scans"]).to_pylist():
+            n_scans.setdefault(row["cell"], {})[row["run"]] = row["n_scans"]
+        return n_scans
 
     def rows(self, area: str, cells: Sequence[str] | None = None) -> pa.Table:
         """Readings of some cells of an area, or of all (`layout.READINGS`)."""
@@ -203,15 +212,12 @@ class Survey:
             heard.setdefault(row["run"], {})[row["cell"]] = row
         return heard
 
-    @cached_property
-    def zone(self) -> int:
-        """UTM zone of the first reading, for maps; raises `RunFileError` for an empty survey."""
-        for file in sorted((self.folder / "readings").glob("*/*.parquet")):
-            if file.stem in self.batches:
-                return int(
-                    pq.read_table(file, columns=["zone"], partitioning=None)["zone"][0].as_py()
-                )
-        raise RunFileError(f"{self.folder} has no readings")
+    def ground(self, runs: Sequence[str]) -> Iterator[Ground]:
+        """Where some runs have readings, part by part."""
+        for batch in self.batches:
+            rows = self.batch_rows(batch, ["run", "zone", "x_m", "y_m"])
+            rows = rows.filter(_is_one_of("run", runs))
+            yield Ground(*(rows[name].to_numpy() for name in ("zone", "x_m", "y_m")))
 
     def observations(
         self, area: str, cells: Sequence[str], runs: Sequence[str] | None = None

@@ -1,24 +1,28 @@
 """Runs added to a survey: each once, damaged ones left out, complete batches only."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from logger.core.errors import FieldLoggerError
-from logger.core.runfile import Run, read_sound_run
+from logger.core.runfile import Run, read_sound_run, sealing_of
+from postproc.baseline.addition import CONTRADICTION
 from postproc.interop.importing import import_walk
 from postproc.read_ahead import outcome_of, read_ahead
 from postproc.survey.dataset import Survey
 from postproc.survey.parquet_batch import Batch
 from postproc.survey.sources import is_run
-from postproc.survey.walk_readings import WalkReadings, readings_of, with_name
+from postproc.survey.walk_readings import SurveyRun, WalkReadings, readings_of, with_name
 
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """What became of a file: added, in the survey already, or left out because of `problem`."""
+    """What became of a file: added, in the survey already, or left out because of `problem`.
+
+    `remark` says of one that was added what contradicts it.
+    """
 
     path: Path
     digest: str = ""
@@ -26,6 +30,7 @@ class Added:
     n_cells: int = 0
     is_known: bool = False
     problem: str = ""
+    remark: str = ""
 
 
 def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) -> Iterator[Added]:
@@ -36,32 +41,41 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
     written.
     """
     with survey.exclusive():
-        known = {run.digest: "" for run in survey.runs.values()}
-        known |= {run.content: "" for run in survey.runs.values()}
-        states = {run.run_id: run.name for run in survey.runs.values()}
+        known = {run.digest for run in survey.all_runs}
+        states: dict[str, list[SurveyRun]] = {}
+        for run in survey.runs.values():
+            states.setdefault(run.run_id, []).append(run)
         number = max((int(batch) for batch in survey.batches), default=0)
         batch = Batch()
         for path, walk in _walks(files, survey.salt, logger):
             if isinstance(walk, FieldLoggerError):
                 yield Added(path, problem=with_name(path, walk))
                 continue
-            run = walk.run
-            if run.digest in known or run.content in known:
-                yield Added(path, run.digest, is_known=True)
+            if walk.run.digest in known:
+                yield Added(path, walk.run.digest, is_known=True)
                 continue
-            if other := states.get(run.run_id):
-                yield Added(path, problem=f"{path}: another state of {other}, which is there")
+            same = states.setdefault(walk.run.run_id, [])
+            earlier = next((one for one in same if _continues(path, one)), None)
+            others = [one.name for one in same if one is not earlier]
+            if others and not walk.run.is_complete:
+                yield Added(path, problem=f"{path}: another state of {others[0]}, which is there")
                 continue
-            known |= {run.digest: "", run.content: ""}
-            states[run.run_id] = run.name
-            batch.take(walk)
-            yield Added(path, run.digest, len(walk), len(walk.cells))
+            run = replace(walk.run, replaces=earlier.digest if earlier else "")
+            known.add(run.digest)
+            states[run.run_id] = [*(one for one in same if one is not earlier), run]
+            batch.take(replace(walk, run=run))
+            remark = CONTRADICTION.format(others[0]) if others else ""
+            yield Added(path, run.digest, len(walk), len(walk.cells), remark=remark)
             if batch.is_full:
                 number += 1
                 batch.write(survey.folder, f"{number:06d}")
                 batch = Batch()
         if batch.walks:
             batch.write(survey.folder, f"{number + 1:06d}")
+
+
+def _continues(path: Path, earlier: SurveyRun) -> bool:
+    return is_run(path) and sealing_of(path, earlier.digest).continues
 
 
 def _walks(

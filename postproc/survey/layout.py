@@ -53,6 +53,8 @@ RUNS = pa.schema(
         ("modem", pa.string()),
         ("began_utc_ns", pa.int64()),
         ("n_readings", pa.int64()),
+        ("is_complete", pa.bool_()),
+        ("replaces", pa.string()),
     ]
 )
 RULES = pa.schema(

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from logger.core.errors import ConfigError
 from postproc.cell_work import PROCESS_ENDED, failure
@@ -54,13 +55,12 @@ def locate_survey(
         raise ConfigError(f"cell {min(unknown)} is not in the survey, or not in these runs")
     cells = [cell for cell in cells if not only or cell.cell in only]
     keys = keys_of(survey, choice, options)
-    known = ResultFile(survey.folder / "estimates.jsonl", LocatedCell)
-    # one that failed is tried again: a machine with more memory may have it
-    waiting = [cell for cell in cells if (one := known.get(keys[cell.cell])) is None or one.error]
+    known = ResultFile(survey.folder / "estimates.jsonl", tuple[LocatedCell, ...])
+    waiting = [cell for cell in cells if not _is_done(known.get(keys[cell.cell]))]
     _locate(survey, waiting, choice, options, cluster, known, keys)
-    found = [known.get(keys[cell.cell]) for cell in cells]
+    found = [row for cell in cells for row in known.get(keys[cell.cell]) or ()]
     words = words_of_runs(survey, survey.runs_that_heard(only, allowed), cluster)
-    located = with_words(survey, [cell for cell in found if cell is not None], words)
+    located = with_words(survey, found, words)
     return Location(located, tuple(loggers), len(cells) - len(waiting))
 
 
@@ -81,7 +81,10 @@ def reports_of_loggers(survey: Survey, choice: RunChoice, cluster: Cluster) -> l
     return report(sorted(one for cell in shared for one in known.get(keys[cell.cell]) or ()))
 
 
-def _of_cell(found: Sequence[Agreement], cell: str) -> tuple[Agreement, ...]:
+Row = TypeVar("Row", Agreement, LocatedCell)
+
+
+def _of_cell(found: Sequence[Row], cell: str) -> tuple[Row, ...]:
     return tuple(one for one in found if one.cell == cell)
 
 
@@ -91,7 +94,7 @@ def _locate(
     choice: RunChoice,
     options: Options,
     cluster: Cluster,
-    known: ResultFile[LocatedCell],
+    known: ResultFile[tuple[LocatedCell, ...]],
     keys: dict[str, str],
 ) -> None:
     """Locate cells and keep the results; those with which workers die are tried alone."""
@@ -99,13 +102,19 @@ def _locate(
     alone: list[Task] = []
     arriving = cluster.results(locate_cells, tasks, lambda _: [])
     for task, located in with_progress(arriving, "locating", len(tasks)):
-        known.put([(keys[cell.cell], cell) for cell in located])
-        if not located:
+        if located:
+            known.put([(keys[cell], _of_cell(located, cell)) for cell in task.cells])
+        else:
             alone += [replace(task, cells=(cell,)) for cell in task.cells]
     named = {cell.cell: cell for cell in cells}
     arriving = cluster.results(locate_cells, alone, lambda task: [_lost(named[task.cells[0]])])
-    for _, located in with_progress(arriving, "locating", len(alone)):
-        known.put([(keys[cell.cell], cell) for cell in located])
+    for task, located in with_progress(arriving, "locating", len(alone)):
+        known.put([(keys[task.cells[0]], tuple(located))])
+
+
+def _is_done(rows: Sequence[LocatedCell] | None) -> bool:
+    """Whether a cell has its result; one that failed is tried again, with more memory perhaps."""
+    return rows is not None and all(row.error is None for row in rows)
 
 
 def _lost(cell: SurveyCell) -> LocatedCell:

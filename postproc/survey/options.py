@@ -1,5 +1,9 @@
 """Arguments and options that several commands of `postproc survey` share."""
 
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import click
 
 from logger.command_line import FILE, number
@@ -13,6 +17,9 @@ Of 100 stations of a synthetic city with lobes of 4 dB rms and 40 000 readings e
 With 4000 readings each the median error was 59 m with "omni", 71 m with "any" and 92 m with
 "sector".
 """
+
+if TYPE_CHECKING:
+    from postproc.survey.dataset import Survey
 
 folder_argument = click.argument("folder", type=FILE, metavar="SURVEY")
 
@@ -35,3 +42,13 @@ def workers_options(command: Command) -> Command:
 def survey_prior_options(command: Command) -> Command:
     """The options of the propagation prior, with the antenna of a survey."""
     return prior_options(command, ANTENNA)
+
+
+def open_survey(folder: Path) -> "Survey":
+    """The survey, after a line on stderr that says how large it is: what follows takes long."""
+    from postproc.survey.dataset import Survey
+
+    survey = Survey.open(folder)
+    n_runs, n_cells = len(survey.runs), len(survey.cells())
+    print(f"{folder}: {n_runs} runs, {n_cells} cells", file=sys.stderr, flush=True)
+    return survey

@@ -57,10 +57,16 @@ def print_location(location: Location, files: Sequence[Path]) -> None:
 
 
 def unusual_texts(cells: Sequence[LocatedCell]) -> list[str]:
-    """Cells with a word of suspicion, the worst first."""
+    """Identities in several places, then cells with a word of suspicion, the worst first."""
+    places = [
+        f"{cell.cell} is heard in {cell.n_places} places, farther apart than a cell reaches"
+        for cell in cells
+        if cell.n_places > 1 and cell.place == 1
+    ]
     named = [cell for cell in cells if cell.word not in {None, WORDS[0]}]
     named.sort(key=lambda cell: (-WORDS.index(cell.word or WORDS[0]), -cell.word_runs, cell.cell))
-    return [f"{cell.cell} is {word_text(cell)}" for cell in named]
+    words = dict.fromkeys(f"{cell.cell} is {word_text(cell)}" for cell in named)
+    return [*places, *words]
 
 
 def word_text(cell: LocatedCell) -> str:
@@ -78,4 +84,5 @@ def _row(cell: LocatedCell) -> tuple[str, ...]:
     if cell.lat_deg is not None and cell.lon_deg is not None and cell.r95_m is not None:
         place = (f"{cell.lat_deg:.5f}", f"{cell.lon_deg:.5f}", f"{cell.r95_m:.0f}")
     counts = (str(cell.n_readings), str(cell.n_runs), str(cell.n_modems))
-    return (cell.cell, cell.verdict, *place, *counts)
+    name = cell.cell if cell.n_places == 1 else f"{cell.cell} ({cell.place} of {cell.n_places})"
+    return (name, cell.verdict, *place, *counts)

@@ -17,6 +17,7 @@ from postproc.survey.cell_location import (
     locate_cell_of,
 )
 from postproc.survey.dataset import Survey, SurveyCell
+from postproc.survey.places import places_of
 from postproc.survey.walk_readings import SurveyRun
 
 _MOST_READINGS = 2_000_000
@@ -93,7 +94,11 @@ def locate_cells(task: Task) -> list[LocatedCell]:
     """Estimates of the cells of a task."""
     survey = _survey(task)
     with small_matrices():
-        return [locate_cell_of(cell, survey.runs, task.options) for cell in _cells_of(survey, task)]
+        return [
+            row
+            for cell in _cells_of(survey, task)
+            for row in locate_cell_of(cell, survey.runs, task.options)
+        ]
 
 
 def compare_loggers(task: Task) -> list[Agreement]:
@@ -109,10 +114,13 @@ def compare_loggers(task: Task) -> list[Agreement]:
 
 
 def _agreements(survey: Survey, cell: CellRuns) -> list[Agreement]:
-    if not cell.parts:
-        return []
-    names = [survey.runs[digest].logger for digest in cell.parts]
-    return list(agreements(joined_readings(cell.parts, names), list(dict.fromkeys(names))))
+    """Loggers against each other in each place of a cell."""
+    found: list[Agreement] = []
+    for place, near in enumerate(places_of(cell.parts), 1):
+        names = [survey.runs[digest].logger for digest in near]
+        agreeing = agreements(joined_readings(near, names), list(dict.fromkeys(names)))
+        found += [one._replace(place=place) for one in agreeing]
+    return found
 
 
 def _limit_size(cells: list[SurveyCell]) -> Iterator[list[SurveyCell]]:
@@ -133,7 +141,7 @@ def _cells_of(survey: Survey, task: Task) -> Iterator[CellRuns]:
     n_scans = survey.scans_of(task.cells, allowed)
     for cell in task.cells:
         yield CellRuns(
-            cell, task.area, survey.rats[cell], n_scans.get(cell, 0), parts.get(cell, {})
+            cell, task.area, survey.rats[cell], n_scans.get(cell, {}), parts.get(cell, {})
         )
 
 

@@ -14,10 +14,9 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
 from logger.core.errors import RunFileError
 from logger.core.observations import CellObservations
-from logger.core.provenance import is_import
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
-from postproc.baseline.walk_summary import content_digest
+from postproc.baseline.walk_summary import content_digest, walk_digest
 from postproc.multi_run import modem_identity
 from postproc.scan_counts import scans_of
 from postproc.survey.rule_inputs import RuleInputs, rule_inputs
@@ -28,9 +27,10 @@ from postproc.walk import observe_run
 class SurveyRun:
     """Provenance of a run.
 
-    `digest` is that of its hash chain, or of its content where it was imported; `content` is
-    always that of its content, by which a baseline knows it. `modem` and `logger` are pseudonyms,
-    the same in all runs of one survey. `began_utc_ns` is None if no fix had a time.
+    `digest` says which run it is, `content` is the digest of its content (`walk_summary`). `modem`
+    and `logger` are pseudonyms, the same in all runs of one survey. `began_utc_ns` is None if no
+    fix had a time. `is_complete` is false of a run that was cut; `replaces` is the digest of such
+    a run that this one continues.
     """
 
     digest: str
@@ -41,6 +41,8 @@ class SurveyRun:
     modem: str
     began_utc_ns: int | None
     n_readings: int
+    is_complete: bool = True
+    replaces: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +104,7 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
     series = sorted(observed.cells, key=lambda obs: obs.cell)
     fixes, readings = run.tables["fixes"], run.tables["readings"]
     times = fixes["utc_ns"][fixes["utc_ns"] != UNKNOWN_TIME]
-    content = content_digest(fixes, readings)
-    digest = content if is_import(run.meta.origin) or not run.digest else run.digest
+    digest = walk_digest(run)
     modem, name = _devices(run, salt, logger, digest)
     n_scans, channels = scans_of([run]), _channels(run)
 
@@ -116,13 +117,14 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
     return WalkReadings(
         SurveyRun(
             digest,
-            content,
+            content_digest(fixes, readings),
             run.meta.run_id,
             run.path.name,
             name,
             modem,
             int(times[0]) if len(times) else None,
             sum(map(len, series)),
+            run.is_complete,
         ),
         tuple(
             HeardCell(o.cell, o.rat or "", len(o), n_scans.get(o.cell, 0), channels.get(o.cell, ()))

@@ -16,7 +16,13 @@ from logger.core.runfile.writer import RunWriter
 if TYPE_CHECKING:
     from logger.core.runfile.finish import convert_journal, finish_journal, unfinished_journals
     from logger.core.runfile.recovery import SOMETHING_LOST, Recovered, recover
-    from logger.core.runfile.run import Run, read_run, read_small_runs, read_sound_run
+    from logger.core.runfile.run import (
+        Run,
+        read_run,
+        read_small_runs,
+        read_sound_run,
+        read_unaltered_run,
+    )
     from logger.core.runfile.verify import Sealing, sealing_of
 
 __all__ = [
@@ -38,6 +44,7 @@ __all__ = [
     "read_run",
     "read_small_runs",
     "read_sound_run",
+    "read_unaltered_run",
     "recover",
     "remove_oldest_runs",
     "sealing_of",
@@ -47,7 +54,9 @@ __all__ = [
 _ROOM_OF = {
     **dict.fromkeys(("convert_journal", "finish_journal", "unfinished_journals"), "finish"),
     **dict.fromkeys(("SOMETHING_LOST", "Recovered", "recover"), "recovery"),
-    **dict.fromkeys(("Run", "read_run", "read_small_runs", "read_sound_run"), "run"),
+    **dict.fromkeys(
+        ("Run", "read_run", "read_small_runs", "read_sound_run", "read_unaltered_run"), "run"
+    ),
     **dict.fromkeys(("Sealing", "sealing_of"), "verify"),
 }
 """The modules that need numpy and h5py, by what they offer."""

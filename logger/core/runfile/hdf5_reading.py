@@ -12,6 +12,7 @@ from logger.core.runfile import hdf5_tasks
 from logger.core.runfile.isolation import Arrays, run_isolated
 from logger.core.runfile.journal_reader import decode_meta
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, check_end
+from logger.core.runfile.verify import Sealing
 
 Content = tuple[RunMeta, RunEnd | None, Damage, str, Arrays, int]
 
@@ -31,8 +32,8 @@ def read_hdf5(path: Path) -> Content:
     return _decode(*run_isolated(path, hdf5_tasks.everything), path)
 
 
-def read_hdf5_together(paths: Sequence[Path]) -> list[Content]:
-    """As `read_hdf5` of several files, by one process: starting it takes longer than a small file.
+def read_hdf5_together(paths: Sequence[Path]) -> list[tuple[Content, Sealing]]:
+    """Several files and their seals, by one process: starting it takes longer than a small file.
 
     They share the limits of time and memory of the first. Raises `RunFileError` if any of them
     cannot be read.
@@ -42,7 +43,10 @@ def read_hdf5_together(paths: Sequence[Path]) -> list[Content]:
     for name, rows in arrays.items():
         number, _, table = name.partition("/")
         tables[int(number)][table] = rows
-    return [_decode(*parts) for parts in zip(values, tables, paths, strict=True)]
+    return [
+        (_decode(content, rows, path), msgspec.convert(sealing, Sealing))
+        for (content, sealing), rows, path in zip(values, tables, paths, strict=True)
+    ]
 
 
 def _decode(content: Any, tables: Arrays, path: Path) -> Content:

@@ -34,22 +34,22 @@ _MOST_NAMED = 20
 _MOST_NOTED = 40
 
 
-def sealing_in(path: Path) -> Sealing:
+def sealing_in(path: Path, earlier: str = "") -> Sealing:
     """Seal of an HDF5 file; to be used within `isolation.run_isolated`. Raises `RunFileError`."""
     with open_content(path) as content:
-        return _Sealing(content).result()
+        return _Sealing(content, earlier).result()
 
 
 class _Sealing:
     """One file, gone through once."""
 
-    def __init__(self, content: Content) -> None:
+    def __init__(self, content: Content, earlier: str) -> None:
         self._content = content
         self._meta = content.meta()
         self._end_text = content.text("end")
         self._end = decode_end(self._end_text, content.path)
         self._tables = content.tables(self._meta)
-        self._sealed = Sealed()
+        self._sealed = Sealed(earlier)
         self._changed: Counter[str] = Counter()
         self._numbers: list[int] = []
         self._has_meta = False
@@ -68,6 +68,7 @@ class _Sealing:
             surplus,
             tuple(_short(self._differences(damage))),
             self._end is None or self._sealed.stop is not None,
+            self._sealed.continues,
         )
 
     def _frames(self, readers: Mapping[str, "_Reader"]) -> Iterator[tuple[int, int, bytes]]:

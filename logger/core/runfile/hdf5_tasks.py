@@ -23,12 +23,14 @@ def everything(path: Path) -> tuple[Any, Arrays]:
 
 
 def everything_in(*paths: Path) -> tuple[Any, Arrays]:
-    """As `everything` of several runs; the arrays of the k-th are named `k/table`."""
+    """As `everything` of several runs with their seals; arrays of the k-th are named `k/table`."""
+    from logger.core.runfile.hdf5_sealing import sealing_in
+
     values: list[Any] = []
     arrays: Arrays = {}
     for k, path in enumerate(paths):
         value, tables = everything(path)
-        values.append(value)
+        values.append((value, msgspec.to_builtins(sealing_in(path))))
         arrays |= {f"{k}/{name}": rows for name, rows in tables.items()}
     return values, arrays
 
@@ -48,8 +50,8 @@ def results(path: Path, made_from: str) -> tuple[Any, Arrays]:
     return results_in(path, made_from)
 
 
-def sealing(path: Path) -> tuple[Any, Arrays]:
+def sealing(path: Path, earlier: str) -> tuple[Any, Arrays]:
     """Whether a run is as it was recorded, as plain values."""
     from logger.core.runfile.hdf5_sealing import sealing_in
 
-    return msgspec.to_builtins(sealing_in(path)), {}
+    return msgspec.to_builtins(sealing_in(path, earlier)), {}

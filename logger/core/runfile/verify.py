@@ -26,7 +26,8 @@ class Sealing:
 
     `surplus` names a table of the HDF5 file with rows that are in no frame. `differences`
     lists everything else that differs from the chained frames; `stop_is_sealed` is False for a run
-    of an earlier version, whose chain leaves the stop out.
+    of an earlier version, whose chain leaves the stop out. `continues` is whether the run begins
+    with all of the one that was asked for.
     """
 
     end: RunEnd | None
@@ -36,6 +37,7 @@ class Sealing:
     surplus: str = ""
     differences: tuple[str, ...] = ()
     stop_is_sealed: bool = True
+    continues: bool = False
 
     @property
     def holds(self) -> bool:
@@ -44,11 +46,32 @@ class Sealing:
             return False
         return self.recomputed_digest == self.end.digest
 
+    @property
+    def chain_alteration(self) -> str:
+        """What the chain shows to have been altered; a frame that is missing is damage only."""
+        if self.broken_at is not None:
+            return ""
+        if self.surplus:
+            return f"{self.surplus} has rows that were not recorded"
+        if self.end is not None and self.recomputed_digest != self.end.digest:
+            return f"sealed with {self.end.digest}, recomputed {self.recomputed_digest}"
+        return ""
+
+    @property
+    def alterations(self) -> tuple[str, ...]:
+        """Everything that is not as it was recorded."""
+        return (*filter(None, [self.chain_alteration]), *self.differences)
+
 
 @dataclass(slots=True)
 class Sealed:
-    """A chain that keeps the STOP frame and the digest before the END frame, the last one."""
+    """A chain that keeps the STOP frame and the digest before the END frame, the last one.
 
+    `continues` is whether it has been at the digest `earlier`.
+    """
+
+    earlier: str = ""
+    continues: bool = False
     chain: Chain = field(default_factory=Chain)
     before_end: str | None = None
     stop: bytes | None = None
@@ -62,6 +85,8 @@ class Sealed:
         elif kind == Kind.STOP:
             self.stop = payload
         self.chain.add(number, kind, payload)
+        if self.earlier:
+            self.continues |= self.chain.digest == self.earlier
 
     @property
     def recomputed_digest(self) -> str:
@@ -79,16 +104,16 @@ class Sealed:
         return found
 
 
-def sealing_of(path: Path) -> Sealing:
+def sealing_of(path: Path, earlier: str = "") -> Sealing:
     """Compute the hash chain of a run again, from its journal or its HDF5.
 
-    Raises `RunFileError`.
+    `earlier` is the digest of a run that may be a part of it. Raises `RunFileError`.
     """
-    return _of_hdf5(path) if is_hdf5(path) else _of_journal(path)
+    return _of_hdf5(path, earlier) if is_hdf5(path) else _of_journal(path, earlier)
 
 
-def _of_journal(path: Path) -> Sealing:
-    sealed = Sealed()
+def _of_journal(path: Path, earlier: str) -> Sealing:
+    sealed = Sealed(earlier)
     parts = JournalParts(path)
     for part in parts:
         sealed.add(part.number, part.kind, part.payload)
@@ -102,11 +127,12 @@ def _of_journal(path: Path) -> Sealing:
         sealed.chain.broken_at,
         differences=tuple(differences),
         stop_is_sealed=parts.end is None or sealed.stop is not None,
+        continues=sealed.continues,
     )
 
 
-def _of_hdf5(path: Path) -> Sealing:
+def _of_hdf5(path: Path, earlier: str) -> Sealing:
     try:
-        return msgspec.convert(run_isolated(path, hdf5_tasks.sealing)[0], Sealing)
+        return msgspec.convert(run_isolated(path, hdf5_tasks.sealing, earlier)[0], Sealing)
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error

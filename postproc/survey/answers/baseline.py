@@ -36,7 +36,7 @@ def add_walks(survey: Survey, store: BaselineStore) -> Iterator[bool]:
                     if row["n_scans"] and cell in known
                 }
                 walk = _summary(survey.runs[digest], sure, table.take(pa.array(rows)))
-                yield store.add(walk) is not None
+                yield store.add(walk, {survey.runs[digest].replaces}.__contains__) is not None
 
 
 def _summary(run: SurveyRun, heard: Mapping[str, Mapping[str, Any]], rows: pa.Table) -> WalkSummary:
@@ -55,7 +55,7 @@ def _summary(run: SurveyRun, heard: Mapping[str, Mapping[str, Any]], rows: pa.Ta
     square = squares_of(*zone.to_latlon_arrays(columns["x_m"], columns["y_m"]))
     by_square = rows_by_square(square, cell, columns["scan_seq"], columns["level_dbm"], cells)
     return WalkSummary(
-        digest=run.content,
+        digest=run.digest,
         run_id=run.run_id,
         name=run.name,
         began_utc_ns=run.began_utc_ns,
@@ -66,6 +66,9 @@ def _summary(run: SurveyRun, heard: Mapping[str, Mapping[str, Any]], rows: pa.Ta
         channels=sorted(
             (name, *pair) for name in cells for pair in _pairs(heard[name]["channels"])
         ),
+        content=run.content,
+        seal=run.digest,
+        is_complete=run.is_complete,
     )
 
 

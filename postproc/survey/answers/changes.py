@@ -7,20 +7,21 @@ them, with its significance, and only where both have walked.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from logger.core.errors import ConfigError, GeoError
-from logger.core.geo import Utm
+from logger.core.errors import ConfigError
 from logger.core.observations import CellObservations
 from postproc.comparison.changes import Comparison, compare
-from postproc.multi_run import in_zone
 from postproc.result import Options
 from postproc.survey.cell_location import joined_readings
 from postproc.survey.dataset import Survey
 from postproc.survey.location import EVERY_RUN, reports_of_loggers
+from postproc.survey.places import Towns, ground_of
 from postproc.survey.scheduling import Cluster
 from postproc.survey.tasks import RunChoice, runs_of, tasks_of
 
 _RUN_STRIDE = 1 << 40
 """Between the numbers of scans of two runs."""
+_TOWN_STRIDE_M = 4e7
+"""Between two towns: more than UTM has from north to south. A grid of blocks has room for it."""
 
 
 def compare_times(
@@ -38,37 +39,38 @@ def compare_times(
             raise ConfigError(f"no walk of the survey began {when} day")
     loggers = reports_of_loggers(survey, EVERY_RUN, cluster)
     offset_db = {one.logger: one.offset_db for one in loggers if not one.contradiction}
-    utm, sides = Utm(survey.zone), []
+    towns, sides = Towns(survey.ground([run for runs, _ in times for run in runs])), []
     for runs, when in times:
         # what one logger reads higher than the others is no change; without others nothing is known
         known = [one for one in runs if not loggers or survey.runs[one].logger in offset_db]
         if not known:
             raise ConfigError(f"no walk {when} day is of a logger that others can confirm")
-        sides.append(_walk(survey, known, utm, offset_db))
+        sides.append(_walk(survey, known, towns, offset_db))
     return compare(*sides, same_modem=False)
 
 
 def _walk(
-    survey: Survey, runs: Sequence[str], utm: Utm, offset_db: Mapping[str, float]
+    survey: Survey, runs: Sequence[str], towns: Towns, offset_db: Mapping[str, float]
 ) -> Iterator[CellObservations]:
-    """All readings of some runs as those of one walk, on the scale of the median logger."""
+    """All readings of some runs as those of one walk, on the scale of the median logger.
+
+    The towns lie one above the other in one plane, each in its zone.
+    """
     number = {digest: i for i, digest in enumerate(runs)}
     for task in tasks_of(survey, survey.cells(runs), EVERY_RUN, Options()):
         for parts in survey.observations(task.area, task.cells, runs).values():
             placed = {}
             for digest, obs in parts.items():
-                moved = replace(
+                town, x_m, y_m = towns.place(ground_of(obs))
+                placed[digest] = replace(
                     obs,
+                    x_m=x_m,
+                    y_m=y_m + _TOWN_STRIDE_M * town,
                     level_dbm=obs.level_dbm - offset_db.get(survey.runs[digest].logger, 0.0),
                     known_limit=None,
                     scan_seq=obs.scan_seq + _RUN_STRIDE * number[digest],
                 )
-                try:
-                    placed[digest] = in_zone(moved, utm)
-                except GeoError:  # the same identity in another country
-                    continue
-            if placed:
-                # spikes are looked for in the series of each run
-                obs = joined_readings(placed, list(placed))
-                # a cell that has become weak is named irregularly
-                yield replace(obs.everywhere(), modem=None)
+            # spikes are looked for in the series of each run
+            obs = joined_readings(placed, list(placed))
+            # a cell that has become weak is named irregularly
+            yield replace(obs.everywhere(), modem=None)

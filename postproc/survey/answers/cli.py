@@ -8,7 +8,12 @@ import click
 
 from logger.command_line import FILE, INPUT, json_option, number
 from postproc.survey.libraries import check_libraries
-from postproc.survey.options import folder_argument, survey_prior_options, workers_options
+from postproc.survey.options import (
+    folder_argument,
+    open_survey,
+    survey_prior_options,
+    workers_options,
+)
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
@@ -67,7 +72,6 @@ def diff(
     from postproc.json_text import as_json as json_text
     from postproc.survey.answers.changes import compare_times
     from postproc.survey.answers.tables import document_of_changes, print_changes
-    from postproc.survey.dataset import Survey
     from postproc.survey.dates import day_utc_ns
     from postproc.survey.scheduling import Cluster
     from postproc.survey.tasks import RunChoice
@@ -75,7 +79,7 @@ def diff(
     early = RunChoice(until_utc_ns=day_utc_ns(before))
     late = RunChoice(since_utc_ns=day_utc_ns(after or before))
     with Cluster(scheduler, workers) as cluster:
-        compared = compare_times(Survey.open(folder), early, late, cluster=cluster)
+        compared = compare_times(open_survey(folder), early, late, cluster=cluster)
     if as_json:
         print(json_text(document_of_changes(compared)))
     else:
@@ -108,11 +112,10 @@ def map_command(
     from postproc.json_text import as_json as json_text
     from postproc.result import Options
     from postproc.survey.answers.page import html
-    from postproc.survey.dataset import Survey
     from postproc.survey.location import EVERY_RUN, locate_survey
     from postproc.survey.scheduling import Cluster
 
-    whole = Survey.open(folder)
+    whole = open_survey(folder)
     with Cluster(scheduler, workers) as cluster:
         found = locate_survey(whole, Options(prior), cluster=cluster)
     text = html(whole, found.cells, found.loggers, EVERY_RUN, basemap)
@@ -153,12 +156,11 @@ def next_command(
     from postproc.json_text import as_json as json_text
     from postproc.result import Options
     from postproc.survey.answers.next_walks import next_walks
-    from postproc.survey.dataset import Survey
     from postproc.survey.location import EVERY_RUN, locate_survey
     from postproc.survey.scheduling import Cluster
     from postproc.verification.parsing import place_of
 
-    whole, options = Survey.open(folder), Options(prior)
+    whole, options = open_survey(folder), Options(prior)
     starts_deg = [place_of(text)[:2] for text in starts]
     lines = () if streets is None else read_lines(streets)
     with Cluster(scheduler, workers) as cluster:

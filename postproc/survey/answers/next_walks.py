@@ -14,6 +14,7 @@ from postproc.result import Options
 from postproc.survey.alignment import align
 from postproc.survey.cell_location import LocatedCell, joined_readings
 from postproc.survey.dataset import Survey
+from postproc.survey.places import places_of
 from postproc.survey.tasks import RunChoice, runs_of
 from postproc.survey.thinning import thin
 
@@ -76,6 +77,7 @@ def _walk(
     lines: Iterable[Line],
 ) -> NextWalk:
     parts = survey.observations(cell.area, [cell.cell], runs_of(survey, choice))[cell.cell]
+    parts = places_of(parts)[cell.place - 1]
     obs = joined_readings(parts, [survey.runs[digest].modem for digest in parts])
     usable = thin(align(obs.usable()).obs)
     if usable.modem is not None:  # forecasts are of one modem

@@ -1,7 +1,7 @@
 """The survey on one page that needs no network: coverage, cells, regions, and the unusual ones."""
 
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.errors import ConfigError
 from logger.core.geo import Utm
 from logger.core.suspicion.finding import WORDS
 from postproc.basemap.reading import read_basemap
@@ -19,6 +20,7 @@ from postproc.pictures.survey import Survey as Frame
 from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
+from postproc.survey.places import Towns
 from postproc.survey.tables import word_text
 from postproc.survey.tasks import RunChoice, runs_of
 
@@ -26,6 +28,9 @@ SQUARE_M = 50.0
 """Of the coverage: a side of a block of houses."""
 _MOST_PIXELS = 1600
 _WIDTH = 1200.0
+_FALSE_EAST_M, _MIDDLE_SCALE = 500_000.0, 0.9996
+"""Of a UTM zone."""
+_EARTH_M = 6_371_000.0
 _SCALE_PARTS = 8
 """The scale bar is about one of so many of the width."""
 _UNUSUAL_LOG_FACTOR = 4.0
@@ -44,6 +49,48 @@ class Shape(NamedTuple):
     path: str
 
 
+class Walked(NamedTuple):
+    """Squares of a town in which any cell was heard: column and row in its zone, shape (n, 2)."""
+
+    utm: Utm
+    square: IntArray
+
+    @property
+    def km2(self) -> float:
+        """On the ground: a metre of the zone is shorter in its middle and longer at its borders."""
+        east = ((self.square[:, 0] + 0.5) * SQUARE_M - _FALSE_EAST_M) / (_MIDDLE_SCALE * _EARTH_M)
+        scale = _MIDDLE_SCALE * (1.0 + 0.5 * east**2)
+        return float(np.sum(SQUARE_M**2 / scale**2)) / 1e6
+
+    @property
+    def box(self) -> Box:
+        """What a plan shows."""
+        return Box.around(np.asarray((self.square + 0.5) * SQUARE_M, float)).enlarge(5 * SQUARE_M)
+
+    @property
+    def centre_text(self) -> str:
+        """Latitude and longitude of the middle."""
+        box = self.box
+        middle_m = 0.5 * (box.west + box.east), 0.5 * (box.south + box.north)
+        lat_deg, lon_deg = self.utm.to_latlon(*middle_m)
+        return (
+            f"{abs(lat_deg):.2f}° {'N' if lat_deg >= 0.0 else 'S'}, "
+            f"{abs(lon_deg):.2f}° {'E' if lon_deg >= 0.0 else 'W'}"
+        )
+
+
+class Plan(NamedTuple):
+    """The picture of a town; `height` and `bar` are in its units, `ground` is a JPEG as base64."""
+
+    walked: Walked
+    coverage: str
+    shapes: Sequence[Shape]
+    height: float
+    ground: str
+    bar_m: float
+    bar: float
+
+
 def html(
     survey: Survey,
     cells: Sequence[LocatedCell],
@@ -51,35 +98,42 @@ def html(
     choice: RunChoice,
     basemap: Path | None,
 ) -> str:
-    """The page; all text from runs is escaped."""
-    utm = Utm(survey.zone)
-    walked = walked_squares(survey, choice, utm)
-    centre_m = np.asarray((walked + 0.5) * SQUARE_M, float)
-    box = Box.around(centre_m).enlarge(5 * SQUARE_M) if len(walked) else Box(0.0, 0.0, 1.0, 1.0)
-    scale = _WIDTH / box.width
-    bar_m = round_step(box.width, _SCALE_PARTS)
-    shapes = [
-        shape
-        for number, cell in enumerate(cells, 1)
-        if (shape := _shape(number, cell, utm, box, scale)) is not None
-    ]
+    """The page; all text from runs is escaped. Raises `ConfigError` as `read_basemap`."""
+    towns = walked_ground(survey, choice)
+    grounds = _grounds(basemap, towns)
+    numbered = dict(enumerate(cells, 1))
+    plans = [_plan(town, numbered, ground) for town, ground in zip(towns, grounds, strict=True)]
+    drawn = {shape.number for plan in plans for shape in plan.shapes}
     template = page_environment("postproc.survey.answers").get_template("survey.html")
     return template.render(
         n_runs=len(runs_of(survey, choice)),
         cells=cells,
-        shapes=shapes,
+        plans=plans,
+        beyond=[n for n, cell in numbered.items() if cell.lat_deg is not None and n not in drawn],
+        has_basemap=basemap is not None,
         unusual=[cell for cell in cells if unusual(cell)],
         why=unusual,
         liars=[one for one in loggers if one.contradiction],
         noted=[one for one in loggers if one.remark],
-        walked=_coverage(walked, box, scale),
-        km2=len(walked) * SQUARE_M**2 / 1e6,
+        km2=sum(town.km2 for town in towns),
         width=_WIDTH,
-        height=box.height * scale,
-        ground=_ground(basemap, box, utm),
-        bar_m=bar_m,
-        bar=bar_m * scale,
-    )  # fmt: skip
+    )
+
+
+def _plan(walked: Walked, cells: Mapping[int, LocatedCell], ground: str) -> Plan:
+    box = walked.box
+    scale = _WIDTH / box.width
+    bar_m = round_step(box.width, _SCALE_PARTS)
+    shapes = [_shape(number, cell, walked.utm, box, scale) for number, cell in cells.items()]
+    return Plan(
+        walked,
+        _coverage(walked.square, box, scale),
+        [shape for shape in shapes if shape is not None],
+        box.height * scale,
+        ground,
+        bar_m,
+        bar_m * scale,
+    )
 
 
 def unusual(cell: LocatedCell) -> str:
@@ -88,24 +142,25 @@ def unusual(cell: LocatedCell) -> str:
         return "two transmitters explain its levels better than one"
     if cell.moved is not None and cell.moved > _UNUSUAL_LOG_FACTOR:
         return "its transmitter seems to have moved"
-    if any("farther than" in reason and "identity" in reason for reason in cell.reasons):
-        return "heard far away too"
+    if cell.n_places > 1:
+        return f"its identity is heard in {cell.n_places} places, farther apart than a cell reaches"
     return "" if cell.word in {None, WORDS[0]} else word_text(cell)
 
 
-def walked_squares(survey: Survey, choice: RunChoice, utm: Utm) -> IntArray:
-    """Column and row of each square in which any cell was heard, shape (n, 2)."""
-    allowed = set(runs_of(survey, choice))
-    found = []
-    for batch in survey.batches:
-        rows = survey.batch_rows(batch, ["run", "zone", "x_m", "y_m"])
-        runs = rows["run"].combine_chunks()
-        is_allowed = np.array([name in allowed for name in runs.dictionary.to_pylist()], bool)
-        same_zone = rows["zone"].to_numpy() == utm.zone
-        keep = same_zone & is_allowed[runs.indices.to_numpy()] if len(rows) else same_zone
-        xy_m = np.column_stack([rows[name].to_numpy()[keep] for name in ("x_m", "y_m")])
-        found.append(np.unique(np.floor(xy_m / SQUARE_M).astype(np.int64), axis=0))
-    return np.unique(np.concatenate(found), axis=0) if found else np.zeros((0, 2), np.int64)
+def walked_ground(survey: Survey, choice: RunChoice) -> list[Walked]:
+    """The ground on which any cell was heard, town by town, the largest first."""
+    runs = runs_of(survey, choice)
+    towns = Towns(survey.ground(runs))
+    found: list[list[IntArray]] = [[] for _ in towns.zones]
+    for ground in survey.ground(runs):
+        town, x_m, y_m = towns.place(ground)
+        square = np.floor(np.column_stack([x_m, y_m]) / SQUARE_M).astype(np.int64)
+        for number, own in enumerate(found):
+            own.append(np.unique(square[town == number], axis=0))
+    return [
+        Walked(utm, np.unique(np.concatenate(own), axis=0))
+        for utm, own in zip(towns.zones, found, strict=True)
+    ]
 
 
 def _coverage(walked: IntArray, box: Box, scale: float) -> str:
@@ -146,10 +201,23 @@ def _ring(lonlat: FloatArray, utm: Utm, box: Box, scale: float) -> str:
     return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in at.tolist()) + "Z"
 
 
-def _ground(basemap: Path | None, box: Box, utm: Utm) -> str:
-    """The picture of the ground as base64, empty without a file."""
+def _grounds(basemap: Path | None, towns: Sequence[Walked]) -> list[str]:
+    """Pictures of the ground as base64, empty where there is none of a town.
+
+    Raises `ConfigError` where a file has none of any town.
+    """
     if basemap is None:
-        return ""
-    frame = Frame((), Clock(np.zeros(1, np.int64), (None,)), utm, (0.0, 0.0), ())
-    ground = read_basemap(basemap, frame, box, _MOST_PIXELS)
-    return "" if ground is None else b64encode(ground.jpeg((255, 255, 255), 0.7)).decode()
+        return [""] * len(towns)
+    found, errors = [], []
+    for town in towns:
+        frame = Frame((), Clock(np.zeros(1, np.int64), (None,)), town.utm, (0.0, 0.0), ())
+        try:
+            ground = read_basemap(basemap, frame, town.box, _MOST_PIXELS)
+        except ConfigError as error:
+            ground = None
+            errors.append(error)
+        jpeg = b"" if ground is None else ground.jpeg((255, 255, 255), 0.7)
+        found.append(b64encode(jpeg).decode())
+    if errors and not any(found):
+        raise errors[0]
+    return found

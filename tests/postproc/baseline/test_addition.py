@@ -31,7 +31,7 @@ def test_small_files_are_read_by_few_processes(tmp_path, runs, monkeypatch):
     monkeypatch.setattr(read_ahead, "read_small_runs", read)
     monkeypatch.setattr(read_ahead, "_TOGETHER", 3)
     monkeypatch.setattr(
-        read_ahead, "read_sound_run", lambda path: pytest.fail(f"{path} read alone")
+        read_ahead, "read_unaltered_run", lambda path: pytest.fail(f"{path} read alone")
     )
     results = add_walks(tmp_path, runs[:6])
     assert sorted(groups) == [3, 3]

@@ -2,6 +2,7 @@
 
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -99,16 +100,34 @@ def test_a_journal_and_its_hdf5_file_are_one_walk(tmp_path, store):
     assert len(store.walks()) == 1
 
 
-def test_a_longer_state_of_a_run_is_refused(tmp_path, store):
+def test_a_state_of_a_run_that_may_be_a_part_is_refused(tmp_path, store):
     short, long = tmp_path / "short", tmp_path / "long"
     short.mkdir()
     long.mkdir()
-    store.add(summarise_walk(read_sound_run(write_walk(short, 1, two_cells(), n=50, finish=False))))
+    cut = summarise_walk(read_sound_run(write_walk(short, 1, two_cells(), n=50, finish=False)))
     complete = summarise_walk(read_sound_run(write_walk(long, 1, two_cells())))
+    assert store.add(complete) == 1
     with pytest.raises(RunFileError, match="another state of walk 1"):
-        store.add(complete)
+        store.add(cut)
     store.remove([1])
-    assert store.add(complete) is not None
+    assert store.add(cut) is not None
+
+
+def test_a_baseline_of_an_earlier_version(tmp_path):
+    """It has no seals, and digests of contents: its walks are known, other states are refused."""
+    path = tmp_path / "baseline.db"
+    run = write_walk(tmp_path, 1, two_cells())
+    walk = summarise_walk(read_sound_run(run))
+    with BaselineStore(path, create=True) as store:
+        store.add(replace(walk, digest=walk.content))
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("ALTER TABLE walk DROP COLUMN seal")
+    with BaselineStore(path) as store:
+        assert store.add(walk) is None
+        with pytest.raises(RunFileError, match="another state of walk 1"):
+            store.add(replace(walk, digest="f" * 64, content="e" * 64))
+        assert store.add(replace(walk, digest="f" * 64, content="e" * 64, run_id="other")) == 2
+        assert len(store.walks()) == 2
 
 
 def test_the_order_of_the_walks_does_not_matter(tmp_path, summaries):

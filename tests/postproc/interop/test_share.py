@@ -1,14 +1,23 @@
 import json
+from dataclasses import replace
+from pathlib import Path
+from typing import get_type_hints
 
+import h5py
+import msgspec
 import numpy as np
 import pytest
 
+import logger
 from logger.core.geo import Utm
 from logger.core.live import LiveTracker
-from logger.core.runfile import RunWriter, convert_journal, read_run
+from logger.core.live_settings import FOLLOW, MARK, LiveSettings
+from logger.core.runfile import RunMeta, RunWriter, Truth, convert_journal, read_run
+from logger.core.schema import TABLES
 from logger.core.track import track_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan
 from postproc.cli import main
+from postproc.interop.share import EVENTS
 from tests.kit.runs import UTC0_NS, meta
 
 HOME = (52.5, 13.4)
@@ -127,6 +136,126 @@ def test_secrets_are_gone_and_it_is_told(tmp_path, capsys):
         main(["share", str(walk), "-o", str(tmp_path / "copy.h5")]) == 0
     )  # a copy may be made again
     assert "removed" in capsys.readouterr().out
+
+
+MARKER = "/home/alice/by-id/usb-SERIAL77-if00"
+_WORDS = {"role", "rat", "level"}
+"""Columns of a fixed set of words."""
+
+
+def _columns_of_text(table):
+    return {
+        column.name: MARKER[: int(column.dtype[1:])]
+        for column in TABLES[table]
+        if column.dtype.startswith("S") and column.name not in _WORDS
+    }
+
+
+def _fields_of_text(kind):
+    hints = get_type_hints(kind)
+    return {
+        field.name: MARKER for field in msgspec.structs.fields(kind) if hints[field.name] is str
+    }
+
+
+def _marked_walk(tmp_path):
+    """A run with a path of its owner in every text of its description and its tables."""
+    live = LiveSettings(**_fields_of_text(LiveSettings))
+    about = RunMeta(
+        **_fields_of_text(RunMeta) | {"origin": f"import of {MARKER}"},
+        started_ns=0, versions={MARKER: MARKER}, live=live, truth=(Truth(MARKER, *HOME),),
+    )  # fmt: skip
+    columns = {table: _columns_of_text(table) for table in TABLES}
+    source = columns["fixes"]["source"]
+    of_reading = columns["readings"]
+    label = of_reading.pop("cell")
+    for of_table in columns.values():
+        of_table.pop("source")
+    writer = RunWriter(tmp_path / "marked.journal", about)
+    x0, y0 = UTM.to_xy(*HOME)
+    estimate = dict.fromkeys(get_type_hints(LiveEstimate), 1.0) | columns["live"]
+    estimate |= dict.fromkeys(("scan_seq", "n", "utm_zone"), 1)
+    for i in range(120):
+        t_ns = i * 10**9
+        lat, lon = UTM.to_latlon(x0 + 12.0 * i, y0)
+        seq = writer.append(Record(t_ns, source, Fix(True, UTC0_NS + t_ns, lat, lon, hdop=1.0)))
+        reading = CellReading("serving", "GSM", cid=17, rssi_dbm=-60.0, label=label, **of_reading)
+        whole = replace(reading, mcc="262", mnc="01", lac=1, label=None)
+        writer.append(Record(t_ns, source, Scan(t_ns, (reading, whole), seq, seq)))
+        writer.append(Record(t_ns, source, RawBytes(MARKER.encode())))
+        for code in (columns["notes"]["code"], MARK, FOLLOW):
+            writer.append(Record(t_ns, source, Note("info", code, columns["notes"]["text"])))
+        writer.append(Record(t_ns, source, LiveEstimate(**estimate)))
+    writer.close(t_ns, MARKER)
+    convert_journal(tmp_path / "marked.journal", tmp_path / "marked.h5")
+    return tmp_path / "marked.h5"
+
+
+def _contents(path):
+    """All bytes of a file, and those of its datasets and attributes as a reader sees them."""
+    yield path.read_bytes()
+    with h5py.File(path) as file:
+        for name, dataset in file.items():
+            yield name.encode()
+            yield np.asarray(dataset[()]).tobytes()
+            yield repr(dict(dataset.attrs)).encode()
+        yield repr(dict(file.attrs)).encode()
+
+
+def test_no_text_of_the_owner_is_in_a_copy(tmp_path, capsys):
+    walk = _marked_walk(tmp_path)
+    planted = {MARKER[:n].encode() for n in (4, 12, 16, 24, len(MARKER))}
+    in_source = b"".join(_contents(walk))
+    assert all(marker in in_source for marker in planted)  # also in the shortest column
+    output = _share(capsys, walk, "-o", tmp_path / "copy.h5")
+    assert not [marker for marker in planted if marker in b"".join(_contents(tmp_path / "copy.h5"))]
+    run = read_run(tmp_path / "copy.h5")
+    assert set(run.tables["readings"]["cell"]) == {b"cell-1", b"262-01-1-17"}
+    assert set(run.tables["notes"]["code"]) == {b"mark", b"follow"}
+    assert len(run.tables["live"])
+    assert any("no identity (1)" in text for text in output["removed"])
+    assert main(["replay", str(run.path)]) == 0
+
+
+def test_what_a_copy_needs_is_kept(tmp_path, capsys):
+    """Settings, bands and the cell that the walker followed; the copy is replayed equally."""
+    about = meta(
+        live=LiveSettings(target="262-01-4711-18", height_m=7.5, baseline="b", streets="s")
+    )
+    writer = RunWriter(tmp_path / "walk.journal", about)
+    x0, y0 = UTM.to_xy(*HOME)
+    tracker = LiveTracker(about.live)
+    for i in range(150):
+        t_ns = i * 10**9
+        lat, lon = UTM.to_latlon(x0 + 9.0 * i, y0)
+        readings = tuple(
+            CellReading("serving", "GSM", "262", "01", 4711, cid, rssi_dbm=-60.0 - i % 5, band=band)
+            for cid, band in ((17, "EGSM 900"), (18, "B20"), (19, 3))
+        )
+        seq = writer.append(Record(t_ns, "gnss", Fix(True, UTC0_NS + t_ns, lat, lon, hdop=1.0)))
+        records = [(seq, Record(t_ns, "gnss", Fix(True, UTC0_NS + t_ns, lat, lon, hdop=1.0)))]
+        scan = Record(t_ns, "modem", Scan(t_ns, readings, seq, seq))
+        records.append((writer.append(scan), scan))
+        if i == 75:
+            note = Record(t_ns, "logger", Note("info", FOLLOW, "262-01-4711-19"))
+            records.append((writer.append(note), note))
+        for number, record in records:
+            for value in tracker.feed(number, record):
+                writer.append(Record(record.t_ns, "live", value))
+    writer.close(t_ns, "test")
+    _share(capsys, tmp_path / "walk.journal", "-o", tmp_path / "copy.h5")
+    run = read_run(tmp_path / "copy.h5")
+    assert run.meta.live == LiveSettings(target="262-01-4711-18", height_m=7.5)
+    assert set(run.tables["readings"]["band"]) == {b"EGSM 900", b"B20", b"3"}
+    notes = run.tables["notes"]
+    assert notes["text"][notes["code"] == b"follow"].tolist() == [b"262-01-4711-19"]
+    assert main(["replay", str(run.path)]) == 0
+    assert "replay equals live" in capsys.readouterr().out
+
+
+def test_the_events_of_a_copy_are_those_of_the_recorder():
+    source = "".join(path.read_text() for path in Path(logger.__file__).parent.rglob("*.py"))
+    assert [code for code in EVENTS if f'"{code}"' not in source] == []
 
 
 def test_the_copy_opens_with_every_command(tmp_path, capsys):

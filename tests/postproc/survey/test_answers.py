@@ -16,7 +16,7 @@ from logger.core.geo import Utm
 from postproc.cli import main
 from postproc.result import Options
 from postproc.survey.answers.next_walks import next_walks
-from postproc.survey.answers.page import walked_squares
+from postproc.survey.answers.page import walked_ground
 from postproc.survey.location import EVERY_RUN, locate_survey
 from postproc.survey.scheduling import Cluster
 from tests.postproc.survey.cities import write_city
@@ -63,7 +63,9 @@ def test_map_needs_no_network(survey, scheduler, capsys):
 
 
 def _squares(survey):
-    return walked_squares(survey, EVERY_RUN, Utm(ZONE))
+    (town,) = walked_ground(survey, EVERY_RUN)
+    assert town.utm == Utm(ZONE)
+    return town.square
 
 
 def _walked_m2(page):

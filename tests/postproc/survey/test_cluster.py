@@ -136,5 +136,7 @@ def test_workers_killed_again_and_again(tmp_path, cluster_of, monkeypatch):
         disturbance.join()
     assert n_killed >= 4
     assert list(location.cells) == sorted(expected, key=lambda one: (one.area, one.cell))
-    lines = [json.loads(line)["value"]["cell"] for line in kept.read_bytes().splitlines() if line]
+    lines = [
+        json.loads(line)["value"][0]["cell"] for line in kept.read_bytes().splitlines() if line
+    ]
     assert sorted(lines) == [one.cell for one in survey.cells()]

@@ -76,7 +76,7 @@ def test_full_while_locating(disk, walks, left_bytes, scheduler, capsys, tmp_pat
     assert code == 0
     ballast = _fill(disk, left_bytes)
     code, _, error = _locate(disk / "s", scheduler, capsys)
-    (line,) = error.splitlines()
+    _, line = error.splitlines()  # after the one that says how large the survey is
     assert (code, line.startswith(f"postproc: cannot write {disk}")) == (2, True)
     ballast.unlink()
     assert _locate(disk / "s", scheduler, capsys)[:2] == (0, expected)

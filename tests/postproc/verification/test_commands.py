@@ -8,6 +8,7 @@ from postproc.cli import main
 from postproc.verification.claims import parse_claim, swap_hint
 from tests.kit import runs
 from tests.kit.sample_results import LAT, LON, TRANSMITTER_M, UTM, cell_name, write_run
+from tests.postproc.baseline.walks import cell, name, write_walk
 
 BASE = "GSM,{mcc},1,4711,{cid},0,{lon},{lat},200,7,1,1282569574,1300155341,0\n"
 
@@ -154,6 +155,19 @@ def test_sites(run, tmp_path, capsys):
     assert "log factor" in tell(
         capsys, "verify", run, "--sites", "--against", tmp_path / "b.journal"
     )
+
+
+def test_sites_of_two_cities(tmp_path, capsys):
+    """44 km apart, where the places around one walk do not hold those of the other, and 500 km."""
+    files = [
+        write_walk(tmp_path, n, lambda k: (cell(1, -55.0 - abs(k - 30) // 2),), n=60, lat_deg=lat)
+        for n, lat in enumerate((52.5, 52.9, 48.0))
+    ]
+    tell_sites = ("verify", files[0], "--sites", "--cell", name(1), "--against")
+    (near,) = json.loads(tell(capsys, *tell_sites, files[1], "--json"))["cells"]
+    assert near["verdict"] == "two places"
+    assert sorted(round(lat, 2) for lat, _ in near["places"]) == [52.50, 52.90]
+    assert "501 km apart, farther than any cell reaches" in fails(capsys, *tell_sites, files[2])
 
 
 def test_verify_theory(capsys):

@@ -1,0 +1,24 @@
+"""Long work says how far it is where there is no terminal; short work says nothing."""
+
+import time
+
+from postproc import progress
+
+
+def test_long_work_writes_lines(capsys, monkeypatch):
+    monkeypatch.setattr(progress, "_SILENCE_S", 0.05)
+
+    def work():
+        for item in range(3):
+            time.sleep(0.2)  # before the first item too
+            yield item
+
+    assert list(progress.with_progress(work(), "locating", 3)) == [0, 1, 2]
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("locating: 0 of 3 after ")
+    assert any(line.startswith("locating: 2 of 3 after ") for line in lines)
+
+
+def test_short_work_writes_nothing(capsys):
+    assert list(progress.with_progress(iter("abc"), "reading", 3)) == ["a", "b", "c"]
+    assert capsys.readouterr().err == ""
