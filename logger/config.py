@@ -3,6 +3,7 @@
 import re
 import tomllib
 from collections.abc import Iterator
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,6 +11,7 @@ import msgspec
 
 from logger.core.errors import ConfigError
 from logger.core.live_settings import LIMITS, LONGEST_TARGET_BYTES, LiveSettings
+from logger.core.plain_file import open_plain
 
 PollInterval = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -124,7 +126,7 @@ def load_config(path: Path) -> tuple[SiteConfig, str]:
     Raises `ConfigError`, which names the file, the table, the key and the nearest valid key.
     """
     try:
-        with path.open(encoding="utf-8") as file:
+        with TextIOWrapper(open_plain(path), encoding="utf-8") as file:
             text = file.read(_MOST_CHARACTERS + 1)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error

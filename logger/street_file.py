@@ -11,6 +11,7 @@ import msgspec
 from logger.core.errors import ConfigError, GeoError
 from logger.core.geo import check_position
 from logger.core.guidance.street_atlas import Line
+from logger.core.plain_file import open_plain
 
 _MOST_BYTES = 64 * 1024 * 1024
 """A larger file holds a country; a walker needs a part of a city."""
@@ -22,10 +23,11 @@ def read_lines(path: Path) -> list[Line]:
     Raises `ConfigError` for a file that is neither GeoJSON nor GPX, or that has no line.
     """
     try:
-        content = path.read_bytes() if path.stat().st_size <= _MOST_BYTES else None
+        with open_plain(path) as file:
+            content = file.read(_MOST_BYTES + 1)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
-    if content is None:
+    if len(content) > _MOST_BYTES:
         raise ConfigError(f"{path} has more than {_MOST_BYTES >> 20} MB: cut out a part of a city")
     content = content.removeprefix(BOM_UTF8)
     try:
