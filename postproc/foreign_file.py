@@ -6,9 +6,10 @@ it, or by a limit that stands here; docs/guide/formats.md lists them.
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from gzip import GzipFile
 from io import TextIOWrapper
 from pathlib import Path
-from typing import BinaryIO, TypeVar
+from typing import IO, TypeVar
 
 from logger.core.errors import RunFileError
 from logger.core.plain_file import open_plain
@@ -22,10 +23,14 @@ MOST_COLUMNS = 2000
 """As many as a table of SQLite has."""
 MOST_DEPTH = 100
 """Elements of XML within each other; a log has ten."""
-MOST_ROWS = 50_000_000
-"""Of any kind, in one file: an hour of reading."""
-MOST_READINGS = 5_000_000
-"""Of one run: more than two years of daily walks, a minute of reading for each half million."""
+MOST_ROWS = 200_000_000
+"""Of any kind, in one file: OpenCelliD lists 50 million cells."""
+MOST_READINGS = 3_000_000
+"""Of one run: more than a year of daily walks."""
+MOST_BAD_ROWS = 10_000
+"""Of those that an import lists; further ones are counted."""
+MOST_REMARKS = 100_000
+"""Of another program, each of which becomes a note."""
 MOST_PIXELS = 40_000_000
 """Of a picture of the ground: 160 MB once it is decoded."""
 MOST_TILE_PIXELS = 1024
@@ -56,7 +61,7 @@ class Lines(Iterator[str]):
     `next` raises `RunFileError` for a longer row.
     """
 
-    def __init__(self, file: BinaryIO, source: Path) -> None:
+    def __init__(self, file: IO[bytes] | GzipFile, source: Path) -> None:
         self._text = TextIOWrapper(file, "utf-8-sig", "replace", newline="")
         self._source = source
         self._taken = 0
@@ -91,7 +96,9 @@ def text_lines(source: Path) -> Iterator[Lines]:
         raise RunFileError(f"{source}: {error.strerror or error}") from error
 
 
-def counted(items: Iterable[Item], source: Path, what: str, most: int = MOST_ROWS) -> Iterator[Item]:
+def counted(
+    items: Iterable[Item], source: Path, what: str, most: int = MOST_ROWS
+) -> Iterator[Item]:
     """Pass items on, and show on a terminal how many have come.
 
     Raises `RunFileError` for more than `most`.

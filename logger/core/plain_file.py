@@ -25,7 +25,7 @@ def check_plain(path: Path) -> int:
 def open_plain(path: Path) -> BufferedReader:
     """A plain file to read; raises as `check_plain`, also for what has replaced it meanwhile."""
     check_plain(path)  # to open a device may change it
-    file = BufferedReader(os.fdopen(os.open(path, _FLAGS), "rb", buffering=0))  # type: ignore[arg-type]
+    file = os.fdopen(os.open(path, _FLAGS), "rb")
     try:
         _size(os.fstat(file.fileno()), path)
     except OSError:

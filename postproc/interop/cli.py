@@ -179,9 +179,9 @@ def _import_all(
 def _print_left_out(source: Path, imported: "Imported") -> None:
     for bad in imported.bad_rows[:_MOST_PRINTED]:
         print(f"{source}: line {bad.line}: {bad.why}", file=sys.stderr)
-    if len(imported.bad_rows) > _MOST_PRINTED:
-        more = len(imported.bad_rows) - _MOST_PRINTED
-        print(f"{source}: ... and {more} more bad rows (--json lists all)", file=sys.stderr)
+    if imported.n_bad > _MOST_PRINTED:
+        more = imported.n_bad - _MOST_PRINTED
+        print(f"{source}: ... and {more} more bad rows (--json lists them)", file=sys.stderr)
     if imported.was_sorted:
         print(f"{source}: rows were out of order and have been sorted by time", file=sys.stderr)
 
@@ -189,7 +189,7 @@ def _print_left_out(source: Path, imported: "Imported") -> None:
 def _print_imported(imported: "Imported") -> None:
     again = f", {imported.n_repeated} repeated" if imported.n_repeated else ""
     remarks = f", {imported.n_remarks} remarks" if imported.n_remarks else ""
-    counts = f"{imported.n_rows} readings{remarks}, {len(imported.bad_rows)} bad rows{again}"
+    counts = f"{imported.n_rows} readings{remarks}, {imported.n_bad} bad rows{again}"
     print(f"{imported.path}: {counts} ({imported.format})")
     for why, n in imported.other:
         print(f"{imported.path}: left out: {n} rows, {why}", file=sys.stderr)

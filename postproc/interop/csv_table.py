@@ -20,7 +20,8 @@ def text_lines(source: Path) -> Iterator[Lines]:
             yield lines
     except csv.Error as error:
         raise RunFileError(
-            f"{source} is no CSV file: line {lines.number}: {error}; is a quotation mark never closed?"
+            f"{source} is no CSV file: line {lines.number}: {error}; "
+            "is a quotation mark never closed?"
         ) from error
 
 
@@ -50,12 +51,11 @@ def rows(
             yield from _rows_of(lines, ",", list(header))
         return
     with text_lines(source) as lines:
-        first, n_before = "", 0
+        first = ""
         for first in lines:
             lines.end_row()
-            if n_before >= skip and not first.startswith("#"):
+            if lines.number > skip and not first.startswith("#"):
                 break
-            n_before += 1
         else:
             first = ""
         names = names_of(first)

@@ -43,11 +43,7 @@ def _objects_of_list(source: Path, start: str) -> Iterator[Object | BadRow]:
     """
     try:
         with TextIOWrapper(open_plain(source), "utf-8-sig", "replace") as file:
-            head = file.read(_CHUNK)
-            found = re.search(start, head)
-            if found is None:
-                raise ValueError("it has no such list")
-            for number, value in enumerate(_values(head[found.end() :], file), 1):
+            for number, value in enumerate(_values(start, file), 1):
                 if isinstance(value, dict):
                     yield number, value
                 else:
@@ -56,9 +52,13 @@ def _objects_of_list(source: Path, start: str) -> Iterator[Object | BadRow]:
         raise RunFileError(f"{source} is no JSON file: {error}") from error
 
 
-def _values(text: str, file: TextIO) -> Iterator[object]:
-    """Values of a list whose beginning has been read, each decoded by itself."""
-    at = 0
+def _values(start: str, file: TextIO) -> Iterator[object]:
+    """Values of a list, each decoded by itself; raises ValueError."""
+    text = file.read(_CHUNK)
+    found = re.search(start, text)
+    if found is None:
+        raise ValueError(f"it has no list after {start}")
+    at = found.end()
     while True:
         at = _between(text, at)
         try:
@@ -66,8 +66,8 @@ def _values(text: str, file: TextIO) -> Iterator[object]:
                 return
             value, end = _DECODER.raw_decode(text, at)
             is_whole = end < len(text)  # of a number more digits may follow
-        except json.JSONDecodeError as error:
-            value, end, is_whole, why = None, at, False, error
+        except json.JSONDecodeError:
+            is_whole = False
         if is_whole:
             yield value
             at = end

@@ -17,7 +17,7 @@ def import_members(
     """Import each file of a zip; yield its name with the result, or with why it is left out.
 
     The runs are called as `target` with the name of the file: `walk.h5` becomes `walk-monday.h5`.
-    Raises `RunFileError` if the files, of which parts may be the same bytes, are too large together.
+    Raises `RunFileError` if the files are too large together: they may share their bytes.
     """
     most = most_unpacked_bytes(source.stat().st_size)
     if sum(sizes.values()) > most:
