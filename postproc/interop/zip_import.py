@@ -8,6 +8,8 @@ from logger.core.errors import FieldLoggerError, RunFileError
 from postproc.foreign_file import most_unpacked_bytes
 from postproc.interop.importing import Imported, Reading, import_walk
 
+_LONGEST = 60
+"""Characters of a name: a file system accepts 255 bytes."""
 _UNUSUAL = re.compile(r"[^\w.-]+")
 
 
@@ -33,7 +35,7 @@ def _targets(target: Path, names: list[str]) -> Iterator[Path]:
     """A path beside `target` for each file; a name that comes again gets a number."""
     taken: set[str] = set()
     for name in names:
-        stem = _UNUSUAL.sub("-", PurePosixPath(name).stem).strip(".-") or "log"
+        stem = _UNUSUAL.sub("-", PurePosixPath(name).stem).strip(".-")[:_LONGEST] or "log"
         free, number = stem, 1
         while free.lower() in taken:
             number += 1
