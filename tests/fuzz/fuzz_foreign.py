@@ -35,7 +35,15 @@ from tests.postproc.survey.cities import write_city
 MOST_S, MOST_MB = 10.0, 300
 LAT, LON = 52.5, 13.4
 CSV = "t_s,lat,lon,rssi_dbm\n" + "".join(f"{i},52,13.{i:04d},-70\n" for i in range(40))
-OPENCELLID = {"mcc": 262, "mnc": 1, "lac": 1, "cellid": 2, "lat": 52, "lon": 13, "signal": -70}
+OPENCELLID: dict[str, object] = {
+    "mcc": 262,
+    "mnc": 1,
+    "lac": 1,
+    "cellid": 2,
+    "lat": 52,
+    "lon": 13,
+    "signal": -70,
+}
 OPENCELLID |= {"measured_at": 1598796852000, "act": "GSM"}
 POINT = (
     '<trkpt lat="52" lon="13"><time>2024-01-01T00:00:0{}Z</time><name>(MCC 262, MNC 1, LAC 1, '
@@ -45,25 +53,25 @@ POINT = (
 Use = Callable[[Path], object]
 
 
-def _area() -> Area:
+def area() -> Area:
     x, y = 391_000.0, 5_818_000.0
     grid = np.meshgrid(np.linspace(x, x + 200.0, 5), np.linspace(y + 200.0, y, 5))
     return Area(CRS.from_epsg(32633), np.stack(grid), 0.2)
 
 
-def _png(kind: str = "PNG") -> bytes:
+def png(kind: str = "PNG") -> bytes:
     file = BytesIO()
     pixels = np.random.default_rng(1).integers(0, 255, (64, 64, 3), np.uint8)
     Image.fromarray(pixels).save(file, kind)
     return file.getvalue()
 
 
-def _places(zoom: int) -> list[tuple[int, int, int]]:
+def places(zoom: int) -> list[tuple[int, int, int]]:
     column, row = tile_at(LAT, LON, zoom)
     return [(zoom, column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
 
 
-def _streets() -> bytes:
+def streets() -> bytes:
     lines = [feature("line", [[(x, 0), (x, 4096)]], [0, 0]) for x in range(0, 4096, 99)]
     return layer("roads", lines, ["name"], ["Street"])
 
@@ -73,7 +81,7 @@ def _import(path: Path) -> None:
 
 
 def _map(path: Path) -> None:
-    open_ground(path, _area())
+    open_ground(path, area())
     street_near(path, LAT, LON)
 
 
@@ -90,25 +98,27 @@ def _survey(path: Path) -> None:
 
 def sources(folder: Path) -> list[tuple[Path, Use]]:
     """One file of each kind, and what reads it."""
-    tiles = dict.fromkeys(_places(14), _streets())
+    tiles = dict.fromkeys(places(14), streets())
     write_pmtiles(folder / "vector.pmtiles", tiles)
-    pictures = dict.fromkeys(_places(14), _png())
+    pictures = dict.fromkeys(places(14), png())
     write_pmtiles(folder / "pictures.pmtiles", pictures, TileType.PNG)
     for kind in ("png", "jpg"):
-        (folder / f"map.{kind}").write_bytes(_png("PNG" if kind == "png" else "JPEG"))
+        (folder / f"map.{kind}").write_bytes(png("PNG" if kind == "png" else "JPEG"))
     (folder / "map.wld").write_text("4\n0\n0\n-4\n391000\n5818200\n")
     with sqlite3.connect(folder / "map.mbtiles") as database:
         database.execute("CREATE TABLE metadata (name, value)")
         database.execute("CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data)")
-        rows = [(z, x, 2**z - 1 - y, _png()) for z, x, y in _places(14)]
+        rows = [(z, x, 2**z - 1 - y, png()) for z, x, y in places(14)]
         database.executemany("INSERT INTO tiles VALUES (?, ?, ?, ?)", rows)
     database.close()
     reply = {"rat": "LTE", "mcc": 262, "mnc": 1, "tac": 1, "cell_id": 2, "rsrp": -100}
     with sqlite3.connect(folder / "log.kismet") as database:
         database.execute("CREATE TABLE KISMET (db_version INT)")
         database.execute("CREATE TABLE data (ts_sec, ts_usec, lat, lon, alt, type, json)")
-        rows = [(1_790_028_000 + i, 0, 52, 13, 30, "Cellular", json.dumps(reply)) for i in range(9)]
-        database.executemany("INSERT INTO data VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
+        cells = [
+            (1_790_028_000 + i, 0, 52, 13, 30, "Cellular", json.dumps(reply)) for i in range(9)
+        ]
+        database.executemany("INSERT INTO data VALUES (?, ?, ?, ?, ?, ?, ?)", cells)
     database.close()
     (folder / "log.csv").write_text(CSV)
     (folder / "log.csv.gz").write_bytes(gzip.compress(CSV.encode()))
@@ -118,7 +128,7 @@ def sources(folder: Path) -> list[tuple[Path, Use]]:
     points = "".join(map(POINT.format, range(9)))
     (folder / "log.gpx").write_text(f'<gpx creator="Tower Collector">{points}</gpx>')
     (folder / "claims.csv").write_text("cell,lat,lon\n" + "262-1-1-2,52,13\n" * 9)
-    write_city(folder / "survey")
+    write_city(folder / "survey")  # type: ignore[no-untyped-call]
     used: dict[str, Use] = dict.fromkeys(("pmtiles", "png", "jpg", "mbtiles"), _map)
     used |= {"parquet": _survey}
     named: dict[str, Use] = {"claims.csv": lambda path: read_claims(path, ["262-1-1-2"])}

@@ -83,13 +83,11 @@ REFUSED = {
     "elements of one": lambda: f"{GPX}<trkpt>".encode() + b"<a/>" * 2_000_000,
     "depth of XML": lambda: GPX.encode() + b"<a>" * 100_000,
     "depth of a point": lambda: f"{GPX}<trkpt>".encode() + b"<a>" * 100_000,
-    "entities": lambda: f"{ENTITIES}]>{GPX}&j;</gpx>".encode(),
-    "entities after the head": lambda: (
-        f"<!-- <gpx Tower Collector {' ' * 70_000}-->{ENTITIES}]>{GPX}&j;</gpx>".encode()
-    ),
-    "UTF-7 declared": lambda: f'<?xml version="1.0" encoding="UTF-7"?>{GPX}{POINT}</gpx>'.encode(),
-    "hex declared": lambda: f'<?xml version="1.0" encoding="hex"?>{GPX}{POINT}</gpx>'.encode(),
-    "no encoding": lambda: f'<?xml version="1.0" encoding="x-no"?>{GPX}{POINT}</gpx>'.encode(),
+    "entities": f"{ENTITIES}]>{GPX}&j;</gpx>".encode,
+    "entities after the head": f"<!-- <gpx Tower Collector {' ' * 70_000}-->{ENTITIES}]>{GPX}&j;</gpx>".encode,
+    "UTF-7 declared": f'<?xml version="1.0" encoding="UTF-7"?>{GPX}{POINT}</gpx>'.encode,
+    "hex declared": f'<?xml version="1.0" encoding="hex"?>{GPX}{POINT}</gpx>'.encode,
+    "no encoding": f'<?xml version="1.0" encoding="x-no"?>{GPX}{POINT}</gpx>'.encode,
     "depth of JSON": lambda: b'{"measurements": ' + b"[" * 100_000,
     "depth in a list": lambda: _json(b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"),
     "a JSON text": lambda: _json(b'{"a":"' + b"x" * (20 << 20) + b'"}'),
