@@ -92,7 +92,7 @@ def import_walk(
                 if not isinstance(row, Sighting):
                     left.take(row)
                 elif len(sightings) < MOST_READINGS:
-                    sightings.append(row)
+                    _append(sightings, row, target)
                 else:
                     raise RunFileError(
                         f"{name} has more than {MOST_READINGS:,} readings, the last in line "
@@ -104,6 +104,13 @@ def import_walk(
 def _sighting_file(target: Path) -> SightingFile:
     try:
         return SightingFile(target.parent)
+    except OSError as error:
+        raise RunFileError(f"cannot write {target}: {error.strerror}") from error
+
+
+def _append(sightings: SightingFile, row: Sighting, target: Path) -> None:
+    try:
+        sightings.append(row)
     except OSError as error:
         raise RunFileError(f"cannot write {target}: {error.strerror}") from error
 

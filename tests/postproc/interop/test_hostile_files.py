@@ -84,7 +84,9 @@ REFUSED = {
     "depth of XML": lambda: GPX.encode() + b"<a>" * 100_000,
     "depth of a point": lambda: f"{GPX}<trkpt>".encode() + b"<a>" * 100_000,
     "entities": f"{ENTITIES}]>{GPX}&j;</gpx>".encode,
-    "entities after the head": f"<!-- <gpx Tower Collector {' ' * 70_000}-->{ENTITIES}]>{GPX}&j;</gpx>".encode,
+    "entities after the head": lambda: (
+        f"<!-- <gpx Tower Collector {' ' * 70_000}-->".encode() + REFUSED["entities"]()
+    ),
     "UTF-7 declared": f'<?xml version="1.0" encoding="UTF-7"?>{GPX}{POINT}</gpx>'.encode,
     "hex declared": f'<?xml version="1.0" encoding="hex"?>{GPX}{POINT}</gpx>'.encode,
     "no encoding": f'<?xml version="1.0" encoding="x-no"?>{GPX}{POINT}</gpx>'.encode,
