@@ -9,10 +9,14 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from time import monotonic
 
 from logger.core.plain_file import check_plain, open_plain
 
 _STEPS_AT_ONCE = 1_000_000
+_STEPS_OF_SCHEMA = 5_000
+_SCHEMA_S = 5.0
+"""To read the schema, which takes milliseconds; that of 100,000 tables takes minutes."""
 _STEPS_LEAST = 200_000_000
 _STEPS_BY_BYTE = 50
 """A plain scan takes about one step of SQLite's machine for each byte."""
@@ -50,6 +54,13 @@ def connect(path: Path, *, views: bool = False) -> sqlite3.Connection:
     for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0"):
         database.execute(f"PRAGMA {pragma}")
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_BYTES)
+    began = monotonic()
+    database.set_progress_handler(lambda: monotonic() > began + _SCHEMA_S, _STEPS_OF_SCHEMA)
+    try:
+        database.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone()
+    except sqlite3.Error:
+        database.close()
+        raise
     left = [_STEPS_LEAST + _STEPS_BY_BYTE * size]
 
     def is_over() -> bool:
