@@ -84,6 +84,7 @@ fuzz: .venv/dev.stamp
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_nmea.py -max_total_time=$(FUZZ_S) .venv/fuzz/nmea
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_journal.py -max_total_time=$(FUZZ_S) -max_len=2048 -len_control=0 .venv/fuzz/journal
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_hdf5.py -max_total_time=$(FUZZ_S)
+	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_foreign.py -max_total_time=$(FUZZ_S)
 
 # a complete boot under QEMU with ../shared/bootrig: install, walk, unplug, power cut; half an hour without KVM
 # CELLWALK_CUTS=300 CELLWALK_REPLUGS=50 CELLWALK_BOARD=arm64 CELLWALK_BOOT_CACHE=DIR (for the image; 6 GB)

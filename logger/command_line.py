@@ -13,6 +13,7 @@ from typing import TypeVar
 import click
 
 from logger.core.errors import FieldLoggerError
+from logger.core.foreign import check_regular
 from logger.core.printable import plain_streams, printable
 
 Real = TypeVar("Real", bound=float)
@@ -29,7 +30,7 @@ INTERRUPTED = 130
 class PathType(click.Path):
     """A path; with `is_file` one that names a file, with `is_input` one that can also be read.
 
-    `/` and `..` name no file. A device such as /dev/zero never ends, so it is no input.
+    `/` and `..` name no file. A pipe or a device, which may never end, is no input.
     """
 
     def __init__(self, *, is_file: bool = False, is_input: bool = False) -> None:
@@ -48,8 +49,11 @@ class PathType(click.Path):
             self.fail(f"{str(path)!r} contains a NUL character", param, ctx)
         if self._is_file and path.name in {"", ".."}:
             self.fail(f"{str(path)!r} names no file", param, ctx)
-        if self._is_input and (path.is_char_device() or path.is_block_device()):
-            self.fail(f"{path} is a device, not a file", param, ctx)
+        if self._is_input and path.exists() and not path.is_dir():
+            try:
+                check_regular(path)
+            except OSError as error:
+                self.fail(f"{path}: {error.strerror}", param, ctx)
         return path
 
 

@@ -126,7 +126,7 @@ def load_config(path: Path) -> tuple[SiteConfig, str]:
     Raises `ConfigError`, which names the file, the table, the key and the nearest valid key.
     """
     try:
-        with TextIOWrapper(open_regular(path, follow_links=True), encoding="utf-8") as file:
+        with TextIOWrapper(open_regular(path), encoding="utf-8") as file:
             text = file.read(_MOST_CHARACTERS + 1)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error

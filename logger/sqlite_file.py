@@ -9,13 +9,19 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from time import monotonic
+
+from logger.core.foreign import check_regular, open_regular
 
 _STEPS_AT_ONCE = 1_000_000
+_STEPS_OF_SCHEMA = 5_000
+_SCHEMA_S = 5.0
+"""To read the schema, which takes milliseconds; that of 100,000 tables takes minutes."""
 _STEPS_LEAST = 200_000_000
 _STEPS_BY_BYTE = 50
 """A plain scan takes about one step of SQLite's machine for each byte."""
-_LONGEST_BYTES = 64 << 20
-"""Of a value; a tile has some kilobytes."""
+LONGEST_BYTES = 4 << 20
+"""Of a value or a row: a tile has some kilobytes, the JSON of an observation too."""
 _ALLOWED = frozenset(
     {sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_FUNCTION, sqlite3.SQLITE_PRAGMA}
 )
@@ -25,7 +31,7 @@ SQLITE_MAGIC = b"SQLite format 3\0"  # sqlite.org/fileformat.html, section 1.2
 def is_sqlite(path: Path) -> bool:
     """Whether a file begins as an SQLite database does; no for one that cannot be read."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return file.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
     except OSError:
         return False
@@ -39,12 +45,23 @@ def open_database(path: Path, *, views: bool = False) -> Iterator[sqlite3.Connec
 
 
 def connect(path: Path, *, views: bool = False) -> sqlite3.Connection:
-    """As `open_database`, to be closed by the caller; `views` allows views, which maps contain."""
+    """As `open_database`, to be closed by the caller; `views` allows views, which maps contain.
+
+    Raises OSError for what is no plain file.
+    """
+    size = check_regular(path)
     database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
     for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0"):
         database.execute(f"PRAGMA {pragma}")
-    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_BYTES)
-    left = [_STEPS_LEAST + _STEPS_BY_BYTE * path.stat().st_size]
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_BYTES)
+    began = monotonic()
+    database.set_progress_handler(lambda: monotonic() > began + _SCHEMA_S, _STEPS_OF_SCHEMA)
+    try:
+        database.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone()
+    except sqlite3.Error:
+        database.close()
+        raise
+    left = [_STEPS_LEAST + _STEPS_BY_BYTE * size]
 
     def is_over() -> bool:
         left[0] -= _STEPS_AT_ONCE

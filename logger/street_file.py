@@ -10,11 +10,11 @@ from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
-from stat import S_ISREG
 from typing import Protocol
 from xml.parsers import expat
 
 from logger.core.errors import ConfigError, GeoError
+from logger.core.foreign import check_regular, open_regular
 from logger.core.geo import check_position
 from logger.core.guidance.street_atlas import Line
 
@@ -75,8 +75,6 @@ def read_lines(path: Path) -> StreetLines:
     """
     lines = StreetLines()
     try:
-        if not S_ISREG(path.stat().st_mode):  # a pipe or a device may never end
-            raise ConfigError(f"{path} is no file")
         _read(_parts(path), lines)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
@@ -105,10 +103,10 @@ class _Format(Protocol):
 
 def _parts(path: Path) -> Iterator[bytes]:
     """The content from its first character on; a file may also grow meanwhile."""
-    if path.stat().st_size > MOST_BYTES:
+    if check_regular(path) > MOST_BYTES:
         raise _TooLargeError
     left = MOST_BYTES
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         part = file.read(_PART_BYTES).removeprefix(BOM_UTF8).lstrip()
         while part:
             left -= len(part)

@@ -15,6 +15,8 @@ _BAR_CELLS = 12
 """Beside the name of a cell it all fits in 80 columns."""
 _SILENCE_S = 30.0
 """Between two lines of long work; what is over before needs none."""
+_COUNT_EVERY = 100
+"""An update takes as long as a row."""
 
 Item = TypeVar("Item")
 
@@ -81,6 +83,29 @@ def _with_bar(items: Iterable[Item], what: str, total: int, names: Sequence[str]
         for done, item in enumerate(items, 1):
             yield item
             progress.update(task, completed=done, description=_now(what, names, done))
+
+
+def with_count(items: Iterable[Item], what: str) -> Iterator[Item]:
+    """Show the count alone, of items whose total nobody knows, on stderr if it is a terminal."""
+    return _with_count(items, what) if sys.stderr.isatty() else iter(items)
+
+
+def _with_count(items: Iterable[Item], what: str) -> Iterator[Item]:
+    from rich.console import Console  # noqa: PLC0415 (as above)
+    from rich.progress import Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
+
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        TextColumn("{task.completed:,}", markup=False),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(printable(what), total=None)
+        for done, item in enumerate(items, 1):
+            if done % _COUNT_EVERY == 0 or done < _COUNT_EVERY:
+                progress.update(task, completed=done)
+            yield item
 
 
 def _now(what: str, names: Sequence[str], done: int) -> str:

@@ -34,7 +34,7 @@ def observe_run(run: Run) -> ObservedRun:
     track = _smooth_track(run.tables, observations)
     if is_import(run.meta.origin):
         why = track_plausibility.too_fast(observations.track) or track_plausibility.too_many_apart(
-            track
+            [track]
         )
         if why:
             warning = f"the times cannot be right: {why}; so no position is smoothed"

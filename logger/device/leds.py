@@ -58,7 +58,7 @@ class StatusLight:
         """Take the LED from the kernel, which may use it to show access to the card."""
         trigger = self._folder / "trigger"
         try:
-            names = read_regular(trigger, _MOST_BYTES, follow_links=True).decode(errors="replace")
+            names = read_regular(trigger, _MOST_BYTES).decode(errors="replace")
             active = re.search(r"\[([^][]+)\]", names)
             self._trigger_before = active[1] if active else "none"
             trigger.write_text("none")

@@ -41,7 +41,7 @@ def throttled_bits(sys: Path = SYS) -> int | None:
 def kernel_text(path: Path) -> str | None:
     """What a file of the kernel says; None without it, or where a driver refuses for now."""
     try:
-        return read_regular(path, _MOST_BYTES, follow_links=True).decode(errors="replace").strip()
+        return read_regular(path, _MOST_BYTES).decode(errors="replace").strip()
     except OSError:
         return None
 

@@ -110,7 +110,7 @@ class PageRequests:
         self._close()
         self._fd, self._position, self._close = None, 0, lambda: None
         try:
-            with open_regular(self._path) as file:
+            with open_regular(self._path, follow_links=False) as file:
                 self._fd = os.dup(file.fileno())
         except OSError:
             self._refused = now.st_ino, now.st_mode, now.st_ctime_ns

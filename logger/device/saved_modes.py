@@ -34,7 +34,7 @@ class SavedModes:
 
     def all(self) -> tuple[SavedMode, ...]:
         try:
-            text = read_regular(self.path, _MOST_BYTES, follow_links=True)
+            text = read_regular(self.path, _MOST_BYTES)
             return decode_json(text, tuple[SavedMode, ...])
         except FileNotFoundError:
             return ()

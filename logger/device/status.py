@@ -225,6 +225,6 @@ def read_status(folder: Path) -> Status | None:
     Raises OSError without the permission, and for what is no file of a status's size.
     """
     try:
-        return decode_json(read_regular(folder / _FILE, _MOST_BYTES), Status)
+        return decode_json(read_regular(folder / _FILE, _MOST_BYTES, follow_links=False), Status)
     except (FileNotFoundError, msgspec.DecodeError):
         return None

@@ -53,7 +53,7 @@ class JournalTail:
 
     def _read(self) -> bytes:
         try:
-            with open_regular(part_path(self.journal, self._part)) as file:
+            with open_regular(part_path(self.journal, self._part), follow_links=False) as file:
                 return os.pread(file.fileno(), self._portion, self._position)
         except OSError:
             return b""

@@ -33,7 +33,7 @@ def open_run(folder: Path, name: str) -> tuple[BinaryIO, int] | None:
 def open_sized(path: Path) -> tuple[BinaryIO, int] | None:
     """A regular file and its size; None for a link, a pipe, or what cannot be read."""
     try:
-        file = open_regular(path)
+        file = open_regular(path, follow_links=False)
     except OSError:
         return None
     return file, os.fstat(file.fileno()).st_size

@@ -37,7 +37,7 @@ def read_token(folder: Path) -> str:
     """The token that the page has made; raises `ConfigError` without one."""
     path = folder / _FILE
     try:
-        token = read_regular(path, _MOST_BYTES).decode("ascii").strip()
+        token = read_regular(path, _MOST_BYTES, follow_links=False).decode("ascii").strip()
     except FileNotFoundError:
         start = "start it with: sudo systemctl restart fieldlogger-page"
         raise ConfigError(f"the page has never been on; {start}") from None

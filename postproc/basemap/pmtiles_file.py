@@ -3,44 +3,149 @@
 Source: protomaps/PMTiles, spec v3.
 """
 
-import gzip
 import math
+import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import BinaryIO, NamedTuple
 
-from PIL import Image, UnidentifiedImageError
-from pmtiles.reader import MmapSource, Reader
-from pmtiles.tile import Compression, TileType
+import numpy as np
+import numpy.typing as npt
+from pmtiles.tile import zxy_to_tileid
 
 from logger.core.errors import ConfigError
+from logger.core.foreign import check_regular, open_regular
 from postproc.basemap.georeferenced import Area, Ground
 from postproc.basemap.street_map import draw_tile
-from postproc.basemap.tiles import MOST_TILES, TileMatrix, mosaic, web_mercator_matrix
+from postproc.basemap.tiles import (
+    MOST_TILES,
+    TileMatrix,
+    TilePicture,
+    mosaic,
+    tile_picture,
+    web_mercator_matrix,
+)
 from postproc.basemap.vector_tile import layers_of
+from postproc.foreign_file import MOST_DIRECTORY_BYTES, MOST_TILE_BYTES
 
 _MAGIC = b"PMTiles\x03"
+_HEADER = struct.Struct("<8s11Q6B")
 _VECTOR_PIXELS = 1536
 """Along the longer side of what is drawn."""
-_MOST_BYTES = 64 << 20
-"""Of one tile; real ones have less than a megabyte."""
+_MVT = 1
+_PLAIN, _GZIP = 1, 2
+_DEEPEST = 31
+"""Level up to which the number of a tile fits into 64 bit."""
+_FINEST = 26
+"""Level at which a tile is half a metre wide."""
+_LEVELS_OF_DIRECTORIES = 4
+"""The root and three levels of leaves, as the specification allows."""
+_VARINT_BYTES = 10
+
+Numbers = npt.NDArray[np.uint64]
 
 
-class _Archive(NamedTuple):
-    reader: Any
-    header: dict[str, Any]
+class _Header(NamedTuple):
+    """3 of the specification: places in the file in bytes, and how it is packed."""
+
+    magic: bytes
+    root: int
+    root_bytes: int
+    metadata: int
+    metadata_bytes: int
+    leaves: int
+    leaves_bytes: int
+    tiles: int
+    tiles_bytes: int
+    n_addressed: int
+    n_entries: int
+    n_contents: int
+    is_clustered: int
+    directory_packing: int
+    tile_packing: int
+    tile_type: int
+    min_zoom: int
+    max_zoom: int
+
+    @property
+    def zooms(self) -> range:
+        """From the finest."""
+        return range(min(self.max_zoom, _FINEST), self.min_zoom - 1, -1)
+
+
+class _Directory:
+    """Entries in the order of their tiles; raises ValueError for bytes that are none."""
+
+    def __init__(self, data: bytes) -> None:
+        numbers = _varints(data)
+        count = int(numbers[0])
+        if 4 * count != len(numbers) - 1:
+            raise ValueError("a directory has more or fewer entries than it states")
+        steps, self._runs, self._lengths, self._offsets = numbers[1:].reshape(4, count)
+        self._tiles = np.cumsum(steps)
+
+    def find(self, tile: int) -> tuple[int, int, bool] | None:
+        """Offset and length of a tile, or of the directory it is in (True); None without it."""
+        at = int(np.searchsorted(self._tiles, np.uint64(tile), side="right")) - 1
+        if at < 0:
+            return None
+        run = int(self._runs[at])
+        if run and tile - int(self._tiles[at]) >= run:
+            return None
+        # 0: behind the entry before
+        known = np.flatnonzero(self._offsets[: at + 1])
+        if not len(known):
+            raise ValueError("the first entry of a directory has no place")
+        first = int(known[-1])
+        before = sum(map(int, self._lengths[first:at]))
+        return int(self._offsets[first]) - 1 + before, int(self._lengths[at]), not run
+
+
+class _Archive:
+    """An open file; raises ValueError where it contradicts itself or the limits."""
+
+    def __init__(self, path: Path, file: BinaryIO) -> None:
+        self._file, self._size = file, check_regular(path)
+        self.header = _Header(*_HEADER.unpack(self._bytes(0, _HEADER.size, _HEADER.size)))
+        if not self.header.min_zoom <= self.header.max_zoom <= _DEEPEST:
+            raise ValueError("it has no levels")
+        self._directories: dict[tuple[int, int], _Directory] = {}
 
     def tile(self, zoom: int, column: int, row: int) -> bytes | None:
         """A tile without its compression, None where there is none."""
-        data: bytes | None = self.reader.get(zoom, column, row)
-        if data is None or self.header["tile_compression"] == Compression.NONE:
-            return data
-        if self.header["tile_compression"] != Compression.GZIP:
-            raise ValueError("its tiles are compressed by something else than gzip")
-        with gzip.GzipFile(fileobj=BytesIO(data)) as file:
-            return file.read(_MOST_BYTES)
+        header, tile = self.header, zxy_to_tileid(zoom, column, row)
+        at, length = header.root, header.root_bytes
+        for _ in range(_LEVELS_OF_DIRECTORIES):
+            entry = self._directory(at, length).find(tile)
+            if entry is None:
+                return None
+            at, length, is_directory = entry
+            if not is_directory:
+                data = self._bytes(header.tiles + at, length, MOST_TILE_BYTES)
+                return _unpacked(data, header.tile_packing, MOST_TILE_BYTES)
+            at += header.leaves
+        raise ValueError("its directories refer to each other")
+
+    def _directory(self, at: int, length: int) -> _Directory:
+        known = self._directories.get((at, length))
+        if known is None:
+            data = self._bytes(at, length, MOST_DIRECTORY_BYTES)
+            known = _Directory(_unpacked(data, self.header.directory_packing, MOST_DIRECTORY_BYTES))
+            if len(self._directories) == _LEVELS_OF_DIRECTORIES:
+                del self._directories[next(iter(self._directories))]
+            self._directories[at, length] = known
+        return known
+
+    def _bytes(self, at: int, length: int, most: int) -> bytes:
+        if length > min(most, self._size - at):
+            raise ValueError(f"it names {length:,} bytes at {at:,}, of {self._size:,}")
+        self._file.seek(at)
+        data = self._file.read(length)
+        if len(data) < length:
+            raise ValueError("it is cut short")
+        return data
 
 
 class TilePlace(NamedTuple):
@@ -54,7 +159,7 @@ class TilePlace(NamedTuple):
 def is_pmtiles(path: Path) -> bool:
     """Whether a file is a PMTiles archive of version 3."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return file.read(len(_MAGIC)) == _MAGIC
     except OSError:
         return False
@@ -65,19 +170,13 @@ def open_pmtiles(path: Path, area: Area) -> Ground:
 
     Raises `ConfigError`.
     """
-    try:
-        with _archive(path) as archive:
-            zooms = range(archive.header["max_zoom"], archive.header["min_zoom"] - 1, -1)
-            for matrix in map(web_mercator_matrix, zooms):
-                columns, rows = matrix.span(area.within(matrix.crs))
-                if 0 < len(columns) * len(rows) <= MOST_TILES:
-                    ground = mosaic(_source(archive, matrix, columns, rows), matrix, columns, rows)
-                    if ground is not None:
-                        return ground
-    except (UnidentifiedImageError, Image.DecompressionBombError) as error:
-        raise ConfigError(f"{path}: a tile is no picture: {error}") from error
-    except (OSError, EOFError, ValueError, LookupError, TypeError) as error:
-        raise ConfigError(f"{path} cannot be read: {error}") from error
+    with _archive(path) as archive:
+        for matrix in map(web_mercator_matrix, archive.header.zooms):
+            columns, rows = matrix.span(area.within(matrix.crs))
+            if 0 < len(columns) * len(rows) <= MOST_TILES:
+                ground = mosaic(_source(archive, matrix, columns, rows), matrix, columns, rows)
+                if ground is not None:
+                    return ground
     raise ConfigError(f"{path} does not cover the area of this walk")
 
 
@@ -86,17 +185,14 @@ def vector_tile_at(path: Path, lat_deg: float, lon_deg: float) -> TilePlace | No
 
     Raises `ConfigError`.
     """
-    try:
-        with _archive(path) as archive:
-            if archive.header["tile_type"] != TileType.MVT:
-                return None
-            for zoom in range(archive.header["max_zoom"], archive.header["min_zoom"] - 1, -1):
-                x, y = _web_mercator(lat_deg, lon_deg, zoom)
-                data = archive.tile(zoom, int(x), int(y))
-                if data is not None:
-                    return TilePlace(zoom, data, (x % 1.0, y % 1.0))
-    except (OSError, EOFError, ValueError, LookupError, TypeError) as error:
-        raise ConfigError(f"{path} cannot be read: {error}") from error
+    with _archive(path) as archive:
+        if archive.header.tile_type != _MVT:
+            return None
+        for zoom in archive.header.zooms:
+            x, y = _web_mercator(lat_deg, lon_deg, zoom)
+            data = archive.tile(zoom, int(x), int(y))
+            if data is not None:
+                return TilePlace(zoom, data, (x % 1.0, y % 1.0))
     return None
 
 
@@ -109,22 +205,51 @@ def _web_mercator(lat_deg: float, lon_deg: float, zoom: int) -> tuple[float, flo
 
 @contextmanager
 def _archive(path: Path) -> Iterator[_Archive]:
-    with path.open("rb") as file:
-        reader: Any = Reader(MmapSource(file))  # type: ignore[no-untyped-call]
-        yield _Archive(reader, reader.header())
+    try:
+        with open_regular(path) as file:
+            yield _Archive(path, file)
+    except (OSError, ValueError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or error
+        raise ConfigError(f"{path} cannot be read: {reason}") from error
 
 
-def _source(archive: _Archive, matrix: TileMatrix, columns: range, rows: range) -> Any:
+def _source(archive: _Archive, matrix: TileMatrix, columns: range, rows: range) -> TilePicture:
     """How a tile becomes a picture, by what the file says that its tiles are."""
-    is_vector = archive.header["tile_type"] == TileType.MVT
     size = max(_VECTOR_PIXELS // max(len(columns), len(rows)), 256)
+    draw = archive.header.tile_type == _MVT
+    return lambda column, row: (
+        None
+        if (data := archive.tile(matrix.zoom, column, row)) is None
+        else draw_tile(layers_of(data), size)
+        if draw
+        else tile_picture(data)
+    )
 
-    def picture(column: int, row: int) -> Image.Image | None:
-        data = archive.tile(matrix.zoom, column, row)
-        if data is None:
-            return None
-        if is_vector:
-            return draw_tile(layers_of(data), size)
-        return Image.open(BytesIO(data)).convert("RGBA")
 
-    return picture
+def _unpacked(data: bytes, packing: int, most: int) -> bytes:
+    if packing == _PLAIN:
+        return data
+    if packing != _GZIP:
+        raise ValueError("it is compressed by something else than gzip")
+    try:
+        whole = zlib.decompressobj(16 + zlib.MAX_WBITS)
+        plain = whole.decompress(data, most)
+    except zlib.error as error:
+        raise ValueError(f"a compressed part is damaged: {error}") from error
+    if not whole.eof:
+        raise ValueError(f"a compressed part is cut, or has more than {most >> 20} MB")
+    return plain
+
+
+def _varints(data: bytes) -> Numbers:
+    """Unsigned integers of seven bits in each byte, the lowest first."""
+    raw = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(raw < 0x80)
+    if not len(ends) or ends[-1] != len(raw) - 1:
+        raise ValueError("a directory is cut short")
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    place = np.arange(len(raw)) - np.repeat(starts, ends - starts + 1)
+    if place.max() >= _VARINT_BYTES:
+        raise ValueError("a directory has a number of more than 64 bit")
+    parts = (raw & 0x7F).astype(np.uint64) << (7 * place).astype(np.uint64)
+    return np.add.reduceat(parts, starts)

@@ -61,7 +61,7 @@ def read_basemap(
         return None
     box = plan.enlarge(_MARGIN * plan.size)
     area = _area_of(survey, box, most_pixels)
-    ground = _open(path, area)
+    ground = open_ground(path, area)
     # the nearest pixel is taken: half as large, so that none is off by more than a quarter of one
     pixel_m = max(area.finest_m, 0.5 * _pixel_m(ground, area))
     shape = max(round(box.height / pixel_m), 1), max(round(box.width / pixel_m), 1)
@@ -71,7 +71,8 @@ def read_basemap(
     return Basemap(pixels, box)
 
 
-def _open(path: Path, area: Area) -> Ground:
+def open_ground(path: Path, area: Area) -> Ground:
+    """What a file has of an area; raises `ConfigError` for one that cannot be read."""
     if is_sqlite(path):
         return open_tiles(path, area)
     return open_pmtiles(path, area) if is_pmtiles(path) else open_picture(path, area)

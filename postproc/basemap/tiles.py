@@ -5,13 +5,14 @@ Their rows are numbered from the south (TMS) unless the metadata state xyz.
 
 import math
 import sqlite3
+import warnings
 from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 from pyproj import CRS
 
 from logger.core.arrays import FloatArray
@@ -19,13 +20,22 @@ from logger.core.errors import ConfigError
 from logger.sqlite_file import open_database
 from postproc.basemap.georeferenced import Area, Ground
 from postproc.basemap.world_file import WEB_MERCATOR
+from postproc.foreign_file import MOST_TILE_PIXELS
+from postproc.progress import with_progress
 
 MOST_TILES = 64
 """Eight by eight of 256 pixels: as many pixels as the plan can use."""
 _HALF_WORLD_M = math.pi * 6378137.0
 """Half the circumference of Web Mercator's sphere."""
 
-_ZOOMS = "SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level DESC"
+_MOSAIC_PIXELS = 512
+"""Of a tile: more than the plan can use."""
+_FORMATS = ("PNG", "JPEG", "WEBP")
+"""Of tiles; Pillow would start other programs for some formats."""
+_IS_XYZ = "SELECT 1 FROM metadata WHERE name = 'scheme' AND value = 'xyz' LIMIT 1"
+_HAS_ZOOM = "SELECT 1 FROM tiles WHERE zoom_level = ? LIMIT 1"
+_FINEST = 26
+"""Level at which a tile is half a metre wide."""
 _TILE = """
 SELECT CAST(tile_data AS BLOB) FROM tiles
 WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?
@@ -81,19 +91,19 @@ def open_tiles(path: Path, area: Area) -> Ground:
                         return ground
     except sqlite3.Error as error:
         raise ConfigError(f"{path} is no MBTiles file with raster tiles: {error}") from error
-    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError) as error:
-        raise ConfigError(
-            f"{path}: a tile is not an image (vector tiles are not supported)"
-        ) from error
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error} (vector tiles are read from PMTiles)") from error
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror or error}") from error
     raise ConfigError(f"{path} does not cover the area of this walk")
 
 
 def _matrices(database: sqlite3.Connection) -> Iterator[TileMatrix]:
     """All zoom levels, the finest first."""
-    metadata = dict(database.execute("SELECT name, value FROM metadata"))
-    from_south = metadata.get("scheme", "tms") != "xyz"
-    for (zoom,) in database.execute(_ZOOMS).fetchall():
-        yield web_mercator_matrix(zoom)._replace(from_south=from_south)
+    from_south = database.execute(_IS_XYZ).fetchone() is None
+    for zoom in range(_FINEST, -1, -1):
+        if database.execute(_HAS_ZOOM, (zoom,)).fetchone():
+            yield web_mercator_matrix(zoom)._replace(from_south=from_south)
 
 
 def web_mercator_matrix(zoom: int) -> TileMatrix:
@@ -107,16 +117,20 @@ def web_mercator_matrix(zoom: int) -> TileMatrix:
 
 def mosaic(picture: TilePicture, matrix: TileMatrix, columns: range, rows: range) -> Ground | None:
     """Tiles side by side, transparent where one is missing; None where all are."""
-    places = ((column, row) for row in rows for column in columns)
-    pictures = ((place, picture(*place)) for place in places)
-    tiles = {place: tile for place, tile in pictures if tile is not None}
-    if not tiles:
-        return None
-    width, height = next(iter(tiles.values())).size
-    image = Image.new("RGBA", (width * len(columns), height * len(rows)))
-    for (column, row), tile in tiles.items():
+    places = [(column, row) for row in rows for column in columns]
+    image: Image.Image | None = None
+    width = height = 1
+    for column, row in with_progress(places, "tiles of the map", len(places)):
+        tile = picture(column, row)
+        if tile is None:
+            continue
+        if image is None:
+            width, height = (min(side, _MOSAIC_PIXELS) for side in tile.size)
+            image = Image.new("RGBA", (width * len(columns), height * len(rows)))
         corner = (column - columns[0]) * width, (row - rows[0]) * height
         image.paste(tile.resize((width, height)), corner)
+    if image is None:
+        return None
     pixel_x, pixel_y = matrix.tile_width / width, matrix.tile_height / height
     west = matrix.west + columns[0] * matrix.tile_width
     north = matrix.north - rows[0] * matrix.tile_height
@@ -130,6 +144,19 @@ def _of_database(database: sqlite3.Connection, matrix: TileMatrix) -> TilePictur
     def picture(column: int, row: int) -> Image.Image | None:
         stored = matrix.rows - 1 - row if matrix.from_south else row
         tile = database.execute(_TILE, (matrix.zoom, column, stored)).fetchone()
-        return None if tile is None else Image.open(BytesIO(tile[0])).convert("RGBA")
+        return None if tile is None else tile_picture(tile[0])
 
     return picture
+
+
+def tile_picture(data: bytes | None) -> Image.Image:
+    """The picture in a tile; raises ValueError for anything else."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            with Image.open(BytesIO(data or b""), formats=_FORMATS) as picture:
+                if max(picture.size) <= MOST_TILE_PIXELS:
+                    return picture.convert("RGBA")
+    except Exception as error:  # whatever Pillow makes of a damaged picture
+        raise ValueError(f"a tile is no picture: {error}") from error
+    raise ValueError(f"a tile has more than {MOST_TILE_PIXELS} pixels along a side")

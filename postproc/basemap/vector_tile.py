@@ -15,6 +15,10 @@ Rings = list[list[tuple[int, int]]]
 _KINDS: dict[int, Kind] = {1: "point", 2: "line", 3: "polygon"}
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _MOVE, _LINE, _CLOSE = 1, 2, 7
+_FARTHEST = 1 << 24
+"""Units of a tile, which has 4096: a drawing program would take hours for a line beyond."""
+_MOST_BITS = 70
+"""Of a number in bytes of seven."""
 
 
 class Feature(NamedTuple):
@@ -37,7 +41,14 @@ def layers_of(tile: bytes) -> list[Layer]:
     """All layers of a tile; raises ValueError for bytes that are none."""
     try:
         return [_layer(value) for number, value in _fields(tile) if number == 3]
-    except (IndexError, KeyError, TypeError, UnicodeDecodeError, struct.error) as error:
+    except (
+        AttributeError,  # a number where a text belongs
+        IndexError,
+        KeyError,
+        TypeError,
+        UnicodeDecodeError,
+        struct.error,
+    ) as error:
         raise ValueError(f"no vector tile: {error}") from error
 
 
@@ -55,6 +66,8 @@ def _layer(data: bytes) -> Layer:
                 values.append(_value(value))
             case 5:
                 extent = int(value)
+    if not 0 < extent <= _FARTHEST:
+        raise IndexError("its layers have no size")
     features = [feature for one in raw if (feature := _feature(one, keys, values)) is not None]
     return Layer(name, extent, features)
 
@@ -77,13 +90,22 @@ def _feature(data: bytes, keys: list[str], values: list[Value]) -> Feature | Non
 
 def _parts(geometry: bytes) -> Rings:
     """Commands of the cursor as points of each part; a polygon's first point is not repeated."""
-    numbers = iter(_varints(geometry))
+    numbers = list(_varints(geometry))
     parts: Rings = []
-    x = y = 0
-    for command in numbers:
-        kind, count = command & 7, command >> 3
-        for _ in range(count if kind != _CLOSE else 0):
-            x, y = x + _signed(next(numbers, 0)), y + _signed(next(numbers, 0))
+    at = x = y = 0
+    while at < len(numbers):
+        kind, count = numbers[at] & 7, numbers[at] >> 3
+        at += 1
+        if kind == _CLOSE:
+            continue
+        if 2 * count > len(numbers) - at:
+            raise IndexError("a line has fewer points than it states")
+        points = numbers[at : at + 2 * count]
+        at += 2 * count
+        for right, down in zip(points[::2], points[1::2], strict=True):
+            x, y = x + _signed(right), y + _signed(down)
+            if max(abs(x), abs(y)) > _FARTHEST:
+                raise IndexError("a point lies far outside of the tile")
             if kind == _MOVE:
                 parts.append([])
             parts[-1].append((x, y))
@@ -139,6 +161,8 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
         if byte < 0x80:
             return value, at
         shift += 7
+        if shift >= _MOST_BITS:
+            raise IndexError("a number has more than 64 bit")
 
 
 def _signed(number: int) -> int:

@@ -15,11 +15,18 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from logger.core.arrays import FloatArray
-from logger.core.errors import ConfigError
+from logger.core.errors import ConfigError, FieldLoggerError
+from logger.core.foreign import open_regular
 from postproc.basemap.georeferenced import Area, Ground, pixel_of
+from postproc.foreign_file import MOST_PIXELS
 
 GEOGRAPHIC = CRS.from_epsg(4326)
 WEB_MERCATOR = CRS.from_epsg(3857)
+_FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF")
+"""Pillow would start other programs for some formats."""
+_STRIP_ROWS = 512
+_MOST_TEXT_BYTES = 64 << 10
+"""Of a world file or a reference system, which has some kilobytes."""
 
 
 class _Crop(NamedTuple):
@@ -40,7 +47,7 @@ def open_picture(path: Path, area: Area) -> Ground:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            with Image.open(path) as picture:
+            with open_regular(path) as file, Image.open(file, formats=_FORMATS) as picture:
                 return _read_part(picture, affine, path, area)
     except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
         raise ConfigError(f"{path} has too many pixels: crop it to the area of the walk") from error
@@ -48,20 +55,34 @@ def open_picture(path: Path, area: Area) -> Ground:
         raise ConfigError(
             f"{path} is not an image: use PNG or JPEG with a world file, PMTiles or MBTiles"
         ) from error
-    except (OSError, SyntaxError, ValueError) as error:
+    except FieldLoggerError:
+        raise
+    except Exception as error:  # whatever Pillow makes of a damaged picture
         reason = getattr(error, "strerror", None) or error
         raise ConfigError(f"{path} cannot be read: {reason}") from error
 
 
 def _read_part(picture: Image.Image, affine: FloatArray, path: Path, area: Area) -> Ground:
     """Crop to the area, and reduce to the resolution of the plan."""
+    if picture.width * picture.height > MOST_PIXELS:
+        raise Image.DecompressionBombError
     crop = _crop(picture, affine, path, area)
     wanted = float(np.hypot(*np.ptp(area.mesh, axis=(1, 2)))) / area.finest_m
     factor = max(int(crop.diagonal / wanted), 1)
-    pixels = np.asarray(picture.crop(crop.corners).convert("RGBA").reduce(factor))
+    left, top, right, bottom = crop.corners
+    height = factor * max(_STRIP_ROWS // factor, 1)
+    # strip by strip: a copy of the whole picture would take as much memory again
+    strips = [
+        np.asarray(
+            picture.crop((left, first, right, min(first + height, bottom)))
+            .convert("RGBA")
+            .reduce(factor)
+        )
+        for first in range(top, bottom, height)
+    ]
+    pixels = np.concatenate(strips)
     # the centre of a pixel made of n x n is (n - 1) / 2 pixels farther on
     half = 0.5 * (factor - 1)
-    left, top = crop.corners[:2]
     first = affine @ np.array([left + half, top + half, 1.0])
     return Ground(pixels, crop.crs, np.column_stack([affine[:, :2] * factor, first]))
 
@@ -86,11 +107,23 @@ def _systems(path: Path, area: Area) -> Iterator[CRS]:
     projection = path.with_suffix(".prj")
     if projection.is_file():
         try:
-            yield CRS.from_user_input(projection.read_text(errors="replace").strip())
+            yield CRS.from_user_input(_text(projection).strip())
         except CRSError as error:
             raise ConfigError(f"{projection} contains no known reference system") from error
         return
     yield from (area.crs, GEOGRAPHIC, WEB_MERCATOR)
+
+
+def _text(path: Path) -> str:
+    """Text of a small file; raises `ConfigError`."""
+    try:
+        with open_regular(path) as file:
+            data = file.read(_MOST_TEXT_BYTES + 1)
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+    if len(data) > _MOST_TEXT_BYTES:
+        raise ConfigError(f"{path} has more than {_MOST_TEXT_BYTES >> 10} kB")
+    return data.decode("utf-8", "replace")
 
 
 def _affine(path: Path) -> FloatArray:
@@ -101,7 +134,7 @@ def _affine(path: Path) -> FloatArray:
     if world is None:
         expected = f"{names[0].name} or {path.stem}.wld"
         raise ConfigError(f"{path} has no world file beside it ({expected})")
-    words = world.read_text(errors="replace").replace(",", ".").split()
+    words = _text(world).replace(",", ".").split()
     try:
         affine = np.array(words, float).reshape(3, 2).T
     except ValueError as error:

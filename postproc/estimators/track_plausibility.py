@@ -4,6 +4,8 @@ A file whose "seconds" only count its rows has no speed. Smoothing in time then 
 kilometres: it takes distant fixes for errors of the receiver.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
@@ -37,9 +39,12 @@ def too_fast(track: Track) -> str | None:
     return f"every second step from fix to fix would be {how_fast}"
 
 
-def too_many_apart(walk: SmoothedTrack) -> str | None:
-    """Why the fixes contradict their times; None where they do not."""
-    count, n = int(np.count_nonzero(walk.outlier | moved_too_far(walk))), len(walk.outlier)
+def too_many_apart(walks: Iterable[SmoothedTrack]) -> str | None:
+    """Why the fixes of the parts of a walk contradict their times; None where they do not."""
+    count = n = 0
+    for walk in walks:
+        count += int(np.count_nonzero(walk.outlier | moved_too_far(walk)))
+        n += len(walk.outlier)
     if count < _FEWEST or count <= MOST_APART * n:
         return None
     return f"{count} of {n} fixes cannot belong to one path in these times"

@@ -3,6 +3,7 @@
 import csv
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -61,11 +62,12 @@ def _say(text: str) -> None:
 
 def _rows(*, needs_cell: bool) -> Iterator[dict[str, str | None]]:
     """Rows by the names of the header, each as soon as its line is complete."""
+    from postproc.foreign_file import LONGEST_ITEM
     from postproc.guidance.filter import COLUMNS
 
     # Spreadsheets begin with a byte order mark; bytes that are no text are an error of one row
     with open(0, encoding="utf-8-sig", errors="replace", closefd=False) as file:
-        lines = iter(file.readline, "")
+        lines = iter(partial(file.readline, LONGEST_ITEM), "")
         names = [name.strip().lower() for name in _values(next(lines, ""))]
         missing = [name for name in (*COLUMNS, *["cell"][:needs_cell]) if name not in names]
         if missing:

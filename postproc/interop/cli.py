@@ -143,12 +143,12 @@ def import_(
         track=read_track(track) if track else None,
         zone=zone_named(zone) if zone else None,
     )
-    names = members(source)
-    if member is not None and member not in names:
-        inside = f"it has {', '.join(names[:5])}" if names else "it is no zip"
+    sizes = members(source)
+    if member is not None and member not in sizes:
+        inside = f"it has {', '.join(list(sizes)[:5])}" if sizes else "it is no zip"
         raise ConfigError(f"{source} has no file {member!r}: {inside}")
-    if len(names) > 1 and member is None:
-        _import_all(source, output, names, reading, as_json=as_json)
+    if len(sizes) > 1 and member is None:
+        _import_all(source, output, sizes, reading, as_json=as_json)
         return
     imported = import_walk(source, output, reading=reading, member=member)
     _print_left_out(source, imported)
@@ -159,14 +159,14 @@ def import_(
 
 
 def _import_all(
-    source: Path, output: Path, names: list[str], reading: "Reading", *, as_json: bool
+    source: Path, output: Path, sizes: dict[str, int], reading: "Reading", *, as_json: bool
 ) -> None:
     """Import each file of a zip, and say of each what became of it."""
     from postproc.interop.importing import summary
     from postproc.interop.zip_import import import_members
 
     runs, left = [], []
-    for name, result in import_members(source, output, names, reading):
+    for name, result in import_members(source, output, sizes, reading):
         if isinstance(result, str):
             left.append({"file": name, "why": result})
             print(f"{source}/{name} is left out: {result}", file=sys.stderr)
@@ -176,7 +176,7 @@ def _import_all(
         if not as_json:
             _print_imported(result)
     if not runs:
-        raise RunFileError(f"{source}: none of its {len(names)} files could be imported")
+        raise RunFileError(f"{source}: none of its {len(sizes)} files could be imported")
     if as_json:
         print_json({"runs": runs, "left_out": left})
 
@@ -184,9 +184,9 @@ def _import_all(
 def _print_left_out(source: Path, imported: "Imported") -> None:
     for bad in imported.bad_rows[:_MOST_PRINTED]:
         print(f"{source}: line {bad.line}: {bad.why}", file=sys.stderr)
-    if len(imported.bad_rows) > _MOST_PRINTED:
-        more = len(imported.bad_rows) - _MOST_PRINTED
-        print(f"{source}: ... and {more} more bad rows (--json lists all)", file=sys.stderr)
+    if imported.n_bad > _MOST_PRINTED:
+        more = imported.n_bad - _MOST_PRINTED
+        print(f"{source}: ... and {more} more bad rows (--json lists them)", file=sys.stderr)
     if imported.was_sorted:
         print(f"{source}: rows were out of order and have been sorted by time", file=sys.stderr)
 
@@ -194,7 +194,7 @@ def _print_left_out(source: Path, imported: "Imported") -> None:
 def _print_imported(imported: "Imported") -> None:
     again = f", {imported.n_repeated} repeated" if imported.n_repeated else ""
     remarks = f", {imported.n_remarks} remarks" if imported.n_remarks else ""
-    counts = f"{imported.n_rows} readings{remarks}, {len(imported.bad_rows)} bad rows{again}"
+    counts = f"{imported.n_rows} readings{remarks}, {imported.n_bad} bad rows{again}"
     print(f"{imported.path}: {counts} ({imported.format})")
     for why, n in imported.other:
         print(f"{imported.path}: left out: {n} rows, {why}", file=sys.stderr)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from logger.core.errors import RunFileError
+from logger.core.foreign import open_regular
 from logger.sqlite_file import SQLITE_MAGIC, open_database
 from postproc.interop import csv_table
 
@@ -19,6 +20,10 @@ _KINDS = {
     b"\xff\xd8\xff": "a JPEG picture",
     b"PAR1": "a Parquet table",
     b"\x7fELF": "a program",
+    b"PK": "a zip within a compressed file",
+    b"\x1f\x8b": "a compressed file within another",
+    b"\xff\xfe": "text in UTF-16 (save it in UTF-8)",
+    b"\xfe\xff": "text in UTF-16 (save it in UTF-8)",
 }
 _HEAD_BYTES = 65_536
 """Holds the first objects of any JSON and the root of any XML."""
@@ -48,7 +53,7 @@ class Contents:
 def look_at(source: Path) -> Contents:
     """What is in a file; raises `RunFileError` for one that holds no log whatever is in it."""
     try:
-        with source.open("rb") as file:
+        with open_regular(source) as file:
             head = file.read(_HEAD_BYTES)
     except OSError as error:
         raise RunFileError(f"{source}: {error.strerror}") from error
@@ -80,7 +85,7 @@ def unknown_format(source: Path, words: str) -> RunFileError:
 def _tables(source: Path) -> Contents:
     try:
         with open_database(source) as database:
-            query = "SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name"
+            query = "SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name LIMIT 1000"
             tables = [str(name) for (name,) in database.execute(query)]
     except sqlite3.Error as error:
         raise RunFileError(f"{source} is a damaged SQLite file: {error}") from error

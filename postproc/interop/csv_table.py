@@ -6,20 +6,23 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from logger.core.errors import RunFileError
+from postproc import foreign_file
+from postproc.foreign_file import MOST_COLUMNS, Lines
 
 Line = tuple[int, dict[str, str]]
 
 
 @contextmanager
-def text_lines(source: Path) -> Iterator[Iterator[str]]:
+def text_lines(source: Path) -> Iterator[Lines]:
     """Lines of a text file; raises `RunFileError` if it cannot be read or is no CSV."""
     try:
-        with source.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-            yield iter(file)
-    except OSError as error:
-        raise RunFileError(f"{source}: {error.strerror}") from error
+        with foreign_file.text_lines(source) as lines:
+            yield lines
     except csv.Error as error:
-        raise RunFileError(f"{source} is no CSV file: {error}") from error
+        raise RunFileError(
+            f"{source} is no CSV file: line {lines.number}: {error}; "
+            "is a quotation mark never closed?"
+        ) from error
 
 
 def names_of(header: str) -> list[str]:
@@ -45,30 +48,29 @@ def rows(
     """
     if header:
         with text_lines(source) as lines:
-            yield from _rows_of(lines, ",", list(header), 0)
+            yield from _rows_of(lines, ",", list(header))
         return
     with text_lines(source) as lines:
-        first, n_before = "", 0
+        first = ""
         for first in lines:
-            if n_before >= skip and not first.startswith("#"):
+            lines.end_row()
+            if lines.number > skip and not first.startswith("#"):
                 break
-            n_before += 1
         else:
             first = ""
         names = names_of(first)
         _check(source, names, required)
-        yield from _rows_of(lines, _delimiter(first), names, n_before + 1)
+        yield from _rows_of(lines, _delimiter(first), names)
 
 
-def _rows_of(
-    lines: Iterator[str], delimiter: str, names: list[str], n_before: int
-) -> Iterator[Line]:
-    for number, line in enumerate(lines, n_before + 1):
+def _rows_of(lines: Lines, delimiter: str, names: list[str]) -> Iterator[Line]:
+    for line in lines:
+        lines.end_row()
         values = _values(line.rstrip("\r\n"), delimiter, len(names))
         if any(value.strip() for value in values):
             # a short row lacks its last columns; what it lacks is then empty
             padded = values + [""] * (len(names) - len(values))
-            yield number, {n: v.strip() for n, v in zip(names, padded, strict=False)}
+            yield lines.number, {n: v.strip() for n, v in zip(names, padded, strict=False)}
 
 
 def _values(line: str, delimiter: str, n_names: int) -> list[str]:
@@ -89,6 +91,8 @@ def _delimiter(header: str) -> str:
 
 
 def _check(source: Path, names: list[str], required: Iterable[str | Collection[str]]) -> None:
+    if len(names) > MOST_COLUMNS:
+        raise RunFileError(f"{source} has more than {MOST_COLUMNS} columns")
     options = [{column} if isinstance(column, str) else set(column) for column in required]
     missing = [" or ".join(sorted(some)) for some in options if not some & set(names)]
     if missing:

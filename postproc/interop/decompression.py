@@ -1,40 +1,71 @@
 """Compressed files as the file that is in them."""
 
+import errno
 import gzip
 import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BufferedReader
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from typing import IO
 
 from logger.core.errors import RunFileError
+from logger.core.foreign import open_regular
+from postproc.foreign_file import MOST_MEMBERS, most_unpacked_bytes
+from postproc.progress import with_count
 
-MOST_BYTES = 2 * 1024**3
-"""A year of walks is smaller; what unpacks to more was made to fill a disk."""
-MOST_MEMBERS = 500
-"""More logs than anybody walks in a year."""
 _GZIP = b"\x1f\x8b"
 _ZIP = b"PK\x03\x04"
 _CHUNK = 1 << 20
+_PACKINGS = frozenset({zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED})
+"""Those of every zip program; of the others zipfile unpacks a block of any size at once."""
+_DAMAGE = (
+    EOFError,
+    zlib.error,
+    zipfile.BadZipFile,
+    NotImplementedError,
+    RuntimeError,
+    KeyError,
+    ValueError,
+)
 
 
-def members(source: Path) -> list[str]:
-    """Names of the files in a zip, in their order; empty for any other file.
+def members(source: Path) -> dict[str, int]:
+    """Names of the files in a zip, in their order, and their sizes; empty for any other file.
 
-    Raises `RunFileError` for a zip that is damaged or has more than `MOST_MEMBERS` files.
+    Raises `RunFileError` for a zip that is damaged, has more than `MOST_MEMBERS` files or one name
+    twice.
     """
     if not _head(source).startswith(_ZIP):
-        return []
+        return {}
     try:
-        with zipfile.ZipFile(source) as archive:
-            names = [one.filename for one in _files_of(archive)]
-    except (OSError, zipfile.BadZipFile) as error:
-        raise RunFileError(f"{source} cannot be unpacked: {error}") from error
-    if len(names) > MOST_MEMBERS:
-        raise RunFileError(f"{source} has {len(names)} files: unpack it and import some of them")
-    return names
+        with _open_zip(source) as archive:
+            files = _files_of(archive)
+    except (OSError, *_DAMAGE) as error:
+        raise _not_unpacked(source, error) from error
+    sizes = {one.filename: one.file_size for one in files}
+    if len(files) > MOST_MEMBERS:
+        raise RunFileError(f"{source} has {len(files)} files: unpack it and import some of them")
+    if len(sizes) < len(files):
+        raise RunFileError(f"{source} has two files of one name: unpack it")
+    return sizes
+
+
+@contextmanager
+def _open_zip(source: Path) -> Iterator[zipfile.ZipFile]:
+    with _ZipSource(open_regular(source).detach()) as file, zipfile.ZipFile(file) as archive:
+        yield archive
+
+
+class _ZipSource(BufferedReader):
+    """The bytes of a zip; its table of contents is read at once, whatever length it claims."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        if size is not None and size > _CHUNK:
+            raise zipfile.BadZipFile(f"its table of contents has more than {_CHUNK >> 20} MB")
+        return super().read(size)
 
 
 def _files_of(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
@@ -58,29 +89,29 @@ def plain_file(source: Path, member: str | None = None) -> Iterator[Path]:
         yield source
         return
     with TemporaryDirectory() as folder:
-        copy = Path(folder) / "unpacked"
+        copy = Path(folder) / source.name
         try:
             with _open_archive(source, head, member) as packed, copy.open("wb") as plain:
-                _copy(packed, plain, source)
-        except (
-            OSError,
-            EOFError,
-            zlib.error,
-            zipfile.BadZipFile,
-            NotImplementedError,
-            RuntimeError,
-            KeyError,
-        ) as error:
-            raise RunFileError(f"{source} cannot be unpacked: {error}") from error
+                for chunk in with_count(_chunks(packed, source), f"{source.name}: unpacking MB"):
+                    plain.write(chunk)
+        except (OSError, *_DAMAGE) as error:
+            raise _not_unpacked(source, error) from error
         try:
             yield copy
         except RunFileError as error:
             raise RunFileError(str(error).replace(str(copy), str(source))) from error
 
 
+def _not_unpacked(source: Path, error: Exception) -> RunFileError:
+    reason = (isinstance(error, OSError) and error.strerror) or error
+    if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+        reason = f"no space is left in {gettempdir()}; TMPDIR names another folder"
+    return RunFileError(f"{source} cannot be unpacked: {reason}")
+
+
 def _head(source: Path) -> bytes:
     try:
-        with source.open("rb") as file:
+        with open_regular(source) as file:
             return file.read(4)
     except OSError as error:
         raise RunFileError(f"{source}: {error.strerror}") from error
@@ -91,21 +122,26 @@ def _open_archive(
     source: Path, head: bytes, member: str | None
 ) -> Iterator[IO[bytes] | gzip.GzipFile]:
     if head.startswith(_GZIP):
-        with gzip.open(source, "rb") as file:
+        with open_regular(source) as packed, gzip.GzipFile(fileobj=packed) as file:
             yield file
         return
-    with zipfile.ZipFile(source) as archive:
+    with _open_zip(source) as archive:
         files = _files_of(archive)
         if member is None and len(files) != 1:
             raise RunFileError(f"{source} is a zip of {len(files)} files: unpack it, or name one")
-        with archive.open(files[0] if member is None else member) as file:
+        chosen = files[0] if member is None else archive.getinfo(member)
+        if chosen.compress_type not in _PACKINGS:
+            raise RunFileError(f"{source} is not packed by deflate: unpack it")
+        with archive.open(chosen) as file:
             yield file
 
 
-def _copy(packed: IO[bytes] | gzip.GzipFile, plain: IO[bytes], source: Path) -> None:
-    size = 0
+def _chunks(packed: IO[bytes] | gzip.GzipFile, source: Path) -> Iterator[bytes]:
+    size, most = 0, most_unpacked_bytes(source.stat().st_size)
     while chunk := packed.read(_CHUNK):
         size += len(chunk)
-        if size > MOST_BYTES:
-            raise RunFileError(f"{source} unpacks to more than {MOST_BYTES >> 30} GB")
-        plain.write(chunk)
+        if size > most:
+            raise RunFileError(
+                f"{source} unpacks to more than {most >> 20} MB, which no log of its size does"
+            )
+        yield chunk

@@ -2,30 +2,34 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
-from itertools import groupby, pairwise
+from itertools import chain, groupby
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
-import numpy as np
-
 from logger.core.errors import GeoError, RunFileError
-from logger.core.geo import Utm
 from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
 from logger.core.reportable import range_dbm, reportable
-from logger.core.track import Track, fix_sigma_m
+from logger.core.track import Track
 from logger.core.types import Fix, Note, Record, Scan
 from logger.core.utc import utc_text
 from postproc.estimators import stale_fixes, track_plausibility, walker
+from postproc.foreign_file import MOST_BAD_ROWS, MOST_READINGS, MOST_REMARKS, counted
 from postproc.interop.decompression import plain_file
 from postproc.interop.formats import WALK_CSV, Format, recognise
 from postproc.interop.join_track import in_zone, on_track, with_position
 from postproc.interop.run_builder import Append, meta_of, spare, write_run
 from postproc.interop.sighting import BadRow, NoCell, Remark, Row, Sighting
+from postproc.interop.sighting_file import SightingFile
 from postproc.interop.track_file import GpsTrack
+from postproc.progress import with_progress
 
 _ROW_NS = 10**9
 """From row to row where only their order is known."""
+_STRETCH = 20_000
+"""Fixes that are smoothed together: hours of a walk."""
+_TRACK = ("t_ns", "seq", "x_m", "y_m", "sigma_m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +38,8 @@ class Imported:
 
     Without `has_times` the run's times only count the rows. `other` states why the rows of
     `n_other` were passed over and how many each, `n_remarks` counts what another program noticed.
-    `no_level` states the same of rows whose cell counts as heard without its level, `n_unnamed`
-    counts levels of no named cell.
+    `bad_rows` are the first of `n_bad`. `no_level` states of how many rows the cell counts as heard
+    without its level, and why; `n_unnamed` counts levels of no named cell.
     """
 
     path: Path
@@ -48,6 +52,7 @@ class Imported:
     has_times: bool = True
     other: tuple[tuple[str, int], ...] = ()
     n_remarks: int = 0
+    n_bad: int = 0
     no_level: tuple[tuple[str, int], ...] = ()
     n_unnamed: int = 0
 
@@ -83,45 +88,77 @@ def import_walk(
     reading = reading or Reading(times)
     spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
     name = source if member is None else Path(f"{source}/{member}")
-    with plain_file(source, member) as plain:
-        form = recognise(plain, reading.columns)
-        no_level: Counter[str] = Counter()
-        rows = [_in_range(row, no_level) for row in _with_places(form.read(plain), reading)]
-    sightings = [row for row in rows if isinstance(row, Sighting)]
-    remarks = tuple(row for row in rows if isinstance(row, Remark))
-    left = _Left.of(rows, no_level)
-    has_levels = any(row.reading.level_dbm is not None for row in sightings)
-    if not has_levels and not (remarks and reading.track):
+    with closing(_sighting_file(target)) as sightings:
+        left = _Left()
+        with plain_file(source, member) as plain:
+            form = recognise(plain, reading.columns)
+            for read in _with_places(counted(form.read(plain), plain, "rows"), reading):
+                row = left.in_range(read)
+                if not isinstance(row, Sighting):
+                    left.take(row)
+                elif len(sightings) < MOST_READINGS:
+                    _append(sightings, row, target)
+                else:
+                    raise RunFileError(
+                        f"{name} has more than {MOST_READINGS:,} readings, the last in line "
+                        f"{row.line:,}: divide it into several files"
+                    )
+        return _written(name, target, form, sightings, left, reading)
+
+
+def _sighting_file(target: Path) -> SightingFile:
+    try:
+        return SightingFile(target.parent)
+    except OSError as error:
+        raise RunFileError(f"cannot write {target}: {error.strerror}") from error
+
+
+def _append(sightings: SightingFile, row: Sighting, target: Path) -> None:
+    try:
+        sightings.append(row)
+    except OSError as error:
+        raise RunFileError(f"cannot write {target}: {error.strerror}") from error
+
+
+def _written(
+    name: Path,
+    target: Path,
+    form: Format,
+    sightings: SightingFile,
+    left: "_Left",
+    reading: Reading,
+) -> Imported:
+    if not left.n_levels and not (left.remarks and reading.track):
         raise RunFileError(f"{name} has no usable row{left.reason}")
     n_read = len(sightings)
     if form is not WALK_CSV:
         # apps repeat measurements when they export again
-        sightings = list(
-            {(row.t_ns, row.fix, row.reading): row for row in reversed(sightings)}.values()
-        )[::-1]
+        sightings.leave_out_repeated()
     has_times = reading.times and bool(form.times)
-    in_time = (
-        sorted(sightings, key=lambda row: row.t_ns) if has_times else _without_times(sightings)
-    )
+    was_sorted = has_times and sightings.sort_by_time()
     if has_times and sightings:
-        _check_times(name, form, in_time)
+        _check_times(name, form, sightings)
     imported = Imported(
         target,
         form.name,
         len(sightings),
         left.n_other,
         n_read - len(sightings),
-        left.bad,
-        has_times and not all(a.t_ns <= b.t_ns for a, b in pairwise(sightings)),
+        tuple(left.bad),
+        was_sorted,
         has_times,
         left.other,
-        len(remarks),
+        len(left.remarks),
+        left.n_bad,
         left.no_level,
-        sum(row.reading.cell is None for row in sightings),
+        left.n_unnamed,
     )
-    scans = scans_of(in_time) if form.has_scans and has_times else [[row] for row in in_time]
     origin = f"{IMPORT if has_times else IMPORT_WITHOUT_TIMES} {name.name}"
-    walk = _Walk(scans, remarks, reading.track)
+    rows = with_progress(
+        sightings if has_times else _without_times(sightings), "writing", len(sightings)
+    )
+    scans = scans_of(rows) if form.has_scans and has_times else ([row] for row in rows)
+    walk = _Walk(scans, left.remarks, reading.track)
     write_run(target, meta_of(origin), lambda append: _fill(append, walk, imported), "imported")
     return imported
 
@@ -132,54 +169,69 @@ def _with_places(rows: Iterable[Row], reading: Reading) -> Iterator[Row]:
     return on_track(rows, reading.track) if reading.track else with_position(rows)
 
 
-def _in_range(row: Row, no_level: Counter[str]) -> Row:
-    """A row without a level that its technology cannot report; one without a name is left out.
-
-    Without a technology nothing is known of the range.
-    """
-    if not isinstance(row, Sighting) or row.reading.rat is None:
-        return row
-    reading = reportable(row.reading)
-    if reading is row.reading:
-        return row
-    if reading.level_dbm is not None:
-        return replace(row, reading=reading)
-    low, high = range_dbm(row.reading.rat)
-    why = f"level outside of what {row.reading.rat} reports, {low:g} to {high:g} dBm"
-    if reading.cell is None:
-        return NoCell(row.line, why)
-    no_level[why] += 1
-    return replace(row, reading=reading)
-
-
-@dataclass(frozen=True, slots=True)
 class _Left:
-    """What of a file does not become part of the run."""
+    """What of a file does not become part of the run: the first bad rows, and how many others."""
 
-    bad: tuple[BadRow, ...]
-    other: tuple[tuple[str, int], ...]
-    no_level: tuple[tuple[str, int], ...]
-    n_remarks: int
+    def __init__(self) -> None:
+        self.bad: list[BadRow] = []
+        self.n_bad = 0
+        self.remarks: list[Remark] = []
+        self.n_levels = self.n_unnamed = 0
+        self._other: Counter[str] = Counter()
+        self._no_level: Counter[str] = Counter()
 
-    @classmethod
-    def of(cls, rows: Sequence[Row], no_level: Counter[str]) -> "_Left":
-        bad = tuple(row for row in rows if isinstance(row, BadRow))
-        other = Counter(row.why for row in rows if isinstance(row, NoCell))
-        n_remarks = sum(isinstance(row, Remark) for row in rows)
-        return cls(bad, tuple(other.most_common()), tuple(no_level.most_common()), n_remarks)
+    def in_range(self, row: Row) -> Row:
+        """A row without a level that its technology cannot report; one without a name is left out.
+
+        Without a technology nothing is known of the range.
+        """
+        if not isinstance(row, Sighting):
+            return row
+        reading = row.reading if row.reading.rat is None else reportable(row.reading)
+        self.n_levels += reading.level_dbm is not None
+        if row.reading.rat is not None and reading.level_dbm != row.reading.level_dbm is not None:
+            low, high = range_dbm(row.reading.rat)
+            why = f"level outside of what {row.reading.rat} reports, {low:g} to {high:g} dBm"
+            if reading.cell is None:
+                return NoCell(row.line, why)
+            if reading.level_dbm is None:
+                self._no_level[why] += 1
+        self.n_unnamed += reading.cell is None
+        return row if reading is row.reading else replace(row, reading=reading)
+
+    def take(self, row: BadRow | NoCell | Remark) -> None:
+        """Count a row; raises `RunFileError` for more remarks than a walk has."""
+        if isinstance(row, NoCell):
+            self._other[row.why] += 1
+        elif isinstance(row, Remark):
+            if len(self.remarks) == MOST_REMARKS:
+                raise RunFileError(f"line {row.line} is the {MOST_REMARKS:,}th with a remark")
+            self.remarks.append(row)
+        else:
+            self.n_bad += 1
+            if len(self.bad) < MOST_BAD_ROWS:
+                self.bad.append(row)
+
+    @property
+    def other(self) -> tuple[tuple[str, int], ...]:
+        return tuple(self._other.most_common())
+
+    @property
+    def no_level(self) -> tuple[tuple[str, int], ...]:
+        return tuple(self._no_level.most_common())
 
     @property
     def n_other(self) -> int:
-        return sum(n for _, n in self.other)
+        return self._other.total()
 
     @property
     def reason(self) -> str:
         """Why nothing is left, as the end of a sentence."""
         if self.bad:
             return f"; line {self.bad[0].line}: {self.bad[0].why}"
-        if self.n_remarks:
+        if self.remarks:
             return (
-                f"; {self.n_remarks} remarks have no place: "
+                f"; {len(self.remarks)} remarks have no place: "
                 "add the GPX track of the walk with --track"
             )
         return "".join(f"; {n} rows: {why}" for why, n in (*self.other, *self.no_level))
@@ -189,35 +241,33 @@ class _Left:
 class _Walk:
     """Content of a run; the track counts where no level has a position of its own."""
 
-    scans: list[list[Sighting]]
-    remarks: tuple[Remark, ...]
+    scans: Iterator[list[Sighting]]
+    remarks: Sequence[Remark]
     track: GpsTrack | None
 
-    @property
-    def start_ns(self) -> int:
-        starts = [self.scans[0][0].t_ns] if self.scans else []
+    def start_ns(self, first: list[Sighting]) -> int:
+        """Time of the first scan, of which there may be none, or of what comes before it."""
+        starts = [first[0].t_ns] if first else []
         starts += [min(remark.utc_ns for remark in self.remarks)] if self.remarks else []
-        if not self.scans and self.track:
+        if not first and self.track:
             starts.append(self.track.fixes[0].utc_ns or 0)
         return min(starts)
 
 
-def _without_times(sightings: Sequence[Sighting]) -> list[Sighting]:
+def _without_times(sightings: Iterable[Sighting]) -> Iterator[Sighting]:
     """The rows in the file's order, with their number for a time."""
-    return [
-        replace(row, t_ns=i * _ROW_NS, fix=replace(row.fix, utc_ns=None))
-        for i, row in enumerate(sightings)
-    ]
+    for i, row in enumerate(sightings):
+        yield replace(row, t_ns=i * _ROW_NS, fix=replace(row.fix, utc_ns=None))
 
 
-def _check_times(source: Path, form: Format, sightings: Sequence[Sighting]) -> None:
+def _check_times(source: Path, form: Format, sightings: SightingFile) -> None:
     """Raise `RunFileError` where the positions and their times contradict each other."""
     try:
-        track = _track(sightings)
+        track = sightings.track()
     except GeoError:  # outside of UTM: the estimators report that
         return
     why = track_plausibility.too_fast(track) or track_plausibility.too_many_apart(
-        walker.smooth_track(stale_fixes.without_stale(track))
+        map(walker.smooth_track, _stretches(stale_fixes.without_stale(track)))
     )
     if why:
         raise RunFileError(
@@ -226,26 +276,19 @@ def _check_times(source: Path, form: Format, sightings: Sequence[Sighting]) -> N
         )
 
 
-def _track(sightings: Sequence[Sighting]) -> Track:
-    fixes = list(dict.fromkeys((row.t_ns, row.fix) for row in sightings))
-    lat_deg, lon_deg = (
-        np.array([getattr(fix, name) for _, fix in fixes]) for name in ("lat_deg", "lon_deg")
-    )
-    utm = Utm.at(float(lat_deg[0]), float(lon_deg[0]))
-    x_m, y_m = utm.to_xy_arrays(lat_deg, lon_deg)
-    sigma_m = np.array([fix_sigma_m(fix.acc_m, fix.hdop, fix.quality) for _, fix in fixes])
-    return Track(
-        utm, np.array([t_ns for t_ns, _ in fixes]), np.arange(len(fixes)), x_m, y_m, sigma_m
-    )
+def _stretches(track: Track) -> Iterator[Track]:
+    """The track in parts, each of which takes 80 MB to smooth."""
+    for first in range(0, len(track.t_ns), _STRETCH):
+        some = slice(first, first + _STRETCH)
+        columns = {name: getattr(track, name)[some] for name in _TRACK}
+        yield replace(track, **columns)
 
 
-def scans_of(sightings: Sequence[Sighting]) -> list[list[Sighting]]:
+def scans_of(sightings: Iterable[Sighting]) -> Iterator[list[Sighting]]:
     """Rows of each scan; of a cell that a scan has twice, the last one."""
-    scans = []
     for _, rows in groupby(sightings, key=lambda row: row.t_ns):
         cells = {_cell_of(row): row for row in rows}
-        scans.append(list(cells.values()))
-    return scans
+        yield list(cells.values())
 
 
 def _cell_of(row: Sighting) -> tuple[object, ...]:
@@ -255,24 +298,25 @@ def _cell_of(row: Sighting) -> tuple[object, ...]:
 
 def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
     """Notes, then each scan, with a fix before it wherever position or time changes."""
-    start_ns = walk.start_ns
+    first = next(walk.scans, [])
+    start_ns = walk.start_ns(first)
     for note in _notes(imported):
         append(Record(0, "import", note))
     for remark in walk.remarks:
         note = Note("warning", "remark", _with_place(remark, walk.track))
         append(Record(remark.utc_ns - start_ns, "import", note))
-    if not walk.scans:
+    if not first:
         return _fill_track(append, walk, start_ns)
     last: tuple[int, Fix] | None = None
-    fix_seq = 0
-    for rows in walk.scans:
+    fix_seq = t_ns = 0
+    for rows in chain([first], walk.scans):
         row = rows[0]
         t_ns = row.t_ns - start_ns
         if last != (row.t_ns, row.fix):
             last = (row.t_ns, row.fix)
             fix_seq = append(Record(t_ns, "import", row.fix))
         append(Record(t_ns, "import", Scan(t_ns, tuple(r.reading for r in rows), fix_seq, fix_seq)))
-    return walk.scans[-1][0].t_ns - start_ns
+    return t_ns
 
 
 def _fill_track(append: Append, walk: _Walk, start_ns: int) -> int:
@@ -305,6 +349,8 @@ def _notes(imported: Imported) -> Iterator[Note]:
         )
     for bad in imported.bad_rows:
         yield Note("warning", "bad-row", f"line {bad.line}: {bad.why}")
+    if more := imported.n_bad - len(imported.bad_rows):
+        yield Note("warning", "bad-rows", f"{more} more rows could not be read")
 
 
 def summary(imported: Imported) -> dict[str, object]:
@@ -321,5 +367,6 @@ def summary(imported: Imported) -> dict[str, object]:
         "remarks": imported.n_remarks,
         "sorted": imported.was_sorted,
         "times": imported.has_times,
+        "n_bad_rows": imported.n_bad,
         "bad_rows": [{"line": bad.line, "why": bad.why} for bad in imported.bad_rows],
     }

@@ -77,7 +77,7 @@ def _version(database: sqlite3.Connection) -> int:
 def _sighting(line: int, row: Fields) -> Sighting | None:
     try:
         fields = json.loads(row["json"])
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RecursionError):
         raise ValueError("json is damaged") from None
     if not isinstance(fields, dict):
         raise ValueError("json is no object")  # noqa: TRY004 (a bad row like any other)

@@ -12,9 +12,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from logger.core.errors import RunFileError
 from logger.core.types import Rat, Role
-from postproc.interop import csv_table
+from postproc.interop import csv_table, json_lines
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,
@@ -58,14 +57,7 @@ def read_csv(source: Path) -> Iterator[Row]:
 
 def read_json(source: Path) -> Iterator[Row]:
     """Measurements of a JSON file, numbered from 1; raises `RunFileError` for other JSON."""
-    try:
-        document = json.loads(source.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise RunFileError(f"{source} is no JSON file: {error}") from error
-    measurements = document.get("measurements") if isinstance(document, dict) else None
-    if not isinstance(measurements, list) or not all(isinstance(one, dict) for one in measurements):
-        raise RunFileError(f'{source} is JSON, but has no list "measurements" as OpenCelliD has')
-    yield from parse_rows(enumerate(measurements, 1), _sighting)
+    yield from json_lines.parse_objects(source, _sighting, list_after=r'"measurements"\s*:\s*\[')
 
 
 def writable(sighting: Sighting) -> bool:

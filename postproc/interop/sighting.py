@@ -75,6 +75,8 @@ def parse_rows(
             parsed = parse(line, fields)
         except (ValueError, GeoError) as error:
             yield BadRow(line, str(error))
+        except RecursionError:
+            yield BadRow(line, "its values are nested too deeply")
         else:
             yield from parsed if isinstance(parsed, Sequence) else [parsed or NoCell(line)]
 

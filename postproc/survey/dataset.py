@@ -17,14 +17,18 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from logger.core.errors import ConfigError, RunFileError
+from logger.core.foreign import check_regular, open_regular
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
 from postproc.survey import layout
+from postproc.survey.parquet_batch import read_columns
 from postproc.survey.places import Ground
 from postproc.survey.rule_inputs import RuleColumn, RuleInputs
 from postproc.survey.walk_readings import SurveyRun
 
 _FORMAT = {"format": "cellwalk survey", "version": 2}
+_MOST_BYTES = 1 << 16
+"""Of survey.json, which has a line."""
 _ARRAYS = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
 
 
@@ -51,12 +55,13 @@ class Survey:
     def open(cls, folder: Path) -> Self:
         """Raises `RunFileError` for a folder that is no survey or lacks files."""
         try:
-            about: dict[str, Any] = json.loads(layout.description(folder).read_text())
+            with open_regular(layout.description(folder)) as file:
+                about = json.loads(file.read(_MOST_BYTES))
         except FileNotFoundError:
             raise RunFileError(f"{folder} is no survey; `postproc survey add` makes one") from None
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise RunFileError(f"{folder} cannot be read as a survey: {error}") from error
-        if {name: about.get(name) for name in _FORMAT} != _FORMAT:
+        if not isinstance(about, dict) or {name: about.get(name) for name in _FORMAT} != _FORMAT:
             raise RunFileError(
                 f"{folder} is a survey of another version of this program; "
                 "add its runs to a new folder"
@@ -83,8 +88,16 @@ class Survey:
         """Raise `RunFileError` where a file of a batch is missing or has another size."""
         path = layout.runs_file(self.folder, batch)
         try:
-            sizes = json.loads(pq.read_schema(path).metadata[layout.FILES_KEY])
-        except (OSError, ValueError, LookupError, TypeError, pa.ArrowException) as error:
+            check_regular(path)
+            sizes = dict(json.loads(pq.read_schema(path).metadata[layout.FILES_KEY]))
+        except (
+            OSError,
+            ValueError,
+            LookupError,
+            TypeError,
+            RecursionError,
+            pa.ArrowException,
+        ) as error:
             raise RunFileError(f"{path} is damaged: {error}") from error
         for name, size in sizes.items():
             file = self.folder / name
@@ -99,7 +112,7 @@ class Survey:
         rows = [
             SurveyRun(**row)
             for batch in self.batches
-            for row in pq.read_table(layout.runs_file(self.folder, batch)).to_pylist()
+            for row in read_columns(layout.runs_file(self.folder, batch), layout.RUNS).to_pylist()
         ]
         return sorted(rows, key=lambda run: (run.began_utc_ns or 0, run.digest))
 
@@ -113,7 +126,7 @@ class Survey:
     def cells_of_runs(self) -> pa.Table:
         """What each run that counts heard of each cell (`layout.CELLS`)."""
         files = [layout.cells_file(self.folder, batch) for batch in self.batches]
-        tables = [pq.read_table(file) for file in files]
+        tables = [read_columns(file, layout.CELLS) for file in files]
         heard = pa.concat_tables(tables) if tables else layout.CELLS.empty_table()
         return heard.filter(_is_one_of("run", list(self.runs)))
 
@@ -163,9 +176,7 @@ class Survey:
         files = [layout.readings_file(self.folder, area, batch) for batch in self.batches]
         chosen = None if cells is None else _is_one_of("cell", cells)
         tables = [
-            pq.read_table(file, filters=chosen, partitioning=None, read_dictionary=["cell", "run"])
-            for file in files
-            if file.exists()
+            read_columns(file, layout.READINGS, filters=chosen) for file in files if file.exists()
         ]
         if not tables:
             return layout.READINGS.empty_table()
@@ -174,10 +185,7 @@ class Survey:
     def batch_rows(self, batch: str, columns: Sequence[str] | None = None) -> pa.Table:
         """Readings of one batch in all areas."""
         files = sorted((self.folder / "readings").glob(f"*/{batch}.parquet"))
-        tables = [
-            pq.read_table(file, columns=columns, partitioning=None, read_dictionary=["cell", "run"])
-            for file in files
-        ]
+        tables = [read_columns(file, layout.READINGS, columns) for file in files]
         return pa.concat_tables(tables).unify_dictionaries()
 
     def rule_inputs(self, batch: str, runs: Sequence[str]) -> Iterator[tuple[str, RuleInputs]]:
@@ -185,7 +193,7 @@ class Survey:
         file = layout.rules_file(self.folder, batch)
         if not file.exists():
             return
-        table = pq.read_table(file, filters=_is_one_of("run", runs), partitioning=None)
+        table = read_columns(file, layout.RULES, filters=_is_one_of("run", runs))
         columns = (table[name].to_pylist() for name in layout.RULES.names)
         for (run, age_s), rows in groupby(zip(*columns, strict=True), key=lambda row: row[:2]):
             yield run, RuleInputs(age_s, tuple(RuleColumn(*row[2:]) for row in rows))
@@ -194,7 +202,7 @@ class Survey:
     def runs_of_batches(self) -> dict[str, list[str]]:
         """Digests of the runs of each batch."""
         return {
-            batch: pq.read_table(layout.runs_file(self.folder, batch), columns=["digest"])[
+            batch: read_columns(layout.runs_file(self.folder, batch), layout.RUNS, ["digest"])[
                 "digest"
             ].to_pylist()
             for batch in self.batches
@@ -208,7 +216,7 @@ class Survey:
     def heard_in(self, batch: str) -> dict[str, dict[str, dict[str, Any]]]:
         """What each run of a batch heard: rows of `layout.CELLS` by run and cell."""
         heard: dict[str, dict[str, dict[str, Any]]] = {}
-        for row in pq.read_table(layout.cells_file(self.folder, batch)).to_pylist():
+        for row in read_columns(layout.cells_file(self.folder, batch), layout.CELLS).to_pylist():
             heard.setdefault(row["run"], {})[row["cell"]] = row
         return heard
 

@@ -57,6 +57,8 @@ RUNS = pa.schema(
         ("replaces", pa.string()),
     ]
 )
+NOT_IN_OLDER = frozenset(("is_complete", "replaces"))
+"""Columns of runs that surveys of older versions lack."""
 RULES = pa.schema(
     [
         pa.field("run", pa.string(), metadata={"unit": "digest of the run"}),

@@ -7,25 +7,31 @@ a program that was killed has left is removed by the next one.
 import json
 import os
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from logger.core.arrays import IntArray
 from logger.core.errors import RunFileError
+from logger.core.foreign import check_regular
 from postproc.survey import layout
 from postproc.survey.walk_readings import WalkReadings
 
 MOST_ROWS = 1_000_000
 """Of a batch: 0.2 GB of arrays and of what the rules see, and as much again while it is written."""
+_MOST_READ_ROWS = 10 * MOST_ROWS
+"""Of a file: its last walk may be long, and a billion equal values pack to a kilobyte."""
 _ROWS_AT_ONCE = 1 << 15
 """Of a row group: a reader skips those without its cells by their statistics."""
 _COLUMNS_AT_ONCE = 1 << 10
 """Of a row group of what the rules see: some 30 runs."""
 _TEXTS = ("cell", "run", "zone", "ta", "table", "column", "kind")
+_DICTIONARIES = ["cell", "run"]
 _COLUMNS = (
     *("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq"),
     *("ta", "named_share"),
@@ -167,6 +173,7 @@ def _write(table: pa.Table, target: Path, rows_at_once: int = _ROWS_AT_ONCE) -> 
                 file,
                 row_group_size=rows_at_once,
                 compression="zstd",
+                write_page_checksum=True,
                 use_dictionary=[name for name in table.column_names if name in _TEXTS],
             )
             file.flush()
@@ -175,6 +182,46 @@ def _write(table: pa.Table, target: Path, rows_at_once: int = _ROWS_AT_ONCE) -> 
         _sync_folder(target.parent)
     finally:
         part.unlink(missing_ok=True)
+
+
+def read_columns(
+    path: Path,
+    schema: pa.Schema,
+    columns: Sequence[str] | None = None,
+    filters: pc.Expression | None = None,
+) -> pa.Table:
+    """Columns of a file of a survey, by default all, texts that repeat as dictionaries.
+
+    Raises `RunFileError` for a file that is damaged or has other columns.
+    """
+    names = schema.names if columns is None else columns
+    try:
+        check_regular(path)
+        if pq.read_metadata(path).num_rows > _MOST_READ_ROWS:
+            raise pa.ArrowInvalid("it states more rows than a batch has")
+        table = pq.read_table(
+            path,
+            columns=columns,
+            filters=filters,
+            partitioning=None,
+            read_dictionary=_DICTIONARIES if schema is layout.READINGS else None,
+            page_checksum_verification=True,
+        )
+        table.validate(full=True)
+        for name in names:
+            if name in layout.NOT_IN_OLDER and name not in table.schema.names:
+                continue
+            kind = table.schema.field(name).type
+            kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+            if kind != schema.field(name).type:
+                raise pa.ArrowInvalid(f"column {name} holds {kind}")
+    # the library takes what it reads for names, sizes and types of Python
+    except (OSError, ValueError, LookupError, TypeError, MemoryError, pa.ArrowException) as error:
+        raise RunFileError(
+            f"{path} is damaged: {' '.join(str(error).split())[:200]}; remove the batch's file in "
+            "runs/ and add its runs again"
+        ) from error
+    return table
 
 
 def _sync_folder(folder: Path) -> None:

@@ -12,12 +12,14 @@ import gzip
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from io import BufferedReader, TextIOWrapper
+from io import BufferedReader
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
 from logger.core.errors import RunFileError
+from logger.core.foreign import check_regular, open_regular
+from postproc.foreign_file import Lines
 
 COLUMNS = (
     "radio", "mcc", "net", "area", "cell", "unit", "lon", "lat", "range",
@@ -45,10 +47,10 @@ def cell_export(path: Path) -> Iterator[Export]:
     Raises `RunFileError` for a file that cannot be read, is damaged, or is no such export.
     """
     try:
-        with path.open("rb") as raw:
-            size = max(path.stat().st_size, 1)
-            text = _text(raw)  # held here: it closes the file when it goes
-            yield _export(text, path, lambda: raw.tell() / size)
+        with open_regular(path) as raw:
+            size = max(check_regular(path), 1)
+            lines = _lines(raw, path)  # held here: it closes the file when it goes
+            yield _export(lines, path, lambda: raw.tell() / size)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise RunFileError(f"{path}: the compressed file is damaged or cut: {error}") from error
     except OSError as error:
@@ -57,15 +59,19 @@ def cell_export(path: Path) -> Iterator[Export]:
         raise RunFileError(f"{path} is no CSV file: {error}") from error
 
 
-def _text(raw: BufferedReader) -> TextIOWrapper:
+def _lines(raw: BufferedReader, path: Path) -> Lines:
     packed = raw.peek(2).startswith(_GZIP)
-    return TextIOWrapper(
-        gzip.GzipFile(fileobj=raw) if packed else raw, "utf-8-sig", "replace", newline=""
-    )
+    return Lines(gzip.GzipFile(fileobj=raw) if packed else raw, path)
 
 
-def _export(text: TextIOWrapper, path: Path, read_share: Callable[[], float]) -> Export:
-    rows = csv.reader(text)
+def _rows(lines: Lines) -> Iterator[list[str]]:
+    for row in csv.reader(lines):
+        lines.end_row()
+        yield row
+
+
+def _export(lines: Lines, path: Path, read_share: Callable[[], float]) -> Export:
+    rows = _rows(lines)
     first = next(rows, None)
     if first is None:
         raise RunFileError(f"{path} is empty")

@@ -141,26 +141,26 @@ def _insert(db: sqlite3.Connection, export: Export) -> Generator[int, None, int]
     kept = itemgetter(*(export.column[name] for name in known))
     names = ", ".join(_STORED.get(name, name) for name in known)
     statement = f"INSERT INTO cell ({names}) VALUES ({', '.join('?' * len(known))})"  # noqa: S608 (our own names)
-    odd: list[int] = []
+    n_short = [0]
     db.execute("BEGIN")
     for first in export.rows:
         some = chain([first], islice(export.rows, _BATCH))
-        db.executemany(statement, map(kept, _of_width(some, width, odd)))
+        db.executemany(statement, map(kept, _of_width(some, width, n_short)))
         now = int(100.0 * export.read_share())
         yield from range(done, now)
         done = max(done, now)
     db.execute("COMMIT")
     yield from range(done, 100)
-    return len(odd) - odd.count(0)
+    return n_short[0]
 
 
-def _of_width(rows: Iterable[list[str]], width: int, odd: list[int]) -> Iterator[list[str]]:
-    """Rows that are complete; the lengths of others are noted."""
+def _of_width(rows: Iterable[list[str]], width: int, n_short: list[int]) -> Iterator[list[str]]:
+    """Rows that are complete; of the others those that are not empty are counted."""
     for row in rows:
         if len(row) == width:
             yield row
         else:
-            odd.append(len(row))
+            n_short[0] += bool(row)
 
 
 def _without_bad(db: sqlite3.Connection, path: Path, first: int) -> list[BadRow]:

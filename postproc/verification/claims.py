@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +12,7 @@ from pyproj import Geod
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.geo import MAX_LATITUDE_DEG, check_position
 from logger.sqlite_file import is_sqlite
+from postproc.foreign_file import Lines, counted, text_lines
 from postproc.verification.cell_export import cell_export
 from postproc.verification.celldb import CellDb
 from postproc.verification.parsing import identity_of
@@ -22,6 +23,8 @@ observed: the position is the centre of these observations, not that of the tran
 """
 UNKNOWN_SIGMA_M = 1000.0
 """Sigma of a position in an export without a range."""
+_MOST = 100_000
+"""Claims about cells of the runs: more than a city has cells."""
 _COLUMNS = ("cell", "lat", "lon")
 _GEOD = Geod(ellps="WGS84")
 
@@ -94,19 +97,24 @@ def read_claims(path: Path, observed: Sequence[str]) -> list[Claim]:
         with closing(CellDb(path)) as database:
             return claims_of(database, observed)
     try:
-        with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-            reader = csv.DictReader(file)
+        with text_lines(path) as lines:
+            reader = csv.DictReader(lines)
             names = [name.strip().lower() for name in reader.fieldnames or ()]
             if set(_COLUMNS) <= set(names) and "radio" not in names:
                 reader.fieldnames = names
-                return [
-                    _own(row, path, reader.line_num) for row in reader if row["cell"] in observed
-                ]
-    except OSError as error:
-        raise RunFileError(f"{path}: {error.strerror}") from error
+                return list(counted(_of_csv(reader, lines, path, observed), path, "claims", _MOST))
     except csv.Error as error:
         raise RunFileError(f"{path} is no CSV file: {error}") from error
     return _of_export(path, observed)
+
+
+def _of_csv(
+    reader: "csv.DictReader[str]", lines: Lines, path: Path, observed: Sequence[str]
+) -> Iterator[Claim]:
+    for row in reader:
+        lines.end_row()
+        if row["cell"] in observed:
+            yield _own(row, path, lines.number)
 
 
 def _own(row: dict[str, str], path: Path, line: int) -> Claim:

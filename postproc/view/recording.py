@@ -5,6 +5,7 @@ from pathlib import Path
 from shutil import copyfile
 
 from logger.core.errors import ConfigError, RunFileError
+from logger.core.foreign import open_regular
 
 _MAGIC = b"RRF"
 """Every rerun recording starts with it; its version follows."""
@@ -24,7 +25,7 @@ def copy_recording(paths: Sequence[Path]) -> Callable[[Path], None]:
         raise ConfigError("give one recording (.rrd) alone, or runs")
     (source,) = paths
     try:
-        with source.open("rb") as file:
+        with open_regular(source) as file:
             magic = file.read(len(_MAGIC))
     except OSError as error:
         raise RunFileError(f"{source}: {error.strerror}") from error

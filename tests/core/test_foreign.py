@@ -30,7 +30,7 @@ def test_a_link_is_followed_only_where_it_may(tmp_path):
     (tmp_path / "b").symlink_to(tmp_path / "a")
     assert read_regular(tmp_path / "b", 7, follow_links=True) == b"content"
     with pytest.raises(OSError):
-        read_regular(tmp_path / "b", 7)
+        read_regular(tmp_path / "b", 7, follow_links=False)
     with pytest.raises(OSError, match="longer than 6 bytes"):
         read_regular(tmp_path / "a", 6)
 

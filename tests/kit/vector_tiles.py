@@ -34,22 +34,22 @@ def feature(kind: str, parts: Iterable[Part], tags: Sequence[int] = ()) -> bytes
             x, y = u, v
         if kind == "polygon":
             numbers.append(7 | 1 << 3)
-    packed = b"".join(map(_varint, tags)), b"".join(map(_varint, numbers))
-    return _field(2, packed[0]) + _number(3, KINDS[kind]) + _field(4, packed[1])
+    packed = b"".join(map(varint, tags)), b"".join(map(varint, numbers))
+    return field(2, packed[0]) + number(3, KINDS[kind]) + field(4, packed[1])
 
 
 def layer(
     name: str, features: Iterable[bytes], keys: Sequence[str] = (), values: Sequence[str] = ()
 ) -> bytes:
     """A layer of a tile, with text values."""
-    return _field(
+    return field(
         3,
-        _field(1, name.encode())
-        + b"".join(_field(2, one) for one in features)
-        + b"".join(_field(3, key.encode()) for key in keys)
-        + b"".join(_field(4, _field(1, value.encode())) for value in values)
-        + _number(5, EXTENT)
-        + _number(15, 2),
+        field(1, name.encode())
+        + b"".join(field(2, one) for one in features)
+        + b"".join(field(3, key.encode()) for key in keys)
+        + b"".join(field(4, field(1, value.encode())) for value in values)
+        + number(5, EXTENT)
+        + number(15, 2),
     )
 
 
@@ -77,16 +77,16 @@ def _zigzag(number: int) -> int:
     return number << 1 if number >= 0 else -number * 2 - 1
 
 
-def _varint(number: int) -> bytes:
+def varint(value: int) -> bytes:
     data = b""
-    while number > 0x7F:
-        data, number = data + bytes([number & 0x7F | 0x80]), number >> 7
-    return data + bytes([number])
+    while value > 0x7F:
+        data, value = data + bytes([value & 0x7F | 0x80]), value >> 7
+    return data + bytes([value])
 
 
-def _number(field: int, value: int) -> bytes:
-    return _varint(field << 3) + _varint(value)
+def number(key: int, value: int) -> bytes:
+    return varint(key << 3) + varint(value)
 
 
-def _field(field: int, data: bytes) -> bytes:
-    return _varint(field << 3 | 2) + _varint(len(data)) + data
+def field(key: int, data: bytes) -> bytes:
+    return varint(key << 3 | 2) + varint(len(data)) + data

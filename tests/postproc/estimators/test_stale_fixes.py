@@ -76,7 +76,7 @@ def test_two_errors_of_a_receiver_do_not_blame_the_times():
     x_m = np.arange(12) * 1.4
     x_m[[3, 9]] += 900.0
     assert track_plausibility.too_fast(track(range(12), x_m)) is None
-    assert track_plausibility.too_many_apart(walker.smooth_track(track(range(12), x_m))) is None
+    assert track_plausibility.too_many_apart([walker.smooth_track(track(range(12), x_m))]) is None
 
 
 def test_what_is_moved_is_counted():

@@ -1,0 +1,111 @@
+"""Files of other programs: how much of one is read, and its lines within these limits.
+
+A file may lie about everything. Whatever it claims is bounded by its own size, by what is left of
+it, or by a limit that stands here; docs/guide/formats.md lists them.
+"""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from gzip import GzipFile
+from io import TextIOWrapper
+from pathlib import Path
+from typing import IO, TypeVar
+
+from logger.core.errors import RunFileError
+from logger.core.foreign import open_regular
+from postproc.progress import with_count
+
+LONGEST_ITEM = 4 << 20
+"""Bytes of a line, a row, an element of XML or an object of JSON: parsed, it takes 30 times that.
+
+A track of 100,000 points in one element of KML is shorter."""
+MOST_COLUMNS = 2000
+"""As many as a table of SQLite has."""
+MOST_DEPTH = 100
+"""Elements of XML within each other; a log has ten."""
+MOST_ROWS = 200_000_000
+"""Of any kind, in one file: OpenCelliD lists 50 million cells."""
+MOST_READINGS = 3_000_000
+"""Of one run: more than a year of daily walks."""
+MOST_BAD_ROWS = 10_000
+"""Of those that an import lists; further ones are counted."""
+MOST_REMARKS = 100_000
+"""Of another program, each of which becomes a note."""
+MOST_PIXELS = 40_000_000
+"""Of a picture of the ground: 160 MB once it is decoded."""
+MOST_TILE_PIXELS = 1024
+"""Along a side; tiles have 256 or 512."""
+MOST_TILE_BYTES = 4 << 20
+"""Of one tile, unpacked; a dense city in a vector tile has one megabyte."""
+MOST_DIRECTORY_BYTES = 2 << 20
+"""Of a directory of PMTiles, unpacked: half a million entries; writers make some thousand."""
+MOST_MEMBERS = 500
+"""Files of a zip: more logs than anybody walks in a year."""
+_MOST_UNPACKED = 2 << 30
+"""A year of walks is smaller; what unpacks to more was made to fill a disk."""
+_SMALL_BYTES = 64 << 20
+_MOST_PACKED = 100
+"""Times that a large file may be packed: a log is packed 5 to 20 times, zeros are 1000 times."""
+
+Item = TypeVar("Item")
+
+
+def most_unpacked_bytes(packed_bytes: int) -> int:
+    """What a compressed file, or all files of a zip together, may unpack to."""
+    return min(_SMALL_BYTES + _MOST_PACKED * packed_bytes, _MOST_UNPACKED)
+
+
+class Lines(Iterator[str]):
+    """Lines of a text file; those that a reader joins to one row are bounded together.
+
+    `next` raises `RunFileError` for a longer row.
+    """
+
+    def __init__(self, file: IO[bytes] | GzipFile, source: Path) -> None:
+        self._text = TextIOWrapper(file, "utf-8-sig", "replace", newline="")
+        self._source = source
+        self._taken = 0
+        self.number = 0
+
+    def __next__(self) -> str:
+        line = self._text.readline(LONGEST_ITEM)
+        if not line:
+            raise StopIteration
+        self._taken += len(line)
+        self.number += 1
+        if self._taken >= LONGEST_ITEM:
+            raise RunFileError(
+                f"{self._source}: line {self.number}: a row has more than {LONGEST_ITEM >> 20} MB"
+            )
+        if self.number > MOST_ROWS:
+            raise RunFileError(f"{self._source} has more than {MOST_ROWS:,} lines: divide it")
+        return line
+
+    def end_row(self) -> None:
+        """What follows belongs to the next row."""
+        self._taken = 0
+
+
+@contextmanager
+def text_lines(source: Path) -> Iterator[Lines]:
+    """Lines of a text file; raises `RunFileError` if it cannot be read."""
+    try:
+        with open_regular(source) as file:
+            yield Lines(file, source)
+    except OSError as error:
+        raise RunFileError(f"{source}: {error.strerror or error}") from error
+
+
+def counted(
+    items: Iterable[Item], source: Path, what: str, most: int = MOST_ROWS
+) -> Iterator[Item]:
+    """Pass items on, and show on a terminal how many have come.
+
+    Raises `RunFileError` for more than `most`.
+    """
+    for n, item in enumerate(with_count(items, f"{source.name}: {what}"), 1):
+        if n > most:
+            raise RunFileError(
+                f"{source} has more than {most:,} {what}: divide it into several files"
+            )
+        yield item
