@@ -13,7 +13,6 @@ from typing import TypeVar
 import click
 
 from logger.core.errors import FieldLoggerError
-from logger.core.foreign import check_regular
 from logger.core.printable import plain_streams, printable
 
 Real = TypeVar("Real", bound=float)
@@ -50,6 +49,8 @@ class PathType(click.Path):
         if self._is_file and path.name in {"", ".."}:
             self.fail(f"{str(path)!r} names no file", param, ctx)
         if self._is_input and path.exists() and not path.is_dir():
+            from logger.core.foreign import check_regular  # imports msgspec
+
             try:
                 check_regular(path)
             except OSError as error:
@@ -180,7 +181,7 @@ def recover(context: click.Context, path: Path, *, as_json: bool) -> int:
 
     PATH is a journal or a folder of runs. The exit code is 3 if anything was lost.
     """
-    from logger.core.runfile import SOMETHING_LOST
+    from logger.core.errors import SOMETHING_LOST
     from logger.core.runfile import recover as recover_path
 
     results = []

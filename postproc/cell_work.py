@@ -16,6 +16,7 @@ from typing import NamedTuple, Protocol, TypeVar
 from msgspec import UnsetType
 
 from logger.core.errors import (
+    SOMETHING_LOST,
     ConfigError,
     DeviceError,
     EstimationError,
@@ -103,6 +104,4 @@ def failure(cell: str, what: str, error: str) -> Failure:
 
 def exit_code(rows: Iterable[Row]) -> int:
     """Exit code of a command that has printed these rows."""
-    from logger.core.runfile import SOMETHING_LOST  # noqa: PLC0415 (imports HDF5)
-
     return SOMETHING_LOST if any(isinstance(row.error, str) for row in rows) else 0

@@ -99,8 +99,8 @@ def info(path: Path, digest: str | None, *, verify: bool, verbose: bool, as_json
 def _verify(path: Path, digest: str | None, *, as_json: bool) -> int:
     from dataclasses import asdict
 
+    from logger.core.errors import SOMETHING_LOST
     from logger.core.printable import printable
-    from logger.core.runfile import SOMETHING_LOST
     from postproc.info import noted_digest, verify
 
     checks = verify(path, None if digest is None else noted_digest(digest))

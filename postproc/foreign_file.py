@@ -96,7 +96,7 @@ def text_lines(source: Path) -> Iterator[Lines]:
         raise RunFileError(f"{source}: {error.strerror or error}") from error
 
 
-def counted(
+def with_limit(
     items: Iterable[Item], source: Path, what: str, most: int = MOST_ROWS
 ) -> Iterator[Item]:
     """Pass items on, and show on a terminal how many have come.

@@ -51,7 +51,7 @@ def smooth_runs(
     parts = parts_by_cell(observed, certain)
     names = sorted(parts, key=lambda cell: sum(map(len, parts[cell].values())), reverse=True)
     estimate = partial(_estimate, modems=modems_of(runs), options=options)
-    results = each(estimate, [parts[cell] for cell in names], processes, _lost)
+    results = each(estimate, [parts[cell] for cell in names], processes, _cell_without_result)
     cells = list(progress(results, "locating", len(names), names) if progress else results)
     cells += [
         without_position(cell, n, n_scans[cell])
@@ -84,7 +84,7 @@ def _estimate(parts: Parts, modems: Sequence[int], options: Options) -> CellResu
     return _without_estimate(parts, result) if isinstance(result, Failure) else result
 
 
-def _lost(parts: Parts) -> CellResult:
+def _cell_without_result(parts: Parts) -> CellResult:
     """Result of a cell whose estimate ended a process."""
     return _without_estimate(parts, failure(_name(parts), _WHAT, PROCESS_ENDED))
 

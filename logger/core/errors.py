@@ -10,6 +10,9 @@ FieldLoggerError
 
 from pathlib import Path
 
+SOMETHING_LOST = 3
+"""Exit code where a part of the work failed and the rest was done; 2 is an error of the command."""
+
 
 class FieldLoggerError(Exception):
     """Root of everything that is shown to a user as one line."""
@@ -41,15 +44,20 @@ _MOST_CHARACTERS = 200
 
 def error_place(error: Exception) -> str:
     """Type and place of an error that nobody expected; its text may quote what is private."""
+    return f"{type(error).__name__}{_place_of(error)}"
+
+
+def error_text(error: Exception) -> str:
+    """Type, text and place of an error that nobody expected, in one line."""
+    text = " ".join(str(error).split())[:_MOST_CHARACTERS]
+    return f"{type(error).__name__}{f': {text}' * bool(text)}{_place_of(error)}"
+
+
+def _place_of(error: Exception) -> str:
+    """File and line of the last step within this program."""
     place, step = "", error.__traceback__
     while step is not None:
         if str(step.tb_frame.f_globals.get("__name__")).startswith(("logger.", "postproc.")):
             place = f" ({Path(step.tb_frame.f_code.co_filename).name}:{step.tb_lineno})"
         step = step.tb_next
-    return f"{type(error).__name__}{place}"
-
-
-def error_text(error: Exception) -> str:
-    """The same with its text, in one line."""
-    text = " ".join(str(error).split())[:_MOST_CHARACTERS]
-    return f"{error_place(error)}{f': {text}' * bool(text)}"
+    return place

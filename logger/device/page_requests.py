@@ -43,7 +43,7 @@ class PageRequests:
 
     What stood there before this program started is not for this run. The folder belongs to another
     user: what is there may be a pipe, a link or garbage, and is then counted in a note.
-    `recorded` names the latest requests that are on the card.
+    `on_card` names the latest requests that are on the card.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -59,7 +59,7 @@ class PageRequests:
         self._recorded: deque[str] = deque(maxlen=2 * MOST_AT_ONCE)
 
     @property
-    def recorded(self) -> tuple[str, ...]:
+    def on_card(self) -> tuple[str, ...]:
         return tuple(self._recorded)
 
     def take(self) -> list[Note]:

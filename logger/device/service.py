@@ -251,7 +251,7 @@ class Service:
             cells=inbox.cells.rows(suspicions),
             followed=inbox.followed,
             battery=self._battery.latest if self._battery else None,
-            recorded=self._requests.recorded if self._requests else (),
+            recorded=self._requests.on_card if self._requests else (),
             no_estimate=self.recorder.no_estimate,
             left_out=self.recorder.left_out,
         )

@@ -42,8 +42,8 @@ def add(paths: Sequence[Path], target: Path, *, as_json: bool) -> int:
     A run that is in the baseline is not added again. One that was altered since it was sealed is
     not added. The exit code is 3 if a run could not be added.
     """
+    from logger.core.errors import SOMETHING_LOST
     from logger.core.printable import printable
-    from logger.core.runfile import SOMETHING_LOST
     from postproc.baseline.addition import add_runs
     from postproc.baseline.store import BaselineStore
     from postproc.json_text import as_json as json_text

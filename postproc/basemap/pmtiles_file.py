@@ -124,7 +124,7 @@ class _Archive:
             at, length, is_directory = entry
             if not is_directory:
                 data = self._bytes(header.tiles + at, length, MOST_TILE_BYTES)
-                return _unpacked(data, header.tile_packing, MOST_TILE_BYTES)
+                return _unpack(data, header.tile_packing, MOST_TILE_BYTES)
             at += header.leaves
         raise ValueError("its directories refer to each other")
 
@@ -132,7 +132,7 @@ class _Archive:
         known = self._directories.get((at, length))
         if known is None:
             data = self._bytes(at, length, MOST_DIRECTORY_BYTES)
-            known = _Directory(_unpacked(data, self.header.directory_packing, MOST_DIRECTORY_BYTES))
+            known = _Directory(_unpack(data, self.header.directory_packing, MOST_DIRECTORY_BYTES))
             if len(self._directories) == _LEVELS_OF_DIRECTORIES:
                 del self._directories[next(iter(self._directories))]
             self._directories[at, length] = known
@@ -226,7 +226,7 @@ def _source(archive: _Archive, matrix: TileMatrix, columns: range, rows: range) 
     )
 
 
-def _unpacked(data: bytes, packing: int, most: int) -> bytes:
+def _unpack(data: bytes, packing: int, most: int) -> bytes:
     if packing == _PLAIN:
         return data
     if packing != _GZIP:

@@ -101,7 +101,7 @@ def _times(m: Symmetric, v: Vector) -> Vector:
     )
 
 
-def _scaled(v: Vector, factor: float) -> Vector:
+def _scale(v: Vector, factor: float) -> Vector:
     return factor * v[0], factor * v[1], factor * v[2]
 
 
@@ -123,7 +123,7 @@ def _plus_square(m: Symmetric, factor: float, a: Vector) -> Symmetric:
     )
 
 
-def _reduced(m: Symmetric, a: Vector, b: Vector, rest: float) -> Symmetric:
+def _reduce(m: Symmetric, a: Vector, b: Vector, rest: float) -> Symmetric:
     """L M L' with L = I - a b', where `rest` is 1 - a'b."""
     a0, a1, a2 = a
     b0, b1, b2 = b
@@ -208,7 +208,7 @@ def _store(
 
 def _filter_loop(source: str) -> Callable[..., float]:
     row, dot, times, plus, plus_square = _row, _dot, _times, _plus, _plus_square
-    reduced, scaled = _reduced, _scaled
+    reduce, scale = _reduce, _scale
     predict_state, predict_covariance = _predict_state, _predict_covariance
     log_student, excess_variance_of = _log_student, excess_variance
     store_innovation, store = _store_innovation, _store
@@ -243,9 +243,9 @@ def _filter_loop(source: str) -> Callable[..., float]:
                     excess[k, kind] = added
                 noise += float(excess[k, kind])
                 variance += float(excess[k, kind])
-                share = scaled(gain, 1.0 / variance)
+                share = scale(gain, 1.0 / variance)
                 x, y = plus(x, east, share), plus(y, north, share)
-                p = plus_square(reduced(p, share, h, noise / variance), noise, share)
+                p = plus_square(reduce(p, share, h, noise / variance), noise, share)
                 if not robust:
                     store_innovation(of_fixes, k, kind, gain, east, north, variance)
             if not robust:
@@ -257,7 +257,7 @@ def _filter_loop(source: str) -> Callable[..., float]:
 
 def _adjoint_loop(source: str) -> Callable[..., None]:
     row, dot, times, plus, plus_square = _row, _dot, _times, _plus, _plus_square
-    reduced, scaled = _reduced, _scaled
+    reduce, scale = _reduce, _scale
     earlier_vector, earlier_matrix, store = _earlier_vector, _earlier_matrix, _store
 
     def loop(
@@ -281,13 +281,13 @@ def _adjoint_loop(source: str) -> Callable[..., None]:
                 h = row(kind, float(model.wander_m[k]))
                 gains = of_fixes.gain[k, kind]
                 s = float(of_fixes.variance[k, kind])
-                share = scaled((float(gains[0]), float(gains[1]), float(gains[2])), 1.0 / s)
+                share = scale((float(gains[0]), float(gains[1]), float(gains[2])), 1.0 / s)
                 east = float(of_fixes.innovation[k, kind, 0]) / s - dot(share, rx)
                 north = float(of_fixes.innovation[k, kind, 1]) / s - dot(share, ry)
                 rx, ry = plus(rx, east, h), plus(ry, north, h)
                 residual[k, kind, 0], residual[k, kind, 1] = east, north
                 precision[k, kind] = 1.0 / s + dot(share, times(m, share))
-                m = plus_square(reduced(m, h, share, noise / s), 1.0 / s, h)
+                m = plus_square(reduce(m, h, share, noise / s), 1.0 / s, h)
             store(r, n, k, rx, ry, m)
             dt, a = float(model.step_s[k]), float(model.a[k])
             rx, ry = earlier_vector(rx, dt, a), earlier_vector(ry, dt, a)
@@ -302,10 +302,10 @@ _STEPS = (
         "_row",
         "_dot",
         "_times",
-        "_scaled",
+        "_scale",
         "_plus",
         "_plus_square",
-        "_reduced",
+        "_reduce",
         "_predict_state",
         "_predict_covariance",
         "_earlier_vector",

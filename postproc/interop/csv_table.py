@@ -1,8 +1,10 @@
 """CSV with a header line, row by row."""
 
 import csv
+from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 
 from logger.core.errors import RunFileError
@@ -10,6 +12,9 @@ from postproc import foreign_file
 from postproc.foreign_file import MOST_COLUMNS, Lines
 
 Line = tuple[int, dict[str, str]]
+
+_MOST_LINES = 10
+"""Of a value: names of cells and networks have one, comments some."""
 
 
 @contextmanager
@@ -64,26 +69,44 @@ def rows(
 
 
 def _rows_of(lines: Lines, delimiter: str, names: list[str]) -> Iterator[Line]:
-    for line in lines:
-        lines.end_row()
-        values = _values(line.rstrip("\r\n"), delimiter, len(names))
+    for number, values in _values_of(lines, delimiter, len(names)):
         if any(value.strip() for value in values):
             # a short row lacks its last columns; what it lacks is then empty
             padded = values + [""] * (len(names) - len(values))
-            yield lines.number, {n: v.strip() for n, v in zip(names, padded, strict=False)}
+            yield number, {n: v.strip() for n, v in zip(names, padded, strict=False)}
 
 
-def _values(line: str, delimiter: str, n_names: int) -> list[str]:
-    """Values of a row, which is one line: a mark that is never closed must not take others in.
+def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int, list[str]]]:
+    """Values of each row, with the number of its first line.
 
-    Apps write names of networks as they are, also those with a quotation mark, so where the marks
-    do not give a value for each column they are text.
+    Apps write names of networks as they are, also those with a quotation mark. So where the marks
+    of a line do not give a value for each column, nor together with the next lines, they are text:
+    one that is never closed takes no other row in.
     """
-    plain = line.split(delimiter)
-    if '"' not in line:
-        return plain
-    quoted = next(csv.reader([line], delimiter=delimiter), [])
-    return plain if len(plain) == n_names != len(quoted) else quoted
+    ahead: deque[str] = deque()
+    while line := ahead.popleft() if ahead else next(lines, ""):
+        lines.end_row()
+        number = lines.number - len(ahead)
+        values = plain = line.rstrip("\r\n").split(delimiter)
+        if '"' in line:
+            quoted, n_lines = _row([line], delimiter)
+            if n_lines > 1 and len(plain) != n_names:
+                ahead.extend(islice(lines, _MOST_LINES - len(ahead)))
+                quoted, n_lines = _row([line, *ahead], delimiter)
+            if n_lines <= len(ahead) + 1 and (len(quoted) == n_names or len(plain) != n_names):
+                values = quoted
+                for _ in range(n_lines - 1):
+                    ahead.popleft()
+        yield number, values
+
+
+def _row(lines: Sequence[str], delimiter: str) -> tuple[list[str], int]:
+    """Values of the row that begins with these lines, and of how many lines it is.
+
+    More than there are where a quotation mark is never closed.
+    """
+    reader = csv.reader([*lines, ""], delimiter=delimiter)
+    return next(reader), reader.line_num
 
 
 def _delimiter(header: str) -> str:

@@ -15,7 +15,7 @@ from logger.core.track import Track
 from logger.core.types import Fix, Note, Record, Scan
 from logger.core.utc import utc_text
 from postproc.estimators import stale_fixes, track_plausibility, walker
-from postproc.foreign_file import MOST_BAD_ROWS, MOST_READINGS, MOST_REMARKS, counted
+from postproc.foreign_file import MOST_BAD_ROWS, MOST_READINGS, MOST_REMARKS, with_limit
 from postproc.interop.decompression import plain_file
 from postproc.interop.formats import WALK_CSV, Format, recognise
 from postproc.interop.join_track import in_zone, on_track, with_position
@@ -92,7 +92,7 @@ def import_walk(
         left = _Left()
         with plain_file(source, member) as plain:
             form = recognise(plain, reading.columns)
-            for read in _with_places(counted(form.read(plain), plain, "rows"), reading):
+            for read in _with_places(with_limit(form.read(plain), plain, "rows"), reading):
                 row = left.in_range(read)
                 if not isinstance(row, Sighting):
                     left.take(row)
@@ -103,7 +103,7 @@ def import_walk(
                         f"{name} has more than {MOST_READINGS:,} readings, the last in line "
                         f"{row.line:,}: divide it into several files"
                     )
-        return _written(name, target, form, sightings, left, reading)
+        return _write(name, target, form, sightings, left, reading)
 
 
 def _sighting_file(target: Path) -> SightingFile:
@@ -120,7 +120,7 @@ def _append(sightings: SightingFile, row: Sighting, target: Path) -> None:
         raise RunFileError(f"cannot write {target}: {error.strerror}") from error
 
 
-def _written(
+def _write(
     name: Path,
     target: Path,
     form: Format,

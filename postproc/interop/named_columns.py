@@ -110,8 +110,8 @@ def columns_of(text: str) -> dict[str, str]:
 
 def is_it(seen: Contents) -> bool:
     """Whether a table has a position and a level under names that are known."""
-    if seen.kind != "text" or seen.names & {"t_s", "time_utc"}:
-        return False
+    if seen.kind != "text" or seen.names & {"t_s", "time_utc", "rssi_dbm"}:
+        return False  # `walk_csv` names what is missing
     found = {ours for ours, _, _ in _columns(sorted(seen.names), {})}
     return {"lat", "lon"} <= found and bool(found & set(_LEVELS))
 

@@ -62,12 +62,12 @@ class SightingFile:
 
     def __iter__(self) -> Iterator[Sighting]:
         self._file.flush()
-        for i in self._sorted().tolist():
+        for i in self._order_of_rows().tolist():
             yield self._read(i)
 
     def leave_out_repeated(self) -> None:
         """Keep one of equal sightings, the last."""
-        order = self._sorted()
+        order = self._order_of_rows()
         hashes = np.frombuffer(self._hashes, np.int64)[order]
         by_hash = np.argsort(hashes, kind="stable")
         same = np.flatnonzero(np.diff(hashes[by_hash]) == 0)
@@ -81,7 +81,7 @@ class SightingFile:
 
     def sort_by_time(self) -> bool:
         """Sort them, those of one time as they came; whether they were out of order."""
-        order = self._sorted()
+        order = self._order_of_rows()
         t_ns = np.frombuffer(self._t_ns, np.int64)[order]
         if np.all(np.diff(t_ns) >= 0):
             return False
@@ -90,7 +90,7 @@ class SightingFile:
 
     def track(self) -> Track:
         """Their positions, each once at a time; raises `GeoError` outside of UTM."""
-        order = self._sorted()
+        order = self._order_of_rows()
         t_ns = np.frombuffer(self._t_ns, np.int64)[order]
         place = np.frombuffer(self._place).reshape(-1, 3)[order]
         _, first = np.unique(np.column_stack([t_ns, place]), axis=0, return_index=True)
@@ -100,7 +100,7 @@ class SightingFile:
         x_m, y_m = utm.to_xy_arrays(lat_deg, lon_deg)
         return Track(utm, t_ns[first], np.arange(len(first)), x_m, y_m, sigma_m)
 
-    def _sorted(self) -> IntArray:
+    def _order_of_rows(self) -> IntArray:
         if self._order is None:
             self._order = np.arange(len(self._t_ns))
         return self._order

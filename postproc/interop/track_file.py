@@ -10,7 +10,7 @@ from pathlib import Path
 
 from logger.core.errors import GeoError, RunFileError
 from logger.core.types import Fix
-from postproc.foreign_file import MOST_READINGS, counted
+from postproc.foreign_file import MOST_READINGS, with_limit
 from postproc.interop import xml_file
 from postproc.interop.contents import look_at, unknown_format
 from postproc.interop.decompression import plain_file
@@ -56,7 +56,7 @@ def read_track(source: Path) -> GpsTrack:
         seen = look_at(plain)
         if not (seen.kind == "xml" and seen.has("gpx")):
             raise unknown_format(source, f"{seen.words}, which is no GPX track")
-        fixes = list(counted(_gpx_fixes(plain), plain, "points", MOST_READINGS))
+        fixes = list(with_limit(_gpx_fixes(plain), plain, "points", MOST_READINGS))
     track = GpsTrack(fixes)
     if len(track.fixes) < 2:
         raise RunFileError(f"{source} has no track: fewer than two points have a time")

@@ -49,9 +49,8 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
     code is 3 if there was one. The command may be stopped at any time and repeated.
     """
     check_libraries("pyarrow")
-    from logger.core.errors import ConfigError
+    from logger.core.errors import SOMETHING_LOST, ConfigError
     from logger.core.printable import printable
-    from logger.core.runfile import SOMETHING_LOST
     from postproc.json_text import as_json as json_text
     from postproc.progress import with_progress
     from postproc.survey.dataset import Survey

@@ -107,7 +107,9 @@ def _locate(
         else:
             alone += [replace(task, cells=(cell,)) for cell in task.cells]
     named = {cell.cell: cell for cell in cells}
-    arriving = cluster.results(locate_cells, alone, lambda task: [_lost(named[task.cells[0]])])
+    arriving = cluster.results(
+        locate_cells, alone, lambda task: [_row_without_result(named[task.cells[0]])]
+    )
     for task, located in with_progress(arriving, "locating", len(alone)):
         known.put([(keys[task.cells[0]], tuple(located))])
 
@@ -117,7 +119,7 @@ def _is_done(rows: Sequence[LocatedCell] | None) -> bool:
     return rows is not None and all(row.error is None for row in rows)
 
 
-def _lost(cell: SurveyCell) -> LocatedCell:
+def _row_without_result(cell: SurveyCell) -> LocatedCell:
     """The row of a cell with which workers die."""
     why = failure(cell.cell, "its estimate", PROCESS_ENDED)
     return LocatedCell(

@@ -12,7 +12,7 @@ from pyproj import Geod
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.geo import MAX_LATITUDE_DEG, check_position
 from logger.sqlite_file import is_sqlite
-from postproc.foreign_file import Lines, counted, text_lines
+from postproc.foreign_file import Lines, text_lines, with_limit
 from postproc.verification.cell_export import cell_export
 from postproc.verification.celldb import CellDb
 from postproc.verification.parsing import identity_of
@@ -102,7 +102,9 @@ def read_claims(path: Path, observed: Sequence[str]) -> list[Claim]:
             names = [name.strip().lower() for name in reader.fieldnames or ()]
             if set(_COLUMNS) <= set(names) and "radio" not in names:
                 reader.fieldnames = names
-                return list(counted(_of_csv(reader, lines, path, observed), path, "claims", _MOST))
+                return list(
+                    with_limit(_of_csv(reader, lines, path, observed), path, "claims", _MOST)
+                )
     except csv.Error as error:
         raise RunFileError(f"{path} is no CSV file: {error}") from error
     return _of_export(path, observed)

@@ -40,14 +40,14 @@ def answer_steps(result: CellResult, prior: Prior, processes: int = 1) -> Iterat
         return
     counts = step_counts(len(obs))[:-1]
     parts = [obs.part(slice(n)) for n in counts]
-    answers = each(partial(locate_cell, prior=prior), parts, processes, _lost)
+    answers = each(partial(locate_cell, prior=prior), parts, processes, _cell_without_result)
     for n, part in zip(counts, answers, strict=True):
         if part.posterior is not None:
             yield Step(int(obs.t_ns[n - 1]), n, part.verdict, part.posterior)
     yield Step(int(obs.t_ns[-1]), len(obs), result.verdict, posterior)
 
 
-def _lost(part: CellObservations) -> CellResult:
+def _cell_without_result(part: CellObservations) -> CellResult:
     """The answer of a step that ended a process."""
     why = failure(part.cell, "a step of its answer", PROCESS_ENDED)
     return CellResult(part.cell, len(part), part, "cannot tell", ()).after(why)

@@ -122,7 +122,7 @@ def test_after_an_exception_the_estimate_begins_anew_and_says_so(error, caplog):
     assert beside.latest is not None
     values = next_values(inbox)
     ((failed,), (restarted,)) = (_notes(values, code) for code in (FAILED, RESTARTED))
-    assert failed.text.startswith(f"record 21: {type(error).__name__} in ")
+    assert failed.text.startswith(f"record 21: {type(error).__name__} (")
     # 10 s after the record that failed
     assert restarted.text.startswith("record 41:")
     anew = LiveTracker(LiveSettings())

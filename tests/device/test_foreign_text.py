@@ -46,7 +46,7 @@ def _sensor(folder: Path, name: str) -> Path:
     return sensor / name
 
 
-def _led(folder: Path) -> None:
+def _led_names(folder: Path) -> None:
     (folder / "led").mkdir(exist_ok=True)
     StatusLight("led", folder).close()
 
@@ -95,7 +95,7 @@ READERS = {
         lambda f: list(JournalTail(f / "run-000001.journal", TABLES).rows()),
     ),
     "closed run": (lambda f: f / "run-000001.h5", _closed_run),
-    "trigger of the LED": (lambda f: _below(f, "led/trigger"), _led),
+    "trigger of the LED": (lambda f: _below(f, "led/trigger"), _led_names),
     "temperature": (lambda f: _below(f, "class/thermal/thermal_zone0/temp"), None),
     "throttling": (lambda f: _below(f, "devices/platform/soc/soc:firmware/get_throttled"), None),
     "name of a process": (

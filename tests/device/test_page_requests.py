@@ -125,32 +125,32 @@ def test_a_file_that_was_cut_is_read_from_its_start(tmp_path):
     assert requests.take() == []
 
 
-def _named(*names):
+def _requests_by(*names):
     return b"".join(b'{"do":"mark","id":"%s"}\n' % name for name in names)
 
 
 def test_a_request_is_confirmed_when_its_note_is_on_the_card(tmp_path):
     requests = PageRequests(tmp_path)
-    _append(tmp_path, _named(b"a", b"b") + b"garbage\n")
+    _append(tmp_path, _requests_by(b"a", b"b") + b"garbage\n")
     assert len(requests.take()) == 3
     requests.confirm(1)
-    assert requests.recorded == ("a",)
-    _append(tmp_path, MARK + _named(b"c", b"d", b"e"))
+    assert requests.on_card == ("a",)
+    _append(tmp_path, MARK + _requests_by(b"c", b"d", b"e"))
     notes = requests.take()
     requests.drop(notes[1])  # c
     requests.confirm(4)
-    assert requests.recorded == ("a", "b")
+    assert requests.on_card == ("a", "b")
     requests.confirm(5)
-    assert requests.recorded == ("a", "b", "d")
+    assert requests.on_card == ("a", "b", "d")
     requests.disown()
     requests.confirm(6)
-    assert requests.recorded == ("a", "b", "d")
+    assert requests.on_card == ("a", "b", "d")
     for i in range(100):
-        _append(tmp_path, _named(b"%d" % i))
+        _append(tmp_path, _requests_by(b"%d" % i))
         requests.take()
         requests.confirm(7 + i)
-    assert requests.recorded[-1] == "99"
-    assert len(requests.recorded) == 2 * MOST_AT_ONCE
+    assert requests.on_card[-1] == "99"
+    assert len(requests.on_card) == 2 * MOST_AT_ONCE
 
 
 def test_text_that_controls_a_terminal_is_escaped(tmp_path):

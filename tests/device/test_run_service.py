@@ -31,7 +31,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def _started(folder, modem, gnss):
+def _start_service(folder, modem, gnss):
     page = '[page]\nlisten = "127.0.0.1:1"\n'
     return service.running_service(service.site_toml(folder, modem.path, gnss.path, page))
 
@@ -59,7 +59,7 @@ def test_nothing_in_the_page_s_file_stops_the_recorder(folder, monkeypatch):
     with (
         service.systemd(monkeypatch, folder) as said,
         simulated_devices() as (modem, gnss, _),
-        _started(folder, modem, gnss) as logger,
+        _start_service(folder, modem, gnss) as logger,
     ):
         service.wait_for(lambda: read_status(folder / "cellwalk") is not None)
         path = requests_folder(folder / "cellwalk") / FILE
@@ -94,7 +94,7 @@ def test_a_bug_in_one_part_of_a_tick_is_counted_and_the_rest_goes_on(folder, mon
     with (
         service.systemd(monkeypatch, folder) as said,
         simulated_devices() as (modem, gnss, _),
-        _started(folder, modem, gnss) as logger,
+        _start_service(folder, modem, gnss) as logger,
     ):
         service.wait_for(lambda: said().count("WATCHDOG=1") > 12)
         logger.send_signal(signal.SIGTERM)
@@ -120,7 +120,7 @@ def test_a_thread_that_ends_ends_the_service_with_its_run_sealed(folder, monkeyp
     """systemd then starts it again."""
     program = (sys.executable, "-c", PROGRAM.format(defect=defect))
     monkeypatch.setattr(service, "FIELDLOGGER", program)
-    with simulated_devices() as (modem, gnss, _), _started(folder, modem, gnss) as logger:
+    with simulated_devices() as (modem, gnss, _), _start_service(folder, modem, gnss) as logger:
         logger.communicate(timeout=30.0)
     assert logger.returncode not in {0, None}
     run = _run(folder)
@@ -134,7 +134,7 @@ def test_a_main_thread_that_hangs_is_not_fed(folder, monkeypatch):
     with (
         service.systemd(monkeypatch, folder) as said,
         simulated_devices() as (modem, gnss, _),
-        _started(folder, modem, gnss),
+        _start_service(folder, modem, gnss),
     ):
         service.wait_for(lambda: service.n_recorded(folder / "runs", "fixes") > 0)
         time.sleep(2.0)

@@ -31,6 +31,7 @@ VERBS_AND_NOUNS = {
 }
 """Words with the ending of a participle that are none."""
 STANDARD_TERMS = {
+    "closed": "method of tornado's streams",
     "heard": "method of the devices of the boot rig, which is not ours",
     "fixed": "of a number of digits, as in printf",
     "padded": "array with padding",

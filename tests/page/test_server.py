@@ -224,44 +224,44 @@ def test_a_request_that_never_ends_is_closed(page):
 
 def _half_open(page, host):
     """A connection that has brought nothing."""
-    return _connected(page, host, b"")
+    return _connect(page, host, b"")
 
 
 def _half_line(page, host):
-    return _connected(page, host, b"GET /x")
+    return _connect(page, host, b"GET /x")
 
 
 def _half_headers(page, host):
-    return _connected(page, host, b"GET / HTTP/1.1\r\nHost: x\r\nX-A: ")
+    return _connect(page, host, b"GET / HTTP/1.1\r\nHost: x\r\nX-A: ")
 
 
 def _no_body(page, host):
     head = f"POST /{page.token}/mark HTTP/1.1\r\nHost: {page.host}\r\nContent-Length: 1000\r\n\r\n"
-    return _connected(page, host, head.encode())
+    return _connect(page, host, head.encode())
 
 
-def _refused(page, host):
+def _bad_host(page, host):
     """A stranger that keeps its connection after the answer."""
-    return _connected(page, host, f"GET /x/ HTTP/1.1\r\nHost: {page.host}\r\n\r\n".encode())
+    return _connect(page, host, f"GET /x/ HTTP/1.1\r\nHost: {page.host}\r\n\r\n".encode())
 
 
 def _slow_reader(page, host):
     path = f"/{page.token}/runs/run-000001.h5"
-    return _connected(page, host, f"GET {path} HTTP/1.1\r\nHost: {page.host}\r\n\r\n".encode())
+    return _connect(page, host, f"GET {path} HTTP/1.1\r\nHost: {page.host}\r\n\r\n".encode())
 
 
 def _stream(page, host):
     head = f"GET /{page.token}/live HTTP/1.1\r\nHost: {page.host}\r\n\r\n"
-    return _connected(page, host, head.encode())
+    return _connect(page, host, head.encode())
 
 
-def _served(page, host):
+def _kept_open(page, host):
     """A connection that waits for its next request."""
     head = f"GET /{page.token}/icon.svg HTTP/1.1\r\nHost: {page.host}\r\n\r\n"
-    return _connected(page, host, head.encode())
+    return _connect(page, host, head.encode())
 
 
-def _connected(page, host, data):
+def _connect(page, host, data):
     one = socket.socket()
     one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     one.bind((f"127.0.0.{host}", 0))
@@ -271,8 +271,8 @@ def _connected(page, host, data):
 
 
 KINDS = (
-    *(_half_open, _half_line, _half_headers, _no_body, _refused),
-    *(_slow_reader, _stream, _served),
+    *(_half_open, _half_line, _half_headers, _no_body, _bad_host),
+    *(_slow_reader, _stream, _kept_open),
 )
 
 

@@ -13,9 +13,9 @@ from tempfile import mkdtemp
 
 import pytest
 
-from logger.core.errors import ConfigError, EstimationError
+from logger.core.errors import SOMETHING_LOST, ConfigError, EstimationError
 from logger.core.locator import pipeline
-from logger.core.runfile import SOMETHING_LOST, read_run
+from logger.core.runfile import read_run
 from postproc import cell_estimation, smoothing
 from postproc.cell_work import attempt, attempt_alone
 from postproc.cli import main
@@ -91,13 +91,13 @@ def fail_in(monkeypatch, step, error=PLANTED):
     owner = import_module(module)
     real, calls = getattr(owner, name), []
 
-    def planted(*arguments, **more):
+    def raise_planted(*arguments, **more):
         if any(is_about(one, BAD) for one in (*arguments, *more.values())):
             calls.append(name)
             raise copy.copy(error)  # each keeps where it was raised
         return real(*arguments, **more)
 
-    monkeypatch.setattr(owner, name, planted)
+    monkeypatch.setattr(owner, name, raise_planted)
     return calls
 
 

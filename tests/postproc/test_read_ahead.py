@@ -66,7 +66,7 @@ ALTERATIONS = {
 }
 
 
-def _altered(run, folder, kind):
+def _alter(run, folder, kind):
     folder.mkdir(exist_ok=True)
     forged = folder / "forged.h5"
     shutil.copy(run, forged)
@@ -76,7 +76,7 @@ def _altered(run, folder, kind):
     return forged
 
 
-def _remade(run, target, change=lambda record: record, *, n=None, close=True, **meta):
+def _remake(run, target, change=lambda record: record, *, n=None, close=True, **meta):
     """A run written anew, with a chain of its own; the first `n` records, changed."""
     source = read_run(run)
     about = msgspec.structs.replace(source.meta, **meta)
@@ -141,28 +141,28 @@ class _Kept:
 
 
 @pytest.fixture(params=["baseline", "survey"])
-def kept(request, tmp_path, capsys):
+def keeper(request, tmp_path, capsys):
     return _Kept(request.param, tmp_path, capsys)
 
 
-def test_altered_runs_are_refused_with_the_reason(genuine, tmp_path, kept):
-    forged = [_altered(genuine, tmp_path / kind, kind) for kind in ALTERATIONS]
-    code, rows, error = kept.add(*forged, genuine)
+def test_altered_runs_are_refused_with_the_reason(genuine, tmp_path, keeper):
+    forged = [_alter(genuine, tmp_path / kind, kind) for kind in ALTERATIONS]
+    code, rows, error = keeper.add(*forged, genuine)
     assert (code, [bool(row["problem"]) for row in rows]) == (3, [True] * len(forged) + [False])
     for row in rows[:-1]:
         assert f"{row['path']} was altered: " in row["problem"]
         assert row["problem"] in error
-    assert kept.names == ["run-000001.h5"]
+    assert keeper.names == ["run-000001.h5"]
     # the other order
-    code, rows, _ = kept.add(genuine, forged[0])
+    code, rows, _ = keeper.add(genuine, forged[0])
     assert [(row["is_known"], bool(row["problem"])) for row in rows] == [
         (True, False),
         (False, True),
     ]
-    assert kept.names == ["run-000001.h5"]
+    assert keeper.names == ["run-000001.h5"]
 
 
-def test_an_altered_journal_is_refused(genuine, tmp_path, kept):
+def test_an_altered_journal_is_refused(genuine, tmp_path, keeper):
     """A frame after the seal; its own checksum is right."""
     journal = tmp_path / "run-000001.journal"
     content = genuine.with_suffix(".journal").read_bytes()
@@ -172,41 +172,41 @@ def test_an_altered_journal_is_refused(genuine, tmp_path, kept):
     end = last.start + last.length + CRC_BYTES
     journal.write_bytes(content[:end] + more)
     assert not all(check.holds for check in verify(journal))
-    code, rows, _ = kept.add(journal, genuine)
+    code, rows, _ = keeper.add(journal, genuine)
     assert (code, [bool(row["problem"]) for row in rows]) == (3, [True, False])
-    assert kept.names == ["run-000001.h5"]
+    assert keeper.names == ["run-000001.h5"]
 
 
 @pytest.mark.parametrize("genuine_first", [True, False])
 @pytest.mark.parametrize("forgery", ["same content", "other levels", "import", "other run"])
 def test_a_copy_that_was_sealed_anew_displaces_nothing(
-    genuine, tmp_path, kept, forgery, genuine_first
+    genuine, tmp_path, keeper, forgery, genuine_first
 ):
     change = {} if forgery != "import" else {"origin": "import of x.csv"}
     change |= {"run_id": "e" * 32} if forgery == "other run" else {}
-    forged = _remade(genuine, tmp_path / "forged.h5", _all_unsure, **change)
+    forged = _remake(genuine, tmp_path / "forged.h5", _all_unsure, **change)
     if forgery == "other levels":
         forged.unlink()
-        forged = _remade(genuine, forged, _louder)
+        forged = _remake(genuine, forged, _louder)
     assert all(check.holds for check in verify(forged))  # nobody can tell without the noted digest
     files = [genuine, forged] if genuine_first else [forged, genuine]
     for file in files:
-        kept.add(file)
-    assert "run-000001.h5" in kept.names
-    code, rows, _ = kept.add(*files)
+        keeper.add(file)
+    assert "run-000001.h5" in keeper.names
+    code, rows, _ = keeper.add(*files)
     assert (code, [row["is_known"] for row in rows]) == (0, [True, True])
 
 
-def test_the_contradiction_is_said(genuine, tmp_path, kept):
-    forged = _remade(genuine, tmp_path / "forged.h5", _louder)
-    kept.add(forged)
-    code, rows, error = kept.add(genuine)
+def test_the_contradiction_is_said(genuine, tmp_path, keeper):
+    forged = _remake(genuine, tmp_path / "forged.h5", _louder)
+    keeper.add(forged)
+    code, rows, error = keeper.add(genuine)
     assert code == 0
     assert "sealed anew" in rows[0]["remark"]
     assert "sealed anew" in error
 
 
-def test_a_run_that_was_cut_gives_way_to_what_continues_it(tmp_path, kept):
+def test_a_run_that_was_cut_gives_way_to_what_continues_it(tmp_path, keeper):
     folder = tmp_path / "whole"
     folder.mkdir()
     whole = write_walk(folder, 1, two_cells(), n=40)
@@ -218,20 +218,20 @@ def test_a_run_that_was_cut_gives_way_to_what_continues_it(tmp_path, kept):
         state.write_bytes(content[: _last_frame(content, share)])
         states.append(state)
     for state in states:
-        code, rows, _ = kept.add(state)
+        code, rows, _ = keeper.add(state)
         assert (code, rows[0]["problem"]) == (0, ""), rows
-        assert kept.names == [state.name]
+        assert keeper.names == [state.name]
         # recovered, it is the same run
         recovered = state.with_suffix(".h5")
         convert_journal(state, recovered)
         assert read_run(recovered).end is None
-        assert kept.add(recovered)[1][0]["is_known"]
-    code, rows, _ = kept.add(journal)
+        assert keeper.add(recovered)[1][0]["is_known"]
+    code, rows, _ = keeper.add(journal)
     assert (code, rows[0]["problem"], rows[0]["remark"]) == (0, "", "")
-    assert kept.names == ["steps.journal"]
+    assert keeper.names == ["steps.journal"]
     # a part of what is there
-    code, rows, _ = kept.add(states[0])
-    assert kept.names == ["steps.journal"]
+    code, rows, _ = keeper.add(states[0])
+    assert keeper.names == ["steps.journal"]
 
 
 def _journal_in_steps(run, target):
@@ -256,17 +256,17 @@ def _last_frame(content, share):
     return max(end for end in ends if end <= share * len(content))
 
 
-def test_a_forged_state_that_was_cut_displaces_nothing(genuine, tmp_path, kept):
-    forged = _remade(genuine, tmp_path / "forged.h5", _louder, n=50, close=False)
-    assert kept.add(forged)[0] == 0
-    code, rows, _ = kept.add(genuine)
+def test_a_forged_state_that_was_cut_displaces_nothing(genuine, tmp_path, keeper):
+    forged = _remake(genuine, tmp_path / "forged.h5", _louder, n=50, close=False)
+    assert keeper.add(forged)[0] == 0
+    code, rows, _ = keeper.add(genuine)
     assert (code, rows[0]["problem"]) == (0, "")
-    assert "run-000001.h5" in kept.names
+    assert "run-000001.h5" in keeper.names
 
 
 def test_a_damaged_copy_displaces_nothing(genuine, tmp_path, capsys):
     """A frame in the middle is missing; the seal that it states is that of the whole run."""
-    kept = _Kept("baseline", tmp_path, capsys)
+    keeper = _Kept("baseline", tmp_path, capsys)
     journal = _journal_in_steps(genuine, tmp_path / "whole.journal")
     content = journal.read_bytes()
     frames = [event for event in scan(content) if hasattr(event, "number")]
@@ -276,19 +276,19 @@ def test_a_damaged_copy_displaces_nothing(genuine, tmp_path, capsys):
     hole[gone.start : gone.start + gone.length] = bytes(gone.length)
     damaged.write_bytes(hole)
     assert read_sound_run(damaged).damage.missing_frames
-    assert kept.add(damaged)[0] == 0
-    assert kept.add(journal)[0] == 0
-    assert kept.names == ["whole.journal"]
-    assert "another state" in kept.add(damaged)[1][0]["problem"]
+    assert keeper.add(damaged)[0] == 0
+    assert keeper.add(journal)[0] == 0
+    assert keeper.names == ["whole.journal"]
+    assert "another state" in keeper.add(damaged)[1][0]["problem"]
 
 
-def test_a_shared_copy_is_another_walk(tmp_path, kept):
+def test_a_shared_copy_is_another_walk(tmp_path, keeper):
     walk = write_walk(tmp_path, 1, two_cells(), n=400)
     copy = tmp_path / "copy.h5"
     assert main(["share", str(walk), "-o", str(copy), "--blur-m", "50"]) == 0
     for file in (copy, walk, copy):
-        assert kept.add(file)[0] == 0
-    assert kept.names == ["copy.h5", "run-000001.h5"]
+        assert keeper.add(file)[0] == 0
+    assert keeper.names == ["copy.h5", "run-000001.h5"]
 
 
 def test_a_run_is_verified_in_little_more_than_the_time_to_read_it(tmp_path):

@@ -15,7 +15,7 @@ from logger.core.runfile.writer import RunWriter
 
 if TYPE_CHECKING:
     from logger.core.runfile.finish import convert_journal, finish_journal, unfinished_journals
-    from logger.core.runfile.recovery import SOMETHING_LOST, Recovered, recover
+    from logger.core.runfile.recovery import Recovered, recover
     from logger.core.runfile.run import (
         Run,
         read_run,
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FLOOR_BYTES",
-    "SOMETHING_LOST",
     "Damage",
     "Recovered",
     "Run",
@@ -53,7 +52,7 @@ __all__ = [
 
 _ROOM_OF = {
     **dict.fromkeys(("convert_journal", "finish_journal", "unfinished_journals"), "finish"),
-    **dict.fromkeys(("SOMETHING_LOST", "Recovered", "recover"), "recovery"),
+    **dict.fromkeys(("Recovered", "recover"), "recovery"),
     **dict.fromkeys(
         ("Run", "read_run", "read_small_runs", "read_sound_run", "read_unaltered_run"), "run"
     ),

@@ -9,9 +9,6 @@ from logger.core.runfile.finish import finish, unfinished_journals
 from logger.core.runfile.meta import Damage
 from logger.core.runfile.run_names import is_hdf5
 
-SOMETHING_LOST = 3
-"""Exit code of a recovery in which something was lost, as that of `mcap recover`."""
-
 _NONE = Damage()
 
 

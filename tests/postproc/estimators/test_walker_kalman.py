@@ -105,12 +105,12 @@ def exact_variance(model, times_s, at_s):
         step = [[1, dt, 0], [0, 1, 0], [0, 0, a]]
         noise = [[q * dt**3 / 3, q * dt**2 / 2, 0], [q * dt**2 / 2, q * dt, 0], [0, 0, 1 - a * a]]
         ahead = [product(step, one) for one in covariance[-1]]
-        own = product(ahead[-1], transposed(step))
+        own = product(ahead[-1], transpose(step))
         covariance.append([*ahead, [[own[i][j] + noise[i][j] for j in range(3)] for i in range(3)]])
 
     def between(k, i, row):
         """Covariances of the state at time k with what `row` measures at time i."""
-        one = covariance[k][i] if i <= k else transposed(covariance[i][k])
+        one = covariance[k][i] if i <= k else transpose(covariance[i][k])
         return [sum(one[j][m] * row[m] for m in range(3)) for j in range(3)]
 
     rows = [
@@ -127,9 +127,9 @@ def exact_variance(model, times_s, at_s):
         for m, (k, own, noise) in enumerate(rows)
     ]
     known = [[between(every.index(t), i, row)[0] for i, row, _ in rows] for t in at_s]
-    weights = solved(joint, transposed(known))
+    weights = solve(joint, transpose(known))
     prior = [covariance[every.index(t)][every.index(t)][0][0] for t in at_s]
-    of_each = zip(known, transposed(weights), strict=True)
+    of_each = zip(known, transpose(weights), strict=True)
     explained = [sum(map(mul, one, weight)) for one, weight in of_each]
     return np.array([float(p - e) for p, e in zip(prior, explained, strict=True)])
 
@@ -138,11 +138,11 @@ def product(a, b):
     return [[sum(map(mul, row, column)) for column in zip(*b, strict=True)] for row in a]
 
 
-def transposed(a):
+def transpose(a):
     return [list(column) for column in zip(*a, strict=True)]
 
 
-def solved(a, b):
+def solve(a, b):
     """A^-1 B of fractions, A positive definite."""
     rows = [[*one, *other] for one, other in zip(a, b, strict=True)]
     for k in range(len(rows)):

@@ -13,18 +13,18 @@ ROOT = Path(__file__).parents[3]
 SAMPLES = Path(os.environ.get("CELLWALK_FORMATS", ROOT.parent / "shared/corpus/formats"))
 
 
-def _page():
-    return (ROOT / "docs/guide/formats.md").read_text()
+def _table():
+    return (ROOT / "docs/guide/formats.md").read_text().partition("\n## ")[0]
 
 
 def test_the_page_lists_every_format_and_no_other():
-    names = re.findall(r"^\| ([^|]+?) +\|", _page(), re.MULTILINE)
+    names = re.findall(r"^\| ([^|]+?) +\|", _table(), re.MULTILINE)
     assert set(names) - {"format"} == {form.name for form in FORMATS}
     assert len(FORMATS) == len({form.name for form in FORMATS})
 
 
 def test_the_page_says_where_no_real_file_was_tried():
-    rows = [line for line in _page().splitlines() if line.startswith("| ")][1:]
+    rows = [line for line in _table().splitlines() if line.startswith("| ")][1:]
     tried = [row for row in rows if "real rows" in row]
     assert tried
     assert all("no real file tried" in row for row in rows if row not in tried)

@@ -11,6 +11,7 @@ from io import BytesIO
 
 import pytest
 
+from logger.core.runfile import read_run
 from postproc.cli import main
 
 HEADER = "t_s,lat,lon,rssi_dbm\n"
@@ -42,7 +43,7 @@ def _json(*objects):
     return b'{"measurements": [' + b",".join(objects) + b"]}"
 
 
-def _packed(data):
+def _pack(data):
     return gzip.compress(data, 1)
 
 
@@ -63,7 +64,7 @@ def _overlapping():
     return data[:table] + entries + data[end : end + 8] + counts + data[end + 16 :]
 
 
-def _encrypted():
+def _encrypt():
     data = bytearray(_zip(("a.csv", LOG)))
     data[6] |= 1
     data[data.rfind(b"PK\1\2") + 8] |= 1
@@ -71,9 +72,8 @@ def _encrypted():
 
 
 REFUSED = {
-    "a line without an end": lambda: _packed(HEADER.encode() + b"x" * (50 << 20)),
+    "a line without an end": lambda: _pack(HEADER.encode() + b"x" * (50 << 20)),
     "a row of quoted lines": lambda: HEADER.encode() + b'"\n",' * 2_000_000,
-    "a quotation mark": lambda: HEADER.encode() + b'0,52,13,"' + b"\n1,52,13,-70" * 50_000,
     "columns": lambda: ",".join(map(str, range(100_000))).encode() + b"," + LOG.encode(),
     "UTF-16": lambda: LOG.encode("utf-16"),
     "UTF-32": lambda: LOG.encode("utf-32"),
@@ -97,13 +97,13 @@ REFUSED = {
     "a JSON line": lambda: b'{"analyzers": [], "x": "' + b"x" * (20 << 20),
     "brackets": lambda: b'[{"analyzers":1},' + b"[" * 5_000_000,
     "a JSON number": lambda: b'[{"analyzers":1},' + b"1" * 5_000_000,
-    "gzip": lambda: _packed(b"0" * (300 << 20)),
+    "gzip": lambda: _pack(b"0" * (300 << 20)),
     "bzip2": lambda: _zip(("a.csv", b"0" * (300 << 20)), packing=zipfile.ZIP_BZIP2),
     "overlapping": _overlapping,
     "table of contents": lambda: _zip(*((f"{i}.csv", "") for i in range(30_000))),
     "two of one name": lambda: _zip(("a.csv", LOG), ("b.csv", LOG)).replace(b"b.csv", b"a.csv"),
     "a zip in a zip": lambda: _zip(("a.zip", _zip(("a.csv", LOG)))),
-    "encrypted": _encrypted,
+    "encrypted": _encrypt,
     "cut": lambda: _zip(("a.csv", LOG))[:-30],
 }
 
@@ -136,7 +136,7 @@ def _import(folder):
     return done.returncode, int(more), said
 
 
-def _kismet(path, *texts):
+def _write_kismet(path, *texts):
     with sqlite3.connect(path) as database:
         database.execute("CREATE TABLE KISMET (db_version INT)")
         database.execute("CREATE TABLE data (ts_sec, ts_usec, lat, lon, alt, type, json)")
@@ -151,13 +151,13 @@ DEEP = "[" * 900 + "]" * 900
 
 @pytest.mark.parametrize("text", ["[" * 100_000, CELL.replace('"LTE"', DEEP), "9" * 5000])
 def test_a_deep_value_of_kismet_is_a_bad_row(tmp_path, text):
-    _kismet(tmp_path / "x", CELL, text, CELL)
+    _write_kismet(tmp_path / "x", CELL, text, CELL)
     code, more_mb, _ = _import(tmp_path)
     assert (code, more_mb < MORE_MB) == (0, True)
 
 
 def test_a_blob_of_kismet_is_refused(tmp_path):
-    _kismet(tmp_path / "x", '{"rat":[' + "[]," * 5_000_000 + "[]]}")
+    _write_kismet(tmp_path / "x", '{"rat":[' + "[]," * 5_000_000 + "[]]}")
     code, more_mb, error = _import(tmp_path)
     assert (code, more_mb < MORE_MB) == (2, True)
     assert "too big" in error
@@ -167,6 +167,15 @@ def test_a_deep_value_of_json_is_a_bad_row(tmp_path):
     good = json.dumps(MEASUREMENT).encode()
     (tmp_path / "x").write_bytes(_json(good, good.replace(b'"GSM"', DEEP.encode()), good))
     assert _import(tmp_path)[0] == 0
+
+
+def test_a_quotation_mark_takes_no_other_row_in(tmp_path):
+    rows = b"".join(b"\n%d,52,13,-70" % i for i in range(1, 50_000))
+    (tmp_path / "x").write_bytes(HEADER.encode() + b'0,52,13,"' + rows)
+    code, more_mb, error = _import(tmp_path)
+    assert (code, more_mb < MORE_MB) == (0, True)
+    assert error.splitlines() == [f"{tmp_path}/x: line 2: rssi_dbm is no number: '\"'"]
+    assert len(read_run(tmp_path / "run.h5").tables["readings"]) == 49_999
 
 
 def test_what_stands_between_the_points_is_not_kept(tmp_path):

@@ -37,7 +37,7 @@ BORDERS = {
 }
 
 
-def filled(lat_deg, lon_deg, side_m=SIDE_M):
+def fill(lat_deg, lon_deg, side_m=SIDE_M):
     """Degrees of a square of ground, a point for each 20 m by an equal area map."""
     at_m = np.arange(-side_m / 2, side_m / 2, STEP_M) + 0.5 * STEP_M
     east_m, north_m = (values.ravel() for values in np.meshgrid(at_m, at_m))
@@ -77,7 +77,7 @@ def survey_of(folder, walks):
 def test_ground_of_several_zones_is_one_ground(tmp_path, where, shared):
     """Each half, or the whole ground twice, in another zone: the area is that of the ground."""
     lat_deg, lon_deg, zones = BORDERS[where]
-    lat, lon = filled(lat_deg, lon_deg)
+    lat, lon = fill(lat_deg, lon_deg)
     half = (
         (np.mod(lon - lon_deg + 180.0, 360.0) < 180.0)
         if shared == "halves"
@@ -100,7 +100,7 @@ def test_ground_of_several_zones_is_one_ground(tmp_path, where, shared):
 
 def test_area_is_that_on_the_ground(tmp_path):
     """Far from the middle of its zone, where squares of the zone are 0.7 % too large."""
-    lat, lon = filled(10.0, 14.4)
+    lat, lon = fill(10.0, 14.4)
     survey = survey_of(tmp_path / "s", [walk(1, 32, lat, lon)])
     (town,) = walked_ground(survey, EVERY_RUN)
     by_scale = len(town.square) * 2500.0 / 1e6
@@ -113,7 +113,7 @@ def test_each_town_has_a_plan_and_all_ground_is_drawn(tmp_path):
     places = [(51.48, 12.0), (48.1, 11.5), (-33.9, 151.2), (51.34, 12.37)]
     walks = []
     for number, (lat_deg, lon_deg) in enumerate(places):
-        lat, lon = filled(lat_deg, lon_deg, 1000.0)
+        lat, lon = fill(lat_deg, lon_deg, 1000.0)
         for zone in {Utm.at(float(a), float(b)).zone for a, b in zip(lat, lon, strict=True)}:
             own = [Utm.at(float(a), float(b)).zone == zone for a, b in zip(lat, lon, strict=True)]
             walks.append(walk(10 * number + abs(zone), zone, lat[own], lon[own]))
@@ -212,7 +212,7 @@ def _observations(lat_deg, lon_deg, zone, n=40):
 
 def test_loggers_of_two_zones_share_their_ground(tmp_path):
     """Three loggers on the same ground, one in the next zone: none is without common ground."""
-    lat, lon = filled(51.48, 12.0, 1000.0)
+    lat, lon = fill(51.48, 12.0, 1000.0)
     walks = [walk(n, zone, lat, lon) for n, zone in enumerate((32, 33, 32), 1)]
     survey = survey_of(tmp_path / "s", walks)
     (task,) = tasks_of(survey, survey.cells(), EVERY_RUN, Options())
@@ -224,7 +224,7 @@ def test_changes_are_looked_for_in_every_town(tmp_path, scheduler, capsys):
     day_ns = 86_400 * 10**9
     walks = []
     for number, (lat_deg, lon_deg) in enumerate([(48.1, 11.5), (51.48, 12.0), (-33.9, 151.2)]):
-        lat, lon = filled(lat_deg, lon_deg, 1000.0)
+        lat, lon = fill(lat_deg, lon_deg, 1000.0)
         for later in (0, 1):
             zone = Utm.at(lat_deg, lon_deg + (-0.1 if later else 0.1)).zone
             one = walk(10 * number + later + 1, zone, lat[::4], lon[::4])
