@@ -100,7 +100,7 @@ def recording(folder: Path, status: Status) -> Iterator[list[Note]]:
         while not ended.wait(0.05):
             notes.extend(requests.take())
             requests.confirm(len(notes))
-            now = msgspec.structs.replace(status, recorded=requests.recorded)
+            now = msgspec.structs.replace(status, recorded=requests.on_card)
             write_status(folder / "cellwalk", now)
 
     thread = threading.Thread(target=run)

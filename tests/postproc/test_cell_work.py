@@ -101,6 +101,9 @@ def fail_in(monkeypatch, step, error=PLANTED):
     return calls
 
 
+RULES = ("logger.core.suspicion.signal._jump",)
+
+
 def outputs(capsys, *argv):
     code = main([os.fspath(one) for one in argv])
     out, err = capsys.readouterr()
@@ -127,15 +130,17 @@ def check(run, capsys, caplog, monkeypatch):
             rest = [planted[cell].pop(name, None) for name in common]
             assert len(rest) == len(common)
             assert planted[cell] == {k: v for k, v in clean[cell].items() if k not in common}
+        # a rule also runs on the device, where no text of an error is recorded
+        error = "ZeroDivisionError (" if step in RULES else "ZeroDivisionError: planted"
         row = planted[BAD]
-        assert row["error"].startswith("ZeroDivisionError: planted")
-        told = row[reasons] if isinstance(row[reasons], list) else [row[reasons]]
-        assert any("ZeroDivisionError: planted" in text for text in told)
-        assert any("ZeroDivisionError: planted" in one.getMessage() for one in caplog.records)
+        assert row["error"].startswith(error)
+        why = row[reasons] if isinstance(row[reasons], list) else [row[reasons]]
+        assert any(error in text for text in why)
+        assert any(error in one.getMessage() for one in caplog.records)
         if text:
             code, out, _ = outputs(capsys, *argv)
             assert code == SOMETHING_LOST
-            assert "ZeroDivisionError:planted" in "".join(out.split())
+            assert "".join(error.split()) in "".join(out.split())
             assert BAD in out
 
     return compare
@@ -373,7 +378,7 @@ def test_the_reason_stays_in_a_stored_result(run, capsys, monkeypatch):
 
 def test_a_cell_that_ends_its_process_has_a_row(run):
     parts = {0: observe_run(read_run(run)).observations.cells[0]}
-    row = smoothing._lost(parts)
+    row = smoothing._cell_without_result(parts)
     assert (row.cell, row.n, row.verdict) == (parts[0].cell, len(parts[0]), "cannot tell")
     assert "its process ended" in row.error
     assert row.error in row.warnings[0]
