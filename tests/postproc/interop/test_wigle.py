@@ -121,7 +121,7 @@ def test_every_row_is_read_or_counted_whatever_the_names_of_networks_are(tmp_pat
     rows = [
         'aa:bb:cc:dd:ee:f0,"guest,[WPA2][ESS],2025-06-21 00:25:37,6,-60,52,13,30,5,WIFI',
         "26201_4711_17,,GSM;de,2025-06-21 00:25:38,62,-73,52,13,30,5,GSM",
-        'aa:bb:cc:dd:ee:f1,"caf"e",[WPA2][ESS],2025-06-21 00:25:39,6,-60,52,13,30,5,WIFI',
+        'aa:bb:cc:dd:ee:f1,"pub"lic",[WPA2][ESS],2025-06-21 00:25:39,6,-60,52,13,30,5,WIFI',
         '26201_4711_18,"Op,GSM;de,2025-06-21 00:25:40,62,-73,52,13,30,5,GSM',
         '26201_4711_19,"Op, Ltd.",GSM;de,2025-06-21 00:25:41,62,-73,52,13,30,5,GSM',
         'aa:bb:cc:dd:ee:f2,a"b,Misc [LE],2025-06-21 00:25:42,6,-60,52,13,30,5,BLE',
