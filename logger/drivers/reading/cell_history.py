@@ -150,7 +150,7 @@ class CellHistory:
         doubtful = after.doubtful(namings, repeated) | {
             who
             for who, n in runs.items()
-            if is_alone and n == 1 and cells[who].n == _AGAIN and cells[who].n_sure < FEWEST_SCANS
+            if is_alone and n == 1 and cells[who].n == _AGAIN and cells[who].n_sure == 1
         }
         for who, naming in namings.items():
             if naming.is_sure and who not in doubtful:

@@ -112,6 +112,16 @@ def test_a_second_naming_that_is_not_at_once_makes_no_cell(cids):
     assert session.read(lte(first)) == [True]
 
 
+def test_a_third_naming_makes_a_cell_whose_first_one_was_doubtful():
+    session = Session("sim7600")
+    unsure = []
+    for _ in range(3):
+        unsure += session.read(lte())
+        session.read(lte(31415926, pci=7))
+    assert unsure == [True, False, False]
+    assert "262-02-5432-7654321" in session.identities
+
+
 @pytest.mark.parametrize("rest", [1, 5, 40])
 def test_a_third_naming_makes_a_cell_however_late(rest):
     session = Session("sim7600")
