@@ -74,8 +74,7 @@ class QuectelGsm(Family):
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in QENG rows of both technologies."""
-        pieces = (piece for line in lines for piece in _NEXT.split(line.replace('\\"', '"')))
-        rows = map(_ROW.search, _join_wrapped_rows(pieces))
+        rows = map(_ROW.search, _join_wrapped_rows(line.replace('\\"', '"') for line in lines))
         return tuple(
             reading
             for row in rows
@@ -85,14 +84,19 @@ class QuectelGsm(Family):
 
 
 def _join_wrapped_rows(lines: Iterable[str]) -> Iterator[str]:
-    """Lines with wrapped rows joined: a line of nothing but values goes on with the row above."""
+    """Lines with wrapped rows joined: a line of nothing but values goes on with the row above.
+
+    A terminal wraps with a line end. Where a log has one as text, the modem has ended the row.
+    """
     row = ""
-    for line in filter(str.strip, lines):
-        if _ROW.search(row) and _VALUES.fullmatch(line):
-            row += line.strip()
-            continue
-        yield row
-        row = line.strip()
+    for line in lines:
+        for number, piece in enumerate(_NEXT.split(line)):
+            text = piece.strip()
+            if number == 0 and _ROW.search(row) and _VALUES.fullmatch(text):
+                row += text
+            elif text or number:
+                yield row
+                row = text
     yield row
 
 

@@ -21,12 +21,16 @@ OFTEN = 5
 """A name or number that looks like a damaged one is accepted when it came so often, and often
 enough beside the other: even a line that damages every fourth reply seldom hits the same digit.
 """
+_AGAIN = 2
+"""The second naming makes a cell known, so that it counts only if it comes in the next reply: one
+damage may come twice before the true name comes once, but hardly at once.
+"""
 _MOST_CELLS = 2000
 """Cells remembered; beyond it those named longest ago are dropped."""
 _MOST_PLACES = 8
 """Channels and codes remembered of a cell: its carriers, and damaged ones."""
 _USUAL = 4
-"""A place is one of a cell where one of so many replies names it there."""
+"""A place is one of a cell where one of so many replies names it there, or `OFTEN` in all."""
 _OF_LATE = 300
 """Replies, some minutes, for which a channel with its code is that of one cell. Other masts use
 them again.
@@ -51,9 +55,9 @@ class Place(NamedTuple):
 
 
 class Naming(NamedTuple):
-    """How a reply names a cell: area and cell as printed, where, and without another doubt."""
+    """How a reply names a cell: network code, area and cell as printed, where, and whether sure."""
 
-    texts: tuple[str, str]
+    texts: tuple[str, str, str]
     place: Place
     is_sure: bool
 
@@ -74,13 +78,14 @@ class _Likeness(Enum):
 class _NamedCell:
     """What the replies so far show of a cell; `latest` is the number of the last one.
 
-    `digits` are those of name and usual place, sorted: where two characters of a row are exchanged
-    and one is the comma, a digit moves from one number to the next.
+    `digits` are those of name and usual place, sorted, and `widths` those of the numbers: where two
+    characters of a row are exchanged and one is the comma, a digit moves from one to the next.
     """
 
-    texts: tuple[str, str]
+    texts: tuple[str, str, str]
     n_by_place: Mapping[Place, int] = field(default_factory=dict)
     digits: str = ""
+    widths: tuple[int, ...] = ()
     n: int = 0
     n_sure: int = 0
     latest: int = 0
@@ -92,37 +97,61 @@ class _NamedCell:
         if len(n_by_place) > _MOST_PLACES:
             del n_by_place[min(n_by_place, key=n_by_place.__getitem__)]
         is_usual = n_here >= max(n_by_place.values())
-        digits = _digits(who, naming) if is_usual else self.digits
-        return _NamedCell(naming.texts, n_by_place, digits, self.n + 1, self.n_sure, latest)
+        digits, widths = self.digits, self.widths
+        if is_usual:
+            digits, widths = _digits(who, naming), _widths(naming)
+        n = self.n + 1
+        return _NamedCell(naming.texts, n_by_place, digits, widths, n, self.n_sure, latest)
+
+    def is_repeated(self, run: int) -> bool:
+        """True where so many replies in succession name the cell that it is no damage.
+
+        Of a name that was doubtful after its first pair, no further pair proves it, as one damage
+        may come twice at once again. Three do.
+        """
+        is_first_pair = self.n_sure == 0 or self.n - run <= self.n_sure
+        return run > _AGAIN or (run == _AGAIN and is_first_pair)
 
     def places(self) -> list[Place]:
         """Where the cell is usually named: not where damage or a change of the cell put it once."""
-        return [place for place, n in self.n_by_place.items() if n * _USUAL >= self.n]
+        often = min(OFTEN, self.n / _USUAL)
+        return [place for place, n in self.n_by_place.items() if n >= often]
 
 
 @dataclass(frozen=True, slots=True)
 class CellHistory:
     """Cells by name, the one named last at the end, and how many replies have named any.
 
-    `before` are the names in the last full scan (True) and in the last poll (False).
+    `runs` are the names in the last full scan (True) and in the last poll (False), and how many
+    scans or polls in succession have named each.
     """
 
     cells: Mapping[Who, _NamedCell] = field(default_factory=dict)
     n_replies: int = 0
-    before: Mapping[bool, frozenset[Who]] = field(default_factory=dict)
+    runs: Mapping[bool, Mapping[Who, int]] = field(default_factory=dict)
 
     def with_reply(
-        self, namings: Namings, *, is_scan: bool = False
+        self, namings: Namings, *, is_scan: bool = False, is_alone: bool = True
     ) -> tuple["CellHistory", frozenset[Who]]:
-        """The history with one more reply, and the doubtful names of that."""
+        """The history with one more reply, and the doubtful names of that.
+
+        With `is_alone` no later reply is there to compare it with, as in a session.
+        """
         if not namings:
             return self, frozenset()
         cells, latest = {**self.cells}, self.n_replies + 1
         for who, naming in namings.items():
             cell = cells.pop(who, None) or _NamedCell(naming.texts)
             cells[who] = cell.named_again(who, naming, latest)
-        after = CellHistory(cells, latest, {**self.before, is_scan: frozenset(namings)})
-        doubtful = after.doubtful(namings, self.before.get(is_scan, frozenset()))
+        before = self.runs.get(is_scan, {})
+        runs = {who: before.get(who, 0) + 1 for who in namings}
+        after = CellHistory(cells, latest, {**self.runs, is_scan: runs})
+        repeated = {who for who, run in runs.items() if cells[who].is_repeated(run)}
+        doubtful = after.doubtful(namings, repeated) | {
+            who
+            for who, n in runs.items()
+            if is_alone and n == 1 and cells[who].n == _AGAIN and cells[who].n_sure == 1
+        }
         for who, naming in namings.items():
             if naming.is_sure and who not in doubtful:
                 cells[who] = replace(cells[who], n_sure=cells[who].n_sure + 1)
@@ -130,27 +159,27 @@ class CellHistory:
             del cells[who]
         return after, doubtful
 
-    def doubtful(self, namings: Namings, successive: Collection[Who]) -> frozenset[Who]:
+    def doubtful(self, namings: Namings, repeated: Collection[Who]) -> frozenset[Who]:
         """Names of a reply of this history that may be damage.
 
-        `successive` are those that the reply before or after it has too. A name that two replies
-        have for certain stays sure: it names a cell by then (`core.identities`).
+        `repeated` are those that replies in succession have. A name that two replies have for
+        certain stays sure: it names a cell by then (`core.identities`).
         """
         return frozenset(
             who
             for who, naming in namings.items()
-            if who not in successive
+            if who not in repeated
             and self.cells[who].n_sure < FEWEST_SCANS
             and self._is_doubtful(who, naming)
         )
 
     def _is_doubtful(self, who: Who, naming: Naming) -> bool:
-        n, digits = self.cells[who].n, _digits(who, naming)
+        n, digits, widths = self.cells[who].n, _digits(who, naming), _widths(naming)
         for other, cell in reversed([*self.cells.items()]):
             if n >= max(OFTEN, cell.n):
                 continue
             # a comma exchanged with a digit makes one number longer and the next one shorter
-            is_moved = digits == cell.digits and _widths(who, naming) != _widths(other, cell)
+            is_moved = who != other and digits == cell.digits and widths != cell.widths
             if not is_moved and other.cid != who.cid and other.area != who.area:
                 continue
             is_late = self.n_replies - cell.latest < _OF_LATE
@@ -174,7 +203,8 @@ def namings_of(pairs: Iterable[tuple[Row, Row]]) -> Namings:
             codes = (code for code in (row.bsic, row.psc, row.pci) if code is not None)
             place = Place(row.rat, row.arfcn, next(codes, None))
         is_sure = not unsure and (who not in namings or namings[who].is_sure)
-        namings[who] = Naming((_text(_area(row)), _text(row.cid)), place, is_sure)
+        texts = (_network_code(row), _text(_area(row)), _text(row.cid))
+        namings[who] = Naming(texts, place, is_sure)
     return namings
 
 
@@ -193,16 +223,22 @@ def _area(row: CellReading | Registration) -> int | None:
 
 
 def _text(number: int | None) -> str:
-    text = number.text if isinstance(number, NumberText) else f"{number or ''}"
-    return text.lstrip("0")
+    return number.text if isinstance(number, NumberText) else f"{number or ''}"
 
 
-def _widths(who: Who, named: Naming | _NamedCell) -> list[int]:
-    return [len(text) for text in (who.mnc or "", *named.texts)]
+def _network_code(row: CellReading | Registration) -> str:
+    """As printed; u-blox prints a single digit where no other line completes it."""
+    if isinstance(row, Registration):
+        return ""
+    return row.mnc or f"{row.more.get('mnc_raw', '')}"
+
+
+def _widths(naming: Naming) -> tuple[int, ...]:
+    return tuple(len(text.lstrip("0")) for text in (*naming.texts, f"{naming.place.arfcn or ''}"))
 
 
 def _digits(who: Who, naming: Naming) -> str:
-    parts = (who.mcc, who.mnc, *naming.texts, naming.place.arfcn, naming.place.code)
+    parts = (who.mcc, *naming.texts, naming.place.arfcn, naming.place.code)
     digits = "".join(str(part) for part in parts if part is not None)
     return "".join(sorted(digits.replace("0", "")))  # one that leads a number is not kept
 
@@ -215,7 +251,7 @@ def _likeness(
         for name, a, b in zip(Who._fields, who, other, strict=True)
         if a != b and None not in {a, b}
     }
-    if is_late and is_moved and changed:
+    if is_late and is_moved:
         return _Likeness.DAMAGE
     here, places = naming.place, cell.places()
     shared = [place for place in places if not _differ(place, here)]
@@ -230,16 +266,17 @@ def _likeness(
         is_sector = gains_network and who.mcc == other.mcc
         return _Likeness.DAMAGE if changed else _Likeness.SECTOR if is_sector else _Likeness.NONE
     is_sector = not any(_tells_sectors(place, here) for place in shared)
-    return _likeness_of_cid(naming.texts[1], cell.texts[1], is_sector=is_sector, is_same=is_same)
-
-
-def _likeness_of_cid(text: str, known: str, *, is_sector: bool, is_same: bool) -> _Likeness:
-    """Of a cell that differs in its identity alone; `is_same` for one channel and one code."""
-    n_changed = sum(map(str.__ne__, text, known)) if len(text) == len(known) else None
-    if n_changed == 1 and is_sector:
+    pair = naming.texts[-1], cell.texts[-1]
+    pairs = {pair, (pair[0].lstrip("0"), pair[1].lstrip("0"))}  # one may be padded, the other not
+    n_changed = {_n_changed(*texts) for texts in pairs} - {None}
+    if is_sector and 1 in n_changed:
         return _Likeness.SECTOR
-    is_damage = (is_same and n_changed is not None) or _is_slip(text, known)
+    is_damage = (is_same and n_changed) or any(_is_slip(*texts) for texts in pairs)
     return _Likeness.DAMAGE if is_damage else _Likeness.NONE
+
+
+def _n_changed(text: str, other: str) -> int | None:
+    return sum(map(str.__ne__, text, other)) if len(text) == len(other) else None
 
 
 def _differ(first: Place, second: Place) -> bool:

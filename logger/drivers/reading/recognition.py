@@ -91,7 +91,8 @@ def _doubtful_names(
     doubtful = []
     for rows, naming in zip(replies, namings, strict=True):
         is_scan = any(getattr(row, "role", None) == "scan" for row in rows)
-        cells, names = cells.with_reply(naming, is_scan=is_scan)
+        is_alone = len(namings) == 1
+        cells, names = cells.with_reply(naming, is_scan=is_scan, is_alone=is_alone)
         doubtful.append(names)
     if len(namings) == 1:
         return cells, doubtful

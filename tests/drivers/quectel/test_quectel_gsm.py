@@ -276,3 +276,13 @@ def test_poll_of_an_nbiot_modem():
     assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], "OK")]) == ()
     assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], "ERROR")]) is None
     assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], None)]) is None
+
+
+@pytest.mark.parametrize("end", [r"\r\n", "\\r\\n\n", "\\r\n", r"\n"])
+def test_a_line_end_that_a_log_has_as_text_ends_a_row_and_joins_no_number(end):
+    row = "+QENG: 0,262,01,1b2c,4d5e,3,42,-73,38,38,5,7,x,x,x,x,x,x,x"
+    driver = QuectelGsm()
+    assert driver.read([row])
+    for at in range(len("+QENG: 0,2"), len("+QENG: 0,262,01,1b2c,4d5e")):
+        found = driver.read((row[:at] + end + row[at:]).split("\n"))
+        assert not any(cell.cid for cell in found if isinstance(cell, CellReading)), at

@@ -94,7 +94,83 @@ def test_sectors_of_a_mast_are_sure_at_once_where_their_codes_differ():
     session.read(lte(31415926, pci=7))
     for _ in range(3):
         for sector in (1, 2, 3):
-            assert session.read(lte(7654320 + sector, pci=210 + sector)) == [False]
+            for _ in range(2):
+                assert session.read(lte(7654320 + sector, pci=210 + sector)) == [False]
+
+
+@pytest.mark.parametrize("cids", [(7654231, 7654321), (7654321, 7654231)], ids=["damaged", "true"])
+def test_a_second_naming_that_is_not_at_once_makes_no_cell(cids):
+    first, other = cids
+    session = Session("sim7600")
+    session.read(lte(31415926, pci=7))
+    assert session.read(lte(first)) == [False]
+    session.read(lte(31415926, pci=7))
+    assert session.read(lte(first)) == [True]
+    assert f"262-02-5432-{first}" not in session.identities
+    session.read(lte(31415926, pci=7))
+    session.read(lte(other))
+    assert session.read(lte(first)) == [True]
+
+
+def test_a_third_naming_makes_a_cell_whose_first_one_was_doubtful():
+    session = Session("sim7600")
+    unsure = []
+    for _ in range(3):
+        unsure += session.read(lte())
+        session.read(lte(31415926, pci=7))
+    assert unsure == [True, False, False]
+    assert "262-02-5432-7654321" in session.identities
+
+
+@pytest.mark.parametrize("rest", [1, 5, 40])
+def test_a_third_naming_makes_a_cell_however_late(rest):
+    session = Session("sim7600")
+    session.read(lte(31415926, pci=7))
+    unsure = []
+    for _ in range(4):
+        unsure += session.read(lte())
+        for _ in range(rest):
+            session.read(lte(31415926, pci=7))
+    assert unsure == [False, True, False, False]
+    assert "262-02-5432-7654321" in session.identities
+
+
+def test_two_pairs_of_one_damage_make_no_cell_but_three_in_succession_do():
+    session = Session("sim7600")
+    for _ in range(20):
+        session.read(lte())
+    damaged = lte(plmn="226-02")
+    for pair in ([True, False], [True, True], [True, True]):
+        assert [session.read(damaged)[0] for _ in range(2)] == pair
+        assert session.read(lte()) == [False]
+    assert [session.read(damaged)[0] for _ in range(3)] == [True, True, False]
+
+
+def test_a_damaged_digit_between_the_zeros_of_a_padded_number_is_damage():
+    session = Session("sim800")
+    for cid in ("000f", "000f", "040f", "000f", "040f"):
+        row = CENG.format(n=1, arfcn=30, bsic=20, cid=cid, lac="3c4d")
+        assert session.read(row) == [cid == "040f"]
+
+
+def test_a_cell_on_many_channels_is_that_of_each():
+    session = Session("sim7600")
+    for _ in range(6):
+        for channel in range(6):
+            session.read(lte(earfcn=1300 + channel, pci=211 + channel))
+    for _ in range(3):
+        assert session.read(lte(7654231, earfcn=1303, pci=214)) == [True]
+        session.read(lte())
+
+
+def test_a_network_code_of_one_digit_that_takes_one_of_the_next_row_is_damage():
+    session = Session("ublox")
+    rest = "0,5265,11,d5bd,00,36,-1,30,30,1,1"
+    for _ in range(3):
+        assert session.read("+UCGED: 2", "2,222,1", f"1009,{rest}") == [False]
+    for _ in range(3):
+        assert session.read("+UCGED: 2", "2,222,11", f"009,{rest}") == [True]
+        session.read("+UCGED: 2", "2,222,1", f"1009,{rest}")
 
 
 def test_neighbours_whose_names_differ_in_one_digit_are_sure_at_once():
