@@ -13,7 +13,7 @@ from logger.core.printable import printable
 
 _BAR_CELLS = 12
 """Beside the name of a cell it all fits in 80 columns."""
-_SILENCE_S = 30.0
+_SILENCE_S = 10.0
 """Between two lines of long work; what is over before needs none."""
 _COUNT_EVERY = 100
 """An update takes as long as a row."""
@@ -35,16 +35,16 @@ def with_progress(
     """Show a bar with the `names` of the items on stderr, or lines if it is no terminal."""
     if sys.stderr.isatty():
         return _with_bar(items, what, total, names)
-    return _with_lines(items, what, total) if total else iter(items)
+    return _with_lines(items, what, f" of {total}") if total else iter(items)
 
 
-def _with_lines(items: Iterable[Item], what: str, total: int) -> Iterator[Item]:
+def _with_lines(items: Iterable[Item], what: str, of_total: str = "") -> Iterator[Item]:
     n_done, is_over, began_s = 0, Event(), time.monotonic()
 
     def write_lines() -> None:
         while not is_over.wait(_SILENCE_S):
             passed_s = time.monotonic() - began_s
-            sys.stderr.write(f"{what}: {n_done} of {total} after {passed_s:.0f} s\n")
+            sys.stderr.write(f"{what}: {n_done:,}{of_total} after {passed_s:.0f} s\n")
 
     lines = Thread(target=write_lines, name="progress", daemon=True)
     lines.start()
@@ -86,8 +86,8 @@ def _with_bar(items: Iterable[Item], what: str, total: int, names: Sequence[str]
 
 
 def with_count(items: Iterable[Item], what: str) -> Iterator[Item]:
-    """Show the count alone, of items whose total nobody knows, on stderr if it is a terminal."""
-    return _with_count(items, what) if sys.stderr.isatty() else iter(items)
+    """Show on stderr the count alone, of items whose total nobody knows."""
+    return _with_count(items, what) if sys.stderr.isatty() else _with_lines(items, printable(what))
 
 
 def _with_count(items: Iterable[Item], what: str) -> Iterator[Item]:

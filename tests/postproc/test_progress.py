@@ -22,3 +22,15 @@ def test_long_work_writes_lines(capsys, monkeypatch):
 def test_short_work_writes_nothing(capsys):
     assert list(progress.with_progress(iter("abc"), "reading", 3)) == ["a", "b", "c"]
     assert capsys.readouterr().err == ""
+
+
+def test_a_count_without_a_total_is_written_too(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "_SILENCE_S", 0.05)
+
+    def rows():
+        yield 0
+        time.sleep(0.2)
+        yield 1
+
+    assert list(progress.with_count(rows(), "log.csv: rows")) == [0, 1]
+    assert capsys.readouterr().err.startswith("log.csv: rows: 1 after 0 s\n")
