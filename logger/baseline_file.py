@@ -7,6 +7,7 @@ in a square for minutes.
 
 import sqlite3
 from collections.abc import Callable, Collection, Mapping
+from contextlib import closing
 from hashlib import sha256
 from math import sqrt
 from pathlib import Path
@@ -33,10 +34,16 @@ _MOST_BYTES, _MOST_KEPT_BYTES = 16 << 20, 64 << 10
 """Of the names of all walks, 100 000, and of an answer that is kept: 500 cells in a square."""
 _ROW_BYTES = 100
 """Of a row of numbers; its texts come in addition."""
-_SQLITE_BYTES, _LONGEST_BYTES = 16 << 20, 64 << 10
-"""What SQLite may use in this program, and of a value: the recorder has little memory."""
+_HEAP_BYTES, _LONGEST_BYTES = 16 << 20, 64 << 10
+"""What SQLite may use in the recorder, which has little memory, and of a value."""
 
 Answer = TypeVar("Answer")
+
+
+def bound_heap() -> None:
+    """Bound what SQLite may use in this program from now on, as in the recorder."""
+    with closing(sqlite3.connect(":memory:")) as database:
+        database.execute(f"PRAGMA hard_heap_limit = {_HEAP_BYTES}")
 
 
 class BaselineFile:
@@ -198,7 +205,6 @@ def _open(path: Path) -> sqlite3.Connection:
         database = connect(path)
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_BYTES)
         try:
-            database.execute(f"PRAGMA hard_heap_limit = {_SQLITE_BYTES}")
             check_head(path, database)
         except BaseException:
             database.close()

@@ -11,7 +11,7 @@ from typing import Literal
 
 from pyproj.exceptions import ProjError
 
-from logger.baseline_file import BaselineFile
+from logger.baseline_file import BaselineFile, bound_heap
 from logger.command_line import missing_library
 from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
 from logger.core.errors import ConfigError, GeoError, RunFileError
@@ -115,6 +115,7 @@ def _site(config: SiteConfig) -> Iterator[Line]:  # noqa: C901 (one check after 
 
 def _baseline(path: Path) -> Line:
     """Earlier walks; without them the service records all the same."""
+    bound_heap()
     try:
         baseline = BaselineFile(path)
     except RunFileError as error:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from logger.core.errors import ConfigError
+from logger.device.memory import _STREETS_MB
 from logger.street_file import MOST_BYTES, MOST_POINTS, read_lines
 
 LINE = [[13.4, 52.5, 34.0], [13.41, 52.5]]
@@ -190,7 +191,7 @@ def test_the_largest_file_takes_little_memory(tmp_path):
     process = subprocess.run(
         [sys.executable, "-c", PROGRAM, path], capture_output=True, text=True, check=True
     )
-    assert float(process.stdout) < 60.0
+    assert float(process.stdout) < _STREETS_MB
 
 
 LINE_OBJECT = f'{{"coordinates": {LINE_TEXT}, "type": "LineString"}}'

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from logger.baseline_file import BaselineFile
+from logger.baseline_file import BaselineFile, bound_heap
 from logger.core.baseline import Baseline, KnownCell, NoBaseline, SquareHistory
 from logger.core.errors import RunFileError, error_place
 from logger.core.types import Note
@@ -67,6 +67,7 @@ class LiveBaseline:
 
     def _open(self, path: Path) -> None:
         try:
+            bound_heap()
             self._baseline = BaselineFile(path)
         except Exception as error:  # noqa: BLE001 (also without memory the estimate goes on)
             self._give_up(error)

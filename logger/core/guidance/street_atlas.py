@@ -18,9 +18,9 @@ _DEG_M = 111_000.0
 """A degree of latitude is no shorter than 110.5 km; a tenth of a percent decides nothing."""
 _LONGEST_M = FARTHEST_M
 """A longer straight piece is a ferry, or a gap in a track."""
-_MOST_LENGTHS, _LENGTH_M = 32_000, 200.0
+_MOST_LENGTHS, _LENGTH_M = 25_000, 200.0
 """Most pieces of a map, where a piece counts once for each of these lengths that it begins. The old
-town of a capital has so many within 2 km. A map of them takes up to 55 MB while it is made."""
+town of a capital has so many within 1.7 km. A map of them takes up to 45 MB while it is made."""
 _MOST_AT_ONCE = 10_000
 """Points that are projected at once."""
 

@@ -113,7 +113,7 @@ def test_a_file_that_is_refused(tmp_path, name):
     (tmp_path / "x").write_bytes(REFUSED[name]())
     code, more_mb, error = _import(tmp_path)
     assert code == 2, error
-    assert error.startswith(f"postproc: {tmp_path}/x")
+    assert error.splitlines()[-1].startswith(f"postproc: {tmp_path}/x")
     assert more_mb < MORE_MB, f"{more_mb} MB"
     assert [path.name for path in tmp_path.iterdir()] == ["x"]
 
@@ -157,7 +157,7 @@ def test_a_deep_value_of_kismet_is_a_bad_row(tmp_path, text):
 
 
 def test_a_blob_of_kismet_is_refused(tmp_path):
-    _write_kismet(tmp_path / "x", '{"rat":[' + "[]," * 5_000_000 + "[]]}")
+    _write_kismet(tmp_path / "x", '{"rat":[' + "[]," * 1_600_000 + "[]]}")
     code, more_mb, error = _import(tmp_path)
     assert (code, more_mb < MORE_MB) == (2, True)
     assert "too big" in error
