@@ -96,7 +96,7 @@ class CellReading:
     Identities are integers, whatever base the modem prints. `label` names the cell if an imported
     file has no identity; a modem never fills it. `more` is what else the modem prints, which the
     run file keeps as raw bytes only. `identity_unsure`: a byte of the identity may be lost or
-    damaged, so that it may be none or that of another cell. `broadcast` is None where the
+    damaged (the text of its column is part of what older runs are sealed with). `broadcast` is None where the
     modem prints nothing of it.
     """
 
@@ -125,7 +125,9 @@ class CellReading:
     c1: Annotated[Signed, "path loss criterion C1"] = None
     c2: Annotated[Signed, "reselection criterion C2"] = None
     label: str | None = None
-    identity_unsure: Annotated[Flag, 0, "1 where a byte of the identity may be damaged"] = False
+    identity_unsure: Annotated[Flag, 0, "1 where a byte of the identity may be lost or doubled"] = (
+        False
+    )
     broadcast: Broadcast | None = None
     more: Mapping[str, int | str | None] = field(default_factory=dict, hash=False)
 
