@@ -95,9 +95,9 @@ class CellReading:
 
     Identities are integers, whatever base the modem prints. `label` names the cell if an imported
     file has no identity; a modem never fills it. `more` is what else the modem prints, which the
-    run file keeps as raw bytes only. `identity_unsure`: a byte of the identity may be lost or
-    damaged (the text of its column is part of what older runs are sealed with). `broadcast` is None where the
-    modem prints nothing of it.
+    run file keeps as raw bytes only. `identity_unsure`: a byte of the identity may be damaged; the
+    text of its column is older, since runs are sealed with it. `broadcast` is None where the modem
+    prints nothing of it.
     """
 
     role: Annotated[Role, "S12", "serving, neighbour or scan"]
