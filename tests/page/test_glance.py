@@ -1,9 +1,9 @@
 """What the page says first, and where its arrow points: its modules in a real browser."""
 
-import json
-
 import pytest
 
+from logger.core.live_settings import FOLLOW
+from logger.device.status import Status, SuspicionStatus
 from tests.kit import page as kit
 from tests.kit import service
 from tests.kit.browser import browser
@@ -52,16 +52,23 @@ def test_places_that_fit_are_counted_at_the_top(phone):
 
 def test_a_suspicious_cell_that_is_not_followed_is_one_tap_away(phone):
     suspicions = "[{cell: '262-01-1-7', word: 'suspicious'}]"
-    for cell, is_hidden in (("262-01-1-9", False), ("262-01-1-7", True), ("262-01-1-9", False)):
+    for cell, is_hidden in (("262-01-1-9", False), ("262-01-1-7", True)):
         state = f"{{cell: '{cell}', minute: [], status: {{cells: [], suspicions: {suspicions}}}}}"
         phone.result_of("finder.js", f"m.showFinder({state})")
         assert phone.chromium.evaluate("return document.getElementById('suspect').hidden") == (
             is_hidden
         )
-    phone.tap("#suspect")
-    service.wait_for(phone.page.requests.exists, 10)
-    asked = json.loads(phone.page.requests.read_text())
-    assert asked == {"do": "follow", "text": "262-01-1-7"}
+    status = Status(
+        *("suspicious", "", "run-000002.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {}),
+        followed="262-01-1-9",
+        suspicions=(SuspicionStatus("262-01-1-7", "suspicious", 5.0, ()),),
+    )
+    with kit.recording(phone.page.requests.parents[1], status) as notes:
+        shown = "return document.getElementById('suspect').hidden"
+        service.wait_for(lambda: not phone.chromium.evaluate(shown), 10)
+        phone.tap("#suspect")
+        service.wait_for(lambda: notes, 10)
+    assert [(note.code, note.text) for note in notes] == [(FOLLOW, "262-01-1-7")]
 
 
 def test_what_to_do_is_said_again_only_every_ten_metres(phone):
