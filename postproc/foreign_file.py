@@ -99,7 +99,7 @@ def text_lines(source: Path) -> Iterator[Lines]:
 def with_limit(
     items: Iterable[Item], source: Path, what: str, most: int = MOST_ROWS
 ) -> Iterator[Item]:
-    """Pass items on, and show on a terminal how many have come.
+    """Pass items on, and show how many have come.
 
     Raises `RunFileError` for more than `most`.
     """

@@ -17,15 +17,13 @@ from logger.core.locator.online import OnlineLocator
 from logger.core.model.prior import Prior
 from logger.core.reportable import range_dbm
 from logger.core.track import TIMING_S, fix_sigma_m
-from postproc.interop.fields import RATS
+from postproc.interop.fields import LEVEL_RANGE_DBM, RATS
 
 COLUMNS = ("t_s", "lat", "lon", "rssi_dbm")
 """Columns that the header has to name; `cell`, `acc_m` and `rat` may follow."""
 
 _FEWEST_LEVELS = 5
 """With as many levels there is a best position, however unsure; before there is no answer."""
-_LEVELS_DBM = (-200.0, 50.0)
-"""A level outside is none of any technology; a row that names its own has a narrower range."""
 _FASTEST_MPS = 40.0
 """Faster than this two rows belong to different walks, or a time is wrong."""
 _FARTHEST_M = 100_000.0
@@ -167,7 +165,7 @@ def _is_within(streets: StreetMap, x_m: float, y_m: float) -> bool:
 def _level_dbm(row: Mapping[str, str | None]) -> float | None:
     level_dbm = _number(row, "rssi_dbm")
     rat = RATS.get(_text(row, "rat").upper())
-    low_dbm, high_dbm = _LEVELS_DBM if rat is None else range_dbm(rat)
+    low_dbm, high_dbm = LEVEL_RANGE_DBM if rat is None else range_dbm(rat)
     if level_dbm is not None and not low_dbm <= level_dbm <= high_dbm:
         raise ValueError(f"rssi_dbm {level_dbm:g} is not from {low_dbm:g} to {high_dbm:g} dBm")
     return level_dbm
