@@ -11,13 +11,14 @@ of the coefficients:
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.mixture import log_sum, rows_of_groups
-from logger.core.locator.quadtree import children, first_squares, log_prior
+from logger.core.locator.quadtree import PositionPrior, children, first_squares
 from logger.core.model.blocks import Blocks
 from logger.core.model.columns import receiver_variance, varying_columns
 from logger.core.model.elimination import eliminate, packed_index, pivots, reduce_columns, side
@@ -77,9 +78,14 @@ class LikelihoodGrid:
     @property
     def log_mass(self) -> FloatArray:
         """Log prior probability of each square (h,), up to a constant; -inf without extent."""
-        density = log_prior(self.blocks, self.prior, self.squares)
         with np.errstate(divide="ignore"):
-            return np.asarray(density + 2.0 * np.log(self.squares[2]), float)
+            return np.asarray(self._log_density + 2.0 * np.log(self.squares[2]), float)
+
+    @cached_property
+    def _log_density(self) -> FloatArray:
+        with np.errstate(divide="ignore"):
+            position_prior = PositionPrior(self.blocks, self.prior, self.squares)
+        return position_prior.log_density(self.squares)
 
     def with_squares(self, squares: Squares) -> "LikelihoodGrid":
         """The same walk and hypotheses on another grid."""
@@ -191,7 +197,7 @@ class LikelihoodGrid:
 
     def densities(self, log_p: FloatArray, *, tempered: bool) -> FloatArray:
         """Probability per square metre of each square, shape (h, b)."""
-        log_density = log_prior(self.blocks, self.prior, self.squares) - log_sum(self.log_mass)
+        log_density = self._log_density - log_sum(self.log_mass)
         return np.asarray(
             np.exp(self.posterior_ratio(log_p, tempered=tempered) + log_density[:, None])
         )

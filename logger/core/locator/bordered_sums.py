@@ -1,4 +1,4 @@
-"""Sums over the blocks of a walk that grows, at fixed positions and for several hypotheses.
+"""Sums over the blocks of a walk that grows, at fixed positions, for each hypothesis and station.
 
 A new block is conditioned on all earlier ones: its row of W = R^-1 is [-k' K^-1, 1] / s with
 s^2 = k_nn - k' K^-1 k (bordered Cholesky factor), and the sums of `marginal` grow by that row.
@@ -20,7 +20,8 @@ _LEAST_VARIANCE = 1e-12  # of a block given all others, by sigma^2: above roundi
 class BorderedSums:
     """Sums over the first blocks of a walk, to which others are added one by one.
 
-    Positions (h,) and hypotheses `numbers` (c,) do not change; at most `most` blocks are held.
+    Positions (h,), hypotheses `numbers` (c,) and the prior's stations do not change; at most `most`
+    blocks are held.
     """
 
     def __init__(
@@ -34,41 +35,34 @@ class BorderedSums:
         hypotheses = [prior.hypotheses[number] for number in numbers]
         noises = whiteners(closed, prior, numbers.tolist())
         matrices = matrices_of(noises)
-        columns = varying_columns(closed, prior, *position_m)
         rows = len(closed)
-        self._prior, self._position_m, self._rows = prior, position_m, rows
+        self._prior, self._rows = prior, rows
         self._hypotheses = hypotheses
         self._white_share = np.array([h.white_share for h in hypotheses])
         self._whitener = np.zeros((len(numbers), most, most))
         self._whitener[:, :rows, :rows] = matrices
-        self._columns = np.zeros((len(columns), most, len(position_m[0])))
-        self._columns[:, :rows] = columns
         self._log_det = np.array([noise.log_det for noise in noises])
-        self._total = walk_sums(closed, matrices, prior, *position_m)
+        self._stations = [
+            _StationSums(prior.of_station(one), closed, matrices, position_m, most)
+            for one in prior.stations
+        ]
 
-    def over(self, walk: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sums (m + 1, c, h) and log |K| (c, 1) over blocks of which the last one is still open.
+    def over(self, walk: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+        """Sums (m + 1, c, h) of each station and log |K| (c, 1); the last block is still open.
 
         `walk` (5, n) has rows x, y, level, variance of the position, readings.
         """
         for k in range(self._rows, walk.shape[1] - 1):
-            row, log_variance, more = self._row(walk[:, : k + 1])
+            row, variance = self._conditional(walk[:, : k + 1])
             self._whitener[:, k, : k + 1] = row
-            self._total, self._log_det = self._total + more, self._log_det + log_variance
+            for station in self._stations:
+                station.total = station.total + station.of_last(row, walk[:, : k + 1])
+            self._log_det = self._log_det + np.log(variance)
             self._rows = k + 1
-        _, log_variance, more = self._row(walk)
-        more += self._total
-        return more, (self._log_det + log_variance)[:, None]
-
-    def _row(self, walk: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The last block given those before it: row of W (c, n), log variance (c,), its sums."""
-        k = walk.shape[1] - 1
-        last = single(walk[:, k:], 0.0, NOTHING_CENSORED)
-        self._columns[:, k : k + 1] = varying_columns(last, self._prior, *self._position_m)
-        extra = receiver_variance(last, self._prior, -self._columns[0, k : k + 1])
         row, variance = self._conditional(walk)
-        more = _row_sums(row, walk[2], self._columns[:, : k + 1], extra)
-        return row, np.log(variance), more
+        log_det = self._log_det + np.log(variance)
+        totals = [station.total + station.of_last(row, walk) for station in self._stations]
+        return totals, log_det[:, None]
 
     def _conditional(self, walk: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Row of W (c, n) of the last block, and its variance given all others (c,)."""
@@ -83,6 +77,32 @@ class BorderedSums:
         row = np.ones((len(variance), len(x)))
         row[:, :-1] = -np.matmul(known[:, None], before)[:, 0]
         return row / np.sqrt(variance)[:, None], variance
+
+
+class _StationSums:
+    """Columns of one station and its sums over all closed blocks."""
+
+    def __init__(
+        self,
+        prior: Prior,
+        closed: Blocks,
+        matrices: FloatArray,
+        position_m: tuple[FloatArray, FloatArray],
+        most: int,
+    ) -> None:
+        columns = varying_columns(closed, prior, *position_m)
+        self._prior, self._position_m = prior, position_m
+        self._columns = np.zeros((len(columns), most, len(position_m[0])))
+        self._columns[:, : len(closed)] = columns
+        self.total = walk_sums(closed, matrices, prior, *position_m)
+
+    def of_last(self, row: FloatArray, walk: FloatArray) -> FloatArray:
+        """Sums of the last block of a walk (5, n), whose row of W is `row` (c, n)."""
+        k = walk.shape[1] - 1
+        last = single(walk[:, k:], 0.0, NOTHING_CENSORED)
+        self._columns[:, k : k + 1] = varying_columns(last, self._prior, *self._position_m)
+        extra = receiver_variance(last, self._prior, -self._columns[0, k : k + 1])
+        return _row_sums(row, walk[2], self._columns[:, : k + 1], extra)
 
 
 def _row_sums(

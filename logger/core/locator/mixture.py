@@ -2,10 +2,10 @@
 
 Within a group of noise hypotheses the likelihoods are mixed first, position by position. Then each
 group has one posterior over the positions, with its likelihood raised to the power of its trust;
-the weights of the groups are their evidence over the complete walk:
+the weights of the groups are their evidence over the complete walk, raised to a power as well:
 
     l_g(x) = log sum_c P(c | g) p(z | x, c)
-    p(x) = sum_g W_g p_0(x) exp(T_g l_g(x)) / Z_g,    W_g ~ P(g) integral p_0(x) exp(l_g(x)) dx
+    p(x) = sum_g W_g p_0(x) exp(T_g l_g(x)) / Z_g,    W_g ~ [P(g) integral p_0(x) exp(l_g(x)) dx]^k
 
 To temper each hypothesis alone and mix afterwards would give the wide posterior of one that
 explains the walk badly near the transmitter as much weight far away as it has altogether.
@@ -18,6 +18,11 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.prior import Prior
+
+GROUP_POWER = 0.5
+"""k. A few readings more or less change the evidence of a group by a few nats, and with 1 the answer
+swings from one group to another. On 506 measured walks .25 to 1 hold the transmitter as often.
+"""
 
 _IMPOSSIBLE = -1e6
 """Log weight of a hypothesis that is ruled out: finite, as a whole group may be."""
@@ -60,10 +65,10 @@ def mixture(
     of_groups = [
         _mix_group(joint[rows], normal, trust) for rows, trust in rows_of_groups(numbers, prior)
     ]
-    log_evidence = float(log_sum(np.array([one.log_evidence for one in of_groups])))
-    for one in of_groups:
-        one.share[:] *= np.exp(one.log_evidence - log_evidence)
-    return Mixture(np.concatenate([one.share for one in of_groups]), log_evidence)
+    each = np.array([one.log_evidence for one in of_groups])
+    weight = np.exp(GROUP_POWER * each - log_sum(GROUP_POWER * each))
+    share = [of_group * one.share for of_group, one in zip(weight, of_groups, strict=True)]
+    return Mixture(np.concatenate(share), float(log_sum(each)))
 
 
 def rows_of_groups(numbers: IntArray, prior: Prior) -> list[tuple[slice, float]]:

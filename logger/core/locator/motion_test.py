@@ -62,7 +62,8 @@ class MotionTest:
         obs = obs.part(obs.limit == 0)
         if len(obs) < FEWEST_READINGS:
             return
-        prior = replace(posterior.prior, noise=LIVE.noise or posterior.prior.noise)
+        prior = posterior.prior.of_station(posterior.station)
+        prior = replace(prior, noise=LIVE.noise or prior.noise)
         walk = _in_blocks(obs)
         standing, _ = _evidence(walk, np.zeros(2), prior)
         for k in (self._next + np.arange(count)) % len(MOVES_M):

@@ -33,7 +33,7 @@ from logger.core.model.blocks import (
     in_fewer_places,
     single,
 )
-from logger.core.model.evidence import Evidence
+from logger.core.model.evidence import Evidence, mix_stations
 from logger.core.model.marginal import marginal
 from logger.core.model.prior import Prior
 from logger.core.spikes import SpikeCheck, SpikeFilter
@@ -285,9 +285,18 @@ class OnlineLocator:
     def _evaluate(self, searched: _Searched, before: Evidence | None = None) -> None:
         """Evidence of the positions by all blocks; `before` is that of one reading ago."""
         self._mode, self._searched, self._n_evaluated = None, searched, self._n_readings
-        total, log_det = searched.sums.over(self._on_curve(0, self._n))
+        totals, log_det = searched.sums.over(self._on_curve(0, self._n))
+        prior = self._prior
         near_db = None if before is None else before.sigma_db
-        found = marginal(total, self._n, log_det, self._prior, EFFORT.nodes, near_db)
+        parts = [
+            marginal(total, self._n, log_det, prior.of_station(one), EFFORT.nodes, near_db)
+            for one, total in zip(prior.stations, totals, strict=True)
+        ]
+        found = (
+            parts[0]
+            if len(parts) == 1
+            else mix_stations(parts, prior.station_log_odds[:, searched.numbers])
+        )
         self._evidence = found._replace(log_p=found.log_p + searched.gone)
         self._mixed = mixture(
             self._evidence.log_p,

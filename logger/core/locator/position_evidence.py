@@ -5,17 +5,25 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.locator.quadtree import Tree, children, log_prior
+from logger.core.locator.quadtree import PositionPrior, Tree, children, nearest_m
 from logger.core.locator.timing_advance import Timing
 from logger.core.locator.tobit import Conditional, conditional_levels, tobit_evidence
 from logger.core.model.blocks import Blocks
-from logger.core.model.evidence import Evidence, join_hypotheses, join_positions
+from logger.core.model.evidence import (
+    Evidence,
+    join_hypotheses,
+    join_positions,
+    mix_stations,
+)
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import Whitener, matrices_of
 from logger.core.model.prior import Prior
 
 _CHUNK = 512
 """Squares evaluated at a time: the matrices of blocks by squares stay in the processor's cache."""
+_NEAR_HEIGHTS = 4.0
+"""Farther from the walk than so many times its height a station's height moves no level by more
+than .13 dB times the exponent."""
 
 
 class BlocksEvidence(NamedTuple):
@@ -73,26 +81,58 @@ class BlocksEvidence(NamedTuple):
     def _evaluate_some(
         self, prior: Prior, nodes: int, position: FloatArray, near: Evidence | None
     ) -> Evidence:
-        x_m, y_m = position
-        sums = walk_sums(self.blocks, self.matrices, prior, x_m, y_m)
-        log_det = np.array([noise.log_det for noise in self.whiteners])[:, None]
-        if self.conditionals:
-            found = tobit_evidence(
-                sums, log_det, self.blocks, self.conditionals, prior, x_m, y_m, near
-            )
-        else:
-            found = marginal(sums, len(self.blocks), log_det, prior, nodes)
-        return self.shift_evidence(found)
+        """Evidence of a station that is any of the prior's.
+
+        Far from the walk the height does not matter: there, stations have the evidence of the first
+        one with their pattern. So have those that a hypothesis of the noise excludes, everywhere.
+        """
+        away_m = nearest_m(self.blocks, *position)
+        log_odds = prior.station_log_odds[:, self.numbers]
+        parts: list[Evidence] = []
+        for k, station in enumerate(prior.stations):
+            rows, chosen = np.flatnonzero(np.isfinite(log_odds[k])), np.arange(len(away_m))
+            same = [i for i in range(k) if prior.stations[i].antenna_db == station.antenna_db]
+            if same:
+                tall_m = max(station.height_m, prior.stations[same[0]].height_m)
+                chosen = np.flatnonzero(away_m < _NEAR_HEIGHTS * tall_m)
+            found = parts[same[0] if same else 0] if parts else None
+            if len(rows) and len(chosen):
+                new = self._of_station(
+                    prior.of_station(station), nodes, position, near, rows, chosen
+                )
+                found = new if found is None else found.replace(rows, chosen, new)
+            parts.append(found)
+        mixed = parts[0] if len(parts) == 1 else mix_stations(parts, log_odds)
+        return self.shift_evidence(mixed)
+
+    def _of_station(
+        self,
+        prior: Prior,
+        nodes: int,
+        position: FloatArray,
+        near: Evidence | None,
+        rows: IntArray,
+        chosen: IntArray,
+    ) -> Evidence:
+        """Evidence of the only station of a prior: hypotheses `rows` at the `chosen` positions."""
+        x_m, y_m = position[:, chosen]
+        sums = walk_sums(self.blocks, self.matrices[rows], prior, x_m, y_m)
+        log_det = np.array([noise.log_det for noise in self.whiteners])[rows, None]
+        if not self.conditionals:
+            return marginal(sums, len(self.blocks), log_det, prior, nodes)
+        conditionals = [self.conditionals[row] for row in rows]
+        begin = near and near.of_hypotheses(rows).at_positions(chosen)
+        return tobit_evidence(sums, log_det, self.blocks, conditionals, prior, x_m, y_m, begin)
 
 
 class PositionEvidence(NamedTuple):
     """A walk under some hypotheses of the noise, ready to be evaluated at positions.
 
-    The hypotheses of all `parts` ascend. `blocks` are those that the prior of the position is
-    measured from, `log_weight` (c,) that of the parts' hypotheses as in `Tree`.
+    The hypotheses of all `parts` ascend. `log_weight` (c,) is that of the parts' hypotheses as in
+    `Tree`.
     """
 
-    blocks: Blocks
+    position_prior: PositionPrior
     parts: list[BlocksEvidence]
     prior: Prior
     nodes: int
@@ -145,7 +185,7 @@ class PositionEvidence(NamedTuple):
             x_m,
             y_m,
             size_m,
-            log_prior=log_prior(self.blocks, self.prior, squares),
+            log_prior=self.position_prior.log_density(squares),
             evidence=join_hypotheses(of_parts),
             numbers=numbers,
             log_weight=None if self.log_weight is None else self.log_weight[numbers],

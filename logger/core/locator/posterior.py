@@ -10,7 +10,7 @@ from logger.core.arrays import FloatArray
 from logger.core.ellipse import Ellipse, ellipse95
 from logger.core.locator.offsets import Offsets
 from logger.core.locator.region import HALF, Squares, area_m2, contains, highest_density
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Prior, Station
 
 LEAST_PEAK = 0.05
 """A position with this share of the highest density is a mode, however improbable."""
@@ -67,7 +67,8 @@ class Posterior:
     `x_m, y_m` is the position to show, in the strongest mode. `r95_m` is the radius around it that
     holds 95 % of the probability, `drms_m` the root mean square distance from it. `p0_dbm` to
     `sigma_db` are means and standard deviations over the complete posterior, `noise_probability`
-    (c,) belongs to the hypotheses of the prior. `limit_share` is the probability at the end of the
+    (c,), `station_probability` (s,) and `reach_probability` (r,) belong to the hypotheses of the
+    prior. `limit_share` is the probability at the end of the
     searched area, `far_share` that of positions farther from the walk than `FAR_M`.
     `log_evidence` is the log probability density of the levels under the model, to compare models;
     with timing advances it is that of the levels given those, and `prior` reaches as far as they.
@@ -87,12 +88,19 @@ class Posterior:
     eta_sigma: float
     sigma_db: float
     noise_probability: FloatArray
+    station_probability: FloatArray
+    reach_probability: FloatArray
     strongest: StrongestReading
     limit_share: float
     far_share: float
     log_evidence: float
     prior: Prior
     offsets: Offsets | None = None
+
+    @property
+    def station(self) -> Station:
+        """The likeliest station."""
+        return self.prior.stations[int(np.argmax(self.station_probability))]
 
     @property
     def trust(self) -> float:

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.locator.mixture import Mixture, mixture
+from logger.core.locator.mixture import Mixture, log_sum, mixture
 from logger.core.locator.timing_advance import STEP_M, Timing
 from logger.core.model.blocks import Blocks
 from logger.core.model.evidence import Evidence
-from logger.core.model.marginal import NODES
 from logger.core.model.prior import Prior
 
 _FINEST_FIRST_M = 10.0
@@ -34,12 +33,12 @@ class Effort(NamedTuple):
     """
 
     most_squares: int = 6000
-    split_share: float = 0.002
-    nodes: int = NODES
-    first_share: float = 0.5
+    split_share: float = 0.003
+    nodes: int = 3
+    first_share: float = 0.7
     most_blocks: int = 300
     samples: int = 4
-    densest: int = 100
+    densest: int = 50
 
 
 class Tree(NamedTuple):
@@ -114,11 +113,27 @@ def nearest_m(blocks: Blocks, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.min(squared_m2, axis=1)), float)
 
 
-def log_prior(blocks: Blocks, prior: Prior, square: FloatArray) -> FloatArray:
-    """Log density of the prior of the position at squares (3, h), up to a constant; shape (h,)."""
-    x_m, y_m, _ = square
-    ratio = np.maximum(nearest_m(blocks, x_m, y_m) / prior.near_m, 1.0)
-    return np.asarray(-prior.far_power * np.log(ratio), float)
+class PositionPrior:
+    """Prior of the position: a mixture over the reaches, each normalised over the searched area."""
+
+    def __init__(self, blocks: Blocks, prior: Prior, tiling: FloatArray) -> None:
+        """`tiling` are squares (3, h) that cover the searched area."""
+        self._blocks, self._prior = blocks, prior
+        self._log_odds = np.zeros(len(prior.reaches))
+        mass = self.log_by_reach(tiling) + 2.0 * np.log(tiling[2])
+        self._log_odds = np.log([one.probability for one in prior.reaches]) - log_sum(mass)
+
+    def log_by_reach(self, square: FloatArray) -> FloatArray:
+        """Log density of each reach at squares (3, h), with its probability; shape (r, h)."""
+        away_m = nearest_m(self._blocks, square[0], square[1])
+        each = [
+            -one.power * np.log(np.maximum(away_m / one.flat_m, 1.0)) for one in self._prior.reaches
+        ]
+        return np.asarray(np.stack(each) + self._log_odds[:, None], float)
+
+    def log_density(self, square: FloatArray) -> FloatArray:
+        """Log density at squares (3, h), up to a constant; shape (h,)."""
+        return log_sum(self.log_by_reach(square).T)
 
 
 def first_squares(

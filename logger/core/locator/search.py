@@ -15,7 +15,7 @@ from logger.core.arrays import FloatArray
 from logger.core.locator.joint_evidence import log_weights, log_weights_at
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.position_evidence import BlocksEvidence, PositionEvidence
-from logger.core.locator.quadtree import Effort, Tree, first_squares
+from logger.core.locator.quadtree import Effort, PositionPrior, Tree, first_squares
 from logger.core.locator.timing_advance import Timing
 from logger.core.locator.tree_growth import grow
 from logger.core.model.blocks import Blocks
@@ -113,14 +113,20 @@ def refine(walk: Walk, tree: Tree, noise: Noise) -> Tree:
         weights = noise.log_weight
         return tree._replace(log_weight=None if weights is None else weights[tree.numbers])
     effort = walk.effort._replace(densest=0)  # the coarse search has split these
-    evidence = _evidence(walk, walk.blocks, noise.parts, noise.log_weight)
+    evidence = _evidence(walk, walk.blocks, noise.parts, noise.log_weight, tree.squares)
     return grow(evidence.refine(tree, walk.coarse), evidence.split, walk.prior, effort)
 
 
 def _evidence(
-    walk: Walk, blocks: Blocks, parts: list[BlocksEvidence], log_weight: FloatArray | None
+    walk: Walk,
+    blocks: Blocks,
+    parts: list[BlocksEvidence],
+    log_weight: FloatArray | None,
+    tiling: FloatArray,
 ) -> PositionEvidence:
-    return PositionEvidence(blocks, parts, walk.prior, walk.effort.nodes, log_weight, walk.timing)
+    """Evidence of `blocks`; the squares `tiling` (3, h) cover the searched area."""
+    where = PositionPrior(blocks, walk.prior, tiling)
+    return PositionEvidence(where, parts, walk.prior, walk.effort.nodes, log_weight, walk.timing)
 
 
 def _parts(walk: Walk, noise: list[Whitener], shift: FloatArray) -> list[BlocksEvidence]:
@@ -148,8 +154,8 @@ def _search_coarse_blocks(
 ) -> Tree:
     noise = whiteners(walk.coarse, walk.prior, numbers)
     parts = [BlocksEvidence.of(walk.coarse, walk.prior, noise)]
-    evidence = _evidence(walk, walk.coarse, parts, log_weight)
     squares = first_squares(walk.coarse, walk.prior, effort.first_share, walk.timing)
+    evidence = _evidence(walk, walk.coarse, parts, log_weight, squares)
     return grow(evidence.leaves(squares), evidence.split, walk.prior, effort)
 
 
@@ -182,7 +188,8 @@ def _plausible_parts(walk: Walk, tree: Tree) -> list[BlocksEvidence]:
     worst_first = -tree.evidence.log_p - tree.log_prior - timing
     best = np.unique(np.argsort(worst_first, axis=1)[:, :_BEST_SQUARES])
     parts = [BlocksEvidence.of(walk.blocks, walk.prior, noise)]
-    leaves = _evidence(walk, walk.blocks, parts, None).leaves(tree.squares[:, best])
+    evidence = _evidence(walk, walk.blocks, parts, None, tree.squares)
+    leaves = evidence.leaves(tree.squares[:, best])
     share = leaves.mixture(walk.prior).by_hypothesis
     plausible = np.flatnonzero(share > _LEAST_RATIO * np.max(share))
     mass = leaves.log_mass()

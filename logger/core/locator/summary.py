@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.mixture import Mixture
+from logger.core.locator.mixture import Mixture, log_sum
 from logger.core.locator.offsets import Offsets, offsets
 from logger.core.locator.packing import around, compact_groups
 from logger.core.locator.posterior import (
@@ -15,7 +15,7 @@ from logger.core.locator.posterior import (
     Posterior,
 )
 from logger.core.locator.preparation import LocatorInput
-from logger.core.locator.quadtree import Tree, nearest_m
+from logger.core.locator.quadtree import PositionPrior, Tree, nearest_m
 from logger.core.locator.region import (
     HALF,
     LEVEL,
@@ -87,6 +87,8 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         eta_sigma=float(np.sqrt(covariance[3, 3])),
         sigma_db=float(np.sum(mixed.share * evidence.sigma_db)),
         noise_probability=_noise_probability(task, tree, mixed),
+        station_probability=np.einsum("ch,sch->s", mixed.share, evidence.station),
+        reach_probability=_reach_share(task, tree) @ p,
         strongest=task.strongest,
         limit_share=float(np.sum(p[away_m > END_OF_REACH * walk.prior.reach_m])),
         far_share=float(np.sum(p[away_m > FAR_M])),
@@ -161,6 +163,13 @@ def _radii(squares: Squares, x_m: float, y_m: float) -> tuple[float, float]:
     within_m2 = size_m**2 / 6.0  # mean square distance from the centre of a square
     drms_m = float(np.sqrt(np.sum(p * (distance_m**2 + within_m2))))
     return float(outer_m[min(last, len(p) - 1)]), drms_m
+
+
+def _reach_share(task: LocatorInput, tree: Tree) -> FloatArray:
+    """Probability of each reach at the leaves, shape (r, h)."""
+    squares = tree.squares
+    each = PositionPrior(task.walk.blocks, task.walk.prior, squares).log_by_reach(squares)
+    return np.asarray(np.exp(each - log_sum(each.T)), float)
 
 
 def _noise_probability(task: LocatorInput, tree: Tree, mixed: Mixture) -> FloatArray:

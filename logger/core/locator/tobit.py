@@ -125,7 +125,8 @@ def tobit_evidence(
     varying = varying_columns(blocks, prior, x_m, y_m)
     at_once, parts = max(_COLUMNS // len(x_m), 1), []
     before = near or marginal(total[:, :1], len(blocks), log_det[:1], prior, 1)
-    begin = np.concatenate([np.log(before.sigma_db)[None], before.theta])
+    begin = np.zeros((2 + len(varying), *before.sigma_db.shape))  # several stations: no pattern
+    begin[0], begin[1 : 1 + len(before.theta)] = np.log(before.sigma_db), before.theta
     for i in range(0, len(conditional), at_once):
         some = slice(i, i + at_once)
         terms = _terms(blocks.censored, conditional[some], censored, varying)
@@ -143,6 +144,7 @@ def tobit_evidence(
         mode[1:],
         covariance.reshape(3, *mode.shape[1:]),
         np.exp(mode[0]),
+        np.ones((1, *mode.shape[1:])),
     )
 
 

@@ -32,6 +32,8 @@ _LEAST_LONG_SHARE = 0.5
 _FEWEST_BLOCKS = 8  # of a part: twice the unknowns of a transmitter
 FEWEST_READINGS = 40
 """A shorter walk is not divided."""
+_PASSED_M = 200.0
+"""A walk that comes no closer to a position does not pass it."""
 _APART = 0.12  # of peaks, by the extent of the walk
 _PEAK_REACH = 0.7  # by that distance: a peak is the highest level within it
 _SMOOTHING = 0.03  # of the level, by the extent of the walk
@@ -163,7 +165,7 @@ def _is_divisible(obs: CellObservations) -> bool:
 
 
 def _task(walk: Blocks, posterior: Posterior, effort: DivisionEffort) -> _Task:
-    prior = posterior.prior
+    prior = posterior.prior.of_station(posterior.station)
     of_parts = prior if effort.noise is None else replace(prior, noise=effort.noise)
     whole = locate_part(walk, of_parts, effort.search)
     return _Task(walk, of_parts, effort, posterior.trust, float(log_sum(whole.log_evidence)), {})
@@ -207,7 +209,7 @@ def _locate_both(task: _Task, in_one: BoolArray) -> _Try | None:
     nearest_m = [np.min(_distance_m(walk, part.x_m, part.y_m)) for part in (one, two)]
     stronger = _expected_dbm(one, walk, prior) > _expected_dbm(two, walk, prior)
     log_factor = float(log_sum(both)) - task.undivided
-    is_passed = bool(max(nearest_m) <= prior.near_m)
+    is_passed = bool(max(nearest_m) <= _PASSED_M)
     return _Try(log_factor, is_passed, one, two, in_one, stronger)
 
 

@@ -14,22 +14,56 @@ PAIRS = ((0, 0), (0, 1), (1, 1))
 class Evidence(NamedTuple):
     """What the levels give for each hypothesis of the noise (c) at each position (h).
 
-    `log_p` and `sigma_db` (mean) have shape (c, h); `theta` (q, c, h) is the mean of P0, eta and
-    the antenna's harmonics; `theta_cov` (3, c, h) holds var P0, cov, var eta.
+    `log_p` and `sigma_db` (mean) have shape (c, h); `theta` (q, c, h) is the mean of P0, eta and,
+    of a single station, the antenna's harmonics; `theta_cov` (3, c, h) holds var P0, cov, var eta.
+    `station` (s, c, h) is the probability of each station, given the other two.
     """
 
     log_p: FloatArray
     theta: FloatArray
     theta_cov: FloatArray
     sigma_db: FloatArray
+    station: FloatArray
 
     def at_positions(self, chosen: IntArray | slice) -> "Evidence":
         """That of some of the positions."""
         return Evidence(*(values[..., chosen] for values in self))
 
+    def replace(self, rows: IntArray, chosen: IntArray, new: "Evidence") -> "Evidence":
+        """The evidence with that of `new` for the hypotheses `rows` at the `chosen` positions.
+
+        Patterns have different numbers of harmonics: of the coefficients, P0 and eta remain.
+        """
+        joined = Evidence(*(values.copy() for values in self._replace(theta=self.theta[:2])))
+        for values, others in zip(joined, new._replace(theta=new.theta[:2]), strict=True):
+            values[..., rows[:, None], chosen] = others
+        return joined
+
     def of_hypotheses(self, chosen: IntArray | slice) -> "Evidence":
         """That of some of the hypotheses."""
         return Evidence(*(values[..., chosen, :] for values in self))
+
+
+def mix_stations(parts: Sequence[Evidence], log_odds: FloatArray) -> Evidence:
+    """Evidence of a station that is one of several, which have these log probabilities (s, c)."""
+    joint = np.stack([one.log_p for one in parts]) + log_odds[..., None]
+    best = np.max(joint, axis=0)
+    station = np.exp(joint - best)
+    total = np.sum(station, axis=0)
+    station /= total
+    each = np.stack([one.theta[:2] for one in parts])
+    theta = np.einsum("sch,sqch->qch", station, each)
+    off = each - theta
+    spread = np.stack([one.theta_cov for one in parts])
+    for k, (i, j) in enumerate(PAIRS):
+        spread[:, k] += off[:, i] * off[:, j]
+    return Evidence(
+        best + np.log(total),
+        theta,
+        np.einsum("sch,skch->kch", station, spread),
+        np.einsum("sch,sch->ch", station, np.stack([one.sigma_db for one in parts])),
+        station,
+    )
 
 
 def join_positions(parts: Sequence[Evidence]) -> Evidence:

@@ -197,7 +197,7 @@ def marginal(
     log_p += constant - 0.5 * np.log(curvature / (2.0 * pi))
     covariance = given.covariance(2)
     spread = np.stack([covariance[i, j] for i, j in PAIRS])
-    return Evidence(log_p, given.theta, spread, np.exp(tau))
+    return Evidence(log_p, given.theta, spread, np.exp(tau), np.ones((1, *log_p.shape)))
 
 
 class SigmaLaw:
@@ -278,4 +278,5 @@ def _over_nodes(
         for k, (i, j) in enumerate(PAIRS):
             spread[k] += weight * (covariance[i, j] + off[i] * off[j])
     sigma_db = np.sum(share * np.exp(taus), axis=0)
-    return Evidence(top + np.log(total * sd) + constant, mean, spread, sigma_db)
+    log_p = top + np.log(total * sd) + constant
+    return Evidence(log_p, mean, spread, sigma_db, np.ones((1, *log_p.shape)))
