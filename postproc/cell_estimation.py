@@ -115,7 +115,7 @@ def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -
     spikes = tuple(obs.spikes())
     everywhere = obs.everywhere(spikes)
     usable = everywhere.usable()
-    remarks = _spike_warnings(spikes)
+    remarks = _repeat_warnings(len(obs), len(obs.repeats())) + _spike_warnings(spikes)
     remarks += _regularity_warnings(len(obs), len(everywhere) - len(usable))
     if why := too_few(obs, usable):
         return CellResult(obs.cell, len(obs), obs, "cannot tell", (why, *remarks), set_aside=spikes)
@@ -135,6 +135,14 @@ def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -
         timing=timing_check,
         set_aside=spikes,
     )
+
+
+def _repeat_warnings(n: int, n_repeats: int) -> list[str]:
+    """How many of `n` readings are reports that were made again while the receiver moved."""
+    if not n_repeats:
+        return []
+    one = f"{n_repeats} of {n} readings repeat the one before while the receiver moves"
+    return [f"{one}: each report counts once"]
 
 
 def _spike_warnings(spikes: Sequence[SpikeLevel]) -> list[str]:
