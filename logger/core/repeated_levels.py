@@ -1,4 +1,6 @@
-"""Levels that a modem or telephone repeats from its cache while the receiver moves: they count once.
+"""Levels that a modem or telephone repeats from its cache while the receiver moves.
+
+They count once.
 
 A telephone whose screen is off, or a modem that hears a neighbour no more, reports its last level
 again and again. Taken as measured, such levels locate a transmitter where there is none. Levels are
