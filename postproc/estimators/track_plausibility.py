@@ -64,8 +64,11 @@ def _counts_rows(track: Track) -> bool:
     if too_fast(track):
         return True
     step_m, step_s = steps(track)
+    if not len(step_m):
+        return False
     speed_mps = step_m / np.maximum(step_s, pace_ns / 1e9)
-    before_mps, after_mps = np.append(0.0, speed_mps[:-1]), np.append(speed_mps[1:], 0.0)
+    padded_mps = np.pad(speed_mps, 1, mode="edge")  # nothing is known beyond the ends
+    before_mps, after_mps = padded_mps[:-2], padded_mps[2:]
     errors_m = 2.0 * np.sqrt(2.0) * float(np.median(track.sigma_m))
     # from the slower neighbour's speed, or from that of both and back again in the same time
     start_m = 0.5 * _START_MPS2 * step_s**2
