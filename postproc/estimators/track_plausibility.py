@@ -75,7 +75,7 @@ def _counts_rows(track: Track) -> bool:
     one_m = _LEAP_FACTOR * np.minimum(before_mps, after_mps) * step_s + start_m
     both_m = _LEAP_FACTOR * np.maximum(before_mps, after_mps) * step_s + 0.5 * start_m
     over_m = step_m - errors_m - np.minimum(one_m, both_m)
-    return np.count_nonzero(over_m > 0.0) >= _FEWEST or bool(np.any(over_m > _SURE_LEAP_M))
+    return bool(np.count_nonzero(over_m > 0.0) >= _FEWEST or np.any(over_m > _SURE_LEAP_M))
 
 
 def _has_one_speed(track: Track) -> bool:
