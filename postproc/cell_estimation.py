@@ -15,7 +15,7 @@ from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations, SpikeLevel
 from logger.core.regular_naming import LEAST_SHARE
 from postproc.estimators import ekf_initialisation, least_squares, residuals
-from postproc.estimators.convergence import ended_well
+from postproc.estimators.convergence import MOST_ETA, ended_well
 from postproc.estimators.direction_check import compare
 from postproc.estimators.filters import FilterPath, reference_ekf
 from postproc.estimators.least_squares import BatchFit
@@ -46,7 +46,7 @@ def estimate_cell(obs: CellObservations, options: Options = Options()) -> CellRe
     forward_run = forward if isinstance(forward, ekf_initialisation.EkfRun) else None
     backward_run = backward if isinstance(backward, ekf_initialisation.EkfRun) else None
     all_estimates = replace(
-        located,
+        _without_impossible_slope(located, fit),
         reference=reference,
         ekf=forward_run.filtered if forward_run else None,
         rts=forward_run.smoothed if forward_run else None,
@@ -68,6 +68,18 @@ def estimate_cell(obs: CellObservations, options: Options = Options()) -> CellRe
     if comparison and comparison.warning:
         warnings.append(comparison.warning)
     return replace(result, warnings=tuple(warnings), comparison=comparison, residuals=diagnosis)
+
+
+def _without_impossible_slope(located: CellResult, fit: BatchFit) -> CellResult:
+    """The result, not located where without a prior the levels ask for an impossible exponent."""
+    eta = float(fit.state[3])
+    if located.verdict != "located" or fit.converged or 0.0 < eta <= MOST_ETA:
+        return located
+    why = (
+        "the levels alone do not show a distance: least squares does not converge, "
+        f"at a path loss exponent of {eta:.1f}"
+    )
+    return replace(located, verdict="cannot tell", warnings=(why, *located.warnings))
 
 
 def _converged_only(result: CellResult) -> CellResult:
@@ -115,7 +127,7 @@ def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -
     spikes = tuple(obs.spikes())
     everywhere = obs.everywhere(spikes)
     usable = everywhere.usable()
-    remarks = _spike_warnings(spikes)
+    remarks = _repeat_warnings(len(obs), len(obs.repeats())) + _spike_warnings(spikes)
     remarks += _regularity_warnings(len(obs), len(everywhere) - len(usable))
     if why := too_few(obs, usable):
         return CellResult(obs.cell, len(obs), obs, "cannot tell", (why, *remarks), set_aside=spikes)
@@ -135,6 +147,14 @@ def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -
         timing=timing_check,
         set_aside=spikes,
     )
+
+
+def _repeat_warnings(n: int, n_repeats: int) -> list[str]:
+    """How many of `n` readings are reports that were made again while the receiver moved."""
+    if not n_repeats:
+        return []
+    one = f"{n_repeats} of {n} readings repeat the one before while the receiver moves"
+    return [f"{one}: each report counts once"]
 
 
 def _spike_warnings(spikes: Sequence[SpikeLevel]) -> list[str]:

@@ -11,7 +11,7 @@ from logger.core.observations import CellObservations, Observations, observe, sc
 from logger.core.provenance import has_times, is_import
 from logger.core.rows import Rows
 from logger.core.runfile import Run
-from logger.core.track import TIMING_S, index_of, smeared_sigma_m
+from logger.core.track import TIMING_S, UNKNOWN_SIGMA_M, index_of, smeared_sigma_m
 from postproc.estimators import stale_fixes, track_plausibility, walker
 from postproc.estimators.walker import SmoothedTrack
 from postproc.named_shares import with_named_shares
@@ -21,8 +21,9 @@ from postproc.result import ObservedRun
 def observe_run(run: Run) -> ObservedRun:
     """A run's readings at the walker's smoothed positions, and warnings about the run.
 
-    Where the times of an imported file contradict its positions, nothing is smoothed: each position
-    is as it was written. Without a fix there are no observations.
+    Where the times of an imported file are none, or its fixes are too few or too late to fit on a
+    path, nothing is smoothed: each position is as it was written. Without a fix there are no
+    observations.
     """
     try:
         observations = observe(run.tables["fixes"], run.tables["scans"], run.tables["readings"])
@@ -31,18 +32,33 @@ def observe_run(run: Run) -> ObservedRun:
     if not has_times(run.meta.origin):
         warning = "the readings were imported without times: no position is smoothed"
         return ObservedRun(run, observations, (warning,))
-    track = _smooth_track(run.tables, observations)
+    written = observations.track
     if is_import(run.meta.origin):
-        why = track_plausibility.too_fast(observations.track) or track_plausibility.too_many_apart(
-            [track]
-        )
+        why = track_plausibility.why_no_clock(written) or track_plausibility.too_fast(written)
         if why:
             warning = f"the times cannot be right: {why}; so no position is smoothed"
             return ObservedRun(run, observations, (warning,))
+    track = _smooth_track(run.tables, observations)
+    if is_import(run.meta.origin) and (why := track_plausibility.too_many_apart(track)):
+        warning = f"{why}: no position is smoothed, and each counts as less certain"
+        return ObservedRun(run, _as_written(observations), (warning,))
     placed = with_named_shares(
         _place_readings(run.tables, observations, track), run.tables["readings"]
     )
     return ObservedRun(run, placed, tuple(_describe_moved_fixes(track)))
+
+
+def _as_written(observations: Observations) -> Observations:
+    """The readings at their fixes, whose accuracy is not what these state: they fit on no path."""
+    track = observations.track
+    more_m = stale_fixes.written_sigma_m(track)
+
+    def widen(obs: CellObservations) -> CellObservations:
+        fix = np.maximum(np.searchsorted(track.t_ns, obs.t_ns, side="right") - 1, 0)
+        sigma_m = np.hypot(np.maximum(obs.position_sigma_m, UNKNOWN_SIGMA_M), more_m[fix])
+        return replace(obs, position_sigma_m=sigma_m)
+
+    return replace(observations, cells=tuple(widen(obs) for obs in observations.cells))
 
 
 def _smooth_track(tables: Mapping[str, Rows], observations: Observations) -> SmoothedTrack:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.errors import RunFileError
 from logger.core.observations import CellObservations
 
 from . import tree
@@ -19,8 +18,6 @@ SURVEY_SLACK_M = 10.0
 """Allowed for the surveyed place and the receiver."""
 PUBLISHED = {"ls_err": "least squares (published)", "max_err": "strongest sample (published)"}
 
-_WITHOUT_TIMES = ("covenant_gsm1800",)
-"""Data sets whose `t_s` counts the rows."""
 _SESSION_PARTS = {"kuleuven_lora_p2p": 2, "powder_frs462": 2, "lyon_bike_lora": 1}
 """How much of a trace's name, between underlines, names its session.
 
@@ -59,15 +56,11 @@ def names(classes: str) -> tuple[tuple[str, str], ...]:
 
 
 def observe(dataset: str, trace: str) -> tuple[CellObservations, Place]:
-    """Readings of a measured walk as `postproc` imports it, and where the transmitter stands."""
+    """Readings of a measured walk as `postproc import FILE` has them, and the transmitter."""
     truth = json.loads((FOLDER / dataset / "truth.json").read_text())
     about = truth["traces"][trace]
     source = truth["transmitters"][about["tx"]]
-    file = FOLDER / dataset / about["file"]
-    try:
-        obs = tree.observations(file, times=dataset not in _WITHOUT_TIMES)
-    except RunFileError:  # its times contradict its positions
-        obs = tree.observations(file, times=False)
+    obs = tree.observations(FOLDER / dataset / about["file"])
     return obs, obs.utm.to_xy(source["lat"], source["lon"])
 
 

@@ -1,11 +1,10 @@
 """The way from the file of a measured walk to its verdict, by the functions of the tree under test.
 
 `PYTHONPATH=TREE python benchmarks/measured.py` takes them from another tree. Those before version
-0.2 have other names, and their import cannot leave out the times of a file.
+0.2 have other names.
 """
 
 from dataclasses import replace
-from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -44,16 +43,14 @@ else:
 __all__ = ["Prior", "decide", "density", "locate", "observations", "region", "with_trust"]
 
 
-def observations(file: Path, *, times: bool) -> CellObservations:
+def observations(file: Path) -> CellObservations:
     """Readings of the only cell of a file, at the walker's smoothed positions.
 
-    The steps are those of `postproc import` and `postproc smooth`. Without `times` only the order
-    of the rows counts.
+    The steps are those of `postproc import` and `postproc smooth`, without options.
     """
-    can_leave_out = "times" in signature(import_walk).parameters
     with TemporaryDirectory() as scratch:
         target = Path(scratch) / "run.h5"
-        import_walk(file, target, **({"times": times} if can_leave_out else {}))
+        import_walk(file, target)
         observed = _observe(read_run(target))
     if observed is None or len(observed.cells) != 1:
         raise ValueError(f"{file} is not a walk past one cell")

@@ -18,6 +18,7 @@ from logger.core.locator.online import OnlineLocator
 from logger.core.locator.online_values import LevelReading, StrongestMode
 from logger.core.model.path_loss import level_gradient
 from logger.core.model.prior import Prior
+from logger.core.repeated_levels import CacheTest
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
 from logger.core.shadow_noise import candidates, likeliest
 from logger.core.spikes import SpikeFilter
@@ -59,11 +60,12 @@ class LiveCell:
     def __init__(self, prior: Prior, spikes: SpikeFilter[LevelReading] | None = None) -> None:
         self._prior = prior
         self._locator = OnlineLocator(prior, spikes)
+        self._cache = CacheTest()
         self._ekf: _RunningEkf | None = None
         self._recent: deque[LevelReading] = deque(maxlen=_RECENT)
         self._may_start = True
         self.n = 0
-        self.n_set_aside = 0
+        self.n_set_aside = self.n_repeated = 0
         self.news: list[tuple[str, str]] = []
 
     @property
@@ -80,9 +82,16 @@ class LiveCell:
         """Take a reading; None while there is no estimate.
 
         A level far from that of its predecessor waits until the next ones confirm it: the estimate
-        is then after all of them. One that they do not confirm is set aside.
+        is then after all of them. One that they do not confirm is set aside, and one that the modem
+        repeats from its cache is passed over.
         """
         self.news = []
+        if self._cache.take(*latest) and self._cache.is_cached:
+            if not self.n_repeated:
+                text = "the modem repeats its last level while the receiver moves: it counts once"
+                self.news.append(("level-repeated", text))
+            self.n_repeated += 1
+            return None
         estimate = None
         for reading, spike_db in self._locator.check_spikes(latest):
             if spike_db:

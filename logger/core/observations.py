@@ -11,6 +11,7 @@ from logger.core.censoring import levels_dbm, limits
 from logger.core.column import UNKNOWN_TIME
 from logger.core.geo import Utm
 from logger.core.regular_naming import regularly_named
+from logger.core.repeated_levels import repeats_along
 from logger.core.rows import Rows, numbered_texts
 from logger.core.spikes_along import spikes_along
 from logger.core.track import Track, index_of, positions_at, track_of, way_sigma_m
@@ -44,8 +45,8 @@ class CellObservations:
     several runs from 0, run after run; None is one modem. `known_limit` is `limit` if the levels no
     longer show it. `ta` is the GSM timing advance in steps of 553.5 m, -1 if unknown; None is none
     at all. `named_share` is the share of the scans near a reading that name the cell; None is
-    unknown. `without_spikes`: levels that their neighbours do not confirm have been removed, or are
-    to stay.
+    unknown. `without_spikes`: repeated levels and those that their neighbours do not confirm have
+    been removed, or are to stay.
     """
 
     cell: str
@@ -88,7 +89,7 @@ class CellObservations:
         return replace(self, **parts, known_limit=self.limit[chosen])
 
     def usable(self, spikes: Sequence[SpikeLevel] | None = None) -> "CellObservations":
-        """The readings with a valid level and position, without spikes, where scans name the cell.
+        """The readings with a valid level and position that count, where scans name the cell.
 
         `spikes` are those of `spikes()`, where they are known; for the places see `regular_naming`.
         """
@@ -106,11 +107,12 @@ class CellObservations:
         if self.without_spikes:
             return valid
         spikes = self.spikes() if spikes is None else spikes
-        if not spikes:
+        left_out = [*self.repeats(), *(spike.k for spike in spikes)]
+        if not left_out:
             return replace(valid, without_spikes=True)
         keep = is_valid.copy()
-        keep[[spike.k for spike in spikes]] = False
-        # a spike does not show where the modem's scale ends
+        keep[left_out] = False
+        # neither a spike nor a pile of repeats shows where the modem's scale ends
         limit = None if self.known_limit is None else self.limit[keep]
         return replace(self.part(keep), known_limit=limit, without_spikes=True)
 
@@ -118,10 +120,11 @@ class CellObservations:
         """Levels that their neighbours do not confirm, in order; the device drops them too."""
         if self.without_spikes:
             return []
-        is_valid, limit = self._is_valid(), self.limit
+        is_counted, limit = self._is_valid(), self.limit
+        is_counted[self.repeats()] = False
         above_db: dict[int, float] = {}
         for modem_rows in self._rows_by_modem():
-            rows = modem_rows[is_valid[modem_rows]]
+            rows = modem_rows[is_counted[modem_rows]]
             x_m, y_m, level_dbm = self.x_m[rows], self.y_m[rows], self.level_dbm[rows]
             spikes = spikes_along(x_m, y_m, level_dbm, limit[rows])
             above_db |= {int(rows[k]): off_db for k, off_db in spikes}
@@ -129,6 +132,27 @@ class CellObservations:
             SpikeLevel(k, int(self.scan_seq[k]), int(self.t_ns[k]), float(self.level_dbm[k]), off)
             for k, off in sorted(above_db.items())
         ]
+
+    def repeats(self) -> list[int]:
+        """Numbers of the readings that repeat a level from a cache; the device drops them too."""
+        if self.without_spikes:
+            return []
+        is_valid, repeats = self._is_valid(), list[int]()
+        for modem_rows in self._rows_by_modem():
+            rows = modem_rows[is_valid[modem_rows]]
+            places = self.x_m[rows], self.y_m[rows], self.position_sigma_m[rows]
+            again = repeats_along(*places, self.level_dbm[rows], self._lasting_limit(rows))
+            repeats += rows[again].tolist()
+        return repeats
+
+    def _lasting_limit(self, rows: IntArray) -> IntArray:
+        """As `limit` for some readings, where equal levels that follow each other count once."""
+        if self.known_limit is not None:
+            return self.known_limit[rows]
+        level_dbm = self.level_dbm[rows]
+        is_new = np.append(True, np.diff(level_dbm) != 0.0)[: len(rows)]
+        at_limit = level_dbm[is_new][limits(level_dbm[is_new], self.rat) != 0]
+        return np.isin(level_dbm, at_limit).astype(np.int64)
 
     def on_one_scale(self, offset_db: FloatArray) -> "CellObservations":
         """The readings on the scale of the first modem; each reads `offset_db` (modems,) higher.

@@ -83,11 +83,13 @@ def diagnose(
 
     `filtered` adds the innovations of its filter. Of fewer than 20 levels, or levels that fit to
     their rounding, only residuals and sigma are given. A level that those around it do not share is
-    named where it is an outlier, and counts in nothing else; `spikes` are these, where known.
+    named where it is an outlier, and counts in nothing else; `spikes` are these, where known. A
+    repeated level counts in nothing.
     """
     residual_db = np.where(obs.limit == 0, -least_squares.residuals(state, obs, height_m), np.nan)
     shared_db = residual_db.copy()
     shared_db[[spike.k for spike in (obs.spikes() if spikes is None else spikes)]] = np.nan
+    shared_db[obs.repeats()] = np.nan
     ground = _ground(state, obs, shared_db, height_m)
     e = ground.e_db
     sigma_db = nan

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from logger.core.arrays import FloatArray, IntArray
-from logger.core.track import Track
+from logger.core.arrays import BoolArray, FloatArray, IntArray
+from logger.core.track import TIMING_S, Track, smeared_sigma_m
 
 SLOW_MPS = 0.5
 """Slow walk: a jump is assumed to have taken no longer than its length at this speed."""
@@ -31,14 +31,39 @@ def steps(track: Track) -> tuple[FloatArray, FloatArray]:
 
 def without_stale(track: Track) -> Track:
     """The track without repeated positions that the walker may have left, just before a jump."""
+    is_current = _is_current(track)
+    columns = ("t_ns", "seq", "x_m", "y_m", "sigma_m")
+    return replace(track, **{name: getattr(track, name)[is_current] for name in columns})
+
+
+def written_sigma_m(track: Track) -> FloatArray:
+    """Sigma per axis that positions as written have beside those of their fixes, shape (n,).
+
+    The walker may be anywhere between a stale position and the next, and levels may be late.
+    """
+    position = _position(track)
+    step_m, step_s = steps(track)
+    stale_m = np.where(_is_current(track), 0.0, np.append(step_m, 0.0)[position])
+    speed_mps = np.divide(step_m, step_s, out=np.zeros_like(step_m), where=step_s > 0.0)
+    fastest_mps = np.maximum(np.append(0.0, speed_mps), np.append(speed_mps, 0.0))[position]
+    return np.asarray(np.hypot(smeared_sigma_m(stale_m), TIMING_S * fastest_mps), float)
+
+
+def _position(track: Track) -> IntArray:
+    """Number of the position of each fix, where repeated ones are one."""
+    first = _changes(track)
+    return np.searchsorted(first, np.arange(len(track.t_ns)), side="right") - 1
+
+
+def _is_current(track: Track) -> BoolArray:
+    """Which fixes are no repeated positions that the walker may have left."""
     first = _changes(track)
     step_m, _ = steps(track)
     step_m[step_m <= track.sigma_m[first[1:]] + track.sigma_m[first[:-1]]] = 0.0  # may be no step
     step_m = np.append(step_m, 0.0)
-    position = np.searchsorted(first, np.arange(len(track.t_ns)), side="right") - 1
+    position = _position(track)
     next_ns = track.t_ns[np.append(first[1:], len(track.t_ns) - 1)]
     before_jump_s = (next_ns[position] - track.t_ns) / 1e9
-    is_current = before_jump_s >= step_m[position] / SLOW_MPS
+    is_current = np.asarray(before_jump_s >= step_m[position] / SLOW_MPS, np.bool_)
     is_current[first] = True
-    columns = ("t_ns", "seq", "x_m", "y_m", "sigma_m")
-    return replace(track, **{name: getattr(track, name)[is_current] for name in columns})
+    return is_current

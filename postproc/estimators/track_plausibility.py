@@ -1,10 +1,9 @@
 """Whether the times of a track can be those of a walk.
 
-A file whose "seconds" only count its rows has no speed. Smoothing in time then moves the fixes by
-kilometres: it takes distant fixes for errors of the receiver.
+Some files have no clock: their "seconds" count the rows, or were computed from the way at one
+speed. Smoothing in such a time moves the fixes by kilometres: it takes distant fixes for errors of
+the receiver. Times with an impossible speed are wrong in another way, which only the user can mend.
 """
-
-from collections.abc import Iterable
 
 import numpy as np
 
@@ -23,6 +22,73 @@ car every few seconds.
 _FEWEST = 3
 """Steps, or fixes set aside: one or two errors of a receiver do not discredit the times."""
 _NO_TIME_MPS = 1e6  # several fixes of one time have no finite speed
+_FEWEST_STEPS = 10
+"""In time, from which a pattern of theirs can be told."""
+_EVEN_SHARE = 0.95
+"""Of the steps of a count are equal: rows may have been left out."""
+_EVEN_NS = 1000  # rounding of decimal fractions
+_LEAP_FACTOR = 5.0
+"""A leap is more than so many times as fast as the steps beside it."""
+_START_MPS2 = 4.0
+"""A car that starts between two fixes does not accelerate more."""
+_SURE_LEAP_M = 50.0
+"""One that is longer than all this explains by so much is enough: a receiver that finds its
+position seldom moves by more.
+"""
+_ONE_SPEED = 0.005
+"""Measured speeds differ by more than this share, if only by the errors of the fixes."""
+_LONG_STEP_M = 7.0
+"""Shorter ones have too few digits in a file to show a speed that exactly."""
+_UNEVEN = 0.2
+"""Relative spread of time steps: equal ones, at one speed, may be those of a vehicle."""
+
+
+def why_no_clock(track: Track) -> str | None:
+    """Why the times of a track were not taken from a clock; None where they may have been."""
+    if _counts_rows(track):
+        return "they count the rows"
+    if _has_one_speed(track):
+        return "they were computed from the way, at one speed"
+    return None
+
+
+def _counts_rows(track: Track) -> bool:
+    """Whether times go on in equal steps over a way that does not."""
+    step_ns = np.diff(track.t_ns)
+    moving_ns = step_ns[step_ns > 0]
+    if len(moving_ns) < _FEWEST_STEPS:
+        return False
+    pace_ns = int(np.median(moving_ns))
+    if np.mean(np.abs(moving_ns - pace_ns) <= _EVEN_NS) < _EVEN_SHARE:
+        return False
+    if too_fast(track):
+        return True
+    step_m, step_s = steps(track)
+    if not len(step_m):
+        return False
+    speed_mps = step_m / np.maximum(step_s, pace_ns / 1e9)
+    padded_mps = np.pad(speed_mps, 1, mode="edge")  # nothing is known beyond the ends
+    before_mps, after_mps = padded_mps[:-2], padded_mps[2:]
+    errors_m = 2.0 * np.sqrt(2.0) * float(np.median(track.sigma_m))
+    # from the slower neighbour's speed, or from that of both and back again in the same time
+    start_m = 0.5 * _START_MPS2 * step_s**2
+    one_m = _LEAP_FACTOR * np.minimum(before_mps, after_mps) * step_s + start_m
+    both_m = _LEAP_FACTOR * np.maximum(before_mps, after_mps) * step_s + 0.5 * start_m
+    over_m = step_m - errors_m - np.minimum(one_m, both_m)
+    return bool(np.count_nonzero(over_m > 0.0) >= _FEWEST or np.any(over_m > _SURE_LEAP_M))
+
+
+def _has_one_speed(track: Track) -> bool:
+    """Whether each second step has the same speed, while time goes on unevenly."""
+    step_m, step_s = steps(track)
+    is_long = (step_m > _LONG_STEP_M) & (step_s > 0.0)
+    if np.count_nonzero(is_long) < _FEWEST_STEPS:
+        return False
+    step_s = step_s[is_long]
+    speed_mps = step_m[is_long] / step_s
+    is_usual = np.abs(speed_mps / np.median(speed_mps) - 1.0) < _ONE_SPEED
+    usual_s = step_s[is_usual]
+    return bool(np.mean(is_usual) > 0.5 and np.std(usual_s) > _UNEVEN * np.mean(usual_s))
 
 
 def too_fast(track: Track) -> str | None:
@@ -39,15 +105,12 @@ def too_fast(track: Track) -> str | None:
     return f"every second step from fix to fix would be {how_fast}"
 
 
-def too_many_apart(walks: Iterable[SmoothedTrack]) -> str | None:
-    """Why the fixes of the parts of a walk contradict their times; None where they do not."""
-    count = n = 0
-    for walk in walks:
-        count += int(np.count_nonzero(walk.outlier | moved_too_far(walk)))
-        n += len(walk.outlier)
+def too_many_apart(walk: SmoothedTrack) -> str | None:
+    """Why the fixes of a walk contradict their times; None where they do not."""
+    count, n = int(np.count_nonzero(walk.outlier | moved_too_far(walk))), len(walk.outlier)
     if count < _FEWEST or count <= MOST_APART * n:
         return None
-    return f"{count} of {n} fixes cannot belong to one path in these times"
+    return f"{count} of {n} fixes do not fit on one path in their times"
 
 
 def _speeds_mps(track: Track) -> FloatArray:

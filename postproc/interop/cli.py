@@ -187,6 +187,9 @@ def _print_left_out(source: Path, imported: "Imported") -> None:
     if imported.n_bad > _MOST_PRINTED:
         more = imported.n_bad - _MOST_PRINTED
         print(f"{source}: ... and {more} more bad rows (--json lists them)", file=sys.stderr)
+    if imported.no_clock:
+        what = f"its times are no clock's, {imported.no_clock}"
+        print(f"{source}: {what}: imported as with --times none", file=sys.stderr)
     if imported.was_sorted:
         print(f"{source}: rows were out of order and have been sorted by time", file=sys.stderr)
 

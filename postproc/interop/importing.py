@@ -11,10 +11,9 @@ from zoneinfo import ZoneInfo
 from logger.core.errors import GeoError, RunFileError
 from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
 from logger.core.reportable import range_dbm, reportable
-from logger.core.track import Track
 from logger.core.types import Fix, Note, Record, Scan
 from logger.core.utc import utc_text
-from postproc.estimators import stale_fixes, track_plausibility, walker
+from postproc.estimators import track_plausibility
 from postproc.foreign_file import MOST_BAD_ROWS, MOST_READINGS, MOST_REMARKS, with_limit
 from postproc.interop.decompression import plain_file
 from postproc.interop.formats import WALK_CSV, Format, recognise
@@ -27,16 +26,14 @@ from postproc.progress import with_progress
 
 _ROW_NS = 10**9
 """From row to row where only their order is known."""
-_STRETCH = 20_000
-"""Fixes that are smoothed together: hours of a walk."""
-_TRACK = ("t_ns", "seq", "x_m", "y_m", "sigma_m")
 
 
 @dataclass(frozen=True, slots=True)
 class Imported:
     """The result of an import; `n_other` counts rows that are no cells, `n_repeated` repetitions.
 
-    Without `has_times` the run's times only count the rows. `other` states why the rows of
+    Without `has_times` the run's times only count the rows; `no_clock` states why those of the file
+    are not used, where they were asked for. `other` states why the rows of
     `n_other` were passed over and how many each, `n_remarks` counts what another program noticed.
     `bad_rows` are the first of `n_bad`. `no_level` states of how many rows the cell counts as heard
     without its level, and why; `n_unnamed` counts levels of no named cell.
@@ -55,6 +52,7 @@ class Imported:
     n_bad: int = 0
     no_level: tuple[tuple[str, int], ...] = ()
     n_unnamed: int = 0
+    no_clock: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +134,8 @@ def _write(
         sightings.leave_out_repeated()
     has_times = reading.times and bool(form.times)
     was_sorted = has_times and sightings.sort_by_time()
-    if has_times and sightings:
-        _check_times(name, form, sightings)
+    no_clock = _why_no_clock(name, form, sightings) if has_times and sightings else None
+    has_times = has_times and no_clock is None
     imported = Imported(
         target,
         form.name,
@@ -152,6 +150,7 @@ def _write(
         left.n_bad,
         left.no_level,
         left.n_unnamed,
+        no_clock,
     )
     origin = f"{IMPORT if has_times else IMPORT_WITHOUT_TIMES} {name.name}"
     rows = with_progress(
@@ -260,28 +259,20 @@ def _without_times(sightings: Iterable[Sighting]) -> Iterator[Sighting]:
         yield replace(row, t_ns=i * _ROW_NS, fix=replace(row.fix, utc_ns=None))
 
 
-def _check_times(source: Path, form: Format, sightings: SightingFile) -> None:
-    """Raise `RunFileError` where the positions and their times contradict each other."""
+def _why_no_clock(source: Path, form: Format, sightings: SightingFile) -> str | None:
+    """Why the times of a file are no clock's; raises `RunFileError` for an impossible speed."""
     try:
         track = sightings.track()
     except GeoError:  # outside of UTM: the estimators report that
-        return
-    why = track_plausibility.too_fast(track) or track_plausibility.too_many_apart(
-        map(walker.smooth_track, _stretches(stale_fixes.without_stale(track)))
-    )
-    if why:
+        return None
+    if why := track_plausibility.why_no_clock(track):
+        return why
+    if why := track_plausibility.too_fast(track):
         raise RunFileError(
             f"{source}: its times ({form.times}) cannot be right: {why}. Name the right column, "
             "or import the rows in their order, without times: --times none"
         )
-
-
-def _stretches(track: Track) -> Iterator[Track]:
-    """The track in parts, each of which takes 80 MB to smooth."""
-    for first in range(0, len(track.t_ns), _STRETCH):
-        some = slice(first, first + _STRETCH)
-        columns = {name: getattr(track, name)[some] for name in _TRACK}
-        yield replace(track, **columns)
+    return None
 
 
 def scans_of(sightings: Iterable[Sighting]) -> Iterator[list[Sighting]]:
@@ -336,7 +327,9 @@ def _with_place(remark: Remark, track: GpsTrack | None) -> str:
 
 def _notes(imported: Imported) -> Iterator[Note]:
     if not imported.has_times:
-        yield Note("warning", "no-times", "imported without times: seconds count the rows")
+        why = f", since those of the file are no clock's: {imported.no_clock}"
+        text = f"imported without times{why if imported.no_clock else ''}: seconds count the rows"
+        yield Note("warning", "no-times", text)
     if imported.was_sorted:
         yield Note("warning", "sorted", "rows were out of order and have been sorted by time")
     for why, n in imported.other:
@@ -367,6 +360,7 @@ def summary(imported: Imported) -> dict[str, object]:
         "remarks": imported.n_remarks,
         "sorted": imported.was_sorted,
         "times": imported.has_times,
+        "no_clock": imported.no_clock,
         "n_bad_rows": imported.n_bad,
         "bad_rows": [{"line": bad.line, "why": bad.why} for bad in imported.bad_rows],
     }

@@ -114,3 +114,20 @@ def test_a_level_that_lasts_is_taken_after_two_more():
     assert cell.n == 300
     assert cell.n_set_aside == 0
     assert [k for k in range(150, 300) if found[k] is None] == [200, 201]
+
+
+def test_levels_that_the_modem_repeats_while_moving_count_once():
+    """After an honest walk the last report for another 900 m: the estimate stays as it was."""
+    obs, _ = simulate(np.random.default_rng(5), "square", count=200, step=4.2)
+    walk = [r._replace(level_dbm=round(r.level_dbm), sigma_m=4.0) for r in readings_of(obs)]
+    last = walk[-1]
+    repeated = [last._replace(x_m=last.x_m + 11.0 * k, sigma_m=4.0) for k in range(1, 80)]
+    cell = LiveCell(PRIOR)
+    _, before = estimates(walk, cell)
+    assert "level-repeated" not in {code for code, _ in before}
+    n = cell.n
+    found, news = estimates(repeated, cell)
+    assert [code for code, _ in news].count("level-repeated") == 1
+    assert cell.n_repeated >= 60
+    assert cell.n == n + len(repeated) - cell.n_repeated
+    assert found[-40:] == [None] * 40

@@ -5,6 +5,7 @@ import pytest
 
 from postproc.cell_estimation import estimate_cell
 from postproc.json_text import as_json
+from postproc.result import Options
 from postproc.smoothing import smooth_runs
 from postproc.summary import summarise
 from tests.kit.sample_results import write_run
@@ -34,3 +35,41 @@ def test_a_level_set_aside_is_named_and_moves_nothing():
     assert found.verdict == plain.verdict
     assert np.hypot(*(found.batch.state[:2] - plain.batch.state[:2])) < 20.0  # 550 m with it
     assert found.n == plain.n == 400
+
+
+def test_repeated_levels_are_counted_in_the_warnings_and_in_nothing_else():
+    """The last report of a walk for another 800 m, as of a telephone in a pocket."""
+    obs, _ = simulate(np.random.default_rng(5), "random", count=120, step=7.0)
+    obs = replace(obs, level_dbm=np.round(obs.level_dbm))
+    n, at = len(obs), np.arange(80)
+    last_x_m, last_y_m, last_dbm = obs.x_m[-1], obs.y_m[-1], obs.level_dbm[-1]
+    longer = replace(
+        obs,
+        t_ns=np.append(obs.t_ns, obs.t_ns[-1] + (1 + at) * 10**9),
+        x_m=np.append(obs.x_m, last_x_m + 11.0 * (1 + at)),
+        y_m=np.append(obs.y_m, last_y_m + 0.0 * at),
+        position_sigma_m=np.append(obs.position_sigma_m, 0.0 * at),
+        level_dbm=np.append(obs.level_dbm, last_dbm + 0.0 * at),
+        scan_seq=np.append(obs.scan_seq, n + at),
+        known_limit=None,
+    )
+    plain, found = (estimate_cell(one) for one in (obs, longer))
+    assert "80 of 200 readings repeat the one before" in " / ".join(found.warnings)
+    assert "repeat the one before" not in " / ".join(plain.warnings)
+    assert found.n == 200
+    assert (found.posterior.x_m, found.posterior.r95_m) == pytest.approx(
+        (plain.posterior.x_m, plain.posterior.r95_m)
+    )
+    assert found.residuals.independent == pytest.approx(plain.residuals.independent)
+
+
+@pytest.mark.parametrize(("noise_db", "rise_db"), [(0.3, 10), (1.0, 20), (3.0, 5), (3.0, 10)])
+def test_levels_that_rise_with_the_distance_are_never_located(noise_db, rise_db):
+    """However large the radius that would do; `rise_db` for ten times the distance."""
+    rng = np.random.default_rng(3)
+    obs, _ = simulate(rng, "square", count=300, step=2.8)
+    away_m = np.hypot(obs.x_m - 60.0, obs.y_m - 100.0)
+    level_dbm = -110.0 + rise_db * np.log10(away_m) + rng.normal(0.0, noise_db, len(obs))
+    found = estimate_cell(replace(obs, level_dbm=level_dbm), Options(within_m=1e6))
+    assert found.verdict == "cannot tell"
+    assert any("exponent of -" in why for why in found.warnings)

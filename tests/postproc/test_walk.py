@@ -56,3 +56,18 @@ def test_readings_of_a_scan_whose_row_is_lost_are_placed_by_their_own_time(tmp_p
     (whole,), (partial,) = (observe_run(one).observations.cells for one in (run, lost))
     for name in ("x_m", "y_m", "position_sigma_m"):
         np.testing.assert_array_equal(getattr(partial, name), getattr(whole, name))
+
+
+def test_fixes_that_fit_on_no_path_are_used_as_written_and_count_as_less_certain(tmp_path):
+    """A car that turns between its few fixes: an import keeps its times, and says what it does."""
+    rng = np.random.default_rng(2)
+    north_m = np.cumsum(rng.choice([-1.0, 1.0], 60) * rng.uniform(60.0, 250.0, 60))
+    observed = observe_run(_run(tmp_path, north_m, origin="import of car.csv", step_s=11))
+    (warning,) = observed.warnings
+    assert "do not fit on one path in their times" in warning
+    assert "less certain" in warning
+    (obs,), track = observed.observations.cells, observed.observations.track
+    np.testing.assert_array_equal(obs.y_m, track.y_m)
+    step_m = np.abs(np.diff(north_m))
+    assert np.all(obs.position_sigma_m[1:] > 2.0 * step_m / 11.0)  # late by two seconds
+    assert np.all(obs.position_sigma_m > track.sigma_m)

@@ -1,10 +1,11 @@
 """Located, ambiguous or cannot tell, with reasons, from a posterior and its readings.
 
 1. Two transmitters explain the levels far better than one: cannot tell.
-2. One relevant mode (`relevant_modes`), and 95 % of the probability within `within_m` of the
+2. The levels do not show a distance (`GUARDS`), however narrow the region: cannot tell.
+3. One relevant mode (`relevant_modes`), and 95 % of the probability within `within_m` of the
    position shown: located.
-3. Several relevant modes, each with a 95 % ellipse within that radius: ambiguous.
-4. Otherwise: cannot tell. What widens the region is listed after that reason.
+4. Several relevant modes, each with a 95 % ellipse within that radius: ambiguous.
+5. Otherwise: cannot tell. What widens the region is listed after that reason.
 
 The radius is what a user can act on, whatever the extent of the walk.
 """
@@ -29,8 +30,12 @@ _FEWEST_READINGS = 8
 """Twice the four unknowns x, y, P0 and eta."""
 _SHORTEST_WALK_M = 20.0
 """Shorter walks are within the errors of a few fixes and the correlation of shadowing."""
-_LEAST_CHANGE_DB = 1.0
-"""Modems report whole decibels: less change than that may be rounding alone."""
+_LEAST_SPAN_DB = 6.0
+"""Half the distance is 6 dB in free space: over less, noise alone may look like an approach."""
+_ETA_RANGE = (0.5, 6.0)
+"""Exponents of measured walks are 0.95 to 4.26 in nine of ten, of those located 1.3 to 4.2. Beyond
+these bounds levels do not fall with the distance, or as no measured ones do.
+"""
 _ONE_SIDED_DEG = 90.0
 """A walk that covers less than a quarter around the position cannot bound its distance."""
 _PASSING_M = 20.0
@@ -86,10 +91,25 @@ def _short_walk(case: _Case) -> str | None:
     return f"the walk spans only {case.walk_m:.0f} m" if case.walk_m < _SHORTEST_WALK_M else None
 
 
-def _constant_level(case: _Case) -> str | None:
-    if float(np.std(case.obs.level_dbm)) >= _LEAST_CHANGE_DB:
+def _small_span(case: _Case) -> str | None:
+    obs, offsets = case.obs, case.posterior.offsets
+    level_dbm = (obs if offsets is None else obs.on_one_scale(offsets.mean_db)).level_dbm
+    span_db = float(np.ptp(level_dbm))
+    if span_db >= _LEAST_SPAN_DB:
         return None
-    return "the level hardly changes along the walk"
+    return (
+        f"the level hardly changes along the walk: it spans {span_db:.0f} dB, "
+        f"and a location needs {_LEAST_SPAN_DB:.0f} dB"
+    )
+
+
+def _eta_at_bound(case: _Case) -> str | None:
+    eta = float(case.modes[0].state[3])
+    low, high = _ETA_RANGE
+    if low < eta < high:
+        return None
+    how = "hardly fall with the distance" if eta <= low else "fall too steeply with the distance"
+    return f"the levels {how} from the position: a path loss exponent of {eta:.1f}"
 
 
 def _beyond_reach(case: _Case) -> str | None:
@@ -118,10 +138,10 @@ def _far_away(case: _Case) -> str | None:
     )
 
 
+GUARDS: tuple[Callable[[_Case], str | None], ...] = (_few_readings, _small_span, _eta_at_bound)
+"""What makes a region no evidence, whatever its size: each gives a sentence, or None."""
 HINTS: tuple[Callable[[_Case], str | None], ...] = (
-    _few_readings,
     _short_walk,
-    _constant_level,
     _beyond_reach,
     _one_sided,
     _far_away,
@@ -146,8 +166,10 @@ def assess(
     percents = whole_percents(case.modes)
     is_single = len(case.modes) == 1
     radius_m = posterior.r95_m if is_single else _widest_m(case.modes)
+    reasons = [why for rule in GUARDS if (why := rule(case))]
     if radius_m > within_m:
-        reasons = [_too_wide(case, radius_m, within_m)]
+        reasons.insert(0, _too_wide(case, radius_m, within_m))
+    if reasons:
         reasons += [hint for rule in HINTS if (hint := rule(case))]
         return Decision("cannot tell", reasons, division)
     if is_single:

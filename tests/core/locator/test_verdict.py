@@ -222,3 +222,46 @@ def test_a_region_that_reaches_far_away_is_said_to_rest_on_the_prior():
     far = replace(found, far_share=0.2, r95_m=2000.0)
     why = " / ".join(assess(far, obs).reasons)
     assert "20% of the probability lies farther than 800 m from the walk" in why
+
+
+# --- never located ---
+
+
+@pytest.mark.parametrize("eta", [-3.0, -0.09, 0.3, 6.5, 20.0])
+def test_an_exponent_that_no_walk_has_is_never_located(eta):
+    obs, found = clear()
+    best = found.modes[0]
+    state = best.state.copy()
+    state[3] = eta
+    outcome, (why, *_), _ = assess(replace(found, modes=(replace(best, state=state),)), obs)
+    assert outcome == "cannot tell"
+    assert f"exponent of {eta:.1f}" in why
+
+
+@pytest.mark.parametrize(("span_db", "verdict"), [(0.5, "cannot tell"), (5.9, "cannot tell")])
+def test_levels_within_6_db_are_never_located(span_db, verdict):
+    obs, found = clear()
+    level_dbm = obs.level_dbm - np.min(obs.level_dbm)
+    level_dbm = -80.0 + span_db * level_dbm / np.max(level_dbm)
+    outcome, (why, *_), _ = assess(found, replace(obs, level_dbm=level_dbm))
+    assert outcome == verdict
+    assert "6 dB" in why
+
+
+def test_a_span_between_modems_is_no_span():
+    """A constant level, read 20 dB higher by the second modem."""
+    obs, found = clear()
+    modem = np.arange(len(obs)) % 2
+    flat = replace(obs, modem=modem, level_dbm=-80.0 + 20.0 * modem + (np.arange(len(obs)) % 3))
+    offsets = type("Offsets", (), {"mean_db": np.array([0.0, 20.0])})()
+    outcome, (why, *_), _ = assess(replace(found, offsets=offsets), flat)
+    assert outcome == "cannot tell"
+    assert "it spans 2 dB" in why
+
+
+def test_seven_readings_are_never_located():
+    obs, found = clear()
+    seven = some(obs, np.arange(0, 140, 20))
+    assert len(seven) == 7
+    assert assess(found, seven).verdict == "cannot tell"
+    assert assess(found, obs).verdict == "located"

@@ -161,7 +161,8 @@ def _drive(n, *, counted=False, held=1, seed=0):
 def test_true_times_are_taken_held_places_or_not(tmp_path, held):
     for n in (5, 80):
         source = _write(tmp_path, "\n".join(_drive(n, held=held)))
-        assert import_walk(source, tmp_path / "run.h5").n_rows == n
+        imported = import_walk(source, tmp_path / "run.h5")
+        assert (imported.n_rows, imported.has_times) == (n, True)
 
 
 def _shuffle(lines):
@@ -171,7 +172,7 @@ def _shuffle(lines):
     return [head, *(f"{i},{row.partition(',')[2]}" for i, row in enumerate(rows))]
 
 
-BAD_TIMES = {
+BAD_TIMES = {  # only the first of them is refused
     "all at once": lambda: [
         line if i == 0 else f"7,{line.partition(',')[2]}" for i, line in enumerate(_drive(80))
     ],
@@ -183,15 +184,33 @@ BAD_TIMES = {
 }
 
 
-@pytest.mark.parametrize("name", BAD_TIMES)
-def test_times_that_cannot_be_right_are_asked_about(tmp_path, capsys, name):
-    source = _write(tmp_path, "\n".join(BAD_TIMES[name]()))
+def test_an_impossible_speed_is_asked_about(tmp_path, capsys):
+    source = _write(tmp_path, "\n".join(BAD_TIMES["all at once"]()))
     target = str(tmp_path / "run.h5")
     assert main(["import", str(source), "-o", target]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "its times (t_s or time_utc) cannot be right" in line
     assert "--times none" in line
     assert not (tmp_path / "run.h5").exists()
+
+
+@pytest.mark.parametrize("name", ["ten rows a second", "sorted by level"])
+def test_seconds_that_count_the_rows_are_read_like_no_times(tmp_path, capsys, name):
+    source = _write(tmp_path, "\n".join(BAD_TIMES[name]()))
+    runs = [tmp_path / "counted.h5", tmp_path / "none.h5"]
+    assert main(["import", str(source), "-o", str(runs[0]), "--json"]) == 0
+    printed = capsys.readouterr()
+    assert "they count the rows: imported as with --times none" in printed.err
+    summary = json.loads(printed.out)
+    assert (summary["times"], summary["no_clock"]) == (False, "they count the rows")
+    import_walk(source, runs[1], times=False)
+    counted, none = (observe_run(read_run(run)) for run in runs)
+    assert counted.warnings == none.warnings
+    (one,), (other,) = (observed.observations.cells for observed in (counted, none))
+    np.testing.assert_array_equal(one.x_m, other.x_m)
+    np.testing.assert_array_equal(one.position_sigma_m, other.position_sigma_m)
+    notes = [record.value for _, record in read_run(runs[0]).records("notes")]
+    assert any("they count the rows" in note.text for note in notes)
 
 
 @pytest.mark.parametrize("name", BAD_TIMES)
@@ -217,7 +236,7 @@ def test_without_times_no_place_moves_and_each_keeps_its_sigma(tmp_path, capsys,
 @pytest.mark.parametrize("name", BAD_TIMES)
 def test_an_import_of_an_earlier_version_is_not_moved_either(tmp_path, monkeypatch, name):
     """Such a run exists already: what was not asked then is said now."""
-    monkeypatch.setattr("postproc.interop.importing._check_times", lambda *_: None)
+    monkeypatch.setattr("postproc.interop.importing._why_no_clock", lambda *_: None)
     source = _write(tmp_path, "\n".join(BAD_TIMES[name]()))
     import_walk(source, tmp_path / "run.h5")
     observed = observe_run(read_run(tmp_path / "run.h5"))
