@@ -5,7 +5,7 @@ DEMO := demo-out
 # The tests start hundreds of Python processes; without this each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard guidance deb card-debs dist docs page-map clean
+.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard truth guidance deb card-debs dist docs page-map clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -121,6 +121,13 @@ bench: .venv/dev.stamp
 # errors and coverage of every estimator over simulated and measured walks: about half an hour
 scoreboard: .venv/dev.stamp
 	$(BIN)/python benchmarks/accuracy.py
+
+# whether regions and verdicts are true: antennas of any height, small errors, device and desktop; ten minutes
+truth: .venv/dev.stamp
+	$(BIN)/python benchmarks/measured.py
+	$(BIN)/python benchmarks/height.py
+	$(BIN)/python benchmarks/stability.py --stride 3
+	$(BIN)/python benchmarks/agreement.py
 
 # closed loops of guidance and of its peers, 100 worlds of each noise: some hours
 guidance: .venv/dev.stamp

@@ -22,7 +22,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"  # each process has one core
 import numpy as np
 from scoreboard import ours, traces, tree, worlds
 from scoreboard.walks import TELLING
-from scoreboard.world import Noise, World
+from scoreboard.world import Noise, World, observations
 
 from logger.core.locator.pipeline import locate
 from logger.core.model.prior import ANTENNAS
@@ -63,7 +63,7 @@ def world_of(job: Job) -> World:
 def score(job: Job) -> tuple[Job, dict[str, Score]]:
     """Scores of the models."""
     world = world_of(job)
-    obs = ours.observations(world, world.walk)
+    obs = observations(world, world.walk)
     priors = {model: replace(ours.PRIOR, antenna_db=db) for model, db in ANTENNAS.items()}
     if job.noise:
         known = ours.known_noise_prior(NOISES[job.noise])

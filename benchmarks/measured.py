@@ -1,14 +1,16 @@
 """Coverage and errors of the locator on measured walks with a surveyed transmitter.
 
-python benchmarks/measured.py [--jobs N] [--quick] [--json FILE] [--markdown FILE]
+python benchmarks/measured.py [--campaign NAME ...] [--quick] [--against FILE] [--read FILE]
+                              [--jobs N] [--json FILE] [--markdown FILE]
 
 With `PYTHONPATH=TREE` before it the locator of another tree is measured, such as one made by
-`git worktree add TREE fc7563c`.
+`git worktree add TREE fc7563c`. Its `--json` file is what `--against` compares with.
 """
 
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each process has one core
 
@@ -23,13 +25,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print the tables, write the files asked for."""
     parser = argument_parser(__doc__)
     parser.add_argument("--quick", action="store_true", help=f"every {QUICK_STRIDE}th walk")
+    campaigns = list(dict.fromkeys(one.campaign for one in traces.traces()))
+    parser.add_argument(
+        "--campaign", nargs="+", choices=campaigns, default=campaigns, metavar="NAME"
+    )
+    parser.add_argument("--against", type=Path, metavar="FILE", help="scores of another tree")
+    parser.add_argument("--read", type=Path, metavar="FILE", help="scores of an earlier run")
     asked = parser.parse_args(arguments)
-    chosen = traces.traces()[:: QUICK_STRIDE if asked.quick else 1]
+    chosen = [one for one in traces.traces() if one.campaign in asked.campaign]
     if not chosen:
         print("the measured walks are not beside this repository", file=sys.stderr)
         return 1
-    scores = measured.score_walks(chosen, asked.jobs)
+    if asked.read:
+        scores = [one for one in measured.read_scores(asked.read) if one.trace in chosen]
+    else:
+        stride = QUICK_STRIDE if asked.quick else 1
+        scores = measured.score_walks(chosen[::stride], asked.jobs)
     parts = measured_report.tables(scores)
+    if asked.against:
+        others = measured.read_scores(asked.against)
+        parts += measured_report.comparison(scores, others, asked.against.name)
     print_and_write(parts, scores, asked)
     return 0
 

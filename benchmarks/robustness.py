@@ -23,8 +23,7 @@ import numpy as np
 from scoreboard import traces
 from scoreboard.cases import CASES
 from scoreboard.live import last_estimate
-from scoreboard.ours import observations
-from scoreboard.world import World
+from scoreboard.world import World, observations
 
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError

@@ -21,8 +21,7 @@ import numpy as np
 from scipy.stats import binom
 from scoreboard import traces
 from scoreboard.cell_database import database
-from scoreboard.ours import observations
-from scoreboard.world import Noise, World
+from scoreboard.world import Noise, World, observations
 from scoreboard.worlds import plain
 
 from logger.core.arrays import FloatArray

@@ -67,10 +67,13 @@ class Outcome(NamedTuple):
 
 
 class Loop:
-    """The walker, the world and the filter of one walk."""
+    """The walker, the world and the filter of one walk.
+
+    `rows` are those that the filter has taken, `answer` is its last one.
+    """
 
     def __init__(self, world: Surroundings, policy: str) -> None:
-        self._world, self._policy = world, policy
+        self.world, self._policy = world, policy
         self._ground = world.crossings()
         rng = np.random.default_rng([world.seed, 5])
         self._walker = Walker(self._ground, rng, self._ground.start())
@@ -78,14 +81,15 @@ class Loop:
         self._start_m = np.array(self._utm.to_xy(*START_LAT_LON))
         self._walker.origin_m = self._start_m
         lines = self._lines() if policy == "routes, street map" else []
-        self._filter = GuideFilter(Prior(), lines=lines)
+        self.filter = GuideFilter(Prior(), lines=lines)
         self._reading = np.zeros((0, 4))
-        self._answer = Answer(None)
+        self.answer = Answer(None)
+        self.rows: list[dict[str, str]] = []
         self._slowest_s = 0.0
 
     def run(self, *, stops_when_located: bool) -> Outcome:
         """Walk until the end."""
-        world, walker = self._world, self._walker
+        world, walker = self.world, self._walker
         located_m = is_wrong = passed_m = None
         start = self._ground.at_m(walker.node)
         for _ in range(_FIRST_READINGS):
@@ -99,7 +103,7 @@ class Loop:
             emitter_m = world.emitters_now()
             if passed_m is None and self._nearest_m(way.line_m, emitter_m) < PASS_M:
                 passed_m = world.walked_m
-            if located_m is None and self._answer.verdict == "located":
+            if located_m is None and self.answer.verdict == "located":
                 located_m, is_wrong = world.walked_m, not self._is_inside()
                 if stops_when_located:
                     break
@@ -124,9 +128,9 @@ class Loop:
         if policy in POLICIES:
             walker.best_m = self._best_m()
             if policy == "one leg":
-                walker.posterior = self._filter.locator.last_search()
+                walker.posterior = self.filter.locator.last_search()
             return POLICIES[policy](walker)
-        advice = self._answer.next
+        advice = self.answer.next
         if advice is None:
             return walker.ahead()
         return nearest_way(walker, advice.azimuth_deg, advice.distance_m)
@@ -140,26 +144,31 @@ class Loop:
                 "lat": f"{lat_deg:.7f}",
                 "lon": f"{lon_deg:.7f}",
                 "rssi_dbm": "" if np.isnan(level_dbm) else f"{level_dbm:.2f}",
-                "rat": self._world.rat,
+                "rat": self.world.rat,
             }
+            self.rows.append(row)
             begun_s = process_time()
-            self._answer = self._filter.answer(row)
+            self.answer = self.filter.answer(row)
             self._slowest_s = max(self._slowest_s, process_time() - begun_s)
 
     def _best_m(self) -> FloatArray | None:
-        best = self._answer.best
-        return best and np.array(self._utm.to_xy(best.lat, best.lon)) - self._start_m
+        best = self.answer.best
+        return best and self.from_start_m(*self._utm.to_xy(best.lat, best.lon))
+
+    def from_start_m(self, x_m: float, y_m: float) -> FloatArray:
+        """A place of the filter's UTM zone, shape (2,), as the world has it."""
+        return np.array([x_m, y_m]) - self._start_m
 
     def _error_m(self) -> float:
         """Distance from the position shown to the nearest transmitter."""
         best_m = self._best_m()
         if best_m is None:
             return float("inf")
-        return min(hypot(*(best_m - one)) for one in self._world.emitters_now())
+        return min(hypot(*(best_m - one)) for one in self.world.emitters_now())
 
     def _is_inside(self) -> bool:
-        best = self._answer.best
-        return best is not None and self._error_m() <= best.r95_m + self._world.slack_m
+        best = self.answer.best
+        return best is not None and self._error_m() <= best.r95_m + self.world.slack_m
 
     def _nearest_m(self, line_m: FloatArray, emitter_m: FloatArray) -> float:
         along = np.linspace(0.0, 1.0, 21)
@@ -170,5 +179,5 @@ class Loop:
     def _lines(self) -> list[Line]:
         return [
             [self._utm.to_latlon(*(self._start_m + point)) for point in line_m]
-            for line_m in self._world.street_lines_m()
+            for line_m in self.world.street_lines_m()
         ]

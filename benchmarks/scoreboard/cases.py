@@ -40,10 +40,6 @@ WHITE = Noise(3.0)
 SPECIFIED_READINGS = (10, 20, 50)
 CLIPPED_SHARES = (0.20, 0.45, 0.70)
 SHADOWED = Noise(0.0, 6.0, 15.0)
-TWO_SCALE = Noise(1.0, 7.0, 20.0, in_plane=True, step_db=1.0, long_share=0.75, long_m=300.0)
-"""As the residuals of measured walks: three quarters of the variance are correlated over 100 to 350
-m (hills, streets), the rest over 10 to 30 m.
-"""
 SECTOR_NOISES = {"white": WHITE, "shadow": replace(SHADOWED, step_db=1.0)}
 GPS_ERRORS: dict[str, worlds.GpsError] = {
     "gps-white": "white",
@@ -126,7 +122,9 @@ def _two_scale_case() -> Case:
         "shadowing of two scales as a field in the plane: 7 dB, three quarters of the variance "
         "over 300 m, the rest over 20 m; white noise 1 dB, 1 dB steps"
     )
-    return _simulated_cases("two-scale", title, partial(worlds.plain, noise=TWO_SCALE), runs=100)
+    return _simulated_cases(
+        "two-scale", title, partial(worlds.plain, noise=worlds.TWO_SCALE), runs=100
+    )
 
 
 def _sector_cases() -> list[Case]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from .measured import WalkScore
 from .measured_report import share_text
-from .strata import coverage, figure_of, groups
+from .strata import coverage, figure_of, groups, log_density
 from .tables import Table
 from .tree import Prior, with_trust
 
@@ -58,21 +58,16 @@ def choices(scores: Mapping[str, Sequence[WalkScore]], usual: Sequence[WalkScore
     """
     found = []
     for campaign in dict.fromkeys(one.trace.campaign for one in usual):
-        value = max(scores, key=lambda v: log_score(_without(scores[v], campaign)))
+        value = max(scores, key=lambda v: log_density(_without(scores[v], campaign)))
         found.append(
             Choice(
                 campaign,
                 value,
                 tuple(_of(scores[value], campaign)),
-                log_score(_of(usual, campaign)),
+                log_density(_of(usual, campaign)),
             )
         )
     return found
-
-
-def log_score(scores: Sequence[WalkScore]) -> float:
-    """Mean log of the probability per km2 at the surveyed place."""
-    return float(np.mean([one.log_density for one in scores]))
 
 
 def _of(scores: Sequence[WalkScore], campaign: str) -> list[WalkScore]:
@@ -100,13 +95,13 @@ def _by_value(name: str, scores: Mapping[str, Sequence[WalkScore]]) -> Table:
 
 
 def _figures(scores: Sequence[WalkScore]) -> Iterator[str]:
-    yield f"{log_score(scores):.3f}"
+    yield f"{log_density(scores):.3f}"
     yield _coverage(scores)
     yield f"{1e-6 * float(np.median([one.area_m2[-1] for one in scores])):.2g}"
     by_name = dict(groups(scores))
     for group in _SHOWN_GROUPS:
         some = by_name[group]
-        yield f"{log_score(some):.3f}, {coverage(some):.3f}" if some else "-"
+        yield f"{log_density(some):.3f}, {coverage(some):.3f}" if some else "-"
 
 
 def _by_campaign(name: str, found: Sequence[Choice]) -> Table:
@@ -120,7 +115,7 @@ def _by_campaign(name: str, found: Sequence[Choice]) -> Table:
             str(len(choice.held_out)),
             choice.value,
             _coverage(choice.held_out),
-            f"{log_score(choice.held_out):.3f}",
+            f"{log_density(choice.held_out):.3f}",
             f"{choice.usual_score:.3f}",
         )
         for choice in found
@@ -130,7 +125,7 @@ def _by_campaign(name: str, found: Sequence[Choice]) -> Table:
         str(len(together)),
         "",
         _coverage(together),
-        f"{log_score(together):.3f}",
+        f"{log_density(together):.3f}",
         f"{usual:.3f}",
     )
     headings = ("left out", "walks", name, "coverage", "log score", "log score as it is")

@@ -1,10 +1,12 @@
 """One measured walk through the whole path: what the locator states, and whether that is true."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import hypot, log, pi, sqrt
 from multiprocessing import Pool
+from pathlib import Path
 from time import process_time
 
 import numpy as np
@@ -18,6 +20,8 @@ from .world import Place, Walk
 
 LEVELS = (0.5, 0.8, 0.95)
 """Of the regions; the last is the one that is shown."""
+CURVE = (0.3, 0.5, 0.65, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995)
+"""Of the regions by which two trees are compared at equal coverage."""
 VARIANTS: Mapping[str, Prior] = {"": Prior()}
 """The locator as it is."""
 
@@ -34,7 +38,8 @@ class WalkScore:
     """What the locator states of one measured walk.
 
     `error_m` is that of the position shown, `strongest_m` that of the strongest reading's place.
-    `held` tells for each of `LEVELS` whether the region holds the truth, `area_m2` its area.
+    `held` tells for each of `LEVELS` whether the region holds the truth, `area_m2` its area;
+    `curve_held` and `curve_area_m2` are the same for `CURVE`, empty where they were not kept.
     `log_density` is the log of the mean probability per km2 within the error of the survey.
     `variant` names the prior that was used.
     """
@@ -50,6 +55,8 @@ class WalkScore:
     log_density: float
     verdict: str
     seconds: float
+    curve_held: tuple[bool, ...] = ()
+    curve_area_m2: tuple[float, ...] = ()
 
     @property
     def is_covered(self) -> bool:
@@ -92,6 +99,7 @@ def _score(
     verdict = tree.decide(posterior, obs)[0] if decide else ""
     seconds = process_time() - start
     regions = [tree.region(posterior, level) for level in LEVELS]
+    curve = [tree.region(posterior, level) for level in CURVE]
     density = max(float(np.mean(tree.density(posterior, *_around(source)))), _LEAST_DENSITY)
     return WalkScore(
         trace,
@@ -105,6 +113,8 @@ def _score(
         log_density=log(density * _PER_KM2),
         verdict=verdict,
         seconds=seconds,
+        curve_held=tuple(region.holds(source, SURVEY_SLACK_M) for region in curve),
+        curve_area_m2=tuple(region.area_m2 for region in curve),
     )
 
 
@@ -136,4 +146,16 @@ def score_walks(
         for scores in pool.imap(partial(score_walk, variants=variants, decide=decide), chosen):
             found += scores
             on_done()
+    return found
+
+
+def read_scores(file: Path) -> list[WalkScore]:
+    """The scores that `--json` wrote."""
+    known = {(one.campaign, one.name): one for one in traces.traces()}
+    found = []
+    for values in json.loads(file.read_text()):
+        trace = Trace(*values.pop("trace"))
+        lists = {name: tuple(v) for name, v in values.items() if isinstance(v, list)}
+        same = known.get((trace.campaign, trace.name), trace)
+        found.append(WalkScore(same, **(values | lists)))
     return found

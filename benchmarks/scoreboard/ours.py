@@ -10,11 +10,10 @@ from logger.core.locator.region import Squares as Leaves
 from logger.core.locator.region import mode_regions
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR
 from logger.core.model.prior import ANTENNAS, WHITE, Hypothesis, NoiseGroup, Prior
-from logger.core.observations import CellObservations
 
 from .answer import Answer, Mode
 from .tree import region
-from .world import Noise, Walk, World
+from .world import Noise, Walk, World, observations
 
 PRIOR = Prior()
 SECTOR_PRIOR = replace(PRIOR, antenna_db=ANTENNAS["sector"])
@@ -38,23 +37,6 @@ REACH_M = PRIOR.reach_m
 def log_position_prior(nearest_m: FloatArray) -> FloatArray:
     """Log density of a place (up to a constant) by its distance from the walk, shape as given."""
     return np.asarray(-PRIOR.far_power * np.log(np.maximum(nearest_m / PRIOR.near_m, 1.0)), float)
-
-
-def observations(world: World, walk: Walk) -> CellObservations:
-    """A walk of a world as the locator wants it."""
-    count = len(walk)
-    t_s = np.arange(count, dtype=float) if world.t_s is None else world.t_s
-    return CellObservations(
-        cell="cell",
-        rat="GSM" if world.floor_dbm is not None else None,  # its scale has the limit
-        utm=world.utm,
-        t_ns=np.asarray(np.round(t_s * 1e9), np.int64),
-        x_m=walk.x_m,
-        y_m=walk.y_m,
-        position_sigma_m=np.broadcast_to(world.position_sigma_m, (count,)).astype(float),
-        level_dbm=walk.level_dbm,
-        scan_seq=np.arange(count),
-    )
 
 
 def known_noise_prior(noise: Noise) -> Prior:

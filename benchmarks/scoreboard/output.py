@@ -1,4 +1,4 @@
-"""Options and files that the benchmarks of measured walks share."""
+"""Options and files that the benchmarks of many walks share."""
 
 import argparse
 import json
@@ -6,11 +6,14 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from .measured import WalkScore
 from .tables import Table, in_markdown, show
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 TABLE_WIDTH = 150
 """In columns, of what is not printed to a terminal."""
@@ -26,7 +29,7 @@ def argument_parser(description: str) -> argparse.ArgumentParser:
 
 
 def print_and_write(
-    parts: Sequence[Table | str], scores: Sequence[WalkScore], asked: argparse.Namespace
+    parts: Sequence[Table | str], scores: "Sequence[DataclassInstance]", asked: argparse.Namespace
 ) -> None:
     """Print the tables; write these and the scores to the files asked for."""
     show(parts, Console(width=None if sys.stdout.isatty() else TABLE_WIDTH))

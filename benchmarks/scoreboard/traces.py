@@ -4,7 +4,7 @@ import csv
 import json
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,12 +27,16 @@ radios). The routes of a data set that is not listed are one session.
 
 
 class Trace(NamedTuple):
-    """A measured walk: data set, name, geometry class A to E, and closest distance to the truth."""
+    """A measured walk: data set, name, geometry class A to E, and closest distance to the truth.
+
+    `transmitter` is the name of the one it passes within the data set.
+    """
 
     campaign: str
     name: str
     geometry: str
     closest_m: float
+    transmitter: str = ""
 
     @property
     def session(self) -> str:
@@ -45,7 +49,13 @@ class Trace(NamedTuple):
 def traces() -> tuple[Trace, ...]:
     """All measured walks; none where the folder is missing."""
     return tuple(
-        Trace(row["dataset"], row["trace"], row["class"], float(row["dmin"]))
+        Trace(
+            row["dataset"],
+            row["trace"],
+            row["class"],
+            float(row["dmin"]),
+            _truth(row["dataset"])["traces"][row["trace"]]["tx"],
+        )
         for row in _reference()
     )
 
@@ -57,7 +67,7 @@ def names(classes: str) -> tuple[tuple[str, str], ...]:
 
 def observe(dataset: str, trace: str) -> tuple[CellObservations, Place]:
     """Readings of a measured walk as `postproc import FILE` has them, and the transmitter."""
-    truth = json.loads((FOLDER / dataset / "truth.json").read_text())
+    truth = _truth(dataset)
     about = truth["traces"][trace]
     source = truth["transmitters"][about["tx"]]
     obs = tree.observations(FOLDER / dataset / about["file"])
@@ -84,6 +94,11 @@ def world_of(dataset: str, trace: str) -> World:
 def _read_published(dataset: str, trace: str) -> dict[str, float]:
     row = next(row for row in _reference() if (row["dataset"], row["trace"]) == (dataset, trace))
     return {method: float(row[column]) for column, method in PUBLISHED.items()}
+
+
+@cache
+def _truth(dataset: str) -> dict[str, Any]:
+    return json.loads((FOLDER / dataset / "truth.json").read_text())
 
 
 @cache

@@ -40,7 +40,16 @@ else:
         return observe_run(run).observations
 
 
-__all__ = ["Prior", "decide", "density", "locate", "observations", "region", "with_trust"]
+__all__ = [
+    "Prior",
+    "decide",
+    "density",
+    "locate",
+    "observations",
+    "region",
+    "weights",
+    "with_trust",
+]
 
 
 def observations(file: Path) -> CellObservations:
@@ -79,6 +88,16 @@ def density(posterior: Posterior, x_m: FloatArray, y_m: FloatArray) -> FloatArra
     inside = np.abs(squares.x_m - x_m[:, None]) <= half_m
     inside &= np.abs(squares.y_m - y_m[:, None]) <= half_m
     return np.asarray(np.max(np.where(inside, squares.density, 0.0), axis=1), float)
+
+
+def weights(posterior: Posterior) -> dict[str, tuple[float, ...]]:
+    """Probability of each group of the noise, and of other hypotheses that the tree has."""
+    first = posterior.prior.noise_table.first
+    found = {"noise": np.add.reduceat(posterior.noise_probability, first)}
+    for name in ("station", "reach"):
+        if hasattr(posterior, f"{name}_probability"):
+            found[name] = getattr(posterior, f"{name}_probability")
+    return {name: tuple(float(one) for one in each) for name, each in found.items()}
 
 
 def _leaves(posterior: Posterior) -> Leaves:

@@ -7,6 +7,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
+from logger.core.observations import CellObservations
 
 Place = tuple[float, float]
 
@@ -127,3 +128,20 @@ class World:
             sources=tuple(place(source) for source in self.sources),
             mirror=place(self.mirror) if self.mirror else None,
         )
+
+
+def observations(world: World, walk: Walk) -> CellObservations:
+    """A walk of a world as the locator wants it."""
+    count = len(walk)
+    t_s = np.arange(count, dtype=float) if world.t_s is None else world.t_s
+    return CellObservations(
+        cell="cell",
+        rat="GSM" if world.floor_dbm is not None else None,  # its scale has the limit
+        utm=world.utm,
+        t_ns=np.asarray(np.round(t_s * 1e9), np.int64),
+        x_m=walk.x_m,
+        y_m=walk.y_m,
+        position_sigma_m=np.broadcast_to(world.position_sigma_m, (count,)).astype(float),
+        level_dbm=walk.level_dbm,
+        scan_seq=np.arange(count),
+    )

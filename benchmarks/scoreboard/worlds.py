@@ -20,6 +20,10 @@ from .world import Noise, Place, Walk, World
 Build = Callable[[np.random.Generator], World]
 GpsError = Literal["white", "slow", "constant"]
 
+TWO_SCALE = Noise(1.0, 7.0, 20.0, in_plane=True, step_db=1.0, long_share=0.75, long_m=300.0)
+"""As the residuals of measured walks: three quarters of the variance are correlated over 100 to 350
+m (hills, streets), the rest over 10 to 30 m.
+"""
 FLOOR_DBM = -110.0
 SPEC_RADIUS_M, SPEC_READINGS = 500.0, 50
 GPS_SIGMA_M = 5.0
@@ -121,6 +125,24 @@ def sector_pattern_db(azimuth_deg: FloatArray) -> FloatArray:
     return -np.minimum(12.0 * (off_deg / BEAM_WIDTH_DEG) ** 2, FRONT_TO_BACK_DB)
 
 
+def past_antenna(
+    rng: np.random.Generator, noise: Noise, *, height_m: float, pass_m: float, count: int
+) -> World:
+    """A walk of streets that passes an antenna above the receiver at a horizontal distance.
+
+    The walk has `count` readings. It is closest to the antenna there and not at one of its ends.
+    """
+    while True:
+        points = SHAPES["random"](rng, count, STEP_M)
+        source = _near(rng, points, (0.98 * pass_m, pass_m))
+        if source is None:
+            continue
+        closest = int(np.argmin(np.hypot(points[0] - source[0], points[1] - source[1])))
+        if 0.1 * count <= closest < 0.9 * count:
+            world = _simulate_walk(rng, points, source, noise, height_m)
+            return _place_randomly(rng, world)
+
+
 def specified_scenario(rng: np.random.Generator, count: int, *, spread: bool) -> World:
     """The specification's scenario: `count` readings 500 m from the station, 3 dB.
 
@@ -159,11 +181,16 @@ def _near(rng: np.random.Generator, points: Points, away_m: tuple[float, float])
     return (float(x_m), float(y_m)) if closest_m >= away_m[0] else None
 
 
-def _simulate_walk(rng: np.random.Generator, points: Points, source: Place, noise: Noise) -> World:
+def _simulate_walk(
+    rng: np.random.Generator,
+    points: Points,
+    source: Place,
+    noise: Noise,
+    height_m: float = 0.0,
+) -> World:
     eta = _exponent(rng)
-    level_dbm = _level_dbm(points, source, _power(rng), eta) + noise.white_db * rng.normal(
-        size=len(points[0])
-    )
+    level_dbm = _level_dbm(points, source, _power(rng), eta, height_m)
+    level_dbm += noise.white_db * rng.normal(size=len(points[0]))
     if noise.shadow_db:
         root = np.linalg.cholesky(noise.shadowing_db2(*points) + 1e-9 * np.eye(len(points[0])))
         level_dbm += root @ rng.normal(size=len(points[0]))
@@ -194,10 +221,11 @@ def _exponent(rng: np.random.Generator) -> float:
     return float(rng.uniform(2.3, 3.9))
 
 
-def _level_dbm(points: Points, source: Place, p0_dbm: float, eta: float) -> FloatArray:
-    return np.asarray(
-        p0_dbm - eta * log_distance_db(points[0] - source[0], points[1] - source[1]), float
-    )
+def _level_dbm(
+    points: Points, source: Place, p0_dbm: float, eta: float, height_m: float = 0.0
+) -> FloatArray:
+    distance_db = log_distance_db(points[0] - source[0], points[1] - source[1], height_m)
+    return np.asarray(p0_dbm - eta * distance_db, float)
 
 
 def _gauss_markov(rng: np.random.Generator, count: int, memory: float) -> FloatArray:

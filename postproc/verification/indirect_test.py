@@ -12,11 +12,12 @@ test tempers the likelihood and adds a first harmonic of the azimuth as one more
 simulated walks too. Since a measured walk is not like those, they may only raise its p-value.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from logger.core.arrays import FloatArray
+from logger.core.model.prior import Station
 from postproc.verification.bootstrap import antenna_patterns, calibrate
 from postproc.verification.likelihood_grid import LikelihoodGrid, refine
 
@@ -84,7 +85,9 @@ def indirect_test(
     plain = field.with_squares(squares)
     directional, of_antenna = plain, np.zeros(1)
     if not field.prior.antenna_db:
-        directional = plain.with_prior(replace(field.prior, antenna_db=(ANTENNA_DB,)))
+        directional = plain.with_prior(
+            field.prior.of_station(Station(1.0, field.prior.height_m, (ANTENNA_DB,)))
+        )
         middle = np.repeat(np.mean(claim, axis=1, keepdims=True), drawn_dbm.shape[1], axis=1)
         size = np.full(drawn_dbm.shape[1], sigma_db / field.prior.sigma_db)
         of_antenna = antenna_patterns(directional.blocks, directional.prior, middle, size, rng)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.scoreboard import leave_one_out
+from benchmarks.scoreboard import leave_one_out, strata
 from benchmarks.scoreboard.tables import in_markdown
 from logger.core.model.prior import Prior
 from tests.kit.walk_scores import scored_walk
@@ -30,7 +30,7 @@ def test_each_campaign_is_assessed_with_what_the_others_choose():
         "lyon": "small",
         "ota": "small",
     }
-    scores = [leave_one_out.log_score(one.held_out) for one in found]
+    scores = [strata.log_density(one.held_out) for one in found]
     assert scores == [-1.0, -3.0, -3.0]
     assert [one.usual_score for one in found] == [6.0, -3.0, -3.0]
 

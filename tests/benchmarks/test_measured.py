@@ -1,12 +1,15 @@
 """Measured walks: the whole path, and what is counted."""
 
+import json
+from dataclasses import asdict, replace
 from math import exp, isnan
 
 import numpy as np
 import pytest
 
 from benchmarks.scoreboard import measured_report, strata, tree
-from benchmarks.scoreboard.measured import LEVELS, score_walk
+from benchmarks.scoreboard.measured import CURVE, LEVELS, read_scores, score_walk
+from benchmarks.scoreboard.measured_report import areas_at_equal_coverage, comparison
 from benchmarks.scoreboard.strata import coverage, error_ratio, groups, interval
 from benchmarks.scoreboard.tables import in_markdown
 from benchmarks.scoreboard.traces import observe
@@ -71,7 +74,7 @@ def test_groups_take_each_walk_once():
     assert [len(found[f"closest pass {at} m"]) for at in ("800 to 1200", "> 1200")] == [1, 1]
     areas = [scored_walk(area_km2=a) for a in (0.001, 0.01, 0.5, 7.0)]
     found = dict(groups(areas))
-    bins = ("< 0.01", "0.01 to 0.1", "0.1 to 1", "> 1")
+    bins = ("< 0.01", "0.01 to 0.1", "0.1 to 1", "1 to 10")
     assert [len(found[f"region {at} km2"]) for at in bins] == [1, 1, 1, 1]
 
 
@@ -107,5 +110,54 @@ def test_the_tables_show_the_counts():
     )
     assert "| class A | 2 | 1 | 0.00 | 0.50 | 0.500 | 0.26 |" in text
     assert "| class A | 1, 1 wrong | 0 | 0 | 2, 1 wrong |" in text
-    assert "| class A | 2 | 20.0 | 40.0 | 0.50 |" in text
+    assert "| class A | 2 | 20.0 | 40.0 | 0.50 | 300 |" in text
+    assert "| class A | 2 | 1 | 0.000 | 0.500 | 0.500 | 1.00 |" in text
     assert f"{LEVELS[-1]:.0%}" == "95%"
+
+
+def test_each_transmitter_counts_once():
+    scores = [scored_walk(transmitter="one") for _ in range(9)]
+    scores.append(scored_walk(transmitter="other", covered=False))
+    whole = strata.strata(scores)[0]
+    assert whole.coverage.value == pytest.approx(0.9)
+    assert whole.transmitters == 2
+    assert whole.of_transmitters == pytest.approx((0.0, 0.5, 0.5))
+
+
+def test_every_walk_has_a_transmitter(traces):
+    passed = {(one.campaign, one.transmitter) for one in measured_traces()}
+    assert all(transmitter for _, transmitter in passed)
+    assert len({campaign for campaign, _ in passed}) < len(passed) < len(measured_traces())
+
+
+def curved_walk(covered, areas_km2, name):
+    """A walk whose region holds the truth from a level on."""
+    held = tuple(k >= covered for k in range(len(CURVE)))
+    areas_m2 = tuple(1e6 * one for one in areas_km2)
+    score = scored_walk(name, curve_held=held, curve_area_m2=areas_m2)
+    return replace(score, trace=score.trace._replace(name=name))
+
+
+def test_areas_are_compared_where_both_hold_as_many():
+    areas_km2 = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
+    walks = [(k % 8, f"walk_{k}") for k in range(40)]
+    before = [curved_walk(k, areas_km2, name) for k, name in walks]
+    smaller = [curved_walk(k, 0.5 * areas_km2, name) for k, name in walks]
+    # one level later, so each coverage costs a larger region
+    later = [curved_walk(k + 1, areas_km2, name) for k, name in walks]
+    covered, area_km2, other_km2 = areas_at_equal_coverage(before, smaller)
+    assert covered == pytest.approx(0.95)
+    assert other_km2 == pytest.approx(0.5 * area_km2)
+    _, area_km2, other_km2 = areas_at_equal_coverage(before, later)
+    assert other_km2 > 1.05 * area_km2
+
+
+def test_the_comparison_takes_the_same_walks_of_both(tmp_path):
+    now = [curved_walk(3, np.arange(1.0, 10.0), f"walk_{k}") for k in range(3)]
+    file = tmp_path / "other.json"
+    before = [replace(one, log_density=0.5) for one in now[1:]]
+    file.write_text(json.dumps([asdict(one) for one in before]))
+    assert read_scores(file) == before
+    text = in_markdown(comparison(now, read_scores(file), file.name))
+    assert "| powder_frs462 | 2 | 0.50 -> 1.00 | +0.50 |" in text
+    assert "mean over 1 campaigns: +0.50" in text

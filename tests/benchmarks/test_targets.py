@@ -64,7 +64,7 @@ def test_measured_walks_are_assessed_by_group():
     assert not found["measured, class D", "coverage"].is_reached
     assert found["measured, small region", "share of wrong regions"].value == 0.5
     assert found["measured, class A", "median error / strongest reading's"].is_reached
-    assert found["measured, region > 1 km2", "coverage"].is_reached
+    assert found["measured, region 1 to 10 km2", "coverage"].is_reached
     assert ("measured, region 0.1 to 1 km2", "coverage") not in found
 
 

@@ -12,6 +12,7 @@ def scored_walk(
     geometry="A",
     covered=True,
     area_km2=0.5,
+    transmitter="",
     **more,
 ):
     """Score of one walk; `name` is its session."""
@@ -27,4 +28,6 @@ def scored_walk(
         "verdict": "cannot tell",
         "seconds": 0.1,
     }
-    return WalkScore(Trace(campaign, f"{name}_walk", geometry, closest_m), **(values | more))
+    return WalkScore(
+        Trace(campaign, f"{name}_walk", geometry, closest_m, transmitter), **(values | more)
+    )

@@ -83,27 +83,30 @@ class BlocksEvidence(NamedTuple):
     ) -> Evidence:
         """Evidence of a station that is any of the prior's.
 
-        Far from the walk the height does not matter: there, stations have the evidence of the first
-        one with their pattern. So have those that a hypothesis of the noise excludes, everywhere.
+        Far from the walk the height does not matter: there, stations with the pattern of the first
+        one have its evidence. So has one that a hypothesis of the noise excludes, everywhere.
         """
+        first, *others = prior.stations
+        every_row, everywhere = np.arange(len(self.whiteners)), np.arange(position.shape[1])
+        of_first = self._of_station(
+            prior.of_station(first), nodes, position, near, every_row, everywhere
+        )
+        if not others:
+            return self.shift_evidence(of_first)
         away_m = nearest_m(self.blocks, *position)
         log_odds = prior.station_log_odds[:, self.numbers]
-        parts: list[Evidence] = []
-        for k, station in enumerate(prior.stations):
-            rows, chosen = np.flatnonzero(np.isfinite(log_odds[k])), np.arange(len(away_m))
-            same = [i for i in range(k) if prior.stations[i].antenna_db == station.antenna_db]
-            if same:
-                tall_m = max(station.height_m, prior.stations[same[0]].height_m)
+        parts = [of_first]
+        for station, odds in zip(others, log_odds[1:], strict=True):
+            rows, chosen = np.flatnonzero(np.isfinite(odds)), everywhere
+            if station.antenna_db == first.antenna_db:
+                tall_m = max(station.height_m, first.height_m)
                 chosen = np.flatnonzero(away_m < _NEAR_HEIGHTS * tall_m)
-            found = parts[same[0] if same else 0] if parts else None
+            parts.append(of_first)
             if len(rows) and len(chosen):
-                new = self._of_station(
-                    prior.of_station(station), nodes, position, near, rows, chosen
-                )
-                found = new if found is None else found.replace(rows, chosen, new)
-            parts.append(found)
-        mixed = parts[0] if len(parts) == 1 else mix_stations(parts, log_odds)
-        return self.shift_evidence(mixed)
+                alone = prior.of_station(station)
+                found = self._of_station(alone, nodes, position, near, rows, chosen)
+                parts[-1] = of_first.replace(rows, chosen, found)
+        return self.shift_evidence(mix_stations(parts, log_odds))
 
     def _of_station(
         self,

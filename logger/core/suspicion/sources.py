@@ -15,7 +15,6 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.model.path_loss import distance_m, log_distance_db
-from logger.core.model.prior import ANTENNAS
 from logger.core.suspicion.spots import Spot
 
 _SIGMA_DB = 7.0
@@ -25,8 +24,10 @@ LEAST_EVIDENCE = 1.5
 _TRUST = 0.5
 """Spots of 50 m are not independent where houses shadow over 50 to 100 m."""
 _ETA = 3.2
-_PRIOR_SIGMA = np.array([0.7, ANTENNAS["any"][0], ANTENNAS["any"][0]])
-"""Of the path loss exponent, and in dB of the lobe to the east and to the north."""
+_PRIOR_SIGMA = np.array([0.7, 3.5, 3.5])
+"""Of the path loss exponent, and in dB of the lobe to the east and to the north: between that of an
+omnidirectional antenna and the 9.3 dB of a sector antenna.
+"""
 _UNIT_GRID = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 13)] * 2), axis=-1).reshape(-1, 2)
 _AROUND = np.array([(0.0, 0.0), (35.0, 0.0), (-35.0, 0.0), (0.0, 35.0), (0.0, -35.0)])
 _BESIDE = 4
