@@ -33,12 +33,12 @@ class Effort(NamedTuple):
     """
 
     most_squares: int = 6000
-    split_share: float = 0.003
-    nodes: int = 3
+    split_share: float = 0.004
+    nodes: int = 1
     first_share: float = 0.7
     most_blocks: int = 300
     samples: int = 4
-    densest: int = 50
+    densest: int = 30
 
 
 class Tree(NamedTuple):

@@ -49,7 +49,7 @@ class Station(NamedTuple):
     antenna_db: tuple[float, ...] = ()
 
 
-HEIGHTS_M = (5.0, 2.0, 12.0, 30.0)
+HEIGHTS_M = (5.0, 2.0, 10.0, 20.0, 30.0)
 """Heights above the receiver, equally probable: a first floor, a street, a roof, a mast.
 
 The first stands for all where one is needed. A station on a mast that is passed closely looks like
