@@ -32,18 +32,26 @@ _LEAST_RATIO = 1e-4
 """Hypotheses this much less likely than the likeliest change no printed digit."""
 _HOPELESS_NATS = 10.0
 """Hypotheses worse by this (22 000 to 1) at one position are not tried at others."""
+_LIKELY_SHARE = 0.02
+"""Of the likeliest hypothesis: the evidence of others is that of one grid."""
+_LEAST_MASS = 1e-7
+"""Of a square whose evidence is averaged over grids."""
 _BEST_SQUARES = 15
 """Squares of each hypothesis at which all blocks decide whether it is plausible."""
 
 
 class Walk(NamedTuple):
-    """What is searched: the walk in `blocks`, and in few `coarse` ones, or the same once more."""
+    """What is searched: the walk in `blocks`, and in few `coarse` ones, or the same once more.
+
+    `shifted` are coarse blocks of other grids.
+    """
 
     blocks: Blocks
     coarse: Blocks
     prior: Prior
     effort: Effort
     timing: Timing | None = None
+    shifted: tuple[Blocks, ...] = ()
 
     @property
     def is_searched_twice(self) -> bool:
@@ -111,10 +119,41 @@ def refine(walk: Walk, tree: Tree, noise: Noise) -> Tree:
     """Step 3: the tree over all blocks under the plausible hypotheses."""
     if not walk.is_searched_twice:
         weights = noise.log_weight
-        return tree._replace(log_weight=None if weights is None else weights[tree.numbers])
+        tree = tree._replace(log_weight=None if weights is None else weights[tree.numbers])
+        return _over_grids(walk, tree)
     effort = walk.effort._replace(densest=0)  # the coarse search has split these
     evidence = _evidence(walk, walk.blocks, noise.parts, noise.log_weight, tree.squares)
-    return grow(evidence.refine(tree, walk.coarse), evidence.split, walk.prior, effort)
+    tree = grow(evidence.refine(tree, walk.coarse), evidence.split, walk.prior, effort)
+    return _over_grids(walk, tree)
+
+
+def _over_grids(walk: Walk, tree: Tree) -> Tree:
+    """The tree with the evidence of its coarse blocks averaged over grids, in nats.
+
+    Of each hypothesis only the shape changes, not the evidence over all positions.
+    """
+    mixed = tree.mixture(walk.prior)
+    is_coarse = walk.prior.noise_table.is_long[tree.numbers] | (not walk.is_searched_twice)
+    is_likely = mixed.by_hypothesis > _LIKELY_SHARE * np.max(mixed.by_hypothesis)
+    rows = np.flatnonzero(is_coarse & is_likely)
+    if not len(rows) or not walk.shifted or len(walk.blocks.censored.x_m):
+        return tree
+    numbers, prior = tree.numbers[rows].tolist(), walk.prior.of_station(walk.prior.stations[0])
+    chosen = np.flatnonzero(mixed.probability > _LEAST_MASS)
+    position = tree.squares[:2, chosen]
+    each = [
+        BlocksEvidence.of(grid, prior, whiteners(grid, prior, numbers))
+        .evaluate(prior, walk.effort.nodes, position, None)
+        .log_p
+        for grid in (walk.coarse, *walk.shifted)
+    ]
+    mass = tree.log_mass()[chosen]
+    before = tree.evidence.log_p[np.ix_(rows, chosen)]
+    after = before + np.mean(each, axis=0) - each[0]
+    after += (log_sum(before + mass) - log_sum(after + mass))[:, None]
+    log_p = tree.evidence.log_p.copy()
+    log_p[np.ix_(rows, chosen)] = after
+    return tree._replace(evidence=tree.evidence._replace(log_p=log_p))
 
 
 def _evidence(

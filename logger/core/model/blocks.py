@@ -20,6 +20,11 @@ _WIDE = 64
 _SAMPLED = 8  # points for each square that is allowed
 
 
+Origin = tuple[float, float]
+"""Where the grid of the blocks begins, in parts of the side of a block."""
+NO_SHIFT: Origin = (0.0, 0.0)
+
+
 class Censored(NamedTuple):
     """Points where the level was at a censoring limit of the modem's scale, shape (g,) each.
 
@@ -127,23 +132,24 @@ def join(parts: Sequence[Blocks]) -> Blocks:
     return single(columns, max(part.size_m for part in parts), NOTHING_CENSORED)
 
 
-def blocks(obs: CellObservations, most: int) -> Blocks:
+def blocks(obs: CellObservations, most: int, origin: Origin = NO_SHIFT) -> Blocks:
     """Gather the readings of one point and modem, whenever taken, into at most `most` blocks.
 
-    Standing still or walking a street twice adds readings to a block and no block.
+    Standing still or walking a street twice adds readings to a block and no block. `origin` moves
+    the grid of the blocks.
     """
     inside = obs.limit == 0
     x_m, y_m, level, variance = (
         v[inside] for v in (obs.x_m, obs.y_m, obs.level_dbm, obs.position_sigma_m**2)
     )
     modem = _modems(obs)[inside]
-    fine = squares(x_m, y_m, _MOST_POINTS, modem)[0]
+    fine = squares(x_m, y_m, _MOST_POINTS, modem, origin=origin)[0]
     count = np.bincount(fine).astype(float)
     mean = [np.bincount(fine, v) / count for v in (x_m, y_m, level, variance)]
     of_point = np.zeros(len(count), np.int64)
     of_point[fine] = modem
     gone = censored_places(obs, min(most // 2, _MOST_CENSORED))
-    return gather(mean[0], mean[1], mean[2], count, mean[3], most, gone, of_point)
+    return gather(mean[0], mean[1], mean[2], count, mean[3], most, gone, of_point, origin)
 
 
 def gather(
@@ -155,13 +161,14 @@ def gather(
     most: int,
     censored: Censored,
     modem: IntArray | None = None,
+    origin: Origin = NO_SHIFT,
 ) -> Blocks:
     """Blocks of supporting points, each the mean of `count` readings; all arrays (m,).
 
     `modem` is None where there is only one.
     """
     modem = np.zeros(len(x_m), np.int64) if modem is None else modem
-    coarse, size_m = squares(x_m, y_m, most, modem)
+    coarse, size_m = squares(x_m, y_m, most, modem, origin=origin)
     order = np.argsort(coarse, kind="stable")
     coarse, count = coarse[order], count[order]
     x, y, level, variance = (v[order] for v in (x_m, y_m, level_dbm, variance_m2))
@@ -215,6 +222,7 @@ def squares(
     modem: IntArray | int = 0,
     *,
     finest_m: float = FINEST_BLOCK_M,
+    origin: Origin = NO_SHIFT,
 ) -> tuple[IntArray, float]:
     """Number of the square of its modem each point lies in, and the side of the squares.
 
@@ -229,16 +237,17 @@ def squares(
     size_m, stride = finest_m, len(x_m) // (_SAMPLED * most)
     if stride > 1:  # where some of the points are in too many squares, all are
         some, of_some = points[:, ::stride], modem[::stride]
-        while _count_different(_keys(some, size_m, of_some)) > most:
+        while _count_different(_keys(some, size_m, of_some, origin)) > most:
             size_m *= _COARSER
-    while _count_different(key := _keys(points, size_m, modem)) > most:
+    while _count_different(key := _keys(points, size_m, modem, origin)) > most:
         size_m *= _COARSER
     return _number(key), size_m
 
 
-def _keys(points: FloatArray, size_m: float, modem: IntArray) -> IntArray:
+def _keys(points: FloatArray, size_m: float, modem: IntArray, origin: Origin) -> IntArray:
     """A number for each point (2, n), equal for those of one square and modem, not negative."""
-    column, row = np.floor(points / size_m + 0.5).astype(np.int64)
+    shift = 0.5 + np.array(origin)[:, None]
+    column, row = np.floor(points / size_m + shift).astype(np.int64)
     row += modem * (int(np.ptp(row)) + 1)
     return np.asarray(
         (row - row.min()) * (int(np.ptp(column)) + 1) + column - column.min(), np.int64
