@@ -43,12 +43,12 @@ def log_reach_odds(walk: Walk) -> FloatArray:
     The density t of a reach with power p is exceeded within flat_m t^(-1 / p) of the walk. Its
     integral is that of these areas over t from 0 to 1; with t = s^12 it has no pole.
     """
-    points = shapely.MultiPoint(np.column_stack([walk.x_m, walk.y_m]))
+    line = shapely.LineString(np.column_stack([walk.x_m, walk.y_m]))
     nodes, weights = np.polynomial.legendre.leggauss(_REACH_NODES)
     s = 0.5 * (nodes + 1.0)
     found = []
     for one in PRIOR.reaches:
-        area_m2 = shapely.area(shapely.buffer(points, one.flat_m * s ** (-12.0 / one.power)))
+        area_m2 = shapely.area(shapely.buffer(line, one.flat_m * s ** (-12.0 / one.power)))
         found.append(log(one.probability) - log(weights @ (6.0 * s**11 * area_m2)))
     return np.array(found)
 

@@ -60,8 +60,8 @@ def test_closed_form_agrees_with_brute_force(noise):
 
 def test_the_prior_of_the_place_has_its_mass():
     """On a grid that is finest on the walk each reach has its probability."""
-    walk = simulated_walk(WHITE, count=8, step_m=80.0)
-    axis = np.sinh(np.linspace(-9.0, 9.0, 1201)) * 3.0
+    walk = simulated_walk(WHITE, count=40, step_m=20.0)
+    axis = np.sinh(np.linspace(-9.0, 9.0, 601)) * 3.0
     middle, size = 0.5 * (axis[1:] + axis[:-1]), np.diff(axis)
     x_m, y_m = np.meshgrid(middle + np.mean(walk.x_m), middle + np.mean(walk.y_m))
     area_m2 = np.outer(size, size).ravel()
