@@ -98,7 +98,7 @@ def disturbed(obs, rng):
 
 
 def test_small_errors_change_little():
-    """The noise groups have their say in turn where one alone has all of it."""
+    """Where the groups of the noise weigh by their full evidence, areas change by up to 1.6."""
     ratio = []
     for run in range(12):
         obs, _ = far_walk(100 + run)
@@ -108,4 +108,5 @@ def test_small_errors_change_little():
             ratio.append(after / before)
     change = np.exp(np.abs(np.log(ratio)))
     print("areas by that of the walk itself:", np.round(ratio, 2))
-    assert np.sum(change > 2.0) <= 1
+    assert np.max(change) <= 2.0
+    assert np.sum(change > 1.3) <= 1
