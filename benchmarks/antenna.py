@@ -25,11 +25,14 @@ from scoreboard.walks import TELLING
 from scoreboard.world import Noise, World, observations
 
 from logger.core.locator.pipeline import locate
-from logger.core.model.prior import ANTENNAS
+from logger.core.model.prior import ANTENNAS, prior_for
 
 NOISES = {"white 3 dB": Noise(3.0), "shadowing 6 dB / 15 m": Noise(0.0, 6.0, 15.0, step_db=1.0)}
 MEASURED_CLASSES = "ABCDE"
 KNOWN = "known"
+KINDS = ("omni", "sector")
+MODELS = (*KINDS, *(antenna for antenna in ANTENNAS if antenna not in KINDS))
+"""That of omnidirectional antennas first: the others are compared with it."""
 
 
 class Job(NamedTuple):
@@ -64,10 +67,10 @@ def score(job: Job) -> tuple[Job, dict[str, Score]]:
     """Scores of the models."""
     world = world_of(job)
     obs = observations(world, world.walk)
-    priors = {model: replace(ours.PRIOR, antenna_db=db) for model, db in ANTENNAS.items()}
+    priors = {model: prior_for("any", antenna=model) for model in MODELS}
     if job.noise:
         known = ours.known_noise_prior(NOISES[job.noise])
-        priors[KNOWN] = replace(known, antenna_db=ANTENNAS["sector"])
+        priors[KNOWN] = replace(known, stations=ours.SECTOR_PRIOR.stations)
     scores = {}
     for model, prior in priors.items():
         posterior = locate(obs, prior)
@@ -81,7 +84,7 @@ def score(job: Job) -> tuple[Job, dict[str, Score]]:
 def jobs(runs: int, most_measured: int, seed: int) -> Iterator[Job]:
     """All jobs, those of each kind one after another."""
     for run in range(runs):
-        for antenna in ANTENNAS:
+        for antenna in KINDS:
             yield from (Job(antenna, noise, seed, run) for noise in NOISES)
     measured = min(len(traces.names(MEASURED_CLASSES)), most_measured)
     yield from (Job("measured", "", seed, run) for run in range(measured))
@@ -113,7 +116,7 @@ def main() -> None:
         for job, found in pool.imap(score, jobs(asked.runs, asked.measured, asked.seed)):
             name = f"{job.antenna} antenna, {job.noise}" if job.noise else "measured walks"
             scores.setdefault(name, []).append(found)
-    models = [f"{model:>28}" for model in (*ANTENNAS, KNOWN)]
+    models = [f"{model:>28}" for model in (*MODELS, KNOWN)]
     print(f"{'error m, by omni, coverage, sqrt area m':42}{' '.join(models)}")
     for name, of_walks in scores.items():
         print(row(name, of_walks))

@@ -10,6 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from logger.core.arrays import BoolArray, FloatArray
+from logger.core.model.prior import REACHES
+
 from .measured import WalkScore
 from .measured_report import share_text
 from .strata import coverage, figure_of, groups, log_density
@@ -24,7 +27,13 @@ Variants = Mapping[str, Prior]
 _TRUST = (0.3, 0.45, 0.6, 0.8, 1.0)
 _SIGMA_DB = (4.0, 5.4, 7.3)
 _SIGMA_LOG_SD = (0.3, 0.45, 0.7)
-_NEAR_M = (100.0, 150.0, 200.0, 300.0, 400.0)
+_LENGTHS = (0.5, 0.7, 1.0, 1.4, 2.0)
+"""Factors of the lengths of all reaches."""
+_FAR_PROBABILITY = (0.25, 0.4, 0.55, 0.7, 0.85)
+"""Of the reaches of distant masts together."""
+_SECTOR_PROBABILITY = (0.0, 0.1, 0.2, 0.35, 0.5)
+GROUP_POWERS = (0.25, 0.35, 0.5, 0.7, 1.0)
+"""Values of `mixture.GROUP_POWER`, which is no field of the prior."""
 _SHOWN_GROUPS = ("class A", "class C to E")
 
 
@@ -34,8 +43,46 @@ def constants(prior: Prior) -> dict[str, Variants]:
         "trust": {f"{v:g}": with_trust(prior, v) for v in _TRUST},
         "sigma_db": {f"{v:g}": replace(prior, sigma_db=v) for v in _SIGMA_DB},
         "sigma_log_sd": {f"{v:g}": replace(prior, sigma_log_sd=v) for v in _SIGMA_LOG_SD},
-        "near_m": {f"{v:g}": replace(prior, near_m=v) for v in _NEAR_M},
+        "reach_lengths": {f"{v:g}": _with_lengths(prior, v) for v in _LENGTHS},
+        "far_probability": {f"{v:g}": _with_far(prior, v) for v in _FAR_PROBABILITY},
+        "sector_probability": {f"{v:g}": _with_sector(prior, v) for v in _SECTOR_PROBABILITY},
     }
+
+
+def _with_lengths(prior: Prior, factor: float) -> Prior:
+    """The prior with all reaches longer by a factor."""
+    reaches = (one._replace(flat_m=factor * one.flat_m) for one in prior.reaches)
+    return replace(prior, reaches=tuple(reaches))
+
+
+def _with_far(prior: Prior, probability: float) -> Prior:
+    """The prior where the far reaches have this probability together."""
+    is_far = np.array([one in REACHES["far"] for one in prior.reaches])
+    each = _with_share(np.array([one.probability for one in prior.reaches]), is_far, probability)
+    reaches = zip(prior.reaches, each, strict=True)
+    return replace(prior, reaches=tuple(one._replace(probability=p) for one, p in reaches))
+
+
+def _with_sector(prior: Prior, probability: float) -> Prior:
+    """The prior where the stations with a pattern have this probability together."""
+    is_sector = np.array([bool(one.antenna_db) for one in prior.stations])
+    each = _with_share(
+        np.array([one.probability for one in prior.stations]), is_sector, probability
+    )
+    stations = zip(prior.stations, each, strict=True)
+    some = tuple(one._replace(probability=p) for one, p in stations if p > 0.0)
+    return replace(prior, stations=some)
+
+
+def _with_share(odds: FloatArray, chosen: BoolArray, share: float) -> list[float]:
+    """Probabilities in proportion to `odds`, of which the chosen ones together have a share."""
+    total = np.sum(odds)
+    if np.isclose(np.sum(odds[chosen]), share * total):
+        return [float(one) for one in odds]
+    rest = np.where(chosen, 0.0, odds)
+    some = np.where(chosen, odds, 0.0)
+    new = total * (share * some / np.sum(some) + (1.0 - share) * rest / np.sum(rest))
+    return [float(one) for one in new]
 
 
 @dataclass(frozen=True, slots=True)

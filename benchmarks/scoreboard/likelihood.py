@@ -35,6 +35,7 @@ class Likelihood:
         )
         self._one = self.whiten(np.ones((len(walk), 1)))
         self._level = self.whiten(walk.level_dbm[:, None])
+        self._reach_odds = ours.log_reach_odds(walk)
 
     def whiten(self, rows: FloatArray) -> FloatArray:
         """W rows with W K W' = I, shape (n, h) as given."""
@@ -79,7 +80,8 @@ class Likelihood:
     def _log_p(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         _, a, b, theta = self.linear(x_m, y_m)
         log_p = 0.5 * np.sum(b * theta, axis=0) - 0.5 * np.log(a[0] * a[2] - a[1] ** 2)
-        return np.asarray(log_p + ours.log_position_prior(nearest_m(self.walk, x_m, y_m)), float)
+        away_m = nearest_m(self.walk, x_m, y_m)
+        return np.asarray(log_p + ours.log_position_prior(away_m, self._reach_odds), float)
 
     def local_sigma_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
         """Smallest standard deviation of a source's position for unknown P0 and eta, shape (h,)."""

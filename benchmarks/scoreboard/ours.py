@@ -1,23 +1,26 @@
 """The only interface to the locator under test: its input, its result, its priors."""
 
 from dataclasses import dataclass, replace
+from math import log
 
 import numpy as np
+import shapely
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.region import Squares as Leaves
 from logger.core.locator.region import mode_regions
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR
-from logger.core.model.prior import ANTENNAS, WHITE, Hypothesis, NoiseGroup, Prior
+from logger.core.model.prior import WHITE, Hypothesis, NoiseGroup, Prior, prior_for
 
 from .answer import Answer, Mode
 from .tree import region
 from .world import Noise, Walk, World, observations
 
 PRIOR = Prior()
-SECTOR_PRIOR = replace(PRIOR, antenna_db=ANTENNAS["sector"])
+SECTOR_PRIOR = prior_for("any", antenna="sector")
 _MODE_LEVEL = 0.999
+_REACH_NODES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +37,29 @@ LINEAR_PRIOR = LinearPrior(
 REACH_M = PRIOR.reach_m
 
 
-def log_position_prior(nearest_m: FloatArray) -> FloatArray:
-    """Log density of a place (up to a constant) by its distance from the walk, shape as given."""
-    return np.asarray(-PRIOR.far_power * np.log(np.maximum(nearest_m / PRIOR.near_m, 1.0)), float)
+def log_reach_odds(walk: Walk) -> FloatArray:
+    """Log of each reach's probability over its integral in the plane, shape (r,).
+
+    The density t of a reach with power p is exceeded within flat_m t^(-1 / p) of the walk. Its
+    integral is that of these areas over t from 0 to 1; with t = s^12 it has no pole.
+    """
+    line = shapely.LineString(np.column_stack([walk.x_m, walk.y_m]))
+    nodes, weights = np.polynomial.legendre.leggauss(_REACH_NODES)
+    s = 0.5 * (nodes + 1.0)
+    found = []
+    for one in PRIOR.reaches:
+        area_m2 = shapely.area(shapely.buffer(line, one.flat_m * s ** (-12.0 / one.power)))
+        found.append(log(one.probability) - log(weights @ (6.0 * s**11 * area_m2)))
+    return np.array(found)
+
+
+def log_position_prior(nearest_m: FloatArray, log_odds: FloatArray) -> FloatArray:
+    """Log density of a place by its distance from the walk, of which `log_odds` (r,) are known."""
+    each = [
+        odds - one.power * np.log(np.maximum(nearest_m / one.flat_m, 1.0))
+        for one, odds in zip(PRIOR.reaches, log_odds, strict=True)
+    ]
+    return np.asarray(np.logaddexp.reduce(each), float)
 
 
 def known_noise_prior(noise: Noise) -> Prior:

@@ -3,7 +3,7 @@ import pytest
 import scipy.stats
 
 from benchmarks.scoreboard import exact, ours
-from benchmarks.scoreboard.likelihood import Likelihood
+from benchmarks.scoreboard.likelihood import Likelihood, nearest_m
 from benchmarks.scoreboard.walks import SHAPES
 from benchmarks.scoreboard.world import Noise, Walk
 
@@ -44,8 +44,9 @@ def by_quadrature(walk, noise, x_m, y_m):
     log_p += scipy.stats.norm.logpdf(p0_dbm, prior.mean[0], sigma[0]) + scipy.stats.norm.logpdf(
         eta, prior.mean[1], sigma[1]
     )
-    nearest_m = np.array(np.min(np.hypot(walk.x_m - x_m, walk.y_m - y_m)))
-    return scipy.special.logsumexp(log_p) + float(ours.log_position_prior(nearest_m))
+    away_m = np.array(np.min(np.hypot(walk.x_m - x_m, walk.y_m - y_m)))
+    odds = ours.log_reach_odds(walk)
+    return scipy.special.logsumexp(log_p) + float(ours.log_position_prior(away_m, odds))
 
 
 @pytest.mark.parametrize("noise", [WHITE, SHADOWED, TWO_SCALE])
@@ -55,6 +56,24 @@ def test_closed_form_agrees_with_brute_force(noise):
     closed = Likelihood(walk, noise).log_p(x_m, y_m)
     brute = np.array([by_quadrature(walk, noise, *place) for place in zip(x_m, y_m, strict=True)])
     np.testing.assert_allclose(closed - closed[0], brute - brute[0], atol=1e-6)
+
+
+def test_the_prior_of_the_place_has_its_mass():
+    """On a grid that is finest on the walk each reach has its probability."""
+    walk = simulated_walk(WHITE, count=40, step_m=20.0)
+    axis = np.sinh(np.linspace(-9.0, 9.0, 601)) * 3.0
+    middle, size = 0.5 * (axis[1:] + axis[:-1]), np.diff(axis)
+    x_m, y_m = np.meshgrid(middle + np.mean(walk.x_m), middle + np.mean(walk.y_m))
+    area_m2 = np.outer(size, size).ravel()
+    away_m = nearest_m(walk, x_m.ravel(), y_m.ravel())
+    log_odds = ours.log_reach_odds(walk)
+    total = np.exp(ours.log_position_prior(away_m, log_odds)) @ area_m2
+    assert total == pytest.approx(sum(one.probability for one in ours.PRIOR.reaches), rel=0.01)
+    for number, one in enumerate(ours.PRIOR.reaches):
+        alone = np.full(len(log_odds), -np.inf)
+        alone[number] = log_odds[number]
+        held = np.exp(ours.log_position_prior(away_m, alone)) @ area_m2
+        assert held == pytest.approx(one.probability, rel=0.01)
 
 
 @pytest.mark.parametrize("noise", [Noise(1.0), Noise(0.5, 3.0, 20.0, step_db=1.0)])

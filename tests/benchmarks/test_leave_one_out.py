@@ -44,13 +44,33 @@ def test_the_tables_have_a_line_for_each_value_and_campaign():
     assert "nan" not in text
 
 
+FIELDS = {
+    "trust": "noise",
+    "reach_lengths": "reaches",
+    "far_probability": "reaches",
+    "sector_probability": "stations",
+}
+
+
 def test_every_variant_changes_one_constant():
     prior = Prior()
     for name, variants in leave_one_out.constants(prior).items():
-        assert sum(variant == prior for variant in variants.values()) <= 1
-        if name != "trust":
-            for value, variant in variants.items():
-                assert replace(variant, **{name: getattr(prior, name)}) == prior
+        assert sum(variant == prior for variant in variants.values()) == 1
+        assert len({repr(variant) for variant in variants.values()}) == len(variants)
+        field = FIELDS.get(name, name)
+        for value, variant in variants.items():
+            assert replace(variant, **{field: getattr(prior, field)}) == prior
+            if field == name:
                 assert getattr(variant, name) == pytest.approx(float(value))
-    trusts = leave_one_out.constants(prior)["trust"].values()
-    assert len({repr(variant) for variant in trusts}) == len(trusts)
+
+
+def test_the_probabilities_of_a_variant_sum_to_one():
+    constants = leave_one_out.constants(Prior())
+    for value, prior in constants["sector_probability"].items():
+        share = sum(one.probability for one in prior.stations if one.antenna_db)
+        assert share == pytest.approx(float(value))
+        assert sum(one.probability for one in prior.stations) == pytest.approx(1.0)
+    for value, prior in constants["far_probability"].items():
+        share = sum(one.probability for one in prior.reaches if one.flat_m > 300.0)
+        assert share == pytest.approx(float(value))
+        assert sum(one.probability for one in prior.reaches) == pytest.approx(1.0)

@@ -14,7 +14,7 @@ from benchmarks.scoreboard.strata import coverage, error_ratio, groups, interval
 from benchmarks.scoreboard.tables import in_markdown
 from benchmarks.scoreboard.traces import observe
 from benchmarks.scoreboard.traces import traces as measured_traces
-from logger.core.model.prior import Prior
+from logger.core.model.prior import REACHES, Prior
 from tests.kit.walk_scores import scored_walk
 
 LEUVEN = "kuleuven_lora_p2p"
@@ -31,7 +31,8 @@ def test_a_walk_goes_through_import_and_smoother(traces):
     assert np.min(away_m) == pytest.approx(trace.closest_m, rel=0.05)
     assert len(set(np.round(obs.position_sigma_m, 3))) > 1  # the smoother's, not one for all
 
-    usual, near = score_walk(trace, {"usual": Prior(), "near": Prior(far_power=6.0)})
+    variants = {"usual": Prior(), "near": replace(Prior(), reaches=REACHES["near"])}
+    usual, near = score_walk(trace, variants)
     assert (usual.variant, near.variant) == ("usual", "near")
     posterior = tree.locate(obs.usable())
     assert usual.error_m == pytest.approx(

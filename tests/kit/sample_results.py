@@ -154,11 +154,17 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
         eta_sigma=0.2,
         sigma_db=2.0,
         noise_probability=np.array([one == SHADOWED for one in Prior().hypotheses], float),
+        station_probability=_even(len(Prior().stations)),
+        reach_probability=_even(len(Prior().reaches)),
         strongest=StrongestReading(float(centre[0]), float(centre[1]), -60.0),
         limit_share=0.0,
         prior=Prior(),
         offsets=None,
     )
+
+
+def _even(count):
+    return np.full(count, 1.0 / count)
 
 
 def dataclass_with(kind, **values):

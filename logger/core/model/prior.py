@@ -60,7 +60,7 @@ SECTOR_DB = (9.3,)
 """A sector antenna with a half-power beam width of 65 degrees and 25 dB front to back (3GPP TR
 36.942, 4.2.1: -min(12 (b / 65)^2, 25) dB) has first and second harmonics of 13.1 and 4.6 dB. With a
 uniform azimuth of the beam, cosine and sine each have that divided by sqrt(2). The other harmonics
-count as noise: together with the second they are 3.4 dB rms, and each would be two unknowns more.
+count as noise: together with the second they are 3.5 dB rms, and each would be two unknowns more.
 """
 
 _SECTOR_PROBABILITY = 0.2

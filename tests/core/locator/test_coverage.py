@@ -12,25 +12,28 @@ import scipy.stats
 from logger.core.geo import Utm
 from logger.core.locator.pipeline import locate
 from logger.core.model.noise import shadowing
-from logger.core.model.prior import NOISE, Prior
+from logger.core.model.prior import HEIGHTS_M, NOISE, Prior, Reach, Station
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, path, region_contains, simulate
 
-NEARBY = {"reach_m": 600.0, "near_m": 150.0}
-WHITE = Prior(**NEARBY, noise=noise_groups())
+NEARBY = {"reach_m": 600.0, "reaches": (Reach(0.3, 60.0, 4.0), Reach(0.7, 150.0, 3.0))}
+HEIGHTS = tuple(Station(1.0 / len(HEIGHTS_M), one) for one in HEIGHTS_M)
+WHITE = Prior(**NEARBY, noise=noise_groups(), stations=HEIGHTS)
 EVERY_NOISE = Prior(**NEARBY, noise=tuple(one._replace(trust=1.0) for one in NOISE))
 
 # --- walks from the prior itself: the level of the region that just holds the truth is uniform ---
 
 
 def place_of_prior(rng, prior, x, y):
-    """A place of the searched square, kept with the prior's density."""
+    """A place of the searched square, kept with the density of one of the reaches."""
     half = prior.reach_m + 0.5 * max(np.ptp(x), np.ptp(y))
+    odds = np.array([one.probability for one in prior.reaches])
+    reach = prior.reaches[rng.choice(len(odds), p=odds / odds.sum())]
     while True:
         dx, dy = rng.uniform(-half, half, 2)
         at = 0.5 * (x.min() + x.max()) + dx, 0.5 * (y.min() + y.max()) + dy
         nearest = np.min(np.hypot(x - at[0], y - at[1]))
-        if rng.random() < max(nearest / prior.near_m, 1.0) ** -prior.far_power:
+        if rng.random() < max(nearest / reach.flat_m, 1.0) ** -reach.power:
             return at
 
 
@@ -39,15 +42,24 @@ def walk_from_prior(rng, prior, shape):
     x, y = path(shape, 100, 8.4)
     source = place_of_prior(rng, prior, x, y)
     odds = np.exp(prior.noise_table.log_odds)
-    noise = prior.hypotheses[rng.choice(len(odds), p=odds)]
+    number = rng.choice(len(odds), p=odds)
+    noise = prior.hypotheses[number]
+    station_odds = np.exp(prior.station_log_odds[:, number])
+    station = prior.stations[rng.choice(len(station_odds), p=station_odds)]
     apart = np.hypot(x[:, None] - x, y[:, None] - y)
     k = shadowing(apart, noise) + (noise.white_share + 1.0 / 12.0 / prior.sigma_db**2) * np.eye(
         len(x)
     )
     sigma_db = prior.sigma_db * np.exp(prior.sigma_log_sd * rng.normal())
     p0, eta = rng.normal(prior.p0_dbm, prior.p0_sigma_db), rng.normal(prior.eta, prior.eta_sigma)
-    distance_db = 5.0 * np.log10((x - source[0]) ** 2 + (y - source[1]) ** 2 + prior.height_m**2)
-    level = p0 - eta * distance_db + sigma_db * np.linalg.cholesky(k) @ rng.normal(size=len(x))
+    east, north = x - source[0], y - source[1]
+    d_m = np.sqrt(east**2 + north**2 + station.height_m**2)
+    level = (
+        p0 - 10.0 * eta * np.log10(d_m) + sigma_db * np.linalg.cholesky(k) @ rng.normal(size=len(x))
+    )
+    for order, spread_db in enumerate(station.antenna_db, 1):
+        cosine_db, sine_db = spread_db * rng.normal(size=2)
+        level += np.real((cosine_db - 1j * sine_db) * ((east + 1j * north) / d_m) ** order)
     return observations(x, y, level), source
 
 
@@ -62,7 +74,8 @@ def level_of(found, point, rng):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("prior", [WHITE, EVERY_NOISE], ids=["white", "every noise"])
-def test_level_of_the_truth_is_uniform(prior):
+def test_level_of_the_truth_is_uniform(prior, monkeypatch):
+    monkeypatch.setattr("logger.core.locator.mixture.GROUP_POWER", 1.0)  # as Bayes has it
     rng = np.random.default_rng(40)
     walks = [
         walk_from_prior(rng, prior, ("L", "square", "random", "spiral")[k % 4]) for k in range(60)

@@ -13,11 +13,11 @@ from logger.core.model.blocks import blocks
 from logger.core.model.evidence import Evidence
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
-from logger.core.model.prior import Hypothesis, Prior
+from logger.core.model.prior import Hypothesis, Prior, Station
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, path, region_contains
 
-PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)))
+PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)), stations=(Station(1.0, 5.0),))
 NOISES = [(1.0, 0.0), (0.3, 30.0)]
 PLACE = np.array([[90.0], [40.0]])
 SHIFT_DB = 9.0

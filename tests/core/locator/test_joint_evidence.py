@@ -9,11 +9,11 @@ from logger.core.locator.joint_evidence import Joint, log_weights
 from logger.core.locator.pipeline import locate
 from logger.core.model.blocks import NOTHING_CENSORED, Censored, blocks
 from logger.core.model.noise import whiteners
-from logger.core.model.prior import Hypothesis, Prior
+from logger.core.model.prior import Hypothesis, Prior, Station
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import FLOOR_DBM, censor_at_floor, observations, simulate
 
-PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)))
+PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)), stations=(Station(1.0, 5.0),))
 
 
 def track_of(side=-1.0, limit_dbm=-82.0, count=4):

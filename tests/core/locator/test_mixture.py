@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import scipy.special
 
-from logger.core.locator.mixture import mixture
+from logger.core.locator.mixture import GROUP_POWER, mixture
 from logger.core.model.prior import Prior
 
 RNG = np.random.default_rng(1)
@@ -25,14 +25,35 @@ def test_shares_sum_to_one():
     np.testing.assert_allclose(mixed.by_hypothesis, mixed.share.sum(axis=1))
 
 
-def test_with_full_trust_it_is_the_average_of_bayes():
+GROUPS = [[0], [1, 2], [3]]
+"""Rows of the hypotheses 0, 2 and 5, and 9."""
+
+
+def joint_under(prior):
+    """Log joint density of levels, hypothesis and position."""
+    log_odds = prior.noise_table.log_odds[NUMBERS][:, None]
+    return LOG_P + scipy.special.log_softmax(LOG_MASS) + log_odds
+
+
+def test_with_full_trust_each_group_is_the_average_of_bayes():
+    """The groups have their evidence to a power as weight."""
+    prior = prior_with(1.0)
+    mixed, joint = mixture(LOG_P, LOG_MASS, NUMBERS, prior), joint_under(prior)
+    weight = scipy.special.softmax(
+        [GROUP_POWER * scipy.special.logsumexp(joint[rows]) for rows in GROUPS]
+    )
+    for rows, share in zip(GROUPS, weight, strict=True):
+        expected = share * scipy.special.softmax(joint[rows])
+        np.testing.assert_allclose(mixed.share[rows], expected, rtol=1e-9, atol=1e-300)
+    assert mixed.log_evidence == pytest.approx(scipy.special.logsumexp(joint))
+
+
+def test_with_full_power_it_is_the_average_of_bayes(monkeypatch):
+    monkeypatch.setattr("logger.core.locator.mixture.GROUP_POWER", 1.0)
     prior = prior_with(1.0)
     mixed = mixture(LOG_P, LOG_MASS, NUMBERS, prior)
-    joint = (
-        LOG_P + scipy.special.log_softmax(LOG_MASS) + prior.noise_table.log_odds[NUMBERS][:, None]
-    )
-    np.testing.assert_allclose(mixed.share, scipy.special.softmax(joint), rtol=1e-9, atol=1e-300)
-    assert mixed.log_evidence == pytest.approx(scipy.special.logsumexp(joint))
+    expected = scipy.special.softmax(joint_under(prior))
+    np.testing.assert_allclose(mixed.share, expected, rtol=1e-9, atol=1e-300)
 
 
 def test_without_trust_the_prior_is_left():
@@ -56,7 +77,11 @@ def test_a_group_is_mixed_before_it_is_flattened():
 def test_known_weights_take_the_place_of_the_evidence():
     log_weight = np.array([-3.0, -np.inf, -2.0, -1.0])
     mixed = mixture(LOG_P, LOG_MASS, NUMBERS, prior_with(1.0), log_weight)
-    np.testing.assert_allclose(mixed.by_hypothesis, scipy.special.softmax(log_weight), atol=1e-12)
+    log_group = [scipy.special.logsumexp(log_weight[rows]) for rows in GROUPS]
+    of_groups = scipy.special.softmax(GROUP_POWER * np.array(log_group))
+    each = [scipy.special.softmax(log_weight[rows]) for rows in GROUPS]
+    expected = np.concatenate([w * one for w, one in zip(of_groups, each, strict=True)])
+    np.testing.assert_allclose(mixed.by_hypothesis, expected, atol=1e-12)
 
 
 def test_mass_of_the_prior_counts_by_its_share():

@@ -3,24 +3,26 @@ from functools import cache
 
 import numpy as np
 import pytest
+import scipy.special
 
 from logger.core.locator.mixture import mixture
 from logger.core.locator.position_evidence import BlocksEvidence, PositionEvidence
-from logger.core.locator.quadtree import Effort, first_squares
+from logger.core.locator.quadtree import Effort, PositionPrior, first_squares
 from logger.core.locator.region import Squares, area_m2, highest_density
 from logger.core.locator.search import Walk, coarse_search, refine, search_once, weigh_noise
 from logger.core.locator.timing_advance import STEP_M, timing_of
 from logger.core.model.blocks import blocks
 from logger.core.model.marginal import NODES, marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
-from logger.core.model.prior import Hypothesis, Prior
+from logger.core.model.prior import REACHES, Hypothesis, NoiseGroup, Prior, Reach, Station
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, simulate
 
 SMALL = Prior(
     noise=noise_groups(Hypothesis(0.3, 30.0), trust=0.5),
     reach_m=400.0,
-    near_m=100.0,
+    reaches=(Reach(0.3, 40.0, 4.0), Reach(0.7, 100.0, 3.0)),
+    stations=(Station(0.5, 5.0), Station(0.3, 20.0), Station(0.2, 2.0)),
 )
 
 
@@ -44,7 +46,7 @@ def walk(count=24, noise_db=3.0, seed=1):
 
 def by_grid(obs, prior, most, step=5.0):
     """The same posterior on an even grid over the whole area; its middle points and their
-    probability.
+    probability. Each station and each reach is evaluated everywhere, and mixed by its probability.
     """
     track = blocks(obs, most)
     found = whiteners(track, prior)
@@ -55,10 +57,19 @@ def by_grid(obs, prior, most, step=5.0):
     x, y = (v.ravel() for v in np.meshgrid(middle[0] + at, middle[1] + at))
     parts = []
     for i in range(0, len(x), 2000):
-        total = walk_sums(track, matrices_of(found), prior, x[i : i + 2000], y[i : i + 2000])
-        parts.append(marginal(total, len(track), log_det, prior).log_p)
+        of_stations = []
+        for station in prior.stations:
+            alone, places = prior.of_station(station), (x[i : i + 2000], y[i : i + 2000])
+            total = walk_sums(track, matrices_of(found), alone, *places)
+            of_stations.append(marginal(total, len(track), log_det, alone).log_p)
+        odds = np.array([one.probability for one in prior.stations])[:, None, None]
+        parts.append(scipy.special.logsumexp(of_stations, axis=0, b=odds))
     nearest = np.min(np.hypot(x[:, None] - track.x_m, y[:, None] - track.y_m), axis=1)
-    log_prior = -prior.far_power * np.log(np.maximum(nearest / prior.near_m, 1.0))
+    density = np.zeros(len(x))
+    for one in prior.reaches:
+        of_reach = np.maximum(nearest / one.flat_m, 1.0) ** -one.power
+        density += one.probability * of_reach / np.sum(of_reach)
+    log_prior = np.log(density)
     numbers = np.arange(len(found))
     return (
         x,
@@ -195,14 +206,91 @@ def test_first_squares_on_a_ring_of_the_timing_advance_are_no_larger_than_its_st
 
 
 def test_the_prior_is_flat_nearby_and_falls_beyond():
-    """Without information the tree holds the prior: flat nearby, by the third power beyond."""
-    prior = Prior(near_m=100.0, reach_m=2000.0)
+    """The tree of one reach has its density: flat nearby, by the third power beyond."""
+    prior = Prior(reaches=(Reach(1.0, 100.0, 3.0),), reach_m=2000.0)
     tree = search_once(blocks(observations([0.0], [0.0], [-70.0]), 300), prior)
     away = np.hypot(tree.x_m, tree.y_m)
     expected = -3.0 * np.log(np.maximum(away / 100.0, 1.0))
     np.testing.assert_allclose(
         tree.log_prior - tree.log_prior.max(), expected - expected.max(), atol=1e-9
     )
+
+
+def test_each_reach_holds_its_probability():
+    """Beside a single reading, by quadrature over the distance; the searched area has an end."""
+    track = blocks(observations([0.0], [0.0], [-70.0]), 300)
+    prior = Prior(reaches=REACHES["any"])
+    squares = first_squares(track, prior, 0.1)
+    position_prior = PositionPrior(track, prior, squares)
+    mass = np.exp(position_prior.log_by_reach(squares) + 2.0 * np.log(squares[2]))
+    odds = np.array([one.probability for one in prior.reaches])
+    np.testing.assert_allclose(mass.sum(axis=1), odds, rtol=1e-9)
+    total = np.exp(position_prior.log_density(squares)) @ squares[2] ** 2
+    assert total == pytest.approx(odds.sum())
+    away = np.hypot(*squares[:2])
+    for one, share in zip(prior.reaches, mass, strict=True):
+        alone = replace(prior, reaches=(one,))
+        for level in (0.3, 0.6, 0.9):
+            held = share[away < alone.radius_m(level)].sum() / share.sum()
+            assert held == pytest.approx(level, abs=0.02), one
+
+
+def test_the_density_hardly_depends_on_the_tiling():
+    """Coarse squares and fine ones normalise a reach alike."""
+    track = blocks(walk(), 300)
+    at = np.array([[90.0, 300.0, -2000.0], [60.0, -80.0, 900.0], [1.0, 1.0, 1.0]])
+    coarse, fine = (
+        PositionPrior(track, Prior(), first_squares(track, Prior(), share)).log_by_reach(at)
+        for share in (0.7, 0.1)
+    )
+    np.testing.assert_allclose(coarse, fine, atol=0.1, rtol=0.0)
+
+
+# --- stations far from the walk, and those that the noise excludes ---
+
+LONG = NoiseGroup(0.5, (Hypothesis(0.3, 10.0, 0.75, 350.0),), is_long=True)
+
+
+def every_station(obs, prior, places):
+    """Evidence of a walk at places (2, h), and each station's alone, everywhere."""
+    track = blocks(obs, 300)
+    noise = whiteners(track, prior)
+    squares = np.vstack([places, np.ones(places.shape[1])])
+    found, *alone = (
+        BlocksEvidence.of(track, one, noise).evaluate(one, NODES, squares[:2], None)
+        for one in (prior, *map(prior.of_station, prior.stations))
+    )
+    return found, np.stack([one.log_p for one in alone])
+
+
+def test_far_from_the_walk_all_heights_share_the_evidence_of_the_first():
+    """What this neglects decides nothing."""
+    prior = replace(Prior(), noise=(*noise_groups(Hypothesis(0.3, 30.0)), LONG))
+    places = np.random.default_rng(3).uniform(-400.0, 600.0, (2, 400))
+    found, alone = every_station(walk(120), prior, places)
+    with np.errstate(divide="ignore"):
+        full = scipy.special.logsumexp(alone + prior.station_log_odds[..., None], axis=0)
+    off = found.log_p - full
+    print("largest difference of the shared evidence in nats:", np.abs(off).max().round(3))
+    best = full.max(axis=1, keepdims=True)
+    assert np.max(np.abs(off)[full > best - 6.0]) < 0.05
+    np.testing.assert_allclose(found.station.sum(axis=0), 1.0)
+
+
+def test_a_pattern_has_no_part_where_the_noise_has_none():
+    prior = Prior(
+        noise=(*noise_groups(Hypothesis(0.3, 30.0)), LONG),
+        stations=(Station(0.7, 5.0), Station(0.3, 5.0, (9.3,))),
+    )
+    places = np.array([[110.0, 20.0], [60.0, -50.0]])
+    found, alone = every_station(walk(60), prior, places)
+    assert prior.noise_table.is_long.tolist() == [False, False, True]
+    np.testing.assert_allclose(found.log_p[:2], alone[0, :2], rtol=1e-12)
+    np.testing.assert_array_equal(found.station[1, :2], 0.0)
+    mixed = scipy.special.logsumexp(alone[:, 2], axis=0, b=[[0.7], [0.3]])
+    np.testing.assert_allclose(found.log_p[2], mixed, rtol=1e-12)
+    odds = np.exp(alone[1, 2] + np.log(0.3) - mixed)
+    np.testing.assert_allclose(found.station[1, 2], odds, rtol=1e-9)
 
 
 # --- effort ---
@@ -236,7 +324,8 @@ def test_refining_keeps_what_the_coarse_search_has_computed(monkeypatch):
     tree = coarse_search(task)
     noise = weigh_noise(task, tree)
     assert [part.blocks for part in noise.parts] == [fine, coarse]
-    evidence = PositionEvidence(fine, noise.parts, prior, NODES, None, None)
+    where = PositionPrior(fine, prior, tree.squares)
+    evidence = PositionEvidence(where, noise.parts, prior, task.effort.nodes, None, None)
     anew = evidence.leaves(tree.squares)
     evaluated = []
 

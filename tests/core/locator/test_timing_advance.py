@@ -23,7 +23,7 @@ from logger.core.locator.timing_advance import (
 from logger.core.model.blocks import blocks
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Prior, Reach, Station
 from postproc.cell_estimation import locate_cell
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations
@@ -141,7 +141,8 @@ def test_the_way_to_a_high_antenna_is_longer_than_the_ground():
 def test_the_locator_and_its_check_know_the_height_for_timing_advances():
     x = np.linspace(0.0, 300.0, 20)
     obs = at_places(x, 0.0 * x, np.floor(np.hypot(x - 900.0, 4000.0) / STEP_M))
-    prior = replace(WHITE, height_m=4000.0)
+    obs = replace(obs, level_dbm=np.resize([-70.0, -71.0], 20))  # a report that repeats counts once
+    prior = WHITE.of_station(Station(1.0, 4000.0))
     tree = search(prepare(obs, prior, Effort()))
     p, away = tree.mixture(prior).probability, np.hypot(tree.x_m - 150.0, tree.y_m)
     assert p[away < 1500.0].sum() > 0.6  # the ring of steps 7 begins 3.9 km away on flat ground
@@ -173,7 +174,13 @@ def test_one_wrong_ta_excludes_nothing_and_neither_does_a_wrong_walk():
 # --- ring ---
 
 
-WIDE = replace(WHITE, near_m=5000.0)
+def flat_within(flat_m, **fields):
+    return Prior(
+        noise=noise_groups(),
+        reaches=(Reach(1.0, flat_m, 3.0),),
+        stations=(Station(1.0, 5.0),),
+        **fields,
+    )
 
 
 def along_a_ray(obs, prior, found):
@@ -185,7 +192,7 @@ def along_a_ray(obs, prior, found):
     log_mass = (
         levels
         + found.log_p(at, zero)
-        - prior.far_power * np.log(np.maximum(at / prior.near_m, 1.0))
+        - prior.reaches[0].power * np.log(np.maximum(at / prior.reaches[0].flat_m, 1.0))
     )
     mass = np.exp(log_mass - log_mass.max()) * at**2
     return at, mass / mass.sum()
@@ -196,7 +203,7 @@ def test_ta_alone_is_a_ring(step):
     """The tree holds as much of the ring as a sum over distances, and all around."""
     obs = at_places([0.0], [0.0], [step])
     found = timing_of(obs)
-    prior = replace(WIDE, reach_m=max(30_000.0, found.reach_m))
+    prior = flat_within(5000.0, reach_m=max(30_000.0, found.reach_m))
     tree = search_once(blocks(obs, 300), prior, timing=found)
     p, away = tree.mixture(prior).probability, np.hypot(tree.x_m, tree.y_m)
     at, expected = along_a_ray(obs, prior, found)
@@ -218,7 +225,7 @@ def test_tree_is_that_of_a_fine_grid():
         observations(x, 0.1 * x, np.round(-70.0 + 2.0 * rng.normal(size=30))),
         ta=np.where(x > 400.0, 2, 3),
     )
-    prior = replace(WIDE, near_m=400.0, reach_m=5000.0)
+    prior = flat_within(400.0, reach_m=5000.0)
     found = timing_of(obs)
     tree = search_once(blocks(obs, 300), prior, timing=found)
     p = tree.mixture(prior).probability

@@ -11,11 +11,11 @@ from logger.core.locator.quadtree import Effort
 from logger.core.model.blocks import Censored, blocks
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import covariances, matrices_of, whiteners
-from logger.core.model.prior import Hypothesis, Prior
+from logger.core.model.prior import Hypothesis, Prior, Station
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import FLOOR_DBM, censor_at_floor, observations, simulate
 
-PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)))
+PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)), stations=(Station(1.0, 5.0),))
 
 
 # --- what the levels tell of them ---

@@ -8,7 +8,7 @@ import pytest
 
 from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.verdict import assess
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Prior, Station
 from tests.kit.walks import observations, path, simulate
 
 
@@ -102,7 +102,9 @@ def test_the_advice_expects_the_levels_of_the_model_with_height_and_fix_error(he
     obs = replace(obs, position_sigma_m=np.full(len(obs), sigma_m))
     best = replace(found.modes[0], probability=0.6)
     other = beside(best, 400.0, 0.4, 0.9)
-    posterior = replace(found, modes=(best, other), prior=replace(found.prior, height_m=height_m))
+    posterior = replace(
+        found, modes=(best, other), prior=found.prior.of_station(Station(1.0, height_m))
+    )
     _, (_, advice), _ = assess(posterior, obs)
     *_, p0_dbm, eta = best.state.tolist()
     for flat_m, text in ((20.0, r"about (-?\d+) dBm there"), (400.0, r", (-?\d+) dBm if")):

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import scipy.integrate
@@ -8,14 +6,15 @@ import scipy.stats
 from logger.core.model.blocks import blocks
 from logger.core.model.marginal import NODES, marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
-from logger.core.model.prior import Hypothesis, Prior
+from logger.core.model.prior import Hypothesis, Prior, Station
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, simulate
 
 MOST = 300
 PLACES = np.array([[90.0, 200.0, -400.0], [40.0, -50.0, 300.0]])
-PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)))
-SECTOR = replace(PRIOR, antenna_db=(9.3, 3.3))
+ANY = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)))
+PRIOR = ANY.of_station(Station(1.0, 5.0))
+SECTOR = ANY.of_station(Station(1.0, 5.0, (9.3, 3.3)))
 NOISES = [(1.0, 0.0), (0.3, 30.0)]
 
 
@@ -148,7 +147,7 @@ def test_harmonics_of_an_antenna_are_integrated_as_well(row):
 
 
 def test_wide_columns_do_not_change_what_a_narrow_prior_says():
-    track, narrow = bent_walk(5.0), replace(PRIOR, antenna_db=(1e-4,))
+    track, narrow = bent_walk(5.0), PRIOR.of_station(Station(1.0, 5.0, (1e-4,)))
     omni, sector = (evidence_of(track, prior, PLACES) for prior in (PRIOR, narrow))
     np.testing.assert_allclose(sector.log_p, omni.log_p, atol=1e-4, rtol=0)
     np.testing.assert_allclose(sector.theta_cov, omni.theta_cov, rtol=1e-3)
@@ -208,7 +207,10 @@ def test_p0_eta_and_sigma_given_the_position(row):
 def test_without_a_prior_p0_and_eta_are_those_of_least_squares():
     obs, source = simulate(np.random.default_rng(2), "square")
     flat = Prior(
-        p0_sigma_db=1e4, eta_sigma=1e3, noise=noise_groups(Hypothesis(0.3, 30.0)), height_m=0.0
+        p0_sigma_db=1e4,
+        eta_sigma=1e3,
+        noise=noise_groups(Hypothesis(0.3, 30.0)),
+        stations=(Station(1.0, 0.0),),
     )
     track = blocks(obs, MOST)
     ours = evidence_of(track, flat, np.array(source)[:, None])

@@ -7,14 +7,14 @@ from logger.core.geo import Utm
 from logger.core.locator.online import EFFORT
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Mode
-from logger.core.model.prior import Hypothesis, Prior
+from logger.core.model.prior import Hypothesis, Prior, Station
 from logger.core.observations import CellObservations
 from logger.core.shadow_ekf import ShadowNoise
 from postproc.estimators import ekf_initialisation, metrics
 from postproc.estimators.direction_check import compare
 from tests.kit.walks import simulate
 
-FLAT = Prior(height_m=0.0)
+FLAT = Prior(stations=(Station(1.0, 0.0),))
 
 
 def square_walk(rng, *, noise_db=2.0, laps=2, step=2.8, source=(60.0, 95.0), shadow_db=0.0):

@@ -6,7 +6,7 @@ import pytest
 from logger.core.model.blocks import blocks
 from logger.core.model.columns import distances_db, varying_columns
 from logger.core.model.noise import covariances, whiteners_of
-from logger.core.model.prior import Hypothesis, Prior
+from logger.core.model.prior import Hypothesis, Prior, Station
 from postproc.verification.bootstrap import calibrate, nuisances, nuisances_off
 from postproc.verification.cell_claim import ClaimOptions, verify_cell
 from postproc.verification.claim_test import around, claim_test, prepare_walk
@@ -27,7 +27,8 @@ def walk_of(seed, shape="square", prior=PRIOR, **noise):
 
 @pytest.mark.parametrize("antenna_db", [0.0, 6.0])
 def test_grid_has_the_density_of_its_model_in_one_piece(antenna_db):
-    prior = replace(PRIOR, antenna_db=(antenna_db,) if antenna_db else ())
+    pattern_db = (antenna_db,) if antenna_db else ()
+    prior = PRIOR.of_station(Station(1.0, PRIOR.height_m, pattern_db))
     walk, source = walk_of(1)
     places = np.array([[source[0], 300.0, -900.0], [source[1], -50.0, 700.0], [1.0, 1.0, 1.0]])
     covariance = covariances(walk.blocks, PRIOR)
