@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.locator.alternatives import alternatives
 from logger.core.locator.mixture import Mixture, log_sum
 from logger.core.locator.offsets import Offsets, offsets
 from logger.core.locator.packing import around, compact_groups
@@ -74,6 +75,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
     mean, covariance = moments_over(tree.squares, evidence, mixed.share, np.arange(len(p)), p)
     r95_m, drms_m = _radii(squares, x_m, y_m)
     away_m = nearest_m(walk.blocks, tree.x_m, tree.y_m)
+    reach, station = _reach_share(task, tree), _station_share(evidence, mixed)
     return Posterior(
         squares=squares,
         modes=tuple(region.mode for region in regions),
@@ -87,14 +89,15 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         eta_sigma=float(np.sqrt(covariance[3, 3])),
         sigma_db=float(np.sum(mixed.share * evidence.sigma_db)),
         noise_probability=_noise_probability(task, tree, mixed),
-        station_probability=np.einsum("ch,sch->s", mixed.share, evidence.station),
-        reach_probability=_reach_share(task, tree) @ p,
+        station_probability=station @ p,
+        reach_probability=reach @ p,
         strongest=task.strongest,
         limit_share=float(np.sum(p[away_m > END_OF_REACH * walk.prior.reach_m])),
         far_share=float(np.sum(p[away_m > FAR_M])),
         log_evidence=mixed.log_evidence,
         prior=task.prior,
         offsets=_offsets(task, tree, mixed, regions[0]),
+        alternatives=alternatives(walk.prior, squares, reach, station),
     )
 
 
@@ -170,6 +173,12 @@ def _reach_share(task: LocatorInput, tree: Tree) -> FloatArray:
     squares = tree.squares
     each = PositionPrior(task.walk.blocks, task.walk.prior, squares).log_by_reach(squares)
     return np.asarray(np.exp(each - log_sum(each.T)), float)
+
+
+def _station_share(evidence: Evidence, mixed: Mixture) -> FloatArray:
+    """Probability of each station at the leaves, shape (s, h)."""
+    joint = np.einsum("ch,sch->sh", mixed.share, evidence.station)
+    return np.asarray(joint / np.maximum(np.sum(joint, axis=0), np.finfo(float).tiny), float)
 
 
 def _noise_probability(task: LocatorInput, tree: Tree, mixed: Mixture) -> FloatArray:

@@ -1,0 +1,68 @@
+"""What near and far, omni and sector, and each height would say if one alone were true."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.locator.region import Squares, area_m2, highest_density
+from logger.core.model.prior import REACHES, Prior
+
+REACH, ANTENNA, HEIGHT = "reach", "antenna", "height"
+"""Kinds of hypotheses that the levels weigh."""
+
+_NEAR_M = max(one.flat_m for one in REACHES["near"])
+"""A hypothesis of the reach is near where its density falls beyond no more than this."""
+_LEAST_PROBABILITY = 1e-9
+"""Of a hypothesis with less the leaves of the tree, made for others, show no region."""
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """One hypothesis of a kind, its probability after the walk, and the region it alone would give.
+
+    `area_m2` is that of the 95 % region. `outside` is the share of the hypothesis's probability
+    that lies outside the answer's 95 % region. Both are None where it is ruled out.
+    """
+
+    kind: str
+    name: str
+    probability: float
+    area_m2: float | None
+    outside: float | None
+
+
+def alternatives(
+    prior: Prior, squares: Squares, reach: FloatArray, station: FloatArray
+) -> tuple[Alternative, ...]:
+    """The hypotheses that a prior has, grouped by their names.
+
+    `reach` (r, h) and `station` (s, h) are the probabilities of the prior's reaches and stations
+    given that the transmitter is in a square.
+    """
+    by_reach = ["near" if one.flat_m <= _NEAR_M else "far" for one in prior.reaches]
+    by_antenna = ["sector" if one.antenna_db else "omni" for one in prior.stations]
+    by_height = [f"{one.height_m:g} m" for one in prior.stations]
+    heights = [f"{height_m:g} m" for height_m in sorted({one.height_m for one in prior.stations})]
+    return (
+        *_of_kind(REACH, ("near", "far"), by_reach, squares, reach),
+        *_of_kind(ANTENNA, ("omni", "sector"), by_antenna, squares, station),
+        *_of_kind(HEIGHT, heights, by_height, squares, station),
+    )
+
+
+def _of_kind(
+    kind: str, order: Sequence[str], names: Sequence[str], squares: Squares, given: FloatArray
+) -> Iterator[Alternative]:
+    """One for each name in `names` (k,), those of the hypotheses that `given` (k, h) is about."""
+    answer = highest_density(squares)
+    for name in (one for one in order if one in names):
+        joint = squares.probability * np.sum(given[[one == name for one in names]], axis=0)
+        probability = float(np.sum(joint))
+        if probability < _LEAST_PROBABILITY:
+            yield Alternative(kind, name, probability, None, None)
+            continue
+        alone = replace(squares, probability=joint / probability)
+        outside = 1.0 - float(np.sum(alone.probability[answer]))
+        yield Alternative(kind, name, probability, area_m2(alone), outside)
