@@ -77,5 +77,5 @@ def _alternative_text(one: Alternative, *, alone: bool) -> str:
     text = f"{one.name} {share_text(one.probability)}"
     if not alone or one.area_m2 is None or one.outside is None:
         return text
-    where = ", mostly elsewhere" if one.outside > _MOST else ""
+    where = ", elsewhere" if one.outside > _MOST else ""
     return f"{text} (alone: {area_text(one.area_m2)}{where})"
