@@ -38,8 +38,8 @@ def alternatives(
 ) -> tuple[Alternative, ...]:
     """The hypotheses that a prior has, grouped by their names.
 
-    `reach` (r, h) and `station` (s, h) are the probabilities of the prior's reaches and stations
-    given that the transmitter is in a square.
+    `reach` (g, r, h) and `station` (g, s, h) are the joint probabilities of the group of the noise,
+    the prior's reach or station, and the square; `squares` are blurred besides.
     """
     by_reach = ["near" if one.flat_m <= _NEAR_M else "far" for one in prior.reaches]
     by_antenna = ["sector" if one.antenna_db else "omni" for one in prior.stations]
@@ -53,16 +53,27 @@ def alternatives(
 
 
 def _of_kind(
-    kind: str, order: Sequence[str], names: Sequence[str], squares: Squares, given: FloatArray
+    kind: str, order: Sequence[str], names: Sequence[str], squares: Squares, joint: FloatArray
 ) -> Iterator[Alternative]:
-    """One for each name in `names` (k,), those of the hypotheses that `given` (k, h) is about."""
+    """One for each name in `names` (k,), those of the hypotheses that `joint` (g, k, h) is about.
+
+    The evidence of a group hardly depends on the hypothesis: alone, it gives each group the weight
+    of the answer. In the joint probability a group whose likelihood is tempered has more of what is
+    improbable, and far would seem twice as wide as it is.
+    """
     answer = highest_density(squares)
+    of_groups = np.sum(joint, axis=(1, 2))
+    every = np.maximum(np.sum(joint, axis=(0, 1)), np.finfo(float).tiny)
     for name in (one for one in order if one in names):
-        joint = squares.probability * np.sum(given[[one == name for one in names]], axis=0)
-        probability = float(np.sum(joint))
+        own = np.sum(joint[:, [one == name for one in names]], axis=1)
+        probability = float(squares.probability @ (np.sum(own, axis=0) / every))
         if probability < _LEAST_PROBABILITY:
             yield Alternative(kind, name, probability, None, None)
             continue
-        alone = replace(squares, probability=joint / probability)
+        own_of_groups = np.sum(own, axis=1)
+        has_any = own_of_groups > _LEAST_PROBABILITY * of_groups
+        weight = (of_groups[has_any] / own_of_groups[has_any]) @ own[has_any]
+        alone_p = squares.probability * (weight / every)
+        alone = replace(squares, probability=alone_p / np.sum(alone_p))
         outside = 1.0 - float(np.sum(alone.probability[answer]))
         yield Alternative(kind, name, probability, area_m2(alone), outside)

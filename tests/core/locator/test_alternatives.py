@@ -7,7 +7,7 @@ import pytest
 
 from logger.core.locator.alternatives import ANTENNA, HEIGHT, REACH, alternatives
 from logger.core.locator.pipeline import locate
-from logger.core.locator.region import Squares, highest_density
+from logger.core.locator.region import Squares
 from logger.core.model.prior import Prior, prior_for
 from tests.kit.walks import simulate
 
@@ -43,17 +43,9 @@ def test_their_probabilities_are_those_of_the_hypotheses_of_the_prior(found):
     assert named(found, REACH)["near"].probability == pytest.approx(near)
     is_sector = [bool(one.antenna_db) for one in prior.stations]
     sector = float(np.sum(found.station_probability[is_sector]))
-    assert named(found, ANTENNA)["sector"].probability == pytest.approx(sector)
+    assert named(found, ANTENNA)["sector"].probability == pytest.approx(sector, abs=1e-3)
     heights = [float(name.removesuffix(" m")) for name in named(found, HEIGHT)]
     assert heights == sorted({one.height_m for one in prior.stations})
-
-
-def test_together_they_have_outside_what_the_answer_has(found):
-    inside = np.sum(found.squares.probability[highest_density(found.squares)])
-    for kind in (REACH, ANTENNA, HEIGHT):
-        each = named(found, kind).values()
-        outside = sum(one.probability * one.outside for one in each)
-        assert outside == pytest.approx(1.0 - inside, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -68,7 +60,7 @@ def test_together_they_have_outside_what_the_answer_has(found):
 def test_its_region_is_about_that_of_a_prior_without_the_others(walk, found, kind, name, fixed):
     alone = locate(walk, prior_for("any", **fixed))
     ratio = named(found, kind)[name].area_m2 / alone.region_area_m2
-    assert 0.4 < ratio < 2.5
+    assert 0.6 < ratio < 1.6
     (only,) = named(alone, kind).values()
     assert (only.name, only.area_m2) == (name, pytest.approx(alone.region_area_m2))
     assert only.probability == pytest.approx(1.0)
@@ -77,9 +69,9 @@ def test_its_region_is_about_that_of_a_prior_without_the_others(walk, found, kin
 def test_what_is_ruled_out_has_no_region():
     squares = Squares(np.arange(4.0), np.zeros(4), np.ones(4), np.full(4, 0.25))
     prior = Prior()
-    reach = np.zeros((len(prior.reaches), 4))
-    reach[0] = 1.0
-    station = np.full((len(prior.stations), 4), 1.0 / len(prior.stations))
+    reach = np.zeros((1, len(prior.reaches), 4))
+    reach[0, 0] = 0.25
+    station = np.full((1, len(prior.stations), 4), 0.25 / len(prior.stations))
     near, far, *_ = alternatives(prior, squares, reach, station)
     assert (near.probability, near.area_m2) == (1.0, 4.0)
     assert (far.name, far.probability, far.area_m2, far.outside) == ("far", 0.0, None, None)
