@@ -39,12 +39,16 @@ def alternatives(
     """The hypotheses that a prior has, grouped by their names.
 
     `reach` (g, r, h) and `station` (g, s, h) are the joint probabilities of the group of the noise,
-    the prior's reach or station, and the square; `squares` are blurred besides.
+    the prior's reach or station, and the square; `squares` are blurred besides. Where heights are
+    weighed they are those of stations with the pattern of the first: a sector antenna has only one.
     """
     by_reach = ["near" if one.flat_m <= _NEAR_M else "far" for one in prior.reaches]
     by_antenna = ["sector" if one.antenna_db else "omni" for one in prior.stations]
-    by_height = [f"{one.height_m:g} m" for one in prior.stations]
     heights = [f"{height_m:g} m" for height_m in sorted({one.height_m for one in prior.stations})]
+    by_height = [
+        f"{one.height_m:g} m" if one.antenna_db == prior.antenna_db or len(heights) == 1 else ""
+        for one in prior.stations
+    ]
     return (
         *_of_kind(REACH, ("near", "far"), by_reach, squares, reach),
         *_of_kind(ANTENNA, ("omni", "sector"), by_antenna, squares, station),
@@ -57,6 +61,8 @@ def _of_kind(
 ) -> Iterator[Alternative]:
     """One for each name in `names` (k,), those of the hypotheses that `joint` (g, k, h) is about.
 
+    Those without a name do not belong to the kind.
+
     The evidence of a group hardly depends on the hypothesis: alone, it gives each group the weight
     of the answer. In the joint probability a group whose likelihood is tempered has more of what is
     improbable, and far would seem twice as wide as it is.
@@ -64,9 +70,11 @@ def _of_kind(
     answer = highest_density(squares)
     of_groups = np.sum(joint, axis=(1, 2))
     every = np.maximum(np.sum(joint, axis=(0, 1)), np.finfo(float).tiny)
+    of_kind = np.sum(joint[:, [bool(one) for one in names]], axis=(0, 1))
+    total = float(squares.probability @ (of_kind / every))
     for name in (one for one in order if one in names):
         own = np.sum(joint[:, [one == name for one in names]], axis=1)
-        probability = float(squares.probability @ (np.sum(own, axis=0) / every))
+        probability = float(squares.probability @ (np.sum(own, axis=0) / every)) / total
         if probability < _LEAST_PROBABILITY:
             yield Alternative(kind, name, probability, None, None)
             continue

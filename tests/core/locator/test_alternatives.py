@@ -48,6 +48,14 @@ def test_their_probabilities_are_those_of_the_hypotheses_of_the_prior(found):
     assert heights == sorted({one.height_m for one in prior.stations})
 
 
+def test_the_one_height_of_a_sector_antenna_speaks_for_none(found):
+    omni = ~np.array([bool(one.antenna_db) for one in found.prior.stations])
+    share = found.station_probability[omni] / np.sum(found.station_probability[omni])
+    for station, expected in zip(np.array(found.prior.stations, object)[omni], share, strict=True):
+        name = f"{station[1]:g} m"
+        assert named(found, HEIGHT)[name].probability == pytest.approx(expected, abs=0.03)
+
+
 @pytest.mark.parametrize(
     ("kind", "name", "fixed"),
     [
