@@ -164,7 +164,7 @@ def _without_meaning(config: SiteConfig) -> Iterator[str]:
     for table, table_limits in _LIMITS.items():
         for key, (least, most) in table_limits.items():
             value = getattr(getattr(config, table), key)
-            if not least <= value <= most:  # NaN is neither
+            if value is not None and not least <= value <= most:  # NaN is neither
                 limits = f"between {least:g} and {most:g}"
                 yield f'[{table}] "{key}": {value} has no meaning; it lies {limits}'
     for table in _TABLES:
@@ -227,6 +227,7 @@ def _explain(problem: str) -> str:
     table, _, key = table.rpartition(".")
     if key == "port" and "length" in what:
         return f'{_prefix(table)}"port" is empty; `fieldlogger probe` finds the ports'
+    what = what.replace(" | null", "")  # TOML has none: the key is left out
     return f'{_prefix(table)}"{key}": {what[0].lower()}{what[1:]}'
 
 

@@ -78,8 +78,8 @@ def locate(
     *,
     environment: str = "any",
     height_m: float | None = None,
-    antenna: str = "omni",
-    reach: str = "near",
+    antenna: str = "any",
+    reach: str = "any",
     within_m: float = DESK_M,
 ) -> CellResult: ...
 
@@ -94,8 +94,8 @@ def locate(
     rat: str | None = None,
     environment: str = "any",
     height_m: float | None = None,
-    antenna: str = "omni",
-    reach: str = "near",
+    antenna: str = "any",
+    reach: str = "any",
     within_m: float = DESK_M,
 ) -> CellResult: ...
 
@@ -109,8 +109,8 @@ def locate(
     rat: str | None = None,
     environment: str = "any",
     height_m: float | None = None,
-    antenna: str = "omni",
-    reach: str = "near",
+    antenna: str = "any",
+    reach: str = "any",
     within_m: float = DESK_M,
 ) -> CellResult:
     """Posterior of a transmitter's position and the verdict, from the readings of one cell.
@@ -119,10 +119,10 @@ def locate(
     `y_m`, shape (n,), metres in any plane with the same scale on both axes, and `level_dbm`, shape
     (n,). `position_sigma_m`, scalar or shape (n,), is the standard deviation of the receiver's
     position per axis. `rat` ("GSM", "LTE", ...) sets the modem's reporting range: readings there
-    are censored. `environment` (any, open, suburban, urban) and `height_m`, the antenna above the
-    receiver, choose the prior of P0 and eta; `antenna` (omni, any, sector) that of its pattern,
-    `reach` (near, far) that of the distance from the walk. Located means that `within_m` holds
-    95 % of the probability.
+    are censored. `environment` (any, open, suburban, urban) chooses the prior of P0 and eta. The
+    levels weigh the hypotheses of `height_m`, the antenna above the receiver, of `antenna` (omni,
+    sector) and of `reach` (near, far), the distance from the walk, unless one is fixed. Located
+    means that `within_m` holds 95 % of the probability.
 
     The result has `verdict` ("located", "ambiguous", "cannot tell"), `warnings` with the reasons,
     and `posterior`, None for too few readings: `x_m`, `y_m` and `r95_m` in metres, `p0_dbm` at 1 m,
@@ -153,8 +153,8 @@ def smooth(
     *,
     environment: str = "any",
     height_m: float | None = None,
-    antenna: str = "omni",
-    reach: str = "near",
+    antenna: str = "any",
+    reach: str = "any",
     loss: Loss = "linear",
     within_m: float = DESK_M,
     processes: int = 1,
@@ -185,8 +185,8 @@ def verify(
     p_fa: float = 0.05,
     environment: str = "any",
     height_m: float | None = None,
-    antenna: str = "omni",
-    reach: str = "near",
+    antenna: str = "any",
+    reach: str = "any",
 ) -> Verified:
     """Test claimed positions of cells against a run: consistent, rejected or cannot tell.
 

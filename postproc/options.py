@@ -67,7 +67,7 @@ def claims_options(command: Command) -> Command:
     )(command)
 
 
-def prior_options(command: Command, antenna: str = "omni") -> Command:
+def prior_options(command: Command) -> Command:
     """Add the options of the propagation prior and pass the `Prior` itself as `prior`."""
 
     @click.option(
@@ -79,24 +79,26 @@ def prior_options(command: Command, antenna: str = "omni") -> Command:
     )
     @click.option(
         "--antenna",
-        default=antenna,
+        default="any",
         show_default=True,
         metavar="NAME",
-        help="Prior of the antenna pattern: omni, any, or sector for a beam of unknown azimuth.",
+        help="Antenna: any weighs both, omni, or sector for a beam of unknown azimuth.",
     )
     @click.option(
         "--reach",
-        default="near",
+        default="any",
         show_default=True,
         metavar="NAME",
-        help="Prior of the distance from the walk: near, or far for masts beyond 800 m.",
+        help="Distance from the walk: any weighs both, near, or far as masts stand.",
     )
     @click.option(
         "--height",
         "height_m",
-        type=number(float, 0, _HIGHEST_M, unit="m"),
+        type=_height_m,
+        default="any",
+        show_default=True,
         metavar="M",
-        help="Height of the antenna above the receiver (default: 5 m).",
+        help="Height of the antenna above the receiver: any weighs several, or metres.",
     )
     @functools.wraps(command)
     def with_prior(
@@ -113,6 +115,12 @@ def prior_options(command: Command, antenna: str = "omni") -> Command:
         return command(*arguments, prior=prior, **options)
 
     return with_prior
+
+
+def _height_m(text: str) -> float | None:
+    """Metres, or None for any height."""
+    metres = number(float, 0, _HIGHEST_M, unit="m, or any")
+    return None if text == "any" else metres(text)
 
 
 def within_option(command: Command) -> Command:

@@ -13,6 +13,7 @@ import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
 from logger.core.ellipse import Ellipse
+from logger.core.locator.alternatives import Alternative
 from logger.core.locator.verdict import Verdict
 from logger.core.model.prior import Prior
 from postproc.info import RunFacts
@@ -247,6 +248,7 @@ class Cell(Struct, kw_only=True):
     region95: Region
     region50: Region
     prior: Prior | None
+    alternatives: list[Alternative]
     noise: Noise | UnsetType = UNSET
     reference_ekf: FinalState
     ekf: FinalState
@@ -287,7 +289,7 @@ def schema() -> dict[str, Any]:
     forms, definitions = msgspec.json.schema_components(
         (SummaryOfRun, SummaryOfRuns), ref_template="#/$defs/{name}"
     )
-    for name in ("Ellipse", "Prior"):  # described where they are defined
+    for name in ("Alternative", "Ellipse", "Prior"):  # described where they are defined
         definitions[name].pop("description", None)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

@@ -79,6 +79,7 @@ def _without_answer(result: CellResult) -> form.Cell:
         region95=form.Region(),
         region50=form.Region(),
         prior=None,
+        alternatives=[],
         reference_ekf=none,
         ekf=none,
         ekf_backward=none,
@@ -144,6 +145,7 @@ def _add_posterior(entry: form.Cell, posterior: Posterior, utm: Utm) -> None:
         white_share=posterior.white_share,
     )
     entry.prior = posterior.prior
+    entry.alternatives = list(posterior.alternatives)
 
 
 def _region(posterior: Posterior, utm: Utm, level: float) -> form.Region:

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.text import Text
 
 from logger.core.ellipse import Ellipse
-from logger.core.locator.rivals import share_text
+from logger.core.locator.rivals import alternatives_text, share_text
 from postproc.cell_work import Failure, attempt
 from postproc.result import ESTIMATORS, REFERENCE
 from postproc.result_json import (
@@ -136,6 +136,8 @@ def _print_cell(console: Console, cell: Cell) -> None:
     for warning in cell.warnings:
         print_text(console, warning, bullet="  - ")
     _print_estimators(console, cell)
+    if cell.alternatives:
+        print_text(console, alternatives_text(cell.alternatives), bullet="  ")
     if cell.timing is not UNSET:
         points = f"read at {cell.timing.places} points, {cell.timing.disagree} disagree"
         print_text(console, f"timing advance: {points}", bullet="  ")

@@ -42,6 +42,7 @@ KEYS = {
         "most_cells",
         "environment",
         "antenna",
+        "reach",
         "height_m",
         "baseline",
     ],
@@ -125,6 +126,28 @@ def test_any_text_is_a_configuration_or_one_clear_error(text):
 )
 def test_what_no_parser_takes_is_one_error_too(text):
     with pytest.raises(ConfigError):
+        parse_config(text, "site.toml")
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ("", ("any", "any", None)),
+        ('reach = "any"\nantenna = "any"', ("any", "any", None)),
+        ('reach = "near"\nantenna = "omni"\nheight_m = 5.0', ("near", "omni", 5.0)),
+        ('reach = "far"\nantenna = "sector"\nheight_m = 0', ("far", "sector", 0.0)),
+    ],
+)
+def test_reach_antenna_and_height_are_any_unless_set(lines, expected):
+    ports = '[modem]\nport = "/a"\n[gnss]\nport = "/b"\n'
+    live = parse_config(f'[run]\ndirectory = "r"\n{ports}[live]\n{lines}\n', "site.toml").live
+    assert (live.reach, live.antenna, live.height_m) == expected
+
+
+def test_a_height_in_words_is_refused_with_what_toml_has():
+    ports = '[modem]\nport = "/a"\n[gnss]\nport = "/b"\n'
+    text = f'[run]\ndirectory = "r"\n{ports}[live]\nheight_m = "tall"\n'
+    with pytest.raises(ConfigError, match=r'"height_m": expected `float`, got `str`'):
         parse_config(text, "site.toml")
 
 

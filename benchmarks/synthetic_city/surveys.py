@@ -8,18 +8,16 @@ import shapely
 from benchmarks.synthetic_city.walks import Walker, draw_walk
 from benchmarks.synthetic_city.world import ORIGIN_M, ZONE, City
 from logger.core.geo import Utm
-from logger.core.model.prior import prior_for
 from postproc.result import Options
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
 from postproc.survey.location import EVERY_RUN
-from postproc.survey.options import ANTENNA
 from postproc.survey.parquet_batch import Batch
 from postproc.survey.tasks import RunChoice, locate_cells, runs_of, tasks_of
 
 SCANS = 800
 """Of a walk: 40 minutes."""
-OPTIONS = Options(prior_for("any", antenna=ANTENNA))
+OPTIONS = Options()
 """Those of `postproc survey`."""
 
 

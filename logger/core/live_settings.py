@@ -53,10 +53,10 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     was not received for `lost_s`. "suspicious" is the cell with the worst word, once one is more
     than "nothing unusual" and is received; until then the strongest. A fix older than
     `max_fix_age_s` is not used. `joseph` chooses the form of the reference filter's covariance
-    update. `environment` names the prior: any, open, suburban or urban; `antenna` that of its
-    pattern: omni, any or sector; `reach` that of the distance from the walk: near or far;
-    `height_m` is its height above the receiver. `baseline` is the file of earlier walks, empty for
-    none.
+    update. `environment` names the prior: any, open, suburban or urban. `antenna` is omni or
+    sector, `reach` (the distance from the walk) near or far, `height_m` the antenna's height above
+    the receiver; any, or None, lets the levels weigh them. `baseline` is the file of earlier walks,
+    empty for none.
     """
 
     target: str = STRONGEST
@@ -66,9 +66,9 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     joseph: bool = False
     most_cells: int = 64
     environment: Literal["any", "open", "suburban", "urban"] = "any"
-    antenna: Literal["omni", "any", "sector"] = "omni"
-    reach: Literal["near", "far"] = "near"
-    height_m: float = 5.0
+    antenna: Literal["any", "omni", "sector"] = "any"
+    reach: Literal["any", "near", "far"] = "any"
+    height_m: float | None = None
     baseline: str = ""
     streets: str = ""
 
@@ -77,7 +77,7 @@ def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:
     """Settings as a run stores them, with each null as the value that it stands for.
 
     JSON has neither infinity nor NaN. An infinite hysteresis is stored as null. Earlier versions
-    also stored infinite times, which never end, and a height without a value, which is the default.
+    also stored infinite times, which never end. A height of null is any.
     """
-    known = dict.fromkeys(LIMITS, math.inf) | {"height_m": LiveSettings().height_m}
+    known = dict.fromkeys(LIMITS, math.inf) | {"height_m": None}
     return {name: known.get(name) if value is None else value for name, value in recorded.items()}

@@ -194,7 +194,7 @@ def _settings_to_share(live: LiveSettings, names: _CellNames) -> LiveSettings:
     kept = {
         field.name: getattr(live, field.name)
         for field in msgspec.structs.fields(LiveSettings)
-        if field.type in {int, float, bool} or get_origin(field.type) is Literal
+        if field.type in {int, float, bool, float | None} or get_origin(field.type) is Literal
     }
     return LiveSettings(**kept, target=names.of_target(live.target))
 

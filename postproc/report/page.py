@@ -9,7 +9,7 @@ from jinja2 import Template
 from markupsafe import Markup
 
 from logger.core.geo import Utm
-from logger.core.locator.rivals import relevant_modes, share_text
+from logger.core.locator.rivals import alternatives_text, relevant_modes, share_text
 from logger.core.runfile import Run
 from postproc.html_page import page_environment
 from postproc.info import CellCount, Event, Gap, Info, describe
@@ -172,6 +172,7 @@ def _page_figure(key: str, figure: ReportFigure) -> PageFigure:
 def _template(name: str) -> Template:
     environment = page_environment("postproc.report")
     environment.filters |= {
+        "alternatives": alternatives_text,
         "metres": wording.metres,
         "of": wording.number_of,
         "time": wording.time_text,

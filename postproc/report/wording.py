@@ -8,7 +8,7 @@ from typing import NamedTuple
 from logger.core.geo import Utm
 from logger.core.guidance.sentence import direction
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.rivals import relevant_modes, whole_percents
+from logger.core.locator.rivals import area_text, relevant_modes, whole_percents
 from postproc.result import CellResult
 
 _MOST_POSITIONS = 4
@@ -79,13 +79,6 @@ def metres(value_m: float | None) -> str:
     if value_m < 1000.0:
         return f"{value_m:.0f} m"
     return f"{value_m / 1000.0:.{1 if value_m < 10_000.0 else 0}f} km"
-
-
-def area_text(area_m2: float) -> str:
-    """An area with its significant digits."""
-    if area_m2 >= 100_000.0:
-        return f"{area_m2 / 1e6:.2g} km²"
-    return f"{float(f'{area_m2:.2g}'):,.0f} m²".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
 def degrees_text(utm: Utm, x_m: float, y_m: float) -> str:

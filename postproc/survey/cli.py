@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import click
 
 from logger.command_line import FILE, PATH, json_option
-from postproc.options import cells_option, within_option
+from postproc.options import cells_option, prior_options, within_option
 from postproc.survey.answers.cli import baseline, diff, map_command, next_command
 from postproc.survey.libraries import check_libraries
 from postproc.survey.options import (
     folder_argument,
     open_survey,
-    survey_prior_options,
     workers_options,
 )
 
@@ -98,7 +97,7 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
     metavar="NAME",
     help="NAME.parquet and NAME.gpkg (default: located, in the folder of the survey).",
 )
-@survey_prior_options
+@prior_options
 @within_option
 @json_option
 def locate(

@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from logger.command_line import FILE, number
-from postproc.options import Command, prior_options
-
-ANTENNA = "any"
-"""Where many walks meet a cell, its position is known so well that a lobe of a few dB moves it.
-
-Of 100 stations of a synthetic city with lobes of 4 dB rms and 40 000 readings each, regions held
-0.92 with "omni" (of the 20 with lobes above 5 dB 0.70), 0.99 with "any" and 0.98 with "sector".
-With 4000 readings each the median error was 59 m with "omni", 71 m with "any" and 92 m with
-"sector".
-"""
+from postproc.options import Command
 
 if TYPE_CHECKING:
     from postproc.survey.dataset import Survey
@@ -37,11 +28,6 @@ def workers_options(command: Command) -> Command:
         metavar="tcp://HOST:8786",
         help="A Dask scheduler whose workers read the same folder.",
     )(command)
-
-
-def survey_prior_options(command: Command) -> Command:
-    """The options of the propagation prior, with the antenna of a survey."""
-    return prior_options(command, ANTENNA)
 
 
 def open_survey(folder: Path) -> "Survey":

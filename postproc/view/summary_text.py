@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from logger.core.locator.rivals import alternatives_text
 from postproc.pictures.estimates import estimator_rows
 from postproc.pictures.path_loss import ETA, P0
 from postproc.pictures.picture import headline
@@ -125,7 +126,8 @@ def _prior(result: CellResult) -> str:
         f"Prior: P0 {prior.p0_dbm:.0f} ± {prior.p0_sigma_db:.0f} dBm, "
         f"eta {prior.eta:.1f} ± {prior.eta_sigma:.1f}, "
         f"level standard deviation about {prior.sigma_db:.0f} dB, "
-        f"at most {prior.reach_m / 1000:.0f} km away."
+        f"at most {prior.reach_m / 1000:.0f} km away; "
+        f"{alternatives_text(result.posterior.alternatives)}."
     )
 
 

@@ -5,7 +5,9 @@ import math
 import msgspec
 import pytest
 
+from logger.core.live import live_prior
 from logger.core.live_settings import LIMITS, LiveSettings
+from logger.core.model.prior import prior_for
 from logger.core.runfile import read_run
 from logger.core.runfile.frames import Kind, encode
 from logger.core.schema import SCHEMA_VERSION
@@ -26,7 +28,26 @@ def test_runs_of_earlier_versions_with_a_null_are_read(tmp_path, name, value):
     runs.write_journal(tmp_path / "a.journal", runs.records(3), live=LiveSettings(**{name: value}))
     assert b'"%s":null' % name.encode() in msgspec.json.encode(LiveSettings(**{name: value}))
     found = getattr(read_run(tmp_path / "a.journal").meta.live, name)
-    assert found == (5.0 if name == "height_m" else math.inf)
+    assert found == (None if name == "height_m" else math.inf)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"reach": "near", "antenna": "omni", "height_m": 5.0},
+        {"reach": "far", "antenna": "sector", "height_m": 0.0},
+        {"reach": "any", "antenna": "any", "height_m": None},
+    ],
+)
+def test_reach_antenna_and_height_are_those_that_were_recorded(tmp_path, settings):
+    runs.write_journal(tmp_path / "a.journal", runs.records(3), live=LiveSettings(**settings))
+    recorded = read_run(tmp_path / "a.journal").meta.live
+    assert {name: getattr(recorded, name) for name in settings} == settings
+    assert live_prior(recorded) == prior_for("any", **settings)
+
+
+def test_by_default_the_levels_weigh_reach_antenna_and_height():
+    assert live_prior(LiveSettings()) == prior_for("any", reach="any", antenna="any")
 
 
 def test_a_run_without_settings_has_the_defaults(tmp_path):

@@ -9,6 +9,7 @@ import numpy as np
 
 from logger.core import ekf
 from logger.core.geo import Utm
+from logger.core.locator.alternatives import ANTENNA, HEIGHT, REACH, Alternative
 from logger.core.locator.posterior import Mode, Posterior, StrongestReading
 from logger.core.locator.region import Squares
 from logger.core.model.prior import Hypothesis, Prior
@@ -160,6 +161,13 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
         limit_share=0.0,
         prior=Prior(),
         offsets=None,
+        alternatives=(
+            Alternative(REACH, "near", 0.9, 2500.0, 0.05),
+            Alternative(REACH, "far", 0.1, 3100.0, 0.08),
+            Alternative(ANTENNA, "omni", 0.8, 2500.0, 0.05),
+            Alternative(ANTENNA, "sector", 0.2, 31_000.0, 0.6),
+            Alternative(HEIGHT, "5 m", 1.0, 2500.0, 0.05),
+        ),
     )
 
 

@@ -1,5 +1,7 @@
 """Nasty names and numbers on the command line are one line and exit 2."""
 
+import json
+
 import pytest
 
 from postproc.cli import main
@@ -101,3 +103,38 @@ def test_what_is_to_be_written(run, capsys, command, name):
 def test_a_number_without_a_meaning_names_its_option(run, capsys, option, command, value):
     assert main([*command.split(), f"{option}={value}"]) == 2
     assert option in _one_line(capsys)
+
+
+@pytest.mark.parametrize(
+    ("options", "names"),
+    [
+        ("", {"near", "far", "omni", "sector", "2 m", "5 m", "12 m", "30 m"}),
+        (
+            "--reach any --antenna any --height any",
+            {"near", "far", "omni", "sector", "2 m", "5 m", "12 m", "30 m"},
+        ),
+        ("--reach near --antenna omni --height 5", {"near", "omni", "5 m"}),
+        ("--reach far --antenna sector --height 30.5", {"far", "sector", "30.5 m"}),
+        ("--reach far", {"far", "omni", "sector", "2 m", "5 m", "12 m", "30 m"}),
+        ("--height 0", {"near", "far", "omni", "sector", "0 m"}),
+    ],
+)
+def test_the_levels_weigh_reach_antenna_and_height_unless_they_are_fixed(
+    run, capsys, options, names
+):
+    command = ["smooth", run, "--cell", "262-01-4711-1", *options.split()]
+    assert main([*command, "--json"]) == 0
+    (cell,) = json.loads(capsys.readouterr().out)["cells"]
+    assert {one["name"] for one in cell["alternatives"]} == names
+
+
+def test_the_details_of_a_cell_name_reach_antenna_and_height(run, capsys):
+    assert main(["smooth", run, "-v", "--reach", "near", "--height", "5"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "reach: near (fixed); antenna: omni " in said
+    assert "; height: 5 m (fixed)" in said
+
+
+def test_a_height_that_is_none_says_what_is(run, capsys):
+    assert main(["smooth", run, "--height", "tall"]) == 2
+    assert "at most 10,000 m, or any" in _one_line(capsys)

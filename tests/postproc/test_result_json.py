@@ -19,6 +19,7 @@ SCHEMA = Path(__file__).parents[2] / "docs" / "result.schema.json"
 STATE = ["lat", "lon", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "ellipse95", "n"]
 CELL = [
     *("cell", "n", "n_scans", "verdict", "best", "modes", "region95", "region50", "prior"),
+    "alternatives",
     *("noise", "reference_ekf", "ekf", "ekf_backward", "agreement", "rts", "batch", "residuals"),
     *("set_aside", "truth", "warnings"),
 ]

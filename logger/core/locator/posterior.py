@@ -8,6 +8,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import Ellipse, ellipse95
+from logger.core.locator.alternatives import Alternative
 from logger.core.locator.offsets import Offsets
 from logger.core.locator.region import HALF, Squares, area_m2, contains, highest_density
 from logger.core.model.prior import Prior, Station
@@ -73,7 +74,7 @@ class Posterior:
     `log_evidence` is the log probability density of the levels under the model, to compare models;
     with timing advances it is that of the levels given those, and `prior` reaches as far as they.
     `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the
-    first.
+    first. `alternatives` are what single hypotheses of reach, antenna and height would say.
     """
 
     squares: Squares
@@ -96,6 +97,7 @@ class Posterior:
     log_evidence: float
     prior: Prior
     offsets: Offsets | None = None
+    alternatives: tuple[Alternative, ...] = ()
 
     @property
     def station(self) -> Station:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.mixture import Mixture, log_sum
+from logger.core.locator.alternatives import Alternative, alternatives
+from logger.core.locator.mixture import Mixture, log_sum, rows_of_groups
 from logger.core.locator.offsets import Offsets, offsets
 from logger.core.locator.packing import around, compact_groups
 from logger.core.locator.posterior import (
@@ -25,6 +26,7 @@ from logger.core.locator.region import (
     mode_regions,
 )
 from logger.core.model.evidence import Evidence
+from logger.core.model.prior import Prior
 
 BIAS_SHARE = 1.0
 """Share of the variance of the receiver's position that lasts for the walk and moves the result."""
@@ -74,6 +76,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
     mean, covariance = moments_over(tree.squares, evidence, mixed.share, np.arange(len(p)), p)
     r95_m, drms_m = _radii(squares, x_m, y_m)
     away_m = nearest_m(walk.blocks, tree.x_m, tree.y_m)
+    reach = _reach_share(task, tree)
     return Posterior(
         squares=squares,
         modes=tuple(region.mode for region in regions),
@@ -88,13 +91,14 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         sigma_db=float(np.sum(mixed.share * evidence.sigma_db)),
         noise_probability=_noise_probability(task, tree, mixed),
         station_probability=np.einsum("ch,sch->s", mixed.share, evidence.station),
-        reach_probability=_reach_share(task, tree) @ p,
+        reach_probability=reach @ p,
         strongest=task.strongest,
         limit_share=float(np.sum(p[away_m > END_OF_REACH * walk.prior.reach_m])),
         far_share=float(np.sum(p[away_m > FAR_M])),
         log_evidence=mixed.log_evidence,
         prior=task.prior,
         offsets=_offsets(task, tree, mixed, regions[0]),
+        alternatives=_alternatives(walk.prior, tree, mixed, reach, squares),
     )
 
 
@@ -170,6 +174,18 @@ def _reach_share(task: LocatorInput, tree: Tree) -> FloatArray:
     squares = tree.squares
     each = PositionPrior(task.walk.blocks, task.walk.prior, squares).log_by_reach(squares)
     return np.asarray(np.exp(each - log_sum(each.T)), float)
+
+
+def _alternatives(
+    prior: Prior, tree: Tree, mixed: Mixture, reach: FloatArray, squares: Squares
+) -> tuple[Alternative, ...]:
+    groups = [rows for rows, _ in rows_of_groups(tree.numbers, prior)]
+    of_reach = np.stack([reach * np.sum(mixed.share[rows], axis=0) for rows in groups])
+    given = tree.evidence.station
+    of_station = np.stack(
+        [np.einsum("ch,sch->sh", mixed.share[rows], given[:, rows]) for rows in groups]
+    )
+    return alternatives(prior, squares, of_reach, of_station)
 
 
 def _noise_probability(task: LocatorInput, tree: Tree, mixed: Mixture) -> FloatArray:

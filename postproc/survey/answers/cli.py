@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import click
 
 from logger.command_line import FILE, INPUT, json_option, number
+from postproc.options import prior_options
 from postproc.survey.libraries import check_libraries
 from postproc.survey.options import (
     folder_argument,
     open_survey,
-    survey_prior_options,
     workers_options,
 )
 
@@ -94,7 +94,7 @@ def diff(
               help="Default: survey.html in the folder of the survey.")  # fmt: skip
 @click.option("--basemap", type=INPUT, metavar="FILE",
               help="Ground of the plan: PMTiles, MBTiles, or an image.")  # fmt: skip
-@survey_prior_options
+@prior_options
 @json_option
 def map_command(
     folder: Path,
@@ -136,7 +136,7 @@ def map_command(
 @click.option("--from", "starts", metavar="LAT,LON", multiple=True,
               help="Where a walker begins (may be repeated).")  # fmt: skip
 @click.option("--streets", type=INPUT, metavar="FILE", help="Streets as GeoJSON or GPX.")
-@survey_prior_options
+@prior_options
 @json_option
 def next_command(
     folder: Path,

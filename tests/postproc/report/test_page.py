@@ -87,6 +87,13 @@ def test_values_are_those_of_the_summary(page, result):
     assert all(abs(float(one.get("value")) - float(one.text)) < 1.0 for one in values)
 
 
+def test_a_cell_names_reach_antenna_and_height(page):
+    said = [one.text for one in page.all("p") if "reach:" in one.text]
+    assert len(said) == 1
+    assert "reach: near 90%, far 10% (alone: 3" in said[0]
+    assert "elsewhere); height: 5 m (fixed)." in said[0]
+
+
 def test_claims_are_listed_with_their_verdicts(page):
     assert page.by_id("claims").text == "Claimed positions"
     assert "Claimed at 52.50050 13.40000: ● consistent" in page.all("article")[0].text

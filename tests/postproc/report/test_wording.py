@@ -30,13 +30,6 @@ def test_lengths_have_their_significant_digits(value_m, text):
     assert wording.metres(float("inf")) == "unknown"
 
 
-@pytest.mark.parametrize(
-    ("area_m2", "text"), [(681.0, "680 m²"), (11_328.0, "11\u202f000 m²"), (1_240_000.0, "1.2 km²")]
-)
-def test_areas_have_two_digits(area_m2, text):
-    assert wording.area_text(area_m2) == text
-
-
 def test_times():
     assert wording.time_text(3725.4) == "1:02:05"
     assert [wording.duration_text(s) for s in (7.2, 119.0, 1886.0, 7500.0)] == [

@@ -10,7 +10,6 @@ import pyogrio
 import pytest
 
 from benchmarks.synthetic_city.walks import Walker, draw_walkers
-from logger.core.model.prior import prior_for
 from logger.core.runfile import read_sound_run
 from postproc.cli import main
 from postproc.result import Options
@@ -21,7 +20,6 @@ from postproc.survey.cell_location import joined_readings
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
 from postproc.survey.location import locate_survey
-from postproc.survey.options import ANTENNA
 from postproc.survey.scheduling import Cluster
 from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, tasks_of
 from postproc.survey.thinning import MOST_READINGS, OF_A_SQUARE, thin
@@ -182,10 +180,8 @@ def test_command(results, scheduler, capsys):
     assert "not in the survey" in capsys.readouterr().err
 
 
-def test_the_command_allows_for_an_antenna_pattern(results):
-    assert any(one.antenna_db for one in prior_for("any", antenna=ANTENNA).stations)
-    options = Options(prior_for("any", antenna=ANTENNA))
-    tasks = tasks_of(results, results.cells(), RunChoice(), options)
+def test_the_command_has_the_default_prior(results):
+    tasks = tasks_of(results, results.cells(), RunChoice(), Options())
     expected = {one.cell: one.lat_deg for task in tasks for one in locate_cells(task)}
     located = results.folder / "located.parquet"
     assert dict(duckdb.sql(f"SELECT cell, lat_deg FROM '{located}'").fetchall()) == expected
