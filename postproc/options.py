@@ -89,7 +89,7 @@ def prior_options(command: Command, antenna: str = "omni") -> Command:
         default="near",
         show_default=True,
         metavar="NAME",
-        help="Prior of the distance from the walk: near, or far for masts beyond 800 m.",
+        help="Prior of the distance from the walk: near, or far for distant masts.",
     )
     @click.option(
         "--height",

@@ -14,11 +14,6 @@ from logger.core.model.prior import Prior
 
 LEAST_PEAK = 0.05
 """A position with this share of the highest density is a mode, however improbable."""
-FAR_M = 800.0
-"""Farther from the walk than this, regions of measured walks missed the transmitter too often.
-
-With the default reach they held it 0.72 times at 800 to 1200 m and 0.57 times beyond, on 299 walks.
-"""
 _LIMIT_SHARE = 0.01
 """With more probability than this at the end of the searched area, the search ended too early."""
 
@@ -68,7 +63,7 @@ class Posterior:
     holds 95 % of the probability, `drms_m` the root mean square distance from it. `p0_dbm` to
     `sigma_db` are means and standard deviations over the complete posterior, `noise_probability`
     (c,) belongs to the hypotheses of the prior. `limit_share` is the probability at the end of the
-    searched area, `far_share` that of positions farther from the walk than `FAR_M`.
+    searched area.
     `log_evidence` is the log probability density of the levels under the model, to compare models;
     with timing advances it is that of the levels given those, and `prior` reaches as far as they.
     `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the
@@ -89,7 +84,6 @@ class Posterior:
     noise_probability: FloatArray
     strongest: StrongestReading
     limit_share: float
-    far_share: float
     log_evidence: float
     prior: Prior
     offsets: Offsets | None = None

@@ -8,12 +8,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.mixture import Mixture
 from logger.core.locator.offsets import Offsets, offsets
 from logger.core.locator.packing import around, compact_groups
-from logger.core.locator.posterior import (
-    FAR_M,
-    LEAST_PEAK,
-    Mode,
-    Posterior,
-)
+from logger.core.locator.posterior import LEAST_PEAK, Mode, Posterior
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree, nearest_m
 from logger.core.locator.region import (
@@ -89,7 +84,6 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         noise_probability=_noise_probability(task, tree, mixed),
         strongest=task.strongest,
         limit_share=float(np.sum(p[away_m > END_OF_REACH * walk.prior.reach_m])),
-        far_share=float(np.sum(p[away_m > FAR_M])),
         log_evidence=mixed.log_evidence,
         prior=task.prior,
         offsets=_offsets(task, tree, mixed, regions[0]),
