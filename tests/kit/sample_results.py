@@ -146,6 +146,7 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
         modes=modes,
         x_m=float(centre[0]),
         y_m=float(centre[1]),
+        r50_m=1.18 * sigma_m,
         r95_m=2.45 * sigma_m,
         drms_m=1.4 * sigma_m,
         p0_dbm=P0_DBM,

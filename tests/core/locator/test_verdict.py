@@ -32,6 +32,7 @@ def beside(mode, east_m, probability, peak):
         probability=probability,
         peak=peak,
         state=mode.state + np.array([east_m, 0.0, 0.0, 0.0]),
+        place_m=(mode.x_m + east_m, mode.y_m),
     )
 
 
