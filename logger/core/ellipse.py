@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from math import atan2, cos, degrees, exp, isfinite, pi, sin, sqrt
 
 CHI2_95_2DOF = 5.991
+RADII = ("most likely within", "surely within")
+"""Names of the radii that hold 50 % and 95 %, in sentences and above columns."""
 _DIRECTIONS = 32
 """The mean over so many directions of a quarter turn is exact to 1 % of any radius."""
 _HALVINGS = 30
@@ -72,5 +74,5 @@ def radii_text(r50_m: float | None, r95_m: float | None) -> str:
 
     Empty, or the first alone, where a radius is unknown.
     """
-    named = (("most likely", r50_m), ("surely", r95_m))
-    return ", ".join(f"{word} within {metres(r_m)}" for word, r_m in named if r_m is not None)
+    named = zip(RADII, (r50_m, r95_m), strict=True)
+    return ", ".join(f"{name} {metres(radius)}" for name, radius in named if radius is not None)

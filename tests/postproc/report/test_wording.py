@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import pytest
 
+from logger.core.ellipse import metres
 from postproc.report import wording
 from tests.kit import sample_results as kit
 
@@ -26,8 +27,8 @@ def result(tmp_path_factory):
     ],
 )
 def test_lengths_have_their_significant_digits(value_m, text):
-    assert wording.metres(value_m) == text
-    assert wording.metres(float("inf")) == "unknown"
+    assert metres(value_m) == text
+    assert metres(float("inf")) == "unknown"
 
 
 @pytest.mark.parametrize(
