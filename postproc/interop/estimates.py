@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
 
+from logger.core.ellipse import radii_text
 from logger.core.geo import Utm
 from postproc.cell_work import Failure, attempt
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
@@ -32,6 +33,11 @@ class NamedPosition:
     ellipse95: tuple[Rings, ...]
     verdict: str | None = None
     radii_m: tuple[float, float] | None = None
+
+    @property
+    def radii_text(self) -> str:
+        """The two radii in words, empty where there are none."""
+        return radii_text(*self.radii_m) if self.radii_m else ""
 
 
 @dataclass(frozen=True, slots=True)

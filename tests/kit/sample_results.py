@@ -136,7 +136,11 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
     covariance[0, 1] = covariance[1, 0] = 0.3 * sigma_m**2
     modes = tuple(
         dataclass_with(
-            Mode, probability=1 / places, state=np.array([*c, P0_DBM, ETA]), covariance=covariance
+            Mode,
+            probability=1 / places,
+            state=np.array([*c, P0_DBM, ETA]),
+            covariance=covariance,
+            place_m=tuple(c.tolist()),
         )
         for c in centres
     )
