@@ -174,12 +174,11 @@ def _template(name: str) -> Template:
     environment = page_environment("postproc.report")
     environment.filters |= {
         "metres": metres,
-        "radii": RADII,
         "of": wording.number_of,
         "time": wording.time_text,
         "duration": wording.duration_text,
     }
-    environment.globals |= {"degrees": _degrees, "detectable": _detectable}
+    environment.globals |= {"degrees": _degrees, "detectable": _detectable, "radii": RADII}
     return environment.get_template(name)
 
 
