@@ -125,8 +125,8 @@ def locate(
     means that `within_m` holds 95 % of the probability.
 
     The result has `verdict` ("located", "ambiguous", "cannot tell"), `warnings` with the reasons,
-    and `posterior`, None for too few readings: `x_m`, `y_m` and `r95_m` in metres, `p0_dbm` at 1 m,
-    `eta`, `modes` and `squares`, each in the frame of the input.
+    and `posterior`, None for too few readings: `x_m`, `y_m`, `r50_m`, `r95_m` in metres, `p0_dbm`
+    at 1 m, `eta`, `modes` and `squares`, each in the frame of the input.
 
     Raises `ConfigError` for arrays of different shapes or beside `CellObservations`, values that
     are not finite, levels outside -200 to 50 dBm, degrees in place of metres, and an unknown

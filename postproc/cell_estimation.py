@@ -33,7 +33,7 @@ def estimate_cell(obs: CellObservations, options: Options = Options()) -> CellRe
     reference = reference_ekf(obs) if len(obs) and obs.n_modems == 1 else None
     if posterior is None:
         return _converged_only(replace(located, reference=reference))
-    starts = [(mode.x_m, mode.y_m) for mode in posterior.modes]
+    starts = [(float(mode.state[0]), float(mode.state[1])) for mode in posterior.modes]
     usable = obs.usable(located.set_aside)
     all_aligned, usable_aligned = (
         readings if posterior.offsets is None else readings.on_one_scale(posterior.offsets.mean_db)

@@ -40,11 +40,12 @@ class StrongestReading(Struct, kw_only=True):
 
 
 class Best(Struct, kw_only=True):
-    """The posterior: the position shown, the radius that holds 95 %, P0 at 1 m and eta."""
+    """The posterior: the position shown, a mode; radii that hold 95 and 50 %, P0 at 1 m and eta."""
 
     lat: float | None = None
     lon: float | None = None
     r95_m: float | None = None
+    r50_m: float | None = None
     drms_m: float | None = None
     p0_dbm: float | None = None
     p0_sigma_db: float | None = None
@@ -210,11 +211,12 @@ class Offset(Struct, kw_only=True):
 
 
 class BestWithout(Struct, kw_only=True):
-    """Median position and radius that holds 95 %."""
+    """Position shown and radii that hold 95 % and 50 %."""
 
     lat: float
     lon: float
     r95_m: float | None
+    r50_m: float | None = None
 
 
 class Area(Struct, kw_only=True):

@@ -26,7 +26,7 @@ from postproc.info import RunFacts, describe
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.truth import truth_of
 
-_PARAMETERS = ("r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
+_PARAMETERS = ("r95_m", "r50_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
 _STATISTICS = (
     "sigma_db",
     "skewness",
@@ -181,7 +181,8 @@ def _without(rest: CellResult, left_out: Run) -> form.Without:
     )
     if rest.posterior is not None and rest.obs is not None:
         position = _degrees(rest.obs.utm, rest.posterior.x_m, rest.posterior.y_m)
-        entry.best = form.BestWithout(**position, r95_m=rest.posterior.r95_m)
+        radii_m = {name: getattr(rest.posterior, name) for name in ("r95_m", "r50_m")}
+        entry.best = form.BestWithout(**position, **radii_m)
         entry.region95 = form.Area(area_m2=rest.posterior.region_area_m2)
     return entry
 

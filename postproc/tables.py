@@ -7,7 +7,7 @@ from msgspec import UNSET
 from rich.console import Console
 from rich.text import Text
 
-from logger.core.ellipse import Ellipse
+from logger.core.ellipse import RADII, Ellipse
 from logger.core.locator.rivals import alternatives_text, share_text
 from postproc.cell_work import Failure, attempt
 from postproc.result import ESTIMATORS, REFERENCE
@@ -82,7 +82,7 @@ def _print_lines(console: Console, cells: Sequence[Cell]) -> list[Failure]:
 
     Below stands why an estimate failed.
     """
-    titles = ["cell", "readings", "verdict", "position", "95 % within"]
+    titles = ["cell", "readings", "verdict", "position", *RADII]
     if any(cell.truth for cell in cells):
         titles.append("error")
     lines = [attempt(cell.cell, "its line", partial(_line, cell)) for cell in cells]
@@ -92,7 +92,7 @@ def _print_lines(console: Console, cells: Sequence[Cell]) -> list[Failure]:
         for cell, line in zip(cells, lines, strict=True)
     ]
     if fits(console, titles, rows):
-        table(console, titles, rows, right=("readings", "95 % within", "error"))
+        table(console, titles, rows, right=("readings", *RADII, "error"))
     else:
         for row in rows:
             print_text(console, _sentence(row), bullet="- ")
@@ -105,25 +105,27 @@ def _print_lines(console: Console, cells: Sequence[Cell]) -> list[Failure]:
 
 
 def _sentence(row: Sequence[str | Text]) -> Text:
-    name, n, verdict, position, within, error = map(str, row)
-    where = {"located": f" at {position}, 95 % within {within}", "ambiguous": f", {position}"}
+    name, n, verdict, position, likely, surely, error = map(str, row)
+    radii = f"{RADII[0]} {likely}, {RADII[1]} {surely}"
+    where = {"located": f" at {position}, {radii}", "ambiguous": f", {position}"}
     more = f"{where.get(verdict, '')}, {n} readings{f', error {error}' if error else ''}"
     return styled_text((f"{name}: ", ""), (verdict, _STYLES[verdict]), (more, ""))
 
 
 def _line(cell: Cell) -> list[str | Text]:
-    position = within = error = ""
+    position = likely = surely = error = ""
     if cell.verdict == "located":
-        position, within = _position(cell.best), _metres(cell.best.r95_m)
+        position = _position(cell.best)
+        likely, surely = _metres(cell.best.r50_m), _metres(cell.best.r95_m)
         error = _metres(cell.truth.error_m) if cell.truth else ""
     elif cell.verdict == "ambiguous":
         position = f"{sum(mode.percent is not None for mode in cell.modes)} positions"
     verdict = Text(cell.verdict, _STYLES[cell.verdict])
-    return [cell.cell, str(cell.n), verdict, position, within, error]
+    return [cell.cell, str(cell.n), verdict, position, likely, surely, error]
 
 
 def _line_without_answer(cell: Cell) -> list[str | Text]:
-    return [cell.cell, str(cell.n), Text(cell.verdict, _STYLES[cell.verdict]), "", "", ""]
+    return [cell.cell, str(cell.n), Text(cell.verdict, _STYLES[cell.verdict]), "", "", "", ""]
 
 
 def _print_cell(console: Console, cell: Cell) -> None:
@@ -150,8 +152,7 @@ def _print_estimators(console: Console, cell: Cell) -> None:
     rows: list[list[str]] = []
     if cell.best.lat is not None:
         best = cell.best
-        extent = f"r {best.r95_m:.0f}"
-        rows.append(["posterior", _position(best), extent, *_parameters(best), str(cell.n)])
+        rows.append(["posterior", _position(best), _radii(best), *_parameters(best), str(cell.n)])
     for i, mode in enumerate(cell.modes, 1):
         share = share_text(mode.probability) if mode.percent is None else f"{mode.percent}%"
         rows.append([f"  position {i}: {share}", _position(mode), _axes(mode.ellipse95)])
@@ -163,7 +164,10 @@ def _print_estimators(console: Console, cell: Cell) -> None:
         elif state.lat is not None:
             rows.append([title, _position(state), *_extent_and_parameters(state), str(state.n)])
     table(
-        console, ["estimator", "position", "95 % (m)", "P0 (dBm)", "eta", "n"], rows, right=("n",)
+        console,
+        ["estimator", "position", "50 %; 95 % (m)", "P0 (dBm)", "eta", "n"],
+        rows,
+        right=("n",),
     )
 
 
@@ -188,14 +192,18 @@ def _print_runs(console: Console, cell: Cell) -> None:
         level = "-" if share.offset_db is None else "0"
         if share.offset_db is not None and share.sigma_db:
             level = f"{share.offset_db:+.1f} ± {share.sigma_db:.1f}"
-        position = (_position(rest.best), f"r {rest.best.r95_m:.0f}") if rest.best else ("-", "-")
+        position = (_position(rest.best), _radii(rest.best)) if rest.best else ("-", "-")
         rows.append([share.run, str(share.n), level, *position, rest.verdict])
-    titles = ["run", "n", "reads (dB)", "without it", "95 % (m)", "verdict"]
+    titles = ["run", "n", "reads (dB)", "without it", "50 %; 95 % (m)", "verdict"]
     table(console, titles, rows, right=("n",))
 
 
 def _position(position: Best | BestWithout | Mode | FinalState | LeastSquares) -> str:
     return f"{position.lat:.5f} {position.lon:.5f}"
+
+
+def _radii(best: Best | BestWithout) -> str:
+    return f"r {best.r50_m:.0f}; {best.r95_m:.0f}"
 
 
 def _axes(ellipse: Ellipse | None) -> str:

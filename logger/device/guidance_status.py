@@ -26,6 +26,7 @@ def position_status(cell: str, utm: Utm, position: LivePosition) -> PositionStat
         lat=lat,
         lon=lon,
         r95_m=round(posterior.r95_m, 1),
+        r50_m=round(posterior.r50_m, 1),
         area_m2=round(posterior.region_area_m2),
         region=_region(utm, position),
         modes=tuple(

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, TypedDict
 
 import msgspec
 
+from logger.core.ellipse import radii_text
 from logger.core.foreign import decode_json, read_regular
 from logger.core.guidance.next_way import NextWay
 from logger.device.battery import Battery
@@ -48,6 +49,9 @@ class FixStatus(msgspec.Struct, frozen=True):
 class TargetStatus(msgspec.Struct, frozen=True):
     """The target and its best position so far, with the 95 % ellipse and its azimuth.
 
+    `r50_m` and `r95_m` are the radii that hold half and 95 % of all probability; null where the
+    position has less.
+
     `verdict` is "one close place", "one place", "several places" or "cannot tell": less
     than that of the desktop program, which uses the complete walk.
     """
@@ -61,13 +65,16 @@ class TargetStatus(msgspec.Struct, frozen=True):
     semi_major_m: float | None = None
     semi_minor_m: float | None = None
     azimuth_deg: float | None = None
+    r50_m: float | None = None
+    r95_m: float | None = None
 
     def __str__(self) -> str:
         if self.lat_deg is None:
             return f"target {self.cell}: {self.verdict}"
         position = f"{self.lat_deg:.5f} {self.lon_deg:.5f}"
-        region = f"95 % of it within {self.semi_major_m:.0f} x {self.semi_minor_m:.0f} m"
-        return f"target {self.cell}: {self.verdict} ({self.probability:.2f}), {position}, {region}"
+        radii = radii_text(self.r50_m, self.r95_m)
+        parts = [f"target {self.cell}: {self.verdict} ({self.probability:.2f})", position, radii]
+        return ", ".join(filter(None, parts))
 
 
 class SuspicionStatus(msgspec.Struct, frozen=True):
@@ -105,8 +112,9 @@ class Region(TypedDict):
 class PositionStatus(msgspec.Struct, frozen=True):
     """The posterior of the cell that is followed.
 
-    `verdict` is "located", "ambiguous" or "cannot tell"; `r95_m` is the radius about `lat` and
-    `lon` that holds 95 %. `region` is the 95 % region as a GeoJSON MultiPolygon.
+    `verdict` is "located", "ambiguous" or "cannot tell"; `r50_m` and `r95_m` are the radii
+    about `lat` and `lon` that hold 50 % and 95 %. `region` is the 95 % region as a GeoJSON
+    MultiPolygon.
     """
 
     cell: str = ""
@@ -118,6 +126,7 @@ class PositionStatus(msgspec.Struct, frozen=True):
     region: Region | None = None
     modes: tuple[ModeStatus, ...] = ()
     strongest: StrongestStatus | None = None
+    r50_m: float | None = None
 
 
 class CellStatus(msgspec.Struct, frozen=True):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from logger.core.ellipse import radii_text
 from logger.core.errors import ConfigError
 from logger.core.guidance.next_way import NextWay
 from logger.device.status import (
@@ -101,7 +102,7 @@ def position_line(position: PositionStatus) -> str:
     """Where the followed cell is."""
     if position.lat is None or position.lon is None or position.r95_m is None:
         return f"{position.cell}: {position.verdict}"
-    place = f"{position.lat:.5f} {position.lon:.5f}, 95 % within {position.r95_m:.0f} m"
+    place = f"{position.lat:.5f} {position.lon:.5f}, {radii_text(position.r50_m, position.r95_m)}"
     return f"{position.cell}: {position.verdict}, {place}"
 
 

@@ -1,6 +1,6 @@
 """The target for a status line: its live estimate in degrees and metres."""
 
-from logger.core.ellipse import ellipse95
+from logger.core.ellipse import Ellipse, ellipse95, radius_m
 from logger.core.geo import Utm
 from logger.core.live_cell import EKF, ONE_MODE
 from logger.core.types import LiveEstimate
@@ -15,6 +15,7 @@ def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus
         return TargetStatus(cell, "cannot tell")
     lat_deg, lon_deg = Utm(latest.utm_zone).to_latlon(latest.x_m, latest.y_m)
     ellipse = ellipse95(latest.p_xx, latest.p_xy, latest.p_yy)
+    r50_m, r95_m = (_radius_m(ellipse, level, latest.probability) for level in (0.5, 0.95))
     return TargetStatus(
         cell,
         estimate_verdict(latest),
@@ -25,7 +26,15 @@ def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus
         round(ellipse.semi_major_m, 1),
         round(ellipse.semi_minor_m, 1),
         round(ellipse.azimuth_deg, 1),
+        r50_m,
+        r95_m,
     )
+
+
+def _radius_m(ellipse: Ellipse, level: float, probability: float) -> float | None:
+    """Radius with `level` of all probability where the estimate has `probability` of it."""
+    found_m = radius_m(ellipse, level / probability) if probability > level else None
+    return None if found_m is None else round(found_m, 1)
 
 
 def estimate_verdict(latest: LiveEstimate) -> str:

@@ -224,7 +224,7 @@ def _filter_and_smooth(
 
 
 def _distance_db(obs: CellObservations, mode: Mode, height_m: float) -> FloatArray:
-    dx_m, dy_m = mode.x_m - obs.x_m, mode.y_m - obs.y_m
+    dx_m, dy_m = mode.state[0] - obs.x_m, mode.state[1] - obs.y_m
     return path_loss.log_distance_db(dx_m, dy_m, height_m, obs.position_sigma_m)
 
 

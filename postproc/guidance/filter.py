@@ -153,7 +153,8 @@ class GuideFilter:
             return Answer(t_s)
         _, x_m, y_m = self._strongest
         radius_m = self._prior.radius_m(0.95)
-        best = BestPosition(*degrees_of(self._utm, (x_m, y_m)), round(radius_m, 1))
+        radii_m = round(radius_m, 1), round(self._prior.radius_m(0.5), 1)
+        best = BestPosition(*degrees_of(self._utm, (x_m, y_m)), *radii_m)
         return Answer(t_s, best=best, area_m2=round(pi * radius_m**2))
 
 

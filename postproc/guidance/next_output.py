@@ -7,6 +7,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from logger.core.arrays import FloatArray
+from logger.core.ellipse import radii_text
 from logger.core.locator.region import highest_density
 from postproc.atomic_write import whole_file
 from postproc.guidance.next_walk import NextWalk, RankedRoute
@@ -41,7 +42,9 @@ def print_next_walk(walk: NextWalk) -> None:
     ]
     titles = ("route", "length m", "nats", "nats/km", "r95 after m", "to")
     table(console, titles, rows, right=titles[:-1])
-    print_text(console, f"r95 now: {walk.posterior.r95_m:.0f} m. {OPTIMISTIC}")
+    print_text(
+        console, f"now {radii_text(walk.posterior.r50_m, walk.posterior.r95_m)}. {OPTIMISTIC}"
+    )
 
 
 def document_of(walk: NextWalk) -> dict[str, Any]:
@@ -51,7 +54,12 @@ def document_of(walk: NextWalk) -> dict[str, Any]:
     return {
         "cell": walk.cell,
         "verdict": walk.decision.verdict,
-        "best": {"lat": best_lat_deg, "lon": best_lon_deg, "r95_m": walk.posterior.r95_m},
+        "best": {
+            "lat": best_lat_deg,
+            "lon": best_lon_deg,
+            "r95_m": walk.posterior.r95_m,
+            "r50_m": walk.posterior.r50_m,
+        },
         "start": {"lat": lat_deg, "lon": lon_deg},
         "text": walk.text,
         "routes": [

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
 
+from logger.core.ellipse import radii_text
 from logger.core.geo import Utm
 from postproc.cell_work import Failure, attempt
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
@@ -21,6 +22,8 @@ _WIDEST_M = 50_000.0
 class NamedPosition:
     """A position of a cell; `probability` is None for an estimator with a single one.
 
+    `radii_m` hold 50 % and 95 % around the best position.
+
     `verdict` is that on the cell for the positions of the answer, None for other estimators.
     """
 
@@ -29,6 +32,12 @@ class NamedPosition:
     probability: float | None
     ellipse95: tuple[Rings, ...]
     verdict: str | None = None
+    radii_m: tuple[float, float] | None = None
+
+    @property
+    def radii_text(self) -> str:
+        """The two radii in words, empty where there are none."""
+        return radii_text(*self.radii_m) if self.radii_m else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,14 +106,24 @@ def _answer(cell: Cell) -> list[NamedPosition]:
         likely = [mode for mode in cell.modes if mode.percent is not None]
         return [
             NamedPosition(
-                f"possible position {i}", _lon_lat(mode), mode.probability, (), cell.verdict
+                f"possible position {i}",
+                _lon_lat(mode),
+                mode.probability,
+                (),
+                cell.verdict,
+                _radii_m(cell) if i == 1 else None,
             )
             for i, mode in enumerate(likely, 1)
         ]
     if cell.best.lat is None:
         return []
     name = "best position" if cell.verdict == "located" else "best guess"
-    return [NamedPosition(name, _lon_lat(cell.best), None, (), cell.verdict)]
+    return [NamedPosition(name, _lon_lat(cell.best), None, (), cell.verdict, _radii_m(cell))]
+
+
+def _radii_m(cell: Cell) -> tuple[float, float] | None:
+    r50_m, r95_m = cell.best.r50_m, cell.best.r95_m
+    return None if r50_m is None or r95_m is None else (r50_m, r95_m)
 
 
 def _others(cell: Cell, utm: Utm) -> tuple[list[NamedPosition], list[str]]:

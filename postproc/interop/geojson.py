@@ -84,10 +84,11 @@ def _estimate(estimate: Estimate) -> Iterator[Feature]:
             "cell": estimate.cell,
             "verdict": position.verdict,
         }
+        radii_m = dict(zip(("r50_m", "r95_m"), position.radii_m or (), strict=False))
         yield {
             "type": "Feature",
             "geometry": _point(_place(*position.lon_lat)),
-            "properties": {"kind": "place", **named},
+            "properties": {"kind": "place", **named, **radii_m},
         }
         if position.ellipse95:
             yield _area(position.ellipse95, {"kind": "ellipse95", **named})

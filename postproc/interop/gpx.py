@@ -28,7 +28,9 @@ def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None
             share = (
                 "" if position.probability is None else f", probability {position.probability:.2f}"
             )
-            add(waypoint, "desc", f"{position.verdict or 'not the answer, for comparison'}{share}")
+            radii = f", {position.radii_text}" if position.radii_m else ""
+            about = position.verdict or "not the answer, for comparison"
+            add(waypoint, "desc", f"{about}{share}{radii}")
             add(waypoint, "type", "estimate")
     track = add(root, "trk")
     add(track, "name", "walk")

@@ -116,7 +116,8 @@ def _cell(
                 if position.verdict in {None, "located"}
                 else f"{position.name}: {position.verdict}"
             )
-            _placemark(folder, f"{name}{share}", "position", [], (None, None), position.lon_lat)
+            title, about = f"{name}{share}", position.radii_text
+            _placemark(folder, title, "position", [], (None, None), position.lon_lat, about)
             _area(folder, f"95 % ellipse of {position.name}", "ellipse", position.ellipse95)
 
 
@@ -157,10 +158,13 @@ def _placemark(
     parts: Sequence[Line],
     utc_ns: tuple[int | None, int | None],
     at: LonLat,
+    about: str = "",
 ) -> None:
     """Lines, or a point where there is none."""
     placemark = add(parent, "Placemark")
     add(placemark, "name", name)
+    if about:
+        add(placemark, "description", about)
     if None not in utc_ns:
         span = add(placemark, "TimeSpan")
         add(span, "begin", moment(utc_ns[0]))

@@ -32,10 +32,10 @@ class Estimate(NamedTuple):
 
 
 class EstimatorRow(NamedTuple):
-    """A line in the table of a cell's estimators, in degrees, and metres of the 95 % extent.
+    """A line in the table of a cell's estimators, in degrees, and metres of the extent.
 
-    `p0` and `eta` are values with standard deviations. A mode of the posterior has only a position
-    and an extent.
+    `p0` and `eta` are values with standard deviations. The extent is the 95 % ellipse, of the
+    posterior the radii of 50 % and 95 %. A mode of the posterior has only a position and an extent.
     """
 
     name: str
@@ -53,9 +53,9 @@ def estimator_rows(cell: CellResult) -> tuple[EstimatorRow, ...]:
     utm, posterior, rows = cell.obs.utm, cell.posterior, []
     if posterior is not None:
         position_deg = utm.to_latlon(posterior.x_m, posterior.y_m)
-        radius = f"radius {posterior.r95_m:.0f}"
+        radii = f"radius {posterior.r50_m:.0f}; {posterior.r95_m:.0f}"
         p0, eta = P0.of_posterior(posterior), ETA.of_posterior(posterior)
-        rows.append(EstimatorRow("posterior", position_deg, radius, p0, eta, cell.n))
+        rows.append(EstimatorRow("posterior", position_deg, radii, p0, eta, cell.n))
         modes = posterior.modes if len(posterior.modes) > 1 else ()
         for i, mode in enumerate(modes, 1):
             name = f"position {i}: {share_text(mode.probability)}"

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import FloatArray
+from logger.core.ellipse import radii_text
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.rivals import relevant_modes, share_text, whole_percents
 from postproc.pictures.estimates import Estimate, final_estimates
@@ -71,14 +72,12 @@ def headline(result: CellResult) -> str:
     """Verdict and radius or reason, one line."""
     posterior = result.posterior
     if result.verdict == "located" and posterior is not None:
-        radius = f"{posterior.r95_m:.0f} m of the best position"
-        return f"located: 95 % of the probability is within {radius}"
+        return f"located: {radii_text(posterior.r50_m, posterior.r95_m)} of the best position"
     if result.verdict == "ambiguous" and posterior is not None:
         modes = relevant_modes(posterior.modes)
         shares = ", ".join(f"{share}%" for share in whole_percents(modes)[:4])
-        return (
-            f"ambiguous: {len(modes)} positions fit ({shares}); 95 % radius {posterior.r95_m:.0f} m"
-        )
+        radii = radii_text(posterior.r50_m, posterior.r95_m)
+        return f"ambiguous: {len(modes)} positions fit ({shares}); {radii} of the first"
     reason = result.warnings[0] if result.warnings else "the readings do not determine a position"
     return f"{result.verdict}: {reason}"
 

@@ -7,6 +7,7 @@ import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from logger.core.ellipse import radii_text
 from postproc.atomic_write import whole_file
 from postproc.picture_file import kind_of
 from postproc.pictures.fit import fit_of
@@ -73,8 +74,8 @@ def _title(picture: Picture) -> str:
     lines = [f"{cell} - {kind} {files}"]
     lines += [headline(focus)] if focus else []
     if focus is not None and focus.posterior is not None and focus.verdict == "cannot tell":
-        radius_m = focus.posterior.r95_m
-        lines.append(f"the 95 % radius around the most likely position is {radius_m:.0f} m")
+        radii = radii_text(focus.posterior.r50_m, focus.posterior.r95_m)
+        lines.append(f"{radii} of the best position")
     lines += survey.warnings
     wrapped = (part for line in lines for part in textwrap.wrap(line, _TITLE_LETTERS))
     return "\n".join(map(verbatim, wrapped))

@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 
 from logger.core.arrays import FloatArray
+from logger.core.ellipse import metres
 from logger.core.guidance.sentence import direction
 from logger.core.locator.rivals import area_text, share_text
 from postproc.estimators.filters import FilterPath
@@ -14,7 +15,6 @@ from postproc.pictures.fit import Fit
 from postproc.pictures.path_loss import ETA, P0
 from postproc.pictures.picture import Picture
 from postproc.pictures.strips import Strips
-from postproc.report.wording import metres
 from postproc.truth import truth_of
 from postproc.verification.verdicts import CellVerdict
 

@@ -8,6 +8,7 @@ from math import inf
 from jinja2 import Template
 from markupsafe import Markup
 
+from logger.core.ellipse import RADII, metres
 from logger.core.geo import Utm
 from logger.core.locator.rivals import alternatives_text, relevant_modes, share_text
 from logger.core.runfile import Run
@@ -173,12 +174,12 @@ def _template(name: str) -> Template:
     environment = page_environment("postproc.report")
     environment.filters |= {
         "alternatives": alternatives_text,
-        "metres": wording.metres,
+        "metres": metres,
         "of": wording.number_of,
         "time": wording.time_text,
         "duration": wording.duration_text,
     }
-    environment.globals |= {"degrees": _degrees, "detectable": _detectable}
+    environment.globals |= {"degrees": _degrees, "detectable": _detectable, "radii": RADII}
     return environment.get_template(name)
 
 
@@ -195,4 +196,4 @@ def _detectable(tested: CellVerdict) -> str:
     displacements_m = [m for m in tested.detectable_m if m is not None]
     if not displacements_m:
         return "none"
-    return f"{wording.metres(min(displacements_m))} to {wording.metres(max(displacements_m))}"
+    return f"{metres(min(displacements_m))} to {metres(max(displacements_m))}"

@@ -2,9 +2,10 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from math import dist, isfinite
+from math import dist
 from typing import NamedTuple
 
+from logger.core.ellipse import metres, radii_text
 from logger.core.geo import Utm
 from logger.core.guidance.sentence import direction
 from logger.core.locator.posterior import Posterior
@@ -37,9 +38,10 @@ def answer(cell: CellResult) -> Answer:
         return Answer(cell.verdict, "No position yet", _sentence(reason), _advice(cell))
     if cell.verdict == "located":
         area = area_text(posterior.region_area_m2)
+        radii = radii_text(posterior.r50_m, posterior.r95_m)
         position = degrees_text(obs.utm, posterior.x_m, posterior.y_m)
         text = f"With a probability of 95 %, it is in a region of {area} around {position}."
-        return Answer(cell.verdict, f"Located within {metres(posterior.r95_m)}", text, None)
+        return Answer(cell.verdict, f"Located: {radii}", text, None)
     modes = relevant_modes(posterior.modes)
     shares = [
         f"{percent}% at {degrees_text(obs.utm, mode.x_m, mode.y_m)}"
@@ -70,15 +72,6 @@ def heading(cells: Sequence[CellResult], answers: Sequence[Answer]) -> str:
 def number_of(count: int, noun: str) -> str:
     """A number with its noun."""
     return f"{count} {noun}{'s' * (count != 1)}"
-
-
-def metres(value_m: float | None) -> str:
-    """A length with its significant digits."""
-    if value_m is None or not isfinite(value_m):
-        return "unknown"
-    if value_m < 1000.0:
-        return f"{value_m:.0f} m"
-    return f"{value_m / 1000.0:.{1 if value_m < 10_000.0 else 0}f} km"
 
 
 def degrees_text(utm: Utm, x_m: float, y_m: float) -> str:

@@ -72,6 +72,7 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     zone: int | None = None
     x_m: float | None = None
     y_m: float | None = None
+    r50_m: float | None = None
     r95_m: float | None = None
     region_m2: float | None = None
     probability: float | None = None
@@ -185,6 +186,7 @@ def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
         zone=usable.utm.zone,
         x_m=posterior.x_m,
         y_m=posterior.y_m,
+        r50_m=posterior.r50_m,
         r95_m=posterior.r95_m,
         region_m2=posterior.region_area_m2,
         probability=posterior.modes[0].probability,

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from logger.core.ellipse import RADII, metres
 from logger.core.suspicion.finding import WORDS
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.location import Location
@@ -37,7 +38,7 @@ def print_location(location: Location, files: Sequence[Path]) -> None:
     text = ", ".join(f"{counts[verdict]} {verdict}" for verdict in _ORDER if counts[verdict])
     known = f"; {location.n_known} known from before" if location.n_known else ""
     print_text(console, f"{len(cells)} cells: {text or 'none'}{known}", "bold")
-    titles = ("cell", "verdict", "latitude", "longitude", "r95 m", "readings", "runs", "modems")
+    titles = ("cell", "verdict", "latitude", "longitude", *RADII, "readings", "runs", "modems")
     rows = [_row(cell) for cell in cells[:_MOST_ROWS]]
     table(console, titles, rows, right=titles[2:])
     if len(cells) > _MOST_ROWS:
@@ -80,9 +81,10 @@ def _rank(cell: LocatedCell) -> tuple[int, float, str]:
 
 
 def _row(cell: LocatedCell) -> tuple[str, ...]:
-    place = ("–", "–", "–")
-    if cell.lat_deg is not None and cell.lon_deg is not None and cell.r95_m is not None:
-        place = (f"{cell.lat_deg:.5f}", f"{cell.lon_deg:.5f}", f"{cell.r95_m:.0f}")
+    place = ("–", "–", "–", "–")
+    if cell.lat_deg is not None and cell.lon_deg is not None:
+        radii = metres(cell.r50_m), metres(cell.r95_m)
+        place = (f"{cell.lat_deg:.5f}", f"{cell.lon_deg:.5f}", *radii)
     counts = (str(cell.n_readings), str(cell.n_runs), str(cell.n_modems))
     name = cell.cell if cell.n_places == 1 else f"{cell.cell} ({cell.place} of {cell.n_places})"
     return (name, cell.verdict, *place, *counts)

@@ -143,7 +143,7 @@ def _plots(cell: CellView, *, name: str | None) -> rrb.Container:
     if cell.steps:
         area = _plot(f"{path}/area", "95 % area [lg m²]: 4 is a hectare, 6 a km²")
         most_m = 4.0 * cell.steps[-1].posterior.r95_m
-        radius = _plot(f"{path}/accuracy", "95 % radius [m]", (0.0, most_m))
+        radius = _plot(f"{path}/accuracy", "radii of 50 % and 95 % [m]", (0.0, most_m))
         rows.append((1.1, rrb.Tabs(area, radius)))
     lanes = [f"{entity('states', cell.name)}/**", "/states/receiver"]
     states = rrb.StateTimelineView(

@@ -155,12 +155,14 @@ def _draw_area(writer: RerunWriter, cell: CellView) -> None:
 
 
 def _draw_accuracy(writer: RerunWriter, view: ViewModel, cell: CellView) -> None:
-    """95 % radius around the best position, and in a simulation the error of that position."""
+    """Radii about the best position, and in a simulation the error of that position."""
     if not cell.steps:
         return
     path = entity("series", cell.name, "accuracy")
     style = step_line("posterior", colours.POSTERIOR)
     writer.plot(f"{path}/r95", cell.t_ns, cell.of_steps("r95_m"), style)
+    half = step_line("posterior, 50 %", colours.POSTERIOR)
+    writer.plot(f"{path}/r50", cell.t_ns, cell.of_steps("r50_m"), half)
     if cell.picture.truth_m is not None:
         best_m = view.survey.local(cell.of_steps("x_m"), cell.of_steps("y_m"))
         error_m = np.hypot(*(best_m - cell.picture.truth_m).T)

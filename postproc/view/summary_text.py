@@ -86,7 +86,7 @@ def _estimators(cell: CellResult) -> str:
         ]
         for row in estimator_rows(cell)
     ]
-    return _table(("", "latitude", "longitude", "95 % (m)", "P0", "eta"), rows)
+    return _table(("", "latitude", "longitude", "50 %; 95 % (m)", "P0", "eta"), rows)
 
 
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from logger.core.ellipse import ellipse95
+from logger.core.ellipse import ellipse95, radii_text, radius_m
 
 
 @pytest.mark.parametrize(
@@ -34,3 +34,29 @@ def test_holds_95_percent():
     across = east * math.cos(azimuth) - north * math.sin(azimuth)
     inside = (along / ellipse.semi_major_m) ** 2 + (across / ellipse.semi_minor_m) ** 2 <= 1.0
     assert np.mean(inside) == pytest.approx(0.95, abs=0.005)
+
+
+@pytest.mark.parametrize("axes_m", [(10.0, 10.0), (40.0, 10.0), (40.0, 0.1)])
+@pytest.mark.parametrize("level", [0.5, 0.95])
+def test_the_radius_holds_its_level_of_a_gaussian(axes_m, level):
+    xy = np.random.default_rng(0).normal(size=(2, 40_000)) * np.array(axes_m)[:, None]
+    variance = np.square(axes_m)
+    radius = radius_m(ellipse95(variance[0], 0.0, variance[1]), level)
+    assert np.mean(np.hypot(*xy) <= radius) == pytest.approx(level, abs=0.008)
+
+
+def test_no_radius_holds_everything():
+    assert radius_m(ellipse95(1.0, 0.0, 1.0), 1.0) is None
+
+
+@pytest.mark.parametrize(
+    ("radii_m", "text"),
+    [
+        ((45.4, 239.6), "most likely within 45 m, surely within 240 m"),
+        ((980.0, 3240.0), "most likely within 980 m, surely within 3.2 km"),
+        ((12.0, None), "most likely within 12 m"),
+        ((None, None), ""),
+    ],
+)
+def test_radii_in_words(radii_m, text):
+    assert radii_text(*radii_m) == text

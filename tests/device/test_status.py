@@ -90,6 +90,11 @@ def test_the_target_is_said_as_sure_as_it_is():
         Utm(33).to_latlon(400_000.0, 5_800_000.0), abs=1e-6
     )
     assert target_status(ESTIMATE.cell, replace(ESTIMATE, probability=0.99)).verdict == "one place"
+    one = target_status(ESTIMATE.cell, replace(ESTIMATE, probability=0.99))
+    assert several.r95_m is None  # the other places have too much of it
+    assert one.r50_m < 0.5 * one.r95_m < 0.5 * 1.3 * one.semi_major_m
+    radii = f"most likely within {one.r50_m:.0f} m, surely within {one.r95_m:.0f} m"
+    assert str(one).endswith(f", {radii}")
     assert str(several).startswith(
         f"target {ESTIMATE.cell}: several places ({ESTIMATE.probability:.2f}), "
     )

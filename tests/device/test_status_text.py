@@ -13,7 +13,7 @@ from logger.device.status_text import status_lines
 STATUS = Status(
     "recording", "9 s", "run-1.journal", 1, 9 * 10**9, 0, 8 * 10**9, 3, 2, 1, 0, 10, None, None, {},
     next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, "two places fit"),
-    position=PositionStatus("262-01-4711-2", "ambiguous", 52.0, 13.0, 88.0),
+    position=PositionStatus("262-01-4711-2", "ambiguous", 52.0, 13.0, 88.0, r50_m=31.0),
     cells=(
         CellStatus("262-01-4711-1", is_serving=True, level_dbm=-60.0, heard_ns=8 * 10**9),
         CellStatus(
@@ -29,7 +29,8 @@ def test_the_lines_say_what_the_page_shows():
     lines = list(status_lines(STATUS))
     assert lines[:2] == ["recording: 9 s", "durable 1.0 s ago in run-1.journal"]
     assert lines[2] == "go: NE (44 deg), 137 m: two places fit"
-    assert lines[3] == "262-01-4711-2: ambiguous, 52.00000 13.00000, 95 % within 88 m"
+    place = "262-01-4711-2: ambiguous, 52.00000 13.00000"
+    assert lines[3] == f"{place}, most likely within 31 m, surely within 88 m"
     assert lines[4].split() == ["+", "262-01-4711-1", "-60", "dBm", "1", "s"]
     assert lines[5].split()[:5] == ["*", "262-01-4711-2", "-70", "dBm", "-3"]
     assert lines[5].endswith("one place, suspicious")

@@ -137,7 +137,11 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
     covariance[0, 1] = covariance[1, 0] = 0.3 * sigma_m**2
     modes = tuple(
         dataclass_with(
-            Mode, probability=1 / places, state=np.array([*c, P0_DBM, ETA]), covariance=covariance
+            Mode,
+            probability=1 / places,
+            state=np.array([*c, P0_DBM, ETA]),
+            covariance=covariance,
+            place_m=tuple(c.tolist()),
         )
         for c in centres
     )
@@ -147,6 +151,7 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
         modes=modes,
         x_m=float(centre[0]),
         y_m=float(centre[1]),
+        r50_m=1.18 * sigma_m,
         r95_m=2.45 * sigma_m,
         drms_m=1.4 * sigma_m,
         p0_dbm=P0_DBM,

@@ -27,13 +27,13 @@ def phone(tmp_path_factory):
 
 
 def test_a_located_cell_is_the_first_thing_said(phone):
-    located = "{verdict: 'located', r95_m: 46.4}"
+    located = "{verdict: 'located', r50_m: 19.6, r95_m: 46.4}"
     for state, begin in (("recording", "Recording"), ("suspicious", "Recording; a cell is ")):
         status = f"{{state: '{state}', position: {located}}}"
         sign, sentence, todo = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")
         assert sign == state
         assert sentence.startswith(begin)
-        assert sentence.endswith("; located to 46\u00a0m")
+        assert sentence.endswith("; located, most likely within 20\u00a0m, surely within 46\u00a0m")
         assert todo == "You may end here."
 
 

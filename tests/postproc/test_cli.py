@@ -181,7 +181,8 @@ CONTRACT = {
     "verdict",
     "warnings",
 }
-BEST = {"lat", "lon", "r95_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "strongest"}
+BEST = {"lat", "lon", "r50_m", "r95_m", "drms_m", "strongest"}
+BEST |= {"p0_dbm", "p0_sigma_db", "eta", "eta_sigma"}
 
 
 def test_smooth_keeps_its_contract_and_the_run(tmp_path, capsys):

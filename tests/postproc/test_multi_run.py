@@ -132,7 +132,7 @@ def test_json_table_and_file_of_two_runs(pair, capsys):
     (cell,) = found["cells"]
     assert set(cell["offsets"][1]) == {"run", "n", "offset_db", "sigma_db"}
     assert [gave["run"] for gave in cell["without"]] == [str(path) for path in pair]
-    assert set(cell["without"][0]["best"]) == {"lat", "lon", "r95_m"}
+    assert set(cell["without"][0]["best"]) == {"lat", "lon", "r50_m", "r95_m"}
     assert cell["without"][0]["region95"]["area_m2"] > cell["region95"]["area_m2"]
     assert cell["truth"]["inside_region95"] is True
     assert [path.read_bytes() for path in pair] == before

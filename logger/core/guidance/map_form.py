@@ -13,11 +13,12 @@ _DECIMALS = 6
 
 
 class BestPosition(msgspec.Struct, frozen=True):
-    """The position shown (WGS 84), and the radius around it that holds 95 %."""
+    """The position shown (WGS 84), and the radii around it that hold 95 % and 50 %."""
 
     lat: float
     lon: float
     r95_m: float
+    r50_m: float
 
 
 def next_way(utm: Utm, advice: Advice | None) -> NextWay | None:
@@ -35,7 +36,7 @@ def best_position(utm: Utm, position: LivePosition) -> BestPosition:
     """The position shown, in degrees."""
     posterior = position.posterior
     lat, lon = degrees_of(utm, (posterior.x_m, posterior.y_m))
-    return BestPosition(lat, lon, round(posterior.r95_m, 1))
+    return BestPosition(lat, lon, round(posterior.r95_m, 1), round(posterior.r50_m, 1))
 
 
 def true_azimuth_deg(utm: Utm, from_m: Point, to_m: Point) -> float:

@@ -15,11 +15,6 @@ from logger.core.model.prior import Prior, Station
 
 LEAST_PEAK = 0.05
 """A position with this share of the highest density is a mode, however improbable."""
-FAR_M = 800.0
-"""Farther from the walk than this, regions of measured walks missed the transmitter too often.
-
-With the default reach they held it 0.72 times at 800 to 1200 m and 0.57 times beyond, on 299 walks.
-"""
 _LIMIT_SHARE = 0.01
 """With more probability than this at the end of the searched area, the search ended too early."""
 
@@ -38,39 +33,44 @@ class Mode:
 
     `state` is the mean [x, y, P0, eta] in m, m, dBm and 1, `covariance` (4, 4) that of the mode's
     probability alone. `peak` is its highest density divided by the highest of all modes.
+    `place_m` is where to look for it, in every answer the one coordinate of this mode: the
+    strongest mode has that of the posterior. A tail draws the mean away from there. None: the mean.
     """
 
     probability: float
     peak: float
     state: FloatArray
     covariance: FloatArray
+    place_m: tuple[float, float] | None = None
 
     @property
     def x_m(self) -> float:
-        """East."""
-        return float(self.state[0])
+        """East, of the place."""
+        return float(self.state[0]) if self.place_m is None else self.place_m[0]
 
     @property
     def y_m(self) -> float:
-        """North."""
-        return float(self.state[1])
+        """North, of the place."""
+        return float(self.state[1]) if self.place_m is None else self.place_m[1]
 
     @cached_property
     def ellipse(self) -> Ellipse:
-        """95 % ellipse of the mode as a Gaussian."""
-        return ellipse95(self.covariance[0, 0], self.covariance[0, 1], self.covariance[1, 1])
+        """95 % ellipse about the place, of a Gaussian with the mean squares of the mode."""
+        east_m, north_m = self.x_m - self.state[0], self.y_m - self.state[1]
+        (xx, xy), (_, yy) = self.covariance[:2, :2]
+        return ellipse95(xx + east_m**2, xy + east_m * north_m, yy + north_m**2)
 
 
 @dataclass(frozen=True)
 class Posterior:
     """All that is known about one transmitter after a walk.
 
-    `x_m, y_m` is the position to show, in the strongest mode. `r95_m` is the radius around it that
-    holds 95 % of the probability, `drms_m` the root mean square distance from it. `p0_dbm` to
+    `x_m, y_m` is the position to show: the place of the strongest mode, `modes[0]`. `r50_m` and
+    `r95_m` are the radii around it that hold half and 95 % of the probability of all modes,
+    `drms_m` the root mean square distance from it. `p0_dbm` to
     `sigma_db` are means and standard deviations over the complete posterior, `noise_probability`
     (c,), `station_probability` (s,) and `reach_probability` (r,) belong to the hypotheses of the
-    prior. `limit_share` is the probability at the end of the
-    searched area, `far_share` that of positions farther from the walk than `FAR_M`.
+    prior. `limit_share` is the probability at the end of the searched area.
     `log_evidence` is the log probability density of the levels under the model, to compare models;
     with timing advances it is that of the levels given those, and `prior` reaches as far as they.
     `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the
@@ -81,6 +81,7 @@ class Posterior:
     modes: tuple[Mode, ...]
     x_m: float
     y_m: float
+    r50_m: float
     r95_m: float
     drms_m: float
     p0_dbm: float
@@ -93,7 +94,6 @@ class Posterior:
     reach_probability: FloatArray
     strongest: StrongestReading
     limit_share: float
-    far_share: float
     log_evidence: float
     prior: Prior
     offsets: Offsets | None = None

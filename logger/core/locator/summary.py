@@ -9,12 +9,7 @@ from logger.core.locator.alternatives import Alternative, alternatives
 from logger.core.locator.mixture import Mixture, log_sum, rows_of_groups
 from logger.core.locator.offsets import Offsets, offsets
 from logger.core.locator.packing import around, compact_groups
-from logger.core.locator.posterior import (
-    FAR_M,
-    LEAST_PEAK,
-    Mode,
-    Posterior,
-)
+from logger.core.locator.posterior import LEAST_PEAK, Mode, Posterior
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import PositionPrior, Tree, nearest_m
 from logger.core.locator.region import (
@@ -71,10 +66,11 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
     bias_m = float(np.sqrt(BIAS_SHARE) * np.median(walk.blocks.position_sigma_m))
     p = _blur(tree, mixed.probability, bias_m)
     squares = Squares(tree.x_m, tree.y_m, tree.size_m, p)
-    regions = _regions(squares, evidence, mixed)
-    x_m, y_m = _shown_position(task, squares, regions[0].indices)
+    regions = _regions(task, squares, evidence, mixed)
+    strongest_mode = regions[0].mode
+    x_m, y_m = strongest_mode.x_m, strongest_mode.y_m
     mean, covariance = moments_over(tree.squares, evidence, mixed.share, np.arange(len(p)), p)
-    r95_m, drms_m = _radii(squares, x_m, y_m)
+    r50_m, r95_m, drms_m = _radii(squares, x_m, y_m)
     away_m = nearest_m(walk.blocks, tree.x_m, tree.y_m)
     reach = _reach_share(task, tree)
     return Posterior(
@@ -82,6 +78,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         modes=tuple(region.mode for region in regions),
         x_m=x_m,
         y_m=y_m,
+        r50_m=r50_m,
         r95_m=r95_m,
         drms_m=drms_m,
         p0_dbm=float(mean[2]),
@@ -94,7 +91,6 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         reach_probability=reach @ p,
         strongest=task.strongest,
         limit_share=float(np.sum(p[away_m > END_OF_REACH * walk.prior.reach_m])),
-        far_share=float(np.sum(p[away_m > FAR_M])),
         log_evidence=mixed.log_evidence,
         prior=task.prior,
         offsets=_offsets(task, tree, mixed, regions[0]),
@@ -142,7 +138,9 @@ def _on_recorded_scale(evidence: Evidence, mean_dbm: float) -> Evidence:
     return evidence._replace(theta=theta)
 
 
-def _regions(squares: Squares, evidence: Evidence, mixed: Mixture) -> list[_Region]:
+def _regions(
+    task: LocatorInput, squares: Squares, evidence: Evidence, mixed: Mixture
+) -> list[_Region]:
     """Modes with much probability or a high peak, the likeliest first."""
     square = np.stack([squares.x_m, squares.y_m, squares.size_m])
     highest = float(np.max(squares.density))
@@ -153,20 +151,22 @@ def _regions(squares: Squares, evidence: Evidence, mixed: Mixture) -> list[_Regi
         peak = float(np.max(squares.density[indices])) / highest
         if mass >= _LEAST_MODE or peak >= LEAST_PEAK:
             moments = moments_over(square, evidence, mixed.share, indices, p)
-            regions.append(_Region(Mode(mass, peak, *moments), indices))
+            place_m = _place_m(task, squares, indices)
+            regions.append(_Region(Mode(mass, peak, *moments, place_m), indices))
     return sorted(regions, key=lambda region: -region.mode.probability)
 
 
-def _radii(squares: Squares, x_m: float, y_m: float) -> tuple[float, float]:
-    """Radius around a point with 95 % of the probability, and root mean square distance from it."""
+def _radii(squares: Squares, x_m: float, y_m: float) -> tuple[float, float, float]:
+    """Radii around a point with 50 % and 95 %, and root mean square distance from it."""
     p, size_m = squares.probability, squares.size_m
     distance_m = np.hypot(squares.x_m - x_m, squares.y_m - y_m)
     order = np.argsort(distance_m)
-    last = int(np.searchsorted(np.cumsum(p[order]), LEVEL))
+    last = np.searchsorted(np.cumsum(p[order]), [HALF, LEVEL])
     outer_m = np.hypot(distance_m, 0.5 * size_m)[order]
+    r50_m, r95_m = outer_m[np.minimum(last, len(p) - 1)].tolist()
     within_m2 = size_m**2 / 6.0  # mean square distance from the centre of a square
     drms_m = float(np.sqrt(np.sum(p * (distance_m**2 + within_m2))))
-    return float(outer_m[min(last, len(p) - 1)]), drms_m
+    return min(r50_m, r95_m), r95_m, drms_m  # a large square near the point may reach farther
 
 
 def _reach_share(task: LocatorInput, tree: Tree) -> FloatArray:
@@ -224,8 +224,8 @@ def _blur(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
     return blurred
 
 
-def _shown_position(task: LocatorInput, squares: Squares, mode: IntArray) -> tuple[float, float]:
-    """The position to show, from the squares of the strongest mode.
+def _place_m(task: LocatorInput, squares: Squares, mode: IntArray) -> tuple[float, float]:
+    """The position to show for a mode, from its squares.
 
     It is the geometric median of the densest half: the tail of a mode is what the prior allows far
     away. Where this lies beside the walk, and the position of the strongest reading in the densest

@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from logger.core.locator.posterior import FAR_M, Mode, Posterior
+from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
 from logger.core.model.path_loss import level_dbm, log_distance_db
@@ -44,8 +44,6 @@ DESK_M = 150.0
 """A group of houses, which one more walk can search."""
 LIVE_M = 60.0
 """A house and its neighbours: a walker who stands there may look at the roofs and end the walk."""
-_FAR_SHARE = 0.05
-"""With more probability than this far away, the 95 % region reaches there."""
 
 
 class Decision(NamedTuple):
@@ -128,23 +126,12 @@ def _one_sided(case: _Case) -> str | None:
     )
 
 
-def _far_away(case: _Case) -> str | None:
-    share = case.posterior.far_share
-    if share <= _FAR_SHARE:
-        return None
-    return (
-        f"{share:.0%} of the probability lies farther than {FAR_M:.0f} m from the walk, where the "
-        "assumed reach decides, not the levels"
-    )
-
-
 GUARDS: tuple[Callable[[_Case], str | None], ...] = (_few_readings, _small_span, _eta_at_bound)
 """What makes a region no evidence, whatever its size: each gives a sentence, or None."""
 HINTS: tuple[Callable[[_Case], str | None], ...] = (
     _short_walk,
     _beyond_reach,
     _one_sided,
-    _far_away,
 )
 """What widens a region: each gives a sentence, or None."""
 

@@ -44,3 +44,8 @@ export function roundStep(least) {
   const power = 10 ** Math.floor(Math.log10(least));
   return [1, 2, 5, 10].map(n => n * power).find(step => step >= least);
 }
+
+/** How far from the position the transmitter is: half of the probability, and 95 %. */
+export function radii({r50_m: r50, r95_m: r95}) {
+  return `most likely within ${Math.round(r50)}\u00a0m, surely within ${Math.round(r95)}\u00a0m`;
+}

@@ -1,6 +1,6 @@
 // State of the recording at one glance: colour, pattern, sign, sentence.
 
-import {wayOf} from './geometry.js';
+import {radii, wayOf} from './geometry.js';
 
 const SIGNS = {recording: '●', suspicious: '◆', 'no-fix': '▲', trouble: '✕'};
 const byId = id => document.getElementById(id);
@@ -33,7 +33,7 @@ const isLocated = status => status.position?.verdict === 'located';
 const LEAST_PLACE = 0.1; // less likely places are not counted
 
 function place(status) {
-  if (isLocated(status)) return `; located to ${Math.round(status.position.r95_m)}\u00a0m`;
+  if (isLocated(status)) return `; located, ${radii(status.position)}`;
   const likely = (status.position?.modes ?? []).filter(mode => mode.probability >= LEAST_PLACE);
   return likely.length > 1 ? `; ${likely.length} places fit` : '';
 }

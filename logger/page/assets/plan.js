@@ -1,6 +1,6 @@
 // The plan: track coloured by level, heading, region and places, over a plain grid.
 
-import {course, metres, roundStep} from './geometry.js';
+import {course, metres, radii, roundStep} from './geometry.js';
 import {prepared, stopOf} from './drawing.js';
 import {showGround} from './map.js';
 
@@ -174,7 +174,7 @@ function drawWalker(g, at, status, colour) {
 
 function describe(position) {
   const text = !position ? '' : position.r95_m == null ? `${position.cell}: ${position.verdict}`
-    : `${position.cell}: ${position.verdict}, 95 % within ${Math.round(position.r95_m)} m`;
+    : `${position.cell}: ${position.verdict}, ${radii(position)}`;
   byId('place').textContent = text;
   byId('plan').setAttribute('aria-label', `plan of the walk, north is up. ${text}`);
 }

@@ -48,6 +48,7 @@ def test_numbers_are_those_of_the_cells():
     )
     assert p.sum() == pytest.approx(1.0)
     assert p[away <= found.r95_m].sum() == pytest.approx(0.95, abs=0.01)
+    assert p[away <= found.r50_m].sum() == pytest.approx(0.5, abs=0.03)
     assert found.drms_m == pytest.approx(np.sqrt(p @ away**2), rel=0.02)
     assert found.region_area_m2 == np.sum(found.squares.size_m[highest_density(found.squares)] ** 2)
     assert sum(mode.probability for mode in found.modes) == pytest.approx(1.0, abs=0.02)
@@ -56,10 +57,20 @@ def test_numbers_are_those_of_the_cells():
     )
     assert max(mode.peak for mode in found.modes) == 1.0
     strongest = found.modes[0]
-    assert (
-        np.hypot(found.x_m - strongest.x_m, found.y_m - strongest.y_m)
-        < strongest.ellipse.semi_major_m
-    )
+    assert (found.x_m, found.y_m) == (strongest.x_m, strongest.y_m)
+
+
+@pytest.mark.parametrize("shape", ["straight", "L", "square", "circle"])
+def test_the_position_shown_is_a_mode_and_the_ellipse_of_a_mode_is_about_it(shape):
+    for seed in range(3):
+        found = locate(simulate_walk(seed, shape, shadow_db=4.0)[0])
+        assert (found.x_m, found.y_m) in {(mode.x_m, mode.y_m) for mode in found.modes}
+        assert 0.0 < found.r50_m <= found.r95_m
+        for mode in found.modes:
+            off_m2 = (mode.x_m - mode.state[0]) ** 2 + (mode.y_m - mode.state[1]) ** 2
+            about_m2 = np.trace(mode.covariance[:2, :2]) + off_m2
+            axes_m2 = mode.ellipse.semi_major_m**2 + mode.ellipse.semi_minor_m**2
+            assert axes_m2 == pytest.approx(5.991 * about_m2)
 
 
 @pytest.mark.parametrize("aside", [0.49, 0.51])

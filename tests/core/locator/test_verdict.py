@@ -32,6 +32,7 @@ def beside(mode, east_m, probability, peak):
         probability=probability,
         peak=peak,
         state=mode.state + np.array([east_m, 0.0, 0.0, 0.0]),
+        place_m=(mode.x_m + east_m, mode.y_m),
     )
 
 
@@ -219,11 +220,12 @@ def test_several_wide_modes_are_no_answer():
     assert why.startswith("the widest of 2 positions reaches over ")
 
 
-def test_a_region_that_reaches_far_away_is_said_to_rest_on_the_prior():
-    obs, found = clear()
-    far = replace(found, far_share=0.2, r95_m=2000.0)
-    why = " / ".join(assess(far, obs).reasons)
-    assert "20% of the probability lies farther than 800 m from the walk" in why
+def test_the_reach_of_the_region_is_no_reason_of_its_own():
+    """Every walk along a straight street whose level hardly changes reaches far."""
+    x, y = path("straight", 60, 5.6)
+    distance_m = np.hypot(x, y - 1500.0)
+    obs = observations(x, y, -20.0 - 25.0 * np.log10(distance_m))
+    assert "from the walk" not in reasons(obs)
 
 
 # --- never located ---

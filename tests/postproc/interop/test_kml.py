@@ -1,3 +1,4 @@
+import re
 from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -44,6 +45,10 @@ def test_valid_with_levels_regions_ellipses_and_places(tmp_path, schema):
     cell = _folder(root, "262-01-4711-100")
     names = [p.findtext("k:name", namespaces=KML) for p in cell.findall("k:Placemark", KML)]
     assert names[:3] == ["95 % region", "50 % region", "possible position 1: ambiguous (50%)"]
+    (first,) = (p for p in cell.findall("k:Placemark", KML) if p.findtext("k:description", "", KML))
+    assert first.findtext("k:name", "", KML) == names[2]
+    radii = r"most likely within \d+ m, surely within \d+ m"
+    assert re.fullmatch(radii, first.findtext("k:description", "", KML))
     assert {"EKF", "95 % ellipse of RTS", "least squares"} < set(names)
     # every level stands in the file, at its place
     heard = {

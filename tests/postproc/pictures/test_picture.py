@@ -24,8 +24,9 @@ def test_focus_is_a_located_cell_before_one_with_more_readings(result):
 def test_headline_states_the_verdict_and_its_extent(result):
     cell = result.cells[0]
     located = headline(replace(cell, verdict="located"))
-    assert located == "located: 95 % of the probability is within 29 m of the best position"
-    assert headline(cell) == "ambiguous: 2 positions fit (50%, 50%); 95 % radius 29 m"
+    assert located == "located: most likely within 14 m, surely within 29 m of the best position"
+    radii = "most likely within 14 m, surely within 29 m"
+    assert headline(cell) == f"ambiguous: 2 positions fit (50%, 50%); {radii} of the first"
     undecided = replace(cell, verdict="cannot tell", warnings=("too few",))
     assert headline(undecided) == "cannot tell: too few"
 

@@ -54,13 +54,13 @@ def test_every_estimator_is_named(result):
     ):
         assert part in text
     assert "SIMULATED" in text
-    assert "located: 95 % of the probability is within 29 m" in text
+    assert "located: most likely within 14 m, surely within 29 m" in text
 
 
 def test_the_title_states_why_there_is_no_position(result):
     text = with_progress(figure_of(with_verdict(result, "cannot tell", "the walk spans only 3 m")))
     assert "cannot tell: the walk spans only 3 m" in text
-    assert "the 95 % radius around the most likely position is 29 m" in text
+    assert "most likely within 14 m, surely within 29 m of the best position" in text
 
 
 def test_a_run_that_is_not_simulated_does_not_say_so(tmp_path):

@@ -63,7 +63,7 @@ def test_the_verdict_comes_first(page, result):
     assert page.all("h1")[0].text == "1 of 3 cells located, 2 without a position"
     first = page.all("article")[0]
     assert "located" in first.text
-    assert "Located within 29 m" in first.text
+    assert "most likely within 14 m, surely within 29 m" in first.text
     assert "a probability of 95 %" in first.text
     assert result.cells[0].cell in first.text
     assert "simulated run" in page.all("header")[0].text
@@ -75,7 +75,16 @@ def test_values_are_those_of_the_summary(page, result):
     for cell in kit.json_of(result)["cells"]:
         wanted = [
             cell["best"][name]
-            for name in ("lat", "lon", "r95_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
+            for name in (
+                "lat",
+                "lon",
+                "r50_m",
+                "r95_m",
+                "p0_dbm",
+                "p0_sigma_db",
+                "eta",
+                "eta_sigma",
+            )
         ]
         others = [
             cell[one]

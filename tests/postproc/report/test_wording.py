@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import pytest
 
+from logger.core.ellipse import metres
 from postproc.report import wording
 from tests.kit import sample_results as kit
 
@@ -26,8 +27,8 @@ def result(tmp_path_factory):
     ],
 )
 def test_lengths_have_their_significant_digits(value_m, text):
-    assert wording.metres(value_m) == text
-    assert wording.metres(float("inf")) == "unknown"
+    assert metres(value_m) == text
+    assert metres(float("inf")) == "unknown"
 
 
 def test_times():
@@ -47,7 +48,10 @@ def answer(result, **changes):
 
 def test_a_located_cell_needs_no_further_walk(result):
     located = answer(result)
-    assert (located.title, located.advice) == ("Located within 29 m", None)
+    assert (located.title, located.advice) == (
+        "Located: most likely within 14 m, surely within 29 m",
+        None,
+    )
     expected = r"With a probability of 95 %, it is in a region of .* m² around 52\.50\d+ 13\.40"
     assert re.match(expected, located.text)
 
@@ -75,7 +79,10 @@ def test_the_heading_counts_verdicts(result):
     a, b = result.cells
     answers = [answer(result)]
     assert wording.heading([], []) == "No cell was observed"
-    assert wording.heading([a], answers) == f"Cell {a.cell}: located within 29 m"
+    assert (
+        wording.heading([a], answers)
+        == f"Cell {a.cell}: located: most likely within 14 m, surely within 29 m"
+    )
     assert wording.heading([a, b], answers) == "1 of 2 cells located, 1 without a position"
     both = [a, replace(b, verdict="ambiguous")]
     assert wording.heading(both, answers) == "1 of 2 cells located, 1 ambiguous"

@@ -46,7 +46,7 @@ def test_estimates_are_those_of_smooth(tmp_path):
     ordered = [tmp_path / run.name for run in survey.runs.values()]
     (expected,) = smooth_runs([read_sound_run(path) for path in ordered], [name(1)]).cells
     posterior = expected.posterior
-    for key in ("x_m", "y_m", "r95_m", "p0_dbm", "eta", "sigma_db"):
+    for key in ("x_m", "y_m", "r50_m", "r95_m", "p0_dbm", "eta", "sigma_db"):
         assert getattr(found, key) == pytest.approx(getattr(posterior, key), abs=1e-9)
     assert found.n_readings == found.n_used == 180
     assert found.n_modems == 3

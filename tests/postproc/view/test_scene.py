@@ -25,7 +25,7 @@ batch batch/ellipse truth claims/1 claims/1/two_sigma
 """
 OF_SERIES = """
 p0/ekf p0/reference p0/posterior p0/batch p0/rts eta/ekf eta/posterior nis/ekf nis/reference
-nis/bound0.95 nis/bound0.999 area/posterior area/ekf accuracy/r95 accuracy/error
+nis/bound0.95 nis/bound0.999 area/posterior area/ekf accuracy/r50 accuracy/r95 accuracy/error
 """
 SHARED = f"""
 /plan/ground/grid/fine /plan/ground/grid/bold /plan/ground/scale /plan/ground/north
