@@ -43,12 +43,16 @@ class BorderedSums:
         self._whitener[:, :rows, :rows] = matrices
         self._log_det = np.array([noise.log_det for noise in noises])
         self._stations = [
-            _StationSums(prior.of_station(one), closed, matrices, position_m, most)
-            for one in prior.stations
+            _StationSums(prior.of_station(one), closed, matrices, position_m, most, rows_of_station)
+            for one, rows_of_station in zip(
+                prior.stations, station_rows(prior, numbers), strict=True
+            )
         ]
 
     def over(self, walk: FloatArray) -> tuple[list[FloatArray], FloatArray]:
-        """Sums (m + 1, c, h) of each station and log |K| (c, 1); the last block is still open.
+        """Sums (m + 1, k, h) of each station and log |K| (c, 1); the last block is still open.
+
+        k are the station's hypotheses (`station_rows`).
 
         `walk` (5, n) has rows x, y, level, variance of the position, readings.
         """
@@ -79,6 +83,11 @@ class BorderedSums:
         return row / np.sqrt(variance)[:, None], variance
 
 
+def station_rows(prior: Prior, numbers: IntArray) -> list[IntArray]:
+    """Which of the hypotheses `numbers` (c,) each station is possible under."""
+    return [np.flatnonzero(np.isfinite(odds)) for odds in prior.station_log_odds[:, numbers]]
+
+
 class _StationSums:
     """Columns of one station and its sums over all closed blocks."""
 
@@ -89,12 +98,13 @@ class _StationSums:
         matrices: FloatArray,
         position_m: tuple[FloatArray, FloatArray],
         most: int,
+        rows: IntArray,
     ) -> None:
         columns = varying_columns(closed, prior, *position_m)
-        self._prior, self._position_m = prior, position_m
+        self._prior, self._position_m, self._rows = prior, position_m, rows
         self._columns = np.zeros((len(columns), most, len(position_m[0])))
         self._columns[:, : len(closed)] = columns
-        self.total = walk_sums(closed, matrices, prior, *position_m)
+        self.total = walk_sums(closed, matrices[rows], prior, *position_m)
 
     def of_last(self, row: FloatArray, walk: FloatArray) -> FloatArray:
         """Sums of the last block of a walk (5, n), whose row of W is `row` (c, n)."""
@@ -102,7 +112,7 @@ class _StationSums:
         last = single(walk[:, k:], 0.0, NOTHING_CENSORED)
         self._columns[:, k : k + 1] = varying_columns(last, self._prior, *self._position_m)
         extra = receiver_variance(last, self._prior, -self._columns[0, k : k + 1])
-        return _row_sums(row, walk[2], self._columns[:, : k + 1], extra)
+        return _row_sums(row[self._rows], walk[2], self._columns[:, : k + 1], extra)
 
 
 def _row_sums(

@@ -7,13 +7,14 @@ whitened system for each (`bordered_sums`). The longer the walk, the less one re
 posterior is computed after every reading at first, after every eighth one later.
 """
 
+from dataclasses import replace
 from statistics import median
 from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.bordered_sums import BorderedSums
+from logger.core.locator.bordered_sums import BorderedSums, station_rows
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.online_values import LevelReading, ReadingsInOrder, StrongestMode
@@ -35,7 +36,7 @@ from logger.core.model.blocks import (
 )
 from logger.core.model.evidence import Evidence, mix_stations
 from logger.core.model.marginal import marginal
-from logger.core.model.prior import Prior
+from logger.core.model.prior import Prior, Station
 from logger.core.spikes import SpikeCheck, SpikeFilter
 
 MOST_BLOCKS = 100
@@ -45,6 +46,7 @@ EFFORT = Effort(most_squares=500, split_share=0.02, nodes=1, first_share=1.0, sa
 _MOST_CENSORED = 40  # points: their covariance is inverted at each search
 _LEAST_MASS = 1e-5  # probability of a position that stays between searches
 _PLAUSIBLE = 0.01  # probability relative to the likeliest hypothesis, of one that stays
+_ALIKE = 0.1  # of the evidence of stations: the walk does not tell them apart
 _NEW_SHARE = 32  # one reading more in so many changes the posterior by far less than its width
 _LONGEST_WAIT = 8  # readings, a second each: nobody sees an estimate older than that
 _GROWN = 1.4  # times as many blocks: a new search is due
@@ -54,6 +56,8 @@ _MODE_LEVEL = 0.99
 
 class _Searched(NamedTuple):
     """Positions (h,) of the last search, hypotheses (c,) not ruled out, and their sums.
+
+    `prior` has the stations that were not ruled out.
 
     `label` (h,) is the mode a position belongs to (-1: none), `gone` (c, h) what censored readings
     add to the log evidence, `log_weight` (c,) as in `Tree`.
@@ -66,13 +70,25 @@ class _Searched(NamedTuple):
     label: IntArray
     gone: FloatArray
     log_weight: FloatArray | None
+    prior: Prior
+
+
+def _few_heights(stations: tuple[Station, ...]) -> tuple[Station, ...]:
+    """Of each pattern every third height, with the probability of all: a reading costs less."""
+    kept = []
+    for pattern in dict.fromkeys(one.antenna_db for one in stations):
+        alike = [one for one in stations if one.antenna_db == pattern]
+        few = alike[::3]
+        total = sum(one.probability for one in alike)
+        kept += [one._replace(probability=total / len(few)) for one in few]
+    return tuple(kept)
 
 
 class OnlineLocator:
     """Posterior of one transmitter after each reading; call `search` when `stale` exceeds 1."""
 
     def __init__(self, prior: Prior, spikes: SpikeFilter[LevelReading] | None = None) -> None:
-        self._prior = prior
+        self._prior = replace(prior, stations=_few_heights(prior.stations))
         self._spikes = spikes or SpikeFilter[LevelReading]()
         self._white = np.array([h.white_share for h in prior.hypotheses])
         self._apart_m = np.array([h.decorrelation_m for h in prior.hypotheses])
@@ -168,12 +184,36 @@ class OnlineLocator:
         for k, indices in enumerate(mode_regions(cells, _MODE_LEVEL)):
             label[indices] = k
         log_mass = (tree.log_prior + 2.0 * np.log(tree.size_m))[retained]
-        searched = self._start(square, log_mass, tree.numbers[alive], label)
+        prior = replace(self._prior, stations=self._plausible_stations(tree, mixed))
+        searched = self._start(square, log_mass, tree.numbers[alive], label, prior)
         self._n_searched = self._n
         self._evaluate(searched)
         if tree.log_weight is not None and self._evidence is not None:
             gone = tree.evidence.log_p[np.ix_(alive, retained)] - self._evidence.log_p
             self._evaluate(searched._replace(gone=gone, log_weight=tree.log_weight[alive]))
+
+    def _plausible_stations(self, tree: Tree, mixed: Mixture) -> tuple[Station, ...]:
+        """Stations that are not ruled out; one of those that the walk does not tell apart.
+
+        Far from the walk all heights explain the levels alike: their probability remains that of
+        the prior, and the first stands for all.
+        """
+        stations = self._prior.stations
+        share = np.einsum("ch,sch->s", mixed.share, tree.evidence.station)
+        gain = share / np.array([one.probability for one in stations])
+        kept: dict[int, float] = {}
+        for k, station in enumerate(stations):
+            alike = [
+                i
+                for i in kept
+                if stations[i].antenna_db == station.antenna_db
+                and abs(gain[i] - gain[k]) < _ALIKE * max(gain[i], gain[k])
+            ]
+            if alike:
+                kept[alike[0]] += station.probability
+            elif not k or share[k] > _PLAUSIBLE * np.max(share):  # the first stands for all
+                kept[k] = station.probability
+        return tuple(stations[k]._replace(probability=one) for k, one in kept.items())
 
     def _hypothesis_weights(self, walk: Blocks) -> FloatArray | None:
         """Log weight of each hypothesis at the likeliest position, where readings are censored."""
@@ -196,8 +236,8 @@ class OnlineLocator:
         evidence, log_weight = self._evidence, found.log_weight
         tree = Tree(x_m, y_m, size_m, log_prior, evidence, found.numbers, log_weight)
         walk = single(self._on_curve(0, self._n), self._size_m, self._censored_points())
-        given = Walk(walk, walk, self._prior, EFFORT)
-        return LocatorInput(given, self._prior, 0.0, 1, self._strongest), tree
+        given = Walk(walk, walk, found.prior, EFFORT)
+        return LocatorInput(given, found.prior, 0.0, 1, self._strongest), tree
 
     def strongest_mode(self) -> StrongestMode | None:
         """The mode with most probability, None before the first search."""
@@ -274,29 +314,36 @@ class OnlineLocator:
         )
 
     def _start(
-        self, square: FloatArray, log_mass: FloatArray, numbers: IntArray, label: IntArray
+        self,
+        square: FloatArray,
+        log_mass: FloatArray,
+        numbers: IntArray,
+        label: IntArray,
+        prior: Prior,
     ) -> _Searched:
         """Sums over the levels of all blocks but the last, which is still open."""
         closed = single(self._on_curve(0, self._n - 1), self._size_m, NOTHING_CENSORED)
-        sums = BorderedSums(self._prior, numbers, (square[0], square[1]), closed, MOST_BLOCKS)
+        sums = BorderedSums(prior, numbers, (square[0], square[1]), closed, MOST_BLOCKS)
         gone = np.zeros((len(numbers), square.shape[1]))
-        return _Searched(square, log_mass, numbers, sums, label, gone, None)
+        return _Searched(square, log_mass, numbers, sums, label, gone, None, prior)
 
     def _evaluate(self, searched: _Searched, before: Evidence | None = None) -> None:
         """Evidence of the positions by all blocks; `before` is that of one reading ago."""
         self._mode, self._searched, self._n_evaluated = None, searched, self._n_readings
         totals, log_det = searched.sums.over(self._on_curve(0, self._n))
-        prior = self._prior
-        near_db = None if before is None else before.sigma_db
-        parts = [
-            marginal(total, self._n, log_det, prior.of_station(one), EFFORT.nodes, near_db)
-            for one, total in zip(prior.stations, totals, strict=True)
-        ]
-        found = (
-            parts[0]
-            if len(parts) == 1
-            else mix_stations(parts, prior.station_log_odds[:, searched.numbers])
-        )
+        prior, numbers = searched.prior, searched.numbers
+        everywhere = np.arange(searched.square.shape[1])
+        parts: list[Evidence] = []
+        for one, total, rows in zip(
+            prior.stations, totals, station_rows(prior, numbers), strict=True
+        ):
+            near_db = None if before is None else before.sigma_db[rows]
+            alone = prior.of_station(one)
+            found = marginal(total, self._n, log_det[rows], alone, EFFORT.nodes, near_db)
+            parts.append(parts[0].replace(rows, everywhere, found) if parts else found)
+        found = parts[0]
+        if len(parts) > 1:
+            found = mix_stations(parts, prior.station_log_odds[:, numbers])
         self._evidence = found._replace(log_p=found.log_p + searched.gone)
         self._mixed = mixture(
             self._evidence.log_p,
