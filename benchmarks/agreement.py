@@ -94,8 +94,8 @@ def walk(number: int, *, goes_on: bool) -> Ending:
     if best is None:
         raise ValueError("no position at the end of the walk")
     live = Shown(loop.answer.verdict, best.r95_m, outcome.error_m)
-    desk_obs = _imported(loop.rows)
-    desk = _shown(loop, tree.locate(desk_obs), desk_obs)
+    desk_obs = _through_file(loop.rows)
+    desk = _answer_row(loop, tree.locate(desk_obs), desk_obs)
     locator = loop.filter.locator
     readings = _readings(loop, desk_obs)
     locator.search()
@@ -110,26 +110,26 @@ def walk(number: int, *, goes_on: bool) -> Ending:
         readings=len(desk_obs),
         live=live,
         desk=desk,
-        searched=_shown(loop, summarise(*last), readings),
-        same_readings=_shown(loop, tree.locate(readings), readings),
+        searched=_answer_row(loop, summarise(*last), readings),
+        same_readings=_answer_row(loop, tree.locate(readings), readings),
     )
 
 
-def _shown(loop: Loop, posterior: Posterior, obs: CellObservations) -> Shown:
+def _answer_row(loop: Loop, posterior: Posterior, obs: CellObservations) -> Shown:
     verdict = tree.decide(posterior, obs, within_m=LIVE_M)[0]
     place_m = loop.from_start_m(posterior.x_m, posterior.y_m)
     error_m = min(hypot(*(place_m - one)) for one in loop.world.emitters_now())
     return Shown(verdict, float(posterior.r95_m), error_m)
 
 
-def _imported(rows: Sequence[dict[str, str]]) -> CellObservations:
+def _through_file(rows: Sequence[dict[str, str]]) -> CellObservations:
     with TemporaryDirectory() as scratch:
         file = Path(scratch) / "walk.csv"
         with file.open("w", newline="") as text:
             table = csv.DictWriter(text, list(rows[0]))
             table.writeheader()
             table.writerows(rows)
-        return tree.observations(file, times=True).usable()
+        return tree.observations(file).usable()
 
 
 def _readings(loop: Loop, like: CellObservations) -> CellObservations:
@@ -159,7 +159,7 @@ def tables(found: Sequence[Ending]) -> list[Table | str]:
         ("walk", "m", "device", "searched anew", "desktop, same readings", "desktop", "ratio"),
         [_line(one) for one in by_ratio],
     )
-    return [each, _wanted(found)]
+    return [each, _target_table(found)]
 
 
 def _line(one: Ending) -> tuple[str, ...]:
@@ -172,15 +172,15 @@ def _line(one: Ending) -> tuple[str, ...]:
     )
 
 
-def _wanted(found: Sequence[Ending]) -> Table:
+def _target_table(found: Sequence[Ending]) -> Table:
     apart = sum(one.is_apart for one in found)
     steps = sum(one.steps_apart > 1 for one in found)
     most = round(MOST_APART * len(found) / WALKS)
     # an answer is true where its radius holds the transmitter
     true = [sum(one.error_m <= one.r95_m for one in each) for each in _columns(found)]
     lines = [
-        (f"radii by more than {MOST_RATIO:g}", str(apart), f"<= {most}", _missed(apart > most)),
-        ("verdicts two steps apart", str(steps), "0", _missed(steps > 0)),
+        (f"radii by more than {MOST_RATIO:g}", str(apart), f"<= {most}", _miss_text(apart > most)),
+        ("verdicts two steps apart", str(steps), "0", _miss_text(steps > 0)),
         ("device: within its radius", str(true[0]), f"of {len(found)}", ""),
         ("desktop: within its radius", str(true[1]), f"of {len(found)}", ""),
     ]
@@ -193,7 +193,7 @@ def _columns(found: Sequence[Ending]) -> tuple[list[Shown], list[Shown]]:
     return [one.live for one in found], [one.desk for one in found]
 
 
-def _missed(is_missed: bool) -> str:
+def _miss_text(is_missed: bool) -> str:
     return "missed" if is_missed else ""
 
 

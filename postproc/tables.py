@@ -25,6 +25,8 @@ from postproc.result_json import (
 )
 from postproc.terminal import fits, print_text, screen, styled_text, table
 
+_COLUMNS = ("likely", "surely")
+"""Short for `RADII`, so that a line fits into 80 columns."""
 _STYLES = {"located": "green", "ambiguous": "yellow", "cannot tell": "red"}
 _ORDER = tuple(_STYLES)
 _REFERENCE_NOTE = (
@@ -82,7 +84,7 @@ def _print_lines(console: Console, cells: Sequence[Cell]) -> list[Failure]:
 
     Below stands why an estimate failed.
     """
-    titles = ["cell", "readings", "verdict", "position", *RADII]
+    titles = ["cell", "readings", "verdict", "position", *_COLUMNS]
     if any(cell.truth for cell in cells):
         titles.append("error")
     lines = [attempt(cell.cell, "its line", partial(_line, cell)) for cell in cells]
@@ -92,7 +94,7 @@ def _print_lines(console: Console, cells: Sequence[Cell]) -> list[Failure]:
         for cell, line in zip(cells, lines, strict=True)
     ]
     if fits(console, titles, rows):
-        table(console, titles, rows, right=("readings", *RADII, "error"))
+        table(console, titles, rows, right=("readings", *_COLUMNS, "error"))
     else:
         for row in rows:
             print_text(console, _sentence(row), bullet="- ")

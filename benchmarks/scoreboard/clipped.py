@@ -34,6 +34,7 @@ class ClippedLikelihood(Likelihood):
             Walk(walk.x_m[uncensored], walk.y_m[uncensored], walk.level_dbm[uncensored]), noise
         )
         self._every = walk
+        self._reach_odds = ours.log_reach_odds(walk)
         self._censored = Walk(
             walk.x_m[~uncensored], walk.y_m[~uncensored], walk.level_dbm[~uncensored]
         )
@@ -63,4 +64,7 @@ class ClippedLikelihood(Likelihood):
         away = 0.5 * (a00 * off0**2 + 2.0 * a01 * off0 * off1 + a11 * off1**2)
         log_p = 0.5 * np.sum(b * np.stack([m0, m1]), axis=0) + beyond - away
         log_p -= 0.5 * np.log(h00 * h11 - h01**2)
-        return np.asarray(log_p + ours.log_position_prior(nearest_m(self._every, x_m, y_m)), float)
+        return np.asarray(
+            log_p + ours.log_position_prior(nearest_m(self._every, x_m, y_m), self._reach_odds),
+            float,
+        )

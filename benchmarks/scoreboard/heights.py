@@ -101,7 +101,7 @@ def scores(wanted: Sequence[HeightJob], processes: int) -> list[HeightScore]:
 
 def tables(found: Sequence[HeightScore]) -> list[Table | str]:
     """Coverage of each cell, margins, and what is wanted."""
-    return [_cells(found), _margins(found), _wanted(found), _legend(found)]
+    return [_cells(found), _margins(found), _target_table(found), _legend(found)]
 
 
 def _cells(found: Sequence[HeightScore]) -> Table:
@@ -110,12 +110,12 @@ def _cells(found: Sequence[HeightScore]) -> Table:
         for height_m in HEIGHTS_M:
             row = [one for one in found if (one.job.noise, one.job.height_m) == (noise, height_m)]
             by_pass = [[one for one in row if one.job.pass_m == pass_m] for pass_m in PASSES_M]
-            lines.append((f"{noise}, {height_m:.0f} m", *map(_held, by_pass)))
+            lines.append((f"{noise}, {height_m:.0f} m", *map(_held_text, by_pass)))
     headings = ("noise, height", *(f"passed at {pass_m:.0f} m" for pass_m in PASSES_M))
     return Table("walks whose 95 % region holds the antenna", headings, lines)
 
 
-def _held(some: Sequence[HeightScore]) -> str:
+def _held_text(some: Sequence[HeightScore]) -> str:
     return f"{sum(one.is_covered for one in some)} of {len(some)}"
 
 
@@ -163,7 +163,7 @@ def right_located(found: Sequence[HeightScore]) -> int:
     return sum(one.is_located and one.is_covered for one in found if one.job.height_m in LOW_M)
 
 
-def _wanted(found: Sequence[HeightScore]) -> Table:
+def _target_table(found: Sequence[HeightScore]) -> Table:
     margins = [(coverage(some), name) for name, some in groups(found) if some]
     by_cell: dict[tuple[str, float, float], list[HeightScore]] = {}
     for one in found:

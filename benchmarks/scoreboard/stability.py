@@ -132,7 +132,7 @@ def disturb_walks(chosen: Sequence[Trace], processes: int, seeds: int) -> list[D
 
 def tables(found: Sequence[Disturbed]) -> list[Table | str]:
     """How often the answer changes, by campaign, and the walks that change most."""
-    return [_shares(found), _wanted(found), _worst(found), _legend(found)]
+    return [_shares(found), _target_table(found), _worst(found), _legend(found)]
 
 
 def _groups(found: Sequence[Disturbed]) -> list[tuple[str, list[Disturbed]]]:
@@ -174,7 +174,7 @@ def unstable_share(some: Sequence[Disturbed]) -> float:
     return float(np.mean([one.is_unstable for one in some]))
 
 
-def _wanted(found: Sequence[Disturbed]) -> Table:
+def _target_table(found: Sequence[Disturbed]) -> Table:
     share, misses = unstable_share(found), sum(one.becomes_miss for one in found)
     lines = [
         (

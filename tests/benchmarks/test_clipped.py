@@ -42,7 +42,7 @@ def by_net(walk, x_m, y_m):
     )
     place = np.array([x_m]), np.array([y_m])
     return float(scipy.special.logsumexp(log_p)) + float(
-        ours.log_position_prior(nearest_m(walk, *place))[0]
+        ours.log_position_prior(nearest_m(walk, *place), ours.log_reach_odds(walk))[0]
     )
 
 

@@ -23,7 +23,7 @@ from benchmarks.scoreboard.tables import in_markdown
 WHITE, TWO_SCALES = NOISES
 
 
-def scored(run=0, *, height_m=5.0, covered=True, verdict="located"):
+def score_of(run=0, *, height_m=5.0, covered=True, verdict="located"):
     job = HeightJob(WHITE, height_m, 15.0, run)
     return HeightScore(job, covered, error_m=4.0, r95_m=20.0, area_m2=900.0, verdict=verdict)
 
@@ -64,8 +64,8 @@ def test_a_walk_is_scored():
 
 
 def test_what_is_wrong_is_counted():
-    some = [scored(run) for run in range(9)]
-    some += [scored(9, covered=False), scored(10, height_m=30.0, verdict="cannot tell")]
+    some = [score_of(run) for run in range(9)]
+    some += [score_of(9, covered=False), score_of(10, height_m=30.0, verdict="cannot tell")]
     by_name = dict(groups(some))
     assert len(by_name["height 30 m"]) == 1
     assert right_located(some) == 9

@@ -14,7 +14,7 @@ from tests.kit.walks import FLOOR_DBM, censor_at_floor, simulate
 BEFORE = Answer(1e4, 60.0, is_covered=True, verdict="located", weights={"noise": (0.2, 0.8)})
 
 
-def disturbed(seed, **after):
+def disturbance(seed, **after):
     return Disturbed(scored_walk().trace, seed, BEFORE, replace(BEFORE, **after))
 
 
@@ -32,10 +32,10 @@ def test_errors_are_small_and_levels_at_the_floor_stay():
 
 def test_changes_are_counted():
     found = [
-        disturbed(0, area_m2=1.9e4),
-        disturbed(1, area_m2=2.1e4, verdict="cannot tell"),
-        disturbed(2, area_m2=0.4e4, is_covered=False),
-        disturbed(3),
+        disturbance(0, area_m2=1.9e4),
+        disturbance(1, area_m2=2.1e4, verdict="cannot tell"),
+        disturbance(2, area_m2=0.4e4, is_covered=False),
+        disturbance(3),
     ]
     text = in_markdown(tables(found))
     assert "| all | 1 | 0.500 | 0.692 | 1 | 1 | 1 |" in text

@@ -9,7 +9,7 @@ from logger.core.repeated_levels import CacheTest, repeats_along
 from tests.kit.walks import observations
 
 
-def measured(rng, n, *, step_m, noise_db, quantum_db=1.0):
+def levels_of(rng, n, *, step_m, noise_db, quantum_db=1.0):
     """Levels of a walk past a transmitter, as a modem reports them."""
     x_m = (np.arange(n) - 0.5 * n) * step_m
     level_dbm = -40.0 - 28.0 * np.log10(np.hypot(x_m, 40.0)) + noise_db * rng.normal(size=n)
@@ -36,7 +36,7 @@ def test_a_report_that_stands_still_counts_once(first, step_m):
 @pytest.mark.parametrize("seed", range(5))
 def test_reports_that_are_repeated_a_few_times_count_once(seed, held):
     """A log every five seconds, of a telephone that measures less often."""
-    x_m, level_dbm = measured(np.random.default_rng(seed), 200, step_m=30.0, noise_db=5.0)
+    x_m, level_dbm = levels_of(np.random.default_rng(seed), 200, step_m=30.0, noise_db=5.0)
     at = np.arange(200)
     again = repeats(x_m, level_dbm[at - at % held])
     assert np.mean(np.isin(at[at % held > 0], again)) > 0.75
@@ -52,7 +52,7 @@ def test_honest_levels_all_count(step_m, noise_db, quantum_db):
     """Also of modems that count in steps of 2 dB, and where a third of the levels are equal."""
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        walk = measured(rng, 600, step_m=step_m, noise_db=noise_db, quantum_db=quantum_db)
+        walk = levels_of(rng, 600, step_m=step_m, noise_db=noise_db, quantum_db=quantum_db)
         assert repeats(*walk) == []
 
 
@@ -66,7 +66,7 @@ def test_levels_at_rest_all_count():
 
 def test_after_a_cache_honest_levels_count_again():
     rng = np.random.default_rng(4)
-    x_m, level_dbm = measured(rng, 400, step_m=12.0, noise_db=3.0)
+    x_m, level_dbm = levels_of(rng, 400, step_m=12.0, noise_db=3.0)
     level_dbm[100:180] = level_dbm[100]
     again = np.array(repeats(x_m, level_dbm))
     assert set(range(101, 180)) <= set(again.tolist())
@@ -75,7 +75,7 @@ def test_after_a_cache_honest_levels_count_again():
 
 
 def test_the_device_drops_what_the_desktop_drops_once_it_is_sure():
-    x_m, level_dbm = measured(np.random.default_rng(5), 300, step_m=12.0, noise_db=3.0)
+    x_m, level_dbm = levels_of(np.random.default_rng(5), 300, step_m=12.0, noise_db=3.0)
     level_dbm[80:] = level_dbm[80 + (np.arange(220) // 40) * 40]
     test = CacheTest()
     dropped = [
@@ -91,7 +91,7 @@ def test_the_device_drops_what_the_desktop_drops_once_it_is_sure():
 
 
 def test_a_pile_of_repeats_is_no_limit_of_the_scale():
-    _, level_dbm = measured(np.random.default_rng(6), 30, step_m=11.0, noise_db=3.0)
+    _, level_dbm = levels_of(np.random.default_rng(6), 30, step_m=11.0, noise_db=3.0)
     level_dbm = np.append(level_dbm, [np.min(level_dbm) - 4.0] * 60)
     obs = observations(11.0 * np.arange(90), np.zeros(90), level_dbm, 4.0)
     obs = replace(obs, rat="LTE")
@@ -106,7 +106,7 @@ def test_a_pile_of_repeats_is_no_limit_of_the_scale():
 def test_the_floor_of_the_scale_is_reported_again_and_again_by_right():
     """RXLEV 0 of GSM, and a floor of another scale to which levels come back."""
     rng = np.random.default_rng(7)
-    x_m, level_dbm = measured(rng, 400, step_m=14.0, noise_db=4.0)
+    x_m, level_dbm = levels_of(rng, 400, step_m=14.0, noise_db=4.0)
     fading_dbm = np.round(-114.0 + 5.0 * rng.normal(size=400))
     for rat, true_dbm, floor_dbm in (("GSM", level_dbm, -110.0), ("LTE", fading_dbm, -118.0)):
         obs = observations(x_m, 0.0 * x_m, np.maximum(true_dbm, floor_dbm), 4.0)
@@ -117,7 +117,7 @@ def test_the_floor_of_the_scale_is_reported_again_and_again_by_right():
 
 def test_each_modem_repeats_its_own_levels():
     """Two modems on one walk: the readings of one stand between the repeats of the other."""
-    x_m, level_dbm = measured(np.random.default_rng(8), 200, step_m=8.0, noise_db=4.0)
+    x_m, level_dbm = levels_of(np.random.default_rng(8), 200, step_m=8.0, noise_db=4.0)
     modem = np.arange(200) % 2
     level_dbm[modem == 1] = -97.0
     obs = replace(observations(x_m, 0.0 * x_m, level_dbm, 2.0), modem=modem)

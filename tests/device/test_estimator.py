@@ -174,7 +174,7 @@ def test_a_walk_with_failures_is_recorded_whole_and_replayed(tmp_path, monkeypat
             raise MemoryError
         return feed(tracker, seq, record)
 
-    speed = 40.0
+    speed = 20.0
     scene, clock = scenario("block", 1, 600.0), ScaledClock(speed)
     time = WalkTime(clock)
     sessions = answering(scene.modem(time.now_s)), talking(scene.receiver(), time)

@@ -82,6 +82,9 @@ def _of_kind(
         has_any = own_of_groups > _LEAST_PROBABILITY * of_groups
         weight = (of_groups[has_any] / own_of_groups[has_any]) @ own[has_any]
         alone_p = squares.probability * (weight / every)
+        if not np.any(alone_p > 0.0):
+            yield Alternative(kind, name, probability, None, None)
+            continue
         alone = replace(squares, probability=alone_p / np.sum(alone_p))
         outside = 1.0 - float(np.sum(alone.probability[answer]))
         yield Alternative(kind, name, probability, area_m2(alone), outside)

@@ -91,4 +91,5 @@ def _on_one_scale(walk: Walk, obs: CellObservations) -> Walk:
     prior, censored = first_look(obs, walk.coarse, walk.prior)
     fine = replace(walk.blocks, censored=censored)
     coarse = replace(walk.coarse, censored=censored) if walk.is_searched_twice else fine
-    return walk._replace(blocks=fine, coarse=coarse, prior=prior)
+    shifted = tuple(replace(grid, censored=censored) for grid in walk.shifted)
+    return walk._replace(blocks=fine, coarse=coarse, prior=prior, shifted=shifted)

@@ -38,7 +38,7 @@ class Effort(NamedTuple):
     first_share: float = 0.7
     most_blocks: int = 300
     samples: int = 4
-    densest: int = 30
+    densest: int = 50
 
 
 class Tree(NamedTuple):

@@ -320,7 +320,7 @@ def test_refining_keeps_what_the_coarse_search_has_computed(monkeypatch):
     """Long noise stays in the coarse blocks: its evidence at the same squares is the same."""
     obs, prior = walk(count=60), Prior(reach_m=400.0)
     fine, coarse = blocks(obs, 60), blocks(obs, 20)
-    task = Walk(fine, coarse, prior, Effort(most_squares=500))
+    task = Walk(fine, coarse, prior, Effort(most_squares=500, nodes=7))
     tree = coarse_search(task)
     noise = weigh_noise(task, tree)
     assert [part.blocks for part in noise.parts] == [fine, coarse]

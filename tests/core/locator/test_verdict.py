@@ -181,7 +181,7 @@ def test_one_sided_walk():
     x, y = path("L", 150, 5.6)
     source = 900.0, -500.0
     level = -20 - 35 * np.log10(np.hypot(x - source[0], y - source[1]))
-    obs = observations(x, y, level + 0.3 * np.random.default_rng(1).normal(size=150))
+    obs = observations(x, y, level + 1.0 * np.random.default_rng(1).normal(size=150))
     found = locate(obs)
     assert len([mode for mode in found.modes if mode.probability > 0.03]) == 1
     bearing = np.degrees(np.arctan2(x - found.x_m, y - found.y_m))
