@@ -29,6 +29,7 @@ from scoreboard import tree
 from scoreboard.output import argument_parser, print_and_write
 from scoreboard.tables import Table, three_digits
 
+from logger.core.guidance.followed_cell import observations_of
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.summary import summarise
 from logger.core.locator.verdict import LIVE_M
@@ -97,7 +98,7 @@ def walk(number: int, *, goes_on: bool) -> Ending:
     desk_obs = _through_file(loop.rows)
     desk = _answer_row(loop, tree.locate(desk_obs), desk_obs)
     locator = loop.filter.locator
-    readings = _readings(loop, desk_obs)
+    readings = observations_of(locator, desk_obs.utm)
     locator.search()
     last = locator.last_search()
     if last is None:
@@ -130,25 +131,6 @@ def _through_file(rows: Sequence[dict[str, str]]) -> CellObservations:
             table.writeheader()
             table.writerows(rows)
         return tree.observations(file).usable()
-
-
-def _readings(loop: Loop, like: CellObservations) -> CellObservations:
-    """The readings that the device has taken, at the positions that it had for them."""
-    x_m, y_m, sigma_m, level_dbm, limit = loop.filter.locator.readings.columns()
-    number = np.arange(len(x_m))
-    return CellObservations(
-        cell=like.cell,
-        rat=None,
-        utm=like.utm,
-        t_ns=number,
-        x_m=x_m,
-        y_m=y_m,
-        position_sigma_m=sigma_m,
-        level_dbm=level_dbm,
-        scan_seq=number,
-        known_limit=limit.astype(np.int64),
-        without_spikes=True,
-    )
 
 
 def tables(found: Sequence[Ending]) -> list[Table | str]:

@@ -46,13 +46,13 @@ class FollowedCell:
         if last is None:
             return False
         posterior = summarise(*last)
-        decision = self._verdict.update(posterior, _observations(locator, self.utm))
+        decision = self._verdict.update(posterior, observations_of(locator, self.utm))
         self.position = LivePosition(posterior, decision)
         self._guide.decide(*last)
         return True
 
 
-def _observations(locator: OnlineLocator, utm: Utm) -> CellObservations:
+def observations_of(locator: OnlineLocator, utm: Utm) -> CellObservations:
     """The readings of a locator in their order."""
     x_m, y_m, sigma_m, level_dbm, limit = locator.readings.columns()
     number = np.arange(len(x_m))
