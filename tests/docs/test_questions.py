@@ -1,0 +1,104 @@
+"""What users ask is answered by a page: `questions.toml` names the section and the words in it."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from logger.drivers.registry import FAMILIES
+from tests.docs.commands import PROGRAMS, run
+from tests.docs.pages import ROOT
+
+QUESTIONS = tomllib.loads(Path(__file__).with_name("questions.toml").read_text("utf-8"))["question"]
+FEWEST = 60
+_FENCE = re.compile(r"^ *```")
+_HEADING = re.compile(r"^(#+) (.*)$")
+
+
+def section_of(page: str, heading: str) -> str | None:
+    """The section below a heading with its subsections, all of the page for the empty heading.
+
+    None where the page has no such section.
+    """
+    if not heading:
+        return page
+    lines: list[str] = []
+    depth, in_block = 0, False
+    for line in page.splitlines():
+        in_block ^= bool(_FENCE.match(line))
+        match = None if in_block else _HEADING.match(line)
+        if depth and match and len(match[1]) <= depth:
+            break
+        if depth:
+            lines.append(line)
+        elif match and match[2] == heading:
+            depth = len(match[1])
+    return "\n".join(lines) if depth else None
+
+
+@cache
+def printed_by(command: str) -> str:
+    """What a command of ours prints, or a module of the repository by `python -m`."""
+    program, *arguments = command.split()
+    if program in PROGRAMS:
+        return run(program, *arguments)[1]
+    completed = subprocess.run(
+        [sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return completed.stdout
+
+
+def unanswered(question: dict, page: str) -> list[str]:
+    """The words of an answer that are not where the question says; all without such a section."""
+    section = section_of(page, question.get("heading", ""))
+    if section is None:
+        return question["answer"]
+    command = question.get("command")
+    if command:
+        if command not in section:
+            return [command]
+        section = printed_by(command)
+    text = " ".join(section.split())
+    return [words for words in question["answer"] if " ".join(words.split()) not in text]
+
+
+@pytest.mark.parametrize("question", QUESTIONS, ids=lambda question: question["asks"])
+def test_a_page_answers(question):
+    assert unanswered(question, (ROOT / question["page"]).read_text("utf-8")) == []
+
+
+@pytest.mark.parametrize("question", QUESTIONS, ids=lambda question: question["asks"])
+def test_a_deleted_answer_is_noticed(question):
+    """Without the lines that hold an answer, and without the section, nothing is answered."""
+    page = (ROOT / question["page"]).read_text("utf-8")
+    wanted = [question["command"]] if "command" in question else question["answer"]
+    section = section_of(page, question.get("heading", ""))
+    assert unanswered(question, page.replace(section, "")) != []
+    for words in wanted:
+        pattern = r"\s+".join(map(re.escape, words.split()))
+        without = section_of(re.sub(pattern, "", page), question.get("heading", ""))
+        assert without is None or unanswered(question, re.sub(pattern, "", page)) != []
+
+
+def test_there_are_enough_questions_and_each_is_asked_once():
+    asked = [question["asks"] for question in QUESTIONS]
+    assert len(asked) >= FEWEST
+    assert sorted(set(asked)) == sorted(asked)
+    assert [
+        asks for asks, question in zip(asked, QUESTIONS, strict=True) if not question["answer"]
+    ] == []
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_every_modem_family_is_asked_for(family):
+    """A question names the page of notes of the driver, or the driver in its answer."""
+    notes = f"firmware_notes/{family}.md"
+    assert [
+        question["asks"]
+        for question in QUESTIONS
+        if question["page"] == notes or f"`{family}`" in question["answer"]
+    ]
