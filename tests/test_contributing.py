@@ -60,7 +60,7 @@ class AcmeX(Family):
             for mcc, mnc, lac, cell, level in rows
         )
 ''',
-    "firmware_notes/acme_x.md": "# Acme X20\n\n`AT+ACELL?` transmits nothing.\n",
+    "firmware_notes/acme.md": "# Acme\n\n## acme_x: X20\n\n`AT+ACELL?` transmits nothing.\n",
     "tests/drivers/acme/test_acme_x.py": """from logger.drivers.acme.acme_x import AcmeX
 from tests.kit.drivers import cells_of, own_replies
 

@@ -11,33 +11,10 @@ import pytest
 
 from logger.drivers.registry import FAMILIES
 from tests.docs.commands import PROGRAMS, run
-from tests.docs.pages import ROOT
+from tests.docs.pages import ROOT, section_of
 
 QUESTIONS = tomllib.loads(Path(__file__).with_name("questions.toml").read_text("utf-8"))["question"]
 FEWEST = 60
-_FENCE = re.compile(r"^ *```")
-_HEADING = re.compile(r"^(#+) (.*)$")
-
-
-def section_of(page: str, heading: str) -> str | None:
-    """The section below a heading with its subsections, all of the page for the empty heading.
-
-    None where the page has no such section.
-    """
-    if not heading:
-        return page
-    lines: list[str] = []
-    depth, in_block = 0, False
-    for line in page.splitlines():
-        in_block ^= bool(_FENCE.match(line))
-        match = None if in_block else _HEADING.match(line)
-        if depth and match and len(match[1]) <= depth:
-            break
-        if depth:
-            lines.append(line)
-        elif match and match[2] == heading:
-            depth = len(match[1])
-    return "\n".join(lines) if depth else None
 
 
 @cache
@@ -95,10 +72,10 @@ def test_there_are_enough_questions_and_each_is_asked_once():
 
 @pytest.mark.parametrize("family", sorted(FAMILIES))
 def test_every_modem_family_is_asked_for(family):
-    """A question names the page of notes of the driver, or the driver in its answer."""
-    notes = f"firmware_notes/{family}.md"
+    """A question names the section of the driver in its notes, or the driver in its answer."""
     assert [
         question["asks"]
         for question in QUESTIONS
-        if question["page"] == notes or f"`{family}`" in question["answer"]
+        if question.get("heading", "").startswith(f"{family}: ")
+        or f"`{family}`" in question["answer"]
     ]

@@ -1,29 +1,48 @@
 """Each driver comes with its notes, its tests and the replies that these read."""
 
-from pathlib import Path
+import re
 
 import pytest
 
 from logger.drivers.registry import FAMILIES
+from tests.docs.pages import ROOT, section_of
 
-ROOT = Path(__file__).parents[2]
+NOTES = ROOT / "firmware_notes"
+COMMON = NOTES / "at.md"
+"""What every modem gets, and all of the driver `generic`."""
+
+
+def vendor_of(name: str) -> str:
+    """The folder of a driver, by which its notes are named too."""
+    return type(FAMILIES[name]).__module__.split(".")[2]
 
 
 @pytest.mark.parametrize("name", FAMILIES)
-def test_a_driver_has_its_notes_tests_and_replies(name):
-    vendor = type(FAMILIES[name]).__module__.split(".")[2]
+def test_a_driver_has_its_tests_and_replies(name):
     missing = [
         path
         for path in (
-            f"logger/drivers/{vendor}/{name}.py",
-            f"tests/drivers/{vendor}/test_{name}.py",
+            f"logger/drivers/{vendor_of(name)}/{name}.py",
+            f"tests/drivers/{vendor_of(name)}/test_{name}.py",
             f"tests/drivers/data/ati/{name}.txt",
             f"tests/drivers/data/own/{name}.txt",
-            f"firmware_notes/{'at' if name == 'generic' else name}.md",
         )
         if not (ROOT / path).is_file()
     ]
     assert not missing
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_the_notes_name_each_command_that_a_driver_sends(name):
+    """In the section of the driver in the notes of its vendor, or among those of all modems."""
+    page = NOTES / f"{vendor_of(name)}.md"
+    notes = page.read_text("utf-8") if page.is_file() else ""
+    title = re.search(rf"^## ({name}(?::.*)?)$", notes, re.MULTILINE)
+    section = section_of(notes, title[1]) if title else ""
+    assert section or name == "generic", f"{page.name} has no section {name}"
+    known = section + COMMON.read_text("utf-8")
+    sent = {re.match(r"AT[+#^!*]?[A-Z0-9]*", text)[0] for text in FAMILIES[name].sends()}
+    assert sorted(text for text in sent if not re.search(rf"{re.escape(text)}\b", known)) == []
 
 
 @pytest.mark.parametrize("folder", ["ati", "own"])
