@@ -202,3 +202,18 @@ def _fit(text: str, size: int) -> bytes:
     if len(encoded) > size:
         encoded = encoded[: size - 3].decode("utf-8", "ignore").encode() + "…".encode()
     return encoded.rstrip(b"\0")
+
+
+def tables_text() -> str:
+    """All tables with their columns, units and marks of the unknown, in Markdown."""
+    lines = [f"Schema {SCHEMA_VERSION}."]
+    for table, columns in TABLES.items():
+        lines += ["", f"## {table}", "", "| column | type | unit | unknown |", "|---|---|---|---|"]
+        for column in columns:
+            unknown = "" if column.unknown is None else column.unknown
+            lines.append(f"| `{column.name}` | {column.dtype} | {column.unit} | {unknown} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(tables_text())  # noqa: T201 (what docs/runfile.md refers to)

@@ -5,11 +5,16 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+FILES = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "systemd/README.md")
 PAGES = tuple(
     sorted(
         [
-            *(ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md")),
-            *(ROOT / "docs").rglob("*.md"),
+            *(ROOT / name for name in FILES),
+            *(
+                page
+                for page in (ROOT / "docs").rglob("*.md")
+                if page.parent.name != "generated"  # by a build of the site
+            ),
         ]
     )
 )

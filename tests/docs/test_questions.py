@@ -29,7 +29,7 @@ def printed_by(command: str) -> str:
     return completed.stdout
 
 
-def unanswered(question: dict, page: str) -> list[str]:
+def missing_words(question: dict, page: str) -> list[str]:
     """The words of an answer that are not where the question says; all without such a section."""
     section = section_of(page, question.get("heading", ""))
     if section is None:
@@ -45,7 +45,7 @@ def unanswered(question: dict, page: str) -> list[str]:
 
 @pytest.mark.parametrize("question", QUESTIONS, ids=lambda question: question["asks"])
 def test_a_page_answers(question):
-    assert unanswered(question, (ROOT / question["page"]).read_text("utf-8")) == []
+    assert missing_words(question, (ROOT / question["page"]).read_text("utf-8")) == []
 
 
 @pytest.mark.parametrize("question", QUESTIONS, ids=lambda question: question["asks"])
@@ -54,11 +54,11 @@ def test_a_deleted_answer_is_noticed(question):
     page = (ROOT / question["page"]).read_text("utf-8")
     wanted = [question["command"]] if "command" in question else question["answer"]
     section = section_of(page, question.get("heading", ""))
-    assert unanswered(question, page.replace(section, "")) != []
+    assert missing_words(question, page.replace(section, "")) != []
     for words in wanted:
         pattern = r"\s+".join(map(re.escape, words.split()))
         without = section_of(re.sub(pattern, "", page), question.get("heading", ""))
-        assert without is None or unanswered(question, re.sub(pattern, "", page)) != []
+        assert without is None or missing_words(question, re.sub(pattern, "", page)) != []
 
 
 def test_there_are_enough_questions_and_each_is_asked_once():

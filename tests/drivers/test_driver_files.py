@@ -45,6 +45,11 @@ def test_the_notes_name_each_command_that_a_driver_sends(name):
     assert sorted(text for text in sent if not re.search(rf"{re.escape(text)}\b", known)) == []
 
 
+def test_the_table_of_modems_has_every_driver():
+    table = section_of((ROOT / "systemd/README.md").read_text("utf-8"), "Modems")
+    assert set(re.findall(r"^\| `(\w+)` ", table, re.MULTILINE)) == set(FAMILIES)
+
+
 @pytest.mark.parametrize("folder", ["ati", "own"])
 def test_replies_belong_to_a_driver_that_is_found(folder):
     """A driver that is missing in `DRIVERS` of its vendor folder leaves its replies behind."""

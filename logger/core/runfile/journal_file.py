@@ -3,7 +3,7 @@
 It is on the card when `append` returns.
 
 Settings and their reasons were found by pulling the plug on 57 designs (ARCHITECTURE.md, decision
-4).
+3).
 """
 
 import errno
