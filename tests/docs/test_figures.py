@@ -8,7 +8,7 @@ from tests.docs.pages import PAGES, name_of, text_of
 
 FIGURES = ("docs/accuracy.md", "README.md")
 FIGURE = re.compile(
-    r"\b[01]\.\d\d\b"  # a coverage or a rate
+    r"\b[01]\.\d\d\b(?!\.)"  # a coverage or a rate
     r"|\b\d+(?:\.\d+)? ?%"
     r"|\b\d+ of (?:all )?\d+ (?:walks|runs|cells|worlds|transmitters|stations|simulated|measured)"
     r"|(?:median error|error|off) (?:of|by|is|was) \d+ ?m\b"
