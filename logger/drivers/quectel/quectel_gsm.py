@@ -10,7 +10,7 @@
     +QENG: 0,1769,9,400,"00288516",-103,-9,-94,5,3,"A924",0,14,2   NB-IoT, the same prefix
 
 The column of the level, the only negative number, distinguishes the two serving rows. Area and cell
-are hexadecimal (firmware_notes/quectel_gsm.md).
+are hexadecimal (firmware_notes/quectel.md).
 """
 
 import re

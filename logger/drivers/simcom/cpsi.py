@@ -1,4 +1,4 @@
-"""+CPSI, the serving cell as all newer SIMCom modems print it (firmware_notes/sim7600.md).
+"""+CPSI, the serving cell as all newer SIMCom modems print it (firmware_notes/simcom.md).
 
     +CPSI: GSM,Online,502-12,0x1054,62168,512 DCS 1800,-71,0,32-32
     +CPSI: LTE,Online,310-260,0x2D18,50896642,236,EUTRAN-BAND4,2300,5,5,-125,-987,-663,10

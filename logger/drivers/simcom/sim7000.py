@@ -8,7 +8,7 @@
     +CENG: 0,"0665,35,02,4b2c,404,95,c1c0"                     any cell, hexadecimal
 
 A SIM800 prints other rows under a header of two values: under such a header nothing is read
-(firmware_notes/sim7000.md).
+(firmware_notes/simcom.md).
 """
 
 import re

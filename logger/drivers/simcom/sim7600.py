@@ -7,7 +7,7 @@
     +CMGRMI: LTE_InterFreq1_Cell1,417,-125,-1011,-772,0
 
 Area and cell of +CCINFO are decimal; levels of +CMGRMI are tenths of a dB. `cpsi` reads +CPSI; the
-sources are in firmware_notes/sim7600.md.
+sources are in firmware_notes/simcom.md.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""SIMCom SIM800, SIM808 and SIM900: cells from AT+CENG and AT+CNETSCAN (firmware_notes/sim800.md).
+"""SIMCom SIM800, SIM808 and SIM900: cells from AT+CENG and AT+CNETSCAN (firmware_notes/simcom.md).
 
     AT+CENG?
     +CENG: 1,1                                              header: mode, Ncell
