@@ -4,8 +4,7 @@ Every row begins with `seq` (number of the record in the run, the order of every
 since boot when the record was complete) and `source`. Integers that may be unknown have a mark in
 `Column.unknown`; unknown floats are NaN, unknown texts empty. A row is packed, little-endian.
 
-Nothing here needs numpy, so that a run can begin before numpy has been imported; `rows` has the
-tables as arrays.
+Nothing here needs numpy: a run begins before it is imported. `rows` has the tables as arrays.
 """
 
 import math
@@ -205,7 +204,7 @@ def _fit(text: str, size: int) -> bytes:
 
 
 def tables_text() -> str:
-    """All tables with their columns, units and marks of the unknown, in Markdown."""
+    """All tables in Markdown."""
     lines = [f"Schema {SCHEMA_VERSION}."]
     for table, columns in TABLES.items():
         lines += ["", f"## {table}", "", "| column | type | unit | unknown |", "|---|---|---|---|"]
