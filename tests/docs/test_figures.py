@@ -1,4 +1,4 @@
-"""Figures of accuracy stand in docs/accuracy.md alone, and the few of the README in it."""
+"""Figures of accuracy stand in docs/accuracy.md alone, and few in the tables of the README."""
 
 import re
 
@@ -6,7 +6,7 @@ import pytest
 
 from tests.docs.pages import PAGES, name_of, text_of
 
-FIGURES = ("docs/accuracy.md", "README.md")
+FIGURES = "docs/accuracy.md"
 FIGURE = re.compile(
     r"\b[01]\.\d\d\b(?!\.)"  # a coverage or a rate
     r"|\b\d+(?:\.\d+)? ?%"
@@ -32,11 +32,12 @@ def figures(text: str) -> list[str]:
     return [match[0] for match in FIGURE.finditer(text) if match[0] not in DEFINITIONS]
 
 
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if name_of(page) not in FIGURES], ids=name_of
-)
+@pytest.mark.parametrize("page", [page for page in PAGES if name_of(page) != FIGURES], ids=name_of)
 def test_no_other_page_has_a_figure_of_accuracy(page):
-    assert figures(text_of(page)) == []
+    text = text_of(page)
+    if page.name == "README.md":
+        text = "\n".join(line for line in text.splitlines() if not line.startswith("|"))
+    assert figures(text) == []
 
 
 def test_a_figure_is_found():
@@ -45,5 +46,5 @@ def test_a_figure_is_found():
 
 
 def test_every_definition_is_used():
-    text = "\n".join(text_of(page) for page in PAGES if name_of(page) not in FIGURES)
+    text = "\n".join(text_of(page) for page in PAGES if name_of(page) != FIGURES)
     assert [number for number in DEFINITIONS if number not in text] == []
