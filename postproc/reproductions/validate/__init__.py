@@ -9,7 +9,7 @@
     cost         memory and time
     bound, walk  what they need
     suite        all of them in order
-    report       table, JSON and the page VALIDATION.md
+    report       table, JSON and Markdown
 
 The claims are those of "EKF Implementation Validation" and "Mathematical Derivations" of
 github.com/shinnosuke1023/cell-finder (android/ekf_validation.md, MATHEMATICAL_DERIVATIONS.md).

@@ -10,7 +10,7 @@ from postproc.options import only_one
 @click.option("--quick", is_flag=True, help="Simulate fewer runs: a few seconds.")
 @json_option
 @click.option(
-    "--page", "as_page", is_flag=True, help="Print VALIDATION.md, without what differs by machine."
+    "--page", "as_page", is_flag=True, help="Print Markdown, without what differs by machine."
 )
 def validate(*, quick: bool, as_json: bool, as_page: bool) -> int:
     """Check each claim of the specification by measurement."""

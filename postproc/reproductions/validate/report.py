@@ -1,4 +1,4 @@
-"""The checks as a table, as JSON, and as the page VALIDATION.md."""
+"""The checks as a table, as JSON, and as a page of Markdown."""
 
 import json
 from collections import Counter
