@@ -79,3 +79,8 @@ def test_every_modem_family_is_asked_for(family):
         if question.get("heading", "").startswith(f"{family}: ")
         or f"`{family}`" in question["answer"]
     ]
+
+
+def test_the_table_of_modems_has_every_driver():
+    table = section_of((ROOT / "systemd/README.md").read_text("utf-8"), "Modems")
+    assert set(re.findall(r"^\| `(\w+)` ", table, re.MULTILINE)) == set(FAMILIES)

@@ -52,11 +52,6 @@ def notes_of(name: str) -> str:
     return ""
 
 
-def test_the_table_of_modems_has_every_driver():
-    table = section_of((ROOT / "systemd/README.md").read_text("utf-8"), "Modems")
-    assert set(re.findall(r"^\| `(\w+)` ", table, re.MULTILINE)) == set(FAMILIES)
-
-
 @pytest.mark.parametrize("folder", ["ati", "own"])
 def test_replies_belong_to_a_driver_that_is_found(folder):
     """A driver that is missing in `DRIVERS` of its vendor folder leaves its replies behind."""
