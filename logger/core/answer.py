@@ -58,7 +58,7 @@ class Position(Struct, frozen=True, kw_only=True):
         """The position alone."""
         return Position(lat=self.lat, lon=self.lon, r95_m=self.r95_m, r50_m=self.r50_m)
 
-    def rounded(self) -> "Position":
+    def to_tenth_metre(self) -> "Position":
         """The position alone, to 0.1 m: nobody walks more exactly."""
         lat, lon = (round(angle, _DEGREE_DECIMALS) for angle in (self.lat, self.lon))
         return Position(lat=lat, lon=lon, r95_m=round(self.r95_m, 1), r50_m=round(self.r50_m, 1))

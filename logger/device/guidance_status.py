@@ -20,7 +20,7 @@ def position_status(answer: Answer, posterior: Posterior, utm: Utm) -> PositionS
     place = answer.place
     if place is None:
         return PositionStatus(answer.cell, answer.verdict)
-    shown, strongest = place.rounded(), place.strongest
+    shown, strongest = place.to_tenth_metre(), place.strongest
     return PositionStatus(
         cell=answer.cell,
         verdict=answer.verdict,

@@ -143,7 +143,7 @@ class GuideFilter:
         return GuideLine(
             t_s=t_s,
             verdict=answer.verdict,
-            best=answer.place.rounded(),
+            best=answer.place.to_tenth_metre(),
             area_m2=round(answer.place.area_m2),
             next=next_way(utm, followed.advice),
         )
@@ -155,7 +155,9 @@ class GuideFilter:
         _, x_m, y_m = self._strongest
         radius_m = self._prior.radius_m(0.95)
         lat, lon = self._utm.to_latlon(x_m, y_m)
-        best = Position(lat=lat, lon=lon, r95_m=radius_m, r50_m=self._prior.radius_m(0.5)).rounded()
+        best = Position(
+            lat=lat, lon=lon, r95_m=radius_m, r50_m=self._prior.radius_m(0.5)
+        ).to_tenth_metre()
         return GuideLine(t_s, best=best, area_m2=round(pi * radius_m**2))
 
 
