@@ -55,9 +55,9 @@ def live_tracker(settings: LiveSettings, baseline: "Baseline", streets: "Streets
 
 def _rules_note() -> Note:
     """Which rules are applied; their modules are imported with the tracker."""
-    from logger.core.suspicion.notes import start_note  # noqa: PLC0415
+    from logger.core.suspicion.rules import rules_note  # noqa: PLC0415
 
-    return start_note()
+    return rules_note()
 
 
 def _log_place(error: Exception) -> None:

@@ -1,7 +1,7 @@
 """The command `postproc suspect`."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import click
@@ -30,21 +30,21 @@ def suspect(
     how often legitimate cells earn it. The exit code is 3 if a rule failed.
     """
     from logger.baseline_file import BaselineFile
+    from logger.core.baseline import NO_BASELINE, Baseline
     from logger.core.runfile import read_sound_run
     from postproc.cell_work import exit_code
     from postproc.progress import with_progress
     from postproc.suspicion import json_form, tables
-    from postproc.suspicion.run_assessment import assess_runs
+    from postproc.suspicion.assessment import assess_runs
     from postproc.verification.celldb import CellDb
 
     with ExitStack() as stack:
-        baseline = database = None
+        baseline: Baseline = NO_BASELINE
+        database = None
         if baseline_path is not None:
-            baseline = BaselineFile(baseline_path)
-            stack.callback(baseline.close)
+            baseline = stack.enter_context(closing(BaselineFile(baseline_path)))
         if celldb_path is not None:
-            database = CellDb(celldb_path)
-            stack.callback(database.close)
+            database = stack.enter_context(closing(CellDb(celldb_path)))
         suspicions = assess_runs(
             [read_sound_run(path) for path in paths], baseline, database, with_progress
         )

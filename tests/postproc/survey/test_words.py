@@ -12,7 +12,7 @@ from postproc.survey import suspicion
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
 from postproc.survey.rule_inputs import records_of, rule_inputs
-from postproc.suspicion.run_assessment import assess_runs, track
+from postproc.suspicion.assessment import assess_runs, track
 from tests.postproc.baseline.walks import cell, write_walk
 
 FOREIGN = "310-260-9-77"
@@ -82,7 +82,7 @@ def test_worst_word_over_all_runs(files, folder, scheduler, capsys):
     found = cells[FOREIGN]
     assert found["word"] == one_run[FOREIGN].word == "suspicious"
     assert found["word_runs"] == 2
-    assert set(found["word_rules"]) == {finding.rule for finding in one_run[FOREIGN].findings}
+    assert set(found["word_rules"]) == {finding.rule.id for finding in one_run[FOREIGN].findings}
     assert {one["word"] for name, one in cells.items() if name != FOREIGN} == {"nothing unusual"}
     # each run is asked once: nothing is left for a scheduler
     assert _locate(capsys, folder, "tcp://127.0.0.1:1") == cells
