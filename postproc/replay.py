@@ -2,7 +2,7 @@
 
 import re
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import astuple, dataclass
 from importlib.metadata import version
 
@@ -150,7 +150,7 @@ def replay(run: Run) -> Replay:
         n_findings=len(findings),
         findings_differ=_findings_differ(run, findings, findings_replayed),
         advice_differs=_advice_differs(run, values_replayed),
-        other_rules=bool(findings) and findings[0] != rules_note().text,
+        other_rules=_are_of_others(findings),
     )
 
 
@@ -182,11 +182,13 @@ def _has_same_words(run: Run) -> bool:
 
     The file of a baseline is not part of the run, so its findings cannot be repeated.
     """
-    notes = run.tables["notes"]
-    if np.any(notes["code"] == b"baseline"):
-        return False
-    ours = rules_note().text
-    return all(text == ours for text in _texts(_values(run, "notes"), RULES_CODE))
+    has_baseline = bool(np.any(run.tables["notes"]["code"] == b"baseline"))
+    return not has_baseline and not _are_of_others(_findings(_values(run, "notes")))
+
+
+def _are_of_others(findings: Sequence[str]) -> bool:
+    """Whether findings are those of other rules."""
+    return bool(findings) and findings[0] != rules_note().text
 
 
 def _values(run: Run, table: str) -> Iterator[object]:

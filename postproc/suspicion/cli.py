@@ -10,7 +10,19 @@ from logger.command_line import INPUT, json_option
 from postproc.options import runs_argument
 
 
+def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) -> None:
+    if is_wanted:
+        from postproc.suspicion.tables import print_rules
+
+        print_rules()
+        context.exit()
+
+
 @click.command
+@click.option(
+    "--rules", is_flag=True, is_eager=True, expose_value=False, callback=_print_rules,
+    help="Print all rules with their needs and rates instead.",
+)  # fmt: skip
 @runs_argument
 @click.option(
     "--baseline", "baseline_path", type=INPUT, metavar="FILE",

@@ -185,7 +185,7 @@ RULES = (
         check=_foreign,
         detection=0.9,
         measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
-        elsewhere=Rate(0, 85, 0.0, "88 cells at one place, 3 of a railway left out"),
+        elsewhere=Rate(0, 85, 0.0, "88 cells at one place, railways left out"),
     ),
     ScanRule(
         id="P4",

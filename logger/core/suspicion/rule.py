@@ -62,12 +62,12 @@ class Rate:
 
     @property
     def text(self) -> str:
-        """All of it in words."""
+        """It in words, without the logs."""
         of = f"{self.alarms} of {self.cells} cells"
         if self.hours:
             low, high = (alarms / self.hours for alarms in self.interval)
             of = f"{of} in {self.hours:.1f} h ({low:.2f} to {high:.2f} an hour)"
-        return f"{of}, {self.where}"
+        return of
 
 
 _NONE_SEEN = 3.0

@@ -25,9 +25,8 @@ def test_every_rule_says_what_it_needs_and_how_often_it_is_wrong():
 def test_the_interval_of_a_rate():
     assert Rate(0, 50, 1.0, "").interval == pytest.approx((0.0, 2.996), abs=0.001)
     assert Rate(10, 50, 1.0, "").interval == pytest.approx((4.795, 18.390), abs=0.001)
-    text = "1 of 77 cells in 2.0 h (0.01 to 2.79 an hour), a route"
-    assert Rate(1, 77, 2.0, "a route").text == text
-    assert Rate(1, 77, 0.0, "a route").text == "1 of 77 cells, a route"
+    assert Rate(1, 77, 2.0, "").text == "1 of 77 cells in 2.0 h (0.01 to 2.79 an hour)"
+    assert Rate(1, 77, 0.0, "").text == "1 of 77 cells"
 
 
 def test_a_technology_with_an_alarm_has_no_lower_rate_than_its_own():
