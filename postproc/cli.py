@@ -178,11 +178,11 @@ def smooth(
     from postproc.cell_work import exit_code
     from postproc.result import Options
     from postproc.summary import summarise
-    from postproc.suspicion.assessment import order_by_word
+    from postproc.suspicion.run_assessment import conspicuous_first
 
     runs = [read_sound_run(path) for path in paths]
     result = estimate(runs, cells, Options(prior, loss, within_m))
-    summary = summarise(order_by_word(result))
+    summary = summarise(conspicuous_first(result)[0])
     # printed first: a run on a read-only card has an answer too
     failures = _print_summary(summary, details=bool(cells or verbose), as_json=as_json)
     beside = results.path_beside(paths[0], together=len(runs) > 1)

@@ -1,8 +1,7 @@
 """The live estimate once more, from recorded fixes, scans and what the walker followed."""
 
 import re
-from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from importlib.metadata import version
 
@@ -11,13 +10,11 @@ from threadpoolctl import threadpool_limits
 
 from logger.core.errors import EstimationError, error_place
 from logger.core.live import ADVICE, LiveTracker
-from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED
+from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED, SUSPICIOUS
 from logger.core.runfile import Run
-from logger.core.suspicion.rule import WORDS, Finding
 from logger.core.suspicion.rules import RULES_CODE, rules_note
-from logger.core.suspicion.tracker import SuspicionTracker
-from logger.core.suspicion.words import FINDING_CODE, Assessment, by_word, word_of_note
-from logger.core.types import LiveEstimate, Note, Record
+from logger.core.suspicion.words import FINDING_CODE
+from logger.core.types import LiveEstimate, Note, Record, Scan
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +56,8 @@ def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
     `EstimationError` where it fails only here.
     """
     failed, restarted = _numbers(run, FAILED), _numbers(run, RESTARTED)
-    tracker: LiveTracker | None = _tracker(run)
+    targets = _targets(run)
+    tracker: LiveTracker | None = _tracker(run, targets)
     follow: tuple[int, Record] | None = None
     with threadpool_limits(1):  # as on the device: several threads of BLAS add in another order
         for seq, record in run.records("fixes", "scans", "notes"):
@@ -70,12 +68,14 @@ def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
             if seq in failed:
                 tracker = None
             elif tracker is None and seq in restarted:
-                tracker = _tracker(run, record.t_ns)
-                if follow is not None and follow[0] != seq:
+                tracker = _tracker(run, targets)
+                if follow is not None and follow[0] != seq and targets is None:
                     tracker.feed(*follow)
-            if tracker is None:
+            if tracker is None or (targets is not None and isinstance(record.value, Note)):
                 continue
             try:
+                if targets and isinstance(record.value, Scan) and record.t_ns in targets:
+                    tracker.feed(seq, targets[record.t_ns])
                 values = tracker.feed(seq, record)
             except Exception as error:
                 text = f"{run.path}: the live estimate fails at record {seq}: {error_place(error)}"
@@ -83,38 +83,29 @@ def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
             yield from values
 
 
-def _tracker(run: Run, since_ns: int = 0) -> LiveTracker:
-    """The live estimate of a run from some time on."""
+def _tracker(run: Run, targets: Mapping[int, Record] | None) -> LiveTracker:
     tracker = LiveTracker(run.meta.live)
-    if not _has_same_words(run):
-        tracker.suspicion = _RecordedWords(run, since_ns)
+    if targets is not None:
+        tracker.feed(0, Record(0, "replay", Note("info", FOLLOW, "")))  # no cell before the first
     return tracker
 
 
-class _RecordedWords(SuspicionTracker):
-    """The worst cell as the run has it, where its words cannot be repeated: it may be the target.
+def _targets(run: Run) -> dict[int, Record] | None:
+    """Targets as the run has them, by the time of their scan; None where they are chosen anew.
 
-    An event of a finding has the time of its scan.
+    The target may be the most suspicious cell, and words by other rules cannot be repeated.
     """
+    notes = [record for _, record in run.records("notes")]
+    wanted = {run.meta.live.target, *_texts((record.value for record in notes), FOLLOW)}
+    if SUSPICIOUS not in wanted or _has_same_words(run):
+        return None
+    chosen = ((record.t_ns, _TARGET.match(getattr(record.value, "text", ""))) for record in notes)
+    return {
+        t_ns: Record(t_ns, "replay", Note("info", FOLLOW, cell[1])) for t_ns, cell in chosen if cell
+    }
 
-    def __init__(self, run: Run, since_ns: int) -> None:
-        super().__init__()
-        notes = ((record.t_ns, record.value) for _, record in run.records("notes"))
-        self._waiting = deque(
-            (t_ns, word)
-            for t_ns, note in notes
-            if isinstance(note, Note) and note.code == FINDING_CODE and t_ns >= since_ns
-            if (word := word_of_note(note.text))
-        )
-        self._words: dict[str, Assessment] = {}
 
-    def feed(self, record: Record) -> list[Finding]:
-        while self._waiting and self._waiting[0][0] <= record.t_ns:
-            _, word = self._waiting.popleft()
-            self._words[word.cell] = word
-            if word.word != WORDS[0]:
-                self.worst = by_word([word, self._words.get(self.worst or "", word)])[0].cell
-        return []
+_TARGET = re.compile(r"target is (.*) at -?\d+ dBm")
 
 
 def _numbers(run: Run, code: str) -> frozenset[int]:

@@ -20,7 +20,7 @@ from postproc.survey.dataset import Survey
 from postproc.survey.kept_lines import append_lines, whole_lines
 from postproc.survey.rule_inputs import RuleInputs, records_of
 from postproc.survey.scheduling import Cluster
-from postproc.suspicion.assessment import failures_of
+from postproc.suspicion.run_assessment import failures_of
 
 _RUNS_AT_ONCE = 16
 """Of a task: a second or two of work for walks of an hour."""

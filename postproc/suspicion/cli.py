@@ -12,9 +12,13 @@ from postproc.options import runs_argument
 
 def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) -> None:
     if is_wanted:
-        from postproc.suspicion.tables import print_rules
+        from logger.core.suspicion.rules import RULES
+        from postproc.suspicion.database_rules import DATABASE_RULES
+        from postproc.terminal import print_text, screen
 
-        print_rules()
+        console = screen()
+        for text in [rule.text for rule in RULES.values()] + [rule.text for rule in DATABASE_RULES]:
+            print_text(console, text, bullet="  - ")
         context.exit()
 
 
@@ -47,7 +51,7 @@ def suspect(
     from postproc.cell_work import exit_code
     from postproc.progress import with_progress
     from postproc.suspicion import json_form, tables
-    from postproc.suspicion.assessment import assess_runs
+    from postproc.suspicion.run_assessment import assess_runs
     from postproc.verification.celldb import CellDb
 
     with ExitStack() as stack:

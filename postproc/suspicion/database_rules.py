@@ -5,7 +5,7 @@ P3: the database does not have the cell. S10: the levels reject the position tha
 
 from collections.abc import Iterator, Sequence
 from math import log
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import Evidence, Finding, Rate, Rule
@@ -35,38 +35,44 @@ class _Desk:
         self.known = {name for name in self.names if database.by_identity(name)}
 
 
-class _Missing(NamedTuple):
-    """A cell that the database does not have."""
+class _Cell(NamedTuple):
+    """A cell; a run rejects its position in the database by so many metres, and so surely."""
 
     name: str
+    apart_m: float = 0.0
+    p: float = 1.0
 
 
-def _missing(desk: _Desk) -> Iterator[_Missing]:
+def _missing(desk: _Desk) -> Iterator[_Cell]:
     """Cells that the database does not have, where enough others were heard."""
     if len(desk.names) > _FEWEST:
-        yield from (_Missing(name) for name in desk.names if name not in desk.known)
+        yield from (_Cell(name) for name in desk.names if name not in desk.known)
 
 
-def _others_are_known(desk: _Desk, _cell: _Missing) -> Evidence | None:
+def _missing_nats(desk: _Desk, _cell: _Cell) -> float:
+    """By the share of the cells here that the database has."""
+    return min(-log(1.0 - (len(desk.known) + 1) / (len(desk.names) + 1)), _MOST_NATS)
+
+
+@Rule[_Desk, _Cell](
+    id="P3",
+    family="plan",
+    needs=("identity", "cell database"),
+    gate="weighed by the share of cells here that the database has; never alone",
+    sentence="the database does not have this cell, but {share:.0%} of the others heard here",
+    harmless="databases are incomplete",
+    about=_missing,
+    detection=1.0,
+    elsewhere=Rate(100, 197, 0.0, "a database that had 41 to 58 % of 197 cells"),
+    weigh=_missing_nats,
+)
+def _others_are_known(desk: _Desk, _cell: _Cell) -> Evidence | None:
     n_others = len(desk.names) - 1
     share = len(desk.known) / n_others
     return {"share": round(share, 2), "cells": n_others} if share >= 0.5 else None
 
 
-def _missing_nats(desk: _Desk, _cell: _Missing) -> float:
-    """By the share of the cells here that the database has."""
-    return min(-log(1.0 - (len(desk.known) + 1) / (len(desk.names) + 1)), _MOST_NATS)
-
-
-class _Rejected(NamedTuple):
-    """A cell whose position in the database a run rejects, by how many metres, and how surely."""
-
-    name: str
-    apart_m: float
-    p: float
-
-
-def _rejected(desk: _Desk) -> Iterator[_Rejected]:
+def _rejected(desk: _Desk) -> Iterator[_Cell]:
     """The tests are those of `postproc verify`: the spread of a database's position enters them."""
     # numba and scipy, which take a second, are for those who give a database
     from postproc.verification.run_claims import verify_claims  # noqa: PLC0415
@@ -78,40 +84,25 @@ def _rejected(desk: _Desk) -> Iterator[_Rejected]:
             if verdict.verdict != "rejected" or verdict.p is None or verdict.best_deg is None:
                 continue
             claimed_deg = (verdict.claim.lat_deg, verdict.claim.lon_deg)
-            yield _Rejected(verdict.cell, away_m(claimed_deg, verdict.best_deg), verdict.p)
+            yield _Cell(verdict.cell, away_m(claimed_deg, verdict.best_deg), verdict.p)
 
 
-def _elsewhere(_desk: _Desk, cell: _Rejected) -> Evidence:
+@Rule[_Desk, _Cell](
+    id="S10",
+    family="place",
+    needs=("identity", "level", "position", "cell database"),
+    gate="a test of the whole walk rejects the position at a level of 1 %",
+    sentence="the levels reject its position in the database by {apart_m} m (p = {p})",
+    harmless="a wrong or old position in the database, hills and tall buildings",
+    about=_rejected,
+    detection=0.25,
+    elsewhere=Rate(3, 161, 0.0, "161 measured walks past surveyed cells"),
+)
+def _elsewhere(_desk: _Desk, cell: _Cell) -> Evidence | None:
     return {"apart_m": round(cell.apart_m), "p": float(f"{cell.p:.2g}")}
 
 
-DATABASE_RULES: tuple[Rule[_Desk, Any], ...] = (
-    Rule[_Desk, _Missing](
-        id="P3",
-        family="plan",
-        needs=("identity", "cell database"),
-        gate="weighed by the share of cells here that the database has; never alone",
-        sentence="the database does not have this cell, but {share:.0%} of the others heard here",
-        harmless="databases are incomplete",
-        check=_others_are_known,
-        about=_missing,
-        detection=1.0,
-        elsewhere=Rate(100, 197, 0.0, "a database that had 41 to 58 % of 197 cells"),
-        weigh=_missing_nats,
-    ),
-    Rule[_Desk, _Rejected](
-        id="S10",
-        family="place",
-        needs=("identity", "level", "position", "cell database"),
-        gate="a test of the whole walk rejects the position at a level of 1 %",
-        sentence="the levels reject its position in the database by {apart_m} m (p = {p})",
-        harmless="a wrong or old position in the database, hills and tall buildings",
-        check=_elsewhere,
-        about=_rejected,
-        detection=0.25,
-        elsewhere=Rate(3, 161, 0.0, "161 measured walks past surveyed cells"),
-    ),
-)
+DATABASE_RULES = (_others_are_known, _elsewhere)
 
 
 def database_findings(

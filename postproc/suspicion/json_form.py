@@ -6,7 +6,7 @@ import msgspec
 
 from logger.core.suspicion.rule import Finding, Value, Word
 from logger.core.suspicion.words import false_alarms_per_hour
-from postproc.suspicion.assessment import Suspicions
+from postproc.suspicion.run_assessment import Suspicions
 
 
 class FindingJson(msgspec.Struct, frozen=True):

@@ -1,15 +1,10 @@
 """The words of all cells in a terminal."""
 
-from collections.abc import Iterator
-from typing import Any
-
 from rich.console import Console
 
-from logger.core.suspicion.rule import ALL, Finding, Rule, Word
-from logger.core.suspicion.rules import RULES, rules_version
-from logger.core.suspicion.words import WORD_RATES, Assessment, sentences, word_rate_text
-from postproc.suspicion.assessment import Suspicions
-from postproc.suspicion.database_rules import DATABASE_RULES
+from logger.core.suspicion.rule import Finding, Word
+from logger.core.suspicion.words import Assessment, sentences, word_rate_text
+from postproc.suspicion.run_assessment import Suspicions
 from postproc.terminal import print_text, screen
 
 _STYLES: dict[Word, str] = {"suspicious": "bold red", "unusual": "yellow", "nothing unusual": ""}
@@ -38,38 +33,6 @@ def print_suspicions(suspicions: Suspicions) -> None:
     if suspicions.not_asked:
         print_text(console, f"not asked: {not_asked_text(suspicions)}")
     print_text(console, _NEVER)
-
-
-def print_rules() -> None:
-    """Each rule: what it says, when it is asked, what else explains it, how often it is wrong."""
-    console = screen()
-    print_text(console, f"rules of version {rules_version()}")
-    for word in WORD_RATES:
-        print_text(console, f"{word}: {word_rate_text(word)}", bullet="  - ")
-    rules: list[Rule[Any, Any]] = [*RULES.values(), *DATABASE_RULES]
-    for rule in rules:
-        console.print()
-        print_text(console, f"{rule.id} ({rule.family}): {rule.sentence}")
-        for line in _rule_lines(rule):
-            print_text(console, line, bullet="  - ")
-
-
-def _rule_lines(rule: Rule[Any, Any]) -> Iterator[str]:
-    yield f"Only where: {rule.gate}."
-    rats = "" if rule.rats == ALL else f" of {' or '.join(sorted(rule.rats))}"
-    yield f"Needs{rats}: {', '.join(rule.needs)}."
-    yield f"Also seen with: {rule.harmless}."
-    if rule.strength == "suffices":
-        yield "Suffices without another family."
-    by_logs: dict[str, list[str]] = {}
-    for rat, rate in rule.measured.items():
-        by_logs.setdefault(rate.where, []).append(f"{rat} {rate.text}")
-    if rule.elsewhere is not None:
-        by_logs.setdefault(rule.elsewhere.where, []).append(rule.elsewhere.text)
-    for where, texts in by_logs.items():
-        yield f"Wrong in {where}: {', '.join(texts)}."
-    if not by_logs:
-        yield rule.rate_text(0.0)
 
 
 def not_asked_text(suspicions: Suspicions) -> str:

@@ -28,8 +28,18 @@ _HEARD_DBM = -105.0
 """The other cells of a network beyond the border come as weakly as this one."""
 
 
+@ScanRule(
+    id="L4",
+    family="area",
+    needs=("identity", "position", "country code"),
+    gate="rule P1 holds; 3 scans over 20 s, the cell at least -105 dBm",
+    sentence="network {operator} has no other cell here, after {seconds} s",
+    harmless="a ship or an aircraft, a private network",
+    detection=0.8,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+    elsewhere=Rate(0, 85, 0.0, "88 cells at one place, railways left out"),
+)
 def _single(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """A network that is not of this place, with a single cell."""
     since_s, level_dbm = memory.now.t_s - cell.first_s, cell.heard.level_dbm
     if cell.name not in memory.foreign or since_s < _SINGLE_S:
         return None
@@ -40,8 +50,19 @@ def _single(memory: Memory, cell: HeardCell) -> Evidence | None:
     return {"operator": cell.operator, "seconds": round(since_s)}
 
 
+@ScanRule(
+    id="L1",
+    family="area",
+    needs=("identity", "area code", "level"),
+    gate="for 20 s, on foot for 100 m or 80 s, with 3 other cells of the operator within 5 "
+    "minutes; the cell at least -90 dBm",
+    sentence="area {area} is that of none of the {neighbours} other cells heard with it",
+    harmless="the border of two areas",
+    detection=0.8,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(1, 84, 9.8)),
+    elsewhere=Rate(0, 197, 0.0, "full scans of 197 cells"),
+)
 def _unlike_neighbours(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """An area code that none of at least three cells heard with it has."""
     now, level_dbm = memory.now, cell.heard.level_dbm
     if level_dbm is None or level_dbm < _STRONG_DBM or not _is_past_border(now, cell):
         return None
@@ -70,8 +91,18 @@ def _is_past_border(now: Moment, cell: HeardCell) -> bool:
     return hypot(now.x_m - cell.first_m[0], now.y_m - cell.first_m[1]) >= _BORDER_M
 
 
+@ScanRule(
+    id="L2",
+    family="area",
+    needs=("identity", "area code"),
+    gate="10 cells of the operator heard, 3 of them after this one; not of a railway",
+    sentence="area {area} has this cell alone, of {cells} cells of the operator",
+    harmless="the border of two areas, an indoor cell",
+    detection=0.8,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+    elsewhere=Rate(1, 194, 0.0, "full scans of 197 cells, railways left out"),
+)
 def _alone(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """An area with a single cell among at least ten of the operator."""
     if memory.now.t_s - cell.first_s < _ALONE_S or cell.operator[:3] in TEST_MCCS:
         return None
     if not _has_own_area(memory, cell):
@@ -108,8 +139,18 @@ class _ServingAreas:
         self.known: set[tuple[str, str, int]] = set()
 
 
+@ScanRule(
+    id="L3",
+    family="area",
+    needs=("identity", "area code", "position"),
+    gate="standing for 60 s, the new area for 10 s, no cell of it heard before, another one of "
+    "the same network was",
+    sentence="the area changed from {other_area} to {area} after {still_s} s of standing",
+    harmless="the border of two areas, a cell switched off",
+    detection=0.4,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+)
 def _change(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """A new area code while standing."""
     now, areas = memory.now, memory.of(_ServingAreas)
     if cell.area is None or cell.heard.reading.arfcn in GSMR_ARFCNS or not cell.heard.is_serving:
         return None
@@ -127,56 +168,3 @@ def _change(memory: Memory, cell: HeardCell) -> Evidence | None:
     if before is None or is_after_change or not is_still:
         return None
     return {"area": cell.area, "other_area": before[1], "still_s": round(now.still_s)}
-
-
-RULES = (
-    ScanRule(
-        id="L4",
-        family="area",
-        needs=("identity", "position", "country code"),
-        gate="rule P1 holds; 3 scans over 20 s, the cell at least -105 dBm",
-        sentence="network {operator} has no other cell here, after {seconds} s",
-        harmless="a ship or an aircraft, a private network",
-        check=_single,
-        detection=0.8,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
-        elsewhere=Rate(0, 85, 0.0, "88 cells at one place, railways left out"),
-    ),
-    ScanRule(
-        id="L1",
-        family="area",
-        needs=("identity", "area code", "level"),
-        gate="for 20 s, on foot for 100 m or 80 s, with 3 other cells of the operator within 5 "
-        "minutes; the cell at least -90 dBm",
-        sentence="area {area} is that of none of the {neighbours} other cells heard with it",
-        harmless="the border of two areas",
-        check=_unlike_neighbours,
-        detection=0.8,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(1, 84, 9.8)),
-        elsewhere=Rate(0, 197, 0.0, "full scans of 197 cells"),
-    ),
-    ScanRule(
-        id="L2",
-        family="area",
-        needs=("identity", "area code"),
-        gate="10 cells of the operator heard, 3 of them after this one; not of a railway",
-        sentence="area {area} has this cell alone, of {cells} cells of the operator",
-        harmless="the border of two areas, an indoor cell",
-        check=_alone,
-        detection=0.8,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
-        elsewhere=Rate(1, 194, 0.0, "full scans of 197 cells, railways left out"),
-    ),
-    ScanRule(
-        id="L3",
-        family="area",
-        needs=("identity", "area code", "position"),
-        gate="standing for 60 s, the new area for 10 s, no cell of it heard before, another one of "
-        "the same network was",
-        sentence="the area changed from {other_area} to {area} after {still_s} s of standing",
-        harmless="the border of two areas, a cell switched off",
-        check=_change,
-        detection=0.4,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
-    ),
-)

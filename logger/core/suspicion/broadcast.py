@@ -19,6 +19,59 @@ _SUBTRACTED = 31
 """Penalty time with which the offset makes a cell less attractive (3GPP TS 45.008, 6.4)."""
 
 
+class _Left:
+    """Readings of the serving cell of late, and the cell that was left for it.
+
+    `other` is the cell now serving, when it began, the level that was left, and its own levels.
+    """
+
+    def __init__(self) -> None:
+        self.serving: deque[tuple[float, Heard, float]] = deque(maxlen=_STEADY)
+        self.other: tuple[str, float, float, list[float]] | None = None
+
+
+@ScanRule(
+    id="C2",
+    family="broadcast",
+    needs=("identity", "level"),
+    gate="3 readings before of at least -85 dBm, 3 after, all within 40 s and of one network",
+    sentence="the modem left {left_dbm} dBm for this cell with {level_dbm} dBm",
+    harmless="a call that was handed over, another band of the operator",
+    about=serving_cell,
+    detection=0.6,
+    measured=on_telephones(GSM=(1, 23, 2.7), LTE=(12, 814, 36.1), WCDMA=(4, 88, 10.1)),
+)
+def _leave_for_weaker(memory: Memory, cell: HeardCell) -> Evidence | None:
+    t_s, serving, past = memory.now.t_s, memory.now.serving, memory.of(_Left)
+    if serving is None or serving.level_dbm is None:
+        return None
+    level_dbm = serving.level_dbm
+    before = list(past.serving)
+    if before and before[-1][1].name != cell.name:
+        past.other = None
+        is_late = t_s - before[0][0] > _LATE_S
+        is_compared = _are_compared(memory, serving, before[-1][1])
+        if len(before) == _STEADY and is_compared and not is_late:
+            past.other = cell.name, t_s, min(b[2] for b in before), []
+        past.serving.clear()
+    past.serving.append((t_s, serving, level_dbm))
+    if past.other is None or past.other[0] != cell.name or len(past.other[3]) >= _STEADY:
+        return None
+    _, since_s, left_dbm, levels = past.other
+    levels.append(level_dbm)
+    if len(levels) < _STEADY or left_dbm < _GOOD_DBM or t_s - since_s > _LATE_S:
+        return None
+    if left_dbm - max(levels) < _WEAKER_DB:
+        return None
+    return {"left_dbm": round(left_dbm), "level_dbm": round(max(levels))}
+
+
+def _are_compared(memory: Memory, serving: Heard, left: Heard) -> bool:
+    """Whether a modem compares two cells by level."""
+    is_apart = memory.are_apart(serving.operator, left.operator)
+    return serving.rat == left.rat and not is_apart
+
+
 class _Offsets:
     """Reselection offsets by cell: the last one, and the last one that two readings agreed on."""
 
@@ -51,8 +104,19 @@ def _offset_db(heard: Heard) -> float | None:
     return float(reading.c2 - reading.c1)
 
 
+@ScanRule(
+    id="C1",
+    family="broadcast",
+    needs=("identity", "C1 and C2"),
+    gate="20 dB above every other of at least 3 cells of the operator",
+    sentence="its reselection offset is {offset_db} dB, that of the operator's others "
+    "{usual_db} dB",
+    harmless="an indoor cell or a hot spot of the operator",
+    detection=0.6,
+    elsewhere=Rate(0, 194, 0.0, "full scans of 197 cells"),
+    rats=GSM,
+)
 def _above_usual(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """The offset is far above that of the operator's other cells."""
     offsets = memory.of(_Offsets)
     offset_db = offsets.take(cell)
     if offset_db is None:
@@ -66,80 +130,4 @@ def _above_usual(memory: Memory, cell: HeardCell) -> Evidence | None:
             others.append(other_db)
     if len(others) < _FEWEST_CELLS:
         return None
-    return {
-        "offset_db": round(offset_db),
-        "usual_db": round(median(others)),
-        "cells": len(others),
-    }
-
-
-class _Left:
-    """Readings of the serving cell of late, and the cell that was left for it.
-
-    `other` is the cell now serving, when it began, the level that was left, and its own levels.
-    """
-
-    def __init__(self) -> None:
-        self.serving: deque[tuple[float, Heard, float]] = deque(maxlen=_STEADY)
-        self.other: tuple[str, float, float, list[float]] | None = None
-
-
-def _leave_for_weaker(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """The modem leaves a good cell for a much weaker one."""
-    t_s, serving, past = memory.now.t_s, memory.now.serving, memory.of(_Left)
-    if serving is None or serving.level_dbm is None:
-        return None
-    level_dbm = serving.level_dbm
-    before = list(past.serving)
-    if before and before[-1][1].name != cell.name:
-        past.other = None
-        is_late = t_s - before[0][0] > _LATE_S
-        is_compared = _are_compared(memory, serving, before[-1][1])
-        if len(before) == _STEADY and is_compared and not is_late:
-            past.other = cell.name, t_s, min(b[2] for b in before), []
-        past.serving.clear()
-    past.serving.append((t_s, serving, level_dbm))
-    if past.other is None or past.other[0] != cell.name or len(past.other[3]) >= _STEADY:
-        return None
-    _, since_s, left_dbm, levels = past.other
-    levels.append(level_dbm)
-    if len(levels) < _STEADY or left_dbm < _GOOD_DBM or t_s - since_s > _LATE_S:
-        return None
-    if left_dbm - max(levels) < _WEAKER_DB:
-        return None
-    return {"left_dbm": round(left_dbm), "level_dbm": round(max(levels))}
-
-
-def _are_compared(memory: Memory, serving: Heard, left: Heard) -> bool:
-    """Whether a modem compares two cells by level."""
-    is_apart = memory.are_apart(serving.operator, left.operator)
-    return serving.rat == left.rat and not is_apart
-
-
-RULES = (
-    ScanRule(
-        id="C2",
-        family="broadcast",
-        needs=("identity", "level"),
-        gate="3 readings before of at least -85 dBm, 3 after, all within 40 s and of one network",
-        sentence="the modem left {left_dbm} dBm for this cell with {level_dbm} dBm",
-        harmless="a call that was handed over, another band of the operator",
-        check=_leave_for_weaker,
-        about=serving_cell,
-        detection=0.6,
-        measured=on_telephones(GSM=(1, 23, 2.7), LTE=(12, 814, 36.1), WCDMA=(4, 88, 10.1)),
-    ),
-    ScanRule(
-        id="C1",
-        family="broadcast",
-        needs=("identity", "C1 and C2"),
-        gate="20 dB above every other of at least 3 cells of the operator",
-        sentence="its reselection offset is {offset_db} dB, that of the operator's others "
-        "{usual_db} dB",
-        harmless="an indoor cell or a hot spot of the operator",
-        check=_above_usual,
-        detection=0.6,
-        elsewhere=Rate(0, 194, 0.0, "full scans of 197 cells"),
-        rats=GSM,
-    ),
-)
+    return {"offset_db": round(offset_db), "usual_db": round(median(others)), "cells": len(others)}

@@ -29,34 +29,6 @@ _FEWEST_COMMON = 3
 """Cells of both today and earlier whose levels show that today's antenna is as good."""
 
 
-class _Ground:
-    """Squares of earlier walks around the walker, looked up once a scan."""
-
-    now: object = None
-    around: tuple[SquareHistory, ...] = ()
-
-
-def ground(memory: Memory) -> tuple[SquareHistory, ...]:
-    """Squares of earlier walks within 150 m, the walker's first; empty without walks or place."""
-    now, kept = memory.now, memory.of(_Ground)
-    if now is not kept.now:
-        kept.now, kept.around = now, ()
-        if memory.baseline.n_walks and now.lat_deg is not None and now.lon_deg is not None:
-            kept.around = squares_around(memory.baseline, now.lat_deg, now.lon_deg, _PLACE_M)
-    return kept.around
-
-
-def _is_new(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """Never heard in earlier walks of this ground."""
-    around, level_dbm = ground(memory), cell.heard.level_dbm
-    n_walks = around[0].n_walks.get(cell.rat, 0) if around else 0
-    if n_walks < FEWEST_WALKS or level_dbm is None or level_dbm < _STRONG_DBM:
-        return None
-    if cell.n_scans < STEADY or memory.baseline.cell(cell.name) is not None:
-        return None
-    return {"walks": n_walks, "level_dbm": round(level_dbm)}
-
-
 class _Visit:
     """What full lists of one technology named in one square today.
 
@@ -92,16 +64,48 @@ class _Visit:
         self.weaker_db = max(median(both), 0.0) if len(both) >= _FEWEST_COMMON else None
 
 
-class _Visits:
-    """The last visit of each technology."""
+class _Here:
+    """Squares of earlier walks around, looked up once a scan; the last visit by technology."""
 
     def __init__(self) -> None:
-        self.of: dict[str, _Visit] = {}
+        self.now: object = None
+        self.around: tuple[SquareHistory, ...] = ()
+        self.visits: dict[str, _Visit] = {}
+
+
+def ground(memory: Memory) -> tuple[SquareHistory, ...]:
+    """Squares of earlier walks within 150 m, the walker's first; empty without walks or place."""
+    now, kept = memory.now, memory.of(_Here)
+    if now is not kept.now:
+        kept.now, kept.around = now, ()
+        if memory.baseline.n_walks and now.lat_deg is not None and now.lon_deg is not None:
+            kept.around = squares_around(memory.baseline, now.lat_deg, now.lon_deg, _PLACE_M)
+    return kept.around
+
+
+@ScanRule(
+    id="B1",
+    family="earlier walks",
+    needs=("identity", "level", "position", "earlier walks"),
+    gate="7 earlier walks with this technology here, the cell at least -95 dBm",
+    sentence="{walks} earlier walks did not hear this cell here, today it has {level_dbm} dBm",
+    harmless="a new cell, a cell that was repaired",
+    detection=0.9,
+    elsewhere=Rate(2, 77, 0.0, "seven walks after seven others on one route"),
+)
+def _is_new(memory: Memory, cell: HeardCell) -> Evidence | None:
+    around, level_dbm = ground(memory), cell.heard.level_dbm
+    n_walks = around[0].n_walks.get(cell.rat, 0) if around else 0
+    if n_walks < FEWEST_WALKS or level_dbm is None or level_dbm < _STRONG_DBM:
+        return None
+    if cell.n_scans < STEADY or memory.baseline.cell(cell.name) is not None:
+        return None
+    return {"walks": n_walks, "level_dbm": round(level_dbm)}
 
 
 def _always_heard_before(memory: Memory) -> Iterator[KnownCell]:
     """Cells that earlier walks always heard here and this one has not, once it has enough lists."""
-    now, baseline, visits = memory.now, memory.baseline, memory.of(_Visits).of
+    now, baseline, visits = memory.now, memory.baseline, memory.of(_Here).visits
     if not baseline.n_walks or now.lat_deg is None or now.lon_deg is None:
         return
     assert now.x_m is not None
@@ -127,9 +131,27 @@ def _always_heard_before(memory: Memory) -> Iterator[KnownCell]:
                     yield known
 
 
+def _is_heard(memory: Memory, name: str) -> bool:
+    """Whether this scan names a cell."""
+    return any(cell.name == name for cell in memory.taken)
+
+
+@Rule[Memory, KnownCell](
+    id="B3",
+    family="earlier walks",
+    needs=("identity", "level", "position", "neighbours", "earlier walks"),
+    gate="heard by 90 % of 7 earlier walks in this square, 15 dB above what scans of 4 cells "
+    "or more at 3 places 50 m apart could have missed; only warns",
+    sentence="{walks} of {of} earlier walks heard it here with {level_dbm} dBm; today scans at "
+    "{places} places, down to {limit_dbm} dBm, do not name it",
+    harmless="a cell switched off or repaired, a modem that lists other bands or networks",
+    about=_always_heard_before,
+    detection=0.5,
+    strength="warns",  # no log of legitimate networks has measured its rate
+    refuted_by=_is_heard,
+)
 def _is_missed(memory: Memory, known: KnownCell) -> Evidence | None:
-    """Whether the places of a visit could not have missed a cell."""
-    visit = memory.of(_Visits).of[known.rat]
+    visit = memory.of(_Here).visits[known.rat]
     earlier = memory.baseline.square(visit.square)
     heard = earlier.cells[known.name]
     if visit.weaker_db is None:
@@ -153,11 +175,6 @@ def _is_missed(memory: Memory, known: KnownCell) -> Evidence | None:
     }
 
 
-def _is_heard(memory: Memory, name: str) -> bool:
-    """Whether this scan names a cell."""
-    return any(cell.name == name for cell in memory.taken)
-
-
 def _full_lists(taken: Iterable[HeardCell]) -> dict[str, dict[str, float]]:
     """Levels of the named cells of a scan by technology, where it names enough of them."""
     by_rat: dict[str, dict[str, float]] = {}
@@ -171,33 +188,3 @@ def _unnamed_channels(now: Moment, rat: str) -> set[int]:
     """Channels of a scan's cells without an identity: one of them may be the cell looked for."""
     cells = [heard for heard in now.cells if heard.name is None and heard.rat == rat]
     return {heard.reading.arfcn for heard in cells if heard.reading.arfcn is not None}
-
-
-RULES = (
-    ScanRule(
-        id="B1",
-        family="earlier walks",
-        needs=("identity", "level", "position", "earlier walks"),
-        gate="7 earlier walks with this technology here, the cell at least -95 dBm",
-        sentence="{walks} earlier walks did not hear this cell here, today it has {level_dbm} dBm",
-        harmless="a new cell, a cell that was repaired",
-        check=_is_new,
-        detection=0.9,
-        elsewhere=Rate(2, 77, 0.0, "seven walks after seven others on one route"),
-    ),
-    Rule[Memory, KnownCell](
-        id="B3",
-        family="earlier walks",
-        needs=("identity", "level", "position", "neighbours", "earlier walks"),
-        gate="heard by 90 % of 7 earlier walks in this square, 15 dB above what scans of 4 cells "
-        "or more at 3 places 50 m apart could have missed; only warns",
-        sentence="{walks} of {of} earlier walks heard it here with {level_dbm} dBm; today scans at "
-        "{places} places, down to {limit_dbm} dBm, do not name it",
-        harmless="a cell switched off or repaired, a modem that lists other bands or networks",
-        check=_is_missed,
-        about=_always_heard_before,
-        detection=0.5,
-        strength="warns",  # no log of legitimate networks has measured its rate
-        refuted_by=_is_heard,
-    ),
-)

@@ -39,8 +39,20 @@ def _without_neighbours(memory: Memory) -> Iterator[HeardCell]:
     yield serving
 
 
+@ScanRule(
+    id="N1",
+    family="neighbours",
+    needs=("identity", "neighbours", "level"),
+    gate="3 scans and 20 s, serving cell at least -90 dBm, a modem that gave neighbours before",
+    sentence="no neighbour was reported for {seconds} s at {level_dbm} dBm",
+    harmless="a cell under ground or far from others",
+    about=_without_neighbours,
+    detection=0.7,
+    measured=on_telephones(GSM=(0, 21, 2.0)),
+    elsewhere=Rate(0, 21, 2.0, "2 h of GSM in calls"),
+    rats=GSM,
+)
 def _none_for_a_while(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """The serving GSM cell is reported without neighbours for a while."""
     silence = memory.of(_Silence).of
     if silence is None or cell.heard.level_dbm is None:
         return None
@@ -90,8 +102,19 @@ def _with_lists(memory: Memory) -> Iterator[HeardCell]:
                 yield cell
 
 
+@ScanRule(
+    id="N2",
+    family="neighbours",
+    needs=("identity", "channel", "neighbour lists"),
+    gate="8 cells of the operator identified",
+    sentence="none of the {listed} channels of its neighbour list was heard",
+    harmless="the walk was too short to hear them",
+    about=_with_lists,
+    detection=0.4,
+    elsewhere=Rate(0, 194, 0.0, "full scans of 197 cells, railways left out"),
+    rats=GSM,
+)
 def _lists_nobody(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """None of the listed channels was heard, of an operator of which many cells were."""
     lists = memory.of(_Lists)
     listed = lists.of.get(cell.name)
     if not listed or lists.operators(cell):
@@ -101,8 +124,19 @@ def _lists_nobody(memory: Memory, cell: HeardCell) -> Evidence | None:
     return {"listed": len(listed), "heard": 0}
 
 
+@ScanRule(
+    id="N4",
+    family="neighbours",
+    needs=("identity", "channel", "neighbour lists"),
+    gate="2 listed channels are another operator's, none its own; not where sites are shared",
+    sentence="its neighbour list names {listed} channels of {other_operator} and none of its own",
+    harmless="networks that share sites",
+    about=_with_lists,
+    detection=0.2,
+    elsewhere=Rate(0, 196, 0.0, "full scans of 197 cells, a test station left out"),
+    rats=GSM,
+)
 def _lists_others(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """The listed channels are another operator's."""
     operators = memory.of(_Lists).operators(cell)
     if len(operators) < _FEWEST_LISTED or cell.operator in operators:
         return None
@@ -122,8 +156,19 @@ def _is_shared(memory: Memory, operator: str, others: set[str]) -> bool:
     return sharing > 1
 
 
+@ScanRule(
+    id="N3",
+    family="neighbours",
+    needs=("identity", "channel", "level", "neighbour lists"),
+    gate="the cell at least -90 dBm, 3 lists of other cells of the operator",
+    sentence="channel {channel} is in none of the {lists} neighbour lists of the operator",
+    harmless="a new cell, an indoor cell",
+    about=_with_lists,
+    detection=0.7,
+    elsewhere=Rate(1, 197, 0.0, "full scans of 197 cells"),
+    rats=GSM,
+)
 def _listed_by_nobody(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """The channel of a strong cell is in no list of its operator's other cells."""
     arfcn, of = cell.heard.reading.arfcn, memory.of(_Lists).of
     if arfcn is None or cell.best_dbm < _STRONG_DBM:
         return None
@@ -132,61 +177,3 @@ def _listed_by_nobody(memory: Memory, cell: HeardCell) -> Evidence | None:
     if sum(map(bool, lists)) < _FEWEST_LISTS or any(arfcn in listed for listed in lists):
         return None
     return {"channel": arfcn, "lists": len(lists)}
-
-
-RULES = (
-    ScanRule(
-        id="N1",
-        family="neighbours",
-        needs=("identity", "neighbours", "level"),
-        gate="3 scans and 20 s, serving cell at least -90 dBm, a modem that gave neighbours before",
-        sentence="no neighbour was reported for {seconds} s at {level_dbm} dBm",
-        harmless="a cell under ground or far from others",
-        check=_none_for_a_while,
-        about=_without_neighbours,
-        detection=0.7,
-        measured=on_telephones(GSM=(0, 21, 2.0)),
-        elsewhere=Rate(0, 21, 2.0, "2 h of GSM in calls"),
-        rats=GSM,
-    ),
-    ScanRule(
-        id="N2",
-        family="neighbours",
-        needs=("identity", "channel", "neighbour lists"),
-        gate="8 cells of the operator identified",
-        sentence="none of the {listed} channels of its neighbour list was heard",
-        harmless="the walk was too short to hear them",
-        check=_lists_nobody,
-        about=_with_lists,
-        detection=0.4,
-        elsewhere=Rate(0, 194, 0.0, "full scans of 197 cells, railways left out"),
-        rats=GSM,
-    ),
-    ScanRule(
-        id="N4",
-        family="neighbours",
-        needs=("identity", "channel", "neighbour lists"),
-        gate="2 listed channels are another operator's, none its own; not where sites are shared",
-        sentence="its neighbour list names {listed} channels of {other_operator} and none of its "
-        "own",
-        harmless="networks that share sites",
-        check=_lists_others,
-        about=_with_lists,
-        detection=0.2,
-        elsewhere=Rate(0, 196, 0.0, "full scans of 197 cells, a test station left out"),
-        rats=GSM,
-    ),
-    ScanRule(
-        id="N3",
-        family="neighbours",
-        needs=("identity", "channel", "level", "neighbour lists"),
-        gate="the cell at least -90 dBm, 3 lists of other cells of the operator",
-        sentence="channel {channel} is in none of the {lists} neighbour lists of the operator",
-        harmless="a new cell, an indoor cell",
-        check=_listed_by_nobody,
-        about=_with_lists,
-        detection=0.7,
-        elsewhere=Rate(1, 197, 0.0, "full scans of 197 cells"),
-        rats=GSM,
-    ),
-)

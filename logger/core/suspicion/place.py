@@ -48,16 +48,37 @@ class _Tests:
         return compare_sources(list(cell.spots))
 
 
+@ScanRule(
+    id="S9",
+    family="place",
+    needs=("identity", "level", "position"),
+    gate="as S5, with less evidence: a second family must confirm it",
+    sentence="the levels fit two places {apart_m} m apart better than one (log evidence "
+    "{log_evidence})",
+    harmless="hills and tall buildings, a cell with two antennas",
+    detection=0.8,
+    measured=on_telephones(GSM=(1, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(1, 88, 10.1)),
+)
 def _perhaps_two_places(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """One identity that may be at two places."""
     result = memory.of(_Tests).result(memory, cell)
     if result is None or result.two_places < _PERHAPS_TWO:
         return None
     return _evidence(cell, result, result.two_places)
 
 
+@ScanRule(
+    id="S5",
+    family="place",
+    needs=("identity", "level", "position"),
+    gate="6 squares of 25 m over at least 300 m; less evidence if the places are 500 m apart",
+    sentence="the levels fit two places {apart_m} m apart better than one (log evidence "
+    "{log_evidence})",
+    harmless="hills and tall buildings, a cell with two antennas",
+    detection=0.8,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(1, 88, 10.1)),
+    strength="suffices",
+)
 def _two_places(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """One identity at two places."""
     result = memory.of(_Tests).result(memory, cell)
     if result is None:
         return None
@@ -65,8 +86,18 @@ def _two_places(memory: Memory, cell: HeardCell) -> Evidence | None:
     return _evidence(cell, result, result.two_places) if result.two_places >= limit else None
 
 
+@ScanRule(
+    id="S6",
+    family="place",
+    needs=("identity", "level", "position"),
+    gate="6 squares of 25 m over at least 300 m",
+    sentence="the levels fit no fixed place (log evidence {log_evidence}): it moves",
+    harmless="hills and tall buildings, power that changes with the load",
+    detection=0.7,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 88, 10.1)),
+    strength="suffices",
+)
 def _no_place(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """A station that moves."""
     result = memory.of(_Tests).result(memory, cell)
     if result is None or result.no_place <= _NO_PLACE:
         return None
@@ -144,8 +175,19 @@ def _heard_while_standing(memory: Memory) -> list[HeardCell]:
     return memory.taken
 
 
+@ScanRule(
+    id="S7",
+    family="place",
+    needs=("identity", "level", "position"),
+    gate="means over 15 s, at least 4, the walker within 30 m; another cell stays within 10 dB",
+    sentence="the level changed by {change_db} dB while the walker stood for {still_s} s and "
+    "{cells} other cells changed by at most {other_db} dB: it moves",
+    harmless="a telephone that was moved in the house, a door, a vehicle before the antenna",
+    about=_heard_while_standing,
+    detection=0.7,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 88, 10.1)),
+)
 def _changes(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """A level changes, and the other cells show that neither walker nor receiver changed."""
     now, level_dbm, all_means = memory.now, cell.heard.level_dbm, memory.of(_Standing).means
     if level_dbm is None:
         return None
@@ -164,57 +206,3 @@ def _changes(memory: Memory, cell: HeardCell) -> Evidence | None:
         "other_db": round(widest_db),
         "cells": len(others),
     }
-
-
-RULES = (
-    ScanRule(
-        id="S9",
-        family="place",
-        needs=("identity", "level", "position"),
-        gate="as S5, with less evidence: a second family must confirm it",
-        sentence="the levels fit two places {apart_m} m apart better than one (log evidence "
-        "{log_evidence})",
-        harmless="hills and tall buildings, a cell with two antennas",
-        check=_perhaps_two_places,
-        detection=0.8,
-        measured=on_telephones(GSM=(1, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(1, 88, 10.1)),
-    ),
-    ScanRule(
-        id="S5",
-        family="place",
-        needs=("identity", "level", "position"),
-        gate="6 squares of 25 m over at least 300 m; less evidence if the places are 500 m apart",
-        sentence="the levels fit two places {apart_m} m apart better than one (log evidence "
-        "{log_evidence})",
-        harmless="hills and tall buildings, a cell with two antennas",
-        check=_two_places,
-        detection=0.8,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(1, 88, 10.1)),
-        strength="suffices",
-    ),
-    ScanRule(
-        id="S6",
-        family="place",
-        needs=("identity", "level", "position"),
-        gate="6 squares of 25 m over at least 300 m",
-        sentence="the levels fit no fixed place (log evidence {log_evidence}): it moves",
-        harmless="hills and tall buildings, power that changes with the load",
-        check=_no_place,
-        detection=0.7,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 88, 10.1)),
-        strength="suffices",
-    ),
-    ScanRule(
-        id="S7",
-        family="place",
-        needs=("identity", "level", "position"),
-        gate="means over 15 s, at least 4, the walker within 30 m; another cell stays within 10 dB",
-        sentence="the level changed by {change_db} dB while the walker stood for {still_s} s and "
-        "{cells} other cells changed by at most {other_db} dB: it moves",
-        harmless="a telephone that was moved in the house, a door, a vehicle before the antenna",
-        check=_changes,
-        about=_heard_while_standing,
-        detection=0.7,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 88, 10.1)),
-    ),
-)

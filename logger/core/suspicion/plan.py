@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from math import hypot, inf
 
 from logger.core.latest import Latest
-from logger.core.suspicion.countries import GSMR_ARFCNS, TEST_MCCS, countries, is_international
+from logger.core.suspicion.countries import GSMR_ARFCNS, INTERNATIONAL, TEST_MCCS, countries
 from logger.core.suspicion.heard import HeardCell, Memory
 from logger.core.suspicion.rule import GSM, Evidence, Rate, ScanRule, on_telephones
 from logger.core.suspicion.spots import Spot
@@ -45,7 +45,7 @@ class _Networks:
         plan = self.plan
         if mcc in TEST_MCCS:
             return "a test network"
-        if is_international(mcc):
+        if mcc == INTERNATIONAL:
             return "a network of ships, aircraft or satellites"
         owners = plan.countries_of(mcc)
         if not owners:
@@ -56,8 +56,18 @@ class _Networks:
         return f"the network is of {plan.name(owners[0])}, more than {plan.near_km:.0f} km away"
 
 
+@ScanRule(
+    id="P1",
+    family="plan",
+    needs=("position", "country code"),
+    gate="railways are named; a test network counts once 3 cells of this country were heard",
+    sentence="network {operator}: {why}",
+    harmless="borders, ships and aircraft, private networks",
+    detection=0.9,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+    elsewhere=Rate(0, 85, 0.0, "88 cells at one place, railways left out"),
+)
 def _foreign(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """A network that is not of this country."""
     now, reading, networks = memory.now, cell.heard.reading, memory.of(_Networks)
     mcc, mnc = reading.mcc, reading.mnc
     if mcc is None or now.lat_deg is None or now.lon_deg is None:
@@ -74,39 +84,42 @@ def _foreign(memory: Memory, cell: HeardCell) -> Evidence | None:
 
 
 class _Names:
-    """Cells that share a key: at most four of each."""
+    """Cells that share an identity under several areas, or a channel with its colour code."""
 
     def __init__(self) -> None:
-        self._by_key: Latest[list[str]] = Latest(_MOST_CHANNELS)
-
-    def others(self, key: str, name: str) -> list[str]:
-        """Other names of a key before; the name is one of them from now on."""
-        names = self._by_key.get(key)
-        if names is None:
-            self._by_key.put(key, [name])
-            return []
-        if name not in names:
-            self._by_key.put(key, [*names, name][-4:])
-            return names
-        return [other for other in names if other != name] if len(names) > 1 else []
+        self.by_cid: Latest[list[str]] = Latest(_MOST_CHANNELS)
+        self.by_channel: Latest[list[str]] = Latest(_MOST_CHANNELS)
 
 
-class _NamesByCid(_Names):
-    pass
+def _others(names_of: Latest[list[str]], key: str, name: str) -> list[str]:
+    """Other names of a key before; the name is one of them from now on."""
+    names = names_of.get(key)
+    if names is None:
+        names_of.put(key, [name])
+        return []
+    if name not in names:
+        names_of.put(key, [*names, name][-4:])
+        return names
+    return [other for other in names if other != name] if len(names) > 1 else []
 
 
-class _NamesByChannel(_Names):
-    pass
-
-
+@ScanRule(
+    id="P4",
+    family="plan",
+    needs=("identity", "area code"),
+    gate="both heard for 10 s, not within 10 s of a change of technology",
+    sentence="cell identity {cid} is heard in area {area} and in area {other_area}",
+    harmless="an operator has renumbered, or two areas meet and use the number twice",
+    detection=0.8,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+)
 def _two_areas(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """One cell identity under two area codes."""
     if cell.area is None or cell.longest_s < _HELD_S:
         return None
     if abs(cell.since_s - memory.changed_rat_s) < _HELD_S:
         return None
     key = f"{cell.operator} {cell.rat} {cell.cid}"
-    for name in memory.of(_NamesByCid).others(key, cell.name):
+    for name in _others(memory.of(_Names).by_cid, key, cell.name):
         other = memory.cells.get(name)
         if other is None or other.area is None or other.area == cell.area:
             continue
@@ -115,13 +128,23 @@ def _two_areas(memory: Memory, cell: HeardCell) -> Evidence | None:
     return None
 
 
+@ScanRule(
+    id="P5",
+    family="plan",
+    needs=("identity", "channel", "colour code", "position"),
+    gate="each held for 10 s; within 300 m of each other one is 10 dB stronger",
+    sentence="channel {channel} with code {code} is also that of {other}, heard {apart_m} m away",
+    harmless="a telephone that prints the old identity with the new channel",
+    detection=0.5,
+    measured=on_telephones(GSM=(1, 21, 2.0)),
+    rats=GSM,
+)
 def _anothers_channel(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """Another identity on the channel and colour code of a cell heard near here."""
     pair = cell.usual_pair
     if cell.heard.reading.arfcn is None or pair is None:
         return None
     key = f"{cell.rat} {pair[0]} {pair[1]}"
-    for name in memory.of(_NamesByChannel).others(key, cell.name):
+    for name in _others(memory.of(_Names).by_channel, key, cell.name):
         other = memory.cells.get(name)
         if other is None or other.usual_pair != pair:
             continue
@@ -155,14 +178,34 @@ def _closest(cell: HeardCell, other: HeardCell) -> tuple[float, float]:
     return here.level_dbm - there.level_dbm, apart_m
 
 
+@ScanRule(
+    id="P6",
+    family="plan",
+    needs=("identity", "channel", "colour code"),
+    gate="each channel held for 10 s",
+    sentence="is heard on channel {channel} and on channel {other_channel}",
+    harmless="an operator has changed the channels during the walk",
+    detection=0.9,
+    measured=on_telephones(GSM=(0, 21, 2.0)),
+    rats=GSM,
+)
 def _two_channels(_memory: Memory, cell: HeardCell) -> Evidence | None:
-    """One identity on two channels."""
     channels = cell.held_channels if len(cell.held_s) > 1 and cell.rat == "GSM" else []
     return {"channel": channels[0], "other_channel": channels[1]} if len(channels) > 1 else None
 
 
+@ScanRule(
+    id="P2",
+    family="plan",
+    needs=("identity", "channel", "earlier walks"),
+    gate="10 cells of the operator known on channels of earlier walks; only warns",
+    sentence="channel {channel} is none of the {channels} channels of this operator in "
+    "earlier walks",
+    harmless="the operator has a new channel",
+    detection=0.5,
+    strength="warns",
+)
 def _new_channel(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """A channel on which this operator was never heard."""
     reading, baseline = cell.heard.reading, memory.baseline
     if not baseline.n_walks or memory.now.lat_deg is None:
         return None
@@ -172,67 +215,3 @@ def _new_channel(memory: Memory, cell: HeardCell) -> Evidence | None:
     if reading.arfcn in known or sum(known.values()) < _FEWEST_CELLS:
         return None
     return {"channel": reading.arfcn, "channels": len(known)}
-
-
-RULES = (
-    ScanRule(
-        id="P1",
-        family="plan",
-        needs=("position", "country code"),
-        gate="railways are named; a test network counts once 3 cells of this country were heard",
-        sentence="network {operator}: {why}",
-        harmless="borders, ships and aircraft, private networks",
-        check=_foreign,
-        detection=0.9,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
-        elsewhere=Rate(0, 85, 0.0, "88 cells at one place, railways left out"),
-    ),
-    ScanRule(
-        id="P4",
-        family="plan",
-        needs=("identity", "area code"),
-        gate="both heard for 10 s, not within 10 s of a change of technology",
-        sentence="cell identity {cid} is heard in area {area} and in area {other_area}",
-        harmless="an operator has renumbered, or two areas meet and use the number twice",
-        check=_two_areas,
-        detection=0.8,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
-    ),
-    ScanRule(
-        id="P5",
-        family="plan",
-        needs=("identity", "channel", "colour code", "position"),
-        gate="each held for 10 s; within 300 m of each other one is 10 dB stronger",
-        sentence="channel {channel} with code {code} is also that of {other}, heard {apart_m} m "
-        "away",
-        harmless="a telephone that prints the old identity with the new channel",
-        check=_anothers_channel,
-        detection=0.5,
-        measured=on_telephones(GSM=(1, 21, 2.0)),
-        rats=GSM,
-    ),
-    ScanRule(
-        id="P6",
-        family="plan",
-        needs=("identity", "channel", "colour code"),
-        gate="each channel held for 10 s",
-        sentence="is heard on channel {channel} and on channel {other_channel}",
-        harmless="an operator has changed the channels during the walk",
-        check=_two_channels,
-        detection=0.9,
-        measured=on_telephones(GSM=(0, 21, 2.0)),
-        rats=GSM,
-    ),
-    ScanRule(
-        id="P2",
-        family="plan",
-        needs=("identity", "channel", "earlier walks"),
-        gate="10 cells of the operator known on channels of earlier walks; only warns",
-        sentence="channel {channel} is none of the {channels} channels of this operator in "
-        "earlier walks",
-        harmless="the operator has a new channel",
-        check=_new_channel,
-        detection=0.5,
-        strength="warns",
-    ),
-)

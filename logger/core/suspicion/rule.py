@@ -1,7 +1,7 @@
 """What a rule is, what it finds, and how often it is wrong."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import exp, log
 from typing import Any, Generic, Literal, Protocol, TypeVar
 
@@ -131,8 +131,8 @@ class Rule(Generic[Source, Cell]):
     gate: str
     sentence: str
     harmless: str
-    check: Callable[[Source, Cell], Evidence | None]
     detection: float
+    check: Callable[[Source, Cell], Evidence | None] = lambda _source, _cell: None
     measured: Mapping[str, Rate] = field(default_factory=dict)
     elsewhere: Rate | None = None
     rats: frozenset[str] = ALL
@@ -140,6 +140,10 @@ class Rule(Generic[Source, Cell]):
     strength: Literal["adds", "suffices", "warns"] = "adds"
     weigh: Callable[[Source, Cell], float] | None = None
     refuted_by: Callable[[Source, str], bool] | None = None
+
+    def __call__(self, check: Callable[[Source, Cell], Evidence | None]) -> "Rule[Source, Cell]":
+        """The rule with its check, which it decorates."""
+        return replace(self, check=check)
 
     def rate(self, rat: str) -> Rate | None:
         """Rate on legitimate logs: of the technology, of all of them, or of other logs.
@@ -166,6 +170,22 @@ class Rule(Generic[Source, Cell]):
         if self.strength == "warns" or rate is None:
             return 0.0
         return max(log(self.detection / rate.per_cell), 0.0)
+
+    @property
+    def text(self) -> str:
+        """All that is declared, in sentences."""
+        rats = "" if self.rats == ALL else f" of {' or '.join(sorted(self.rats))}"
+        by_logs: dict[str, list[str]] = {}
+        for rat, rate in self.measured.items():
+            by_logs.setdefault(rate.where, []).append(f"{rat} {rate.text}")
+        if self.elsewhere is not None:
+            by_logs.setdefault(self.elsewhere.where, []).append(self.elsewhere.text)
+        rates = [f" Wrong in {where}: {', '.join(by_logs[where])}." for where in by_logs]
+        return (
+            f"{self.id} ({self.family}): {self.sentence}. Only where: {self.gate}. Needs{rats}: "
+            f"{', '.join(self.needs)}. Also seen with: {self.harmless}."
+            f"{''.join(rates) or ' ' + self.rate_text(0.0)}"
+        )
 
     def rate_text(self, nats: float) -> str:
         """How often legitimate cells break it, as that entered a finding of `nats`."""

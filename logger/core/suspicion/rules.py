@@ -32,7 +32,10 @@ _FAMILIES = (
 )  # fmt: skip
 
 RULES: dict[str, Rule[Memory, Any]] = {
-    rule.id: rule for family in _FAMILIES for rule in family.RULES
+    rule.id: rule
+    for family in _FAMILIES
+    for rule in vars(family).values()
+    if isinstance(rule, Rule)
 }
 
 RULES_CODE = "rules"

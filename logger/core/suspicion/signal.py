@@ -51,6 +51,39 @@ class _Before(NamedTuple):
         return len(names) > 1 or not any(memory.are_apart(cell.operator, name) for name in names)
 
 
+def _steady_dbm(cell: HeardCell) -> float | None:
+    """Weakest of the last levels of a cell, None if this scan has none or before there are some."""
+    return None if cell.heard.level_dbm is None else cell.weakest_dbm
+
+
+@ScanRule(
+    id="S2",
+    family="signal",
+    needs=("identity", "level", "position"),
+    gate="3 readings at the new level, the walker within 30 m",
+    sentence="the level rose by {rise_db} dB within {seconds} s while the walker hardly moved",
+    harmless="a door, a car or a street corner between",
+    detection=0.4,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(0, 88, 10.1)),
+)
+def _jump(_memory: Memory, cell: HeardCell) -> Evidence | None:
+    recent, weakest_dbm = cell.recent, _steady_dbm(cell)
+    if weakest_dbm is None or len(recent) < STEADY + 2:
+        return None
+    before = recent[-STEADY - 1]
+    rise_db = weakest_dbm - max(recent[-STEADY - 2].level_dbm, before.level_dbm)
+    seconds = recent[-STEADY].t_s - before.t_s
+    if rise_db < _JUMP_DB or seconds > _JUMP_S:
+        return None
+    if _apart_m(recent[-STEADY - 2], recent[-1]) > _NEAR_M:
+        return None
+    return {
+        "rise_db": round(rise_db),
+        "seconds": round(seconds),
+        "level_dbm": round(recent[-1].level_dbm),
+    }
+
+
 class _Limits:
     """What could have been heard in the scans before."""
 
@@ -81,8 +114,20 @@ def _new_cells(memory: Memory) -> Iterator[HeardCell]:
     memory.of(_Limits).take(memory.now)
 
 
+@ScanRule(
+    id="S3",
+    family="signal",
+    needs=("identity", "level", "position"),
+    gate="3 readings; 15 dB above what two scans of its network within 30 s and 120 m could "
+    "have missed",
+    sentence="appears with {level_dbm} dBm where {limit_dbm} dBm could not be missed {seconds} "
+    "s before",
+    harmless="a legitimate cell switched on, the exit of a tunnel",
+    about=_new_cells,
+    detection=0.5,
+    measured=on_telephones(GSM=(13, 23, 2.7), LTE=(13, 814, 36.1), WCDMA=(2, 88, 10.1)),
+)
 def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """A new cell is far stronger than anything that could be missed just before."""
     weakest_dbm = _steady_dbm(cell)
     if weakest_dbm is None:
         return None
@@ -101,32 +146,18 @@ def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
     }
 
 
-def _steady_dbm(cell: HeardCell) -> float | None:
-    """Weakest of the last levels of a cell, None if this scan has none or before there are some."""
-    return None if cell.heard.level_dbm is None else cell.weakest_dbm
-
-
-def _jump(_memory: Memory, cell: HeardCell) -> Evidence | None:
-    """20 dB more within 10 s, while the walker hardly moves."""
-    recent, weakest_dbm = cell.recent, _steady_dbm(cell)
-    if weakest_dbm is None or len(recent) < STEADY + 2:
-        return None
-    before = recent[-STEADY - 1]
-    rise_db = weakest_dbm - max(recent[-STEADY - 2].level_dbm, before.level_dbm)
-    seconds = recent[-STEADY].t_s - before.t_s
-    if rise_db < _JUMP_DB or seconds > _JUMP_S:
-        return None
-    if _apart_m(recent[-STEADY - 2], recent[-1]) > _NEAR_M:
-        return None
-    return {
-        "rise_db": round(rise_db),
-        "seconds": round(seconds),
-        "level_dbm": round(recent[-1].level_dbm),
-    }
-
-
+@ScanRule(
+    id="S4",
+    family="signal",
+    needs=("identity", "level", "position"),
+    gate="3 readings 15 dB above earlier visits within 60 m or earlier walks within 150 m",
+    sentence="{level_dbm} dBm, where it had at most {best_dbm} dBm before",
+    harmless="an antenna was turned, another height or building",
+    detection=0.6,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 88, 10.1)),
+    elsewhere=Rate(5, 161, 0.0, "161 surveyed cells"),
+)
 def _above_best(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """Far stronger than at any earlier time within 60 m, or in all earlier walks within 150 m."""
     return _above_earlier_visits(memory.now, cell) or _above_earlier_walks(memory, cell)
 
 
@@ -161,8 +192,17 @@ def _above_earlier_walks(memory: Memory, cell: HeardCell) -> Evidence | None:
     return {"level_dbm": round(weakest_dbm), "best_dbm": round(best)}
 
 
+@ScanRule(
+    id="S8",
+    family="signal",
+    needs=("identity", "level"),
+    gate="3 readings of at least -70 dBm, 6 dB above 3 other cells heard in the 5 minutes before",
+    sentence="{level_dbm} dBm, where the best of {cells} other cells had {best_dbm} dBm",
+    harmless="a walk past the mast of a legitimate cell",
+    detection=0.6,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(28, 814, 36.1), WCDMA=(3, 88, 10.1)),
+)
 def _above_others(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """Far stronger than all other cells have been of late."""
     t_s, weakest_dbm = memory.now.t_s, _steady_dbm(cell)
     if weakest_dbm is None or weakest_dbm < _STRONG_DBM:
         return None
@@ -170,11 +210,7 @@ def _above_others(memory: Memory, cell: HeardCell) -> Evidence | None:
               if c is not cell and c.rat == cell.rat and t_s - c.last_s <= _LATE_S]  # fmt: skip
     if len(others) < STEADY or weakest_dbm < max(others) + _ABOVE_OTHERS_DB:
         return None
-    return {
-        "level_dbm": round(weakest_dbm),
-        "cells": len(others),
-        "best_dbm": round(max(others)),
-    }
+    return {"level_dbm": round(weakest_dbm), "cells": len(others), "best_dbm": round(max(others))}
 
 
 def _apart_m(before: _Before | Level, after: Level) -> float:
@@ -182,56 +218,3 @@ def _apart_m(before: _Before | Level, after: Level) -> float:
     if before.x_m is None or before.y_m is None or after.x_m is None or after.y_m is None:
         return 1e9
     return hypot(after.x_m - before.x_m, after.y_m - before.y_m)
-
-
-RULES = (
-    ScanRule(
-        id="S2",
-        family="signal",
-        needs=("identity", "level", "position"),
-        gate="3 readings at the new level, the walker within 30 m",
-        sentence="the level rose by {rise_db} dB within {seconds} s while the walker hardly moved",
-        harmless="a door, a car or a street corner between",
-        check=_jump,
-        detection=0.4,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(0, 88, 10.1)),
-    ),
-    ScanRule(
-        id="S3",
-        family="signal",
-        needs=("identity", "level", "position"),
-        gate="3 readings; 15 dB above what two scans of its network within 30 s and 120 m could "
-        "have missed",
-        sentence="appears with {level_dbm} dBm where {limit_dbm} dBm could not be missed {seconds} "
-        "s before",
-        harmless="a legitimate cell switched on, the exit of a tunnel",
-        check=_appears,
-        about=_new_cells,
-        detection=0.5,
-        measured=on_telephones(GSM=(13, 23, 2.7), LTE=(13, 814, 36.1), WCDMA=(2, 88, 10.1)),
-    ),
-    ScanRule(
-        id="S4",
-        family="signal",
-        needs=("identity", "level", "position"),
-        gate="3 readings 15 dB above earlier visits within 60 m or earlier walks within 150 m",
-        sentence="{level_dbm} dBm, where it had at most {best_dbm} dBm before",
-        harmless="an antenna was turned, another height or building",
-        check=_above_best,
-        detection=0.6,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 88, 10.1)),
-        elsewhere=Rate(5, 161, 0.0, "161 surveyed cells"),
-    ),
-    ScanRule(
-        id="S8",
-        family="signal",
-        needs=("identity", "level"),
-        gate="3 readings of at least -70 dBm, 6 dB above 3 other cells heard in the 5 minutes "
-        "before",
-        sentence="{level_dbm} dBm, where the best of {cells} other cells had {best_dbm} dBm",
-        harmless="a walk past the mast of a legitimate cell",
-        check=_above_others,
-        detection=0.6,
-        measured=on_telephones(GSM=(0, 23, 2.7), LTE=(28, 814, 36.1), WCDMA=(3, 88, 10.1)),
-    ),
-)

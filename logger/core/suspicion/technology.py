@@ -33,8 +33,20 @@ def _left_for_2g(memory: Memory) -> Iterator[HeardCell]:
         yield from serving_cell(memory)
 
 
+@ScanRule(
+    id="R1",
+    family="technology",
+    needs=("second technology", "level"),
+    gate="4G or 3G of the same network of at least -105 dBm in the 30 s before, 2G held for 30 s",
+    sentence="{before} was left at {level_dbm} dBm, and 2G was kept for {held_s} s",
+    harmless="a call, where the operator has no voice over 4G",
+    about=_left_for_2g,
+    detection=0.6,
+    measured=on_telephones(GSM=(0, 2, 0.7)),
+    elsewhere=Rate(2, 1500, 60.0, "60 h of telephones, about 1500 cells"),
+    rats=GSM,
+)
 def _kept(memory: Memory, _cell: HeardCell) -> Evidence | None:
-    """2G is kept for a while after a good cell of the same network."""
     serving, past = memory.now.serving, memory.of(_Downgrade)
     if serving is None or past.good is None or past.down_s is None:
         return None
@@ -45,22 +57,3 @@ def _kept(memory: Memory, _cell: HeardCell) -> Evidence | None:
     if past.down_s - good_s > _BEFORE_S or held_s < _HELD_S:
         return None
     return {"before": rat, "level_dbm": round(level_dbm), "held_s": round(held_s)}
-
-
-RULES = (
-    ScanRule(
-        id="R1",
-        family="technology",
-        needs=("second technology", "level"),
-        gate="4G or 3G of the same network of at least -105 dBm in the 30 s before, 2G held for "
-        "30 s",
-        sentence="{before} was left at {level_dbm} dBm, and 2G was kept for {held_s} s",
-        harmless="a call, where the operator has no voice over 4G",
-        check=_kept,
-        about=_left_for_2g,
-        detection=0.6,
-        measured=on_telephones(GSM=(0, 2, 0.7)),
-        elsewhere=Rate(2, 1500, 60.0, "60 h of telephones, about 1500 cells"),
-        rats=GSM,
-    ),
-)

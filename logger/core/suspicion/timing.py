@@ -16,8 +16,19 @@ _MOST = 24
 _SHARE = 0.2
 
 
+@ScanRule(
+    id="T1",
+    family="timing",
+    needs=("identity", "timing advance", "position"),
+    gate="5 rings at places 50 m apart, more than 20 % of the pairs disjoint",
+    sentence="{share:.0%} of its distances by timing advance exclude each other",
+    harmless="a modem that repeats an old value",
+    detection=0.5,
+    measured=on_telephones(GSM=(0, 21, 2.0), LTE=(1, 258, 5.3)),
+    elsewhere=Rate(4, 251, 0.0, "walks with 251 cells"),
+    rats=frozenset(STEP_M),
+)
 def _rings_apart(memory: Memory, cell: HeardCell) -> Evidence | None:
-    """Rings of a serving cell that have no point in common."""
     now, ta = memory.now, cell.heard.reading.ta
     if now.x_m is None or now.y_m is None or ta is None or not cell.heard.is_serving:
         return None
@@ -54,20 +65,3 @@ def _disjoint_share(cell: HeardCell) -> float:
             n_pairs += 1
             n_apart += apart_m > outer_m or apart_m < gap_m
     return n_apart / n_pairs if n_pairs else 0.0
-
-
-RULES = (
-    ScanRule(
-        id="T1",
-        family="timing",
-        needs=("identity", "timing advance", "position"),
-        gate="5 rings at places 50 m apart, more than 20 % of the pairs disjoint",
-        sentence="{share:.0%} of its distances by timing advance exclude each other",
-        harmless="a modem that repeats an old value",
-        check=_rings_apart,
-        detection=0.5,
-        measured=on_telephones(GSM=(0, 21, 2.0), LTE=(1, 258, 5.3)),
-        elsewhere=Rate(4, 251, 0.0, "walks with 251 cells"),
-        rats=frozenset(STEP_M),
-    ),
-)

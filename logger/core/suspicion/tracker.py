@@ -1,5 +1,6 @@
 """All rules as a function of the records of a run, in their order: live and replay are equal."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -151,7 +152,6 @@ class Capabilities:
     def __init__(self) -> None:
         self._always: set[Need] = set()
         self._served: dict[str, set[Need]] = {}
-        self._missing: dict[str, dict[Need, Callable[[Heard], bool]]] = {}
 
     def serve(self, need: Need) -> None:
         """Take what does not come from the modem."""
@@ -159,19 +159,12 @@ class Capabilities:
 
     def add(self, now: Moment) -> None:
         """Take what a scan serves."""
-        n_cells: dict[str, int] = {}
         for heard in now.cells:
-            rat = heard.rat
-            n_cells[rat] = n_cells.get(rat, 0) + 1
-            missing = self._missing.get(rat)
-            if missing is None:
-                missing = self._missing[rat] = dict(_OF_READING)
-                self._served[rat] = set()
-            if new := [need for need, is_served in missing.items() if is_served(heard)]:
-                self._served[rat].update(new)
-                for need in new:
-                    del missing[need]
-        for rat, n in n_cells.items():
+            served = self._served.setdefault(heard.rat, set())
+            for need, is_served in _OF_READING.items():
+                if need not in served and is_served(heard):
+                    served.add(need)
+        for rat, n in Counter([heard.rat for heard in now.cells]).items():
             if now.x_m is not None:
                 self._served[rat].add("position")
             if n > 1:
@@ -222,4 +215,4 @@ _OF_READING: Mapping[Need, Callable[[Heard], bool]] = {
     "neighbour lists": _has_lists,
     "C1 and C2": _has_offset,
 }
-"""Whether a reading serves a need; one that a technology has served is not asked again."""
+"""Whether a reading serves a need."""

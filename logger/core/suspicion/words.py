@@ -4,7 +4,6 @@ The nats of findings add up over families, of each family the strongest one: new
 come together, and one cause would count three times.
 """
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -96,20 +95,6 @@ def finding_notes(findings: Iterable[Finding], of: Iterable[Assessment]) -> Iter
         score = f"{cell.word}, {cell.score_nats!r} nats"
         text = f"{finding.cell}: {score}: {finding.rule.id} {finding.text}"
         yield Note(level, FINDING_CODE, text)
-
-
-def word_of_note(text: str) -> Assessment | None:
-    """Cell, word and score of the event of a finding, without findings; None for another text."""
-    found = _FINDING_TEXT.match(text)
-    if found is None:
-        return None
-    word = next(word for word in WORDS if word == found["word"])
-    return Assessment(found["cell"], word, float(found["score"]), ())
-
-
-_FINDING_TEXT = re.compile(
-    rf"(?P<cell>.*?): (?P<word>{'|'.join(WORDS)}), (?P<score>[\d.e+-]+) nats: ", re.DOTALL
-)
 
 
 def error_notes(errors: Iterable[tuple[str, str]]) -> Iterator[Note]:

@@ -4,9 +4,7 @@ from logger.core.suspicion.words import (
     assess,
     by_word,
     false_alarms_per_hour,
-    finding_notes,
     sentences,
-    word_of_note,
     word_rate_text,
 )
 
@@ -58,11 +56,3 @@ def test_the_rate_of_an_alarm_is_a_bound_where_there_was_none():
 def test_a_rate_is_printed_with_its_interval_and_hours():
     text = "legitimate cells earned this word 0.03 times an hour (0.00 to 0.14, 95 %) in 38.5 h of "
     assert word_rate_text("suspicious").startswith(text)
-
-
-def test_the_event_of_a_finding_has_the_word_of_its_cell():
-    cell = assess("310-260-1-9", [_finding("S5", 6.0, "fits: two places")])
-    (note,) = finding_notes(cell.findings, [cell])
-    word = word_of_note(note.text)
-    assert (note.level, word.cell, word.word, word.score_nats) == ("warning", "c", cell.word, 6.0)
-    assert word_of_note("a rule of suspicion failed: ZeroDivisionError") is None

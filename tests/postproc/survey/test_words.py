@@ -13,7 +13,7 @@ from postproc.cli import main
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
 from postproc.survey.rule_inputs import records_of, rule_inputs
-from postproc.suspicion.assessment import assess_runs, track
+from postproc.suspicion.run_assessment import assess_runs, track
 from tests.postproc.baseline.walks import cell, write_walk
 
 FOREIGN = "310-260-9-77"

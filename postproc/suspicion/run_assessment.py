@@ -1,7 +1,7 @@
 """The words of all cells of runs, with reasons and what was not asked; results in their order."""
 
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from logger.core.baseline import NO_BASELINE, Baseline
@@ -24,23 +24,21 @@ _MOST_REASONS = 3
 class Suspicions:
     """The most suspicious cell first.
 
-    `start_ns` is when the run began, by run: times of findings are counted from there. `not_asked`
-    has each rule that no run could serve, with what was missing. `failures` are the cells for which
-    a rule failed, each once; without a cell the name is empty.
+    `start_ns` is when the run of a finding began, by its `id`. `not_asked` has each rule that no
+    run could serve, with what was missing. `failures` are the cells for which a rule failed, each
+    once; without a cell the name is empty.
     """
 
     cells: tuple[Assessment, ...]
-    start_ns: tuple[int, ...]
-    run_of: dict[int, int]
+    start_ns: dict[int, int]
     not_asked: dict[str, tuple[str, ...]]
-    failures: dict[str, Failure] = field(default_factory=dict)
+    failures: dict[str, Failure]
 
     def seconds(self, finding: Finding) -> float | None:
         """Time of a finding since its run began; None for one about the whole run."""
         if not finding.t_ns:
             return None
-        run = self.run_of.get(id(finding), 0)
-        return (finding.t_ns - self.start_ns[run]) / 1e9
+        return (finding.t_ns - self.start_ns[id(finding)]) / 1e9
 
 
 def assess_runs(
@@ -51,17 +49,17 @@ def assess_runs(
 ) -> Suspicions:
     """Apply all rules to each run; findings of one cell in several runs count together."""
     findings: dict[str, list[Finding]] = {}
-    run_of: dict[int, int] = {}
+    start_ns: dict[int, int] = {}
     not_asked: list[dict[str, tuple[str, ...]]] = []
     failures: dict[str, Failure] = {}
-    for i, run in enumerate(runs):
+    for run in runs:
         tracker = track(run, baseline)
         failures = failures_of(tracker) | failures
         if database is not None:
             tracker.capabilities.serve("cell database")
         for cell in tracker.assessments():
             findings.setdefault(cell.cell, []).extend(cell.findings)
-            run_of |= {id(finding): i for finding in cell.findings}
+            start_ns |= {id(finding): run.meta.started_ns for finding in cell.findings}
         rules: list[Rule[Any, Any]] = [*RULES.values(), *DATABASE_RULES]
         not_asked.append(tracker.capabilities.not_asked(rules))
     if database is not None:
@@ -69,13 +67,9 @@ def assess_runs(
             if finding.cell in findings and baseline.trust_note(finding.cell) is None:
                 findings[finding.cell].append(finding)
     cells = by_word([assess(name, found) for name, found in findings.items()])
-    return Suspicions(
-        tuple(cells),
-        tuple(run.meta.started_ns for run in runs),
-        run_of,
-        _everywhere(not_asked),
-        failures,
-    )
+    everywhere = set(not_asked[0]).intersection(*not_asked)
+    missing = {rule: needs for rule, needs in not_asked[0].items() if rule in everywhere}
+    return Suspicions(tuple(cells), start_ns, missing, failures)
 
 
 def track(run: Run, baseline: Baseline = NO_BASELINE) -> SuspicionTracker:
@@ -93,21 +87,11 @@ def failures_of(tracker: SuspicionTracker) -> dict[str, Failure]:
     }
 
 
-def _everywhere(
-    of_runs: Iterable[dict[str, tuple[str, ...]]],
-) -> dict[str, tuple[str, ...]]:
-    """Rules that no run could serve."""
-    first, *others = of_runs
-    return {rule: needs for rule, needs in first.items() if all(rule in other for other in others)}
-
-
-def order_by_word(result: Result) -> Result:
-    """The result with suspicious and unusual cells first and their reasons among the warnings."""
-    return conspicuous_first(result)[0]
-
-
 def conspicuous_first(result: Result) -> tuple[Result, tuple[str, ...]]:
-    """As `order_by_word`, and the suspicious and unusual cells, the most suspicious first."""
+    """The result with suspicious and unusual cells first and their reasons among the warnings.
+
+    Beside it these cells, the most suspicious first.
+    """
     there = {cell.cell for cell in result.cells}
     suspicions = assess_runs([observed.run for observed in result.runs])
     unusual = _conspicuous(suspicions, there)
