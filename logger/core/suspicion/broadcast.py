@@ -1,6 +1,7 @@
 """Reselection parameters that make a cell more attractive than its operator's others."""
 
 from collections import deque
+from functools import partial
 from statistics import median
 
 from logger.core.latest import Latest
@@ -72,24 +73,10 @@ def _are_compared(memory: Memory, serving: Heard, left: Heard) -> bool:
     return serving.rat == left.rat and not is_apart
 
 
-class _Offsets:
-    """Reselection offsets by cell: the last one, and the last one that two readings agreed on."""
-
-    def __init__(self) -> None:
-        self._last_db: Latest[float] = Latest(128)
-        self.confirmed_db: Latest[float] = Latest(128)
-
-    def take(self, cell: HeardCell) -> float | None:
-        """Offset that two readings in turn agree on; a digit of a single one may be wrong."""
-        offset_db = _offset_db(cell.heard)
-        if offset_db is None:
-            return None
-        last_db = self._last_db.get(cell.name)
-        self._last_db.put(cell.name, offset_db)
-        if offset_db != last_db:
-            return None
-        self.confirmed_db.put(cell.name, offset_db)
-        return offset_db
+_OFFSETS = partial(Latest[float], 128)
+_CONFIRMED = partial(Latest[float], 128)
+"""Reselection offsets in dB by cell: the last one, and the last that two readings in turn agreed
+on; a digit of a single one may be wrong."""
 
 
 def _offset_db(heard: Heard) -> float | None:
@@ -117,13 +104,17 @@ def _offset_db(heard: Heard) -> float | None:
     rats=GSM,
 )
 def _above_usual(memory: Memory, cell: HeardCell) -> Evidence | None:
-    offsets = memory.of(_Offsets)
-    offset_db = offsets.take(cell)
+    offset_db, confirmed = _offset_db(cell.heard), memory.of(_CONFIRMED)
     if offset_db is None:
         return None
+    last_db = memory.of(_OFFSETS).get(cell.name)
+    memory.of(_OFFSETS).put(cell.name, offset_db)
+    if offset_db != last_db:
+        return None
+    confirmed.put(cell.name, offset_db)
     others = []
     for other in memory.of_operator(cell.operator, cell.rat):
-        other_db = offsets.confirmed_db.get(other.name)
+        other_db = confirmed.get(other.name)
         if other_db is not None and other is not cell:
             if offset_db < other_db + _ABOVE_DB:
                 return None

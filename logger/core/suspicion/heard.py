@@ -1,7 +1,7 @@
 """What the rules see: the cells of one scan at one place, and what was heard before."""
 
 from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from math import cos, hypot, radians
 from typing import Any, NamedTuple, TypeVar
@@ -254,7 +254,7 @@ class Memory:
         self._by_operator: dict[tuple[str, str], dict[str, HeardCell]] = {}
         self._first_s: float | None = None
         self._usual: set[str] = set()
-        self._of: dict[type, Any] = {}
+        self._of: dict[Callable[[], Any], Any] = {}
 
     def take(self, now: Moment) -> None:
         """Remember a scan."""
@@ -278,11 +278,11 @@ class Memory:
         serving = now.serving
         self.serving = None if serving is None or serving.name is None else taken[serving.name]
 
-    def of(self, kind: type[State]) -> State:
-        """What the rules of a family keep: one object of this class, made when first asked for."""
-        state: State | None = self._of.get(kind)
-        if state is None:
-            state = self._of[kind] = kind()
+    def of(self, make: Callable[[], State]) -> State:
+        """What the rules of a family keep, made by this class or function when first asked for."""
+        if make not in self._of:
+            self._of[make] = make()
+        state: State = self._of[make]
         return state
 
     def of_operator(self, operator: str, rat: str) -> Collection[HeardCell]:

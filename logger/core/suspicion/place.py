@@ -1,5 +1,6 @@
 """The place of a station by its levels: one identity at two places, at none, or at another one."""
 
+from functools import partial
 from math import inf
 
 from logger.core.latest import Latest
@@ -160,17 +161,14 @@ class _Means:
         return self.last_s - self.first_s >= _STEADY_S
 
 
-class _Standing:
-    """Means of the cells heard since the walker stands here."""
-
-    def __init__(self) -> None:
-        self.means: Latest[_Means] = Latest(128)
+_STANDING = partial(Latest[_Means], 128)
+"""Means of the cells heard since the walker stands here."""
 
 
 def _heard_while_standing(memory: Memory) -> list[HeardCell]:
     """Cells of a scan, while the walker stands."""
     if memory.now.x_m is None or memory.now.still_s < _MEAN_S:
-        memory.of(_Standing).means.clear()
+        memory.of(_STANDING).clear()
         return []
     return memory.taken
 
@@ -188,7 +186,7 @@ def _heard_while_standing(memory: Memory) -> list[HeardCell]:
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 88, 10.1)),
 )
 def _changes(memory: Memory, cell: HeardCell) -> Evidence | None:
-    now, level_dbm, all_means = memory.now, cell.heard.level_dbm, memory.of(_Standing).means
+    now, level_dbm, all_means = memory.now, cell.heard.level_dbm, memory.of(_STANDING)
     if level_dbm is None:
         return None
     means = all_means.get(cell.name) or _Means(now.t_s)

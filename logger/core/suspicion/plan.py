@@ -1,6 +1,7 @@
 """The numbering plan: networks of this country, and identities that contradict each other."""
 
 from collections.abc import Iterable
+from functools import partial
 from math import hypot, inf
 
 from logger.core.latest import Latest
@@ -83,12 +84,9 @@ def _foreign(memory: Memory, cell: HeardCell) -> Evidence | None:
     return {"operator": cell.operator, "why": why}
 
 
-class _Names:
-    """Cells that share an identity under several areas, or a channel with its colour code."""
-
-    def __init__(self) -> None:
-        self.by_cid: Latest[list[str]] = Latest(_MOST_CHANNELS)
-        self.by_channel: Latest[list[str]] = Latest(_MOST_CHANNELS)
+_BY_CID = partial(Latest[list[str]], _MOST_CHANNELS)
+_BY_CHANNEL = partial(Latest[list[str]], _MOST_CHANNELS)
+"""Names of cells that share an identity under several areas, and a channel with its code."""
 
 
 def _others(names_of: Latest[list[str]], key: str, name: str) -> list[str]:
@@ -119,7 +117,7 @@ def _two_areas(memory: Memory, cell: HeardCell) -> Evidence | None:
     if abs(cell.since_s - memory.changed_rat_s) < _HELD_S:
         return None
     key = f"{cell.operator} {cell.rat} {cell.cid}"
-    for name in _others(memory.of(_Names).by_cid, key, cell.name):
+    for name in _others(memory.of(_BY_CID), key, cell.name):
         other = memory.cells.get(name)
         if other is None or other.area is None or other.area == cell.area:
             continue
@@ -144,7 +142,7 @@ def _anothers_channel(memory: Memory, cell: HeardCell) -> Evidence | None:
     if cell.heard.reading.arfcn is None or pair is None:
         return None
     key = f"{cell.rat} {pair[0]} {pair[1]}"
-    for name in _others(memory.of(_Names).by_channel, key, cell.name):
+    for name in _others(memory.of(_BY_CHANNEL), key, cell.name):
         other = memory.cells.get(name)
         if other is None or other.usual_pair != pair:
             continue

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
+from functools import partial
 from math import hypot
 from typing import NamedTuple
 
@@ -84,26 +85,8 @@ def _jump(_memory: Memory, cell: HeardCell) -> Evidence | None:
     }
 
 
-class _Limits:
-    """What could have been heard in the scans before."""
-
-    def __init__(self) -> None:
-        self.before: deque[_Before] = deque(maxlen=12)
-
-    def take(self, now: Moment) -> None:
-        """Remember a scan."""
-        serving = now.serving
-        for rat in dict.fromkeys([heard.rat for heard in now.cells]):
-            of_rat = [h for h in now.cells if h.level_dbm is not None and h.rat == rat]
-            levels = [h.level_dbm for h in of_rat if h.level_dbm is not None]
-            if len(levels) >= FULL_LIST:
-                limit_dbm = min(levels)
-            elif serving is not None and serving.rat == rat and serving.level_dbm is not None:
-                of_rat, limit_dbm = [serving], serving.level_dbm
-            else:
-                continue
-            operators = frozenset([heard.operator for heard in of_rat])
-            self.before.append(_Before(now.t_s, now.x_m, now.y_m, rat, limit_dbm, operators))
+_SCANS = partial(deque[_Before], maxlen=12)
+"""What could have been heard in the scans before."""
 
 
 def _new_cells(memory: Memory) -> Iterator[HeardCell]:
@@ -111,7 +94,19 @@ def _new_cells(memory: Memory) -> Iterator[HeardCell]:
     for cell in memory.taken:
         if cell.n_scans == STEADY:
             yield cell
-    memory.of(_Limits).take(memory.now)
+    now, serving = memory.now, memory.now.serving
+    for rat in dict.fromkeys([heard.rat for heard in now.cells]):
+        of_rat = [h for h in now.cells if h.level_dbm is not None and h.rat == rat]
+        levels = [h.level_dbm for h in of_rat if h.level_dbm is not None]
+        if len(levels) >= FULL_LIST:
+            limit_dbm = min(levels)
+        elif serving is not None and serving.rat == rat and serving.level_dbm is not None:
+            of_rat, limit_dbm = [serving], serving.level_dbm
+        else:
+            continue
+        operators = frozenset([heard.operator for heard in of_rat])
+        before = _Before(now.t_s, now.x_m, now.y_m, rat, limit_dbm, operators)
+        memory.of(_SCANS).append(before)
 
 
 @ScanRule(
@@ -132,8 +127,7 @@ def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
     if weakest_dbm is None:
         return None
     first = cell.recent[0]
-    limits = memory.of(_Limits).before
-    before = [b for b in limits if b.t_s < first.t_s and b.could_name(memory, cell)]
+    before = [b for b in memory.of(_SCANS) if b.t_s < first.t_s and b.could_name(memory, cell)]
     before = [b for b in before[-STEADY:] if first.t_s - b.t_s <= _BEFORE_S]
     limit_dbm = max((b.limit_dbm for b in before), default=0.0)
     is_near = all(_apart_m(b, cell.recent[-1]) <= _PASSED_M for b in before)

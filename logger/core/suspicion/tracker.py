@@ -65,6 +65,10 @@ class SuspicionTracker:
         known = [name for name in self._memory.cells if name in self._identities]
         return [self.assessment(name) for name in dict.fromkeys([*known, *self._findings])]
 
+    def conspicuous(self) -> list[Assessment]:
+        """The words of unusual and suspicious cells, the most suspicious first."""
+        return [one for one in by_word(self.assessments()) if one.word != WORDS[0]]
+
     def _take_scan(self, t_ns: int, scan: Scan) -> list[Finding]:
         self._identities.add(scan)
         now = self._walker.at(t_ns, scan)
