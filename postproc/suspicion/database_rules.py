@@ -115,4 +115,5 @@ def database_findings(
             evidence = rule.check(desk, cell)
             if evidence is not None:
                 nats = rule.nats("") if rule.weigh is None else rule.weigh(desk, cell)
-                yield rule.finding(cell.name, evidence, nats)
+                text = rule.sentence.format(**evidence)
+                yield Finding(rule, cell.name, 0, None, None, text, evidence, nats)

@@ -7,7 +7,7 @@ from statistics import median
 from logger.core.baseline import KnownCell, SquareHistory, squares_around
 from logger.core.latest import Latest
 from logger.core.squares import square_of
-from logger.core.suspicion.heard import FULL_LIST, STEADY, HeardCell, Memory, Moment
+from logger.core.suspicion.heard import FULL_LIST, STEADY, HeardCell, Memory
 from logger.core.suspicion.rule import Evidence, Rate, Rule, ScanRule
 
 FEWEST_WALKS = 7
@@ -40,7 +40,7 @@ class _Visit:
     def __init__(self, square: int) -> None:
         self.square = square
         self.limits_dbm: dict[tuple[float, float], float] = {}
-        self.unnamed_channels: set[int] = set()
+        self.unnamed_channels: set[int | None] = set()
         self.weaker_db: float | None = None
         self._sums: Latest[tuple[int, float]] = Latest(_MOST_CELLS)
 
@@ -116,7 +116,9 @@ def _always_heard_before(memory: Memory) -> Iterator[KnownCell]:
         if visit is None or visit.square != square:
             visit = visits[rat] = _Visit(square)
         visit.add(now.x_m, now.y_m, levels_dbm)
-        visit.unnamed_channels |= _unnamed_channels(now, rat)
+        unnamed = [heard for heard in now.cells if heard.name is None and heard.rat == rat]
+        # one of them may be the cell looked for
+        visit.unnamed_channels |= {heard.reading.arfcn for heard in unnamed} - {None}
         if len(visit.limits_dbm) < _FEWEST_PLACES:
             continue
         earlier = baseline.square(square)
@@ -182,9 +184,3 @@ def _full_lists(taken: Iterable[HeardCell]) -> dict[str, dict[str, float]]:
         if cell.heard.level_dbm is not None:
             by_rat.setdefault(cell.rat, {})[cell.name] = cell.heard.level_dbm
     return {rat: levels for rat, levels in by_rat.items() if len(levels) >= FULL_LIST}
-
-
-def _unnamed_channels(now: Moment, rat: str) -> set[int]:
-    """Channels of a scan's cells without an identity: one of them may be the cell looked for."""
-    cells = [heard for heard in now.cells if heard.name is None and heard.rat == rat]
-    return {heard.reading.arfcn for heard in cells if heard.reading.arfcn is not None}

@@ -1,7 +1,7 @@
 """What the rules see: the cells of one scan at one place, and what was heard before."""
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from math import cos, hypot, radians
 from typing import Any, NamedTuple, TypeVar
@@ -269,7 +269,10 @@ class Memory:
             if cell is None or cell.rat != heard.rat:
                 self._take_network(now.t_s, heard.operator)
                 self._forget(cell)
-                cell = _new(name, heard, now.t_s)
+                cid, t_s = heard.reading.cid, now.t_s
+                cell = HeardCell(
+                    heard, name, heard.rat, heard.operator, heard.area, cid, t_s, t_s, t_s
+                )
             cell.take(now, heard)
             cell.area = heard.area if cell.area is None else cell.area
             self._put(cell)
@@ -331,17 +334,11 @@ class Memory:
             self.gave_neighbours.add(serving.rat)
 
 
-def _new(name: str, heard: Heard, t_s: float) -> HeardCell:
-    cid = heard.reading.cid
-    return HeardCell(heard, name, heard.rat, heard.operator, heard.area, cid, t_s, t_s, t_s)
-
-
 def cells_of_scan(memory: Memory) -> list[HeardCell]:
     """The named cells of a scan: whom most rules are about."""
     return memory.taken
 
 
-def serving_cell(memory: Memory) -> Iterator[HeardCell]:
+def serving_cell(memory: Memory) -> list[HeardCell]:
     """The named cell that serves."""
-    if memory.serving is not None:
-        yield memory.serving
+    return [] if memory.serving is None else [memory.serving]

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from math import exp, log
-from typing import Any, Generic, Literal, Protocol, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 from logger.core.suspicion.heard import HeardCell, Memory, cells_of_scan
 
@@ -96,16 +96,8 @@ def on_telephones(**by_rat: tuple[int, int, float]) -> Mapping[str, Rate]:
     return {rat: Rate(*counts, "62 runs of telephones") for rat, counts in by_rat.items()}
 
 
-class Named(Protocol):
-    """What a rule is asked about."""
-
-    @property
-    def name(self) -> str:
-        """Name of the cell."""
-
-
 Source = TypeVar("Source")
-Cell = TypeVar("Cell", bound=Named)
+Cell = TypeVar("Cell")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,19 +188,6 @@ class Rule(Generic[Source, Cell]):
             return "Rate not measured here."
         return f"Seen with {share:.1%} of legitimate cells or fewer."
 
-    def finding(
-        self,
-        cell: str,
-        evidence: Evidence,
-        nats: float,
-        t_ns: int = 0,
-        lat_deg: float | None = None,
-        lon_deg: float | None = None,
-    ) -> "Finding":
-        """A finding; without a time it is about the whole run."""
-        text = self.sentence.format(**evidence)
-        return Finding(self, cell, t_ns, lat_deg, lon_deg, text, evidence, nats)
-
 
 ScanRule = Rule[Memory, HeardCell]
 """A rule that each scan asks about its named cells."""
@@ -216,7 +195,10 @@ ScanRule = Rule[Memory, HeardCell]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One rule that a cell broke: when, where (degrees, WGS 84), and the evidence as numbers."""
+    """One rule that a cell broke: when, where (degrees, WGS 84), and the evidence as numbers.
+
+    A finding about a whole run has the time 0 and no place.
+    """
 
     rule: Rule[Any, Any]
     cell: str

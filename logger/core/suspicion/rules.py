@@ -9,7 +9,6 @@ from dataclasses import fields
 from functools import lru_cache
 from hashlib import sha256
 from importlib.resources import files
-from types import FunctionType
 from typing import Any
 
 from logger.core.suspicion import (
@@ -62,9 +61,9 @@ def rules_version() -> str:
     return digest.hexdigest()[:12]
 
 
-def _declared(value: object) -> str:
+def _declared(value: Any) -> str:
     """A value as text; a function by its name, as its code is in the package."""
-    if isinstance(value, FunctionType):
+    if callable(value):
         return f"{value.__module__}.{value.__qualname__}"
     return repr(sorted(value) if isinstance(value, frozenset) else value)
 

@@ -9,7 +9,7 @@ from logger.core.errors import error_place
 from logger.core.identities import Identities
 from logger.core.latest import Latest
 from logger.core.suspicion.heard import Heard, Memory, Moment, Walker
-from logger.core.suspicion.rule import WORDS, Evidence, Finding, Named, Need, Rule
+from logger.core.suspicion.rule import WORDS, Evidence, Finding, Need, Rule
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import Assessment, assess, by_word
 from logger.core.types import Fix, Record, Scan
@@ -88,7 +88,7 @@ class SuspicionTracker:
             self._fail("", error)
         return new
 
-    def _check(self, rule: Rule[Memory, Any], cell: Named) -> list[Finding]:
+    def _check(self, rule: Rule[Memory, Any], cell: Any) -> list[Finding]:
         try:
             evidence = rule.check(self._memory, cell)
             return [] if evidence is None else self._keep(rule, cell, evidence)
@@ -100,7 +100,7 @@ class SuspicionTracker:
         if name not in self.errors:
             self.errors.put(name, error_place(error))
 
-    def _keep(self, rule: Rule[Memory, Any], cell: Named, evidence: Evidence) -> list[Finding]:
+    def _keep(self, rule: Rule[Memory, Any], cell: Any, evidence: Evidence) -> list[Finding]:
         """Keep the first finding of a rule for a cell, once two scans have named the cell."""
         before, rat = self._findings.get(cell.name, []), self._rat(cell.name)
         if rat is None or rat not in rule.rats or any(one.rule is rule for one in before):
@@ -108,8 +108,9 @@ class SuspicionTracker:
         if self._baseline.trust_note(cell.name) is not None:
             return []
         nats = rule.nats(rat) if rule.weigh is None else rule.weigh(self._memory, cell)
-        now = self._memory.now
-        finding = rule.finding(cell.name, evidence, nats, now.t_ns, now.lat_deg, now.lon_deg)
+        now, text = self._memory.now, rule.sentence.format(**evidence)
+        at_deg = now.lat_deg, now.lon_deg
+        finding = Finding(rule, cell.name, now.t_ns, *at_deg, text, evidence, nats)
         self._findings.put(cell.name, [*before, finding])
         self.n_changes += 1
         if rule.refuted_by is not None:

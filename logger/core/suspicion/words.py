@@ -48,13 +48,10 @@ def assess(cell: str, findings: Sequence[Finding]) -> Assessment:
     weighty = {family for family, nats in by_family.items() if nats > 0.0}
     is_confirmed = len(weighty) >= 2 and bool(weighty & CONFIRMING) and score >= SUSPICIOUS_NATS
     word: Word = "unusual" if score >= UNUSUAL_NATS else "nothing unusual"
-    if is_confirmed or any(_suffices(finding) for finding in findings):
+    strong = [finding for finding in findings if finding.nats >= SUSPICIOUS_NATS]
+    if is_confirmed or any(finding.rule.strength == "suffices" for finding in strong):
         word = "suspicious"
     return Assessment(cell, word, score, tuple(findings))
-
-
-def _suffices(finding: Finding) -> bool:
-    return finding.rule.strength == "suffices" and finding.nats >= SUSPICIOUS_NATS
 
 
 def false_alarms_per_hour(word: Word) -> float:
