@@ -12,13 +12,12 @@ from postproc.options import runs_argument
 
 def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) -> None:
     if is_wanted:
-        from logger.core.suspicion.rules import RULES
-        from postproc.suspicion.database_rules import DATABASE_RULES
+        from postproc.suspicion.run_assessment import ALL_RULES
         from postproc.terminal import print_text, screen
 
         console = screen()
-        for text in [rule.text for rule in RULES.values()] + [rule.text for rule in DATABASE_RULES]:
-            print_text(console, text, bullet="  - ")
+        for rule in ALL_RULES:
+            print_text(console, rule.text, bullet="  - ")
         context.exit()
 
 
@@ -46,7 +45,6 @@ def suspect(
     how often legitimate cells earn it. The exit code is 3 if a rule failed.
     """
     from logger.baseline_file import BaselineFile
-    from logger.core.baseline import NO_BASELINE, Baseline
     from logger.core.runfile import read_sound_run
     from postproc.cell_work import exit_code
     from postproc.progress import with_progress
@@ -55,8 +53,7 @@ def suspect(
     from postproc.verification.celldb import CellDb
 
     with ExitStack() as stack:
-        baseline: Baseline = NO_BASELINE
-        database = None
+        baseline = database = None
         if baseline_path is not None:
             baseline = stack.enter_context(closing(BaselineFile(baseline_path)))
         if celldb_path is not None:

@@ -16,6 +16,7 @@ from postproc.result import CellResult, Result
 from postproc.suspicion.database_rules import DATABASE_RULES, database_findings
 from postproc.verification.celldb import CellDb
 
+ALL_RULES: tuple[Rule[Any, Any], ...] = (*RULES.values(), *DATABASE_RULES)
 _MOST_REASONS = 3
 """For each cell in one sentence: `postproc suspect` prints all of them."""
 
@@ -43,11 +44,12 @@ class Suspicions:
 
 def assess_runs(
     runs: Sequence[Run],
-    baseline: Baseline = NO_BASELINE,
+    baseline: Baseline | None = None,
     database: CellDb | None = None,
     progress: Progress | None = None,
 ) -> Suspicions:
     """Apply all rules to each run; findings of one cell in several runs count together."""
+    baseline = baseline or NO_BASELINE
     findings: dict[str, list[Finding]] = {}
     start_ns: dict[int, int] = {}
     not_asked: list[dict[str, tuple[str, ...]]] = []
@@ -60,8 +62,7 @@ def assess_runs(
         for cell in tracker.assessments():
             findings.setdefault(cell.cell, []).extend(cell.findings)
             start_ns |= {id(finding): run.meta.started_ns for finding in cell.findings}
-        rules: list[Rule[Any, Any]] = [*RULES.values(), *DATABASE_RULES]
-        not_asked.append(tracker.capabilities.not_asked(rules))
+        not_asked.append(tracker.capabilities.not_asked(ALL_RULES))
     if database is not None:
         for finding in database_findings(runs, list(findings), database, progress):
             if finding.cell in findings and baseline.trust_note(finding.cell) is None:
