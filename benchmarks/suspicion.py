@@ -133,7 +133,7 @@ def print_python(counts: Counts) -> None:
     sets = _sets(counts, "logs")
     for rule in RULES:
         rats = sorted({rat for name, one, rat in counts.exposed if name == rule and one in sets})
-        rates = [f"{rat}=({', '.join(_measured(counts, rule, rat))})" for rat in rats]
+        rates = [f"{rat}=({', '.join(_rate_of(counts, rule, rat))})" for rat in rats]
         if rates:
             print(f"{rule}: measured=on_telephones({', '.join(rates)}),")
     hours, cells = sum(counts.hours[s] for s in sets), sum(counts.cells[s] for s in sets)
@@ -142,7 +142,7 @@ def print_python(counts: Counts) -> None:
         print(f'"{word}": Rate({n}, {cells}, {hours:.1f}, _LOGS),')
 
 
-def _measured(counts: Counts, rule: str, rat: str) -> tuple[str, str, str]:
+def _rate_of(counts: Counts, rule: str, rat: str) -> tuple[str, str, str]:
     """Alarms, cells and hours of a rule and a technology."""
     keys = [(rule, one, rat) for one in _sets(counts, "logs")]
     alarms, cells = (sum(of[key] for key in keys) for of in (counts.alarms, counts.exposed))

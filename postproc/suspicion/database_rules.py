@@ -43,7 +43,7 @@ class _Cell(NamedTuple):
     p: float = 1.0
 
 
-def _missing(desk: _Desk) -> Iterator[_Cell]:
+def _missing_cells(desk: _Desk) -> Iterator[_Cell]:
     """Cells that the database does not have, where enough others were heard."""
     if len(desk.names) > _FEWEST:
         yield from (_Cell(name) for name in desk.names if name not in desk.known)
@@ -61,7 +61,7 @@ def _missing_nats(desk: _Desk, _cell: _Cell) -> float:
     gate="weighed by the share of cells here that the database has; never alone",
     sentence="the database does not have this cell, but {share:.0%} of the others heard here",
     harmless="databases are incomplete",
-    about=_missing,
+    about=_missing_cells,
     detection=1.0,
     elsewhere=Rate(100, 197, 0.0, "a database that had 41 to 58 % of 197 cells"),
     weigh=_missing_nats,
@@ -72,7 +72,7 @@ def _others_are_known(desk: _Desk, _cell: _Cell) -> Evidence | None:
     return {"share": round(share, 2), "cells": n_others} if share >= 0.5 else None
 
 
-def _rejected(desk: _Desk) -> Iterator[_Cell]:
+def _rejected_positions(desk: _Desk) -> Iterator[_Cell]:
     """The tests are those of `postproc verify`: the spread of a database's position enters them."""
     # numba and scipy, which take a second, are for those who give a database
     from postproc.verification.run_claims import verify_claims  # noqa: PLC0415
@@ -94,7 +94,7 @@ def _rejected(desk: _Desk) -> Iterator[_Cell]:
     gate="a test of the whole walk rejects the position at a level of 1 %",
     sentence="the levels reject its position in the database by {apart_m} m (p = {p})",
     harmless="a wrong or old position in the database, hills and tall buildings",
-    about=_rejected,
+    about=_rejected_positions,
     detection=0.25,
     elsewhere=Rate(3, 161, 0.0, "161 measured walks past surveyed cells"),
 )

@@ -57,11 +57,11 @@ def rules_version() -> str:
     digest = sha256(_package_digest())
     for rule in RULES.values():
         for field in fields(rule):
-            digest.update(f"{field.name} {_declared(getattr(rule, field.name))}\n".encode())
+            digest.update(f"{field.name} {_text_of(getattr(rule, field.name))}\n".encode())
     return digest.hexdigest()[:12]
 
 
-def _declared(value: Any) -> str:
+def _text_of(value: Any) -> str:
     """A value as text; a function by its name, as its code is in the package."""
     if callable(value):
         return f"{value.__module__}.{value.__qualname__}"

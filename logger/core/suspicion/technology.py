@@ -46,7 +46,7 @@ def _left_for_2g(memory: Memory) -> Iterator[HeardCell]:
     elsewhere=Rate(2, 1500, 60.0, "60 h of telephones, about 1500 cells"),
     rats=GSM,
 )
-def _kept(memory: Memory, _cell: HeardCell) -> Evidence | None:
+def _stays_on_2g(memory: Memory, _cell: HeardCell) -> Evidence | None:
     serving, past = memory.now.serving, memory.of(_Downgrade)
     if serving is None or past.good is None or past.down_s is None:
         return None
