@@ -81,20 +81,18 @@ class SuspicionTracker:
     def _ask(self, rule: Rule[Memory, Any]) -> list[Finding]:
         """New findings of a rule; it goes on with the next cell where it raises."""
         new: list[Finding] = []
+        memory, check = self._memory, rule.check
         try:
-            for cell in rule.about(self._memory):
-                new += self._check(rule, cell)
-        except Exception as error:  # noqa: BLE001 (recorded and shown)
+            for cell in rule.about(memory):
+                try:
+                    evidence = check(memory, cell)
+                    if evidence is not None:
+                        new += self._keep(rule, cell, evidence)
+                except Exception as error:  # noqa: BLE001 (recorded and shown)
+                    self._fail(cell.name, error)
+        except Exception as error:  # noqa: BLE001
             self._fail("", error)
         return new
-
-    def _check(self, rule: Rule[Memory, Any], cell: Any) -> list[Finding]:
-        try:
-            evidence = rule.check(self._memory, cell)
-            return [] if evidence is None else self._keep(rule, cell, evidence)
-        except Exception as error:  # noqa: BLE001
-            self._fail(cell.name, error)
-            return []
 
     def _fail(self, name: str, error: Exception) -> None:
         if name not in self.errors:
