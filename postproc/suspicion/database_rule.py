@@ -45,7 +45,7 @@ def rejected_positions(
 
     The tests are those of `postproc verify`: the spread of a database's position enters them.
     """
-    # numba and scipy, which take a second, are for those who give a database
+    # scipy, which takes a second, is for those who give a database
     from postproc.verification.run_claims import verify_claims  # noqa: PLC0415
 
     rule = RULES["S10"]
