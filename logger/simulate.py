@@ -53,7 +53,7 @@ def simulate(
     walk = scenario(name, seed, duration_s)
     clock = ScaledClock(speed)
     time = WalkTime(clock)
-    well = walk.modem(time.now_s, modem_name)
+    well = walk.modem(time.now_s, DIALECTS[modem_name])
     modem: AnsweringDevice = (
         well if misbehaviour is None else Misbehaving(well, *misbehaviour, time.now_s, seed)
     )

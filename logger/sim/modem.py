@@ -7,8 +7,7 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from logger.sim.air import Air, ModemFix, ReceivedCell
-from logger.sim.dialects import common
-from logger.sim.dialects.dialect import Dialect, Listing
+from logger.sim.dialects import ANYWHERE, NO_CARD, REGISTERED, Dialect, Listing
 from logger.sim.terminal import AtTerminal, frame_text
 from logger.sim.walk import Walk
 from logger.sim.world import World
@@ -55,8 +54,8 @@ class SimulatedModem:
         self._rng = rng
         self._utc_start = utc_start
         self._decode_dbm = decode_dbm
-        alike = common.REGISTERED if dialect.registered else common.NO_CARD
-        self._replies: Mapping[str, Listing] = {**common.ANYWHERE, **alike, **dialect.replies}
+        alike = REGISTERED if dialect.registered else NO_CARD
+        self._replies: Mapping[str, Listing] = {**ANYWHERE, **alike, **dialect.replies}
         self._terminal = AtTerminal(self._answer, abortable=dialect.abortable)
         self._settings: dict[str, str] = {}
         self._late = b""

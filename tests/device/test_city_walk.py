@@ -32,7 +32,7 @@ def _follows_rogue(recorded):
 def test_the_rogue_of_a_city_is_named_and_followed(tmp_path, capsys):
     walk, clock = scenario("city-rogue", 1), ScaledClock(SPEED)
     time = WalkTime(clock)
-    devices = answering(walk.modem(time.now_s, "sim800")), talking(walk.receiver(), time)
+    devices = answering(walk.modem(time.now_s)), talking(walk.receiver(), time)
     with PtyDevice(devices[0]) as modem, PtyDevice(devices[1]) as gnss:
         text = (
             f'[run]\ndirectory = "{tmp_path}"\n[modem]\nport = "{modem.path}"\n'

@@ -1,14 +1,12 @@
-"""GNSS receivers in modems: +CGNSINF, +CGPSINFO and +QGPSLOC (captures 170 to 180)."""
+"""GNSS receivers in modems: +CGNSINF and +QGPSLOC (captures 170 to 180)."""
 
-from logger.sim.air import Air, ModemFix
-from logger.sim.dialects.dialect import Answer, Settings, setting
+from logger.sim.air import Air
+from logger.sim.dialects import KNOTS_PER_MPS, Answer, Settings, setting, tenths
 
 KMH_PER_MPS = 3.6
-KNOTS_PER_MPS = 3600 / 1852
 QUECTEL_NOT_ACTIVE, QUECTEL_NOT_FIXED = 505, 516
 
 CGNS_SETTINGS = {"+CGNSPWR": setting("0", "[01]")}
-CGPS_SETTINGS = {"+CGPS": setting("0", "[01](?:,[1-3])?")}
 QGPS_SETTINGS = {"+QGPS": setting("0", "1")}
 
 
@@ -25,17 +23,6 @@ def cgnsinf(air: Air, settings: Settings) -> Answer:
     return [f"+CGNSINF: 1,1,{time},{where},{motion},1,,0.9,1.7,1.4,,12,9,,,42,,"]
 
 
-def cgpsinfo(air: Air, settings: Settings) -> Answer:
-    """Degrees and minutes, and knots; all values are empty without a fix."""
-    fix = air.fix()
-    if fix is None or settings["+CGPS"].startswith("0"):
-        return ["+CGPSINFO: ,,,,,,,,"]
-    lat = f"{_minutes(fix.lat_deg, 2)},{'NS'[fix.lat_deg < 0]}"
-    lon = f"{_minutes(fix.lon_deg, 3)},{'EW'[fix.lon_deg < 0]}"
-    motion = f"{fix.speed_mps * KNOTS_PER_MPS:.1f},{fix.course_deg:.1f}"
-    return [f"+CGPSINFO: {lat},{lon},{fix.utc:%d%m%y},{_tenths(fix)},{fix.alt_m:.1f},{motion}"]
-
-
 def qgpsloc(air: Air, settings: Settings) -> Answer:
     """Signed degrees of mode 2; the course is degrees and minutes."""
     fix = air.fix()
@@ -47,15 +34,4 @@ def qgpsloc(air: Air, settings: Settings) -> Answer:
     degrees, minutes = divmod(round(fix.course_deg * 60), 60)
     motion = f"{degrees}.{minutes:02d},{kmh:.1f},{knots:.1f}"
     where = f"{fix.lat_deg:.5f},{fix.lon_deg:.5f},0.9,{fix.alt_m:.1f},3"
-    return [f"+QGPSLOC: {_tenths(fix)},{where},{motion},{fix.utc:%d%m%y},09"]
-
-
-def _tenths(fix: ModemFix) -> str:
-    return f"{fix.utc:%H%M%S}.{fix.utc.microsecond // 100_000}"
-
-
-def _minutes(angle_deg: float, degree_digits: int) -> str:
-    """The angle without its sign as `ddmm.mmmmmm`."""
-    degrees, steps = divmod(round(abs(angle_deg) * 60_000_000), 60_000_000)
-    whole_minutes, fraction = divmod(steps, 1_000_000)
-    return f"{degrees:0{degree_digits}d}{whole_minutes:02d}.{fraction:06d}"
+    return [f"+QGPSLOC: {tenths(fix)},{where},{motion},{fix.utc:%d%m%y},09"]

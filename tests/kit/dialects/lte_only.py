@@ -5,9 +5,19 @@ channel and PCI. Neighbours have no identity.
 """
 
 from logger.sim.air import Air, ReceivedCell
-from logger.sim.dialects import modes
-from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
-from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, identity_replies
+from logger.sim.dialects import (
+    COPS_SCAN_S,
+    EPS,
+    EPS_SETTINGS,
+    IMEI,
+    SETTINGS,
+    Answer,
+    Dialect,
+    Settings,
+    block,
+    identity_replies,
+)
+from tests.kit.dialects import modes
 
 RSRQ_DB, SINR_DB = -8.0, 8.6
 RSSI_OVER_RSRP_DB = 28  # of 10 MHz

@@ -1,6 +1,7 @@
 from logger.drivers.simcom.sim800 import Sim800
 from logger.sim.air import Air, ReceivedCell
-from logger.sim.dialects.ceng import rows, rxl
+from logger.sim.dialects import _rxl as rxl
+from logger.sim.dialects import ceng_rows as rows
 from logger.sim.world import Transmitter
 
 

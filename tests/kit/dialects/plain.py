@@ -1,7 +1,6 @@
 """A modem of 3GPP TS 27.007 alone, which has a cell with a SIM card only."""
 
-from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
-from logger.sim.dialects.dialect import Dialect, identity_replies
+from logger.sim.dialects import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS, Dialect, identity_replies
 
 PLAIN = Dialect(
     "plain",

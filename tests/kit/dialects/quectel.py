@@ -4,10 +4,12 @@ Sources: captures 059 to 069, 088; 091, 092; the example of QOPS in the EC2x AT 
 """
 
 from logger.sim.air import Air, ReceivedCell
-from logger.sim.dialects import modes, receivers
-from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
-from logger.sim.dialects.dialect import (
+from logger.sim.dialects import (
+    COPS_SCAN_S,
+    EPS,
+    EPS_SETTINGS,
     NETWORK_NAME,
+    SETTINGS,
     Answer,
     Dialect,
     Settings,
@@ -15,6 +17,7 @@ from logger.sim.dialects.dialect import (
     identity_replies,
     setting,
 )
+from tests.kit.dialects import modes, receivers
 
 QOPS_S = 12.0  # documented nowhere
 QOPS_SETTINGS = {"+QOPSCFG": setting('"SCANCONTROL",0', '"SCANCONTROL",[0-2]')}

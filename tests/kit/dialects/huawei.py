@@ -1,9 +1,19 @@
 """Huawei ME909s on a GSM network: ^MONSC, ^MONNC and ^HCSQ (captures 135 to 138)."""
 
 from logger.sim.air import Air
-from logger.sim.dialects import modes
-from logger.sim.dialects.common import COPS_SCAN_S, EPS, EPS_SETTINGS, SETTINGS
-from logger.sim.dialects.dialect import IMEI, Answer, Dialect, Settings, block, identity_replies
+from logger.sim.dialects import (
+    COPS_SCAN_S,
+    EPS,
+    EPS_SETTINGS,
+    IMEI,
+    SETTINGS,
+    Answer,
+    Dialect,
+    Settings,
+    block,
+    identity_replies,
+)
+from tests.kit.dialects import modes
 
 GSM_900 = 1
 

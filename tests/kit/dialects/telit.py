@@ -4,10 +4,11 @@ import re
 from collections.abc import Sequence
 
 from logger.sim.air import NEIGHBOURS, Air, ReceivedCell
-from logger.sim.dialects.common import COPS_SCAN_S, SETTINGS
-from logger.sim.dialects.dialect import (
+from logger.sim.dialects import (
+    COPS_SCAN_S,
     NETWORK_NAME,
     NO_SERVICE,
+    SETTINGS,
     Answer,
     Dialect,
     Settings,

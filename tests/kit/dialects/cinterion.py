@@ -3,8 +3,15 @@
 from itertools import chain, repeat
 
 from logger.sim.air import NEIGHBOURS, Air, ReceivedCell
-from logger.sim.dialects.common import COPS_SCAN_S, SETTINGS
-from logger.sim.dialects.dialect import Answer, Dialect, Settings, block, identity_replies
+from logger.sim.dialects import (
+    COPS_SCAN_S,
+    SETTINGS,
+    Answer,
+    Dialect,
+    Settings,
+    block,
+    identity_replies,
+)
 
 NO_CELL = "000,000,0000,0000,00,0,0,-,-"
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from logger.drivers.protocols.at import AtFramer
-from logger.sim.player import NmeaPlayer, TranscriptModem
 from logger.sim.ptys import PtyDevice, answering
+from tests.kit.recorded_replies import NmeaPlayer, TranscriptModem
 from tests.kit.service import LIMIT_S
 from tests.kit.unflushed_serial import UnflushedSerial
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from logger.sim.dialects.dialect import Listing, Setting, setting
+from logger.sim.dialects import Listing, Setting, setting
 
 _QCFG = "+QCFG"
 
@@ -14,9 +14,6 @@ def _setting_reply(name: str) -> Listing:
 def _stored_setting(default: str, form: str) -> Setting:
     return setting(default, form, stored=True)
 
-
-CNMP: Mapping[str, Listing] = {"+CNMP?": _setting_reply("+CNMP")}
-CNMP_SETTINGS = {"+CNMP": _stored_setting("2", "2|13|38|51")}
 
 NWSCANMODE: Mapping[str, Listing] = {
     '+QCFG="NWSCANMODE"': lambda _, settings: [

@@ -1,9 +1,10 @@
 """u-blox SARA-G350: AT+CGED, AT+COPS=5, AT+UCELLINFO (UBX-13002752, captures 107-113)."""
 
 from logger.sim.air import Air, ReceivedCell
-from logger.sim.dialects.common import COPS_SCAN_S, SETTINGS
-from logger.sim.dialects.dialect import (
+from logger.sim.dialects import (
+    COPS_SCAN_S,
     NO_SERVICE,
+    SETTINGS,
     Answer,
     Dialect,
     Settings,
