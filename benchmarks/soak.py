@@ -17,14 +17,12 @@ import numpy as np
 
 from logger.device.clock import SystemClock
 from logger.sim.air import Air
-from logger.sim.clock import WalkTime
 from logger.sim.dialects import DIALECTS, Answer, Settings, block, ceng_rows
-from logger.sim.line import PtyLine
 from logger.sim.modem import SimulatedModem
-from logger.sim.ptys import PtyDevice, Session, answering
+from logger.sim.ptys import PtyDevice, PtyLine, Session, answering
 from logger.sim.receiver import SimulatedReceiver
 from logger.sim.scenario import BLOCK, ORIGIN_LAT_DEG, ORIGIN_LON_DEG, UTC_START
-from logger.sim.walk import Walk
+from logger.sim.walk import Walk, WalkTime
 from logger.sim.world import Radio, Transmitter, World
 
 CELLS = 40

@@ -11,9 +11,9 @@ from logger.config import parse_config
 from logger.device.clock import ScaledClock
 from logger.drivers.registry import FAMILIES
 from logger.probe import PortReport, probe, propose_config, site_toml
-from logger.sim.clock import WalkTime
 from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
+from logger.sim.walk import WalkTime
 from tests.kit.dialects import DIALECTS
 from tests.kit.simulated_devices import simulated_devices
 

@@ -3,25 +3,18 @@
 The file does not identify the walker or the hardware: no configuration, names or notes.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 from logger.core.errors import ConfigError, RunFileError
 from postproc.atomic_write import whole_file
-from postproc.interop import geojson, gpx, kml, opencellid, walk_csv, wigle
+from postproc.interop import writers
 from postproc.interop.estimates import Estimate
 from postproc.interop.levels import ExportWalk
-from postproc.interop.sighting import Sighting
-
-
-@dataclass(frozen=True, slots=True)
-class Format:
-    """A format: its writer, whether it has estimates, and which levels it can represent."""
-
-    write: Callable[[ExportWalk, Sequence[Estimate], Path], None]
-    has_estimates: bool = False
-    writable: Callable[[Sighting], bool] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,31 +30,23 @@ class Exported:
     left_out: tuple[str, ...]
 
 
-def _parquet(walk: ExportWalk, _: Sequence[Estimate], target: Path) -> None:
-    from postproc.interop import parquet  # noqa: PLC0415 (pyarrow comes with rerun, or is missing)
+def writer(name: str) -> ModuleType:
+    """The module of a format."""
+    return import_module(f"{writers.__name__}.{name.replace('-', '_')}")
 
-    parquet.write(walk.sightings, target, walk.start_ns)
+
+def has_estimates(name: str) -> bool:
+    """Whether a format has a place for positions of cells."""
+    return bool(getattr(writer(name), "HAS_ESTIMATES", False))
 
 
-FORMATS = {
-    "kml": Format(kml.write, has_estimates=True),
-    "geojson": Format(geojson.write, has_estimates=True),
-    "gpx": Format(gpx.write, has_estimates=True),
-    "csv": Format(lambda walk, _, target: walk_csv.write(walk.sightings, target, walk.start_ns)),
-    "wigle": Format(
-        lambda walk, _, target: wigle.write(walk.sightings, target), writable=wigle.writable
-    ),
-    "opencellid-csv": Format(
-        lambda walk, _, target: opencellid.write_csv(walk.sightings, target),
-        writable=opencellid.writable,
-    ),
-    "opencellid-json": Format(
-        lambda walk, _, target: opencellid.write_json(walk.sightings, target),
-        writable=opencellid.writable,
-    ),
-    "parquet": Format(_parquet),
-}
-_BY_SUFFIX = {f".{name}": name for name in ("kml", "geojson", "gpx", "csv", "parquet")}
+def formats_with_estimates() -> list[str]:
+    found = []
+    for name in writers.names():
+        with suppress(ModuleNotFoundError):  # parquet: pyarrow comes with rerun, or is missing
+            if has_estimates(name):
+                found.append(name)
+    return found
 
 
 def format_of(name: str | None, target: Path, *, with_estimates: bool = False) -> str:
@@ -69,19 +54,18 @@ def format_of(name: str | None, target: Path, *, with_estimates: bool = False) -
 
     Raises `ConfigError` for an unknown one, and for one without estimates if those are wanted.
     """
+    known = writers.names()
     if name is None:
-        name = _BY_SUFFIX.get(target.suffix.lower())
-    if name is None:
-        suffixes = ", ".join(_BY_SUFFIX)
-        raise ConfigError(
-            f"{target}: name a format with --format ({', '.join(FORMATS)}), or end in {suffixes}"
-        )
-    if name not in FORMATS:
-        raise ConfigError(f"format {name!r} is unknown: one of {', '.join(FORMATS)}")
-    if with_estimates and not FORMATS[name].has_estimates:
-        raise ConfigError(
-            f"{name} contains measurements only; kml, geojson and gpx can contain estimates"
-        )
+        name = target.suffix[1:].lower()
+        if name not in known:
+            raise ConfigError(
+                f"{target}: name a format with --format ({', '.join(known)}), or end in one of them"
+            )
+    if name not in known:
+        raise ConfigError(f"format {name!r} is unknown: one of {', '.join(known)}")
+    if with_estimates and not has_estimates(name):
+        able = ", ".join(formats_with_estimates())
+        raise ConfigError(f"{name} contains measurements only; {able} can contain estimates")
     return name
 
 
@@ -92,14 +76,15 @@ def write_export(
 
     Raises `RunFileError` where the format can represent none of the levels.
     """
-    form = FORMATS[name]
-    sightings = [s for s in walk.sightings if form.writable is None or form.writable(s)]
-    if form.writable is not None and not sightings:
+    form = writer(name)
+    writable = getattr(form, "writable", None)
+    sightings = [s for s in walk.sightings if writable is None or writable(s)]
+    if writable is not None and not sightings:
         why = "" if walk.has_utc else ": the format needs UTC, and the receiver never reported it"
         raise RunFileError(f"nothing in the run can be written as {name}{why}")
-    writable = ExportWalk(tuple(sightings), walk.track, walk.utm, walk.start_ns, walk.has_utc, 0, 0)
+    written = replace(walk, sightings=tuple(sightings), n_without_identity=0, n_without_position=0)
     with whole_file(target) as part:
-        form.write(writable, estimates, part)
+        form.write(written, estimates, part)
     left_out = (
         *_left_out(walk, len(sightings)),
         *(why for estimate in estimates for why in estimate.left_out),
@@ -109,7 +94,7 @@ def write_export(
         name,
         len(sightings),
         sum(map(len, walk.track)),
-        len(estimates) if form.has_estimates else 0,
+        len(estimates) if has_estimates(name) else 0,
         walk.has_utc,
         left_out,
     )

@@ -1,9 +1,10 @@
-"""Times as other programs write them: seconds since 1970, ISO 8601, or a telephone's own clock."""
+"""Times as other programs write them, read and written: since 1970, ISO 8601, or a telephone's."""
 
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from logger.core.utc import utc_text
 from postproc.interop.fields import ns_since_1970, utc_ns_of
 
 _YEAR_FIRST = re.compile(
@@ -63,3 +64,13 @@ def _by_clock(time: str, name: str, date: tuple[str, str, str], clock: list[str 
 
 def _fraction_ns(digits: str | None) -> int:
     return int((digits or "0").ljust(9, "0"))
+
+
+def moment(utc_ns: int | None) -> str | None:
+    """ISO 8601 in UTC, to the millisecond."""
+    return None if utc_ns is None else f"{utc_text(utc_ns)[:-1]}.{utc_ns // 10**6 % 1000:03d}Z"
+
+
+def seconds(t_ns: int) -> float:
+    """Seconds, to the millisecond."""
+    return round(t_ns / 1e9, 3)

@@ -8,9 +8,9 @@ from logger.core.types import Note
 from logger.device.clock import ScaledClock
 from logger.device.service import Service
 from logger.device.startup import begin_run
-from logger.sim.clock import WalkTime
 from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
+from logger.sim.walk import WalkTime
 from postproc.cli import main
 from tests.kit.recorded_runs import record_until
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 from logger.core.runfile import read_run
 from logger.device.clock import ScaledClock
-from logger.sim.clock import WalkTime
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
+from logger.sim.walk import WalkTime
 from tests.device.test_lost_digits import EACH, Leaky
 from tests.kit.dialects import DIALECTS
 from tests.kit.recorded_runs import RecordedRun, make_service, record_until

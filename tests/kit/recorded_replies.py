@@ -4,7 +4,7 @@ import threading
 from collections.abc import Sequence
 from typing import Literal
 
-from logger.sim.line import PtyLine
+from logger.sim.ptys import PtyLine
 from logger.sim.terminal import AtTerminal, frame_text
 
 CHUNK = 1024

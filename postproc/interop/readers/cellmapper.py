@@ -9,42 +9,24 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from postproc.interop import csv_table
-from postproc.interop.contents import Contents
-from postproc.interop.fields import (
-    LEVEL_RANGE_DBM,
-    RATS,
-    Fields,
-    cell_identity,
-    fix_of,
-    integer,
-    maybe,
-    number,
-    plmn,
-    reading_of,
-    text,
-)
-from postproc.interop.sighting import Row, Sighting, parse_rows
+from postproc.interop.columns import Columns, level_in
+from postproc.interop.contents import Contents, Format
+from postproc.interop.fields import RATS
+from postproc.interop.sighting import Row, parse_rows
 
-COLUMNS = (
+_HEADER = (
     "latitude", "longitude", "altitude", "mcc", "mnc", "lac", "cid", "signal", "type", "subtype",
     "arfcn", "psc",
 )  # fmt: skip
 _TYPES = frozenset({*RATS, "CDMA"})
-_ROW_NS = 10**9
-
-
-def is_it(seen: Contents) -> bool:
-    """Whether a file has these columns, or a first row of them."""
-    if seen.kind != "text":
-        return False
-    return seen.has(*COLUMNS[:9]) or _is_row(seen.head)
-
-
-def read(source: Path) -> Iterator[Row]:
-    """Rows in the file's order; their times count them."""
-    with csv_table.text_lines(source) as lines:
-        header = COLUMNS if _is_row(next(lines, "")) else ()
-    yield from parse_rows(csv_table.rows(source, header=header), _sighting)
+_CODE = ("psc", "pci", "psc or pci")
+_COLUMNS = Columns(
+    rat=("type",),
+    place=("latitude", "longitude"),
+    alt_m=("altitude",),
+    level_dbm=level_in("signal"),
+    codes={"WCDMA": _CODE, "LTE": _CODE, "NR": _CODE},
+)
 
 
 def _is_row(line: str) -> bool:
@@ -52,23 +34,14 @@ def _is_row(line: str) -> bool:
     return len(values) in {11, 12, 13} and values[8].strip().upper() in _TYPES
 
 
-def _sighting(line: int, fields: Fields) -> Sighting | None:
-    rat = RATS.get(text(fields, "type").upper())
-    if rat is None:
-        return None
-    mcc, mnc = plmn(fields)
-    code = text(fields, "psc", "pci", "psc or pci")
-    named = {"WCDMA": "psc", "LTE": "pci", "NR": "pci"}.get(rat)
-    reading = reading_of(
-        rat,
-        "scan",
-        number(fields, "signal", LEVEL_RANGE_DBM),
-        integer(fields, "lac"),
-        mcc=mcc,
-        mnc=mnc,
-        cid=cell_identity(fields, "cid"),
-        arfcn=integer(fields, "arfcn"),
-        **({named: integer({"psc": code}, "psc")} if named else {}),
-    )
-    fix = fix_of(fields, "latitude", "longitude", None, alt_m=maybe(fields, "altitude"))
-    return Sighting(line, line * _ROW_NS, fix, reading)
+def _is_it(seen: Contents) -> bool:
+    return seen.kind == "text" and (seen.has(*_HEADER[:9]) or _is_row(seen.head))
+
+
+def _read(source: Path) -> Iterator[Row]:
+    with csv_table.text_lines(source) as lines:
+        header = _HEADER if _is_row(next(lines, "")) else ()
+    yield from parse_rows(csv_table.rows(source, header=header), _COLUMNS.sighting)
+
+
+IMPORTS = (Format("CellMapper CSV", _read, "", _is_it),)

@@ -16,7 +16,8 @@ from xml.etree import ElementTree as ET
 
 from logger.core.types import Fix, Rat
 from postproc.interop import csv_table, xml_file
-from postproc.interop.contents import Contents
+from postproc.interop.columns import CODES as _CODES
+from postproc.interop.contents import Contents, Format
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,
@@ -38,7 +39,6 @@ _LEVELS: dict[Rat, tuple[str, ...]] = {
     "LTE": ("level", "rsrp"),
     "NR": ("level", "rsrp", "csirsrp"),
 }
-_CODES: dict[Rat, str] = {"GSM": "bsic", "WCDMA": "psc", "LTE": "pci", "NR": "pci"}
 _NODE_BITS: dict[Rat, int] = {"WCDMA": 16, "LTE": 8}
 """Bits of the identity below the node (3GPP TS 23.003 4.3, TS 36.413 9.2.1.38); NR's differ."""
 _MOST_NEIGHBOURS = 18
@@ -197,3 +197,9 @@ def _neighbours(line: int, t_ns: int, fix: Fix, rat: Rat, fields: Fields) -> Ite
                 **identity,
             ),
         )
+
+
+IMPORTS = (
+    Format("G-NetTrack text", read_text, "Timestamp", is_text, has_scans=True),
+    Format("G-NetTrack KML", read_kml, "TIME", is_kml, has_scans=True),
+)

@@ -12,29 +12,20 @@ import json
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from logger.core.errors import RunFileError
-from logger.core.types import Role
+from logger.core.types import Rat
 from logger.sqlite_file import open_database
-from postproc.interop.fields import (
-    LEVEL_RANGE_DBM,
-    RATS,
-    Fields,
-    cell_identity,
-    fix_of,
-    integer,
-    maybe,
-    plmn,
-    reading_of,
-    text,
-)
-from postproc.interop.sighting import Row, Sighting, parse_rows
+from postproc.interop.columns import Columns
+from postproc.interop.contents import Contents, Format
+from postproc.interop.fields import LEVEL_RANGE_DBM, Fields, integer, maybe
+from postproc.interop.log_times import Moment
+from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
 TYPES = ("Cellular", "CellModem", "Cell")
 _FIRST_REAL = 5
 """Version of the log from which positions are numbers and no longer 100 000ths in integers."""
-_COLUMNS = ("ts_sec", "ts_usec", "lat", "lon", "alt", "speed", "heading", "json")
+_OF_LOG = ("ts_sec", "ts_usec", "lat", "lon", "alt", "speed", "heading", "json")
 _LAST = ("ts_sec", "ts_usec", "lat", "lon", "json")
 
 
@@ -47,7 +38,7 @@ def read(source: Path) -> Iterator[Row]:
             have = {row["name"] for row in database.execute("PRAGMA table_info(data)")}
             if missing := [name for name in (*_LAST, "type") if name not in have]:
                 raise RunFileError(f"{source}: the table data has no column {', '.join(missing)}")
-            columns = ", ".join(name for name in _COLUMNS if name in have)
+            columns = ", ".join(name for name in _OF_LOG if name in have)
             query = f"SELECT rowid, {columns} FROM data WHERE type IN (?, ?, ?) ORDER BY rowid"  # noqa: S608 (names of ours)
             rows = parse_rows(
                 (
@@ -74,42 +65,53 @@ def _version(database: sqlite3.Connection) -> int:
     return int(row[0]) if row and str(row[0]).isdecimal() else _FIRST_REAL
 
 
-def _sighting(line: int, row: Fields) -> Sighting | None:
+def _sighting(line: int, row: Fields) -> Sighting | NoCell:
     try:
         fields = json.loads(row["json"])
     except (TypeError, ValueError, RecursionError):
         raise ValueError("json is damaged") from None
     if not isinstance(fields, dict):
         raise ValueError("json is no object")  # noqa: TRY004 (a bad row like any other)
-    rat = RATS.get(text(fields, "rat").upper())
-    if rat is None:
-        return None
+    place = {name: (maybe(row, name) or 0.0) * row["scale"] for name in ("lat", "lon")}
+    # the altitude is 0 where it is not known
+    return _COLUMNS.sighting(line, {**fields, **row, **place, "alt": maybe(row, "alt") or None})
+
+
+def _when(_: int, row: Fields) -> Moment:
     seconds = integer(row, "ts_sec", largest=2**33)
     if not seconds:
         raise ValueError("ts_sec is no time")
-    utc_ns = seconds * 10**9 + (integer(row, "ts_usec") or 0) * 1000
-    position: dict[str, Any] = {
-        name: (maybe(row, name) or 0.0) * row["scale"] for name in ("lat", "lon")
-    }
-    known = {"alt_m": maybe(row, "alt") or None, "course_deg": None, "speed_mps": None}
-    fix = fix_of(position, "lat", "lon", utc_ns, **known)
-    rsrp_dbm, rssi_dbm = (maybe(fields, name, LEVEL_RANGE_DBM) for name in ("rsrp", "rssi"))
+    return Moment(seconds * 10**9 + (integer(row, "ts_usec") or 0) * 1000, is_utc=True)
+
+
+def _level_dbm(fields: Fields, rat: Rat | None) -> float:
+    name = "rssi" if rat == "GSM" else "rsrp"
     # Kismet fills rsrp with 0 for a level that it does not have
-    level_dbm = (rssi_dbm if rat == "GSM" else rsrp_dbm) or None
-    if level_dbm is None:
-        raise ValueError(f"{'rssi' if rat == 'GSM' else 'rsrp'} is empty")
-    mcc, mnc = plmn(fields)
-    values: dict[str, Any] = {
-        "mcc": mcc,
-        "mnc": mnc,
-        "cid": cell_identity(fields, "cell_id"),
-        "arfcn": integer(fields, "earfcn"),
+    level_dbm = maybe(fields, name, LEVEL_RANGE_DBM)
+    if not level_dbm:
+        raise ValueError(f"{name} is empty")
+    return level_dbm
+
+
+_COLUMNS = Columns(
+    when=_when,
+    level_dbm=_level_dbm,
+    role=lambda fields: "serving" if fields.get("is_serving") is True else "neighbour",
+    alt_m=("alt",),
+    area=("tac",),
+    cid=("cell_id",),
+    arfcn=("earfcn",),
+    codes={"WCDMA": ("pci",), "LTE": ("pci",), "NR": ("pci",)},
+    more=lambda fields, _: {
         "band": integer(fields, "band"),
         "rsrq_db": maybe(fields, "rsrq"),
         "sinr_db": maybe(fields, "sinr"),
-        "psc" if rat == "WCDMA" else "pci": integer(fields, "pci") if rat != "GSM" else None,
-    }
-    role: Role = "serving" if fields.get("is_serving") is True else "neighbour"
-    return Sighting(
-        line, utc_ns, fix, reading_of(rat, role, level_dbm, integer(fields, "tac"), **values)
-    )
+    },
+)
+
+
+def _is_it(seen: Contents) -> bool:
+    return seen.kind == "tables" and seen.has("kismet", "data")
+
+
+IMPORTS = (Format("Kismet log", read, "ts_sec", _is_it),)

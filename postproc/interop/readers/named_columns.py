@@ -14,7 +14,7 @@ from pathlib import Path
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.types import Rat, Role
 from postproc.interop import csv_table
-from postproc.interop.contents import Contents
+from postproc.interop.contents import Contents, Format
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,
@@ -32,6 +32,7 @@ from postproc.interop.fields import (
 from postproc.interop.log_times import Moment, moment_of
 from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
+NAME = "CSV by column names"
 _NAMES: dict[str, tuple[str, ...]] = {
     "time": ("time", "timestamp", "datetime", "utctime", "gpstime", "timeutc", "devicetime"),
     "lat": ("lat", "latitude", "gpslat", "gpslatitude"),
@@ -248,3 +249,12 @@ def _plain(value: str) -> str:
     if value.lower() in _NONE:
         return ""
     return value.replace(",", ".") if _DECIMAL_COMMA.fullmatch(value) else value
+
+
+def format_of(source: Path, chosen: Mapping[str, str]) -> Format:
+    """The format that reads a file with the `chosen` columns; whether it has times, it says."""
+    times = "time" if has_time(source, chosen) else ""
+    return Format(NAME, partial(read, chosen=chosen), times, is_it, has_scans=bool(times))
+
+
+IMPORTS = (Format(NAME, partial(read, chosen={}), "time", is_it, has_scans=True, is_general=True),)

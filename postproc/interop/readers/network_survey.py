@@ -14,22 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from logger.core.errors import RunFileError
-from logger.core.types import Rat, Role
+from logger.core.types import Rat
 from logger.sqlite_file import open_database
 from postproc.interop import csv_table, json_lines
-from postproc.interop.fields import (
-    LEVEL_RANGE_DBM,
-    Fields,
-    cell_identity,
-    fix_of,
-    integer,
-    maybe,
-    plmn,
-    reading_of,
-    text,
-    utc_ns_of,
-)
-from postproc.interop.sighting import Row, Sighting, parse_rows
+from postproc.interop.columns import CODES, Columns, by_flag
+from postproc.interop.contents import Contents, Format, of_json
+from postproc.interop.fields import LEVEL_RANGE_DBM, Fields, integer, maybe, text, utc_ns_of
+from postproc.interop.log_times import Moment
+from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
 TABLES: dict[str, Rat] = {
     "GSM_MESSAGE": "GSM",
@@ -91,7 +83,7 @@ def read_messages(source: Path) -> Iterator[Row]:
     yield from json_lines.parse_objects(source, _of_message)
 
 
-def _of_message(line: int, message: Fields) -> Sighting | None:
+def _of_message(line: int, message: Fields) -> Sighting | NoCell | None:
     rat, data = _MESSAGES.get(text(message, "messageType")), message.get("data")
     if rat is None or not isinstance(data, dict):
         return None
@@ -103,21 +95,22 @@ def _fields(row: sqlite3.Row, rat: Rat) -> dict[str, Any]:
     return {_RENAMED.get(name, name): value for name, value in plain.items()} | {"rat": rat}
 
 
-def _of_csv(line: int, fields: Fields) -> Sighting:
+def _of_csv(line: int, fields: Fields) -> Sighting | NoCell:
     rat = next(rat for channel, rat in _CHANNELS.items() if channel in fields)
     return _of_record(line, fields, rat)
 
 
-def _of_record(line: int, fields: Fields, rat: Rat) -> Sighting:
-    return _sighting(line, fields, rat, utc_ns_of(text(fields, "devicetime"), "deviceTime"))
+def _of_record(line: int, fields: Fields, rat: Rat) -> Sighting | NoCell:
+    utc_ns = utc_ns_of(text(fields, "devicetime"), "deviceTime")
+    return _COLUMNS.sighting(line, {**fields, "rat": rat, "utc_ns": utc_ns})
 
 
-def _of_table(line: int, fields: Fields) -> Sighting:
+def _of_table(line: int, fields: Fields) -> Sighting | NoCell:
     utc_ms = integer(fields, "devicetime", largest=2**43)
     if utc_ms is None:
         raise ValueError("Time is empty")
     position = _point(fields.get("geom")) if fields.get("geom") is not None else {}
-    return _sighting(line, {**fields, **position}, fields["rat"], utc_ms * 10**6)
+    return _COLUMNS.sighting(line, {**fields, **position, "utc_ns": utc_ms * 10**6})
 
 
 def _point(geometry: object) -> dict[str, float]:
@@ -142,45 +135,62 @@ def _point(geometry: object) -> dict[str, float]:
     )
 
 
-def _sighting(line: int, fields: Fields, rat: Rat, utc_ns: int) -> Sighting:
+def _when(_: int, fields: Fields) -> Moment:
     age_ms = integer(fields, "locationage")
     if age_ms is not None and age_ms > _OLDEST_MS:
         raise ValueError(f"the position is {age_ms / 1000:.0f} s older than the reading")
-    mcc, mnc = plmn(fields)
-    level = {"GSM": "signalstrength", "WCDMA": "rscp", "LTE": "rsrp", "NR": "ssrsrp"}[rat]
+    return Moment(fields["utc_ns"], is_utc=True)
+
+
+def _level_dbm(fields: Fields, rat: Rat | None) -> float | None:
+    level = {"GSM": "signalstrength", "WCDMA": "rscp", "NR": "ssrsrp"}.get(rat or "", "rsrp")
     level_dbm = maybe(fields, level, LEVEL_RANGE_DBM)
-    rssi_dbm = maybe(fields, "signalstrength", LEVEL_RANGE_DBM)
-    if level_dbm is None and (rssi_dbm is None or rat != "WCDMA"):
+    has_rssi = rat == "WCDMA" and maybe(fields, "signalstrength", LEVEL_RANGE_DBM) is not None
+    if level_dbm is None and not has_rssi:
         raise ValueError(f"{level} is empty")
-    values: dict[str, Any] = {
-        "mcc": mcc,
-        "mnc": mnc,
-        "cid": cell_identity(fields, "ci", "cid", "eci", "nci"),
-        "arfcn": integer(fields, *_CHANNELS),
-        "bsic": integer(fields, "bsic") if rat == "GSM" else None,
-        "ta": integer(fields, "ta") if rat == "GSM" else None,
-        "psc": integer(fields, "psc"),
-        "pci": integer(fields, "pci"),
+    return level_dbm
+
+
+def _more(fields: Fields, rat: Rat) -> dict[str, float | None]:
+    values = {
         "ecio_db": maybe(fields, "ecno"),
         "rsrq_db": maybe(fields, "ssrsrq" if rat == "NR" else "rsrq"),
         "sinr_db": maybe(fields, "sssinr" if rat == "NR" else "snr"),
     }
     if rat != "GSM":
-        values["rssi_dbm"] = rssi_dbm
-    known = {
-        "acc_m": maybe(fields, "accuracy", (0.0, 1e6)) or None,
-        "alt_m": maybe(fields, "altitude"),
-        "speed_mps": maybe(fields, "speed"),
-    }
-    fix = fix_of(fields, "latitude", "longitude", utc_ns, **known)
-    return Sighting(
-        line,
-        utc_ns,
-        fix,
-        reading_of(rat, _role(fields), level_dbm, integer(fields, "lac", "tac"), **values),
-    )
+        values["rssi_dbm"] = maybe(fields, "signalstrength", LEVEL_RANGE_DBM)
+    return values
 
 
-def _role(fields: Fields) -> Role:
-    flag = text(fields, "servingcell").lower()
-    return "scan" if not flag else "serving" if flag in {"true", "1"} else "neighbour"
+_COLUMNS = Columns(
+    place=("latitude", "longitude"),
+    when=_when,
+    level_dbm=_level_dbm,
+    role=by_flag("servingcell", means="serving", otherwise="neighbour"),
+    alt_m=("altitude",),
+    acc_m=("accuracy",),
+    speed_mps=("speed",),
+    area=("lac", "tac"),
+    cid=("ci", "cid", "eci", "nci"),
+    arfcn=tuple(_CHANNELS),
+    codes={rat: (code,) for rat, code in CODES.items()},
+    ta={"GSM": ("ta",)},
+    more=_more,
+)
+
+
+def _is_geopackage(seen: Contents) -> bool:
+    return seen.kind == "tables" and bool(seen.names & {name.lower() for name in TABLES})
+
+
+def _is_csv(seen: Contents) -> bool:
+    return seen.kind == "text" and seen.has("devicetime", "latitude", "longitude")
+
+
+IMPORTS = (
+    Format("Network Survey CSV", read_csv, "deviceTime", _is_csv),
+    Format("Network Survey GeoPackage", read_geopackage, "Time", _is_geopackage),
+    Format(
+        "Network Survey messages, JSON", read_messages, "deviceTime", of_json("messagetype", "data")
+    ),
+)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from postproc.interop import json_lines
-from postproc.interop.contents import Contents
+from postproc.interop.contents import Contents, Format
 from postproc.interop.fields import text
 from postproc.interop.log_times import moment_of
 from postproc.interop.sighting import NoCell, Remark, Row
@@ -56,3 +56,6 @@ def _severity(event: object) -> str:
     if isinstance(kind, dict):
         return text(kind, "severity").lower()
     return "" if kind in {None, "Informational"} else str(kind).lower()
+
+
+IMPORTS = (Format("Rayhunter analysis, NDJSON", read, "packet_timestamp", is_it),)

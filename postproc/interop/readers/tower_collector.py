@@ -1,8 +1,8 @@
 """GPX and KML of Tower Collector: a point for each measurement, its cells as text in the name.
 
 Sources: GpxExportFormatter.java and KmlExportFormatter.java of zamojski/TowerCollector. The app's
-CSV and JSON are read by `postproc.interop.opencellid`. The name of the telephone, which both have,
-is not read.
+CSV and JSON are read by `postproc.interop.readers.opencellid`. The name of the telephone, which
+both have, is not read.
 """
 
 import re
@@ -10,22 +10,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from logger.core.types import Fix
 from postproc.interop import xml_file
-from postproc.interop.contents import Contents
-from postproc.interop.fields import (
-    LEVEL_RANGE_DBM,
-    RATS,
-    cell_identity,
-    fix_of,
-    integer,
-    maybe,
-    number,
-    plmn,
-    reading_of,
-    utc_ns_of,
-)
-from postproc.interop.sighting import BadRow, NoCell, Row, Sighting, parse_rows
+from postproc.interop.columns import Columns, level_in
+from postproc.interop.contents import Contents, Format
+from postproc.interop.fields import utc_ns_of
+from postproc.interop.log_times import Moment
+from postproc.interop.sighting import NoCell, Row, parse_rows
 
 _CELL = re.compile(
     r"\((?:MCC (?P<mcc>\d+), )?MNC (?P<mnc>-?\d+), LAC (?P<lac>-?\d+), CID (?P<cid>-?\d+), "
@@ -52,24 +42,17 @@ def read(source: Path) -> Iterator[Row]:
 
 def _cells(line: int, point: ET.Element) -> list[Row]:
     name = point.findtext("name") or ""
-    fix = _fix(point, name)
-    cells = [_cell(line, fix, found) for found in _CELL.finditer(name)]
-    return cells or [NoCell(line, "no cell in the name of the point")]
-
-
-def _fix(point: ET.Element, name: str) -> Fix:
     accuracy = _ACCURACY.search(name)
-    place = _place(point)
-    fields = {**place, "acc": accuracy[1] if accuracy else ""}
-    when = point.findtext("time") or point.findtext("TimeStamp/when") or ""
-    return fix_of(
-        fields,
-        "lat",
-        "lon",
-        utc_ns_of(when, "time"),
-        alt_m=maybe(fields, "ele"),
-        acc_m=maybe(fields, "acc", (0.0, 1e6)) or None,
-    )
+    shared = {
+        **_place(point),
+        "acc": accuracy[1] if accuracy else "",
+        "time": point.findtext("time") or point.findtext("TimeStamp/when") or "",
+    }
+    found = [(line, {**cell.groupdict(""), **shared}) for cell in _CELL.finditer(name)]
+    if not found:
+        _COLUMNS.when(line, shared)  # a point without a time is a bad one
+        return [NoCell(line, "no cell in the name of the point")]
+    return list(parse_rows(found, _COLUMNS.sighting))
 
 
 def _place(point: ET.Element) -> dict[str, str]:
@@ -80,26 +63,14 @@ def _place(point: ET.Element) -> dict[str, str]:
     return {"lat": lat, "lon": lon, "ele": ele[0] if ele else ""}
 
 
-def _cell(line: int, fix: Fix, found: re.Match[str]) -> Row:
-    fields = found.groupdict()
-    rat = RATS.get(fields["network"].strip().upper())
-    if rat is None:
-        return NoCell(line)
-    try:
-        mcc, mnc = plmn(fields)
-        codes = {"WCDMA": "psc", "LTE": "pci", "NR": "pci"}
-        code = {codes[rat]: integer(fields, "psc")} if rat in codes else {}
-        reading = reading_of(
-            rat,
-            "neighbour" if fields["neighbour"] else "serving",
-            number(fields, "dbm", LEVEL_RANGE_DBM),
-            integer(fields, "lac"),
-            mcc=mcc,
-            mnc=mnc,
-            cid=cell_identity(fields, "cid"),
-            **code,
-        )
-    except ValueError as error:
-        return BadRow(line, str(error))
-    assert fix.utc_ns is not None
-    return Sighting(line, fix.utc_ns, fix, reading)
+_COLUMNS = Columns(
+    rat=("network",),
+    when=lambda _, fields: Moment(utc_ns_of(fields["time"], "time"), is_utc=True),
+    level_dbm=level_in("dbm"),
+    role=lambda fields: "neighbour" if fields["neighbour"] else "serving",
+    alt_m=("ele",),
+    acc_m=("acc",),
+    codes={"WCDMA": ("psc",), "LTE": ("psc",), "NR": ("psc",)},
+)
+
+IMPORTS = (Format("Tower Collector GPX or KML", read, "time", is_it),)

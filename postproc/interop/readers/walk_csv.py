@@ -9,7 +9,7 @@ over. Text that a spreadsheet would take for a formula is marked with an apostro
 without it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import fields as fields_of
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +18,10 @@ from typing import Any
 from logger.core.column import UNKNOWN_SIGNED
 from logger.core.geo import check_position
 from logger.core.rows import channels_of
-from logger.core.schema import TABLES, list_text
+from logger.core.schema import TABLES
 from logger.core.types import Broadcast, CellReading, Fix
-from logger.core.utc import utc_text
 from postproc.interop import csv_table
+from postproc.interop.contents import Contents, Format
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,
@@ -35,37 +35,21 @@ from postproc.interop.fields import (
     utc_ns_of,
     with_name,
 )
-from postproc.interop.sighting import BadRow, Row, Sighting, parse_rows
-from postproc.interop.spreadsheet_text import escape, line, unescape
+from postproc.interop.sighting import Row, Sighting, parse_rows
 
 _CELL_BYTES = 64
-_PLACE = ("alt_m", "speed_mps", "course_deg")
-_LEVELS = ("rssi_dbm", "rscp_dbm", "rsrp_dbm")
+PLACE = ("alt_m", "speed_mps", "course_deg")
+LEVELS = ("rssi_dbm", "rscp_dbm", "rsrp_dbm")
 _ROLES = ("serving", "neighbour", "scan")
 _CODES = frozenset({"arfcn", "bsic", "psc", "pci"})
 
-_COLUMNS = {column.name: column for column in TABLES["readings"]}
-_CELL = [
+READINGS = {column.name: column for column in TABLES["readings"]}
+CELL = [
     f.name
     for f in fields_of(CellReading)
-    if f.name not in {"role", "rat", "broadcast", "label", "more", *_LEVELS}
+    if f.name not in {"role", "rat", "broadcast", "label", "more", *LEVELS}
 ]
-_BROADCAST = [f.name for f in fields_of(Broadcast)]
-_TEXTS = {"role", "rat", *(name for name in _CELL if _COLUMNS[name].dtype.startswith("S"))}
-COLUMNS = (
-    "t_s",
-    "time_utc",
-    "lat",
-    "lon",
-    "acc_m",
-    *_PLACE,
-    "cell",
-    "role",
-    "rat",
-    *_LEVELS,
-    *_CELL,
-    *_BROADCAST,
-)
+BROADCAST = [f.name for f in fields_of(Broadcast)]
 
 
 def read(source: Path) -> Iterator[Row]:
@@ -77,68 +61,13 @@ def read(source: Path) -> Iterator[Row]:
     def sighting(line: int, fields: Fields) -> Sighting:
         nonlocal transmitters
         if transmitters is None:
-            others = [name for name in fields if name not in _COLUMNS]
+            others = [name for name in fields if name not in READINGS]
             transmitters = Transmitters(others, has_codes=not _CODES.isdisjoint(fields))
         return _sighting(line, fields, transmitters)
 
     yield from parse_rows(rows, sighting)
     if transmitters is not None:
         transmitters.check(source)
-
-
-def read_walk(source: Path) -> tuple[list[Sighting], list[BadRow]]:
-    """Usable rows, and those that are not, each in the file's order; raises as `read`."""
-    rows = list(read(source))
-    return [row for row in rows if isinstance(row, Sighting)], [
-        row for row in rows if isinstance(row, BadRow)
-    ]
-
-
-def write(sightings: Sequence[Sighting], target: Path, start_ns: int) -> None:
-    """Levels as CSV that `read` returns equal: seconds since `start_ns`, and UTC if known."""
-    used = [
-        name
-        for name in COLUMNS
-        if name in {"rssi_dbm", "time_utc"} or any(_value(h, name, 0) for h in sightings)
-    ]
-    with target.open("w", newline="", encoding="utf-8") as file:
-        file.write(line(used))
-        file.writelines(line(_value(one, name, start_ns) for name in used) for one in sightings)
-
-
-def _value(sighting: Sighting, name: str, start_ns: int) -> str:
-    fix, reading = sighting.fix, sighting.reading
-    match name:
-        case "t_s":
-            return _seconds(sighting.t_ns - start_ns)
-        case "time_utc":
-            return "" if fix.utc_ns is None else _utc(fix.utc_ns)
-        case "lat" | "lon":
-            return repr(getattr(fix, f"{name}_deg"))
-        case "cell":
-            return escape(reading.cell or "")
-        case "acc_m" | "alt_m" | "speed_mps" | "course_deg":
-            return _text(getattr(fix, name))
-    value = _text(getattr(reading.broadcast if name in _BROADCAST else reading, name, None))
-    return escape(value) if name in _TEXTS else value
-
-
-def _text(value: object) -> str:
-    """A value as text; a mark that is not set is as good as no value."""
-    if isinstance(value, bool):
-        return "1" if value else ""
-    if isinstance(value, tuple):
-        return list_text(value)
-    return "" if value is None else str(value)
-
-
-def _seconds(t_ns: int) -> str:
-    sign, t_ns = "-" if t_ns < 0 else "", abs(t_ns)
-    return f"{sign}{t_ns // 10**9}.{t_ns % 10**9:09d}"
-
-
-def _utc(utc_ns: int) -> str:
-    return f"{utc_text(utc_ns)[:-1]}.{utc_ns // 1000 % 10**6:06d}Z"
 
 
 def _sighting(line: int, fields: Fields, transmitters: Transmitters) -> Sighting:
@@ -152,7 +81,7 @@ def _sighting(line: int, fields: Fields, transmitters: Transmitters) -> Sighting
         raise ValueError("the time is out of range")
     lat_deg, lon_deg = number(fields, "lat"), number(fields, "lon")
     check_position(lat_deg, lon_deg)
-    known = {name: maybe(fields, name) for name in _PLACE}
+    known = {name: maybe(fields, name) for name in PLACE}
     acc_m = maybe(fields, "acc_m", (0.0, 1e6))
     fix = Fix(True, utc_ns=utc_ns, lat_deg=lat_deg, lon_deg=lon_deg, acc_m=acc_m, **known)  # type: ignore[arg-type]
     return Sighting(line, t_ns, fix, _reading(fields, transmitters))
@@ -160,14 +89,14 @@ def _sighting(line: int, fields: Fields, transmitters: Transmitters) -> Sighting
 
 def _reading(fields: Fields, transmitters: Transmitters) -> CellReading:
     role = next((role for role in _ROLES if role == text(fields, "role")), "scan")
-    levels = {name: maybe(fields, name, LEVEL_RANGE_DBM) for name in _LEVELS}
-    named: dict[str, Any] = {name: _cell_value(fields, name) for name in _CELL}
+    levels = {name: maybe(fields, name, LEVEL_RANGE_DBM) for name in LEVELS}
+    named: dict[str, Any] = {name: _cell_value(fields, name) for name in CELL}
     named["broadcast"] = _broadcast(fields)
-    if all(levels[name] is None for name in _LEVELS[1:]) and named["rxlev_raw"] is None:
+    if all(levels[name] is None for name in LEVELS[1:]) and named["rxlev_raw"] is None:
         levels["rssi_dbm"] = number(fields, "rssi_dbm", LEVEL_RANGE_DBM)
     rat = RATS.get(text(fields, "rat").upper())
     reading = CellReading(role, rat, **levels, **named)  # type: ignore[arg-type]
-    cell: str | None = unescape(text(fields, "cell"))
+    cell: str | None = csv_table.unescape(text(fields, "cell"))
     if not cell:
         reading = with_name(reading)
         cell = reading.cell or transmitters.name(fields, reading)
@@ -192,11 +121,11 @@ def _broadcast(fields: Fields) -> Broadcast | None:
 
 
 def _cell_value(fields: Fields, name: str) -> float | int | str | None:
-    column = _COLUMNS[name]
+    column = READINGS[name]
     if name == "identity_unsure":
         return bool(integer(fields, name))
     if column.dtype.startswith("S"):
-        string = unescape(text(fields, name))
+        string = csv_table.unescape(text(fields, name))
         if len(string.encode()) > int(column.dtype[1:]):
             raise ValueError(f"{name} is too long: {string[:40]!r}")
         return string or None
@@ -206,3 +135,12 @@ def _cell_value(fields: Fields, name: str) -> float | int | str | None:
         value = maybe(fields, name, (-1e9, 1e9))
         return None if value is None else round(value)
     return cell_identity(fields, name) if name == "cid" else integer(fields, name)
+
+
+def _is_it(seen: Contents) -> bool:
+    """Two of our columns suffice: the reader names those that are missing."""
+    ours = {"t_s", "time_utc", "lat", "lon", *LEVELS}
+    return seen.kind == "text" and len(seen.names & ours) >= 2
+
+
+IMPORTS = (Format("CSV", read, "t_s or time_utc", _is_it, is_general=True, unrepeated=True),)

@@ -6,13 +6,12 @@ or network, `FirstSeen` the time of this sighting in UTC; columns go by their na
 programs write other columns than their version has.
 """
 
-import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
-from logger.core.utc import utc_text
 from postproc.interop import csv_table
+from postproc.interop.contents import Contents, Format
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,
@@ -20,7 +19,6 @@ from postproc.interop.fields import (
     cell_identity,
     fix_of,
     integer,
-    is_plmn,
     maybe,
     number,
     reading_of,
@@ -33,11 +31,6 @@ PREFIX = "WigleWifi-"
 NO_LEVEL_DBM = -113.0
 """Written for a cell whose level the telephone did not know."""
 
-_COLUMNS = (
-    "MAC", "SSID", "AuthMode", "FirstSeen", "Channel", "Frequency", "RSSI",
-    "CurrentLatitude", "CurrentLongitude",
-    "AltitudeMeters", "AccuracyMeters", "RCOIs", "MfgrId", "Type",
-)  # fmt: skip
 _NEEDED = ("mac", {"authmode", "type"}, "firstseen", "rssi", "currentlatitude", "currentlongitude")
 _CELL = re.compile(r"(\d{3})(\d{2,3})_(\d+)_(\d+)")
 
@@ -47,61 +40,6 @@ def read(source: Path) -> Iterator[Row]:
     with csv_table.text_lines(source) as lines:
         skip = 1 if next(lines, "").startswith(PREFIX) else 0
     yield from parse_rows(csv_table.rows(source, skip=skip, required=_NEEDED), _sighting)
-
-
-def writable(sighting: Sighting) -> bool:
-    """Whether a sighting has all that the format needs: who, and when in UTC."""
-    return (
-        sighting.fix.utc_ns is not None
-        and _mac(sighting) is not None
-        and sighting.reading.rat is not None
-    )
-
-
-def write(sightings: Sequence[Sighting], target: Path) -> None:
-    """Sightings that are `writable` as version 1.6; nothing identifies the device."""
-    with target.open("w", newline="", encoding="utf-8") as file:
-        file.write(
-            f"{PREFIX}1.6,appRelease=cellwalk,model=,release=,device=,"
-            "display=,board=,brand=,star=Sol,body=3,subBody=0\n"
-        )
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(_COLUMNS)
-        writer.writerows(map(_line, sightings))
-
-
-def _line(sighting: Sighting) -> list[object]:
-    fix, reading = sighting.fix, sighting.reading
-    assert fix.utc_ns is not None
-    kind = reading.rat if reading.rat in {"GSM", "WCDMA", "NR"} else "LTE"
-    seen = utc_text(fix.utc_ns).replace("T", " ").rstrip("Z")
-    position = (fix.lat_deg, fix.lon_deg, _or_empty(fix.alt_m), _or_empty(fix.acc_m))
-    channel = _or_empty(reading.arfcn)
-    auth = f"{kind};{reading.mcc}{reading.mnc}"
-    return [
-        _mac(sighting),
-        "",
-        auth,
-        seen,
-        channel,
-        channel,
-        round(sighting.rssi_dbm),
-        *position,
-        "",
-        "",
-        kind,
-    ]
-
-
-def _mac(sighting: Sighting) -> str | None:
-    cell = sighting.reading
-    area = cell.tac if cell.lac is None else cell.lac
-    known = is_plmn(cell.mcc, cell.mnc) and None not in (area, cell.cid)
-    return f"{cell.mcc}{cell.mnc}_{area}_{cell.cid}" if known else None
-
-
-def _or_empty(value: float | None) -> float | str:
-    return "" if value is None else value
 
 
 def _sighting(line: int, fields: Fields) -> Sighting | NoCell:
@@ -138,3 +76,10 @@ def _sighting(line: int, fields: Fields) -> Sighting | NoCell:
         fix,
         reading_of(rat, "scan", level_dbm, integer(fields_of_cell, "area"), **more),
     )
+
+
+def _is_it(seen: Contents) -> bool:
+    return seen.kind == "text" and (seen.head.startswith(PREFIX) or seen.has("mac", "firstseen"))
+
+
+IMPORTS = (Format("WiGLE CSV", read, "FirstSeen", _is_it),)

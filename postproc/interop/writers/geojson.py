@@ -8,10 +8,12 @@ from typing import Any
 from postproc.interop.estimates import Estimate
 from postproc.interop.geometry import DECIMALS, Rings, lines
 from postproc.interop.levels import ExportWalk
+from postproc.interop.log_times import moment, seconds
 from postproc.interop.sighting import Sighting
-from postproc.interop.timestamps import moment, seconds
 
 Feature = dict[str, Any]
+
+HAS_ESTIMATES = True
 
 
 def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None:

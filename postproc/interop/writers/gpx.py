@@ -11,11 +11,13 @@ from logger.core.types import Fix
 from postproc.interop.estimates import Estimate
 from postproc.interop.geometry import DECIMALS
 from postproc.interop.levels import ExportWalk
-from postproc.interop.timestamps import moment
+from postproc.interop.log_times import moment
 from postproc.interop.xml_file import add, decimal
 from postproc.interop.xml_file import write as write_xml
 
 NAMESPACE = "http://www.topografix.com/GPX/1/1"
+
+HAS_ESTIMATES = True
 
 
 def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None:

@@ -15,8 +15,8 @@ from logger.core.track import MAX_GAP_S
 from postproc.interop.estimates import Estimate
 from postproc.interop.geometry import Line, LonLat, Rings, lines
 from postproc.interop.levels import ExportWalk
+from postproc.interop.log_times import moment
 from postproc.interop.sighting import Sighting
-from postproc.interop.timestamps import moment
 from postproc.interop.xml_file import add
 from postproc.interop.xml_file import write as write_xml
 
@@ -36,6 +36,8 @@ _CLASS_COLOURS = (
 )
 _AREA_COLOURS = {95: "40e68a00", 50: "70e68a00"}
 _LINE = "ffe68a00"
+
+HAS_ESTIMATES = True
 
 
 def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None:

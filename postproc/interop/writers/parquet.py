@@ -9,6 +9,8 @@ import pyarrow.parquet as pq
 
 from logger.core.schema import TABLES
 from logger.core.types import Broadcast, CellReading
+from postproc.interop.estimates import Estimate
+from postproc.interop.levels import ExportWalk
 from postproc.interop.sighting import Sighting
 
 _CELL = [f.name for f in fields_of(CellReading) if f.name not in {"broadcast", "label", "more"}]
@@ -22,8 +24,9 @@ _PLACE = {
 }
 
 
-def write(sightings: Sequence[Sighting], target: Path, start_ns: int) -> None:
+def write(walk: ExportWalk, _: Sequence[Estimate], target: Path) -> None:
     """One row for each level; the unit of a column is in its metadata, null is unknown."""
+    sightings, start_ns = walk.sightings, walk.start_ns
     about = {
         "description": (
             "levels of cells along a walk, by cellwalk; t_s counts from the start, utc by GPS"

@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from logger.core.types import CellReading, Fix
-from postproc.interop import walk_csv
+from postproc.interop.csv_table import escape, unescape
 from postproc.interop.sighting import Sighting
-from postproc.interop.spreadsheet_text import escape, unescape
+from postproc.interop.writers import csv as write_csv
+from tests.postproc.interop.walks import export_of, read_walk
 
 FORMULAS = [
     "=cmd|' /C calc'!A0",
@@ -43,12 +44,12 @@ def test_a_cell_named_as_a_formula(tmp_path, name):
         "scan", "GSM", mcc=name[:4], mnc=name[:4], band=name[:12], rssi_dbm=-77.5, c1=-3, label=name
     )
     heard = Sighting(2, -5, Fix(True, lat_deg=-33.0, lon_deg=-70.0, alt_m=-2.5), reading)
-    walk_csv.write([heard], tmp_path / "a.csv", 0)
+    write_csv.write(export_of([heard]), (), tmp_path / "a.csv")
     with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
         for row in csv.DictReader(file):
             for column, value in row.items():
                 if column in {"cell", "mcc", "mnc", "band", "role", "rat"}:
                     assert not value.startswith(tuple("=+-@\t\r\n")), column
             assert (row["rssi_dbm"], row["c1"], row["lat"]) == ("-77.5", "-3", "-33.0")
-    (found,), bad = walk_csv.read_walk(tmp_path / "a.csv")
+    (found,), bad = read_walk(tmp_path / "a.csv")
     assert (replace(found, line=2), bad) == (heard, [])

@@ -36,7 +36,7 @@ def test_rows_of_one_time_are_one_scan(tmp_path, capsys):
     out, errors = capsys.readouterr()
     assert "drive test CSV" in out
     assert "line 6: lat is empty" in errors
-    assert "no technology is called '5.5G'" in errors
+    assert "no technology of 2G to 5G is called '5.5G'" in errors
     scans = [r.value for _, r in read_run(tmp_path / "run.h5").records("scans")]
     assert all(isinstance(scan, Scan) for scan in scans)
     gsm, lte = scans

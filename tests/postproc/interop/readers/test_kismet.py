@@ -5,7 +5,7 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.types import CellReading, Fix
-from postproc.interop import kismet
+from postproc.interop.readers import kismet
 from postproc.interop.sighting import BadRow, NoCell
 
 LTE = {

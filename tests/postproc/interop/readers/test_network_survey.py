@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from logger.core.types import CellReading, Fix
-from postproc.interop import network_survey
+from postproc.interop.readers import network_survey
 from postproc.interop.sighting import BadRow
 
 UTC_MS = 1_714_557_600_123

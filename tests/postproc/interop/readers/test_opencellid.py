@@ -6,10 +6,13 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.types import CellReading, Fix
-from postproc.interop import opencellid
+from postproc.interop.readers import opencellid
 from postproc.interop.sighting import BadRow, NoCell, Sighting
+from postproc.interop.writers import opencellid_csv, opencellid_json
+from tests.postproc.interop.walks import export_of
 
-SAMPLES = Path(__file__).resolve().parents[4] / "shared" / "corpus" / "formats"
+OPENCELLID_CSV, OPENCELLID_JSON = opencellid.IMPORTS
+SAMPLES = Path(__file__).resolve().parents[5] / "shared" / "corpus" / "formats"
 COLUMNS = (
     "mcc",
     "mnc",
@@ -51,7 +54,7 @@ def _read(tmp_path, *rows, **changes):
         )
         writer.writeheader()
         writer.writerows(plain | changes | row for row in rows)
-    return list(opencellid.read_csv(tmp_path / "m.csv"))
+    return list(OPENCELLID_CSV.read(tmp_path / "m.csv"))
 
 
 @pytest.mark.parametrize(
@@ -117,7 +120,7 @@ def test_times_and_order_of_columns(tmp_path):
         "13,52,262,1,1,2,-70,1598796852123,EVDO_A\n"
     )
     (tmp_path / "m.csv").write_text(text)
-    rows = list(opencellid.read_csv(tmp_path / "m.csv"))
+    rows = list(OPENCELLID_CSV.read(tmp_path / "m.csv"))
     assert [row.fix.utc_ns for row in rows[:3]] == [
         AT_MS * 10**6,
         AT_MS * 10**6,
@@ -138,7 +141,7 @@ def test_tower_collectors_own_export(tmp_path):
         "GSM,true,,phone,62\n"
     )
     (tmp_path / "m.csv").write_text(text)
-    serving, neighbour = opencellid.read_csv(tmp_path / "m.csv")
+    serving, neighbour = OPENCELLID_CSV.read(tmp_path / "m.csv")
     assert serving.reading == CellReading(
         "serving", "GSM", "262", "01", lac=4711, cid=17, arfcn=62, rssi_dbm=-73.0, ta=2
     )
@@ -166,14 +169,14 @@ def test_written_measurements_are_read_by_a_plain_reader_and_by_ours(tmp_path, f
     heard = [Sighting(0, fix.utc_ns, fix, cell) for cell in cells]
     path = tmp_path / f"m.{form}"
     if form == "csv":
-        opencellid.write_csv(heard, path)
-        back = list(opencellid.read_csv(path))
+        opencellid_csv.write(export_of(heard), (), path)
+        back = list(OPENCELLID_CSV.read(path))
         with path.open(newline="") as file:
             plain = list(csv.DictReader(file))
         assert tuple(plain[0]) == COLUMNS
     else:
-        opencellid.write_json(heard, path)
-        back = list(opencellid.read_json(path))
+        opencellid_json.write(export_of(heard), (), path)
+        back = list(OPENCELLID_JSON.read(path))
         plain = json.loads(path.read_text())["measurements"]
         assert all(isinstance(row["mcc"], int) and isinstance(row["mnc"], int) for row in plain)
     names = ("mcc", "mnc", "lac", "cellid", "signal")
@@ -191,13 +194,13 @@ def test_other_json_is_named(tmp_path):
     for text in ("{}", "[]", "{", '{"measurements": 3}'):
         (tmp_path / "m.json").write_text(text)
         with pytest.raises(RunFileError, match="JSON"):
-            list(opencellid.read_json(tmp_path / "m.json"))
+            list(OPENCELLID_JSON.read(tmp_path / "m.json"))
 
 
 @pytest.mark.skipif(not SAMPLES.exists(), reason="the shared samples are not here")
 def test_real_measurements_say_the_same_in_both_ways_to_write_them():
-    app = list(opencellid.read_csv(SAMPLES / "opencellid_measurements_app_export_sample.csv"))
-    collector = list(opencellid.read_csv(SAMPLES / "opencellid_upload_towercollector_sample.csv"))
+    app = list(OPENCELLID_CSV.read(SAMPLES / "opencellid_measurements_app_export_sample.csv"))
+    collector = list(OPENCELLID_CSV.read(SAMPLES / "opencellid_upload_towercollector_sample.csv"))
     assert not any(isinstance(row, BadRow) for row in (*app, *collector))
     by_time = {row.t_ns: row for row in app}
     assert collector

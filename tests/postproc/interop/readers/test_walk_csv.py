@@ -5,8 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from logger.core.types import Broadcast, CellReading, Fix
-from postproc.interop import walk_csv
 from postproc.interop.sighting import BadRow, Sighting
+from postproc.interop.writers import csv as write_csv
+from tests.postproc.interop.walks import export_of, read_walk
 
 WHOLE = st.one_of(st.none(), st.integers(0, 2**31 - 2))
 FLOAT = st.one_of(st.none(), st.floats(-150.0, 0.0))
@@ -62,8 +63,8 @@ FIXES = st.builds(
 @settings(max_examples=60, deadline=None)
 def test_what_is_written_is_read_back_equal(heard):
     with tempfile.TemporaryDirectory() as folder:
-        walk_csv.write(heard, Path(folder) / "walk.csv", 0)
-        good, bad = walk_csv.read_walk(Path(folder) / "walk.csv")
+        write_csv.write(export_of(heard), (), Path(folder) / "walk.csv")
+        good, bad = read_walk(Path(folder) / "walk.csv")
     assert bad == []
     assert [(h.t_ns, h.fix, h.reading) for h in good] == [(h.t_ns, h.fix, h.reading) for h in heard]
 
@@ -77,7 +78,7 @@ def test_a_bad_value_of_a_cell_is_a_bad_row(tmp_path):
         "3,52,13,-70,262,01,-1,2",
     ]
     (tmp_path / "walk.csv").write_text(header + "\n".join(rows))
-    good, bad = walk_csv.read_walk(tmp_path / "walk.csv")
+    good, bad = read_walk(tmp_path / "walk.csv")
     # -1 is unknown: the identity is not whole
     assert [h.reading.cell for h in good] == ["262-01-1-2", "262-01-?-2"]
     assert bad == [BadRow(3, "cid is no integer: 'x'"), BadRow(4, "mcc is too long: '26201'")]
@@ -85,5 +86,5 @@ def test_a_bad_value_of_a_cell_is_a_bad_row(tmp_path):
 
 def test_comments_before_the_header(tmp_path):
     (tmp_path / "walk.csv").write_text("# by hand\nt_s;lat;lon;rssi_dbm\n0;52;13;-70\n1;52;13;\n")
-    good, bad = walk_csv.read_walk(tmp_path / "walk.csv")
+    good, bad = read_walk(tmp_path / "walk.csv")
     assert ([h.line for h in good], bad) == ([3], [BadRow(4, "rssi_dbm is empty")])

@@ -5,8 +5,10 @@ from pathlib import Path
 import pytest
 
 from logger.core.types import CellReading, Fix
-from postproc.interop import wigle
+from postproc.interop.readers import wigle
 from postproc.interop.sighting import BadRow, NoCell, Sighting
+from postproc.interop.writers import wigle as write_wigle
+from tests.postproc.interop.walks import export_of
 
 HEAD = {
     "1.4": "MAC,SSID,AuthMode,FirstSeen,Channel,RSSI,CurrentLatitude,CurrentLongitude,"
@@ -14,7 +16,7 @@ HEAD = {
     "1.6": "MAC,SSID,AuthMode,FirstSeen,Channel,Frequency,RSSI,CurrentLatitude,CurrentLongitude,"
     "AltitudeMeters,AccuracyMeters,RCOIs,MfgrId,Type",
 }
-SAMPLES = Path(__file__).resolve().parents[4] / "shared" / "corpus" / "formats"
+SAMPLES = Path(__file__).resolve().parents[5] / "shared" / "corpus" / "formats"
 
 
 def _file(tmp_path, version, *rows, pre=True):
@@ -80,8 +82,8 @@ def test_written_sightings_are_read_by_a_plain_reader_and_by_ours(tmp_path):
         CellReading("scan", "WCDMA", "262", "03", lac=6, cid=70000, rscp_dbm=-99.0),
     ]
     heard = [Sighting(0, fix.utc_ns, fix, cell) for cell in cells]
-    assert all(map(wigle.writable, heard))
-    wigle.write(heard, tmp_path / "w.csv")
+    assert all(map(write_wigle.writable, heard))
+    write_wigle.write(export_of(heard), (), tmp_path / "w.csv")
     first, *rest = (tmp_path / "w.csv").read_text().splitlines()
     assert first.startswith("WigleWifi-1.6,")
     plain = list(csv.DictReader(rest))
@@ -102,8 +104,8 @@ def test_without_identity_or_utc_nothing_is_written():
     fix = Fix(True, utc_ns=10**18, lat_deg=1.0, lon_deg=2.0)
     unnamed = CellReading("neighbour", "GSM", arfcn=3, rssi_dbm=-80.0)
     named = CellReading("neighbour", "GSM", "262", "01", lac=1, cid=2, rssi_dbm=-80.0)
-    assert not wigle.writable(Sighting(0, 0, fix, unnamed))
-    assert not wigle.writable(Sighting(0, 0, Fix(True, lat_deg=1.0, lon_deg=2.0), named))
+    assert not write_wigle.writable(Sighting(0, 0, fix, unnamed))
+    assert not write_wigle.writable(Sighting(0, 0, Fix(True, lat_deg=1.0, lon_deg=2.0), named))
 
 
 @pytest.mark.skipif(not SAMPLES.exists(), reason="the shared samples are not here")

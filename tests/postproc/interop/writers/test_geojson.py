@@ -3,7 +3,7 @@ import json
 import pytest
 import shapely
 
-from postproc.interop import geojson
+from postproc.interop.writers import geojson
 from tests.postproc.interop import walks
 
 

@@ -6,7 +6,7 @@ import gpxpy
 import pytest
 import xmlschema
 
-from postproc.interop import gpx
+from postproc.interop.writers import gpx
 from tests.postproc.interop import walks
 
 

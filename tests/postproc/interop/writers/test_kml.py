@@ -6,8 +6,8 @@ from xml.etree import ElementTree as ET
 import pytest
 import xmlschema
 
-from postproc.interop import kml
 from postproc.interop.levels import ExportWalk
+from postproc.interop.writers import kml
 from tests.postproc.interop import walks
 
 KML = {"k": kml.NAMESPACE}
