@@ -192,30 +192,32 @@ def _filter(model: Model, excess: FloatArray, of_fixes: _Filtered, *, robust: bo
     x, y = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     p00, p11, p22 = _START_VARIANCE
     p = (p00, 0.0, 0.0, p11, 0.0, p22)
-    for k in range(len(model.step_s)):
+    step_s, q, decay, z, wander_m, variances, slack = (values.tolist() for values in model)
+    for k, dt in enumerate(step_s):
         if k > 0:
-            dt, a = float(model.step_s[k]), float(model.a[k])
-            x, y = _predict_state(x, dt, a), _predict_state(y, dt, a)
-            p = _predict_covariance(p, dt, a, float(model.q[k]))
+            x, y = _predict_state(x, dt, decay[k]), _predict_state(y, dt, decay[k])
+            p = _predict_covariance(p, dt, decay[k], q[k])
         for kind in (_POSITION, _VELOCITY):
-            noise = float(model.variance[k, kind])
+            noise = variances[k][kind]
             if noise == inf:
                 continue
-            h = _row(kind, float(model.wander_m[k]))
+            h = _row(kind, wander_m[k])
             gain = _times(p, h)
-            east = float(model.z[k, kind, 0]) - _dot(h, x)
-            north = float(model.z[k, kind, 1]) - _dot(h, y)
+            east = z[k][kind][0] - _dot(h, x)
+            north = z[k][kind][1] - _dot(h, y)
             variance = _dot(h, gain) + noise
             if robust:
                 added = 0.0
                 if k > 0:  # the first fix has no prediction
                     apart2 = east * east + north * north
                     log_likelihood += _log_student(apart2, variance)
-                    expected = variance + float(model.slack[k, kind])
-                    added = float(excess_variance(apart2, expected))
+                    expected = variance + slack[k][kind]
+                    added = max(apart2 - 2.0 * expected, 0.0) / (STUDENT_DOF + 2.0)
                 excess[k, kind] = added
-            noise += float(excess[k, kind])
-            variance += float(excess[k, kind])
+            else:
+                added = float(excess[k, kind])
+            noise += added
+            variance += added
             share = _scale(gain, 1.0 / variance)
             x, y = _plus(x, east, share), _plus(y, north, share)
             p = _plus_square(_reduce(p, share, h, noise / variance), noise, share)
@@ -243,23 +245,23 @@ def _adjoint(
     """
     rx, ry = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     m = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    for k in range(len(model.step_s) - 1, -1, -1):
+    step_s, _, decay, _, wander_m, variances, _ = (values.tolist() for values in model)
+    for k in range(len(step_s) - 1, -1, -1):
         for kind in (_VELOCITY, _POSITION):
-            noise = float(model.variance[k, kind])
+            noise = variances[k][kind]
             if noise == inf:
                 continue
             noise += float(excess[k, kind])
-            h = _row(kind, float(model.wander_m[k]))
-            gains = of_fixes.gain[k, kind]
+            h = _row(kind, wander_m[k])
             s = float(of_fixes.variance[k, kind])
-            share = _scale((float(gains[0]), float(gains[1]), float(gains[2])), 1.0 / s)
-            east = float(of_fixes.innovation[k, kind, 0]) / s - _dot(share, rx)
-            north = float(of_fixes.innovation[k, kind, 1]) / s - _dot(share, ry)
+            share = _scale(tuple(of_fixes.gain[k, kind].tolist()), 1.0 / s)
+            east, north = of_fixes.innovation[k, kind].tolist()
+            east, north = east / s - _dot(share, rx), north / s - _dot(share, ry)
             rx, ry = _plus(rx, east, h), _plus(ry, north, h)
             residual[k, kind, 0], residual[k, kind, 1] = east, north
             precision[k, kind] = 1.0 / s + _dot(share, _times(m, share))
             m = _plus_square(_reduce(m, h, share, noise / s), 1.0 / s, h)
         _store(r, n, k, rx, ry, m)
-        dt, a = float(model.step_s[k]), float(model.a[k])
+        dt, a = step_s[k], decay[k]
         rx, ry = _earlier_vector(rx, dt, a), _earlier_vector(ry, dt, a)
         m = _earlier_matrix(m, dt, a)

@@ -62,7 +62,7 @@ def export(
     from postproc.cell_work import exit_code
     from postproc.interop import exporting
     from postproc.interop.estimates import estimates_of
-    from postproc.interop.levels import walk_of_run
+    from postproc.interop.exporting import walk_of_run
     from postproc.scan_counts import observed_cells
 
     name = exporting.format_of(format_name, output)

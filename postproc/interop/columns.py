@@ -9,6 +9,7 @@ from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,
     Fields,
+    Moment,
     cell_identity,
     fix_of,
     integer,
@@ -19,7 +20,6 @@ from postproc.interop.fields import (
     reading_of,
     text,
 )
-from postproc.interop.log_times import Moment
 from postproc.interop.sighting import NoCell, Sighting
 
 Names = tuple[str, ...]
@@ -55,7 +55,8 @@ class Columns:
     """Columns of a format in lower case.
 
     `codes` are by technology the columns of the BSIC, PSC or PCI, `more` gives further values of a
-    reading by our names. With `half_networks` a country without a network counts as well.
+    reading by our names. With `half_networks` a country without a network counts as well. Rows
+    without a known technology are no cells if `needs_rat`.
     """
 
     level_dbm: Callable[[Fields, Rat | None], float | None]
@@ -72,14 +73,15 @@ class Columns:
     arfcn: Names = ("arfcn",)
     codes: Mapping[Rat, Names] = field(default_factory=dict)
     ta: Mapping[Rat, Names] | Names = ()
-    more: Callable[[Fields, Rat], Mapping[str, Any]] = lambda *_: {}
+    more: Callable[[Fields, Rat | None], Mapping[str, Any]] = lambda *_: {}
     half_networks: bool = False
+    needs_rat: bool = True
 
     def sighting(self, line: int, fields: Fields) -> Sighting | NoCell:
         """The row; raises ValueError or `GeoError` for a bad one."""
         name = text(fields, *self.rat)
         rat = RATS.get(name.upper())
-        if rat is None:
+        if rat is None and self.needs_rat:
             return NoCell(line, f"no technology of 2G to 5G is called {name[:40]!r}")
         moment = self.when(line, fields)
         acc = _present(fields, self.acc_m)
@@ -101,7 +103,7 @@ class Columns:
             "arfcn": integer(fields, *self.arfcn),
             "ta": _known(fields, _names(self.ta, rat)),
         }
-        if rat in self.codes:
+        if rat is not None and rat in self.codes:
             values[CODES[rat]] = _known(fields, self.codes[rat])
         reading = reading_of(
             rat,
@@ -114,8 +116,10 @@ class Columns:
         return Sighting(line, moment.t_ns, fix, reading)
 
 
-def _names(names: Mapping[Rat, Names] | Names, rat: Rat) -> Names:
-    return names.get(rat, ()) if isinstance(names, Mapping) else names
+def _names(names: Mapping[Rat, Names] | Names, rat: Rat | None) -> Names:
+    if isinstance(names, Mapping):
+        return () if rat is None else names.get(rat, ())
+    return names
 
 
 def _present(fields: Fields, names: Names) -> str:

@@ -26,8 +26,7 @@ from postproc.interop.contents import Format
 from postproc.interop.decompression import plain_file
 from postproc.interop.formats import recognise
 from postproc.interop.run_builder import Append, meta_of, spare, write_run
-from postproc.interop.sighting import BadRow, NoCell, Remark, Row, Sighting
-from postproc.interop.sighting_file import SightingFile
+from postproc.interop.sighting import BadRow, NoCell, Remark, Row, Sighting, SightingFile
 from postproc.interop.track_file import GpsTrack, in_zone, on_track, with_position
 from postproc.progress import with_progress
 

@@ -12,8 +12,8 @@ from logger import probe as probing
 from logger.cli import main as fieldlogger
 from logger.core.runfile import read_run
 from logger.probe import probe
+from logger.sim.modem import frame_text
 from logger.sim.ptys import PtyDevice, answering
-from logger.sim.terminal import frame_text
 from postproc.cli import main as postproc
 from tests.kit import service
 from tests.kit.planted_secrets import plant

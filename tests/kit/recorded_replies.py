@@ -4,8 +4,8 @@ import threading
 from collections.abc import Sequence
 from typing import Literal
 
+from logger.sim.modem import AtTerminal, frame_text
 from logger.sim.ptys import PtyLine
-from logger.sim.terminal import AtTerminal, frame_text
 
 CHUNK = 1024
 FINAL_CODES = (b"OK", b"ERROR")

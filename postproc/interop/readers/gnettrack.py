@@ -26,11 +26,11 @@ from postproc.interop.fields import (
     fix_of,
     integer,
     maybe,
+    moment_of,
     plmn,
     reading_of,
     text,
 )
-from postproc.interop.log_times import moment_of
 from postproc.interop.sighting import BadRow, NoCell, Row, Sighting, parse_rows
 
 _LEVELS: dict[Rat, tuple[str, ...]] = {

@@ -10,26 +10,25 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.types import Rat, Role
 from postproc.interop import csv_table
+from postproc.interop.columns import ROW_NS, Columns
 from postproc.interop.contents import Contents, Format
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,
     Fields,
+    Moment,
     Transmitters,
-    cell_identity,
-    fix_of,
     integer,
     maybe,
+    moment_of,
     number,
-    plmn,
-    reading_of,
     text,
 )
-from postproc.interop.log_times import Moment, moment_of
 from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
 NAME = "CSV by column names"
@@ -85,7 +84,6 @@ _WORD = re.compile(r"[a-z0-9]+")
 _DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
 _NONE = frozenset({"-", "--", "n/a", "na", "nan", "null", "none"})
 _YES = frozenset({"true", "1", "yes", "y", "serving"})
-_ROW_NS = 10**9
 _TIMES = frozenset({"t_s", "time"})
 _CODES = frozenset({"arfcn", "bsic", "psc", "pci"})
 
@@ -187,36 +185,19 @@ def _sighting(
     if level is None:
         return NoCell(line, "no level")
     column, rat = level
-    fields = {
+    fields: dict[str, Any] = {
         ours: _plain(raw[name])
         for ours, name, own in columns
         if (own is None or rat is None or own == rat) and _plain(raw[name])
     }
-    rat = RATS.get(text(fields, "rat").upper()) or rat
-    moment = _moment(columns, line, fields)
-    fix = fix_of(
-        fields,
-        "lat",
-        "lon",
-        moment.utc_ns,
-        alt_m=maybe(fields, "alt"),
-        acc_m=maybe(fields, "acc", (0.0, 1e6)) or None,
-    )
-    level_dbm = maybe({"level": _plain(raw[column])}, "level", LEVEL_RANGE_DBM)
-    reading = reading_of(
-        rat,
-        _role(fields),
-        level_dbm,
-        integer(fields, "area"),
-        **dict(zip(("mcc", "mnc"), plmn(fields), strict=True)),
-        cid=cell_identity(fields, "cid"),
-        arfcn=integer(fields, "arfcn"),
-        **{name: integer(fields, name) for name in ("bsic", "psc", "pci", "ta")},
-        label=text(fields, "cell") or None,
-    )
-    if transmitters is not None:
-        reading = replace(reading, label=transmitters.name(raw, reading))
-    return Sighting(line, moment.t_ns, fix, reading)
+    if text(fields, "rat").upper() not in RATS:
+        fields["rat"] = rat or ""
+    fields |= {"level": _plain(raw[column]), "when": _moment(columns, line, fields)}
+    sighting = _OURS.sighting(line, fields)
+    if transmitters is None or not isinstance(sighting, Sighting):
+        return sighting
+    label = transmitters.name(raw, sighting.reading)
+    return replace(sighting, reading=replace(sighting.reading, label=label))
 
 
 def _level(columns: list[Column], raw: Fields) -> tuple[str, Rat | None] | None:
@@ -234,7 +215,7 @@ def _moment(columns: list[Column], line: int, fields: Fields) -> Moment:
         return moment_of(text(fields, "time"), "time")
     if known:
         return Moment(round(number(fields, "t_s", (-1e9, 1e9)) * 1e9), is_utc=False)
-    return Moment(line * _ROW_NS, is_utc=False)
+    return Moment(line * ROW_NS, is_utc=False)
 
 
 def _role(fields: Fields) -> Role:
@@ -249,6 +230,22 @@ def _plain(value: str) -> str:
     if value.lower() in _NONE:
         return ""
     return value.replace(",", ".") if _DECIMAL_COMMA.fullmatch(value) else value
+
+
+_OURS = Columns(
+    needs_rat=False,
+    when=lambda _, fields: fields["when"],
+    level_dbm=lambda fields, _: maybe(fields, "level", LEVEL_RANGE_DBM),
+    role=_role,
+    alt_m=("alt",),
+    acc_m=("acc",),
+    area=("area",),
+    ta=("ta",),
+    more=lambda fields, _: {
+        **{name: integer(fields, name) for name in ("bsic", "psc", "pci")},
+        "label": text(fields, "cell") or None,
+    },
+)
 
 
 def format_of(source: Path, chosen: Mapping[str, str]) -> Format:

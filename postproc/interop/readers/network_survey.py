@@ -19,8 +19,7 @@ from logger.sqlite_file import open_database
 from postproc.interop import csv_table, json_lines
 from postproc.interop.columns import CODES, Columns, by_flag
 from postproc.interop.contents import Contents, Format, of_json
-from postproc.interop.fields import LEVEL_RANGE_DBM, Fields, integer, maybe, text, utc_ns_of
-from postproc.interop.log_times import Moment
+from postproc.interop.fields import LEVEL_RANGE_DBM, Fields, Moment, integer, maybe, text, utc_ns_of
 from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
 TABLES: dict[str, Rat] = {
@@ -151,7 +150,7 @@ def _level_dbm(fields: Fields, rat: Rat | None) -> float | None:
     return level_dbm
 
 
-def _more(fields: Fields, rat: Rat) -> dict[str, float | None]:
+def _more(fields: Fields, rat: Rat | None) -> dict[str, float | None]:
     values = {
         "ecio_db": maybe(fields, "ecno"),
         "rsrq_db": maybe(fields, "ssrsrq" if rat == "NR" else "rsrq"),

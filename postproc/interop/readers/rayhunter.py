@@ -11,8 +11,7 @@ from typing import Any
 
 from postproc.interop import json_lines
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import text
-from postproc.interop.log_times import moment_of
+from postproc.interop.fields import moment_of, text
 from postproc.interop.sighting import NoCell, Remark, Row
 
 _MOST_CHARACTERS = 300

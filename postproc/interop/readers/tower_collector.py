@@ -1,7 +1,7 @@
 """GPX and KML of Tower Collector: a point for each measurement, its cells as text in the name.
 
 Sources: GpxExportFormatter.java and KmlExportFormatter.java of zamojski/TowerCollector. The app's
-CSV and JSON are read by `postproc.interop.readers.opencellid`. The name of the telephone, which
+CSV and JSON are read by `postproc.interop.readers.tables`. The name of the telephone, which
 both have, is not read.
 """
 
@@ -13,8 +13,7 @@ from xml.etree import ElementTree as ET
 from postproc.interop import xml_file
 from postproc.interop.columns import Columns, level_in
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import utc_ns_of
-from postproc.interop.log_times import Moment
+from postproc.interop.fields import Moment, utc_ns_of
 from postproc.interop.sighting import NoCell, Row, parse_rows
 
 _CELL = re.compile(

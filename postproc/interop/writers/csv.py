@@ -7,7 +7,7 @@ from logger.core.schema import list_text
 from logger.core.utc import utc_text
 from postproc.interop.csv_table import escape, line
 from postproc.interop.estimates import Estimate
-from postproc.interop.levels import ExportWalk
+from postproc.interop.exporting import ExportWalk
 from postproc.interop.readers.walk_csv import BROADCAST, CELL, LEVELS, PLACE, READINGS
 from postproc.interop.sighting import Sighting
 

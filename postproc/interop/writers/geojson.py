@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from postproc.interop.estimates import Estimate
+from postproc.interop.exporting import ExportWalk
+from postproc.interop.fields import moment, seconds
 from postproc.interop.geometry import DECIMALS, Rings, lines
-from postproc.interop.levels import ExportWalk
-from postproc.interop.log_times import moment, seconds
 from postproc.interop.sighting import Sighting
 
 Feature = dict[str, Any]

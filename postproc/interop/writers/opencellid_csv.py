@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from postproc.interop.estimates import Estimate
+from postproc.interop.exporting import ExportWalk
 from postproc.interop.fields import is_plmn
-from postproc.interop.levels import ExportWalk
 from postproc.interop.sighting import Sighting
 
 _COLUMNS = (

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from postproc.interop.estimates import Estimate
-from postproc.interop.levels import ExportWalk
+from postproc.interop.exporting import ExportWalk
 from postproc.interop.writers.opencellid_csv import measurement, writable
 
 __all__ = ["writable", "write"]

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 from logger.core.schema import TABLES
 from logger.core.types import Broadcast, CellReading
 from postproc.interop.estimates import Estimate
-from postproc.interop.levels import ExportWalk
+from postproc.interop.exporting import ExportWalk
 from postproc.interop.sighting import Sighting
 
 _CELL = [f.name for f in fields_of(CellReading) if f.name not in {"broadcast", "label", "more"}]

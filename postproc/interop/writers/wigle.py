@@ -6,8 +6,8 @@ from pathlib import Path
 
 from logger.core.utc import utc_text
 from postproc.interop.estimates import Estimate
+from postproc.interop.exporting import ExportWalk
 from postproc.interop.fields import is_plmn
-from postproc.interop.levels import ExportWalk
 from postproc.interop.readers.wigle import PREFIX
 from postproc.interop.sighting import Sighting
 

@@ -8,7 +8,7 @@ from logger.core.runfile import RunWriter, convert_journal, read_run
 from logger.core.types import Broadcast, CellReading, Fix, Record, Scan
 from postproc import results
 from postproc.cli import main
-from postproc.interop.levels import walk_of_run
+from postproc.interop.exporting import walk_of_run
 from postproc.interop.writers import names
 from postproc.summary import summarise
 from tests.kit import sample_results as kit

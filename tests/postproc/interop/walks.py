@@ -3,7 +3,7 @@
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.interop.estimates import estimates_of
-from postproc.interop.levels import ExportWalk, walk_of_run
+from postproc.interop.exporting import ExportWalk, walk_of_run
 from postproc.interop.readers import walk_csv
 from postproc.interop.sighting import BadRow, Sighting
 from tests.kit import sample_results as kit

@@ -6,12 +6,15 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.types import CellReading, Fix
-from postproc.interop.readers import opencellid
+from postproc.interop.readers import tables
 from postproc.interop.sighting import BadRow, NoCell, Sighting
 from postproc.interop.writers import opencellid_csv, opencellid_json
 from tests.postproc.interop.walks import export_of
 
-OPENCELLID_CSV, OPENCELLID_JSON = opencellid.IMPORTS
+OPENCELLID_CSV, OPENCELLID_JSON = (
+    next(form for form in tables.IMPORTS if form.name == f"OpenCelliD measurements, {kind}")
+    for kind in ("CSV", "JSON")
+)
 SAMPLES = Path(__file__).resolve().parents[5] / "shared" / "corpus" / "formats"
 COLUMNS = (
     "mcc",

@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 import pytest
 import xmlschema
 
-from postproc.interop.levels import ExportWalk
+from postproc.interop.exporting import ExportWalk
 from postproc.interop.writers import kml
 from tests.postproc.interop import walks
 
