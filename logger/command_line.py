@@ -114,6 +114,10 @@ class Program(click.Group):
         self._sections = sections
         self.add_command(_help)
 
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the commands but for those of earlier versions."""
+        return [name for name in super().list_commands(ctx) if not self.commands[name].hidden]
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for title, names in self._sections.items():
             self._write(formatter, title, names)
@@ -145,7 +149,7 @@ _SHORT_HELP = 62
 """Columns of a command's first sentence: with the longest name a line has 80."""
 
 
-@click.command("help")
+@click.command("help", hidden=True)
 @click.option("--all", "every", is_flag=True, help="List every command.")
 @click.argument("names", nargs=-1, metavar="[COMMAND]...")
 @click.pass_context

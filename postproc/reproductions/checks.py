@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from itertools import groupby
 from typing import Literal, get_args
 
-from postproc.json_text import Json
+from postproc.json_text import Json, as_json
 from postproc.terminal import print_text, screen, styled_text
 
 Verdict = Literal["holds", "does not hold", "claim is wrong", "fails"]
@@ -65,9 +65,10 @@ def print_checks(checks: Sequence[Check]) -> None:
     print_text(console, f"{len(checks)} checks: {counts}")
 
 
-def json_form(checks: Sequence[Check]) -> Json:
-    """All fields of all checks, and how often each verdict was given."""
-    return {"checks": [asdict(check) for check in checks], "verdicts": _by_verdict(checks)}
+def json_text(checks: Sequence[Check], figures: Json) -> str:
+    """The figures, all fields of all checks, and how often each verdict was given."""
+    of_checks = {"checks": [asdict(check) for check in checks], "verdicts": _by_verdict(checks)}
+    return as_json({**figures, **of_checks})
 
 
 def exit_code(checks: Sequence[Check]) -> int:

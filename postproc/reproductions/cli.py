@@ -84,7 +84,7 @@ def toa(
     steps: bool,
     as_json: bool,
 ) -> int:
-    """A README's Kalman filter of ranges to anchors: its mean errors for each noise variance."""
+    """A README's Kalman filter of ranges to anchors, by noise variance."""
     from postproc.picture_file import check_picture
     from postproc.progress import with_progress
     from postproc.reproductions import toa as ranges
@@ -142,7 +142,7 @@ def theory(
     *,
     as_json: bool,
 ) -> int:
-    """A report's theory of position verification, beside a simulation."""
+    """A report's theory of verification, beside a simulation."""
     from postproc.reproductions import theory as report
 
     places = report.places(receivers) if receivers else None
@@ -151,11 +151,10 @@ def theory(
 
 
 def _print(checks: "Sequence[Check]", figures: "Json", *, as_json: bool) -> int:
-    from postproc.json_text import as_json as json_text
-    from postproc.reproductions.checks import exit_code, json_form, print_checks
+    from postproc.reproductions.checks import exit_code, json_text, print_checks
 
     if as_json:
-        print(json_text({**figures, **json_form(checks)}))
+        print(json_text(checks, figures))
     else:
         print_checks(checks)
     return exit_code(checks)

@@ -568,31 +568,31 @@ def _errors(row: Row) -> dict[str, FloatArray | None]:
 
 def json_form(setting: Setting, rows: Sequence[Row], *, steps: bool) -> Json:
     """All figures, with the errors of each step if `steps`."""
+    forms: list[Json] = []
+    for row in rows:
+        errors = _errors(row)
+        forms.append(
+            {
+                "sigma2": row.sigma2_m2,
+                **{name: None if e is None else float(np.mean(e)) for name, e in errors.items()},
+                "q_from": "README" if row.is_printed else "derived",
+                "kf_nees": row.kf_nees,
+                "squares_nees": row.squares_nees,
+                "pinv_difference_m": row.pinv_difference_m,
+            }
+        )
+        if steps:
+            forms[-1]["steps"] = [
+                {"k": k, **{name: None if e is None else float(e[k]) for name, e in errors.items()}}
+                for k in range(len(row.lse_m))
+            ]
     return {
         "anchors_m": setting.anchors.position_m.tolist(),
         "path_m": setting.path_m.tolist(),
         "runs": setting.runs,
         "seed": setting.seed,
-        "rows": [_json_of_row(row, steps=steps) for row in rows],
+        "rows": forms,
     }
-
-
-def _json_of_row(row: Row, *, steps: bool) -> Json:
-    errors = _errors(row)
-    form: Json = {
-        "sigma2": row.sigma2_m2,
-        **{name: None if e is None else float(np.mean(e)) for name, e in errors.items()},
-        "q_from": "README" if row.is_printed else "derived",
-        "kf_nees": row.kf_nees,
-        "squares_nees": row.squares_nees,
-        "pinv_difference_m": row.pinv_difference_m,
-    }
-    if steps:
-        form["steps"] = [
-            {"k": k, **{name: None if e is None else float(e[k]) for name, e in errors.items()}}
-            for k in range(len(row.lse_m))
-        ]
-    return form
 
 
 def checks(setting: Setting, rows: Sequence[Row], *, steps: bool) -> list[Check]:

@@ -94,7 +94,7 @@ def test_several_runs_are_one_walk(tmp_path, fails):
         (["--save", "x.rrd", "--cell", "nowhere"], "was not observed"),
         (["--save", "x.rrd", "--claim", "north"], "is no claim"),
         (["--save", "x.rrd", "--claim", "95,0"], "latitude"),
-        (["--save", "x.rrd", "--basemap", "absent.png"], "is no file"),
+        (["--save", "x.rrd", "--basemap", "absent.png"], "no such file"),
         (["--save", "absent/x.rrd"], "no such folder"),
     ],
 )
