@@ -168,7 +168,7 @@ def _help(ctx: click.Context, names: Sequence[str], *, every: bool) -> None:
         print(command.get_help(context))
 
 
-def moved(old: str, new: str) -> None:
+def say_new_name(old: str, new: str) -> None:
     """Say on stderr that a command has another name."""
     print(f"{old.partition(' ')[0]}: `{old}` is now `{new}`", file=sys.stderr)
 
@@ -176,11 +176,11 @@ def moved(old: str, new: str) -> None:
 def under_old_name(command: click.Command, old: str, new: str) -> click.Command:
     """The same command under a name of earlier versions, not listed, that says the new one."""
     alias = copy.copy(command)
-    callback: Callable[..., Any] = command.callback or moved
+    callback: Callable[..., Any] = command.callback or say_new_name
 
     @wraps(callback)
     def with_note(*arguments: Any, **options: Any) -> Any:
-        moved(old, new)
+        say_new_name(old, new)
         return callback(*arguments, **options)
 
     alias.name, alias.hidden, alias.callback = old.rpartition(" ")[2], True, with_note

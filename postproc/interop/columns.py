@@ -84,12 +84,12 @@ class Columns:
         if rat is None and self.needs_rat:
             return NoCell(line, f"no technology of 2G to 5G is called {name[:40]!r}")
         moment = self.when(line, fields)
-        acc = _present(fields, self.acc_m)
+        acc = _name_in(fields, self.acc_m)
         known = {
-            "alt_m": maybe(fields, _present(fields, self.alt_m)),
+            "alt_m": maybe(fields, _name_in(fields, self.alt_m)),
             "acc_m": maybe(fields, acc, (0.0, 1e6)) or None,
-            "speed_mps": maybe(fields, _present(fields, self.speed_mps)),
-            "course_deg": maybe(fields, _present(fields, self.course_deg)),
+            "speed_mps": maybe(fields, _name_in(fields, self.speed_mps)),
+            "course_deg": maybe(fields, _name_in(fields, self.course_deg)),
         }
         lat, lon = self.place
         fix = fix_of(fields, lat, lon, moment.utc_ns, **known)
@@ -101,15 +101,15 @@ class Columns:
             "mnc": mnc,
             "cid": cell_identity(fields, *self.cid),
             "arfcn": integer(fields, *self.arfcn),
-            "ta": _known(fields, _names(self.ta, rat)),
+            "ta": _first_known(fields, _names(self.ta, rat)),
         }
         if rat is not None and rat in self.codes:
-            values[CODES[rat]] = _known(fields, self.codes[rat])
+            values[CODES[rat]] = _first_known(fields, self.codes[rat])
         reading = reading_of(
             rat,
             self.role(fields),
             self.level_dbm(fields, rat),
-            _known(fields, _names(self.area, rat)),
+            _first_known(fields, _names(self.area, rat)),
             **values,
             **self.more(fields, rat),
         )
@@ -122,11 +122,11 @@ def _names(names: Mapping[Rat, Names] | Names, rat: Rat | None) -> Names:
     return names
 
 
-def _present(fields: Fields, names: Names) -> str:
+def _name_in(fields: Fields, names: Names) -> str:
     """The first of these columns that the file has, "" for none."""
     return next((name for name in names if name in fields), "")
 
 
-def _known(fields: Fields, names: Names) -> int | None:
+def _first_known(fields: Fields, names: Names) -> int | None:
     """First known integer: an app writes a mark where another one leaves the column empty."""
     return next((value for name in names if (value := integer(fields, name)) is not None), None)

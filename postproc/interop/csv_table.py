@@ -145,9 +145,9 @@ def unescape(text: str) -> str:
 
 def line(values: Iterable[str]) -> str:
     """A line of CSV (RFC 4180); the csv module leaves a lone CR unquoted and reads two lines."""
-    return ",".join(_quoted(value) for value in values) + "\n"
+    return ",".join(_in_quotes(value) for value in values) + "\n"
 
 
-def _quoted(value: str) -> str:
+def _in_quotes(value: str) -> str:
     doubled = value.replace('"', '""')
     return f'"{doubled}"' if _TO_QUOTE.search(value) else value

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import FILE, SEED, json_option, moved
+from logger.command_line import FILE, SEED, json_option, say_new_name
 from postproc.options import ListCommand, false_alarm_option
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ class _Validate(click.Group):
             text = "--page is gone: `postproc validate spec` prints the table, --json all of it"
             raise click.UsageError(text, ctx)
         if not {"-h", "--help"} & set(args) and (not args or args[0].startswith("-")):
-            moved("postproc validate", "postproc validate spec")
+            say_new_name("postproc validate", "postproc validate spec")
             args = ["spec", *args]
         return super().parse_args(ctx, args)
 
