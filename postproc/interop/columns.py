@@ -45,7 +45,9 @@ def by_flag(*names: str, means: Role, otherwise: Role) -> Callable[[Fields], Rol
 
     def role(fields: Fields) -> Role:
         flag = text(fields, *names).lower()
-        return "scan" if not flag else means if flag in {"true", "1"} else otherwise
+        if not flag:
+            return "scan"
+        return means if flag in {"true", "1"} else otherwise
 
     return role
 
