@@ -231,7 +231,9 @@ def _area(part: Part) -> float:
 def _draw_street(pen: _Pen, feature: Feature, size: int) -> None:
     kinds = {str(feature.tags.get(key, "")) for key in ("kind", "class", "kind_detail")}
     is_path = bool(kinds & _NARROW)
-    width = size / 110 if kinds & _WIDE else size / 400 if is_path else size / 200
+    width = size / 400 if is_path else size / 200
+    if kinds & _WIDE:
+        width = size / 110
     _draw_line(pen, feature, _PATH if is_path else _ROAD, width)
 
 
