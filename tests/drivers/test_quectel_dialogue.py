@@ -1,5 +1,5 @@
 from logger.drivers.family import AUTOBAUD_TRIES
-from logger.drivers.quectel.quectel import Quectel
+from logger.drivers.quectel import Quectel
 from logger.drivers.reading.rows import NoCell
 from tests.kit.drivers import only_cell_of, run_exchange
 

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from logger.drivers.quectel.quectel import Quectel
+from logger.drivers.quectel import Quectel
 from logger.drivers.reading.rows import NoCell
 from tests.kit.drivers import NO_IDENTITY, identity_of, only_cell_of
 

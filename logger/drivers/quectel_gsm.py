@@ -19,17 +19,18 @@ from collections.abc import Iterable, Iterator, Sequence
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.quectel.forms import cells, form, split
+from logger.drivers.quectel import KINDS
 from logger.drivers.reading.fields import decimal
+from logger.drivers.reading.row_language import first_cell, form, split
 from logger.drivers.reading.rows import NoCell, Row
 
-_GSM = form("mcc mnc lac cid16 arfcn! bsic! rssi* c1 c2 _ _ _ _ _ _ _ _ _")
-_GSM_NEIGHBOUR = form("order* arfcn* rssi* bsic! c1 c2 mcc mnc lac cid16")
-_GSM_CHANNEL = form("arfcn* rssi* bsic!")
-_NBIOT = form("earfcn* _ pci! cid28 rsrp! rsrq rssi sinr band tac _ _ _")
+_GSM = form("GSM", "mcc mnc lac cid16 arfcn! bsic! rssi* c1 c2 _ _ _ _ _ _ _ _ _", KINDS)
+_GSM_NEIGHBOUR = form("GSM", "order* arfcn* rssi* bsic! c1 c2 mcc mnc lac cid16", KINDS)
+_GSM_CHANNEL = form("GSM", "arfcn* rssi* bsic!", KINDS)
+_NBIOT = form("NB-IoT", "earfcn* _ pci! cid28 rsrp! rsrq rssi sinr band tac _ _ _", KINDS)
 _NBIOT_NEIGHBOURS = (
-    form("earfcn* _ pci* rsrp*"),  # BC26: with the offset of the channel
-    form("earfcn* pci* rsrp* rsrq*"),  # BC660
+    form("NB-IoT", "earfcn* _ pci* rsrp*", KINDS),  # BC26: with the offset of the channel
+    form("NB-IoT", "earfcn* pci* rsrp* rsrq*", KINDS),  # BC660
 )
 _NBIOT_IDS = frozenset({3, 9})  # where cell and area stand; hexadecimal only in quotation marks
 
@@ -80,6 +81,7 @@ class QuectelGsm(Family):
             for row in rows
             if row and row[1] in _READERS
             for reading in _READERS[row[1]](row[2])
+            if reading is not None
         )
 
 
@@ -100,37 +102,36 @@ def _join_wrapped_rows(lines: Iterable[str]) -> Iterator[str]:
     yield row
 
 
-def _serving(body: str) -> Iterator[Row]:
+def _serving(body: str) -> Iterator[Row | None]:
     raw, texts = body.split(","), split(body)
     quoted = {at for at, text in enumerate(raw[:-1]) if '"' in text}
-    found: tuple[Row, ...] = () if quoted else cells((_GSM,), texts, "serving", "GSM")
+    found: Row | None = None if quoted else _GSM.cell("serving", texts)
     if not found and len(texts) > max(_NBIOT_IDS) and texts[0] == "0":
-        found = (NoCell("NB-IoT"),)
+        found = NoCell("NB-IoT")
     elif not found:
         hexadecimal = quoted if quoted <= _NBIOT_IDS else frozenset()
         trusted = [
             text if at in hexadecimal or at not in _NBIOT_IDS else ""
             for at, text in enumerate(texts)
         ]
-        found = cells((_NBIOT,), trusted, "serving", "NB-IoT")
-    yield from found
+        found = _NBIOT.cell("serving", trusted)
+    yield found
 
 
-def _neighbours(body: str) -> Iterator[Row]:
+def _neighbours(body: str) -> Iterator[Row | None]:
     texts = split(body)
     groups = _in_order(texts)
-    for group in groups:
-        yield from cells((_GSM_NEIGHBOUR,), group, "neighbour", "GSM")
+    yield from (_GSM_NEIGHBOUR.cell("neighbour", group) for group in groups)
     if not groups and decimal(texts[0], 0, _MOST_ORDER) is None:
         for at in range(0, len(texts), 4):
-            yield from cells(_NBIOT_NEIGHBOURS, texts[at : at + 4], "neighbour", "NB-IoT")
+            yield first_cell(_NBIOT_NEIGHBOURS, "neighbour", texts[at : at + 4])
 
 
 def _in_order(texts: list[str]) -> list[list[str]]:
     """Groups of ten values of a GSM row, as far as their numbers ascend: else a comma is lost."""
     texts = texts[:-1] if texts[-1] == "" else texts  # a comma ends the row
     groups = [texts[at : at + 10] for at in range(0, len(texts), 10)]
-    if not any(map(_GSM_NEIGHBOUR.values_of, groups)):
+    if not any(map(_GSM_NEIGHBOUR.named, groups)):
         return []  # of NB-IoT
     if len(groups[-1][-1]) < 4:
         groups[-1][-1] = ""  # at the end of a row only its width shows that an identity is not cut
@@ -142,9 +143,9 @@ def _in_order(texts: list[str]) -> list[list[str]]:
     return groups
 
 
-def _channels(body: str) -> Iterator[Row]:
+def _channels(body: str) -> Iterator[Row | None]:
     for values in _CHANNEL.findall(body):
-        yield from cells((_GSM_CHANNEL,), split(values), "neighbour", "GSM")
+        yield _GSM_CHANNEL.cell("neighbour", split(values))
 
 
 _READERS = {"0": _serving, "1": _neighbours, "4": _channels}

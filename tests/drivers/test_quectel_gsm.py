@@ -3,7 +3,7 @@ import re
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.quectel.quectel_gsm import QuectelGsm
+from logger.drivers.quectel_gsm import QuectelGsm
 from logger.drivers.reading.rows import NoCell
 from tests.kit.corpus import check_recorded
 from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of, only_cell_of, run_exchange

@@ -1,0 +1,294 @@
+"""The row language of all drivers: which values a row has, and the cell that they describe.
+
+    form("GSM", "mcc mnc lac cid16 bsic! arfcn! _ rxlev! c1 [c2 ta]")
+
+A form names the values of a row in their order; `_` is one that is not read. From `[` on a row may
+end, and behind `...` others may follow. A name with `!` must fit (be readable, or a mark for
+unknown), one with `*` must be known: they prove the order, since a comma lost or added moves
+another value there. In a strict form every value must look like one of its kind. Rows with labels
+or columns are searched for in a line (`listed_row`, `labelled_row`).
+
+What a name means stands in `VALUES`; a family adds what only its modems print. An identity is read
+completely or not at all.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+from logger.core.types import CellReading, Rat, Role
+from logger.drivers.reading.fields import (
+    area,
+    cell_identity,
+    decimal,
+    hexadecimal,
+    level,
+    network,
+    rscp_dbm,
+    rsrp_dbm,
+    rsrq_db,
+    rssi_dbm,
+)
+
+_FLAGS = re.ASCII | re.IGNORECASE
+_SIGNED = r"[-+]?\d{1,4}(?:\.\d{1,2})?"
+_BESIDE = "more."
+_UNKNOWN = frozenset({"", "-", "x", "255", "65535", "-32768", "-1920"})
+_NO_VALUE = re.compile(r"-*")
+
+
+class Value(NamedTuple):
+    """A value that rows contain: an attribute of a reading, its reader, the texts of its kind.
+
+    An attribute that begins with `more.` is a key of `CellReading.more`; an empty one is not kept.
+    """
+
+    attribute: str
+    read: Callable[[str], Any]
+    pattern: str = _SIGNED
+
+
+Kinds = Mapping[str, Value]
+
+
+def between(low: int, high: int) -> Callable[[str], int | None]:
+    """Reader of a decimal integer in [low, high]."""
+    return partial(decimal, low=low, high=high)
+
+
+def number(attribute: str, low: int, high: int) -> Value:
+    """A decimal integer in [low, high]."""
+    width = max(len(str(abs(bound))) for bound in (low, high))
+    return Value(attribute, between(low, high), rf"{'-?' if low < 0 else ''}\d{{1,{width}}}")
+
+
+def _ratio(attribute: str, low: float, high: float) -> Value:
+    return Value(attribute, partial(level, low=low, high=high))
+
+
+def _code(attribute: str, bits: int, base: int = 16) -> Value:
+    read = cell_identity if attribute == "cid" else area
+    digits = rf"(?:0x)?0*[0-9A-F]{{1,{bits // 4}}}" if base == 16 else r"\d{1,11}"
+    return Value(attribute, partial(read, bits=bits, base=base), digits)
+
+
+def _network_code(text: str) -> str | None:
+    return network("001", text)[1]
+
+
+VALUES: Kinds = {
+    "mcc": Value("mcc", between(0, 999), r"\d{3}"),
+    "mnc": Value("mnc", _network_code, r"\d{2,3}"),
+    "lac": _code("lac", 16),
+    "tac": _code("tac", 16),
+    "tac24": _code("tac", 24),
+    "cid16": _code("cid", 16),
+    "cid28": _code("cid", 28),
+    "cid36": _code("cid", 36),
+    "lac10": _code("lac", 16, 10),
+    "tac10": _code("tac", 16, 10),
+    "cid16_10": _code("cid", 16, 10),
+    "cid28_10": _code("cid", 28, 10),
+    "arfcn": number("arfcn", 0, 1023),  # 3GPP TS 45.005 2
+    "uarfcn": number("arfcn", 0, 16383),  # 25.101 5.4.3
+    "earfcn": number("arfcn", 0, 262143),  # 36.101 5.7.3
+    "nrarfcn": number("arfcn", 0, 3279165),  # 38.104 5.4.2.1
+    "band": number("band", 1, 255),
+    "bsic": number("bsic", 0, 63),
+    "psc": number("psc", 0, 511),
+    "pci": number("pci", 0, 503),
+    "pci_nr": number("pci", 0, 1007),
+    "pci_hex": Value("pci", partial(hexadecimal, low=0, high=1007), r"[0-9A-F]{1,3}"),
+    "rssi": Value("rssi_dbm", rssi_dbm),
+    "rxq": number("rxq", 0, 7),  # 45.008 8.2.4
+    "ta": number("ta", 0, 63),  # 45.010 5.4
+    "c1": number("c1", -255, 255),
+    "c2": number("c2", -255, 255),
+    "rscp": Value("rscp_dbm", rscp_dbm),
+    "ecn0": _ratio("ecio_db", -32.0, 0.0),
+    "ecio": _ratio("ecio_db", -40.0, 0.0),
+    "rsrp": Value("rsrp_dbm", rsrp_dbm),
+    "rsrq": Value("rsrq_db", rsrq_db),
+    "sinr": _ratio("sinr_db", -23.0, 40.0),  # 38.133 10.1.16
+    "snr": _ratio("sinr_db", -30.0, 50.0),  # as modems print it
+}
+"""Values by the name that forms use; `_10` are decimal identities, all others hexadecimal."""
+
+_NETWORK = frozenset({"mcc", "mnc"})
+_AREA_AND_CELL = frozenset({"lac", "tac", "cid"})
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """Values of a row by name. `least` is how many a row has that is not cut."""
+
+    rat: Rat | None
+    names: tuple[str, ...]
+    kinds: Kinds
+    fitting: frozenset[str]
+    known: frozenset[str]
+    least: int
+    is_open: bool
+    is_strict: bool
+
+    def named(self, texts: Sequence[str]) -> dict[str, str] | None:
+        """Values of a row by their names, None for a row of another form."""
+        if self._is_cut(texts):
+            texts = texts[:-1]  # the last one may have lost its end
+        named = dict(zip(self.names, texts, strict=False))
+        if self.is_strict:
+            n_texts = len(texts)
+            fits = self.least <= n_texts and (self.is_open or n_texts <= len(self.names))
+            return named if fits and is_well_formed(named, self.kinds) else None
+        if not (self.fitting | self.known) <= named.keys():
+            return None
+        fits = all(named[name] in _UNKNOWN or self._is_known(name, named) for name in self.fitting)
+        return named if fits and all(self._is_known(name, named) for name in self.known) else None
+
+    def cell(
+        self,
+        role: Role,
+        texts: Sequence[str],
+        more: Mapping[str, Any] | None = None,
+        **values: Any,
+    ) -> CellReading | None:
+        """The cell of a row, with more `values`; None for a row of another form or without any."""
+        named = self.named(texts)
+        if named is None:
+            return None
+        is_identified = not self._is_cut(texts) or _identity_of(self.names, self.kinds) <= {*named}
+        if not is_identified:
+            named = {name: text for name, text in named.items() if not _names(name, self.kinds)}
+        return cell(role, self.rat, named, self.kinds, more, **values)
+
+    def _is_cut(self, texts: Sequence[str]) -> bool:
+        return len(texts) < self.least or (len(texts) == self.least and not texts[-1])
+
+    def _is_known(self, name: str, named: Mapping[str, str]) -> bool:
+        return self.kinds[name].read(named[name]) is not None
+
+
+def form(rat: Rat | None, names: str, kinds: Kinds = VALUES, *, is_strict: bool = False) -> Form:
+    """The form of rows of one technology whose values have these names."""
+    required, _, spare = names.replace("]", "").partition("[")
+    is_open = names.endswith("...")
+    marked = [word for word in f"{required} {spare}".split() if word != "..."]
+    return Form(
+        rat=rat,
+        names=tuple(name.rstrip("!*") for name in marked),
+        kinds=kinds,
+        fitting=frozenset(name[:-1] for name in marked if name.endswith("!")),
+        known=frozenset(name[:-1] for name in marked if name.endswith("*")),
+        least=len(required.replace("...", "").split()),
+        is_open=is_open,
+        is_strict=is_strict,
+    )
+
+
+def first_cell(
+    forms: Sequence[Form],
+    role: Role,
+    texts: Sequence[str],
+    more: Mapping[str, Any] | None = None,
+) -> CellReading | None:
+    """The cell of a row in the first form that it has."""
+    fitting = (shape for shape in forms if shape.named(texts))
+    shape = next(fitting, None)
+    return shape.cell(role, texts, more) if shape else None
+
+
+def split(body: str) -> list[str]:
+    """Values of a row; no value contains a comma, so a lost quotation mark does no harm."""
+    return [text.strip(" \t\"'") for text in body.split(",")]
+
+
+def is_well_formed(named: Mapping[str, str], kinds: Kinds) -> bool:
+    """True where each value looks like one of its kind, or is a mark for unknown."""
+    return all(
+        _NO_VALUE.fullmatch(text) or re.fullmatch(kinds[name].pattern, text, _FLAGS)
+        for name, text in named.items()
+        if name in kinds
+    )
+
+
+def read_values(named: Mapping[str, str], kinds: Kinds = VALUES) -> dict[str, Any]:
+    """Values by attribute of a reading; names of no kind are left out."""
+    values: dict[str, Any] = {}
+    more: dict[str, Any] = {}
+    for name, text in named.items():
+        attribute = kinds[name].attribute if name in kinds else ""
+        if attribute.startswith(_BESIDE):
+            more[attribute.removeprefix(_BESIDE)] = kinds[name].read(text)
+        elif attribute:
+            values[attribute] = kinds[name].read(text)
+    return values | ({"more": more} if more else {})
+
+
+def identity(named: Mapping[str, str], kinds: Kinds = VALUES) -> dict[str, Any]:
+    """Network, area and cell, or nothing: an area or a cell may be unknown but not damaged."""
+    codes = {}
+    if "mcc" in named:
+        mcc, mnc = network(named["mcc"], named.get("mnc", ""))
+        if mcc is None:
+            return {}
+        codes = {"mcc": mcc, "mnc": mnc}
+    parts = {
+        name: text for name, text in named.items() if name not in _NETWORK and _names(name, kinds)
+    }
+    return codes | read_values(parts, kinds) if is_well_formed(parts, kinds) else {}
+
+
+def cell(
+    role: Role,
+    rat: Rat | None,
+    named: Mapping[str, str],
+    kinds: Kinds = VALUES,
+    more: Mapping[str, Any] | None = None,
+    **values: Any,
+) -> CellReading | None:
+    """The cell that texts by name describe, with more `values`; None where none is known."""
+    others = {name: text for name, text in named.items() if not _names(name, kinds)}
+    found = identity(named, kinds) | read_values(others, kinds)
+    beside = found.pop("more", {})
+    if all(value is None for value in (*found.values(), *beside.values(), *values.values())):
+        return None
+    return CellReading(role, rat, **found | values, more={**(more or {}), **beside})
+
+
+def _names(name: str, kinds: Kinds) -> bool:
+    """True for a part of the name of a cell."""
+    return name in kinds and kinds[name].attribute in _NETWORK | _AREA_AND_CELL
+
+
+def _identity_of(names: Sequence[str], kinds: Kinds) -> set[str]:
+    return {name for name in names if name not in _NETWORK and _names(name, kinds)}
+
+
+def area_values(rat: Rat | None, code: int | None) -> dict[str, Any]:
+    """The area of a cell as `lac` of GSM and WCDMA, or as `tac` of later technologies."""
+    return {"lac" if rat in {"GSM", "WCDMA"} else "tac": code}
+
+
+def listed_row(names: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pattern[str]:
+    """Pattern of values in the order of their names; a group has the name of its value."""
+    return _row((_group(name, kinds) for name in names.split()), between)
+
+
+def labelled_row(labels: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pattern[str]:
+    """Pattern of `label: value` in the order of words `label=name`; `_` in a label is a blank."""
+    words = (word.rpartition("=") for word in labels.split())
+    parts = (
+        rf"{re.escape((label or name).replace('_', ' '))}\s?:\s*{_group(name, kinds)}"
+        for label, _, name in words
+    )
+    return _row(parts, between)
+
+
+def _group(name: str, kinds: Kinds) -> str:
+    return rf"(?P<{name}>{kinds[name].pattern})"
+
+
+def _row(parts: Any, between: str) -> re.Pattern[str]:
+    return re.compile(r"(?<![\w.,-])" + between.join(parts) + r"(?![\w.])", _FLAGS)
