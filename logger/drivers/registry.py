@@ -10,7 +10,7 @@ from logger import drivers
 from logger.core.errors import ConfigError
 from logger.core.types import CellReading
 from logger.drivers.family import Family, wake
-from logger.drivers.generic.generic import Generic
+from logger.drivers.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
 
 AUTO = "auto"

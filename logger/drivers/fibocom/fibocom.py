@@ -21,7 +21,7 @@ from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
-from logger.drivers.generic.generic import Generic
+from logger.drivers.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.cell_values import area_values
 from logger.drivers.reading.fields import (

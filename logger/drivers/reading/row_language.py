@@ -2,14 +2,15 @@
 
     form("GSM", "mcc mnc lac cid16 bsic! arfcn! _ rxlev! c1 [c2 ta]")
 
-A form names the values of a row in their order; `_` is one that is not read. From `[` on a row may
-end, and behind `...` others may follow. A name with `!` must fit (be readable, or a mark for
-unknown), one with `*` must be known: they prove the order, since a comma lost or added moves
-another value there. In a strict form every value must look like one of its kind. Rows with labels
-or columns are searched for in a line (`listed_row`, `labelled_row`).
+A form names the values of a row in their order; `_` is one that is not read, and `_name` a number
+that is not read. From `[` on a row may end, and behind `...` others may follow. A name with `!`
+must fit (be readable, or a mark for unknown), one with `*` must be known: they prove the order,
+since a comma lost or added moves another value there. In a strict form every value must look like
+one of its kind. Rows with labels or columns are searched for in a line (`listed_row`,
+`labelled_row`).
 
-What a name means stands in `VALUES`; a family adds what only its modems print. An identity is read
-completely or not at all.
+What a name means stands in `values_like`; a family adds what only its modems print. An identity is
+read completely or not at all.
 """
 
 import re
@@ -34,6 +35,7 @@ from logger.drivers.reading.fields import (
 
 _FLAGS = re.ASCII | re.IGNORECASE
 _SIGNED = r"[-+]?\d{1,4}(?:\.\d{1,2})?"
+_SHORT = r"[-+]?\d{1,3}(?:\.\d{1,2})?"
 _BESIDE = "more."
 _UNKNOWN = frozenset({"", "-", "x", "255", "65535", "-32768", "-1920"})
 _NO_VALUE = re.compile(r"-*")
@@ -64,58 +66,63 @@ def number(attribute: str, low: int, high: int) -> Value:
     return Value(attribute, between(low, high), rf"{'-?' if low < 0 else ''}\d{{1,{width}}}")
 
 
-def _ratio(attribute: str, low: float, high: float) -> Value:
-    return Value(attribute, partial(level, low=low, high=high))
-
-
-def _code(attribute: str, bits: int, base: int = 16) -> Value:
-    read = cell_identity if attribute == "cid" else area
-    digits = rf"(?:0x)?0*[0-9A-F]{{1,{bits // 4}}}" if base == 16 else r"\d{1,11}"
-    return Value(attribute, partial(read, bits=bits, base=base), digits)
-
-
 def _network_code(text: str) -> str | None:
     return network("001", text)[1]
 
 
-VALUES: Kinds = {
-    "mcc": Value("mcc", between(0, 999), r"\d{3}"),
-    "mnc": Value("mnc", _network_code, r"\d{2,3}"),
-    "lac": _code("lac", 16),
-    "tac": _code("tac", 16),
-    "tac24": _code("tac", 24),
-    "cid16": _code("cid", 16),
-    "cid28": _code("cid", 28),
-    "cid36": _code("cid", 36),
-    "lac10": _code("lac", 16, 10),
-    "tac10": _code("tac", 16, 10),
-    "cid16_10": _code("cid", 16, 10),
-    "cid28_10": _code("cid", 28, 10),
-    "arfcn": number("arfcn", 0, 1023),  # 3GPP TS 45.005 2
-    "uarfcn": number("arfcn", 0, 16383),  # 25.101 5.4.3
-    "earfcn": number("arfcn", 0, 262143),  # 36.101 5.7.3
-    "nrarfcn": number("arfcn", 0, 3279165),  # 38.104 5.4.2.1
-    "band": number("band", 1, 255),
-    "bsic": number("bsic", 0, 63),
-    "psc": number("psc", 0, 511),
-    "pci": number("pci", 0, 503),
-    "pci_nr": number("pci", 0, 1007),
-    "pci_hex": Value("pci", partial(hexadecimal, low=0, high=1007), r"[0-9A-F]{1,3}"),
-    "rssi": Value("rssi_dbm", rssi_dbm),
-    "rxq": number("rxq", 0, 7),  # 45.008 8.2.4
-    "ta": number("ta", 0, 63),  # 45.010 5.4
-    "c1": number("c1", -255, 255),
-    "c2": number("c2", -255, 255),
-    "rscp": Value("rscp_dbm", rscp_dbm),
-    "ecn0": _ratio("ecio_db", -32.0, 0.0),
-    "ecio": _ratio("ecio_db", -40.0, 0.0),
-    "rsrp": Value("rsrp_dbm", rsrp_dbm),
-    "rsrq": Value("rsrq_db", rsrq_db),
-    "sinr": _ratio("sinr_db", -23.0, 40.0),  # 38.133 10.1.16
-    "snr": _ratio("sinr_db", -30.0, 50.0),  # as modems print it
-}
-"""Values by the name that forms use; `_10` are decimal identities, all others hexadecimal."""
+def values_like(levels: str = _SIGNED, padding: str = "(?:0x)?0*") -> Kinds:
+    """All values by the names that forms use; `_10` are decimal identities.
 
+    The patterns of levels, and of what may stand before a hexadecimal number, are a firmware's.
+    """
+
+    def code(attribute: str, bits: int, base: int = 16) -> Value:
+        read = cell_identity if attribute == "cid" else area
+        digits = rf"{padding}[0-9A-F]{{1,{bits // 4}}}" if base == 16 else r"\d{1,11}"
+        return Value(attribute, partial(read, bits=bits, base=base), digits)
+
+    def ratio(low: float, high: float) -> Callable[[str], float | None]:
+        return partial(level, low=low, high=high)
+
+    return {
+        "mcc": Value("mcc", between(0, 999), r"\d{3}"),
+        "mnc": Value("mnc", _network_code, r"\d{2,3}"),
+        "lac": code("lac", 16),
+        "tac": code("tac", 16),
+        "tac24": code("tac", 24),
+        "cid16": code("cid", 16),
+        "cid28": code("cid", 28),
+        "cid36": code("cid", 36),
+        "lac_10": code("lac", 16, 10),
+        "tac_10": code("tac", 16, 10),
+        "cid16_10": code("cid", 16, 10),
+        "cid28_10": code("cid", 28, 10),
+        "arfcn": number("arfcn", 0, 1023),  # 3GPP TS 45.005 2
+        "uarfcn": number("arfcn", 0, 16383),  # 25.101 5.4.3
+        "earfcn": number("arfcn", 0, 262143),  # 36.101 5.7.3
+        "nrarfcn": number("arfcn", 0, 3279165),  # 38.104 5.4.2.1
+        "band": number("band", 1, 255),
+        "bsic": number("bsic", 0, 63),
+        "psc": number("psc", 0, 511),
+        "pci": number("pci", 0, 503),
+        "pci_nr": number("pci", 0, 1007),
+        "pci_hex": Value("pci", partial(hexadecimal, low=0, high=1007), r"[0-9A-F]{1,3}"),
+        "rssi": Value("rssi_dbm", rssi_dbm, levels),
+        "rxq": number("rxq", 0, 7),  # 45.008 8.2.4
+        "ta": number("ta", 0, 63),  # 45.010 5.4
+        "c1": number("c1", -255, 255),
+        "c2": number("c2", -255, 255),
+        "rscp": Value("rscp_dbm", rscp_dbm, levels),
+        "ecn0": Value("ecio_db", ratio(-32.0, 0.0), levels),
+        "ecio": Value("ecio_db", ratio(-40.0, 0.0), levels),
+        "rsrp": Value("rsrp_dbm", rsrp_dbm, levels),
+        "rsrq": Value("rsrq_db", rsrq_db, levels),
+        "sinr": Value("sinr_db", ratio(-23.0, 40.0), levels),  # 38.133 10.1.16
+        "snr": Value("sinr_db", ratio(-30.0, 50.0), levels),  # as modems print it
+    }
+
+
+VALUES = values_like()
 _NETWORK = frozenset({"mcc", "mnc"})
 _AREA_AND_CELL = frozenset({"lac", "tac", "cid"})
 
@@ -131,18 +138,16 @@ class Form:
     known: frozenset[str]
     least: int
     is_open: bool
-    is_strict: bool
+    unknown: re.Pattern[str] | None
 
     def named(self, texts: Sequence[str]) -> dict[str, str] | None:
         """Values of a row by their names, None for a row of another form."""
         if self._is_cut(texts):
             texts = texts[:-1]  # the last one may have lost its end
         named = dict(zip(self.names, texts, strict=False))
-        if self.is_strict:
-            n_texts = len(texts)
-            fits = self.least <= n_texts and (self.is_open or n_texts <= len(self.names))
-            return named if fits and is_well_formed(named, self.kinds) else None
         if not (self.fitting | self.known) <= named.keys():
+            return None
+        if self.unknown and not self._is_well_formed(texts, named):
             return None
         fits = all(named[name] in _UNKNOWN or self._is_known(name, named) for name in self.fitting)
         return named if fits and all(self._is_known(name, named) for name in self.known) else None
@@ -164,14 +169,30 @@ class Form:
         return cell(role, self.rat, named, self.kinds, more, **values)
 
     def _is_cut(self, texts: Sequence[str]) -> bool:
-        return len(texts) < self.least or (len(texts) == self.least and not texts[-1])
+        is_short = len(texts) == self.least and not texts[-1] and not self.unknown
+        return is_short or len(texts) < self.least
+
+    def _is_well_formed(self, texts: Sequence[str], named: Mapping[str, str]) -> bool:
+        is_long = len(texts) > len(self.names) and not self.is_open
+        return len(texts) >= self.least and not is_long and self.looks_right(named)
+
+    def looks_right(self, named: Mapping[str, str]) -> bool:
+        """True where each value looks like one of its kind, or is unknown."""
+        unknown = self.unknown or _NO_VALUE
+        return all(
+            unknown.fullmatch(text) or re.fullmatch(_pattern(name, self.kinds), text, _FLAGS)
+            for name, text in named.items()
+        )
 
     def _is_known(self, name: str, named: Mapping[str, str]) -> bool:
         return self.kinds[name].read(named[name]) is not None
 
 
-def form(rat: Rat | None, names: str, kinds: Kinds = VALUES, *, is_strict: bool = False) -> Form:
-    """The form of rows of one technology whose values have these names."""
+def form(rat: Rat | None, names: str, kinds: Kinds = VALUES, *, unknown: str | None = None) -> Form:
+    """The form of rows of one technology whose values have these names.
+
+    With `unknown`, the pattern of a value that is not known, the form is strict.
+    """
     required, _, spare = names.replace("]", "").partition("[")
     is_open = names.endswith("...")
     marked = [word for word in f"{required} {spare}".split() if word != "..."]
@@ -183,7 +204,7 @@ def form(rat: Rat | None, names: str, kinds: Kinds = VALUES, *, is_strict: bool 
         known=frozenset(name[:-1] for name in marked if name.endswith("*")),
         least=len(required.replace("...", "").split()),
         is_open=is_open,
-        is_strict=is_strict,
+        unknown=None if unknown is None else re.compile(unknown),
     )
 
 
@@ -204,13 +225,8 @@ def split(body: str) -> list[str]:
     return [text.strip(" \t\"'") for text in body.split(",")]
 
 
-def is_well_formed(named: Mapping[str, str], kinds: Kinds) -> bool:
-    """True where each value looks like one of its kind, or is a mark for unknown."""
-    return all(
-        _NO_VALUE.fullmatch(text) or re.fullmatch(kinds[name].pattern, text, _FLAGS)
-        for name, text in named.items()
-        if name in kinds
-    )
+def _pattern(name: str, kinds: Kinds) -> str:
+    return r".*" if name == "_" else _SHORT if name.startswith("_") else kinds[name].pattern
 
 
 def read_values(named: Mapping[str, str], kinds: Kinds = VALUES) -> dict[str, Any]:
@@ -237,7 +253,14 @@ def identity(named: Mapping[str, str], kinds: Kinds = VALUES) -> dict[str, Any]:
     parts = {
         name: text for name, text in named.items() if name not in _NETWORK and _names(name, kinds)
     }
-    return codes | read_values(parts, kinds) if is_well_formed(parts, kinds) else {}
+    return codes | read_values(parts, kinds) if _are_whole(parts, kinds) else {}
+
+
+def _are_whole(parts: Mapping[str, str], kinds: Kinds) -> bool:
+    return all(
+        _NO_VALUE.fullmatch(text) or re.fullmatch(kinds[name].pattern, text, _FLAGS)
+        for name, text in parts.items()
+    )
 
 
 def cell(

@@ -16,7 +16,7 @@ from logger.core.types import CellReading, Role
 from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
-from logger.drivers.generic.generic import Generic
+from logger.drivers.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import decimal, pieces
 from logger.drivers.reading.row_patterns import form, listed_row

@@ -1,7 +1,7 @@
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.cinterion.cinterion import Cinterion
+from logger.drivers.cinterion import Cinterion
 from logger.drivers.reading.rows import NoCell
 from tests.kit.drivers import identity_of
 

@@ -1,5 +1,5 @@
 from logger.core.types import CellReading
-from logger.drivers.generic.generic import Generic
+from logger.drivers.generic import Generic
 from tests.kit.drivers import run_dialogue
 
 
