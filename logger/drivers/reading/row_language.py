@@ -188,7 +188,7 @@ class Form:
         return self.kinds[name].read(named[name]) is not None
 
 
-def form(rat: Rat | None, names: str, kinds: Kinds = VALUES, *, unknown: str | None = None) -> Form:
+def form(rat: Rat | None, names: str, kinds: Kinds = VALUES, unknown: str | None = None) -> Form:
     """The form of rows of one technology whose values have these names.
 
     With `unknown`, the pattern of a value that is not known, the form is strict.

@@ -4,7 +4,7 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.reading.rows import NoCell, Operator
-from logger.drivers.sierra.sierra import Sierra
+from logger.drivers.sierra import Sierra
 from tests.kit.corpus import check_recorded
 from tests.kit.drivers import check_cuts, identity_of, run_dialogue
 

@@ -14,25 +14,16 @@ of a channel.
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any, ClassVar, NamedTuple
 
-from logger.core.types import CellReading, Rat
+from logger.core.types import Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.cell_values import area_values
-from logger.drivers.reading.fields import (
-    area,
-    at,
-    cell_identity,
-    decimal,
-    hexadecimal,
-    network,
-    pieces,
-)
+from logger.drivers.reading.fields import at, cell_identity, decimal, hexadecimal, pieces
 from logger.drivers.reading.fields import values as split
 from logger.drivers.reading.index_scales import (
     ECN0_OF_INDEX,
@@ -43,6 +34,7 @@ from logger.drivers.reading.index_scales import (
     SS_RSRQ_OF_INDEX,
 )
 from logger.drivers.reading.number_text import NumberForm
+from logger.drivers.reading.row_language import VALUES, Form, Kinds, Value, cell, form
 from logger.drivers.reading.rows import NoCell, Row
 from logger.drivers.reading.serving_cell import is_serving, with_serving_cell
 
@@ -63,41 +55,58 @@ _RATS_OF_HEADINGS: Mapping[str, Rat] = {
     "WCDMA": "WCDMA",
     "GSM": "GSM",
 }
-_FRONT = ("service", "rat", "mcc", "mnc", "area", "cell", "channel", "code")
-_SERVICE = (*_FRONT, "band", "bandwidth", "sinr", "rxlev", "rsrp", "rsrq")
-_LAYOUTS: Mapping[tuple[str, Rat], tuple[str, ...]] = {
-    ("1", "LTE"): _SERVICE,
-    ("1", "NR"): _SERVICE,
-    ("2", "LTE"): (*_FRONT, "bandwidth", "rxlev", "rsrp", "rsrq"),
-    ("2", "NR"): (*_FRONT, "sinr", "rxlev", "rsrp", "rsrq"),
-    ("1", "WCDMA"): (*_FRONT, "band", "ecno", "rscp", "rac", "rxlev"),
-    ("2", "WCDMA"): (*_FRONT, "type", "rank", "ranking", "ecno", "loss", "rxlev", "rscp"),
-    ("1", "GSM"): _FRONT,
-    ("2", "GSM"): _FRONT,
-}
-_FORMS = {
-    "mcc": r"\d{1,3}",
-    "mnc": r"\d{1,3}",
-    "area": r"[0-9A-F]{1,7}",
-    "cell": r"[0-9A-F]{1,10}",
-    "channel": r"[0-9A-F]{1,7}",
-    "code": r"[0-9A-F]{1,4}",
-}
-_BITS: Mapping[Rat, tuple[int, int]] = {
-    "GSM": (16, 16),
-    "WCDMA": (16, 28),
-    "LTE": (16, 28),
-    "NR": (24, 36),
-}
-_CELL = NumberForm(16, frozenset({7, 9}))  # the FM350 pads to the width of NR
-_SCALES = {  # attribute and scale by the name of the value
-    "rscp": ("rscp_dbm", RSCP_OF_INDEX),
-    "ecno": ("ecio_db", ECN0_OF_INDEX),
-    "rsrp": ("rsrp_dbm", RSRP_OF_INDEX),
-    "rsrq": ("rsrq_db", RSRQ_OF_INDEX),
-}
-_SCALES_NR = {"rsrp": ("rsrp_dbm", SS_RSRP_OF_INDEX), "rsrq": ("rsrq_db", SS_RSRQ_OF_INDEX)}
+_NUMBER = r"-?\d{1,5}"
 _NOBODY = frozenset({0xFFFFFFF, 0xFFFFFFFF})  # fills the cell of a neighbour on NR too
+
+
+def _nr_cell(text: str) -> int | None:
+    identity = cell_identity(text, 36)
+    return None if identity in _NOBODY else identity
+
+
+_cell28 = partial(cell_identity, bits=28, form=NumberForm(16, frozenset({7, 9})))
+_KINDS: Kinds = {
+    "mcc": VALUES["mcc"]._replace(pattern=r"\d{1,3}"),
+    "mnc": VALUES["mnc"]._replace(pattern=r"\d{1,3}"),
+    **{name: VALUES[name]._replace(pattern="[0-9A-F]{1,7}") for name in ("lac", "tac", "tac24")},
+    "cid16": VALUES["cid16"]._replace(pattern="[0-9A-F]{1,10}"),
+    "cid28": Value("cid", _cell28, "[0-9A-F]{1,10}"),  # the FM350 pads to the width of NR
+    "cid36": Value("cid", _nr_cell, "[0-9A-F]{1,10}"),
+    "channel": Value("", str, "[0-9A-F]{1,7}"),
+    "code": Value("", str, "[0-9A-F]{1,4}"),
+    "rscp": Value("rscp_dbm", RSCP_OF_INDEX.value_of, _NUMBER),
+    "ecno": Value("ecio_db", ECN0_OF_INDEX.value_of, _NUMBER),
+    "rsrp": Value("rsrp_dbm", RSRP_OF_INDEX.value_of, _NUMBER),
+    "rsrq": Value("rsrq_db", RSRQ_OF_INDEX.value_of, _NUMBER),
+    "ss_rsrp": Value("rsrp_dbm", SS_RSRP_OF_INDEX.value_of, _NUMBER),
+    "ss_rsrq": Value("rsrq_db", SS_RSRQ_OF_INDEX.value_of, _NUMBER),
+    "band": Value("", str, _NUMBER),
+    "sinr": Value("", str, _NUMBER),
+}
+_PLACE = "channel code"
+
+
+def _form(rat: Rat, names: str) -> Form:
+    return form(rat, f"_service _rat mcc mnc {names}", _KINDS, unknown="")
+
+
+_GSM = _form("GSM", "lac cid16 channel code _ ...")  # only the front is known
+_FORMS: Mapping[tuple[str, Rat], Form] = {
+    ("1", "LTE"): _form("LTE", "tac cid28 channel code band _bandwidth sinr _rxlev rsrp rsrq"),
+    ("2", "LTE"): _form("LTE", "tac cid28 channel code _bandwidth _rxlev rsrp rsrq"),
+    ("1", "NR"): _form(
+        "NR", "tac24 cid36 channel code band _bandwidth sinr _rxlev ss_rsrp ss_rsrq"
+    ),
+    ("2", "NR"): _form("NR", "tac24 cid36 channel code sinr _rxlev ss_rsrp ss_rsrq"),
+    ("1", "WCDMA"): _form("WCDMA", "lac cid28 channel code band ecno rscp _rac _rxlev"),
+    ("2", "WCDMA"): _form(
+        "WCDMA", "lac cid28 channel code _type _rank _ranking ecno _loss _rxlev rscp"
+    ),
+    ("1", "GSM"): _GSM,
+    ("2", "GSM"): _GSM,
+}
+_RAW = {"sinr": "sinr_raw", "rsrp": "rsrp_raw", "rsrq": "rsrq_raw", "rscp": "rscp_raw"}
+_RAW |= {"ss_rsrp": "rsrp_raw", "ss_rsrq": "rsrq_raw"}
 _MOST_CODE: Mapping[Rat, int] = {"GSM": 99, "WCDMA": 511, "LTE": 503, "NR": 1007}
 
 _ANY_BAND = 999  # above all bands
@@ -112,9 +121,8 @@ _LTE_BAND_EDGES = (  # first downlink EARFCN and band (3GPP TS 36.101 table 5.7.
 _LTE_BANDS = [tuple(map(int, edge.split(":"))) for edge in _LTE_BAND_EDGES.split()]
 
 
-@dataclass(frozen=True, slots=True)
-class _Cell:
-    """A row of the reply in one of the layouts."""
+class _Cell(NamedTuple):
+    """A row of the reply in its form."""
 
     rat: Rat
     named: Mapping[str, str]
@@ -172,26 +180,20 @@ def _reply_rows(lines: Sequence[str]) -> Iterator[Row]:
             continue
         if row[1].split(",")[1] == "0":
             yield NoCell()
-        elif (cell := _cell(split(row[1]), heading)) is not None:
-            cells.append(cell)
+        elif (found := _cell(split(row[1]), heading)) is not None:
+            cells.append(found)
     number = _base(cells, headings=headings)
-    yield from (_reading(cell, number) for cell in cells)
+    for found in cells:
+        reading = _reading(found, number)
+        if reading is not None:
+            yield reading
 
 
 def _cell(fields: list[str], heading: str) -> _Cell | None:
-    """Row in its layout; None where it is damaged or its technology unknown."""
+    """Row in its form; None where it is damaged or its technology unknown."""
     rat = _RATS.get(at(fields, 1)) or _RATS_OF_HEADINGS.get(heading)
-    if rat is None:
-        return None
-    layout = _LAYOUTS[fields[0], rat]
-    named = dict(zip(layout, fields, strict=False))
-    well_formed = all(
-        not text or re.fullmatch(_FORMS.get(name, r"-?\d{1,5}"), text, re.ASCII | re.IGNORECASE)
-        for name, text in named.items()
-    )
-    # of a GSM row only the front is known; a row of another length has a comma more or less
-    complete = len(fields) > len(_FRONT) if rat == "GSM" else len(fields) == len(layout)
-    return _Cell(rat, named) if complete and well_formed else None
+    named = _FORMS[fields[0], rat].named(fields) if rat else None
+    return _Cell(rat, named) if rat and named else None
 
 
 def _base(cells: Sequence[_Cell], *, headings: bool) -> Callable[[str], int | None]:
@@ -212,37 +214,12 @@ def _fits(cell: _Cell, read: Callable[[str], int | None]) -> bool:
     return _LTE_BANDS[bisect_right(_LTE_BANDS, (channel, _ANY_BAND)) - 1][1] == cell.band
 
 
-def _reading(cell: _Cell, number: Callable[[str], int | None]) -> CellReading:
-    named, rat = cell.named, cell.rat
-    mcc, mnc = network(named["mcc"], named["mnc"])
-    area_bits, cell_bits = _BITS[rat]
-    later = rat in {"LTE", "NR"}
-    area_code = area(named["area"], bits=area_bits)
-    form = _CELL if rat in {"WCDMA", "LTE"} else None
-    identity = cell_identity(named["cell"], cell_bits, form=form)
-    is_nobody = identity in _NOBODY or (mcc is None and named["service"] != "1")
+def _reading(of: _Cell, number: Callable[[str], int | None]) -> Row | None:
+    named, rat = of.named, of.rat
+    if named["_service"] == "1" and re.fullmatch(r"[0-9]", named["mnc"]):  # it lost its zeros
+        named = {name: text for name, text in named.items() if name not in {"mcc", "mnc"}}
     channel, code = (None if rat == "GSM" else number(named[name]) for name in ("channel", "code"))
-    scales = _SCALES | (_SCALES_NR if rat == "NR" else {})
-    levels: dict[str, Any] = {
-        attribute: scale.value_of(named[name])
-        for name, (attribute, scale) in scales.items()
-        if name in named
-    }
-    return CellReading(
-        role="serving" if named["service"] == "1" else "neighbour",
-        rat=rat,
-        mcc=mcc,
-        mnc=mnc,
-        **area_values(rat, area_code),
-        cid=None if is_nobody else identity,
-        arfcn=channel,
-        band=cell.band,
-        psc=code if rat == "WCDMA" else None,
-        pci=code if later else None,
-        more={
-            f"{name}_raw": decimal(named[name], -999)
-            for name in ("sinr", "rsrp", "rsrq", "rscp")
-            if name in named
-        },
-        **levels,
-    )
+    raw = {_RAW[name]: decimal(text, -999) for name, text in named.items() if name in _RAW}
+    place: dict[str, Any] = {"arfcn": channel, "psc" if rat == "WCDMA" else "pci": code}
+    role: Role = "serving" if named["_service"] == "1" else "neighbour"
+    return cell(role, rat, named, _KINDS, raw, band=of.band, **place)

@@ -17,6 +17,7 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
@@ -24,16 +25,9 @@ from logger.drivers import network_mode
 from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.cell_values import read_values
-from logger.drivers.reading.fields import (
-    EIGHT,
-    area,
-    cell_identity,
-    decimal,
-    network,
-    pieces,
-)
+from logger.drivers.reading.fields import EIGHT, area, cell_identity, network, pieces
 from logger.drivers.reading.number_text import confirm
+from logger.drivers.reading.row_language import VALUES, Kinds, Value, form, number, read_values
 from logger.drivers.reading.rows import NoCell, Operator, Row
 from logger.drivers.reading.serving_cell import chosen_networks, is_serving
 
@@ -98,20 +92,24 @@ _TABLE = re.compile(
     r"(?:\A|[\s\]])(Serving|IntraFreq|InterFreq|WCDMA|GSM|CDMA[ \w]*):\s+(.*\S)\s*\Z", _FLAGS
 )
 _NUMBER = r"-?\d{1,5}(?:\.\d{1,2})?"
-_FORMS = {"MCC": r"\d{3}", "MNC": r"\d{2,3}", "TAC": r"\d{1,5}", "CID": r"[0-9A-F]{8}"}
-_COLUMNS = {  # names of `cell_values`
-    "EARFCN": "earfcn",
-    "UARFCN": "earfcn",
-    "ARFCN": "earfcn",
-    "BD": "band",
-    "PSC": "psc",
-    "PCI": "pci",
-    "RSSI": "rssi",
-    "RSCP": "rscp",
-    "ECN0": "ecn0",
-    "RSRP": "rsrp",
-    "RSRQ": "rsrq",
-    "SNR": "snr",
+_OTHER_COLUMN = Value("", str, _NUMBER)
+_COLUMNS: Kinds = {
+    "mcc": VALUES["mcc"],
+    "mnc": VALUES["mnc"],
+    "tac": VALUES["tac_10"]._replace(pattern=r"\d{1,5}"),
+    "cid": Value("cid", partial(cell_identity, bits=28, form=EIGHT), r"[0-9A-F]{8}"),
+    "rxlv": number("more.srxlev", -255, 255),
+    **{
+        column: VALUES[name]._replace(pattern=_NUMBER)
+        for column, name in (
+            *((channel, "earfcn") for channel in ("earfcn", "uarfcn", "arfcn")),
+            ("bd", "band"),
+            *(
+                (name, name)
+                for name in ("psc", "pci", "rssi", "rscp", "ecn0", "rsrp", "rsrq", "snr")
+            ),
+        )
+    },
 }
 _NO_CHANNEL = 0xFFFF
 _TABLE_RATS: Mapping[str, Rat] = {
@@ -234,13 +232,11 @@ def _tables(lines: Sequence[str]) -> Iterator[Row]:
     for line in lines:
         table = _TABLE.search(line)
         if table:
-            kind, names = table[1].upper(), table[2].upper().split()
+            kind, names = table[1].upper(), re.sub(r"[^\w\s]", "x", table[2].lower()).split()
             continue
-        named = _row(names, line.split())
-        rat = _TABLE_RATS.get(kind)
-        if named is None or rat is None:
+        reading = _table_cell(kind, names, line.split())
+        if reading is None:
             continue
-        reading = _reading(kind, rat, named)
         if kind == "SERVING":
             serving = reading
         elif kind == "INTRAFREQ":
@@ -250,33 +246,14 @@ def _tables(lines: Sequence[str]) -> Iterator[Row]:
         yield reading
 
 
-def _row(names: Sequence[str], words: Sequence[str]) -> dict[str, str] | None:
-    """Values by column; a log may write before the row, but no number."""
-    before, values = words[: -len(names)], words[-len(names) :]
-    if (
-        len(values) != len(names)
-        or len(names) < 5
-        or (before and re.fullmatch(_NUMBER, before[-1]))
-    ):
+def _table_cell(kind: str, names: Sequence[str], words: Sequence[str]) -> CellReading | None:
+    """The cell of a row; a log may write before the row, but no number."""
+    rat = _TABLE_RATS.get(kind)
+    before, texts = words[: -len(names)], words[-len(names) :]
+    if rat is None or len(names) < 5 or (before and re.fullmatch(_NUMBER, before[-1])):
         return None
-    named = dict(zip(names, values, strict=True))
-    well_formed = all(
-        re.fullmatch(rf"-+|{_FORMS.get(name, _NUMBER)}", text, _FLAGS)
-        for name, text in named.items()
-    )
-    return named if well_formed else None
-
-
-def _reading(kind: str, rat: Rat, named: Mapping[str, str]) -> CellReading:
-    mcc, mnc = network(named.get("MCC", ""), named.get("MNC", ""))
-    texts = {_COLUMNS[name]: text for name, text in named.items() if name in _COLUMNS}
-    return CellReading(
-        role="serving" if kind == "SERVING" else "neighbour",
-        rat=rat,
-        mcc=mcc,
-        mnc=mnc,
-        tac=area(named.get("TAC", ""), 10) if mcc else None,
-        cid=cell_identity(named.get("CID", ""), 28, form=EIGHT) if mcc else None,
-        more={"srxlev": decimal(named.get("RXLV", ""), -255, 255)},
-        **read_values(texts),
-    )
+    kinds = {**dict.fromkeys(names, _OTHER_COLUMN), **_COLUMNS}
+    if "mcc" not in names:  # a damaged heading: no cell is named without its network
+        kinds |= {name: _COLUMNS[name]._replace(attribute="") for name in ("tac", "cid")}
+    columns = form(rat, " ".join(names), kinds, unknown="-+")
+    return columns.cell("serving" if kind == "SERVING" else "neighbour", texts)
