@@ -32,6 +32,7 @@ from logger.drivers.reading.fields import (
     rsrq_db,
     rssi_dbm,
 )
+from logger.drivers.reading.number_text import NumberForm, NumberText
 
 _FLAGS = re.ASCII | re.IGNORECASE
 _SIGNED = r"[-+]?\d{1,4}(?:\.\d{1,2})?"
@@ -64,6 +65,17 @@ def number(attribute: str, low: int, high: int) -> Value:
     """A decimal integer in [low, high]."""
     width = max(len(str(abs(bound))) for bound in (low, high))
     return Value(attribute, between(low, high), rf"{'-?' if low < 0 else ''}\d{{1,{width}}}")
+
+
+def padded(attribute: str, high: int, width: int, pattern: str | None = None) -> Value:
+    """A decimal integer from 0 that some firmware pads to a width, which shows a lost digit."""
+    full = NumberForm(10, frozenset({width}))
+
+    def read(text: str) -> int | None:
+        found = decimal(text, 0, high)
+        return None if found is None else NumberText(found, text, full)
+
+    return Value(attribute, read, pattern or rf"\d{{1,{width}}}")
 
 
 def _network_code(text: str) -> str | None:
@@ -194,7 +206,7 @@ def form(rat: Rat | None, names: str, kinds: Kinds = VALUES, unknown: str | None
     With `unknown`, the pattern of a value that is not known, the form is strict.
     """
     required, _, spare = names.replace("]", "").partition("[")
-    is_open = names.endswith("...")
+    is_open = "..." in names
     marked = [word for word in f"{required} {spare}".split() if word != "..."]
     return Form(
         rat=rat,

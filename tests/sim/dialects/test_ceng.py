@@ -1,4 +1,4 @@
-from logger.drivers.simcom.sim800 import Sim800
+from logger.drivers.sim800 import Sim800
 from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects.ceng import rows, rxl
 from logger.sim.world import Transmitter

@@ -1,7 +1,7 @@
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.simcom.sim800 import Sim800
+from logger.drivers.sim800 import Sim800
 from tests.kit.drivers import NO_IDENTITY, identity_of
 
 MODEM = Sim800()

@@ -7,7 +7,7 @@ import pytest
 from logger.drivers.protocols.at import AtFramer
 from logger.drivers.protocols.dialogue import Reply
 from logger.drivers.reading.rows import as_json
-from logger.drivers.simcom.sim800 import Sim800
+from logger.drivers.sim800 import Sim800
 from tests.kit.corpus import check_entry
 
 MODEM = Sim800()

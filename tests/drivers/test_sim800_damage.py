@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from logger.drivers.protocols.at import AtFramer
-from logger.drivers.simcom.sim800 import Sim800
+from logger.drivers.sim800 import Sim800
 from tests.kit.drivers import NO_IDENTITY, identity_of
 
 MODEM = Sim800()

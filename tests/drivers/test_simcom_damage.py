@@ -4,8 +4,8 @@ see test_damage.
 
 import pytest
 
-from logger.drivers.simcom.sim7000 import Sim7000
-from logger.drivers.simcom.sim7600 import Sim7600
+from logger.drivers.sim7000 import Sim7000
+from logger.drivers.sim7600 import Sim7600
 from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of, own_replies
 
 MODEMS = [Sim7000(), Sim7600()]

@@ -13,7 +13,7 @@ A SIM800 prints other rows under a header of two values: under such a header not
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from dataclasses import replace
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
@@ -21,12 +21,11 @@ from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
-from logger.drivers.reading.cell_values import read_values
-from logger.drivers.reading.fields import HEX, area, cell_identity, decimal, matches, network
-from logger.drivers.reading.number_text import NumberForm, NumberText
+from logger.drivers.reading.fields import HEX, matches, network
+from logger.drivers.reading.row_language import VALUES, Kinds, cell, form, number, padded
 from logger.drivers.reading.rows import NoCell, Row
 from logger.drivers.reading.serving_cell import merge_serving_cells
-from logger.drivers.simcom import cpsi
+from logger.drivers.sim7600 import cpsi_cells
 
 ENGINEERING_ON = Command("AT+CENG=1,1")
 
@@ -47,26 +46,24 @@ _RATS: Mapping[str, Rat] = {  # by a part of the name of a system
 }
 _NO_SERVICE = "NO SERVICE"
 
-_LTE = ("earfcn", "pci", "rsrp", "rssi", "rsrq", "sinr", "tac", "cellid", "mcc", "mnc", "txpwr")
-_LTE_LEVELS = _LTE[:6]
-_GSM = ("bcch", "rxl", "bsic", "cellid", "mcc", "mnc", "lac")
-
-_LTE_FORM = {  # instead of the RSRP a SIM800 prints its rxq, which is never negative
-    "earfcn": r"\d{1,6}",
-    "pci": r"\d{1,3}",
-    "rsrp": r"-\d{1,3}",
+_KINDS: Kinds = {
+    **VALUES,
+    **{name: VALUES[name]._replace(pattern=".*") for name in ("rssi", "rsrq", "sinr")},
+    "rsrp": VALUES["rsrp"]._replace(pattern=r"-\d{1,3}"),
+    "bcch": padded("arfcn_raw", 2047, 4),
+    "rxl": padded("rxlev_raw", 66, 2),
+    "bsic": number("bsic", 0, 63)._replace(pattern=r"\d{0,3}"),
+    "cid16": VALUES["cid16"]._replace(pattern=HEX),
+    "lac": VALUES["lac"]._replace(pattern=HEX),
+    "tac_10": VALUES["tac_10"]._replace(pattern=r"\d{1,5}"),
+    "cid28_10": VALUES["cid28_10"]._replace(pattern=r"\d{1,9}"),
 }
-_LTE_IDENTITY = {"tac": r"\d{1,5}", "cellid": r"\d{1,9}"}
-_GSM_IDENTITY = {
-    "bcch": r"\d{1,4}",
-    "rxl": r"\d{1,2}",
-    "bsic": r"\d{0,3}",
-    "cellid": HEX,
-    "lac": HEX,
-}
-_FULL_LAC = {"lac": r"[0-9A-Fa-f]{4}"}
+# instead of the RSRP a SIM800 prints its rxq, which is never negative
+_LTE = form(None, "earfcn pci rsrp rssi rsrq sinr", _KINDS, unknown="(?!)")
+_LTE_IDENTITY, _LTE_VALUES = ("tac_10", "cid28_10", "mcc", "mnc"), 11
+_GSM = form("GSM", "bcch rxl bsic cid16 mcc mnc lac", _KINDS, unknown="(?!)")
+_FULL_LAC = re.compile("[0-9A-Fa-f]{4}")
 _FULL_LEVEL = {"bcch": r"\d{4}", "rxl": r"\d\d"}
-_CHANNEL, _LEVEL = NumberForm(10, frozenset({4})), NumberForm(10, frozenset({2}))
 
 
 class Sim7000(Family):
@@ -96,7 +93,7 @@ class Sim7000(Family):
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in CENG rows and CPSI lines; fixes of the modem's receiver."""
-        return (*_engineering(lines), *cpsi.serving_cells(lines), *modem_gnss.read_cgnsinf(lines))
+        return (*_engineering(lines), *cpsi_cells(lines), *modem_gnss.read_cgnsinf(lines))
 
 
 def _engineering(lines: Sequence[str]) -> Iterator[Row]:
@@ -119,69 +116,41 @@ def _reading(row: re.Match[str], system: str | None) -> CellReading | None:
     values = [value.strip() for value in (marked if marked is not None else plain).split(",")]
     role: Role = "neighbour" if int(number) else "serving"
     rat = next((rat for mark, rat in _RATS.items() if mark in (system or "")), None)
-    named = dict(zip(_LTE, values, strict=False))
-    if rat != "GSM" and matches(_LTE_FORM, named):
-        return _lte(role, rat, values, closed=end is not None)
-    if rat == "GSM" or (system is None and len(values) == len(_GSM)):
+    if rat != "GSM" and (reading := _lte(role, rat, values, closed=end is not None)):
+        return reading
+    if rat == "GSM" or (system is None and len(values) == len(_GSM.names)):
         return _gsm(role, values, closed=end is not None)
     return None
 
 
 def _lte(role: Role, rat: Rat | None, texts: list[str], *, closed: bool) -> CellReading | None:
     """Reading of a row of LTE; one of another number of values keeps its levels, the first six."""
-    if len(texts) < len(_LTE_LEVELS):
-        return None
     if not closed:
         texts = [*texts[:-1], ""]  # the last one may be cut
-    named = dict(zip(_LTE, texts, strict=False))
-    values = read_values({name: named[name] for name in _LTE_LEVELS})
-    ids = _lte_identity(named) if len(texts) == len(_LTE) else {}
-    if not ids and values["rsrp_dbm"] is None:
+    named = _LTE.named(texts[: len(_LTE.names)])
+    if named is None:
         return None
-    return CellReading(role=role, rat=rat, **ids, **values)
-
-
-def _lte_identity(named: Mapping[str, str]) -> dict[str, Any]:
-    mcc, mnc = network(named["mcc"], named["mnc"])
-    if mcc is None or not matches(_LTE_IDENTITY, named):
-        return {}
-    return {
-        "mcc": mcc,
-        "mnc": mnc,
-        "tac": area(named["tac"], 10),
-        "cid": cell_identity(named["cellid"], 28, 10),
-    }
+    if len(texts) == _LTE_VALUES:
+        named |= dict(zip(_LTE_IDENTITY, texts[len(_LTE.names) :], strict=False))
+    reading = cell(role, rat, named, _KINDS)
+    is_empty = reading is None or (reading.mcc is None and reading.rsrp_dbm is None)
+    return None if is_empty else reading
 
 
 def _gsm(role: Role, texts: list[str], *, closed: bool) -> CellReading | None:
     """Reading of a row of GSM; one of another number of values keeps a level of full width."""
-    named = dict(zip(_GSM, texts, strict=False))
-    complete = len(texts) == len(_GSM) and (closed or matches(_FULL_LAC, named))
-    ids = _gsm_identity(named) if complete else {}
-    if not ids and not (closed and matches(_FULL_LEVEL, named)):
-        return None
-    channel, rxl = decimal(named["bcch"], 0, 2047), decimal(named["rxl"], 0, 66)
-    bsic = decimal(named.get("bsic", ""), 0, 63)
-    if channel is None or (not ids and not rxl):
+    named = _GSM.named(texts) if closed or _FULL_LAC.fullmatch(texts[-1]) else None
+    is_identified = named is not None and network(named["mcc"], named["mnc"])[0] is not None
+    if not is_identified or named is None:
+        named = dict(zip(_GSM.names[:3], texts, strict=False))
+        if not (closed and matches(_FULL_LEVEL, named)):
+            return None
+    reading = cell(role, "GSM", named, _KINDS)
+    channel = reading.arfcn_raw if reading else None
+    if reading is None or channel is None or (not is_identified and not reading.rxlev_raw):
         return None  # an empty slot
-    return CellReading(
-        role=role,
-        rat="GSM",
-        **ids,
-        arfcn=channel if channel < 1024 else None,
-        arfcn_raw=NumberText(channel, named["bcch"], _CHANNEL),
-        bsic=bsic if ids or bsic else None,  # 00 fills the field of a cell that is not decoded
-        rxlev_raw=None if rxl is None else NumberText(rxl, named["rxl"], _LEVEL),
+    return replace(
+        reading,
+        arfcn=int(channel) if channel < 1024 else None,
+        bsic=reading.bsic if is_identified or reading.bsic else None,  # 00 fills the field
     )
-
-
-def _gsm_identity(named: Mapping[str, str]) -> dict[str, Any]:
-    mcc, mnc = network(named["mcc"], named["mnc"])
-    if mcc is None or not matches(_GSM_IDENTITY, named):
-        return {}
-    return {
-        "mcc": mcc,
-        "mnc": mnc,
-        "lac": area(named["lac"]),
-        "cid": cell_identity(named["cellid"], 16),
-    }

@@ -3,7 +3,7 @@ import pytest
 from logger.core.types import CellReading
 from logger.drivers.reading.rows import NoCell, Signal, as_json
 from logger.drivers.reading.serving_cell import merge_serving_cells
-from logger.drivers.simcom import cpsi
+from logger.drivers.sim7600 import cpsi_cells
 from tests.kit.drivers import NO_IDENTITY, identity_of
 
 # LTE and LTE_M are rows of the corpus, the others have values of our own in the layouts of
@@ -18,7 +18,7 @@ NR_NSA = "+CPSI: NR5G_NSA,731,NR5G_BAND78,641280,-905,-120,11,0,12"
 
 
 def one(line):
-    rows = cpsi.serving_cells([line])
+    rows = cpsi_cells([line])
     assert len(rows) <= 1
     return rows[0] if rows else None
 
@@ -130,7 +130,7 @@ def test_nr_alone_whose_unit_of_snr_differs_by_firmware(snr):
 
 
 def test_nr_beside_lte():
-    lte, nr = cpsi.serving_cells([LTE, NR_NSA])
+    lte, nr = cpsi_cells([LTE, NR_NSA])
     assert (lte.rat, nr.rat, nr.role, identity_of(nr)) == ("LTE", "NR", "serving", NO_IDENTITY)
     assert (nr.pci, nr.arfcn, nr.band, nr.rsrp_dbm, nr.rsrq_db) == (731, 641280, 78, -90.5, -12.0)
 
@@ -181,7 +181,7 @@ def test_writing_of_a_row(line):
 
 
 def test_rows_run_into_each_other():
-    first, second = cpsi.serving_cells([LTE[:-3] + GSM])
+    first, second = cpsi_cells([LTE[:-3] + GSM])
     assert (identity_of(first), first.sinr_db, first.rssi_dbm) == (
         ("310", "260", 0x2D18, 50896642),
         None,

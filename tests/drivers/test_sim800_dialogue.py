@@ -1,7 +1,7 @@
 import pytest
 
 from logger.drivers.family import AUTOBAUD_TRIES
-from logger.drivers.simcom.sim800 import Sim800
+from logger.drivers.sim800 import Sim800
 from tests.kit.drivers import run_exchange
 from tests.kit.scaling import check_growth
 
