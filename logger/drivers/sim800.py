@@ -19,8 +19,17 @@ from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
-from logger.drivers.reading.fields import HEX, area, cell_identity, matches
-from logger.drivers.reading.number_text import NumberForm, NumberText
+from logger.drivers.reading.fields import HEX, matches
+from logger.drivers.reading.row_language import (
+    VALUES,
+    Form,
+    Kinds,
+    Value,
+    form,
+    identity,
+    padded,
+    read_values,
+)
 from logger.drivers.reading.rows import Row
 
 DBM_OF_RXL_0 = -113.0  # SIM800 manual V1.09 p163, and printed by mode 4: 44 beside -69
@@ -34,59 +43,55 @@ _ROW = re.compile(
 _SCAN = re.compile(
     r'Operator:\s*"(?P<operator>[^"]*)",\s*MCC:\s*(?P<mcc>\w*),\s*MNC:\s*(?P<mnc>\w*),'
     r"\s*Rxlev:\s*(?P<rxl>\d+),"
-    r"\s*Cellid:\s*(?P<cellid>\w*),\s*Arfcn:\s*(?P<bcch>\d+)"
+    r"\s*Cellid:\s*(?P<cid16>\w*),\s*Arfcn:\s*(?P<bcch>\d+)"
     r"(?:,\s*Lac:\s*(?P<lac>\w*),\s*Bsic:\s*(?P<bsic>\w*))?\s*\Z",
     re.ASCII | re.IGNORECASE,
 )
-_LOCATION = ("mcc", "mnc", "lac", "cellid", "bsic", "rxl")  # mode 3, all rows
-_SERVING = ("bcch", "rxl", "rxq", "mcc", "mnc", "bsic", "cellid", "rla", "txp", "lac", "ta")
-_EXTENDED = ("dbm", "c1", "c2", "tch", "ts", "maio", "hsn", "rxq_sub", "rxq_full", "ch_mod")
-_NEIGHBOUR = ("bcch", "rxl", "bsic", "mcc", "mnc", "lac")
-_NEIGHBOUR_CELLID = ("bcch", "rxl", "bsic", "cellid", "mcc", "mnc", "lac")
-_LAYOUTS: Mapping[
-    tuple[bool, int], tuple[str, ...]
-] = {  # (serving, number of values), modes 1, 2 and 4
-    (True, 11): _SERVING,
-    (True, 21): _SERVING + _EXTENDED,
-    (False, 6): _NEIGHBOUR,
-    (False, 7): _NEIGHBOUR_CELLID,
-    (False, 8): (*_NEIGHBOUR, "c1", "c2"),
-    (False, 9): (*_NEIGHBOUR_CELLID, "c1", "c2"),
-}
 _FULL_WIDTH = {  # of a last value, with which a row without its closing mark may end
     "lac": r"[0-9A-Fa-f]{4}",
     "rxl": r"\d\d",
     "ta": r"(?!25)\d\d|255",
 }
 _SPARE = frozenset({"ta", "c2", "ch_mod"})  # a row is worth reading without these
-
-_RANGE = {  # the marks for unknown (99, 255, x) are outside
-    "bcch": range(2048),
-    "rxl": range(67),  # to -47 dBm
-    "rxq": range(8),
-    "bsic": range(64),
-    "ta": range(64),
-    "c1": range(-255, 256),
-    "c2": range(-255, 256),
-}
-
 _FILLER = re.compile(r"0*|[fF]*")
-_FORMS = {  # of a row that is not damaged
-    "mcc": r"(?!000)\d{3}",  # 001 is a real test network
-    "mnc": r"\d{2,3}",
-    "lac": HEX,
-    "cellid": HEX,
-    # No part of an identity, but a lost comma shows here, and the order of the SIM900 manual V1.01
-    # in rla and txp.
-    "rxl": r"\d{1,2}",
-    "bsic": r"\d{0,3}",
-    "rla": r"\d{1,2}|255",
-    "txp": r"\d{1,2}|255",
-}
 _FULL_LEVEL = {"bcch": r"\d{4}", "rxl": r"\d\d"}  # no comma before them is lost
-_TWO_DIGITS = NumberForm(10, frozenset({2}))
-_WIDTHS = {"bcch": NumberForm(10, frozenset({4})), "rxl": _TWO_DIGITS, "bsic": _TWO_DIGITS}
-"""Values that some firmware pads."""
+_INDEX = r"\d{1,2}"
+_POWER = Value("", str, r"\d{1,2}|255")
+
+_KINDS: Kinds = {  # the marks for unknown (99, 255, x) are outside the ranges
+    "bcch": padded("arfcn_raw", 2047, 4, ".*"),
+    "rxl": padded("rxlev_raw", 66, 2, _INDEX),  # to -47 dBm
+    "bsic": padded("bsic", 63, 2, r"\d{0,3}"),
+    **{name: VALUES[name]._replace(pattern=".*") for name in ("rxq", "ta", "c1", "c2")},
+    "mcc": VALUES["mcc"]._replace(pattern=r"(?!000)\d{3}"),  # 001 is a real test network
+    "mnc": VALUES["mnc"],
+    "lac": VALUES["lac"]._replace(pattern=HEX),
+    "cid16": VALUES["cid16"]._replace(pattern=HEX),
+    # a lost comma shows here, and the order of the SIM900 manual V1.01
+    "rla": _POWER,
+    "txp": _POWER,
+    "ch_mod": Value("", str, ".*"),
+}
+
+
+def _form(names: str) -> Form:
+    return form("GSM", names, _KINDS, unknown="(?!)")
+
+
+_SERVING = "bcch rxl rxq mcc mnc bsic cid16 rla txp lac ta"
+_NEIGHBOUR = "bcch rxl bsic mcc mnc lac"
+_NEIGHBOUR_CELLID = "bcch rxl bsic cid16 mcc mnc lac"
+_LOCATION = _form("mcc mnc lac cid16 bsic rxl")  # mode 3, all rows
+_SCANNED = _form("mcc mnc rxl cid16 bcch [lac bsic]")
+_LAYOUTS: Mapping[tuple[bool, int], Form] = {  # (serving, number of values), modes 1, 2 and 4
+    (True, 11): _form(_SERVING),
+    (True, 21): _form(_SERVING + " _ c1 c2 _ _ _ _ _ _ ch_mod"),
+    (False, 6): _form(_NEIGHBOUR),
+    (False, 7): _form(_NEIGHBOUR_CELLID),
+    (False, 8): _form(_NEIGHBOUR + " c1 c2"),
+    (False, 9): _form(_NEIGHBOUR_CELLID + " c1 c2"),
+}
+_IDENTITY = ("mcc", "mnc", "lac", "cid16")
 
 
 class Sim800(Family):
@@ -140,18 +145,18 @@ def _parse_row(row: re.Match[str], mode: int | None) -> CellReading | None:
     texts = [text.strip() for text in body.split(",")]
     layout = _layout(role == "serving", texts, mode)
     closed = end is not None
-    if not closed and not (layout and _ends_complete(layout[-1], texts)):
+    if not closed and not (layout and _ends_complete(layout.names[-1], texts)):
         return None
-    values = dict(zip(layout or ("bcch", "rxl"), texts, strict=False))
-    identity = _identity(values) if layout else None
-    if identity is None and not (closed and matches(_FULL_LEVEL, values)):
+    named = dict(zip(layout.names if layout else ("bcch", "rxl"), texts, strict=False))
+    ids = _identity(layout, named) if layout else None
+    if ids is None and not (closed and matches(_FULL_LEVEL, named)):
         return None
-    return _reading(role, values, identity or {}, dbm_of_rxl_0=DBM_OF_RXL_0 if blank else None)
+    return _reading(role, named, ids or {}, dbm_of_rxl_0=DBM_OF_RXL_0 if blank else None)
 
 
-def _layout(serving: bool, texts: Sequence[str], mode: int | None) -> tuple[str, ...] | None:
+def _layout(serving: bool, texts: Sequence[str], mode: int | None) -> Form | None:
     """Names of the values; six are mode 3, or a neighbour, whose channel has four digits."""
-    if len(texts) == len(_LOCATION) and (
+    if len(texts) == len(_LOCATION.names) and (
         serving or mode == 3 or (mode is None and len(texts[0]) != 4)
     ):
         return _LOCATION
@@ -167,61 +172,54 @@ def _ends_complete(last: str, texts: list[str]) -> bool:
     return last in _SPARE
 
 
-def _identity(values: Mapping[str, str]) -> dict[str, Any] | None:
+def _identity(layout: Form, named: Mapping[str, str]) -> dict[str, Any] | None:
     """Network, area and cell, empty where not decoded; None where the row is damaged."""
-    if all(_FILLER.fullmatch(values.get(name) or "") for name in ("mcc", "mnc", "lac", "cellid")):
+    if all(_FILLER.fullmatch(named.get(name) or "") for name in _IDENTITY):
         return {}
-    if not matches({name: form for name, form in _FORMS.items() if name in values}, values):
-        return None
-    return {
-        "mcc": values["mcc"],
-        "mnc": values["mnc"],
-        "lac": area(values.get("lac") or "0"),
-        "cid": cell_identity(values.get("cellid") or "0", 16),
-    }
+    return identity(named, _KINDS) if layout.looks_right(named) else None
 
 
 def _parse_scan(scan: re.Match[str]) -> CellReading | None:
-    values = {name: text for name, text in scan.groupdict().items() if text is not None}
-    if "bsic" in values:  # hexadecimal here, decimal in CENG; a single digit may be a cut line
-        values["bsic"] = (
-            str(int(values["bsic"], 16)) if re.fullmatch(r"[0-9A-Fa-f]{2}", values["bsic"]) else ""
-        )
-    identity = _identity(values)
+    named = {name: text for name, text in scan.groupdict().items() if text is not None}
+    operator = named.pop("operator")
+    if "bsic" in named:  # hexadecimal here, decimal in CENG; a single digit may be a cut line
+        is_whole = re.fullmatch(r"[0-9A-Fa-f]{2}", named["bsic"])
+        named["bsic"] = str(int(named["bsic"], 16)) if is_whole else ""
+    ids = _identity(_SCANNED, named)
+    if ids is None:
+        return None
     # The manual gives no dBm for Rxlev of CNETSCAN.
-    return None if identity is None else _reading("scan", values, identity, dbm_of_rxl_0=None)
+    return _reading("scan", named, ids, dbm_of_rxl_0=None, operator=operator)
 
 
 def _reading(
     role: Role,
-    values: Mapping[str, str],
-    identity: Mapping[str, Any],
+    named: Mapping[str, str],
+    ids: Mapping[str, Any],
     *,
     dbm_of_rxl_0: float | None,
+    operator: str = "",
 ) -> CellReading | None:
-    channel, level, bsic = (_number(values, name) for name in ("bcch", "rxl", "bsic"))
-    has_channel = channel is not None or "bcch" not in values
-    if not matches({"rxl": _FORMS["rxl"]}, values) or not has_channel:
+    values = read_values({n: text for n, text in named.items() if n not in _IDENTITY}, _KINDS)
+    channel, level, bsic = (values.pop(name, None) for name in ("arfcn_raw", "rxlev_raw", "bsic"))
+    has_channel = channel is not None or "bcch" not in named
+    if not re.fullmatch(_INDEX, named.get("rxl", "")) or not has_channel:
         return None
-    if not identity and not channel and not level and values.get("rxl") != "99":
+    if not ids and not channel and not level and named.get("rxl") != "99":
         return None  # an empty slot
-    if role != "scan":
-        channel, level, bsic = (
-            None if number is None else NumberText(number, values[name], _WIDTHS[name])
-            for name, number in (("bcch", channel), ("rxl", level), ("bsic", bsic))
-        )
-    plain: dict[str, Any] = {name: _number(values, name) for name in ("rxq", "ta", "c1", "c2")}
+    if role == "scan":  # no firmware pads these
+        channel, level, bsic = (n if n is None else int(n) for n in (channel, level, bsic))
     return CellReading(
         role=role,
         rat="GSM",
-        **identity,
+        **ids,
         arfcn=None if channel is None else _arfcn(channel),
         arfcn_raw=channel,
-        bsic=bsic if identity or bsic else None,  # 00 fills the field of a cell that is not decoded
+        bsic=bsic if ids or bsic else None,  # 00 fills the field of a cell that is not decoded
         rxlev_raw=level,
         rssi_dbm=None if level is None or dbm_of_rxl_0 is None else dbm_of_rxl_0 + level,
-        more={"operator": values["operator"]} if values.get("operator") else {},
-        **plain,
+        more={"operator": operator} if operator else {},
+        **values,
     )
 
 
@@ -230,11 +228,3 @@ def _arfcn(printed: int) -> int | None:
     if printed < 1024:
         return printed
     return printed - 1024 if 512 <= printed - 1024 <= 810 else None
-
-
-def _number(values: Mapping[str, str], name: str) -> int | None:
-    """Decimal value of a field, if it is one that the field can have."""
-    text = values.get(name, "")
-    if not re.fullmatch(r"-?\d{1,4}", text):
-        return None
-    return int(text) if int(text) in _RANGE[name] else None

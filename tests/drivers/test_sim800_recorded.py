@@ -11,7 +11,7 @@ from logger.drivers.sim800 import Sim800
 from tests.kit.corpus import check_entry
 
 MODEM = Sim800()
-DATA = Path(__file__).parents[1] / "data"
+DATA = Path(__file__).parent / "data"
 
 
 def replies_of(path, command="AT+CENG?"):

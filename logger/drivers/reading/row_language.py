@@ -37,6 +37,7 @@ from logger.drivers.reading.number_text import NumberForm, NumberText
 _FLAGS = re.ASCII | re.IGNORECASE
 _SIGNED = r"[-+]?\d{1,4}(?:\.\d{1,2})?"
 _SHORT = r"[-+]?\d{1,3}(?:\.\d{1,2})?"
+_WIDEST = 4
 _BESIDE = "more."
 _UNKNOWN = frozenset({"", "-", "x", "255", "65535", "-32768", "-1920"})
 _NO_VALUE = re.compile(r"-*")
@@ -72,7 +73,7 @@ def padded(attribute: str, high: int, width: int, pattern: str | None = None) ->
     full = NumberForm(10, frozenset({width}))
 
     def read(text: str) -> int | None:
-        found = decimal(text, 0, high)
+        found = decimal(text, 0, high) if len(text) <= _WIDEST else None
         return None if found is None else NumberText(found, text, full)
 
     return Value(attribute, read, pattern or rf"\d{{1,{width}}}")
