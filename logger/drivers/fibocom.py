@@ -32,6 +32,7 @@ from logger.drivers.reading.index_scales import (
     RSRQ_OF_INDEX,
     SS_RSRP_OF_INDEX,
     SS_RSRQ_OF_INDEX,
+    Scale,
 )
 from logger.drivers.reading.number_text import NumberForm
 from logger.drivers.reading.row_language import VALUES, Form, Kinds, Value, cell, form
@@ -64,6 +65,13 @@ def _nr_cell(text: str) -> int | None:
     return None if identity in _NOBODY else identity
 
 
+_raw = partial(decimal, low=-999)
+
+
+def _index(attribute: str, scale: Scale, raw: str) -> Value:
+    return Value(attribute, scale.value_of, _NUMBER, raw=(raw, _raw))
+
+
 _cell28 = partial(cell_identity, bits=28, form=NumberForm(16, frozenset({7, 9})))
 _KINDS: Kinds = {
     "mcc": VALUES["mcc"]._replace(pattern=r"\d{1,3}"),
@@ -74,14 +82,14 @@ _KINDS: Kinds = {
     "cid36": Value("cid", _nr_cell, "[0-9A-F]{1,10}"),
     "channel": Value("", str, "[0-9A-F]{1,7}"),
     "code": Value("", str, "[0-9A-F]{1,4}"),
-    "rscp": Value("rscp_dbm", RSCP_OF_INDEX.value_of, _NUMBER),
+    "rscp": _index("rscp_dbm", RSCP_OF_INDEX, "rscp_raw"),
     "ecno": Value("ecio_db", ECN0_OF_INDEX.value_of, _NUMBER),
-    "rsrp": Value("rsrp_dbm", RSRP_OF_INDEX.value_of, _NUMBER),
-    "rsrq": Value("rsrq_db", RSRQ_OF_INDEX.value_of, _NUMBER),
-    "ss_rsrp": Value("rsrp_dbm", SS_RSRP_OF_INDEX.value_of, _NUMBER),
-    "ss_rsrq": Value("rsrq_db", SS_RSRQ_OF_INDEX.value_of, _NUMBER),
+    "rsrp": _index("rsrp_dbm", RSRP_OF_INDEX, "rsrp_raw"),
+    "rsrq": _index("rsrq_db", RSRQ_OF_INDEX, "rsrq_raw"),
+    "ss_rsrp": _index("rsrp_dbm", SS_RSRP_OF_INDEX, "rsrp_raw"),
+    "ss_rsrq": _index("rsrq_db", SS_RSRQ_OF_INDEX, "rsrq_raw"),
     "band": Value("", str, _NUMBER),
-    "sinr": Value("", str, _NUMBER),
+    "sinr": Value("more.sinr_raw", _raw, _NUMBER),
 }
 _PLACE = "channel code"
 
@@ -105,8 +113,6 @@ _FORMS: Mapping[tuple[str, Rat], Form] = {
     ("1", "GSM"): _GSM,
     ("2", "GSM"): _GSM,
 }
-_RAW = {"sinr": "sinr_raw", "rsrp": "rsrp_raw", "rsrq": "rsrq_raw", "rscp": "rscp_raw"}
-_RAW |= {"ss_rsrp": "rsrp_raw", "ss_rsrq": "rsrq_raw"}
 _MOST_CODE: Mapping[Rat, int] = {"GSM": 99, "WCDMA": 511, "LTE": 503, "NR": 1007}
 
 _ANY_BAND = 999  # above all bands
@@ -219,7 +225,6 @@ def _reading(of: _Cell, number: Callable[[str], int | None]) -> Row | None:
     if named["_service"] == "1" and re.fullmatch(r"[0-9]", named["mnc"]):  # it lost its zeros
         named = {name: text for name, text in named.items() if name not in {"mcc", "mnc"}}
     channel, code = (None if rat == "GSM" else number(named[name]) for name in ("channel", "code"))
-    raw = {_RAW[name]: decimal(text, -999) for name, text in named.items() if name in _RAW}
     place: dict[str, Any] = {"arfcn": channel, "psc" if rat == "WCDMA" else "pci": code}
     role: Role = "serving" if named["_service"] == "1" else "neighbour"
-    return cell(role, rat, named, _KINDS, raw, band=of.band, **place)
+    return cell(role, rat, named, _KINDS, band=of.band, **place)

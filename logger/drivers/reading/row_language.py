@@ -47,11 +47,13 @@ class Value(NamedTuple):
     """A value that rows contain: an attribute of a reading, its reader, the texts of its kind.
 
     An attribute that begins with `more.` is a key of `CellReading.more`; an empty one is not kept.
+    An index keeps its number there too: `raw` are its key and reader.
     """
 
     attribute: str
     read: Callable[[str], Any]
     pattern: str = _SIGNED
+    raw: tuple[str, Callable[[str], Any]] | None = None
 
 
 Kinds = Mapping[str, Value]
@@ -252,6 +254,8 @@ def read_values(named: Mapping[str, str], kinds: Kinds = VALUES) -> dict[str, An
             more[attribute.removeprefix(_BESIDE)] = kinds[name].read(text)
         elif attribute:
             values[attribute] = kinds[name].read(text)
+        if name in kinds and (raw := kinds[name].raw):
+            more[raw[0]] = raw[1](text)
     return values | ({"more": more} if more else {})
 
 
@@ -308,7 +312,10 @@ def area_values(rat: Rat | None, code: int | None) -> dict[str, Any]:
 
 
 def listed_row(names: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pattern[str]:
-    """Pattern of values in the order of their names; a group has the name of its value."""
+    """Pattern of values in the order of their names; a group has the name of its value.
+
+    Here `_` is a hexadecimal number that is not read, and `_name` a decimal one.
+    """
     return _row((_group(name, kinds) for name in names.split()), between)
 
 
@@ -323,6 +330,8 @@ def labelled_row(labels: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pat
 
 
 def _group(name: str, kinds: Kinds) -> str:
+    if name.startswith("_"):
+        return "[0-9A-F]{1,8}" if name == "_" else r"\d{1,5}"
     return rf"(?P<{name}>{kinds[name].pattern})"
 
 

@@ -1,6 +1,6 @@
 import pytest
 
-from logger.drivers.ublox.ublox import Ublox
+from logger.drivers.ublox import Ublox
 from tests.kit.drivers import run_dialogue
 
 MODEM = Ublox()

@@ -1,7 +1,7 @@
 import pytest
 
 from logger.drivers.reading.rows import NoCell
-from logger.drivers.ublox.ublox import Ublox
+from logger.drivers.ublox import Ublox
 from tests.kit.drivers import cells_of, identity_of
 
 MODEM = Ublox()
