@@ -312,11 +312,12 @@ def area_values(rat: Rat | None, code: int | None) -> dict[str, Any]:
 
 
 def listed_row(names: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pattern[str]:
-    """Pattern of values in the order of their names; a group has the name of its value.
+    """Pattern of values in the order of words `name` or `label=name`; a group has the name.
 
     Here `_` is a hexadecimal number that is not read, and `_name` a decimal one.
     """
-    return _row((_group(name, kinds) for name in names.split()), between)
+    words = (word.rpartition("=")[2] for word in names.split())
+    return _row((_group(name, kinds) for name in words), between)
 
 
 def labelled_row(labels: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pattern[str]:

@@ -1,6 +1,6 @@
 import pytest
 
-from logger.drivers.telit.telit import Telit
+from logger.drivers.telit import Telit
 from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of
 
 MODEM = Telit()

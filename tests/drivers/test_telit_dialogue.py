@@ -1,5 +1,5 @@
 from logger.core.types import CellReading
-from logger.drivers.telit.telit import Telit
+from logger.drivers.telit import Telit
 from tests.kit.drivers import run_dialogue
 
 MODEM = Telit()
