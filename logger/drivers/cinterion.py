@@ -1,9 +1,24 @@
 """Siemens, Cinterion, Gemalto and Thales: cells from ^SMOND, ^SMONC, ^SMONI and tables.
 
+    AT^SMONI
     ^SMONI: 2G,71,-61,262,02,0143,83BA,33,33,3,6,G,NOCONN    serving cell of later modems
+    OK
 
-Area and cell have their full width in hexadecimal (EHS6 manual V03.001 8.12), so that a lost digit
-or comma shows. `grouped_cells` and `tables` read the older commands (firmware_notes/cinterion.md).
+    ^SMONC: 232,03,3010,4EAF,32,82,38,30,30,232,03,...    seven groups of nine values
+    ^SMOND:250,01,00EA,0AE1,23,756,47,,,0,,,0,250,01,...,1,31,99
+                                                          13 values, six times 7, TA, RSSI and BER
+    chann rs  dBm  PLMN  LAC cell NCC BCC PWR RXLev  C1 I chann TS timAdv PWR  dBm Q ChMod
+     847  19  -75 26201 2A3B 4C5D   5   2  33  -104  30 I    No connection
+
+Needs: nothing; a poll takes the best of four commands that the modem has.
+Known by: the makers' names.
+Doubts: area and cell have their full width in hexadecimal, so that a lost digit or comma shows: a
+group of another form names no cell. `dBm` is the level; `RXLev` and `PWR` are parameters of the
+cell, `rs` an index of another scale on each model. The network is one column or two. The bases of
+BSIC in ^SMOND, and of area and cell in ^SNMON, are not documented. Huawei's GSM modules print
+^SMONC and ^SMOND too (MG323 specification 8.5, 8.6).
+Sources: ModemManager's tests (^SMONI) and public code (^SMOND); manuals TC35i V1.05 p207-210, MC35
+V05.00 p186, TC63 V00.490 p194, EHS6 V03.001 8.12 (firmware_notes/cinterion.md).
 """
 
 import re
@@ -13,8 +28,7 @@ from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
-from logger.drivers.claim import Claim
-from logger.drivers.family import Family
+from logger.drivers.family import Claim, Family
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import (

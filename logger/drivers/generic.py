@@ -1,4 +1,17 @@
-"""Any modem of 3GPP TS 27.007: the serving cell, from +CxREG, +COPS and +CSQ or +CESQ."""
+"""Any modem of 3GPP TS 27.007: the serving cell, from +CxREG, +COPS and +CSQ or +CESQ.
+
+    AT+CSQ;+COPS=3,2;+COPS?;+CREG=2;+CREG?
+    +CSQ: 28,99
+    +COPS: 0,2,"22288",7
+    +CREG: 2,1,"3AC9","243800E",7                  n, state, area, cell, technology
+    OK
+
+Needs: AT+CREG=2 and its like for area and cell, AT+COPS=3,2 for the network as a number.
+Known by: nothing; it serves a modem that no other driver claims.
+Doubts: one cell, its level on a scale of 2 dB, no neighbours.
+Sources: 3GPP TS 27.007 7.2, 7.3, 8.5 and 8.69; a measured reply (github
+4IceG/luci-app-3ginfo-lite issue 111; firmware_notes/at.md).
+"""
 
 from collections.abc import Sequence
 

@@ -1,14 +1,22 @@
 """Huawei, HiSilicon Balong: cells from ^MONSC and ^MONNC, levels from ^HCSQ.
 
+    AT^MONSC
     ^MONSC: GSM,460,00,1,12,49,2D54,57B2,-68,,     band, ARFCN, BSIC, cell, area, dBm, quality, TA
+    OK
     ^MONSC: LTE,460,00,38400,D975244,8,24C8,-85,-10,-54
                                                    EARFCN, cell, PCI, area, RSRP, RSRQ, RSSI
+    AT^MONNC
     ^MONNC: NR,524910,17F,-157,-44,-24             neighbour: NR-ARFCN, PCI, RSRP, RSRQ, SINR
+    AT^HCSQ?
     ^HCSQ:"LTE",30,19,66,0                         indices of RSSI, RSRP, SINR, RSRQ
 
-Cell, area and PCI are hexadecimal without leading zeros, all else is decimal (the format strings of
-the firmware's AT layer, published with the HiSilicon kernel sources). Unknown values are empty
-(firmware_notes/huawei.md).
+Needs: nothing; the commands read what the modem measures anyway. GSM modules (MG323) have ^SMOND
+instead, dongles without either the standard replies.
+Known by: the maker, Huawei or TD Tech, or the series MT5700.
+Doubts: cell, area and PCI are hexadecimal without leading zeros, so no width shows a lost digit;
+all else is decimal. Unknown values are empty. Order and scale of ^HCSQ on NR are not documented.
+Sources: measured replies in public code, those of NR from an MT5700; the format strings of the AT
+layer published with the HiSilicon kernel sources; ModemManager's tests (firmware_notes/huawei.md).
 """
 
 import re
@@ -19,8 +27,7 @@ from typing import Any
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
 from logger.drivers.cinterion import grouped_cells
-from logger.drivers.claim import Claim
-from logger.drivers.family import Family
+from logger.drivers.family import Claim, Family
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import level, pieces

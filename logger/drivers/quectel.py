@@ -1,14 +1,21 @@
 """Quectel EC2x, EG, EM, EP, BG9x and the 5G modules: cells from AT+QENG, QSCAN and QOPS.
 
-    +QENG: "servingcell","NOCONN","GSM",262,01,1A2B,3C4D,21,57,-,-66,255,255,0,39,41,1,-,...,"-"
-    +QENG: "neighbourcell","GSM",262,01,1A2C,3C4F,27,61,-79,24,25,0,0
+    AT+QENG="servingcell"
     +QENG: "servingcell","NOCONN"                   EN-DC: the cells follow in separate lines
     +QENG: "LTE","FDD",515,03,3359966,1,150,1,5,5,4AA3,-89,-13,-58,16,15,20,-
     +QENG: "NR5G-NSA",515,03,832,-76,21,-11,528030,41,8,1
+    OK
 
-The order of the values depends on the technology that the modem camps on. A neighbour's line does
-not name that technology; its values show it. Area and cell are hexadecimal, all else is decimal
-(firmware_notes/quectel.md).
+    +QENG: "servingcell","NOCONN","GSM",262,01,1A2B,3C4D,21,57,-,-66,255,255,0,39,41,1,-,...,"-"
+    +QENG: "neighbourcell","GSM",262,01,1A2C,3C4F,27,61,-79,24,25,0,0
+
+Needs: nothing; the commands read what the modem measures anyway. A full scan takes minutes.
+Known by: the maker with a series of two letters and a digit.
+Doubts: the order of the values depends on the technology that the modem camps on. A neighbour's
+line does not name that technology; its values show it. Area and cell are hexadecimal, all else is
+decimal.
+Sources: a measured EN-DC reply (github 4IceG/luci-app-3ginfo-lite issue 56); EC2x AT commands
+manual 6.15 to 6.17 (firmware_notes/quectel.md).
 """
 
 import re
@@ -19,8 +26,7 @@ from typing import ClassVar
 
 from logger.core.types import Rat
 from logger.drivers import network_mode
-from logger.drivers.claim import Claim
-from logger.drivers.family import Family
+from logger.drivers.family import Claim, Family
 from logger.drivers.protocols.dialogue import Command
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.fields import decimal, level, rssi_dbm
@@ -172,6 +178,7 @@ class Quectel(Family):
     mode_commands = network_mode.NWSCANMODE
     unnamed_rows: ClassVar[Mapping[str, str]] = {"+QOPS": ""}
     other_rows = "+QCSQ"
+    rows_with_networks = "+QOPS"
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in QENG, QSCAN and QOPS rows, levels in QCSQ rows, fixes of the receiver."""

@@ -1,23 +1,28 @@
 """Quectel M95, M66, MC60, M35 (GSM) and BC26, BC66, BC660 (NB-IoT): AT+QENG rows.
 
     AT+QENG?
-    +QENG: 1,4                                                     header: mode, dump
-    +QENG: 0,262,01,1b2c,4d5e,3,42,-73,38,38,5,7,x,x,x,x,x,x,x     serving cell
+    +QENG: 1,0                                                     header: mode, dump
+    +QENG: 0,460,00,7108,80c4,554,41,-95,18,50,0,10,x,x,x,x,x,x,x  serving cell
     +QENG: 1,1,5,-76,30,35,35,262,01,1b2c,4d5f,2,11,-80,..         neighbours, ten values each
     +QENG: 4,3,(5,-76,30),(11,-80,17),(16,-101,x)                  channel, dBm, BSIC
+    OK
 
     AT+QENG=0
     +QENG: 0,1769,9,400,"00288516",-103,-9,-94,5,3,"A924",0,14,2   NB-IoT, the same prefix
 
-The column of the level, the only negative number, distinguishes the two serving rows. Area and cell
-are hexadecimal (firmware_notes/quectel_gsm.md).
+Needs: engineering mode, AT+QENG=1,4, on GSM; nothing on NB-IoT.
+Known by: the maker with a series M, MC or BC.
+Doubts: the column of the level, the only negative number, distinguishes the two serving rows. Area
+and cell are hexadecimal; of NB-IoT only in quotation marks.
+Sources: measured serving rows in public code; neighbours with values of our own in the layout of
+other public code, since no GSM manual could be had; manuals of BC26 and BC660K 4.8
+(firmware_notes/quectel_gsm.md).
 """
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
-from logger.drivers.claim import Claim
-from logger.drivers.family import Family
+from logger.drivers.family import Claim, Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.quectel import KINDS
 from logger.drivers.reading.fields import decimal

@@ -24,7 +24,6 @@ def families_in(package: ModuleType) -> dict[str, Family]:
     for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
         if module.name != __name__:
             content = import_module(module.name)
-            found += [driver() for driver in getattr(content, "DRIVERS", ())]
             found += [
                 value()
                 for value in vars(content).values()

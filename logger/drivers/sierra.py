@@ -1,5 +1,6 @@
-"""Sierra Wireless MC, EM and WP: cells from !GSTATUS and !LTEINFO (firmware_notes/sierra.md).
+"""Sierra Wireless MC, EM and WP: cells from !GSTATUS and !LTEINFO.
 
+    AT!GSTATUS?
     !GSTATUS:                                                labels and values, two on a line
     System mode:   LTE              PS state:    Attached
     LTE band:      B7               LTE bw:      20 MHz
@@ -7,11 +8,18 @@
     PCC RxM RSSI:  -89              PCC RxM RSRP:  -117
     Tx Power:      --               TAC:         2B67 (11111)    hexadecimal (decimal)
     RSRQ (dB):     -8.0             Cell ID:     00005101 (20737)
-
+    OK
+    AT!LTEINFO?
+    !LTEINFO:
     Serving:   EARFCN MCC MNC   TAC      CID Bd D U SNR PCI  RSRQ   RSRP   RSSI RXLV
                   800 310 410 35666 0A14666A  2 5 5  22 404 -14.1  -79.6  -45.5 --
 
-!GSTATUS does not contain the network; a poll takes it from +COPS.
+Needs: AT+COPS=3,2, the form of the answer that contains the network; !GSTATUS does not.
+Known by: the maker, but not the HL, SL and Q2 modules.
+Doubts: area and cell are printed in two bases; where the two differ, nothing shows which is right,
+and the identity is unsure. Neighbours only on LTE.
+Sources: measured replies in public code and public logs of MC7455 and WP7607
+(firmware_notes/sierra.md).
 """
 
 import re
@@ -22,8 +30,7 @@ from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
-from logger.drivers.claim import Claim
-from logger.drivers.family import Family
+from logger.drivers.family import Claim, Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import EIGHT, area, cell_identity, network, pieces
 from logger.drivers.reading.number_text import confirm

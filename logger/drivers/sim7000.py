@@ -1,14 +1,19 @@
 """SIMCom SIM7000, SIM7070, SIM7080, SIM7090: cells from AT+CENG and AT+CPSI.
 
+    AT+CENG?
     +CENG: 1,1,2,LTE CAT-M1                                    header: mode, Ncell, cells, system
     +CENG: 0,"1550,339,-73,-47,-12,17,102,303617,284,05,255"   serving cell, decimal
     +CENG: 1,"1550,414,-88,-51,-20,17"                         neighbour
+    OK
 
     +CENG: 1,1,6,GSM
     +CENG: 0,"0665,35,02,4b2c,404,95,c1c0"                     any cell, hexadecimal
 
-A SIM800 prints other rows under a header of two values: under such a header nothing is read
-(firmware_notes/sim7000.md).
+Needs: engineering mode, AT+CENG=1,1; a poll switches it on again where it is off.
+Known by: the series SIM7000, SIM7070, SIM7080 and SIM7090.
+Doubts: the level of a GSM row is an index; AT+CPSI? has it in dBm. A SIM800 prints other rows under
+a header of two values: under such a header nothing is read.
+Sources: measured replies in public code (firmware_notes/sim7000.md).
 """
 
 import re
@@ -17,8 +22,7 @@ from dataclasses import replace
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.claim import Claim
-from logger.drivers.family import Family
+from logger.drivers.family import Claim, Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.fields import HEX, matches, network
@@ -76,6 +80,7 @@ class Sim7000(Family):
     survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
     gnss_start_commands = modem_gnss.CGNSINF_ON
     gnss_poll_commands = modem_gnss.CGNSINF
+    long_numbers = modem_gnss.CGNSINF_TIME
     mode_commands = network_mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:

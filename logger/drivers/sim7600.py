@@ -1,29 +1,37 @@
 """SIMCom SIM5xxx, SIM7100 to SIM79xx, SIM82xx/83xx, A76xx, SIM7670: AT+CPSI, +CCINFO, +CMGRMI.
 
+    AT+CPSI?
     +CPSI: GSM,Online,502-12,0x1054,62168,512 DCS 1800,-71,0,32-32
+    OK
     +CPSI: LTE,Online,310-260,0x2D18,50896642,236,EUTRAN-BAND4,2300,5,5,-125,-987,-663,10
 
+    AT+CCINFO
     +CCINFO:[SCELL],ARFCN:34,MCC:240,MNC:24,LAC:10001,ID:31,BSIC:18,RXLev:-78dbm,C1:33,...
     +CCINFO:[NCell1],UARFCN:4436,PSC:230,SSC:0,RSCP:97,ECIO:15.5,RXLev:-97dbm
 
+    AT+CMGRMI=4
     +CMGRMI: Serving_Cell,1300,262,02,5432,2,7654321,3,5,5,12,211,-95,-912,-604,0
     +CMGRMI: LTE_InterFreq1_Cell1,417,-125,-1011,-772,0
 
-The area of +CPSI is hexadecimal, all else decimal; levels of +CMGRMI are tenths of a dB. A row of
-+CPSI is read where band and channel are the values that they should be: then the identity, further
-left, is complete even if the end is cut. The sources are in firmware_notes/sim7600.md.
+Needs: nothing; a modem refuses the commands that it lacks.
+Known by: the series.
+Doubts: the area of +CPSI is hexadecimal, all else decimal; levels are dB or tenths of a dB, which
+the row itself shows. A row of +CPSI is read where band and channel are the values that they should
+be: then the identity, further left, is complete even if the end is cut. The base of BSIC in +CCINFO
+is not documented.
+Sources: measured replies in public code (+CPSI) and at pastebin.com/VfE7YiwG (+CCINFO); for
++CMGRMI values of our own in the layout of a measured SIM7906 (firmware_notes/sim7600.md).
 """
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.claim import Claim
-from logger.drivers.family import Family
+from logger.drivers.family import Claim, Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.fields import (
@@ -175,6 +183,8 @@ class Sim7600(Family):
     gnss_start_commands = modem_gnss.CGPSINFO_ON
     gnss_poll_commands = modem_gnss.CGPSINFO
     mode_commands = network_mode.CNMP
+    rows_in_columns = "+CPSI"
+    long_numbers: ClassVar[Mapping[str, str]] = {"+CPSI": "[0-9]{10,11}"}  # a cell of NR
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells received now, the serving one once; a modem refuses the commands it lacks."""

@@ -1,4 +1,4 @@
-"""SIMCom SIM800, SIM808 and SIM900: cells from AT+CENG and AT+CNETSCAN (firmware_notes/sim800.md).
+"""SIMCom SIM800, SIM808 and SIM900: cells from AT+CENG and AT+CNETSCAN.
 
     AT+CENG?
     +CENG: 1,1                                              header: mode, Ncell
@@ -6,8 +6,13 @@
     +CENG: 1,"0128,15,30,a53f,310,411,178d"                 neighbour
     OK
 
-Area and cell id are hexadecimal. A row is read only in a documented layout. Its identity is read
-completely or not at all; a row that is damaged further right keeps the level of its channel.
+Needs: engineering mode, AT+CENG=1,1.
+Known by: the series SIM8xx and SIM9xx.
+Doubts: area and cell id are hexadecimal. A row is read only in a documented layout. Its identity is
+read completely or not at all; a row that is damaged further right keeps the level of its channel.
+1024 is added to channels of the 1900 MHz band. The manual gives no dBm for AT+CNETSCAN.
+Sources: measured rows (github sitch-io/sensor, ceng-SIM808.txt) under the header of mode 1; SIM800
+manual V1.09 p161-163 and p197-198 (firmware_notes/sim800.md).
 """
 
 import re
@@ -15,8 +20,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Role
-from logger.drivers.claim import Claim
-from logger.drivers.family import Family
+from logger.drivers.family import Claim, Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.fields import HEX, matches
@@ -107,6 +111,7 @@ class Sim800(Family):
     survey_commands = (Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0),)
     gnss_start_commands = modem_gnss.CGNSINF_ON
     gnss_poll_commands = modem_gnss.CGNSINF
+    long_numbers = modem_gnss.CGNSINF_TIME
     unnamed_rows: ClassVar[Mapping[str, str]] = {
         "+CNETSCAN": "Operator MCC MNC Rxlev Cellid Arfcn Lac Bsic"
     }

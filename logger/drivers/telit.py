@@ -2,9 +2,11 @@
 
     AT#MONI                                                     after AT#MONI=7
     #MONI: Cell BSIC LAC CellId ARFCN Power C1 C2 TA RxQual PLMN
-    #MONI: S 52 3F6A 1B7C 688 -79dbm 22 30 1 0 Example Net
-    #MONI: N1 FF FFFF 0000 693 -88dbm -1 -1                     measured, not decoded
+    #MONI: S 74 E720 9976 1022 -60dbm 45 0 1 0 E-Plus
+    #MONI: N1 FF FFFF 0000 980 -76dbm -1 -1                     measured, not decoded
+    OK
 
+    AT#CSURV
     Network survey started ...
     arfcn: 61 bsic: 37 rxLev: -57 ber: 0.00 mcc: 262 mnc: 1 lac: 12345 cellId: 6789 cellStatus: ...
     1005,26,-76,0,262,02,23456,34567,CELL_SUITABLE,0            the same by #CSURVC
@@ -13,17 +15,18 @@
     ... cellStatus: CELL_SUITABLE numArfcn: 2 arfcn: 30 48 numChannels: 5 array: 14 19 22 48 82
     ... pbcch: 0 mstxpwr: 5 rxaccmin: 8 croffset: 30 penaltyt: 0 t3212: 10 CRH: 4
 
-In #MONI LAC and cell id are hexadecimal, the BSIC two octal digits; ARFCN 1024 is an empty slot.
-
-A survey does not state the base of its numbers: AT#CSURVF decides whether area and cell are decimal
-(0, as shipped) or padded hexadecimal with an octal BSIC. Widths, letters and ranges show it; where
-nothing does, it is taken for decimal and the identity is unsure. Behind the status of a GSM cell
-the channels of the cell itself (Cell Channel Description) come first, those of its neighbours (BA
-list) second. Such a tail is read completely or not at all: each list has the printed number of
-channels, and what follows stands in its order.
-
-Formats: GM862 AT reference 80000ST10025a p273-278 and p376-386, HE863 80377ST10083a p141, LE910 V2
-80446ST10707A p287-289; the line of LTE from a measured LM960 (firmware_notes/telit.md).
+Needs: AT#MONI=7 for all cells, AT#CSURVF=0 for decimal numbers, AT#CSURVEXT for neighbour lists.
+Known by: the maker Telit, or a series of its modules.
+Doubts: in #MONI LAC and cell id are hexadecimal, the BSIC two octal digits; ARFCN 1024 is an
+empty slot. A survey does not state the base of its numbers: AT#CSURVF decides whether area and cell
+are decimal (0, as shipped) or padded hexadecimal with an octal BSIC. Widths, letters and ranges
+show it; where nothing does, it is taken for decimal and the identity is unsure. Behind the status
+of a GSM cell the channels of the cell itself (Cell Channel Description) come first, those of its
+neighbours (BA list) second. Such a tail is read completely or not at all: each list has the printed
+number of channels, and what follows stands in its order.
+Sources: measured #MONI rows in public code; rows with values of our own in the formats of the
+manuals, GM862 80000ST10025a p273-278 and p376-386, HE863 80377ST10083a p141, LE910 V2 80446ST10707A
+p287-289; LTE from a measured LM960 (firmware_notes/telit.md).
 """
 
 import re
@@ -34,8 +37,7 @@ from typing import ClassVar
 
 from logger.core.types import HIGHEST_ARFCN, MOST_NEIGHBOURS, Broadcast, CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.claim import Claim
-from logger.drivers.family import Family
+from logger.drivers.family import Claim, Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import (
     area,
@@ -272,6 +274,8 @@ class Telit(Family):
         "#MONI": "Cell BSIC LAC CellId ARFCN Power C1 C2 TA RxQual PLMN Id PWR",
         "+WS46": "",
     }
+    rows_with_networks = "#MONI #SERVINFO"
+    rows_in_columns = "#MONI"
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Ask, and put together what the replies contain of the serving cell."""

@@ -1,5 +1,6 @@
 """u-blox LISA, SARA, LARA, TOBY: cells from +CGED, +UCELLINFO, +UCGED and AT+COPS=5.
 
+    AT+UCELLINFO?
     +UCELLINFO:       1,     2,  310,  410, 7f05, 57b14e2, 395, 1032, 255, 255
                    mode, type, mcc, mnc, lac, cell id, scrambling code, channel, RSCP, Ec/N0
 
@@ -13,9 +14,14 @@
     6,4,001,01                                    technology, service, mcc, mnc
     2525,5,50,50,e8fe,1a2d001,1,...               channel, band, bandwidths, area, cell, pci, ...
 
-Area and cell id are hexadecimal, 255 is unknown. Levels are the indices of 3GPP TS 36.133 and
+Needs: AT+UCGED=2, on the SARA-R4 AT+UCGED=5; each model has one of three commands for cells.
+Known by: the maker, or a series of its modules.
+Doubts: area and cell id are hexadecimal, 255 is unknown. A network code loses its zeros; +COPS
+restores those of the modem's own network. Levels are the indices of 3GPP TS 36.133 and
 45.008; the SARA-R422 prints no service, and levels in dB. The LARA-R6 has rows of its own for 2G
-and 3G. Layouts: captures, u-blox's own library ubxlib (cell/src/u_cell_info.c, u_cell_net.c), NuttX
+and 3G.
+Sources: measured replies in public code (a Particle Electron, a SARA-U260, a SARA-R5); u-blox's own
+library ubxlib (cell/src/u_cell_info.c, u_cell_net.c); NuttX
 apps/system/ubmodem/ubmodem_cell_environment.c (firmware_notes/ublox.md).
 """
 
@@ -26,8 +32,7 @@ from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.claim import Claim
-from logger.drivers.family import Family
+from logger.drivers.family import Claim, Family
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.fields import decimal, pieces
