@@ -144,11 +144,15 @@ def test_the_other_files_and_names_of_the_steps_exist():
 
 def test_the_checks_pass_for_a_driver_made_by_the_steps(copy):
     done = check(
-        copy, *CHECKS, "tests/drivers/acme", "tests/sim/dialects", "tests/drivers/test_registry.py"
+        copy,
+        *CHECKS,
+        "tests/drivers/test_acme_x.py",
+        "tests/sim/dialects",
+        "tests/drivers/test_registry.py",
     )
     assert done.returncode == 0, done.stdout
     assert re.search(r"\b[1-9]\d* passed", done.stdout)
-    linted = run(copy, "-m", "ruff", "check", "--no-cache", "logger/drivers/acme")
+    linted = run(copy, "-m", "ruff", "check", "--no-cache", "logger/drivers/acme_x.py")
     assert linted.returncode == 0, linted.stdout
 
 

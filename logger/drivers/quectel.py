@@ -51,6 +51,10 @@ def _rxlev(text: str) -> float | None:
     return rssi_dbm(text) if index is None else DBM_OF_RXLEV_0 + index
 
 
+def _duplex(text: str) -> str | None:
+    return text.upper() if text.upper() in {"FDD", "TDD"} else None
+
+
 _TENTH = 0.1
 _rscp = partial(level, low=-140.0, high=-20.0)  # wider than 3GPP's: it proves the order only
 KINDS: Kinds = {
@@ -61,7 +65,7 @@ KINDS: Kinds = {
     "barred": number("", 0, 1),
     "pci": VALUES["pci_nr"],
     "band": number("band", 1, 1024),
-    "duplex": Value("more.duplex", {"FDD": "FDD", "TDD": "TDD"}.get),
+    "duplex": Value("more.duplex", _duplex),
     "rxlev": Value("rssi_dbm", _rxlev),
     "rxlev_raw": number("rxlev_raw", 0, 63),
     "rssi10": Value("rssi_dbm", partial(rssi_dbm, scale=_TENTH)),
