@@ -21,7 +21,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 from logger.core.types import Rat, Role
 from logger.drivers import network_mode
@@ -132,20 +132,8 @@ _LTE_BAND_EDGES = (  # first downlink EARFCN and band (3GPP TS 36.101 table 5.7.
 _LTE_BANDS = [tuple(map(int, edge.split(":"))) for edge in _LTE_BAND_EDGES.split()]
 
 
-class _Cell(NamedTuple):
-    """A row of the reply in its form."""
-
-    rat: Rat
-    named: Mapping[str, str]
-
-    @property
-    def band(self) -> int | None:
-        """Band as a number; the modem adds 100 on LTE and prints 50 before it on NR."""
-        printed = decimal(self.named.get("band", ""), 1)
-        if printed is None or self.rat != "NR":
-            return printed - 100 if printed and self.rat == "LTE" and printed > 100 else printed
-        digits = str(printed)
-        return int(digits[2:]) if digits.startswith("50") and printed > 500 else None
+_Cell = tuple[Rat, Mapping[str, str]]
+"""A row of the reply in its form: its technology, its values by name."""
 
 
 class Fibocom(Family):
@@ -195,7 +183,7 @@ def _reply_rows(lines: Sequence[str]) -> Iterator[Row]:
             cells.append(found)
     number = _base(cells, headings=headings)
     for found in cells:
-        reading = _reading(found, number)
+        reading = _reading(*found, number)
         if reading is not None:
             yield reading
 
@@ -204,32 +192,39 @@ def _cell(fields: list[str], heading: str) -> _Cell | None:
     """Row in its form; None where it is damaged or its technology unknown."""
     rat = _RATS.get(at(fields, 1)) or _RATS_OF_HEADINGS.get(heading)
     named = _FORMS[fields[0], rat].named(fields) if rat else None
-    return _Cell(rat, named) if rat and named else None
+    return (rat, named) if rat and named else None
+
+
+def _band(rat: Rat, named: Mapping[str, str]) -> int | None:
+    """Band as a number; the modem adds 100 on LTE and prints 50 before it on NR."""
+    printed = decimal(named.get("band", ""), 1)
+    if printed is None or rat != "NR":
+        return printed - 100 if printed and rat == "LTE" and printed > 100 else printed
+    digits = str(printed)
+    return int(digits[2:]) if digits.startswith("50") and printed > 500 else None
 
 
 def _base(cells: Sequence[_Cell], *, headings: bool) -> Callable[[str], int | None]:
     """Reader of channels and PCIs: of the base that fits all rows, else that of the headings."""
-    fitting = [read for read in (hexadecimal, decimal) if all(_fits(cell, read) for cell in cells)]
+    fitting = [read for read in (hexadecimal, decimal) if all(_fits(*of, read) for of in cells)]
     usual = hexadecimal if headings else decimal
     return usual if usual in fitting else next(iter(fitting), lambda _: None)
 
 
-def _fits(cell: _Cell, read: Callable[[str], int | None]) -> bool:
-    channel, code = (
-        read(cell.named[name]) if cell.named[name] else 0 for name in ("channel", "code")
-    )
-    if channel is None or code is None or code > _MOST_CODE[cell.rat]:
+def _fits(rat: Rat, named: Mapping[str, str], read: Callable[[str], int | None]) -> bool:
+    channel, code = (read(named[name]) if named[name] else 0 for name in ("channel", "code"))
+    if channel is None or code is None or code > _MOST_CODE[rat]:
         return False
-    if cell.rat != "LTE" or cell.band is None or not cell.named["channel"]:
+    band = _band(rat, named)
+    if rat != "LTE" or band is None or not named["channel"]:
         return True
-    return _LTE_BANDS[bisect_right(_LTE_BANDS, (channel, _ANY_BAND)) - 1][1] == cell.band
+    return _LTE_BANDS[bisect_right(_LTE_BANDS, (channel, _ANY_BAND)) - 1][1] == band
 
 
-def _reading(of: _Cell, number: Callable[[str], int | None]) -> Row | None:
-    named, rat = of.named, of.rat
+def _reading(rat: Rat, named: Mapping[str, str], number: Callable[[str], int | None]) -> Row | None:
     if named["_service"] == "1" and re.fullmatch(r"[0-9]", named["mnc"]):  # it lost its zeros
         named = {name: text for name, text in named.items() if name not in {"mcc", "mnc"}}
     channel, code = (None if rat == "GSM" else number(named[name]) for name in ("channel", "code"))
     place: dict[str, Any] = {"arfcn": channel, "psc" if rat == "WCDMA" else "pci": code}
     role: Role = "serving" if named["_service"] == "1" else "neighbour"
-    return cell(role, rat, named, _KINDS, band=of.band, **place)
+    return cell(role, rat, named, _KINDS, band=_band(rat, named), **place)

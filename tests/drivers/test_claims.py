@@ -6,9 +6,9 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from logger.drivers import sim7600
 
 from logger import drivers
+from logger.drivers import sim7600
 from logger.drivers.family import Claim, Family
 from logger.drivers.registry import FAMILIES, claimants, family_of
 from logger.sim.dialects import DIALECTS
