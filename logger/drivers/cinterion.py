@@ -68,7 +68,7 @@ def _without_sign(text: str) -> float | None:
     return rssi_dbm("-" + text.lstrip("-"))
 
 
-def _kept(text: str) -> str | None:
+def _upper_text(text: str) -> str | None:
     return text.upper() or None
 
 
@@ -79,10 +79,12 @@ _KINDS: Kinds = {
     "cid16": VALUES["cid16"]._replace(pattern=_HEX4),
     "cid28": Value("cid", partial(cell_identity, bits=28, form=SEVEN), r"[0-9A-F]{7}"),
     "decoded_bsic": number("bsic", 1, 63),  # 00 of ^SMONC is "not decoded"
-    "bsic_raw": Value("more.bsic_raw", _kept, r"\d{1,2}"),  # of ^SMOND, its base is not documented
+    "bsic_raw": Value(
+        "more.bsic_raw", _upper_text, r"\d{1,2}"
+    ),  # of ^SMOND, its base is not documented
     "index": number("rxlev_raw", 0, 63),
     "rxlev": Value("rssi_dbm", _without_sign, r"[-+]?\d{1,3}"),
-    "duplex": Value("more.duplex", _kept, "[FT]DD"),
+    "duplex": Value("more.duplex", _upper_text, "[FT]DD"),
     "ncc": number("more.ncc", 0, 7),
     "bcc": number("more.bcc", 0, 7),
     "lac_raw": Value("more.lac_raw", str),
@@ -215,7 +217,7 @@ def _smoni(text: str) -> Row | None:
     shape = _SMONI_FORMS.get(act.upper())
     if act.upper() == "SEARCH" or (shape and at(texts, 0).upper() == "SEARCH"):
         return NoCell(shape.rat if shape else None, state="SEARCH")
-    named = shape.named(texts) if shape else None
+    named = shape.texts_by_name(texts) if shape else None
     if shape is None or named is None:
         return None
     tail = texts[len(shape.names) - 1 :]
@@ -263,7 +265,7 @@ def _smonc_groups(text: str) -> Iterator[_Group]:
     if len(values) % width:
         values.pop()  # the line is cut, perhaps within this value
     for start in range(0, len(values) - width + 1, width):
-        yield start, _SMONC.named(values[start : start + width]), None
+        yield start, _SMONC.texts_by_name(values[start : start + width]), None
 
 
 def _smond_groups(text: str) -> Iterator[_Group]:
@@ -275,9 +277,9 @@ def _smond_groups(text: str) -> Iterator[_Group]:
         values.pop()  # cut
     if len(values) >= first:
         timing = decimal(tail[0], 0, 63) if len(tail) == _TAIL else None
-        yield 0, _SMOND_SERVING.named(values[:first]), timing
+        yield 0, _SMOND_SERVING.texts_by_name(values[:first]), timing
     for start in range(first, min(len(values), end) - width + 1, width):
-        yield start, _SMOND.named(values[start : start + width]), None
+        yield start, _SMOND.texts_by_name(values[start : start + width]), None
 
 
 def _snmon(text: str) -> Row | None:
@@ -326,7 +328,7 @@ def _monp(line: str) -> Row | None:
 def _smonp(line: str, heading: str) -> Row | None:
     """Neighbour of AT^SMONP=255; the heading above a row decides how it is read."""
     shape = _SMONP_FORMS.get(heading)
-    named = shape.named(split(line.rsplit(maxsplit=1)[-1])) if shape and line else None
+    named = shape.texts_by_name(split(line.rsplit(maxsplit=1)[-1])) if shape and line else None
     if shape is None or named is None:
         return None
     plain = {name: text for name, text in named.items() if name not in {"ncc", "bcc"}}

@@ -191,7 +191,7 @@ def _reply_rows(lines: Sequence[str]) -> Iterator[Row]:
 def _cell(fields: list[str], heading: str) -> _Cell | None:
     """Row in its form; None where it is damaged or its technology unknown."""
     rat = _RATS.get(at(fields, 1)) or _RATS_OF_HEADINGS.get(heading)
-    named = _FORMS[fields[0], rat].named(fields) if rat else None
+    named = _FORMS[fields[0], rat].texts_by_name(fields) if rat else None
     return (rat, named) if rat and named else None
 
 

@@ -136,7 +136,7 @@ def _in_order(texts: list[str]) -> list[list[str]]:
     """Groups of ten values of a GSM row, as far as their numbers ascend: else a comma is lost."""
     texts = texts[:-1] if texts[-1] == "" else texts  # a comma ends the row
     groups = [texts[at : at + 10] for at in range(0, len(texts), 10)]
-    if not any(map(_GSM_NEIGHBOUR.named, groups)):
+    if not any(map(_GSM_NEIGHBOUR.texts_by_name, groups)):
         return []  # of NB-IoT
     if len(groups[-1][-1]) < 4:
         groups[-1][-1] = ""  # at the end of a row only its width shows that an identity is not cut

@@ -26,7 +26,7 @@ from logger.drivers.family import Claim, Family
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.fields import HEX, matches, network
-from logger.drivers.reading.row_language import VALUES, Kinds, cell, form, number, padded
+from logger.drivers.reading.row_language import VALUES, Kinds, cell, form, number, padded_number
 from logger.drivers.reading.rows import NoCell, Row
 from logger.drivers.reading.serving_cell import merge_serving_cells
 from logger.drivers.sim7600 import cpsi_cells
@@ -54,8 +54,8 @@ _KINDS: Kinds = {
     **VALUES,
     **{name: VALUES[name]._replace(pattern=".*") for name in ("rssi", "rsrq", "sinr")},
     "rsrp": VALUES["rsrp"]._replace(pattern=r"-\d{1,3}"),
-    "bcch": padded("arfcn_raw", 2047, 4),
-    "rxl": padded("rxlev_raw", 66, 2),
+    "bcch": padded_number("arfcn_raw", 2047, 4),
+    "rxl": padded_number("rxlev_raw", 66, 2),
     "bsic": number("bsic", 0, 63)._replace(pattern=r"\d{0,3}"),
     "cid16": VALUES["cid16"]._replace(pattern=HEX),
     "lac": VALUES["lac"]._replace(pattern=HEX),
@@ -132,7 +132,7 @@ def _lte(role: Role, rat: Rat | None, texts: list[str], *, closed: bool) -> Cell
     """Reading of a row of LTE; one of another number of values keeps its levels, the first six."""
     if not closed:
         texts = [*texts[:-1], ""]  # the last one may be cut
-    named = _LTE.named(texts[: len(_LTE.names)])
+    named = _LTE.texts_by_name(texts[: len(_LTE.names)])
     if named is None:
         return None
     if len(texts) == _LTE_VALUES:
@@ -144,7 +144,7 @@ def _lte(role: Role, rat: Rat | None, texts: list[str], *, closed: bool) -> Cell
 
 def _gsm(role: Role, texts: list[str], *, closed: bool) -> CellReading | None:
     """Reading of a row of GSM; one of another number of values keeps a level of full width."""
-    named = _GSM.named(texts) if closed or _FULL_LAC.fullmatch(texts[-1]) else None
+    named = _GSM.texts_by_name(texts) if closed or _FULL_LAC.fullmatch(texts[-1]) else None
     is_identified = named is not None and network(named["mcc"], named["mnc"])[0] is not None
     if not is_identified or named is None:
         named = dict(zip(_GSM.names[:3], texts, strict=False))

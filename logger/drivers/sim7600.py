@@ -122,7 +122,7 @@ _WHO = re.compile(
 _DBM = re.compile(r"(-\d{1,3})\s*dBm", re.IGNORECASE)
 
 
-def _received(text: str) -> float | None:
+def _rxlev_dbm(text: str) -> float | None:
     found = _DBM.match(text)  # the unit shows that the level is complete
     return rssi_dbm(found[1]) if found else None
 
@@ -134,7 +134,7 @@ def _negative(read: Callable[..., float | None]) -> Callable[[str], float | None
 
 _CCINFO_KINDS: Kinds = {
     **{name: VALUES[name] for name in ("arfcn", "uarfcn", "psc", "ta", "c1", "c2")},
-    "rxlev": Value("rssi_dbm", _received),
+    "rxlev": Value("rssi_dbm", _rxlev_dbm),
     "rscp": Value("rscp_dbm", _negative(rssi_dbm)),
     "ecio": Value("ecio_db", _negative(partial(level, low=-32.0, high=-0.1))),
     "bsic": Value("more.bsic_raw", str),  # its base is undocumented
@@ -226,7 +226,7 @@ def _cpsi_cell(shape: Form, texts: list[str], more: Mapping[str, str]) -> CellRe
         return None
     if len(texts) < n_all:
         texts = texts[:-1]  # the last one may be cut
-    named = shape.named(texts)
+    named = shape.texts_by_name(texts)
     if named is None:
         return None
     on_gsm = _GSM_CHANNEL.fullmatch(named.get("channel", ""))
@@ -391,7 +391,7 @@ def _environment(lines: Sequence[str]) -> Iterator[Row]:
                 channels["intra"] = values[1]
             elif kind == "LTE_INTER":
                 channels |= dict(_FREQUENCY.findall(text))
-            elif (group := _group(kind)) and (row := _NEIGHBOUR.named(values)):
+            elif (group := _group(kind)) and (row := _NEIGHBOUR.texts_by_name(values)):
                 named = {**row, "earfcn": channels.get(group, "")}
                 reading = cell("neighbour", "LTE", named, _CMGRMI_KINDS)
                 is_serving = reading and (reading.arfcn, reading.pci) == serving

@@ -31,7 +31,7 @@ from logger.drivers.reading.row_language import (
     Value,
     form,
     identity,
-    padded,
+    padded_number,
     read_values,
 )
 from logger.drivers.reading.rows import Row
@@ -63,9 +63,9 @@ _INDEX = r"\d{1,2}"
 _POWER = Value("", str, r"\d{1,2}|255")
 
 _KINDS: Kinds = {  # the marks for unknown (99, 255, x) are outside the ranges
-    "bcch": padded("arfcn_raw", 2047, 4, ".*"),
-    "rxl": padded("rxlev_raw", 66, 2, _INDEX),  # to -47 dBm
-    "bsic": padded("bsic", 63, 2, r"\d{0,3}"),
+    "bcch": padded_number("arfcn_raw", 2047, 4, ".*"),
+    "rxl": padded_number("rxlev_raw", 66, 2, _INDEX),  # to -47 dBm
+    "bsic": padded_number("bsic", 63, 2, r"\d{0,3}"),
     **{name: VALUES[name]._replace(pattern=".*") for name in ("rxq", "ta", "c1", "c2")},
     "mcc": VALUES["mcc"]._replace(pattern=r"(?!000)\d{3}"),  # 001 is a real test network
     "mnc": VALUES["mnc"],

@@ -46,7 +46,7 @@ from logger.drivers.reading.row_language import (
     labelled_row,
     listed_row,
     number,
-    padded,
+    padded_number,
 )
 from logger.drivers.reading.rows import NoCell, Row
 from logger.drivers.reading.serving_cell import chosen_networks
@@ -94,7 +94,7 @@ _KINDS: Kinds = {
     "sinr_index": number("more.sinr_raw", 0, 254)._replace(pattern=_NUMBER),
     "rssi_index": Value("rssi_dbm", CARRIER_OF_INDEX.value_of, _INDEX),
     "rxlev": number("rxlev_raw", 0, 63)._replace(pattern=_INDEX),
-    "rxlev_of_three": padded("rxlev_raw", 63, 3),
+    "rxlev_of_three": padded_number("rxlev_raw", 63, 3),
     # the base of these is not documented
     "bsic_text": Value("more.bsic_text", str, _TEXT),
     "rxlev_text": Value("more.rxlev_text", str, _TEXT),

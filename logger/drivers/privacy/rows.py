@@ -18,16 +18,16 @@ _REPORTS = "+CREG +CGREG +CEREG +C5GREG +COPS +CSQ +CESQ"
 """What every family reads (`standard_replies`)."""
 
 
-def _declared(*texts: str) -> frozenset[bytes]:
+def _names(*texts: str) -> frozenset[bytes]:
     return frozenset(name.encode() for text in texts for name in text.split())
 
 
 _COMMANDS = frozenset(
     name.encode() for family in FAMILIES.values() for name in names_of(" ".join(family.sends()))
 )
-_ROWS = _COMMANDS | _declared(_REPORTS, *(family.other_rows for family in FAMILIES.values()))
-_WITH_NETWORKS = _declared("+COPS", *(family.rows_with_networks for family in FAMILIES.values()))
-_IN_COLUMNS = _declared(*(family.rows_in_columns for family in FAMILIES.values()))
+_ROWS = _COMMANDS | _names(_REPORTS, *(family.other_rows for family in FAMILIES.values()))
+_WITH_NETWORKS = _names("+COPS", *(family.rows_with_networks for family in FAMILIES.values()))
+_IN_COLUMNS = _names(*(family.rows_in_columns for family in FAMILIES.values()))
 _USUAL_DIGITS = 9
 _FEWER_DIGITS = {
     **dict.fromkeys((b"+CREG", b"+CGREG", b"+CEREG"), 8),

@@ -70,7 +70,7 @@ def number(attribute: str, low: int, high: int) -> Value:
     return Value(attribute, between(low, high), rf"{'-?' if low < 0 else ''}\d{{1,{width}}}")
 
 
-def padded(attribute: str, high: int, width: int, pattern: str | None = None) -> Value:
+def padded_number(attribute: str, high: int, width: int, pattern: str | None = None) -> Value:
     """A decimal integer from 0 that some firmware pads to a width, which shows a lost digit."""
     full = NumberForm(10, frozenset({width}))
 
@@ -155,7 +155,7 @@ class Form:
     is_open: bool
     unknown: re.Pattern[str] | None
 
-    def named(self, texts: Sequence[str]) -> dict[str, str] | None:
+    def texts_by_name(self, texts: Sequence[str]) -> dict[str, str] | None:
         """Values of a row by their names, None for a row of another form."""
         if self._is_cut(texts):
             texts = texts[:-1]  # the last one may have lost its end
@@ -175,7 +175,7 @@ class Form:
         **values: Any,
     ) -> CellReading | None:
         """The cell of a row, with more `values`; None for a row of another form or without any."""
-        named = self.named(texts)
+        named = self.texts_by_name(texts)
         if named is None:
             return None
         is_identified = not self._is_cut(texts) or _identity_of(self.names, self.kinds) <= {*named}
@@ -230,7 +230,7 @@ def first_cell(
     more: Mapping[str, Any] | None = None,
 ) -> CellReading | None:
     """The cell of a row in the first form that it has."""
-    fitting = (shape for shape in forms if shape.named(texts))
+    fitting = (shape for shape in forms if shape.texts_by_name(texts))
     shape = next(fitting, None)
     return shape.cell(role, texts, more) if shape else None
 
