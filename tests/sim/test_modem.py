@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from logger.drivers.protocols.at import AtFramer
-from logger.drivers.simcom.sim800 import Sim800
+from logger.drivers.sim800 import Sim800
 from logger.sim.modem import SimulatedModem
 from logger.sim.walk import Walk
 from logger.sim.world import Radio, Transmitter, World

@@ -1,4 +1,4 @@
-from logger.drivers.simcom.sim800 import Sim800
+from logger.drivers.sim800 import Sim800
 from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import _rxl as rxl
 from logger.sim.dialects import ceng_rows as rows
