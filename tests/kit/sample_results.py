@@ -48,6 +48,7 @@ def write_run(
     utc: bool = True,
     truth: bool = True,
     speed_mps=1.4,
+    utc0_ns: int = UTC0_NS,
     **changes,
 ) -> Run:
     """Walk around a square with a fix every second and a scan of all cells every other second.
@@ -67,7 +68,7 @@ def write_run(
     lats, lons = UTM.to_latlon_arrays(x0 + x, y0 + y)
     for i in range(seconds):
         t_ns = START_NS + i * 10**9
-        fix = Fix(True, UTC0_NS + t_ns if utc else None, float(lats[i]), float(lons[i]), hdop=0.9)
+        fix = Fix(True, utc0_ns + t_ns if utc else None, float(lats[i]), float(lons[i]), hdop=0.9)
         writer.append(Record(t_ns, "gnss", fix))
         if i % 2 == 0:
             levels = _levels(rng, x[i], y[i], cells)
