@@ -83,10 +83,19 @@ NO_GOLDEN = {
 }
 LATER_NS = UTC0_NS + 10 * 86_400 * 10**9
 """The second walk begins ten days after the others, on another side of the date of `diff`."""
-BY_MACHINE = {"check", "probe", "validate", "status"}
-"""Of these only the names and types of the fields are compared."""
-VARYING = {"bytes", "seconds", "program", "recorded_by", "replayed_by", "versions", "run_id"}
-"""Fields whose values depend on the machine, the time or the release."""
+BY_MACHINE = {"share", "check", "probe", "validate", "status"}
+"""Of these only the names and types of the fields are compared; `share` draws its borders."""
+VARYING = {
+    "modem",
+    "bytes",
+    "seconds",
+    "program",
+    "recorded_by",
+    "replayed_by",
+    "versions",
+    "run_id",
+}
+"""Fields whose values depend on the machine, the time, the release or on salt."""
 _VARYING_TEXT = re.compile(r"\b[0-9a-f]{32,64}\b|cellwalk [0-9][\w.+]*|run-[\w-]+\.h5")
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from logger.core import ekf
+from logger.core.document import json_text
 from logger.core.geo import Utm
 from logger.core.locator.alternatives import ANTENNA, HEIGHT, REACH, Alternative
 from logger.core.locator.posterior import Mode, Posterior, StrongestReading
@@ -18,7 +19,6 @@ from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath, reference_ekf
-from postproc.json_text import as_json
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.summary import summarise
 from postproc.verification.claims import Claim
@@ -235,4 +235,4 @@ def sample_claims(result: Result) -> Verified:
 
 def json_of(result: Result) -> dict[str, Any]:
     """What `postproc smooth --json` prints."""
-    return json.loads(as_json(summarise(result)))
+    return json.loads(json_text(summarise(result)))

@@ -4,8 +4,11 @@ from collections.abc import Sequence
 
 import click
 
-from logger.command_line import SEED, json_option
+from logger.command_line import SEED, json_option, late_modules, show
 from postproc.options import ListCommand, false_alarm_option
+
+with late_modules():
+    from postproc.reproductions.position_verification import report
 
 
 @click.command("verify-theory", cls=ListCommand)
@@ -45,12 +48,6 @@ def verify_theory(
     as_json: bool,
 ) -> None:
     """Compare the theory of verification with a simulation."""
-    from postproc.json_text import as_json as json_text
-    from postproc.reproductions.position_verification import report, tables
-
     places = report.places(receivers) if receivers else None
     summary = report.summary(p_fa, places, sigmas_m or report.SIGMAS_M, n_trials, seed)
-    if as_json:
-        print(json_text(summary))
-    else:
-        tables.print_theory(summary)
+    show(report.document_of(summary), as_json=as_json)

@@ -6,13 +6,14 @@ coordinates. Its text contains neither the positions of the receivers nor the fa
 relation of its two columns can be tested: one noncentrality, with 4 degrees of freedom and with 3.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from logger.core.arrays import FloatArray
+from logger.core.document import Column, Document, Line, Part, Table, Value
 from logger.core.errors import ConfigError
 from postproc.reproductions.position_verification import ranging, theory
 from postproc.reproductions.position_verification.theory import Scene, detection, noncentrality_of
@@ -225,3 +226,61 @@ def summary(
 def _normality(values: FloatArray, rng: np.random.Generator) -> list[dict[str, Any]]:
     checks = (normality(values, limit, rng) for limit in (None, _CUT_SIGMAS))
     return [check._asdict() for check in checks if check]
+
+
+def document_of(found: dict[str, Any]) -> Document:
+    """The report's table beside the theory."""
+    return Document(found, body=_parts(found))
+
+
+def _parts(found: dict[str, Any]) -> Iterator[Part]:
+    trials = f"{found['trials']} trials; receivers: {found['receivers']}"
+    yield f"false-alarm rate {found['p_fa']:g}, {trials}"
+    titles = ["sigma (m)", "claim sigma (m)", "offset (m)", "P_FA direct", "P_FA indirect"]
+    titles += ["P_D direct", "P_D indirect", "indirect from direct"]
+    yield Table([Column(title) for title in titles], [_theory_row(row) for row in found["rows"]])
+    yield Line("each: theory / simulated", bullet="  ")
+    for note in sorted({row["note"] for row in found["rows"] if row["note"]}):
+        yield Line(note, bullet="  ")
+    yield (
+        "\nprinted in the report, and the indirect value that follows from the direct one, "
+        "by degrees of freedom"
+    )
+    columns = [
+        Column("direct", ".2f"),
+        Column("indirect", ".2f"),
+        *(Column(title, ".3f") for title in ("3 (ours)", "2", "4")),
+        Column("printed - ours", "+.3f"),
+    ]
+    keys = ("printed_direct", "printed_indirect", "dof3", "dof2", "dof4", "difference")
+    yield Table(columns, [[pair[key] for key in keys] for pair in found["printed"]])
+    yield "cannot be known"
+    yield from (Line(what, bullet="  - ") for what in found["cannot_be_known"])
+    error = found["range_error"]
+    yield (
+        f"\nranging by level at {error['distance_m']:g} m, eta {error['eta']:g}, "
+        f"{error['sigma_db']:g} dB, {error['offset_db']:g} dB off: "
+        f"C = {error['slope_db_per_m']:.4f} dB/m"
+    )
+    columns = [
+        Column("range error"),
+        *(Column(title, ".1f", "m") for title in ("first Taylor term", "exact", "simulated")),
+    ]
+    ways = ("{}_m", "exact_{}_m", "simulated_{}_m")
+    rows = [[name, *(error[way.format(name)] for way in ways)] for name in ("mean", "sigma")]
+    yield Table(columns, rows)
+    for law, checks in found["normality"].items():
+        for check in checks:
+            limit = check["limit_sigmas"]
+            values = "all values" if limit is None else f"within {limit:g} sigma"
+            result = f"KS {check['distance']:.3f}, p {check['p']:.3f}"
+            yield Line(f"normal? {law.replace('_', ' ')}, {values}: {result}", bullet="  ")
+
+
+def _theory_row(row: dict[str, Any]) -> list[Value]:
+    rates = (
+        " / ".join("–" if rate is None else f"{rate:.3f}" for rate in row[key].values())
+        for key in ("false_alarm_direct", "false_alarm_indirect", "direct", "indirect")
+    )
+    where = (" ".join(f"{v:g}" for v in row[key]) for key in ("claim_sigma_m", "offset_m"))
+    return [f"{row['sigma_m']:g}", *where, *rates, f"{row['indirect_from_direct']:.3f}"]

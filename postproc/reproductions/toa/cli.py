@@ -5,8 +5,13 @@ from pathlib import Path
 
 import click
 
-from logger.command_line import FILE, json_option
+from logger.command_line import FILE, json_option, late_modules, show
 from postproc.options import ListCommand
+
+with late_modules():
+    from postproc import picture_file, progress
+    from postproc.reproductions.toa import picture, report
+    from postproc.reproductions.toa import simulate as simulation
 
 
 @click.group(no_args_is_help=False)
@@ -51,11 +56,6 @@ def simulate(
     as_json: bool,
 ) -> None:
     """Print the mean errors for each noise variance."""
-    from postproc.picture_file import check_picture
-    from postproc.progress import with_progress
-    from postproc.reproductions.toa import report
-    from postproc.reproductions.toa import simulate as simulation
-
     setting = simulation.setting(
         report.places(anchors) if anchors is not None else None,
         report.places(route) if route is not None else None,
@@ -64,13 +64,9 @@ def simulate(
         seed,
     )
     if plot is not None:
-        check_picture(plot)
-    rows = list(with_progress(simulation.simulate(setting), "simulating", len(setting.sigma2_m2)))
-    if as_json:
-        print(report.as_json(setting, rows, steps=steps))
-    else:
-        report.print_rows(setting, rows, steps=steps)
+        picture_file.check_picture(plot)
+    work = simulation.simulate(setting)
+    rows = list(progress.with_progress(work, "simulating", len(setting.sigma2_m2)))
+    show(report.document_of(setting, rows, steps=steps), as_json=as_json)
     if plot is not None:
-        from postproc.reproductions.toa.picture import draw
-
-        draw(setting, rows, plot)
+        picture.draw(setting, rows, plot)

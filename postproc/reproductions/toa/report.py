@@ -1,14 +1,14 @@
-"""The table of the simulation: in a terminal, and as JSON."""
+"""What the simulation says."""
 
-import json
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from logger.core.arrays import FloatArray
+from logger.core.document import Column, Document, Line, Part, Table, Value
 from logger.core.errors import ConfigError
-from postproc.json_text import Json
 from postproc.reproductions.toa.simulate import Row, Setting
-from postproc.terminal import print_text, screen, table
 
 _COLUMNS = ("LSE", "KF of the README", "KF on squares", "bound, epoch", "bound, motion")
 _NOTES = (
@@ -37,20 +37,32 @@ def places(text: str) -> FloatArray:
         raise ConfigError(_FORM.format(text=text)) from None
 
 
-def as_json(setting: Setting, rows: list[Row], *, steps: bool) -> str:
-    """All figures, with the errors of each step if `steps`."""
-    found = {
-        "anchors_m": setting.anchors.position_m.tolist(),
-        "path_m": setting.path_m.tolist(),
+def document_of(setting: Setting, rows: list[Row], *, steps: bool) -> Document:
+    """Mean errors over steps and runs, a line for each variance; with `steps` for each step too."""
+    content = {
+        "anchors_m": setting.anchors.position_m,
+        "path_m": setting.path_m,
         "runs": setting.runs,
         "seed": setting.seed,
         "rows": [_row(row, steps=steps) for row in rows],
     }
-    return json.dumps(found, indent=2)
+    columns = [
+        Column("sigma²", unit="m²"),
+        *(Column(title, is_right=True) for title in (*_COLUMNS, "NEES KF", "NEES squares")),
+        Column("Q from"),
+    ]
+    apart_m = max(row.pinv_difference_m for row in rows)
+    over = f"{len(setting.path_m)} steps and {setting.runs} runs, {len(setting.anchors)} anchors"
+    body: list[Part] = [
+        f"mean error (m) over {over}",
+        Table(columns, [line for row in rows for line in _lines(row, steps=steps)]),
+        *(Line(note.format(apart=apart_m), "dim") for note in _NOTES),
+    ]
+    return Document(content, body=body)
 
 
-def _row(row: Row, *, steps: bool) -> Json:
-    found: Json = {"sigma2": row.sigma2_m2}
+def _row(row: Row, *, steps: bool) -> dict[str, Any]:
+    found: dict[str, Any] = {"sigma2": row.sigma2_m2}
     found |= {
         name: None if errors is None else float(np.mean(errors))
         for name, errors in _errors(row).items()
@@ -80,27 +92,7 @@ def _errors(row: Row) -> dict[str, FloatArray | None]:
     }
 
 
-def print_rows(setting: Setting, rows: list[Row], *, steps: bool) -> None:
-    """Mean errors over steps and runs, a line for each variance; with `steps` for each step too."""
-    console = screen()
-    print_text(
-        console,
-        f"mean error (m) over {len(setting.path_m)} steps and {setting.runs} runs, "
-        f"{len(setting.anchors)} anchors",
-    )
-    titles = ["sigma² (m²)", *_COLUMNS, "NEES KF", "NEES squares", "Q from"]
-    table(
-        console,
-        titles,
-        [line for row in rows for line in _lines(row, steps=steps)],
-        right=titles[1:-1],
-    )
-    apart_m = max(row.pinv_difference_m for row in rows)
-    for note in _NOTES:
-        print_text(console, note.format(apart=apart_m), "dim")
-
-
-def _lines(row: Row, *, steps: bool) -> list[list[str]]:
+def _lines(row: Row, *, steps: bool) -> list[Sequence[Value]]:
     nees = (f"{row.kf_nees:.2f}", f"{row.squares_nees:.2f}")
     q_from = "README" if row.is_printed else "derived"
     by_step = range(len(row.lse_m) if steps else 0)
@@ -113,6 +105,6 @@ def _lines(row: Row, *, steps: bool) -> list[list[str]]:
 def _metres(row: Row, steps: slice) -> list[str]:
     """Mean errors over some steps with four digits, as the README's errors are known."""
     return [
-        "-" if error_m is None else f"{np.mean(error_m[steps]):#.4g}"
+        "–" if error_m is None else f"{np.mean(error_m[steps]):#.4g}"
         for error_m in _errors(row).values()
     ]

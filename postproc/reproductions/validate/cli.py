@@ -2,8 +2,12 @@
 
 import click
 
-from logger.command_line import json_option
+from logger.command_line import json_option, late_modules, show
 from postproc.options import only_one
+
+with late_modules():
+    from postproc import progress
+    from postproc.reproductions.validate import report, suite
 
 
 @click.command
@@ -14,18 +18,12 @@ from postproc.options import only_one
 )
 def validate(*, quick: bool, as_json: bool, as_page: bool) -> int:
     """Check each claim of the specification by measurement."""
-    from postproc.progress import with_progress
-    from postproc.reproductions.validate import report
-    from postproc.reproductions.validate.suite import GROUPS, QUICK, THOROUGH
-
     only_one({"--json": as_json, "--page": as_page})
-    effort = QUICK if quick else THOROUGH
-    groups = with_progress(GROUPS, "checking the specification", len(GROUPS))
+    effort = suite.QUICK if quick else suite.THOROUGH
+    groups = progress.with_progress(suite.GROUPS, "checking the specification", len(suite.GROUPS))
     checks = [check for group in groups for check in group(effort)]
-    if as_json:
-        print(report.as_json(checks))
-    elif as_page:
+    if as_page:
         print(report.page(checks), end="")
     else:
-        report.print_checks(checks)
+        show(report.document_of(checks), as_json=as_json)
     return 0 if all(check.verdict != "fails" for check in checks) else 1

@@ -1,20 +1,12 @@
-"""The checks as a table, as JSON, and as the page VALIDATION.md."""
+"""What the checks say, and the page VALIDATION.md."""
 
-import json
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
 from itertools import groupby
 
+from logger.core.document import Document, Line, Part, Word
 from postproc.reproductions.validate.check import VERDICTS, Check, Verdict
-from postproc.terminal import print_text, screen, styled_text
 
-_STYLES: dict[Verdict, str] = {
-    "holds": "green",
-    "does not hold": "yellow",
-    "claim is wrong": "magenta",
-    "fails": "bold red",
-}
 _INTRODUCTION = """\
 # The specification, checked
 
@@ -26,22 +18,16 @@ application (service, permissions, map, battery) has no counterpart here and is 
 """
 
 
-def print_checks(checks: Sequence[Check]) -> None:
-    """By topic: verdict and claim, and what we measured."""
-    console = screen()
+def document_of(checks: Sequence[Check]) -> Document:
+    """By topic: verdict and claim, and what we measured; and how often each verdict was given."""
+    body: list[Part] = []
     for topic, of_topic in groupby(checks, key=lambda check: check.topic):
-        print_text(console, topic, "bold")
+        body.append(Line(topic, "bold"))
         for check in of_topic:
-            head = styled_text((f"{check.verdict}: ", _STYLES[check.verdict]), (check.claim, ""))
-            print_text(console, head, bullet="  ")
-            print_text(console, f"measured: {check.measured}", bullet="    ")
-    print_text(console, _summary(checks))
-
-
-def as_json(checks: Sequence[Check]) -> str:
-    """All fields of all checks, and how often each verdict was given."""
-    values = {"checks": [asdict(check) for check in checks], "verdicts": _by_verdict(checks)}
-    return json.dumps(values, indent=2)
+            body.append(Line((Word(check.verdict), f": {check.claim}"), bullet="  "))
+            body.append(Line(f"measured: {check.measured}", bullet="    "))
+    content = {"checks": checks, "verdicts": _by_verdict(checks)}
+    return Document(content, body=[*body, _summary(checks)])
 
 
 def page(checks: Sequence[Check]) -> str:

@@ -1,0 +1,417 @@
+"""What a command or a page says: values for JSON, and lines and tables for a terminal or HTML.
+
+Nothing else pads or aligns text or writes cells of a table. Text of others, from runs and modems,
+cannot steer a terminal and is escaped in HTML.
+"""
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from itertools import groupby, zip_longest
+from os import fspath
+from typing import Any, NamedTuple
+from unicodedata import category, combining, east_asian_width
+
+import msgspec
+
+from logger.core.printable import printable
+
+DASH = "–"
+"""A value that is not known."""
+_GAP = "  "
+_NARROWEST = 20
+"""Columns that are left to a text beside its bullet, in however narrow a terminal."""
+_WORD = re.compile("[^ ]+")
+_KEPT_TOGETHER = "\N{NO-BREAK SPACE}"
+"""A blank at which no line is broken; it is printed as any other."""
+_CODES = {"bold": 1, "dim": 2, "red": 31, "green": 32, "yellow": 33, "magenta": 35}
+"""Of ECMA-48, `select graphic rendition`."""
+
+
+class _Look(NamedTuple):
+    """How a word of a verdict looks: style in a terminal, and a symbol on a page."""
+
+    style: str
+    symbol: str = "○"
+
+
+_LOOKS = {
+    "located": _Look("green", "●"),
+    "ambiguous": _Look("yellow", "◐"),
+    "cannot tell": _Look("red"),
+    "consistent": _Look("green", "●"),
+    "rejected": _Look("red", "✕"),
+    "suspicious": _Look("bold red", "✕"),
+    "unusual": _Look("yellow", "◐"),
+    "holds": _Look("green"),
+    "does not hold": _Look("yellow"),
+    "claim is wrong": _Look("magenta"),
+    "fails": _Look("bold red"),
+    "warning": _Look("yellow", "△"),
+    "error": _Look("red", "✕"),
+}
+
+
+class Word(NamedTuple):
+    """A text in a style, such as `bold red`; without one a verdict has its own."""
+
+    text: str
+    style: str = ""
+
+    @property
+    def terminal_style(self) -> str:
+        """Names of `_CODES`."""
+        return self.style or _LOOKS.get(self.text, _Look("")).style
+
+
+class Measured(NamedTuple):
+    """A value with its standard deviation; None for either where it is not known."""
+
+    value: float | None
+    sigma: float | None
+
+
+class Degrees(NamedTuple):
+    """A position (WGS 84)."""
+
+    lat_deg: float
+    lon_deg: float
+
+
+Text = str | Word
+Value = Text | float | Measured | Degrees | None
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column: its title with the unit, and the format of its numbers, which end at one line.
+
+    `is_right` is for text that stands for numbers, `is_long` for sentences, which wrap on a page.
+    """
+
+    title: str
+    form: str = ""
+    unit: str = ""
+    is_right: bool = False
+    is_long: bool = False
+
+    @property
+    def heading(self) -> str:
+        """Title and unit."""
+        return f"{self.title} ({self.unit})" if self.unit else self.title
+
+    @property
+    def ends_at_one_line(self) -> bool:
+        """Numbers, and text that stands for them."""
+        return self.is_right or bool(self.form)
+
+    def text(self, value: Value) -> Word:
+        """A value as a terminal shows it."""
+        match value:
+            case None:
+                return Word(DASH)
+            case Word():
+                return Word(printable(value.text), value.terminal_style)
+            case Degrees():
+                return Word(f"{value.lat_deg:.5f} {value.lon_deg:.5f}")
+            case Measured():
+                sigma = "" if value.sigma is None else f" ± {self._sigma(value.sigma)}"
+                return Word(f"{self.text(value.value).text}{sigma}")
+            case str():
+                return Word(printable(value))
+        return Word(format(value, self.form))
+
+    def _sigma(self, sigma: float) -> str:
+        return format(sigma, self.form.replace("+", ""))
+
+    def html(self, value: Value) -> str:
+        """A value in HTML; a program can read numbers with all their digits."""
+        match value:
+            case Word():
+                look = _LOOKS.get(value.text)
+                if look is None:
+                    return html_text(value.text)
+                symbol = f'<span aria-hidden="true">{look.symbol}</span>'
+                kind = value.text.replace(" ", "-")
+                return f'<span class="badge {kind}">{symbol} {value.text}</span>'
+            case Degrees():
+                return " ".join(_data(one, f"{one:.5f}") for one in value)
+            case Measured(float() | int() as mean, float() | int() as sigma):
+                beside = f'<span class="sigma">± {_data(sigma, self._sigma(sigma))}</span>'
+                return f"{_data(mean, format(mean, self.form))} {beside}"
+            case float() | int():
+                return _data(value, format(value, self.form))
+        return html_text(self.text(value).text if not isinstance(value, str) else value)
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of values; the values of column `name_column` name the rows.
+
+    A row may end early. Blanks before its name mark a row that belongs to the one above. `label`
+    says on a page what the table is; a long one that `scrolls` has a height of its own there.
+    """
+
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[Value]]
+    label: str = ""
+    name_column: int = 0
+    scrolls: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A paragraph; what follows its first line is indented as far as the bullet is long."""
+
+    text: Text | Sequence[Text]
+    style: str = ""
+    bullet: Text = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """Names and what there is to say of each, which begins `width` columns from the left.
+
+    With a width each fact is printed as soon as it is known; without one the longest name decides.
+    """
+
+    facts: Iterable[tuple[Text, Text]]
+    width: int = 0
+
+
+Part = Text | Line | Facts | Table
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """What a command says.
+
+    `content` is what its JSON is made of: a struct, a dataclass or a mapping. The other parts are
+    for readers: title, warnings, and the body in its order. `remarks` go to the standard error, as
+    they do not belong to the result.
+    """
+
+    content: Any
+    title: Text = ""
+    warnings: Sequence[str] = ()
+    body: Iterable[Part] = ()
+    remarks: Sequence[str] = field(default=())
+
+
+def json_text(content: Any) -> str:
+    """JSON; NaN and infinity become null."""
+    try:
+        encoded = msgspec.json.encode(content, enc_hook=_plain)
+    except UnicodeEncodeError:  # halves of surrogates, in the name of a file
+        return json.dumps(msgspec.to_builtins(content, enc_hook=_plain), indent=2)
+    return msgspec.json.format(encoded, indent=2).decode()
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):  # an array or a scalar of numpy
+        return value.tolist()
+    if isinstance(value, int):  # with its text, as modems print numbers
+        return int(value)
+    if hasattr(value, "__fspath__"):
+        return fspath(value)
+    raise TypeError(f"no JSON for {type(value).__name__}")
+
+
+def terminal_lines(
+    document: Document, columns: int | None = None, *, is_styled: bool = False
+) -> Iterator[str]:
+    """Lines of a terminal that is so wide; a file or a pipe (None) takes lines of any length.
+
+    No word and no number is cut: a table that does not fit becomes a list of its rows.
+    """
+    screen = _Screen(columns, is_styled)
+    if document.title:
+        yield from screen.paragraph(Line(document.title, "bold"))
+    for warning in document.warnings:
+        yield from screen.paragraph(Line(warning, "yellow"))
+    for part in document.body:
+        match part:
+            case Table():
+                yield from screen.table(part)
+            case Facts():
+                yield from screen.facts(part)
+            case Line():
+                yield from screen.paragraph(part)
+            case _:
+                yield from screen.paragraph(Line(part))
+
+
+class _Screen(NamedTuple):
+    """A terminal: its width, None where lines may have any, and whether it shows styles."""
+
+    columns: int | None
+    is_styled: bool
+
+    def paragraph(self, line: Line) -> Iterator[str]:
+        """The text, wrapped at blanks only; a word that is longer than a line stays whole."""
+        parts = [line.text] if isinstance(line.text, str | Word) else line.text
+        words = [part if isinstance(part, Word) else Word(part, line.style) for part in parts]
+        text = "".join(printable(word.text, "\n") for word in words)
+        styles = [
+            word.terminal_style or line.style for word in words for _ in printable(word.text, "\n")
+        ]
+        bullet = printable(_text(line.bullet))
+        indent = width_of(bullet)
+        shown_bullet = self._styled(bullet, [_style(line.bullet)] * len(bullet))
+        start = 0
+        for one in text.split("\n"):
+            for begin, end in self._wrapped(one, indent):
+                shown = one[begin:end].rstrip().replace(_KEPT_TOGETHER, " ")
+                yield shown_bullet + self._styled(shown, styles[start + begin :])
+                shown_bullet = " " * indent
+            start += len(one) + 1
+
+    def _wrapped(self, text: str, indent: int) -> list[tuple[int, int]]:
+        """Begin and end of each line of a text."""
+        if self.columns is None:
+            return [(0, len(text))]
+        width = max(self.columns - indent, _NARROWEST)
+        starts, start, end = [0], 0, 0
+        for word in _WORD.finditer(text):
+            if end > start and width_of(text[start : word.end()]) > width:
+                start = word.start()
+                starts.append(start)
+            end = word.end()
+        return list(zip(starts, [*starts[1:], len(text)], strict=True))
+
+    def _styled(self, text: str, styles: Sequence[str]) -> str:
+        """The text with the codes of the style of each character."""
+        if not self.is_styled:
+            return text
+        out = ""
+        for style, group in groupby(zip(text, styles, strict=False), key=lambda pair: pair[1]):
+            part = "".join(character for character, _ in group)
+            codes = ";".join(str(_CODES[name]) for name in style.split())
+            out += f"\x1b[{codes}m{part}\x1b[0m" if codes else part
+        return out
+
+    def facts(self, listed: Facts) -> Iterator[str]:
+        """Name and text side by side."""
+        facts = listed.facts
+        width = listed.width
+        if not width:
+            facts = list(facts)
+            width = max((width_of(_text(name)) for name, _ in facts), default=0)
+        for name, text in facts:
+            bullet = _text(name)
+            bullet += " " * (width - width_of(bullet)) + _GAP
+            yield from self.paragraph(Line(text, bullet=Word(bullet, _style(name))))
+
+    def table(self, table: Table) -> Iterator[str]:
+        """Columns side by side where they fit, else each row as a list of its values."""
+        rows = [
+            [column.text(value) for column, value in zip(table.columns, row, strict=False)]
+            for row in table.rows
+        ]
+        if not rows:
+            return
+        titles = [Word(column.heading, "bold") for column in table.columns]
+        widths = [
+            max(width_of(word.text) for word in column if word)
+            for column in zip_longest(titles, *rows)
+        ]
+        if self.columns is not None and sum(widths) + len(_GAP) * (len(widths) - 1) > self.columns:
+            yield from self.paragraph(Line(titles[table.name_column]))
+            for row in rows:
+                yield from self._list(table, row)
+            return
+        for row in [titles, *rows]:
+            cells = []
+            for column, word, width in zip(table.columns, row, widths, strict=False):
+                blank = " " * (width - width_of(word.text))
+                shown = self._styled(word.text, [word.terminal_style] * len(word.text))
+                cells.append(blank + shown if column.ends_at_one_line else shown + blank)
+            yield _GAP.join(cells).rstrip()
+
+    def _list(self, table: Table, row: Sequence[Word]) -> Iterator[str]:
+        """Name of a row, then `title value` for each value that it has."""
+        name = row[table.name_column].text
+        values = [
+            f"{column.heading} {word.text}".replace(" ", _KEPT_TOGETHER)
+            for column, word in zip(table.columns, row, strict=False)
+            if word is not row[table.name_column] and word.text
+        ]
+        yield from self.paragraph(Line(", ".join(values), bullet=f"{_GAP}{name}: "))
+
+
+def _text(text: Text) -> str:
+    return text.text if isinstance(text, Word) else text
+
+
+def _style(text: Text) -> str:
+    return text.terminal_style if isinstance(text, Word) else ""
+
+
+def width_of(text: str) -> int:
+    """Columns of a terminal that a text takes; a wide character of East Asia takes two."""
+    if text.isascii():
+        return len(text)
+    return sum(
+        0 if combining(c) or category(c) in {"Mn", "Me"} else 1 + (east_asian_width(c) in "WF")
+        for c in text
+    )
+
+
+def plain_text(text: str) -> str:
+    """Text without control characters and halves of surrogates."""
+    return "".join(
+        "\N{REPLACEMENT CHARACTER}" if category(c).startswith("C") and c not in "\n\t" else c
+        for c in text
+    )
+
+
+def html_text(text: str) -> str:
+    """Text in HTML."""
+    return escape(plain_text(text))
+
+
+def html_value(value: Value, form: str = "") -> str:
+    """A value in HTML outside a table."""
+    return Column("", form).html(value)
+
+
+def html_table(table: Table) -> str:
+    """A table in a region that scrolls by itself, also by keys."""
+    scroll = "scroll tall" if table.scrolls else "scroll"
+    lines = [
+        f'<div class="{scroll}" role="region" tabindex="0" aria-label="{html_text(table.label)}">',
+        "<table>",
+        f"<thead><tr>{''.join(map(_head, table.columns))}</tr></thead>",
+        "<tbody>",
+        *(f"<tr>{''.join(_cells(table, row))}</tr>" for row in table.rows),
+        "</tbody>",
+        "</table>",
+        "</div>",
+    ]
+    return "\n".join(lines)
+
+
+def _head(column: Column) -> str:
+    return f'<th scope="col"{_class(column)}>{html_text(column.heading)}</th>'
+
+
+def _class(column: Column) -> str:
+    kind = "number" if column.ends_at_one_line else "text" if column.is_long else ""
+    return f' class="{kind}"' if kind else ""
+
+
+def _cells(table: Table, row: Sequence[Value]) -> Iterator[str]:
+    values = [*row, *[""] * (len(table.columns) - len(row))]
+    for i, (column, value) in enumerate(zip(table.columns, values, strict=True)):
+        if i != table.name_column:
+            yield f"<td{_class(column)}>{column.html(value)}</td>"
+            continue
+        name = column.text(value).text
+        sub = ' class="sub"' if name.startswith(" ") else ""
+        yield f'<th scope="row"{sub}><bdi>{html_text(name.strip())}</bdi></th>'
+
+
+def _data(value: float, text: str) -> str:
+    return f'<data value="{value}">{text}</data>'

@@ -1,0 +1,141 @@
+"""What `postproc suspect` says: the words of all cells with their reasons."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import msgspec
+
+from logger.core.document import Document, Line, Word
+from logger.core.suspicion import finding as findings
+from logger.core.suspicion.finding import Finding
+from logger.core.suspicion.rules import RULES, rate_text
+from logger.core.suspicion.words import (
+    Assessment,
+    false_alarms_per_hour,
+    sentences,
+    word_rate_text,
+)
+from postproc.suspicion.run_assessment import Suspicions
+
+_NEVER = (
+    "A word is no accusation: it is a reason to walk there. Telephones in cars gave the rates; a "
+    "cell that copies another in everything stays unnoticed."
+)
+
+
+class FindingJson(msgspec.Struct, frozen=True):
+    """One reason: `t_s` in seconds since the run began, `lat` and `lon` degrees (WGS 84).
+
+    They are null for a reason that is about the whole run.
+    """
+
+    rule: str
+    family: str
+    text: str
+    t_s: float | None
+    lat: float | None
+    lon: float | None
+    evidence: Mapping[str, findings.Value]
+
+
+class CellJson(msgspec.Struct, frozen=True):
+    """One cell; `false_alarms_per_hour` is the rate at which legitimate cells earn its word.
+
+    `error` is that of a rule that failed for it, which is one of the program.
+    """
+
+    cell: str
+    word: findings.Word
+    score_nats: float
+    false_alarms_per_hour: float
+    findings: Sequence[FindingJson]
+    error: str | None = None
+
+
+class SuspicionsJson(msgspec.Struct, frozen=True):
+    """All cells, the most suspicious first, and the rules that were not asked with their needs.
+
+    `errors` are those of rules that failed, by cell; the name of none is empty.
+    """
+
+    cells: Sequence[CellJson]
+    not_asked: Mapping[str, Sequence[str]]
+    errors: Mapping[str, str | None]
+
+
+def document_of(suspicions: Suspicions) -> Document:
+    """Cells with a word or a warning and their reasons, then the others and what was not asked."""
+    errors = {cell: failure.error for cell, failure in suspicions.failures.items()}
+    cells = [
+        CellJson(
+            cell.cell,
+            cell.word,
+            round(cell.score_nats, 3),
+            round(false_alarms_per_hour(cell.word), 4),
+            [_finding(suspicions, finding) for finding in cell.findings],
+            errors.get(cell.cell),
+        )
+        for cell in suspicions.cells
+    ]
+    content = SuspicionsJson(cells, suspicions.not_asked, errors)
+    return Document(content, body=_lines(suspicions))
+
+
+def _lines(suspicions: Suspicions) -> Iterator[str | Line]:
+    named = [cell for cell in suspicions.cells if cell.word != "nothing unusual"]
+    warned = [cell for cell in suspicions.cells if cell not in named and _has_warning(cell)]
+    for cell in (*named, *warned):
+        yield Line((f"{cell.cell}: ", Word(cell.word)))
+        if cell.word != "nothing unusual":
+            yield Line(word_rate_text(cell.word), bullet="  ")
+        for finding in sentences(cell.findings):
+            yield Line(reason_text(suspicions, finding), bullet="  - ")
+        yield ""
+    others = len(suspicions.cells) - len(named) - len(warned)
+    if others:
+        kept = f"{others} {'other ' if named or warned else ''}cell{'s' * (others != 1)}"
+        yield f"{kept}: nothing unusual"
+    for cell_name, failure in suspicions.failures.items():
+        where = f"{cell_name}: " if cell_name else ""
+        yield Line(f"{where}{failure.reason}", "red")
+    if not suspicions.cells:
+        yield "no cell was named by two scans"
+    if suspicions.not_asked:
+        yield f"not asked: {not_asked_text(suspicions)}"
+    yield _NEVER
+
+
+def not_asked_text(suspicions: Suspicions) -> str:
+    """Rules that were not asked, by what was missing."""
+    by_need: dict[str, list[str]] = {}
+    for rule, needs in suspicions.not_asked.items():
+        by_need.setdefault(", ".join(needs), []).append(rule)
+    return "; ".join(f"{', '.join(rules)} (no {need})" for need, rules in by_need.items())
+
+
+def _has_warning(cell: Assessment) -> bool:
+    return any(RULES[finding.rule].only_warns for finding in cell.findings)
+
+
+def reason_text(suspicions: Suspicions, finding: Finding) -> str:
+    """A finding with time, place, what else explains it, and its rate."""
+    rule = RULES[finding.rule]
+    where = "" if finding.lat_deg is None else f", {finding.lat_deg:.5f} {finding.lon_deg:.5f}"
+    seconds = suspicions.seconds(finding)
+    when = "" if seconds is None else f" ({seconds:.0f} s{where})"
+    return (
+        f"{finding.text}{when}. Also seen with: {rule.innocent}. "
+        f"{rate_text(rule, finding.nats)} [{rule.id}]"
+    )
+
+
+def _finding(suspicions: Suspicions, finding: Finding) -> FindingJson:
+    seconds = suspicions.seconds(finding)
+    return FindingJson(
+        finding.rule,
+        finding.family,
+        finding.text,
+        None if seconds is None else round(seconds, 3),
+        finding.lat_deg,
+        finding.lon_deg,
+        finding.evidence,
+    )
