@@ -142,11 +142,11 @@ def smooth(
     estimated = estimate(runs, cells, result.Options(prior, loss, within_m))
     summed = summary.summarise(ordering.order_by_word(estimated))
     # printed first: a run on a read-only card has an answer too
-    said = summary.document_of(summed, details=bool(cells or verbose))
-    show(said.document, as_json=as_json)
+    said, failures = summary.document_of(summed, details=bool(cells or verbose))
+    show(said, as_json=as_json)
     beside = results.path_beside(paths[0], together=len(runs) > 1)
     results.write(estimated, summed, beside, cells)
-    return cell_work.exit_code([*summed.cells, *said.failures])
+    return cell_work.exit_code([*summed.cells, *failures])
 
 
 @program.command

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -77,15 +78,11 @@ _RUN_COLUMNS = (
 Parts = list[str | Line | Table]
 
 
-class Said(NamedTuple):
-    """What the command says, and the cells of which a part could not be said."""
+def document_of(summary: form.Summary, *, details: bool) -> tuple[Document, list[Failure]]:
+    """One line for each cell, the located first; with `details` its reasons and estimators.
 
-    document: Document
-    failures: list[Failure]
-
-
-def document_of(summary: form.Summary, *, details: bool) -> Said:
-    """One line for each cell, the located first; with `details` its reasons and estimators."""
+    Beside it stand the cells of which a part could not be said.
+    """
     one_run = isinstance(summary, form.SummaryOfRun)
     runs = [summary.run] if isinstance(summary, form.SummaryOfRun) else summary.runs
     cells = sorted(summary.cells, key=lambda cell: _ORDER.index(cell.verdict))
@@ -122,7 +119,7 @@ def document_of(summary: form.Summary, *, details: bool) -> Said:
         likely = f"likely: {RADII[0]} (50 %); surely: {RADII[1]} (95 %)"
         more = "The reasons and all details of one cell: --cell NAME; of every cell: -v"
         parts.append(Line(f"\n{likely}\n{more}", "dim"))
-    return Said(Document(summary, body=parts), failures)
+    return Document(summary, body=parts), failures
 
 
 def _failure_line(failure: Failure) -> Line:
@@ -159,14 +156,14 @@ def _cell_parts(cell: form.Cell) -> Parts:
     counts = f"  {cell.n} readings{scans}  "
     parts: Parts = ["", Line((Word(cell.cell, "bold"), counts, Word(cell.verdict)))]
     parts += [Line(warning, bullet="  - ") for warning in cell.warnings]
-    parts.append(Table(_ESTIMATOR_COLUMNS, list(_estimator_rows(cell))))
+    parts.append(estimator_table(cell))
     if cell.alternatives:
         parts.append(Line(alternatives_text(cell.alternatives), bullet="  "))
     if cell.timing is not UNSET:
         points = f"read at {cell.timing.places} points, {cell.timing.disagree} disagree"
         parts.append(Line(f"timing advance: {points}", bullet="  "))
     if cell.without:
-        parts.append(_run_table(cell))
+        parts.append(run_table(cell))
     if cell.truth is not None and cell.truth.error_m is not None:
         side = "inside" if cell.truth.inside_region95 else "OUTSIDE"
         error = f"best position is {cell.truth.error_m:.0f} m off"
@@ -174,11 +171,18 @@ def _cell_parts(cell: form.Cell) -> Parts:
     return parts
 
 
+def estimator_table(cell: form.Cell) -> Table:
+    """The posterior, its modes where there are several, and every estimator."""
+    return Table(
+        _ESTIMATOR_COLUMNS, list(_estimator_rows(cell)), f"All estimators of cell {cell.cell}"
+    )
+
+
 def _estimator_rows(cell: form.Cell) -> Iterator[tuple[Value, ...]]:
     best = cell.best
     if best.lat is not None:
         yield ("posterior", _degrees_of(best), _radii(best), *_parameters(best), cell.n)
-    for i, mode in enumerate(cell.modes, 1):
+    for i, mode in enumerate(cell.modes if len(cell.modes) > 1 else (), 1):
         share = share_text(mode.probability) if mode.percent is None else f"{mode.percent}%"
         yield f"  position {i}: {share}", _degrees_of(mode), _axes(mode.ellipse95)
     for estimator in ESTIMATORS:
@@ -198,15 +202,15 @@ def _parameters(state: form.Best | form.State) -> tuple[Value, Value]:
     return Measured(state.p0_dbm, state.p0_sigma_db), Measured(state.eta, state.eta_sigma)
 
 
-def _run_table(cell: form.Cell) -> Table:
+def run_table(cell: form.Cell) -> Table:
     """What each run contributes: its level against the first, and the answer without it."""
     rows: list[tuple[Value, ...]] = []
     for share, rest in zip(cell.offsets or (), cell.without or (), strict=True):
         is_first = share.offset_db is not None and not share.sigma_db
         level: Value = "0" if is_first else Measured(share.offset_db, share.sigma_db)
         position = (_degrees_of(rest.best), _radii(rest.best)) if rest.best else (None, None)
-        rows.append((share.run, share.n, level, *position, Word(rest.verdict)))
-    return Table(_RUN_COLUMNS, rows)
+        rows.append((Path(share.run).name, share.n, level, *position, Word(rest.verdict)))
+    return Table(_RUN_COLUMNS, rows, f"Run by run: cell {cell.cell}")
 
 
 def _degrees_of(at: form.Best | form.BestWithout | form.Mode | form.State) -> Degrees | None:
@@ -250,7 +254,7 @@ def _run(observed: ObservedRun, more: Sequence[str] = ()) -> form.RunSummary:
 
 
 def _cell_or_why_not(result: CellResult, runs: Sequence[Run]) -> form.Cell:
-    entry = attempt(result.cell, "its summary", lambda: _cell(result, runs))
+    entry = attempt(result.cell, "its summary", lambda: cell_of(result, runs))
     return _without_answer(result.after(entry)) if isinstance(entry, Failure) else entry
 
 
@@ -281,7 +285,8 @@ def _without_answer(result: CellResult) -> form.Cell:
     )
 
 
-def _cell(result: CellResult, runs: Sequence[Run]) -> form.Cell:
+def cell_of(result: CellResult, runs: Sequence[Run]) -> form.Cell:
+    """A cell in JSON."""
     entry = _without_answer(result)
     entry.reference_ekf = _final_state(result, "reference")
     entry.ekf = _final_state(result, "ekf")

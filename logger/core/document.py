@@ -1,4 +1,4 @@
-"""What a command or a page says: values for JSON, and lines and tables for a terminal or HTML.
+"""What a command or a page says: values for JSON; lines and tables for a terminal, HTML, Markdown.
 
 Nothing else pads or aligns text or writes cells of a table. Text of others, from runs and modems,
 cannot steer a terminal and is escaped in HTML.
@@ -30,28 +30,22 @@ _CODES = {"bold": 1, "dim": 2, "red": 31, "green": 32, "yellow": 33, "magenta": 
 """Of ECMA-48, `select graphic rendition`."""
 
 
-class _Look(NamedTuple):
-    """How a word of a verdict looks: style in a terminal, and a symbol on a page."""
-
-    style: str
-    symbol: str = "○"
-
-
 _LOOKS = {
-    "located": _Look("green", "●"),
-    "ambiguous": _Look("yellow", "◐"),
-    "cannot tell": _Look("red"),
-    "consistent": _Look("green", "●"),
-    "rejected": _Look("red", "✕"),
-    "suspicious": _Look("bold red", "✕"),
-    "unusual": _Look("yellow", "◐"),
-    "holds": _Look("green"),
-    "does not hold": _Look("yellow"),
-    "claim is wrong": _Look("magenta"),
-    "fails": _Look("bold red"),
-    "warning": _Look("yellow", "△"),
-    "error": _Look("red", "✕"),
+    "located": ("green", "●"),
+    "ambiguous": ("yellow", "◐"),
+    "cannot tell": ("red", "○"),
+    "consistent": ("green", "●"),
+    "rejected": ("red", "✕"),
+    "suspicious": ("bold red", "✕"),
+    "unusual": ("yellow", "◐"),
+    "holds": ("green", "●"),
+    "does not hold": ("yellow", "◐"),
+    "claim is wrong": ("magenta", "○"),
+    "fails": ("bold red", "✕"),
+    "warning": ("yellow", "△"),
+    "error": ("red", "✕"),
 }
+"""Style in a terminal and symbol on a page of each word of a verdict."""
 
 
 class Word(NamedTuple):
@@ -63,7 +57,7 @@ class Word(NamedTuple):
     @property
     def terminal_style(self) -> str:
         """Names of `_CODES`."""
-        return self.style or _LOOKS.get(self.text, _Look("")).style
+        return self.style or _LOOKS.get(self.text, ("", ""))[0]
 
 
 class Measured(NamedTuple):
@@ -130,10 +124,9 @@ class Column:
         """A value in HTML; a program can read numbers with all their digits."""
         match value:
             case Word():
-                look = _LOOKS.get(value.text)
-                if look is None:
+                if value.text not in _LOOKS:
                     return html_text(value.text)
-                symbol = f'<span aria-hidden="true">{look.symbol}</span>'
+                symbol = f'<span aria-hidden="true">{_LOOKS[value.text][1]}</span>'
                 kind = value.text.replace(" ", "-")
                 return f'<span class="badge {kind}">{symbol} {value.text}</span>'
             case Degrees():
@@ -415,3 +408,21 @@ def _cells(table: Table, row: Sequence[Value]) -> Iterator[str]:
 
 def _data(value: float, text: str) -> str:
     return f'<data value="{value}">{text}</data>'
+
+
+def markdown_text(text: str) -> str:
+    """Text in Markdown in which nothing is markup."""
+    return "".join(f"\\{c}" if c in "\\`*_[]<>#|" else c for c in plain_text(text))
+
+
+def markdown_table(table: Table) -> str:
+    """A table in Markdown; nothing without rows."""
+    rows = [
+        [column.text(value).text for column, value in zip(table.columns, row, strict=False)]
+        for row in table.rows
+    ]
+    if not rows:
+        return ""
+    titles = [column.heading for column in table.columns]
+    head, *others = (" | ".join(map(markdown_text, row)) for row in (titles, *rows))
+    return "\n".join(f"| {line} |" for line in (head, " | ".join("---" for _ in titles), *others))

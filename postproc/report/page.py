@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from math import inf
 
 from jinja2 import Template
@@ -14,16 +14,17 @@ from logger.core.locator.rivals import alternatives_text, relevant_modes, share_
 from logger.core.runfile import Run
 from postproc.html_page import page_environment
 from postproc.info import CellCount, Event, Gap, Info, describe
-from postproc.pictures.estimates import estimator_rows
 from postproc.report import wording
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
 from postproc.report.wording import Answer
 from postproc.result import CellResult, ObservedRun, Result
+from postproc.summary import cell_of, estimator_table, run_table
 from postproc.verification.verdicts import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
+_NO_TABLE = Table((), ())
 _MOST_PLACES = 4
 _MOST_EVENTS = 150
 _MOST_GAPS = 60
@@ -72,6 +73,7 @@ class CellSection:
     places: tuple[Place, ...]
     figures: tuple[PageFigure, ...]
     estimators: Table
+    runs: Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,9 +118,14 @@ class RunSection:
 
 
 def cell_section(
-    number: int, result: CellResult, figures: Sequence[ReportFigure], streets: Streets = no_street
+    number: int,
+    result: CellResult,
+    runs: Sequence[Run],
+    figures: Sequence[ReportFigure],
+    streets: Streets = no_street,
 ) -> CellSection:
-    """A cell with its figures; the number identifies it on the page."""
+    """A cell of runs with its figures; the number identifies it on the page."""
+    summed = cell_of(result, runs)
     key = f"cell-{number}"
     answer = wording.answer(result)
     answered = f"{answer.text} {answer.advice}".lower()
@@ -129,14 +136,15 @@ def cell_section(
         findings=tuple(text for text in result.warnings if text.lower() not in answered),
         places=tuple(_places(result, streets)),
         figures=tuple(_page_figure(f"{key}-{figure.name}", figure) for figure in figures),
-        estimators=_estimator_table(result),
+        estimators=estimator_table(summed),
+        runs=run_table(summed),
     )
 
 
 def section_without_details(number: int, result: CellResult) -> CellSection:
     """A cell whose details could not be made: the reason."""
     answer = Answer(result.verdict, "No details", result.warnings[0], None)
-    return CellSection(f"cell-{number}", result, answer, (), (), (), Table((), ()))
+    return CellSection(f"cell-{number}", result, answer, (), (), (), _NO_TABLE, _NO_TABLE)
 
 
 def _places(result: CellResult, streets: Streets) -> Iterator[Place]:
@@ -180,7 +188,6 @@ def html(
         prior=next((cell.posterior.prior for cell in result.cells if cell.posterior), None),
         cell_table=_cell_table(result.cells, _strongest_counts(runs)),
         claim_table=_claim_table(verified or _NO_CLAIMS),
-        run_table=partial(_run_table, runs),
         overview=_page_figure(overview.name, overview) if overview else None,
         cell_map=_page_figure(cell_map.name, cell_map) if cell_map else None,
         runs=runs,
@@ -217,44 +224,6 @@ def _template(name: str) -> Template:
 _POSITION = Column("latitude and longitude")
 _RADII = tuple(Column(radius, ".0f", "m") for radius in RADII)
 _PARAMETERS = (Column("P0", ".1f", "dBm"), Column("eta", ".2f"))
-
-
-def _estimator_table(cell: CellResult) -> Table:
-    columns = (
-        Column("estimator"),
-        _POSITION,
-        Column("50 %; 95 %", unit="m"),
-        *_PARAMETERS,
-        Column("readings", "d"),
-    )
-    rows: list[tuple[Value, ...]] = []
-    for i, row in enumerate(estimator_rows(cell)):
-        name = f"{row.name}, the answer" if not i else row.name
-        where = (Degrees(*row.position_deg), row.extent)
-        if row.p0 is None or row.eta is None:  # a mode of the posterior
-            rows.append((f"  {name}", *where))
-        else:
-            rows.append((name, *where, Measured(*row.p0), Measured(*row.eta), row.n))
-    return Table(columns, rows, f"All estimators of cell {cell.cell}")
-
-
-def _run_table(runs: Sequence[RunSection], cell: CellResult) -> Table:
-    """What each run contributes: its level against the first, and the answer without it."""
-    columns = (
-        Column("run"),
-        Column("readings", "d"),
-        Column("modem offset", "+.1f", "dB"),
-        Column("position without it"),
-        *_RADII,
-        Column("verdict without it"),
-    )
-    rows = []
-    for share in cell.shares:
-        rest = cell.without[share.run]
-        offset = Measured(share.offset_db, share.sigma_db)
-        name = runs[share.run].run.path.name
-        rows.append((name, share.n, offset, *_place(rest), Word(rest.verdict)))
-    return Table(columns, rows, f"Run by run: cell {cell.cell}")
 
 
 def _place(cell: CellResult) -> tuple[Value, Value, Value]:

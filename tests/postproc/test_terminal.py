@@ -84,8 +84,8 @@ def _all_at_once(tmp_path):
     verified = kit.sample_claims(kit.sample_result(run))
     return {
         "info": lambda: info_document(describe(run), details=True),
-        "smooth": lambda: document_of(found, details=False).document,
-        "smooth -v": lambda: document_of(found, details=True).document,
+        "smooth": lambda: document_of(found, details=False)[0],
+        "smooth -v": lambda: document_of(found, details=True)[0],
         "verify": lambda: verification.document_of(verified),
     }
 
@@ -136,7 +136,7 @@ def test_one_line_a_cell_and_the_located_first(tmp_path):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=33)
     found = summarise(kit.sample_result(run))
     found.cells.reverse()
-    lines = _shown(document_of(found, details=False).document, 80).splitlines()
+    lines = _shown(document_of(found, details=False)[0], 80).splitlines()
     rows = [line for line in lines if line.startswith("262-01-4711-")]
     assert len(rows) == 33
     assert [line.split()[2] for line in rows][:2] == ["located", "cannot"]
@@ -166,7 +166,7 @@ def test_markup_in_a_run_is_text(tmp_path):
     found = summarise(kit.sample_result(run))
     found.cells[0].cell = "[/bold]:smile:[red]"
     for details in (False, True):
-        said = document_of(found, details=details).document
+        said = document_of(found, details=details)[0]
         assert "[/bold]:smile:[red]" in _shown(said, 80)
 
 
@@ -183,8 +183,8 @@ def test_nothing_in_a_run_steers_the_terminal(tmp_path, columns):
         info, path=evil, origin=evil, stopped=evil, cells=cells, events=events, started_utc=evil
     )
     for said in (
-        document_of(found, details=False).document,
-        document_of(found, details=True).document,
+        document_of(found, details=False)[0],
+        document_of(found, details=True)[0],
         info_document(info),
     ):
         output = _shown(said, columns)

@@ -54,8 +54,7 @@ def test_smooth_says_whether_the_ta_agree(tmp_path):
     assert contradicted.timing.disagree > 8
     assert any("timing advance disagrees" in warning for warning in contradicted.warnings)
     said_of_none, said_of_near = (
-        "\n".join(terminal_lines(document_of(summary, details=True).document))
-        for summary in (none, near)
+        "\n".join(terminal_lines(document_of(summary, details=True)[0])) for summary in (none, near)
     )
     assert f"timing advance: read at {points} points, 0 disagree" in said_of_near
     assert "timing" not in said_of_none
