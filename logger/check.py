@@ -14,7 +14,7 @@ from pyproj.exceptions import ProjError
 from logger.baseline_file import BaselineFile, bound_heap
 from logger.command_line import missing_library
 from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
-from logger.core.document import Document, Facts, Word
+from logger.core.document import Document, Word, facts
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.geo import Utm
 from logger.core.guidance.street_atlas import StreetAtlas
@@ -48,8 +48,8 @@ _STYLES = {"ok": "", "warn": "yellow", "fail": "red"}
 
 def document_of(lines: Sequence[Line]) -> Document:
     """What was checked, a line each."""
-    facts = [(Word(line.state, _STYLES[line.state]), f"{line.what}: {line.text}") for line in lines]
-    return Document(lines, body=[Facts(facts)])
+    said = [(Word(line.state, _STYLES[line.state]), f"{line.what}: {line.text}") for line in lines]
+    return Document(lines, body=facts(said))
 
 
 def exit_code(lines: Sequence[Line]) -> int:

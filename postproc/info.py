@@ -9,7 +9,7 @@ import numpy as np
 
 from logger.core.censoring import levels_dbm
 from logger.core.column import UNKNOWN_ID
-from logger.core.document import Column, Document, Facts, Line, Table, Word
+from logger.core.document import Column, Document, Line, Table, Word, facts
 from logger.core.errors import ConfigError
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run, Sealing, read_sound_run, sealing_of
@@ -110,10 +110,10 @@ def document_of(info: Info, *, details: bool = False) -> Document:
     return Document(info, title, body=_parts(info, details=details))
 
 
-def _parts(info: Info, *, details: bool) -> Iterator[Line | Facts | Table]:
+def _parts(info: Info, *, details: bool) -> Iterator[Line | Table]:
     cells = info.cells if details else info.cells[:MOST_CELLS]
     most = max(len(info.gaps), len(info.events)) if details else MOST
-    yield Facts(_facts(info))
+    yield from facts(_facts(info))
     rows = [(one.cell, one.rat, one.n, one.n_scans, one.strongest_dbm) for one in cells]
     yield Table(_CELL_COLUMNS, rows)
     yield from _rest(len(info.cells) - len(cells), "cells")
@@ -126,7 +126,7 @@ def _parts(info: Info, *, details: bool) -> Iterator[Line | Facts | Table]:
         style = _STYLES.get(event.level, "dim")
         yield Line(f"{event.source}: {event.text}", style, bullet=f"+{event.t_s:.0f} s  ")
     yield from _rest(len(info.events) - len(gravest), "events")
-    yield Facts([("digest", info.digest)])
+    yield from facts([("digest", info.digest)])
 
 
 def _rest(n: int, what: str) -> Iterator[Line]:
@@ -156,11 +156,9 @@ def _facts(info: Info) -> Iterator[tuple[Word | str, Word | str]]:
 
 def document_of_checks(checks: Sequence["Check"]) -> Document:
     """What `info --verify` says."""
-    facts = [
-        ("ok" if check.holds else Word("FAIL", "red"), f"{check.what}: {check.text}")
-        for check in checks
-    ]
-    return Document(checks, body=[Facts(facts)])
+    ok, fail = Word("ok"), Word("FAIL", "red")
+    said = [(ok if check.holds else fail, f"{check.what}: {check.text}") for check in checks]
+    return Document(checks, body=facts(said))
 
 
 def describe(run: Run) -> Info:

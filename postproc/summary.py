@@ -11,7 +11,7 @@ from msgspec import UNSET
 
 from logger.core import ekf
 from logger.core.arrays import FloatArray
-from logger.core.document import Column, Degrees, Document, Line, Measured, Table, Value, Word
+from logger.core.document import Column, Document, Line, Measured, Table, Value, Word, degrees_text
 from logger.core.ellipse import RADII, Ellipse, ellipse95
 from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
@@ -142,7 +142,7 @@ def _cell_row(cell: form.Cell) -> tuple[Value, ...]:
     if cell.verdict == "located":
         error = _metres(cell.truth.error_m) if cell.truth else ""
         radii = _metres(cell.best.r50_m), _metres(cell.best.r95_m)
-        return (*row, _degrees_of(cell.best), *radii, error)
+        return (*row, _position(cell.best), *radii, error)
     if cell.verdict == "ambiguous":
         n = sum(mode.percent is not None for mode in cell.modes)
         return (*row, f"{n} positions")
@@ -181,10 +181,10 @@ def estimator_table(cell: form.Cell) -> Table:
 def _estimator_rows(cell: form.Cell) -> Iterator[tuple[Value, ...]]:
     best = cell.best
     if best.lat is not None:
-        yield ("posterior", _degrees_of(best), _radii(best), *_parameters(best), cell.n)
+        yield ("posterior", _position(best), _radii(best), *_parameters(best), cell.n)
     for i, mode in enumerate(cell.modes if len(cell.modes) > 1 else (), 1):
         share = share_text(mode.probability) if mode.percent is None else f"{mode.percent}%"
-        yield f"  position {i}: {share}", _degrees_of(mode), _axes(mode.ellipse95)
+        yield f"  position {i}: {share}", _position(mode), _axes(mode.ellipse95)
     for estimator in ESTIMATORS:
         title = f"{estimator.name}*" if estimator == REFERENCE else estimator.name
         state: form.FinalState | form.LeastSquares = getattr(cell, estimator.json_key)
@@ -195,7 +195,7 @@ def _estimator_rows(cell: form.Cell) -> Iterator[tuple[Value, ...]]:
             if isinstance(state, form.LeastSquares) and state.bounded is False:
                 # a fit that the readings do not bound has no uncertainty
                 extent = ("no bounds", state.p0_dbm, state.eta)
-            yield (title, _degrees_of(state), *extent, state.n)
+            yield (title, _position(state), *extent, state.n)
 
 
 def _parameters(state: form.Best | form.State) -> tuple[Value, Value]:
@@ -208,13 +208,13 @@ def run_table(cell: form.Cell) -> Table:
     for share, rest in zip(cell.offsets or (), cell.without or (), strict=True):
         is_first = share.offset_db is not None and not share.sigma_db
         level: Value = "0" if is_first else Measured(share.offset_db, share.sigma_db)
-        position = (_degrees_of(rest.best), _radii(rest.best)) if rest.best else (None, None)
+        position = (_position(rest.best), _radii(rest.best)) if rest.best else (None, None)
         rows.append((Path(share.run).name, share.n, level, *position, Word(rest.verdict)))
     return Table(_RUN_COLUMNS, rows, f"Run by run: cell {cell.cell}")
 
 
-def _degrees_of(at: form.Best | form.BestWithout | form.Mode | form.State) -> Degrees | None:
-    return None if at.lat is None or at.lon is None else Degrees(at.lat, at.lon)
+def _position(at: form.Best | form.BestWithout | form.Mode | form.State) -> str | None:
+    return None if at.lat is None or at.lon is None else degrees_text(at.lat, at.lon)
 
 
 def _metres(m: float | None) -> str:

@@ -28,6 +28,7 @@ _KEPT_TOGETHER = "\N{NO-BREAK SPACE}"
 """A blank at which no line is broken; it is printed as any other."""
 _CODES = {"bold": 1, "dim": 2, "red": 31, "green": 32, "yellow": 33, "magenta": 35}
 """Of ECMA-48, `select graphic rendition`."""
+_STYLE = re.compile(r"\x1b\[[\d;]*m")
 
 
 _LOOKS = {
@@ -67,15 +68,8 @@ class Measured(NamedTuple):
     sigma: float | None
 
 
-class Degrees(NamedTuple):
-    """A position (WGS 84)."""
-
-    lat_deg: float
-    lon_deg: float
-
-
 Text = str | Word
-Value = Text | float | Measured | Degrees | None
+Value = Text | float | Measured | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +102,6 @@ class Column:
                 return Word(DASH)
             case Word():
                 return Word(printable(value.text), value.terminal_style)
-            case Degrees():
-                return Word(f"{value.lat_deg:.5f} {value.lon_deg:.5f}")
             case Measured():
                 sigma = "" if value.sigma is None else f" ± {self._sigma(value.sigma)}"
                 return Word(f"{self.text(value.value).text}{sigma}")
@@ -129,8 +121,6 @@ class Column:
                 symbol = f'<span aria-hidden="true">{_LOOKS[value.text][1]}</span>'
                 kind = value.text.replace(" ", "-")
                 return f'<span class="badge {kind}">{symbol} {value.text}</span>'
-            case Degrees():
-                return " ".join(_data(one, f"{one:.5f}") for one in value)
             case Measured(float() | int() as mean, float() | int() as sigma):
                 beside = f'<span class="sigma">± {_data(sigma, self._sigma(sigma))}</span>'
                 return f"{_data(mean, format(mean, self.form))} {beside}"
@@ -163,18 +153,7 @@ class Line:
     bullet: Text = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Facts:
-    """Names and what there is to say of each, which begins `width` columns from the left.
-
-    With a width each fact is printed as soon as it is known; without one the longest name decides.
-    """
-
-    facts: Iterable[tuple[Text, Text]]
-    width: int = 0
-
-
-Part = Text | Line | Facts | Table
+Part = Text | Line | Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +191,26 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"no JSON for {type(value).__name__}")
 
 
+def facts(named: Iterable[tuple[Text, Text]], width: int = 0) -> Iterator[Line]:
+    """Names and what there is to say of each, side by side.
+
+    With a width of the names each line is made when it is asked for; without one the longest name
+    decides.
+    """
+    if not width:
+        named = list(named)
+        width = max((width_of(_text(name)) for name, _ in named), default=0)
+    for name, text in named:
+        bullet = _text(name)
+        bullet += " " * (width - width_of(bullet)) + _GAP
+        yield Line(text, bullet=Word(bullet, _style(name)))
+
+
+def degrees_text(lat_deg: float, lon_deg: float) -> str:
+    """Latitude and longitude to a metre."""
+    return f"{lat_deg:.5f} {lon_deg:.5f}"
+
+
 def terminal_lines(
     document: Document, columns: int | None = None, *, is_styled: bool = False
 ) -> Iterator[str]:
@@ -219,119 +218,95 @@ def terminal_lines(
 
     No word and no number is cut: a table that does not fit becomes a list of its rows.
     """
-    screen = _Screen(columns, is_styled)
+    for line in _styled_lines(document, columns):
+        yield line if is_styled else _STYLE.sub("", line)
+
+
+def _styled_lines(document: Document, columns: int | None) -> Iterator[str]:
     if document.title:
-        yield from screen.paragraph(Line(document.title, "bold"))
+        yield from _paragraph(Line(document.title, "bold"), columns)
     for warning in document.warnings:
-        yield from screen.paragraph(Line(warning, "yellow"))
+        yield from _paragraph(Line(warning, "yellow"), columns)
     for part in document.body:
-        match part:
-            case Table():
-                yield from screen.table(part)
-            case Facts():
-                yield from screen.facts(part)
-            case Line():
-                yield from screen.paragraph(part)
-            case _:
-                yield from screen.paragraph(Line(part))
+        if isinstance(part, Table):
+            yield from _table(part, columns)
+        else:
+            yield from _paragraph(part if isinstance(part, Line) else Line(part), columns)
 
 
-class _Screen(NamedTuple):
-    """A terminal: its width, None where lines may have any, and whether it shows styles."""
+def _paragraph(line: Line, columns: int | None) -> Iterator[str]:
+    """The text, wrapped at blanks only; a word that is longer than a line stays whole."""
+    parts = [line.text] if isinstance(line.text, str | Word) else line.text
+    words = [
+        Word(printable(_text(part), "\n"), _style(part) or line.style or "plain") for part in parts
+    ]
+    text = "".join(word.text for word in words)
+    styles = [word.style for word in words for _ in word.text]
+    bullet = Word(printable(_text(line.bullet)), _style(line.bullet) or "plain")
+    indent = width_of(bullet.text)
+    shown_bullet = _styled(bullet.text, [bullet.style] * len(bullet.text))
+    start = 0
+    for one in text.split("\n"):
+        for begin, end in _wrapped(one, None if columns is None else columns - indent):
+            shown = one[begin:end].rstrip().replace(_KEPT_TOGETHER, " ")
+            yield shown_bullet + _styled(shown, styles[start + begin :])
+            shown_bullet = " " * indent
+        start += len(one) + 1
 
-    columns: int | None
-    is_styled: bool
 
-    def paragraph(self, line: Line) -> Iterator[str]:
-        """The text, wrapped at blanks only; a word that is longer than a line stays whole."""
-        parts = [line.text] if isinstance(line.text, str | Word) else line.text
-        words = [part if isinstance(part, Word) else Word(part, line.style) for part in parts]
-        text = "".join(printable(word.text, "\n") for word in words)
-        styles = [
-            word.terminal_style or line.style for word in words for _ in printable(word.text, "\n")
-        ]
-        bullet = printable(_text(line.bullet))
-        indent = width_of(bullet)
-        shown_bullet = self._styled(bullet, [_style(line.bullet)] * len(bullet))
-        start = 0
-        for one in text.split("\n"):
-            for begin, end in self._wrapped(one, indent):
-                shown = one[begin:end].rstrip().replace(_KEPT_TOGETHER, " ")
-                yield shown_bullet + self._styled(shown, styles[start + begin :])
-                shown_bullet = " " * indent
-            start += len(one) + 1
+def _wrapped(text: str, width: int | None) -> list[tuple[int, int]]:
+    """Begin and end of each line of a text."""
+    if width is None:
+        return [(0, len(text))]
+    starts, start, end = [0], 0, 0
+    for word in _WORD.finditer(text):
+        if end > start and width_of(text[start : word.end()]) > max(width, _NARROWEST):
+            start = word.start()
+            starts.append(start)
+        end = word.end()
+    return list(zip(starts, [*starts[1:], len(text)], strict=True))
 
-    def _wrapped(self, text: str, indent: int) -> list[tuple[int, int]]:
-        """Begin and end of each line of a text."""
-        if self.columns is None:
-            return [(0, len(text))]
-        width = max(self.columns - indent, _NARROWEST)
-        starts, start, end = [0], 0, 0
-        for word in _WORD.finditer(text):
-            if end > start and width_of(text[start : word.end()]) > width:
-                start = word.start()
-                starts.append(start)
-            end = word.end()
-        return list(zip(starts, [*starts[1:], len(text)], strict=True))
 
-    def _styled(self, text: str, styles: Sequence[str]) -> str:
-        """The text with the codes of the style of each character."""
-        if not self.is_styled:
-            return text
-        out = ""
-        for style, group in groupby(zip(text, styles, strict=False), key=lambda pair: pair[1]):
-            part = "".join(character for character, _ in group)
-            codes = ";".join(str(_CODES[name]) for name in style.split())
-            out += f"\x1b[{codes}m{part}\x1b[0m" if codes else part
-        return out
+def _styled(text: str, styles: Sequence[str]) -> str:
+    """The text with the codes of the style of each character."""
+    out = ""
+    for style, group in groupby(zip(text, styles, strict=False), key=lambda pair: pair[1]):
+        part = "".join(character for character, _ in group)
+        codes = ";".join(str(_CODES[name]) for name in style.split() if name in _CODES)
+        out += f"\x1b[{codes}m{part}\x1b[0m" if codes else part
+    return out
 
-    def facts(self, listed: Facts) -> Iterator[str]:
-        """Name and text side by side."""
-        facts = listed.facts
-        width = listed.width
-        if not width:
-            facts = list(facts)
-            width = max((width_of(_text(name)) for name, _ in facts), default=0)
-        for name, text in facts:
-            bullet = _text(name)
-            bullet += " " * (width - width_of(bullet)) + _GAP
-            yield from self.paragraph(Line(text, bullet=Word(bullet, _style(name))))
 
-    def table(self, table: Table) -> Iterator[str]:
-        """Columns side by side where they fit, else each row as a list of its values."""
-        rows = [
-            [column.text(value) for column, value in zip(table.columns, row, strict=False)]
-            for row in table.rows
-        ]
-        if not rows:
-            return
-        titles = [Word(column.heading, "bold") for column in table.columns]
-        widths = [
-            max(width_of(word.text) for word in column if word)
-            for column in zip_longest(titles, *rows)
-        ]
-        if self.columns is not None and sum(widths) + len(_GAP) * (len(widths) - 1) > self.columns:
-            yield from self.paragraph(Line(titles[table.name_column]))
-            for row in rows:
-                yield from self._list(table, row)
-            return
-        for row in [titles, *rows]:
-            cells = []
-            for column, word, width in zip(table.columns, row, widths, strict=False):
-                blank = " " * (width - width_of(word.text))
-                shown = self._styled(word.text, [word.terminal_style] * len(word.text))
-                cells.append(blank + shown if column.ends_at_one_line else shown + blank)
-            yield _GAP.join(cells).rstrip()
-
-    def _list(self, table: Table, row: Sequence[Word]) -> Iterator[str]:
-        """Name of a row, then `title value` for each value that it has."""
-        name = row[table.name_column].text
-        values = [
-            f"{column.heading} {word.text}".replace(" ", _KEPT_TOGETHER)
-            for column, word in zip(table.columns, row, strict=False)
-            if word is not row[table.name_column] and word.text
-        ]
-        yield from self.paragraph(Line(", ".join(values), bullet=f"{_GAP}{name}: "))
+def _table(table: Table, columns: int | None) -> Iterator[str]:
+    """Columns side by side where they fit, else each row as a list of its values."""
+    rows = [
+        [column.text(value) for column, value in zip(table.columns, row, strict=False)]
+        for row in table.rows
+    ]
+    if not rows:
+        return
+    titles = [Word(column.heading, "bold") for column in table.columns]
+    widths = [
+        max(width_of(word.text) for word in column if word) for column in zip_longest(titles, *rows)
+    ]
+    if columns is not None and sum(widths) + len(_GAP) * (len(widths) - 1) > columns:
+        yield from _paragraph(Line(titles[table.name_column]), columns)
+        for row in rows:
+            name = row[table.name_column]
+            values = [
+                f"{title.text} {word.text}".replace(" ", _KEPT_TOGETHER)
+                for title, word in zip(titles, row, strict=False)
+                if word is not name and word.text
+            ]
+            yield from _paragraph(Line(", ".join(values), bullet=f"{_GAP}{name.text}: "), columns)
+        return
+    for row in [titles, *rows]:
+        cells = []
+        for column, word, width in zip(table.columns, row, widths, strict=False):
+            blank = " " * (width - width_of(word.text))
+            shown = _styled(word.text, [word.terminal_style] * len(word.text))
+            cells.append(blank + shown if column.ends_at_one_line else shown + blank)
+        yield _GAP.join(cells).rstrip()
 
 
 def _text(text: Text) -> str:

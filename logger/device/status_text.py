@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import msgspec
 
@@ -31,15 +30,11 @@ _CELL_COLUMNS = (
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
-class Report(NamedTuple):
-    """What the command says, and whether the walk is being recorded."""
+def report(folder: Path) -> tuple[Document, bool]:
+    """The status of the service now, and whether the walk is being recorded.
 
-    document: Document
-    is_recorded: bool
-
-
-def report(folder: Path) -> Report:
-    """The status of the service now; raises `ConfigError` without permission."""
+    Raises `ConfigError` without permission.
+    """
     try:
         status = running_status(folder)
     except PermissionError:
@@ -48,11 +43,11 @@ def report(folder: Path) -> Report:
         raise ConfigError(f"{folder}: status.json: {error.strerror}") from None
     except ConfigError as error:
         fields = {"state": "error", "text": str(error)}
-        return Report(Document(fields, body=[f"error: {error}"]), is_recorded=False)
+        return Document(fields, body=[f"error: {error}"]), False
     age_s = silent_s(status)
     content = msgspec.structs.asdict(status) | {"silent_s": round(age_s, 1)}
     document = Document(content, body=status_parts(status, age_s))
-    return Report(document, is_recorded=status.state != "error" and not age_s)
+    return document, status.state != "error" and not age_s
 
 
 def running_status(folder: Path = FOLDER) -> Status:

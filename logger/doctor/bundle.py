@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from logger.check import Line
-from logger.core.document import Column, Document, Facts, Table, terminal_lines
+from logger.core.document import Column, Document, Part, Table, facts, terminal_lines
 from logger.core.errors import ConfigError
 from logger.core.runfile import Run
 from logger.device.libraries import installed_versions
@@ -49,14 +49,16 @@ def without_private(text: str) -> str:
     return mask_labelled(text.encode()).decode("utf-8", "replace")
 
 
-def _report(lines: list[Line], config: Path, run: Run | None) -> Iterator[str | Facts | Table]:
+def _report(lines: list[Line], config: Path, run: Run | None) -> Iterator[Part]:
     yield "fieldlogger doctor: numbers of people and devices, cells and places are left out"
     yield ""
-    yield Facts([(line.state, f"{line.what}: {without_private(line.text)}") for line in lines])
+    yield from facts([(line.state, f"{line.what}: {without_private(line.text)}") for line in lines])
     yield "\nmachine"
-    yield Facts([(f"  {name}:", value) for name, value in _machine()])
+    yield from facts([(f"  {name}:", value) for name, value in _machine()])
     yield "\nversions"
-    yield Facts([(f"  {name}", version) for name, version in sorted(installed_versions().items())])
+    yield from facts(
+        [(f"  {name}", version) for name, version in sorted(installed_versions().items())]
+    )
     yield "\nconfiguration"
     yield from (f"  {line}" for line in _settings(config))
     if run is not None:

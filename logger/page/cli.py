@@ -27,13 +27,15 @@ def status(*, watch: bool, as_json: bool) -> int:
     The exit code is 1 while the walk is not being recorded.
     """
     while True:
-        said = status_text.report(service_status.status_folder() or service_status.FOLDER)
+        said, is_recorded = status_text.report(
+            service_status.status_folder() or service_status.FOLDER
+        )
         if watch and sys.stdout.isatty():
             sys.stdout.flush()
             os.write(1, _CLEAR)  # past the filter of control characters, which is for others' text
-        show(said.document, as_json=as_json)
+        show(said, as_json=as_json)
         if not watch:
-            return int(not said.is_recorded)
+            return int(not is_recorded)
         time.sleep(1.0)
 
 

@@ -230,7 +230,7 @@ def share(path: Path, output: Path, blur_m: float, *, as_json: bool) -> None:
     atomic_write.check_writable(output)
     shared = sharing.share(runfile.read_sound_run(path), output, blur_m)
     counts = f"{shared.n_fixes} fixes, {shared.n_scans} scans, {shared.n_readings} readings"
-    facts = [("  removed", what) for what in shared.removed]
-    facts += [("  kept", what) for what in shared.kept]
-    body: list[document.Part] = [f"{shared.path}: {counts}", document.Facts(facts)]
+    parts = [("  removed", what) for what in shared.removed]
+    parts += [("  kept", what) for what in shared.kept]
+    body: list[document.Part] = [f"{shared.path}: {counts}", *document.facts(parts)]
     show(document.Document(shared, body=body), as_json=as_json)

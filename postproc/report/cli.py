@@ -21,7 +21,7 @@ from postproc.options import (
     stored_or_estimated,
     within_option,
 )
-from postproc.verification.cli import ClaimOptions
+from postproc.verification.cli import tested_claims
 
 with late_modules():
     from logger.core import document, runfile
@@ -78,7 +78,17 @@ def report(
         raise ConfigError(f"{basemap}: no such file")
     runs = [runfile.read_sound_run(path) for path in paths]
     options = estimation.Options(prior, within_m=within_m)
-    page = _page(runs, cells, ClaimOptions(claim, claims, p_fa), options, basemap)
+    if len(runs) > 1 and (claim or claims):
+        raise ConfigError("a claim is tested against one run: name only that run")
+    result, conspicuous = ordering.conspicuous_first(stored_or_estimated(runs, cells, options))
+    page = rendering.make_report(
+        result,
+        tested_claims(result, cells or [None], prior, p_fa, claim, claims),
+        most=max(rendering.MOST_DETAILED, len(cells)),
+        first=conspicuous,
+        basemap=basemap,
+        progress=progress.with_progress,
+    )
     if basemap is not None and page.cell_map is None:
         print(f"{basemap} is not drawn: no cell is located or ambiguous", file=sys.stderr)
     size = page.write(target)
@@ -96,24 +106,3 @@ def report(
     text = f"{target}: {detailed}, {size / 1e6:.2f} MB in {took_s:.1f} s{more}"
     show(document.Document(content, body=[text]), as_json=as_json)
     return page.exit_code
-
-
-def _page(
-    runs: list[runfile.Run],
-    cells: Sequence[str],
-    claims: ClaimOptions,
-    options: estimation.Options,
-    basemap: Path | None,
-) -> rendering.Report:
-    if len(runs) > 1 and claims:
-        raise ConfigError("a claim is tested against one run: name only that run")
-    result, conspicuous = ordering.conspicuous_first(stored_or_estimated(runs, cells, options))
-    verified = claims.test(result, cells or [None], options.prior)
-    return rendering.make_report(
-        result,
-        verified,
-        most=max(rendering.MOST_DETAILED, len(cells)),
-        first=conspicuous,
-        basemap=basemap,
-        progress=progress.with_progress,
-    )

@@ -8,7 +8,7 @@ from math import inf
 from jinja2 import Template
 from markupsafe import Markup
 
-from logger.core.document import Column, Degrees, Measured, Table, Value, Word
+from logger.core.document import Column, Measured, Table, Value, Word, degrees_text
 from logger.core.ellipse import RADII, metres
 from logger.core.locator.rivals import alternatives_text, relevant_modes, share_text
 from logger.core.runfile import Run
@@ -230,7 +230,7 @@ def _place(cell: CellResult) -> tuple[Value, Value, Value]:
     """Position and radii of the answer."""
     if cell.posterior is None or cell.obs is None:
         return None, None, None
-    at = Degrees(*cell.obs.utm.to_latlon(cell.posterior.x_m, cell.posterior.y_m))
+    at = degrees_text(*cell.obs.utm.to_latlon(cell.posterior.x_m, cell.posterior.y_m))
     return at, cell.posterior.r50_m, cell.posterior.r95_m
 
 
@@ -286,7 +286,7 @@ def _claim_table(verified: Verified) -> Table:
         (
             cell.cell,
             Word(cell.verdict),
-            Degrees(cell.claim.lat_deg, cell.claim.lon_deg),
+            degrees_text(cell.claim.lat_deg, cell.claim.lon_deg),
             metres(cell.claim.sigma_m) if cell.claim.sigma_m else None,
             cell.claim.source,
             None if cell.distance_m is None else metres(cell.distance_m),

@@ -1,11 +1,8 @@
 """What `postproc suspect` says: the words of all cells with their reasons."""
 
-from collections.abc import Iterator, Mapping, Sequence
-
-import msgspec
+from collections.abc import Iterator, Mapping
 
 from logger.core.document import Document, Line, Word
-from logger.core.suspicion import finding as findings
 from logger.core.suspicion.finding import Finding
 from logger.core.suspicion.rules import RULES, rate_text
 from logger.core.suspicion.words import (
@@ -22,61 +19,21 @@ _NEVER = (
 )
 
 
-class FindingJson(msgspec.Struct, frozen=True):
-    """One reason: `t_s` in seconds since the run began, `lat` and `lon` degrees (WGS 84).
-
-    They are null for a reason that is about the whole run.
-    """
-
-    rule: str
-    family: str
-    text: str
-    t_s: float | None
-    lat: float | None
-    lon: float | None
-    evidence: Mapping[str, findings.Value]
-
-
-class CellJson(msgspec.Struct, frozen=True):
-    """One cell; `false_alarms_per_hour` is the rate at which legitimate cells earn its word.
-
-    `error` is that of a rule that failed for it, which is one of the program.
-    """
-
-    cell: str
-    word: findings.Word
-    score_nats: float
-    false_alarms_per_hour: float
-    findings: Sequence[FindingJson]
-    error: str | None = None
-
-
-class SuspicionsJson(msgspec.Struct, frozen=True):
-    """All cells, the most suspicious first, and the rules that were not asked with their needs.
-
-    `errors` are those of rules that failed, by cell; the name of none is empty.
-    """
-
-    cells: Sequence[CellJson]
-    not_asked: Mapping[str, Sequence[str]]
-    errors: Mapping[str, str | None]
-
-
 def document_of(suspicions: Suspicions) -> Document:
     """Cells with a word or a warning and their reasons, then the others and what was not asked."""
     errors = {cell: failure.error for cell, failure in suspicions.failures.items()}
     cells = [
-        CellJson(
-            cell.cell,
-            cell.word,
-            round(cell.score_nats, 3),
-            round(false_alarms_per_hour(cell.word), 4),
-            [_finding(suspicions, finding) for finding in cell.findings],
-            errors.get(cell.cell),
-        )
+        {
+            "cell": cell.cell,
+            "word": cell.word,
+            "score_nats": round(cell.score_nats, 3),
+            "false_alarms_per_hour": round(false_alarms_per_hour(cell.word), 4),
+            "findings": [_content(suspicions, finding) for finding in cell.findings],
+            "error": errors.get(cell.cell),
+        }
         for cell in suspicions.cells
     ]
-    content = SuspicionsJson(cells, suspicions.not_asked, errors)
+    content = {"cells": cells, "not_asked": suspicions.not_asked, "errors": errors}
     return Document(content, body=_lines(suspicions))
 
 
@@ -128,14 +85,15 @@ def reason_text(suspicions: Suspicions, finding: Finding) -> str:
     )
 
 
-def _finding(suspicions: Suspicions, finding: Finding) -> FindingJson:
+def _content(suspicions: Suspicions, finding: Finding) -> Mapping[str, object]:
+    """One reason in JSON: seconds since the run began and a place, None of one about the run."""
     seconds = suspicions.seconds(finding)
-    return FindingJson(
-        finding.rule,
-        finding.family,
-        finding.text,
-        None if seconds is None else round(seconds, 3),
-        finding.lat_deg,
-        finding.lon_deg,
-        finding.evidence,
-    )
+    return {
+        "rule": finding.rule,
+        "family": finding.family,
+        "text": finding.text,
+        "t_s": None if seconds is None else round(seconds, 3),
+        "lat": finding.lat_deg,
+        "lon": finding.lon_deg,
+        "evidence": finding.evidence,
+    }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -35,32 +34,25 @@ with late_modules():
     )
 
 
-@dataclass(frozen=True, slots=True)
-class ClaimOptions:
-    """Claims that a command tests beside its main work, from its options `--claim`, `--claims`."""
+def tested_claims(
+    result: estimation.Result,
+    cells: Sequence[str | None],
+    prior: priors.Prior,
+    p_fa: float,
+    texts: Sequence[str],
+    path: Path | None,
+) -> verdicts.Verified | None:
+    """The claims of `--claim` and `--claims` about some cells (None: every cell), tested.
 
-    texts: Sequence[str]
-    path: Path | None
-    p_fa: float
-
-    def __bool__(self) -> bool:
-        return bool(self.texts or self.path)
-
-    def test(
-        self, result: estimation.Result, cells: Sequence[str | None], prior: priors.Prior
-    ) -> verdicts.Verified | None:
-        """Test the claims about some cells (None: every cell); None without claims.
-
-        `result` is that of the run with this prior.
-        """
-        if not self:
-            return None
-        run, only = result.runs[0].run, [cell for cell in cells if cell] or None
-        claimed = [claims.parse_claim(text, cell) for text in self.texts for cell in cells]
-        if self.path:
-            observed = scan_counts.observed_cells([run], only)
-            claimed += claims.read_claims(self.path, list(observed))
-        return _test(run, claimed, self.p_fa, prior, only, result)
+    `result` is that of the run with this prior. None without claims.
+    """
+    if not texts and path is None:
+        return None
+    run, only = result.runs[0].run, [cell for cell in cells if cell] or None
+    claimed = [claims.parse_claim(text, cell) for text in texts for cell in cells]
+    if path is not None:
+        claimed += claims.read_claims(path, list(scan_counts.observed_cells([run], only)))
+    return _test(run, claimed, p_fa, prior, only, result)
 
 
 def _test(

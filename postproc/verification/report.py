@@ -5,7 +5,7 @@ from dataclasses import asdict
 
 from msgspec import UNSET
 
-from logger.core.document import Column, Degrees, Document, Line, Part, Table, Value, Word
+from logger.core.document import Column, Document, Line, Part, Table, Value, Word, degrees_text
 from postproc.verification.celldb import DbCell
 from postproc.verification.verdicts import CellVerdict, SiteVerdict, Verified
 
@@ -52,7 +52,7 @@ def _cell_parts(cell: CellVerdict) -> Iterator[Part]:
     yield Line((Word(cell.cell, "bold"), f"  {cell.n} readings  ", Word(cell.verdict)))
     sigma = f" +- {claim.sigma_m:.0f} m" if claim.sigma_m else ""
     away = f", {_distance(cell.distance_m)} from the walk" if cell.distance_m is not None else ""
-    at = f"claimed at {claim.lat_deg:.5f} {claim.lon_deg:.5f}{sigma} ({claim.source}){away}"
+    at = f"claimed at {degrees_text(claim.lat_deg, claim.lon_deg)}{sigma} ({claim.source}){away}"
     yield Line(at, bullet="  ")
     for reason in cell.reasons:
         yield Line(reason, bullet="  - ")
@@ -94,7 +94,7 @@ def _site_parts(tested: SiteVerdict) -> Iterator[Part]:
     if tested.places is UNSET:
         yield Line(tested.why_not or "", bullet="  - ")
         return
-    places = " and ".join(f"{lat:.5f} {lon:.5f}" for lat, lon in tested.places)
+    places = " and ".join(degrees_text(*place) for place in tested.places)
     factor = f"two places against one: log factor {tested.log_factor:.1f}, near {places}"
     yield Line(factor, bullet="  ")
     share = f"share of {tested.draws} walks simulated past one transmitter with a factor as large"
@@ -116,5 +116,5 @@ def document_of_cells(cells: Sequence[DbCell]) -> Document:
 def _cell_row(cell: DbCell) -> tuple[Value, ...]:
     short = " (short identity)" if cell.short_cid else ""
     name = f"{cell.mcc}-{cell.net}-{cell.area}-{cell.cell}{short}"
-    position = Degrees(cell.lat, cell.lon)
+    position = degrees_text(cell.lat, cell.lon)
     return name, cell.radio, position, cell.range_m, cell.samples, cell.distance_m

@@ -21,7 +21,7 @@ from postproc.options import (
     runs_argument,
     stored_or_estimated,
 )
-from postproc.verification.cli import ClaimOptions
+from postproc.verification.cli import tested_claims
 
 with late_modules():
     from logger.core import document, runfile
@@ -162,8 +162,8 @@ def _verdicts(
     options: _Options, result: estimation.Result, names: Sequence[str]
 ) -> dict[str, tuple[verdicts.CellVerdict, ...]]:
     """Verdicts on the claims about the cells in detail, by cell."""
-    claims = ClaimOptions(options.claim, options.claims, _P_FA)
-    verified = claims.test(result, names, estimation.Options().prior)
+    prior = estimation.Options().prior
+    verified = tested_claims(result, names, prior, _P_FA, options.claim, options.claims)
     if verified is None:
         return {}
     if not verified.cells:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from logger.core.document import Column, Degrees, Table, markdown_table, markdown_text
+from logger.core.document import Column, Table, degrees_text, markdown_table, markdown_text
 from logger.core.locator.rivals import alternatives_text
 from postproc.pictures.picture import headline
 from postproc.result import CellResult
@@ -88,7 +88,7 @@ def _claims(claims: Sequence[CellVerdict]) -> str:
     columns = (Column("claimed position"), Column("source"), Column("verdict"), Column("reason"))
     rows = [
         (
-            Degrees(tested.claim.lat_deg, tested.claim.lon_deg),
+            degrees_text(tested.claim.lat_deg, tested.claim.lon_deg),
             tested.claim.source,
             tested.verdict,
             tested.reasons[0] if tested.reasons else "",

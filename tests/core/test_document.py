@@ -14,13 +14,13 @@ import pytest
 
 from logger.core.document import (
     Column,
-    Degrees,
     Document,
-    Facts,
     Line,
     Measured,
     Table,
     Word,
+    degrees_text,
+    facts,
     html_table,
     json_text,
     markdown_table,
@@ -70,13 +70,13 @@ def test_a_paragraph_is_wrapped_at_blanks_beside_its_bullet():
 
 
 def test_facts_are_printed_as_they_come_where_their_width_is_known():
-    def facts():
+    def checks():
         yield "ok", "first"
         raise ZeroDivisionError
 
-    lines = terminal_lines(Document(None, body=[Facts(facts(), width=4)]))
+    lines = terminal_lines(Document(None, body=facts(checks(), width=4)))
     assert next(lines) == "ok    first"
-    assert _lines(Facts([("a", "1"), ("long", "2")])) == ["a     1", "long  2"]
+    assert _lines(*facts([("a", "1"), ("long", "2")])) == ["a     1", "long  2"]
 
 
 def test_styles_are_those_of_verdicts_and_only_where_wanted():
@@ -89,7 +89,7 @@ def test_styles_are_those_of_verdicts_and_only_where_wanted():
 def test_text_of_others_steers_no_terminal_and_is_no_markup():
     table = Table([Column("cell"), Column("why")], [[EVIL, Word(EVIL)]], EVIL)
     said = Document(
-        None, EVIL, [EVIL], [EVIL, Line(EVIL, bullet=EVIL), Facts([(EVIL, EVIL)]), table]
+        None, EVIL, [EVIL], [EVIL, Line(EVIL, bullet=EVIL), *facts([(EVIL, EVIL)]), table]
     )
     for columns in (None, 40):
         shown = "".join(terminal_lines(said, columns))
@@ -138,7 +138,7 @@ def test_markdown():
 
 
 def test_degrees_are_those_of_a_metre():
-    assert Column("at").text(Degrees(52.5, -0.1)).text == "52.50000 -0.10000"
+    assert Column("at").text(degrees_text(52.5, -0.1)).text == "52.50000 -0.10000"
 
 
 # Nothing else pads text or writes tables.

@@ -53,7 +53,7 @@ def _led_names(folder: Path) -> None:
 
 
 def _status(folder: Path) -> None:
-    said = report(folder).document
+    said = report(folder)[0]
     assert list(terminal_lines(said, 80))
     assert json_text(said.content)
 

@@ -124,6 +124,6 @@ def test_watching_goes_on_over_a_restart_of_the_service(folder, monkeypatch, cap
 def test_lines_fit_the_terminal(folder):
     reason = "two places fit, 109 m apart; on the way about -77 dBm if it is the north-east one"
     _write(folder, next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, reason))
-    lines = list(terminal_lines(report(folder).document, 80))
+    lines = list(terminal_lines(report(folder)[0], 80))
     assert max(map(len, lines)) <= 80
     assert reason in " ".join(line.strip() for line in lines)
