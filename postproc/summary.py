@@ -10,18 +10,15 @@ import numpy as np
 from msgspec import UNSET
 
 from logger.core import ekf
+from logger.core.answer import Mode, Position, parameters_of, place_of
 from logger.core.arrays import FloatArray
 from logger.core.document import Column, Document, Line, Measured, Table, Value, Word, degrees_text
 from logger.core.ellipse import RADII, Ellipse, ellipse95
 from logger.core.geo import Utm
+from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import HALF, LEVEL, area_m2
-from logger.core.locator.rivals import (
-    alternatives_text,
-    relevant_modes,
-    share_text,
-    whole_percents,
-)
+from logger.core.locator.rivals import share_text
 from logger.core.runfile import Run
 from postproc import result_json as form
 from postproc.cell_work import Failure, attempt
@@ -34,7 +31,9 @@ from postproc.info import RunFacts, describe
 from postproc.result import ESTIMATORS, REFERENCE, CellResult, ObservedRun, Result
 from postproc.truth import truth_of
 
-_PARAMETERS = ("r95_m", "r50_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
+_PLACE = ("lat", "lon", "r95_m", "r50_m", "drms_m", "strongest")
+_PARAMETERS = ("p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
+_NOISE = ("sigma_db", "decorrelation_m", "white_share")
 _STATISTICS = (
     "sigma_db",
     "skewness",
@@ -213,7 +212,7 @@ def run_table(cell: form.Cell) -> Table:
     return Table(_RUN_COLUMNS, rows, f"Run by run: cell {cell.cell}")
 
 
-def _position(at: form.Best | form.BestWithout | form.Mode | form.State) -> str | None:
+def _position(at: form.Best | Position | Mode | form.State) -> str | None:
     return None if at.lat is None or at.lon is None else degrees_text(at.lat, at.lon)
 
 
@@ -221,7 +220,7 @@ def _metres(m: float | None) -> str:
     return "" if m is None else f"{m:.0f} m"
 
 
-def _radii(best: form.Best | form.BestWithout) -> str:
+def _radii(best: form.Best | Position) -> str:
     return f"r {best.r50_m:.0f}; {best.r95_m:.0f}"
 
 
@@ -316,28 +315,18 @@ def cell_of(result: CellResult, runs: Sequence[Run]) -> form.Cell:
 
 
 def _add_posterior(entry: form.Cell, posterior: Posterior, utm: Utm) -> None:
-    lat, lon = utm.to_latlon(posterior.x_m, posterior.y_m)
-    values = {name: getattr(posterior, name) for name in _PARAMETERS}
-    strongest = posterior.strongest
+    place, parameters = place_of(posterior, utm), parameters_of(posterior)
     entry.best = form.Best(
-        lat=lat,
-        lon=lon,
-        strongest=form.StrongestReading(
-            **_degrees(utm, strongest.x_m, strongest.y_m), level_dbm=strongest.level_dbm
-        ),
-        **values,
+        **{name: getattr(place, name) for name in _PLACE},
+        **{name: getattr(parameters, name) for name in _PARAMETERS},
     )
-    entry.modes = _modes(posterior, utm)
+    entry.modes = list(place.modes)
     entry.region95 = _region(posterior, utm, LEVEL)
     if posterior.is_strongest_inside:
         entry.region50 = _region(posterior, utm, HALF)
-    entry.noise = form.Noise(
-        sigma_db=posterior.sigma_db,
-        decorrelation_m=posterior.decorrelation_m,
-        white_share=posterior.white_share,
-    )
-    entry.prior = posterior.prior
-    entry.alternatives = list(posterior.alternatives)
+    entry.noise = form.Noise(**{name: getattr(parameters, name) for name in _NOISE})
+    entry.prior = parameters.prior
+    entry.alternatives = list(parameters.alternatives)
 
 
 def _region(posterior: Posterior, utm: Utm, level: float) -> form.Region:
@@ -347,36 +336,19 @@ def _region(posterior: Posterior, utm: Utm, level: float) -> form.Region:
     )
 
 
-def _modes(posterior: Posterior, utm: Utm) -> list[form.Mode]:
-    relevant = relevant_modes(posterior.modes)
-    percents = {
-        id(mode): percent for mode, percent in zip(relevant, whole_percents(relevant), strict=True)
-    }
-    return [
-        form.Mode(
-            **_degrees(utm, mode.x_m, mode.y_m),
-            probability=mode.probability,
-            percent=percents.get(id(mode)),
-            ellipse95=mode.ellipse,
-        )
-        for mode in posterior.modes
-    ]
-
-
 def _degrees(utm: Utm, x_m: float, y_m: float) -> dict[str, float]:
     return dict(zip(("lat", "lon"), utm.to_latlon(float(x_m), float(y_m)), strict=True))
 
 
 def _without(rest: CellResult, left_out: Run) -> form.Without:
-    entry = form.Without(
-        n=rest.n, verdict=rest.verdict, best=None, region95=form.Area(), run=str(left_out.path)
+    place = rest.place
+    return form.Without(
+        n=rest.n,
+        verdict=rest.verdict,
+        best=place.position if place else None,
+        region95=form.Area(area_m2=place.area_m2 if place else None),
+        run=str(left_out.path),
     )
-    if rest.posterior is not None and rest.obs is not None:
-        position = _degrees(rest.obs.utm, rest.posterior.x_m, rest.posterior.y_m)
-        radii_m = {name: getattr(rest.posterior, name) for name in ("r95_m", "r50_m")}
-        entry.best = form.BestWithout(**position, **radii_m)
-        entry.region95 = form.Area(area_m2=rest.posterior.region_area_m2)
-    return entry
 
 
 def _state(x: FloatArray, p: FloatArray, utm: Utm) -> dict[str, Any]:

@@ -39,7 +39,9 @@ _COLUMNS = (
 
 def document_of(walk: NextWalk) -> Document:
     """The verdict today, the best route in a sentence, and the ranked routes."""
-    return Document(content_of(walk), f"{walk.cell}: {walk.decision.verdict}", body=parts_of(walk))
+    return Document(
+        content_of(walk), f"{walk.answer.cell}: {walk.answer.verdict}", body=parts_of(walk)
+    )
 
 
 def parts_of(walk: NextWalk) -> Iterator[str | Line | Table]:
@@ -63,16 +65,10 @@ def parts_of(walk: NextWalk) -> Iterator[str | Line | Table]:
 def content_of(walk: NextWalk) -> dict[str, Any]:
     """What the JSON is made of."""
     lat_deg, lon_deg = walk.utm.to_latlon(*walk.start_m)
-    best_lat_deg, best_lon_deg = walk.utm.to_latlon(walk.posterior.x_m, walk.posterior.y_m)
     return {
-        "cell": walk.cell,
-        "verdict": walk.decision.verdict,
-        "best": {
-            "lat": best_lat_deg,
-            "lon": best_lon_deg,
-            "r95_m": walk.posterior.r95_m,
-            "r50_m": walk.posterior.r50_m,
-        },
+        "cell": walk.answer.cell,
+        "verdict": walk.answer.verdict,
+        "best": walk.answer.place and walk.answer.place.position,
         "start": {"lat": lat_deg, "lon": lon_deg},
         "text": walk.text,
         "routes": [
@@ -94,7 +90,7 @@ def write_gpx(walk: NextWalk, target: Path) -> None:
     root = ET.Element("gpx", {"xmlns": NAMESPACE, "version": "1.1", "creator": "cellwalk"})
     for number, one in enumerate(walk.routes, 1):
         route = add(root, "rte")
-        add(route, "name", f"{walk.cell} {number}")
+        add(route, "name", f"{walk.answer.cell} {number}")
         add(route, "desc", f"{one.route.length_m:.0f} m, {one.nats_per_km:.2f} nats/km")
         for lat_deg, lon_deg in _degrees(walk, one):
             add(route, "rtept", lat=decimal(lat_deg, DECIMALS), lon=decimal(lon_deg, DECIMALS))
@@ -124,7 +120,7 @@ def draw_map(walk: NextWalk, target: Path) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("east of the start, m")
     axes.set_ylabel("north of the start, m")
-    axes.set_title(f"{walk.cell}: where to walk next")
+    axes.set_title(f"{walk.answer.cell}: where to walk next")
     axes.legend(loc="upper right", facecolor="0.75")  # the region is white
     plots.save_figure(figure, target)
 

@@ -10,7 +10,8 @@ from markupsafe import Markup
 
 from logger.core.document import Column, Measured, Table, Value, Word, degrees_text
 from logger.core.ellipse import RADII, metres
-from logger.core.locator.rivals import alternatives_text, relevant_modes, share_text
+from logger.core.locator.alternatives import alternatives_text
+from logger.core.locator.rivals import share_text
 from logger.core.runfile import Run
 from postproc.html_page import page_environment
 from postproc.info import CellCount, Event, Gap, Info, describe
@@ -18,7 +19,7 @@ from postproc.report import wording
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
-from postproc.report.wording import Answer
+from postproc.report.wording import Headline
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.summary import cell_of, estimator_table, run_table
 from postproc.verification.verdicts import CellVerdict, Verified
@@ -51,7 +52,7 @@ class PageFigure:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Spot:
     """A position that fits, in every notation; `share` is its probability if there are others.
 
     `street` is the name of the nearest one, empty if it is not known.
@@ -68,9 +69,9 @@ class CellSection:
 
     key: str
     result: CellResult
-    answer: Answer
+    answer: Headline
     findings: tuple[str, ...]
-    places: tuple[Place, ...]
+    places: tuple[Spot, ...]
     figures: tuple[PageFigure, ...]
     estimators: Table
     runs: Table
@@ -127,7 +128,7 @@ def cell_section(
     """A cell of runs with its figures; the number identifies it on the page."""
     summed = cell_of(result, runs)
     key = f"cell-{number}"
-    answer = wording.answer(result)
+    answer = wording.headline(result)
     answered = f"{answer.text} {answer.advice}".lower()
     return CellSection(
         key=key,
@@ -143,22 +144,22 @@ def cell_section(
 
 def section_without_details(number: int, result: CellResult) -> CellSection:
     """A cell whose details could not be made: the reason."""
-    answer = Answer(result.verdict, "No details", result.warnings[0], None)
+    answer = Headline(result.verdict, "No details", result.warnings[0], None)
     return CellSection(f"cell-{number}", result, answer, (), (), (), _NO_TABLE, _NO_TABLE)
 
 
-def _places(result: CellResult, streets: Streets) -> Iterator[Place]:
+def _places(result: CellResult, streets: Streets) -> Iterator[Spot]:
     """Positions of a cell that is located or ambiguous, the most likely first."""
-    if result.posterior is None or result.obs is None or result.verdict == "cannot tell":
+    place = result.place
+    if place is None or result.verdict == "cannot tell":
         return
-    modes = relevant_modes(result.posterior.modes)[:_MOST_PLACES]
+    modes = place.likely_modes[:_MOST_PLACES]
     for mode in modes:
-        lat_deg, lon_deg = result.obs.utm.to_latlon(mode.x_m, mode.y_m)
         is_only = len(modes) == 1
-        radius_m = result.posterior.r95_m if is_only else None
+        radius_m = place.r95_m if is_only else None
         share = "" if is_only else share_text(mode.probability)
-        street = streets(lat_deg, lon_deg) or ""
-        yield Place(share, coordinates(lat_deg, lon_deg, radius_m), street)
+        street = streets(mode.lat, mode.lon) or ""
+        yield Spot(share, coordinates(mode.lat, mode.lon, radius_m), street)
 
 
 def run_section(observed: ObservedRun) -> RunSection:
@@ -228,10 +229,10 @@ _PARAMETERS = (Column("P0", ".1f", "dBm"), Column("eta", ".2f"))
 
 def _place(cell: CellResult) -> tuple[Value, Value, Value]:
     """Position and radii of the answer."""
-    if cell.posterior is None or cell.obs is None:
+    place = cell.place
+    if place is None:
         return None, None, None
-    at = degrees_text(*cell.obs.utm.to_latlon(cell.posterior.x_m, cell.posterior.y_m))
-    return at, cell.posterior.r50_m, cell.posterior.r95_m
+    return degrees_text(place.lat, place.lon), place.r50_m, place.r95_m
 
 
 def _cell_table(cells: Sequence[CellResult], counts: Mapping[str, CellCount]) -> Table:

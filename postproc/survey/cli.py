@@ -313,6 +313,6 @@ def next_command(
     content = [{"walker": one.walker} | next_output.content_of(one.walk) for one in walks]
     body: list[document.Part] = []
     for one in walks:
-        title = f"walker {one.walker}, {one.walk.cell}: {one.walk.decision.verdict}"
+        title = f"walker {one.walker}, {one.walk.answer.cell}: {one.walk.answer.verdict}"
         body += [document.Line(title, "bold"), *next_output.parts_of(one.walk)]
     show(document.Document({"walks": content}, body=body), as_json=as_json)

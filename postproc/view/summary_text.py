@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from logger.core.document import Column, Table, degrees_text, markdown_table, markdown_text
-from logger.core.locator.rivals import alternatives_text
+from logger.core.locator.alternatives import alternatives_text
 from postproc.pictures.picture import headline
 from postproc.result import CellResult
 from postproc.summary import cell_of, estimator_table
