@@ -91,7 +91,7 @@ for command in (recover, check, doctor, status, page):
 )
 def run(config: Path, duration_s: float | None) -> None:
     """Record until SIGTERM, SIGINT or a power cut."""
-    from msgspec.structs import replace
+    from msgspec.structs import replace  # noqa: PLC0415 (no help needs it)
 
     site, text = site_file.load_config(config)
     site = replace(site, live=memory.within_memory(site.live))

@@ -123,3 +123,20 @@ def test_the_page_names_its_extra(library, option, tmp_path, monkeypatch):
     missing = f"{library} is missing: pip install 'cellwalk[page]'"
     assert error_of("page", *option).strip().endswith(missing)
     assert f"page: {missing}" in error_of("check")
+
+
+LATE = """
+import sys
+from logger.command_line import late_modules
+with late_modules():
+    from logger.core import geo
+assert "pyproj" not in sys.modules
+geo.Utm
+assert "pyproj" in sys.modules
+from logger.core import ekf  # outside: as ever
+assert type(ekf) is type(sys)
+"""
+
+
+def test_a_late_module_runs_at_its_first_use():
+    subprocess.run([sys.executable, "-c", LATE], check=True)
