@@ -149,8 +149,9 @@ ELSEWHERE = {
     "logger/drivers/protocols/nmea_fix.py": "digits of a fraction of a second",
     "logger/drivers/reading/modem_gnss.py": "digits of a fraction of a second",
     "postproc/interop/log_times.py": "digits of a fraction of a second",
+    "postproc/reproductions/validate/report.py": "the page VALIDATION.md",
 }
-"""Files that may, with what they pad."""
+"""Files that may, with what they pad or write."""
 
 
 def _writers(text):
