@@ -45,8 +45,8 @@ _STATISTICS = (
 )
 
 _ORDER = ("located", "ambiguous", "cannot tell")
-_REFERENCE_NOTE = (
-    "\n* the filter of the specification, for comparison: neither its position nor its ellipse "
+REFERENCE_NOTE = (
+    "* the filter of the specification, for comparison: neither its position nor its ellipse "
     "can be trusted"
 )
 _CELL_COLUMNS = (
@@ -105,7 +105,7 @@ def document_of(summary: form.Summary, *, details: bool) -> tuple[Document, list
                 parts += said
         parts += map(_failure_line, failures)
         if any(cell.reference_ekf.lat is not None for cell in cells):
-            parts.append(_REFERENCE_NOTE)
+            parts += ["", REFERENCE_NOTE]
     elif cells:
         table, failures = _cell_table(cells)
         parts.append(table)

@@ -391,13 +391,15 @@ def markdown_text(text: str) -> str:
 
 
 def markdown_table(table: Table) -> str:
-    """A table in Markdown; nothing without rows."""
-    rows = [
-        [column.text(value).text for column, value in zip(table.columns, row, strict=False)]
-        for row in table.rows
-    ]
-    if not rows:
+    """A table in Markdown, words in bold; nothing without rows."""
+    if not table.rows:
         return ""
-    titles = [column.heading for column in table.columns]
-    head, *others = (" | ".join(map(markdown_text, row)) for row in (titles, *rows))
-    return "\n".join(f"| {line} |" for line in (head, " | ".join("---" for _ in titles), *others))
+    titles = [markdown_text(column.heading) for column in table.columns]
+    rows = [list(map(_markdown_value, table.columns, row)) for row in table.rows]
+    lines = (titles, ["---"] * len(titles), *rows)
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _markdown_value(column: Column, value: Value) -> str:
+    text = markdown_text(column.text(value).text)
+    return f"**{text}**" if isinstance(value, Word) else text

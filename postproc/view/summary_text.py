@@ -4,11 +4,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from logger.core.document import Column, Table, degrees_text, markdown_table, markdown_text
+from logger.core.document import (
+    Column,
+    Table,
+    Word,
+    degrees_text,
+    markdown_table,
+    markdown_text,
+)
 from logger.core.locator.alternatives import alternatives_text
 from postproc.pictures.picture import headline
 from postproc.result import CellResult
-from postproc.summary import cell_of, estimator_table
+from postproc.summary import REFERENCE_NOTE, cell_of, estimator_table
 from postproc.verification.verdicts import CellVerdict
 from postproc.view.view_model import CellView, ViewModel
 
@@ -36,6 +43,7 @@ def cell_report(view: ViewModel, cell: CellView) -> str:
         f"{_runs(view)}; {result.n} readings of this cell",
         _list([*warnings, *_run_texts(view, result)]),
         markdown_table(estimator_table(cell_of(result, runs))),
+        markdown_text(REFERENCE_NOTE if result.reference else ""),
         _error(view, cell),
         _claims(cell.claims),
         _list(view.survey.warnings),
@@ -90,7 +98,7 @@ def _claims(claims: Sequence[CellVerdict]) -> str:
         (
             degrees_text(tested.claim.lat_deg, tested.claim.lon_deg),
             tested.claim.source,
-            tested.verdict,
+            Word(tested.verdict),
             tested.reasons[0] if tested.reasons else "",
         )
         for tested in claims

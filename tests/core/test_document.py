@@ -132,7 +132,7 @@ def test_markdown():
     assert markdown_table(TABLE).splitlines()[:3] == [
         "| cell | level (dBm) | readings | verdict |",
         "| --- | --- | --- | --- |",
-        "| 262-01-1-1 | -60.0 ± 1.5 | 12 | located |",
+        "| 262-01-1-1 | -60.0 ± 1.5 | 12 | **located** |",
     ]
     assert markdown_table(Table([Column("cell")], [])) == ""
 
