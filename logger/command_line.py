@@ -52,6 +52,12 @@ def late_modules() -> Iterator[None]:
         sys.meta_path.remove(finder)
 
 
+def run_now(*modules: ModuleType) -> None:
+    """Run late modules, so that a missing library is an error before long work."""
+    for module in modules:
+        getattr(module, "__file__", None)
+
+
 with late_modules():
     from logger.core import document, foreign, runfile
 

@@ -12,7 +12,7 @@ from msgspec import UNSET
 from logger.core import ekf
 from logger.core.answer import Mode, Position, parameters_of, place_of
 from logger.core.arrays import FloatArray
-from logger.core.document import Column, Document, Line, Measured, Table, Value, Word, degrees_text
+from logger.core.document import Column, Degrees, Document, Line, Measured, Table, Value, Word
 from logger.core.ellipse import RADII, Ellipse, ellipse95
 from logger.core.geo import Utm
 from logger.core.locator.alternatives import alternatives_text
@@ -212,8 +212,8 @@ def run_table(cell: form.Cell) -> Table:
     return Table(_RUN_COLUMNS, rows, f"Run by run: cell {cell.cell}")
 
 
-def _position(at: form.Best | Position | Mode | form.State) -> str | None:
-    return None if at.lat is None or at.lon is None else degrees_text(at.lat, at.lon)
+def _position(at: form.Best | Position | Mode | form.State) -> Degrees | None:
+    return None if at.lat is None or at.lon is None else Degrees(at.lat, at.lon)
 
 
 def _metres(m: float | None) -> str:

@@ -68,8 +68,15 @@ class Measured(NamedTuple):
     sigma: float | None
 
 
+class Degrees(NamedTuple):
+    """A position (WGS 84)."""
+
+    lat_deg: float
+    lon_deg: float
+
+
 Text = str | Word
-Value = Text | float | Measured | None
+Value = Text | float | Measured | Degrees | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +109,8 @@ class Column:
                 return Word(DASH)
             case Word():
                 return Word(printable(value.text), value.terminal_style)
+            case Degrees():
+                return Word(degrees_text(*value))
             case Measured():
                 sigma = "" if value.sigma is None else f" ± {self._sigma(value.sigma)}"
                 return Word(f"{self.text(value.value).text}{sigma}")
@@ -121,6 +130,8 @@ class Column:
                 symbol = f'<span aria-hidden="true">{_LOOKS[value.text][1]}</span>'
                 kind = value.text.replace(" ", "-")
                 return f'<span class="badge {kind}">{symbol} {value.text}</span>'
+            case Degrees():
+                return " ".join(_data(one, f"{one:.5f}") for one in value)
             case Measured(float() | int() as mean, float() | int() as sigma):
                 beside = f'<span class="sigma">± {_data(sigma, self._sigma(sigma))}</span>'
                 return f"{_data(mean, format(mean, self.form))} {beside}"

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from logger.command_line import FILE, INPUT, json_option, late_modules, show
+from logger.command_line import FILE, INPUT, json_option, late_modules, run_now, show
 from logger.core.errors import ConfigError
 
 with late_modules():
@@ -33,6 +33,7 @@ def compare(
     """
     if save is not None and save.suffix != ".rrd":
         raise ConfigError(f"{save}: a rerun recording is named .rrd")
+    run_now(report, *[scene] * (save is not None))
     for path in (output, save):
         if path is not None:
             atomic_write.check_output(path)

@@ -9,7 +9,7 @@ import numpy as np
 
 from logger.command_line import late_modules
 from logger.core.arrays import FloatArray
-from logger.core.document import Column, Document, Line, Table, degrees_text
+from logger.core.document import Column, Degrees, Document, Line, Table
 from logger.core.ellipse import radii_text
 from logger.core.locator.region import highest_density
 from postproc.atomic_write import whole_file
@@ -54,7 +54,7 @@ def parts_of(walk: NextWalk) -> Iterator[str | Line | Table]:
             one.nats,
             one.nats_per_km,
             one.r95_after_m,
-            degrees_text(*_degrees(walk, one)[-1]),
+            Degrees(*_degrees(walk, one)[-1]),
         )
         for number, one in enumerate(walk.routes, 1)
     ]

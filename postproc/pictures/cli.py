@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from logger.command_line import FILE, json_option, late_modules, show
+from logger.command_line import FILE, json_option, late_modules, run_now, show
 from postproc.options import run_argument, stored_or_estimated
 
 with late_modules():
@@ -25,6 +25,7 @@ def plot(path: Path, output: Path | None, cell: str | None, *, as_json: bool) ->
 
     The exit code is 3 if the estimate of a cell failed.
     """
+    run_now(plots)
     target = output or path.with_suffix(".png")
     picture_file.check_picture(target)
     result = stored_or_estimated([runfile.read_sound_run(path)], [cell] if cell else [])

@@ -9,7 +9,7 @@ from time import perf_counter
 
 import click
 
-from logger.command_line import FILE, PATH, json_option, late_modules, show
+from logger.command_line import FILE, PATH, json_option, late_modules, run_now, show
 from logger.core.errors import ConfigError
 from postproc.options import (
     basemap_option,
@@ -70,6 +70,7 @@ def report(
     The exit code is 3 if work on a cell failed.
     """
     start_s = perf_counter()
+    run_now(rendering)
     target = output or paths[0].with_suffix(".html")
     atomic_write.check_output(target)
     if picture_folder is not None:

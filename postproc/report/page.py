@@ -8,7 +8,7 @@ from math import inf
 from jinja2 import Template
 from markupsafe import Markup
 
-from logger.core.document import Column, Measured, Table, Value, Word, degrees_text
+from logger.core.document import Column, Degrees, Measured, Table, Value, Word
 from logger.core.ellipse import RADII, metres
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.rivals import share_text
@@ -232,7 +232,7 @@ def _place(cell: CellResult) -> tuple[Value, Value, Value]:
     place = cell.place
     if place is None:
         return None, None, None
-    return degrees_text(place.lat, place.lon), place.r50_m, place.r95_m
+    return Degrees(place.lat, place.lon), place.r50_m, place.r95_m
 
 
 def _cell_table(cells: Sequence[CellResult], counts: Mapping[str, CellCount]) -> Table:
@@ -287,7 +287,7 @@ def _claim_table(verified: Verified) -> Table:
         (
             cell.cell,
             Word(cell.verdict),
-            degrees_text(cell.claim.lat_deg, cell.claim.lon_deg),
+            Degrees(cell.claim.lat_deg, cell.claim.lon_deg),
             metres(cell.claim.sigma_m) if cell.claim.sigma_m else None,
             cell.claim.source,
             None if cell.distance_m is None else metres(cell.distance_m),

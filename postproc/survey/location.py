@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import msgspec
 
-from logger.core.document import Column, Document, Line, Table, Value, Word, degrees_text
+from logger.core.document import Column, Degrees, Document, Line, Table, Value, Word
 from logger.core.ellipse import RADII
 from logger.core.errors import ConfigError
 from logger.core.suspicion.finding import WORDS
@@ -203,7 +203,7 @@ def cell_row(cell: LocatedCell) -> tuple[Value, ...]:
     """A cell in `CELL_COLUMNS`."""
     place: tuple[Value, ...] = (None, None, None)
     if cell.lat_deg is not None and cell.lon_deg is not None:
-        place = (degrees_text(cell.lat_deg, cell.lon_deg), cell.r50_m, cell.r95_m)
+        place = (Degrees(cell.lat_deg, cell.lon_deg), cell.r50_m, cell.r95_m)
     name = cell.cell if cell.n_places == 1 else f"{cell.cell} ({cell.place} of {cell.n_places})"
     return (name, Word(cell.verdict), *place, cell.n_readings, cell.n_runs)
 

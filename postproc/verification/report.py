@@ -5,7 +5,17 @@ from dataclasses import asdict
 
 from msgspec import UNSET
 
-from logger.core.document import Column, Document, Line, Part, Table, Value, Word, degrees_text
+from logger.core.document import (
+    Column,
+    Degrees,
+    Document,
+    Line,
+    Part,
+    Table,
+    Value,
+    Word,
+    degrees_text,
+)
 from postproc.verification.celldb import DbCell
 from postproc.verification.verdicts import CellVerdict, SiteVerdict, Verified
 
@@ -116,5 +126,5 @@ def document_of_cells(cells: Sequence[DbCell]) -> Document:
 def _cell_row(cell: DbCell) -> tuple[Value, ...]:
     short = " (short identity)" if cell.short_cid else ""
     name = f"{cell.mcc}-{cell.net}-{cell.area}-{cell.cell}{short}"
-    position = degrees_text(cell.lat, cell.lon)
+    position = Degrees(cell.lat, cell.lon)
     return name, cell.radio, position, cell.range_m, cell.samples, cell.distance_m

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from logger.command_line import FILE, json_option, late_modules, number, show
+from logger.command_line import FILE, json_option, late_modules, number, run_now, show
 from logger.core.errors import ConfigError
 from postproc.options import (
     basemap_option,
@@ -87,6 +87,7 @@ def view(
                 raise ConfigError(f"--{name} goes with a run; {paths[0]} is a recording already")
         # bare `rerun` serves everybody and counts its users
         return _shown(recording.copy_recording(paths), paths[0].stem, port, is_served=is_served)
+    run_now(scene)
     _check(save, basemap, claim)
     if len(paths) > 1 and (claim or claims):
         raise ConfigError("claims are tested against one run: give one, or leave the claims out")

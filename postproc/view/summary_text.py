@@ -6,9 +6,9 @@ import numpy as np
 
 from logger.core.document import (
     Column,
+    Degrees,
     Table,
     Word,
-    degrees_text,
     markdown_table,
     markdown_text,
 )
@@ -96,7 +96,7 @@ def _claims(claims: Sequence[CellVerdict]) -> str:
     columns = (Column("claimed position"), Column("source"), Column("verdict"), Column("reason"))
     rows = [
         (
-            degrees_text(tested.claim.lat_deg, tested.claim.lon_deg),
+            Degrees(tested.claim.lat_deg, tested.claim.lon_deg),
             tested.claim.source,
             Word(tested.verdict),
             tested.reasons[0] if tested.reasons else "",

@@ -14,12 +14,12 @@ import pytest
 
 from logger.core.document import (
     Column,
+    Degrees,
     Document,
     Line,
     Measured,
     Table,
     Word,
-    degrees_text,
     facts,
     html_table,
     json_text,
@@ -138,7 +138,7 @@ def test_markdown():
 
 
 def test_degrees_are_those_of_a_metre():
-    assert Column("at").text(degrees_text(52.5, -0.1)).text == "52.50000 -0.10000"
+    assert Column("at").text(Degrees(52.5, -0.1)).text == "52.50000 -0.10000"
 
 
 # Nothing else pads text or writes tables.
