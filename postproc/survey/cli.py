@@ -310,9 +310,9 @@ def next_command(
     walks = next_walks.next_walks(
         whole, found.cells, location.EVERY_RUN, options, n, starts_deg, lines
     )
-    content = [{"walker": one.walker} | next_output.content_of(one.walk) for one in walks]
+    content = [{"walker": walker} | next_output.content_of(walk) for walker, walk in walks.items()]
     body: list[document.Part] = []
-    for one in walks:
-        title = f"walker {one.walker}, {one.walk.answer.cell}: {one.walk.answer.verdict}"
-        body += [document.Line(title, "bold"), *next_output.parts_of(one.walk)]
+    for walker, walk in walks.items():
+        title = f"walker {walker}, {walk.answer.cell}: {walk.answer.verdict}"
+        body += [document.Line(title, "bold"), *next_output.parts_of(walk)]
     show(document.Document({"walks": content}, body=body), as_json=as_json)
