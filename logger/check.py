@@ -49,7 +49,7 @@ _STYLES = {"ok": "", "warn": "yellow", "fail": "red"}
 def document_of(lines: Sequence[Line]) -> Document:
     """What was checked, a line each."""
     said = [(Word(line.state, _STYLES[line.state]), f"{line.what}: {line.text}") for line in lines]
-    return Document(lines, body=facts(said))
+    return Document(lines, body=facts(said, len("fail")))
 
 
 def exit_code(lines: Sequence[Line]) -> int:

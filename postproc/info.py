@@ -158,7 +158,7 @@ def document_of_checks(checks: Sequence["Check"]) -> Document:
     """What `info --verify` says."""
     ok, fail = Word("ok"), Word("FAIL", "red")
     said = [(ok if check.holds else fail, f"{check.what}: {check.text}") for check in checks]
-    return Document(checks, body=facts(said))
+    return Document(checks, body=facts(said, len("FAIL")))
 
 
 def describe(run: Run) -> Info:
