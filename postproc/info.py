@@ -126,7 +126,7 @@ def _parts(info: Info, *, details: bool) -> Iterator[Line | Table]:
         style = _STYLES.get(event.level, "dim")
         yield Line(f"{event.source}: {event.text}", style, bullet=f"+{event.t_s:.0f} s  ")
     yield from _rest(len(info.events) - len(gravest), "events")
-    yield from facts([("digest", info.digest)])
+    yield from facts([("digest", info.digest)], len("readings"))
 
 
 def _rest(n: int, what: str) -> Iterator[Line]:

@@ -52,7 +52,8 @@ def without_private(text: str) -> str:
 def _report(lines: list[Line], config: Path, run: Run | None) -> Iterator[Part]:
     yield "fieldlogger doctor: numbers of people and devices, cells and places are left out"
     yield ""
-    yield from facts([(line.state, f"{line.what}: {without_private(line.text)}") for line in lines])
+    checks = [(line.state, f"{line.what}: {without_private(line.text)}") for line in lines]
+    yield from facts(checks, len("fail"))
     yield "\nmachine"
     yield from facts([(f"  {name}:", value) for name, value in _machine()])
     yield "\nversions"
