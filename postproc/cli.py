@@ -48,7 +48,7 @@ with late_modules():
     from logger.core.model import prior as priors
     from postproc import cell_work, replay, result, results, summary
     from postproc import info as description
-    from postproc.suspicion import ordering
+    from postproc.suspicion import run_assessment
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -140,7 +140,7 @@ def smooth(
     """
     runs = [runfile.read_sound_run(path) for path in paths]
     estimated = estimate(runs, cells, result.Options(prior, loss, within_m))
-    summed = summary.summarise(ordering.order_by_word(estimated))
+    summed = summary.summarise(run_assessment.conspicuous_first(estimated)[0])
     # printed first: a run on a read-only card has an answer too
     said, failures = summary.document_of(summed, details=bool(cells or verbose))
     show(said, as_json=as_json)

@@ -22,7 +22,7 @@ with late_modules():
     from postproc import atomic_write, cell_work, foreign_file, multi_run, picture_file, walk
     from postproc.guidance import filter as guide_filter
     from postproc.guidance import next_output, next_walk
-    from postproc.suspicion import ordering
+    from postproc.suspicion import run_assessment
 
 
 @click.command
@@ -149,7 +149,7 @@ def _first_to_look_for(
         level_dbm = usable.level_dbm
         if len(level_dbm):
             levels[obs.cell] = max(levels.get(obs.cell, -inf), float(level_dbm.max()))
-    conspicuous = ordering.conspicuous_cells(runs, levels)
+    conspicuous = run_assessment.conspicuous_cells(runs, levels)
     if conspicuous:
         return conspicuous[0].cell
     return max(levels, key=lambda name: levels[name], default=None)

@@ -29,7 +29,7 @@ with late_modules():
     from postproc import atomic_write, progress
     from postproc import result as estimation
     from postproc.report import rendering, wording
-    from postproc.suspicion import ordering
+    from postproc.suspicion import run_assessment
 
 
 @click.command
@@ -81,7 +81,9 @@ def report(
     options = estimation.Options(prior, within_m=within_m)
     if len(runs) > 1 and (claim or claims):
         raise ConfigError("a claim is tested against one run: name only that run")
-    result, conspicuous = ordering.conspicuous_first(stored_or_estimated(runs, cells, options))
+    result, conspicuous = run_assessment.conspicuous_first(
+        stored_or_estimated(runs, cells, options)
+    )
     page = rendering.make_report(
         result,
         tested_claims(result, cells or [None], prior, p_fa, claim, claims),

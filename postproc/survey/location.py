@@ -11,7 +11,7 @@ import msgspec
 from logger.core.document import Column, Degrees, Document, Line, Table, Value, Word
 from logger.core.ellipse import RADII
 from logger.core.errors import ConfigError
-from logger.core.suspicion.finding import WORDS
+from logger.core.suspicion.rule import WORDS
 from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.progress import with_progress
 from postproc.result import Options

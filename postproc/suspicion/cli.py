@@ -1,7 +1,7 @@
 """The command `postproc suspect`."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import click
@@ -17,7 +17,17 @@ with late_modules():
     from postproc.verification import celldb
 
 
+def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) -> None:
+    if is_wanted:
+        show(report.document_of_rules(), as_json=False)
+        context.exit()
+
+
 @click.command
+@click.option(
+    "--rules", is_flag=True, is_eager=True, expose_value=False, callback=_print_rules,
+    help="Print all rules with their needs and rates instead.",
+)  # fmt: skip
 @runs_argument
 @click.option(
     "--baseline", "baseline_path", type=INPUT, metavar="FILE",
@@ -39,11 +49,9 @@ def suspect(
     with ExitStack() as stack:
         baseline = database = None
         if baseline_path is not None:
-            baseline = baseline_file.BaselineFile(baseline_path)
-            stack.callback(baseline.close)
+            baseline = stack.enter_context(closing(baseline_file.BaselineFile(baseline_path)))
         if celldb_path is not None:
-            database = celldb.CellDb(celldb_path)
-            stack.callback(database.close)
+            database = stack.enter_context(closing(celldb.CellDb(celldb_path)))
         suspicions = run_assessment.assess_runs(
             [runfile.read_sound_run(path) for path in paths],
             baseline,

@@ -3,15 +3,14 @@
 from collections.abc import Iterator, Mapping
 
 from logger.core.document import Document, Line, Word
-from logger.core.suspicion.finding import Finding
-from logger.core.suspicion.rules import RULES, rate_text
+from logger.core.suspicion.rule import Finding
 from logger.core.suspicion.words import (
     Assessment,
     false_alarms_per_hour,
     sentences,
     word_rate_text,
 )
-from postproc.suspicion.run_assessment import Suspicions
+from postproc.suspicion.run_assessment import ALL_RULES, Suspicions
 
 _NEVER = (
     "A word is no accusation: it is a reason to walk there. Telephones in cars gave the rates; a "
@@ -70,18 +69,18 @@ def not_asked_text(suspicions: Suspicions) -> str:
 
 
 def _has_warning(cell: Assessment) -> bool:
-    return any(RULES[finding.rule].only_warns for finding in cell.findings)
+    return any(finding.rule.strength == "warns" for finding in cell.findings)
 
 
 def reason_text(suspicions: Suspicions, finding: Finding) -> str:
     """A finding with time, place, what else explains it, and its rate."""
-    rule = RULES[finding.rule]
+    rule = finding.rule
     where = "" if finding.lat_deg is None else f", {finding.lat_deg:.5f} {finding.lon_deg:.5f}"
     seconds = suspicions.seconds(finding)
     when = "" if seconds is None else f" ({seconds:.0f} s{where})"
     return (
-        f"{finding.text}{when}. Also seen with: {rule.innocent}. "
-        f"{rate_text(rule, finding.nats)} [{rule.id}]"
+        f"{finding.text}{when}. Also seen with: {rule.harmless}. "
+        f"{rule.rate_text(finding.nats)} [{rule.id}]"
     )
 
 
@@ -89,11 +88,17 @@ def _content(suspicions: Suspicions, finding: Finding) -> Mapping[str, object]:
     """One reason in JSON: seconds since the run began and a place, None of one about the run."""
     seconds = suspicions.seconds(finding)
     return {
-        "rule": finding.rule,
-        "family": finding.family,
+        "rule": finding.rule.id,
+        "family": finding.rule.family,
         "text": finding.text,
         "t_s": None if seconds is None else round(seconds, 3),
         "lat": finding.lat_deg,
         "lon": finding.lon_deg,
         "evidence": finding.evidence,
     }
+
+
+def document_of_rules() -> Document:
+    """All rules with their needs and rates."""
+    texts = [rule.text for rule in ALL_RULES]
+    return Document(texts, body=[Line(text, bullet="  - ") for text in texts])

@@ -26,7 +26,7 @@ with late_modules():
     from postproc import atomic_write, cell_work, progress
     from postproc import result as estimation
     from postproc.basemap import reading
-    from postproc.suspicion import ordering
+    from postproc.suspicion import run_assessment
     from postproc.verification import claims as claiming
     from postproc.view import end_to_end, recording, scene, timeline, view_model, viewer, web
 
@@ -139,7 +139,7 @@ def _view_model(
         result = estimate(end_to_end.end_to_end(runs), names)
     else:
         result = stored_or_estimated(runs, names)
-    result, conspicuous = ordering.conspicuous_first(result)
+    result, conspicuous = run_assessment.conspicuous_first(result)
     cells = view_model.select_cells(result, names or conspicuous[:1])
     detailed = [cell.cell for cell in cells]
     verified = tested_claims(result, detailed, estimation.Options().prior, _P_FA, claim, claims)
