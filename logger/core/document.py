@@ -255,17 +255,17 @@ def _paragraph(line: Line, columns: int | None) -> Iterator[str]:
     styles = [word.style for word in words for _ in word.text]
     bullet = Word(printable(_text(line.bullet)), _style(line.bullet) or "plain")
     indent = width_of(bullet.text)
-    shown_bullet = _styled(bullet.text, [bullet.style] * len(bullet.text))
+    shown_bullet = _with_codes(bullet.text, [bullet.style] * len(bullet.text))
     start = 0
     for one in text.split("\n"):
-        for begin, end in _wrapped(one, None if columns is None else columns - indent):
+        for begin, end in _line_bounds(one, None if columns is None else columns - indent):
             shown = one[begin:end].rstrip().replace(_KEPT_TOGETHER, " ")
-            yield shown_bullet + _styled(shown, styles[start + begin :])
+            yield shown_bullet + _with_codes(shown, styles[start + begin :])
             shown_bullet = " " * indent
         start += len(one) + 1
 
 
-def _wrapped(text: str, width: int | None) -> list[tuple[int, int]]:
+def _line_bounds(text: str, width: int | None) -> list[tuple[int, int]]:
     """Begin and end of each line of a text."""
     if width is None:
         return [(0, len(text))]
@@ -278,7 +278,7 @@ def _wrapped(text: str, width: int | None) -> list[tuple[int, int]]:
     return list(zip(starts, [*starts[1:], len(text)], strict=True))
 
 
-def _styled(text: str, styles: Sequence[str]) -> str:
+def _with_codes(text: str, styles: Sequence[str]) -> str:
     """The text with the codes of the style of each character."""
     out = ""
     for style, group in groupby(zip(text, styles, strict=False), key=lambda pair: pair[1]):
@@ -315,7 +315,7 @@ def _table(table: Table, columns: int | None) -> Iterator[str]:
         cells = []
         for column, word, width in zip(table.columns, row, widths, strict=False):
             blank = " " * (width - width_of(word.text))
-            shown = _styled(word.text, [word.terminal_style] * len(word.text))
+            shown = _with_codes(word.text, [word.terminal_style] * len(word.text))
             cells.append(blank + shown if column.ends_at_one_line else shown + blank)
         yield _GAP.join(cells).rstrip()
 

@@ -86,7 +86,9 @@ def view(
             if value:
                 raise ConfigError(f"--{name} goes with a run; {paths[0]} is a recording already")
         # bare `rerun` serves everybody and counts its users
-        return _shown(recording.copy_recording(paths), paths[0].stem, port, is_served=is_served)
+        return _show_in_viewer(
+            recording.copy_recording(paths), paths[0].stem, port, is_served=is_served
+        )
     run_now(scene)
     _check(save, basemap, claim)
     if len(paths) > 1 and (claim or claims):
@@ -103,7 +105,7 @@ def view(
         return cell_work.exit_code([*model.cells, *failures])
 
     if save is None:
-        return _shown(write, runs[0].path.stem, port, is_served=is_served)
+        return _show_in_viewer(write, runs[0].path.stem, port, is_served=is_served)
     code = write(save)
     content = {"path": save, "bytes": save.stat().st_size}
     text = f"{save}: `postproc view {save}` opens it"
@@ -111,7 +113,9 @@ def view(
     return code
 
 
-def _shown(write: Callable[[Path], object], name: str, port: int | None, *, is_served: bool) -> int:
+def _show_in_viewer(
+    write: Callable[[Path], object], name: str, port: int | None, *, is_served: bool
+) -> int:
     """Show what `write` writes, in a browser or in rerun."""
     if not is_served:
         return viewer.show(write, name)

@@ -64,7 +64,7 @@ def _numbers(text):
     return set(re.findall(r"[^\s,;:()]*\d[^\s,;:()]*", text))
 
 
-def _shown(document, columns):
+def _lines_of(document, columns):
     """What a document shows on a terminal so wide, or where nobody looks (None)."""
     return "\n".join(terminal_lines(document, columns)) + "\n"
 
@@ -94,7 +94,7 @@ def _all_at_once(tmp_path):
 @pytest.mark.parametrize("name", ["info", "smooth", "smooth -v", "verify"])
 def test_no_number_is_cut_and_no_line_is_too_long(tmp_path, name, columns):
     make = _all_at_once(tmp_path)[name]
-    whole, narrow = _shown(make(), None), _shown(make(), columns)
+    whole, narrow = _lines_of(make(), None), _lines_of(make(), columns)
     assert _numbers(whole) <= _numbers(narrow)
     assert "…" not in narrow
     places = _numbers(str(tmp_path)) | {str(tmp_path)}
@@ -111,7 +111,7 @@ def test_no_number_is_cut_and_no_line_is_too_long(tmp_path, name, columns):
 def test_the_simulation_of_ranges_is_whole_too(columns):
     wanted = setting(None, None, [0.01, 100.0], 20, 0)
     said = toa.document_of(wanted, list(simulate(wanted)), steps=True)
-    assert _numbers(_shown(said, None)) <= _numbers(_shown(said, columns))
+    assert _numbers(_lines_of(said, None)) <= _numbers(_lines_of(said, columns))
 
 
 @pytest.mark.parametrize("columns", WIDTHS)
@@ -136,7 +136,7 @@ def test_one_line_a_cell_and_the_located_first(tmp_path):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=33)
     found = summarise(kit.sample_result(run))
     found.cells.reverse()
-    lines = _shown(document_of(found, details=False)[0], 80).splitlines()
+    lines = _lines_of(document_of(found, details=False)[0], 80).splitlines()
     rows = [line for line in lines if line.startswith("262-01-4711-")]
     assert len(rows) == 33
     assert [line.split()[2] for line in rows][:2] == ["located", "cannot"]
@@ -153,11 +153,11 @@ def test_at_most_ten_events_the_gravest_of_them(tmp_path):
     grave = runs.Record(61 * 10**9, "logger", runs.Note("error", "x", "grave matter"))
     runs.write_journal(tmp_path / "walk.journal", [*runs.records(30), *notes, grave])
     info = describe(read_run(tmp_path / "walk.journal"))
-    short = _shown(info_document(info), 80)
+    short = _lines_of(info_document(info), 80)
     assert short.count("matter") + short.count("Grüße") == 10
     assert "grave matter" in short
     assert f"... and {len(info.events) - 10} more events (-v lists all)" in short
-    every = _shown(info_document(info, details=True), 80)
+    every = _lines_of(info_document(info, details=True), 80)
     assert every.count("matter") + every.count("Grüße") == len(info.events)
 
 
@@ -167,7 +167,7 @@ def test_markup_in_a_run_is_text(tmp_path):
     found.cells[0].cell = "[/bold]:smile:[red]"
     for details in (False, True):
         said = document_of(found, details=details)[0]
-        assert "[/bold]:smile:[red]" in _shown(said, 80)
+        assert "[/bold]:smile:[red]" in _lines_of(said, 80)
 
 
 @pytest.mark.parametrize("columns", [None, 60, 80])
@@ -187,6 +187,6 @@ def test_nothing_in_a_run_steers_the_terminal(tmp_path, columns):
         document_of(found, details=True)[0],
         info_document(info),
     ):
-        output = _shown(said, columns)
+        output = _lines_of(said, columns)
         assert "evil" in output
         assert not set(CONTROL.sub("", output)) & set("\x1b\x07\r\u202e")
