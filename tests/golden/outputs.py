@@ -120,13 +120,13 @@ def helps() -> str:
     parts = []
     for name, _ in commands():
         program, *words = name.split()
-        code, text = printed(program, [*words, "--help"])
+        code, text = output_of(program, [*words, "--help"])
         assert code == 0, text
         parts.append(f"$ {name} --help\n{text}")
     return "\n".join(parts)
 
 
-def printed(program: str, arguments: list[str]) -> tuple[int, str]:
+def output_of(program: str, arguments: list[str]) -> tuple[int, str]:
     """Exit code and standard output of a command, run in this process."""
     output = io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(io.StringIO()):
@@ -166,7 +166,7 @@ def documents(folder: Path) -> Iterator[tuple[str, Any]]:
     for name, line in COMMANDS.items():
         program, *words = line.replace("DIR", str(folder)).split()
         with _environment(environment):
-            code, text = printed(program, [*words, "--json"])
+            code, text = output_of(program, [*words, "--json"])
         document = json.loads(text.replace(str(folder), "DIR"))
         if name in BY_MACHINE:
             document = shape_of(document)
