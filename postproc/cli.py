@@ -13,11 +13,13 @@ import click
 from click.shell_completion import get_completion_class
 
 from logger.command_line import (
+    Program,
     json_option,
     late_modules,
     recover,
     run_program,
     show,
+    under_old_name,
     version_option,
 )
 from logger.core.errors import SOMETHING_LOST
@@ -35,9 +37,7 @@ from postproc.options import (
 )
 from postproc.pictures.cli import plot
 from postproc.report.cli import report
-from postproc.reproductions.position_verification.cli import verify_theory
-from postproc.reproductions.toa.cli import toa
-from postproc.reproductions.validate.cli import validate
+from postproc.reproductions.cli import theory, toa, validate
 from postproc.survey.cli import survey
 from postproc.suspicion.cli import suspect
 from postproc.verification.cli import celldb, verify
@@ -58,7 +58,21 @@ def main(argv: list[str] | None = None) -> int:
     return run_program(program, "postproc", argv)
 
 
-@click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
+_SECTIONS = {
+    "Answer": ("smooth", "report", "view", "plot", "suspect", "verify"),
+    "Walk on": ("next", "guide"),
+    "Compare": ("compare", "baseline"),
+    "Files": ("info", "import", "export", "share"),
+    "Many walkers": ("survey",),
+}
+
+
+@click.group(
+    cls=Program,
+    sections=_SECTIONS,
+    no_args_is_help=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @version_option()
 def program() -> None:
     """Estimate the positions of the cells of a recorded walk.
@@ -69,10 +83,19 @@ def program() -> None:
 
 for _command in (
     import_, export, share, view, plot, report, recover,
-    guide, next_command, suspect, toa, validate, verify, verify_theory, celldb, baseline,
+    guide, next_command, suspect, validate, verify, celldb, baseline,
     compare, survey,
+    under_old_name(theory, "postproc verify-theory", "postproc validate theory"),
 ):  # fmt: skip
     program.add_command(_command)
+
+
+@program.group("toa", hidden=True)
+def _toa() -> None:
+    """In earlier versions; now `postproc validate toa`."""
+
+
+_toa.add_command(under_old_name(toa, "postproc toa simulate", "postproc validate toa"))
 
 
 @program.command

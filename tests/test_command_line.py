@@ -140,3 +140,12 @@ assert type(ekf) is type(sys)
 
 def test_a_late_module_runs_at_its_first_use():
     subprocess.run([sys.executable, "-c", LATE], check=True)
+
+
+def test_help_of_a_command_is_that_of_its_option(capsys):
+    assert postproc(["help", "survey", "add"]) == 0
+    by_name = capsys.readouterr().out
+    assert postproc(["survey", "add", "--help"]) == 0
+    assert by_name == capsys.readouterr().out
+    assert postproc(["help", "survey", "none"]) == 2
+    assert "No such command 'none'" in capsys.readouterr().err

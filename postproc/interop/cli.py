@@ -10,6 +10,7 @@ import click
 
 from logger.command_line import FILE, INPUT, json_option, late_modules, number, show
 from logger.core.errors import ConfigError, RunFileError
+from postproc.interop.writers import names
 from postproc.options import cells_option, run_argument, stored_or_estimated
 
 with late_modules():
@@ -20,15 +21,11 @@ with late_modules():
         estimates,
         exporting,
         importing,
-        join_track,
-        levels,
-        named_columns,
         track_file,
-        zip_import,
     )
     from postproc.interop import share as sharing
+    from postproc.interop.readers import named_columns
 
-_FORMATS = ("kml", "geojson", "gpx", "csv", "wigle", "opencellid-csv", "opencellid-json", "parquet")
 _MOST_PRINTED = 20
 """Bad rows of an imported file: more would push the result off the screen."""
 
@@ -46,7 +43,7 @@ _MOST_PRINTED = 20
 @click.option(
     "--format",
     "format_name",
-    type=click.Choice(_FORMATS),
+    type=click.Choice(names()),
     help="Default: by the suffix; `import` reads .csv back.",
 )
 @cells_option
@@ -72,13 +69,14 @@ def export(
     The exit code is 3 if the estimate of a cell failed.
     """
     name = exporting.format_of(format_name, output)
-    if (has_estimates or all_estimators) and not exporting.FORMATS[name].has_estimates:
+    if (has_estimates or all_estimators) and not exporting.has_estimates(name):
         option = "--estimates" if has_estimates else "--all-estimators"
-        raise ConfigError(f"{name} stores measurements only; use {option} with kml, geojson or gpx")
+        able = " or ".join(exporting.formats_with_estimates())
+        raise ConfigError(f"{name} stores measurements only; use {option} with {able}")
     has_estimates = has_estimates or all_estimators
     run = runfile.read_sound_run(path)
     atomic_write.check_output(output)
-    walk = levels.walk_of_run(
+    walk = exporting.walk_of_run(
         run, list(scan_counts.observed_cells([run], cells)) if cells else None
     )
     found: list[estimates.Estimate] = []
@@ -143,7 +141,7 @@ def import_(
         times=times == "file",
         columns=named_columns.columns_of(columns) if columns else {},
         track=track_file.read_track(track) if track else None,
-        zone=join_track.zone_named(zone) if zone else None,
+        zone=track_file.zone_named(zone) if zone else None,
     )
     sizes = decompression.members(source)
     if member is not None and member not in sizes:
@@ -166,7 +164,7 @@ def _import_all(
 ) -> None:
     """Import each file of a zip, and say of each what became of it."""
     runs, left, lines, remarks = [], [], [], []
-    for name, result in zip_import.import_members(source, output, sizes, reading):
+    for name, result in importing.import_members(source, output, sizes, reading):
         if isinstance(result, str):
             left.append({"file": name, "why": result})
             remarks.append(f"{source}/{name} is left out: {result}")

@@ -31,7 +31,7 @@ with late_modules():
     from postproc.baseline import store
     from postproc.comparison import report as comparing
     from postproc.guidance import next_output
-    from postproc.survey import dataset, intake, layers, location, scheduling, sources, tasks
+    from postproc.survey import dataset, intake, layers, location, scheduling, tasks
     from postproc.survey.answers import baseline as walks_of_loggers
     from postproc.survey.answers import changes, next_walks, page
     from postproc.verification import parsing
@@ -100,7 +100,7 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
     code is 3 if there was one. The command may be stopped at any time and repeated.
     """
     _check_libraries("pyarrow")
-    files = sources.files_of(paths)
+    files = intake.files_of(paths)
     if not files:
         raise ConfigError("these folders have no run and no log")
     if logger is not None and not (logger.isprintable() and 0 < len(logger) <= 64):

@@ -17,7 +17,7 @@ from postproc.progress import with_progress
 from postproc.survey import layout
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
-from postproc.survey.kept_lines import append_lines, whole_lines
+from postproc.survey.estimates import append_lines, whole_lines
 from postproc.survey.rule_inputs import RuleInputs, records_of
 from postproc.survey.scheduling import Cluster
 from postproc.suspicion.run_assessment import failures_of

@@ -74,7 +74,7 @@ def _others_are_known(desk: _Desk, _cell: _Cell) -> Evidence | None:
 
 def _rejected_positions(desk: _Desk) -> Iterator[_Cell]:
     """The tests are those of `postproc verify`: the spread of a database's position enters them."""
-    # numba and scipy, which take a second, are for those who give a database
+    # scipy, which takes a second, is for those who give a database
     from postproc.verification.run_claims import verify_claims  # noqa: PLC0415
 
     for run in desk.runs:

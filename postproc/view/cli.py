@@ -28,7 +28,7 @@ with late_modules():
     from postproc.basemap import reading
     from postproc.suspicion import run_assessment
     from postproc.verification import claims as claiming
-    from postproc.view import end_to_end, recording, scene, timeline, view_model, viewer, web
+    from postproc.view import end_to_end, scene, timeline, view_model, viewer, web
 
 _P_FA = 0.05
 """False-alarm rate of the tests of claims, the default of `verify`."""
@@ -81,13 +81,13 @@ def view(
     only_one({"--save": save, "--web": is_served})
     if port is not None and not is_served:
         raise ConfigError("--port goes with --web")
-    if any(map(recording.is_recording, paths)):
+    if any(map(viewer.is_recording, paths)):
         for name, value in of_a_run.items():
             if value:
                 raise ConfigError(f"--{name} goes with a run; {paths[0]} is a recording already")
         # bare `rerun` serves everybody and counts its users
         return _show_in_viewer(
-            recording.copy_recording(paths), paths[0].stem, port, is_served=is_served
+            viewer.copy_recording(paths), paths[0].stem, port, is_served=is_served
         )
     run_now(scene)
     _check(save, basemap, claim)

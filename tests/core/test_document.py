@@ -148,8 +148,8 @@ ELSEWHERE = {
     "logger/core/document.py": "the place where it belongs",
     "logger/drivers/protocols/nmea_fix.py": "digits of a fraction of a second",
     "logger/drivers/reading/modem_gnss.py": "digits of a fraction of a second",
-    "postproc/interop/log_times.py": "digits of a fraction of a second",
-    "postproc/reproductions/validate/report.py": "the page VALIDATION.md",
+    "postproc/interop/fields.py": "digits of a fraction of a second",
+    "logger/command_line.py": "one width of names under all titles of the help",
 }
 """Files that may, with what they pad or write."""
 

@@ -16,9 +16,9 @@ from logger.device.estimator import Estimator
 from logger.device.link import Inbox
 from logger.device.service import Service
 from logger.device.startup import begin_run
-from logger.sim.clock import WalkTime
 from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
+from logger.sim.walk import WalkTime
 from postproc.replay import replay
 from tests.kit import runs, service
 from tests.kit.recorded_runs import record_until

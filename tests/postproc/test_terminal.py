@@ -11,8 +11,8 @@ from logger.core.document import terminal_lines
 from logger.core.runfile import read_run
 from postproc.info import describe
 from postproc.info import document_of as info_document
-from postproc.reproductions.toa import report as toa
-from postproc.reproductions.toa.simulate import setting, simulate
+from postproc.reproductions import toa
+from postproc.reproductions.checks import document_of as document_of_checks
 from postproc.summary import document_of, summarise
 from postproc.verification import report as verification
 from tests.kit import runs
@@ -109,8 +109,8 @@ def test_no_number_is_cut_and_no_line_is_too_long(tmp_path, name, columns):
 
 @pytest.mark.parametrize("columns", WIDTHS)
 def test_the_simulation_of_ranges_is_whole_too(columns):
-    wanted = setting(None, None, [0.01, 100.0], 20, 0)
-    said = toa.document_of(wanted, list(simulate(wanted)), steps=True)
+    wanted = toa.setting(None, None, [0.01, 100.0], 20, 0)
+    said = document_of_checks(toa.checks(wanted, list(toa.simulate(wanted)), steps=True), {})
     assert _numbers(_lines_of(said, None)) <= _numbers(_lines_of(said, columns))
 
 
