@@ -3,7 +3,7 @@
 import os
 import pwd
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,6 +14,7 @@ from pyproj.exceptions import ProjError
 from logger.baseline_file import BaselineFile, bound_heap
 from logger.command_line import missing_library
 from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
+from logger.core.document import Document, Word, facts
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.geo import Utm
 from logger.core.guidance.street_atlas import StreetAtlas
@@ -40,6 +41,20 @@ class Line:
     state: State
     what: str
     text: str
+
+
+_STYLES = {"ok": "", "warn": "yellow", "fail": "red"}
+
+
+def document_of(lines: Sequence[Line]) -> Document:
+    """What was checked, a line each."""
+    said = [(Word(line.state, _STYLES[line.state]), f"{line.what}: {line.text}") for line in lines]
+    return Document(lines, body=facts(said, len("fail")))
+
+
+def exit_code(lines: Sequence[Line]) -> int:
+    """2 if a check failed."""
+    return 2 if any(line.state == "fail" for line in lines) else 0
 
 
 def check(config_path: Path | None) -> list[Line]:

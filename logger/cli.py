@@ -6,7 +6,6 @@ import re
 import sys
 import textwrap
 from contextlib import suppress
-from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -20,15 +19,25 @@ from logger.command_line import (
     SEED,
     Program,
     json_option,
+    late_modules,
     number,
-    print_json,
     recover,
     run_program,
+    show,
     version_option,
 )
 from logger.core.errors import ConfigError
 from logger.doctor.cli import check, doctor
 from logger.page.cli import page, status
+
+with late_modules():
+    from logger import config as site_file
+    from logger import probe as probing
+    from logger import simulate as simulation
+    from logger.core import document
+    from logger.device import battery, clock, memory, notify, run_service, signals, startup
+    from logger.drivers import registry, transcript
+    from logger.drivers.reading import rows as reading_rows
 
 FASTEST = 10_000
 """More than any machine simulates."""
@@ -96,33 +105,22 @@ for command in (recover, check, doctor, status, page):
 )
 def run(config: Path, duration_s: float | None) -> None:
     """Record until SIGTERM, SIGINT or a power cut."""
-    from msgspec.structs import replace
+    from msgspec.structs import replace  # noqa: PLC0415 (no help needs it)
 
-    from logger.config import load_config
-    from logger.device.clock import SystemClock
-    from logger.device.memory import within_memory
-    from logger.device.notify import ServiceManager
-    from logger.device.signals import stop_signals
-    from logger.device.startup import begin_run
-
-    site, text = load_config(config)
-    site = replace(site, live=within_memory(site.live))
-    clock, manager = SystemClock(), ServiceManager.of(os.environ)
+    site, text = site_file.load_config(config)
+    site = replace(site, live=memory.within_memory(site.live))
+    system_clock, manager = clock.SystemClock(), notify.ServiceManager.of(os.environ)
     if duration_s is None and site.run.longest_h:
         duration_s = 3600.0 * site.run.longest_h  # systemd starts the next run
-    with stop_signals() as stop:
+    with signals.stop_signals() as stop:
         if site.power.stop_percent or site.power.stop_volts:
-            from logger.device.battery import wait_for_charger
-
-            wait_for_charger(site.power, manager, stop[0])
+            battery.wait_for_charger(site.power, manager, stop[0])
             if stop[0].is_set():
                 return
-        begun = begin_run(site, text, clock)  # before the slow imports below
+        begun = startup.begin_run(site, text, system_clock)  # before run_service, which is slow
         if begun.writer.is_durable:
             manager.alive()
-        from logger.device.run_service import run_service
-
-        print(run_service(site, begun, manager, clock, stop, duration_s))
+        print(run_service.run_service(site, begun, manager, system_clock, stop, duration_s))
 
 
 @program.command
@@ -136,24 +134,20 @@ def probe(ports: tuple[str, ...], target: Path | None, *, as_json: bool) -> None
 
     PORT limits the search to these ports (default: all serial ports).
     """
-    from logger.probe import probe, propose_config, serial_ports
-
-    present = serial_ports()
+    present = probing.serial_ports()
     candidates = {port: present.get(port, "") for port in ports} or present
     if not candidates:
         raise ConfigError("no serial port: plug in the modem and the receiver, or name a port")
     print(f"probing {', '.join(candidates)}: up to 20 s", file=sys.stderr)
-    devices = probe(candidates)
-    proposal = propose_config(devices)
-    if as_json:
-        print_json([asdict(device) for device in devices])
-    else:
-        for device in devices:
-            rate = f" at {device.baud} baud" if device.baud else ""
-            driver = f", driver {device.driver}" if device.driver else ""
-            origin = device.usb or "no USB"
-            print(f"# {device.port} ({origin}): {device.kind}{rate}{driver} {device.text}")
-        print(f"\n{proposal.text}", end="")
+    devices = probing.probe(candidates)
+    proposal = probing.propose_config(devices)
+    lines = []
+    for device in devices:
+        rate = f" at {device.baud} baud" if device.baud else ""
+        driver = f", driver {device.driver}" if device.driver else ""
+        origin = device.usb or "no USB"
+        lines.append(f"# {device.port} ({origin}): {device.kind}{rate}{driver} {device.text}")
+    show(document.Document(devices, body=[*lines, f"\n{proposal.text.rstrip()}"]), as_json=as_json)
     if target is not None:
         _write_new(target, proposal.text)
     if proposal.advice:
@@ -189,24 +183,21 @@ def parse(file: Path, driver_name: str, command: str | None, *, as_json: bool) -
 
     FILE contains the text of the reply; - reads standard input.
     """
-    from logger.drivers.reading.rows import as_json as row_as_json
-    from logger.drivers.registry import driver_of, reader_of
-    from logger.drivers.transcript import rows_of
-
-    chosen = driver_of(driver_name)
+    chosen = registry.driver_of(driver_name)
     reply = sys.stdin.buffer.read() if str(file) == "-" else file.read_bytes()
     # latin-1 has a character for every byte, so line noise passes unchanged
     lines = re.split(r"[\r\n]+", reply.decode("latin-1"))
     if command:
         lines.insert(0, command)
-    driver = chosen or reader_of(lines)
-    rows = [row_as_json(row) for row in rows_of(driver, lines)]
-    if as_json:
-        print_json(rows)
-        return
-    for row in rows:
-        print("  ".join(f"{name}={value}" for name, value in row.items() if value is not None))
-    print(f"{len(rows)} rows, driver {driver.name}", file=sys.stderr)
+    driver = chosen or registry.reader_of(lines)
+    rows = [reading_rows.as_json(row) for row in transcript.rows_of(driver, lines)]
+    texts = [
+        "  ".join(f"{name}={value}" for name, value in row.items() if value is not None)
+        for row in rows
+    ]
+    show(document.Document(rows, body=texts), as_json=as_json)
+    if not as_json:
+        print(f"{len(rows)} rows, driver {driver.name}", file=sys.stderr)
 
 
 @program.command
@@ -276,13 +267,8 @@ def simulate(
 
     Modem and receiver are simulated behind pseudo-terminals.
     """
-    from logger.simulate import simulate
-
-    path = simulate(folder, scenario, seed, duration_s, speed, modem, fault)
-    if as_json:
-        print_json({"run": path})
-    else:
-        print(path)
+    path = simulation.simulate(folder, scenario, seed, duration_s, speed, modem, fault)
+    show(document.Document({"run": path}, body=[str(path)]), as_json=as_json)
 
 
 if __name__ == "__main__":

@@ -5,16 +5,62 @@ A mistake of the user is one line on stderr and exit code 2; no exception leaves
 
 import copy
 import os
+import shutil
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial, wraps
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import LazyLoader
 from pathlib import Path
-from typing import Any, TypeVar
+from types import ModuleType
+from typing import Any, TextIO, TypeVar
 
 import click
+from click.shell_completion import shell_complete
 
-from logger.core.errors import FieldLoggerError
+from logger.core.errors import SOMETHING_LOST, FieldLoggerError
 from logger.core.printable import plain_streams, printable
+
+
+class _LateFinder(MetaPathFinder):
+    """Finds our own modules, which then run at their first use."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if not fullname.startswith(("logger.", "postproc.")):
+            return None
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is not None and spec.loader is not None:
+            spec.loader = LazyLoader(spec.loader)
+        return spec
+
+
+@contextmanager
+def late_modules() -> Iterator[None]:
+    """Import modules that run when a command first uses them: `from package import module`.
+
+    So a command's help imports no library, and no command those of another. A name of a module
+    (`from module import name`) is a use.
+    """
+    finder = _LateFinder()
+    sys.meta_path.insert(0, finder)
+    try:
+        yield
+    finally:
+        sys.meta_path.remove(finder)
+
+
+def run_now(*modules: ModuleType) -> None:
+    """Run late modules, so that a missing library is an error before long work."""
+    for module in modules:
+        getattr(module, "__file__", None)
+
+
+with late_modules():
+    from logger.core import document, foreign, runfile
 
 Real = TypeVar("Real", bound=float)
 
@@ -50,10 +96,8 @@ class PathType(click.Path):
         if self._is_file and path.name in {"", ".."}:
             self.fail(f"{str(path)!r} names no file", param, ctx)
         if self._is_input and path.exists() and not path.is_dir():
-            from logger.core.foreign import check_regular  # imports msgspec
-
             try:
-                check_regular(path)
+                foreign.check_regular(path)
             except OSError as error:
                 self.fail(f"{path}: {error.strerror}", param, ctx)
         return path
@@ -187,11 +231,25 @@ def under_old_name(command: click.Command, old: str, new: str) -> click.Command:
     return alias
 
 
-def print_json(document: object) -> None:
-    """Print a document that consists of plain values and paths."""
-    import json
+def show(said: "document.Document", *, as_json: bool) -> None:
+    """Print what a command says as JSON, or as lines with styles where somebody is looking."""
+    for remark in said.remarks:
+        print(remark, file=sys.stderr)
+    if as_json:
+        print(document.json_text(said.content))
+        return
+    # past the filter of control characters, which is for text that is not a document
+    terminal = getattr(sys.stdout, "rich_proxied_file", sys.stdout)
+    columns = shutil.get_terminal_size().columns if terminal.isatty() else None
+    is_styled = _shows_styles(terminal)
+    for line in document.terminal_lines(said, columns, is_styled=is_styled):
+        print(line, file=terminal, flush=True)
 
-    print(json.dumps(document, indent=2, default=str))
+
+def _shows_styles(terminal: TextIO) -> bool:
+    """On terminals only, and not for those who say so (no-color.org)."""
+    is_plain = bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
+    return terminal.isatty() and not is_plain
 
 
 def run_program(program: click.Group, name: str, argv: Sequence[str] | None) -> int:
@@ -213,8 +271,6 @@ def run_program(program: click.Group, name: str, argv: Sequence[str] | None) -> 
 def _invoke(program: click.Group, name: str, argv: Sequence[str]) -> int:
     completion = f"_{name.upper()}_COMPLETE"
     if completion in os.environ:
-        from click.shell_completion import shell_complete
-
         return shell_complete(program, {}, name, completion, os.environ[completion])
     with program.make_context(name, list(argv)) as context:
         code: int | None = program.invoke(context)
@@ -268,17 +324,17 @@ def recover(context: click.Context, path: Path, *, as_json: bool) -> int:
 
     PATH is a journal or a folder of runs. The exit code is 3 if anything was lost.
     """
-    from logger.core.errors import SOMETHING_LOST
-    from logger.core.runfile import recover as recover_path
+    results: list[runfile.Recovered] = []
 
-    results = []
-    for result in recover_path(path):
-        results.append(result)
-        if as_json:
-            continue
-        print(result, flush=True)
-        if result.loss:
-            print(f"{context.find_root().info_name}: {result.loss}", file=sys.stderr)
-    if as_json:
-        print_json([result.as_dict() for result in results])
-    return SOMETHING_LOST if any(result.loss for result in results) else 0
+    def lines() -> Iterator[str]:
+        for result in runfile.recover(path):
+            results.append(result)
+            yield str(result)
+
+    body = list(lines()) if as_json else lines()  # as they come
+    content = [result.as_dict() for result in results]
+    show(document.Document(content, body=body), as_json=as_json)
+    losses = [result.loss for result in results if result.loss]
+    for loss in losses if not as_json else ():
+        print(f"{context.find_root().info_name}: {loss}", file=sys.stderr)
+    return SOMETHING_LOST if losses else 0

@@ -1,22 +1,28 @@
 """The command `postproc`: the programs for recorded walks."""
 
+from __future__ import annotations
+
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+from click.shell_completion import get_completion_class
 
 from logger.command_line import (
     Program,
     json_option,
-    print_json,
+    late_modules,
     recover,
     run_program,
+    show,
     under_old_name,
     version_option,
 )
+from logger.core.errors import SOMETHING_LOST
 from postproc.baseline.cli import baseline
 from postproc.comparison.cli import compare
 from postproc.guidance.cli import guide, next_command
@@ -37,10 +43,12 @@ from postproc.suspicion.cli import suspect
 from postproc.verification.cli import celldb, verify
 from postproc.view.cli import view
 
-if TYPE_CHECKING:
-    from logger.core.model.prior import Prior
-    from postproc.cell_work import Failure
-    from postproc.result_json import Summary
+with late_modules():
+    from logger.core import document, runfile
+    from logger.core.model import prior as priors
+    from postproc import cell_work, replay, result, results, summary
+    from postproc import info as description
+    from postproc.suspicion import run_assessment
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -104,68 +112,25 @@ _toa.add_command(under_old_name(toa, "postproc toa simulate", "postproc validate
 @json_option
 def info(path: Path, digest: str | None, *, verify: bool, verbose: bool, as_json: bool) -> int:
     """Print what a run contains, its gaps and how it ended."""
-    from logger.core.runfile import read_sound_run
-    from postproc.info import describe
-    from postproc.info_table import print_info
-    from postproc.json_text import as_json as json_text
-
     if verify or digest is not None:
-        return _verify(path, digest, as_json=as_json)
-    description = describe(read_sound_run(path))
-    if as_json:
-        print(json_text(description))
-    else:
-        print_info(description, details=verbose)
+        noted = None if digest is None else description.noted_digest(digest)
+        checks = description.verify(path, noted)
+        show(description.document_of_checks(checks), as_json=as_json)
+        return 0 if all(check.holds for check in checks) else SOMETHING_LOST
+    run = description.describe(runfile.read_sound_run(path))
+    show(description.document_of(run, details=verbose), as_json=as_json)
     return 0
 
 
-def _verify(path: Path, digest: str | None, *, as_json: bool) -> int:
-    from dataclasses import asdict
-
-    from logger.core.errors import SOMETHING_LOST
-    from logger.core.printable import printable
-    from postproc.info import noted_digest, verify
-
-    checks = verify(path, None if digest is None else noted_digest(digest))
-    if as_json:
-        print_json([asdict(check) for check in checks])
-    else:
-        for check in checks:
-            print(f"{'ok' if check.holds else 'FAIL':4}  {check.what}: {printable(check.text)}")
-    return 0 if all(check.holds for check in checks) else SOMETHING_LOST
-
-
-@program.command
+@program.command("replay")
 @run_argument
 @json_option
-def replay(path: Path, *, as_json: bool) -> int:
+def replay_command(path: Path, *, as_json: bool) -> int:
     """Recompute the live estimate and compare it with the recorded one."""
-    from dataclasses import asdict
-
-    from logger.core.runfile import read_run
-    from postproc.replay import replay
-
-    result = replay(read_run(path))
-    if as_json:
-        print_json(asdict(result) | {"equal": result.equal})
-    elif not result.n_recorded and not result.n_replayed:
-        print("the run contains no live estimate: no 2G cell was decoded while there was a fix")
-    elif result.equal:
-        words = "; words by other rules" if result.other_rules else ""
-        print(f"replay equals live: {result.n_equal} estimates, to the last bit{words}")
-    elif result.findings_differ:
-        print("replay differs from live: the findings of the rules are not the recorded ones")
-    elif result.advice_differs and result.n_equal == result.n_recorded == result.n_replayed:
-        print("replay differs from live: the advice where to walk is not the recorded one")
-    else:
-        print(
-            f"replay differs from live: {result.n_recorded} recorded, "
-            f"{result.n_replayed} replayed, {result.n_equal} equal; "
-            f"first difference at record {result.first_difference}, "
-            f"largest {result.largest_m:.3g} m; "
-            f"recorded by {result.recorded_by}, replayed by {result.replayed_by}"
-        )
-    return 0 if result.equal else 1
+    replayed = replay.replay(runfile.read_run(path))
+    content = asdict(replayed) | {"equal": replayed.equal}
+    show(document.Document(content, body=[replayed.text]), as_json=as_json)
+    return 0 if replayed.equal else 1
 
 
 @program.command
@@ -185,7 +150,7 @@ def replay(path: Path, *, as_json: bool) -> int:
 def smooth(
     paths: Sequence[Path],
     cells: Sequence[str],
-    prior: "Prior",
+    prior: priors.Prior,
     loss: Any,
     within_m: float,
     *,
@@ -196,31 +161,15 @@ def smooth(
 
     Several runs are estimated together. The exit code is 3 if the estimate of a cell failed.
     """
-    from logger.core.runfile import read_sound_run
-    from postproc import results
-    from postproc.cell_work import exit_code
-    from postproc.result import Options
-    from postproc.summary import summarise
-    from postproc.suspicion.run_assessment import conspicuous_first
-
-    runs = [read_sound_run(path) for path in paths]
-    result = estimate(runs, cells, Options(prior, loss, within_m))
-    summary = summarise(conspicuous_first(result)[0])
+    runs = [runfile.read_sound_run(path) for path in paths]
+    estimated = estimate(runs, cells, result.Options(prior, loss, within_m))
+    summed = summary.summarise(run_assessment.conspicuous_first(estimated)[0])
     # printed first: a run on a read-only card has an answer too
-    failures = _print_summary(summary, details=bool(cells or verbose), as_json=as_json)
+    said, failures = summary.document_of(summed, details=bool(cells or verbose))
+    show(said, as_json=as_json)
     beside = results.path_beside(paths[0], together=len(runs) > 1)
-    results.write(result, summary, beside, cells)
-    return exit_code([*summary.cells, *failures])
-
-
-def _print_summary(summary: "Summary", *, details: bool, as_json: bool) -> "list[Failure]":
-    from postproc.json_text import as_json as json_text
-    from postproc.tables import print_summary
-
-    if as_json:
-        print(json_text(summary))
-        return []
-    return print_summary(summary, details=details)
+    results.write(estimated, summed, beside, cells)
+    return cell_work.exit_code([*summed.cells, *failures])
 
 
 @program.command
@@ -230,8 +179,6 @@ def completion(shell: str) -> None:
 
     SHELL is bash, zsh or fish. To use the script: eval "$(postproc completion bash)"
     """
-    from click.shell_completion import get_completion_class
-
     if generator := get_completion_class(shell):
         print(generator(program, {}, "postproc", "_POSTPROC_COMPLETE").source())
 

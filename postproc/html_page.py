@@ -1,15 +1,19 @@
 """Pages of HTML that need no network."""
 
 from typing import Any
-from unicodedata import category
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from logger.core.document import DASH, Table, Word, html_table, html_value, plain_text
+
 
 def page_environment(package: str) -> Environment:
-    """Templates of a package, and `head.html`; all text is escaped, except markup of our own."""
-    return Environment(
+    """Templates of a package, and `head.html`; all text is escaped, except markup of our own.
+
+    The filter `table` writes a table, `word` a verdict.
+    """
+    environment = Environment(
         loader=ChoiceLoader([PackageLoader(package), PackageLoader("postproc")]),
         autoescape=True,
         undefined=StrictUndefined,
@@ -17,15 +21,22 @@ def page_environment(package: str) -> Environment:
         lstrip_blocks=True,
         finalize=_printable,
     )
+    environment.filters |= {"table": _table, "word": _word}
+    return environment
+
+
+def _table(table: Table) -> Markup:
+    return Markup(html_table(table))  # noqa: S704 (it escapes all text)
+
+
+def _word(verdict: str) -> Markup:
+    return Markup(html_value(Word(verdict)))  # noqa: S704 (it escapes all text)
 
 
 def _printable(value: Any) -> Any:
     """Values with a dash for None, and without control characters and lone surrogates."""
     if value is None:
-        return "–"
+        return DASH
     if isinstance(value, Markup) or not isinstance(value, str):
         return value
-    return "".join(
-        "\N{REPLACEMENT CHARACTER}" if category(c).startswith("C") and c not in "\n\t" else c
-        for c in value
-    )
+    return plain_text(value)

@@ -1,6 +1,7 @@
 """Contents of a run: counts, gaps, how it stopped, and whether it is complete."""
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from logger.core.censoring import levels_dbm
 from logger.core.column import UNKNOWN_ID
+from logger.core.document import Column, Document, Line, Table, Word, facts
 from logger.core.errors import ConfigError
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run, Sealing, read_sound_run, sealing_of
@@ -18,6 +20,19 @@ from postproc.scan_counts import scans_of
 
 GAP_S = 5.0
 """A silence of the receiver or the modem that is worth telling."""
+MOST = 10
+"""Of gaps and events that are printed without -v: they leave room for the rest on a screen."""
+MOST_CELLS = 40
+"""Of the cells with most readings; more than any city has within a walk."""
+_WEIGHT = {"error": 0, "warning": 1}
+_STYLES = {"error": "red", "warning": "yellow"}
+_CELL_COLUMNS = (
+    Column("cell"),
+    Column("type"),
+    Column("readings", "d"),
+    Column("in scans", "d"),
+    Column("strongest", ".0f", "dBm"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +101,64 @@ class Info(RunFacts):
     cells: tuple[CellCount, ...]
     gaps: tuple[Gap, ...]
     events: tuple[Event, ...]
+
+
+def document_of(info: Info, *, details: bool = False) -> Document:
+    """A run on one screen; with `details` every gap and every event."""
+    simulated = ", SIMULATED" if info.simulated else ""
+    title = f"{info.path} ({info.form}), {info.origin}{simulated}"
+    return Document(info, title, body=_parts(info, details=details))
+
+
+def _parts(info: Info, *, details: bool) -> Iterator[Line | Table]:
+    cells = info.cells if details else info.cells[:MOST_CELLS]
+    most = max(len(info.gaps), len(info.events)) if details else MOST
+    yield from facts(_facts(info))
+    rows = [(one.cell, one.rat, one.n, one.n_scans, one.strongest_dbm) for one in cells]
+    yield Table(_CELL_COLUMNS, rows)
+    yield from _rest(len(info.cells) - len(cells), "cells")
+    longest = sorted(info.gaps, key=lambda gap: -gap.length_s)[:most]
+    for gap in sorted(longest, key=lambda gap: gap.start_s):
+        yield Line(f"no {gap.of} for {gap.length_s:.0f} s at +{gap.start_s:.0f} s", bullet="gap  ")
+    yield from _rest(len(info.gaps) - len(longest), "shorter gaps")
+    gravest = sorted(info.events, key=lambda event: _WEIGHT.get(event.level, 2))[:most]
+    for event in sorted(gravest, key=lambda event: event.t_s):
+        style = _STYLES.get(event.level, "dim")
+        yield Line(f"{event.source}: {event.text}", style, bullet=f"+{event.t_s:.0f} s  ")
+    yield from _rest(len(info.events) - len(gravest), "events")
+    yield from facts([("digest", info.digest)], len("readings"))
+
+
+def _rest(n: int, what: str) -> Iterator[Line]:
+    if n > 0:
+        yield Line(f"... and {n} more {what} (-v lists all)", "dim")
+
+
+def _facts(info: Info) -> Iterator[tuple[Word | str, Word | str]]:
+    started = info.started_utc or "at an unknown time (the receiver never reported it)"
+    yield "started", f"{started}, {info.duration_s:.0f} s"
+    yield "stopped", info.stopped or "not: the plug was pulled, or it is still being recorded"
+    if info.missing_frames or info.skipped_bytes or info.meaningless_values:
+        damage = f"{info.missing_frames} frames missing, {info.skipped_bytes} bytes damaged"
+        if info.meaningless_values:
+            damage += f", {info.meaningless_values} values that no recorder writes left out"
+        yield "damage", Word(damage, "red")
+    n = info.n_fixes_by_dead_reckoning
+    dead = f", {n} of these by dead reckoning, without satellites" if n else ""
+    yield "fixes", f"{info.n_fixes}, {info.n_fixes_valid} with a position{dead}"
+    without = (
+        f"{info.n_readings_without_fix} without a fix, {info.n_readings_without_identity} of "
+        "cells not decoded"
+    )
+    yield "readings", f"{info.n_readings} in {info.n_scans} scans, {without}"
+    yield "live", f"{info.n_live} estimates; raw {info.n_raw_bytes} bytes"
+
+
+def document_of_checks(checks: Sequence["Check"]) -> Document:
+    """What `info --verify` says."""
+    ok, fail = Word("ok"), Word("FAIL", "red")
+    said = [(ok if check.holds else fail, f"{check.what}: {check.text}") for check in checks]
+    return Document(checks, body=facts(said, len("FAIL")))
 
 
 def describe(run: Run) -> Info:

@@ -1,20 +1,25 @@
 """Options and arguments that several commands of `postproc` share, each declared once."""
 
+from __future__ import annotations
+
 import functools
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import click
 
-from logger.command_line import INPUT, number
-from logger.core.reader_process import start_ahead
+from logger.command_line import INPUT, late_modules, number
 
-if TYPE_CHECKING:
-    from logger.core.runfile import Run
-    from postproc.result import Options, Result
+with late_modules():
+    from logger import street_file
+    from logger.core import reader_process, runfile
+    from logger.core.locator import verdict
+    from logger.core.model import prior as priors
+    from postproc import progress, results, smoothing
+    from postproc import result as estimation
 
 Command = Callable[..., int | None]
 _Paths = TypeVar("_Paths", Path, tuple[Path, ...])
@@ -29,7 +34,7 @@ def _start_reader(ctx: click.Context, _: click.Parameter, value: _Paths) -> _Pat
     """It imports while the command does."""
     paths = (value,) if isinstance(value, Path) else value
     if not ctx.resilient_parsing and any(path.suffix == ".h5" for path in paths):
-        start_ahead()
+        reader_process.start_ahead()
     return value
 
 
@@ -39,6 +44,18 @@ runs_argument = click.argument(
 )
 cells_option = click.option(
     "--cell", "cells", multiple=True, metavar="NAME", help="Only this cell (may be repeated)."
+)
+basemap_option = click.option(
+    "--basemap",
+    type=INPUT,
+    metavar="FILE",
+    help="Ground of the plan: PMTiles, MBTiles, or an image with a world file.",
+)
+streets_option = click.option(
+    "--streets",
+    type=INPUT,
+    metavar="FILE",
+    help="Streets that may be walked: lines of GeoJSON or GPX.",
 )
 false_alarm_option = click.option(
     "--pfa",
@@ -109,9 +126,7 @@ def prior_options(command: Command) -> Command:
         height_m: float | None,
         **options: Any,
     ) -> int | None:
-        from logger.core.model.prior import prior_for
-
-        prior = prior_for(environment, height_m=height_m, antenna=antenna, reach=reach)
+        prior = priors.prior_for(environment, height_m=height_m, antenna=antenna, reach=reach)
         return command(*arguments, prior=prior, **options)
 
     return with_prior
@@ -135,9 +150,7 @@ def within_option(command: Command) -> Command:
     )
     @functools.wraps(command)
     def with_radius(*arguments: Any, radius_m: float | None, **options: Any) -> int | None:
-        from logger.core.locator.verdict import DESK_M
-
-        return command(*arguments, within_m=radius_m or DESK_M, **options)
+        return command(*arguments, within_m=radius_m or verdict.DESK_M, **options)
 
     return with_radius
 
@@ -175,36 +188,38 @@ def only_one(options: Mapping[str, object], *, is_required: bool = False) -> Non
         context.fail(f"one of {', '.join(options)} is required")
 
 
-def estimate(
-    runs: "Sequence[Run]", cells: Sequence[str], options: "Options | None" = None
-) -> "Result":
-    """Estimate cells (none named: all) of runs on all processors, with a bar on the terminal."""
-    from postproc.progress import with_progress
-    from postproc.result import Options
-    from postproc.smoothing import smooth_runs
+def read_streets(path: Path | None) -> street_file.StreetLines | tuple[()]:
+    """Lines of `--streets`."""
+    return () if path is None else street_file.read_lines(path)
 
-    return smooth_runs(
-        runs, cells, options=options or Options(), progress=with_progress, processes=processors()
+
+def estimate(
+    runs: Sequence[runfile.Run], cells: Sequence[str], options: estimation.Options | None = None
+) -> estimation.Result:
+    """Estimate cells (none named: all) of runs on all processors, with a bar on the terminal."""
+    return smoothing.smooth_runs(
+        runs,
+        cells,
+        options=options or estimation.Options(),
+        progress=progress.with_progress,
+        processes=processors(),
     )
 
 
 def stored_or_estimated(
-    runs: "Sequence[Run]", cells: Sequence[str], options: "Options | None" = None
-) -> "Result":
+    runs: Sequence[runfile.Run], cells: Sequence[str], options: estimation.Options | None = None
+) -> estimation.Result:
     """The result that `smooth` has stored beside the (first) run, or a new one."""
     return stored_result(runs, cells, options) or estimate(runs, cells, options)
 
 
 def stored_result(
-    runs: "Sequence[Run]", cells: Sequence[str], options: "Options | None" = None
-) -> "Result | None":
+    runs: Sequence[runfile.Run], cells: Sequence[str], options: estimation.Options | None = None
+) -> estimation.Result | None:
     """What `smooth` has stored beside the (first) run; a line on stderr where it is not used."""
-    from postproc import results
-    from postproc.result import Options
-
     path = results.path_beside(runs[0].path, together=len(runs) > 1)
     try:
-        result = results.read(path, runs, cells, options or Options())
+        result = results.read(path, runs, cells, options or estimation.Options())
     except results.NotStored as reason:
         if str(reason):
             print(f"{path} is not used: {reason}", file=sys.stderr)

@@ -48,6 +48,25 @@ class Replay:
         is_estimate_equal = self.n_equal == self.n_recorded == self.n_replayed
         return is_estimate_equal and not self.findings_differ and not self.advice_differs
 
+    @property
+    def text(self) -> str:
+        """The result in a sentence."""
+        if not self.n_recorded and not self.n_replayed:
+            return "the run contains no live estimate: no 2G cell was decoded while there was a fix"
+        if self.equal:
+            words = "; words by other rules" if self.other_rules else ""
+            return f"replay equals live: {self.n_equal} estimates, to the last bit{words}"
+        if self.findings_differ:
+            return "replay differs from live: the findings of the rules are not the recorded ones"
+        if self.advice_differs and self.n_equal == self.n_recorded == self.n_replayed:
+            return "replay differs from live: the advice where to walk is not the recorded one"
+        return (
+            f"replay differs from live: {self.n_recorded} recorded, {self.n_replayed} replayed, "
+            f"{self.n_equal} equal; first difference at record {self.first_difference}, largest "
+            f"{self.largest_m:.3g} m; recorded by {self.recorded_by}, replayed by "
+            f"{self.replayed_by}"
+        )
+
 
 def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
     """Live estimates and events computed from the run's records, in their order.

@@ -14,11 +14,11 @@ import msgspec
 import numpy as np
 
 import logger.core
+from logger.core.document import json_text
 from logger.core.errors import RunFileError
 from logger.core.runfile import Run
 from logger.core.runfile.hdf5_reading import read_results
 from postproc.atomic_write import whole_file
-from postproc.json_text import as_json
 from postproc.result import Options, Result, joint_warnings, program_version
 from postproc.result_encoding import Array, Encoded, decode, encode
 from postproc.result_json import Summary
@@ -71,7 +71,7 @@ def write(result: Result, summary: Summary, path: Path, cells: Sequence[str] = (
             file.attrs["run_id"] = run_ids[0]
         else:
             file.attrs["run_ids"] = run_ids
-        file["summary"] = np.bytes_(as_json(summary).encode())
+        file["summary"] = np.bytes_(json_text(summary).encode())
         file["made_from"] = np.bytes_(made_from)
         file["selected"] = np.bytes_(selected)
         file["values"] = np.frombuffer(encoded.values, np.uint8)

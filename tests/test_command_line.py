@@ -2,6 +2,7 @@
 
 import ast
 import re
+import subprocess
 import sys
 from functools import cache
 from importlib import import_module, metadata
@@ -101,37 +102,44 @@ def test_what_python_was_built_without_is_in_no_package(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(("library", "option"), [("tornado", []), ("segno", ["--show"])])
-def test_the_page_names_its_extra(library, option, tmp_path, monkeypatch, capsys):
+def test_the_page_names_its_extra(library, option, tmp_path, monkeypatch):
     site = tmp_path / "site.toml"
     text = (ROOT / "systemd/site.toml").read_text("utf-8").replace('# listen = ""', CLAIM)
     site.write_text(text, "utf-8")
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
     (tmp_path / "token").write_text("0" * 64)
-    for name in [name for name in sys.modules if name.startswith(("logger.page.", library))]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, library, None)
-    assert fieldlogger(["page", "--config", str(site), *option]) == 2
-    error = capsys.readouterr().err.strip()
-    assert error.endswith(f"{library} is missing: pip install 'cellwalk[page]'"), error
-    assert fieldlogger(["check", "--config", str(site)]) == 2
-    assert f"page: {library} is missing: pip install 'cellwalk[page]'" in capsys.readouterr().out
+    without = f"import sys; sys.modules[{library!r}] = None; from logger.cli import main"
+
+    def error_of(*arguments):
+        done = subprocess.run(
+            [sys.executable, "-c", f"{without}; sys.exit(main())", *arguments, "--config", site],
+            check=False,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 2
+        return done.stdout + done.stderr
+
+    missing = f"{library} is missing: pip install 'cellwalk[page]'"
+    assert error_of("page", *option).strip().endswith(missing)
+    assert f"page: {missing}" in error_of("check")
 
 
-@pytest.mark.parametrize("name", ["postproc", "fieldlogger"])
-def test_help_shows_at_most_15_commands_in_groups_and_help_all_shows_every_one(name, capsys):
-    cli = import_module({"postproc": "postproc.cli", "fieldlogger": "logger.cli"}[name])
-    assert cli.main(["--help"]) == 0
-    text = capsys.readouterr().out
-    assert cli.main(["help", "--all"]) == 0
-    every = capsys.readouterr().out
-    usable = {n for n, command in cli.program.commands.items() if not command.hidden} - {"help"}
-    shown, listed = (
-        set(re.findall(r"^  ([a-z][a-z-]*)  ", t, re.MULTILINE)) for t in (text, every)
-    )
-    assert shown <= usable == listed
-    assert len(shown) <= 15
-    assert shown == usable or f"{name} help --all lists them" in text
-    assert max(map(len, (text + every).splitlines())) <= 80
+LATE = """
+import sys
+from logger.command_line import late_modules
+with late_modules():
+    from logger.core import geo
+assert "pyproj" not in sys.modules
+geo.Utm
+assert "pyproj" in sys.modules
+from logger.core import ekf  # outside: as ever
+assert type(ekf) is type(sys)
+"""
+
+
+def test_a_late_module_runs_at_its_first_use():
+    subprocess.run([sys.executable, "-c", LATE], check=True)
 
 
 def test_help_of_a_command_is_that_of_its_option(capsys):

@@ -1,12 +1,11 @@
 """`fieldlogger status`: the status of the running service for a terminal."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from textwrap import wrap
-from typing import NamedTuple
 
 import msgspec
 
+from logger.core.document import Column, Document, Table
 from logger.core.ellipse import radii_text
 from logger.core.errors import ConfigError
 from logger.core.guidance.next_way import NextWay
@@ -20,18 +19,19 @@ from logger.device.status import (
 )
 
 _MOST_CELLS = 8
+_CELL_COLUMNS = (
+    Column("cell"),
+    Column(""),  # * is the one that is followed, + serves the modem
+    Column("level", ".0f", "dBm"),
+    Column("trend", "+.0f", "dB"),
+    Column("heard", ".0f", "s ago"),
+    Column("word"),
+)
 _POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
-class Report(NamedTuple):
-    """What the command prints, and whether the walk is being recorded."""
-
-    text: str
-    is_recorded: bool
-
-
-def report(folder: Path, *, as_json: bool, columns: int) -> Report:
-    """The status of the service now, in lines of so many columns or as JSON.
+def report(folder: Path) -> tuple[Document, bool]:
+    """The status of the service now, and whether the walk is being recorded.
 
     Raises `ConfigError` without permission.
     """
@@ -43,15 +43,11 @@ def report(folder: Path, *, as_json: bool, columns: int) -> Report:
         raise ConfigError(f"{folder}: status.json: {error.strerror}") from None
     except ConfigError as error:
         fields = {"state": "error", "text": str(error)}
-        return Report(_json(fields) if as_json else f"error: {error}", is_recorded=False)
+        return Document(fields, body=[f"error: {error}"]), False
     age_s = silent_s(status)
-    is_recorded = status.state != "error" and not age_s
-    if as_json:
-        return Report(
-            _json(msgspec.structs.asdict(status) | {"silent_s": round(age_s, 1)}), is_recorded
-        )
-    lines = [part for line in status_lines(status, age_s) for part in _parts(line, columns)]
-    return Report("\n".join(lines), is_recorded)
+    content = msgspec.structs.asdict(status) | {"silent_s": round(age_s, 1)}
+    document = Document(content, body=status_parts(status, age_s))
+    return document, status.state != "error" and not age_s
 
 
 def running_status(folder: Path = FOLDER) -> Status:
@@ -64,7 +60,7 @@ def running_status(folder: Path = FOLDER) -> Status:
     raise ConfigError("no service is recording: sudo systemctl start fieldlogger")
 
 
-def status_lines(status: Status, age_s: float = 0.0) -> Iterator[str]:
+def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:
     """What the page on the phone says; of a status that is `age_s` old where it is silent."""
     if age_s:
         yield f"error: the recorder is silent for {age_s:.0f} s (journalctl -u fieldlogger)"
@@ -88,8 +84,7 @@ def status_lines(status: Status, age_s: float = 0.0) -> Iterator[str]:
         yield next_line(status.next)
     if status.position is not None:
         yield position_line(status.position)
-    for row in status.cells[:_MOST_CELLS]:
-        yield cell_line(row, status, age_s)
+    yield Table(_CELL_COLUMNS, [_cell(row, status, age_s) for row in status.cells[:_MOST_CELLS]])
 
 
 def next_line(way: NextWay) -> str:
@@ -106,22 +101,10 @@ def position_line(position: PositionStatus) -> str:
     return f"{position.cell}: {position.verdict}, {place}"
 
 
-def cell_line(row: CellStatus, status: Status, age_s: float = 0.0) -> str:
+def _cell(row: CellStatus, status: Status, age_s: float) -> tuple[str | float | None, ...]:
     """One cell: what it is, how loud, and what is odd about it."""
-    mark = "*" if row.cell == status.followed else "+" if row.is_serving else " "
-    trend = "" if row.trend_db is None else f" {row.trend_db:+.0f} dB"
+    mark = "*" if row.cell == status.followed else "+" if row.is_serving else ""
     heard_s = (status.now_ns - row.heard_ns) / 1e9 + age_s
     words = ", ".join(text for text in (row.verdict, row.word) if text)
-    level = "?" if row.level_dbm is None else f"{row.level_dbm:.0f}"
-    return f"{mark} {row.cell:24} {level:>5} dBm{trend:8} {heard_s:5.0f} s  {words}".rstrip()
-
-
-def _parts(line: str, columns: int) -> list[str]:
-    """A line as so many as the terminal needs; words and names of cells stay whole."""
-    return wrap(
-        line, columns, subsequent_indent="    ", break_on_hyphens=False, break_long_words=False
-    )
-
-
-def _json(fields: Mapping[str, object]) -> str:
-    return msgspec.json.encode(fields).decode()
+    trend_db = "" if row.trend_db is None else row.trend_db
+    return row.cell, mark, row.level_dbm, trend_db, heard_s, words

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from logger.check import Line
+from logger.core.document import Column, Document, Part, Table, facts, terminal_lines
 from logger.core.errors import ConfigError
 from logger.core.runfile import Run
 from logger.device.libraries import installed_versions
@@ -14,6 +15,7 @@ from logger.device.machine import kernel_text
 from logger.drivers.privacy.patterns import mask_labelled
 
 _MOST_NOTES = 60
+_EVENT_COLUMNS = (Column("time", ".1f", "s"), Column("level"), Column("code"), Column("event"))
 _PRIVATE = (
     (re.compile(r"(?i)\b(?:[0-9a-f]{2}:){5}[0-9a-f]{2}\b"), "[address]"),
     (re.compile(r"\b\d{3}-\d{2,3}-\d+-\d+\b"), "[cell]"),
@@ -32,7 +34,8 @@ _SECRET = re.compile(r"(?i)^(\s*\S*(?:pass|secret|token|ssid|user)\S*\s*=).*")
 
 def write_report(target: Path, lines: Iterable[Line], config: Path, run: Run | None) -> None:
     """Write the report as text; raises `ConfigError` where the file cannot be written."""
-    text = "\n".join([*_report(list(lines), config, run), ""])
+    said = Document(None, body=_report(list(lines), config, run))
+    text = "\n".join([*terminal_lines(said), ""])
     try:
         target.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -46,20 +49,22 @@ def without_private(text: str) -> str:
     return mask_labelled(text.encode()).decode("utf-8", "replace")
 
 
-def _report(lines: list[Line], config: Path, run: Run | None) -> Iterator[str]:
+def _report(lines: list[Line], config: Path, run: Run | None) -> Iterator[Part]:
     yield "fieldlogger doctor: numbers of people and devices, cells and places are left out"
     yield ""
-    for line in lines:
-        yield f"{line.state:4}  {line.what}: {without_private(line.text)}"
-    yield from ("", "machine")
-    yield from (f"  {name}: {value}" for name, value in _machine())
-    yield from ("", "versions")
-    yield from (f"  {name} {version}" for name, version in sorted(installed_versions().items()))
-    yield from ("", "configuration")
+    checks = [(line.state, f"{line.what}: {without_private(line.text)}") for line in lines]
+    yield from facts(checks, len("fail"))
+    yield "\nmachine"
+    yield from facts([(f"  {name}:", value) for name, value in _machine()])
+    yield "\nversions"
+    yield from facts(
+        [(f"  {name}", version) for name, version in sorted(installed_versions().items())]
+    )
+    yield "\nconfiguration"
     yield from (f"  {line}" for line in _settings(config))
     if run is not None:
-        yield from ("", f"last events of the run (of {len(run.tables['notes'])})")
-        yield from (f"  {line}" for line in _events(run))
+        yield f"\nlast events of the run (of {len(run.tables['notes'])})"
+        yield Table(_EVENT_COLUMNS, list(_events(run)))
 
 
 def _machine() -> Iterator[tuple[str, str]]:
@@ -88,10 +93,8 @@ def _settings(config: Path) -> Iterator[str]:
             yield without_private(_SECRET.sub(r"\1 [left out]", setting))
 
 
-def _events(run: Run) -> Iterator[str]:
-    notes = run.tables["notes"]
-    begin_ns = run.meta.started_ns
-    for row in notes[-_MOST_NOTES:]:
+def _events(run: Run) -> Iterator[tuple[str | float, ...]]:
+    for row in run.tables["notes"][-_MOST_NOTES:]:
         text = without_private(row["text"].decode("utf-8", "replace"))
-        seconds = (int(row["t_ns"]) - begin_ns) / 1e9
-        yield f"{seconds:8.1f} s  {row['level'].decode():7} {row['code'].decode()}: {text}"
+        seconds = (int(row["t_ns"]) - run.meta.started_ns) / 1e9
+        yield seconds, row["level"].decode(), row["code"].decode(), text

@@ -2,18 +2,25 @@
 
 import logging
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import DURATION_S, FILE, PATH, SITE_TOML, json_option, print_json
+from logger.command_line import (
+    DURATION_S,
+    FILE,
+    PATH,
+    SITE_TOML,
+    json_option,
+    late_modules,
+    show,
+)
 
-if TYPE_CHECKING:
-    from logger.check import Line
+with late_modules():
+    from logger import check as checking
+    from logger.doctor import bundle, examination
 
 
 @click.command
@@ -21,9 +28,9 @@ if TYPE_CHECKING:
 @json_option
 def check(config: Path | None, *, as_json: bool) -> int:
     """Check configuration and installation without opening a port."""
-    from logger.check import check
-
-    return _print_lines(check(config), as_json=as_json)
+    lines = checking.check(config)
+    show(checking.document_of(lines), as_json=as_json)
+    return checking.exit_code(lines)
 
 
 @click.command
@@ -46,19 +53,18 @@ def check(config: Path | None, *, as_json: bool) -> int:
 @json_option
 def doctor(config: Path, trial_s: float, report: Path | None, *, as_json: bool) -> int:
     """Test power, card, clock, ports, modem and receiver; the verdict is the first line."""
-    from logger.doctor.bundle import write_report
-    from logger.doctor.examination import examine
 
     def progress(what: str) -> None:
         if sys.stderr.isatty():
             print(f"\r\033[K{what}", end="", file=sys.stderr, flush=True)
 
     with _errors_only():  # the lines replace the service's log
-        examination = examine(config, trial_s, progress)
+        examined = examination.examine(config, trial_s, progress)
     progress("")
     if report is not None:
-        write_report(report, examination.lines, config, examination.run)
-    return _print_lines(examination.lines, as_json=as_json)
+        bundle.write_report(report, examined.lines, config, examined.run)
+    show(checking.document_of(examined.lines), as_json=as_json)
+    return checking.exit_code(examined.lines)
 
 
 @contextmanager
@@ -71,15 +77,3 @@ def _errors_only() -> Iterator[None]:
         yield
     finally:
         log.setLevel(level)
-
-
-def _print_lines(lines: "Iterable[Line]", *, as_json: bool) -> int:
-    """Print each line as soon as its check is done; the exit code is 2 if one failed."""
-    printed = []
-    for line in lines:
-        printed.append(line)
-        if not as_json:
-            print(f"{line.state:4}  {line.what}: {line.text}", flush=True)
-    if as_json:
-        print_json([asdict(line) for line in printed])
-    return 2 if any(line.state == "fail" for line in printed) else 0

@@ -1,16 +1,23 @@
 """The commands `postproc baseline ...`."""
 
-import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import click
 
-from logger.command_line import FILE, json_option
+from logger.command_line import FILE, json_option, late_modules, show
+from logger.core.errors import SOMETHING_LOST, ConfigError
 from postproc.options import runs_argument
 
+with late_modules():
+    from logger.core import document, utc
+    from postproc import progress
+    from postproc.baseline import addition, store
+    from postproc.verification import parsing
+
 DEFAULT_NAME = "baseline.db"
+_DIGEST_SHOWN = 8
+"""Characters, which name a walk well enough."""
 
 baseline_option: Callable[..., Callable[..., int | None]] = click.option(
     "-b",
@@ -42,38 +49,26 @@ def add(paths: Sequence[Path], target: Path, *, as_json: bool) -> int:
     A run that is in the baseline is not added again. One that was altered since it was sealed is
     not added. The exit code is 3 if a run could not be added.
     """
-    from logger.core.errors import SOMETHING_LOST
-    from logger.core.printable import printable
-    from postproc.baseline.addition import add_runs
-    from postproc.baseline.store import BaselineStore
-    from postproc.json_text import as_json as json_text
-    from postproc.progress import with_progress
-
-    with BaselineStore(target, create=True) as store:
-        work = add_runs(store, paths)
+    with store.BaselineStore(target, create=True) as kept:
+        work = addition.add_runs(kept, paths)
         names = [path.name for path in paths]
-        results = list(with_progress(work, "adding", len(paths), names))
-        n_walks, n_cells = len(store.walks()), store.n_cells()
+        results = list(progress.with_progress(work, "adding", len(paths), names))
+        n_walks, n_cells = len(kept.walks()), kept.n_cells()
     failed = [result for result in results if result.problem]
-    for result in failed:
-        print(
-            f"{printable(str(result.path))} was not added: {printable(result.problem)}",
-            file=sys.stderr,
-        )
-    for result in results:
-        if result.remark:
-            print(f"{printable(str(result.path))}: {result.remark}", file=sys.stderr)
-    if as_json:
-        runs = [asdict(result) | {"path": str(result.path)} for result in results]
-        print(
-            json_text({"baseline": str(target), "walks": n_walks, "cells": n_cells, "runs": runs})
-        )
-    else:
-        n_known = sum(result.is_known for result in results)
-        n_added = len(results) - n_known - len(failed)
-        known = f", {n_known} in it already" if n_known else ""
-        walks = f"{n_walks} walk{'s' * (n_walks != 1)}"
-        print(f"{target}: {n_added} added{known}; {walks}, {n_cells} cells")
+    n_known = sum(result.is_known for result in results)
+    n_added = len(results) - n_known - len(failed)
+    known = f", {n_known} in it already" if n_known else ""
+    walks = f"{n_walks} walk{'s' * (n_walks != 1)}"
+    content = {"baseline": target, "walks": n_walks, "cells": n_cells, "runs": results}
+    said = document.Document(
+        content,
+        body=[f"{target}: {n_added} added{known}; {walks}, {n_cells} cells"],
+        remarks=[
+            *(f"{result.path} was not added: {result.problem}" for result in failed),
+            *(f"{result.path}: {result.remark}" for result in results if result.remark),
+        ],
+    )
+    show(said, as_json=as_json)
     return SOMETHING_LOST if failed else 0
 
 
@@ -82,19 +77,40 @@ def add(paths: Sequence[Path], target: Path, *, as_json: bool) -> int:
 @json_option
 def list_walks(target: Path, *, as_json: bool) -> None:
     """Print the walks and the trusted cells."""
-    from postproc.baseline.store import BaselineStore
-    from postproc.baseline.tables import print_baseline
-    from postproc.json_text import as_json as json_text
-
-    with BaselineStore(target) as store:
-        walks, trust, n_cells = store.walks(), store.trusted_cells(), store.n_cells()
-    if as_json:
-        trusted = [{"cell": cell, "note": note} for cell, note in trust.items()]
-        rows = [asdict(walk) for walk in walks]
-        document = {"baseline": str(target), "cells": n_cells, "walks": rows, "trusted": trusted}
-        print(json_text(document))
-    else:
-        print_baseline(str(target), walks, trust)
+    with store.BaselineStore(target) as kept:
+        walks, trust, n_cells = kept.walks(), kept.trusted_cells(), kept.n_cells()
+    trusted = [{"cell": cell, "note": note} for cell, note in trust.items()]
+    content = {"baseline": target, "cells": n_cells, "walks": walks, "trusted": trusted}
+    columns = [
+        document.Column("walk", "d"),
+        document.Column("digest"),
+        document.Column("began (UTC)"),
+        document.Column("readings", "d"),
+        document.Column("squares", "d"),
+        document.Column("cells", "d"),
+        document.Column("run"),
+    ]
+    rows = [
+        (
+            walk.id,
+            walk.digest[:_DIGEST_SHOWN],
+            "unknown" if walk.began_utc_ns is None else utc.utc_text(walk.began_utc_ns)[:16],
+            walk.n_readings,
+            walk.n_squares,
+            walk.n_cells,
+            walk.name,
+        )
+        for walk in walks
+    ]
+    said = document.Document(
+        content,
+        f"{target}: {len(walks)} walk{'s' * (len(walks) != 1)}",
+        body=[
+            document.Table(columns, rows),
+            *(document.Line(f"{cell}: {note}", bullet="trusted: ") for cell, note in trust.items()),
+        ],
+    )
+    show(said, as_json=as_json)
 
 
 @baseline.command
@@ -108,24 +124,18 @@ def trust(cell: str, note: str, target: Path, *, withdraw: bool, as_json: bool) 
 
     CELL is its name, mcc-mnc-area-cid. It stays trusted when walks are added or removed.
     """
-    from logger.core.errors import ConfigError
-    from postproc.baseline.store import BaselineStore
-    from postproc.json_text import as_json as json_text
-    from postproc.verification.parsing import identity_of
-
-    if identity_of(cell) is None:
+    if parsing.identity_of(cell) is None:
         raise ConfigError(f"{cell!r} is no cell: mcc-mnc-area-cid is wanted, like 262-01-801-86355")
     if withdraw == bool(note):
         raise ConfigError("give a note that says why the cell is trusted, or --withdraw")
-    with BaselineStore(target) as store:
+    with store.BaselineStore(target) as kept:
         if not withdraw:
-            store.trust(cell, note)
-        elif not store.distrust(cell):
+            kept.trust(cell, note)
+        elif not kept.distrust(cell):
             raise ConfigError(f"{cell} is not trusted")
-    if as_json:
-        print(json_text({"cell": cell, "trusted": not withdraw, "note": note or None}))
-    else:
-        print(f"{cell} is trusted{' no longer' if withdraw else f': {note}'}")
+    content = {"cell": cell, "trusted": not withdraw, "note": note or None}
+    text = f"{cell} is trusted{' no longer' if withdraw else f': {note}'}"
+    show(document.Document(content, body=[text]), as_json=as_json)
 
 
 @baseline.command
@@ -137,15 +147,10 @@ def remove(walks: Sequence[str], target: Path, *, as_json: bool) -> None:
 
     WALK is a number or the beginning of a digest, as `list` prints them. Trusted cells stay.
     """
-    from postproc.baseline.store import BaselineStore
-    from postproc.json_text import as_json as json_text
-
-    with BaselineStore(target) as store:
-        chosen = {walk.id: walk for walk in map(store.walk_of, walks)}
-        store.remove(list(chosen))
-        n_left = len(store.walks())
-    if as_json:
-        removed = [asdict(walk) for walk in chosen.values()]
-        print(json_text({"baseline": str(target), "removed": removed, "walks": n_left}))
-    else:
-        print(f"{target}: {len(chosen)} removed, {n_left} left")
+    with store.BaselineStore(target) as kept:
+        chosen = {walk.id: walk for walk in map(kept.walk_of, walks)}
+        kept.remove(list(chosen))
+        n_left = len(kept.walks())
+    content = {"baseline": target, "removed": list(chosen.values()), "walks": n_left}
+    text = f"{target}: {len(chosen)} removed, {n_left} left"
+    show(document.Document(content, body=[text]), as_json=as_json)

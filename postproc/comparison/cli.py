@@ -4,7 +4,13 @@ from pathlib import Path
 
 import click
 
-from logger.command_line import FILE, INPUT, json_option
+from logger.command_line import FILE, INPUT, json_option, late_modules, run_now, show
+from logger.core.errors import ConfigError
+
+with late_modules():
+    from logger.core import runfile
+    from postproc import atomic_write, cell_work
+    from postproc.comparison import report, run_pair, scene
 
 
 @click.command
@@ -25,30 +31,17 @@ def compare(
     A and B are runs. Cells are compared only where both walks could have heard them. The exit code
     is 3 if the comparison of a cell failed.
     """
-    from logger.core.errors import ConfigError
-    from logger.core.runfile import read_sound_run
-    from postproc.atomic_write import check_output, whole_file
-    from postproc.cell_work import exit_code
-    from postproc.comparison.page import html
-    from postproc.comparison.run_pair import compare_runs, document_of
-    from postproc.comparison.tables import print_comparison
-    from postproc.json_text import as_json as json_text
-
     if save is not None and save.suffix != ".rrd":
         raise ConfigError(f"{save}: a rerun recording is named .rrd")
+    run_now(report, *[scene] * (save is not None))
     for path in (output, save):
         if path is not None:
-            check_output(path)
-    compared = compare_runs(read_sound_run(a), read_sound_run(b))
+            atomic_write.check_output(path)
+    compared = run_pair.compare_runs(runfile.read_sound_run(a), runfile.read_sound_run(b))
     if output is not None:
-        with whole_file(output) as part:
-            part.write_bytes(html(compared).encode())
+        with atomic_write.whole_file(output) as part:
+            part.write_bytes(report.html(compared).encode())
     if save is not None:
-        from postproc.comparison.scene import write_comparison
-
-        write_comparison(compared, save)
-    if as_json:
-        print(json_text(document_of(compared)))
-    else:
-        print_comparison(compared, details=verbose)
-    return exit_code(compared.comparison.cells)
+        scene.write_comparison(compared, save)
+    show(report.document_of(compared, details=verbose), as_json=as_json)
+    return cell_work.exit_code(compared.comparison.cells)

@@ -7,6 +7,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from logger.core.arrays import FloatArray
+from logger.core.document import Column, Table, markdown_table, markdown_text
 from postproc.atomic_write import whole_file
 from postproc.comparison.changes import CellChange
 from postproc.comparison.ground import BLOCK_M, Grid
@@ -53,13 +54,11 @@ def _layout(changed: list[CellChange]) -> rrb.Blueprint:
 def _report(compared: ComparedRuns) -> str:
     """The words of all cells in Markdown, the changes first."""
     cells = sorted(compared.comparison.cells, key=lambda cell: not cell.is_change)
-    rows = [f"| `{cell.cell}` | {cell.word} | {cell.text} |" for cell in cells]
-    head = [
-        f"# {compared.b.name} compared with {compared.a.name}", "",
-        "Red: stronger in the second walk. Blue: weaker. Grey: heard by one walk alone.", "",
-        "| cell | word | why |", "|---|---|---|",
-    ]  # fmt: skip
-    return "\n".join([*head, *rows])
+    columns = (Column("cell"), Column("word"), Column("why"))
+    title = f"# {markdown_text(compared.b.name)} compared with {markdown_text(compared.a.name)}"
+    colours = "Red: stronger in the second walk. Blue: weaker. Grey: heard by one walk alone."
+    table = Table(columns, [(cell.cell, cell.word, cell.text) for cell in cells])
+    return "\n\n".join([title, colours, markdown_table(table)])
 
 
 def _blocks(cell: CellChange, grid: Grid) -> rr.Boxes2D:

@@ -1,51 +1,46 @@
 """The commands `postproc guide` and `postproc next`."""
 
+from __future__ import annotations
+
 import csv
 import sys
 from collections.abc import Iterator, Sequence
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import FILE, INPUT, json_option
-from postproc.options import prior_options, runs_argument
+from logger.command_line import FILE, json_option, late_modules, show
+from logger.core.errors import ConfigError
+from logger.core.printable import printable
+from postproc.options import prior_options, read_streets, runs_argument, streets_option
 
-if TYPE_CHECKING:
-    from logger.core.model.prior import Prior
-    from logger.core.observations import CellObservations
-    from logger.core.runfile import Run
-
-_streets_option = click.option(
-    "--streets", type=INPUT, metavar="FILE",
-    help="Streets that may be walked: lines of GeoJSON or GPX.",
-)  # fmt: skip
+with late_modules():
+    from logger.core import observations, runfile
+    from logger.core.model import prior as priors
+    from postproc import atomic_write, cell_work, foreign_file, multi_run, picture_file, walk
+    from postproc.guidance import filter as guide_filter
+    from postproc.guidance import next_output, next_walk
+    from postproc.suspicion import run_assessment
 
 
 @click.command
 @click.option(
     "--cell", metavar="NAME", help="Follow this cell of the column `cell` (default: the first)."
 )
-@_streets_option
+@streets_option
 @prior_options
-def guide(cell: str | None, streets: Path | None, prior: "Prior") -> None:
+def guide(cell: str | None, streets: Path | None, prior: priors.Prior) -> None:
     """Say where to walk next, row by row: a filter for other loggers.
 
     Reads CSV with the columns t_s, lat, lon and rssi_dbm from the standard input and prints one
     line of JSON for each row at once. Columns cell, acc_m and rat may follow.
     """
-    import msgspec
-
-    from logger.street_file import read_lines
-    from postproc.guidance.filter import GuideFilter
-
-    lines = () if streets is None else read_lines(streets)
-    answers = GuideFilter(prior, cell, lines)
+    answers = guide_filter.GuideFilter(prior, cell, read_streets(streets))
     was_off_map = False
     for row in _rows(needs_cell=cell is not None):
-        print(msgspec.json.encode(answers.answer(row)).decode(), flush=True)
+        print(answers.line(row), flush=True)
         if answers.is_off_map and not was_off_map:
             was_off_map = True
             _say(f"{streets} has no street near the first position, so it is not used")
@@ -55,24 +50,21 @@ def guide(cell: str | None, streets: Path | None, prior: "Prior") -> None:
 
 def _say(text: str) -> None:
     """On stderr, since stdout has one line for each row."""
-    from logger.core.printable import printable
-
     print(f"postproc: {printable(text)}", file=sys.stderr, flush=True)
 
 
 def _rows(*, needs_cell: bool) -> Iterator[dict[str, str | None]]:
     """Rows by the names of the header, each as soon as its line is complete."""
-    from postproc.foreign_file import LONGEST_ITEM
-    from postproc.guidance.filter import COLUMNS
-
     # Spreadsheets begin with a byte order mark; bytes that are no text are an error of one row
     with open(0, encoding="utf-8-sig", errors="replace", closefd=False) as file:
-        lines = iter(partial(file.readline, LONGEST_ITEM), "")
+        lines = iter(partial(file.readline, foreign_file.LONGEST_ITEM), "")
         names = [name.strip().lower() for name in _values(next(lines, ""))]
-        missing = [name for name in (*COLUMNS, *["cell"][:needs_cell]) if name not in names]
+        missing = [
+            name for name in (*guide_filter.COLUMNS, *["cell"][:needs_cell]) if name not in names
+        ]
         if missing:
             raise click.UsageError(f"the header line has no column {', '.join(missing)}")
-        for name in (*COLUMNS, "cell", "acc_m", "rat"):
+        for name in (*guide_filter.COLUMNS, "cell", "acc_m", "rat"):
             if names.count(name) > 1:
                 raise click.UsageError(f"the header line names {name} twice")
         for values in map(_values, lines):
@@ -94,7 +86,7 @@ def _values(line: str) -> list[str]:
 @click.option(
     "--from", "start", metavar="LAT,LON", help="Where the walk begins (default: the last end)."
 )
-@_streets_option
+@streets_option
 @click.option("--routes", type=FILE, metavar="FILE.gpx", help="Write the routes to follow.")
 @click.option("--map", "picture", type=FILE, metavar="FILE.png", help="Draw where to walk.")
 @prior_options
@@ -106,7 +98,7 @@ def next_command(
     streets: Path | None,
     routes: Path | None,
     picture: Path | None,
-    prior: "Prior",
+    prior: priors.Prior,
     *,
     as_json: bool,
 ) -> None:
@@ -115,64 +107,49 @@ def next_command(
     Routes are ranked by what they would say about the position of one cell for each metre: the
     most suspicious or unusual one, and without such a cell the strongest.
     """
-    from logger.street_file import read_lines
-    from postproc.atomic_write import check_output
-    from postproc.cell_work import attempt_alone
-    from postproc.guidance import next_output
-    from postproc.guidance.next_walk import next_walk
-    from postproc.json_text import as_json as json_text
-    from postproc.picture_file import check_picture
-
-    lines = () if streets is None else read_lines(streets)
+    lines = read_streets(streets)
     if routes is not None:
-        check_output(routes)
+        atomic_write.check_output(routes)
     if picture is not None:
-        check_picture(picture)
+        picture_file.check_picture(picture)
     obs = _readings_of(paths, cell)
-    walk = attempt_alone(
-        obs.cell, "its next walk", lambda: next_walk(obs, prior, _start_deg(start), lines)
+    found = cell_work.attempt_alone(
+        obs.cell,
+        "its next walk",
+        lambda: next_walk.next_walk(obs, prior, _start_deg(start), lines),
     )
     if routes is not None:
-        next_output.write_gpx(walk, routes)
+        next_output.write_gpx(found, routes)
     if picture is not None:
-        next_output.draw_map(walk, picture)
-    if as_json:
-        print(json_text(next_output.document_of(walk)))
-    else:
-        next_output.print_next_walk(walk)
+        next_output.draw_map(found, picture)
+    show(next_output.document_of(found), as_json=as_json)
 
 
-def _readings_of(paths: Sequence[Path], cell: str | None) -> "CellObservations":
+def _readings_of(paths: Sequence[Path], cell: str | None) -> observations.CellObservations:
     """Readings of the cell in all runs; where none is named, of the one to look for first."""
-    from logger.core.errors import ConfigError
-    from logger.core.runfile import read_sound_run
-    from postproc.multi_run import check_different, in_one_zone, merge, modems_of, parts_by_cell
-    from postproc.walk import observe_run
-
-    runs = [read_sound_run(path) for path in paths]
-    check_different(runs)
-    observed = in_one_zone([observe_run(run) for run in runs])
+    runs = [runfile.read_sound_run(path) for path in paths]
+    multi_run.check_different(runs)
+    observed = multi_run.in_one_zone([walk.observe_run(run) for run in runs])
     every = [obs for run in observed if run.observations for obs in run.observations.cells]
     cell = cell or _first_to_look_for(runs, every)
-    parts = {} if cell is None else parts_by_cell(observed, [cell])
+    parts = {} if cell is None else multi_run.parts_by_cell(observed, [cell])
     if cell is None or cell not in parts:
         names = ", ".join(sorted({obs.cell for obs in every})[:10]) or "none"
         raise ConfigError(f"no readings of {cell or 'any cell'} with a position; cells: {names}")
-    return merge(parts[cell], modems_of(runs))
+    return multi_run.merge(parts[cell], multi_run.modems_of(runs))
 
 
-def _first_to_look_for(runs: "Sequence[Run]", every: "list[CellObservations]") -> str | None:
+def _first_to_look_for(
+    runs: Sequence[runfile.Run], every: list[observations.CellObservations]
+) -> str | None:
     """The most suspicious or unusual cell that has levels; without one the strongest."""
-    from postproc.cell_work import Attempts
-    from postproc.suspicion.run_assessment import conspicuous_cells
-
     levels: dict[str, float] = {}
-    tries = Attempts("the choice of its readings")
+    tries = cell_work.Attempts("the choice of its readings")
     for obs, usable in tries.each(every, lambda obs: obs.cell, lambda obs: obs.usable()):
         level_dbm = usable.level_dbm
         if len(level_dbm):
             levels[obs.cell] = max(levels.get(obs.cell, -inf), float(level_dbm.max()))
-    conspicuous = conspicuous_cells(runs, levels)
+    conspicuous = run_assessment.conspicuous_cells(runs, levels)
     if conspicuous:
         return conspicuous[0].cell
     return max(levels, key=lambda name: levels[name], default=None)

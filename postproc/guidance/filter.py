@@ -70,6 +70,10 @@ class GuideFilter:
         self.levels = 0
         self.is_off_map = False
 
+    def line(self, row: Mapping[str, str | None]) -> str:
+        """The answer to a row as one line of JSON."""
+        return msgspec.json.encode(self.answer(row)).decode()
+
     def answer(self, row: Mapping[str, str | None]) -> GuideLine:
         """Take a row by column names; an empty value is unknown."""
         t_s = None

@@ -1,12 +1,15 @@
-"""The next walk on the terminal, as JSON, as GPX and as a map."""
+"""The next walk as a document, as GPX and as a map."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from logger.command_line import late_modules
 from logger.core.arrays import FloatArray
+from logger.core.document import Column, Degrees, Document, Line, Table
 from logger.core.ellipse import radii_text
 from logger.core.locator.region import highest_density
 from postproc.atomic_write import whole_file
@@ -14,7 +17,9 @@ from postproc.guidance.next_walk import NextWalk, RankedRoute
 from postproc.interop.geometry import DECIMALS
 from postproc.interop.writers.gpx import NAMESPACE
 from postproc.interop.xml_file import add, decimal, write
-from postproc.terminal import print_text, screen, table
+
+with late_modules():  # they draw
+    from postproc.pictures import plots, plots_style
 
 OPTIMISTIC = (
     "The radii after a route are what the model promises. They are optimistic; trust their order."
@@ -22,33 +27,43 @@ OPTIMISTIC = (
 _LEAST_MAP_M, _MARGIN_M, _GRID = 600.0, 100.0, 41
 """Half the side of the map at least, what it shows beyond the best route, and points of each side
 that the information is computed for."""
+_COLUMNS = (
+    Column("route", "d"),
+    Column("length", ".0f", "m"),
+    Column("nats", ".2f"),
+    Column("nats/km", ".2f"),
+    Column("r95 after", ".0f", "m"),
+    Column("to"),
+)
 
 
-def print_next_walk(walk: NextWalk) -> None:
+def document_of(walk: NextWalk) -> Document:
     """The verdict today, the best route in a sentence, and the ranked routes."""
-    console = screen()
-    print_text(console, f"{walk.answer.cell}: {walk.answer.verdict}", "bold")
-    print_text(console, walk.text)
-    rows = [
-        (
-            str(number),
-            f"{one.route.length_m:.0f}",
-            f"{one.nats:.2f}",
-            f"{one.nats_per_km:.2f}",
-            f"{one.r95_after_m:.0f}",
-            _corner_text(walk, one),
-        )
-        for number, one in enumerate(walk.routes, 1)
-    ]
-    titles = ("route", "length m", "nats", "nats/km", "r95 after m", "to")
-    table(console, titles, rows, right=titles[:-1])
-    print_text(
-        console, f"now {radii_text(walk.posterior.r50_m, walk.posterior.r95_m)}. {OPTIMISTIC}"
+    return Document(
+        content_of(walk), f"{walk.answer.cell}: {walk.answer.verdict}", body=parts_of(walk)
     )
 
 
-def document_of(walk: NextWalk) -> dict[str, Any]:
-    """The JSON document."""
+def parts_of(walk: NextWalk) -> Iterator[str | Line | Table]:
+    """What follows the verdict."""
+    yield walk.text
+    rows = [
+        (
+            number,
+            one.route.length_m,
+            one.nats,
+            one.nats_per_km,
+            one.r95_after_m,
+            Degrees(*_degrees(walk, one)[-1]),
+        )
+        for number, one in enumerate(walk.routes, 1)
+    ]
+    yield Table(_COLUMNS, rows)
+    yield f"now {radii_text(walk.posterior.r50_m, walk.posterior.r95_m)}. {OPTIMISTIC}"
+
+
+def content_of(walk: NextWalk) -> dict[str, Any]:
+    """What the JSON is made of."""
     lat_deg, lon_deg = walk.utm.to_latlon(*walk.start_m)
     return {
         "cell": walk.answer.cell,
@@ -85,10 +100,7 @@ def write_gpx(walk: NextWalk, target: Path) -> None:
 
 def draw_map(walk: NextWalk, target: Path) -> None:
     """Where a reading would say most, with the walk, the 95 % region and the best route."""
-    from postproc.pictures.plots import save_figure  # noqa: PLC0415 (heavy)
-    from postproc.pictures.plots_style import figure_of_size  # noqa: PLC0415
-
-    figure = figure_of_size(7.0, 6.4)
+    figure = plots_style.figure_of_size(7.0, 6.4)
     axes = figure.add_subplot()
     start = np.array(walk.start_m)
     route_m = walk.routes[0].route.corner_m - start
@@ -110,7 +122,7 @@ def draw_map(walk: NextWalk, target: Path) -> None:
     axes.set_ylabel("north of the start, m")
     axes.set_title(f"{walk.answer.cell}: where to walk next")
     axes.legend(loc="upper right", facecolor="0.75")  # the region is white
-    save_figure(figure, target)
+    plots.save_figure(figure, target)
 
 
 def _information(walk: NextWalk, half_m: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -125,11 +137,6 @@ def _information(walk: NextWalk, half_m: float) -> tuple[FloatArray, FloatArray,
         variance = forecast.weight @ off**2
         nats[row] = 0.5 * np.log1p(variance / np.diag(forecast.covariance))
     return east_m, north_m, nats
-
-
-def _corner_text(walk: NextWalk, one: RankedRoute) -> str:
-    lat_deg, lon_deg = _degrees(walk, one)[-1]
-    return f"{lat_deg:.5f} {lon_deg:.5f}"
 
 
 def _degrees(walk: NextWalk, one: RankedRoute) -> list[tuple[float, float]]:

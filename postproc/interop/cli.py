@@ -1,21 +1,30 @@
 """The commands `export`, `import` and `share` of `postproc`."""
 
+from __future__ import annotations
+
 import sys
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import FILE, INPUT, json_option, number, print_json
+from logger.command_line import FILE, INPUT, json_option, late_modules, number, show
 from logger.core.errors import ConfigError, RunFileError
 from postproc.interop.writers import names
 from postproc.options import cells_option, run_argument, stored_or_estimated
 
-if TYPE_CHECKING:
-    from postproc.interop.estimates import Estimate
-    from postproc.interop.importing import Imported, Reading
+with late_modules():
+    from logger.core import document, runfile
+    from postproc import atomic_write, cell_work, scan_counts
+    from postproc.interop import (
+        decompression,
+        estimates,
+        exporting,
+        importing,
+        track_file,
+    )
+    from postproc.interop import share as sharing
+    from postproc.interop.readers import named_columns
 
 _MOST_PRINTED = 20
 """Bad rows of an imported file: more would push the result off the screen."""
@@ -38,7 +47,9 @@ _MOST_PRINTED = 20
     help="Default: by the suffix; `import` reads .csv back.",
 )
 @cells_option
-@click.option("--estimates", is_flag=True, help="Add the positions and regions of `smooth`.")
+@click.option(
+    "--estimates", "has_estimates", is_flag=True, help="Add the positions and regions of `smooth`."
+)
 @click.option(
     "--all-estimators", is_flag=True, help="Add the other estimators with their ellipses too."
 )
@@ -49,7 +60,7 @@ def export(
     format_name: str | None,
     cells: Sequence[str],
     *,
-    estimates: bool,
+    has_estimates: bool,
     all_estimators: bool,
     as_json: bool,
 ) -> int:
@@ -57,36 +68,31 @@ def export(
 
     The exit code is 3 if the estimate of a cell failed.
     """
-    from logger.core.runfile import read_sound_run
-    from postproc.atomic_write import check_output
-    from postproc.cell_work import exit_code
-    from postproc.interop import exporting
-    from postproc.interop.estimates import estimates_of
-    from postproc.interop.exporting import walk_of_run
-    from postproc.scan_counts import observed_cells
-
     name = exporting.format_of(format_name, output)
-    has_estimates = estimates or all_estimators
-    if has_estimates and not exporting.has_estimates(name):
-        option = "--estimates" if estimates else "--all-estimators"
+    if (has_estimates or all_estimators) and not exporting.has_estimates(name):
+        option = "--estimates" if has_estimates else "--all-estimators"
         able = " or ".join(exporting.formats_with_estimates())
         raise ConfigError(f"{name} stores measurements only; use {option} with {able}")
-    run = read_sound_run(path)
-    check_output(output)
-    walk = walk_of_run(run, list(observed_cells([run], cells)) if cells else None)
-    found: list[Estimate] = []
+    has_estimates = has_estimates or all_estimators
+    run = runfile.read_sound_run(path)
+    atomic_write.check_output(output)
+    walk = exporting.walk_of_run(
+        run, list(scan_counts.observed_cells([run], cells)) if cells else None
+    )
+    found: list[estimates.Estimate] = []
     if has_estimates:
-        found = estimates_of(stored_or_estimated([run], cells), walk.utm, every=all_estimators)
+        result = stored_or_estimated([run], cells)
+        found = estimates.estimates_of(result, walk.utm, every=all_estimators)
     exported = exporting.write_export(walk, found, output, name)
-    if as_json:
-        print_json(asdict(exported))
-        return exit_code(found)
     more = f", estimates of {exported.n_estimates} cells" if has_estimates else ""
     counts = f"{exported.n_levels} levels, {exported.n_fixes} fixes{more}"
-    print(f"{exported.path}: {counts} ({name})")
-    for reason in exported.left_out:
-        print(f"{exported.path}: left out: {reason}", file=sys.stderr)
-    return exit_code(found)
+    said = document.Document(
+        exported,
+        body=[f"{exported.path}: {counts} ({name})"],
+        remarks=[f"{exported.path}: left out: {reason}" for reason in exported.left_out],
+    )
+    show(said, as_json=as_json)
+    return cell_work.exit_code(found)
 
 
 @click.command("import")
@@ -130,82 +136,76 @@ def import_(
     compressed (.gz, .zip); of a zip with several files each becomes a run of its own, named after
     it. Each level needs a position: its own, or that of --track at its time.
     """
-    from postproc.atomic_write import check_writable
-    from postproc.interop.decompression import members
-    from postproc.interop.importing import Reading, import_walk, summary
-    from postproc.interop.readers.named_columns import columns_of
-    from postproc.interop.track_file import read_track, zone_named
-
-    check_writable(output)
-    reading = Reading(
+    atomic_write.check_writable(output)
+    reading = importing.Reading(
         times=times == "file",
-        columns=columns_of(columns) if columns else {},
-        track=read_track(track) if track else None,
-        zone=zone_named(zone) if zone else None,
+        columns=named_columns.columns_of(columns) if columns else {},
+        track=track_file.read_track(track) if track else None,
+        zone=track_file.zone_named(zone) if zone else None,
     )
-    sizes = members(source)
+    sizes = decompression.members(source)
     if member is not None and member not in sizes:
         inside = f"it has {', '.join(list(sizes)[:5])}" if sizes else "it is no zip"
         raise ConfigError(f"{source} has no file {member!r}: {inside}")
     if len(sizes) > 1 and member is None:
         _import_all(source, output, sizes, reading, as_json=as_json)
         return
-    imported = import_walk(source, output, reading=reading, member=member)
-    _print_left_out(source, imported)
-    if as_json:
-        print_json(summary(imported))
-    else:
-        _print_imported(imported)
+    imported = importing.import_walk(source, output, reading=reading, member=member)
+    said = document.Document(
+        importing.summary(imported),
+        body=[_counts(imported)],
+        remarks=[*_remarks(str(source), imported)],
+    )
+    show(said, as_json=as_json)
 
 
 def _import_all(
-    source: Path, output: Path, sizes: dict[str, int], reading: "Reading", *, as_json: bool
+    source: Path, output: Path, sizes: dict[str, int], reading: importing.Reading, *, as_json: bool
 ) -> None:
     """Import each file of a zip, and say of each what became of it."""
-    from postproc.interop.importing import import_members, summary
-
-    runs, left = [], []
-    for name, result in import_members(source, output, sizes, reading):
+    runs, left, lines, remarks = [], [], [], []
+    for name, result in importing.import_members(source, output, sizes, reading):
         if isinstance(result, str):
             left.append({"file": name, "why": result})
-            print(f"{source}/{name} is left out: {result}", file=sys.stderr)
+            remarks.append(f"{source}/{name} is left out: {result}")
             continue
-        runs.append({"file": name, **summary(result)})
-        _print_left_out(Path(f"{source}/{name}"), result)
-        if not as_json:
-            _print_imported(result)
+        runs.append({"file": name, **importing.summary(result)})
+        lines.append(_counts(result))
+        remarks += _remarks(f"{source}/{name}", result)
     if not runs:
+        for remark in remarks:
+            print(remark, file=sys.stderr)
         raise RunFileError(f"{source}: none of its {len(sizes)} files could be imported")
-    if as_json:
-        print_json({"runs": runs, "left_out": left})
+    content = {"runs": runs, "left_out": left}
+    show(document.Document(content, body=lines, remarks=remarks), as_json=as_json)
 
 
-def _print_left_out(source: Path, imported: "Imported") -> None:
-    for bad in imported.bad_rows[:_MOST_PRINTED]:
-        print(f"{source}: line {bad.line}: {bad.why}", file=sys.stderr)
-    if imported.n_bad > _MOST_PRINTED:
-        more = imported.n_bad - _MOST_PRINTED
-        print(f"{source}: ... and {more} more bad rows (--json lists them)", file=sys.stderr)
-    if imported.no_clock:
-        what = f"its times are no clock's, {imported.no_clock}"
-        print(f"{source}: {what}: imported as with --times none", file=sys.stderr)
-    if imported.was_sorted:
-        print(f"{source}: rows were out of order and have been sorted by time", file=sys.stderr)
-
-
-def _print_imported(imported: "Imported") -> None:
+def _counts(imported: importing.Imported) -> str:
     again = f", {imported.n_repeated} repeated" if imported.n_repeated else ""
     remarks = f", {imported.n_remarks} remarks" if imported.n_remarks else ""
     counts = f"{imported.n_rows} readings{remarks}, {imported.n_bad} bad rows{again}"
-    print(f"{imported.path}: {counts} ({imported.format})")
+    return f"{imported.path}: {counts} ({imported.format})"
+
+
+def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
+    """What was left out of a file, and what was doubtful in it."""
+    for bad in imported.bad_rows[:_MOST_PRINTED]:
+        yield f"{source}: line {bad.line}: {bad.why}"
+    if imported.n_bad > _MOST_PRINTED:
+        more = imported.n_bad - _MOST_PRINTED
+        yield f"{source}: ... and {more} more bad rows (--json lists them)"
+    if imported.no_clock:
+        what = f"its times are no clock's, {imported.no_clock}"
+        yield f"{source}: {what}: imported as with --times none"
+    if imported.was_sorted:
+        yield f"{source}: rows were out of order and have been sorted by time"
     for why, n in imported.other:
-        print(f"{imported.path}: left out: {n} rows, {why}", file=sys.stderr)
+        yield f"{imported.path}: left out: {n} rows, {why}"
     for why, n in imported.no_level:
-        print(f"{imported.path}: left out: {n} levels, {why}", file=sys.stderr)
+        yield f"{imported.path}: left out: {n} levels, {why}"
     if imported.n_unnamed:
         every = ", so no cell can be located" if imported.n_unnamed == imported.n_rows else ""
-        unnamed = f"{imported.n_unnamed} readings name no cell{every}"
-        print(f"{imported.path}: {unnamed}", file=sys.stderr)
+        yield f"{imported.path}: {imported.n_unnamed} readings name no cell{every}"
 
 
 @click.command
@@ -225,19 +225,10 @@ def share(path: Path, output: Path, blur_m: float, *, as_json: bool) -> None:
 
     It lacks the start and the end of the walk, the raw bytes and the configuration.
     """
-    from logger.core.runfile import read_sound_run
-    from postproc.atomic_write import check_writable
-    from postproc.interop import share as sharing
-
-    check_writable(output)
-    shared = sharing.share(read_sound_run(path), output, blur_m)
-    if as_json:
-        print_json(asdict(shared))
-        return
+    atomic_write.check_writable(output)
+    shared = sharing.share(runfile.read_sound_run(path), output, blur_m)
     counts = f"{shared.n_fixes} fixes, {shared.n_scans} scans, {shared.n_readings} readings"
-    print(f"{shared.path}: {counts}")
-    for line in (
-        *(f"  removed  {what}" for what in shared.removed),
-        *(f"  kept     {what}" for what in shared.kept),
-    ):
-        print(line)
+    parts = [("  removed", what) for what in shared.removed]
+    parts += [("  kept", what) for what in shared.kept]
+    body: list[document.Part] = [f"{shared.path}: {counts}", *document.facts(parts)]
+    show(document.Document(shared, body=body), as_json=as_json)

@@ -4,8 +4,13 @@ from pathlib import Path
 
 import click
 
-from logger.command_line import FILE, json_option, print_json
+from logger.command_line import FILE, json_option, late_modules, run_now, show
 from postproc.options import run_argument, stored_or_estimated
+
+with late_modules():
+    from logger.core import document, runfile
+    from postproc import cell_work, picture_file
+    from postproc.pictures import plots
 
 
 @click.command
@@ -20,17 +25,13 @@ def plot(path: Path, output: Path | None, cell: str | None, *, as_json: bool) ->
 
     The exit code is 3 if the estimate of a cell failed.
     """
-    from logger.core.runfile import read_sound_run
-    from postproc.cell_work import attempt_alone, exit_code
-    from postproc.picture_file import check_picture
-    from postproc.pictures.plots import draw_run
-
+    run_now(plots)
     target = output or path.with_suffix(".png")
-    check_picture(target)
-    result = stored_or_estimated([read_sound_run(path)], [cell] if cell else [])
-    attempt_alone(cell or path.name, "its picture", lambda: draw_run(result, target))
-    if as_json:
-        print_json({"path": target, "bytes": target.stat().st_size})
-    else:
-        print(target)
-    return exit_code(result.cells)
+    picture_file.check_picture(target)
+    result = stored_or_estimated([runfile.read_sound_run(path)], [cell] if cell else [])
+    cell_work.attempt_alone(
+        cell or path.name, "its picture", lambda: plots.draw_run(result, target)
+    )
+    content = {"path": target, "bytes": target.stat().st_size}
+    show(document.Document(content, body=[str(target)]), as_json=as_json)
+    return cell_work.exit_code(result.cells)

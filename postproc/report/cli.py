@@ -1,16 +1,18 @@
 """The command `report` of `postproc`."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import FILE, INPUT, PATH, json_option, print_json
+from logger.command_line import FILE, PATH, json_option, late_modules, run_now, show
 from logger.core.errors import ConfigError
 from postproc.options import (
+    basemap_option,
     cells_option,
     claims_options,
     false_alarm_option,
@@ -19,13 +21,15 @@ from postproc.options import (
     stored_or_estimated,
     within_option,
 )
-from postproc.verification.cli import ClaimOptions
+from postproc.verification.cli import tested_claims
 
-if TYPE_CHECKING:
-    from logger.core.model.prior import Prior
-    from logger.core.runfile import Run
-    from postproc.report.rendering import Report
-    from postproc.result import Options
+with late_modules():
+    from logger.core import document, runfile
+    from logger.core.model import prior as priors
+    from postproc import atomic_write, progress
+    from postproc import result as estimation
+    from postproc.report import rendering, wording
+    from postproc.suspicion import run_assessment
 
 
 @click.command
@@ -41,12 +45,7 @@ if TYPE_CHECKING:
     metavar="DIR",
     help="Write the pictures too, each as PNG and SVG.",
 )
-@click.option(
-    "--basemap",
-    type=INPUT,
-    metavar="FILE",
-    help="Ground of the plan: PMTiles, MBTiles, or an image with a world file.",
-)
+@basemap_option
 @claims_options
 @false_alarm_option
 @prior_options
@@ -61,7 +60,7 @@ def report(
     claim: Sequence[str],
     claims: Path | None,
     p_fa: float,
-    prior: "Prior",
+    prior: priors.Prior,
     within_m: float,
     *,
     as_json: bool,
@@ -70,56 +69,43 @@ def report(
 
     The exit code is 3 if work on a cell failed.
     """
-    from logger.core.runfile import read_sound_run
-    from postproc.atomic_write import check_folder, check_output
-    from postproc.report.wording import number_of
-    from postproc.result import Options
-
     start_s = perf_counter()
+    run_now(rendering)
     target = output or paths[0].with_suffix(".html")
-    check_output(target)
+    atomic_write.check_output(target)
     if picture_folder is not None:
-        check_folder(picture_folder)
+        atomic_write.check_folder(picture_folder)
     if basemap is not None and not basemap.is_file():
         raise ConfigError(f"{basemap}: no such file")
-    runs = [read_sound_run(path) for path in paths]
-    options = Options(prior, within_m=within_m)
-    page = _page(runs, cells, ClaimOptions(claim, claims, p_fa), options, basemap)
+    runs = [runfile.read_sound_run(path) for path in paths]
+    options = estimation.Options(prior, within_m=within_m)
+    if len(runs) > 1 and (claim or claims):
+        raise ConfigError("a claim is tested against one run: name only that run")
+    result, conspicuous = run_assessment.conspicuous_first(
+        stored_or_estimated(runs, cells, options)
+    )
+    page = rendering.make_report(
+        result,
+        tested_claims(result, cells or [None], prior, p_fa, claim, claims),
+        most=max(rendering.MOST_DETAILED, len(cells)),
+        first=conspicuous,
+        basemap=basemap,
+        progress=progress.with_progress,
+    )
     if basemap is not None and page.cell_map is None:
         print(f"{basemap} is not drawn: no cell is located or ambiguous", file=sys.stderr)
     size = page.write(target)
     pictures = list(page.write_figures(picture_folder)) if picture_folder else []
     took_s = perf_counter() - start_s
-    if as_json:
-        written = {"path": target, "bytes": size, "cells": page.cells, "pictures": pictures}
-        print_json(written | {"seconds": round(took_s, 2)})
-        return page.exit_code
     more = f", {len(pictures)} pictures in {picture_folder}" if pictures else ""
-    detailed = f"{number_of(len(page.cells), 'cell')} in detail"
-    print(f"{target}: {detailed}, {size / 1e6:.2f} MB in {took_s:.1f} s{more}")
+    detailed = f"{wording.number_of(len(page.cells), 'cell')} in detail"
+    content = {
+        "path": target,
+        "bytes": size,
+        "cells": page.cells,
+        "pictures": pictures,
+        "seconds": round(took_s, 2),
+    }
+    text = f"{target}: {detailed}, {size / 1e6:.2f} MB in {took_s:.1f} s{more}"
+    show(document.Document(content, body=[text]), as_json=as_json)
     return page.exit_code
-
-
-def _page(
-    runs: "list[Run]",
-    cells: Sequence[str],
-    claims: ClaimOptions,
-    options: "Options",
-    basemap: Path | None,
-) -> "Report":
-    from postproc.progress import with_progress
-    from postproc.report.rendering import MOST_DETAILED, make_report
-    from postproc.suspicion.run_assessment import conspicuous_first
-
-    if len(runs) > 1 and claims:
-        raise ConfigError("a claim is tested against one run: name only that run")
-    result, conspicuous = conspicuous_first(stored_or_estimated(runs, cells, options))
-    verified = claims.test(result, cells or [None], options.prior)
-    return make_report(
-        result,
-        verified,
-        most=max(MOST_DETAILED, len(cells)),
-        first=conspicuous,
-        basemap=basemap,
-        progress=with_progress,
-    )

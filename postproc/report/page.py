@@ -1,6 +1,6 @@
 """The page from its parts, by the template in `templates`."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import inf
@@ -8,22 +8,24 @@ from math import inf
 from jinja2 import Template
 from markupsafe import Markup
 
+from logger.core.document import Column, Degrees, Measured, Table, Value, Word
 from logger.core.ellipse import RADII, metres
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.rivals import share_text
 from logger.core.runfile import Run
 from postproc.html_page import page_environment
 from postproc.info import CellCount, Event, Gap, Info, describe
-from postproc.pictures.estimates import EstimatorRow, estimator_rows
 from postproc.report import wording
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
 from postproc.report.wording import Headline
 from postproc.result import CellResult, ObservedRun, Result
+from postproc.summary import cell_of, estimator_table, run_table
 from postproc.verification.verdicts import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
+_NO_TABLE = Table((), ())
 _MOST_PLACES = 4
 _MOST_EVENTS = 150
 _MOST_GAPS = 60
@@ -71,7 +73,8 @@ class CellSection:
     findings: tuple[str, ...]
     places: tuple[Spot, ...]
     figures: tuple[PageFigure, ...]
-    estimators: tuple[EstimatorRow, ...]
+    estimators: Table
+    runs: Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,11 +87,46 @@ class RunSection:
     events: tuple[Event, ...]
     gaps: tuple[Gap, ...]
 
+    @property
+    def gap_table(self) -> Table:
+        """Times without a record."""
+        columns = (Column("missing"), Column("start", is_right=True), Column("duration"))
+        rows = [
+            (gap.of, wording.time_text(gap.start_s), wording.duration_text(gap.length_s))
+            for gap in self.gaps
+        ]
+        return Table(columns, rows, f"Gaps of {self.run.path.name}", scrolls=True)
+
+    @property
+    def event_table(self) -> Table:
+        """Notes of the recorder."""
+        columns = (
+            Column("time", is_right=True),
+            Column("level"),
+            Column("source"),
+            Column("event", is_long=True),
+        )
+        rows = [
+            (
+                wording.time_text(event.t_s),
+                Word(event.level),
+                event.source,
+                event.text or event.code,
+            )
+            for event in self.events
+        ]
+        return Table(columns, rows, f"Events of {self.run.path.name}", scrolls=True)
+
 
 def cell_section(
-    number: int, result: CellResult, figures: Sequence[ReportFigure], streets: Streets = no_street
+    number: int,
+    result: CellResult,
+    runs: Sequence[Run],
+    figures: Sequence[ReportFigure],
+    streets: Streets = no_street,
 ) -> CellSection:
-    """A cell with its figures; the number identifies it on the page."""
+    """A cell of runs with its figures; the number identifies it on the page."""
+    summed = cell_of(result, runs)
     key = f"cell-{number}"
     answer = wording.headline(result)
     answered = f"{answer.text} {answer.advice}".lower()
@@ -99,14 +137,15 @@ def cell_section(
         findings=tuple(text for text in result.warnings if text.lower() not in answered),
         places=tuple(_places(result, streets)),
         figures=tuple(_page_figure(f"{key}-{figure.name}", figure) for figure in figures),
-        estimators=estimator_rows(result),
+        estimators=estimator_table(summed),
+        runs=run_table(summed),
     )
 
 
 def section_without_details(number: int, result: CellResult) -> CellSection:
     """A cell whose details could not be made: the reason."""
     answer = Headline(result.verdict, "No details", result.warnings[0], None)
-    return CellSection(f"cell-{number}", result, answer, (), (), (), ())
+    return CellSection(f"cell-{number}", result, answer, (), (), (), _NO_TABLE, _NO_TABLE)
 
 
 def _places(result: CellResult, streets: Streets) -> Iterator[Spot]:
@@ -148,7 +187,8 @@ def html(
         cells=result.cells,
         warnings=[text for run in runs for text in run.warnings] + list(result.warnings),
         prior=next((cell.posterior.prior for cell in result.cells if cell.posterior), None),
-        counts=_strongest_counts(runs),
+        cell_table=_cell_table(result.cells, _strongest_counts(runs)),
+        claim_table=_claim_table(verified or _NO_CLAIMS),
         overview=_page_figure(overview.name, overview) if overview else None,
         cell_map=_page_figure(cell_map.name, cell_map) if cell_map else None,
         runs=runs,
@@ -179,14 +219,86 @@ def _template(name: str) -> Template:
         "time": wording.time_text,
         "duration": wording.duration_text,
     }
-    environment.globals |= {"degrees": _degrees, "detectable": _detectable, "radii": RADII}
     return environment.get_template(name)
 
 
-def _degrees(cell: CellResult) -> tuple[float, float] | None:
-    """Latitude and longitude of the answer."""
+_POSITION = Column("latitude and longitude")
+_RADII = tuple(Column(radius, ".0f", "m") for radius in RADII)
+_PARAMETERS = (Column("P0", ".1f", "dBm"), Column("eta", ".2f"))
+
+
+def _place(cell: CellResult) -> tuple[Value, Value, Value]:
+    """Position and radii of the answer."""
     place = cell.place
-    return None if place is None else (place.lat, place.lon)
+    if place is None:
+        return None, None, None
+    return Degrees(place.lat, place.lon), place.r50_m, place.r95_m
+
+
+def _cell_table(cells: Sequence[CellResult], counts: Mapping[str, CellCount]) -> Table:
+    columns = (
+        Column("no.", "d"),
+        Column("cell"),
+        Column("verdict"),
+        Column("type"),
+        Column("readings used", "d"),
+        Column("highest level", ".0f", "dBm"),
+        _POSITION,
+        *_RADII,
+        *_PARAMETERS,
+    )
+    rows = []
+    for number, cell in enumerate(cells, 1):
+        count, best = counts.get(cell.cell), cell.posterior
+        parameters = (
+            (Measured(best.p0_dbm, best.p0_sigma_db), Measured(best.eta, best.eta_sigma))
+            if best
+            else (None, None)
+        )
+        rows.append(
+            (
+                number,
+                cell.cell,
+                Word(cell.verdict),
+                count.rat if count else None,
+                cell.n,
+                count.strongest_dbm if count else None,
+                *_place(cell),
+                *parameters,
+            )
+        )
+    return Table(columns, rows, "Table of all cells", name_column=1)
+
+
+def _claim_table(verified: Verified) -> Table:
+    columns = (
+        Column("cell"),
+        Column("verdict"),
+        Column("claimed position"),
+        Column("accuracy", is_right=True),
+        Column("source"),
+        Column("distance from the walk", is_right=True),
+        Column("p direct", ".3g"),
+        Column("p indirect", ".3g"),
+        Column("q", ".3g"),
+        Column("detectable displacement", is_right=True),
+    )
+    rows = [
+        (
+            cell.cell,
+            Word(cell.verdict),
+            Degrees(cell.claim.lat_deg, cell.claim.lon_deg),
+            metres(cell.claim.sigma_m) if cell.claim.sigma_m else None,
+            cell.claim.source,
+            None if cell.distance_m is None else metres(cell.distance_m),
+            cell.p_direct,
+            cell.p_indirect,
+            cell.q,
+            _detectable(cell) if cell.power else None,
+        )
+        for cell in verified.cells
+    ]
+    return Table(columns, rows, "Table of claims")
 
 
 def _detectable(tested: CellVerdict) -> str:

@@ -128,7 +128,8 @@ def _detail(
         tests = verified.cells if verified else ()
         claims = [tested for tested in tests if tested.cell == cell.cell]
         figures = tuple(figures_of(picture_of(survey, cell), claims))
-        return cell_section(number, cell, figures, streets), figures
+        runs = [walk.run for walk in survey.walks]
+        return cell_section(number, cell, runs, figures, streets), figures
 
     detail = attempt(cell.cell, "its part of the page", draw)
     if isinstance(detail, Failure):

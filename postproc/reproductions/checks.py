@@ -2,24 +2,18 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
-from postproc.json_text import Json, as_json
-from postproc.terminal import print_text, screen, styled_text
+from logger.core.document import Document, Line, Part, Word
+
+Json = dict[str, Any]
 
 Verdict = Literal["holds", "does not hold", "claim is wrong", "fails"]
 """The claim is true here; it was promised, and measured otherwise; calculation contradicts it, so
 that our value stands; our own code is at fault, and the command ends with 1.
 """
-
-_STYLES: dict[Verdict, str] = {
-    "holds": "green",
-    "does not hold": "yellow",
-    "claim is wrong": "magenta",
-    "fails": "bold red",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,23 +46,17 @@ def wrong(right: bool) -> Verdict:
     return "claim is wrong" if right else "fails"
 
 
-def print_checks(checks: Sequence[Check]) -> None:
-    """By topic: verdict and claim, and what we measured."""
-    console = screen()
+def document_of(checks: Sequence[Check], figures: Json) -> Document:
+    """By topic: verdict and claim, and what we measured; the figures are in the JSON alone."""
+    body: list[Part] = []
     for topic, of_topic in groupby(checks, key=lambda check: check.topic):
-        print_text(console, topic, "bold")
+        body.append(Line(topic, "bold"))
         for check in of_topic:
-            head = styled_text((f"{check.verdict}: ", _STYLES[check.verdict]), (check.claim, ""))
-            print_text(console, head, bullet="  ")
-            print_text(console, f"measured: {check.measured}", bullet="    ")
+            body.append(Line((Word(check.verdict), f": {check.claim}"), bullet="  "))
+            body.append(Line(f"measured: {check.measured}", bullet="    "))
     counts = ", ".join(f"{n} {verdict}" for verdict, n in _by_verdict(checks).items())
-    print_text(console, f"{len(checks)} checks: {counts}")
-
-
-def json_text(checks: Sequence[Check], figures: Json) -> str:
-    """The figures, all fields of all checks, and how often each verdict was given."""
-    of_checks = {"checks": [asdict(check) for check in checks], "verdicts": _by_verdict(checks)}
-    return as_json({**figures, **of_checks})
+    content = {**figures, "checks": checks, "verdicts": _by_verdict(checks)}
+    return Document(content, body=[*body, f"{len(checks)} checks: {counts}"])
 
 
 def exit_code(checks: Sequence[Check]) -> int:

@@ -1,17 +1,21 @@
 """The command `validate` of `postproc`: documents reproduced, and their claims checked."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import FILE, SEED, json_option, say_new_name
+from logger.command_line import FILE, SEED, json_option, late_modules, say_new_name, show
 from postproc.options import ListCommand, false_alarm_option
 
-if TYPE_CHECKING:
-    from postproc.json_text import Json
-    from postproc.reproductions.checks import Check
+with late_modules():
+    from postproc import picture_file, progress
+    from postproc.reproductions import checks as checking
+    from postproc.reproductions import specification
+    from postproc.reproductions import theory as report
+    from postproc.reproductions import toa as ranges
 
 
 class _Validate(click.Group):
@@ -40,11 +44,11 @@ def validate() -> None:
 @json_option
 def spec(*, quick: bool, as_json: bool) -> int:
     """The original specification: its checklist and its derivations."""
-    from postproc.progress import with_progress
-    from postproc.reproductions.specification import GROUPS, QUICK, THOROUGH
-
-    groups = with_progress(GROUPS, "checking the specification", len(GROUPS))
-    checks = [check for group in groups for check in group(QUICK if quick else THOROUGH)]
+    effort = specification.QUICK if quick else specification.THOROUGH
+    groups = progress.with_progress(
+        specification.GROUPS, "checking the specification", len(specification.GROUPS)
+    )
+    checks = [check for group in groups for check in group(effort)]
     return _print(checks, {}, as_json=as_json)
 
 
@@ -85,10 +89,6 @@ def toa(
     as_json: bool,
 ) -> int:
     """A README's Kalman filter of ranges to anchors, by noise variance."""
-    from postproc.picture_file import check_picture
-    from postproc.progress import with_progress
-    from postproc.reproductions import toa as ranges
-
     setting = ranges.setting(
         ranges.places(anchors) if anchors is not None else None,
         ranges.places(route) if route is not None else None,
@@ -97,8 +97,10 @@ def toa(
         seed,
     )
     if plot is not None:
-        check_picture(plot)
-    rows = list(with_progress(ranges.simulate(setting), "simulating", len(setting.sigma2_m2)))
+        picture_file.check_picture(plot)
+    rows = list(
+        progress.with_progress(ranges.simulate(setting), "simulating", len(setting.sigma2_m2))
+    )
     checks = ranges.checks(setting, rows, steps=steps)
     code = _print(checks, ranges.json_form(setting, rows, steps=steps), as_json=as_json)
     if plot is not None:
@@ -143,18 +145,11 @@ def theory(
     as_json: bool,
 ) -> int:
     """A report's theory of verification, beside a simulation."""
-    from postproc.reproductions import theory as report
-
     places = report.places(receivers) if receivers else None
     summary = report.summary(p_fa, places, sigmas_m or report.SIGMAS_M, n_trials, seed)
     return _print(report.checks(summary), summary, as_json=as_json)
 
 
-def _print(checks: "Sequence[Check]", figures: "Json", *, as_json: bool) -> int:
-    from postproc.reproductions.checks import exit_code, json_text, print_checks
-
-    if as_json:
-        print(json_text(checks, figures))
-    else:
-        print_checks(checks)
-    return exit_code(checks)
+def _print(checks: Sequence[checking.Check], figures: checking.Json, *, as_json: bool) -> int:
+    show(checking.document_of(checks, figures), as_json=as_json)
+    return checking.exit_code(checks)

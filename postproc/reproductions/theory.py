@@ -42,8 +42,7 @@ from scipy.stats import chi2, ncx2
 from logger.core.arrays import BoolArray, FloatArray
 from logger.core.errors import ConfigError
 from logger.core.model.path_loss import DB_PER_E_FOLD
-from postproc.json_text import Json
-from postproc.reproductions.checks import Check, theirs, under
+from postproc.reproductions.checks import Check, Json, theirs, under
 from postproc.verification.normality import normality
 
 _MOST_STEPS = 60  # Gauss-Newton converges in some 5; the rest is for poor geometry

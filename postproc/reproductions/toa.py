@@ -85,9 +85,8 @@ from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from postproc.atomic_write import whole_file
 from postproc.estimators.metrics import nees
-from postproc.json_text import Json
 from postproc.picture_file import kind_of
-from postproc.reproductions.checks import Check, ours, theirs, under
+from postproc.reproductions.checks import Check, Json, ours, theirs, under
 
 README_ANCHORS_M = ((0.0, 10.0), (10.0, 10.0), (0.0, 0.0), (10.0, 0.0))
 README_PATH_M = tuple((float(k), float(k)) for k in range(11))

@@ -1,25 +1,81 @@
 """The commands `postproc survey ...`."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
+from datetime import UTC, date, datetime
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from logger.command_line import FILE, PATH, json_option
-from postproc.options import cells_option, prior_options, within_option
-from postproc.survey.answers.cli import baseline, diff, map_command, next_command
-from postproc.survey.options import (
-    check_libraries,
-    folder_argument,
-    open_survey,
-    workers_options,
+from logger.command_line import FILE, PATH, json_option, late_modules, number, show
+from logger.core.errors import SOMETHING_LOST, ConfigError
+from postproc.options import (
+    Command,
+    basemap_option,
+    cells_option,
+    prior_options,
+    read_streets,
+    streets_option,
+    within_option,
 )
 
-if TYPE_CHECKING:
-    from logger.core.model.prior import Prior
+with late_modules():
+    from logger.core import document
+    from logger.core.model import prior as priors
+    from postproc import atomic_write, cell_work, progress
+    from postproc import result as estimation
+    from postproc.baseline import store
+    from postproc.comparison import report as comparing
+    from postproc.guidance import next_output
+    from postproc.survey import dataset, intake, layers, location, scheduling, tasks
+    from postproc.survey.answers import baseline as walks_of_loggers
+    from postproc.survey.answers import changes, next_walks, page
+    from postproc.verification import parsing
+
+folder_argument = click.argument("folder", type=FILE, metavar="SURVEY")
+
+
+def workers_options(command: Command) -> Command:
+    """Add `--scheduler` and `--workers`."""
+    command = click.option(
+        "--workers",
+        type=number(int, 1, 1024),
+        metavar="N",
+        help="Processes of this machine (default: one for each core).",
+    )(command)
+    return click.option(
+        "--scheduler",
+        metavar="tcp://HOST:8786",
+        help="A Dask scheduler whose workers read the same folder.",
+    )(command)
+
+
+def _check_libraries(*names: str) -> None:
+    """Raise `ConfigError`, with what to install; nothing else of the product needs these."""
+    missing = [name for name in names if find_spec(name) is None]
+    if missing:
+        raise ConfigError(f"{missing[0]} is missing: pip install 'cellwalk[survey]'")
+
+
+def _day_utc_ns(text: str) -> int:
+    """Begin of a day in UTC, in ns since 1970; raises `ConfigError`."""
+    try:
+        day = date.fromisoformat(text)
+    except ValueError:
+        raise ConfigError(f"{text[:40]!r} is no date, such as 2026-11-01") from None
+    return int(datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()) * 10**9
+
+
+def _open_survey(folder: Path) -> dataset.Survey:
+    """The survey, after a line on stderr that says how large it is: what follows takes long."""
+    whole = dataset.Survey.open(folder)
+    n_runs, n_cells = len(whole.runs), len(whole.cells())
+    print(f"{folder}: {n_runs} runs, {n_cells} cells", file=sys.stderr, flush=True)
+    return whole
 
 
 @click.group(no_args_is_help=False)
@@ -28,10 +84,6 @@ def survey() -> None:
 
     SURVEY is a folder that `survey add` makes.
     """
-
-
-for _command in (baseline, diff, map_command, next_command):
-    survey.add_command(_command)
 
 
 @survey.command
@@ -47,39 +99,33 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
     A run that is in the survey is not added again. Damaged and altered ones are left out; the exit
     code is 3 if there was one. The command may be stopped at any time and repeated.
     """
-    check_libraries("pyarrow")
-    from logger.core.errors import SOMETHING_LOST, ConfigError
-    from logger.core.printable import printable
-    from postproc.json_text import as_json as json_text
-    from postproc.progress import with_progress
-    from postproc.survey.dataset import Survey
-    from postproc.survey.intake import add_files, files_of
-
-    files = files_of(paths)
+    _check_libraries("pyarrow")
+    files = intake.files_of(paths)
     if not files:
         raise ConfigError("these folders have no run and no log")
     if logger is not None and not (logger.isprintable() and 0 < len(logger) <= 64):
         raise ConfigError("--logger is a name of 1 to 64 characters")
-    work = add_files(Survey.open_or_make(folder), files, logger)
-    results = list(with_progress(work, "adding", len(files), [path.name for path in files]))
+    work = intake.add_files(dataset.Survey.open_or_make(folder), files, logger)
+    names = [path.name for path in files]
+    results = list(progress.with_progress(work, "adding", len(files), names))
     failed = [result for result in results if result.problem]
-    for result in failed:
-        print(f"left out: {printable(result.problem)}", file=sys.stderr)
-    for result in results:
-        if result.remark:
-            print(f"{printable(str(result.path))}: {result.remark}", file=sys.stderr)
-    whole = Survey.open(folder)
+    whole = dataset.Survey.open(folder)
     n_cells = len(whole.cells())
-    if as_json:
-        rows = [asdict(result) | {"path": str(result.path)} for result in results]
-        print(json_text({"survey": str(folder), "runs": len(whole.runs), "cells": n_cells,
-                         "left_out": len(failed), "files": rows}))  # fmt: skip
-    else:
-        n_known = sum(result.is_known for result in results)
-        n_added = len(results) - n_known - len(failed)
-        known = f", {n_known} in it already" if n_known else ""
-        left = f", {len(failed)} left out" if failed else ""
-        print(f"{folder}: {n_added} added{known}{left}; {len(whole.runs)} runs, {n_cells} cells")
+    content = {
+        "survey": folder,
+        "runs": len(whole.runs),
+        "cells": n_cells,
+        "left_out": len(failed),
+        "files": results,
+    }
+    n_known = sum(result.is_known for result in results)
+    n_added = len(results) - n_known - len(failed)
+    known = f", {n_known} in it already" if n_known else ""
+    left = f", {len(failed)} left out" if failed else ""
+    text = f"{folder}: {n_added} added{known}{left}; {len(whole.runs)} runs, {n_cells} cells"
+    remarks = [f"left out: {result.problem}" for result in failed]
+    remarks += [f"{result.path}: {result.remark}" for result in results if result.remark]
+    show(document.Document(content, body=[text], remarks=remarks), as_json=as_json)
     return SOMETHING_LOST if failed else 0
 
 
@@ -106,7 +152,7 @@ def locate(
     cells: Sequence[str],
     since: str | None,
     stem: Path | None,
-    prior: "Prior",
+    prior: priors.Prior,
     within_m: float,
     *,
     as_json: bool,
@@ -117,25 +163,156 @@ def locate(
     runs is not located again. Loggers that contradict the others are named and left out. The exit
     code is 3 if the estimate of a cell failed.
     """
-    check_libraries("pyarrow", "distributed", "geopandas")
-    from postproc.cell_work import exit_code
-    from postproc.json_text import as_json as json_text
-    from postproc.result import Options
-    from postproc.survey.layers import write_layers
-    from postproc.survey.location import locate_survey
-    from postproc.survey.options import day_utc_ns
-    from postproc.survey.scheduling import Cluster
-    from postproc.survey.tables import document_of, print_location
-    from postproc.survey.tasks import RunChoice
+    _check_libraries("pyarrow", "distributed", "geopandas")
+    options = estimation.Options(prior, within_m=within_m)
+    choice = tasks.RunChoice(since_utc_ns=_day_utc_ns(since) if since else None)
+    whole = _open_survey(folder)
+    with scheduling.Cluster(scheduler, workers) as cluster:
+        located = location.locate_survey(whole, options, choice, cells, cluster=cluster)
+    files = layers.write_layers(located.cells, located.loggers, stem or folder / "located")
+    show(location.document_of(located, files), as_json=as_json)
+    return cell_work.exit_code(located.cells)
 
-    options = Options(prior, within_m=within_m)
-    choice = RunChoice(since_utc_ns=day_utc_ns(since) if since else None)
-    whole = open_survey(folder)
-    with Cluster(scheduler, workers) as cluster:
-        location = locate_survey(whole, options, choice, cells, cluster=cluster)
-    files = write_layers(location.cells, location.loggers, stem or folder / "located")
-    if as_json:
-        print(json_text(document_of(location, files)))
-    else:
-        print_location(location, files)
-    return exit_code(location.cells)
+
+@survey.command
+@folder_argument
+@click.option("-b", "--baseline", "target", type=FILE, default="baseline.db", show_default=True,
+              metavar="FILE", help="The baseline; walks that it has stay.")  # fmt: skip
+@json_option
+def baseline(folder: Path, target: Path, *, as_json: bool) -> None:
+    """Make the baseline of the loggers: what earlier walks heard, by square."""
+    _check_libraries("pyarrow")
+    whole = dataset.Survey.open(folder)
+    with store.BaselineStore(target, create=True) as kept:
+        work = walks_of_loggers.add_walks(whole, kept)
+        n_new = sum(progress.with_progress(work, "baseline", len(whole.runs)))
+        n_walks, n_cells = len(kept.walks()), kept.n_cells()
+    content = {"baseline": target, "added": n_new, "walks": n_walks, "cells": n_cells}
+    text = f"{target}: {n_new} added; {n_walks} walks, {n_cells} cells"
+    show(document.Document(content, body=[text]), as_json=as_json)
+
+
+@survey.command
+@folder_argument
+@workers_options
+@click.option("--before", metavar="DATE", required=True, help="A: walks that began before.")
+@click.option("--after", metavar="DATE", help="B: walks that began then or later (default: A's).")
+@click.option("-v", "--verbose", is_flag=True, help="Cells that could not be compared, too.")
+@json_option
+def diff(
+    folder: Path,
+    scheduler: str | None,
+    workers: int | None,
+    before: str,
+    after: str | None,
+    *,
+    verbose: bool,
+    as_json: bool,
+) -> int:
+    """Compare the walks before a day with those since another.
+
+    Cells are new, gone, moved, stronger or weaker, where walks of both times could hear them. The
+    exit code is 3 if the comparison of a cell failed.
+    """
+    _check_libraries("pyarrow", "distributed")
+    early = tasks.RunChoice(until_utc_ns=_day_utc_ns(before))
+    late = tasks.RunChoice(since_utc_ns=_day_utc_ns(after or before))
+    with scheduling.Cluster(scheduler, workers) as cluster:
+        compared = changes.compare_times(_open_survey(folder), early, late, cluster=cluster)
+    cells = [asdict(cell) for cell in compared.cells]
+    for cell in cells:  # without the blocks of each
+        del cell["block"], cell["difference_db"]
+    content = {
+        "common_blocks": compared.n_common_blocks,
+        "tests": compared.n_tests,
+        "offset_db": compared.offset_db,
+        "cells": cells,
+    }
+    n_changed = sum(cell.is_change for cell in compared.cells)
+    ground = (
+        f"Both times have walked {compared.n_common_blocks} blocks of 50 m; of other ground "
+        "nothing is said. Of surveys in which nothing changed, at most 5 % get a single word."
+    )
+    shown = [cell for cell in compared.cells if verbose or cell.word != "not comparable"]
+    said = document.Document(
+        content,
+        f"{n_changed} of {len(compared.cells)} cells changed",
+        body=[
+            *comparing.changed_lines(compared.cells),
+            ground,
+            *comparing.error_lines(compared.cells),
+            comparing.cell_table(shown),
+        ],
+    )
+    show(said, as_json=as_json)
+    return cell_work.exit_code(compared.cells)
+
+
+@survey.command("map")
+@folder_argument
+@workers_options
+@click.option("-o", "--output", "target", type=FILE, metavar="FILE.html",
+              help="Default: survey.html in the folder of the survey.")  # fmt: skip
+@basemap_option
+@prior_options
+@json_option
+def map_command(
+    folder: Path,
+    scheduler: str | None,
+    workers: int | None,
+    target: Path | None,
+    basemap: Path | None,
+    prior: priors.Prior,
+    *,
+    as_json: bool,
+) -> None:
+    """Write one page that needs no network: coverage, cells, regions, unusual ones."""
+    _check_libraries("pyarrow", "distributed")
+    whole = _open_survey(folder)
+    with scheduling.Cluster(scheduler, workers) as cluster:
+        found = location.locate_survey(whole, estimation.Options(prior), cluster=cluster)
+    text = page.html(whole, found.cells, found.loggers, location.EVERY_RUN, basemap)
+    target = target or folder / "survey.html"
+    with atomic_write.whole_file(target) as part:
+        part.write_text(text, "utf-8")
+    content = {"path": target, "cells": len(found.cells)}
+    show(document.Document(content, body=[str(target)]), as_json=as_json)
+
+
+@survey.command("next")
+@folder_argument
+@workers_options
+@click.option("--walkers", "n", type=number(int, 1, 100), default=1, show_default=True,
+              metavar="N", help="How many will walk.")  # fmt: skip
+@click.option("--from", "starts", metavar="LAT,LON", multiple=True,
+              help="Where a walker begins (may be repeated).")  # fmt: skip
+@streets_option
+@prior_options
+@json_option
+def next_command(
+    folder: Path,
+    scheduler: str | None,
+    workers: int | None,
+    n: int,
+    starts: Sequence[str],
+    streets: Path | None,
+    prior: priors.Prior,
+    *,
+    as_json: bool,
+) -> None:
+    """Say where walking would tell most, a route for each walker."""
+    _check_libraries("pyarrow", "distributed")
+    whole, options = _open_survey(folder), estimation.Options(prior)
+    starts_deg = [parsing.place_of(text)[:2] for text in starts]
+    lines = read_streets(streets)
+    with scheduling.Cluster(scheduler, workers) as cluster:
+        found = location.locate_survey(whole, options, cluster=cluster)
+    walks = next_walks.next_walks(
+        whole, found.cells, location.EVERY_RUN, options, n, starts_deg, lines
+    )
+    content = [{"walker": walker} | next_output.content_of(walk) for walker, walk in walks.items()]
+    body: list[document.Part] = []
+    for walker, walk in walks.items():
+        title = f"walker {walker}, {walk.answer.cell}: {walk.answer.verdict}"
+        body += [document.Line(title, "bold"), *next_output.parts_of(walk)]
+    show(document.Document({"walks": content}, body=body), as_json=as_json)

@@ -1,10 +1,17 @@
 """Every cell of a survey located, without the loggers that contradict the others, with its word."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TypeVar
 
+import msgspec
+
+from logger.core.document import Column, Degrees, Document, Line, Table, Value, Word
+from logger.core.ellipse import RADII
 from logger.core.errors import ConfigError
+from logger.core.suspicion.rule import WORDS
 from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.progress import with_progress
 from postproc.result import Options
@@ -24,6 +31,18 @@ from postproc.survey.tasks import (
 )
 
 EVERY_RUN = RunChoice()
+_MOST_ROWS = 40
+"""Cells on the terminal; the files have all of them."""
+_ORDER = ("located", "ambiguous", "cannot tell")
+CELL_COLUMNS = (
+    Column("cell"),
+    Column("verdict"),
+    Column("position"),
+    *(Column(radius, ".0f", "m") for radius in RADII),
+    Column("readings", "d"),
+    Column("runs", "d"),
+)
+_MODEMS = Column("modems", "d")
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,3 +155,60 @@ def _row_without_result(cell: SurveyCell) -> LocatedCell:
         last_utc_ns=None,
         error=why.error,
     )
+
+
+def document_of(location: Location, files: Sequence[Path]) -> Document:
+    """Located cells first, the most certain at the top, and the loggers that are left out."""
+    cells = [msgspec.structs.asdict(cell) for cell in location.cells]
+    for cell in cells:  # regions are in the files
+        del cell["region_wkb"]
+    loggers = [one._asdict() for one in location.loggers]
+    ordered = sorted(
+        location.cells, key=lambda cell: (_ORDER.index(cell.verdict), cell.r95_m or 0.0, cell.cell)
+    )
+    counts = Counter(cell.verdict for cell in ordered)
+    text = ", ".join(f"{counts[verdict]} {verdict}" for verdict in _ORDER if counts[verdict])
+    known = f"; {location.n_known} known from before" if location.n_known else ""
+    return Document(
+        {"files": files, "loggers": loggers, "cells": cells},
+        f"{len(ordered)} cells: {text or 'none'}{known}",
+        body=[*_parts(location, ordered), *map(str, files)],
+    )
+
+
+def _parts(location: Location, cells: Sequence[LocatedCell]) -> Iterator[str | Line | Table]:
+    rows = [(*cell_row(cell), cell.n_modems) for cell in cells[:_MOST_ROWS]]
+    yield Table([*CELL_COLUMNS, _MODEMS], rows)
+    if len(cells) > _MOST_ROWS:
+        yield f"and {len(cells) - _MOST_ROWS} more in the files"
+    for logger in location.loggers:
+        if logger.contradiction:
+            yield Line(f"{logger.logger}: {logger.contradiction}", bullet="left out: ")
+        if logger.remark:
+            yield Line(f"{logger.logger}: {logger.remark}", bullet="noted: ")
+    for cell in cells:
+        if cell.error:
+            yield Line(f"{cell.cell}: {cell.reasons[0]}", "red")
+    for cell in cells:
+        if cell.n_places > 1 and cell.place == 1:
+            places = f"is heard in {cell.n_places} places, farther apart than a cell reaches"
+            yield Line(f"{cell.cell} {places}", bullet="unusual: ")
+    named = [cell for cell in cells if cell.word not in {None, WORDS[0]}]
+    named.sort(key=lambda cell: (-WORDS.index(cell.word or WORDS[0]), -cell.word_runs, cell.cell))
+    for words in dict.fromkeys(f"{cell.cell} is {word_text(cell)}" for cell in named):
+        yield Line(words, bullet="unusual: ")
+
+
+def cell_row(cell: LocatedCell) -> tuple[Value, ...]:
+    """A cell in `CELL_COLUMNS`."""
+    place: tuple[Value, ...] = (None, None, None)
+    if cell.lat_deg is not None and cell.lon_deg is not None:
+        place = (Degrees(cell.lat_deg, cell.lon_deg), cell.r50_m, cell.r95_m)
+    name = cell.cell if cell.n_places == 1 else f"{cell.cell} ({cell.place} of {cell.n_places})"
+    return (name, Word(cell.verdict), *place, cell.n_readings, cell.n_runs)
+
+
+def word_text(cell: LocatedCell) -> str:
+    """The word of a cell with its rules and the number of runs that say it."""
+    times = "1 run" if cell.word_runs == 1 else f"{cell.word_runs} runs"
+    return f"{cell.word} in {times} ({', '.join(cell.word_rules)})"

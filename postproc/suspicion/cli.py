@@ -6,18 +6,20 @@ from pathlib import Path
 
 import click
 
-from logger.command_line import INPUT, json_option
+from logger.command_line import INPUT, json_option, late_modules, show
 from postproc.options import runs_argument
+
+with late_modules():
+    from logger import baseline_file
+    from logger.core import runfile
+    from postproc import cell_work, progress
+    from postproc.suspicion import report, run_assessment
+    from postproc.verification import celldb
 
 
 def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) -> None:
     if is_wanted:
-        from postproc.suspicion.run_assessment import ALL_RULES
-        from postproc.terminal import print_text, screen
-
-        console = screen()
-        for rule in ALL_RULES:
-            print_text(console, rule.text, bullet="  - ")
+        show(report.document_of_rules(), as_json=False)
         context.exit()
 
 
@@ -44,25 +46,17 @@ def suspect(
     Each cell gets one of three words: nothing unusual, unusual or suspicious. With each word stands
     how often legitimate cells earn it. The exit code is 3 if a rule failed.
     """
-    from logger.baseline_file import BaselineFile
-    from logger.core.runfile import read_sound_run
-    from postproc.cell_work import exit_code
-    from postproc.progress import with_progress
-    from postproc.suspicion import json_form, tables
-    from postproc.suspicion.run_assessment import assess_runs
-    from postproc.verification.celldb import CellDb
-
     with ExitStack() as stack:
         baseline = database = None
         if baseline_path is not None:
-            baseline = stack.enter_context(closing(BaselineFile(baseline_path)))
+            baseline = stack.enter_context(closing(baseline_file.BaselineFile(baseline_path)))
         if celldb_path is not None:
-            database = stack.enter_context(closing(CellDb(celldb_path)))
-        suspicions = assess_runs(
-            [read_sound_run(path) for path in paths], baseline, database, with_progress
+            database = stack.enter_context(closing(celldb.CellDb(celldb_path)))
+        suspicions = run_assessment.assess_runs(
+            [runfile.read_sound_run(path) for path in paths],
+            baseline,
+            database,
+            progress.with_progress,
         )
-    if as_json:
-        print(json_form.as_json(suspicions).decode())
-    else:
-        tables.print_suspicions(suspicions)
-    return exit_code(suspicions.failures.values())
+    show(report.document_of(suspicions), as_json=as_json)
+    return cell_work.exit_code(suspicions.failures.values())

@@ -1,16 +1,17 @@
 """The command `view` of `postproc`."""
 
+from __future__ import annotations
+
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 
-from logger.command_line import FILE, INPUT, json_option, number, print_json
+from logger.command_line import FILE, json_option, late_modules, number, run_now, show
 from logger.core.errors import ConfigError
 from postproc.options import (
+    basemap_option,
     claims_options,
     estimate,
     only_one,
@@ -18,51 +19,41 @@ from postproc.options import (
     runs_argument,
     stored_or_estimated,
 )
-from postproc.verification.cli import ClaimOptions
+from postproc.verification.cli import tested_claims
 
-if TYPE_CHECKING:
-    from logger.core.runfile import Run
-    from postproc.result import CellResult, Result
-    from postproc.verification.verdicts import CellVerdict
-    from postproc.view.view_model import ViewModel
+with late_modules():
+    from logger.core import document, runfile
+    from postproc import atomic_write, cell_work, progress
+    from postproc import result as estimation
+    from postproc.basemap import reading
+    from postproc.suspicion import run_assessment
+    from postproc.verification import claims as claiming
+    from postproc.view import end_to_end, scene, timeline, view_model, viewer, web
 
 _P_FA = 0.05
 """False-alarm rate of the tests of claims, the default of `verify`."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Options:
-    """Options of `view`, by the names of the command line."""
-
-    claim: Sequence[str]
-    claims: Path | None
-    cell: Sequence[str]
-    basemap: Path | None
-    save: Path | None
-    port: int | None
-    web: bool
-    as_json: bool
 
 
 @click.command
 @runs_argument
 @claims_options
 @click.option(
-    "--cell", multiple=True, metavar="NAME", help="Cell to show in detail (may be repeated)."
+    "--cell",
+    "cells",
+    multiple=True,
+    metavar="NAME",
+    help="Cell to show in detail (may be repeated).",
 )
-@click.option(
-    "--basemap",
-    type=INPUT,
-    metavar="FILE",
-    help="Map under the plan: PMTiles, MBTiles, or an image with a world file.",
-)
+@basemap_option
 @click.option(
     "--save",
     type=FILE,
     metavar="RUN.RRD",
     help="Write the recording instead of opening the viewer.",
 )
-@click.option("--web", is_flag=True, help="Serve to a browser on this machine, until Ctrl-C.")
+@click.option(
+    "--web", "is_served", is_flag=True, help="Serve to a browser on this machine, until Ctrl-C."
+)
 @click.option(
     "--port",
     type=number(int, 0, 65_535),
@@ -70,123 +61,105 @@ class _Options:
     help="Port of --web (default: a free one).",
 )
 @json_option
-def view(paths: Sequence[Path], **options: Any) -> int:
+def view(
+    paths: Sequence[Path],
+    claim: Sequence[str],
+    claims: Path | None,
+    cells: Sequence[str],
+    basemap: Path | None,
+    save: Path | None,
+    port: int | None,
+    *,
+    is_served: bool,
+    as_json: bool,
+) -> int:
     """Show runs or a saved recording in rerun or in a browser.
 
     The exit code of --save is 3 if work on a cell failed.
     """
-    from logger.core.runfile import read_sound_run
-    from postproc.basemap.reading import read_basemap
-    from postproc.cell_work import exit_code
-    from postproc.view.scene import write_scene
-    from postproc.view.viewer import is_recording, show
-
-    only_one({"--save": options["save"], "--web": options["web"]})
-    chosen = _Options(**options)
-    _check(chosen, paths)
-    if any(map(is_recording, paths)):
-        return _show_recording(chosen, paths)
-    runs = [read_sound_run(path) for path in paths]
+    of_a_run = {"save": save, "claim": claim, "claims": claims, "cell": cells, "basemap": basemap}
+    only_one({"--save": save, "--web": is_served})
+    if port is not None and not is_served:
+        raise ConfigError("--port goes with --web")
+    if any(map(viewer.is_recording, paths)):
+        for name, value in of_a_run.items():
+            if value:
+                raise ConfigError(f"--{name} goes with a run; {paths[0]} is a recording already")
+        # bare `rerun` serves everybody and counts its users
+        return _show_in_viewer(
+            viewer.copy_recording(paths), paths[0].stem, port, is_served=is_served
+        )
+    run_now(scene)
+    _check(save, basemap, claim)
+    if len(paths) > 1 and (claim or claims):
+        raise ConfigError("claims are tested against one run: give one, or leave the claims out")
+    runs = [runfile.read_sound_run(path) for path in paths]
 
     def write(path: Path) -> int:
         """Estimate and draw, after it is known that the result can be shown."""
-        model = _view_model(chosen, runs)
-        basemap = read_basemap(chosen.basemap, model.survey, model.box) if chosen.basemap else None
-        if chosen.basemap and basemap is None:
-            print(f"{chosen.basemap} is not drawn: the walk has no position", file=sys.stderr)
-        failures = write_scene(model, path, basemap=basemap, online=not chosen.web)
-        return exit_code([*model.cells, *failures])
+        model = _view_model(runs, cells, claim, claims)
+        ground = reading.read_basemap(basemap, model.survey, model.box) if basemap else None
+        if basemap and ground is None:
+            print(f"{basemap} is not drawn: the walk has no position", file=sys.stderr)
+        failures = scene.write_scene(model, path, basemap=ground, online=not is_served)
+        return cell_work.exit_code([*model.cells, *failures])
 
-    if chosen.web:
-        return _serve(chosen, write)
-    if chosen.save is None:
-        return show(write, runs[0].path.stem)
-    code = write(chosen.save)
-    if chosen.as_json:
-        print_json({"path": chosen.save, "bytes": chosen.save.stat().st_size})
-    else:
-        print(f"{chosen.save}: `postproc view {chosen.save}` opens it")
+    if save is None:
+        return _show_in_viewer(write, runs[0].path.stem, port, is_served=is_served)
+    code = write(save)
+    content = {"path": save, "bytes": save.stat().st_size}
+    text = f"{save}: `postproc view {save}` opens it"
+    show(document.Document(content, body=[text]), as_json=as_json)
     return code
 
 
-def _show_recording(options: _Options, paths: Sequence[Path]) -> int:
-    """Show what `--save` has written: bare `rerun` serves everybody and counts its users."""
-    from postproc.view.viewer import copy_recording, show
-
-    for name in ("save", "claim", "claims", "cell", "basemap"):
-        if getattr(options, name):
-            raise ConfigError(f"--{name} goes with a run; {paths[0]} is a recording already")
-    write = copy_recording(paths)
-    return _serve(options, write) if options.web else show(write, paths[0].stem)
-
-
-def _serve(options: _Options, write: Callable[[Path], object]) -> int:
-    from postproc.view.web import serve
-
-    return serve(
-        write, options.port or 0, lambda address: print(f"{address} - Ctrl-C ends it", flush=True)
+def _show_in_viewer(
+    write: Callable[[Path], object], name: str, port: int | None, *, is_served: bool
+) -> int:
+    """Show what `write` writes, in a browser or in rerun."""
+    if not is_served:
+        return viewer.show(write, name)
+    return web.serve(
+        write, port or 0, lambda address: print(f"{address} - Ctrl-C ends it", flush=True)
     )
 
 
-def _check(options: _Options, paths: Sequence[Path]) -> None:
+def _check(save: Path | None, basemap: Path | None, claim: Sequence[str]) -> None:
     """Report mistakes at once, not after the minute that estimating may take."""
-    from postproc.atomic_write import check_output
-    from postproc.verification.claims import parse_claim
-
-    if options.save is not None:
-        if options.save.suffix != ".rrd":
-            raise ConfigError(f"{options.save}: a rerun recording is named .rrd")
-        check_output(options.save)
-    if options.port is not None and not options.web:
-        raise ConfigError("--port goes with --web")
-    if options.basemap is not None and not options.basemap.is_file():
-        raise ConfigError(f"{options.basemap}: no such file")
-    for text in options.claim:
-        parse_claim(text, None)
-    if len(paths) > 1 and (options.claim or options.claims):
-        raise ConfigError("claims are tested against one run: give one, or leave the claims out")
+    if save is not None:
+        if save.suffix != ".rrd":
+            raise ConfigError(f"{save}: a rerun recording is named .rrd")
+        atomic_write.check_output(save)
+    if basemap is not None and not basemap.is_file():
+        raise ConfigError(f"{basemap}: no such file")
+    for text in claim:
+        claiming.parse_claim(text, None)
 
 
-def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
-    from postproc.cell_work import Attempts
-    from postproc.progress import with_progress
-    from postproc.result import Options
-    from postproc.suspicion.run_assessment import conspicuous_first
-    from postproc.view.end_to_end import end_to_end
-    from postproc.view.timeline import MOST_STEPS, answer_steps
-    from postproc.view.view_model import CellDetail, select_cells, view_model
-
+def _view_model(
+    runs: Sequence[runfile.Run], names: Sequence[str], claim: Sequence[str], claims: Path | None
+) -> view_model.ViewModel:
     if len(runs) > 1:  # their times are changed, so they are not those of a stored result
-        result = estimate(end_to_end(runs), options.cell)
+        result = estimate(end_to_end.end_to_end(runs), names)
     else:
-        result = stored_or_estimated(runs, options.cell)
-    result, conspicuous = conspicuous_first(result)
-    cells = select_cells(result, options.cell or conspicuous[:1])
-    verdicts = _verdicts(options, result, [cell.cell for cell in cells])
+        result = stored_or_estimated(runs, names)
+    result, conspicuous = run_assessment.conspicuous_first(result)
+    cells = view_model.select_cells(result, names or conspicuous[:1])
+    detailed = [cell.cell for cell in cells]
+    verified = tested_claims(result, detailed, estimation.Options().prior, _P_FA, claim, claims)
+    if verified is not None and not verified.cells:
+        about = ", ".join(detailed) or "any cell"
+        raise ConfigError(f"{claims} claims nothing about {about}; see --cell")
 
-    def detail_of(cell: "CellResult") -> CellDetail:
-        steps = answer_steps(cell, Options().prior, processors())
-        steps_shown = with_progress(steps, f"answer for {cell.cell} step by step", MOST_STEPS)
-        return CellDetail(cell, tuple(steps_shown), verdicts.get(cell.cell, ()))
+    def detail_of(cell: estimation.CellResult) -> view_model.CellDetail:
+        steps = timeline.answer_steps(cell, estimation.Options().prior, processors())
+        steps_shown = progress.with_progress(
+            steps, f"answer for {cell.cell} step by step", timeline.MOST_STEPS
+        )
+        tests = verified.cells if verified else ()
+        own = tuple(test for test in tests if test.cell == cell.cell)
+        return view_model.CellDetail(cell, tuple(steps_shown), own)
 
-    tries = Attempts("its answer step by step")
+    tries = cell_work.Attempts("its answer step by step")
     details = [detail for _, detail in tries.each(cells, lambda cell: cell.cell, detail_of)]
-    return view_model(result, details).without(tries.failures.values())
-
-
-def _verdicts(
-    options: _Options, result: "Result", names: Sequence[str]
-) -> dict[str, tuple["CellVerdict", ...]]:
-    """Verdicts on the claims about the cells in detail, by cell."""
-    from postproc.result import Options
-
-    claims = ClaimOptions(options.claim, options.claims, _P_FA)
-    verified = claims.test(result, names, Options().prior)
-    if verified is None:
-        return {}
-    if not verified.cells:
-        cells = ", ".join(names) or "any cell"
-        raise ConfigError(f"{options.claims} claims nothing about {cells}; see --cell")
-    return {
-        name: tuple(verdict for verdict in verified.cells if verdict.cell == name) for name in names
-    }
+    return view_model.view_model(result, details).without(tries.failures.values())

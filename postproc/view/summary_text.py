@@ -4,11 +4,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from logger.core.document import (
+    Column,
+    Degrees,
+    Table,
+    Word,
+    markdown_table,
+    markdown_text,
+)
 from logger.core.locator.alternatives import alternatives_text
-from postproc.pictures.estimates import estimator_rows
-from postproc.pictures.path_loss import ETA, P0
 from postproc.pictures.picture import headline
 from postproc.result import CellResult
+from postproc.summary import REFERENCE_NOTE, cell_of, estimator_table
 from postproc.verification.verdicts import CellVerdict
 from postproc.view.view_model import CellView, ViewModel
 
@@ -27,15 +34,16 @@ def empty_report(view: ViewModel) -> str:
 
 def cell_report(view: ViewModel, cell: CellView) -> str:
     """Verdict, warnings, all estimators, and claims."""
-    result = cell.result
+    result, runs = cell.result, [walk.run for walk in view.survey.walks]
     verdict = headline(result)
     warnings = [text for text in result.warnings if text not in verdict]
     return _join(
-        f"# Cell {_escape(cell.name)}",
+        f"# Cell {markdown_text(cell.name)}",
         f"**{verdict}**",
         f"{_runs(view)}; {result.n} readings of this cell",
         _list([*warnings, *_run_texts(view, result)]),
-        _estimators(result),
+        markdown_table(estimator_table(cell_of(result, runs))),
+        markdown_text(REFERENCE_NOTE if result.reference else ""),
         _error(view, cell),
         _claims(cell.claims),
         _list(view.survey.warnings),
@@ -60,7 +68,7 @@ def _runs(view: ViewModel) -> str:
 
 
 def _list(lines: Sequence[str]) -> str:
-    return "\n".join(f"- {_escape(text)}" for text in lines)
+    return "\n".join(f"- {markdown_text(text)}" for text in lines)
 
 
 def _run_texts(view: ViewModel, result: CellResult) -> list[str]:
@@ -75,27 +83,6 @@ def _run_texts(view: ViewModel, result: CellResult) -> list[str]:
     return texts
 
 
-def _estimators(cell: CellResult) -> str:
-    rows = [
-        [
-            row.name,
-            *(f"{value:.6f}" for value in row.position_deg),
-            row.extent,
-            P0.text(*row.p0) if row.p0 else "",
-            ETA.text(*row.eta) if row.eta else "",
-        ]
-        for row in estimator_rows(cell)
-    ]
-    return _table(("", "latitude", "longitude", "50 %; 95 % (m)", "P0", "eta"), rows)
-
-
-def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown; nothing without rows."""
-    if not rows:
-        return ""
-    return "\n".join(f"| {' | '.join(row)} |" for row in (titles, ["---"] * len(titles), *rows))
-
-
 def _error(view: ViewModel, cell: CellView) -> str:
     posterior, truth_m = cell.result.posterior, cell.picture.truth_m
     if truth_m is None or posterior is None:
@@ -106,16 +93,17 @@ def _error(view: ViewModel, cell: CellView) -> str:
 
 
 def _claims(claims: Sequence[CellVerdict]) -> str:
+    columns = (Column("claimed position"), Column("source"), Column("verdict"), Column("reason"))
     rows = [
-        [
-            f"{tested.claim.lat_deg:.6f} {tested.claim.lon_deg:.6f}",
-            _escape(tested.claim.source),
-            f"**{tested.verdict}**",
-            _escape(tested.reasons[0] if tested.reasons else ""),
-        ]
+        (
+            Degrees(tested.claim.lat_deg, tested.claim.lon_deg),
+            tested.claim.source,
+            Word(tested.verdict),
+            tested.reasons[0] if tested.reasons else "",
+        )
         for tested in claims
     ]
-    return _table(("claimed position", "source", "verdict", "reason"), rows)
+    return markdown_table(Table(columns, rows))
 
 
 def _prior(result: CellResult) -> str:
@@ -129,8 +117,3 @@ def _prior(result: CellResult) -> str:
         f"at most {prior.reach_m / 1000:.0f} km away; "
         f"{alternatives_text(result.posterior.alternatives)}."
     )
-
-
-def _escape(text: str) -> str:
-    """Text in which nothing is markup."""
-    return "".join(f"\\{c}" if c in "\\`*_[]<>#|" else c for c in text)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from logger.config import PowerSettings, load_config
+from logger.core.document import json_text, terminal_lines
 from logger.core.errors import ConfigError
 from logger.core.live_settings import FOLLOW
 from logger.device.battery import BatteryWatch, batteries, too_low_to_begin
@@ -52,8 +53,9 @@ def _led_names(folder: Path) -> None:
 
 
 def _status(folder: Path) -> None:
-    for as_json in (False, True):
-        report(folder, as_json=as_json, columns=80)
+    said = report(folder)[0]
+    assert list(terminal_lines(said, 80))
+    assert json_text(said.content)
 
 
 def _feed(folder: Path) -> None:

@@ -31,7 +31,7 @@ HEAVY = {
     "urllib.request",
 }
 HEAVY_OF_OURS = (
-    "logger.drivers",
+    "logger.drivers.registry",
     "logger.core.locator",
     "logger.core.live",
     "logger.core.geo",

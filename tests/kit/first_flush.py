@@ -10,6 +10,7 @@ from pathlib import Path
 
 _INSTRUMENTED = """
 import os, sys, time
+from importlib.util import _LazyModule
 frame_written = False
 
 def pwrite(fd, data, offset, real=os.pwrite):
@@ -22,7 +23,8 @@ def reporting(real):
         real(fd)
         if frame_written:
             now_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
-            os.write(1, f"durable {now_ns} {' '.join(sys.modules)}\\n".encode())
+            ran = [name for name, module in sys.modules.items() if type(module) is not _LazyModule]
+            os.write(1, f"durable {now_ns} {' '.join(ran)}\\n".encode())
             os.fsync, os.fdatasync = flushes
     return flush
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from logger.core import ekf
+from logger.core.document import json_text
 from logger.core.geo import Utm
 from logger.core.locator.alternatives import ANTENNA, HEIGHT, REACH, Alternative
 from logger.core.locator.posterior import Mode, Posterior, StrongestReading
@@ -18,7 +19,6 @@ from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath, reference_ekf
-from postproc.json_text import as_json
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.summary import summarise
 from postproc.verification.claims import Claim
@@ -48,6 +48,7 @@ def write_run(
     utc: bool = True,
     truth: bool = True,
     speed_mps=1.4,
+    utc0_ns: int = UTC0_NS,
     **changes,
 ) -> Run:
     """Walk around a square with a fix every second and a scan of all cells every other second.
@@ -67,7 +68,7 @@ def write_run(
     lats, lons = UTM.to_latlon_arrays(x0 + x, y0 + y)
     for i in range(seconds):
         t_ns = START_NS + i * 10**9
-        fix = Fix(True, UTC0_NS + t_ns if utc else None, float(lats[i]), float(lons[i]), hdop=0.9)
+        fix = Fix(True, utc0_ns + t_ns if utc else None, float(lats[i]), float(lons[i]), hdop=0.9)
         writer.append(Record(t_ns, "gnss", fix))
         if i % 2 == 0:
             levels = _levels(rng, x[i], y[i], cells)
@@ -234,4 +235,4 @@ def sample_claims(result: Result) -> Verified:
 
 def json_of(result: Result) -> dict[str, Any]:
     """What `postproc smooth --json` prints."""
-    return json.loads(as_json(summarise(result)))
+    return json.loads(json_text(summarise(result)))

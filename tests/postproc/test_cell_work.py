@@ -176,8 +176,8 @@ def test_the_test_for_two_transmitters(check, run, monkeypatch):
 
 @pytest.mark.parametrize("details", [False, True])
 def test_its_lines_on_the_terminal(details, run, capsys, monkeypatch):
-    step = "_print_estimators" if details else "_line"
-    fail_in(monkeypatch, f"postproc.tables.{step}")
+    step = "_estimator_rows" if details else "_cell_row"
+    fail_in(monkeypatch, f"postproc.summary.{step}")
     code, out, _ = outputs(capsys, "smooth", run, *["-v"] * details)
     assert code == SOMETHING_LOST
     assert all(cell in out for cell in (BAD, *GOOD))

@@ -6,8 +6,8 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from logger.core.document import json_text
 from logger.core.runfile import read_run
-from postproc.json_text import as_json
 from postproc.result_json import schema
 from postproc.smoothing import smooth_runs
 from postproc.summary import summarise
@@ -40,7 +40,7 @@ def summaries(tmp_path_factory):
     empty = [runs.Record(1, "modem", runs.Scan(0, ()))]
     runs.write_journal(folder / "lost.journal", empty, run_id="1" * 32)
     results = [smooth_runs(some) for some in ([run], [run, read_run(folder / "lost.journal")])]
-    return [json.loads(as_json(summarise(result))) for result in results]
+    return [json.loads(json_text(summarise(result))) for result in results]
 
 
 def test_the_published_schema_is_that_of_the_types():

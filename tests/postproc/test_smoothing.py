@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from logger.core.document import json_text
 from postproc.cell_estimation import estimate_cell
-from postproc.json_text import as_json
 from postproc.result import Options
 from postproc.smoothing import smooth_runs
 from postproc.summary import summarise
@@ -15,7 +15,7 @@ from tests.kit.walks import simulate
 def test_processes_give_what_one_gives(tmp_path):
     run = write_run(tmp_path / "a.journal", seconds=60, cells=4)
     alone, shared = (summarise(smooth_runs([run], processes=n)) for n in (1, 2))
-    assert as_json(shared) == as_json(alone)
+    assert json_text(shared) == json_text(alone)
     assert len(shared.cells) == 4
 
 

@@ -1,17 +1,20 @@
 """Colours and bars where somebody is looking, and nowhere else."""
 
-import io
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
-from rich.console import Console
 
-from postproc import info_table, tables, terminal
+from logger.core.document import terminal_lines
+from logger.core.runfile import read_run
 from postproc.info import describe
-from postproc.summary import summarise
-from postproc.verification import tables as verify_tables
+from postproc.info import document_of as info_document
+from postproc.reproductions import toa
+from postproc.reproductions.checks import document_of as document_of_checks
+from postproc.summary import document_of, summarise
+from postproc.verification import report as verification
 from tests.kit import runs
 from tests.kit import sample_results as kit
 from tests.kit.terminal import COLOUR, postproc
@@ -61,24 +64,9 @@ def _numbers(text):
     return set(re.findall(r"[^\s,;:()]*\d[^\s,;:()]*", text))
 
 
-@pytest.fixture
-def outputs(tmp_path, monkeypatch):
-    """What a printing function shows on a terminal so wide, or where nobody looks (None)."""
-
-    def output_of(show, columns):
-        file = io.StringIO()
-
-        def console(**options):
-            wide = (
-                {"force_terminal": True, "width": columns, "color_system": None} if columns else {}
-            )
-            return Console(**{"file": file} | options | wide)
-
-        monkeypatch.setattr(terminal, "Console", console)
-        show()
-        return file.getvalue()
-
-    return output_of
+def _lines_of(document, columns):
+    """What a document shows on a terminal so wide, or where nobody looks (None)."""
+    return "\n".join(terminal_lines(document, columns)) + "\n"
 
 
 def _all_at_once(tmp_path):
@@ -95,18 +83,18 @@ def _all_at_once(tmp_path):
         )
     verified = kit.sample_claims(kit.sample_result(run))
     return {
-        "info": lambda: info_table.print_info(describe(run), details=True),
-        "smooth": lambda: tables.print_summary(found, details=False),
-        "smooth -v": lambda: tables.print_summary(found, details=True),
-        "verify": lambda: verify_tables.print_verified(verified),
+        "info": lambda: info_document(describe(run), details=True),
+        "smooth": lambda: document_of(found, details=False)[0],
+        "smooth -v": lambda: document_of(found, details=True)[0],
+        "verify": lambda: verification.document_of(verified),
     }
 
 
 @pytest.mark.parametrize("columns", WIDTHS)
 @pytest.mark.parametrize("name", ["info", "smooth", "smooth -v", "verify"])
-def test_no_number_is_cut_and_no_line_is_too_long(tmp_path, outputs, name, columns):
-    show = _all_at_once(tmp_path)[name]
-    whole, narrow = outputs(show, None), outputs(show, columns)
+def test_no_number_is_cut_and_no_line_is_too_long(tmp_path, name, columns):
+    make = _all_at_once(tmp_path)[name]
+    whole, narrow = _lines_of(make(), None), _lines_of(make(), columns)
     assert _numbers(whole) <= _numbers(narrow)
     assert "…" not in narrow
     places = _numbers(str(tmp_path)) | {str(tmp_path)}
@@ -120,17 +108,10 @@ def test_no_number_is_cut_and_no_line_is_too_long(tmp_path, outputs, name, colum
 
 
 @pytest.mark.parametrize("columns", WIDTHS)
-def test_the_simulation_of_ranges_is_whole_too(outputs, columns):
-    from postproc.reproductions.checks import print_checks
-    from postproc.reproductions.toa import checks, setting, simulate
-
-    wanted = setting(None, None, [0.01, 100.0], 20, 0)
-    rows = list(simulate(wanted))
-    whole, narrow = (
-        outputs(lambda: print_checks(checks(wanted, rows, steps=True)), width)
-        for width in (None, columns)
-    )
-    assert _numbers(whole) <= _numbers(narrow)
+def test_the_simulation_of_ranges_is_whole_too(columns):
+    wanted = toa.setting(None, None, [0.01, 100.0], 20, 0)
+    said = document_of_checks(toa.checks(wanted, list(toa.simulate(wanted)), steps=True), {})
+    assert _numbers(_lines_of(said, None)) <= _numbers(_lines_of(said, columns))
 
 
 @pytest.mark.parametrize("columns", WIDTHS)
@@ -151,11 +132,11 @@ def test_a_real_terminal_gets_what_a_pipe_gets(run, columns):
         assert wrapped <= _numbers(output)
 
 
-def test_one_line_a_cell_and_the_located_first(tmp_path, outputs):
+def test_one_line_a_cell_and_the_located_first(tmp_path):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=33)
     found = summarise(kit.sample_result(run))
     found.cells.reverse()
-    lines = outputs(lambda: tables.print_summary(found, details=False), 80).splitlines()
+    lines = _lines_of(document_of(found, details=False)[0], 80).splitlines()
     rows = [line for line in lines if line.startswith("262-01-4711-")]
     assert len(rows) == 33
     assert [line.split()[2] for line in rows][:2] == ["located", "cannot"]
@@ -164,9 +145,7 @@ def test_one_line_a_cell_and_the_located_first(tmp_path, outputs):
     assert not [word for word in jargon if any(re.search(rf"\b{word}\b", line) for line in lines)]
 
 
-def test_at_most_ten_events_the_gravest_of_them(tmp_path, outputs):
-    from logger.core.runfile import read_run
-
+def test_at_most_ten_events_the_gravest_of_them(tmp_path):
     notes = [
         runs.Record(10**9 * i, "logger", runs.Note("info", "x", f"small matter {i}"))
         for i in range(31, 60)
@@ -174,28 +153,25 @@ def test_at_most_ten_events_the_gravest_of_them(tmp_path, outputs):
     grave = runs.Record(61 * 10**9, "logger", runs.Note("error", "x", "grave matter"))
     runs.write_journal(tmp_path / "walk.journal", [*runs.records(30), *notes, grave])
     info = describe(read_run(tmp_path / "walk.journal"))
-    short = outputs(lambda: info_table.print_info(info), 80)
+    short = _lines_of(info_document(info), 80)
     assert short.count("matter") + short.count("Grüße") == 10
     assert "grave matter" in short
     assert f"... and {len(info.events) - 10} more events (-v lists all)" in short
-    every = outputs(lambda: info_table.print_info(info, details=True), 80)
+    every = _lines_of(info_document(info, details=True), 80)
     assert every.count("matter") + every.count("Grüße") == len(info.events)
 
 
-def test_markup_in_a_run_is_text(tmp_path, outputs):
+def test_markup_in_a_run_is_text(tmp_path):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
     found = summarise(kit.sample_result(run))
     found.cells[0].cell = "[/bold]:smile:[red]"
     for details in (False, True):
-        assert "[/bold]:smile:[red]" in outputs(
-            lambda d=details: tables.print_summary(found, details=d), 80
-        )
+        said = document_of(found, details=details)[0]
+        assert "[/bold]:smile:[red]" in _lines_of(said, 80)
 
 
 @pytest.mark.parametrize("columns", [None, 60, 80])
-def test_nothing_in_a_run_steers_the_terminal(tmp_path, outputs, columns):
-    from dataclasses import replace
-
+def test_nothing_in_a_run_steers_the_terminal(tmp_path, columns):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
     found, info = summarise(kit.sample_result(run)), describe(run)
     evil = "\x1b]0;evil\x07\x1b[2J\u202e\r"
@@ -206,11 +182,11 @@ def test_nothing_in_a_run_steers_the_terminal(tmp_path, outputs, columns):
     info = replace(
         info, path=evil, origin=evil, stopped=evil, cells=cells, events=events, started_utc=evil
     )
-    for show in (
-        lambda: tables.print_summary(found, details=False),
-        lambda: tables.print_summary(found, details=True),
-        lambda: info_table.print_info(info),
+    for said in (
+        document_of(found, details=False)[0],
+        document_of(found, details=True)[0],
+        info_document(info),
     ):
-        output = outputs(show, columns)
+        output = _lines_of(said, columns)
         assert "evil" in output
         assert not set(CONTROL.sub("", output)) & set("\x1b\x07\r\u202e")

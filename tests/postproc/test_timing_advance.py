@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 from msgspec import UNSET
 
+from logger.core.document import terminal_lines
 from logger.core.geo import Utm
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import Fix, Record, Scan
-from postproc import tables
 from postproc.multi_run import merge
 from postproc.smoothing import smooth_runs
-from postproc.summary import summarise
+from postproc.summary import document_of, summarise
 from postproc.walk import observe_run
 from tests.kit import runs
 
@@ -37,7 +37,7 @@ def record_run(path, shift, ta_of, run_id="a"):
     return read_run(path)
 
 
-def test_smooth_says_whether_the_ta_agree(tmp_path, capsys):
+def test_smooth_says_whether_the_ta_agree(tmp_path):
     none, near, lie = (
         summarise(smooth_runs([record_run(tmp_path / f"{name}.journal", 0.0, ta_of)]))
         for name, ta_of in (
@@ -53,10 +53,11 @@ def test_smooth_says_whether_the_ta_agree(tmp_path, capsys):
     contradicted = lie.cells[0]
     assert contradicted.timing.disagree > 8
     assert any("timing advance disagrees" in warning for warning in contradicted.warnings)
-    tables.print_summary(near, details=True)
-    assert f"timing advance: read at {points} points, 0 disagree" in capsys.readouterr().out
-    tables.print_summary(none, details=True)
-    assert "timing" not in capsys.readouterr().out
+    said_of_none, said_of_near = (
+        "\n".join(terminal_lines(document_of(summary, details=True)[0])) for summary in (none, near)
+    )
+    assert f"timing advance: read at {points} points, 0 disagree" in said_of_near
+    assert "timing" not in said_of_none
 
 
 def test_runs_together_keep_the_ta_of_each(tmp_path):

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import hypot
-from typing import NamedTuple
 
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.guidance.street_atlas import Line
@@ -24,13 +23,6 @@ _APART_M = 500.0
 """Between the places of two walkers; nearer, one route serves both cells."""
 
 
-class Assignment(NamedTuple):
-    """A walker's number and the walk for the cell that tells most about it."""
-
-    walker: int
-    walk: NextWalk
-
-
 def next_walks(
     survey: Survey,
     located: Sequence[LocatedCell],
@@ -39,8 +31,8 @@ def next_walks(
     n_walkers: int,
     starts_deg: Sequence[tuple[float, float]] = (),
     lines: Iterable[Line] = (),
-) -> list[Assignment]:
-    """A walk for each walker: unsure cells with most readings, by information for each metre.
+) -> dict[int, NextWalk]:
+    """A walk for each walker, by number: unsure cells with most readings, by nats for each km.
 
     `starts_deg` are where the walkers are, in turn. Cells that are located need no walk. Raises
     `ConfigError` where no cell is unsure.
@@ -49,10 +41,10 @@ def next_walks(
     if not unsure:
         raise ConfigError("every cell that has a position is located: no walk is needed")
     unsure.sort(key=lambda cell: (-cell.n_readings, cell.cell))
-    chosen: list[Assignment] = []
+    chosen: dict[int, NextWalk] = {}
     for walker in range(n_walkers):
         start = starts_deg[walker % len(starts_deg)] if starts_deg else None
-        free = [cell for cell in unsure if all(_is_apart(cell, one.walk) for one in chosen)]
+        free = [cell for cell in unsure if all(_is_apart(cell, walk) for walk in chosen.values())]
         tried = free[:_TRIED_EACH]
         walks = []
         for cell in with_progress(tried, "planning", len(tried), [one.cell for one in tried]):
@@ -61,8 +53,7 @@ def next_walks(
             except (ConfigError, EstimationError):  # no route, or no place
                 continue
         if walks:
-            best = max(walks, key=lambda walk: walk.routes[0].nats_per_km)
-            chosen.append(Assignment(walker + 1, best))
+            chosen[walker + 1] = max(walks, key=lambda walk: walk.routes[0].nats_per_km)
     if not chosen:
         raise ConfigError("no route leads to any of the unsure cells")
     return chosen

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.document import Column, Table
 from logger.core.errors import ConfigError
 from logger.core.geo import Utm
 from logger.core.suspicion.rule import WORDS
@@ -20,8 +21,8 @@ from postproc.pictures.survey import Survey as Frame
 from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
+from postproc.survey.location import CELL_COLUMNS, cell_row, word_text
 from postproc.survey.places import Towns
-from postproc.survey.tables import word_text
 from postproc.survey.tasks import RunChoice, runs_of
 
 SQUARE_M = 50.0
@@ -107,7 +108,13 @@ def html(
     template = page_environment("postproc.survey.answers").get_template("survey.html")
     return template.render(
         n_runs=len(runs_of(survey, choice)),
-        cells=cells,
+        n_cells=len(cells),
+        table=Table(
+            [Column("no.", "d"), *CELL_COLUMNS],
+            [(number, *cell_row(cell)) for number, cell in numbered.items()],
+            "All cells",
+            name_column=1,
+        ),
         plans=plans,
         beyond=[n for n, cell in numbered.items() if cell.lat_deg is not None and n not in drawn],
         has_basemap=basemap is not None,

@@ -84,8 +84,8 @@ def test_next_walks(survey, scheduler):
         found = locate_survey(survey, Options(), cluster=cluster).cells
     unsure = [replace(cell, verdict="cannot tell") for cell in found]
     walks = next_walks(survey, unsure[:1], EVERY_RUN, Options(), 2, [(52.52, 13.38)])
-    assert [(one.walker, one.walk.answer.cell) for one in walks] == [(1, unsure[0].cell)]
-    assert walks[0].walk.routes[0].nats > 0.0
+    assert {walker: walk.answer.cell for walker, walk in walks.items()} == {1: unsure[0].cell}
+    assert walks[1].routes[0].nats > 0.0
     certain = [replace(cell, verdict="located") for cell in found]
     with pytest.raises(ConfigError, match="no walk is needed"):
         next_walks(survey, certain, EVERY_RUN, Options(), 1)
@@ -105,18 +105,17 @@ def test_several_walkers_have_areas_of_their_own(tmp_path, scheduler):
     starts_m = [np.array(ORIGIN_M), np.array(ORIGIN_M) + city.size_m]
     starts = [utm.to_latlon(*place.tolist()) for place in starts_m]
     walks = next_walks(survey, unsure, EVERY_RUN, Options(), 3, starts)
-    assert [one.walker for one in walks] == [1, 2, 3]
-    assert len({one.walk.answer.cell for one in walks}) == 3
-    for one, start_m in zip(walks, [*starts_m, starts_m[0]], strict=True):
-        best = one.walk.routes[0]
+    assert list(walks) == [1, 2, 3]
+    assert len({walk.answer.cell for walk in walks.values()}) == 3
+    for walk, start_m in zip(walks.values(), [*starts_m, starts_m[0]], strict=True):
+        best = walk.routes[0]
         assert best.nats > 0.0
         assert np.hypot(*(best.route.corner_m[0] - start_m)) < 1.0
-    for one, other in combinations(walks, 2):
+    for one, other in combinations(walks.values(), 2):
         apart_m = np.hypot(
-            one.walk.posterior.x_m - other.walk.posterior.x_m,
-            one.walk.posterior.y_m - other.walk.posterior.y_m,
+            one.posterior.x_m - other.posterior.x_m, one.posterior.y_m - other.posterior.y_m
         )
         assert apart_m > 500.0
     # there are no places for more walkers than areas of 500 m
-    near = [cell for cell in unsure if cell.cell == walks[0].walk.answer.cell] * 2
+    near = [cell for cell in unsure if cell.cell == walks[1].answer.cell] * 2
     assert len(next_walks(survey, near, EVERY_RUN, Options(), 2, starts)) == 1

@@ -1,0 +1,61 @@
+"""Help and JSON of every command are those that were meant: `python -m tests.golden.outputs`."""
+
+import json
+from math import isclose
+
+import click
+
+from tests.golden import outputs
+
+
+def differences(expected, found, where=""):
+    """Where a document differs from the expected one; fields that were added do not count."""
+    if isinstance(expected, dict) and isinstance(found, dict):
+        for key, value in expected.items():
+            if key not in found:
+                yield f"{where}/{key} is missing"
+            else:
+                yield from differences(value, found[key], f"{where}/{key}")
+    elif isinstance(expected, list) and isinstance(found, list):
+        if len(expected) != len(found):
+            yield f"{where}: {len(expected)} elements, now {len(found)}"
+        for i, (one, other) in enumerate(zip(expected, found, strict=False)):
+            yield from differences(one, other, f"{where}/{i}")
+    elif isinstance(expected, float) and isinstance(found, int | float):
+        if not isclose(expected, found, rel_tol=1e-9, abs_tol=1e-12):
+            yield f"{where}: {expected}, now {found}"
+    elif (type(expected), expected) != (type(found), found):
+        yield f"{where}: {expected!r}, now {found!r}"
+
+
+def test_differences_are_noticed():
+    document = {"a": [1.0, {"b": "x"}], "c": None}
+    assert not list(differences(document, {"a": [1.0 + 1e-12, {"b": "x", "d": 1}], "c": None}))
+    for other in (
+        {"a": [1.0, {"b": "y"}], "c": None},
+        {"a": [1.0 + 1e-8, {"b": "x"}], "c": None},
+        {"a": [1.0], "c": None},
+        {"a": [1.0, {"b": "x"}]},
+        {"a": [1.0, {"b": "x"}], "c": 0},
+    ):
+        assert list(differences(document, other))
+
+
+def test_json_is_the_expected(tmp_path):
+    found = {}
+    for name, document in outputs.documents(tmp_path):
+        expected = json.loads((outputs.DOCUMENTS / f"{name}.json").read_text(encoding="utf-8"))
+        found[name] = list(differences(expected, document))
+    assert found == {name: [] for name in outputs.COMMANDS}
+
+
+def test_help_is_the_expected():
+    assert outputs.helps() == outputs.HELP.read_text(encoding="utf-8")
+
+
+def test_every_command_has_a_golden_output():
+    covered = {line.split(" DIR")[0].split(" --")[0] for line in outputs.COMMANDS.values()}
+    for name, command in outputs.commands():
+        if isinstance(command, click.Group) or name in outputs.NO_GOLDEN:
+            continue
+        assert any(line.startswith(name) for line in covered), f"{name} has no golden output"
