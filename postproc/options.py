@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from logger.command_line import INPUT, number
-from logger.core.reader_process import start_ahead
+from logger.core.isolation import start_ahead
 
 if TYPE_CHECKING:
     from logger.core.runfile import Run
@@ -21,6 +21,7 @@ _Paths = TypeVar("_Paths", Path, tuple[Path, ...])
 
 _HIGHEST_M = 10_000
 """Limit of an antenna's height above the receiver; no mountain road sees a greater difference."""
+_HDF5_READER = "logger.core.runfile.hdf5_reader"
 _FARTHEST_M = 30_000
 """Nothing farther is searched."""
 
@@ -29,7 +30,7 @@ def _start_reader(ctx: click.Context, _: click.Parameter, value: _Paths) -> _Pat
     """It imports while the command does."""
     paths = (value,) if isinstance(value, Path) else value
     if not ctx.resilient_parsing and any(path.suffix == ".h5" for path in paths):
-        start_ahead()
+        start_ahead(_HDF5_READER)
     return value
 
 

@@ -15,8 +15,7 @@ import numpy as np
 
 import logger.core
 from logger.core.errors import RunFileError
-from logger.core.runfile import Run
-from logger.core.runfile.hdf5_reading import read_results
+from logger.core.runfile import Run, read_results
 from postproc.atomic_write import whole_file
 from postproc.json_text import as_json
 from postproc.result import Options, Result, joint_warnings, program_version
