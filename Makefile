@@ -5,7 +5,7 @@ DEMO := demo-out
 # The tests start hundreds of Python processes; without this each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard truth guidance deb card-debs dist docs page-map clean
+.PHONY: demo test test-oldest lint house test-faults test-boot test-view screenshots fuzz soak bench scoreboard truth guidance deb card-debs dist docs page-map clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -32,6 +32,10 @@ lint: .venv/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/codespell
+
+# size of the code and of its documents beside the committed figures; `--write` commits those of today
+house: .venv/dev.stamp
+	$(BIN)/python tools/house.py
 
 # the logger with the oldest libraries it allows, those of Debian 12; without tests of the desktop program
 OLDEST := numpy==1.24.* h5py==3.8.* pyproj==3.4.* pyserial==3.5 pynmea2==1.15.* msgspec==0.18.0 click==8.1.* tornado==6.2.* segno==1.4.*
