@@ -92,7 +92,7 @@ def test_a_command_answers_as_then(here, name):
 @pytest.mark.parametrize("file", make.FILES)
 def test_an_exported_file_is_as_then(here, file):
     make.answer(next(one for one in make.COMMANDS.values() if one.find(f"-o {file}") > 0))
-    then = (make.ANSWERS / f"exported.{make.FILES[file]}").read_text()
+    then = (make.ANSWERS / f"exported-{file}").read_text()
     found = list(differences(_parts(then), _parts(Path(file).read_text()), file))
     assert not found, "\n".join(found[:10])
 
@@ -128,6 +128,10 @@ def test_a_survey_is_read_and_extended(here):
     with make.scheduler() as scheduler:
         for name, command in make.SURVEY_COMMANDS.items():
             check(name, make.answer(command.format(scheduler=scheduler)))
+
+
+def test_replies_of_every_driver_family_are_read_as_then():
+    check("parse", make.parsed_replies())
 
 
 def test_a_configuration_means_the_same():
