@@ -1,14 +1,6 @@
-"""Both tests of one claim about one cell.
-
-The recommendation of Verma et al. chooses the test that decides: the indirect one, at least as
-good, where the position can be observed, else the direct one. A posterior shows what is observed
-even where it names no single position, so only one whose search ended before its mass did is not
-enough. Of 161 measured walks the indirect test rejects fewer true positions than the direct one
-and, displaced by five times the distance, four times as many false ones.
-"""
+"""The test of one claim about one cell."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +13,7 @@ from postproc.cell_estimation import too_few
 from postproc.verification.claim_test import ClaimTest, around, claim_test, prepare_walk
 from postproc.verification.claims import Claim
 from postproc.verification.normality import normality
-from postproc.verification.power import detectable, distance_m
-from postproc.verification.verdicts import CellVerdict, Followed
+from postproc.verification.verdicts import CellVerdict
 
 FEWEST_BLOCKS = 16
 """Fewer blocks leave too few residuals to estimate the noise beside the claim's displacement."""
@@ -42,13 +33,6 @@ class ClaimOptions:
     stationary: bool = False
 
 
-class PValues(NamedTuple):
-    """Of the direct and the indirect test."""
-
-    direct: float
-    indirect: float
-
-
 def verify_cell(
     obs: CellObservations,
     claim: Claim,
@@ -56,7 +40,7 @@ def verify_cell(
     rng: np.random.Generator,
     posterior: Posterior | None = None,
 ) -> CellVerdict:
-    """Both tests of a claim; the verdict is open until the p-values of all claims are adjusted.
+    """Test of a claim; the verdict is open until the p-values of all claims are adjusted.
 
     `posterior` is that of these readings and the prior, where it is known.
     """
@@ -67,27 +51,27 @@ def verify_cell(
         why = f"fewer than {FEWEST_BLOCKS} locations with a level"
         return undecided_verdict(obs.cell, len(obs), claim, why)
     posterior = posterior or locate(obs, options.prior)
-    followed: Followed = "indirect" if observable(posterior) else "direct"
-    model = _p_values(test, trusting=True)
-    p_values = model if options.stationary else _p_values(test, trusting=False)
-    tails = test.indirect.tails(test.walk.level_dbm[:, None], trusting=options.stationary)
-    residuals = test.direct.residuals(test.walk.level_dbm)
-    power = tuple(detectable(test, options.p_fa, rng, trusting=options.stationary))
+    level_dbm = test.walk.level_dbm[:, None]
+    p, p_model = (
+        float(test.p_values(level_dbm, trusting=trusting)[0])
+        for trusting in (options.stationary, True)
+    )
+    tails = test.tails(level_dbm, trusting=options.stationary)
+    residuals = test.residuals()
+    power = tuple(test.detectable(options.p_fa, rng, trusting=options.stationary))
     tests = (normality(residuals, limit, rng) for limit in (None, _CUT_SIGMAS))
     return CellVerdict(
         obs.cell,
         len(obs),
         claim,
         "cannot tell",
-        (_recommendation(followed), *_censoring(obs)),
-        followed=followed,
-        p=p_values.indirect if followed == "indirect" else p_values.direct,
-        p_direct=p_values.direct,
-        p_indirect=p_values.indirect,
-        p_direct_model=model.direct,
-        p_indirect_model=model.indirect,
+        tuple(_censoring(obs)),
+        followed="indirect",
+        p=p,
+        p_indirect=p,
+        p_indirect_model=p_model,
         level=1.0 - float(tails[0]),
-        distance_m=distance_m(test),
+        distance_m=test.distance_m,
         best_deg=obs.utm.to_latlon(posterior.x_m, posterior.y_m),
         power=power,
         normality=tuple(result for result in tests if result),
@@ -110,11 +94,6 @@ def blocks_of(obs: CellObservations) -> Blocks:
     return gathered.clear_of_censored() if len(gathered.censored.x_m) else gathered
 
 
-def observable(posterior: Posterior) -> bool:
-    """Whether the walk bounds the position; else the posterior depends on the search limit."""
-    return not posterior.at_limit
-
-
 def _claim_test(
     obs: CellObservations, claim: Claim, prior: Prior, rng: np.random.Generator
 ) -> ClaimTest | None:
@@ -126,23 +105,6 @@ def _claim_test(
     lasting_m = float(np.median(gathered.position_sigma_m))
     claimed = around(x_m, y_m, float(np.hypot(claim.sigma_m, lasting_m)))
     return claim_test(prepare_walk(gathered, prior), claimed, rng)
-
-
-def _p_values(test: ClaimTest, *, trusting: bool) -> PValues:
-    level_dbm = test.walk.level_dbm[:, None]
-    return PValues(
-        float(test.p_direct(level_dbm, trusting=trusting)[0]),
-        float(test.p_indirect(level_dbm, trusting=trusting)[0]),
-    )
-
-
-def _recommendation(followed: Followed) -> str:
-    if followed == "direct":
-        return "the walk does not bound the position: the direct test is followed"
-    return (
-        "the walk bounds the position: the indirect test is followed, which is then at least as "
-        "good"
-    )
 
 
 def _censoring(obs: CellObservations) -> list[str]:

@@ -24,8 +24,7 @@ from logger.core.locator.two_source_test import divide
 from logger.core.model.noise import independent_variance, shadowing
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.observations import CellObservations
-from postproc.verification.bootstrap import calibrate
-from postproc.verification.claim_test import PreparedWalk
+from postproc.verification.claim_test import PreparedWalk, calibrate
 from postproc.verification.likelihood_grid import refine
 
 DRAWS = 39
@@ -39,7 +38,6 @@ _MOST_READINGS = 800
 """Of a simulated walk: its covariance grows with their square."""
 _MOST_SQUARES = 1400
 """Of the common grid of two runs."""
-"""Weights of hypotheses below this have no logarithm."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,7 +39,7 @@ def print_sites(tested: SiteVerdict) -> None:
 
 
 def print_verified(verified: Verified) -> None:
-    """Each claim with its verdict, both tests and what they would have detected."""
+    """Each claim with its verdict, p-value and what the test would have detected."""
     console = screen()
     for warning in verified.warnings:
         print_text(console, warning, "yellow")
@@ -84,18 +84,16 @@ def _print_cell(console: Console, cell: CellVerdict) -> None:
     if cell.p is None or cell.level is None or cell.q is None:
         return
     tests = (
-        f"direct p {cell.p_direct:.3g}, indirect p {cell.p_indirect:.3g} (the claim lies on the "
-        "edge of the "
-        f"{cell.level:.1%} region); followed: {cell.followed}, q {cell.q:.3g}"
+        f"p {cell.p:.3g} (the claim lies on the edge of the {cell.level:.1%} region), "
+        f"q {cell.q:.3g}"
     )
     print_text(console, tests, bullet="  ")
     titles = ["detected with 95 % (m)", *(f"{one.azimuth_deg:.0f} deg" for one in cell.power)]
     rows = [
-        ["  direct", *(_metres(one.direct_m, one.direct_blind_m) for one in cell.power)],
-        ["  indirect", *(_metres(one.indirect_m, one.indirect_blind_m) for one in cell.power)],
+        ["  displacement", *(_metres(one.indirect_m, one.indirect_blind_m) for one in cell.power)]
     ]
     table(console, titles, rows, right=titles[1:])
-    if any(one.direct_blind_m or one.indirect_blind_m for one in cell.power):
+    if any(one.indirect_blind_m for one in cell.power):
         print_text(
             console,
             "* farther out in this direction a displacement would not be detected",
