@@ -28,8 +28,8 @@ from logger.core.arrays import FloatArray
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 from postproc.cell_estimation import too_few
-from postproc.verification.cell_claim import blocks_of
 from postproc.verification.claim_test import PreparedWalk, around, claim_test, prepare_walk
+from postproc.verification.run_claims import blocks_of
 
 SHAPES = ("L", "square", "random")
 NOISES = {"white 3 dB": Noise(3.0), "6 dB over 15 m + 1 dB": Noise(1.0, 6.0, 15.0, step_db=1.0)}

@@ -19,9 +19,8 @@ from logger.core.runfile import Run
 from postproc.cell_work import Failure
 from postproc.estimators.direction_check import Comparison
 from postproc.estimators.filters import FilterPath
-from postproc.estimators.least_squares import BatchFit
+from postproc.estimators.least_squares import BatchFit, Loss
 from postproc.estimators.residuals import Residuals
-from postproc.estimators.robust_losses import Loss
 
 
 @dataclass(frozen=True, slots=True)

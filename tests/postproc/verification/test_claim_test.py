@@ -5,7 +5,6 @@ from logger.core.model.blocks import blocks
 from logger.core.model.columns import distances_db, varying_columns
 from logger.core.model.noise import covariances, whiteners_of
 from logger.core.model.prior import Hypothesis, Prior, Station
-from postproc.verification.cell_claim import ClaimOptions, verify_cell
 from postproc.verification.claim_test import (
     BEARINGS_DEG,
     around,
@@ -15,7 +14,7 @@ from postproc.verification.claim_test import (
 )
 from postproc.verification.claims import Claim
 from postproc.verification.likelihood_grid import likelihood_grid
-from postproc.verification.run_claims import benjamini_hochberg
+from postproc.verification.run_claims import ClaimOptions, benjamini_hochberg, verify_cell
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, path, simulate
 
