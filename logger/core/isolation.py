@@ -10,6 +10,7 @@ A command that will read a run starts the process before its own imports, and bo
 so this module imports nothing that takes long.
 """
 
+import atexit
 import json
 import math
 import os
@@ -88,17 +89,35 @@ def run_isolated(task: str, path: Path, *arguments: Any) -> Outcome:
     """
     folder = "" if path.is_absolute() else str(Path.cwd())
     job = json.dumps([task, folder, str(path), arguments]).encode() + b"\n"
-    waiting, module = _ready.setdefault(os.getpid(), []), task.partition(":")[0]
-    process = waiting.pop() if waiting else _start(module)
-    if (found := _ask(process, job)) == _UNUSED:
+    module = task.partition(":")[0]
+    process = _waiting() or _start(module)
+    if (found := _ask(process, job)) == _UNUSED:  # it ended as the job came
         process = _start(module)
         found = _ask(process, job)
     if isinstance(found, int):
         raise RunFileError(_ending(path, found))
     if isinstance(found, str):
         raise RunFileError(found)
-    waiting.append(process)
+    _ready.setdefault(os.getpid(), []).append(process)
     return found
+
+
+@atexit.register
+def end_all() -> None:
+    """End the processes that wait for further files; the next file starts one anew."""
+    for process in _ready.pop(os.getpid(), []):
+        _end(process)
+
+
+def _waiting() -> subprocess.Popen[bytes] | None:
+    """One that waits for a file and has not ended meanwhile."""
+    waiting = _ready.get(os.getpid())
+    while waiting:
+        process = waiting.pop()
+        if process.poll() is None:
+            return process
+        _end(process)
+    return None
 
 
 def _start(module: str) -> subprocess.Popen[bytes]:
@@ -136,9 +155,13 @@ def _ask(process: subprocess.Popen[bytes], job: bytes) -> Outcome | str | int:
         found = process.wait()
     finally:
         if not isinstance(found, tuple):  # an interrupt or want of memory too
-            with suppress(BrokenPipeError), process:  # closes its pipes and waits for its end
-                process.kill()
+            _end(process)
     return found
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    with suppress(BrokenPipeError), process:  # closes its pipes and waits for its end
+        process.kill()
 
 
 def _read_reply_head(pipe: IO[bytes]) -> bytearray:
