@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from logger.core.answer import Answer, Place, Provenance, Verdict, parameters_of, place_of
+from logger.core.answer import Answer, Place, Provenance, parameters_of, place_of
 from logger.core.arrays import IntArray
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import TimingCheck
@@ -16,6 +16,7 @@ from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import ENVIRONMENTS, Prior
 from logger.core.observations import CellObservations, Observations, SpikeLevel
 from logger.core.runfile import Run
+from logger.core.types import Verdict
 from postproc.cell_work import Failure
 from postproc.estimators.direction_check import Comparison
 from postproc.estimators.filters import FilterPath
