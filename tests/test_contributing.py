@@ -69,11 +69,17 @@ def test_a_reply():
     (cell,) = cells_of(AcmeX(), own_replies("acme_x")[0].split("\\n"))
     assert (cell.lac, cell.cid, cell.rssi_dbm) == (0x1A2B, 0x3C4D, -71.0)
 """,
-    "logger/sim/dialects/acme_x.py": '''"""Acme X20: AT+ACELL (invented for a test)."""
+    "tests/kit/dialects/acme_x.py": '''"""Acme X20: AT+ACELL (invented for a test)."""
 
 from logger.sim.air import Air
-from logger.sim.dialects.common import SETTINGS
-from logger.sim.dialects.dialect import NO_SERVICE, Answer, Dialect, Settings, identity_replies
+from logger.sim.dialects import (
+    NO_SERVICE,
+    SETTINGS,
+    Answer,
+    Dialect,
+    Settings,
+    identity_replies,
+)
 
 
 def serving_cell(air: Air, _: Settings) -> Answer:
@@ -151,7 +157,11 @@ def test_the_other_files_and_names_of_the_steps_exist():
 
 def test_the_checks_pass_for_a_driver_made_by_the_steps(copy):
     done = check(
-        copy, *CHECKS, "tests/drivers/acme", "tests/sim/dialects", "tests/drivers/test_registry.py"
+        copy,
+        *CHECKS,
+        "tests/drivers/acme",
+        "tests/sim/test_dialects.py",
+        "tests/drivers/test_registry.py",
     )
     assert done.returncode == 0, done.stdout
     assert re.search(r"\b[1-9]\d* passed", done.stdout)

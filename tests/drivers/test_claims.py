@@ -12,7 +12,7 @@ from logger.drivers.claim import Claim
 from logger.drivers.family import Family
 from logger.drivers.registry import FAMILIES, claimants, family_of
 from logger.drivers.simcom import sim7600
-from logger.sim.dialects import DIALECTS
+from tests.kit.dialects import DIALECTS
 
 ANSWERS = Path(__file__).parent / "data" / "ati"
 """Answers to ATI, AT+CGMI, AT+CGMM and AT+CGMR by driver, from manuals and public logs."""
