@@ -3,7 +3,7 @@
 python benchmarks/verify.py [alarms|power|measured|database ...] [--minutes M] [--walks N]
                             [--rows N] [--json FILE]
 
-alarms    false-alarm rate of both tests on simulated walks past the claimed place
+alarms    false-alarm rate of the test on simulated walks past the claimed place
 power     share of displaced claims rejected, beside what each walk's own test predicts
 measured  measured walks: claims at the surveyed position and displaced, beside the rules of
           CellGuard and Crocodile Hunter
@@ -25,13 +25,11 @@ from scoreboard.world import Noise, World, observations
 from scoreboard.worlds import plain
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.pipeline import locate
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 from postproc.cell_estimation import too_few
-from postproc.verification.cell_claim import blocks_of, observable
 from postproc.verification.claim_test import PreparedWalk, around, claim_test, prepare_walk
-from postproc.verification.power import power
+from postproc.verification.run_claims import blocks_of
 
 SHAPES = ("L", "square", "random")
 NOISES = {"white 3 dB": Noise(3.0), "6 dB over 15 m + 1 dB": Noise(1.0, 6.0, 15.0, step_db=1.0)}
@@ -110,24 +108,17 @@ def alarms(options: argparse.Namespace) -> Json:
             rng = np.random.default_rng([options.seed, k])
             world, walk = _walk(rng, k, noise)
             test = claim_test(walk, np.array(world.sources[0])[:, None], rng)
-            if test is not None:
-                level_dbm = walk.level_dbm[:, None]
-                p.append(
-                    (
-                        test.p_direct(level_dbm, trusting=True)[0],
-                        test.p_indirect(level_dbm, trusting=True)[0],
-                    )
-                )
-        shares = {rate: np.mean(np.array(p) <= rate, axis=0).tolist() for rate in RATES}
+            p.append(test.p_values(walk.level_dbm[:, None], trusting=True)[0])
+        shares = {rate: float(np.mean(np.array(p) <= rate)) for rate in RATES}
         figures[name] = {
             "walks": len(p),
             "rejected": {str(rate): share for rate, share in shares.items()},
         }
-        for rate, (direct, indirect) in shares.items():
+        for rate, share in shares.items():
             low, high = interval99(len(p), rate)
             print(
-                f"alarms    {name}: {len(p)} walks at {rate}: direct {direct:.4f}, "
-                f"indirect {indirect:.4f} (99 % of exact tests within {low:.4f} to {high:.4f})"
+                f"alarms    {name}: {len(p)} walks at {rate}: {share:.4f} "
+                f"(99 % of exact tests within {low:.4f} to {high:.4f})"
             )
     return figures
 
@@ -143,20 +134,9 @@ def powers(options: argparse.Namespace) -> Json:
             share = DISPLACED[(k // len(SHAPES)) % len(DISPLACED)]
             true_m = np.array(world.sources[0])
             test = claim_test(walk, _displace(walk, true_m, share, rng)[:, None], rng)
-            if test is not None:
-                level_dbm = walk.level_dbm[:, None]
-                predicted = power(test, true_m[:1], true_m[1:], RATES[0], 48, rng, trusting=True)
-                measured_p = (
-                    test.p_direct(level_dbm, trusting=True)[0],
-                    test.p_indirect(level_dbm, trusting=True)[0],
-                )
-                rows.append(
-                    (
-                        share,
-                        *(float(p <= RATES[0]) for p in measured_p),
-                        *(float(v[0]) for v in predicted),
-                    )
-                )
+            (predicted,) = test.power(true_m[:1], true_m[1:], RATES[0], 48, rng, trusting=True)
+            p = test.p_values(walk.level_dbm[:, None], trusting=True)[0]
+            rows.append((share, float(p <= RATES[0]), float(predicted)))
         table = np.array(rows)
         for share in (*DISPLACED, None):
             chosen = table if share is None else table[table[:, 0] == share]
@@ -164,8 +144,7 @@ def powers(options: argparse.Namespace) -> Json:
             figures[f"{name}, {share or 'all'}"] = [len(chosen), *mean]
             print(
                 f"power     {name}, {share or 'all'} x distance, {len(chosen)} walks: "
-                f"direct {mean[0]:.3f} (predicted {mean[2]:.3f}), "
-                f"indirect {mean[1]:.3f} (predicted {mean[3]:.3f}); "
+                f"{mean[0]:.3f} (predicted {mean[1]:.3f}); "
                 f"+- {0.5 / len(chosen) ** 0.5:.3f}"
             )
     return figures
@@ -193,27 +172,14 @@ def measured_walks(options: argparse.Namespace) -> Json:
         gathered = blocks_of(obs)
         if too_few(obs, obs.usable()):
             continue
-        posterior = locate(obs, PRIOR)
         walk = prepare_walk(gathered, PRIOR)
         for share, outcomes in rows.items():
             claim = _displace(walk, np.array(world.sources[0]), share, rng)
             sigma_m = float(np.hypot(world.slack_m / 2.0, np.median(world.position_sigma_m)))
             test = claim_test(walk, around(float(claim[0]), float(claim[1]), sigma_m), rng)
-            if test is None:
-                continue
-            level_dbm = walk.level_dbm[:, None]
-            p = tuple(
-                float(f(level_dbm, trusting=False)[0]) for f in (test.p_direct, test.p_indirect)
-            )
-            recommended = p[1] if observable(posterior) else p[0]
+            p = float(test.p_values(walk.level_dbm[:, None], trusting=False)[0])
             rules = cellguard(obs, claim), crocodile_hunter(obs, claim)
-            outcomes.append(
-                (
-                    *(v <= RATES[0] for v in (recommended, *p)),
-                    *(v <= RATES[1] for v in (recommended, *p)),
-                    *rules,
-                )
-            )
+            outcomes.append((*(p <= rate for rate in RATES), *rules))
     result: Json = {}
     for share, outcomes in rows.items():
         if outcomes:
@@ -221,9 +187,8 @@ def measured_walks(options: argparse.Namespace) -> Json:
             result[str(share)] = {"walks": len(outcomes), "rejected": mean}
             print(
                 f"measured  displaced by {share:g} x distance, {len(outcomes)} walks, "
-                f"at {RATES[0]} / {RATES[1]}: recommended {mean[0]:.3f} / {mean[3]:.3f}, "
-                f"direct {mean[1]:.3f} / {mean[4]:.3f}, indirect {mean[2]:.3f} / {mean[5]:.3f}; "
-                f"CellGuard {mean[6]:.3f}, Crocodile Hunter {mean[7]:.3f}"
+                f"at {RATES[0]} / {RATES[1]}: {mean[0]:.3f} / {mean[1]:.3f}; "
+                f"CellGuard {mean[2]:.3f}, Crocodile Hunter {mean[3]:.3f}"
             )
     if not names:
         print("measured  skipped: the measured walks are not beside this repository")

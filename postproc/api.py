@@ -23,7 +23,7 @@ from logger.core.observations import CellObservations, Observations
 from logger.core.runfile import Run, read_sound_run
 from postproc.atomic_write import check_output
 from postproc.cell_estimation import locate_cell
-from postproc.estimators.robust_losses import Loss
+from postproc.estimators.least_squares import Loss
 from postproc.interop.estimates import estimates_of
 from postproc.interop.exporting import Exported, format_of, walk_of_run, write_export
 from postproc.interop.fields import LEVEL_RANGE_DBM

@@ -19,7 +19,7 @@ from postproc.estimators.convergence import MOST_ETA, ended_well
 from postproc.estimators.direction_check import compare
 from postproc.estimators.filters import FilterPath, reference_ekf
 from postproc.estimators.least_squares import BatchFit
-from postproc.estimators.residual_findings import findings
+from postproc.estimators.residuals import findings
 from postproc.result import ESTIMATORS, REFERENCE, CellResult, Estimator, Options
 
 FEWEST_READINGS = 5

@@ -12,7 +12,7 @@ from logger.core.column import UNKNOWN_ID
 from logger.core.document import Column, Document, Line, Table, Word, facts
 from logger.core.errors import ConfigError
 from logger.core.rows import numbered_texts
-from logger.core.runfile import Run, Sealing, read_sound_run, sealing_of
+from logger.core.runfile import Run, Sealing, read_sealed_run
 from logger.core.timebase import fit_run
 from logger.core.types import DEAD_RECKONING
 from logger.core.utc import utc_text
@@ -274,7 +274,7 @@ def verify(path: Path, noted: str | None = None) -> tuple[Check, ...]:
 
     Raises `RunFileError` when it cannot be read at all.
     """
-    run, sealing = read_sound_run(path), sealing_of(path)
+    run, sealing = read_sealed_run(path)
     stopped = run.end.reason if run.end else "no record of a stop: the run was cut"
     if not sealing.stop_is_sealed:
         stopped += " (recorded by an earlier version, which did not seal this)"

@@ -15,7 +15,7 @@ from logger.command_line import INPUT, late_modules, number
 
 with late_modules():
     from logger import street_file
-    from logger.core import reader_process, runfile
+    from logger.core import isolation, runfile
     from logger.core.locator import verdict
     from logger.core.model import prior as priors
     from postproc import progress, results, smoothing
@@ -26,6 +26,7 @@ _Paths = TypeVar("_Paths", Path, tuple[Path, ...])
 
 _HIGHEST_M = 10_000
 """Limit of an antenna's height above the receiver; no mountain road sees a greater difference."""
+_HDF5_READER = "logger.core.runfile.hdf5_reader"
 _FARTHEST_M = 30_000
 """Nothing farther is searched."""
 
@@ -34,7 +35,7 @@ def _start_reader(ctx: click.Context, _: click.Parameter, value: _Paths) -> _Pat
     """It imports while the command does."""
     paths = (value,) if isinstance(value, Path) else value
     if not ctx.resilient_parsing and any(path.suffix == ".h5" for path in paths):
-        reader_process.start_ahead()
+        isolation.start_ahead(_HDF5_READER)
     return value
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from logger.core.answer import Answer, Place, Provenance, Verdict, parameters_of, place_of
+from logger.core.answer import Answer, Place, Provenance, parameters_of, place_of
 from logger.core.arrays import IntArray
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import TimingCheck
@@ -16,12 +16,12 @@ from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import ENVIRONMENTS, Prior
 from logger.core.observations import CellObservations, Observations, SpikeLevel
 from logger.core.runfile import Run
+from logger.core.types import Verdict
 from postproc.cell_work import Failure
 from postproc.estimators.direction_check import Comparison
 from postproc.estimators.filters import FilterPath
-from postproc.estimators.least_squares import BatchFit
+from postproc.estimators.least_squares import BatchFit, Loss
 from postproc.estimators.residuals import Residuals
-from postproc.estimators.robust_losses import Loss
 
 
 @dataclass(frozen=True, slots=True)

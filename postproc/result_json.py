@@ -12,10 +12,11 @@ from typing import Any, Literal
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
-from logger.core.answer import Mode, Position, StrongestReading, Verdict
+from logger.core.answer import Mode, Position, StrongestReading
 from logger.core.ellipse import Ellipse
 from logger.core.locator.alternatives import Alternative
 from logger.core.model.prior import Prior
+from logger.core.types import Verdict
 from postproc.info import RunFacts
 
 Values = list[float | None]

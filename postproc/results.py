@@ -16,8 +16,7 @@ import numpy as np
 import logger.core
 from logger.core.document import json_text
 from logger.core.errors import RunFileError
-from logger.core.runfile import Run
-from logger.core.runfile.hdf5_reading import read_results
+from logger.core.runfile import Run, read_results
 from postproc.atomic_write import whole_file
 from postproc.result import Options, Result, joint_warnings, program_version
 from postproc.result_encoding import Array, Encoded, decode, encode

@@ -6,12 +6,13 @@ metres, levels dBm at the scale of the first modem.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
 from logger.core.ellipse import Ellipse
 from logger.core.locator.rivals import relevant_modes, whole_percents
+from logger.core.types import Verdict
 
 if TYPE_CHECKING:  # the status is written before numpy is imported
     from logger.core.geo import Utm
@@ -20,8 +21,6 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
     from logger.core.locator.verdict import Decision
     from logger.core.model.prior import Prior
     from logger.core.suspicion.words import Assessment
-
-Verdict = Literal["located", "ambiguous", "cannot tell"]
 
 
 _DEGREE_DECIMALS = 6

@@ -25,6 +25,7 @@ from logger.core.column import (
 Role = Literal["serving", "neighbour", "scan"]
 Rat = Literal["GSM", "WCDMA", "LTE", "LTE-M", "NB-IoT", "NR"]
 Level = Literal["info", "warning", "error"]
+Verdict = Literal["located", "ambiguous", "cannot tell"]
 
 MOST_NEIGHBOURS = 64
 """Channels of a stored neighbour list: Telit prints 32 at most (LE910 manual p287), so this leaves

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from logger.check import Line, State
-from logger.core.runfile.journal_file import is_recording
+from logger.core.runfile.journal import is_recording
 from logger.core.runfile.run_names import JOURNAL, first_part
 from logger.device.status import Status, age_s
 

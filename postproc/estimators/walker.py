@@ -32,8 +32,7 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.rows import Rows
 from logger.core.track import MAX_GAP_S, Track
-from postproc.estimators.walker_kalman import excess_variance, score, smooth
-from postproc.estimators.walker_model import Model, Series
+from postproc.estimators.walker_kalman import Model, Series, excess_variance, score, smooth
 
 USABLE_SIGMA_M = 20.0
 """A position less certain than this per axis is better left out."""

@@ -31,7 +31,7 @@ _CELL_COLUMNS = (
 
 
 def document_of(verified: Verified) -> Document:
-    """Each claim with its verdict, both tests and what they would have detected."""
+    """Each claim with its verdict, its p-value and what the test would have detected."""
     cells = [asdict(cell) | {"detectable_m": cell.detectable_m} for cell in verified.cells]
     content = asdict(verified) | {"cells": cells, "false_discovery_control": _CONTROL}
     return Document(content, warnings=verified.warnings, body=_verified_parts(verified))
@@ -69,18 +69,14 @@ def _cell_parts(cell: CellVerdict) -> Iterator[Part]:
     if cell.p is None or cell.level is None or cell.q is None:
         return
     edge = f"the claim lies on the edge of the {cell.level:.1%} region"
-    tests = f"direct p {cell.p_direct:.3g}, indirect p {cell.p_indirect:.3g} ({edge})"
-    yield Line(f"{tests}; followed: {cell.followed}, q {cell.q:.3g}", bullet="  ")
+    yield Line(f"p {cell.p:.3g} ({edge}), q {cell.q:.3g}", bullet="  ")
     columns = [
         Column("detected with 95 %", unit="m"),
         *(Column(f"{one.azimuth_deg:.0f} deg", ".0f") for one in cell.power),
     ]
-    rows = [
-        ["  direct", *(_metres(one.direct_m, one.direct_blind_m) for one in cell.power)],
-        ["  indirect", *(_metres(one.indirect_m, one.indirect_blind_m) for one in cell.power)],
-    ]
-    yield Table(columns, rows)
-    if any(one.direct_blind_m or one.indirect_blind_m for one in cell.power):
+    detected = (_metres(one.indirect_m, one.indirect_blind_m) for one in cell.power)
+    yield Table(columns, [["  displacement", *detected]])
+    if any(one.indirect_blind_m for one in cell.power):
         blind = "* farther out in this direction a displacement would not be detected"
         yield Line(blind, bullet="  ")
 

@@ -1,14 +1,33 @@
-"""One transmitter or two for a cell of a run, or of two runs."""
+"""One transmitter or two for a cell of a run, or of two runs: the signature of a cloned cell.
+
+For one run the locator's own test is used (`logger.core.locator.two_source_test`): the walk is
+divided in two and each part located alone. Of two runs each is located alone, and both together;
+with p the evidence of a run over positions h of prior mass m,
+
+    log factor = log sum_h m p1(h) + log sum_h m p2(h) - log sum_h m p1(h) p2(h)
+
+Both have the same calibration: walks past one transmitter are simulated from the estimate with the
+noise of the walk, and p is the share of them whose factor is as large. The simulation ends early
+when several were (Besag & Clifford, Biometrika 78(2), 1991).
+"""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import UNSET
 
+from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
+from logger.core.geo import Utm
 from logger.core.identities import FEWEST_SCANS
+from logger.core.locator.mixture import log_sum
 from logger.core.locator.pipeline import locate
+from logger.core.locator.posterior import Posterior
+from logger.core.locator.two_source_test import divide
+from logger.core.model.noise import independent_variance, shadowing
+from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
 from logger.core.runfile import Run
@@ -16,12 +35,148 @@ from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
 from postproc.multi_run import FARTHEST_KM, in_zone, merge, modems_of, starts_apart_m
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
-from postproc.verification.cell_claim import FEWEST_BLOCKS, blocks_of
-from postproc.verification.claim_test import prepare_walk
-from postproc.verification.clone_test import Sites, between_two, within_one
-from postproc.verification.run_claims import SEED
+from postproc.verification.claim_test import PreparedWalk, calibrate, prepare_walk
+from postproc.verification.likelihood_grid import refine
+from postproc.verification.run_claims import FEWEST_BLOCKS, SEED, blocks_of
 from postproc.verification.verdicts import SiteVerdict
 from postproc.walk import observe_run
+
+DRAWS = 39
+"""Walks simulated past one transmitter for one run: p can then be as small as 0.025."""
+
+_ENOUGH = 4
+"""So many walks with a factor as large decide that it is not significant."""
+_PAIRS = 240
+"""Pairs of walks simulated for two runs; each takes far less time than a division."""
+_MOST_READINGS = 800
+"""Of a simulated walk: its covariance grows with their square."""
+_MOST_SQUARES = 1400
+"""Of the common grid of two runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sites:
+    """Log Bayes factor of two positions against one, and the chance of one as large by noise.
+
+    `draws` walks past one transmitter were simulated for `p`. `one_m, other_m` are the likeliest
+    positions, x and y.
+    """
+
+    log_factor: float
+    p: float
+    draws: int
+    one_m: tuple[float, float]
+    other_m: tuple[float, float]
+    utm: Utm
+
+    @property
+    def places_deg(self) -> list[tuple[float, float]]:
+        """Latitude and longitude of both."""
+        return [self.utm.to_latlon(*self.one_m), self.utm.to_latlon(*self.other_m)]
+
+
+def within_one(
+    obs: CellObservations, posterior: Posterior, rng: np.random.Generator, draws: int = DRAWS
+) -> Sites | None:
+    """Test of one run.
+
+    None if one position leaves nothing to explain, or the walk has no two strong points.
+    """
+    division = divide(obs, posterior)
+    if division is None:
+        return None
+    p, done = 1.0, 0
+    if division.log_factor > 0.0:
+        usable = obs.usable()
+        one_source = _OneSource.of(_thin(usable.part(usable.limit == 0)), posterior)
+        p, done = _chance(one_source, posterior, division.log_factor, rng, draws)
+    return Sites(division.log_factor, p, done, division.one_m, division.other_m, obs.utm)
+
+
+class _OneSource(NamedTuple):
+    """Expected levels past the one transmitter of a posterior, and a root of their covariance."""
+
+    obs: CellObservations
+    level_dbm: FloatArray
+    root: FloatArray
+
+    @classmethod
+    def of(cls, obs: CellObservations, posterior: Posterior) -> "_OneSource":
+        x_m, y_m, p0_dbm, eta = posterior.modes[0].state.tolist()
+        dx_m, dy_m, height_m = obs.x_m - x_m, obs.y_m - y_m, posterior.prior.height_m
+        distance_db = log_distance_db(dx_m, dy_m, height_m, obs.position_sigma_m)
+        apart_m = np.hypot(obs.x_m[:, None] - obs.x_m, obs.y_m[:, None] - obs.y_m)
+        sigma_db = posterior.sigma_db
+        weighed = zip(posterior.noise_probability, posterior.prior.hypotheses, strict=True)
+        k = sum(p * shadowing(apart_m, one) for p, one in weighed if p > 0.0)
+        k += np.eye(len(k)) * independent_variance(1.0, posterior.white_share, sigma_db)
+        root = np.asarray(sigma_db * np.linalg.cholesky(k), float)
+        return cls(obs, level_dbm(p0_dbm, eta, distance_db), root)
+
+    def simulate(self, rng: np.random.Generator) -> CellObservations:
+        noise_db = self.root @ rng.normal(size=len(self.obs))
+        no_limit = np.zeros(len(self.obs), np.int64)
+        return replace(self.obs, level_dbm=self.level_dbm + noise_db, known_limit=no_limit)
+
+
+def _chance(
+    source: _OneSource,
+    posterior: Posterior,
+    log_factor: float,
+    rng: np.random.Generator,
+    draws: int,
+) -> tuple[float, int]:
+    """Share of simulated walks with a factor as large, and how many were simulated."""
+    n_as_large = done = 0
+    while done < draws and n_as_large < _ENOUGH:
+        division = divide(source.simulate(rng), posterior)
+        n_as_large += division is not None and division.log_factor >= log_factor
+        done += 1
+    if n_as_large >= _ENOUGH:
+        return n_as_large / done, done
+    return (n_as_large + 1.0) / (done + 1.0), done
+
+
+def _thin(obs: CellObservations) -> CellObservations:
+    """Every second or third reading of a long walk: a covariance of thousands takes minutes."""
+    step = -(-len(obs) // _MOST_READINGS)
+    return obs.part(slice(None, None, step)) if step > 1 else obs
+
+
+def between_two(
+    one: PreparedWalk, other: PreparedWalk, utm: Utm, rng: np.random.Generator
+) -> Sites:
+    """Test of two runs in the same zone."""
+    walks = one, other
+    field = one.field.with_walk(other.blocks, other.field.whiteners)
+    fine = refine(field, other.level_dbm[:, None], _MOST_SQUARES)
+    fields = one.field.with_squares(fine.squares), fine
+    log_mass = fine.log_mass - log_sum(fine.log_mass)
+    log_p = [
+        field.posterior_ratio(field.evaluate(walk.level_dbm[:, None])[0], tempered=True)
+        for field, walk in zip(fields, walks, strict=True)
+    ]
+    joint = log_mass + log_p[0][:, 0] + log_p[1][:, 0]
+    p = np.exp(joint - log_sum(joint))
+    x_m, y_m, _ = fine.squares[:, rng.choice(len(p), _PAIRS, p=p / np.sum(p))]
+    simulated = [
+        field.posterior_ratio(field.evaluate(walk.noise.walks(x_m, y_m, rng))[0], tempered=False)
+        for field, walk in zip(fields, walks, strict=True)
+    ]
+    log_factor = float(_log_factor(log_p[0], log_p[1], log_mass)[0])
+    by_noise = np.sort(np.exp(-_log_factor(simulated[0], simulated[1], log_mass)))
+    chance = float(calibrate(by_noise, np.exp(-np.array([log_factor])))[0])
+    best = [int(np.argmax(log[:, 0] + log_mass)) for log in log_p]
+    (x1_m, y1_m), (x2_m, y2_m) = (fine.squares[:2, k].tolist() for k in best)
+    return Sites(log_factor, chance, _PAIRS, (x1_m, y1_m), (x2_m, y2_m), utm)
+
+
+def _log_factor(one: FloatArray, other: FloatArray, log_mass: FloatArray) -> FloatArray:
+    """Log factor for walks (h, b), shape (b,)."""
+    mass = log_mass[:, None]
+    apart = log_sum((mass + one).T) + log_sum((mass + other).T)
+    return np.asarray(apart - log_sum((mass + one + other).T), float)
+
 
 _FAR_M = 10_000.0
 """Between two runs: farther away the places that the test of two runs considers, which are those

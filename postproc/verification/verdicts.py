@@ -8,7 +8,7 @@ from msgspec import UNSET, Struct, UnsetType
 from postproc.verification.claims import Claim
 
 Verdict = Literal["consistent", "rejected", "cannot tell"]
-Followed = Literal["direct", "indirect"]
+Followed = Literal["indirect"]
 
 
 class Normality(NamedTuple):
@@ -31,30 +31,30 @@ class Detectable:
 
     None where none up to `limit_m` is.
 
-    `blind_m` is a larger one that is not, as the mirror image of a straight walk; None where there
-    is none.
+    `indirect_blind_m` is a larger one that is not, as the mirror image of a straight walk; None
+    where there is none. `direct_m` and `direct_blind_m` are of a test that is no longer made.
     """
 
     azimuth_deg: float
-    direct_m: float | None
     indirect_m: float | None
-    direct_blind_m: float | None
     indirect_blind_m: float | None
     limit_m: float
+    direct_m: None = None
+    direct_blind_m: None = None
 
 
 @dataclass(frozen=True, slots=True)
 class CellVerdict:
     """One claim about one cell; values are None where they cannot be computed, `reasons` say why.
 
-    `followed` is the test that decides, `p` its p-value and `q` the same adjusted for the number of
-    claims. `p_direct` and `p_indirect` are those of both tests; `p_direct_model` and
-    `p_indirect_model` trust the noise to be stationary, as that of a simulated run is, where they
-    are the same. `level` is that of the smallest highest-density region of the posterior that
-    contains the claim, `distance_m` the claim's from the walk, `best_deg` the posterior's best
-    position (latitude, longitude), `normality` that of the whitened residuals at the claim, of all
-    and of those within 3 sigma. `error` is that of the program which ended the test, None where
-    none did.
+    `p` is the p-value of the claim in the posterior, also named `p_indirect` (Verma et al.: the
+    test that `followed` names), and `q` the same adjusted for the number of claims.
+    `p_indirect_model` trusts the noise to be stationary, as that of a simulated run is, where both
+    are the same; `p_direct` and `p_direct_model` are of a test that is no longer made. `level` is
+    that of the smallest highest-density region of the posterior that contains the claim,
+    `distance_m` the claim's from the walk, `best_deg` the posterior's best position (latitude,
+    longitude), `normality` that of the whitened residuals at the claim, of all and of those within
+    3 sigma. `error` is that of the program which ended the test, None where none did.
     """
 
     cell: str
@@ -65,9 +65,9 @@ class CellVerdict:
     followed: Followed | None = None
     p: float | None = None
     q: float | None = None
-    p_direct: float | None = None
+    p_direct: None = None
     p_indirect: float | None = None
-    p_direct_model: float | None = None
+    p_direct_model: None = None
     p_indirect_model: float | None = None
     level: float | None = None
     distance_m: float | None = None
@@ -79,8 +79,7 @@ class CellVerdict:
     @property
     def detectable_m(self) -> list[float | None]:
         """Least displacement that the test rejects with probability 0.95, by direction."""
-        name = "indirect_m" if self.followed == "indirect" else "direct_m"
-        return [getattr(direction, name) for direction in self.power]
+        return [direction.indirect_m for direction in self.power]
 
 
 @dataclass(frozen=True, slots=True)

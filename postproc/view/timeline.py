@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.answer import Verdict
 from logger.core.locator.posterior import Posterior
 from logger.core.model.prior import Prior
 from logger.core.observations import CellObservations
+from logger.core.types import Verdict
 from postproc.cell_estimation import FEWEST_READINGS, locate_cell
 from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.processes import each

@@ -12,8 +12,8 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.runfile import finish_journal, read_run, sealing_of
-from logger.core.runfile.file_buffer import SECTOR
 from logger.core.runfile.frames import HEADER_SIZE, Frame, scan
+from logger.core.runfile.journal_reader import SECTOR
 from logger.core.runfile.run_names import parts_of
 from logger.core.types import Scan
 from tests.kit import runs, service

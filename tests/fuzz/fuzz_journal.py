@@ -16,7 +16,7 @@ with atheris.instrument_imports(
 ):
     from logger.core.errors import RunFileError
     from logger.core.runfile import read_run, read_sound_run, sealing_of
-    from logger.core.runfile.frames import Frame, Kind, encode, scan
+    from logger.core.runfile.frames import HEADER_SIZE, Frame, Kind, encode, scan
 
 import msgspec
 
@@ -28,7 +28,7 @@ PATH = FOLDER / f"fuzz-{os.getpid()}.journal"
 runs.write_journal(PATH, runs.records(3), sync_every=2)
 HONEST = PATH.read_bytes()
 FRAMES = [
-    HONEST[frame.start - 28 : frame.start + frame.length + 4]
+    HONEST[frame.start - HEADER_SIZE : frame.start + frame.length + 4]
     for frame in scan(HONEST)
     if isinstance(frame, Frame)
 ]

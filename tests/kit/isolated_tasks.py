@@ -71,8 +71,8 @@ def wait(_path):
     signal.pause()
 
 
-def parent(_path):
-    return os.getppid(), {}
+def process(_path):
+    return os.getpid(), {}
 
 
 def length(path):

@@ -216,11 +216,9 @@ def sample_claims(result: Result) -> Verified:
             Claim(cell.cell, LAT + north_deg, LON, 20.0, "command line"),
             verdict,
             ("because",),
-            "indirect",
-            0.5,
-            0.5,
-            0.5,
-            0.5,
+            followed="indirect",
+            p=0.5,
+            q=0.5,
             distance_m=33.0,
         )
 

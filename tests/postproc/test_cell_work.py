@@ -19,7 +19,7 @@ from logger.core.runfile import read_run
 from postproc import cell_estimation, smoothing
 from postproc.cell_work import attempt, attempt_alone
 from postproc.cli import main
-from postproc.verification import cell_claim, run_sites
+from postproc.verification import run_claims, run_sites
 from postproc.walk import observe_run
 from tests.kit import rerun_recordings
 from tests.kit.sample_results import LAT, LON, cell_name, write_run
@@ -55,7 +55,7 @@ def walk() -> Path:
 @pytest.fixture
 def run(tmp_path, monkeypatch):
     """A walk past both cells, each of which is located once only for all tests."""
-    for module in (cell_estimation, cell_claim, run_sites):
+    for module in (cell_estimation, run_claims, run_sites):
         monkeypatch.setattr(module, "locate", locate)
     monkeypatch.setattr(cell_estimation, "decide", decide)
     return copyfile(walk(), tmp_path / "walk.h5")
@@ -194,8 +194,8 @@ CLAIM = f"{LAT},{LON},50"
 @pytest.mark.parametrize(
     "step",
     [
-        "postproc.verification.cell_claim._claim_test",
-        "postproc.verification.cell_claim.locate",
+        "postproc.verification.run_claims._claim_test",
+        "postproc.verification.run_claims.locate",
         "postproc.verification.run_claims._geodesic",
     ],
 )

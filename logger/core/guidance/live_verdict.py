@@ -5,9 +5,15 @@ So these are tried, and a location is reported only after the walker has gone on
 houses and it still holds. By then every move of `MotionTest` has been compared with standing.
 """
 
-from logger.core.locator.motion_test import MOVES_M, MotionTest
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.two_source_test import LIVE, Division, divide, divide_in_time
+from logger.core.locator.two_source_test import (
+    LIVE,
+    MOVES_M,
+    Division,
+    MotionTest,
+    divide,
+    divide_in_time,
+)
 from logger.core.locator.verdict import LIVE_M, Decision, assess, degrees_text
 from logger.core.observations import CellObservations
 

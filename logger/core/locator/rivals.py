@@ -1,10 +1,7 @@
 """What is plausible beside the best: relevant modes, and their shares in words."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from logger.core.locator.posterior import Mode
+from typing import Protocol, TypeVar
 
 LEAST_PEAK = 0.05
 """A position with this share of the highest density is a mode, however improbable."""
@@ -14,17 +11,29 @@ LEAST_SHARE = 0.01
 """A mode with less is irrelevant, however sharp: as "0 %" it would send people the wrong way."""
 
 
-def relevant_modes(modes: "Sequence[Mode]") -> "tuple[Mode, ...]":
+class Peak(Protocol):
+    """What makes a mode relevant: its highest density beside the best, and its probability."""
+
+    @property
+    def peak(self) -> float: ...
+    @property
+    def probability(self) -> float: ...
+
+
+Mode = TypeVar("Mode", bound=Peak)
+
+
+def relevant_modes(modes: Sequence[Mode]) -> tuple[Mode, ...]:
     """The best mode, and those with much probability or with a peak that fits nearly as well."""
     return (*modes[:1], *filter(_is_rival, modes[1:]))
 
 
-def _is_rival(mode: "Mode") -> bool:
+def _is_rival(mode: Peak) -> bool:
     is_sharp = mode.peak >= LEAST_PEAK and mode.probability >= LEAST_SHARE
     return is_sharp or mode.probability >= MINOR_MODE
 
 
-def whole_percents(modes: "Sequence[Mode]") -> list[int]:
+def whole_percents(modes: Sequence[Peak]) -> list[int]:
     """Probabilities of relevant modes in whole percents with the sum of the probabilities.
 
     The largest remainders are rounded up. None of several modes has 0 or 100.

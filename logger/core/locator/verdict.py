@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.answer import Verdict
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.observations import CellObservations
+from logger.core.types import Verdict
 
 _FEWEST_READINGS = 8
 """Twice the four unknowns x, y, P0 and eta."""

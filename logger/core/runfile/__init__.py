@@ -14,16 +14,23 @@ from logger.core.runfile.run_names import journal_path
 from logger.core.runfile.writer import RunWriter
 
 if TYPE_CHECKING:
-    from logger.core.runfile.finish import convert_journal, finish_journal, unfinished_journals
-    from logger.core.runfile.recovery import Recovered, recover
+    from logger.core.runfile.finish import (
+        Recovered,
+        convert_journal,
+        finish_journal,
+        recover,
+        unfinished_journals,
+    )
     from logger.core.runfile.run import (
         Run,
+        read_results,
         read_run,
-        read_small_runs,
+        read_sealed_run,
         read_sound_run,
         read_unaltered_run,
+        sealing_of,
     )
-    from logger.core.runfile.verify import Sealing, sealing_of
+    from logger.core.runfile.seal import Sealing
 
 __all__ = [
     "FLOOR_BYTES",
@@ -40,8 +47,9 @@ __all__ = [
     "free_bytes",
     "journal_path",
     "make_room",
+    "read_results",
     "read_run",
-    "read_small_runs",
+    "read_sealed_run",
     "read_sound_run",
     "read_unaltered_run",
     "recover",
@@ -50,19 +58,17 @@ __all__ = [
     "unfinished_journals",
 ]
 
-_ROOM_OF = {
-    **dict.fromkeys(("convert_journal", "finish_journal", "unfinished_journals"), "finish"),
-    **dict.fromkeys(("Recovered", "recover"), "recovery"),
-    **dict.fromkeys(
-        ("Run", "read_run", "read_small_runs", "read_sound_run", "read_unaltered_run"), "run"
-    ),
-    **dict.fromkeys(("Sealing", "sealing_of"), "verify"),
+_OF_FINISH = {
+    "Recovered",
+    "convert_journal",
+    "finish_journal",
+    "recover",
+    "unfinished_journals",
 }
-"""The modules that need numpy and h5py, by what they offer."""
 
 
 def __getattr__(name: str) -> Any:
     """Import the modules that need HDF5 at the first use of their names."""
-    if name not in _ROOM_OF:
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ROOM_OF[name]}"), name)
+    return getattr(import_module(f"{__name__}.{'finish' if name in _OF_FINISH else 'run'}"), name)

@@ -1,20 +1,22 @@
-"""From journal to HDF5: one function for the stop, the next boot and the desktop program."""
+"""From journal to HDF5, at the stop, the next boot and the desk; with a report of what was lost."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from logger.core.errors import RunFileError
-from logger.core.runfile.hdf5 import write_hdf5
-from logger.core.runfile.hdf5_reading import run_id_of
-from logger.core.runfile.journal_file import is_recording, sync_folder
+from logger.core.isolation import run_isolated
+from logger.core.runfile.hdf5_writer import write_hdf5
+from logger.core.runfile.journal import is_recording, sync_folder
 from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage
-from logger.core.runfile.run_names import JOURNAL, first_part, parts_of
+from logger.core.runfile.run import HDF5_READER
+from logger.core.runfile.run_names import JOURNAL, first_part, is_hdf5, parts_of
 
 _MARGIN_BYTES = 1 << 20
+_NONE = Damage()
 
 
 def unfinished_journals(folder: Path) -> list[Path]:
@@ -102,10 +104,12 @@ def _check_room(parts: JournalParts, target: Path) -> None:
 
 
 def _check_same_run(target: Path, run_id: str) -> None:
+    if not target.exists():
+        return
     try:
-        found = run_id_of(target)
+        found, _ = run_isolated(f"{HDF5_READER}:read_run_id", target)
     except RunFileError:
-        return  # none, or a damaged one
+        return  # a damaged one
     if found != run_id:
         raise RunFileError(f"{target} is of another run; move it away first")
 
@@ -116,3 +120,52 @@ def _n_bytes(journal: Path) -> int:
 
 def _is_recording(journal: Path) -> bool:
     return any(map(is_recording, parts_of(journal)))
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """What became of one journal: its HDF5 file and what it lacks, or why there is none."""
+
+    journal: Path
+    run: Path | None = None
+    damage: Damage = _NONE
+    digest: str = ""
+    error: str = ""
+
+    @property
+    def loss(self) -> str:
+        """One line on what was lost, empty where nothing was."""
+        if self.error:
+            return self.error
+        return f"{self.journal}: {self.damage}" if self.damage else ""
+
+    def as_dict(self) -> dict[str, str | None]:
+        """For machines: paths, digest and loss."""
+        run = str(self.run) if self.run else None
+        return {"journal": str(self.journal), "run": run, "digest": self.digest, "loss": self.loss}
+
+    def __str__(self) -> str:
+        return f"{self.run}  digest {self.digest}" if self.run else f"{self.journal}: not recovered"
+
+
+def recover(path: Path) -> Iterator[Recovered]:
+    """Recover one journal, or all in a folder that have no HDF5 file yet.
+
+    In a folder, one that cannot be read does not keep the others. Raises `RunFileError` for a
+    single one.
+    """
+    if not path.is_dir():
+        if path.is_file() and is_hdf5(path):
+            raise RunFileError(f"{path} is a finished run, no journal")
+        yield _recover_one(path)
+        return
+    for journal in unfinished_journals(path):
+        try:
+            yield _recover_one(journal)
+        except RunFileError as error:
+            yield Recovered(journal, error=str(error))
+
+
+def _recover_one(journal: Path) -> Recovered:
+    done = finish(journal)
+    return Recovered(journal, done.run, done.damage, done.digest)

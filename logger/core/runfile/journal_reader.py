@@ -1,5 +1,7 @@
 """A journal read back, part by part, so that a day's walk needs no day's memory."""
 
+import mmap
+import os
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -12,14 +14,22 @@ import msgspec
 import numpy as np
 
 from logger.core.errors import RunFileError
+from logger.core.isolation import most_memory_bytes, most_unpacked_bytes
 from logger.core.live_settings import restore_settings
 from logger.core.rows import Rows, dtypes_of, parse_dtypes
-from logger.core.runfile.chain import Chain
-from logger.core.runfile.file_buffer import buffer_of
-from logger.core.runfile.frames import MAX_PAYLOAD, Buffer, Frame, Kind, Skipped, payload_of, scan
-from logger.core.runfile.limits import most_memory_bytes, most_unpacked_bytes
+from logger.core.runfile.frames import (
+    MAX_PAYLOAD,
+    Buffer,
+    ForgedFramesError,
+    Frame,
+    Kind,
+    Skipped,
+    payload_of,
+    scan,
+)
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, RunStop, check_end, check_meta
 from logger.core.runfile.run_names import first_part, parts_of
+from logger.core.runfile.seal import Chain
 from logger.core.runfile.writer import RAW_COUNT
 from logger.core.schema import MOST_NS, OLDEST_DESCRIBED, SCHEMA_VERSION, columns_of
 
@@ -29,6 +39,10 @@ _INDEX = np.dtype(
     [(name, "u4") for name in ("file", "run", "number", "kind", "version", "schema", "length")]
     + [("start", "u8")]
 )
+SECTOR = 4096
+_READ_AT_ONCE = 1 << 20
+_UNREADABLE = b"\xff"
+"""Zeros would pass for the reserve at the end of a journal."""
 _BLOCK = 4096
 _ZLIB_MOST = 1032
 """A byte unpacks to at most so many (zlib.net/zlib_tech.html)."""
@@ -112,7 +126,10 @@ class JournalParts:
             most_memory_bytes(size),
             most_unpacked_bytes(size),
         )
-        index = self._index(buffers)
+        try:
+            index = self._index(buffers)
+        except ForgedFramesError as error:
+            raise RunFileError(f"{self.path} is no cellwalk run: {error}") from None
         dtypes = self._describe(buffers, index)
         stop: Part | None = None  # counts only with the END that repeats it
         for entry in _entries(index):
@@ -212,11 +229,61 @@ def decode_meta(text: bytes, path: Path) -> RunMeta:
     )
 
 
+def decode_end(text: bytes | str, path: Path) -> RunEnd | None:
+    """How a run stopped; raises `RunFileError` for what is no such thing."""
+    try:
+        end: RunEnd | None = msgspec.json.decode(text, type=RunEnd | None)
+        if end is not None:
+            check_end(end)
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise RunFileError(f"{path} is damaged: how it ended cannot be read ({error})") from error
+    return end
+
+
+def decode_damage(text: bytes | str, path: Path) -> Damage:
+    """What a run lacks; raises `RunFileError` for what is no such thing."""
+    try:
+        return msgspec.json.decode(text, type=Damage)
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise RunFileError(f"{path} is damaged: what it lacks cannot be read ({error})") from error
+
+
 @contextmanager
 def _open_all(paths: list[Path]) -> Iterator[list[Buffer]]:
     """The files as buffers."""
     with ExitStack() as stack:
-        yield [buffer_of(stack, path) for path in paths]
+        yield [_buffer_of(stack, path) for path in paths]
+
+
+def _buffer_of(stack: ExitStack, path: Path) -> Buffer:
+    """The bytes of a file on a card that may fail, with unreadable ones replaced.
+
+    A file without them is a memory map, which `stack` closes; a map of a sector that cannot be read
+    would end the program (SIGBUS).
+    """
+    file = stack.enter_context(path.open("rb", buffering=0))
+    fd = file.fileno()
+    size = os.fstat(fd).st_size
+    if not size:
+        return b""
+    if all(_bytes_at(fd, at, _READ_AT_ONCE) is not None for at in range(0, size, _READ_AT_ONCE)):
+        return stack.enter_context(mmap.mmap(fd, 0, access=mmap.ACCESS_READ))
+    return b"".join(_pieces(fd, size))
+
+
+def _pieces(fd: int, size: int) -> Iterator[bytes]:
+    for at in range(0, size, SECTOR):
+        length = min(SECTOR, size - at)
+        piece = _bytes_at(fd, at, length)
+        yield _UNREADABLE * length if piece is None else piece
+
+
+def _bytes_at(fd: int, at: int, length: int) -> bytes | None:
+    """None where the card does not give them."""
+    try:
+        return os.pread(fd, length, at)
+    except OSError:
+        return None
 
 
 def _entry(file: int, frame: Frame) -> tuple[int, ...]:

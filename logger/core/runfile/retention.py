@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from logger.core.errors import RunFileError
-from logger.core.runfile.journal_file import is_recording, sync_folder
+from logger.core.runfile.journal import is_recording, sync_folder
 from logger.core.runfile.run_names import JOURNAL, parts_of
 
 FLOOR_BYTES = 200_000_000
@@ -62,7 +62,7 @@ def _is_spare(journal: Path) -> bool:
     if not hdf5.exists() or any(map(is_recording, parts_of(journal))):
         return False
     # needs HDF5, which only a full card makes necessary
-    from logger.core.runfile.verify import sealing_of  # noqa: PLC0415
+    from logger.core.runfile.run import sealing_of  # noqa: PLC0415
 
     try:
         sealing = sealing_of(journal)

@@ -1,16 +1,17 @@
 """A run opened for reading, whether it is finished HDF5 or a journal that was cut."""
 
 import stat
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
 
 from logger.core.errors import RunFileError
+from logger.core.isolation import Outcome, run_isolated
 from logger.core.rows import (
     DTYPES,
     ROWS_AT_ONCE,
@@ -19,13 +20,16 @@ from logger.core.rows import (
     to_current_columns,
     values_of,
 )
-from logger.core.runfile.hdf5_layout import RAW_BYTES
-from logger.core.runfile.hdf5_reading import Content, read_hdf5, read_hdf5_together
-from logger.core.runfile.journal_reader import JournalParts
+from logger.core.runfile.journal_reader import (
+    JournalParts,
+    decode_damage,
+    decode_end,
+    decode_meta,
+)
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta
 from logger.core.runfile.run_names import is_hdf5
 from logger.core.runfile.sanitising import sanitise
-from logger.core.runfile.verify import Sealing, sealing_of
+from logger.core.runfile.seal import Sealed, Sealing
 from logger.core.types import (
     Broadcast,
     CellReading,
@@ -37,6 +41,9 @@ from logger.core.types import (
     Scan,
     Value,
 )
+
+HDF5_READER = "logger.core.runfile.hdf5_reader"
+"""The module of the tasks that read HDF5, which only the other process imports (`isolation`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,18 +116,27 @@ class Run:
 def read_run(path: Path | str) -> Run:
     """Open a run, HDF5 or journal; raises `RunFileError` saying what is wrong with it."""
     path = Path(path)
+    _check_file(path)
     try:
-        check_file(path)
-        return _read_hdf5(path) if is_hdf5(path) else _read_journal(path)
+        if is_hdf5(path):
+            return _hdf5_run(path, run_isolated(f"{HDF5_READER}:read_run", path))
+        return _journal_run(path)
     except MemoryError:
         raise RunFileError(f"{path} takes more memory than there is") from None
-    except OSError as error:
-        raise RunFileError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
 def read_sound_run(path: Path | str) -> Run:
     """Read a run; values that no recorder writes become unknown and are counted."""
-    return _sanitised_run(read_run(path))
+    return _without_meaningless(read_run(path))
+
+
+def read_sealed_run(path: Path) -> tuple[Run, Sealing]:
+    """As `read_sound_run`, with what the hash chain says of it."""
+    if not is_hdf5(path):
+        return read_sound_run(path), sealing_of(path)
+    outcome = run_isolated(f"{HDF5_READER}:read_sealed_run", path)
+    run = _without_meaningless(_hdf5_run(path, outcome))
+    return run, msgspec.convert(outcome[0]["sealing"], Sealing)
 
 
 def read_unaltered_run(path: Path) -> Run:
@@ -128,56 +144,82 @@ def read_unaltered_run(path: Path) -> Run:
 
     Nothing is missed in a run that was cut or damaged; nobody can tell it from an altered one.
     """
-    if is_hdf5(path):
-        return read_small_runs([path])[0]
-    run = read_sound_run(path)
-    _check_unaltered(path, sealing_of(path))
-    return run
-
-
-def read_small_runs(paths: Sequence[Path]) -> list[Run]:
-    """As `read_unaltered_run` of several small HDF5 files at once, which is ten times faster.
-
-    Raises `RunFileError` if any of them cannot be read; reading each alone shows which.
-    """
-    try:
-        for path in paths:
-            check_file(path)
-        read = read_hdf5_together(paths)
-    except MemoryError:
-        raise RunFileError(f"{paths[0]} takes more memory than there is") from None
-    except OSError as error:
-        raise RunFileError(f"{paths[0]} cannot be read: {error.strerror or error}") from error
-    runs = []
-    for path, (content, sealing) in zip(paths, read, strict=True):
-        _check_unaltered(path, sealing)
-        runs.append(_sanitised_run(_hdf5_run(path, content)))
-    return runs
-
-
-def _check_unaltered(path: Path, sealing: Sealing) -> None:
+    run, sealing = read_sealed_run(path)
     if sealing.alterations:
         raise RunFileError(
             f"{path} was altered: {sealing.alterations[0]}; `postproc info --verify` shows all"
         )
+    return run
 
 
-def _sanitised_run(run: Run) -> Run:
+def sealing_of(path: Path, earlier: str = "") -> Sealing:
+    """Compute the hash chain of a run again, from its journal or its HDF5.
+
+    `earlier` is the digest of a run that may be a part of it. Raises `RunFileError`.
+    """
+    if is_hdf5(path):
+        sealing, _ = run_isolated(f"{HDF5_READER}:read_sealing", path, earlier)
+        return msgspec.convert(sealing, Sealing)
+    sealed = Sealed(earlier)
+    parts = JournalParts(path)
+    for part in parts:
+        sealed.add(part.number, part.kind, part.payload)
+    differences = sealed.differences(parts.end)
+    if parts.end is not None and parts.end_text != msgspec.json.encode(parts.end):
+        differences.append("end: it has more fields than a stop")
+    return Sealing(
+        parts.end,
+        parts.damage,
+        sealed.recomputed_digest,
+        sealed.chain.broken_at,
+        differences=tuple(differences),
+        stop_is_sealed=parts.end is None or sealed.stop is not None,
+        continues=sealed.continues,
+    )
+
+
+class StoredResults(NamedTuple):
+    """Results of the desktop program as they are stored (`postproc.results`)."""
+
+    made_from: bytes
+    selected: bytes
+    digest: str
+    values: bytes
+    arrays: dict[str, npt.NDArray[Any]]
+
+
+def read_results(path: Path, made_from: str) -> StoredResults:
+    """Results of the desktop program; without values if they were made from something else.
+
+    Raises `RunFileError`.
+    """
+    content, stored = run_isolated(f"{HDF5_READER}:read_results", path, made_from)
+    arrays = _arrays(stored)
+    values = arrays.pop("values", np.empty(0, np.uint8)).tobytes()
+    return StoredResults(
+        content["made_from"].encode(),
+        content["selected"].encode(),
+        content["digest"],
+        values,
+        {name: array.reshape(content["shapes"][name]) for name, array in arrays.items()},
+    )
+
+
+def _without_meaningless(run: Run) -> Run:
     tables, n_bad = sanitise(run.tables, run.n_raw_bytes)
     return replace(
         run, tables=tables, damage=msgspec.structs.replace(run.damage, meaningless_values=n_bad)
     )
 
 
-def check_file(path: Path) -> None:
-    """Raise `RunFileError` for anything but a file with content.
-
-    Raises OSError if the system does not report its state.
-    """
+def _check_file(path: Path) -> None:
+    """Raise `RunFileError` for anything but a file with content."""
     try:
         status = path.stat()
     except FileNotFoundError:
         raise RunFileError(f"{path}: no such file") from None
+    except OSError as error:
+        raise RunFileError(f"{path} cannot be read: {error.strerror or error}") from error
     except ValueError as error:
         raise RunFileError(f"{str(path)!r} is no path: {error}") from None
     if not stat.S_ISREG(status.st_mode):
@@ -186,21 +228,29 @@ def check_file(path: Path) -> None:
         raise RunFileError(f"{path} is empty")
 
 
-def _read_hdf5(path: Path) -> Run:
-    return _hdf5_run(path, read_hdf5(path))
+def _arrays(tables: Mapping[str, tuple[Any, bytearray]]) -> dict[str, npt.NDArray[Any]]:
+    return {
+        name: np.frombuffer(
+            data, kind if isinstance(kind, str) else [tuple(column) for column in kind]
+        )
+        for name, (kind, data) in tables.items()
+    }
 
 
-def _hdf5_run(path: Path, content: Content) -> Run:
-    meta, end, damage, digest, arrays, n_raw = content
-    raw_bytes = arrays.pop(RAW_BYTES)
+def _hdf5_run(path: Path, outcome: Outcome) -> Run:
+    content, stored = outcome
+    meta = decode_meta(content["meta"].encode(), path)
+    end = decode_end(content["end"], path)
+    damage = decode_damage(content["damage"], path)
+    arrays = _arrays(stored)
+    raw_bytes = arrays.pop("raw_bytes")
     tables = {table: np.empty(0, dtype) for table, dtype in DTYPES.items()}
     tables |= {table: to_current_columns(table, rows) for table, rows in arrays.items()}
-    return Run(
-        path, "hdf5", meta, end, damage, tables, raw_bytes, end.digest if end else digest, n_raw
-    )
+    digest = end.digest if end else content["digest"]
+    return Run(path, "hdf5", meta, end, damage, tables, raw_bytes, digest, content["n_raw"])
 
 
-def _read_journal(path: Path) -> Run:
+def _journal_run(path: Path) -> Run:
     parts = JournalParts(path)
     rows: dict[str, list[Rows]] = {table: [] for table in DTYPES}
     raw, n_raw, n_bytes = bytearray(), 0, 0

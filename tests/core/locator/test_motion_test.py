@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from logger.core.locator.motion_test import MOVES_M, MotionTest
 from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
-from logger.core.locator.two_source_test import LEAST_LOG_FACTOR
+from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, MOVES_M, MotionTest
 from logger.core.model.prior import Prior
 from tests.kit.guided_walks import line
 from tests.kit.walks import observations

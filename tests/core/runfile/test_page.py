@@ -9,7 +9,7 @@ import h5py
 import pytest
 
 from logger.core.runfile import convert_journal
-from logger.core.runfile.hdf5_layout import RAW_BYTES
+from logger.core.runfile.hdf5_writer import RAW_BYTES
 from logger.core.schema import SCHEMA_VERSION, TABLES, tables_text
 from tests.kit import runs
 

@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.estimators import least_squares, least_squares_covariance
+from postproc.estimators import least_squares
+from postproc.estimators.least_squares import Search
 from postproc.estimators.least_squares_rows import group
-from postproc.estimators.least_squares_search import Search
 from tests.kit.bent_walk import nees, walk
 
 
@@ -36,11 +36,11 @@ def test_an_axis_is_stretched_to_where_the_misfit_has_risen():
     rows = Search(group(obs, 0.0, robust=False), "linear", 3.0).linear_problem(fit.state)
 
     def end_m(begin_m, rise):
-        return least_squares_covariance.end_m(rows, fit.state, np.array([0.0, 1.0]), begin_m, rise)
+        return least_squares.end_m(rows, fit.state, np.array([0.0, 1.0]), begin_m, rise)
 
     def risen(away_m):
         lowest, there = (
-            least_squares_covariance.profile_misfit(rows, fit.state[0], fit.state[1] + d)
+            least_squares.profile_misfit(rows, fit.state[0], fit.state[1] + d)
             for d in (0.0, away_m)
         )
         return there - lowest
@@ -48,7 +48,7 @@ def test_an_axis_is_stretched_to_where_the_misfit_has_risen():
     for rise in (4.0, 10.0):
         assert risen(end_m(2.0, rise)) >= rise > risen(end_m(2.0, rise) / 1.2)
     assert end_m(400.0, 1.0) == 400.0
-    assert end_m(2.0, 1e6) == least_squares_covariance.REACH_M
+    assert end_m(2.0, 1e6) == least_squares.REACH_M
 
 
 def test_a_source_far_off_a_short_walk_is_not_bounded():

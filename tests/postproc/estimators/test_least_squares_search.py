@@ -4,8 +4,8 @@ import numpy as np
 from scipy.stats import norm
 
 from postproc.estimators import least_squares
+from postproc.estimators.least_squares import Search
 from postproc.estimators.least_squares_rows import each_reading, group
-from postproc.estimators.least_squares_search import Search
 from tests.kit.bent_walk import SOURCE, walk
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from postproc.estimators.levenberg_marquardt import minimise
+from postproc.estimators.least_squares import minimise
 
 T = np.linspace(0.0, 4.0, 50)
 

@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from logger.core.model.prior import Hypothesis
-from postproc.estimators import residual_covariance
+from postproc.estimators import residuals
 
 
 def lines(rng, count=600):
@@ -23,18 +23,16 @@ def noise(rng, x, y, white_db, shadow_db, d_c):
 def estimate(x, y, e, design):
     one = np.ones(len(x))
     left = e - design @ np.linalg.lstsq(design, e, rcond=None)[0]
-    return residual_covariance.residual_noise(x, y, one, one, design, left)
+    return residuals.residual_noise(x, y, one, one, design, left)
 
 
 def test_averages_are_weighted():
     square, weight = np.array([0, 1, 0]), np.array([1.0, 2.0, 3.0])
     np.testing.assert_allclose(
-        residual_covariance.averages(square, weight, np.array([4.0, 5.0, 8.0])), [7.0, 5.0]
+        residuals.averages(square, weight, np.array([4.0, 5.0, 8.0])), [7.0, 5.0]
     )
     rows = np.array([[4.0, 1.0], [5.0, 2.0], [8.0, 3.0]])
-    np.testing.assert_allclose(
-        residual_covariance.averages(square, weight, rows), [[7.0, 2.5], [5.0, 2.0]]
-    )
+    np.testing.assert_allclose(residuals.averages(square, weight, rows), [[7.0, 2.5], [5.0, 2.0]])
 
 
 def test_white_noise_is_estimated_white_and_of_its_size():
@@ -66,7 +64,7 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
     distance = np.abs(x[:, None] - x)
     design, e = rng.normal(size=(count, columns)), rng.normal(size=count)
     shapes = [
-        residual_covariance._shape(distance, np.ones(count), Hypothesis(a, d_c, 1.0))
+        residuals._shape(distance, np.ones(count), Hypothesis(a, d_c, 1.0))
         for a, d_c in ((1.0, 0.0), (0.1, 12.0), (0.5, 35.0))
     ]
     contrasts = np.linalg.svd(design)[0][:, columns:]
@@ -78,13 +76,13 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
         expected.append(
             np.log(np.trapezoid(density, np.log(sigma[::20])))
         )  # over a flat prior of log sigma
-    got = [residual_covariance._restricted_likelihood(k, design, e)[0] for k in shapes]
+    got = [residuals._restricted_likelihood(k, design, e)[0] for k in shapes]
     np.testing.assert_allclose(np.diff(got), np.diff(expected), atol=1e-2)
 
 
 def test_very_few_squares_are_not_taken_for_certainty():
     one = np.ones(6)
-    still = residual_covariance.residual_noise(
+    still = residuals.residual_noise(
         np.zeros(6), np.zeros(6), one, one, np.ones((6, 4)), np.zeros(6)
     )
     assert still.covariance_db2.shape == (1, 1)

@@ -5,11 +5,10 @@ import pytest
 
 from logger.core.geo import Utm
 from logger.core.observations import CellObservations
-from postproc.estimators import least_squares, residual_trends
+from postproc.estimators import least_squares, residuals
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import consistency
-from postproc.estimators.residual_findings import findings
-from postproc.estimators.residuals import diagnose
+from postproc.estimators.residuals import diagnose, findings
 
 SOURCE = np.array([130.0, 150.0, -30.0, 3.0])
 
@@ -209,10 +208,10 @@ def test_a_trend_is_the_generalised_least_squares_one():
     obs = walk(np.random.default_rng(13), white_db=2.0, shadow_db=3.0)
     design = least_squares.jacobian(SOURCE, obs)
     distance, azimuth = around(obs)
-    ground = residual_trends.Ground(
+    ground = residuals.Ground(
         obs.x_m, obs.y_m, obs.level_dbm, 10.0 * np.log10(distance), azimuth, design
     )
-    noise = residual_trends.noise_of(ground, np.sin(azimuth), np.cos(azimuth))
+    noise = residuals.noise_of(ground, np.sin(azimuth), np.cos(azimuth))
     which = [np.flatnonzero(noise.square == k) for k in range(noise.square.max() + 1)]
     rows = np.column_stack([design, np.sin(azimuth), np.cos(azimuth), obs.level_dbm])
     mean = np.array([np.mean(rows[k], axis=0) for k in which])
@@ -220,7 +219,7 @@ def test_a_trend_is_the_generalised_least_squares_one():
     information = mean[:, :6].T @ precision @ mean[:, :6]
     coefficient = np.linalg.solve(information, mean[:, :6].T @ precision @ mean[:, 6])[4:]
     covariance = np.linalg.inv(information)[4:, 4:]
-    sector = residual_trends.sector(ground)
+    sector = residuals.sector(ground)
     assert sector.difference_db == pytest.approx(2.0 * np.hypot(*coefficient), rel=1e-6)
     assert sector.azimuth_deg == pytest.approx(
         np.degrees(np.arctan2(*coefficient)) % 360.0, abs=1e-4

@@ -6,7 +6,7 @@ from logger.core.locator.pipeline import locate
 from logger.core.model.blocks import blocks
 from logger.core.model.prior import Prior
 from postproc.verification.claim_test import prepare_walk
-from postproc.verification.clone_test import between_two, within_one
+from postproc.verification.run_sites import between_two, within_one
 from tests.kit.walks import observations, path
 
 PRIOR = Prior()

@@ -1,21 +1,44 @@
-"""Checks that a run is complete and unchanged since it was sealed.
+"""The hash chain over the frames of a run, and what it says of a run that is read.
 
-A third party needs nothing but the file in either form.
+    digest 0 = 32 zero bytes
+    digest n+1 = SHA-256(digest n | number u32 | kind u8 | payload), little-endian
+
+The payload is taken before it is compressed, so that journal and HDF5 give the same digest. There
+is no key: the chain proves that a run is the one whose digest was noted elsewhere, not who recorded
+it. A third party needs nothing but the file in either form.
 """
 
+import struct
 from dataclasses import dataclass, field
-from pathlib import Path
+from hashlib import sha256
 
-import msgspec
-
-from logger.core.errors import RunFileError
-from logger.core.runfile import hdf5_tasks
-from logger.core.runfile.chain import Chain
 from logger.core.runfile.frames import Kind
-from logger.core.runfile.isolation import run_isolated
-from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage, RunEnd, stop_text
-from logger.core.runfile.run_names import is_hdf5
+
+_LINK = struct.Struct("<IB")
+
+
+class Chain:
+    """A hash chain fed with frames in the order of their numbers.
+
+    `broken_at` is the first missing number.
+    """
+
+    def __init__(self) -> None:
+        self._digest = bytes(32)
+        self._expected = 0
+        self.broken_at: int | None = None
+
+    @property
+    def digest(self) -> str:
+        """Digest of all frames so far, hexadecimal."""
+        return self._digest.hex()
+
+    def add(self, number: int, kind: int, payload: bytes) -> None:
+        if number != self._expected and self.broken_at is None:
+            self.broken_at = self._expected
+        self._expected = number + 1
+        self._digest = sha256(self._digest + _LINK.pack(number, kind) + payload).digest()
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,37 +125,3 @@ class Sealed:
         elif end is not None and self.stop is not None and self.stop != stop_text(end):
             found.append("end: it is not the stop that was sealed")
         return found
-
-
-def sealing_of(path: Path, earlier: str = "") -> Sealing:
-    """Compute the hash chain of a run again, from its journal or its HDF5.
-
-    `earlier` is the digest of a run that may be a part of it. Raises `RunFileError`.
-    """
-    return _of_hdf5(path, earlier) if is_hdf5(path) else _of_journal(path, earlier)
-
-
-def _of_journal(path: Path, earlier: str) -> Sealing:
-    sealed = Sealed(earlier)
-    parts = JournalParts(path)
-    for part in parts:
-        sealed.add(part.number, part.kind, part.payload)
-    differences = sealed.differences(parts.end)
-    if parts.end is not None and parts.end_text != msgspec.json.encode(parts.end):
-        differences.append("end: it has more fields than a stop")
-    return Sealing(
-        parts.end,
-        parts.damage,
-        sealed.recomputed_digest,
-        sealed.chain.broken_at,
-        differences=tuple(differences),
-        stop_is_sealed=parts.end is None or sealed.stop is not None,
-        continues=sealed.continues,
-    )
-
-
-def _of_hdf5(path: Path, earlier: str) -> Sealing:
-    try:
-        return msgspec.convert(run_isolated(path, hdf5_tasks.sealing, earlier)[0], Sealing)
-    except OSError as error:
-        raise RunFileError(f"{path} cannot be read: {error.strerror}") from error

@@ -21,13 +21,19 @@ import numpy.typing as npt
 from logger.core.errors import RunFileError
 from logger.core.printable import printable
 from logger.core.rows import Rows, parse_dtypes
-from logger.core.runfile.hdf5_layout import FORMAT, FRAME_DTYPE, FRAMES, RAW_BYTES
 from logger.core.runfile.journal_reader import JournalParts, Part
 from logger.core.runfile.meta import RunEnd, RunMeta
 from logger.core.schema import TABLES, columns_text
 from logger.core.timebase import fit_run
 from logger.core.utc import utc_text
 
+FORMAT = "cellwalk run"
+RAW_BYTES = "raw_bytes"
+FRAMES = "frames"
+FRAME_DTYPE = np.dtype(
+    [("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4"), ("crc32", "<u4")]
+)
+"""One row for each frame of the journal; the CRC-32 of its payload shows which rows changed."""
 BLOCK_ROWS = 4096
 _LIBVER = ("earliest", "v108")
 _FILTERS = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True}

@@ -1,0 +1,470 @@
+"""The tasks of the process that reads an HDF5 file (`logger.core.isolation`), which is not trusted.
+
+Only what this program writes is taken: datasets of their own bytes, in the root, of known types,
+and no larger than the file can honestly hold. HDF5 itself would follow links to other files, run
+any filter that is named, and allocate any size that is declared.
+
+What a reader of a run can see is either under the hash chain (rows, raw bytes, description, stop),
+whose frames are made again from the rows, or follows from that (attributes, configuration, damage,
+units). Whatever is neither is a difference, and is named.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import prod
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import h5py
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from logger.core.errors import RunFileError
+from logger.core.isolation import most_memory_bytes, most_unpacked_bytes
+from logger.core.rows import Rows, parse_dtypes
+from logger.core.runfile.frames import Kind
+from logger.core.runfile.hdf5_writer import (
+    BLOCK_ROWS,
+    FORMAT,
+    FRAME_DTYPE,
+    FRAMES,
+    RAW_BYTES,
+    attributes,
+    config_bytes,
+)
+from logger.core.runfile.journal_reader import decode_damage, decode_end, decode_meta
+from logger.core.runfile.meta import Damage, RunMeta, stop_text
+from logger.core.runfile.seal import Sealed, Sealing
+from logger.core.runfile.writer import raw_payload, rows_payload
+from logger.core.schema import is_columns_text
+
+TEXTS = ("meta", "config", "end", "damage")
+_MOST_TEXT_BYTES = 16 << 20
+"""Of a text dataset; a configuration has at most 1 MiB, and is in two of them."""
+_MOST_CHUNK_BYTES = 16 << 20
+"""HDF5 decompresses complete chunks; ours have at most 600 kB."""
+_MOST_MEMBERS = 1000
+FRAME_DTYPE_OF_SCHEMA_2 = np.dtype(
+    [("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4")]
+)
+_FILTERS = frozenset({h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32})
+_LAYOUTS = frozenset({h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED})
+_TEXT_OF = {Kind.META: "meta", Kind.END: "end", Kind.STOP: "end"}
+_DAMAGE = {"missing_frames", "skipped_bytes", "description_lost"}
+"""What every version has said of it."""
+_MOST_NAMED = 20
+_MOST_NOTED = 40
+_RESULTS_FORMAT = "cellwalk results"
+_RESULT_GROUPS = ("runs", "cells")
+_DEEPEST = 12
+"""Groups within each other; ours are 8."""
+_MOST_ARRAYS = 100_000
+"""A cell has some 60."""
+_NUMBERS = "biuf"
+
+Arrays = dict[str, npt.NDArray[Any]]
+
+
+def read_run(path: Path) -> tuple[dict[str, Any], Arrays]:
+    """All tables of a run; its texts, its digest, and how many raw bytes it has."""
+    with open_content(path) as content:
+        tables, n_raw = content.rows(content.meta())
+        texts = {name: content.text(name).decode() for name in ("meta", "end", "damage")}
+        return {**texts, "digest": content.digest(), "n_raw": n_raw}, tables
+
+
+def read_sealed_run(path: Path) -> tuple[dict[str, Any], Arrays]:
+    """As `read_run`, with its seal."""
+    value, tables = read_run(path)
+    return {**value, "sealing": read_sealing(path)[0]}, tables
+
+
+def read_run_id(path: Path) -> tuple[str, Arrays]:
+    """Identity of a run."""
+    with open_content(path) as content:
+        return content.meta().run_id, {}
+
+
+def read_sealing(path: Path, earlier: str = "") -> tuple[Any, Arrays]:
+    """Whether a run is as it was recorded: a `Sealing` as plain values."""
+    with open_content(path) as content:
+        return msgspec.to_builtins(_Sealing(content, earlier).result()), {}
+
+
+def read_results(path: Path, made_from: str) -> tuple[dict[str, Any], Arrays]:
+    """Texts of a file of results and its arrays, flat, with their shapes among the texts.
+
+    Without arrays if the results were made from something else.
+    """
+    with open_content(path, _RESULTS_FORMAT, "holds no results") as content:
+        return _results(content, made_from)
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """An open run; `member_names` are those of the root."""
+
+    path: Path
+    file: h5py.File
+    member_names: tuple[str, ...]
+    file_bytes: int
+
+    def text(self, name: str) -> bytes:
+        """A text dataset as it was written."""
+        dataset = self._dataset(name)
+        if dataset.shape != () or dataset.dtype.kind != "S" or dataset.nbytes > _MOST_TEXT_BYTES:
+            raise RunFileError(f"{self.path}: {name} is no text")
+        return bytes(dataset[()])
+
+    def meta(self) -> RunMeta:
+        return decode_meta(self.text("meta"), self.path)
+
+    def table(self, name: str, dtype: np.dtype[Any]) -> h5py.Dataset:
+        """A table of rows, or one of bytes, to be read in blocks."""
+        dataset = self._dataset(name)
+        if dataset.shape is None or len(dataset.shape) != 1:
+            raise RunFileError(f"{self.path}: {name} is no table")
+        if dataset.dtype != dtype and (name != FRAMES or dataset.dtype != FRAME_DTYPE_OF_SCHEMA_2):
+            raise RunFileError(
+                f"{self.path}: {name} has other columns than the description of the run"
+            )
+        if dataset.nbytes > most_unpacked_bytes(self.file_bytes):
+            raise RunFileError(self.too_much(name, dataset.nbytes))
+        return dataset
+
+    def tables(self, meta: RunMeta) -> Mapping[str, h5py.Dataset]:
+        """All tables, with the bytes and the frames, by name."""
+        dtypes = {**parse_dtypes(meta.columns), RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
+        found = {name: self.table(name, dtype) for name, dtype in dtypes.items()}
+        n_bytes = sum(dataset.nbytes for dataset in found.values())
+        if n_bytes > most_unpacked_bytes(self.file_bytes):
+            raise RunFileError(self.too_much("it", n_bytes))
+        return found
+
+    def rows(self, meta: RunMeta) -> tuple[dict[str, Rows], int]:
+        """Read all tables but the frames.
+
+        If the raw bytes exceed the memory limit, only their number is returned.
+        """
+        found = self.tables(meta)
+        raw_bytes = found[RAW_BYTES]
+        wanted = {
+            name: dataset for name, dataset in found.items() if name not in {FRAMES, RAW_BYTES}
+        }
+        n_bytes, most = (
+            sum(dataset.nbytes for dataset in wanted.values()),
+            most_memory_bytes(self.file_bytes),
+        )
+        if n_bytes > most:
+            raise RunFileError(self.too_much("it", n_bytes))
+        tables = {name: dataset[...] for name, dataset in wanted.items()}
+        n_raw = len(raw_bytes)
+        tables[RAW_BYTES] = raw_bytes[...] if n_raw <= most else np.empty(0, np.uint8)
+        return tables, n_raw
+
+    def digest(self) -> str:
+        """The digest that the file states; an interrupted run has no other one."""
+        found = self.file.attrs.get("digest", "")
+        return found if isinstance(found, str) and len(found) <= 64 else ""
+
+    def too_much(self, name: str, n_bytes: int) -> str:
+        size = f"{n_bytes / 1e6:.0f} MB"
+        return f"{self.path}: {name} claims {size}, more than a run of this size can hold"
+
+    def _dataset(self, name: str) -> h5py.Dataset:
+        if name not in self.member_names:
+            raise RunFileError(f"{self.path} is damaged: it has no {name}")
+        found = h5py.h5o.open(self.file.id, name.encode())
+        if not isinstance(found, h5py.h5d.DatasetID):
+            raise RunFileError(f"{self.path}: {name} is no dataset")
+        return h5py.Dataset(found)
+
+
+@contextmanager
+def open_content(
+    path: Path, kind: str = FORMAT, otherwise: str = "is an HDF5 file but no cellwalk run"
+) -> Iterator[Content]:
+    """An HDF5 file of ours; raises `RunFileError` where it is not of that kind, or damaged."""
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("format") != kind:
+                raise RunFileError(f"{path} {otherwise}")
+            yield Content(path, file, member_names(path, file), path.stat().st_size)
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+        raise RunFileError(f"{path} is damaged: {error}") from error
+
+
+def member_names(path: Path, file: h5py.File) -> tuple[str, ...]:
+    """Names in the root, after a check that none of them links outside the file.
+
+    Names that this program does not read are checked too, because other programs will read them.
+    """
+    if len(file) > _MOST_MEMBERS:
+        raise RunFileError(f"{path} has {len(file)} members, and is no cellwalk run")
+    names = tuple(file)
+    for name in names:
+        if file.id.links.get_info(name.encode(errors="surrogateescape")).type != h5py.h5l.TYPE_HARD:
+            raise RunFileError(
+                f"{path}: {name} is a link to elsewhere; no run has that, and it is not read"
+            )
+        if why := not_of_its_own(h5py.h5o.open(file.id, name.encode(errors="surrogateescape"))):
+            raise RunFileError(f"{path}: {name} {why}; no run has that, and it is not read")
+    return names
+
+
+def not_of_its_own(found: Any) -> str:
+    """Why a dataset cannot be read safely from this file; empty if it can."""
+    if not isinstance(found, h5py.h5d.DatasetID):
+        return ""
+    made = found.get_create_plist()
+    if made.get_layout() not in _LAYOUTS:
+        return "is made of other files"
+    if made.get_layout() != h5py.h5d.COMPACT and made.get_external_count():
+        return "keeps its bytes in another file"
+    return (
+        _hard_to_unpack(made, found.get_type().get_size())
+        if made.get_layout() == h5py.h5d.CHUNKED
+        else ""
+    )
+
+
+def _hard_to_unpack(made: Any, row_bytes: int) -> str:
+    if any(made.get_filter(i)[0] not in _FILTERS for i in range(made.get_nfilters())):
+        return "is compressed with an unsupported filter"
+    return (
+        "has chunks that are too large"
+        if prod(made.get_chunk()) * row_bytes > _MOST_CHUNK_BYTES
+        else ""
+    )
+
+
+class _Sealing:
+    """One file, gone through once."""
+
+    def __init__(self, content: Content, earlier: str) -> None:
+        self._content = content
+        self._meta = content.meta()
+        self._end_text = content.text("end")
+        self._end = decode_end(self._end_text, content.path)
+        self._tables = content.tables(self._meta)
+        self._sealed = Sealed(earlier)
+        self._changed: Counter[str] = Counter()
+        self._numbers: list[int] = []
+        self._has_meta = False
+
+    def result(self) -> Sealing:
+        readers = {name: _Reader(table) for name, table in self._tables.items()}
+        for number, kind, payload in self._frames(readers):
+            self._sealed.add(number, kind, payload)
+        surplus = next((name for name, reader in readers.items() if not reader.at_end), "")
+        damage = decode_damage(self._content.text("damage"), self._content.path)
+        return Sealing(
+            self._end,
+            damage,
+            self._sealed.recomputed_digest,
+            self._sealed.chain.broken_at,
+            surplus,
+            tuple(_short(self._differences(damage))),
+            self._end is None or self._sealed.stop is not None,
+            self._sealed.continues,
+        )
+
+    def _frames(self, readers: Mapping[str, "_Reader"]) -> Iterator[tuple[int, int, bytes]]:
+        """Number, kind and payload of the frames from which the file was made."""
+        stop = b"" if self._end is None else stop_text(self._end)
+        texts = {Kind.META: self._content.text("meta"), Kind.END: self._end_text, Kind.STOP: stop}
+        raw_length = 0
+        for number, kind, name, n_rows, *crc in readers[FRAMES].each():
+            table = name.decode("utf-8", "replace")
+            if kind in texts:
+                payload, recorded = texts[kind], ("", 0)
+            elif kind == Kind.RAW:
+                rows = readers["raw"].take(n_rows)
+                rows["offset"] -= raw_length
+                n_bytes = int(rows["length"].astype(np.int64).sum())
+                raw_length += n_bytes
+                payload = raw_payload(rows.tobytes(), readers[RAW_BYTES].take(n_bytes).tobytes())
+                recorded = ("raw", n_rows)
+            elif kind == Kind.ROWS and table in self._meta.columns:
+                payload, recorded = (
+                    rows_payload(table, readers[table].take(n_rows).tobytes()),
+                    (table, n_rows),
+                )
+            else:
+                raise RunFileError(f"{self._content.path}: frames names what is not in the file")
+            if (table, n_rows) != recorded:
+                self._changed[FRAMES] += 1
+            if crc and crc[0] != crc32(payload):
+                self._changed[_TEXT_OF.get(kind, table)] += 1
+            self._has_meta = self._has_meta or kind == Kind.META
+            self._numbers.append(number)
+            yield number, kind, payload
+
+    def _differences(self, damage: Damage) -> Iterator[str]:
+        yield from (
+            f"{name}: {n} frames are not as they were recorded" for name, n in self._changed.items()
+        )
+        yield from self._sealed.differences(self._end)
+        if self._end is not None and self._end_text != msgspec.json.encode(self._end):
+            yield "end: it has more fields than a stop"
+        yield from self._of_damage(damage)
+        if self._content.text("config") != config_bytes(self._meta).rstrip(b"\0"):
+            yield "config: it is not the configuration in the description"
+        yield from _of_members(self._content, set(self._tables))
+        yield from self._of_attributes()
+        for name in self._content.member_names:
+            if name in self._tables:
+                yield from _of_table(name, self._tables[name], self._meta)
+            elif name in TEXTS:
+                yield from _of_text(name, self._content.file[name])
+
+    def _of_damage(self, damage: Damage) -> Iterator[str]:
+        missing = max(self._numbers, default=-1) + 1 - len(set(self._numbers))
+        # a journal may also have lost its last frames, which the numbers do not show; a sealed one
+        # has not
+        sealed = self._end is not None and self._sealed.recomputed_digest == self._end.digest
+        wrong = damage.missing_frames != missing if sealed else damage.missing_frames < missing
+        if wrong or damage.description_lost == self._has_meta:
+            yield f"damage: it states {damage}, but {missing} frames are missing"
+        recorded = msgspec.json.decode(self._content.text("damage"))
+        if (
+            not _DAMAGE <= set(recorded) <= set(Damage.__struct_fields__)
+            or damage.meaningless_values
+        ):
+            yield "damage: it is not what a recovery writes"
+
+    def _of_attributes(self) -> Iterator[str]:
+        digest = self._end.digest if self._end else self._sealed.recomputed_digest
+        fixes = self._tables["fixes"].fields(["t_ns", "utc_ns", "valid"])[:]
+        expected = attributes(self._meta, self._end, digest, fixes)
+        found = self._content.file.attrs
+        for name in found:
+            if name not in expected:
+                yield f"attribute {name}: it was added"
+        for name, value in expected.items():
+            if name not in found:
+                yield f"attribute {name}: it is missing"
+            elif type(value)(recorded := found[name]) != value or np.ndim(recorded):
+                actual, wanted = str(recorded)[:_MOST_NOTED], str(value)[:_MOST_NOTED]
+                yield f"attribute {name}: it is {actual}, and should be {wanted}"
+
+
+def _of_members(content: Content, tables: set[str]) -> Iterator[str]:
+    """Members and other things that no run has."""
+    for name in content.member_names:
+        if name not in tables and name not in TEXTS:
+            yield f"{name}: it was added"
+    if content.file.userblock_size:
+        yield "the file begins with bytes that are no part of it"
+
+
+def _of_table(name: str, table: h5py.Dataset, meta: RunMeta) -> Iterator[str]:
+    """Units and types of the columns."""
+    if table.id.get_type() != h5py.h5t.py_create(table.dtype, logical=True):
+        yield f"{name}: its columns are stored in another way"
+    described = name in meta.columns
+    yield from _additions(name, table, {"columns"} if described else set())
+    if described:
+        text = table.attrs.get("columns", "")
+        names = table.dtype.names or ()
+        if not isinstance(text, str) or not is_columns_text(name, names, text):
+            yield f"{name}: the units of its columns are not those that were recorded"
+
+
+def _of_text(name: str, text: h5py.Dataset) -> Iterator[str]:
+    yield from _additions(name, text, set())
+
+
+def _additions(name: str, dataset: h5py.Dataset, known: set[str]) -> Iterator[str]:
+    for attribute in dataset.attrs:
+        if attribute not in known:
+            yield f"{name}: the attribute {attribute} was added"
+
+
+def _short(differences: Iterator[str]) -> Iterator[str]:
+    """Not more than somebody reads."""
+    for i, difference in enumerate(differences):
+        if i == _MOST_NAMED:
+            yield "and more"
+            return
+        yield difference
+
+
+class _Reader:
+    """Rows of a dataset in their order, read by blocks."""
+
+    def __init__(self, dataset: Any) -> None:
+        self._dataset = dataset
+        self._next = 0
+        self._block: Rows = dataset[:0]
+
+    def __len__(self) -> int:
+        return int(self._dataset.shape[0])
+
+    @property
+    def at_end(self) -> bool:
+        return self._next >= len(self) and not len(self._block)
+
+    def each(self) -> Iterator[tuple[Any, ...]]:
+        """All rows, as Python values."""
+        while not self.at_end:
+            yield from self.take(
+                min(BLOCK_ROWS, len(self) - self._next + len(self._block))
+            ).tolist()
+
+    def take(self, n: int) -> Rows:
+        """The next n rows, a copy; raises ValueError when there are not so many."""
+        if not 0 <= n <= len(self) - self._next + len(self._block):
+            raise ValueError(f"{self._dataset.name} ends too early")
+        if len(self._block) < n:
+            missing = max(BLOCK_ROWS, n - len(self._block))
+            more = self._dataset[self._next : self._next + missing]
+            self._next += len(more)
+            self._block = np.concatenate([self._block, more])
+        taken, self._block = self._block[:n].copy(), self._block[n:]
+        return taken
+
+
+def _results(content: Content, made_from: str) -> tuple[dict[str, Any], Arrays]:
+    texts = {name: content.text(name).decode() for name in ("made_from", "selected")}
+    texts["digest"] = str(content.file.attrs.get("digest", ""))
+    if texts["made_from"] != made_from:
+        return {**texts, "shapes": {}}, {}
+    datasets = {"values": content.table("values", np.dtype("u1"))}
+    for name in _RESULT_GROUPS:
+        if name in content.member_names:
+            datasets |= dict(_datasets(content, content.file[name], name, _DEEPEST))
+    if len(datasets) > _MOST_ARRAYS:
+        raise RunFileError(f"{content.path} holds {len(datasets)} arrays")
+    n_bytes = sum(dataset.nbytes for dataset in datasets.values())
+    if n_bytes > most_memory_bytes(content.file_bytes):
+        raise RunFileError(content.too_much("it", n_bytes))
+    arrays = {name: dataset[...] for name, dataset in datasets.items()}
+    shapes = {name: array.shape for name, array in arrays.items()}
+    return {**texts, "shapes": shapes}, {name: array.ravel() for name, array in arrays.items()}
+
+
+def _datasets(
+    content: Content, group: Any, name: str, depth: int
+) -> Iterator[tuple[str, h5py.Dataset]]:
+    """Datasets of numbers in a group and those within it."""
+    if not isinstance(group, h5py.Group) or not depth:
+        raise RunFileError(f"{content.path}: {name} is no group of results")
+    for key in group:
+        link = key.encode(errors="surrogateescape")
+        if group.id.links.get_info(link).type != h5py.h5l.TYPE_HARD:
+            raise RunFileError(f"{content.path}: {name}/{key} is a link to elsewhere")
+        found = h5py.h5o.open(group.id, link)
+        if isinstance(found, h5py.h5g.GroupID):
+            yield from _datasets(content, h5py.Group(found), f"{name}/{key}", depth - 1)
+            continue
+        if why := not_of_its_own(found):
+            raise RunFileError(f"{content.path}: {name}/{key} {why}")
+        dataset = h5py.Dataset(found)
+        if dataset.shape is None or dataset.dtype.kind not in _NUMBERS:
+            raise RunFileError(f"{content.path}: {name}/{key} holds no numbers")
+        yield f"{name}/{key}", dataset
