@@ -1,8 +1,14 @@
 """Sphinx configuration of the documentation; `make docs` builds it without a network."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
+import click
 from sphinx.application import Sphinx
+
+from logger.cli import program as fieldlogger
+from logger.core.schema import tables_text
+from postproc.cli import program as postproc
 
 project = "cellwalk"
 extensions = ["myst_parser"]
@@ -24,9 +30,33 @@ ACCESSIBLE = {
 """What axe-core misses in the pages of Sphinx and its theme, and what stands there instead."""
 
 
+GENERATED = Path(__file__).with_name("generated")
+"""Pages that the programs print; they are made anew by each build and not committed."""
+
+
 def setup(app: Sphinx) -> None:
-    """Let Sphinx call `make_accessible` at its end."""
+    """Let Sphinx call `write_generated` at its start and `make_accessible` at its end."""
+    app.connect("builder-inited", write_generated)
     app.connect("build-finished", make_accessible)
+
+
+def write_generated(_: Sphinx) -> None:
+    """Write the columns of a run file and the help of every command."""
+    GENERATED.mkdir(exist_ok=True)
+    tables = f"# Tables of the run file\n\n{tables_text()}\n"
+    (GENERATED / "tables.md").write_text(tables, "utf-8")
+    pages = [*help_pages("fieldlogger", fieldlogger), *help_pages("postproc", postproc)]
+    commands = "\n\n".join(["# Commands", *pages])
+    (GENERATED / "commands.md").write_text(f"{commands}\n", "utf-8")
+
+
+def help_pages(name: str, command: click.Command) -> Iterator[str]:
+    """The help of a command and of all below it, each under its name."""
+    context = click.Context(command, info_name=name)
+    yield f"## {name}\n\n```text\n{command.get_help(context)}\n```"
+    if isinstance(command, click.Group):
+        for part in command.list_commands(context):
+            yield from help_pages(f"{name} {part}", command.get_command(context, part))
 
 
 def make_accessible(app: Sphinx, error: Exception | None) -> None:

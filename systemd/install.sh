@@ -27,7 +27,7 @@ for argument; do
 done
 [ -z "$from" ] || [ -e "$from" ] || fail "no such file or folder: $from"
 [ "$(id -u)" -eq 0 ] || fail "run this as root: sudo $0"
-command -v apt-get >/dev/null || fail "this machine has no apt-get: docs/guide/install.md, By hand"
+command -v apt-get >/dev/null || fail "this machine has no apt-get: systemd/README.md, By hand"
 
 apt() {
     DEBIAN_FRONTEND=noninteractive apt-get -q -y -o DPkg::Lock::Timeout=300 --no-install-recommends "$@"

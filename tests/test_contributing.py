@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 STEPS = (ROOT / "CONTRIBUTING.md").read_text().partition("## Add a modem")[2]
-NAMES = {"<family>": "acme_x"}
+NAMES = {"<vendor>": "acme", "<family>": "acme_x"}
 
 FILES = {
     "tests/drivers/data/ati/acme_x.txt": "ACME Ltd X20 Revision 1.0\n",
@@ -53,7 +53,7 @@ class AcmeX(Family):
         cells = (_CELL.cell("serving", split(text)) for text in found)
         return tuple(cell for cell in cells if cell is not None)
 ''',
-    "firmware_notes/acme_x.md": "# Acme X20\n\n`AT+ACELL?` transmits nothing.\n",
+    "firmware_notes/acme.md": "# Acme\n\n## acme_x: X20\n\n`AT+ACELL?` transmits nothing.\n",
     "tests/drivers/test_acme_x.py": """from logger.drivers.acme_x import AcmeX
 from tests.kit.drivers import cells_of, own_replies
 

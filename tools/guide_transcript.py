@@ -1,4 +1,4 @@
-"""Follow docs/guide.md from an installed Pi to a located cell; write docs/guide/transcript.md.
+"""Follow docs/guide.md from an installed Pi to a located cell; write dist/transcript.md.
 
     python tools/guide_transcript.py dist/cellwalk-*.whl
 
@@ -23,7 +23,7 @@ from logger.sim.scenario import scenario
 from logger.sim.walk import WalkTime
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs/guide/transcript.md"
+PAGE = ROOT / "dist/transcript.md"
 BIN = Path(sys.executable).parent
 _MOST_LINES = 12
 _DEVICE_S = 60.0
@@ -33,7 +33,7 @@ _CUT_AT = re.compile(r"INFO 18\d\d s:")
 EMULATED = """\
 # The whole way, with its output
 
-`tools/guide_transcript.py` followed [the guide](../guide.md) from an installed Pi to a located
+`tools/guide_transcript.py` followed docs/guide.md from an installed Pi to a located
 cell: {count} commands. The commands are those of the guide, the output is that of the programs; at
 most {most} lines of each are shown.
 
@@ -48,11 +48,6 @@ What could not be had was emulated:
   its file, as the next start of a Pi does;
 - scp: a copy on the same machine.
 
-The walk to the suspected place has noise and shadowing as short as between small houses, which is
-easier than most cities, and its station stands between the streets that are walked. In a larger and
-harder world (`fieldlogger simulate --scenario city-rogue`, seeds 1 to 4) the station was
-*suspicious* in all four walks of an hour, *located* in one and *ambiguous* in three, which then
-need a second walk.
 """
 
 
@@ -117,6 +112,7 @@ def main(wheel: Path) -> None:
             page.run(f"postproc {command} {newest[-1].name}", "postproc", command, newest[-1].name)
         head = EMULATED.format(count=page.count, most=_MOST_LINES)
         text = "\n\n".join([head.rstrip(), *page.parts]) + "\n"
+        PAGE.parent.mkdir(exist_ok=True)
         PAGE.write_text(text.replace(name, "/home/pi"), "utf-8")
         print(f"{PAGE}: {page.count} commands")
 

@@ -1,7 +1,7 @@
 """The reference EKF: the original specification's filter, started at the receiver.
 
 It is the reference for comparisons. Started at the receiver, it stays there with a small covariance
- (ARCHITECTURE.md, decision 8). The model is that of
+ (ARCHITECTURE.md, decision 5). The model is that of
 `model.path_loss` without height and receiver error; H holds its derivatives by [x, y, P0, eta].
 
 Four states and a scalar measurement are written out in plain floats, since arrays of this size are

@@ -4,8 +4,7 @@ Every row begins with `seq` (number of the record in the run, the order of every
 since boot when the record was complete) and `source`. Integers that may be unknown have a mark in
 `Column.unknown`; unknown floats are NaN, unknown texts empty. A row is packed, little-endian.
 
-Nothing here needs numpy, so that a run can begin before numpy has been imported; `rows` has the
-tables as arrays.
+Nothing here needs numpy: a run begins before it is imported. `rows` has the tables as arrays.
 """
 
 import math
@@ -202,3 +201,18 @@ def _fit(text: str, size: int) -> bytes:
     if len(encoded) > size:
         encoded = encoded[: size - 3].decode("utf-8", "ignore").encode() + "…".encode()
     return encoded.rstrip(b"\0")
+
+
+def tables_text() -> str:
+    """All tables in Markdown."""
+    lines = [f"Schema {SCHEMA_VERSION}."]
+    for table, columns in TABLES.items():
+        lines += ["", f"## {table}", "", "| column | type | unit | unknown |", "|---|---|---|---|"]
+        for column in columns:
+            unknown = "" if column.unknown is None else column.unknown
+            lines.append(f"| `{column.name}` | {column.dtype} | {column.unit} | {unknown} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(tables_text())  # noqa: T201 (what docs/runfile.md refers to)

@@ -16,7 +16,7 @@ Doubts: the column of the level, the only negative number, distinguishes the two
 and cell are hexadecimal; of NB-IoT only in quotation marks.
 Sources: measured serving rows in public code; neighbours with values of our own in the layout of
 other public code, since no GSM manual could be had; manuals of BC26 and BC660K 4.8
-(firmware_notes/quectel_gsm.md).
+(firmware_notes/quectel.md).
 """
 
 import re

@@ -13,7 +13,7 @@ Needs: engineering mode, AT+CENG=1,1; a poll switches it on again where it is of
 Known by: the series SIM7000, SIM7070, SIM7080 and SIM7090.
 Doubts: the level of a GSM row is an index; AT+CPSI? has it in dBm. A SIM800 prints other rows under
 a header of two values: under such a header nothing is read.
-Sources: measured replies in public code (firmware_notes/sim7000.md).
+Sources: measured replies in public code (firmware_notes/simcom.md).
 """
 
 import re

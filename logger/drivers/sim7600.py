@@ -20,7 +20,7 @@ the row itself shows. A row of +CPSI is read where band and channel are the valu
 be: then the identity, further left, is complete even if the end is cut. The base of BSIC in +CCINFO
 is not documented.
 Sources: measured replies in public code (+CPSI) and at pastebin.com/VfE7YiwG (+CCINFO); for
-+CMGRMI values of our own in the layout of a measured SIM7906 (firmware_notes/sim7600.md).
++CMGRMI values of our own in the layout of a measured SIM7906 (firmware_notes/simcom.md).
 """
 
 import re

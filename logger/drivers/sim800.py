@@ -12,7 +12,7 @@ Doubts: area and cell id are hexadecimal. A row is read only in a documented lay
 read completely or not at all; a row that is damaged further right keeps the level of its channel.
 1024 is added to channels of the 1900 MHz band. The manual gives no dBm for AT+CNETSCAN.
 Sources: measured rows (github sitch-io/sensor, ceng-SIM808.txt) under the header of mode 1; SIM800
-manual V1.09 p161-163 and p197-198 (firmware_notes/sim800.md).
+manual V1.09 p161-163 and p197-198 (firmware_notes/simcom.md).
 """
 
 import re

@@ -33,12 +33,12 @@ TERMS = {
     "number": "field of a journal frame",
     "run": "field of a journal frame",
     "h5dump": "program of HDF5",
+    "h5dump -a /readings/columns run-000017.h5": "command of HDF5",
     "rerun": "program of the viewer",
     "ATI": "AT command of every modem",
     "AT+CGMI": "AT command of every modem",
     "AT+CGMM": "AT command of every modem",
     "[x, y, P0, eta]": "state vector in the notation of the specification",
-    "/dev/serial/by-id/": "folder of Linux",
     "/run/cellwalk/status.json": "file of a running service, see systemd/fieldlogger.service",
     "/etc/cellwalk/site.toml": "configuration of the service, see systemd/debian/postinst",
     "systemctl status fieldlogger": "command of systemd",
@@ -47,9 +47,6 @@ TERMS = {
     "run-000017.h5": "name of a run in an example",
     "run-000017.post.h5": "name of a result in an example",
     "cells/0/ekf/x": "array in a result, see postproc.results.write",
-    "socket://host:port": "URL of pyserial",
-    "rfc2217://host:port": "URL of pyserial",
-    "gpsd://localhost": "URL of a receiver, parsed by logger.device.gpsd_link",
     'pandas.read_hdf("run-000017.h5", "fixes")': "pandas; tests/core/runfile/test_page.py runs it",
 }
 """What is named in the text and is not part of the source, with the reason."""

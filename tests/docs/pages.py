@@ -5,17 +5,24 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+FILES = ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "systemd/README.md")
 PAGES = tuple(
     sorted(
         [
-            *(ROOT / name for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md")),
-            *(ROOT / "docs").rglob("*.md"),
+            *(ROOT / name for name in FILES),
+            *(
+                page
+                for page in (ROOT / "docs").rglob("*.md")
+                if page.parent.name != "generated"  # by a build of the site
+            ),
         ]
     )
 )
 _BLOCK = re.compile(r"^( *)```(\S*)[^\n]*\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 _SPAN = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 _LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+_FENCE = re.compile(r"^ *```")
+_HEADING = re.compile(r"^(#+) (.*)$")
 _COMMENT = re.compile(r"\s+# .*$")
 
 
@@ -46,3 +53,24 @@ def shell_lines(page: Path) -> list[str]:
 def name_of(page: Path) -> str:
     """The path of a page in the repository."""
     return page.relative_to(ROOT).as_posix()
+
+
+def section_of(page: str, heading: str) -> str | None:
+    """The section below a heading with its subsections, all of the page for the empty heading.
+
+    None where the page has no such section.
+    """
+    if not heading:
+        return page
+    lines: list[str] = []
+    depth, in_block = 0, False
+    for line in page.splitlines():
+        in_block ^= bool(_FENCE.match(line))
+        match = None if in_block else _HEADING.match(line)
+        if depth and match and len(match[1]) <= depth:
+            break
+        if depth:
+            lines.append(line)
+        elif match and match[2] == heading:
+            depth = len(match[1])
+    return "\n".join(lines) if depth else None

@@ -33,7 +33,7 @@ NOT_RUN = {
 """Commands of which only the name and the options are checked."""
 CELL_ROW = f"GSM,262,1,4711,100,0,{LON},{LAT},1000,7,1,1282569574,1300155341,0\n"
 PAGE_OF = {" ".join(line.split()): page for page in PAGES for line in shell_lines(page)}
-OURS = [line for line in PAGE_OF if re.search(r"\b(postproc|fieldlogger) ", line)]
+OURS = [line for line in PAGE_OF if re.search(r"(?<!restart )\b(postproc|fieldlogger) ", line)]
 OTHERS = [line for line in PAGE_OF if line not in OURS]
 
 
@@ -109,8 +109,9 @@ def test_other_commands_name_what_exists(line):
             assert Path(source).name == Path(target).name == "site.toml"
         case ["scp", source, "."]:
             assert Path(source).parent.name == probe.SERVICE_FOLDER.name
-        case ["systemctl", "start", unit]:
-            assert (ROOT / "systemd" / f"{unit}.service").is_file()
+        case ["systemctl", "start" | "restart", *units]:
+            for unit in units:
+                assert (ROOT / "systemd" / f"{unit}.service").is_file()
         case [script] if script.startswith("./"):
             assert (ROOT / script).stat().st_mode & 0o100
         case words:

@@ -9,6 +9,9 @@ from tests.docs.commands import PROGRAMS, fits, help_of
 from tests.docs.known_names import TERMS, file_exists, source_names
 from tests.docs.pages import PAGES, code_spans, name_of
 
+NAMED = [page for page in PAGES if page.parent.name != "systemd"]
+"""systemd/README.md names files, packages and settings of Raspberry Pi OS, not of the source."""
+
 
 def exists(span: str, page) -> bool:
     """True when one of the kinds of names contains a code span."""
@@ -30,6 +33,8 @@ def _is_command(span: str) -> bool:
             return target in known_names.make_targets()
         case ["pip", "install", package, *_]:
             return package.strip("'.[]") in known_names.extras()
+        case ["python", "-m", module]:
+            return module in source_names()
         case [script, *_] if script.startswith(("benchmarks/", "./systemd/")):
             return file_exists(script.removeprefix("./"), PAGES[0])
         case [program, *_] if program.rpartition("/")[2] in PROGRAMS:
@@ -49,13 +54,13 @@ def _is_configuration(span: str) -> bool:
     return key in known_names.configuration_keys()
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
+@pytest.mark.parametrize("page", NAMED, ids=name_of)
 def test_every_name_in_backticks_exists(page):
     assert [span for span in code_spans(page) if not exists(span, page)] == []
 
 
 def test_every_term_is_used():
-    used = {span for page in PAGES for span in code_spans(page)}
+    used = {span for page in NAMED for span in code_spans(page)}
     assert sorted(set(TERMS) - used) == []
 
 

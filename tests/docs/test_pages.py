@@ -39,6 +39,44 @@ def _anchors(page) -> list[str]:
     return [re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in headings]
 
 
+SOURCES = ("logger", "postproc", "systemd", "benchmarks", "tools", "tests", "Makefile", ".ci")
+MENTION = re.compile(
+    r"\b((?:docs|firmware_notes|systemd)/[\w/.-]+\.md)(?:, ([A-Z][a-z]+(?:[ -][a-z]+)+))?"
+)
+
+
+def mentions() -> list[tuple[str, str, str]]:
+    """Files of the source that name a page, the page, and the heading named with it."""
+    tracked = subprocess.run(
+        ["git", "ls-files", *SOURCES], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    texts = {name: (ROOT / name).read_bytes().decode("utf-8", "ignore") for name in tracked}
+    return [
+        (name, page, " ".join(heading.split()))
+        for name, text in texts.items()
+        for page, heading in MENTION.findall(text)
+    ]
+
+
+def test_pages_and_headings_that_the_source_names_exist():
+    if not (ROOT / ".git").exists():
+        pytest.skip("the list of files is that of git")
+    found = mentions()
+    assert ("logger/doctor/machine.py", "systemd/README.md", "Read-only root") in found
+    missing = [
+        (name, page, heading)
+        for name, page, heading in found
+        if not name.startswith("tests/test_contributing")  # it makes a page
+        and not ((ROOT / page).is_file() and (not heading or _has_heading(ROOT / page, heading)))
+    ]
+    assert missing == []
+
+
+def _has_heading(page, start: str) -> bool:
+    headings = re.findall(r"^#+ (.*)$", text_of(page), re.MULTILINE)
+    return any(heading.startswith(start) for heading in headings)
+
+
 def test_the_site_builds_without_warnings_and_without_a_network(tmp_path):
     pytest.importorskip("sphinx", reason="pip install '.[docs]'")
     pytest.importorskip("myst_parser", reason="pip install '.[docs]'")

@@ -7,7 +7,7 @@ from logger.drivers.sim7600 import cpsi_cells
 from tests.kit.drivers import NO_IDENTITY, identity_of
 
 # LTE and LTE_M are rows of the corpus, the others have values of our own in the layouts of
-# firmware_notes/sim7600.md.
+# firmware_notes/simcom.md.
 GSM = "+CPSI: GSM,Online,262-01,0x3A5C,41213,637 DCS 1800,-74,0,28-26"
 WCDMA = "+CPSI: WCDMA,Online,262-02,0x0A1B,19088743,WCDMA 2100,117,10688,0,9.5,86,25,31,500"
 LTE = "+CPSI: LTE,Online,310-260,0x2D18,50896642,236,EUTRAN-BAND4,2300,5,5,-125,-987,-663,10"

@@ -2,17 +2,19 @@
 
 import re
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 
 from logger.drivers.registry import FAMILIES
+from tests.docs.pages import ROOT, section_of
 
-ROOT = Path(__file__).parents[2]
+NOTES = ROOT / "firmware_notes"
+COMMON = NOTES / "at.md"
+"""What every modem gets, and all of the driver `generic`."""
 
 
 @pytest.mark.parametrize("name", FAMILIES)
-def test_a_driver_has_its_notes_tests_and_replies(name):
+def test_a_driver_has_its_tests_and_replies(name):
     missing = [
         path
         for path in (
@@ -20,11 +22,30 @@ def test_a_driver_has_its_notes_tests_and_replies(name):
             f"tests/drivers/test_{name}.py",
             f"tests/drivers/data/ati/{name}.txt",
             f"tests/drivers/data/own/{name}.txt",
-            f"firmware_notes/{'at' if name == 'generic' else name}.md",
         )
         if not (ROOT / path).is_file()
     ]
     assert not missing
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_the_notes_name_each_command_that_a_driver_sends(name):
+    """In the section of the driver in the page of its maker, or among those of all modems."""
+    section = notes_of(name)
+    assert section or name == "generic", f"no page of {NOTES.name} has a section {name}"
+    known = section + COMMON.read_text("utf-8")
+    sent = {re.match(r"AT[+#^!*]?[A-Z0-9]*", text)[0] for text in FAMILIES[name].sends()}
+    assert sorted(text for text in sent if not re.search(rf"{re.escape(text)}\b", known)) == []
+
+
+def notes_of(name: str) -> str:
+    """The section of a driver, whichever page it is in; empty where there is none."""
+    for page in NOTES.glob("*.md"):
+        text = page.read_text("utf-8")
+        title = re.search(rf"^## ({name}(?::.*)?)$", text, re.MULTILINE)
+        if title:
+            return section_of(text, title[1]) or ""
+    return ""
 
 
 @pytest.mark.parametrize("folder", ["ati", "own"])

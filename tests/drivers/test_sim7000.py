@@ -9,7 +9,7 @@ from tests.kit.drivers import NO_IDENTITY, identity_of, run_exchange
 
 MODEM = Sim7000()
 
-# Values of our own in the layouts of firmware_notes/sim7000.md; the GSM rows are of the corpus.
+# Values of our own in the layouts of firmware_notes/simcom.md; the GSM rows are of the corpus.
 LTE_HEADER = "+CENG: 1,1,2,LTE CAT-M1"
 LTE_SERVING = '+CENG: 0,"1444,207,-81,-55,-9,13,4660,30541322,262,03,255"'
 LTE_NEIGHBOUR = '+CENG: 1,"1444,91,-95,-60,-16,13"'

@@ -9,7 +9,7 @@ from tests.kit.drivers import NO_IDENTITY, identity_of, run_exchange
 
 MODEM = Sim7600()
 
-# Values of our own in the layouts of firmware_notes/sim7600.md.
+# Values of our own in the layouts of firmware_notes/simcom.md.
 GSM = (
     "+CCINFO:[SCELL],ARFCN:52,MCC:262,MNC:03,LAC:12345,ID:4321,"
     "BSIC:27,RXLev:-74dbm,C1:29,C2:-3,TA:0,TXPWR:0"

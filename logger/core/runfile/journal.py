@@ -2,7 +2,7 @@
 
 After a failure of the card it continues in another file. A file is append only, with reserved zeros
 ahead of the end, and is on the card when `append` returns; settings and their reasons were found by
-pulling the plug on 57 designs (ARCHITECTURE.md, decision 4).
+pulling the plug on 57 designs (ARCHITECTURE.md, decision 3).
 """
 
 import errno

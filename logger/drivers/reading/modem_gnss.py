@@ -6,8 +6,7 @@
     142748.0,2259.0881S,04321.5515W,2.0,-83.0,2,0.00,0.0,0.0,140119,10
 
 A position is read completely or not at all. The course of +QGPSLOC is documented as degrees and
-minutes, which captures do not prove, so it is not read. Sources: firmware_notes/sim7000.md and
-sim7600.md.
+minutes, which captures do not prove, so it is not read. Sources: firmware_notes/simcom.md.
 """
 
 import re

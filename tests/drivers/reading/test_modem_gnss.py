@@ -7,7 +7,7 @@ from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.rows import as_json
 from tests.kit.corpus import check_entry, entries, lines_of
 
-# A place and a time of our own in the layouts of firmware_notes/sim7000.md and sim7600.md.
+# A place and a time of our own in the layouts of firmware_notes/simcom.md.
 CGNSINF = (
     "+CGNSINF: 1,1,20260921141320.000,52.516275,13.377704,"
     "41.300,5.40,273.5,1,,0.9,1.3,1.0,,11,8,3,,38,,"
