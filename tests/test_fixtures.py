@@ -18,6 +18,9 @@ from postproc import results
 from postproc.cli import main
 from postproc.result import Options
 from tests.fixtures import make
+from tests.kit import page as page_kit
+from tests.kit import service
+from tests.kit.simulated_devices import simulated_devices
 
 RELATIVE = 1e-9
 """Builds of numpy and of BLAS add in another order."""
@@ -92,7 +95,7 @@ def test_a_command_answers_as_then(here, name):
 @pytest.mark.parametrize("file", make.FILES)
 def test_an_exported_file_is_as_then(here, file):
     make.answer(next(one for one in make.COMMANDS.values() if one.find(f"-o {file}") > 0))
-    then = (make.ANSWERS / f"exported.{make.FILES[file]}").read_text()
+    then = (make.ANSWERS / f"exported-{file}").read_text()
     found = list(differences(_parts(then), _parts(Path(file).read_text()), file))
     assert not found, "\n".join(found[:10])
 
@@ -130,6 +133,10 @@ def test_a_survey_is_read_and_extended(here):
             check(name, make.answer(command.format(scheduler=scheduler)))
 
 
+def test_replies_of_every_driver_family_are_read_as_then():
+    check("parse", make.parsed_replies())
+
+
 def test_a_configuration_means_the_same():
     check("config", make.config_answer((make.HERE / "site.toml").read_text()))
 
@@ -146,6 +153,43 @@ def test_a_status_keeps_its_fields(tmp_path):
     then, now = ((f / "status.json").read_text() for f in (make.HERE, tmp_path))
     found = list(differences(json.loads(then), json.loads(now), "status"))
     assert not found, "\n".join(found[:10])
+
+
+def test_a_recording_writes_the_same_fields(tmp_path, monkeypatch):
+    """Of the fix, the target, its position, the way to go, the ports and the cells as well."""
+    folder = page_kit.folders(tmp_path)
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(folder))
+    then = json.loads((make.HERE / "status.json").read_text())
+    missing = ["no status"]
+
+    def is_complete():
+        if (folder / "status.json").exists():
+            missing[:] = missing_fields(then, json.loads((folder / "status.json").read_text()))
+        return not missing
+
+    with simulated_devices(rate=20.0) as (modem, gnss, _):
+        more = "[live]\nmax_fix_age_s = 100.0\n"
+        config = service.site_toml(tmp_path, modem.path, gnss.path, more)
+        with service.running_service(config) as process:
+            try:
+                service.wait_for(lambda: is_complete() or process.poll() is not None)
+            finally:
+                assert not missing, f"never written: {missing}"
+
+
+def missing_fields(then, now, at="status"):
+    """Fields of objects that `now` does not have, or not yet."""
+    if isinstance(then, list) and isinstance(now, list):
+        return missing_fields(then[0], now[0], f"{at}[0]") if then and now else []
+    if not isinstance(then, dict):
+        return []
+    if not isinstance(now, dict):
+        return [at]
+    found = [f"{at}.{key}" for key in then if key not in now]
+    known = (key for key in then if key in now)
+    return found + [
+        one for key in known for one in missing_fields(then[key], now[key], f"{at}.{key}")
+    ]
 
 
 def test_stored_results_open(here):

@@ -35,15 +35,15 @@ def place(lat_deg, lon_deg) -> tuple[int, int, int]:
 
 
 @pytest.fixture
-def found(tmp_path):
+def small_tree(tmp_path):
     (tmp_path / "postproc").mkdir()
     for name, text in (("one", ONE), ("two", TWO), ("three", "")):
         (tmp_path / f"postproc/{name}.py").write_text(text)
     return house.modules(tmp_path)
 
 
-def test_figures_of_a_small_tree(found):
-    figures = house.figures(found)
+def test_figures_of_a_small_tree(small_tree):
+    figures = house.figures(small_tree)
     assert {name: figures[name] for name in list(figures)[3:14]} == {
         "modules": 3,
         "classes": 3,
@@ -59,7 +59,7 @@ def test_figures_of_a_small_tree(found):
     }
     assert figures["lines of Python"] == len((ONE + TWO).splitlines())
     assert figures["words of docstrings"] == 12
-    assert house.circles(found) == [["postproc.one", "postproc.two"]]
+    assert house.circles(small_tree) == [["postproc.one", "postproc.two"]]
 
 
 @pytest.mark.parametrize(
@@ -80,8 +80,8 @@ def test_a_pair_of_coordinates_under_any_name(arguments, is_pair):
     assert house.has_pair(house.annotations_of(function)) is is_pair
 
 
-def test_a_figure_that_has_risen_is_an_error(found, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(house, "modules", lambda: found)
+def test_a_figure_that_has_risen_is_an_error(small_tree, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(house, "modules", lambda: small_tree)
     committed = tmp_path / "house.json"
     monkeypatch.setattr(house, "COMMITTED", committed)
     assert house.main(["--write"]) == 0

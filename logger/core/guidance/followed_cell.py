@@ -1,9 +1,8 @@
 """The cell that is followed: its posterior, the verdict, and the way to walk next."""
 
-from typing import NamedTuple
-
 import numpy as np
 
+from logger.core.answer import Answer, Provenance, answer_of
 from logger.core.geo import Utm
 from logger.core.guidance.advice import Advice, Guide
 from logger.core.guidance.live_verdict import LiveVerdict
@@ -11,25 +10,21 @@ from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.summary import summarise
-from logger.core.locator.verdict import Decision
 from logger.core.observations import CellObservations
 
 
-class LivePosition(NamedTuple):
-    """What is known of the position now, and the live verdict."""
-
-    posterior: Posterior
-    decision: Decision
-
-
 class FollowedCell:
-    """Position and advice for one `cell`, renewed as the walker moves."""
+    """Answer and advice for one `cell`, renewed as the walker moves.
+
+    `posterior` is that of the answer; both are None before the first search.
+    """
 
     def __init__(self, cell: str, utm: Utm, streets: StreetMap | None = None) -> None:
         self.cell, self.utm = cell, utm
         self._guide = Guide(streets)
         self._verdict = LiveVerdict()
-        self.position: LivePosition | None = None
+        self.answer: Answer | None = None
+        self.posterior: Posterior | None = None
 
     @property
     def advice(self) -> Advice | None:
@@ -39,15 +34,17 @@ class FollowedCell:
     def update(self, x_m: float, y_m: float, locator: OnlineLocator) -> bool:
         """Take a position of the walker; where a new plan is due, ask the cell's locator.
 
-        Returns whether position and advice are new.
+        Returns whether answer and advice are new.
         """
         self._guide.walk(x_m, y_m)
         last = locator.last_search() if self._guide.is_due else None
         if last is None:
             return False
         posterior = summarise(*last)
-        decision = self._verdict.update(posterior, observations_of(locator, self.utm))
-        self.position = LivePosition(posterior, decision)
+        obs = observations_of(locator, self.utm)
+        decision = self._verdict.update(posterior, obs)
+        self.posterior = posterior
+        self.answer = answer_of(self.cell, self.utm, posterior, decision, Provenance(len(obs)))
         self._guide.decide(*last)
         return True
 

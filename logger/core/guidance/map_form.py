@@ -2,23 +2,11 @@
 
 from math import atan2, cos, degrees, hypot, radians, remainder
 
-import msgspec
-
 from logger.core.geo import Utm
 from logger.core.guidance.advice import Advice, Point
-from logger.core.guidance.followed_cell import LivePosition
 from logger.core.guidance.next_way import NextWay
 
 _DECIMALS = 6
-
-
-class BestPosition(msgspec.Struct, frozen=True):
-    """The position shown (WGS 84), and the radii around it that hold 95 % and 50 %."""
-
-    lat: float
-    lon: float
-    r95_m: float
-    r50_m: float
 
 
 def next_way(utm: Utm, advice: Advice | None) -> NextWay | None:
@@ -30,13 +18,6 @@ def next_way(utm: Utm, advice: Advice | None) -> NextWay | None:
     azimuth_deg = true_azimuth_deg(utm, advice.from_m, advice.to_m)
     nats_per_km = round(advice.nats_per_km, 2)
     return NextWay(azimuth_deg, round(distance_m, 1), lat, lon, nats_per_km, advice.text)
-
-
-def best_position(utm: Utm, position: LivePosition) -> BestPosition:
-    """The position shown, in degrees."""
-    posterior = position.posterior
-    lat, lon = degrees_of(utm, (posterior.x_m, posterior.y_m))
-    return BestPosition(lat, lon, round(posterior.r95_m, 1), round(posterior.r50_m, 1))
 
 
 def true_azimuth_deg(utm: Utm, from_m: Point, to_m: Point) -> float:

@@ -13,8 +13,6 @@ from logger.core.locator.offsets import Offsets
 from logger.core.locator.region import HALF, Squares, area_m2, contains, highest_density
 from logger.core.model.prior import Prior, Station
 
-LEAST_PEAK = 0.05
-"""A position with this share of the highest density is a mode, however improbable."""
 _LIMIT_SHARE = 0.01
 """With more probability than this at the end of the searched area, the search ended too early."""
 
