@@ -16,7 +16,7 @@ from logger.drivers.privacy.redaction import Redactor
 from logger.drivers.protocols.at import AtFramer
 from logger.drivers.protocols.dialogue import Reply
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
-from logger.drivers.simcom.sim800 import Sim800
+from logger.drivers.sim800 import Sim800
 from logger.sim.receiver import sentence
 
 EPOCHS = 2_000

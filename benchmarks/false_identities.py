@@ -28,7 +28,7 @@ from pathlib import Path
 from logger.core.identities import FEWEST_SCANS
 from logger.core.types import CellReading
 from logger.drivers.family import Family
-from logger.drivers.generic.generic import Generic
+from logger.drivers.generic import Generic
 from logger.drivers.reading.number_history import NumberHistory
 from logger.drivers.reading.recognition import mark_doubtful
 from logger.drivers.reading.rows import Registration, Row

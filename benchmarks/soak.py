@@ -17,15 +17,12 @@ import numpy as np
 
 from logger.device.clock import SystemClock
 from logger.sim.air import Air
-from logger.sim.clock import WalkTime
-from logger.sim.dialects import DIALECTS, ceng
-from logger.sim.dialects.dialect import Answer, Settings, block
-from logger.sim.line import PtyLine
+from logger.sim.dialects import DIALECTS, Answer, Settings, block, ceng_rows
 from logger.sim.modem import SimulatedModem
-from logger.sim.ptys import PtyDevice, Session, answering
+from logger.sim.ptys import PtyDevice, PtyLine, Session, answering
 from logger.sim.receiver import SimulatedReceiver
 from logger.sim.scenario import BLOCK, ORIGIN_LAT_DEG, ORIGIN_LON_DEG, UTC_START
-from logger.sim.walk import Walk
+from logger.sim.walk import Walk, WalkTime
 from logger.sim.world import Radio, Transmitter, World
 
 CELLS = 40
@@ -84,7 +81,7 @@ def town() -> World:
 
 def all_cells(air: Air, _: Settings) -> Answer:
     """Every cell, where a real SIM800 reports seven."""
-    rows = [ceng.rows(4, 1, Air.of([one]))[0] for one in air.decoded]
+    rows = [ceng_rows(4, 1, Air.of([one]))[0] for one in air.decoded]
     numbered = [row.replace("+CENG: 0", f"+CENG: {number}") for number, row in enumerate(rows)]
     return ["+CENG: 4,1", *block(numbered)]
 

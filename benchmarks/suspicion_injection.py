@@ -16,10 +16,10 @@ import numpy as np
 
 from benchmarks.suspicion_logs import Log
 from benchmarks.suspicion_patterns import COPIES, KINDS, pattern_of
-from logger.core.suspicion.finding import Word
+from logger.core.suspicion.rule import Word
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.types import CellReading, Fix, Record, Scan
-from logger.sim.shadowing import Shadowing
+from logger.sim.world import Shadowing
 
 WITHIN_M, WITHIN_S = 200.0, 180.0
 """Walking and time after the station is heard first within which it should be named."""

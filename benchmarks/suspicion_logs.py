@@ -7,8 +7,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from logger.core.types import Record, Scan
-from postproc.interop import drive_log
 from postproc.interop.decompression import plain_file
+from postproc.interop.formats import recognise
 from postproc.interop.importing import scans_of
 from postproc.interop.sighting import Sighting
 
@@ -18,7 +18,7 @@ LOGS = Path(
 """Folder of the logs (*.csv.gz); they are not part of the project."""
 _LONGEST_PAUSE_S = 30.0
 """Of a longer gap only this much counts as time in which a rule could have been broken."""
-_SETS = ("cork_driving", "cork_static", "india_gsm", "india_umts", "ottawa")
+_SETS = ("cork_driving", "cork_static", "india_gsm", "india_umts", "losangeles", "ottawa")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ def read_logs(folder: Path = LOGS) -> Iterator[Log]:
 def read_log(path: Path) -> Log:
     """One log; rows without a position are left out."""
     with plain_file(path) as plain:
-        rows = [row for row in drive_log.read(plain) if isinstance(row, Sighting)]
+        rows = [row for row in recognise(plain).read(plain) if isinstance(row, Sighting)]
     rows.sort(key=lambda row: row.t_ns)
     records = []
     for scan in scans_of(rows):

@@ -18,6 +18,7 @@ from logger.command_line import (
     INPUT,
     PATH,
     SEED,
+    Program,
     json_option,
     number,
     print_json,
@@ -65,7 +66,20 @@ def main(argv: list[str] | None = None) -> int:
     return run_program(program, "fieldlogger", argv)
 
 
-@click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
+_SECTIONS = {
+    "Prepare": ("probe", "check", "doctor"),
+    "Record": ("run", "status", "page"),
+    "Files": ("recover", "parse"),
+    "Try without hardware": ("simulate",),
+}
+
+
+@click.group(
+    cls=Program,
+    sections=_SECTIONS,
+    no_args_is_help=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @version_option()
 def program() -> None:
     """Record the cells and positions of a walk. The logger only listens."""

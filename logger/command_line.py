@@ -3,12 +3,13 @@
 A mistake of the user is one line on stderr and exit code 2; no exception leaves `run_program`.
 """
 
+import copy
 import os
 import sys
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial, wraps
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import click
 
@@ -98,6 +99,92 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print the re
 version_option = partial(
     click.version_option, package_name="cellwalk", message="%(prog)s %(version)s"
 )
+
+
+class Program(click.Group):
+    """A program whose help has its commands under titles; `help --all` lists the others too.
+
+    `sections` are the names of commands under each title, in their order.
+    """
+
+    def __init__(
+        self, *args: Any, sections: Mapping[str, Sequence[str]], **attributes: Any
+    ) -> None:
+        super().__init__(*args, **attributes)
+        self._sections = sections
+        self.add_command(_help)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the commands but for those of earlier versions."""
+        return [name for name in super().list_commands(ctx) if not self.commands[name].hidden]
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        for title, names in self._sections.items():
+            self._write(formatter, title, names)
+        if self._others:
+            with formatter.section("Others"):
+                formatter.write_text(f"{ctx.command_path} help --all lists them")
+
+    def list_all(self, ctx: click.Context) -> str:
+        """Every command under a title."""
+        formatter = ctx.make_formatter()
+        for title, names in {**self._sections, "Others": self._others}.items():
+            self._write(formatter, title, names)
+        return formatter.getvalue().strip()
+
+    @property
+    def _others(self) -> list[str]:
+        titled = {name for names in self._sections.values() for name in names} | {_help.name}
+        return sorted(n for n, c in self.commands.items() if n not in titled and not c.hidden)
+
+    def _write(self, formatter: click.HelpFormatter, title: str, names: Iterable[str]) -> None:
+        width = max(map(len, self.commands))
+        rows = [(n.ljust(width), self.commands[n].get_short_help_str(_SHORT_HELP)) for n in names]
+        if rows:
+            with formatter.section(title):
+                formatter.write_dl(rows)
+
+
+_SHORT_HELP = 62
+"""Columns of a command's first sentence: with the longest name a line has 80."""
+
+
+@click.command("help", hidden=True)
+@click.option("--all", "every", is_flag=True, help="List every command.")
+@click.argument("names", nargs=-1, metavar="[COMMAND]...")
+@click.pass_context
+def _help(ctx: click.Context, names: Sequence[str], *, every: bool) -> None:
+    """Print the help of a command, or list all."""
+    context = ctx.find_root()
+    command: click.Command = context.command
+    for name in names:
+        below = command.get_command(context, name) if isinstance(command, click.Group) else None
+        if below is None:
+            raise click.UsageError(f"No such command {name!r}.", context)
+        command, context = below, click.Context(below, info_name=name, parent=context)
+    if every and isinstance(command, Program):
+        print(command.list_all(context))
+    else:
+        print(command.get_help(context))
+
+
+def say_new_name(old: str, new: str) -> None:
+    """Say on stderr that a command has another name."""
+    print(f"{old.partition(' ')[0]}: `{old}` is now `{new}`", file=sys.stderr)
+
+
+def under_old_name(command: click.Command, old: str, new: str) -> click.Command:
+    """The same command under a name of earlier versions, not listed, that says the new one."""
+    alias = copy.copy(command)
+    callback: Callable[..., Any] = command.callback or say_new_name
+
+    @wraps(callback)
+    def with_note(*arguments: Any, **options: Any) -> Any:
+        say_new_name(old, new)
+        return callback(*arguments, **options)
+
+    alias.name, alias.hidden, alias.callback = old.rpartition(" ")[2], True, with_note
+    return alias
 
 
 def print_json(document: object) -> None:

@@ -9,11 +9,11 @@ from logger.device.clock import ScaledClock
 from logger.device.service import Service
 from logger.device.signals import stop_signals
 from logger.device.startup import begin_run
-from logger.sim.clock import WalkTime
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import AnsweringDevice, PtyDevice, answering, talking
 from logger.sim.scenario import SCENARIOS, Scenario, scenario
+from logger.sim.walk import WalkTime
 
 _SITE = """\
 # made by `fieldlogger simulate`
@@ -53,7 +53,7 @@ def simulate(
     walk = scenario(name, seed, duration_s)
     clock = ScaledClock(speed)
     time = WalkTime(clock)
-    well = walk.modem(time.now_s, modem_name)
+    well = walk.modem(time.now_s, DIALECTS[modem_name])
     modem: AnsweringDevice = (
         well if misbehaviour is None else Misbehaving(well, *misbehaviour, time.now_s, seed)
     )

@@ -25,9 +25,8 @@ from postproc.atomic_write import check_output
 from postproc.cell_estimation import locate_cell
 from postproc.estimators.robust_losses import Loss
 from postproc.interop.estimates import estimates_of
-from postproc.interop.exporting import Exported, format_of, write_export
+from postproc.interop.exporting import Exported, format_of, walk_of_run, write_export
 from postproc.interop.fields import LEVEL_RANGE_DBM
-from postproc.interop.levels import walk_of_run
 from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import observed_cells
 from postproc.smoothing import smooth_runs

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from logger.command_line import (
+    Program,
     json_option,
     print_json,
     recover,
     run_program,
+    under_old_name,
     version_option,
 )
 from postproc.baseline.cli import baseline
@@ -29,9 +31,7 @@ from postproc.options import (
 )
 from postproc.pictures.cli import plot
 from postproc.report.cli import report
-from postproc.reproductions.position_verification.cli import verify_theory
-from postproc.reproductions.toa.cli import toa
-from postproc.reproductions.validate.cli import validate
+from postproc.reproductions.cli import theory, toa, validate
 from postproc.survey.cli import survey
 from postproc.suspicion.cli import suspect
 from postproc.verification.cli import celldb, verify
@@ -50,7 +50,21 @@ def main(argv: list[str] | None = None) -> int:
     return run_program(program, "postproc", argv)
 
 
-@click.group(no_args_is_help=False, context_settings={"help_option_names": ["-h", "--help"]})
+_SECTIONS = {
+    "Answer": ("smooth", "report", "view", "plot", "suspect", "verify"),
+    "Walk on": ("next", "guide"),
+    "Compare": ("compare", "baseline"),
+    "Files": ("info", "import", "export", "share"),
+    "Many walkers": ("survey",),
+}
+
+
+@click.group(
+    cls=Program,
+    sections=_SECTIONS,
+    no_args_is_help=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @version_option()
 def program() -> None:
     """Estimate the positions of the cells of a recorded walk.
@@ -61,10 +75,19 @@ def program() -> None:
 
 for _command in (
     import_, export, share, view, plot, report, recover,
-    guide, next_command, suspect, toa, validate, verify, verify_theory, celldb, baseline,
+    guide, next_command, suspect, validate, verify, celldb, baseline,
     compare, survey,
+    under_old_name(theory, "postproc verify-theory", "postproc validate theory"),
 ):  # fmt: skip
     program.add_command(_command)
+
+
+@program.group("toa", hidden=True)
+def _toa() -> None:
+    """In earlier versions; now `postproc validate toa`."""
+
+
+_toa.add_command(under_old_name(toa, "postproc toa simulate", "postproc validate toa"))
 
 
 @program.command
@@ -128,7 +151,8 @@ def replay(path: Path, *, as_json: bool) -> int:
     elif not result.n_recorded and not result.n_replayed:
         print("the run contains no live estimate: no 2G cell was decoded while there was a fix")
     elif result.equal:
-        print(f"replay equals live: {result.n_equal} estimates, to the last bit")
+        words = "; words by other rules" if result.other_rules else ""
+        print(f"replay equals live: {result.n_equal} estimates, to the last bit{words}")
     elif result.findings_differ:
         print("replay differs from live: the findings of the rules are not the recorded ones")
     elif result.advice_differs and result.n_equal == result.n_recorded == result.n_replayed:
@@ -177,11 +201,11 @@ def smooth(
     from postproc.cell_work import exit_code
     from postproc.result import Options
     from postproc.summary import summarise
-    from postproc.suspicion.ordering import order_by_word
+    from postproc.suspicion.run_assessment import conspicuous_first
 
     runs = [read_sound_run(path) for path in paths]
     result = estimate(runs, cells, Options(prior, loss, within_m))
-    summary = summarise(order_by_word(result))
+    summary = summarise(conspicuous_first(result)[0])
     # printed first: a run on a read-only card has an answer too
     failures = _print_summary(summary, details=bool(cells or verbose), as_json=as_json)
     beside = results.path_beside(paths[0], together=len(runs) > 1)

@@ -31,8 +31,6 @@ MOST_BAD_ROWS = 10_000
 """Of those that an import lists; further ones are counted."""
 MOST_REMARKS = 100_000
 """Of another program, each of which becomes a note."""
-MOST_PIXELS = 40_000_000
-"""Of a picture of the ground: 160 MB once it is decoded."""
 MOST_TILE_PIXELS = 1024
 """Along a side; tiles have 256 or 512."""
 MOST_TILE_BYTES = 4 << 20

@@ -115,3 +115,29 @@ def test_the_page_names_its_extra(library, option, tmp_path, monkeypatch, capsys
     assert error.endswith(f"{library} is missing: pip install 'cellwalk[page]'"), error
     assert fieldlogger(["check", "--config", str(site)]) == 2
     assert f"page: {library} is missing: pip install 'cellwalk[page]'" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["postproc", "fieldlogger"])
+def test_help_shows_at_most_15_commands_in_groups_and_help_all_shows_every_one(name, capsys):
+    cli = import_module({"postproc": "postproc.cli", "fieldlogger": "logger.cli"}[name])
+    assert cli.main(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert cli.main(["help", "--all"]) == 0
+    every = capsys.readouterr().out
+    usable = {n for n, command in cli.program.commands.items() if not command.hidden} - {"help"}
+    shown, listed = (
+        set(re.findall(r"^  ([a-z][a-z-]*)  ", t, re.MULTILINE)) for t in (text, every)
+    )
+    assert shown <= usable == listed
+    assert len(shown) <= 15
+    assert shown == usable or f"{name} help --all lists them" in text
+    assert max(map(len, (text + every).splitlines())) <= 80
+
+
+def test_help_of_a_command_is_that_of_its_option(capsys):
+    assert postproc(["help", "survey", "add"]) == 0
+    by_name = capsys.readouterr().out
+    assert postproc(["survey", "add", "--help"]) == 0
+    assert by_name == capsys.readouterr().out
+    assert postproc(["help", "survey", "none"]) == 2
+    assert "No such command 'none'" in capsys.readouterr().err

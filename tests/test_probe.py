@@ -11,10 +11,10 @@ from logger.config import parse_config
 from logger.device.clock import ScaledClock
 from logger.drivers.registry import FAMILIES
 from logger.probe import PortReport, probe, propose_config, site_toml
-from logger.sim.clock import WalkTime
-from logger.sim.dialects import DIALECTS
 from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
+from logger.sim.walk import WalkTime
+from tests.kit.dialects import DIALECTS
 from tests.kit.simulated_devices import simulated_devices
 
 HAVE_A_RECEIVER = {"sim808", "sim7000", "sim7600", "ec25"}
@@ -39,7 +39,7 @@ def patience():
 def looked_at(patience):
     """What is found on the port of each simulated modem, of a receiver, of nobody and of none."""
     walk, time = scenario("block", 1, 600.0), WalkTime(ScaledClock(20.0))
-    sessions = {name: answering(walk.modem(time.now_s, name)) for name in DIALECTS}
+    sessions = {name: answering(walk.modem(time.now_s, DIALECTS[name])) for name in DIALECTS}
     sessions |= {"receiver": talking(walk.receiver(), time), "silent": lambda _line: None}
     with ExitStack() as stack:
         paths = [stack.enter_context(PtyDevice(session)).path for session in sessions.values()]

@@ -18,9 +18,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from logger.device.clock import SystemClock
-from logger.sim.clock import WalkTime
 from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
+from logger.sim.walk import WalkTime
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs/guide/transcript.md"

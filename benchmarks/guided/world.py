@@ -14,7 +14,7 @@ from logger.core.arrays import FloatArray
 from logger.core.censoring import GSM_CEILING_DBM, GSM_FLOOR_DBM
 from logger.core.guidance.street_map import StreetMap
 from logger.core.model.path_loss import log_distance_db
-from logger.sim.shadowing import Shadowing
+from logger.sim.world import Shadowing
 
 from .ground import Ground, Node, OpenGround, Streets, Way
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.model.path_loss import log_distance_db
-from logger.sim.shadowing import Shadowing
+from logger.sim.world import Shadowing
 
 SCANS, STEP_M = 1000, 2.0
 FLOOR_DBM = -113.0

@@ -8,7 +8,7 @@ from time import process_time
 import numpy as np
 
 from logger.core.errors import EstimationError
-from postproc.reproductions.validate.bound import median_error_m
+from postproc.reproductions.specification_walks import median_error_m
 
 from . import exact, ours
 from .answer import Answer, Ellipse95

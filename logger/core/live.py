@@ -21,8 +21,8 @@ from logger.core.live_reference import LiveReference
 from logger.core.live_settings import FOLLOW, LiveSettings
 from logger.core.locator.online_values import LevelReading
 from logger.core.model.prior import Prior, prior_for
-from logger.core.suspicion.notes import error_notes, finding_notes
 from logger.core.suspicion.tracker import SuspicionTracker
+from logger.core.suspicion.words import error_notes, finding_notes
 from logger.core.track import TIMING_S
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 

@@ -10,7 +10,7 @@ from logger.device.link import Link
 from logger.device.scan_timeout import PAUSE_S, Wait
 from logger.device.unsolicited import UnsolicitedBlock
 from logger.drivers.family import Family
-from logger.drivers.generic.generic import Generic
+from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import AtFramer, Unsolicited
 from logger.drivers.protocols.dialogue import Command, Dialogue, Reply, run_dialogue
 from logger.drivers.protocols.garbage import Garbage

@@ -10,7 +10,7 @@ from logger.device.modem_exchange import ModemExchange
 from logger.device.saved_modes import SavedModes
 from logger.device.shutdown import AfterStop
 from logger.drivers.family import Family
-from logger.drivers.generic.generic import Generic
+from logger.drivers.generic import Generic
 from logger.drivers.protocols.dialogue import Command, run_dialogue
 from logger.drivers.reading.rows import Operator
 from logger.drivers.registry import driver_of, identify

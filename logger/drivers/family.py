@@ -1,12 +1,12 @@
-"""The base class of all modem drivers: commands of a family, and how its replies are read."""
+"""The base class of all modem drivers: its modems, its commands, and how it reads replies."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 from logger.core.reportable import reportable
 from logger.core.types import CellReading, Role
-from logger.drivers.claim import Claim
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.dialogue import Command, Dialogue
 from logger.drivers.reading.interruption import drop_cut_values, names_of
@@ -24,6 +24,29 @@ _RESTARTED = re.compile(
     r"|(?:UNDER|OVER)-VOLTAGE.*POWER DOWN|NORMAL POWER DOWN",
     re.IGNORECASE,
 )
+
+
+_FLAGS = re.IGNORECASE | re.DOTALL
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """Regular expressions searched in a modem's identity; an empty one claims nothing.
+
+    The most specific claim wins, whatever the order of the drivers: `model` (one model by its
+    name) before `series` (a group of models) before `maker`. Two claims of one rank on one answer
+    are a mistake, which a test reports.
+    """
+
+    model: str = ""
+    series: str = ""
+    maker: str = ""
+
+    def rank(self, identity: str) -> int:
+        """How specific the claim on a modem is: 3 its model, 2 its series, 1 its maker, 0 none."""
+        ascending = enumerate((self.maker, self.series, self.model), 1)
+        ranks = [rank for rank, form in ascending if form and re.search(form, identity, _FLAGS)]
+        return max(ranks, default=0)
 
 
 class Family:
@@ -54,6 +77,12 @@ class Family:
     """
     other_rows: ClassVar[str] = ""
     """Names of rows that are read although no command of the family asks for them."""
+    rows_with_networks: ClassVar[str] = ""
+    """Names of rows that contain names of networks, which are any words."""
+    rows_in_columns: ClassVar[str] = ""
+    """Names of rows in which words follow a number and a blank."""
+    long_numbers: ClassVar[Mapping[str, str]] = {}
+    """Patterns of numbers of more than nine digits, by the name of their row; others are masked."""
 
     @classmethod
     def sends(cls) -> Iterator[str]:

@@ -1,15 +1,16 @@
 """Modem drivers by the name that a configuration gives them, and by the identity of a modem."""
 
 import pkgutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple
 from importlib import import_module
+from types import ModuleType
 
 from logger import drivers
 from logger.core.errors import ConfigError
 from logger.core.types import CellReading
 from logger.drivers.family import Family, wake
-from logger.drivers.generic.generic import Generic
+from logger.drivers.generic import Generic
 from logger.drivers.protocols.dialogue import Command, Dialogue
 
 AUTO = "auto"
@@ -17,17 +18,24 @@ IDENTITY = ("ATI", "AT+CGMI", "AT+CGMM", "AT+CGMR")
 """Commands that ask for maker, model and firmware, which modems answer in words of their own."""
 
 
-def _all_drivers() -> Iterator[Family]:
-    """One driver of each class in the `DRIVERS` of the vendor folders."""
-    for folder in pkgutil.iter_modules(drivers.__path__, f"{drivers.__name__}."):
-        if folder.ispkg:
-            for driver in getattr(import_module(folder.name), "DRIVERS", ()):
-                yield driver()
+def families_in(package: ModuleType) -> dict[str, Family]:
+    """One driver of each `Family` that a module of the package defines, by name."""
+    found: list[Family] = []
+    for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+        if module.name != __name__:
+            content = import_module(module.name)
+            found += [
+                value()
+                for value in vars(content).values()
+                if isinstance(value, type)
+                and issubclass(value, Family)
+                and value.__module__ == module.name
+                and value is not Family
+            ]
+    return {driver.name: driver for driver in sorted(found, key=lambda driver: driver.name)}
 
 
-FAMILIES: Mapping[str, Family] = {
-    driver.name: driver for driver in sorted(_all_drivers(), key=lambda driver: driver.name)
-}
+FAMILIES: Mapping[str, Family] = families_in(drivers)
 """All drivers by name; which of them serves a modem does not depend on the order."""
 
 

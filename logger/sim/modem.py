@@ -7,9 +7,7 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from logger.sim.air import Air, ModemFix, ReceivedCell
-from logger.sim.dialects import common
-from logger.sim.dialects.dialect import Dialect, Listing
-from logger.sim.terminal import AtTerminal, frame_text
+from logger.sim.dialects import ANYWHERE, NO_CARD, REGISTERED, Dialect, Listing
 from logger.sim.walk import Walk
 from logger.sim.world import World
 
@@ -55,8 +53,8 @@ class SimulatedModem:
         self._rng = rng
         self._utc_start = utc_start
         self._decode_dbm = decode_dbm
-        alike = common.REGISTERED if dialect.registered else common.NO_CARD
-        self._replies: Mapping[str, Listing] = {**common.ANYWHERE, **alike, **dialect.replies}
+        alike = REGISTERED if dialect.registered else NO_CARD
+        self._replies: Mapping[str, Listing] = {**ANYWHERE, **alike, **dialect.replies}
         self._terminal = AtTerminal(self._answer, abortable=dialect.abortable)
         self._settings: dict[str, str] = {}
         self._late = b""
@@ -175,3 +173,74 @@ class SimulatedModem:
         lat_deg, lon_deg = self._world.to_latlon(*self._walk.position(now_s))
         utc = self._utc_start + timedelta(seconds=now_s)
         return ModemFix(lat_deg, lon_deg, ALTITUDE_M, utc, speed_mps, course_deg)
+
+
+CARRIAGE_RETURN = 0x0D
+LINE_FEED = 0x0A
+MAX_COMMAND = 556  # SIM800 AT Command Manual V1.09, 1.4
+
+
+class AtTerminal:
+    """Bytes in, echo and answers out; `answer` gets each command line, returns the answer.
+
+    It returns None for an answer that takes its time: then nothing is read until `finish`, or,
+    where commands are `abortable` (V.250 5.6.1), the next character ends the command.
+    """
+
+    def __init__(self, answer: Callable[[str], bytes | None], *, abortable: bool = False) -> None:
+        self._answer = answer
+        self._abortable = abortable
+        self._line = bytearray()
+        self._waiting = bytearray()
+        self.busy = False
+        self.echo = True
+
+    def restart(self) -> None:
+        """As after power-up."""
+        self._line.clear()
+        self._waiting.clear()
+        self.busy = False
+        self.echo = True
+
+    def feed(self, data: bytes) -> bytes:
+        """What the modem writes back; a carriage return ends a command."""
+        out = bytearray()
+        self._waiting += data
+        if self.busy and self._abortable and self._waiting:
+            self._waiting.pop(0)
+            self.busy = False
+            out += frame_text("OK")
+        while self._waiting and not self.busy:
+            byte = self._waiting.pop(0)
+            if byte == LINE_FEED:
+                continue
+            if self.echo:
+                out.append(byte)
+            if byte == CARRIAGE_RETURN:
+                out += self._execute()
+            elif len(self._line) < MAX_COMMAND:
+                self._line.append(byte)
+        return bytes(out)
+
+    def finish(self, answer: bytes) -> bytes:
+        """Give the answer that took its time, and go on with what was written meanwhile."""
+        self.busy = False
+        return answer + self.feed(b"")
+
+    def _execute(self) -> bytes:
+        command = self._line.decode("latin-1").strip().upper()
+        self._line.clear()
+        match command:
+            case "AT" | "ATV1":
+                return frame_text("OK")
+            case "ATE0" | "ATE1" | "ATE":
+                self.echo = command == "ATE1"
+                return frame_text("OK")
+        answer = self._answer(command) if command.startswith("AT") else b""
+        self.busy = answer is None
+        return answer or b""
+
+
+def frame_text(*texts: str) -> bytes:
+    """Each text between line ends, as a modem with ATV1 prints it."""
+    return "".join(f"\r\n{text}\r\n" for text in texts).encode("ascii")

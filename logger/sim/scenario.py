@@ -8,7 +8,7 @@ import numpy as np
 
 from logger.core.types import Broadcast
 from logger.sim import city
-from logger.sim.dialects import DIALECTS
+from logger.sim.dialects import SIM800, Dialect
 from logger.sim.modem import SimulatedModem
 from logger.sim.receiver import SimulatedReceiver
 from logger.sim.walk import Walk
@@ -73,12 +73,10 @@ class Scenario:
     duration_s: float
     target: Transmitter
 
-    def modem(self, now_s: Callable[[], float], name: str = "sim800") -> SimulatedModem:
-        """The modem on the walk, by its name in `DIALECTS`; `now_s` is the time of the walk."""
+    def modem(self, now_s: Callable[[], float], dialect: Dialect = SIM800) -> SimulatedModem:
+        """The modem on the walk; `now_s` is the time of the walk."""
         rng = np.random.default_rng([self.seed, 1])
-        return SimulatedModem(
-            DIALECTS[name], self.world, self.walk, now_s, rng, utc_start=self.utc_start
-        )
+        return SimulatedModem(dialect, self.world, self.walk, now_s, rng, utc_start=self.utc_start)
 
     def receiver(self, cold_start_s: float = COLD_START_S) -> SimulatedReceiver:
         """The receiver that is carried."""

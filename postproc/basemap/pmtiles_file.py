@@ -13,21 +13,13 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from PIL import Image
 from pmtiles.tile import zxy_to_tileid
 
 from logger.core.errors import ConfigError
 from logger.core.foreign import check_regular, open_regular
-from postproc.basemap.georeferenced import Area, Ground
-from postproc.basemap.street_map import draw_tile
-from postproc.basemap.tiles import (
-    MOST_TILES,
-    TileMatrix,
-    TilePicture,
-    mosaic,
-    tile_picture,
-    web_mercator_matrix,
-)
-from postproc.basemap.vector_tile import layers_of
+from postproc.basemap.tiles import FINEST, Area, Ground, TilePicture, ground_of, tile_picture
+from postproc.basemap.vector_tile import draw_tile, layers_of, street_near
 from postproc.foreign_file import MOST_DIRECTORY_BYTES, MOST_TILE_BYTES
 
 _MAGIC = b"PMTiles\x03"
@@ -38,11 +30,10 @@ _MVT = 1
 _PLAIN, _GZIP = 1, 2
 _DEEPEST = 31
 """Level up to which the number of a tile fits into 64 bit."""
-_FINEST = 26
-"""Level at which a tile is half a metre wide."""
 _LEVELS_OF_DIRECTORIES = 4
 """The root and three levels of leaves, as the specification allows."""
 _VARINT_BYTES = 10
+_EQUATOR_M = 40_075_016.7
 
 Numbers = npt.NDArray[np.uint64]
 
@@ -72,7 +63,7 @@ class _Header(NamedTuple):
     @property
     def zooms(self) -> range:
         """From the finest."""
-        return range(min(self.max_zoom, _FINEST), self.min_zoom - 1, -1)
+        return range(min(self.max_zoom, FINEST), self.min_zoom - 1, -1)
 
 
 class _Directory:
@@ -148,14 +139,6 @@ class _Archive:
         return data
 
 
-class TilePlace(NamedTuple):
-    """A tile and a place in it, as shares of its width from the west and from the north."""
-
-    zoom: int
-    data: bytes
-    place: tuple[float, float]
-
-
 def is_pmtiles(path: Path) -> bool:
     """Whether a file is a PMTiles archive of version 3."""
     try:
@@ -166,33 +149,43 @@ def is_pmtiles(path: Path) -> bool:
 
 
 def open_pmtiles(path: Path, area: Area) -> Ground:
-    """The tiles that cover an area, of the finest level that needs at most `MOST_TILES`.
-
-    Raises `ConfigError`.
-    """
+    """The tiles that cover an area; raises `ConfigError`."""
     with _archive(path) as archive:
-        for matrix in map(web_mercator_matrix, archive.header.zooms):
-            columns, rows = matrix.span(area.within(matrix.crs))
-            if 0 < len(columns) * len(rows) <= MOST_TILES:
-                ground = mosaic(_source(archive, matrix, columns, rows), matrix, columns, rows)
-                if ground is not None:
-                    return ground
-    raise ConfigError(f"{path} does not cover the area of this walk")
+
+        def picture_at(zoom: int, columns: range, rows: range) -> TilePicture:
+            size = max(_VECTOR_PIXELS // max(len(columns), len(rows)), 256)
+
+            def picture(column: int, row: int) -> Image.Image | None:
+                data = archive.tile(zoom, column, row)
+                if data is None:
+                    return None
+                if archive.header.tile_type == _MVT:
+                    return draw_tile(layers_of(data), size)
+                return tile_picture(data)
+
+            return picture
+
+        ground = ground_of(archive.header.zooms, area, picture_at)
+    if ground is None:
+        raise ConfigError(f"{path} does not cover the area of this walk")
+    return ground
 
 
-def vector_tile_at(path: Path, lat_deg: float, lon_deg: float) -> TilePlace | None:
-    """The finest vector tile at a position; None for pictures and without a tile there.
+def street_at(path: Path, lat_deg: float, lon_deg: float) -> str | None:
+    """Name of the nearest street, by the finest vector tile at a position.
 
-    Raises `ConfigError`.
+    None without one near, and for other kinds of files. Raises `ConfigError` for a file that cannot
+    be read.
     """
+    if not is_pmtiles(path):
+        return None
     with _archive(path) as archive:
-        if archive.header.tile_type != _MVT:
-            return None
-        for zoom in archive.header.zooms:
+        for zoom in archive.header.zooms if archive.header.tile_type == _MVT else ():
             x, y = _web_mercator(lat_deg, lon_deg, zoom)
             data = archive.tile(zoom, int(x), int(y))
             if data is not None:
-                return TilePlace(zoom, data, (x % 1.0, y % 1.0))
+                tile_m = _EQUATOR_M * math.cos(math.radians(lat_deg)) / 2**zoom
+                return street_near(layers_of(data), (x % 1.0, y % 1.0), tile_m)
     return None
 
 
@@ -211,19 +204,6 @@ def _archive(path: Path) -> Iterator[_Archive]:
     except (OSError, ValueError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or error
         raise ConfigError(f"{path} cannot be read: {reason}") from error
-
-
-def _source(archive: _Archive, matrix: TileMatrix, columns: range, rows: range) -> TilePicture:
-    """How a tile becomes a picture, by what the file says that its tiles are."""
-    size = max(_VECTOR_PIXELS // max(len(columns), len(rows)), 256)
-    draw = archive.header.tile_type == _MVT
-    return lambda column, row: (
-        None
-        if (data := archive.tile(matrix.zoom, column, row)) is None
-        else draw_tile(layers_of(data), size)
-        if draw
-        else tile_picture(data)
-    )
 
 
 def _unpack(data: bytes, packing: int, most: int) -> bytes:

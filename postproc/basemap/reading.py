@@ -13,10 +13,8 @@ from pyproj import CRS
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.sqlite_file import is_sqlite
-from postproc.basemap.georeferenced import Area, Ground
 from postproc.basemap.pmtiles_file import is_pmtiles, open_pmtiles
-from postproc.basemap.tiles import open_tiles
-from postproc.basemap.world_file import open_picture
+from postproc.basemap.tiles import Area, Ground, open_mbtiles
 from postproc.pictures.geometry import Box
 from postproc.pictures.survey import Survey
 
@@ -74,8 +72,15 @@ def read_basemap(
 def open_ground(path: Path, area: Area) -> Ground:
     """What a file has of an area; raises `ConfigError` for one that cannot be read."""
     if is_sqlite(path):
-        return open_tiles(path, area)
-    return open_pmtiles(path, area) if is_pmtiles(path) else open_picture(path, area)
+        return open_mbtiles(path, area)
+    if is_pmtiles(path):
+        return open_pmtiles(path, area)
+    if not path.is_file():
+        raise ConfigError(f"{path} is no file")
+    raise ConfigError(
+        f"{path} is neither PMTiles nor MBTiles; GDAL makes MBTiles of a picture with a position: "
+        "gdal_translate -of MBTILES PICTURE map.mbtiles"
+    )
 
 
 def _area_of(survey: Survey, box: Box, most_pixels: int) -> Area:

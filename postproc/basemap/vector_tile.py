@@ -1,16 +1,25 @@
-"""Mapbox Vector Tiles 2.1: layers of points, lines and polygons in the units of a tile.
+"""Mapbox Vector Tiles 2.1: read, drawn as a quiet picture, and asked for the name of a street.
 
 Source: mapbox/vector-tile-spec, 2.1. The tiles are protocol buffers; the few kinds of fields that
-they have are read here.
+they have are read here. The library mapbox-vector-tile (2.2.0) needs a protobuf below 7 and
+pyclipper, which only writes; it would cost more than these lines. Layers have the names of the two
+schemas in use, Protomaps (docs.protomaps.com/basemaps/layers) and OpenMapTiles
+(openmaptiles.org/schema).
 """
 
+import math
 import struct
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
+
+from PIL import Image, ImageDraw
 
 Kind = Literal["point", "line", "polygon"]
 Value = str | float | int | bool
-Rings = list[list[tuple[int, int]]]
+Part = list[tuple[int, int]]
+Point = tuple[float, float]
+Colour = tuple[int, int, int]
 
 _KINDS: dict[int, Kind] = {1: "point", 2: "line", 3: "polygon"}
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
@@ -25,7 +34,7 @@ class Feature(NamedTuple):
     """One feature: its parts as points (x, y), x to the east and y to the south, and its tags."""
 
     kind: Kind
-    parts: Rings
+    parts: list[Part]
     tags: dict[str, Value]
 
 
@@ -40,7 +49,7 @@ class Layer(NamedTuple):
 def layers_of(tile: bytes) -> list[Layer]:
     """All layers of a tile; raises ValueError for bytes that are none."""
     try:
-        return [_layer(value) for number, value in _fields(tile) if number == 3]
+        return [_layer(_message(data)) for data in _message(tile)[3]]
     except (
         AttributeError,  # a number where a text belongs
         IndexError,
@@ -52,46 +61,25 @@ def layers_of(tile: bytes) -> list[Layer]:
         raise ValueError(f"no vector tile: {error}") from error
 
 
-def _layer(data: bytes) -> Layer:
-    name, extent, keys, values, raw = "", 4096, [], [], []
-    for number, value in _fields(data):
-        match number:
-            case 1:
-                name = value.decode()
-            case 2:
-                raw.append(value)
-            case 3:
-                keys.append(value.decode())
-            case 4:
-                values.append(_value(value))
-            case 5:
-                extent = int(value)
+def _layer(fields: Mapping[int, Sequence[Any]]) -> Layer:
+    keys = [key.decode() for key in fields[3]]
+    values = [_value(_message(value)) for value in fields[4]]
+    extent = int(fields[5][-1]) if fields[5] else 4096
     if not 0 < extent <= _FARTHEST:
         raise IndexError("its layers have no size")
-    features = [feature for one in raw if (feature := _feature(one, keys, values)) is not None]
-    return Layer(name, extent, features)
+    features = []
+    for feature in map(_message, fields[2]):
+        kind = _KINDS.get(feature[3][-1] if feature[3] else 0)
+        if kind is not None:
+            tags, geometry = (_numbers(feature[n][-1] if feature[n] else b"") for n in (2, 4))
+            named = {keys[k]: values[v] for k, v in zip(tags[::2], tags[1::2], strict=False)}
+            features.append(Feature(kind, _parts(geometry), named))
+    return Layer(fields[1][-1].decode() if fields[1] else "", extent, features)
 
 
-def _feature(data: bytes, keys: list[str], values: list[Value]) -> Feature | None:
-    kind, tags, geometry = 0, [], b""
-    for number, value in _fields(data):
-        match number:
-            case 2:
-                tags = list(_varints(value))
-            case 3:
-                kind = int(value)
-            case 4:
-                geometry = value
-    if kind not in _KINDS:
-        return None
-    named = {keys[k]: values[v] for k, v in zip(tags[::2], tags[1::2], strict=False)}
-    return Feature(_KINDS[kind], _parts(geometry), named)
-
-
-def _parts(geometry: bytes) -> Rings:
+def _parts(numbers: Sequence[int]) -> list[Part]:
     """Commands of the cursor as points of each part; a polygon's first point is not repeated."""
-    numbers = list(_varints(geometry))
-    parts: Rings = []
+    parts: list[Part] = []
     at = x = y = 0
     while at < len(numbers):
         kind, count = numbers[at] & 7, numbers[at] >> 3
@@ -112,9 +100,9 @@ def _parts(geometry: bytes) -> Rings:
     return parts
 
 
-def _value(data: bytes) -> Value:
+def _value(fields: Mapping[int, Sequence[Any]]) -> Value:
     """The value in its only field, of whatever type."""
-    for number, value in _fields(data):
+    for number, (value, *_) in fields.items():
         match number:
             case 1:
                 return str(value.decode())
@@ -126,31 +114,33 @@ def _value(data: bytes) -> Value:
     return ""
 
 
-def _fields(data: bytes) -> Iterator[tuple[int, Any]]:
-    """Numbers and values of the fields of a message; a number where the field is one."""
+def _message(data: bytes) -> Mapping[int, list[Any]]:
+    """Values of the fields of a message by their numbers, in their order."""
+    fields: defaultdict[int, list[Any]] = defaultdict(list)
     at = 0
     while at < len(data):
         key, at = _varint(data, at)
-        number, kind = key >> 3, key & 7
-        if kind == _VARINT:
-            value, at = _varint(data, at)
-            yield number, value
-            continue
-        if kind == _BYTES:
+        kind = key & 7
+        if kind in {_VARINT, _BYTES}:
             length, at = _varint(data, at)
         else:
             length = {_FIXED64: 8, _FIXED32: 4}[kind]
+        if kind == _VARINT:
+            fields[key >> 3].append(length)
+            continue
         if at + length > len(data):
             raise IndexError("cut short")
-        yield number, data[at : at + length]
+        fields[key >> 3].append(data[at : at + length])
         at += length
+    return fields
 
 
-def _varints(data: bytes) -> Iterator[int]:
-    at = 0
+def _numbers(data: bytes) -> list[int]:
+    numbers, at = [], 0
     while at < len(data):
-        value, at = _varint(data, at)
-        yield value
+        number, at = _varint(data, at)
+        numbers.append(number)
+    return numbers
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
@@ -168,3 +158,127 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 def _signed(number: int) -> int:
     """The integer of a zigzag code."""
     return number >> 1 ^ -(number & 1)
+
+
+_PAPER: Colour = (250, 249, 246)
+_AREAS: dict[str, Colour] = {
+    "landcover": (232, 240, 224),
+    "landuse": (236, 240, 230),
+    "park": (214, 232, 205),
+    "water": (190, 215, 235),
+    "buildings": (218, 213, 206),
+    "building": (218, 213, 206),
+}
+"""In the order in which they are drawn."""
+_GREEN = frozenset({"park", "forest", "wood", "grass", "garden", "nature_reserve", "cemetery"})
+_DRAWN_STREETS = ("roads", "transportation")
+_WATERWAYS = ("waterway", "water")
+_WIDE = frozenset({"highway", "motorway", "trunk", "major_road", "primary", "secondary"})
+_NARROW = frozenset({"path", "footway", "track", "steps", "cycleway", "other"})
+_ROAD: Colour = (150, 146, 140)
+_PATH: Colour = (186, 178, 166)
+
+
+class _Pen(NamedTuple):
+    draw: ImageDraw.ImageDraw
+    scale: float
+
+    def points(self, part: Part) -> list[tuple[float, float]]:
+        return [(x * self.scale, y * self.scale) for x, y in part]
+
+
+def draw_tile(layers: list[Layer], size: int) -> Image.Image:
+    """The layers as RGBA of `size` pixels a side."""
+    picture = Image.new("RGBA", (size, size), (*_PAPER, 255))
+    draw = ImageDraw.Draw(picture)
+    by_name = {layer.name: layer for layer in layers}
+    for name, colour in _AREAS.items():
+        for feature in _features(by_name, name, "polygon"):
+            _draw_area(_pen(draw, by_name[name], size), feature, colour)
+    for name in _WATERWAYS:
+        for feature in _features(by_name, name, "line"):
+            _draw_line(_pen(draw, by_name[name], size), feature, _AREAS["water"], size / 170)
+    for name in _DRAWN_STREETS:
+        for feature in _features(by_name, name, "line"):
+            _draw_street(_pen(draw, by_name[name], size), feature, size)
+    return picture
+
+
+def _features(by_name: dict[str, Layer], name: str, kind: str) -> list[Feature]:
+    layer = by_name.get(name)
+    return [feature for feature in layer.features if feature.kind == kind] if layer else []
+
+
+def _pen(draw: ImageDraw.ImageDraw, layer: Layer, size: int) -> _Pen:
+    return _Pen(draw, size / max(layer.extent, 1))
+
+
+def _draw_area(pen: _Pen, feature: Feature, colour: Colour) -> None:
+    kinds = {str(feature.tags.get(key, "")) for key in ("kind", "class", "subclass", "pmap:kind")}
+    fill = _AREAS["park"] if kinds & _GREEN else colour
+    for part in feature.parts:
+        if len(part) >= 3:
+            # a hole runs the other way round (4.3.4.4 of the specification)
+            pen.draw.polygon(pen.points(part), fill=fill if _area(part) > 0 else _PAPER)
+
+
+def _area(part: Part) -> float:
+    """Twice the signed area; positive for an outer ring, whose y points down."""
+    following = [*part[1:], part[0]]
+    return float(sum(x * v - u * y for (x, y), (u, v) in zip(part, following, strict=True)))
+
+
+def _draw_street(pen: _Pen, feature: Feature, size: int) -> None:
+    kinds = {str(feature.tags.get(key, "")) for key in ("kind", "class", "kind_detail")}
+    is_path = bool(kinds & _NARROW)
+    width = size / 400 if is_path else size / 200
+    if kinds & _WIDE:
+        width = size / 110
+    _draw_line(pen, feature, _PATH if is_path else _ROAD, width)
+
+
+def _draw_line(pen: _Pen, feature: Feature, colour: Colour, width: float) -> None:
+    for part in feature.parts:
+        if len(part) >= 2:
+            pen.draw.line(pen.points(part), fill=colour, width=max(round(width), 1), joint="curve")
+
+
+_NAMED_STREETS = frozenset({"roads", "transportation_name"})
+"""Layers of Protomaps and OpenMapTiles."""
+_NEAR_M = 100.0
+"""A position farther from every named street is not at one of them."""
+
+
+def street_near(layers: Sequence[Layer], place: Point, tile_m: float) -> str | None:
+    """Name of the nearest street within 100 m of a place, given as shares of the tile."""
+    distances = [
+        (_distance(layer, part, place) * tile_m, name)
+        for layer in layers
+        for name, part in _named_parts(layer)
+    ]
+    distance_m, name = min(distances, default=(math.inf, None))
+    return name if distance_m <= _NEAR_M else None
+
+
+def _named_parts(layer: Layer) -> Iterator[tuple[str, Part]]:
+    if layer.name in _NAMED_STREETS:
+        for feature in layer.features:
+            name = feature.tags.get("name")
+            if feature.kind == "line" and isinstance(name, str) and name:
+                yield from ((name, part) for part in feature.parts)
+
+
+def _distance(layer: Layer, part: Part, place: Point) -> float:
+    """From a place in a tile to a line of it, both as shares of the tile."""
+    points = [(x / layer.extent, y / layer.extent) for x, y in part]
+    ends = zip(points, points[1:] or points, strict=False)
+    return min((_to_segment(place, *pair) for pair in ends), default=math.inf)
+
+
+def _to_segment(place: Point, start: Point, end: Point) -> float:
+    along = end[0] - start[0], end[1] - start[1]
+    length = along[0] ** 2 + along[1] ** 2
+    offset = place[0] - start[0], place[1] - start[1]
+    share = 0.0 if length == 0.0 else (offset[0] * along[0] + offset[1] * along[1]) / length
+    share = min(max(share, 0.0), 1.0)
+    return math.hypot(offset[0] - share * along[0], offset[1] - share * along[1])

@@ -18,7 +18,6 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, covariance_matrix
-from postproc.estimators import kernels
 
 
 def smooth(
@@ -37,9 +36,8 @@ def smooth(
     rho = np.zeros_like(moved_m)
     if noise.decorrelation_m > 0.0:
         rho = np.exp(-moved_m / noise.decorrelation_m)
-    smoothed = np.empty((len(rows), 6))
     q_db2 = noise.shadow_db**2 * (1.0 - rho**2)
-    kernels.smooth(len(conditionals), conditionals, rho, q_db2, rows, smoothed)
+    smoothed = _backwards(conditionals, rho, q_db2, rows)
     mean, slope, variance = smoothed[:, 0], smoothed[:, 1:5], smoothed[:, 5]
     rest, covariance = np.array(end[:4]), covariance_matrix(end.factors)[:4, :4]
     shared = slope @ covariance
@@ -49,3 +47,25 @@ def smooth(
     p[:, 4, :4] = p[:, :4, 4] = shared
     p[:, 4, 4] = variance + np.sum(shared * slope, axis=1)
     return x, p
+
+
+def _backwards(
+    conditionals: FloatArray, rho: FloatArray, q_db2: FloatArray, rows: IntArray
+) -> FloatArray:
+    """Rows (m, 6) of the smoothed conditionals; `rho` and `q_db2` (n - 1,) lead to the next."""
+    smoothed = np.empty((len(rows), 6))
+    last = len(conditionals) - 1
+    following = conditionals[last].copy()
+    row = len(rows) - 1
+    for k in range(last, -1, -1):
+        if k < last:
+            variance = conditionals[k, 5]
+            predicted = rho[k] * rho[k] * variance + q_db2[k]
+            gain = rho[k] * variance / predicted if predicted > 0.0 else 0.0
+            rest = 1.0 - gain * rho[k]
+            following[:5] = rest * conditionals[k, :5] + gain * following[:5]
+            following[5] = rest * variance + gain * gain * following[5]
+        if rows[row] == k:
+            smoothed[row] = following
+            row -= 1
+    return smoothed

@@ -6,19 +6,15 @@ hour without a fix the variance is 1e11 m2, and a difference of two of those is 
 
 A fix has two measurements, the position with h = [1, 0, s] and the velocity with h = [0, 1, 0]; one
 with infinite variance is left out. Both axes share their covariances. Symmetric matrices are tuples
-(00, 01, 02, 11, 12, 22): plain numbers are quick in Python, and numba compiles the same loops for
-long walks.
+(00, 01, 02, 11, 12, 22): plain numbers are quick in Python.
 """
 
-import sys
-from collections.abc import Callable
 from math import inf, log, log1p
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from postproc.estimators.machine_code import Loop
 from postproc.estimators.walker_model import Model, Series
 
 STUDENT_DOF = 4.0  # heavy tails, and still a finite variance
@@ -52,7 +48,7 @@ def score(model: Model, excess: FloatArray) -> float:
 
     Overwrites `excess` (n, 2) with what the innovations suggest.
     """
-    return float(_filter(len(model.step_s), model, excess, _Filtered.rows(0), True))
+    return _filter(model, excess, _Filtered.rows(0), robust=True)
 
 
 def excess_variance(apart2: Variance, expected: Variance) -> Variance:
@@ -75,8 +71,8 @@ def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatA
     count = len(model.step_s)
     of_fixes, r, n = _Filtered.rows(count), np.empty((count, 3, 2)), np.empty((count, 3, 3))
     residual, precision = np.zeros((count, 2, 2)), np.ones((count, 2))
-    _filter(count, model, excess, of_fixes, False)
-    _adjoint(count, model, excess, of_fixes, r, n, residual, precision)
+    _filter(model, excess, of_fixes, robust=False)
+    _adjoint(model, excess, of_fixes, r, n, residual, precision)
     slack = np.where(np.isfinite(model.variance), model.slack, 0.0)
     apart2 = np.sum(residual**2, axis=2) / precision**2
     return Series(of_fixes.x, of_fixes.p, r, n), apart2, 1.0 / precision - excess + slack
@@ -178,150 +174,94 @@ def _log_student(apart2: float, variance: float) -> float:
     return -log(variance) - 0.5 * (STUDENT_DOF + 2.0) * log1p(apart2 / variance / STUDENT_DOF)
 
 
-def _store_innovation(
-    of_fixes: _Filtered,
-    k: int,
-    kind: int,
-    gain: Vector,
-    east: float,
-    north: float,
-    variance: float,
-) -> None:
-    """Rows k of a measurement: P h, and the innovation with its variance."""
-    for i in range(3):
-        of_fixes.gain[k, kind, i] = gain[i]
-    of_fixes.innovation[k, kind, 0], of_fixes.innovation[k, kind, 1] = east, north
-    of_fixes.variance[k, kind] = variance
-
-
 def _store(
     vectors: FloatArray, matrices: FloatArray, k: int, x: Vector, y: Vector, m: Symmetric
 ) -> None:
     """Rows k: the vectors of both axes and a symmetric matrix."""
-    for i in range(3):
-        vectors[k, i, 0], vectors[k, i, 1] = x[i], y[i]
+    vectors[k, :, 0], vectors[k, :, 1] = x, y
     m00, m01, m02, m11, m12, m22 = m
-    matrices[k, 0, 0], matrices[k, 0, 1], matrices[k, 0, 2] = m00, m01, m02
-    matrices[k, 1, 0], matrices[k, 1, 1], matrices[k, 1, 2] = m01, m11, m12
-    matrices[k, 2, 0], matrices[k, 2, 1], matrices[k, 2, 2] = m02, m12, m22
+    matrices[k] = (m00, m01, m02), (m01, m11, m12), (m02, m12, m22)
 
 
-def _filter_loop(source: str) -> Callable[..., float]:
-    row, dot, times, plus, plus_square = _row, _dot, _times, _plus, _plus_square
-    reduce, scale = _reduce, _scale
-    predict_state, predict_covariance = _predict_state, _predict_covariance
-    log_student, excess_variance_of = _log_student, excess_variance
-    store_innovation, store = _store_innovation, _store
+def _filter(model: Model, excess: FloatArray, of_fixes: _Filtered, *, robust: bool) -> float:
+    """The filter over all fixes; the log-likelihood of their innovations if `robust`.
 
-    def loop(model: Model, excess: FloatArray, of_fixes: _Filtered, robust: bool) -> float:
-        assert source
-        log_likelihood = 0.0
-        x, y = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        p00, p11, p22 = _START_VARIANCE
-        p = (p00, 0.0, 0.0, p11, 0.0, p22)
-        for k in range(len(model.step_s)):
-            if k > 0:
-                dt, a = float(model.step_s[k]), float(model.a[k])
-                x, y = predict_state(x, dt, a), predict_state(y, dt, a)
-                p = predict_covariance(p, dt, a, float(model.q[k]))
-            for kind in (_POSITION, _VELOCITY):
-                noise = float(model.variance[k, kind])
-                if noise == inf:
-                    continue
-                h = row(kind, float(model.wander_m[k]))
-                gain = times(p, h)
-                east = float(model.z[k, kind, 0]) - dot(h, x)
-                north = float(model.z[k, kind, 1]) - dot(h, y)
-                variance = dot(h, gain) + noise
-                if robust:
-                    added = 0.0
-                    if k > 0:  # the first fix has no prediction
-                        apart2 = east * east + north * north
-                        log_likelihood += log_student(apart2, variance)
-                        expected = variance + float(model.slack[k, kind])
-                        added = float(excess_variance_of(apart2, expected))
-                    excess[k, kind] = added
-                noise += float(excess[k, kind])
-                variance += float(excess[k, kind])
-                share = scale(gain, 1.0 / variance)
-                x, y = plus(x, east, share), plus(y, north, share)
-                p = plus_square(reduce(p, share, h, noise / variance), noise, share)
-                if not robust:
-                    store_innovation(of_fixes, k, kind, gain, east, north, variance)
+    Then it sets `excess` from the innovations. Else it uses `excess` as it is and fills `of_fixes`.
+    """
+    log_likelihood = 0.0
+    x, y = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    p00, p11, p22 = _START_VARIANCE
+    p = (p00, 0.0, 0.0, p11, 0.0, p22)
+    step_s, q, decay, z, wander_m, variances, slack = (values.tolist() for values in model)
+    for k, dt in enumerate(step_s):
+        if k > 0:
+            x, y = _predict_state(x, dt, decay[k]), _predict_state(y, dt, decay[k])
+            p = _predict_covariance(p, dt, decay[k], q[k])
+        for kind in (_POSITION, _VELOCITY):
+            noise = variances[k][kind]
+            if noise == inf:
+                continue
+            h = _row(kind, wander_m[k])
+            gain = _times(p, h)
+            east = z[k][kind][0] - _dot(h, x)
+            north = z[k][kind][1] - _dot(h, y)
+            variance = _dot(h, gain) + noise
+            if robust:
+                added = 0.0
+                if k > 0:  # the first fix has no prediction
+                    apart2 = east * east + north * north
+                    log_likelihood += _log_student(apart2, variance)
+                    expected = variance + slack[k][kind]
+                    added = max(apart2 - 2.0 * expected, 0.0) / (STUDENT_DOF + 2.0)
+                excess[k, kind] = added
+            else:
+                added = float(excess[k, kind])
+            noise += added
+            variance += added
+            share = _scale(gain, 1.0 / variance)
+            x, y = _plus(x, east, share), _plus(y, north, share)
+            p = _plus_square(_reduce(p, share, h, noise / variance), noise, share)
             if not robust:
-                store(of_fixes.x, of_fixes.p, k, x, y, p)
-        return log_likelihood
-
-    return loop
-
-
-def _adjoint_loop(source: str) -> Callable[..., None]:
-    row, dot, times, plus, plus_square = _row, _dot, _times, _plus, _plus_square
-    reduce, scale = _reduce, _scale
-    earlier_vector, earlier_matrix, store = _earlier_vector, _earlier_matrix, _store
-
-    def loop(
-        model: Model,
-        excess: FloatArray,
-        of_fixes: _Filtered,
-        r: FloatArray,
-        n: FloatArray,
-        residual: FloatArray,
-        precision: FloatArray,
-    ) -> None:
-        assert source
-        rx, ry = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        m = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        for k in range(len(model.step_s) - 1, -1, -1):
-            for kind in (_VELOCITY, _POSITION):
-                noise = float(model.variance[k, kind])
-                if noise == inf:
-                    continue
-                noise += float(excess[k, kind])
-                h = row(kind, float(model.wander_m[k]))
-                gains = of_fixes.gain[k, kind]
-                s = float(of_fixes.variance[k, kind])
-                share = scale((float(gains[0]), float(gains[1]), float(gains[2])), 1.0 / s)
-                east = float(of_fixes.innovation[k, kind, 0]) / s - dot(share, rx)
-                north = float(of_fixes.innovation[k, kind, 1]) / s - dot(share, ry)
-                rx, ry = plus(rx, east, h), plus(ry, north, h)
-                residual[k, kind, 0], residual[k, kind, 1] = east, north
-                precision[k, kind] = 1.0 / s + dot(share, times(m, share))
-                m = plus_square(reduce(m, h, share, noise / s), 1.0 / s, h)
-            store(r, n, k, rx, ry, m)
-            dt, a = float(model.step_s[k]), float(model.a[k])
-            rx, ry = earlier_vector(rx, dt, a), earlier_vector(ry, dt, a)
-            m = earlier_matrix(m, dt, a)
-
-    return loop
+                of_fixes.gain[k, kind] = gain
+                of_fixes.innovation[k, kind] = east, north
+                of_fixes.variance[k, kind] = variance
+        if not robust:
+            _store(of_fixes.x, of_fixes.p, k, x, y, p)
+    return log_likelihood
 
 
-_STEPS = (
-    sys.modules[__name__],
-    (
-        "_row",
-        "_dot",
-        "_times",
-        "_scale",
-        "_plus",
-        "_plus_square",
-        "_reduce",
-        "_predict_state",
-        "_predict_covariance",
-        "_earlier_vector",
-        "_earlier_matrix",
-        "_log_student",
-        "excess_variance",
-        "_store_innovation",
-        "_store",
-    ),
-)
-_filter = Loop(_filter_loop, _STEPS)
-"""The filter over all fixes; returns the log-likelihood of their innovations if `robust`.
+def _adjoint(
+    model: Model,
+    excess: FloatArray,
+    of_fixes: _Filtered,
+    r: FloatArray,
+    n: FloatArray,
+    residual: FloatArray,
+    precision: FloatArray,
+) -> None:
+    """Adjoint series `r` and `n` of `Series`; u (n, 2, 2) and D (n, 2) of each measurement.
 
-Then it sets `excess` from the innovations. Else it uses `excess` as it is and fills `of_fixes`. """
-
-_adjoint = Loop(_adjoint_loop, _STEPS)
-"""Adjoint series `r` and `n` of `Series`; u (n, 2, 2) and D (n, 2) of each measurement.
-
-The leave-one-out residual is u / D, of variance 1 / D. """
+    The leave-one-out residual is u / D, of variance 1 / D.
+    """
+    rx, ry = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    m = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    step_s, _, decay, _, wander_m, variances, _ = (values.tolist() for values in model)
+    for k in range(len(step_s) - 1, -1, -1):
+        for kind in (_VELOCITY, _POSITION):
+            noise = variances[k][kind]
+            if noise == inf:
+                continue
+            noise += float(excess[k, kind])
+            h = _row(kind, wander_m[k])
+            s = float(of_fixes.variance[k, kind])
+            share = _scale(tuple(of_fixes.gain[k, kind].tolist()), 1.0 / s)
+            east, north = of_fixes.innovation[k, kind].tolist()
+            east, north = east / s - _dot(share, rx), north / s - _dot(share, ry)
+            rx, ry = _plus(rx, east, h), _plus(ry, north, h)
+            residual[k, kind, 0], residual[k, kind, 1] = east, north
+            precision[k, kind] = 1.0 / s + _dot(share, _times(m, share))
+            m = _plus_square(_reduce(m, h, share, noise / s), 1.0 / s, h)
+        _store(r, n, k, rx, ry, m)
+        dt, a = step_s[k], decay[k]
+        rx, ry = _earlier_vector(rx, dt, a), _earlier_vector(ry, dt, a)
+        m = _earlier_matrix(m, dt, a)

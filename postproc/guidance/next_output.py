@@ -12,7 +12,7 @@ from logger.core.locator.region import highest_density
 from postproc.atomic_write import whole_file
 from postproc.guidance.next_walk import NextWalk, RankedRoute
 from postproc.interop.geometry import DECIMALS
-from postproc.interop.gpx import NAMESPACE
+from postproc.interop.writers.gpx import NAMESPACE
 from postproc.interop.xml_file import add, decimal, write
 from postproc.terminal import print_text, screen, table
 

@@ -10,13 +10,13 @@ import click
 
 from logger.command_line import FILE, INPUT, json_option, number, print_json
 from logger.core.errors import ConfigError, RunFileError
+from postproc.interop.writers import names
 from postproc.options import cells_option, run_argument, stored_or_estimated
 
 if TYPE_CHECKING:
     from postproc.interop.estimates import Estimate
     from postproc.interop.importing import Imported, Reading
 
-_FORMATS = ("kml", "geojson", "gpx", "csv", "wigle", "opencellid-csv", "opencellid-json", "parquet")
 _MOST_PRINTED = 20
 """Bad rows of an imported file: more would push the result off the screen."""
 
@@ -34,7 +34,7 @@ _MOST_PRINTED = 20
 @click.option(
     "--format",
     "format_name",
-    type=click.Choice(_FORMATS),
+    type=click.Choice(names()),
     help="Default: by the suffix; `import` reads .csv back.",
 )
 @cells_option
@@ -62,14 +62,15 @@ def export(
     from postproc.cell_work import exit_code
     from postproc.interop import exporting
     from postproc.interop.estimates import estimates_of
-    from postproc.interop.levels import walk_of_run
+    from postproc.interop.exporting import walk_of_run
     from postproc.scan_counts import observed_cells
 
     name = exporting.format_of(format_name, output)
     has_estimates = estimates or all_estimators
-    if has_estimates and not exporting.FORMATS[name].has_estimates:
+    if has_estimates and not exporting.has_estimates(name):
         option = "--estimates" if estimates else "--all-estimators"
-        raise ConfigError(f"{name} stores measurements only; use {option} with kml, geojson or gpx")
+        able = " or ".join(exporting.formats_with_estimates())
+        raise ConfigError(f"{name} stores measurements only; use {option} with {able}")
     run = read_sound_run(path)
     check_output(output)
     walk = walk_of_run(run, list(observed_cells([run], cells)) if cells else None)
@@ -132,9 +133,8 @@ def import_(
     from postproc.atomic_write import check_writable
     from postproc.interop.decompression import members
     from postproc.interop.importing import Reading, import_walk, summary
-    from postproc.interop.join_track import zone_named
-    from postproc.interop.named_columns import columns_of
-    from postproc.interop.track_file import read_track
+    from postproc.interop.readers.named_columns import columns_of
+    from postproc.interop.track_file import read_track, zone_named
 
     check_writable(output)
     reading = Reading(
@@ -162,8 +162,7 @@ def _import_all(
     source: Path, output: Path, sizes: dict[str, int], reading: "Reading", *, as_json: bool
 ) -> None:
     """Import each file of a zip, and say of each what became of it."""
-    from postproc.interop.importing import summary
-    from postproc.interop.zip_import import import_members
+    from postproc.interop.importing import import_members, summary
 
     runs, left = [], []
     for name, result in import_members(source, output, sizes, reading):

@@ -1,7 +1,8 @@
-"""What a file looks like from outside: its kind, and the names in it."""
+"""What a file looks like from outside, and the formats that are known by it."""
 
 import re
 import sqlite3
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -10,6 +11,8 @@ from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
 from logger.sqlite_file import SQLITE_MAGIC, open_database
 from postproc.interop import csv_table
+from postproc.interop.columns import Columns
+from postproc.interop.sighting import Row, parse_rows
 
 Kind = Literal["tables", "xml", "json", "text"]
 
@@ -50,6 +53,52 @@ class Contents:
         return self.names.issuperset(names)
 
 
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format that can be imported, how it is recognised, and what it calls its times.
+
+    Without a name of times only the order of the rows counts. With `has_scans`, rows that follow
+    each other at one time are one scan. What `is_general` comes after all others. Apps repeat
+    measurements when they export again, but for those that are `unrepeated`.
+    """
+
+    name: str
+    read: Callable[[Path], Iterator[Row]]
+    times: str
+    is_it: Callable[[Contents], bool]
+    has_scans: bool = False
+    is_general: bool = False
+    unrepeated: bool = False
+
+
+def of_columns(
+    name: str,
+    columns: Columns,
+    required: Collection[str | Collection[str]],
+    *,
+    times: str,
+    known_by: Collection[str] = (),
+    has_scans: bool = False,
+) -> Format:
+    """A table of text that is recognised by the columns `known_by`, by default those `required`.
+
+    Of a collection of names in `required` one is enough.
+    """
+
+    def read(source: Path) -> Iterator[Row]:
+        yield from parse_rows(csv_table.rows(source, required=required), columns.sighting)
+
+    marks = known_by or [one for one in required if isinstance(one, str)]
+    return Format(
+        name, read, times, lambda seen: seen.kind == "text" and seen.has(*marks), has_scans
+    )
+
+
+def of_json(*keys: str) -> Callable[[Contents], bool]:
+    """Whether a file is JSON with these keys."""
+    return lambda seen: seen.kind == "json" and seen.has(*keys)
+
+
 def look_at(source: Path) -> Contents:
     """What is in a file; raises `RunFileError` for one that holds no log whatever is in it."""
     try:
@@ -74,11 +123,21 @@ def look_at(source: Path) -> Contents:
     return _text(source)
 
 
-def unknown_format(source: Path, words: str) -> RunFileError:
-    """The error for a file that no format fits."""
+_HOW: dict[Kind | None, str] = {
+    "tables": "a table of it (sqlite3 -csv -header FILE 'SELECT * FROM TABLE' > table.csv)",
+    "json": "its values as a table (CSV with a line of column names)",
+    "xml": "its values as a table (CSV with a line of column names)",
+    "text": "any table",
+    None: "any table",
+}
+
+
+def unknown_format(source: Path, words: str, kind: Kind | None = None) -> RunFileError:
+    """The error for a file that no format fits, with what makes it one that can be read."""
     return RunFileError(
         f"{source}: unknown format; I read {words}. docs/guide/formats.md lists the known ones; "
-        "any table with positions and levels can be read with --columns lat=...,lon=...,level=..."
+        f"{_HOW[kind]} with positions and levels can be read with --columns "
+        "lat=...,lon=...,level=..."
     )
 
 

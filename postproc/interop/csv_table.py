@@ -1,6 +1,7 @@
 """CSV with a header line, row by row."""
 
 import csv
+import re
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -120,3 +121,33 @@ def _check(source: Path, names: list[str], required: Iterable[str | Collection[s
     missing = [" or ".join(sorted(some)) for some in options if not some & set(names)]
     if missing:
         raise RunFileError(f"{source}: the header line has no column {', '.join(missing)}")
+
+
+_FORMULA = re.compile("'*[=+\\-@\t\r\n]")
+"""What a spreadsheet would run: `=cmd|...` in the name of a cell (OWASP, CSV Injection).
+
+It is marked as text by an apostrophe, which spreadsheets do not show. Numbers stay as they are: a
+minus before a level is no formula.
+"""
+_TO_QUOTE = re.compile('[,"\r\n]')
+_MARKED = re.compile("'+[=+\\-@\t\r\n]")
+
+
+def escape(text: str) -> str:
+    """Text for a cell, with a mark where it looks like a formula or like marked text."""
+    return f"'{text}" if _FORMULA.match(text) else text
+
+
+def unescape(text: str) -> str:
+    """The text that was marked."""
+    return text[1:] if _MARKED.match(text) else text
+
+
+def line(values: Iterable[str]) -> str:
+    """A line of CSV (RFC 4180); the csv module leaves a lone CR unquoted and reads two lines."""
+    return ",".join(_in_quotes(value) for value in values) + "\n"
+
+
+def _in_quotes(value: str) -> str:
+    doubled = value.replace('"', '""')
+    return f'"{doubled}"' if _TO_QUOTE.search(value) else value

@@ -3,25 +3,173 @@
 The file does not identify the walker or the hardware: no configuration, names or notes.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+from logger.core.arrays import IntArray
+from logger.core.censoring import levels_dbm
 from logger.core.errors import ConfigError, RunFileError
+from logger.core.geo import Utm
+from logger.core.observations import Observations, observe
+from logger.core.provenance import is_import
+from logger.core.rows import values_of
+from logger.core.runfile import Run
+from logger.core.timebase import fit_run
+from logger.core.track import MAX_GAP_S, SIGMA_OF_RADIUS68
+from logger.core.types import Broadcast, CellReading, Fix
 from postproc.atomic_write import whole_file
-from postproc.interop import geojson, gpx, kml, opencellid, walk_csv, wigle
+from postproc.interop import writers
 from postproc.interop.estimates import Estimate
-from postproc.interop.levels import ExportWalk
 from postproc.interop.sighting import Sighting
+
+_DEGREE_DECIMALS = 8
+"""A millimetre."""
+
+_CELL = [f.name for f in fields(CellReading) if f.name not in {"broadcast", "label", "more"}]
+
+Clock = Callable[[int], int | None]
+Stretch = tuple[tuple[int, Fix], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
-    """A format: its writer, whether it has estimates, and which levels it can represent."""
+class ExportWalk:
+    """Levels in time order, and the track, divided where the receiver was silent for long.
 
-    write: Callable[[ExportWalk, Sequence[Estimate], Path], None]
-    has_estimates: bool = False
-    writable: Callable[[Sighting], bool] | None = None
+    `n_without_..` count readings that are left out. `start_ns` is the time of the first level,
+    from which seconds are counted; `has_utc` is true where times in UTC are known.
+    """
+
+    sightings: tuple[Sighting, ...]
+    track: tuple[Stretch, ...]
+    utm: Utm
+    start_ns: int
+    has_utc: bool
+    n_without_identity: int
+    n_without_position: int
+
+
+def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
+    """Levels of all cells of a run, or of those named; raises `EstimationError` without a fix."""
+    readings = run.tables["readings"]
+    observed = observe(run.tables["fixes"], run.tables["scans"], readings)
+    clock = _clock(run)
+    track = _track(run, clock)
+    wanted = (readings["cell"] != b"") & np.isfinite(levels_dbm(readings))
+    if only is not None:
+        wanted &= np.isin(readings["cell"], [name.encode() for name in only])
+    sightings = _sightings(
+        run, observed, wanted, [entry for stretch in track for entry in stretch], clock
+    )
+    return ExportWalk(
+        sightings=tuple(sightings),
+        track=track,
+        utm=observed.track.utm,
+        start_ns=sightings[0].t_ns if sightings else track[0][0][0],
+        has_utc=track[0][0][1].utc_ns is not None,
+        n_without_identity=int(np.count_nonzero(readings["cell"] == b"")) if only is None else 0,
+        n_without_position=int(np.count_nonzero(wanted)) - len(sightings),
+    )
+
+
+def _clock(run: Run) -> Clock:
+    """UTC to the microsecond by time since boot, None where unknown; an import has it per fix."""
+    timebase = fit_run(run.meta.origin, run.tables["fixes"])
+    if timebase is not None:
+        return lambda t_ns: timebase.utc_ns(t_ns) // 1000 * 1000
+    if is_import(run.meta.origin):
+        utc_ns = {
+            record.t_ns: record.value.utc_ns
+            for _, record in run.records("fixes")
+            if isinstance(record.value, Fix)
+        }
+        return utc_ns.get
+    return lambda _: None
+
+
+def _track(run: Run, clock: Clock) -> tuple[Stretch, ...]:
+    stretches: list[list[tuple[int, Fix]]] = []
+    last_ns: int | None = None
+    fixes = [
+        (r.t_ns, r.value)
+        for _, r in run.records("fixes")
+        if isinstance(r.value, Fix) and _has_position(r.value)
+    ]
+    for t_ns, fix in sorted(fixes, key=lambda entry: entry[0]):
+        if last_ns is None or t_ns - last_ns > MAX_GAP_S * 1e9:
+            stretches.append([])
+        stretches[-1].append((t_ns, replace(fix, utc_ns=clock(t_ns))))
+        last_ns = t_ns
+    return tuple(map(tuple, stretches))
+
+
+def _has_position(fix: Fix) -> bool:
+    return fix.valid and fix.lat_deg is not None and fix.lon_deg is not None
+
+
+def _sightings(
+    run: Run, observed: Observations, wanted: npt.NDArray[np.bool_],
+    track: Sequence[tuple[int, Fix]], clock: Clock,
+) -> list[Sighting]:  # fmt: skip
+    """Readings that have a position; those of one scan have the same."""
+    seq = _all(observed, "scan_seq")
+    scans, first = np.unique(seq, return_index=True)
+    t_ns = _all(observed, "t_ns")[first]
+    x_m, y_m, sigma_m = (_all(observed, name)[first] for name in ("x_m", "y_m", "position_sigma_m"))
+    lat_deg, lon_deg = (
+        np.round(v, _DEGREE_DECIMALS) for v in observed.track.utm.to_latlon_arrays(x_m, y_m)
+    )
+    near = _nearest(np.array([t for t, _ in track]), t_ns)
+    fixes: dict[int, tuple[int, Fix]] = {}
+    for i, scan in enumerate(scans.tolist()):
+        nearest, at_ns = track[near[i]][1], int(t_ns[i])
+        accurate = nearest.acc_m is not None or nearest.hdop is not None
+        fixes[scan] = (
+            at_ns,
+            Fix(
+                valid=True,
+                utc_ns=clock(at_ns),
+                lat_deg=float(lat_deg[i]),
+                lon_deg=float(lon_deg[i]),
+                alt_m=nearest.alt_m,
+                acc_m=round(float(sigma_m[i]) / SIGMA_OF_RADIUS68, 3) if accurate else None,
+                speed_mps=nearest.speed_mps,
+                course_deg=nearest.course_deg,
+            ),
+        )
+    rows = run.tables["readings"]
+    chosen = wanted & np.isin(rows["seq"], scans)
+    in_scan = (np.arange(len(rows)) - np.searchsorted(rows["seq"], rows["seq"]))[chosen].tolist()
+    broadcasts = run.broadcasts()
+    sightings = [
+        Sighting(row["seq"], *fixes[row["seq"]], _reading(row, broadcasts.get((row["seq"], i))))
+        for row, i in zip(values_of("readings", rows[chosen]), in_scan, strict=True)
+    ]
+    return sorted(sightings, key=lambda sighting: sighting.t_ns)
+
+
+def _reading(row: Mapping[str, Any], broadcast: Broadcast | None) -> CellReading:
+    reading = CellReading(**{name: row[name] for name in _CELL}, broadcast=broadcast)
+    return reading if reading.cell == row["cell"] else replace(reading, label=row["cell"])
+
+
+def _all(observed: Observations, name: str) -> npt.NDArray[Any]:
+    arrays = [getattr(cell, name) for cell in observed.cells]
+    return np.concatenate(arrays) if arrays else np.empty(0, np.int64)
+
+
+def _nearest(fix_ns: IntArray, t_ns: IntArray) -> IntArray:
+    after = np.clip(np.searchsorted(fix_ns, t_ns), 1, max(len(fix_ns) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(fix_ns) - 1)
+    return np.where(t_ns - fix_ns[before] <= fix_ns[after] - t_ns, before, after)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,31 +185,23 @@ class Exported:
     left_out: tuple[str, ...]
 
 
-def _parquet(walk: ExportWalk, _: Sequence[Estimate], target: Path) -> None:
-    from postproc.interop import parquet  # noqa: PLC0415 (pyarrow comes with rerun, or is missing)
+def writer(name: str) -> ModuleType:
+    """The module of a format."""
+    return import_module(f"{writers.__name__}.{name.replace('-', '_')}")
 
-    parquet.write(walk.sightings, target, walk.start_ns)
+
+def has_estimates(name: str) -> bool:
+    """Whether a format has a place for positions of cells."""
+    return bool(getattr(writer(name), "HAS_ESTIMATES", False))
 
 
-FORMATS = {
-    "kml": Format(kml.write, has_estimates=True),
-    "geojson": Format(geojson.write, has_estimates=True),
-    "gpx": Format(gpx.write, has_estimates=True),
-    "csv": Format(lambda walk, _, target: walk_csv.write(walk.sightings, target, walk.start_ns)),
-    "wigle": Format(
-        lambda walk, _, target: wigle.write(walk.sightings, target), writable=wigle.writable
-    ),
-    "opencellid-csv": Format(
-        lambda walk, _, target: opencellid.write_csv(walk.sightings, target),
-        writable=opencellid.writable,
-    ),
-    "opencellid-json": Format(
-        lambda walk, _, target: opencellid.write_json(walk.sightings, target),
-        writable=opencellid.writable,
-    ),
-    "parquet": Format(_parquet),
-}
-_BY_SUFFIX = {f".{name}": name for name in ("kml", "geojson", "gpx", "csv", "parquet")}
+def formats_with_estimates() -> list[str]:
+    found = []
+    for name in writers.names():
+        with suppress(ModuleNotFoundError):  # parquet: pyarrow comes with rerun, or is missing
+            if has_estimates(name):
+                found.append(name)
+    return found
 
 
 def format_of(name: str | None, target: Path, *, with_estimates: bool = False) -> str:
@@ -69,19 +209,18 @@ def format_of(name: str | None, target: Path, *, with_estimates: bool = False) -
 
     Raises `ConfigError` for an unknown one, and for one without estimates if those are wanted.
     """
+    known = writers.names()
     if name is None:
-        name = _BY_SUFFIX.get(target.suffix.lower())
-    if name is None:
-        suffixes = ", ".join(_BY_SUFFIX)
-        raise ConfigError(
-            f"{target}: name a format with --format ({', '.join(FORMATS)}), or end in {suffixes}"
-        )
-    if name not in FORMATS:
-        raise ConfigError(f"format {name!r} is unknown: one of {', '.join(FORMATS)}")
-    if with_estimates and not FORMATS[name].has_estimates:
-        raise ConfigError(
-            f"{name} contains measurements only; kml, geojson and gpx can contain estimates"
-        )
+        name = target.suffix[1:].lower()
+        if name not in known:
+            raise ConfigError(
+                f"{target}: name a format with --format ({', '.join(known)}), or end in one of them"
+            )
+    if name not in known:
+        raise ConfigError(f"format {name!r} is unknown: one of {', '.join(known)}")
+    if with_estimates and not has_estimates(name):
+        able = ", ".join(formats_with_estimates())
+        raise ConfigError(f"{name} contains measurements only; {able} can contain estimates")
     return name
 
 
@@ -92,14 +231,15 @@ def write_export(
 
     Raises `RunFileError` where the format can represent none of the levels.
     """
-    form = FORMATS[name]
-    sightings = [s for s in walk.sightings if form.writable is None or form.writable(s)]
-    if form.writable is not None and not sightings:
+    form = writer(name)
+    writable = getattr(form, "writable", None)
+    sightings = [s for s in walk.sightings if writable is None or writable(s)]
+    if writable is not None and not sightings:
         why = "" if walk.has_utc else ": the format needs UTC, and the receiver never reported it"
         raise RunFileError(f"nothing in the run can be written as {name}{why}")
-    writable = ExportWalk(tuple(sightings), walk.track, walk.utm, walk.start_ns, walk.has_utc, 0, 0)
+    written = replace(walk, sightings=tuple(sightings), n_without_identity=0, n_without_position=0)
     with whole_file(target) as part:
-        form.write(writable, estimates, part)
+        form.write(written, estimates, part)
     left_out = (
         *_left_out(walk, len(sightings)),
         *(why for estimate in estimates for why in estimate.left_out),
@@ -109,7 +249,7 @@ def write_export(
         name,
         len(sightings),
         sum(map(len, walk.track)),
-        len(estimates) if form.has_estimates else 0,
+        len(estimates) if has_estimates(name) else 0,
         walk.has_utc,
         left_out,
     )

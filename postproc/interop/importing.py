@@ -1,27 +1,33 @@
 """A walk recorded by another program, made into a run."""
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from itertools import chain, groupby
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from zoneinfo import ZoneInfo
 
-from logger.core.errors import GeoError, RunFileError
+from logger.core.errors import FieldLoggerError, GeoError, RunFileError
 from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
 from logger.core.reportable import range_dbm, reportable
 from logger.core.types import Fix, Note, Record, Scan
 from logger.core.utc import utc_text
 from postproc.estimators import track_plausibility
-from postproc.foreign_file import MOST_BAD_ROWS, MOST_READINGS, MOST_REMARKS, with_limit
+from postproc.foreign_file import (
+    MOST_BAD_ROWS,
+    MOST_READINGS,
+    MOST_REMARKS,
+    most_unpacked_bytes,
+    with_limit,
+)
+from postproc.interop.contents import Format
 from postproc.interop.decompression import plain_file
-from postproc.interop.formats import WALK_CSV, Format, recognise
-from postproc.interop.join_track import in_zone, on_track, with_position
+from postproc.interop.formats import recognise
 from postproc.interop.run_builder import Append, meta_of, spare, write_run
-from postproc.interop.sighting import BadRow, NoCell, Remark, Row, Sighting
-from postproc.interop.sighting_file import SightingFile
-from postproc.interop.track_file import GpsTrack
+from postproc.interop.sighting import BadRow, NoCell, Remark, Row, Sighting, SightingFile
+from postproc.interop.track_file import GpsTrack, in_zone, on_track, with_position
 from postproc.progress import with_progress
 
 _ROW_NS = 10**9
@@ -129,8 +135,7 @@ def _write(
     if not left.n_levels and not (left.remarks and reading.track):
         raise RunFileError(f"{name} has no usable row{left.reason}")
     n_read = len(sightings)
-    if form is not WALK_CSV:
-        # apps repeat measurements when they export again
+    if not form.unrepeated:
         sightings.leave_out_repeated()
     has_times = reading.times and bool(form.times)
     was_sorted = has_times and sightings.sort_by_time()
@@ -364,3 +369,39 @@ def summary(imported: Imported) -> dict[str, object]:
         "n_bad_rows": imported.n_bad,
         "bad_rows": [{"line": bad.line, "why": bad.why} for bad in imported.bad_rows],
     }
+
+
+_LONGEST = 60
+"""Characters of a name: a file system accepts 255 bytes."""
+_UNUSUAL = re.compile(r"[^\w.-]+")
+
+
+def import_members(
+    source: Path, target: Path, sizes: Mapping[str, int], reading: Reading
+) -> Iterator[tuple[str, Imported | str]]:
+    """Import each file of a zip; yield its name with the result, or with why it is left out.
+
+    The runs are called as `target` with the name of the file: `walk.h5` becomes `walk-monday.h5`.
+    Raises `RunFileError` if the files are too large together: they may share their bytes.
+    """
+    most = most_unpacked_bytes(source.stat().st_size)
+    if sum(sizes.values()) > most:
+        raise RunFileError(f"{source} unpacks to more than {most >> 20} MB: unpack it yourself")
+    for name, path in zip(sizes, _targets(target, list(sizes)), strict=True):
+        try:
+            yield name, import_walk(source, path, reading=reading, member=name)
+        except FieldLoggerError as error:
+            yield name, str(error)
+
+
+def _targets(target: Path, names: list[str]) -> Iterator[Path]:
+    """A path beside `target` for each file; a name that comes again gets a number."""
+    taken: set[str] = set()
+    for name in names:
+        stem = _UNUSUAL.sub("-", PurePosixPath(name).stem).strip(".-")[:_LONGEST] or "log"
+        free, number = stem, 1
+        while free.lower() in taken:
+            number += 1
+            free = f"{stem}-{number}"
+        taken.add(free.lower())
+        yield target.with_name(f"{target.stem}-{free}{target.suffix}")

@@ -1,11 +1,22 @@
 """A row of any third-party format: one cell received at one position."""
 
+import marshal
+from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from dataclasses import fields as fields_of
+from operator import attrgetter
+from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TypeVar
 
+import numpy as np
+
+from logger.core.arrays import BoolArray, IntArray
 from logger.core.errors import GeoError
-from logger.core.types import CellReading, Fix
+from logger.core.geo import Utm
+from logger.core.track import Track, fix_sigma_m
+from logger.core.types import Broadcast, CellReading, Fix
 
 Fields = TypeVar("Fields")
 
@@ -85,3 +96,106 @@ def _number_of(value: float | None) -> float:
     if value is None:
         raise TypeError("a sighting has a position and a level")
     return value
+
+
+_READING = [f.name for f in fields_of(CellReading) if f.name not in {"broadcast", "more"}]
+_VALUES_OF = {
+    kind: attrgetter(*names)
+    for kind, names in (
+        (Fix, [f.name for f in fields_of(Fix)]),
+        (Broadcast, [f.name for f in fields_of(Broadcast)]),
+        (CellReading, _READING),
+    )
+}
+
+
+class SightingFile:
+    """Sightings in their order, first that in which they came; in memory are 56 bytes of each.
+
+    The file has no name and goes with the object. Raises OSError where it cannot be written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._file = TemporaryFile(dir=folder)  # noqa: SIM115 (closed with this object)
+        self._at = array("q", [0])
+        self._t_ns, self._hashes = array("q"), array("q")
+        self._place = array("d")
+        self._order: IntArray | None = None
+
+    def close(self) -> None:
+        """Remove the file."""
+        self._file.close()
+
+    def append(self, one: Sighting) -> None:
+        """Add a sighting behind the others, before anything is asked."""
+        fix, reading = one.fix, one.reading
+        broadcast = _VALUES_OF[Broadcast](reading.broadcast) if reading.broadcast else None
+        known = _VALUES_OF[Fix](fix), _VALUES_OF[CellReading](reading), broadcast
+        data = marshal.dumps((one.line, one.t_ns, *known))
+        self._file.write(data)
+        self._at.append(self._at[-1] + len(data))
+        self._t_ns.append(one.t_ns)
+        self._hashes.append(hash((one.t_ns, fix, reading)))
+        sigma_m = fix_sigma_m(fix.acc_m, fix.hdop, fix.quality)
+        self._place.extend((one.lat_deg, one.lon_deg, sigma_m))
+
+    def __len__(self) -> int:
+        return len(self._t_ns if self._order is None else self._order)
+
+    def __iter__(self) -> Iterator[Sighting]:
+        self._file.flush()
+        for i in self._order_of_rows().tolist():
+            yield self._read(i)
+
+    def leave_out_repeated(self) -> None:
+        """Keep one of equal sightings, the last."""
+        order = self._order_of_rows()
+        hashes = np.frombuffer(self._hashes, np.int64)[order]
+        by_hash = np.argsort(hashes, kind="stable")
+        same = np.flatnonzero(np.diff(hashes[by_hash]) == 0)
+        keep: BoolArray = np.ones(len(order), np.bool_)
+        self._file.flush()
+        for i in same.tolist():
+            one, next_ = (int(order[by_hash[k]]) for k in (i, i + 1))
+            if self._key(one) == self._key(next_):  # hashes may be equal by chance
+                keep[by_hash[i]] = False
+        self._order = order[keep]
+
+    def sort_by_time(self) -> bool:
+        """Sort them, those of one time as they came; whether they were out of order."""
+        order = self._order_of_rows()
+        t_ns = np.frombuffer(self._t_ns, np.int64)[order]
+        if np.all(np.diff(t_ns) >= 0):
+            return False
+        self._order = order[np.argsort(t_ns, kind="stable")]
+        return True
+
+    def track(self) -> Track:
+        """Their positions, each once at a time; raises `GeoError` outside of UTM."""
+        order = self._order_of_rows()
+        t_ns = np.frombuffer(self._t_ns, np.int64)[order]
+        place = np.frombuffer(self._place).reshape(-1, 3)[order]
+        _, first = np.unique(np.column_stack([t_ns, place]), axis=0, return_index=True)
+        first.sort()
+        lat_deg, lon_deg, sigma_m = place[first].T
+        utm = Utm.at(float(lat_deg[0]), float(lon_deg[0]))
+        x_m, y_m = utm.to_xy_arrays(lat_deg, lon_deg)
+        return Track(utm, t_ns[first], np.arange(len(first)), x_m, y_m, sigma_m)
+
+    def _order_of_rows(self) -> IntArray:
+        if self._order is None:
+            self._order = np.arange(len(self._t_ns))
+        return self._order
+
+    def _key(self, i: int) -> tuple[object, ...]:
+        one = self._read(i)
+        return one.t_ns, one.fix, one.reading
+
+    def _read(self, i: int) -> Sighting:
+        self._file.seek(self._at[i])
+        data = self._file.read(self._at[i + 1] - self._at[i])
+        line, t_ns, fix, reading, broadcast = marshal.loads(data)  # noqa: S302 (written above)
+        more = dict(zip(_READING, reading, strict=True))
+        if broadcast is not None:
+            more["broadcast"] = Broadcast(*broadcast)
+        return Sighting(line, t_ns, Fix(*fix), CellReading(**more))

@@ -8,7 +8,7 @@ from pathlib import Path
 import matplotlib as mpl
 
 from postproc.atomic_write import whole_file
-from postproc.basemap.street_names import street_near
+from postproc.basemap.pmtiles_file import street_at
 from postproc.cell_work import Attempts, Failure, attempt, exit_code
 from postproc.pictures.picture import picture_of
 from postproc.pictures.plots import save_figure
@@ -85,7 +85,7 @@ def make_report(
     """
     cells = select_cells(result.cells, most, first)
     survey = survey_of(result)
-    streets = partial(street_near, basemap) if basemap else no_street
+    streets = partial(street_at, basemap) if basemap else no_street
     detailed = (_detail(n, survey, cell, verified, streets) for n, cell in enumerate(cells, 1))
     names = [cell.cell for cell in cells]
     tries = Attempts("its place on the map")

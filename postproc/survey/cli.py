@@ -11,8 +11,8 @@ import click
 from logger.command_line import FILE, PATH, json_option
 from postproc.options import cells_option, prior_options, within_option
 from postproc.survey.answers.cli import baseline, diff, map_command, next_command
-from postproc.survey.libraries import check_libraries
 from postproc.survey.options import (
+    check_libraries,
     folder_argument,
     open_survey,
     workers_options,
@@ -53,8 +53,7 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
     from postproc.json_text import as_json as json_text
     from postproc.progress import with_progress
     from postproc.survey.dataset import Survey
-    from postproc.survey.intake import add_files
-    from postproc.survey.sources import files_of
+    from postproc.survey.intake import add_files, files_of
 
     files = files_of(paths)
     if not files:
@@ -122,9 +121,9 @@ def locate(
     from postproc.cell_work import exit_code
     from postproc.json_text import as_json as json_text
     from postproc.result import Options
-    from postproc.survey.dates import day_utc_ns
     from postproc.survey.layers import write_layers
     from postproc.survey.location import locate_survey
+    from postproc.survey.options import day_utc_ns
     from postproc.survey.scheduling import Cluster
     from postproc.survey.tables import document_of, print_location
     from postproc.survey.tasks import RunChoice

@@ -1,16 +1,16 @@
 """What has been computed of each cell of a survey, each once for the same runs."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import msgspec
 
+from logger.core.errors import RunFileError
 from postproc.result import Options
 from postproc.results import program_digest
 from postproc.survey.dataset import Survey
-from postproc.survey.kept_lines import append_lines, whole_lines
 from postproc.survey.tasks import RunChoice, runs_of
 
 Value = TypeVar("Value")
@@ -52,3 +52,29 @@ def keys_of(survey: Survey, choice: RunChoice, options: Options) -> dict[str, st
         cell: sha256(about + cell.encode() + "".join(sorted(runs)).encode()).hexdigest()
         for cell, runs in digests.items()
     }
+
+
+Line = TypeVar("Line", bound=msgspec.Struct)
+
+
+def append_lines(path: Path, lines: Sequence[msgspec.Struct]) -> None:
+    """Add lines; raises `RunFileError` where they cannot be written."""
+    text = b"".join(msgspec.json.encode(line) + b"\n" for line in lines)
+    try:
+        with path.open("ab") as file:
+            # a torn line must not swallow the next one
+            file.write(b"\n" + text if file.tell() else text)
+    except OSError as error:
+        raise RunFileError(
+            f"cannot write {path}: {error.strerror}; what was computed before is kept"
+        ) from error
+
+
+def whole_lines(path: Path, kind: type[Line]) -> Iterator[Line]:
+    """The lines that are whole; none where there is no file."""
+    decoder = msgspec.json.Decoder(kind)
+    for text in path.read_bytes().splitlines() if path.exists() else []:
+        try:
+            yield decoder.decode(text)
+        except msgspec.MsgspecError:
+            continue

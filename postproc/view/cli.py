@@ -78,9 +78,8 @@ def view(paths: Sequence[Path], **options: Any) -> int:
     from logger.core.runfile import read_sound_run
     from postproc.basemap.reading import read_basemap
     from postproc.cell_work import exit_code
-    from postproc.view.recording import is_recording
     from postproc.view.scene import write_scene
-    from postproc.view.viewer import show
+    from postproc.view.viewer import is_recording, show
 
     only_one({"--save": options["save"], "--web": options["web"]})
     chosen = _Options(**options)
@@ -112,8 +111,7 @@ def view(paths: Sequence[Path], **options: Any) -> int:
 
 def _show_recording(options: _Options, paths: Sequence[Path]) -> int:
     """Show what `--save` has written: bare `rerun` serves everybody and counts its users."""
-    from postproc.view.recording import copy_recording
-    from postproc.view.viewer import show
+    from postproc.view.viewer import copy_recording, show
 
     for name in ("save", "claim", "claims", "cell", "basemap"):
         if getattr(options, name):
@@ -153,7 +151,7 @@ def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
     from postproc.cell_work import Attempts
     from postproc.progress import with_progress
     from postproc.result import Options
-    from postproc.suspicion.ordering import conspicuous_first
+    from postproc.suspicion.run_assessment import conspicuous_first
     from postproc.view.end_to_end import end_to_end
     from postproc.view.timeline import MOST_STEPS, answer_steps
     from postproc.view.view_model import CellDetail, select_cells, view_model

@@ -1,4 +1,4 @@
-"""The ground of the plan: grid, scale bar, north arrow, and the keys of colours."""
+"""The ground of the plan: map, grid, scale bar, north arrow, and the keys of colours."""
 
 from itertools import pairwise
 from math import ceil, floor
@@ -6,11 +6,12 @@ from math import ceil, floor
 import numpy as np
 import rerun as rr
 
+from postproc.basemap.reading import Basemap
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.estimates import legend_of
 from postproc.pictures.geometry import Box, round_step
-from postproc.view.rerun_writer import on_screen
+from postproc.view.rerun_writer import RerunWriter, on_screen
 from postproc.view.surface import Style, Surface
 from postproc.view.view_model import CellView, ViewModel
 
@@ -113,3 +114,23 @@ def _draw_grid(plan: Surface, box: Box) -> None:
 def _multiples(low: float, high: float, step: float) -> range:
     """Multiples of a step between two values."""
     return range(ceil(low / step), floor(high / step) + 1)
+
+
+_ORDER = -25.0
+"""Below the density and everything else."""
+_OPACITY = 0.3
+"""Dark enough for what glows on it."""
+
+
+def draw_basemap(writer: RerunWriter, basemap: Basemap) -> None:
+    """Below everything else on the plan."""
+    rows, columns = basemap.pixels.shape[:2]
+    box = basemap.box
+    picture = rr.EncodedImage(
+        contents=basemap.jpeg(PAPER), media_type="image/jpeg", opacity=_OPACITY, draw_order=_ORDER
+    )
+    corner = rr.Transform3D(
+        translation=(box.west, box.north, 0.0),
+        scale=(box.width / columns, -box.height / rows, 1.0),
+    )
+    writer.log_static("plan/ground/basemap", picture, corner)

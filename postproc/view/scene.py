@@ -10,12 +10,11 @@ from postproc.atomic_write import whole_file
 from postproc.basemap.reading import Basemap
 from postproc.cell_work import Attempts, Failure, attempt, attempt_alone
 from postproc.result import CellResult
-from postproc.view.basemap import draw_basemap
 from postproc.view.blueprint import layout
+from postproc.view.ground import draw_basemap
 from postproc.view.plan import draw_plan
 from postproc.view.rerun_writer import RerunWriter, entity
-from postproc.view.series import draw_series
-from postproc.view.states import draw_states
+from postproc.view.series import draw_series, draw_states
 from postproc.view.summary_text import cell_report, empty_report
 from postproc.view.view_model import CellView, ViewModel
 from postproc.view.world_map import draw_map

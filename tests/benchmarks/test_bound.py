@@ -4,7 +4,7 @@ import pytest
 from benchmarks.scoreboard import bound
 from benchmarks.scoreboard.walks import SHAPES
 from benchmarks.scoreboard.world import Noise, Walk
-from postproc.reproductions.validate.bound import median_error_m
+from postproc.reproductions.specification_walks import median_error_m
 
 STATE = np.array([140.0, 80.0, -30.0, 3.0])
 PRECISION = np.array([30.0**-2, 0.9**-2])

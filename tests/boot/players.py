@@ -6,8 +6,8 @@ from contextlib import contextmanager
 import pytest
 
 from logger.device.clock import SystemClock
-from logger.sim.clock import WalkTime
 from logger.sim.scenario import Scenario
+from logger.sim.walk import WalkTime
 
 players = pytest.importorskip("players", reason="the boot rig is not beside this repository")
 

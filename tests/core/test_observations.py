@@ -8,7 +8,7 @@ from logger.core.observations import observe
 from logger.core.runfile import read_run
 from logger.core.track import DEAD_RECKONING_SIGMA_M, UNKNOWN_SIGMA_M, fix_sigma_m
 from logger.core.types import CellReading, Fix, Record, Scan
-from logger.drivers.simcom.sim800 import Sim800
+from logger.drivers.sim800 import Sim800
 from tests.kit import runs
 
 S = 10**9

@@ -4,7 +4,7 @@ import pytest
 from logger.core import shadow_ekf
 from logger.core.shadow_ekf import ShadowNoise
 from logger.core.spatial_thinning import Visit, VisitLog, is_informative
-from logger.sim.shadowing import Shadowing
+from logger.sim.world import Shadowing
 
 SHADOWED, WHITE = ShadowNoise(6.0, 15.0, 2.0, 0.0), ShadowNoise(0.1, 15.0, 3.0, 0.0)
 

@@ -8,9 +8,9 @@ from logger.core.types import Note
 from logger.device.clock import ScaledClock
 from logger.device.service import Service
 from logger.device.startup import begin_run
-from logger.sim.clock import WalkTime
 from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
+from logger.sim.walk import WalkTime
 from postproc.cli import main
 from tests.kit.recorded_runs import record_until
 
@@ -32,7 +32,7 @@ def _follows_rogue(recorded):
 def test_the_rogue_of_a_city_is_named_and_followed(tmp_path, capsys):
     walk, clock = scenario("city-rogue", 1), ScaledClock(SPEED)
     time = WalkTime(clock)
-    devices = answering(walk.modem(time.now_s, "sim800")), talking(walk.receiver(), time)
+    devices = answering(walk.modem(time.now_s)), talking(walk.receiver(), time)
     with PtyDevice(devices[0]) as modem, PtyDevice(devices[1]) as gnss:
         text = (
             f'[run]\ndirectory = "{tmp_path}"\n[modem]\nport = "{modem.path}"\n'

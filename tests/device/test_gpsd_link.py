@@ -14,9 +14,9 @@ from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from logger.device.gnss_link import gnss_session
 from logger.device.gpsd_link import gpsd_session, receiver_session
-from logger.sim.player import NmeaPlayer
 from logger.sim.ptys import PtyDevice
 from tests.kit import service
+from tests.kit.recorded_replies import NmeaPlayer
 
 LOG = Path(__file__).parents[1] / "drivers/data/gpsd_unicore_um621_cut.nmea"
 GPSD = shutil.which(

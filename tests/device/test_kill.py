@@ -11,11 +11,11 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from logger.device.recorder import TICK_S
-from logger.sim.player import NmeaPlayer, TranscriptModem
 from logger.sim.ptys import PtyDevice, answering
 from postproc.cli import main as postproc
 from tests.kit import service
 from tests.kit.killed_recorders import kill_recorders
+from tests.kit.recorded_replies import NmeaPlayer, TranscriptModem
 
 KILLS = int(os.environ.get("CELLWALK_KILLS", "4"))
 

@@ -21,7 +21,7 @@ from logger.device.link import Inbox, Link
 from logger.device.modem_link import modem_session
 from logger.device.saved_modes import SavedModes
 from logger.drivers.protocols.dialogue import Command
-from logger.drivers.simcom.sim800 import Sim800
+from logger.drivers.sim800 import Sim800
 from tests.kit import service
 
 ROWS = [

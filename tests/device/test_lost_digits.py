@@ -8,9 +8,10 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.device.clock import ScaledClock
-from logger.sim.clock import WalkTime
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
+from logger.sim.walk import WalkTime
+from tests.kit.dialects import DIALECTS
 from tests.kit.recorded_runs import RecordedRun, make_service, record_until
 
 BLOCK = scenario("clear")
@@ -67,7 +68,7 @@ def who(reading):
 @pytest.mark.parametrize("name", NUMBERS)
 def test_a_digit_lost_again_and_again_makes_no_cell_that_is_sure(tmp_path, name):
     clock = ScaledClock(SPEED)
-    modem = Leaky(BLOCK.modem(WalkTime(clock).now_s, name), NUMBERS[name])
+    modem = Leaky(BLOCK.modem(WalkTime(clock).now_s, DIALECTS[name]), NUMBERS[name])
     with PtyDevice(answering(modem)) as port:
         under_way = make_service(tmp_path, clock, port.path, 0.0, 0.05 * SPEED)
         under_way.start()

@@ -8,9 +8,9 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.device.saved_modes import FILE
-from logger.sim.dialects import DIALECTS
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit import service
+from tests.kit.dialects import DIALECTS
 from tests.kit.mode_modems import MODELS, ObservedModem
 from tests.kit.mode_runs import LIMIT_S, SIM7100, file_of, notes, recording, run_once
 

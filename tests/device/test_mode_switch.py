@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from logger.sim.dialects import DIALECTS
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit import service
+from tests.kit.dialects import DIALECTS
 from tests.kit.mode_modems import MODELS, ObservedModem
 from tests.kit.mode_runs import LIMIT_S, file_of, notes, recording, run_once
 

@@ -9,11 +9,11 @@ import pytest
 from logger.core.runfile import read_run
 from logger.device.clock import ScaledClock, SystemClock
 from logger.drivers.registry import FAMILIES
-from logger.sim.clock import WalkTime
-from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
+from logger.sim.walk import WalkTime
+from tests.kit.dialects import DIALECTS
 from tests.kit.recorded_runs import RecordedRun, make_service, record_until
 
 BLOCK = scenario("clear")
@@ -59,7 +59,7 @@ def _walk(folder, name) -> RecordedRun:
     """A short walk with one modem at many times the speed."""
     clock = ScaledClock(SPEED)
     walk_time = WalkTime(clock)
-    with PtyDevice(answering(BLOCK.modem(walk_time.now_s, name))) as port:
+    with PtyDevice(answering(BLOCK.modem(walk_time.now_s, DIALECTS[name]))) as port:
         under_way = make_service(folder / name, clock, port.path, 70.0, 0.05 * SPEED)
         under_way.start()
         record_until(under_way, clock, lambda walked: _has_shown_all(walked, name))
@@ -142,7 +142,7 @@ def test_nothing_of_the_raw_bytes_tells_who_the_device_is(walks, name):
 def test_the_receiver_of_the_modem_gives_the_fixes(tmp_path, name):
     clock = ScaledClock(SPEED)
     walk_time = WalkTime(clock)
-    with PtyDevice(answering(BLOCK.modem(walk_time.now_s, name))) as port:
+    with PtyDevice(answering(BLOCK.modem(walk_time.now_s, DIALECTS[name]))) as port:
         under_way = make_service(tmp_path, clock, port.path, 0, 1.0, gnss="modem")
         under_way.start()
         record_until(under_way, clock, lambda walked: walked.run.tables["fixes"]["valid"].sum() > 5)
@@ -178,7 +178,7 @@ def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b""
     """
     clock = SystemClock()
     story = Story(during_s[0])
-    modem = BLOCK.modem(WalkTime(clock).now_s, name)
+    modem = BLOCK.modem(WalkTime(clock).now_s, DIALECTS[name])
     session = answering(modem if fault == "unplug" else Misbehaving(modem, fault, *during_s, story))
     folder.mkdir(parents=True, exist_ok=True)
     with PtyDevice(session, folder / "modem") as port:

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 from logger.core.runfile import read_run
 from logger.device.clock import ScaledClock
-from logger.sim.clock import WalkTime
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
+from logger.sim.walk import WalkTime
 from tests.device.test_lost_digits import EACH, Leaky
+from tests.kit.dialects import DIALECTS
 from tests.kit.recorded_runs import RecordedRun, make_service, record_until
 
 BLOCK = scenario("clear")
@@ -23,7 +24,7 @@ NO_NUMBER = rb"(no such)(text)"
 def walk(tmp_path, number, enough, full_scan_s=FULL_SCAN_S):
     """A walk with so many replies that have a list; the modem, and the run."""
     clock = ScaledClock(SPEED)
-    modem = Leaky(BLOCK.modem(WalkTime(clock).now_s, "ge864"), number)
+    modem = Leaky(BLOCK.modem(WalkTime(clock).now_s, DIALECTS["ge864"]), number)
     with PtyDevice(answering(modem)) as port:
         under_way = make_service(tmp_path, clock, port.path, full_scan_s, POLL_S)
         under_way.start()

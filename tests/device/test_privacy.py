@@ -12,12 +12,12 @@ from logger import probe as probing
 from logger.cli import main as fieldlogger
 from logger.core.runfile import read_run
 from logger.probe import probe
-from logger.sim.player import NmeaPlayer, TranscriptModem
+from logger.sim.modem import frame_text
 from logger.sim.ptys import PtyDevice, answering
-from logger.sim.terminal import frame_text
 from postproc.cli import main as postproc
 from tests.kit import service
 from tests.kit.planted_secrets import plant
+from tests.kit.recorded_replies import NmeaPlayer, TranscriptModem
 from tests.kit.secret_lines import FORMS as LINES
 from tests.kit.secret_lines import IN_ROWS
 from tests.kit.secrets import FORMS, leaked_secrets

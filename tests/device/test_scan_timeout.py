@@ -19,12 +19,12 @@ from logger.device.scan_timeout import (
     Wait,
 )
 from logger.drivers.protocols.dialogue import Command
-from logger.sim.clock import WalkTime
-from logger.sim.dialects import DIALECTS
 from logger.sim.faults import Misbehaving
 from logger.sim.modem import SimulatedModem
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
+from logger.sim.walk import WalkTime
+from tests.kit.dialects import DIALECTS
 from tests.kit.recorded_runs import RecordedRun, make_service, record_until
 
 SCAN = Command("AT+CNETSCAN", timeout_s=90.0, silence_s=50.0)

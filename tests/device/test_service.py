@@ -10,10 +10,10 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from logger.core.types import LiveEstimate
-from logger.sim.player import NmeaPlayer, TranscriptModem
 from logger.sim.ptys import PtyDevice, answering
 from postproc.replay import replay
 from tests.kit import service
+from tests.kit.recorded_replies import NmeaPlayer, TranscriptModem
 from tests.kit.simulated_devices import simulated_devices
 
 

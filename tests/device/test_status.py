@@ -12,10 +12,10 @@ from logger.core.types import Fix, LiveEstimate, Note, RawBytes, Record
 from logger.device.status import Status, read_status, status_folder, write_status
 from logger.device.target import target_status
 from logger.device.watched_inbox import WatchedInbox
-from logger.sim.player import NmeaPlayer
 from logger.sim.ptys import PtyDevice
 from logger.sim.scenario import scenario
 from tests.kit import service
+from tests.kit.recorded_replies import NmeaPlayer
 from tests.kit.simulated_devices import simulated_devices
 
 STATUS = Status("recording", "", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {})

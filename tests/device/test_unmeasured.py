@@ -5,11 +5,11 @@ import json
 import pytest
 
 from logger.core.runfile import read_run
-from logger.sim.player import NmeaPlayer
 from logger.sim.ptys import PtyDevice
 from logger.sim.receiver import sentence
 from postproc.cli import main as postproc
 from tests.kit import service
+from tests.kit.recorded_replies import NmeaPlayer
 
 
 def _epochs(quality, mode, n=8):

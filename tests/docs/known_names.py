@@ -20,7 +20,6 @@ TERMS = {
     ".3": "suffix of the second continuation of a journal",
     ".venv": "folder of the virtual environment",
     "_dbm _m _deg _ns": "units as the ends of names",
-    "<vendor>": "placeholder of CONTRIBUTING",
     "<family>": "placeholder of CONTRIBUTING",
     "run.html": "name of a report in an example",
     "262-01-4711-100": "name of a cell in an example",
@@ -127,7 +126,7 @@ def configuration_keys() -> frozenset[str]:
 
 
 def file_exists(text: str, page: Path) -> bool:
-    """True for a file or folder of the repository; `<vendor>` and `<family>` stand for any."""
+    """True for a file or folder of the repository; `<family>` stands for any."""
     pattern = re.sub(r"<\w+>", "*", text.rstrip("/"))
     if not re.fullmatch(r"[\w.*{},/-]+", pattern) or not re.search(r"[a-z]", pattern):
         return False

@@ -28,8 +28,7 @@ NOT_RUN = {
     "postproc survey locate": "takes long; tests/postproc/survey runs it",
     "postproc survey map": "takes long; tests/postproc/survey runs it",
     "postproc survey next": "takes long; tests/postproc/survey runs it",
-    "postproc toa simulate": "takes long; tests/postproc/reproductions/toa runs it",
-    "postproc validate": "takes long; tests/postproc/reproductions/validate runs it",
+    "postproc validate": "takes long; tests/postproc/reproductions runs it",
 }
 """Commands of which only the name and the options are checked."""
 CELL_ROW = f"GSM,262,1,4711,100,0,{LON},{LAT},1000,7,1,1282569574,1300155341,0\n"

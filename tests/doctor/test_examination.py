@@ -10,9 +10,9 @@ from logger.cli import main
 from logger.device.saved_modes import SavedMode, SavedModes
 from logger.doctor.examination import overall
 from logger.doctor.service import open_journal
-from logger.sim.dialects import DIALECTS
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit import service
+from tests.kit.dialects import DIALECTS
 from tests.kit.mode_modems import ObservedModem
 from tests.kit.simulated_devices import simulated_devices
 

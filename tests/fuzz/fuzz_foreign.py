@@ -23,9 +23,9 @@ from pmtiles.tile import TileType
 from pyproj import CRS
 
 from logger.core.errors import FieldLoggerError
-from postproc.basemap.georeferenced import Area
+from postproc.basemap.pmtiles_file import street_at
 from postproc.basemap.reading import open_ground
-from postproc.basemap.street_names import street_near
+from postproc.basemap.tiles import Area
 from postproc.interop.importing import import_walk
 from postproc.survey.dataset import Survey
 from postproc.verification.claims import read_claims
@@ -59,10 +59,10 @@ def area() -> Area:
     return Area(CRS.from_epsg(32633), np.stack(grid), 0.2)
 
 
-def png(kind: str = "PNG") -> bytes:
+def png() -> bytes:
     file = BytesIO()
     pixels = np.random.default_rng(1).integers(0, 255, (64, 64, 3), np.uint8)
-    Image.fromarray(pixels).save(file, kind)
+    Image.fromarray(pixels).save(file, "PNG")
     return file.getvalue()
 
 
@@ -82,7 +82,7 @@ def _import(path: Path) -> None:
 
 def _map(path: Path) -> None:
     open_ground(path, area())
-    street_near(path, LAT, LON)
+    street_at(path, LAT, LON)
 
 
 def _survey(path: Path) -> None:
@@ -102,9 +102,6 @@ def sources(folder: Path) -> list[tuple[Path, Use]]:
     write_pmtiles(folder / "vector.pmtiles", tiles)
     pictures = dict.fromkeys(places(14), png())
     write_pmtiles(folder / "pictures.pmtiles", pictures, TileType.PNG)
-    for kind in ("png", "jpg"):
-        (folder / f"map.{kind}").write_bytes(png("PNG" if kind == "png" else "JPEG"))
-    (folder / "map.wld").write_text("4\n0\n0\n-4\n391000\n5818200\n")
     with sqlite3.connect(folder / "map.mbtiles") as database:
         database.execute("CREATE TABLE metadata (name, value)")
         database.execute("CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data)")
@@ -129,10 +126,10 @@ def sources(folder: Path) -> list[tuple[Path, Use]]:
     (folder / "log.gpx").write_text(f'<gpx creator="Tower Collector">{points}</gpx>')
     (folder / "claims.csv").write_text("cell,lat,lon\n" + "262-1-1-2,52,13\n" * 9)
     write_city(folder / "survey")  # type: ignore[no-untyped-call]
-    used: dict[str, Use] = dict.fromkeys(("pmtiles", "png", "jpg", "mbtiles"), _map)
+    used: dict[str, Use] = dict.fromkeys(("pmtiles", "mbtiles"), _map)
     used |= {"parquet": _survey}
     named: dict[str, Use] = {"claims.csv": lambda path: read_claims(path, ["262-1-1-2"])}
-    files = [path for path in sorted(folder.rglob("*.*")) if path.suffix != ".wld"]
+    files = sorted(folder.rglob("*.*"))
     return [
         (path, named.get(path.name) or used.get(path.suffix[1:], _import))
         for path in files

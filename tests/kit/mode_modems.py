@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from logger.device.saved_modes import FILE
-from logger.sim.dialects import DIALECTS
-from logger.sim.dialects.dialect import Dialect, identity_replies, setting
+from logger.sim.dialects import Dialect, identity_replies, setting
 from logger.sim.modem import SimulatedModem
 from logger.sim.scenario import scenario
+from tests.kit.dialects import DIALECTS
 
 WALK = scenario("clear")
 

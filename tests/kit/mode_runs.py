@@ -10,10 +10,10 @@ from logger.device.clock import SystemClock
 from logger.device.saved_modes import FILE
 from logger.device.service import Service
 from logger.device.startup import begin_run
-from logger.sim.dialects import DIALECTS
-from logger.sim.dialects.dialect import identity_replies
+from logger.sim.dialects import identity_replies
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit import service
+from tests.kit.dialects import DIALECTS
 from tests.kit.mode_modems import ObservedModem
 
 LIMIT_S = 60.0

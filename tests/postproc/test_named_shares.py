@@ -9,7 +9,7 @@ from logger.core.observations import observe
 from logger.core.regular_naming import LEAST_SHARE, NEAR_M
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan
-from logger.sim.shadowing import Shadowing
+from logger.sim.world import Shadowing
 from postproc.named_shares import Naming, named_shares, with_named_shares
 from postproc.walk import observe_run
 from tests.kit import runs

@@ -22,7 +22,7 @@ COMMANDS = {
     "import": (["import", "CSV", "-o"], ".h5"),
     "share": (["share", "RUN", "-o"], ".h5"),
     "celldb": (["celldb", "import", "CSV", "-o"], ".db"),
-    "toa": (["toa", "simulate", "--runs", "10", "--plot"], ".png"),
+    "toa": (["validate", "toa", "--runs", "10", "--plot"], ".png"),
 }
 
 
@@ -42,7 +42,7 @@ def folder(tmp_path, monkeypatch):
         "postproc.interop.importing.import_walk",
         "postproc.interop.share.share",
         "postproc.verification.celldb_import.CellImport",
-        "postproc.reproductions.toa.simulate.simulate",
+        "postproc.reproductions.toa.simulate",
     ):
         monkeypatch.setattr(
             work, lambda *_, **__: pytest.fail("computed before the output was checked")

@@ -121,13 +121,14 @@ def test_no_number_is_cut_and_no_line_is_too_long(tmp_path, outputs, name, colum
 
 @pytest.mark.parametrize("columns", WIDTHS)
 def test_the_simulation_of_ranges_is_whole_too(outputs, columns):
-    from postproc.reproductions.toa.report import print_rows
-    from postproc.reproductions.toa.simulate import setting, simulate
+    from postproc.reproductions.checks import print_checks
+    from postproc.reproductions.toa import checks, setting, simulate
 
     wanted = setting(None, None, [0.01, 100.0], 20, 0)
     rows = list(simulate(wanted))
     whole, narrow = (
-        outputs(lambda: print_rows(wanted, rows, steps=True), width) for width in (None, columns)
+        outputs(lambda: print_checks(checks(wanted, rows, steps=True)), width)
+        for width in (None, columns)
     )
     assert _numbers(whole) <= _numbers(narrow)
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from logger.drivers.protocols.at import AtFramer
-from logger.drivers.simcom.sim800 import Sim800
-from logger.sim.dialects import DIALECTS
+from logger.drivers.sim800 import Sim800
 from logger.sim.modem import SimulatedModem
 from logger.sim.walk import Walk
 from logger.sim.world import Radio, Transmitter, World
+from tests.kit.dialects import DIALECTS
 
 WALK = Walk(((0.0, 0.0), (1000.0, 0.0)), speed_mps=10.0)
 SERVING = Transmitter(0.0, 10.0, -30.0, 3.0, "001", "01", 0x0113, 0x4E72, arfcn=666, bsic=8)

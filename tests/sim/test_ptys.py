@@ -7,8 +7,8 @@ import pytest
 import serial
 
 from logger.device.clock import ScaledClock
-from logger.sim.clock import WalkTime
 from logger.sim.ptys import PtyDevice, answering, talking
+from logger.sim.walk import WalkTime
 from tests.kit.service import LIMIT_S, assert_ends, wait_for
 from tests.kit.unflushed_serial import UnflushedSerial
 

@@ -3,6 +3,7 @@ import pytest
 
 from logger.core.model.path_loss import log_distance_db
 from logger.sim.scenario import SCENARIOS, scenario
+from tests.kit.dialects import DIALECTS
 
 
 def test_the_walk_lasts_half_an_hour():
@@ -55,7 +56,7 @@ def test_the_clear_world_is_the_formula():
 def test_modems_are_chosen_by_name():
     block = scenario()
 
-    assert b"Quectel" in block.modem(lambda: 0.0, "ec25").feed(b"ATI\r")
+    assert b"Quectel" in block.modem(lambda: 0.0, DIALECTS["ec25"]).feed(b"ATI\r")
     assert b"SIM800" in block.modem(lambda: 0.0).feed(b"ATI\r")
 
 

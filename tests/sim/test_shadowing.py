@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.sim.shadowing import Shadowing
+from logger.sim.world import Shadowing
 
 SIGMA_DB, DECORRELATION_M = 6.0, 20.0
 FIELDS = [

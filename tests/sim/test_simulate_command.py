@@ -13,7 +13,7 @@ from logger.sim.scenario import SCENARIOS
 def test_another_modem_that_misbehaves(tmp_path, capsys):
     # the modem's deadlines are real seconds, of which a simulated hour has the fewer the faster it
     # goes
-    command = ["simulate", "--out", str(tmp_path), "--speed", "20", "--modem", "ec25"]
+    command = ["simulate", "--out", str(tmp_path), "--speed", "20", "--modem", "sim7600"]
     for lasts_s in (240, 2400):  # the second for a machine that is ten times as slow
         fault = f"garbage:{lasts_s / 20}:{lasts_s / 3}"
         assert main([*command, "--duration", str(lasts_s), "--fault", fault]) == 0
@@ -22,7 +22,7 @@ def test_another_modem_that_misbehaves(tmp_path, capsys):
         after = run.tables["readings"]["t_ns"] > lasts_s / 3 * 1e9
         if "garbage" in notes and np.any(after):
             break
-    assert notes["modem-identified"].endswith("driver quectel")
+    assert notes["modem-identified"].endswith("driver sim7600")
     assert "garbage" in notes
     assert np.any(after)
 
@@ -30,7 +30,7 @@ def test_another_modem_that_misbehaves(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        (["--modem", "nokia"], "no simulated modem is called 'nokia'"),
+        (["--modem", "ec25"], "no simulated modem is called 'ec25'; known are: sim800, sim7600"),
         (["--fault", "flood:1:2"], "no fault is called 'flood'"),
         (["--fault", "hang"], "NAME:FROM:TO"),
         (["--fault", "hang:1:later"], "NAME:FROM:TO"),

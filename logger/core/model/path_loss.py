@@ -72,7 +72,7 @@ def receiver_error_db(eta: float, sigma_m: FloatArray, distance_db: FloatArray) 
 
 
 def log_distance(squared_m2: float) -> float:
-    """L in dB for a squared distance d^2: plain floats, for the live filters and for numba."""
+    """L in dB for a squared distance d^2: plain floats, for the filters."""
     return 5.0 * log10(max(squared_m2, 1.0))
 
 
@@ -81,7 +81,7 @@ def level_gradient(
 ) -> tuple[float, float, float, float]:
     """Derivatives of the level by x, y and eta, and its variance per m^2 of receiver error.
 
-    Plain floats, for the live filters and for numba. `beyond_m2` is height^2 + 2 sigma^2. The
+    Plain floats, for the filters. `beyond_m2` is height^2 + 2 sigma^2. The
     derivative by P0 is 1, that by eta is -L, so that the expected level is P0 + eta times the third
     value. The last value is (DB_PER_E_FOLD eta / d)^2.
     """

@@ -16,28 +16,31 @@ from logger.drivers.registry import FAMILIES
 
 _REPORTS = "+CREG +CGREG +CEREG +C5GREG +COPS +CSQ +CESQ"
 """What every family reads (`standard_replies`)."""
+
+
+def _names(*texts: str) -> frozenset[bytes]:
+    return frozenset(name.encode() for text in texts for name in text.split())
+
+
 _COMMANDS = frozenset(
     name.encode() for family in FAMILIES.values() for name in names_of(" ".join(family.sends()))
 )
-_ROWS = _COMMANDS | frozenset(_REPORTS.encode().split())
-_ROWS |= frozenset(
-    name.encode() for family in FAMILIES.values() for name in family.other_rows.split()
-)
-_WITH_NETWORKS = frozenset((b"+COPS", b"+QOPS", b"#MONI", b"#SERVINFO"))
-"""Rows with names of networks, which are any words."""
-_IN_COLUMNS = frozenset((b"#MONI", b"+CPSI"))
-"""Rows in which words follow a number and a blank."""
+_ROWS = _COMMANDS | _names(_REPORTS, *(family.other_rows for family in FAMILIES.values()))
+_WITH_NETWORKS = _names("+COPS", *(family.rows_with_networks for family in FAMILIES.values()))
+_IN_COLUMNS = _names(*(family.rows_in_columns for family in FAMILIES.values()))
 _USUAL_DIGITS = 9
 _FEWER_DIGITS = {
     **dict.fromkeys((b"+CREG", b"+CGREG", b"+CEREG"), 8),
     **dict.fromkeys((b"+COPS", b"+QOPS"), 7),
 }
 _LONGER = {
-    b"+CPSI": re.compile(rb"[0-9]{10,11}"),
-    b"+C5GREG": re.compile(rb"0[0-9A-F]{9,15}"),
-    b"+CGNSINF": re.compile(rb"(?:19|20)[0-9]{2}[01][0-9][0-3][0-9][0-2][0-9][0-5][0-9][0-6][0-9]"),
+    name.encode(): re.compile(pattern.encode())
+    for numbers in (
+        {"+C5GREG": "0[0-9A-F]{9,15}"},  # a cell of NR has 36 bits, printed with zeros before
+        *(family.long_numbers for family in FAMILIES.values()),
+    )
+    for name, pattern in numbers.items()
 }
-"""Longer numbers: a cell of NR has 36 bits, printed with zeros before; the time of a position."""
 _EXACT = {
     b"+CSQ": rb"[ ]*[0-9]{1,3}(?:,[ ]*[0-9]{1,3})?",
     b"+CESQ": rb"[ ]*[0-9]{1,3}(?:,[ ]*[0-9]{1,3}){0,5}",

@@ -21,6 +21,8 @@ from logger.drivers.reading.rows import MPS_PER_KNOT
 
 CGNSINF_ON = (Command("AT+CGNSPWR=1"),)
 CGNSINF = (Command("AT+CGNSINF"),)
+CGNSINF_TIME = {"+CGNSINF": "(?:19|20)[0-9]{2}[01][0-9][0-3][0-9][0-2][0-9][0-5][0-9][0-6][0-9]"}
+"""The time of a position, which has more digits than other numbers."""
 CGPSINFO_ON = (Command("AT+CGPS=1"), Command("AT+CGNSSPWR=1"))  # the second for an A76xx
 CGPSINFO = (Command("AT+CGPSINFO"),)
 QGPSLOC_ON = (Command("AT+QGPS=1"),)

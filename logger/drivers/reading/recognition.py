@@ -21,7 +21,6 @@ from typing import Any
 
 from logger.core.types import CellReading
 from logger.drivers.reading.cell_history import OFTEN, CellHistory, Who, namings_of, who_of
-from logger.drivers.reading.network_codes import mnc_digits
 from logger.drivers.reading.number_history import (
     AREA,
     IDENTITY,
@@ -47,6 +46,11 @@ SPARSE = 50
 more."""
 DECIMAL = 10
 """No modem pads numbers of this base, so their widths show nothing of the firmware."""
+_THREE = frozenset({"302", *map(str, range(310, 317))})  # Canada, USA
+_EITHER = frozenset({"001", "405", "502", "706", "708", "714", "722", "732", "750", "999"})
+"""Tests, India, Malaysia, El Salvador, Honduras, Panama, Argentina, Colombia, Falkland Islands,
+private networks.
+"""
 
 
 def mark_doubtful(
@@ -260,8 +264,18 @@ def _is_network_sure(network: Network | None, history: NumberHistory) -> bool:
     if network is None:
         return True
     mcc, mnc = network
-    digits = mnc_digits(mcc)
+    digits = _mnc_digits(mcc)
     if len(mnc) == digits:
         return True
     codes = {code: n for (country, code), n in history.networks.items() if country == mcc}
     return not _is_slip(mnc, codes, None) and (digits is None or codes[mnc] > 1)
+
+
+def _mnc_digits(mcc: str) -> int | None:
+    """Digits of the network codes of a country (ITU-T E.212 and its list of networks).
+
+    None where two and three are in use, as on many islands of zone 3.
+    """
+    if mcc in _THREE:
+        return 3
+    return None if mcc in _EITHER or mcc.startswith("3") else 2

@@ -8,8 +8,8 @@ import click
 
 from logger.command_line import FILE, INPUT, json_option, number
 from postproc.options import prior_options
-from postproc.survey.libraries import check_libraries
 from postproc.survey.options import (
+    check_libraries,
     folder_argument,
     open_survey,
     workers_options,
@@ -72,7 +72,7 @@ def diff(
     from postproc.json_text import as_json as json_text
     from postproc.survey.answers.changes import compare_times
     from postproc.survey.answers.tables import document_of_changes, print_changes
-    from postproc.survey.dates import day_utc_ns
+    from postproc.survey.options import day_utc_ns
     from postproc.survey.scheduling import Cluster
     from postproc.survey.tasks import RunChoice
 

@@ -2,9 +2,9 @@ import pytest
 
 from logger.drivers.privacy.redaction import redact
 from logger.drivers.registry import FAMILIES, IDENTITY, family_of
-from logger.sim.dialects import DIALECTS
-from logger.sim.terminal import frame_text
+from logger.sim.modem import frame_text
 from tests.drivers.test_claims import answers_of
+from tests.kit.dialects import DIALECTS
 
 
 @pytest.mark.parametrize("name", FAMILIES)

@@ -6,7 +6,7 @@ import pytest
 from logger.drivers.family import Family
 from logger.drivers.privacy.redaction import Redactor, redact
 from logger.drivers.registry import FAMILIES, reader_of
-from logger.drivers.telit.telit import Telit
+from logger.drivers.telit import Telit
 from tests.kit.corpus import entries
 from tests.kit.drivers import cells_of, own_replies
 from tests.kit.redacted_replies import REPLIES, redact_in_pieces

@@ -1,7 +1,6 @@
 """Maps made to hurt: each ends in a sentence, in little memory."""
 
 import gzip
-import os
 import sqlite3
 import struct
 import subprocess
@@ -22,11 +21,11 @@ import resource, sys
 from pathlib import Path
 from logger.core.errors import ConfigError
 from postproc.basemap.reading import open_ground
-from postproc.basemap.street_names import street_near
+from postproc.basemap.pmtiles_file import street_at
 from tests.fuzz.fuzz_foreign import LAT, LON, area
 def mb(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
 around, before = area(), mb()
-for use in (lambda path: open_ground(path, around), lambda path: street_near(path, LAT, LON)):
+for use in (lambda path: open_ground(path, around), lambda path: street_at(path, LAT, LON)):
     try:
         use(Path(sys.argv[1]))
         print("read")
@@ -173,20 +172,3 @@ def test_mbtiles_are_refused(tmp_path, tile):
 def test_levels_that_are_none_cover_nothing(tmp_path, zoom):
     _mbtiles(tmp_path / "x", png(), zoom)
     assert "does not cover" in _read(tmp_path / "x")[0][0]
-
-
-@pytest.mark.parametrize("kind", ["pixels", "claims", "text", "world", "reference", "pipe"])
-def test_a_picture_is_refused(tmp_path, kind):
-    path = tmp_path / "x.png"
-    made = {"pixels": lambda: _large_png(9000, 9000), "claims": _bomb_png, "text": _text_png}
-    path.write_bytes(made.get(kind, png)())
-    world = "4\n0\n0\n-4\n391000\n5818200\n" + "0 " * (10_000_000 if kind == "world" else 0)
-    path.with_suffix(".wld").write_text(world)
-    if kind == "reference":
-        path.with_suffix(".prj").write_bytes(b"PROJCS[" * 10_000_000)
-    if kind == "pipe":
-        path.unlink()
-        os.mkfifo(path)
-    said, more_mb = _read(path)
-    assert str(tmp_path) in said[0]
-    assert more_mb < MORE_MB, f"{more_mb} MB"

@@ -53,56 +53,8 @@ def check(basemap):
         )
 
 
-def picture(folder, view, crs, unit, *, name="ground.png", world="ground.pgw", span_m=500.0):
-    """Four quarters around the centre of the plan."""
-    image, (x, y) = quarters(), centre(view, crs)
-    image.save(folder / name)
-    side = span_m * unit / image.width
-    first = x - 0.5 * (image.width - 1) * side, y + 0.5 * (image.height - 1) * side
-    (folder / world).write_text(
-        "\n".join(f"{v!r}" for v in (side, 0.0, 0.0, -side, *map(float, first)))
-    )
-    return folder / name
-
-
 def read_basemap(path, view):
     return reading.read_basemap(path, view.survey, view.box)
-
-
-DEGREE = 1.0 / 70_000
-
-
-@pytest.mark.parametrize(
-    ("crs", "unit", "name", "world"),
-    [
-        (UTM, 1.0, "ground.png", "ground.pgw"),
-        (UTM, 1.0, "ground.jpg", "ground.jgw"),
-        (UTM, 1.0, "ground.jpeg", "ground.jpegw"),
-        (CRS.from_epsg(4326), DEGREE, "ground.png", "ground.wld"),
-        (CRS.from_epsg(3857), 1.6, "ground.png", "ground.PGW"),
-    ],
-    ids=["UTM", "JPEG", "long name", "degrees", "Web Mercator"],
-)
-def test_a_picture_with_a_world_file(crs, unit, name, world, view, tmp_path):
-    check(read_basemap(picture(tmp_path, view, crs, unit, name=name, world=world), view))
-
-
-def test_a_turned_picture(view, tmp_path):
-    path, (x, y) = tmp_path / "ground.png", centre(view, UTM)
-    quarters().rotate(-90).save(path)  # north is to the right of it
-    side = 30.0
-    first = x - 31.5 * side, y - 31.5 * side
-    (tmp_path / "ground.pgw").write_text(f"0 {side} {side} 0 {first[0]} {first[1]}")
-    check(read_basemap(path, view))
-
-
-def test_a_prj_file_sets_the_reference_system(view, tmp_path):
-    path = picture(tmp_path, view, CRS.from_epsg(25833), 1.0)
-    (tmp_path / "ground.prj").write_text(CRS.from_epsg(25833).to_wkt())
-    check(read_basemap(path, view))
-    (tmp_path / "ground.prj").write_text("somewhere")
-    with pytest.raises(ConfigError, match="no known reference system"):
-        read_basemap(path, view)
 
 
 def mosaic(view, columns=4):
@@ -159,55 +111,18 @@ def test_missing_tiles_are_transparent(view, tmp_path):
 
 
 def test_it_is_drawn_below_the_plan_and_limited_in_size(view, tmp_path):
-    basemap = read_basemap(picture(tmp_path, view, UTM, 1.0), view)
+    basemap = read_basemap(mbtiles(tmp_path / "x.mbtiles", mosaic(view)), view)
     assert max(basemap.pixels.shape) <= MOST_PIXELS
     write_scene(view, tmp_path / "x.rrd", basemap=basemap)
     assert "/plan/ground/basemap" in chunks(tmp_path / "x.rrd")
     assert (tmp_path / "x.rrd").stat().st_size < 3e6
 
 
-def test_a_fine_image_is_reduced(view, tmp_path):
-    side_m = view.box.size * 1.4 / 3000
-    Image.effect_noise((3000, 3000), 50.0).save(tmp_path / "x.png")
-    x, y = centre(view, UTM)
-    (tmp_path / "x.pgw").write_text(
-        f"{side_m} 0 0 {-side_m} {x - 1500 * side_m} {y + 1500 * side_m}"
-    )
-    basemap = read_basemap(tmp_path / "x.png", view)
-    assert max(basemap.pixels.shape) <= MOST_PIXELS
-    assert np.all(basemap.pixels[..., 3] == 255)
-
-
-def no_world_file(folder, view):
+def picture(folder, view):
+    """A picture with a position beside it, as earlier versions read."""
     quarters().save(folder / "x.png")
+    (folder / "x.pgw").write_text("1 0 0 -1 400000 5800000")
     return folder / "x.png"
-
-
-def bad_world_file(folder, view):
-    (folder / "x.pgw").write_text("1 0 0 north")
-    return no_world_file(folder, view)
-
-
-def flat_world_file(folder, view):
-    (folder / "x.pgw").write_text("0 0 0 0 1 1")
-    return no_world_file(folder, view)
-
-
-def far_away(folder, view):
-    (folder / "x.pgw").write_text("1 0 0 -1 900000 7000000")
-    return no_world_file(folder, view)
-
-
-def no_picture(folder, view):
-    (folder / "x.pgw").write_text("1 0 0 -1 0 0")
-    (folder / "x.png").write_text("hello")
-    return folder / "x.png"
-
-
-def cut_picture(folder, view):
-    path = picture(folder, view, UTM, 1.0)
-    path.write_bytes(path.read_bytes()[:120])
-    return path
 
 
 def vector_tiles(folder, view):
@@ -232,16 +147,11 @@ def another_database(folder, view):
 @pytest.mark.parametrize(
     ("make_file", "reason"),
     [
-        (no_world_file, "no world file"),
-        (bad_world_file, "six numbers"),
-        (flat_world_file, "no size"),
-        (far_away, "does not overlap"),
-        (no_picture, "is not an image"),
-        (cut_picture, "cannot be read"),
+        (picture, "gdal_translate -of MBTILES"),
         (vector_tiles, "vector"),
         (far_tiles, "does not cover"),
         (another_database, "no MBTiles file"),
-        (lambda folder, view: folder / "absent.png", "no world file"),
+        (lambda folder, view: folder / "absent.png", "is no file"),
     ],
 )
 def test_an_unusable_file_is_one_line(make_file, reason, view, tmp_path):
@@ -252,4 +162,5 @@ def test_an_unusable_file_is_one_line(make_file, reason, view, tmp_path):
 def test_without_a_plan_there_is_no_ground(tmp_path, view):
     from dataclasses import replace
 
-    assert read_basemap(picture(tmp_path, view, UTM, 1.0), replace(view, box=None)) is None
+    path = mbtiles(tmp_path / "x.mbtiles", mosaic(view))
+    assert read_basemap(path, replace(view, box=None)) is None

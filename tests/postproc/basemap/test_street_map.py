@@ -1,5 +1,4 @@
-from postproc.basemap.street_map import draw_tile
-from postproc.basemap.vector_tile import layers_of
+from postproc.basemap.vector_tile import draw_tile, layers_of
 from tests.kit.vector_tiles import feature, layer
 
 SQUARE = [(0, 0), (2000, 0), (2000, 2000), (0, 2000)]

@@ -9,8 +9,8 @@ import pytest
 
 from logger.core.ellipse import Ellipse
 from logger.core.geo import Utm
-from postproc.interop import geojson, gpx, kml
 from postproc.interop.estimates import estimate_of
+from postproc.interop.writers import geojson, gpx, kml
 from postproc.summary import summarise
 from tests.kit import sample_results as kit
 from tests.postproc.interop import walks

@@ -8,8 +8,8 @@ from logger.core.runfile import RunWriter, convert_journal, read_run
 from logger.core.types import Broadcast, CellReading, Fix, Record, Scan
 from postproc import results
 from postproc.cli import main
-from postproc.interop.exporting import FORMATS
-from postproc.interop.levels import walk_of_run
+from postproc.interop.exporting import walk_of_run
+from postproc.interop.writers import names
 from postproc.summary import summarise
 from tests.kit import sample_results as kit
 from tests.kit.runs import UTC0_NS, meta
@@ -141,7 +141,7 @@ def test_parquet_has_types_and_units(tmp_path, run, capsys):
     assert {f.name for f in fields(Broadcast)} <= columns
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", names())
 def test_nothing_of_the_walker_is_exported(tmp_path, run, capsys, name):
     _main(capsys, "export", run, "-o", tmp_path / "a", "--format", name)
     data = (tmp_path / "a").read_bytes()

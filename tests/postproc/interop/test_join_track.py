@@ -4,9 +4,8 @@ from logger.core.errors import ConfigError
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix
 from postproc.cli import main
-from postproc.interop.join_track import in_zone, on_track, with_position, zone_named
 from postproc.interop.sighting import BadRow, NoCell, Sighting
-from postproc.interop.track_file import GpsTrack
+from postproc.interop.track_file import GpsTrack, in_zone, on_track, with_position, zone_named
 
 LOCAL_NS = 1_714_564_807 * 10**9
 READING = CellReading("scan", "GSM", rssi_dbm=-70.0)

@@ -2,10 +2,10 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
-from postproc.interop import gpx, opencellid
 from postproc.interop.importing import Reading, import_walk
 from postproc.interop.track_file import read_track
-from tests.postproc.interop.walks import around_a_square
+from postproc.interop.writers import gpx, opencellid_csv
+from tests.postproc.interop.walks import around_a_square, export_of
 
 T0_NS = 1_714_557_600 * 10**9
 
@@ -61,8 +61,8 @@ def test_our_own_track_gives_our_own_log_its_positions_back(tmp_path):
     """Levels and track leave in two files and are joined again by time."""
     _, walk, _ = around_a_square(tmp_path)
     gpx.write(walk, [], tmp_path / "walk.gpx")
-    writable = [one for one in walk.sightings if opencellid.writable(one)]
-    opencellid.write_csv(writable, tmp_path / "levels.csv")
+    writable = [one for one in walk.sightings if opencellid_csv.writable(one)]
+    opencellid_csv.write(export_of(writable), (), tmp_path / "levels.csv")
     lines = (tmp_path / "levels.csv").read_text().splitlines()
     moved = [line.replace(f",{walk.sightings[0].lat_deg}", ",1.0") for line in lines]
     (tmp_path / "levels.csv").write_text("\n".join(moved) + "\n")

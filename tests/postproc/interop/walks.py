@@ -3,7 +3,9 @@
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.interop.estimates import estimates_of
-from postproc.interop.levels import walk_of_run
+from postproc.interop.exporting import ExportWalk, walk_of_run
+from postproc.interop.readers import walk_csv
+from postproc.interop.sighting import BadRow, Sighting
 from tests.kit import sample_results as kit
 from tests.kit.runs import UTC0_NS, meta
 
@@ -27,3 +29,16 @@ def over_the_date_line(tmp_path):
         writer.append(Record(t_ns, "modem", Scan(t_ns, (reading,))))
     writer.close(10**11, "test")
     return walk_of_run(read_run(tmp_path / "date-line.journal"))
+
+
+def export_of(sightings):
+    """Sightings as an export has them."""
+    return ExportWalk(tuple(sightings), (), None, 0, True, 0, 0)
+
+
+def read_walk(source):
+    """Usable rows of our CSV, and those that are not, each in the file's order."""
+    rows = list(walk_csv.read(source))
+    return [row for row in rows if isinstance(row, Sighting)], [
+        row for row in rows if isinstance(row, BadRow)
+    ]

@@ -228,9 +228,7 @@ def test_mistakes_are_one_line(walks, tmp_path, capsys):
 
 
 def test_without_the_libraries(walks, tmp_path, capsys, monkeypatch):
-    from postproc.survey import libraries
-
-    monkeypatch.setattr(libraries, "find_spec", lambda name: None)
+    monkeypatch.setattr("postproc.survey.options.find_spec", lambda name: None)
     assert main(["survey", "add", str(walks), "-o", str(tmp_path / "s")]) == 2
     assert capsys.readouterr().err == (
         "postproc: pyarrow is missing: pip install 'cellwalk[survey]'\n"

@@ -170,27 +170,6 @@ def test_sites_of_two_cities(tmp_path, capsys):
     assert "501 km apart, farther than any cell reaches" in fails(capsys, *tell_sites, files[2])
 
 
-def test_verify_theory(capsys):
-    output = json.loads(
-        tell(capsys, "verify-theory", "--trials", "500", "--sigma", "50", "--pfa", "0.02", "--json")
-    )
-    assert output["p_fa"] == 0.02
-    assert len(output["rows"]) == 4
-    text = tell(
-        capsys,
-        "verify-theory",
-        "--trials",
-        "200",
-        "--receivers",
-        "1e3,0,0",
-        "0,1e3,0",
-        "-9e2,-5e2,300",
-    )
-    assert "needs 4 receivers" in text
-    assert "cannot be known" in text
-    assert "all alike" in fails(capsys, "verify-theory", "--receivers", "1,2", "1,2,3")
-
-
 def test_mistakes_are_one_line(run, tmp_path, capsys):
     assert "no claim" in fails(capsys, "verify", run, "--claim", "here")
     assert "was not observed" in fails(

@@ -6,7 +6,7 @@ from PIL import Image
 from logger.core.locator.region import Squares
 from postproc.pictures import colours
 from postproc.pictures.picture import Box
-from postproc.view.density_image import density, png
+from postproc.view.plan import density, png
 
 BOX = Box(0.0, 0.0, 40.0, 20.0)
 

@@ -1,5 +1,0 @@
-"""Drivers of Siemens, Cinterion, Gemalto and Thales modems."""
-
-from logger.drivers.cinterion.cinterion import Cinterion
-
-DRIVERS = (Cinterion,)

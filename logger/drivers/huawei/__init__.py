@@ -1,5 +1,0 @@
-"""Drivers of Huawei modems."""
-
-from logger.drivers.huawei.huawei import Huawei
-
-DRIVERS = (Huawei,)

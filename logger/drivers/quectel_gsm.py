@@ -1,0 +1,156 @@
+"""Quectel M95, M66, MC60, M35 (GSM) and BC26, BC66, BC660 (NB-IoT): AT+QENG rows.
+
+    AT+QENG?
+    +QENG: 1,0                                                     header: mode, dump
+    +QENG: 0,460,00,7108,80c4,554,41,-95,18,50,0,10,x,x,x,x,x,x,x  serving cell
+    +QENG: 1,1,5,-76,30,35,35,262,01,1b2c,4d5f,2,11,-80,..         neighbours, ten values each
+    +QENG: 4,3,(5,-76,30),(11,-80,17),(16,-101,x)                  channel, dBm, BSIC
+    OK
+
+    AT+QENG=0
+    +QENG: 0,1769,9,400,"00288516",-103,-9,-94,5,3,"A924",0,14,2   NB-IoT, the same prefix
+
+Needs: engineering mode, AT+QENG=1,4, on GSM; nothing on NB-IoT.
+Known by: the maker with a series M, MC or BC.
+Doubts: the column of the level, the only negative number, distinguishes the two serving rows. Area
+and cell are hexadecimal; of NB-IoT only in quotation marks.
+Sources: measured serving rows in public code; neighbours with values of our own in the layout of
+other public code, since no GSM manual could be had; manuals of BC26 and BC660K 4.8
+(firmware_notes/quectel_gsm.md).
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+
+from logger.drivers.family import Claim, Family
+from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.quectel import KINDS
+from logger.drivers.reading.fields import decimal
+from logger.drivers.reading.row_language import first_cell, form, split
+from logger.drivers.reading.rows import NoCell, Row
+
+_GSM = form("GSM", "mcc mnc lac cid16 arfcn! bsic! rssi* c1 c2 _ _ _ _ _ _ _ _ _", KINDS)
+_GSM_NEIGHBOUR = form("GSM", "order* arfcn* rssi* bsic! c1 c2 mcc mnc lac cid16", KINDS)
+_GSM_CHANNEL = form("GSM", "arfcn* rssi* bsic!", KINDS)
+_NBIOT = form("NB-IoT", "earfcn* _ pci! cid28 rsrp! rsrq rssi sinr band tac _ _ _", KINDS)
+_NBIOT_NEIGHBOURS = (
+    form("NB-IoT", "earfcn* _ pci* rsrp*", KINDS),  # BC26: with the offset of the channel
+    form("NB-IoT", "earfcn* pci* rsrp* rsrq*", KINDS),  # BC660
+)
+_NBIOT_IDS = frozenset({3, 9})  # where cell and area stand; hexadecimal only in quotation marks
+
+_ROW = re.compile(r"\+QENG\s*:\s*(\d)\s*,\s*(.*)", re.IGNORECASE)
+_NEXT = re.compile(r"\\[rn]|(?=\+Q[A-Z0-9]+\s*:)", re.IGNORECASE)
+_VALUES = re.compile(r"[-\dA-Fa-fx,()\s]+")
+_HEADER = re.compile(r"\+QENG:\s*(\d)\s*(?:,\s*\d{1,3}\s*)?\Z")
+_CHANNEL = re.compile(r"\(([^()]*)\)")
+
+_MOST_ORDER = 9
+"""A row that begins with a number so low is a cut one of GSM: no LTE carrier is so close to the
+edge of a band."""
+
+_OFF = "0"  # mode in the header
+
+
+class QuectelGsm(Family):
+    """Cells by `AT+QENG?` in engineering mode; NB-IoT modems know `AT+QENG=0` only."""
+
+    name = "quectel_gsm"
+    claim = Claim(
+        series=r"Quectel.*?(?<![A-Z0-9-])(?:M(?:10|12|20|23|25|26|27|35|50|56|66|72|80|85|89|90|95)"
+        r"|MC(?:20|25|60|65|90)|BC(?:20|25|26|30|32|65|66))(?!\d\d)"
+    )
+    setup_commands = (Command("AT+QENG=1,4"),)
+    poll_commands = (Command("AT+QENG?"),)
+    survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
+    nbiot_poll_commands = (Command("AT+QENG=0", timeout_s=15.0),)
+
+    def poll(self) -> Dialogue[tuple[Row, ...] | None]:
+        """Cells received now; None without an answer or where engineering mode is off.
+
+        A GSM modem answers `AT+QENG?`; one that refuses it is an NB-IoT modem. (To a GSM modem
+        `AT+QENG=0` means off, which the next poll would see.)
+        """
+        reply = yield self.poll_commands[0]
+        if reply.final is not None and not reply.ok:
+            return (yield from self.ask(self.nbiot_poll_commands))
+        modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
+        answered = (reply.ok and modes) or any(map(self.role_of, reply.lines))
+        return self.read(reply.marked_lines) if answered and _OFF not in modes else None
+
+    def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
+        """Cells in QENG rows of both technologies."""
+        rows = map(_ROW.search, _join_wrapped_rows(line.replace('\\"', '"') for line in lines))
+        return tuple(
+            reading
+            for row in rows
+            if row and row[1] in _READERS
+            for reading in _READERS[row[1]](row[2])
+            if reading is not None
+        )
+
+
+def _join_wrapped_rows(lines: Iterable[str]) -> Iterator[str]:
+    """Lines with wrapped rows joined: a line of nothing but values goes on with the row above.
+
+    A terminal wraps with a line end. Where a log has one as text, the modem has ended the row.
+    """
+    row = ""
+    for line in lines:
+        for number, piece in enumerate(_NEXT.split(line)):
+            text = piece.strip()
+            if number == 0 and _ROW.search(row) and _VALUES.fullmatch(text):
+                row += text
+            elif text or number:
+                yield row
+                row = text
+    yield row
+
+
+def _serving(body: str) -> Iterator[Row | None]:
+    raw, texts = body.split(","), split(body)
+    quoted = {at for at, text in enumerate(raw[:-1]) if '"' in text}
+    found: Row | None = None if quoted else _GSM.cell("serving", texts)
+    if not found and len(texts) > max(_NBIOT_IDS) and texts[0] == "0":
+        found = NoCell("NB-IoT")
+    elif not found:
+        hexadecimal = quoted if quoted <= _NBIOT_IDS else frozenset()
+        trusted = [
+            text if at in hexadecimal or at not in _NBIOT_IDS else ""
+            for at, text in enumerate(texts)
+        ]
+        found = _NBIOT.cell("serving", trusted)
+    yield found
+
+
+def _neighbours(body: str) -> Iterator[Row | None]:
+    texts = split(body)
+    groups = _in_order(texts)
+    yield from (_GSM_NEIGHBOUR.cell("neighbour", group) for group in groups)
+    if not groups and decimal(texts[0], 0, _MOST_ORDER) is None:
+        for at in range(0, len(texts), 4):
+            yield first_cell(_NBIOT_NEIGHBOURS, "neighbour", texts[at : at + 4])
+
+
+def _in_order(texts: list[str]) -> list[list[str]]:
+    """Groups of ten values of a GSM row, as far as their numbers ascend: else a comma is lost."""
+    texts = texts[:-1] if texts[-1] == "" else texts  # a comma ends the row
+    groups = [texts[at : at + 10] for at in range(0, len(texts), 10)]
+    if not any(map(_GSM_NEIGHBOUR.texts_by_name, groups)):
+        return []  # of NB-IoT
+    if len(groups[-1][-1]) < 4:
+        groups[-1][-1] = ""  # at the end of a row only its width shows that an identity is not cut
+    numbers = [decimal(group[0], 1, 9) for group in groups]
+    for at in range(1, len(groups)):
+        before, number = numbers[at - 1], numbers[at]
+        if before is None or number is None or number <= before:
+            return groups[: at - 1]
+    return groups
+
+
+def _channels(body: str) -> Iterator[Row | None]:
+    for values in _CHANNEL.findall(body):
+        yield _GSM_CHANNEL.cell("neighbour", split(values))
+
+
+_READERS = {"0": _serving, "1": _neighbours, "4": _channels}

@@ -1,5 +1,0 @@
-"""Drivers of u-blox modems."""
-
-from logger.drivers.ublox.ublox import Ublox
-
-DRIVERS = (Ublox,)

@@ -1,0 +1,1 @@
+"""Formats of `postproc import`: modules with `IMPORTS`, which `postproc.interop.formats` finds."""

@@ -1,0 +1,257 @@
+"""Any table with positions and levels, its columns found by their names or named by the user.
+
+This reads what QualiPoc, Nemo, TEMS and NetMonster export: the user chooses the columns there, and
+no layout is fixed. A name is taken apart into words: units and words such as "serving" are dropped,
+a technology in it ("LTE serving cell RSRP (dBm)") is that of the level.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from logger.core.errors import ConfigError, RunFileError
+from logger.core.types import Rat, Role
+from postproc.interop import csv_table
+from postproc.interop.columns import ROW_NS, Columns
+from postproc.interop.contents import Contents, Format
+from postproc.interop.fields import (
+    LEVEL_RANGE_DBM,
+    RATS,
+    Fields,
+    Moment,
+    Transmitters,
+    integer,
+    maybe,
+    moment_of,
+    number,
+    text,
+)
+from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
+
+NAME = "CSV by column names"
+_NAMES: dict[str, tuple[str, ...]] = {
+    "time": ("time", "timestamp", "datetime", "utctime", "gpstime", "timeutc", "devicetime"),
+    "lat": ("lat", "latitude", "gpslat", "gpslatitude"),
+    "lon": ("lon", "lng", "long", "longitude", "gpslon", "gpslongitude"),
+    "level": ("level", "signal", "signalstrength", "dbm", "rssi", "power", "rxpower"),
+    "rsrp": ("rsrp", "ssrsrp", "rsrprx"),
+    "rscp": ("rscp",),
+    "rxlev": ("rxlev", "rxlevel", "rxl"),
+    "rat": ("rat", "technology", "tech", "networktype", "nettype", "type", "system", "mode"),
+    "mcc": ("mcc",),
+    "mnc": ("mnc", "net"),
+    "area": ("lac", "tac", "lactac", "area", "areacode", "trackingareacode", "locationareacode"),
+    "cid": ("cid", "ci", "cellid", "eci", "nci", "cellidentity"),
+    "arfcn": ("arfcn", "bcch", "bccharfcn", "earfcn", "uarfcn", "narfcn", "nrarfcn", "channel"),
+    "bsic": ("bsic",),
+    "psc": ("psc", "scramblingcode", "scr", "primaryscramblingcode"),
+    "pci": ("pci", "physicalid", "physicalcellid", "physicalidentity", "physicalcellidentity"),
+    "ta": ("ta", "timingadvance"),
+    "acc": ("accuracy", "acc", "gpsaccuracy", "horizontalaccuracy"),
+    "alt": ("alt", "altitude", "height", "gpsaltitude"),
+    "cell": (),
+    "t_s": ("ts",),
+    "serving": ("servingcell", "isserving", "isregistered"),
+}
+"""Our names, which --columns takes, and what other programs call the same.
+
+`t_s` counts seconds from any start. A table without `cid` may name its transmitters otherwise.
+"""
+
+_DROPPED = frozenset(
+    {"serving", "serv", "pcell", "cell", "best", "active", "set", "sub", "full", "ss", "mean"}
+    | {"avg", "average", "value", "top1", "dl"}
+)
+_OF_CELL = frozenset({"id", "identity", "name"})
+"""Words that mean something else without "cell"."""
+_TECHNOLOGIES: dict[str, Rat] = {
+    "gsm": "GSM",
+    "2g": "GSM",
+    "wcdma": "WCDMA",
+    "umts": "WCDMA",
+    "3g": "WCDMA",
+    "lte": "LTE",
+    "4g": "LTE",
+    "nr": "NR",
+    "5g": "NR",
+}
+_LEVELS: dict[str, Rat | None] = {"rsrp": "LTE", "rscp": "WCDMA", "rxlev": "GSM", "level": None}
+_UNIT = re.compile(r"\(.*?\)|\[.*?\]|[ _]dbm$")
+_WORD = re.compile(r"[a-z0-9]+")
+_DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
+_NONE = frozenset({"-", "--", "n/a", "na", "nan", "null", "none"})
+_YES = frozenset({"true", "1", "yes", "y", "serving"})
+_TIMES = frozenset({"t_s", "time"})
+_CODES = frozenset({"arfcn", "bsic", "psc", "pci"})
+
+Column = tuple[str, str, Rat | None]
+"""Our name, the name in the file, and the technology that this name states."""
+
+
+def columns_of(text: str) -> dict[str, str]:
+    """The option `--columns level=RSRP,lat=Y,...`: our names to those of the file.
+
+    Raises `ConfigError`.
+    """
+    pairs = [part.partition("=") for part in text.split(",")]
+    chosen = {name.strip().lower(): column.strip() for name, _, column in pairs}
+    unknown = sorted(set(chosen) - set(_NAMES))
+    if unknown or not all(chosen.values()):
+        wrong = unknown[0] if unknown else next(name for name, value in chosen.items() if not value)
+        raise ConfigError(
+            f"--columns: {wrong!r} is not NAME=COLUMN with one of the names {', '.join(_NAMES)}"
+        )
+    return chosen
+
+
+def is_it(seen: Contents) -> bool:
+    """Whether a table has a position and a level under names that are known."""
+    if seen.kind != "text" or seen.names & {"t_s", "time_utc", "rssi_dbm"}:
+        return False  # `walk_csv` names what is missing
+    found = {ours for ours, _, _ in _columns(sorted(seen.names), {})}
+    return {"lat", "lon"} <= found and bool(found & set(_LEVELS))
+
+
+def has_time(source: Path, chosen: Mapping[str, str]) -> bool:
+    """Whether a file has a column of times; without one only the order of its rows counts."""
+    return any(ours in _TIMES for ours, _, _ in _columns_of_file(source, chosen))
+
+
+def read(source: Path, chosen: Mapping[str, str]) -> Iterator[Row]:
+    """Rows of a table; `chosen` maps our names to columns that the user names.
+
+    Raises `RunFileError` for a column that is not in the file, or without a position or a level.
+    """
+    columns = _columns_of_file(source, chosen)
+    known = {ours for ours, _, _ in columns}
+    if known & {"cid", "cell"}:
+        yield from parse_rows(csv_table.rows(source), partial(_sighting, columns, None))
+        return
+    used = {name for _, name, _ in columns}
+    others = [name for name in _names_of_file(source) if name not in used]
+    transmitters = Transmitters(others, has_codes=bool(known & _CODES))
+    yield from parse_rows(csv_table.rows(source), partial(_sighting, columns, transmitters))
+    transmitters.check(source)
+
+
+def _names_of_file(source: Path) -> list[str]:
+    with csv_table.text_lines(source) as lines:
+        return csv_table.names_of(next((line for line in lines if not line.startswith("#")), ""))
+
+
+def _columns_of_file(source: Path, chosen: Mapping[str, str]) -> list[Column]:
+    names = _names_of_file(source)
+    for ours, name in chosen.items():
+        if name.lower() not in names:
+            raise RunFileError(f"{source} has no column {name!r} for {ours}; it has {names}")
+    columns = _columns(names, chosen)
+    found = {ours for ours, _, _ in columns}
+    missing = [name for name in ("lat", "lon") if name not in found]
+    if missing or not found & set(_LEVELS):
+        what = ", ".join([*missing, *(["level"] if not found & set(_LEVELS) else [])])
+        raise RunFileError(
+            f"{source}: no column is known to be {what}: name it with --columns; it has {names}"
+        )
+    return columns
+
+
+def _columns(names: list[str], chosen: Mapping[str, str]) -> list[Column]:
+    """What is known of each column; the first of several with one meaning and technology counts."""
+    columns: dict[tuple[str, Rat | None], Column] = {}
+    for ours, name in chosen.items():
+        columns[ours, None] = (ours, name.lower(), _meaning(name)[1])
+    for name in names:
+        key, rat = _meaning(name)
+        ours = next((ours for ours, known in _NAMES.items() if key in known), "")
+        if ours and ours not in chosen and not (ours in _LEVELS and set(chosen) & set(_LEVELS)):
+            columns.setdefault((ours, rat), (ours, name, rat))
+    return list(columns.values())
+
+
+def _meaning(name: str) -> tuple[str, Rat | None]:
+    words = _WORD.findall(_UNIT.sub("", name.lower()))
+    rat = next((_TECHNOLOGIES[word] for word in words if word in _TECHNOLOGIES), None)
+    left = "".join(word for word in words if word not in _DROPPED and word not in _TECHNOLOGIES)
+    return f"cell{left}" if left in _OF_CELL and "cell" in words else left, rat
+
+
+def _sighting(
+    columns: list[Column], transmitters: Transmitters | None, line: int, raw: Fields
+) -> Row:
+    level = _level(columns, raw)
+    if level is None:
+        return NoCell(line, "no level")
+    column, rat = level
+    fields: dict[str, Any] = {
+        ours: _plain(raw[name])
+        for ours, name, own in columns
+        if (own is None or rat is None or own == rat) and _plain(raw[name])
+    }
+    if text(fields, "rat").upper() not in RATS:
+        fields["rat"] = rat or ""
+    fields |= {"level": _plain(raw[column]), "when": _moment(columns, line, fields)}
+    sighting = _OURS.sighting(line, fields)
+    if transmitters is None or not isinstance(sighting, Sighting):
+        return sighting
+    label = transmitters.name(raw, sighting.reading)
+    return replace(sighting, reading=replace(sighting.reading, label=label))
+
+
+def _level(columns: list[Column], raw: Fields) -> tuple[str, Rat | None] | None:
+    """The first column of levels that has one, and the technology it states."""
+    for ours, default in _LEVELS.items():
+        for own, name, rat in columns:
+            if own == ours and _plain(raw[name]):
+                return name, rat or default
+    return None
+
+
+def _moment(columns: list[Column], line: int, fields: Fields) -> Moment:
+    known = {ours for ours, _, _ in columns} & _TIMES
+    if "time" in known:
+        return moment_of(text(fields, "time"), "time")
+    if known:
+        return Moment(round(number(fields, "t_s", (-1e9, 1e9)) * 1e9), is_utc=False)
+    return Moment(line * ROW_NS, is_utc=False)
+
+
+def _role(fields: Fields) -> Role:
+    if "serving" not in fields:
+        return "scan"
+    return "serving" if text(fields, "serving").lower() in _YES else "neighbour"
+
+
+def _plain(value: str) -> str:
+    """A value without marks for "none", its decimal comma as a point."""
+    value = value.strip()
+    if value.lower() in _NONE:
+        return ""
+    return value.replace(",", ".") if _DECIMAL_COMMA.fullmatch(value) else value
+
+
+_OURS = Columns(
+    needs_rat=False,
+    when=lambda _, fields: fields["when"],
+    level_dbm=lambda fields, _: maybe(fields, "level", LEVEL_RANGE_DBM),
+    role=_role,
+    alt_m=("alt",),
+    acc_m=("acc",),
+    area=("area",),
+    ta=("ta",),
+    more=lambda fields, _: {
+        **{name: integer(fields, name) for name in ("bsic", "psc", "pci")},
+        "label": text(fields, "cell") or None,
+    },
+)
+
+
+def format_of(source: Path, chosen: Mapping[str, str]) -> Format:
+    """The format that reads a file with the `chosen` columns; whether it has times, it says."""
+    times = "time" if has_time(source, chosen) else ""
+    return Format(NAME, partial(read, chosen=chosen), times, is_it, has_scans=bool(times))
+
+
+IMPORTS = (Format(NAME, partial(read, chosen={}), "time", is_it, has_scans=True, is_general=True),)

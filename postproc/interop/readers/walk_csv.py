@@ -1,0 +1,146 @@
+"""A walk as CSV: one row for each level measured, with its position.
+
+Columns: `t_s` (seconds) or `time_utc` (ISO 8601), `lat`, `lon` (WGS 84 degrees), `rssi_dbm`;
+optional `cell` (a name; without it the identity, else a column such as `bssid` or `gateway`, else
+"target"), `acc_m` (radius that holds 68 %), `rat`, and by their names in the run file whatever else
+is known of the fix (`alt_m`, `speed_mps`, `course_deg`) or of the cell (`mcc`, `mnc`, `lac`, `cid`,
+`rsrp_dbm`, ...), where `rssi_dbm` may be empty if another level is given. Other columns are passed
+over. Text that a spreadsheet would take for a formula is marked with an apostrophe, and read
+without it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import fields as fields_of
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from logger.core.column import UNKNOWN_SIGNED
+from logger.core.geo import check_position
+from logger.core.rows import channels_of
+from logger.core.schema import TABLES
+from logger.core.types import Broadcast, CellReading, Fix
+from postproc.interop import csv_table
+from postproc.interop.contents import Contents, Format
+from postproc.interop.fields import (
+    LEVEL_RANGE_DBM,
+    RATS,
+    Fields,
+    Transmitters,
+    cell_identity,
+    integer,
+    maybe,
+    number,
+    text,
+    utc_ns_of,
+    with_name,
+)
+from postproc.interop.sighting import Row, Sighting, parse_rows
+
+_CELL_BYTES = 64
+PLACE = ("alt_m", "speed_mps", "course_deg")
+LEVELS = ("rssi_dbm", "rscp_dbm", "rsrp_dbm")
+_ROLES = ("serving", "neighbour", "scan")
+_CODES = frozenset({"arfcn", "bsic", "psc", "pci"})
+
+READINGS = {column.name: column for column in TABLES["readings"]}
+CELL = [
+    f.name
+    for f in fields_of(CellReading)
+    if f.name not in {"role", "rat", "broadcast", "label", "more", *LEVELS}
+]
+BROADCAST = [f.name for f in fields_of(Broadcast)]
+
+
+def read(source: Path) -> Iterator[Row]:
+    """Rows in the file's order; raises `RunFileError` without the columns needed."""
+    needed = ({"t_s", "time_utc"}, "lat", "lon", "rssi_dbm")
+    rows = csv_table.rows(source, required=needed)
+    transmitters: Transmitters | None = None
+
+    def sighting(line: int, fields: Fields) -> Sighting:
+        nonlocal transmitters
+        if transmitters is None:
+            others = [name for name in fields if name not in READINGS]
+            transmitters = Transmitters(others, has_codes=not _CODES.isdisjoint(fields))
+        return _sighting(line, fields, transmitters)
+
+    yield from parse_rows(rows, sighting)
+    if transmitters is not None:
+        transmitters.check(source)
+
+
+def _sighting(line: int, fields: Fields, transmitters: Transmitters) -> Sighting:
+    utc_ns = (
+        utc_ns_of(fields["time_utc"], "time_utc")
+        if "t_s" not in fields or fields.get("time_utc")
+        else None
+    )
+    t_ns = round(number(fields, "t_s") * 1e9) if "t_s" in fields or utc_ns is None else utc_ns
+    if abs(t_ns) >= 2**62:
+        raise ValueError("the time is out of range")
+    lat_deg, lon_deg = number(fields, "lat"), number(fields, "lon")
+    check_position(lat_deg, lon_deg)
+    known = {name: maybe(fields, name) for name in PLACE}
+    acc_m = maybe(fields, "acc_m", (0.0, 1e6))
+    fix = Fix(True, utc_ns=utc_ns, lat_deg=lat_deg, lon_deg=lon_deg, acc_m=acc_m, **known)  # type: ignore[arg-type]
+    return Sighting(line, t_ns, fix, _reading(fields, transmitters))
+
+
+def _reading(fields: Fields, transmitters: Transmitters) -> CellReading:
+    role = next((role for role in _ROLES if role == text(fields, "role")), "scan")
+    levels = {name: maybe(fields, name, LEVEL_RANGE_DBM) for name in LEVELS}
+    named: dict[str, Any] = {name: _cell_value(fields, name) for name in CELL}
+    named["broadcast"] = _broadcast(fields)
+    if all(levels[name] is None for name in LEVELS[1:]) and named["rxlev_raw"] is None:
+        levels["rssi_dbm"] = number(fields, "rssi_dbm", LEVEL_RANGE_DBM)
+    rat = RATS.get(text(fields, "rat").upper())
+    reading = CellReading(role, rat, **levels, **named)  # type: ignore[arg-type]
+    cell: str | None = csv_table.unescape(text(fields, "cell"))
+    if not cell:
+        reading = with_name(reading)
+        cell = reading.cell or transmitters.name(fields, reading)
+    if cell is None:
+        return reading
+    if len(cell.encode()) > _CELL_BYTES:
+        raise ValueError(f"the cell's name is longer than {_CELL_BYTES} bytes")
+    return reading if reading.cell == cell else replace(reading, label=cell)
+
+
+def _broadcast(fields: Fields) -> Broadcast | None:
+    """What the cell broadcasts; None where the row has nothing of it."""
+    channels = channels_of(text(fields, "neighbour_arfcns") or None)
+    if channels is None and text(fields, "neighbour_arfcns"):
+        raise ValueError("neighbour_arfcns is no list of GSM channels")
+    cro_db, penalty_time, t3212_raw = (
+        integer(fields, name) for name in ("cro_db", "penalty_time", "t3212_raw")
+    )
+    unsure = bool(integer(fields, "broadcast_unsure"))
+    found = Broadcast(channels, cro_db, penalty_time, t3212_raw, unsure)
+    return None if found == Broadcast(broadcast_unsure=unsure) else found
+
+
+def _cell_value(fields: Fields, name: str) -> float | int | str | None:
+    column = READINGS[name]
+    if name == "identity_unsure":
+        return bool(integer(fields, name))
+    if column.dtype.startswith("S"):
+        string = csv_table.unescape(text(fields, name))
+        if len(string.encode()) > int(column.dtype[1:]):
+            raise ValueError(f"{name} is too long: {string[:40]!r}")
+        return string or None
+    if column.dtype == "<f8":
+        return maybe(fields, name)
+    if column.unknown == UNKNOWN_SIGNED:
+        value = maybe(fields, name, (-1e9, 1e9))
+        return None if value is None else round(value)
+    return cell_identity(fields, name) if name == "cid" else integer(fields, name)
+
+
+def _is_it(seen: Contents) -> bool:
+    """Two of our columns suffice: the reader names those that are missing."""
+    ours = {"t_s", "time_utc", "lat", "lon", *LEVELS}
+    return seen.kind == "text" and len(seen.names & ours) >= 2
+
+
+IMPORTS = (Format("CSV", read, "t_s or time_utc", _is_it, is_general=True, unrepeated=True),)

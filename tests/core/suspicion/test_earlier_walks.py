@@ -1,0 +1,107 @@
+"""B3: a cell that all earlier walks heard here, and what its gate is there for."""
+
+from types import MappingProxyType
+
+import pytest
+
+from logger.core.baseline import HeardInSquare, KnownCell, NoBaseline, SquareHistory
+from logger.core.suspicion.rules import RULES
+from tests.kit.suspicion_walks import Walk, gsm
+
+HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]
+GONE = gsm(50)
+
+
+class Earlier(NoBaseline):
+    """Walks that heard the same cells in every square, `GONE` as often and as strong as said."""
+
+    def __init__(self, n_walks=8, heard=8, gone_dbm=-65.0, home_dbm=0.0):
+        self.n_walks = n_walks
+        cells = {reading.cell: reading.rssi_dbm + home_dbm for reading in HOME}
+        self.cells = {
+            name: HeardInSquare(n_walks, 20 * n_walks, dbm + 5.0, dbm + 2.0, dbm, 4.0)
+            for name, dbm in cells.items()
+        }
+        gone = HeardInSquare(heard, 20 * heard, gone_dbm + 5.0, gone_dbm + 2.0, gone_dbm, 4.0)
+        self.cells[GONE.cell] = gone
+
+    def square(self, square):
+        return SquareHistory(square, {"GSM": self.n_walks}, MappingProxyType(self.cells))
+
+    def cell(self, name):
+        if name not in self.cells:
+            return None
+        heard = self.cells[name]
+        n_walks, n_scans, best_dbm = heard.n_walks, heard.n_scans, heard.best_dbm
+        return KnownCell(name, "GSM", n_walks, n_scans, 1, best_dbm, 0, frozenset({(51, 8)}))
+
+
+def _b3(baseline, *scan, metres=20.0, times=14):
+    walk = Walk(baseline=baseline).scan(*(scan or HOME), metres=metres, times=times)
+    return [finding for finding in walk.found if finding.rule.id == "B3"]
+
+
+def test_a_cell_that_was_always_heard_here_is_missed():
+    (finding,) = _b3(Earlier())
+    assert finding.cell == GONE.cell
+    assert finding.evidence == {
+        "walks": 8, "of": 8, "level_dbm": -65, "places": 3, "limit_dbm": -86,
+    }  # fmt: skip
+    assert finding.lat_deg is not None
+
+
+def test_it_is_a_warning_and_no_accusation():
+    walk = Walk(baseline=Earlier()).scan(*HOME, metres=20.0, times=14)
+    assert walk.word(GONE.cell) == "nothing unusual"
+    assert walk.tracker.worst is None
+    assert walk.tracker.technologies()[GONE.cell] == "GSM"
+    assert RULES["B3"].rate_text(0.0) == "Not measured: it only warns."
+
+
+@pytest.mark.parametrize(
+    "earlier",
+    [
+        Earlier(n_walks=6, heard=6),
+        Earlier(heard=7),  # 88 % of the walks
+        Earlier(gone_dbm=-72.0),  # 14 dB above what was named today
+        Earlier(home_dbm=10.0),  # today's antenna is worse by as much
+    ],
+    ids=["few walks", "not always heard", "too weak", "a worse antenna"],
+)
+def test_the_gate_of_earlier_walks(earlier):
+    assert not _b3(earlier)
+
+
+def test_the_gate_of_todays_walk():
+    assert not _b3(Earlier(), *HOME, GONE)  # heard
+    assert not _b3(Earlier(), *HOME[:3])  # a short list
+    assert not _b3(Earlier(), metres=2.0)  # one place
+    unnamed = [gsm(None, -80 - k, arfcn=k) for k in range(6)]
+    assert not _b3(Earlier(), *HOME[:3], *unnamed)
+    assert _b3(Earlier(), *HOME, gsm(None, -60, arfcn=50))
+    assert not _b3(Earlier(), *HOME, gsm(None, -60, arfcn=51))  # its channel, without identity
+
+
+def test_a_modem_that_names_one_network_misses_no_cell_of_another():
+    others = [gsm(reading.cid, reading.rssi_dbm, mnc="03") for reading in HOME]
+    earlier = Earlier()
+    earlier.cells |= {
+        other.cell: earlier.cells[reading.cell] for other, reading in zip(others, HOME, strict=True)
+    }
+    assert not _b3(earlier, *others)
+    assert _b3(earlier, *others, HOME[0])
+
+
+def test_a_cell_heard_before_on_this_walk_is_not_gone():
+    walk = Walk(baseline=Earlier()).scan(*HOME, GONE, times=2).scan(*HOME, metres=20.0, times=14)
+    assert ("B3", 50) not in walk.rules
+
+
+def test_a_cell_that_is_heard_later_was_not_gone():
+    walk = Walk(baseline=Earlier()).scan(*HOME, metres=20.0, times=14)
+    assert walk.tracker.assessment(GONE.cell).findings
+    n_changes = walk.tracker.n_changes
+    walk.scan(*HOME, GONE, metres=20.0, times=2)
+    assert not walk.tracker.assessment(GONE.cell).findings
+    assert walk.tracker.n_changes > n_changes  # so that the status shows it
+    assert GONE.cell in {cell.cell for cell in walk.tracker.assessments()}

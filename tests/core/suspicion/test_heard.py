@@ -1,0 +1,42 @@
+"""Networks of a log: several telephones in one log, and codes that are not printed."""
+
+import pytest
+
+from logger.core.suspicion.heard import may_be_same
+from tests.kit.suspicion_walks import Walk, gsm
+
+FIRST = [gsm(10 + k, -70 - k) for k in range(4)]
+SECOND = [gsm(60 + k, -84 + k, mnc="03", lac=4301) for k in range(4)]
+
+
+@pytest.mark.parametrize(
+    ("operator", "other", "is_same"),
+    [
+        ("232-01", "232-01", True),
+        ("232-01", "232-03", False),
+        ("232-?", "232-03", True),
+        ("?-?", "232-03", True),
+        ("001-?", "232-?", False),
+    ],
+)
+def test_a_code_that_is_not_printed_may_be_any(operator, other, is_same):
+    assert may_be_same(operator, other) == is_same
+
+
+def test_networks_that_come_late_are_not_those_of_the_log():
+    walk = Walk().scan(*FIRST, *SECOND, times=2)
+    memory = walk.scan(*FIRST, gsm(90, mcc="001"), seconds=400.0).tracker._memory
+    assert memory.are_apart("232-03", "232-01")
+    assert not memory.are_apart("001-01", "232-01")
+    assert not memory.are_apart("232-01", "232-01")
+
+
+def test_one_network_says_nothing_of_another():
+    """A modem that tries two networks in turn, or two telephones in one log: C2, S3, L3."""
+    walk = Walk().scan(*FIRST, metres=0.0, times=15).scan(*SECOND, metres=0.0, times=15)
+    assert walk.rules == set()
+
+
+def test_a_network_that_comes_late_has_to_be_explained():
+    walk = Walk().scan(*FIRST, metres=0.0, times=70).scan(*SECOND, metres=0.0, times=15)
+    assert ("L3", 60) in walk.rules

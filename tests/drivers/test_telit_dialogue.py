@@ -1,0 +1,61 @@
+from logger.core.types import CellReading
+from logger.drivers.telit import Telit
+from tests.kit.drivers import run_dialogue
+
+MODEM = Telit()
+
+SERVING = "#MONI: S 52 3F6A 1B7C 688 -79dbm 22 30 1 0 Example Net"
+NEIGHBOUR = "#MONI: N1 46 3F6B 2C8D 962 -86dbm 17 15"
+
+
+def test_setup_of_a_modem_that_has_few_commands():
+    assert run_dialogue(MODEM.setup(), {"AT": ((), "OK")})[0] is True
+    assert run_dialogue(MODEM.setup(), {})[0] is False
+
+
+def test_poll_names_the_serving_cell():
+    answers = {
+        "AT#MONI": ([SERVING, NEIGHBOUR], "OK"),
+        "AT#SERVINFO": (['#SERVINFO: 688,-79,"Example Net","26201",52,3F6A,01,1'], "OK"),
+        "AT+CREG?": (['+CREG: 2,1,"3F6A","1B7C"'], "OK"),
+    }
+    rows = run_dialogue(MODEM.poll(), answers)[0]
+    readings = [row for row in rows if isinstance(row, CellReading)]
+    assert [(row.role, row.cell) for row in readings] == [
+        ("serving", "262-01-16234-7036"),
+        ("neighbour", None),
+    ]
+    assert readings[0].c1 == 22
+
+
+def test_poll_on_lte_takes_the_cell_from_the_registration():
+    line = '#SERVINFO: 6300,-55,"Example Net","26203",00000B2,4E5F,32,3,-84'
+    answers = {
+        "AT#SERVINFO": ([line], "OK"),
+        "AT+CEREG?": (['+CEREG: 2,1,"4E5F","0A1B2C3",7'], "OK"),
+    }
+    rows = run_dialogue(MODEM.poll(), answers)[0]
+    assert rows[0].cell == f"262-03-{0x4E5F}-{0x0A1B2C3}"
+    answers["AT+CEREG?"] = (['+CEREG: 2,1,"4E60","0A1B2C3",7'], "OK")
+    assert run_dialogue(MODEM.poll(), answers)[0][0].cid is None
+
+
+def test_poll_without_an_answer():
+    assert run_dialogue(MODEM.poll(), {})[0] is None
+    assert (
+        run_dialogue(MODEM.poll(), dict.fromkeys(["AT#MONI", "AT#SERVINFO"], ((), None)))[0] is None
+    )
+    assert run_dialogue(MODEM.poll(), {"AT#MONI": ((), "OK")})[0] == ()
+    assert run_dialogue(MODEM.poll(), {"AT#MONI": ([NEIGHBOUR], None)})[0] == MODEM.read(
+        [NEIGHBOUR]
+    )
+
+
+def test_survey_covers_all_channels_of_gsm_in_parts():
+    spans = [
+        tuple(map(int, command.text.removeprefix("AT#CSURV=").split(",")))
+        for command in MODEM.survey_commands
+    ]
+    channels = [channel for low, high in spans for channel in range(low, high + 1)]
+    assert channels == [*range(125), *range(128, 252), *range(512, 886), *range(975, 1024)]
+    assert all(command.timeout_s >= 120 for command in MODEM.survey_commands)

@@ -1,0 +1,48 @@
+from logger.core.runfile import read_run
+from logger.core.types import Scan
+from postproc.cli import main
+
+HEADER = "t_s,lat,lon,rat,mcc,mnc,lac_tac,cid,arfcn,pci_bsic,level_dbm,serving,ta\n"
+ROWS = """\
+100.0,51.9,-8.5,GSM,404,57,1681,34832,116,16,-57,1,2
+100.0,51.9,-8.5,GSM,,,,,78,13,-76,0,
+100.0,51.9,-8.5,GSM,,,,,78,13,-77,0,
+101.0,51.9,-8.5,LTE,272,,40122,124546051,,,-79,1,
+102.0,,,LTE,272,,40122,124546051,,,-79,1,
+103.0,51.9,-8.5,5.5G,272,,40122,1,,,-79,1,
+"""
+
+
+def test_codes_of_a_table_of_floats(tmp_path, capsys):
+    """A table with empty fields becomes one of floats; a spreadsheet drops leading zeros."""
+    rows = """\
+100.0,51.9,-8.5,LTE,334.0,020,40122.0,124546051.0,,,-79,1,
+101.0,51.9,-8.5,LTE,272.0,1.0,40122.0,124546051.0,,,-79,1,
+102.0,51.9,-8.5,LTE,eir,-5,40122,124546051,,,-79,1,
+"""
+    (tmp_path / "log.csv").write_text(HEADER + rows)
+    assert main(["import", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run.h5")]) == 0
+    assert "line 4: mcc is no integer: 'eir'" in capsys.readouterr().err
+    scans = [r.value for _, r in read_run(tmp_path / "run.h5").records("scans")]
+    assert [scan.readings[0].cell for scan in scans] == [
+        "334-020-40122-124546051",
+        "272-01-40122-124546051",
+    ]
+
+
+def test_rows_of_one_time_are_one_scan(tmp_path, capsys):
+    (tmp_path / "log.csv").write_text(HEADER + ROWS)
+    assert main(["import", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run.h5")]) == 0
+    out, errors = capsys.readouterr()
+    assert "drive test CSV" in out
+    assert "line 6: lat is empty" in errors
+    assert "no technology of 2G to 5G is called '5.5G'" in errors
+    scans = [r.value for _, r in read_run(tmp_path / "run.h5").records("scans")]
+    assert all(isinstance(scan, Scan) for scan in scans)
+    gsm, lte = scans
+    serving, neighbour = gsm.readings
+    assert serving.cell == "404-57-1681-34832"
+    assert (serving.role, serving.bsic, serving.arfcn, serving.ta) == ("serving", 16, 116, 2)
+    assert (neighbour.cell, neighbour.arfcn, neighbour.rssi_dbm) == (None, 78, -77.0)
+    assert lte.readings[0].cell == "272-?-40122-124546051"  # the network code is unknown
+    assert (lte.readings[0].tac, lte.readings[0].rsrp_dbm) == (40122, -79.0)

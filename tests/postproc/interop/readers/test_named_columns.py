@@ -1,0 +1,164 @@
+import pytest
+
+from logger.core.errors import ConfigError, RunFileError
+from logger.core.runfile import read_run
+from logger.core.types import CellReading
+from postproc.cli import main
+from postproc.interop.formats import recognise
+from postproc.interop.readers import named_columns
+from postproc.interop.sighting import NoCell
+
+TIME = "2024-05-01 12:00:07"
+
+
+def _rows(tmp_path, *lines):
+    source = tmp_path / "table.csv"
+    source.write_text("\n".join(lines) + "\n")
+    form = recognise(source)
+    assert form.name == "CSV by column names"
+    return list(form.read(source))
+
+
+def test_a_drive_test_with_a_column_for_each_technology(tmp_path):
+    """As Nemo Analyze and QualiPoc write them: units in brackets, the technology in the name."""
+    gsm, lte, none = _rows(
+        tmp_path,
+        "Time;Longitude;Latitude;Serving MCC;Serving MNC;Serving LAC;GSM Cell ID;GSM BSIC;"
+        "BCCH ARFCN;RxLev sub (dBm);LTE TAC;LTE Cell identity;LTE EARFCN;"
+        "LTE Physical cell identity;LTE Serving cell RSRP [dBm]",
+        f"{TIME};13,5;52,5;262;1;4711;17;10;62;-71;;;;;",
+        f"{TIME};13,5;52,5;262;1;;;;;n/a;70;256259;1300;5;-99,5",
+        f"{TIME};13,5;52,5;262;1;;;;;;;;;;",
+    )
+    assert gsm.reading == CellReading(
+        "scan", "GSM", "262", "01", lac=4711, cid=17, arfcn=62, bsic=10, rssi_dbm=-71.0
+    )
+    assert lte.reading == CellReading(
+        "scan", "LTE", "262", "01", tac=70, cid=256259, arfcn=1300, pci=5, rsrp_dbm=-99.5
+    )
+    assert none == NoCell(4, "no level")
+    assert (gsm.lat_deg, gsm.lon_deg, gsm.fix.utc_ns) == (52.5, 13.5, None)
+
+
+def test_a_table_with_one_technology_column(tmp_path):
+    """As NetMonster's users export their measurements."""
+    lte, umts = _rows(
+        tmp_path,
+        "time,lat,lon,cell_id,tac,pci,rsrp,rscp,rat,mcc,mnc",
+        f"{TIME},41.0,28.9,12345.0,1001,10,-85,,LTE,286,1",
+        f"{TIME},41.0,28.9,70000,7,,,-91,UMTS,286,1",
+    )
+    assert lte.reading == CellReading(
+        "scan", "LTE", "286", "01", tac=1001, cid=12345, pci=10, rsrp_dbm=-85.0
+    )
+    assert umts.reading == CellReading("scan", "WCDMA", "286", "01", lac=7, cid=70000, rscp_dbm=-91)
+
+
+def test_without_an_identity_the_table_is_about_one_cell(tmp_path):
+    (row,) = _rows(tmp_path, "time,lat,lon,power", f"{TIME},41.0,28.9,-85")
+    assert (row.reading.cell, row.reading.rat, row.rssi_dbm) == ("target", None, -85.0)
+
+
+HEAD = "time,lat,lon,power"
+WALK = "t_s,lat,lon,rssi_dbm"
+
+
+def _table(head, *more, names):
+    """Rows of two transmitters in turn."""
+    return "\n".join(
+        [
+            ",".join([head, *more]),
+            *(
+                f"{f'12:00:{i:02d}' if head == HEAD else i},41.0,{28.9 + i * 1e-5},-8{i},{name}"
+                for i, name in enumerate(names)
+            ),
+        ]
+    )
+
+
+@pytest.mark.parametrize("head", [HEAD, WALK])
+@pytest.mark.parametrize(
+    "column", ["bssid", "BSSID", "gateway", "Gateway ID", "gw_eui", "MAC", "tx_id", "cell"]
+)
+def test_a_column_that_names_transmitters_is_the_identity(tmp_path, head, column):
+    source = tmp_path / "x.csv"
+    source.write_text(_table(head, column, names=["aa:01", "aa:02", "", "aa:01"]))
+    names = [row.reading.cell for row in recognise(source).read(source)]
+    unnamed = "target" if head == WALK and column == "cell" else None
+    assert names == ["aa:01", "aa:02", unnamed, "aa:01"]
+
+
+@pytest.mark.parametrize("head", [HEAD, WALK])
+@pytest.mark.parametrize("column", ["device", "Device ID", "node", "sensor", "id", "eNB", "ssid"])
+def test_a_column_that_may_name_transmitters_is_asked_for(tmp_path, capsys, head, column):
+    source, run = tmp_path / "x.csv", str(tmp_path / "run.h5")
+    source.write_text(_table(head, column, names=["a", "b"] * 4))
+    assert main(["import", str(source), "-o", run]) == 2
+    said = capsys.readouterr().err
+    assert "has 2 values ('a', 'b')" in said
+    assert f"--columns cell={column.lower()}" in said
+    assert main(["import", str(source), "--columns", f"cell={column}", "-o", run]) == 0
+    assert "8 readings" in capsys.readouterr().out
+    assert set(read_run(run).tables["readings"]["cell"]) == {b"a", b"b"}
+
+
+@pytest.mark.parametrize("head", [HEAD, WALK])
+@pytest.mark.parametrize("names", [["a"] * 8, list("abcdefgh"), [""] * 8])
+def test_one_device_and_a_number_of_each_row_name_nobody(tmp_path, head, names):
+    source = tmp_path / "x.csv"
+    source.write_text(_table(head, "id", names=names))
+    assert {row.reading.cell for row in recognise(source).read(source)} == {"target"}
+
+
+@pytest.mark.parametrize("head", [HEAD, WALK])
+def test_without_an_identity_channel_and_code_name_the_cell(tmp_path, head):
+    source = tmp_path / "x.csv"
+    source.write_text(_table(head, "arfcn", "pci", names=["1300,7", "1300,8", ",", "1300,7"]))
+    names = [row.reading.cell for row in recognise(source).read(source)]
+    assert names == ["channel 1300 PCI 7", "channel 1300 PCI 8", None, "channel 1300 PCI 7"]
+
+
+def test_an_identity_without_its_network_is_a_name(tmp_path):
+    rows = _rows(tmp_path, "time,lat,lon,lac,cid,rat,rxlev",
+                 f"{TIME},41.0,28.9,7,99,GSM,-80", f"{TIME},41.0,28.9,7,98,GSM,-80",
+                 f"{TIME},41.0,28.9,0,0,GSM,-80", f"{TIME},41.0,28.9,0,99,GSM,-80")  # fmt: skip
+    assert [row.reading.cell for row in rows] == ["?-?-7-99", "?-?-7-98", None, "?-?-?-99"]
+
+
+def test_columns_that_the_user_names(tmp_path, capsys):
+    source = tmp_path / "x.csv"
+    source.write_text(
+        "wann,x,y,pegel,level\n"
+        + "".join(f"2024-05-01 12:00:{i:02d},13.5,{52.5 + i * 1e-5},-7{i},0\n" for i in range(9))
+    )
+    run = str(tmp_path / "run.h5")
+    columns = "time=wann,lat=y,lon=x,level=pegel"
+    assert main(["import", str(source), "--columns", columns, "-o", run]) == 0
+    assert "9 readings, 0 bad rows (CSV by column names)" in capsys.readouterr().out
+    assert main(["import", str(source), "-o", run]) == 2
+    assert "I read a table with the columns wann, x, y, pegel, level" in capsys.readouterr().err
+
+
+def test_without_a_column_of_times_the_order_counts(tmp_path):
+    source = tmp_path / "x.csv"
+    source.write_text("lat,lon,rsrp\n52.5,13.5,-80\n52.6,13.5,-81\n")
+    assert recognise(source).times == ""
+
+
+@pytest.mark.parametrize("text", ["pegel", "pegel=x", "lat=", "level=x,,"])
+def test_a_wrong_option_lists_the_names(text):
+    with pytest.raises(ConfigError, match="NAME=COLUMN with one of the names time, lat, lon"):
+        named_columns.columns_of(text)
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({"level": "pegel"}, "no column 'pegel' for level"),
+        ({"lat": "a"}, "known to be lon, level: name it with --columns"),
+    ],
+)
+def test_a_column_that_is_not_there_is_named(tmp_path, columns, says):
+    (tmp_path / "x.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(RunFileError, match=says):
+        recognise(tmp_path / "x.csv", columns)

@@ -1,0 +1,90 @@
+import tempfile
+from pathlib import Path
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from logger.core.types import Broadcast, CellReading, Fix
+from postproc.interop.sighting import BadRow, Sighting
+from postproc.interop.writers import csv as write_csv
+from tests.postproc.interop.walks import export_of, read_walk
+
+WHOLE = st.one_of(st.none(), st.integers(0, 2**31 - 2))
+FLOAT = st.one_of(st.none(), st.floats(-150.0, 0.0))
+READINGS = st.builds(
+    CellReading,
+    role=st.sampled_from(["serving", "neighbour", "scan"]),
+    rat=st.sampled_from([None, "GSM", "WCDMA", "LTE", "LTE-M", "NB-IoT", "NR"]),
+    mcc=st.just("001"),
+    mnc=st.sampled_from(["1", "01", "001"]),
+    lac=WHOLE,
+    tac=WHOLE,
+    cid=st.integers(0, 2**36 - 1),
+    arfcn=WHOLE,
+    bsic=WHOLE,
+    psc=WHOLE,
+    pci=WHOLE,
+    ta=WHOLE,
+    rxlev_raw=WHOLE,
+    c1=st.one_of(st.none(), st.integers(-99, 99)),
+    rssi_dbm=st.floats(-150.0, 0.0),
+    rscp_dbm=FLOAT,
+    rsrp_dbm=FLOAT,
+    rsrq_db=FLOAT,
+    label=st.just("Straße, 1"),
+    broadcast=st.one_of(
+        st.none(),
+        st.builds(
+            Broadcast,
+            st.one_of(st.none(), st.lists(st.integers(0, 1023), max_size=64).map(tuple)),
+            cro_db=st.integers(0, 126),
+            t3212_raw=WHOLE,
+        ),
+    ),
+)
+FIXES = st.builds(
+    Fix,
+    valid=st.just(True),
+    utc_ns=st.one_of(st.none(), st.integers(0, 4 * 10**15).map(lambda us: us * 1000)),
+    lat_deg=st.floats(-84.0, 84.0),
+    lon_deg=st.floats(-180.0, 180.0),
+    alt_m=st.one_of(st.none(), st.floats(-400.0, 9000.0)),
+    acc_m=st.one_of(st.none(), st.floats(0.0, 1000.0)),
+)
+
+
+@given(
+    st.lists(
+        st.builds(Sighting, st.just(0), st.integers(-(10**15), 10**15), FIXES, READINGS),
+        min_size=1,
+        max_size=4,
+    )
+)
+@settings(max_examples=60, deadline=None)
+def test_what_is_written_is_read_back_equal(heard):
+    with tempfile.TemporaryDirectory() as folder:
+        write_csv.write(export_of(heard), (), Path(folder) / "walk.csv")
+        good, bad = read_walk(Path(folder) / "walk.csv")
+    assert bad == []
+    assert [(h.t_ns, h.fix, h.reading) for h in good] == [(h.t_ns, h.fix, h.reading) for h in heard]
+
+
+def test_a_bad_value_of_a_cell_is_a_bad_row(tmp_path):
+    header = "t_s,lat,lon,rssi_dbm,mcc,mnc,lac,cid\n"
+    rows = [
+        "0,52,13,-70,262,01,1,2",
+        "1,52,13,-70,262,01,1,x",
+        "2,52,13,-70,26201,01,1,2",
+        "3,52,13,-70,262,01,-1,2",
+    ]
+    (tmp_path / "walk.csv").write_text(header + "\n".join(rows))
+    good, bad = read_walk(tmp_path / "walk.csv")
+    # -1 is unknown: the identity is not whole
+    assert [h.reading.cell for h in good] == ["262-01-1-2", "262-01-?-2"]
+    assert bad == [BadRow(3, "cid is no integer: 'x'"), BadRow(4, "mcc is too long: '26201'")]
+
+
+def test_comments_before_the_header(tmp_path):
+    (tmp_path / "walk.csv").write_text("# by hand\nt_s;lat;lon;rssi_dbm\n0;52;13;-70\n1;52;13;\n")
+    good, bad = read_walk(tmp_path / "walk.csv")
+    assert ([h.line for h in good], bad) == ([3], [BadRow(4, "rssi_dbm is empty")])

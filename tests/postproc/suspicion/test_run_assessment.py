@@ -1,0 +1,31 @@
+"""Which cell the page and the viewer begin with."""
+
+from logger.core.runfile import read_run
+from postproc.smoothing import smooth_runs
+from postproc.suspicion.run_assessment import conspicuous_first
+from postproc.view.view_model import select_cells
+from tests.kit.suspicion_walks import gsm, write_walk
+
+HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]
+ROGUE = gsm(99, -60, mcc="310", mnc="260")
+
+
+def _result(tmp_path, *cells):
+    write_walk(tmp_path / "run.journal", cells)
+    return smooth_runs([read_run(tmp_path / "run.journal")])
+
+
+def test_the_suspicious_cell_is_the_one_of_interest(tmp_path):
+    result, conspicuous = conspicuous_first(_result(tmp_path, *HOME, ROGUE))
+    assert conspicuous == ("310-260-1201-99",)
+    assert result.cells[0].cell == conspicuous[0]
+    assert result.warnings[0].startswith("310-260-1201-99 is suspicious: ")
+    (shown,) = select_cells(result, conspicuous[:1])
+    assert shown.cell == conspicuous[0]
+
+
+def test_without_one_nothing_changes(tmp_path):
+    before = _result(tmp_path, *HOME)
+    after, conspicuous = conspicuous_first(before)
+    assert conspicuous == ()
+    assert [cell.cell for cell in after.cells] == [cell.cell for cell in before.cells]
