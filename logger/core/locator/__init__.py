@@ -20,6 +20,7 @@ Signal Process. 53(7), 2005). `pipeline` names the steps in their order; begin t
     symmetry          tracks that are straight or round to within their errors
     timing_advance    what timing advances add
     offsets           how much higher one modem reads than another
+    observables       what the levels show without a model, pooled with the posterior
     summary           step 4: tree -> posterior
     posterior         the result
     region            highest-density regions and modes

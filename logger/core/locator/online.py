@@ -17,6 +17,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.bordered_sums import BorderedSums, station_rows
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
+from logger.core.locator.observables import observables
 from logger.core.locator.online_values import LevelReading, ReadingsInOrder, StrongestMode
 from logger.core.locator.posterior import StrongestReading
 from logger.core.locator.preparation import LocatorInput
@@ -237,7 +238,9 @@ class OnlineLocator:
         tree = Tree(x_m, y_m, size_m, log_prior, evidence, found.numbers, log_weight)
         walk = single(self._on_curve(0, self._n), self._size_m, self._censored_points())
         given = Walk(walk, walk, found.prior, EFFORT)
-        return LocatorInput(given, found.prior, 0.0, 1, self._strongest), tree
+        x_m, y_m, _, level_dbm, _ = self.readings.columns()
+        seen = observables(x_m, y_m, level_dbm)
+        return LocatorInput(given, found.prior, 0.0, 1, self._strongest, seen), tree
 
     def strongest_mode(self) -> StrongestMode | None:
         """The mode with most probability, None before the first search."""

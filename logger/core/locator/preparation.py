@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.errors import EstimationError
+from logger.core.locator.observables import Observables, observables
 from logger.core.locator.offsets import first_look
 from logger.core.locator.posterior import StrongestReading
 from logger.core.locator.quadtree import Effort
@@ -34,7 +35,8 @@ class LocatorInput(NamedTuple):
     """The walk to search, the prior to report, and what has been subtracted from all levels.
 
     `prior` reaches as far as the timing advances; that of `walk` is `mean_dbm` lower, as the
-    levels are, and has offsets of modems in its own units (`offsets.first_look`).
+    levels are, and has offsets of modems in its own units (`offsets.first_look`). `seen` is what
+    the levels show without a model.
     """
 
     walk: Walk
@@ -42,6 +44,7 @@ class LocatorInput(NamedTuple):
     mean_dbm: float
     n_modems: int
     strongest: StrongestReading
+    seen: Observables
 
 
 def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput:
@@ -56,6 +59,7 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
         raise EstimationError("there is no reading of this cell within the modem's scale")
     best = int(np.argmax(obs.level_dbm))
     strongest = StrongestReading(*(float(v[best]) for v in (obs.x_m, obs.y_m, obs.level_dbm)))
+    seen = observables(obs.x_m, obs.y_m, obs.level_dbm)
     obs = snap_to_curve(obs)
     timing = timing_of(obs, prior.height_m)
     if timing is not None:
@@ -65,7 +69,7 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
     centred = replace(obs, level_dbm=obs.level_dbm - mean_dbm, known_limit=limit)
     walk_prior = replace(prior, p0_dbm=prior.p0_dbm - mean_dbm)
     walk = _on_one_scale(_in_blocks(centred, walk_prior, effort), centred)
-    return LocatorInput(walk._replace(timing=timing), prior, mean_dbm, n_modems, strongest)
+    return LocatorInput(walk._replace(timing=timing), prior, mean_dbm, n_modems, strongest, seen)
 
 
 def of_most_heard_modems(obs: CellObservations) -> CellObservations:

@@ -7,6 +7,7 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.alternatives import Alternative, alternatives
 from logger.core.locator.mixture import Mixture, log_sum, rows_of_groups
+from logger.core.locator.observables import pool
 from logger.core.locator.offsets import Offsets, offsets
 from logger.core.locator.packing import around, compact_groups
 from logger.core.locator.posterior import Mode, Posterior
@@ -63,7 +64,7 @@ class _Region:
 def summarise(task: LocatorInput, tree: Tree) -> Posterior:
     """Step 4: the posterior of the leaves of a tree."""
     walk, evidence = task.walk, _on_recorded_scale(tree.evidence, task.mean_dbm)
-    mixed = tree.mixture(walk.prior)
+    mixed = pool(tree.mixture(walk.prior), tree.squares, task.seen)
     bias_m = float(np.sqrt(BIAS_SHARE) * np.median(walk.blocks.position_sigma_m))
     p = _blur(tree, mixed.probability, bias_m)
     squares = Squares(tree.x_m, tree.y_m, tree.size_m, p)

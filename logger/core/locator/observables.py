@@ -1,0 +1,71 @@
+"""What a walk shows of the distance without any model, pooled with the posterior.
+
+Two observables say how far from the strongest reading a transmitter stands: over how wide a place
+the levels within 10 dB of it are heard, and how far it rises above the median. On the measured
+walks the log of the distance is normal about a line in them. The posterior does not know that: its
+priors are of one walk at a time. Both are opinions on the same levels, so they are not multiplied
+but pooled in the log density, with weights whose sum is one (Genest and Zidek, Statistical Science
+1(1), 1986):
+
+    log p(x) = w log p_posterior(x) + (1 - w) log q(x) + constant
+
+Line and weight were chosen on 506 measured walks past 62 transmitters, each of 15 campaigns left
+out in turn: the mean log density over campaigns rises by .19 nat, the areas fall by a tenth at the
+same coverage (.97), past transmitters within 50 m by a quarter.
+"""
+
+from math import log
+from typing import NamedTuple
+
+import numpy as np
+
+from logger.core.arrays import FloatArray
+from logger.core.locator.mixture import Mixture
+
+_POSTERIOR_WEIGHT = 0.8
+"""w. With .9 half of the gain; with .7 campaigns whose levels say more lose up to .3 nat."""
+_TOP_DB = 10.0
+"""Levels so close to the strongest make up the place where the cell is strong."""
+_LOG_M, _PER_LOG_SPREAD, _PER_DB, _SIGMA = 2.80, 0.68, -0.022, 0.94
+"""The line, and the standard deviation of the log of the distance in metres about it."""
+_LEAST_M = 10.0
+"""Of the spread, and of the distance: the errors of the receiver's positions."""
+_PART_OF_SIDE = 0.4
+"""Mean distance within a square from its centre, in sides: no square is closer to a point in it."""
+
+
+class Observables(NamedTuple):
+    """The place of the strongest reading in m, and the two observables."""
+
+    x_m: float
+    y_m: float
+    spread_m: float
+    above_median_db: float
+
+    def log_density(self, square: FloatArray) -> FloatArray:
+        """Log density per square metre of the position at squares (3, h), up to a constant."""
+        away_m = np.hypot(square[0] - self.x_m, square[1] - self.y_m)
+        log_m = np.log(np.maximum(away_m, np.maximum(_LEAST_M, _PART_OF_SIDE * square[2])))
+        middle = _LOG_M + _PER_LOG_SPREAD * log(self.spread_m) + _PER_DB * self.above_median_db
+        return np.asarray(-0.5 * ((log_m - middle) / _SIGMA) ** 2 - 2.0 * log_m, float)
+
+
+def observables(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> Observables:
+    """Those of readings (n,)."""
+    best = int(np.argmax(level_dbm))
+    is_top = level_dbm >= level_dbm[best] - _TOP_DB
+    spread_m = float(np.sqrt(np.var(x_m[is_top]) + np.var(y_m[is_top])))
+    above_db = float(level_dbm[best] - np.median(level_dbm))
+    return Observables(float(x_m[best]), float(y_m[best]), max(spread_m, _LEAST_M), above_db)
+
+
+def pool(mixed: Mixture, square: FloatArray, seen: Observables) -> Mixture:
+    """The mixture over squares (3, h) pooled with what the observables say."""
+    p = mixed.probability
+    log_area = 2.0 * np.log(square[2])
+    with np.errstate(divide="ignore"):
+        log_p = _POSTERIOR_WEIGHT * (np.log(p) - log_area)
+    log_p += (1.0 - _POSTERIOR_WEIGHT) * seen.log_density(square) + log_area
+    pooled = np.exp(log_p - np.max(log_p))
+    ratio = pooled / np.sum(pooled) / np.where(p > 0.0, p, 1.0)
+    return mixed._replace(share=mixed.share * ratio)
