@@ -11,7 +11,7 @@ from logger.core.arrays import FloatArray
 from logger.core.geo import Utm
 from logger.core.guidance.street_atlas import Line
 from logger.core.model.prior import Prior
-from postproc.guidance.filter import Answer, GuideFilter
+from postproc.guidance.filter import GuideFilter, GuideLine
 
 from .ground import Ground, Node, Way
 from .policies import POLICIES, Walker, nearest_way
@@ -83,7 +83,7 @@ class Loop:
         lines = self._lines() if policy == "routes, street map" else []
         self.filter = GuideFilter(Prior(), lines=lines)
         self._reading = np.zeros((0, 4))
-        self.answer = Answer(None)
+        self.answer = GuideLine(None)
         self.rows: list[dict[str, str]] = []
         self._slowest_s = 0.0
 

@@ -239,6 +239,8 @@ class OnlineLocator:
         walk = single(self._on_curve(0, self._n), self._size_m, self._censored_points())
         given = Walk(walk, walk, found.prior, EFFORT)
         x_m, y_m, _, level_dbm, _ = self.readings.columns()
+        if self._curve is not None:
+            x_m, y_m = self._curve.project(np.stack([x_m, y_m]))
         seen = observables(x_m, y_m, level_dbm)
         return LocatorInput(given, found.prior, 0.0, 1, self._strongest, seen), tree
 

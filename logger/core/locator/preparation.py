@@ -59,8 +59,8 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
         raise EstimationError("there is no reading of this cell within the modem's scale")
     best = int(np.argmax(obs.level_dbm))
     strongest = StrongestReading(*(float(v[best]) for v in (obs.x_m, obs.y_m, obs.level_dbm)))
-    seen = observables(obs.x_m, obs.y_m, obs.level_dbm)
     obs = snap_to_curve(obs)
+    seen = observables(obs.x_m, obs.y_m, obs.level_dbm)  # a mirror image is as far away
     timing = timing_of(obs, prior.height_m)
     if timing is not None:
         prior = replace(prior, reach_m=max(prior.reach_m, timing.reach_m))

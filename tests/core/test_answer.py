@@ -1,0 +1,49 @@
+from dataclasses import replace
+
+import msgspec
+import pytest
+
+from postproc.summary import summarise
+from tests.kit import sample_results as kit
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    path = tmp_path_factory.mktemp("answer") / "walk.journal"
+    return kit.sample_result(kit.write_run(path, seconds=60, cells=2))
+
+
+def test_an_answer_is_that_of_the_json(result):
+    for cell, printed in zip(result.cells, summarise(result).cells, strict=True):
+        answer = result.answer(cell)
+        assert (answer.cell, answer.verdict) == (printed.cell, printed.verdict)
+        assert list(answer.reasons) == printed.warnings
+        assert (answer.place is None) == (printed.best.lat is None)
+        if answer.place is None:
+            continue
+        assert answer.place.position == msgspec.convert(
+            msgspec.to_builtins(printed.best), type(answer.place.position)
+        )
+        assert list(answer.place.modes) == printed.modes
+        assert answer.parameters.eta == printed.best.eta
+
+
+def test_the_position_shown_is_that_of_the_first_mode(result):
+    place = result.answer(result.cells[0]).place
+    assert (place.lat, place.lon) == (place.modes[0].lat, place.modes[0].lon)
+    assert place.likely_modes[0] == place.modes[0]
+
+
+def test_an_answer_names_its_run_and_times(result):
+    cell = result.cells[0]
+    made_from = result.answer(cell).provenance
+    assert made_from.runs == (result.runs[0].run.path.name,)
+    assert made_from.n == cell.n
+    assert made_from.first_ns == cell.obs.t_ns[0] < made_from.last_ns == cell.obs.t_ns[-1]
+
+
+def test_a_cell_without_a_posterior_has_an_answer_without_a_place(result):
+    unknown = replace(result.cells[0], posterior=None, verdict="cannot tell")
+    answer = result.answer(unknown)
+    assert answer.place is None
+    assert answer.parameters is None
