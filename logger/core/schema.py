@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from logger.core import document
 from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME, Column
 from logger.core.column import columns_of as _stored
 from logger.core.types import Broadcast, CellReading, Fix, LiveEstimate, Note, Record, Scan, Value
@@ -205,13 +206,16 @@ def _fit(text: str, size: int) -> bytes:
 
 def tables_text() -> str:
     """All tables in Markdown."""
-    lines = [f"Schema {SCHEMA_VERSION}."]
-    for table, columns in TABLES.items():
-        lines += ["", f"## {table}", "", "| column | type | unit | unknown |", "|---|---|---|---|"]
-        for column in columns:
-            unknown = "" if column.unknown is None else column.unknown
-            lines.append(f"| `{column.name}` | {column.dtype} | {column.unit} | {unknown} |")
-    return "\n".join(lines)
+    headings = [document.Column(title) for title in ("column", "type", "unit", "unknown")]
+    parts = [f"Schema {SCHEMA_VERSION}."]
+    for name, columns in TABLES.items():
+        rows = [(one.name, str(one.dtype), one.unit, _unknown_text(one)) for one in columns]
+        parts += [f"## {name}", document.markdown_table(document.Table(headings, rows))]
+    return "\n\n".join(parts)
+
+
+def _unknown_text(column: Column) -> str:
+    return "" if column.unknown is None else str(column.unknown)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import pytest
 
+from logger.core.document import markdown_text
 from logger.core.runfile import convert_journal
 from logger.core.runfile.hdf5_writer import RAW_BYTES
 from logger.core.schema import SCHEMA_VERSION, TABLES, tables_text
@@ -22,7 +23,8 @@ def test_every_column_is_described():
     for table, columns in TABLES.items():
         _, _, section = text.partition(f"## {table}\n")
         for column in columns:
-            assert f"| `{column.name}` | {column.dtype} | {column.unit} |" in section
+            assert markdown_text(column.name) in section
+            assert f"| {markdown_text(str(column.dtype))} | {markdown_text(column.unit)} |" in section
 
 
 @pytest.fixture
