@@ -24,7 +24,9 @@ def test_every_column_is_described():
         _, _, section = text.partition(f"## {table}\n")
         for column in columns:
             assert markdown_text(column.name) in section
-            assert f"| {markdown_text(str(column.dtype))} | {markdown_text(column.unit)} |" in section
+            assert (
+                f"| {markdown_text(str(column.dtype))} | {markdown_text(column.unit)} |" in section
+            )
 
 
 @pytest.fixture
