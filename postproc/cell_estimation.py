@@ -71,9 +71,9 @@ def estimate_cell(obs: CellObservations, options: Options = Options()) -> CellRe
 
 
 def _without_impossible_slope(located: CellResult, fit: BatchFit) -> CellResult:
-    """The result, not located where without a prior the levels ask for an impossible exponent."""
+    """The result, or cannot tell where without a prior the levels have an impossible exponent."""
     eta = float(fit.state[3])
-    if located.verdict != "located" or fit.converged or 0.0 < eta <= MOST_ETA:
+    if located.verdict == "cannot tell" or fit.converged or 0.0 < eta <= MOST_ETA:
         return located
     why = (
         "the levels alone do not show a distance: least squares does not converge, "

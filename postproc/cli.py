@@ -17,6 +17,7 @@ from logger.command_line import (
     json_option,
     late_modules,
     recover,
+    run_now,
     run_program,
     show,
     under_old_name,
@@ -161,6 +162,7 @@ def smooth(
 
     Several runs are estimated together. The exit code is 3 if the estimate of a cell failed.
     """
+    run_now(summary)
     runs = [runfile.read_sound_run(path) for path in paths]
     estimated = estimate(runs, cells, result.Options(prior, loss, within_m))
     summed = summary.summarise(run_assessment.conspicuous_first(estimated)[0])

@@ -28,6 +28,8 @@ _KEPT_TOGETHER = "\N{NO-BREAK SPACE}"
 """A blank at which no line is broken; it is printed as any other."""
 _CODES = {"bold": 1, "dim": 2, "red": 31, "green": 32, "yellow": 33, "magenta": 35}
 """Of ECMA-48, `select graphic rendition`."""
+_MARKUP = re.compile(r"[\\`*\[\]<>#|]|(?<![^\W_])_|_(?![^\W_])")
+"""Characters with a meaning in Markdown; `_` within a word has none."""
 _STYLE = re.compile(r"\x1b\[[\d;]*m")
 
 
@@ -398,7 +400,7 @@ def _data(value: float, text: str) -> str:
 
 def markdown_text(text: str) -> str:
     """Text in Markdown in which nothing is markup."""
-    return "".join(f"\\{c}" if c in "\\`*_[]<>#|" else c for c in plain_text(text))
+    return _MARKUP.sub(r"\\\g<0>", plain_text(text))
 
 
 def markdown_table(table: Table) -> str:
