@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from logger.core.answer import Answer, Place, Provenance, parameters_of, place_of
+from logger.core.answer import Answer, Place, Provenance, answer_of, place_of
 from logger.core.arrays import IntArray
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import TimingCheck
@@ -160,21 +160,14 @@ class Result:
     def answer(self, cell: CellResult) -> Answer:
         """The answer about one of the cells."""
         heard = [share.run for share in cell.shares] or range(len(self.runs))
-        t_ns: list[int] = [] if cell.obs is None else cell.obs.t_ns.tolist()
-        return Answer(
-            cell=cell.cell,
-            verdict=cell.verdict,
-            reasons=cell.warnings,
-            provenance=Provenance(
-                n=cell.n,
-                first_ns=t_ns[0] if t_ns else None,
-                last_ns=t_ns[-1] if t_ns else None,
-                n_scans=cell.n_scans,
-                runs=tuple(self.runs[i].run.path.name for i in heard),
-            ),
-            place=cell.place,
-            parameters=None if cell.posterior is None else parameters_of(cell.posterior),
-        )
+        first_ns = last_ns = utm = None
+        if cell.obs is not None:
+            utm = cell.obs.utm
+            if len(cell.obs):
+                first_ns, last_ns = cell.obs.t_ns[[0, -1]].tolist()
+        runs = tuple(self.runs[i].run.path.name for i in heard)
+        made_from = Provenance(cell.n, first_ns, last_ns, cell.n_scans, runs)
+        return answer_of(cell.cell, cell.verdict, cell.warnings, made_from, cell.posterior, utm)
 
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:

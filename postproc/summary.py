@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import UNSET
 
 from logger.core import ekf
-from logger.core.answer import Mode, Position, parameters_of, place_of
+from logger.core.answer import Mode, Parameters, Place, Position, parameters_of
 from logger.core.arrays import FloatArray
 from logger.core.document import Column, Degrees, Document, Line, Measured, Table, Value, Word
 from logger.core.ellipse import RADII, Ellipse, ellipse95
@@ -253,7 +253,7 @@ def _run(observed: ObservedRun, more: Sequence[str] = ()) -> form.RunSummary:
 
 
 def _cell_or_why_not(result: CellResult, runs: Sequence[Run]) -> form.Cell:
-    entry = attempt(result.cell, "its summary", lambda: cell_of(result, runs))
+    entry = attempt(result.cell, "its summary", lambda: _with_outlines(result, runs))
     return _without_answer(result.after(entry)) if isinstance(entry, Failure) else entry
 
 
@@ -284,8 +284,20 @@ def _without_answer(result: CellResult) -> form.Cell:
     )
 
 
+def _with_outlines(result: CellResult, runs: Sequence[Run]) -> form.Cell:
+    """A cell in JSON, complete."""
+    entry = cell_of(result, runs)
+    entry.truth = truth_of(result, runs)
+    if result.posterior is not None and result.obs is not None:
+        posterior, utm = result.posterior, result.obs.utm
+        entry.region95 = _region(posterior, utm, LEVEL)
+        if posterior.is_strongest_inside:
+            entry.region50 = _region(posterior, utm, HALF)
+    return entry
+
+
 def cell_of(result: CellResult, runs: Sequence[Run]) -> form.Cell:
-    """A cell in JSON."""
+    """A cell in JSON without its regions and the truth, for which squares are outlined."""
     entry = _without_answer(result)
     entry.reference_ekf = _final_state(result, "reference")
     entry.ekf = _final_state(result, "ekf")
@@ -295,11 +307,11 @@ def cell_of(result: CellResult, runs: Sequence[Run]) -> form.Cell:
     entry.batch = _least_squares(result)
     entry.residuals = _residuals(result.residuals)
     entry.set_aside = [form.Spike(**spike._asdict()) for spike in result.set_aside]
-    entry.truth = truth_of(result, runs)
     if result.timing is not None:
         entry.timing = form.Timing(**result.timing._asdict())
-    if result.posterior is not None and result.obs is not None:
-        _add_posterior(entry, result.posterior, result.obs.utm)
+    place = result.place
+    if place is not None and result.posterior is not None:
+        _add_answer(entry, place, parameters_of(result.posterior))
     if len(runs) > 1:
         entry.offsets = [
             form.Offset(
@@ -314,16 +326,12 @@ def cell_of(result: CellResult, runs: Sequence[Run]) -> form.Cell:
     return entry
 
 
-def _add_posterior(entry: form.Cell, posterior: Posterior, utm: Utm) -> None:
-    place, parameters = place_of(posterior, utm), parameters_of(posterior)
+def _add_answer(entry: form.Cell, place: Place, parameters: Parameters) -> None:
     entry.best = form.Best(
         **{name: getattr(place, name) for name in _PLACE},
         **{name: getattr(parameters, name) for name in _PARAMETERS},
     )
     entry.modes = list(place.modes)
-    entry.region95 = _region(posterior, utm, LEVEL)
-    if posterior.is_strongest_inside:
-        entry.region50 = _region(posterior, utm, HALF)
     entry.noise = form.Noise(**{name: getattr(parameters, name) for name in _NOISE})
     entry.prior = parameters.prior
     entry.alternatives = list(parameters.alternatives)

@@ -5,9 +5,9 @@ none may go, and no number may change by more than builds of numpy do.
 """
 
 import json
-import math
 import re
 import shutil
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -18,18 +18,18 @@ from postproc import results
 from postproc.cli import main
 from postproc.result import Options
 from tests.fixtures import make
+from tests.kit import documents, service
 from tests.kit import page as page_kit
-from tests.kit import service
 from tests.kit.simulated_devices import simulated_devices
 
-RELATIVE = 1e-9
-"""Builds of numpy and of BLAS add in another order."""
 OTHER_MACHINE_M = 1e-3
 """On another processor the last bits of exp and log differ; `largest_m` was 4e-9 so far."""
 FREE = {"program", "replayed_by", "machine", "silent_s"}
 """Values that tell the version or the machine, and not what was asked."""
 RULES = re.compile(r"version \w+: ")
 """The note that names the rules begins with their version."""
+
+differences = partial(documents.differences, free=FREE, text=partial(RULES.sub, ""), floats=True)
 
 
 @pytest.fixture(scope="module")
@@ -48,35 +48,6 @@ def here(folder, monkeypatch):
 
 def golden(name):
     return json.loads((make.ANSWERS / f"{name}.json").read_text())
-
-
-def differences(then, now, at=""):
-    """Where `now` lacks something of `then` or has another value."""
-    if isinstance(then, dict) and isinstance(now, dict):
-        for key, value in then.items():
-            if key not in now:
-                yield f"{at}.{key} is missing"
-            elif key not in FREE:
-                yield from differences(value, now[key], f"{at}.{key}")
-    elif isinstance(then, list) and isinstance(now, list):
-        if len(then) != len(now):
-            yield f"{at} has {len(now)} items and not {len(then)}"
-        for i, (a, b) in enumerate(zip(then, now, strict=False)):
-            yield from differences(a, b, f"{at}[{i}]")
-    elif not _are_equal(then, now):
-        yield f"{at} is {now!r} and not {then!r}"
-
-
-def _are_equal(then, now):
-    if _is_number(then) and _is_number(now):
-        return math.isclose(then, now, rel_tol=RELATIVE, abs_tol=1e-12)
-    if isinstance(then, str) and isinstance(now, str):
-        return RULES.sub("", then) == RULES.sub("", now)
-    return type(then) is type(now) and then == now
-
-
-def _is_number(value):
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def check(name, now):

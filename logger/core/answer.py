@@ -5,6 +5,7 @@ exports, survey rows and pages are projections of it. Positions are degrees (WGS
 metres, levels dBm at the scale of the first modem.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,12 +19,11 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
     from logger.core.geo import Utm
     from logger.core.locator.alternatives import Alternative
     from logger.core.locator.posterior import Posterior
-    from logger.core.locator.verdict import Decision
     from logger.core.model.prior import Prior
-    from logger.core.suspicion.words import Assessment
 
 
-_DEGREE_DECIMALS = 6
+DEGREE_DECIMALS = 6
+"""0.1 m."""
 
 
 class StrongestReading(Struct, frozen=True, kw_only=True):
@@ -58,8 +58,8 @@ class Position(Struct, frozen=True, kw_only=True):
         return Position(lat=self.lat, lon=self.lon, r95_m=self.r95_m, r50_m=self.r50_m)
 
     def to_tenth_metre(self) -> "Position":
-        """The position alone, to 0.1 m: nobody walks more exactly."""
-        lat, lon = (round(angle, _DEGREE_DECIMALS) for angle in (self.lat, self.lon))
+        """The position alone, as it is shown while walking."""
+        lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (self.lat, self.lon))
         return Position(lat=lat, lon=lon, r95_m=round(self.r95_m, 1), r50_m=round(self.r50_m, 1))
 
 
@@ -119,8 +119,7 @@ class Answer:
     """What is known about one cell.
 
     `reasons` say why the verdict is what it is, the decisive one first, then what else to know.
-    `place` and `parameters` are None where the readings determine no posterior, `word` where no
-    rule of suspicion was asked.
+    `place` and `parameters` are None where the readings determine no posterior.
     """
 
     cell: str
@@ -129,27 +128,21 @@ class Answer:
     provenance: Provenance
     place: Place | None = None
     parameters: Parameters | None = None
-    word: "Assessment | None" = None
 
 
 def answer_of(
     cell: str,
-    utm: "Utm",
-    posterior: "Posterior",
-    decision: "Decision",
+    verdict: Verdict,
+    reasons: Iterable[str],
     provenance: Provenance,
-    word: "Assessment | None" = None,
+    posterior: "Posterior | None",
+    utm: "Utm | None",
 ) -> Answer:
-    """The answer that a posterior in the zone `utm` and the verdict on it give."""
-    return Answer(
-        cell=cell,
-        verdict=decision.verdict,
-        reasons=tuple(decision.reasons),
-        provenance=provenance,
-        place=place_of(posterior, utm),
-        parameters=parameters_of(posterior),
-        word=word,
-    )
+    """The answer that the verdict on a posterior, in the zone `utm`, gives; or on none."""
+    place = parameters = None
+    if posterior is not None and utm is not None:
+        place, parameters = place_of(posterior, utm), parameters_of(posterior)
+    return Answer(cell, verdict, tuple(reasons), provenance, place, parameters)
 
 
 def place_of(posterior: "Posterior", utm: "Utm") -> Place:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from logger.core.answer import Answer, StrongestReading
+from logger.core.answer import DEGREE_DECIMALS, Answer, StrongestReading
 from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import highest_density
@@ -12,7 +12,6 @@ _MOST_SQUARES = 400
 """Squares of the region, 100 bytes each: the page loads them twice a second."""
 _REGION_DECIMALS = 5
 """Of degrees: 1 m, which no phone shows."""
-_DECIMALS = 6
 
 
 def position_status(answer: Answer, posterior: Posterior, utm: Utm) -> PositionStatus:
@@ -32,13 +31,15 @@ def position_status(answer: Answer, posterior: Posterior, utm: Utm) -> PositionS
         region=_region(posterior, utm),
         modes=tuple(
             ModeStatus(
-                round(mode.lat, _DECIMALS), round(mode.lon, _DECIMALS), round(mode.probability, 3)
+                round(mode.lat, DEGREE_DECIMALS),
+                round(mode.lon, DEGREE_DECIMALS),
+                round(mode.probability, 3),
             )
             for mode in place.likely_modes
         ),
         strongest=StrongestReading(
-            lat=round(strongest.lat, _DECIMALS),
-            lon=round(strongest.lon, _DECIMALS),
+            lat=round(strongest.lat, DEGREE_DECIMALS),
+            lon=round(strongest.lon, DEGREE_DECIMALS),
             level_dbm=strongest.level_dbm,
         ),
     )

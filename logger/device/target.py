@@ -1,5 +1,6 @@
 """The target for a status line: its live estimate in degrees and metres."""
 
+from logger.core.answer import DEGREE_DECIMALS
 from logger.core.ellipse import Ellipse, ellipse95, radius_m
 from logger.core.geo import Utm
 from logger.core.live_cell import EKF, ONE_MODE
@@ -21,8 +22,8 @@ def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus
         estimate_verdict(latest),
         latest.n,
         round(latest.probability, 3),
-        round(lat_deg, 6),
-        round(lon_deg, 6),
+        round(lat_deg, DEGREE_DECIMALS),
+        round(lon_deg, DEGREE_DECIMALS),
         round(ellipse.semi_major_m, 1),
         round(ellipse.semi_minor_m, 1),
         round(ellipse.azimuth_deg, 1),

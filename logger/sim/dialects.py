@@ -74,11 +74,6 @@ def block(lines: Sequence[str]) -> list[str]:
     return ["\r\n".join(lines)] if lines else []
 
 
-def bsic_octal(bsic: int) -> str:
-    """Network and base station colour code, a digit each."""
-    return f"{bsic:02o}"
-
-
 GSM_ACT = 0
 SETTINGS = {
     "+CMEE": setting("0", "[0-2]"),

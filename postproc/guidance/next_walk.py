@@ -95,9 +95,9 @@ def next_walk(
     course = Course(None, np.zeros((0, 2)))
     best, *others = plans(forecaster, routes, course, has_map=True)
     distance_m = float(np.hypot(*(first_turn(best.route) - best.route.corner_m[0])))
-    decision = assess(posterior, obs, within_m=DESK_M)
+    verdict, reasons, _ = assess(posterior, obs, within_m=DESK_M)
     return NextWalk(
-        answer_of(obs.cell, obs.utm, posterior, decision, Provenance(len(obs))),
+        answer_of(obs.cell, verdict, reasons, Provenance(len(obs)), posterior, obs.utm),
         obs.utm,
         start_m,
         posterior,

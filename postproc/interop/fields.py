@@ -295,9 +295,10 @@ def moment_of(time: str, name: str) -> Moment:
 
 
 def _by_clock(time: str, name: str, date: tuple[str, str, str], clock: list[str | None]) -> Moment:
-    hour, minute, second, fraction = clock
+    *of_day, fraction = clock
     try:
-        when = datetime(*(int(part or 0) for part in (*date, hour, minute, second)), tzinfo=UTC)  # type: ignore[misc, arg-type]
+        year, month, day, hour, minute, second = (int(part or 0) for part in (*date, *of_day))
+        when = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
     except ValueError as error:
         raise ValueError(f"{name} is no time: {time[:40]!r} ({error})") from None
     return Moment(ns_since_1970(when, name) + _fraction_ns(fraction), is_utc=False)

@@ -1,31 +1,11 @@
 """Help and JSON of every command are those that were meant: `python -m tests.golden.outputs`."""
 
 import json
-from math import isclose
 
 import click
 
 from tests.golden import outputs
-
-
-def differences(expected, found, where=""):
-    """Where a document differs from the expected one; fields that were added do not count."""
-    if isinstance(expected, dict) and isinstance(found, dict):
-        for key, value in expected.items():
-            if key not in found:
-                yield f"{where}/{key} is missing"
-            else:
-                yield from differences(value, found[key], f"{where}/{key}")
-    elif isinstance(expected, list) and isinstance(found, list):
-        if len(expected) != len(found):
-            yield f"{where}: {len(expected)} elements, now {len(found)}"
-        for i, (one, other) in enumerate(zip(expected, found, strict=False)):
-            yield from differences(one, other, f"{where}/{i}")
-    elif isinstance(expected, float) and isinstance(found, int | float):
-        if not isclose(expected, found, rel_tol=1e-9, abs_tol=1e-12):
-            yield f"{where}: {expected}, now {found}"
-    elif (type(expected), expected) != (type(found), found):
-        yield f"{where}: {expected!r}, now {found!r}"
+from tests.kit.documents import differences
 
 
 def test_differences_are_noticed():

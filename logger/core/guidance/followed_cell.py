@@ -42,9 +42,10 @@ class FollowedCell:
             return False
         posterior = summarise(*last)
         obs = observations_of(locator, self.utm)
-        decision = self._verdict.update(posterior, obs)
+        verdict, reasons, _ = self._verdict.update(posterior, obs)
+        made_from = Provenance(len(obs))
         self.posterior = posterior
-        self.answer = answer_of(self.cell, self.utm, posterior, decision, Provenance(len(obs)))
+        self.answer = answer_of(self.cell, verdict, reasons, made_from, posterior, self.utm)
         self._guide.decide(*last)
         return True
 

@@ -2,18 +2,17 @@
 
 from math import atan2, cos, degrees, hypot, radians, remainder
 
+from logger.core.answer import DEGREE_DECIMALS
 from logger.core.geo import Utm
 from logger.core.guidance.advice import Advice, Point
 from logger.core.guidance.next_way import NextWay
-
-_DECIMALS = 6
 
 
 def next_way(utm: Utm, advice: Advice | None) -> NextWay | None:
     """The advice in degrees."""
     if advice is None:
         return None
-    lat, lon = degrees_of(utm, advice.to_m)
+    lat, lon = (round(angle, DEGREE_DECIMALS) for angle in utm.to_latlon(*advice.to_m))
     distance_m = hypot(advice.to_m[0] - advice.from_m[0], advice.to_m[1] - advice.from_m[1])
     azimuth_deg = true_azimuth_deg(utm, advice.from_m, advice.to_m)
     nats_per_km = round(advice.nats_per_km, 2)
@@ -30,9 +29,3 @@ def true_azimuth_deg(utm: Utm, from_m: Point, to_m: Point) -> float:
     east_deg = remainder(to_lon_deg - lon_deg, 360.0)  # 180 and -180 are one meridian
     east = east_deg * cos(radians(0.5 * (lat_deg + to_lat_deg)))
     return round(degrees(atan2(east, to_lat_deg - lat_deg)) % 360.0, 1) % 360.0
-
-
-def degrees_of(utm: Utm, point_m: Point) -> tuple[float, float]:
-    """Latitude and longitude, to 0.1 m."""
-    lat_deg, lon_deg = utm.to_latlon(*point_m)
-    return round(lat_deg, _DECIMALS), round(lon_deg, _DECIMALS)

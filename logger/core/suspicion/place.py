@@ -49,14 +49,20 @@ class _Tests:
         return compare_sources(list(cell.spots))
 
 
+_TWO_SENTENCE = (
+    "the levels fit two places {apart_m} m apart better than one (log evidence {log_evidence})"
+)
+# of S5 and S9: of findings with one sentence `words.sentences` prints the strongest
+_TWO_HARMLESS = "hills and tall buildings, a cell with two antennas"
+
+
 @ScanRule(
     id="S9",
     family="place",
     needs=("identity", "level", "position"),
     gate="as S5, with less evidence: a second family must confirm it",
-    sentence="the levels fit two places {apart_m} m apart better than one (log evidence "
-    "{log_evidence})",
-    harmless="hills and tall buildings, a cell with two antennas",
+    sentence=_TWO_SENTENCE,
+    harmless=_TWO_HARMLESS,
     detection=0.8,
     measured=on_telephones(GSM=(1, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(1, 88, 10.1)),
 )
@@ -72,9 +78,8 @@ def _perhaps_two_places(memory: Memory, cell: HeardCell) -> Evidence | None:
     family="place",
     needs=("identity", "level", "position"),
     gate="6 squares of 25 m over at least 300 m; less evidence if the places are 500 m apart",
-    sentence="the levels fit two places {apart_m} m apart better than one (log evidence "
-    "{log_evidence})",
-    harmless="hills and tall buildings, a cell with two antennas",
+    sentence=_TWO_SENTENCE,
+    harmless=_TWO_HARMLESS,
     detection=0.8,
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(1, 88, 10.1)),
     strength="suffices",

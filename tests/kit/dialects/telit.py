@@ -13,7 +13,6 @@ from logger.sim.dialects import (
     Dialect,
     Settings,
     block,
-    bsic_octal,
     identity_replies,
     setting,
 )
@@ -24,6 +23,11 @@ HEADER = "#MONI: Cell  BSIC  LAC  CellId  ARFCN    Power  C1  C2  TA  RxQual  PL
 NO_CELL = "FF FFFF 0000 1024 -111dbm -1 -1"
 SUITABLE = "CELL_SUITABLE"
 RESELECTION_EXTENT = 3  # of #CSURVEXT; older models end at 2 and print no such values
+
+
+def bsic_octal(bsic: int) -> str:
+    """Network and base station colour code, a digit each."""
+    return f"{bsic:02o}"
 
 
 def monitor(air: Air, settings: Settings) -> Answer:

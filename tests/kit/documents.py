@@ -1,0 +1,37 @@
+"""How a document differs from its golden form."""
+
+from math import isclose
+
+RELATIVE = 1e-9
+"""Builds of numpy differ in the last bits."""
+
+
+def differences(expected, found, where="", **how):
+    """Where `found` lacks something of `expected` or has another value.
+
+    Fields that were added do not count, nor the values of those that `how` names as `free`. Texts
+    are compared by what its `text` makes of them. An integer that has become a float is another
+    value unless it says `floats`.
+    """
+    if isinstance(expected, dict) and isinstance(found, dict):
+        for key, value in expected.items():
+            if key not in found:
+                yield f"{where}.{key} is missing"
+            elif key not in how.get("free", ()):
+                yield from differences(value, found[key], f"{where}.{key}", **how)
+    elif isinstance(expected, list) and isinstance(found, list):
+        if len(expected) != len(found):
+            yield f"{where} has {len(found)} items and not {len(expected)}"
+        for i, (one, other) in enumerate(zip(expected, found, strict=False)):
+            yield from differences(one, other, f"{where}[{i}]", **how)
+    elif not _are_equal(expected, found, **how):
+        yield f"{where} is {found!r} and not {expected!r}"
+
+
+def _are_equal(expected, found, text=str, floats=False, **_):
+    kinds = {type(expected), type(found)}
+    if float in kinds and kinds <= {int, float} and (floats or type(expected) is float):
+        return isclose(expected, found, rel_tol=RELATIVE, abs_tol=1e-12)
+    if kinds == {str}:
+        return text(expected) == text(found)
+    return len(kinds) == 1 and expected == found
