@@ -170,8 +170,8 @@ def smooth(
     said, failures = summary.document_of(summed, details=bool(cells or verbose))
     show(said, as_json=as_json)
     beside = results.path_beside(paths[0], together=len(runs) > 1)
-    results.write(estimated, summed, beside, cells)
-    return cell_work.exit_code([*summed.cells, *failures])
+    results.write(estimated, said.content, beside, cells)
+    return cell_work.exit_code([*summed.rows, *failures])
 
 
 @program.command

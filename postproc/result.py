@@ -8,8 +8,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from logger.core.answer import Answer, Place, Provenance, answer_of, place_of
-from logger.core.arrays import IntArray
+import numpy as np
+
+from logger.core import ekf
+from logger.core.answer import (
+    Answer,
+    PathEnd,
+    Paths,
+    Place,
+    Provenance,
+    answer_of,
+    place_of,
+)
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.ellipse import ellipse95
+from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import TimingCheck
 from logger.core.locator.verdict import DESK_M
@@ -128,12 +141,54 @@ class CellResult:
             return None
         return place_of(self.posterior, self.obs.utm)
 
+    def answer(self, runs: Sequence[Run]) -> Answer:
+        """The answer, from the `runs` of the result."""
+        heard = [share.run for share in self.shares] or range(len(runs))
+        first_ns = last_ns = utm = paths = None
+        if self.obs is not None:
+            utm, paths = self.obs.utm, self._paths(self.obs.utm)
+            if len(self.obs):
+                first_ns, last_ns = self.obs.t_ns[[0, -1]].tolist()
+        names = tuple(runs[i].path.name for i in heard)
+        made_from = Provenance(self.n, first_ns, last_ns, self.n_scans, names, self.error)
+        return answer_of(
+            self.cell, self.verdict, self.warnings, made_from, self.posterior, utm, paths=paths
+        )
+
+    def _paths(self, utm: Utm) -> Paths:
+        ends = {}
+        for estimator in ESTIMATORS:
+            path: FilterPath | BatchFit | None = getattr(self, estimator.key)
+            if isinstance(path, BatchFit):
+                ends[estimator.key] = _end(path.state, path.covariance, utm, path.n, path.bounded)
+            elif path is not None:
+                n = path.consistency.n if path.consistency else len(path)
+                ends[estimator.key] = _end(path.x[-1, :4], path.p[-1, :4, :4], utm, n)
+        return Paths(ends, self.failed)
+
     def after(self, why: Failure) -> "CellResult":
         """The row of the cell where work on its result failed."""
         warnings = (why.reason, *self.warnings)
         return CellResult(
             self.cell, self.n, None, "cannot tell", warnings, n_scans=self.n_scans, error=why.error
         )
+
+
+def _end(x: FloatArray, p: FloatArray, utm: Utm, n: int, is_bounded: bool = True) -> PathEnd:
+    """The end at the state `x` (4,) with the covariance `p` (4, 4)."""
+    lat, lon = utm.to_latlon(float(x[0]), float(x[1]))
+    return PathEnd(
+        lat=lat,
+        lon=lon,
+        drms_m=ekf.drms_m(ekf.upper_triangle(p)),
+        p0_dbm=float(x[2]),
+        p0_sigma_db=float(np.sqrt(max(p[2, 2], 0.0))),
+        eta=float(x[3]),
+        eta_sigma=float(np.sqrt(max(p[3, 3], 0.0))),
+        ellipse95=ellipse95(p[0, 0], p[0, 1], p[1, 1]),
+        n=n,
+        is_bounded=is_bounded,
+    )
 
 
 def program_version() -> str:
@@ -156,18 +211,6 @@ class Result:
     warnings: tuple[str, ...] = ()
     options: Options = Options()
     version: str = field(default_factory=program_version)
-
-    def answer(self, cell: CellResult) -> Answer:
-        """The answer about one of the cells."""
-        heard = [share.run for share in cell.shares] or range(len(self.runs))
-        first_ns = last_ns = utm = None
-        if cell.obs is not None:
-            utm = cell.obs.utm
-            if len(cell.obs):
-                first_ns, last_ns = cell.obs.t_ns[[0, -1]].tolist()
-        runs = tuple(self.runs[i].run.path.name for i in heard)
-        made_from = Provenance(cell.n, first_ns, last_ns, cell.n_scans, runs)
-        return answer_of(cell.cell, cell.verdict, cell.warnings, made_from, cell.posterior, utm)
 
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:

@@ -20,7 +20,6 @@ from logger.core.runfile import Run, read_results
 from postproc.atomic_write import whole_file
 from postproc.result import Options, Result, joint_warnings, program_version
 from postproc.result_encoding import Array, Encoded, decode, encode
-from postproc.result_json import Summary
 from postproc.scan_counts import observed_cells
 
 _TABLES = ("fixes", "scans", "readings")
@@ -49,8 +48,8 @@ def path_beside(run: Path, *, together: bool = False) -> Path:
     return run.with_suffix(".together.post.h5" if together else ".post.h5")
 
 
-def write(result: Result, summary: Summary, path: Path, cells: Sequence[str] = ()) -> None:
-    """Write the summary and the complete result to HDF5, complete or not at all.
+def write(result: Result, summary: object, path: Path, cells: Sequence[str] = ()) -> None:
+    """Write what `smooth --json` prints and the complete result, complete or not at all.
 
     `cells` are those that the result was limited to. Arrays are datasets named by the fields of
     `Result`: `cells/0/obs/x_m`, `cells/0/ekf/x`. Equal arrays are stored once. Raises

@@ -1,38 +1,39 @@
 """What `postproc smooth` says of a `Result`: its JSON form, and lines and tables."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-from msgspec import UNSET
-
-from logger.core import ekf
-from logger.core.answer import Mode, Parameters, Place, Position, parameters_of
-from logger.core.arrays import FloatArray
+from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position
 from logger.core.document import Column, Degrees, Document, Line, Measured, Table, Value, Word
-from logger.core.ellipse import RADII, Ellipse, ellipse95
-from logger.core.geo import Utm
+from logger.core.ellipse import RADII, Ellipse
 from logger.core.locator.alternatives import alternatives_text
-from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import HALF, LEVEL, area_m2
 from logger.core.locator.rivals import share_text
 from logger.core.runfile import Run
-from postproc import result_json as form
 from postproc.cell_work import Failure, attempt
-from postproc.estimators.direction_check import AXES, Comparison
-from postproc.estimators.filters import FilterPath
-from postproc.estimators.least_squares import BatchFit
+from postproc.estimators.direction_check import AXES
 from postproc.estimators.region_outline import geojson
-from postproc.estimators.residuals import Residuals
 from postproc.info import RunFacts, describe
-from postproc.result import ESTIMATORS, REFERENCE, CellResult, ObservedRun, Result
-from postproc.truth import truth_of
+from postproc.result import (
+    BACKWARD,
+    BATCH,
+    EKF,
+    ESTIMATORS,
+    REFERENCE,
+    RTS,
+    CellResult,
+    Estimator,
+    ObservedRun,
+    Result,
+)
+from postproc.truth import TruthCheck, truth_of
 
-_PLACE = ("lat", "lon", "r95_m", "r50_m", "drms_m", "strongest")
+_PLACE = ("lat", "lon", "r95_m", "r50_m", "drms_m")
 _PARAMETERS = ("p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
+_END = ("lat", "lon", "drms_m", *_PARAMETERS, "ellipse95")
 _NOISE = ("sigma_db", "decorrelation_m", "white_share")
 _STATISTICS = (
     "sigma_db",
@@ -77,173 +78,224 @@ _RUN_COLUMNS = (
 Parts = list[str | Line | Table]
 
 
-def document_of(summary: form.Summary, *, details: bool) -> tuple[Document, list[Failure]]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSummary(RunFacts):
+    """A run; `n_readings_without_position` includes those that no fix is near."""
+
+    n_readings_without_position: int
+    warnings: list[str]
+
+
+class SummaryRow(NamedTuple):
+    """A cell with its answer, and the truth of a simulated one; `form` is its JSON."""
+
+    result: CellResult
+    answer: Answer
+    truth: TruthCheck | None
+    form: dict[str, object]
+
+    @property
+    def error(self) -> str | None:
+        """That of the program which ended some of the work on the cell, None where none did."""
+        return self.answer.provenance.error
+
+
+class Summary(NamedTuple):
+    """What is said of a result: of its runs, of them together, and of each cell."""
+
+    runs: list[RunSummary]
+    warnings: tuple[str, ...]
+    rows: list[SummaryRow]
+
+    def content(self) -> dict[str, object]:
+        """What `postproc smooth --json` prints; `docs/result.schema.json` describes it.
+
+        Positions are degrees (WGS84), lengths metres, levels dBm, times nanoseconds since boot. A
+        value that is unknown or not finite is null.
+        """
+        cells = [row.form for row in self.rows]
+        if len(self.runs) == 1:
+            return {"run": self.runs[0], "cells": cells}
+        return {"runs": self.runs, "warnings": self.warnings, "cells": cells}
+
+
+def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Failure]]:
     """One line for each cell, the located first; with `details` its reasons and estimators.
 
     Beside it stand the cells of which a part could not be said.
     """
-    one_run = isinstance(summary, form.SummaryOfRun)
-    runs = [summary.run] if isinstance(summary, form.SummaryOfRun) else summary.runs
-    cells = sorted(summary.cells, key=lambda cell: _ORDER.index(cell.verdict))
+    runs = summary.runs
+    rows = sorted(summary.rows, key=lambda row: _ORDER.index(row.answer.verdict))
     parts: Parts = []
     if any(run.simulated for run in runs):
         parts.append("This is a simulated run: the error to the known truth is shown.")
     parts += [
-        Line(warning if one_run else f"{run.path}: {warning}", "red")
+        Line(warning if len(runs) == 1 else f"{run.path}: {warning}", "red")
         for run in runs
         for warning in run.warnings
     ]
-    if isinstance(summary, form.SummaryOfRuns):
+    if len(runs) > 1:
         parts += [Line(warning, "yellow") for warning in summary.warnings]
     failures: list[Failure] = []
     if details:
-        for cell in cells:
-            said = attempt(cell.cell, "its details", partial(_cell_parts, cell))
+        names = [Path(run.path).name for run in runs]
+        for row in rows:
+            said = attempt(row.answer.cell, "its details", partial(_cell_parts, row, names))
             if isinstance(said, Failure):
                 failures.append(said)
             else:
                 parts += said
         parts += map(_failure_line, failures)
-        if any(cell.reference_ekf.lat is not None for cell in cells):
+        if any(row.answer.paths and REFERENCE.key in row.answer.paths.ends for row in rows):
             parts += ["", REFERENCE_NOTE]
-    elif cells:
-        table, failures = _cell_table(cells)
+    elif rows:
+        table, failures = _cell_table(rows)
         parts.append(table)
         parts += [
-            _failure_line(Failure(cell.cell, reason, None))
-            for cell in cells
-            for reason in (cell.warnings if cell.error else ())
+            _failure_line(Failure(row.answer.cell, reason, None))
+            for row in rows
+            for reason in (row.answer.reasons if row.error else ())
         ]
         parts += map(_failure_line, failures)
         likely = f"likely: {RADII[0]} (50 %); surely: {RADII[1]} (95 %)"
         more = "The reasons and all details of one cell: --cell NAME; of every cell: -v"
         parts.append(Line(f"\n{likely}\n{more}", "dim"))
-    return Document(summary, body=parts), failures
+    return Document(summary.content(), body=parts), failures
 
 
 def _failure_line(failure: Failure) -> Line:
     return Line((f"{failure.cell}: ", Word(failure.reason, "red")))
 
 
-def _cell_table(cells: Sequence[form.Cell]) -> tuple[Table, list[Failure]]:
-    lines = [attempt(cell.cell, "its line", partial(_cell_row, cell)) for cell in cells]
+def _cell_table(rows: Sequence[SummaryRow]) -> tuple[Table, list[Failure]]:
+    lines = [attempt(row.answer.cell, "its line", partial(_cell_row, row)) for row in rows]
     failures = [line for line in lines if isinstance(line, Failure)]
-    rows = [
-        (cell.cell, cell.n, Word(cell.verdict)) if isinstance(line, Failure) else line
-        for cell, line in zip(cells, lines, strict=True)
+    shown = [
+        _begin(row.answer) if isinstance(line, Failure) else line
+        for row, line in zip(rows, lines, strict=True)
     ]
-    has_error = any(cell.truth for cell in cells)
-    return Table([*_CELL_COLUMNS, *[_ERROR_COLUMN][:has_error]], rows), failures
+    has_error = any(row.truth for row in rows)
+    return Table([*_CELL_COLUMNS, *[_ERROR_COLUMN][:has_error]], shown), failures
 
 
-def _cell_row(cell: form.Cell) -> tuple[Value, ...]:
-    row: tuple[Value, ...] = (cell.cell, cell.n, Word(cell.verdict))
-    if cell.verdict == "located":
-        error = _metres(cell.truth.error_m) if cell.truth else ""
-        radii = _metres(cell.best.r50_m), _metres(cell.best.r95_m)
-        return (*row, _position(cell.best), *radii, error)
-    if cell.verdict == "ambiguous":
-        n = sum(mode.percent is not None for mode in cell.modes)
-        return (*row, f"{n} positions")
-    return row
+def _begin(answer: Answer) -> tuple[Value, ...]:
+    return answer.cell, answer.provenance.n, Word(answer.verdict)
 
 
-def _cell_parts(cell: form.Cell) -> Parts:
-    scans = ""
-    if cell.n_scans is not None:
-        scans = f", observed in {cell.n_scans} scan{'s' * (cell.n_scans != 1)}"
-    counts = f"  {cell.n} readings{scans}  "
-    parts: Parts = ["", Line((Word(cell.cell, "bold"), counts, Word(cell.verdict)))]
-    parts += [Line(warning, bullet="  - ") for warning in cell.warnings]
-    parts.append(estimator_table(cell))
-    if cell.alternatives:
-        parts.append(Line(alternatives_text(cell.alternatives), bullet="  "))
-    if cell.timing is not UNSET:
-        points = f"read at {cell.timing.places} points, {cell.timing.disagree} disagree"
+def _cell_row(row: SummaryRow) -> tuple[Value, ...]:
+    begin, place = _begin(row.answer), row.answer.place
+    if row.answer.verdict == "located":
+        error = _metres(row.truth.error_m) if row.truth else ""
+        if place is None:
+            return (*begin, None, "", "", error)
+        radii = _metres(place.r50_m), _metres(place.r95_m)
+        return (*begin, _position(place), *radii, error)
+    if row.answer.verdict == "ambiguous":
+        return (*begin, f"{len(place.likely_modes) if place else 0} positions")
+    return begin
+
+
+def _cell_parts(row: SummaryRow, run_names: Sequence[str]) -> Parts:
+    answer, result = row.answer, row.result
+    made_from, scans = answer.provenance, ""
+    if made_from.n_scans is not None:
+        scans = f", observed in {made_from.n_scans} scan{'s' * (made_from.n_scans != 1)}"
+    counts = f"  {made_from.n} readings{scans}  "
+    parts: Parts = ["", Line((Word(answer.cell, "bold"), counts, Word(answer.verdict)))]
+    parts += [Line(warning, bullet="  - ") for warning in answer.reasons]
+    parts.append(estimator_table(answer))
+    if answer.parameters is not None and answer.parameters.alternatives:
+        parts.append(Line(alternatives_text(answer.parameters.alternatives), bullet="  "))
+    if result.timing is not None:
+        points = f"read at {result.timing.places} points, {result.timing.disagree} disagree"
         parts.append(Line(f"timing advance: {points}", bullet="  "))
-    if cell.without:
-        parts.append(run_table(cell))
-    if cell.truth is not None and cell.truth.error_m is not None:
-        side = "inside" if cell.truth.inside_region95 else "OUTSIDE"
-        error = f"best position is {cell.truth.error_m:.0f} m off"
+    if result.without:
+        parts.append(run_table(result, run_names))
+    if row.truth is not None and row.truth.error_m is not None:
+        side = "inside" if row.truth.inside_region95 else "OUTSIDE"
+        error = f"best position is {row.truth.error_m:.0f} m off"
         parts.append(Line(f"truth: {error}, truth is {side} the 95 % region", bullet="  "))
     return parts
 
 
-def estimator_table(cell: form.Cell) -> Table:
+def estimator_table(answer: Answer) -> Table:
     """The posterior, its modes where there are several, and every estimator."""
     return Table(
-        _ESTIMATOR_COLUMNS, list(_estimator_rows(cell)), f"All estimators of cell {cell.cell}"
+        _ESTIMATOR_COLUMNS, list(_estimator_rows(answer)), f"All estimators of cell {answer.cell}"
     )
 
 
-def _estimator_rows(cell: form.Cell) -> Iterator[tuple[Value, ...]]:
-    best = cell.best
-    if best.lat is not None:
-        yield ("posterior", _position(best), _radii(best), *_parameters(best), cell.n)
-    for i, mode in enumerate(cell.modes if len(cell.modes) > 1 else (), 1):
-        share = share_text(mode.probability) if mode.percent is None else f"{mode.percent}%"
-        yield f"  position {i}: {share}", _position(mode), _axes(mode.ellipse95)
+def _estimator_rows(answer: Answer) -> Iterator[tuple[Value, ...]]:
+    place, parameters = answer.place, answer.parameters
+    if place is not None and parameters is not None:
+        n = answer.provenance.n
+        yield ("posterior", _position(place), _radii(place), *_parameters(parameters), n)
+        for i, mode in enumerate(place.modes if len(place.modes) > 1 else (), 1):
+            share = share_text(mode.probability) if mode.percent is None else f"{mode.percent}%"
+            yield f"  position {i}: {share}", _position(mode), _axes(mode.ellipse95)
+    paths = answer.paths or Paths({}, ())
     for estimator in ESTIMATORS:
         title = f"{estimator.name}*" if estimator == REFERENCE else estimator.name
-        state: form.FinalState | form.LeastSquares = getattr(cell, estimator.json_key)
-        if state.converged is False:
+        end = paths.ends.get(estimator.key)
+        if estimator.key in paths.failed:
             yield title, "did not converge"
-        elif state.lat is not None:
-            extent = (_axes(state.ellipse95), *_parameters(state))
-            if isinstance(state, form.LeastSquares) and state.bounded is False:
+        elif end is not None:
+            extent = (_axes(end.ellipse95), *_parameters(end))
+            if not end.is_bounded:
                 # a fit that the readings do not bound has no uncertainty
-                extent = ("no bounds", state.p0_dbm, state.eta)
-            yield (title, _position(state), *extent, state.n)
+                extent = ("no bounds", end.p0_dbm, end.eta)
+            yield (title, _position(end), *extent, end.n)
 
 
-def _parameters(state: form.Best | form.State) -> tuple[Value, Value]:
-    return Measured(state.p0_dbm, state.p0_sigma_db), Measured(state.eta, state.eta_sigma)
+def _parameters(of: Parameters | PathEnd) -> tuple[Value, Value]:
+    return Measured(of.p0_dbm, of.p0_sigma_db), Measured(of.eta, of.eta_sigma)
 
 
-def run_table(cell: form.Cell) -> Table:
+def run_table(cell: CellResult, run_names: Sequence[str]) -> Table:
     """What each run contributes: its level against the first, and the answer without it."""
     rows: list[tuple[Value, ...]] = []
-    for share, rest in zip(cell.offsets or (), cell.without or (), strict=True):
+    for share in cell.shares if cell.without else ():
+        rest = cell.without[share.run]
         is_first = share.offset_db is not None and not share.sigma_db
         level: Value = "0" if is_first else Measured(share.offset_db, share.sigma_db)
-        position = (_position(rest.best), _radii(rest.best)) if rest.best else (None, None)
-        rows.append((Path(share.run).name, share.n, level, *position, Word(rest.verdict)))
+        place = rest.place
+        position = (_position(place), _radii(place)) if place else (None, None)
+        rows.append((run_names[share.run], share.n, level, *position, Word(rest.verdict)))
     return Table(_RUN_COLUMNS, rows, f"Run by run: cell {cell.cell}")
 
 
-def _position(at: form.Best | Position | Mode | form.State) -> Degrees | None:
-    return None if at.lat is None or at.lon is None else Degrees(at.lat, at.lon)
+def _position(at: Position | Mode | PathEnd) -> Degrees:
+    return Degrees(at.lat, at.lon)
 
 
 def _metres(m: float | None) -> str:
     return "" if m is None else f"{m:.0f} m"
 
 
-def _radii(best: form.Best | Position) -> str:
-    return f"r {best.r50_m:.0f}; {best.r95_m:.0f}"
+def _radii(place: Place) -> str:
+    return f"r {place.r50_m:.0f}; {place.r95_m:.0f}"
 
 
-def _axes(ellipse: Ellipse | None) -> str:
-    return f"{ellipse.semi_major_m:.0f} x {ellipse.semi_minor_m:.0f}" if ellipse else ""
+def _axes(ellipse: Ellipse) -> str:
+    return f"{ellipse.semi_major_m:.0f} x {ellipse.semi_minor_m:.0f}"
 
 
-def summarise(result: Result) -> form.Summary:
-    """What `postproc smooth --json` prints of one run or of several."""
+def summarise(result: Result) -> Summary:
+    """What is said of one run or of several."""
     runs = [observed.run for observed in result.runs]
-    cells = [_cell_or_why_not(cell, runs) for cell in result.cells]
-    if len(runs) == 1:
-        (observed,) = result.runs
-        return form.SummaryOfRun(run=_run(observed, result.warnings), cells=cells)
-    summaries = [_run(observed) for observed in result.runs]
-    return form.SummaryOfRuns(runs=summaries, warnings=list(result.warnings), cells=cells)
+    more = result.warnings if len(runs) == 1 else ()
+    return Summary(
+        [_run(observed, more) for observed in result.runs],
+        result.warnings,
+        [_row_or_why_not(cell, runs) for cell in result.cells],
+    )
 
 
-def _run(observed: ObservedRun, more: Sequence[str] = ()) -> form.RunSummary:
+def _run(observed: ObservedRun, more: Sequence[str]) -> RunSummary:
     info = describe(observed.run)
     facts = {field.name: getattr(info, field.name) for field in fields(RunFacts)}
     observations = observed.observations
-    return form.RunSummary(
+    return RunSummary(
         **facts,
         n_readings_without_position=(
             observations.n_without_position if observations else info.n_readings
@@ -252,173 +304,111 @@ def _run(observed: ObservedRun, more: Sequence[str] = ()) -> form.RunSummary:
     )
 
 
-def _cell_or_why_not(result: CellResult, runs: Sequence[Run]) -> form.Cell:
-    entry = attempt(result.cell, "its summary", lambda: _with_outlines(result, runs))
-    return _without_answer(result.after(entry)) if isinstance(entry, Failure) else entry
+def _row_or_why_not(cell: CellResult, runs: Sequence[Run]) -> SummaryRow:
+    row = attempt(cell.cell, "its summary", lambda: _row(cell, runs))
+    if not isinstance(row, Failure):
+        return row
+    failed = cell.after(row)
+    answer = failed.answer(runs)
+    return SummaryRow(failed, answer, None, json_form(failed, answer, None, runs))
 
 
-def _without_answer(result: CellResult) -> form.Cell:
-    none = form.FinalState()
-    return form.Cell(
-        cell=result.cell,
-        n=result.n,
-        n_scans=result.n_scans,
-        verdict=result.verdict,
-        best=form.Best(),
-        modes=[],
-        region95=form.Region(),
-        region50=form.Region(),
-        prior=None,
-        alternatives=[],
-        reference_ekf=none,
-        ekf=none,
-        ekf_backward=none,
-        agreement=None,
-        rts=none,
-        batch=form.LeastSquares(),
-        residuals=None,
-        set_aside=[],
-        truth=None,
-        warnings=list(result.warnings),
-        error=UNSET if result.error is None else result.error,
-    )
+def _row(cell: CellResult, runs: Sequence[Run]) -> SummaryRow:
+    answer, truth = cell.answer(runs), truth_of(cell, runs)
+    return SummaryRow(cell, answer, truth, json_form(cell, answer, truth, runs))
 
 
-def _with_outlines(result: CellResult, runs: Sequence[Run]) -> form.Cell:
-    """A cell in JSON, complete."""
-    entry = cell_of(result, runs)
-    entry.truth = truth_of(result, runs)
-    if result.posterior is not None and result.obs is not None:
-        posterior, utm = result.posterior, result.obs.utm
-        entry.region95 = _region(posterior, utm, LEVEL)
-        if posterior.is_strongest_inside:
-            entry.region50 = _region(posterior, utm, HALF)
-    return entry
-
-
-def cell_of(result: CellResult, runs: Sequence[Run]) -> form.Cell:
-    """A cell in JSON without its regions and the truth, for which squares are outlined."""
-    entry = _without_answer(result)
-    entry.reference_ekf = _final_state(result, "reference")
-    entry.ekf = _final_state(result, "ekf")
-    entry.ekf_backward = _final_state(result, "backward")
-    entry.agreement = _agreement(result.comparison)
-    entry.rts = _final_state(result, "rts")
-    entry.batch = _least_squares(result)
-    entry.residuals = _residuals(result.residuals)
-    entry.set_aside = [form.Spike(**spike._asdict()) for spike in result.set_aside]
-    if result.timing is not None:
-        entry.timing = form.Timing(**result.timing._asdict())
-    place = result.place
-    if place is not None and result.posterior is not None:
-        _add_answer(entry, place, parameters_of(result.posterior))
-    if len(runs) > 1:
-        entry.offsets = [
-            form.Offset(
-                run=str(runs[share.run].path),
-                n=share.n,
-                offset_db=share.offset_db,
-                sigma_db=share.sigma_db,
-            )
-            for share in result.shares
-        ]
-        entry.without = [_without(rest, runs[i]) for i, rest in result.without.items()]
-    return entry
-
-
-def _add_answer(entry: form.Cell, place: Place, parameters: Parameters) -> None:
-    entry.best = form.Best(
-        **{name: getattr(place, name) for name in _PLACE},
-        **{name: getattr(parameters, name) for name in _PARAMETERS},
-    )
-    entry.modes = list(place.modes)
-    entry.noise = form.Noise(**{name: getattr(parameters, name) for name in _NOISE})
-    entry.prior = parameters.prior
-    entry.alternatives = list(parameters.alternatives)
-
-
-def _region(posterior: Posterior, utm: Utm, level: float) -> form.Region:
-    return form.Region(
-        area_m2=area_m2(posterior.squares, level),
-        geojson=form.MultiPolygon(**geojson(posterior.squares, utm, level)),
-    )
-
-
-def _degrees(utm: Utm, x_m: float, y_m: float) -> dict[str, float]:
-    return dict(zip(("lat", "lon"), utm.to_latlon(float(x_m), float(y_m)), strict=True))
-
-
-def _without(rest: CellResult, left_out: Run) -> form.Without:
-    place = rest.place
-    return form.Without(
-        n=rest.n,
-        verdict=rest.verdict,
-        best=place.position if place else None,
-        region95=form.Area(area_m2=place.area_m2 if place else None),
-        run=str(left_out.path),
-    )
-
-
-def _state(x: FloatArray, p: FloatArray, utm: Utm) -> dict[str, Any]:
-    """A Gaussian estimate: state (4,), covariance (4, 4)."""
-    return {
-        **_degrees(utm, x[0], x[1]),
-        "drms_m": ekf.drms_m(ekf.upper_triangle(p)),
-        "p0_dbm": float(x[2]),
-        "p0_sigma_db": float(np.sqrt(max(p[2, 2], 0.0))),
-        "eta": float(x[3]),
-        "eta_sigma": float(np.sqrt(max(p[3, 3], 0.0))),
-        "ellipse95": ellipse95(p[0, 0], p[0, 1], p[1, 1]),
+def json_form(
+    cell: CellResult, answer: Answer, truth: TruthCheck | None, runs: Sequence[Run]
+) -> dict[str, object]:
+    """A cell in JSON; what is not known is null or empty."""
+    place, parameters, made_from = answer.place, answer.parameters, answer.provenance
+    form: dict[str, object] = {
+        "cell": answer.cell,
+        "n": made_from.n,
+        "n_scans": made_from.n_scans,
+        "verdict": answer.verdict,
+        "best": _fields(place, _PLACE)
+        | _fields(parameters, _PARAMETERS)
+        | _fields(place, ("strongest",)),
+        "modes": place.modes if place else (),
+        "region95": _region(cell, LEVEL),
+        "region50": _region(cell, HALF),
+        **_fields(parameters, ("prior",)),
+        "alternatives": parameters.alternatives if parameters else (),
     }
+    if parameters is not None:
+        form["noise"] = _fields(parameters, _NOISE)
+    paths = answer.paths or Paths({}, ())
+    for estimator in (REFERENCE, EKF, BACKWARD):
+        form[estimator.json_key] = _end(paths, estimator)
+    compared = cell.comparison
+    form["agreement"] = compared and {
+        "sigmas": dict(zip(AXES, compared.sigmas, strict=True)),
+        "agrees": compared.agrees,
+    }
+    form[RTS.json_key] = _end(paths, RTS)
+    form[BATCH.json_key] = _end(paths, BATCH)
+    if cell.batch is not None and cell.obs is not None:
+        rivals = [cell.obs.utm.to_latlon(*rival[:2].tolist()) for rival in cell.batch.rivals]
+        form[BATCH.json_key] = _fields(paths.ends[BATCH.key], (*_END, "n")) | {
+            "sigma_db": cell.batch.sigma_db,
+            "converged": cell.batch.converged,
+            "bounded": cell.batch.bounded,
+            "correlation_inflation": cell.batch.inflation,
+            "rivals": [{"lat": lat, "lon": lon} for lat, lon in rivals],
+        }
+    found = cell.residuals
+    form["residuals"] = found and _fields(found, _STATISTICS) | {
+        "by_distance": found.by_distance and found.by_distance._asdict(),
+        "by_azimuth": found.by_azimuth and found.by_azimuth._asdict(),
+        "innovations": found.innovations and found.innovations._asdict(),
+        "outliers": [outlier._asdict() for outlier in found.outliers],
+    }
+    form["set_aside"] = [spike._asdict() for spike in cell.set_aside]
+    form |= {"truth": truth, "warnings": answer.reasons}
+    if cell.timing is not None:
+        form["timing"] = cell.timing._asdict()
+    if len(runs) > 1:
+        shares = [(runs[share.run].path, share) for share in cell.shares]
+        form["offsets"] = [
+            {"run": path} | _fields(share, ("n", "offset_db", "sigma_db")) for path, share in shares
+        ]
+        form["without"] = [
+            {
+                "n": rest.n,
+                "verdict": rest.verdict,
+                "best": rest.place and rest.place.position,
+                "region95": _fields(rest.place, ("area_m2",)),
+                "run": runs[i].path,
+            }
+            for i, rest in cell.without.items()
+        ]
+    if made_from.error is not None:
+        form["error"] = made_from.error
+    return form
 
 
-def _final_state(result: CellResult, name: str) -> form.FinalState:
-    path: FilterPath | None = getattr(result, name)
-    if path is None or result.obs is None:
-        return form.FinalState(converged=False if name in result.failed else None)
-    n = path.consistency.n if path.consistency else len(path)
-    state = _state(path.x[-1, :4], path.p[-1, :4, :4], result.obs.utm)
-    return form.FinalState(**state, n=n, converged=True)
+def _fields(part: object, names: Sequence[str]) -> dict[str, object]:
+    """Some fields of a part of an answer; null where the answer lacks it."""
+    return {name: getattr(part, name, None) for name in names}
 
 
-def _least_squares(result: CellResult) -> form.LeastSquares:
-    fit: BatchFit | None = result.batch
-    if fit is None or result.obs is None:
-        return form.LeastSquares(converged=False if "batch" in result.failed else None)
-    utm = result.obs.utm
-    return form.LeastSquares(
-        **_state(fit.state, fit.covariance, utm),
-        n=fit.n,
-        sigma_db=fit.sigma_db,
-        converged=fit.converged,
-        bounded=fit.bounded,
-        correlation_inflation=fit.inflation,
-        rivals=[form.Point(**_degrees(utm, rival[0], rival[1])) for rival in fit.rivals],
-    )
+def _end(paths: Paths, estimator: Estimator) -> dict[str, object]:
+    end = paths.ends.get(estimator.key)
+    if end is not None:
+        return _fields(end, (*_END, "n")) | {"converged": True}
+    is_converged = False if estimator.key in paths.failed else None
+    return _fields(None, _END) | {"n": 0, "converged": is_converged}
 
 
-def _agreement(compared: Comparison | None) -> form.Agreement | None:
-    if compared is None:
-        return None
-    sigmas: dict[str, float | None] = dict(zip(AXES, compared.sigmas, strict=True))
-    return form.Agreement(sigmas=sigmas, agrees=compared.agrees)
-
-
-def _residuals(residuals: Residuals | None) -> form.Residuals | None:
-    if residuals is None:
-        return None
-    bins = [
-        part and form.Bins(**_lists(part)) for part in (residuals.by_distance, residuals.by_azimuth)
-    ]
-    innovations = residuals.innovations
-    return form.Residuals(
-        **{name: getattr(residuals, name) for name in _STATISTICS},
-        by_distance=bins[0],
-        by_azimuth=bins[1],
-        innovations=innovations and form.Innovations(**innovations._asdict()),
-        outliers=[form.Outlier(**outlier._asdict()) for outlier in residuals.outliers],
-    )
-
-
-def _lists(columns: NamedTuple) -> dict[str, Any]:
-    return {name: column.tolist() for name, column in columns._asdict().items()}
+def _region(cell: CellResult, level: float) -> dict[str, object]:
+    """The region that holds so much of the probability, where its squares are known."""
+    posterior = cell.posterior
+    is_known = posterior is not None and (level == LEVEL or posterior.is_strongest_inside)
+    if posterior is None or cell.obs is None or not is_known:
+        return {"area_m2": None, "geojson": None}
+    return {
+        "area_m2": area_m2(posterior.squares, level),
+        "geojson": geojson(posterior.squares, cell.obs.utm, level),
+    }

@@ -3,14 +3,23 @@
 from collections.abc import Sequence
 
 import shapely
+from msgspec import Struct
 from pyproj import Geod
 
 from logger.core.runfile import Run
 from postproc.estimators.region_outline import polygons
 from postproc.result import CellResult
-from postproc.result_json import TruthCheck
 
 _GEOD = Geod(ellps="WGS84")
+
+
+class TruthCheck(Struct, kw_only=True):
+    """True position of a simulated cell."""
+
+    lat: float
+    lon: float
+    error_m: float | None = None
+    inside_region95: bool | None = None
 
 
 def truth_of(result: CellResult, runs: Sequence[Run]) -> TruthCheck | None:

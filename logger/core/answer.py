@@ -5,7 +5,7 @@ exports, survey rows and pages are projections of it. Positions are degrees (WGS
 metres, levels dBm at the scale of the first modem.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -106,6 +106,7 @@ class Provenance:
 
     `first_ns` and `last_ns` are the times of the first and the last reading, ns since boot of their
     runs; None without one. `n_scans` identified the cell without doubt; None where nobody counted.
+    `error` is that of the program which ended some of the work; None where none did.
     """
 
     n: int
@@ -113,6 +114,7 @@ class Provenance:
     last_ns: int | None = None
     n_scans: int | None = None
     runs: tuple[str, ...] = ()
+    error: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,13 +126,42 @@ class Word:
     findings: "tuple[rule.Finding, ...]"
 
 
+class PathEnd(Struct, frozen=True, kw_only=True):
+    """The last state of an estimator after `n` readings; without bounds its ellipse says nothing.
+
+    P0 is in dBm at 1 m, `drms_m` the root mean square distance from the position.
+    """
+
+    lat: float
+    lon: float
+    drms_m: float
+    p0_dbm: float
+    p0_sigma_db: float
+    eta: float
+    eta_sigma: float
+    ellipse95: Ellipse
+    n: int
+    is_bounded: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Paths:
+    """What filter, smoother and least squares state: where each ends, by its key.
+
+    `failed` has the keys of those that did not converge.
+    """
+
+    ends: Mapping[str, PathEnd]
+    failed: tuple[str, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Answer:
     """What is known about one cell.
 
     `reasons` say why the verdict is what it is, the decisive one first, then what else to know.
     `place` and `parameters` are None where the readings determine no posterior, `word` where
-    suspicion was not asked.
+    suspicion was not asked, `paths` where only the posterior was computed, as live.
     """
 
     cell: str
@@ -140,6 +171,7 @@ class Answer:
     place: Place | None = None
     parameters: Parameters | None = None
     word: Word | None = None
+    paths: Paths | None = None
 
 
 def answer_of(
@@ -150,12 +182,13 @@ def answer_of(
     posterior: "Posterior | None",
     utm: "Utm | None",
     word: Word | None = None,
+    paths: Paths | None = None,
 ) -> Answer:
     """The answer that the verdict on a posterior, in the zone `utm`, gives; or on none."""
     place = parameters = None
     if posterior is not None and utm is not None:
         place, parameters = place_of(posterior, utm), parameters_of(posterior)
-    return Answer(cell, verdict, tuple(reasons), provenance, place, parameters, word)
+    return Answer(cell, verdict, tuple(reasons), provenance, place, parameters, word, paths)
 
 
 def place_of(posterior: "Posterior", utm: "Utm") -> Place:

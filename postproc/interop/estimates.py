@@ -1,17 +1,19 @@
 """Positions, regions and ellipses of each cell, as they are exported."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import isfinite
 
-from logger.core.answer import Mode
+from logger.core.answer import Answer, Mode, PathEnd, Place
 from logger.core.ellipse import radii_text
 from logger.core.geo import Utm
+from logger.core.locator.region import HALF, LEVEL
+from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
+from postproc.estimators.region_outline import geojson
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
-from postproc.result import BATCH, EKF, RTS, Result
-from postproc.result_json import Best, Cell, FinalState, LeastSquares
-from postproc.summary import summarise
+from postproc.result import BATCH, EKF, RTS, CellResult, Result
 
 _PEERS = (EKF, RTS, BATCH)
 """Without the reference EKF, whose ellipse is wrong."""
@@ -21,19 +23,27 @@ _WIDEST_M = 50_000.0
 
 @dataclass(frozen=True, slots=True)
 class NamedPosition:
-    """A position of a cell; `probability` is None for an estimator with a single one.
+    """A part of an answer by the name that it has in a file.
 
-    `radii_m` hold 50 % and 95 % around the best position.
-
-    `verdict` is that on the cell for the positions of the answer, None for other estimators.
+    `verdict` is that on the cell for the positions of the answer, None for other estimators;
+    `radii_m` hold 50 % and 95 % around the first of them.
     """
 
     name: str
-    lon_lat: LonLat
-    probability: float | None
-    ellipse95: tuple[Rings, ...]
+    at: Place | Mode | PathEnd
     verdict: str | None = None
     radii_m: tuple[float, float] | None = None
+    ellipse95: tuple[Rings, ...] = ()
+
+    @property
+    def lon_lat(self) -> LonLat:
+        """Longitude and latitude."""
+        return self.at.lon, self.at.lat
+
+    @property
+    def probability(self) -> float | None:
+        """That of a mode; None for an estimator with a single position."""
+        return self.at.probability if isinstance(self.at, Mode) else None
 
     @property
     def radii_text(self) -> str:
@@ -45,18 +55,19 @@ class NamedPosition:
 class Estimate:
     """The answer about one cell; no positions where the readings do not determine one.
 
-    `left_out` names the estimators without a position, and why. `error` is that of the program
-    which ended some of the work on the cell, None where none did.
+    `regions` are outlines by their percentage. `left_out` names the estimators without a position,
+    and why.
     """
 
-    cell: str
-    verdict: str
-    n: int
+    answer: Answer
     positions: tuple[NamedPosition, ...]
     regions: Mapping[int, tuple[Rings, ...]]
-    warnings: tuple[str, ...]
     left_out: tuple[str, ...] = ()
-    error: str | None = None
+
+    @property
+    def error(self) -> str | None:
+        """That of the program which ended some of the work on the cell, None where none did."""
+        return self.answer.provenance.error
 
 
 def estimates_of(result: Result, utm: Utm, *, every: bool = False) -> list[Estimate]:
@@ -64,111 +75,85 @@ def estimates_of(result: Result, utm: Utm, *, every: bool = False) -> list[Estim
 
     With `every` the positions and ellipses of the other estimators besides.
     """
-    return [_estimate_or_why_not(cell, utm, every=every) for cell in summarise(result).cells]
+    runs = [observed.run for observed in result.runs]
+    found = []
+    for cell in result.cells:
+        one = attempt(cell.cell, "its export", partial(_estimate, cell, runs, utm, every))
+        if isinstance(one, Failure):
+            answer = cell.after(one).answer(runs)
+            one = Estimate(answer, (), {}, (f"the answer about {cell.cell}: {one.reason}",))
+        found.append(one)
+    return found
 
 
-def _estimate_or_why_not(cell: Cell, utm: Utm, *, every: bool) -> Estimate:
-    estimate = attempt(cell.cell, "its export", lambda: estimate_of(cell, utm, every=every))
-    if not isinstance(estimate, Failure):
-        return estimate
-    left_out = (f"the answer about {cell.cell}: {estimate.reason}",)
-    return Estimate(
-        cell.cell, "cannot tell", cell.n, (), {}, (estimate.reason,), left_out, estimate.error
-    )
+def _estimate(cell: CellResult, runs: Sequence[Run], utm: Utm, every: bool) -> Estimate:
+    regions = {}
+    posterior = cell.posterior
+    if posterior is not None and cell.obs is not None:
+        for percent, level in ((95, LEVEL), (50, HALF)):
+            if percent == 95 or posterior.is_strongest_inside:
+                outline = geojson(posterior.squares, cell.obs.utm, level)
+                regions[percent] = tuple(polygons(outline["coordinates"]))
+    return estimate_of(cell.answer(runs), regions, utm, every=every)
 
 
-def estimate_of(cell: Cell, utm: Utm, *, every: bool = False) -> Estimate:
-    """The answer about one cell of a summary; `utm` and `every` as in `estimates_of`."""
-    outlines = {
-        level: tuple(polygons(region.geojson.coordinates))
-        for level, region in ((95, cell.region95), (50, cell.region50))
-        if region.geojson
-    }
-    more, left_out = _others(cell, utm) if every else ([], [])
-    positions = (*_answer(cell), *more)
-    error = cell.error or None
-    if error is not None:
-        left_out.append(f"the answer about {cell.cell}: {cell.warnings[0]}")
-    return Estimate(
-        cell.cell,
-        cell.verdict,
-        cell.n,
-        positions,
-        outlines,
-        tuple(cell.warnings),
-        tuple(left_out),
-        error,
-    )
-
-
-def _answer(cell: Cell) -> list[NamedPosition]:
-    """Positions that the verdict is about: several only where it is "ambiguous"."""
-    if cell.verdict == "ambiguous":
-        likely = [mode for mode in cell.modes if mode.percent is not None]
-        return [
-            NamedPosition(
-                f"possible position {i}",
-                _lon_lat(mode),
-                mode.probability,
-                (),
-                cell.verdict,
-                _radii_m(cell) if i == 1 else None,
-            )
-            for i, mode in enumerate(likely, 1)
+def estimate_of(
+    answer: Answer, regions: Mapping[int, tuple[Rings, ...]], utm: Utm, *, every: bool = False
+) -> Estimate:
+    """What is exported of one answer; `utm` and `every` as in `estimates_of`."""
+    positions, left_out = list(_positions(answer)), []
+    if every:
+        for name, at in _others(answer).items():
+            if why := _no_answer(at):
+                left_out.append(f"{name} of {answer.cell}: {why}")
+            else:
+                positions.append(NamedPosition(name, at, ellipse95=_ellipse(at, utm)))
+        left_out += [
+            f"{estimator.name} of {answer.cell}: it did not converge"
+            for estimator in _PEERS
+            if answer.paths and estimator.key in answer.paths.failed
         ]
-    if cell.best.lat is None:
-        return []
-    name = "best position" if cell.verdict == "located" else "best guess"
-    return [NamedPosition(name, _lon_lat(cell.best), None, (), cell.verdict, _radii_m(cell))]
+    if answer.provenance.error is not None:
+        left_out.append(f"the answer about {answer.cell}: {answer.reasons[0]}")
+    return Estimate(answer, tuple(positions), regions, tuple(left_out))
 
 
-def _radii_m(cell: Cell) -> tuple[float, float] | None:
-    r50_m, r95_m = cell.best.r50_m, cell.best.r95_m
-    return None if r50_m is None or r95_m is None else (r50_m, r95_m)
+def _positions(answer: Answer) -> Iterator[NamedPosition]:
+    """Positions that the verdict is about: several only where it is "ambiguous"."""
+    place = answer.place
+    if place is None:
+        return
+    if answer.verdict == "ambiguous":
+        for i, mode in enumerate(place.likely_modes, 1):
+            radii_m = (place.r50_m, place.r95_m) if i == 1 else None
+            yield NamedPosition(f"possible position {i}", mode, answer.verdict, radii_m)
+        return
+    name = "best position" if answer.verdict == "located" else "best guess"
+    yield NamedPosition(name, place, answer.verdict, (place.r50_m, place.r95_m))
 
 
-def _others(cell: Cell, utm: Utm) -> tuple[list[NamedPosition], list[str]]:
-    """Modes and other estimators with their ellipses, and which have none and why."""
-    positions, left_out = [], []
-    states: dict[str, Mode | FinalState | LeastSquares] = {
-        f"posterior, position {i}": mode for i, mode in enumerate(cell.modes, 1)
+def _others(answer: Answer) -> dict[str, Mode | PathEnd]:
+    """Modes, and the ends of the other estimators."""
+    modes = answer.place.modes if answer.place else ()
+    ends = answer.paths.ends if answer.paths else {}
+    named: dict[str, Mode | PathEnd] = {
+        f"posterior, position {i}": mode for i, mode in enumerate(modes, 1)
     }
-    states |= {estimator.name: getattr(cell, estimator.json_key) for estimator in _PEERS}
-    for name, state in states.items():
-        if why := _no_answer(state):
-            left_out.append(f"{name} of {cell.cell}: {why}")
-        elif state.lat is not None:
-            probability = state.probability if isinstance(state, Mode) else None
-            positions.append(
-                NamedPosition(name, _lon_lat(state), probability, _ellipse(state, utm))
-            )
-    return positions, left_out
+    return named | {one.name: ends[one.key] for one in _PEERS if one.key in ends}
 
 
-def _no_answer(state: Mode | FinalState | LeastSquares) -> str | None:
-    """Why an estimator that was run has no position to show; None for every other."""
-    if not isinstance(state, Mode) and state.converged is False:
+def _no_answer(at: Mode | PathEnd) -> str | None:
+    """Why an estimator has no position to show; None where it has one."""
+    major_m = at.ellipse95.semi_major_m
+    if not (isfinite(at.lat) and isfinite(major_m)):
         return "it did not converge"
-    if state.lat is None:
-        return None
-    shape = state.ellipse95
-    if shape is None or not (isfinite(state.lat) and isfinite(shape.semi_major_m)):
-        return "it did not converge"
-    is_bounded = not isinstance(state, LeastSquares) or state.bounded is not False
-    if is_bounded and shape.semi_major_m <= _WIDEST_M:
+    is_bounded = isinstance(at, Mode) or at.is_bounded
+    if is_bounded and major_m <= _WIDEST_M:
         return None
     return "the readings do not bound it"
 
 
-def _ellipse(state: Mode | FinalState | LeastSquares, utm: Utm) -> tuple[Rings, ...]:
-    shape = state.ellipse95
-    assert shape is not None
-    lon_deg, lat_deg = _lon_lat(state)
+def _ellipse(at: Mode | PathEnd, utm: Utm) -> tuple[Rings, ...]:
+    shape = at.ellipse95
     axes_m = shape.semi_major_m, shape.semi_minor_m
-    return tuple(polygons([[ellipse(lat_deg, lon_deg, utm, axes_m, shape.azimuth_deg)]]))
-
-
-def _lon_lat(state: Best | Mode | FinalState | LeastSquares) -> LonLat:
-    assert state.lat is not None
-    assert state.lon is not None
-    return state.lon, state.lat
+    return tuple(polygons([[ellipse(at.lat, at.lon, utm, axes_m, shape.azimuth_deg)]]))

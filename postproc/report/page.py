@@ -21,7 +21,7 @@ from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
 from postproc.report.wording import Headline
 from postproc.result import CellResult, ObservedRun, Result
-from postproc.summary import cell_of, estimator_table, run_table
+from postproc.summary import estimator_table, run_table
 from postproc.verification.verdicts import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
@@ -126,7 +126,6 @@ def cell_section(
     streets: Streets = no_street,
 ) -> CellSection:
     """A cell of runs with its figures; the number identifies it on the page."""
-    summed = cell_of(result, runs)
     key = f"cell-{number}"
     answer = wording.headline(result)
     answered = f"{answer.text} {answer.advice}".lower()
@@ -137,8 +136,8 @@ def cell_section(
         findings=tuple(text for text in result.warnings if text.lower() not in answered),
         places=tuple(_places(result, streets)),
         figures=tuple(_page_figure(f"{key}-{figure.name}", figure) for figure in figures),
-        estimators=estimator_table(summed),
-        runs=run_table(summed),
+        estimators=estimator_table(result.answer(runs)),
+        runs=run_table(result, [run.path.name for run in runs]),
     )
 
 

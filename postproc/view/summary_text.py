@@ -15,7 +15,7 @@ from logger.core.document import (
 from logger.core.locator.alternatives import alternatives_text
 from postproc.pictures.picture import headline
 from postproc.result import CellResult
-from postproc.summary import REFERENCE_NOTE, cell_of, estimator_table
+from postproc.summary import REFERENCE_NOTE, estimator_table
 from postproc.verification.verdicts import CellVerdict
 from postproc.view.view_model import CellView, ViewModel
 
@@ -42,7 +42,7 @@ def cell_report(view: ViewModel, cell: CellView) -> str:
         f"**{verdict}**",
         f"{_runs(view)}; {result.n} readings of this cell",
         _list([*warnings, *_run_texts(view, result)]),
-        markdown_table(estimator_table(cell_of(result, runs))),
+        markdown_table(estimator_table(result.answer(runs))),
         markdown_text(REFERENCE_NOTE if result.reference else ""),
         _error(view, cell),
         _claims(cell.claims),

@@ -233,4 +233,4 @@ def sample_claims(result: Result) -> Verified:
 
 def json_of(result: Result) -> dict[str, Any]:
     """What `postproc smooth --json` prints."""
-    return json.loads(json_text(summarise(result)))
+    return json.loads(json_text(summarise(result).content()))

@@ -14,9 +14,9 @@ from tests.kit.walks import simulate
 
 def test_processes_give_what_one_gives(tmp_path):
     run = write_run(tmp_path / "a.journal", seconds=60, cells=4)
-    alone, shared = (summarise(smooth_runs([run], processes=n)) for n in (1, 2))
+    alone, shared = (summarise(smooth_runs([run], processes=n)).content() for n in (1, 2))
     assert json_text(shared) == json_text(alone)
-    assert len(shared.cells) == 4
+    assert len(shared["cells"]) == 4
 
 
 def test_a_level_set_aside_is_named_and_moves_nothing():

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import msgspec
 import pytest
 
 from logger.core.document import terminal_lines
@@ -72,15 +73,14 @@ def _lines_of(document, columns):
 def _all_at_once(tmp_path):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=3)
     found = summarise(kit.sample_result(run, places=2))
-    found.cells[0].cell = "310-410-65535-268435455"
-    for key in ("batch", "ekf"):
-        state = getattr(found.cells[0], key)
-        state.lat, state.lon, state.p0_dbm, state.p0_sigma_db = (
-            -12.34567,
-            -123.45678,
-            -105.6,
-            1234.5,
-        )
+    answer = found.rows[0].answer
+    wide = {"lat": -12.34567, "lon": -123.45678, "p0_dbm": -105.6, "p0_sigma_db": 1234.5}
+    ends = answer.paths.ends
+    ends = {key: msgspec.structs.replace(end, **wide) for key, end in ends.items()}
+    paths = replace(answer.paths, ends=ends)
+    found.rows[0] = found.rows[0]._replace(
+        answer=replace(answer, cell="310-410-65535-268435455", paths=paths)
+    )
     verified = kit.sample_claims(kit.sample_result(run))
     return {
         "info": lambda: info_document(describe(run), details=True),
@@ -135,7 +135,7 @@ def test_a_real_terminal_gets_what_a_pipe_gets(run, columns):
 def test_one_line_a_cell_and_the_located_first(tmp_path):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=33)
     found = summarise(kit.sample_result(run))
-    found.cells.reverse()
+    found.rows.reverse()
     lines = _lines_of(document_of(found, details=False)[0], 80).splitlines()
     rows = [line for line in lines if line.startswith("262-01-4711-")]
     assert len(rows) == 33
@@ -164,7 +164,8 @@ def test_at_most_ten_events_the_gravest_of_them(tmp_path):
 def test_markup_in_a_run_is_text(tmp_path):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
     found = summarise(kit.sample_result(run))
-    found.cells[0].cell = "[/bold]:smile:[red]"
+    answer = replace(found.rows[0].answer, cell="[/bold]:smile:[red]")
+    found.rows[0] = found.rows[0]._replace(answer=answer)
     for details in (False, True):
         said = document_of(found, details=details)[0]
         assert "[/bold]:smile:[red]" in _lines_of(said, 80)
@@ -175,8 +176,9 @@ def test_nothing_in_a_run_steers_the_terminal(tmp_path, columns):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
     found, info = summarise(kit.sample_result(run)), describe(run)
     evil = "\x1b]0;evil\x07\x1b[2J\u202e\r"
-    found.run = replace(found.run, path=evil, warnings=[evil])
-    found.cells[0].cell, found.cells[0].warnings = evil, [evil]
+    found.runs[0] = replace(found.runs[0], path=evil, warnings=[evil])
+    answer = replace(found.rows[0].answer, cell=evil, reasons=(evil,))
+    found.rows[0] = found.rows[0]._replace(answer=answer)
     cells = (replace(info.cells[0], cell=evil, rat=evil),)
     events = tuple(replace(event, text=evil, source=evil) for event in info.events)
     info = replace(

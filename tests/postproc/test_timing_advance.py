@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from msgspec import UNSET
 
 from logger.core.document import terminal_lines
 from logger.core.geo import Utm
@@ -39,14 +38,14 @@ def record_run(path, shift, ta_of, run_id="a"):
 
 def test_smooth_says_whether_the_ta_agree(tmp_path):
     none, near, lie = (
-        summarise(smooth_runs([record_run(tmp_path / f"{name}.journal", 0.0, ta_of)]))
+        smooth_runs([record_run(tmp_path / f"{name}.journal", 0.0, ta_of)])
         for name, ta_of in (
             ("none", lambda _: None),
             ("near", lambda _: 0),
             ("lie", lambda i: 9 if i % 10 else None),
         )
     )
-    assert none.cells[0].timing is UNSET
+    assert none.cells[0].timing is None
     points = near.cells[0].timing.places
     assert near.cells[0].timing.disagree == 0
     assert 10 <= points <= 16
@@ -54,7 +53,8 @@ def test_smooth_says_whether_the_ta_agree(tmp_path):
     assert contradicted.timing.disagree > 8
     assert any("timing advance disagrees" in warning for warning in contradicted.warnings)
     said_of_none, said_of_near = (
-        "\n".join(terminal_lines(document_of(summary, details=True)[0])) for summary in (none, near)
+        "\n".join(terminal_lines(document_of(summarise(one), details=True)[0]))
+        for one in (none, near)
     )
     assert f"timing advance: read at {points} points, 0 disagree" in said_of_near
     assert "timing" not in said_of_none

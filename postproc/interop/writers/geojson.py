@@ -76,14 +76,14 @@ def _level(one: Sighting, start_ns: int) -> Feature:
 
 
 def _estimate(estimate: Estimate) -> Iterator[Feature]:
-    about: Feature = {"cell": estimate.cell, "verdict": estimate.verdict}
+    about: Feature = {"cell": estimate.answer.cell, "verdict": estimate.answer.verdict}
     for level, outline in estimate.regions.items():
         yield _area(outline, {"kind": "region", "level_percent": level, **about})
     for position in estimate.positions:
         named = {
             "name": position.name,
             "probability": position.probability,
-            "cell": estimate.cell,
+            "cell": estimate.answer.cell,
             "verdict": position.verdict,
         }
         radii_m = dict(zip(("r50_m", "r95_m"), position.radii_m or (), strict=False))

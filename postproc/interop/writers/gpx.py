@@ -26,7 +26,7 @@ def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None
     for estimate in estimates:
         for position in estimate.positions:
             waypoint = add(root, "wpt", **_at(position.lon_lat[1], position.lon_lat[0]))
-            add(waypoint, "name", f"{estimate.cell} {position.name}")
+            add(waypoint, "name", f"{estimate.answer.cell} {position.name}")
             share = (
                 "" if position.probability is None else f", probability {position.probability:.2f}"
             )

@@ -56,10 +56,10 @@ def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None
         ]
         ends = (stretch[0][1].utc_ns, stretch[-1][1].utc_ns)
         _placemark(folder, "walk", "walk", lines(points), ends, points[0])
-    by_cell: dict[str, list[Sighting]] = {estimate.cell: [] for estimate in estimates}
+    by_cell: dict[str, list[Sighting]] = {estimate.answer.cell: [] for estimate in estimates}
     for one in walk.sightings:
         by_cell.setdefault(one.reading.cell or "", []).append(one)
-    estimate_of = {estimate.cell: estimate for estimate in estimates}
+    estimate_of = {estimate.answer.cell: estimate for estimate in estimates}
     for cell, sightings in sorted(by_cell.items(), key=lambda entry: -len(entry[1])):
         _cell(document, cell, sightings, estimate_of.get(cell))
     write_xml(root, target)
@@ -98,7 +98,7 @@ def _cell(
     rat = next((one.reading.rat for one in sightings), None)
     says = f"{len(sightings)} levels" + (f", {rat}" if rat else "")
     if estimate is not None:
-        says = "; ".join([says, estimate.verdict, *estimate.warnings])
+        says = "; ".join([says, estimate.answer.verdict, *estimate.answer.reasons])
     folder = _folder(document, cell, says)
     levels = _folder(folder, "levels", "dBm, in classes of 10 dB")
     for strip in strips(sightings):

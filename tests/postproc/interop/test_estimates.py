@@ -1,27 +1,32 @@
 """What of the estimates is exported."""
 
 import json
+from dataclasses import replace
 from math import inf, nan
 from xml.etree import ElementTree as ET
 
 import msgspec
 import pytest
 
+from logger.core.answer import Paths
 from logger.core.ellipse import Ellipse
 from logger.core.geo import Utm
-from postproc.interop.estimates import estimate_of
+from postproc.interop.estimates import estimate_of, estimates_of
 from postproc.interop.writers import geojson, gpx, kml
-from postproc.summary import summarise
 from tests.kit import sample_results as kit
 from tests.postproc.interop import walks
 
 PEERS = ("ekf", "rts", "batch")
 
 
-def _cell(tmp_path, verdict="located", places=1):
+def _result(tmp_path, verdict="located", places=1):
     run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
-    (cell,) = summarise(kit.sample_result(run, verdict=verdict, places=places)).cells
-    return cell
+    return kit.sample_result(run, verdict=verdict, places=places)
+
+
+def _answer(tmp_path, verdict="located", places=1):
+    result = _result(tmp_path, verdict, places)
+    return result.cells[0].answer([one.run for one in result.runs])
 
 
 @pytest.mark.parametrize(
@@ -33,7 +38,7 @@ def _cell(tmp_path, verdict="located", places=1):
     ],
 )
 def test_by_default_the_answer_and_its_region_alone(tmp_path, verdict, names):
-    found = estimate_of(_cell(tmp_path, verdict, places=2), kit.UTM)
+    (found,) = estimates_of(_result(tmp_path, verdict, places=2), kit.UTM)
     assert [position.name for position in found.positions] == names
     assert {position.verdict for position in found.positions} == {verdict}
     assert [position.ellipse95 for position in found.positions] == [()] * len(names)
@@ -41,15 +46,17 @@ def test_by_default_the_answer_and_its_region_alone(tmp_path, verdict, names):
 
 
 def test_a_place_of_no_probability_is_no_part_of_an_ambiguous_answer(tmp_path):
-    cell = _cell(tmp_path, "ambiguous", places=2)
-    cell.modes[1] = msgspec.structs.replace(cell.modes[1], probability=0.004, percent=None)
-    assert len(estimate_of(cell, kit.UTM).positions) == 1
+    answer = _answer(tmp_path, "ambiguous", places=2)
+    first, second = answer.place.modes
+    modes = first, msgspec.structs.replace(second, probability=0.004, percent=None)
+    answer = replace(answer, place=msgspec.structs.replace(answer.place, modes=modes))
+    assert len(estimate_of(answer, {}, kit.UTM).positions) == 1
 
 
 @pytest.mark.parametrize("verdict", ["located", "cannot tell", "ambiguous"])
 def test_of_all_estimators_the_answer_alone_has_the_verdict(tmp_path, verdict):
-    cell = _cell(tmp_path, verdict, places=2)
-    plain, every = (estimate_of(cell, kit.UTM, every=every) for every in (False, True))
+    answer = _answer(tmp_path, verdict, places=2)
+    plain, every = (estimate_of(answer, {}, kit.UTM, every=every) for every in (False, True))
     assert [position for position in every.positions if position.verdict] == list(plain.positions)
     assert {"EKF", "RTS", "least squares"} < {position.name for position in every.positions}
     assert all(position.ellipse95 for position in every.positions if not position.verdict)
@@ -77,30 +84,38 @@ def test_a_file_says_located_once(tmp_path, write, every):
 
 
 GARBAGE = [
-    {"converged": False, "lat": None, "lon": None, "ellipse95": None},
-    {"lat": None, "ellipse95": Ellipse(1.0, 1.0, 0.0)},
     {"lat": inf, "lon": inf},
     {"ellipse95": Ellipse(nan, nan, nan)},
     {"ellipse95": Ellipse(inf, inf, 0.0)},
     {"ellipse95": Ellipse(49908042.0, 35141876.0, 3.0)},
-    {"ellipse95": None},
 ]
-UNBOUNDED = {"bounded": False, "ellipse95": Ellipse(30000.0, 20.0, 3.0)}
+UNBOUNDED = {"is_bounded": False, "ellipse95": Ellipse(30000.0, 20.0, 3.0)}
 
 
 @pytest.mark.parametrize(
     ("key", "garbage"),
     [*((key, garbage) for key in PEERS for garbage in GARBAGE), ("batch", UNBOUNDED)],
 )
-def test_what_did_not_converge_is_left_out_and_named(tmp_path, key, garbage):
-    cell = _cell(tmp_path)
-    setattr(cell, key, msgspec.structs.replace(getattr(cell, key), **garbage))
-    every = estimate_of(cell, kit.UTM, every=True)
+def test_what_has_no_position_is_left_out_and_named(tmp_path, key, garbage):
+    answer = _answer(tmp_path)
+    ends = answer.paths.ends
+    ends = {**ends, key: msgspec.structs.replace(ends[key], **garbage)}
+    every = estimate_of(replace(answer, paths=Paths(ends, ())), {}, kit.UTM, every=True)
     assert len(every.positions) == 4
-    if getattr(cell, key).lat is not None:
-        assert len(every.left_out) == 1
+    assert len(every.left_out) == 1
+
+
+@pytest.mark.parametrize("key", PEERS)
+def test_what_did_not_converge_is_named(tmp_path, key):
+    answer = _answer(tmp_path)
+    ends = {other: end for other, end in answer.paths.ends.items() if other != key}
+    for failed in ((), (key,)):
+        paths = Paths(ends, failed)
+        every = estimate_of(replace(answer, paths=paths), {}, kit.UTM, every=True)
+        assert len(every.positions) == 4
+        assert len(every.left_out) == len(failed)
 
 
 def test_an_ellipse_at_the_edge_of_the_map_is_drawn(tmp_path):
-    every = estimate_of(_cell(tmp_path), Utm(32), every=True)
+    every = estimate_of(_answer(tmp_path), {}, Utm(32), every=True)
     assert all(position.ellipse95 for position in every.positions if not position.verdict)
