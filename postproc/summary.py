@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position
+from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position, Region
 from logger.core.document import Column, Degrees, Document, Line, Measured, Table, Value, Word
 from logger.core.ellipse import RADII, Ellipse
 from logger.core.locator.alternatives import alternatives_text
@@ -25,7 +25,6 @@ from postproc.result import (
     REFERENCE,
     RTS,
     CellResult,
-    Estimator,
     ObservedRun,
     Result,
 )
@@ -92,7 +91,7 @@ class SummaryRow(NamedTuple):
     result: CellResult
     answer: Answer
     truth: TruthCheck | None
-    form: dict[str, object]
+    form: object
 
     @property
     def error(self) -> str | None:
@@ -107,24 +106,18 @@ class Summary(NamedTuple):
     warnings: tuple[str, ...]
     rows: list[SummaryRow]
 
-    def content(self) -> dict[str, object]:
-        """What `postproc smooth --json` prints; `docs/result.schema.json` describes it.
-
-        Positions are degrees (WGS84), lengths metres, levels dBm, times nanoseconds since boot. A
-        value that is unknown or not finite is null.
-        """
-        cells = [row.form for row in self.rows]
-        if len(self.runs) == 1:
-            return {"run": self.runs[0], "cells": cells}
-        return {"runs": self.runs, "warnings": self.warnings, "cells": cells}
-
 
 def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Failure]]:
     """One line for each cell, the located first; with `details` its reasons and estimators.
 
-    Beside it stand the cells of which a part could not be said.
+    Beside it stand the cells of which a part could not be said. `docs/result.schema.json` describes
+    the content: positions in degrees (WGS84), lengths in metres, levels in dBm, times in ns since
+    boot. A value that is unknown or not finite is null.
     """
-    runs = summary.runs
+    runs, forms = summary.runs, [row.form for row in summary.rows]
+    content: object = {"runs": runs, "warnings": summary.warnings, "cells": forms}
+    if len(runs) == 1:
+        content = {"run": runs[0], "cells": forms}
     rows = sorted(summary.rows, key=lambda row: _ORDER.index(row.answer.verdict))
     parts: Parts = []
     if any(run.simulated for run in runs):
@@ -160,7 +153,7 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
         likely = f"likely: {RADII[0]} (50 %); surely: {RADII[1]} (95 %)"
         more = "The reasons and all details of one cell: --cell NAME; of every cell: -v"
         parts.append(Line(f"\n{likely}\n{more}", "dim"))
-    return Document(summary.content(), body=parts), failures
+    return Document(content, body=parts), failures
 
 
 def _failure_line(failure: Failure) -> Line:
@@ -332,23 +325,27 @@ def json_form(
         | _fields(parameters, _PARAMETERS)
         | _fields(place, ("strongest",)),
         "modes": place.modes if place else (),
-        "region95": _region(cell, LEVEL),
-        "region50": _region(cell, HALF),
+        "region95": region_of(cell, LEVEL) if place else Region(),
+        "region50": region_of(cell, HALF) if place else Region(),
         **_fields(parameters, ("prior",)),
         "alternatives": parameters.alternatives if parameters else (),
     }
     if parameters is not None:
         form["noise"] = _fields(parameters, _NOISE)
-    paths = answer.paths or Paths({}, ())
-    for estimator in (REFERENCE, EKF, BACKWARD):
-        form[estimator.json_key] = _end(paths, estimator)
+    paths, ends = answer.paths or Paths({}, ()), {}
+    for estimator in ESTIMATORS:
+        end = paths.ends.get(estimator.key)
+        is_converged = False if estimator.key in paths.failed else None
+        ends[estimator] = _fields(end, _END) | (
+            {"n": end.n, "converged": True} if end else {"n": 0, "converged": is_converged}
+        )
+    form |= {one.json_key: ends[one] for one in (REFERENCE, EKF, BACKWARD)}
     compared = cell.comparison
     form["agreement"] = compared and {
         "sigmas": dict(zip(AXES, compared.sigmas, strict=True)),
         "agrees": compared.agrees,
     }
-    form[RTS.json_key] = _end(paths, RTS)
-    form[BATCH.json_key] = _end(paths, BATCH)
+    form |= {one.json_key: ends[one] for one in (RTS, BATCH)}
     if cell.batch is not None and cell.obs is not None:
         rivals = [cell.obs.utm.to_latlon(*rival[:2].tolist()) for rival in cell.batch.rivals]
         form[BATCH.json_key] = _fields(paths.ends[BATCH.key], (*_END, "n")) | {
@@ -394,21 +391,14 @@ def _fields(part: object, names: Sequence[str]) -> dict[str, object]:
     return {name: getattr(part, name, None) for name in names}
 
 
-def _end(paths: Paths, estimator: Estimator) -> dict[str, object]:
-    end = paths.ends.get(estimator.key)
-    if end is not None:
-        return _fields(end, (*_END, "n")) | {"converged": True}
-    is_converged = False if estimator.key in paths.failed else None
-    return _fields(None, _END) | {"n": 0, "converged": is_converged}
-
-
-def _region(cell: CellResult, level: float) -> dict[str, object]:
+def region_of(cell: CellResult, level: float) -> Region:
     """The region that holds so much of the probability, where its squares are known."""
-    posterior = cell.posterior
-    is_known = posterior is not None and (level == LEVEL or posterior.is_strongest_inside)
-    if posterior is None or cell.obs is None or not is_known:
-        return {"area_m2": None, "geojson": None}
-    return {
-        "area_m2": area_m2(posterior.squares, level),
-        "geojson": geojson(posterior.squares, cell.obs.utm, level),
-    }
+    posterior, obs = cell.posterior, cell.obs
+    if posterior is None or obs is None:
+        return Region()
+    if level != LEVEL and not posterior.is_strongest_inside:
+        return Region()
+    return Region(
+        area_m2=area_m2(posterior.squares, level),
+        geojson=geojson(posterior.squares, obs.utm, level),
+    )

@@ -7,7 +7,7 @@ metres, levels dBm at the scale of the first modem.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from msgspec import Struct
 
@@ -25,6 +25,24 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
 
 DEGREE_DECIMALS = 6
 """0.1 m."""
+
+
+Ring = list[tuple[float, float]]
+"""Longitude and latitude of each corner; the first is repeated at the end (RFC 7946)."""
+
+
+class MultiPolygon(Struct, kw_only=True):
+    """GeoJSON geometry."""
+
+    type: Literal["MultiPolygon"]
+    coordinates: list[list[Ring]]
+
+
+class Region(Struct, kw_only=True):
+    """Smallest region that holds a share of the probability; empty where no squares are known."""
+
+    area_m2: float | None = None
+    geojson: MultiPolygon | None = None
 
 
 class StrongestReading(Struct, frozen=True, kw_only=True):

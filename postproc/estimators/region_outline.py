@@ -3,14 +3,13 @@
 The squares of a region are merged before they are outlined, which takes a tenth of the time.
 """
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.polygon import orient
 
+from logger.core import answer
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.geo import Utm
 from logger.core.locator.region import LEVEL, Squares, highest_density
@@ -49,22 +48,22 @@ def outline(cells: Squares, level: float = LEVEL) -> list[Polygon]:
     ]
 
 
-def geojson(cells: Squares, utm: Utm, level: float = LEVEL) -> dict[str, Any]:
+def geojson(cells: Squares, utm: Utm, level: float = LEVEL) -> answer.MultiPolygon:
     """Outline as a GeoJSON MultiPolygon: lon/lat, 7 decimals (RFC 7946)."""
     parts = outline(cells, level)
     rings = [
         [_ring(np.asarray(r.coords, float), utm) for r in (part.exterior, *part.interiors)]
         for part in parts
     ]
-    return {"type": "MultiPolygon", "coordinates": rings}
+    return answer.MultiPolygon(type="MultiPolygon", coordinates=rings)
 
 
-def _ring(xy_m: FloatArray, utm: Utm) -> list[list[float]]:
-    lat_deg, lon_deg = utm.to_latlon_arrays(xy_m[:, 0], xy_m[:, 1])
-    lonlat: list[list[float]] = np.round(
-        np.column_stack([lon_deg, lat_deg]), _DEGREE_DECIMALS
-    ).tolist()
-    return lonlat
+def _ring(xy_m: FloatArray, utm: Utm) -> answer.Ring:
+    lat_deg, lon_deg = (
+        np.round(angles, _DEGREE_DECIMALS).tolist()
+        for angles in utm.to_latlon_arrays(xy_m[:, 0], xy_m[:, 1])
+    )
+    return list(zip(lon_deg, lat_deg, strict=True))
 
 
 def merge_squares(cells: Squares, level: float) -> Squares:

@@ -11,9 +11,9 @@ from logger.core.geo import Utm
 from logger.core.locator.region import HALF, LEVEL
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
-from postproc.estimators.region_outline import geojson
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
 from postproc.result import BATCH, EKF, RTS, CellResult, Result
+from postproc.summary import region_of
 
 _PEERS = (EKF, RTS, BATCH)
 """Without the reference EKF, whose ellipse is wrong."""
@@ -88,12 +88,9 @@ def estimates_of(result: Result, utm: Utm, *, every: bool = False) -> list[Estim
 
 def _estimate(cell: CellResult, runs: Sequence[Run], utm: Utm, every: bool) -> Estimate:
     regions = {}
-    posterior = cell.posterior
-    if posterior is not None and cell.obs is not None:
-        for percent, level in ((95, LEVEL), (50, HALF)):
-            if percent == 95 or posterior.is_strongest_inside:
-                outline = geojson(posterior.squares, cell.obs.utm, level)
-                regions[percent] = tuple(polygons(outline["coordinates"]))
+    for percent, level in ((95, LEVEL), (50, HALF)):
+        if outline := region_of(cell, level).geojson:
+            regions[percent] = tuple(polygons(outline.coordinates))
     return estimate_of(cell.answer(runs), regions, utm, every=every)
 
 

@@ -8,7 +8,7 @@ from math import inf
 from jinja2 import Template
 from markupsafe import Markup
 
-from logger.core.document import Column, Degrees, Measured, Table, Value, Word
+from logger.core.document import Column, Degrees, Document, Measured, Table, Value, Word
 from logger.core.ellipse import RADII, metres
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.rivals import share_text
@@ -19,7 +19,6 @@ from postproc.report import wording
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
-from postproc.report.wording import Headline
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.summary import estimator_table, run_table
 from postproc.verification.verdicts import CellVerdict, Verified
@@ -69,7 +68,7 @@ class CellSection:
 
     key: str
     result: CellResult
-    answer: Headline
+    answer: Document
     findings: tuple[str, ...]
     places: tuple[Spot, ...]
     figures: tuple[PageFigure, ...]
@@ -128,7 +127,7 @@ def cell_section(
     """A cell of runs with its figures; the number identifies it on the page."""
     key = f"cell-{number}"
     answer = wording.headline(result)
-    answered = f"{answer.text} {answer.advice}".lower()
+    answered = " ".join(map(str, answer.body)).lower()
     return CellSection(
         key=key,
         result=result,
@@ -143,7 +142,7 @@ def cell_section(
 
 def section_without_details(number: int, result: CellResult) -> CellSection:
     """A cell whose details could not be made: the reason."""
-    answer = Headline(result.verdict, "No details", result.warnings[0], None)
+    answer = Document(result, "No details", body=[result.warnings[0]])
     return CellSection(f"cell-{number}", result, answer, (), (), (), _NO_TABLE, _NO_TABLE)
 
 

@@ -3,9 +3,9 @@
 from collections import Counter
 from collections.abc import Sequence
 from math import dist
-from typing import NamedTuple
 
 from logger.core.answer import Mode, Place
+from logger.core.document import Document
 from logger.core.ellipse import metres, radii_text
 from logger.core.guidance.sentence import direction
 from logger.core.locator.rivals import area_text
@@ -17,43 +17,35 @@ _LONGEST_WALK_M = 5000.0
 """An hour's walk: towards a position less certain than this no walk is advised."""
 
 
-class Headline(NamedTuple):
-    """The answer about a cell in a few words.
-
-    `advice` is where to walk next, None where no walk is needed.
-    """
-
-    verdict: str
-    title: str
-    text: str
-    advice: str | None
-
-
-def headline(cell: CellResult) -> Headline:
-    """What the walk shows about a cell."""
+def headline(cell: CellResult) -> Document:
+    """What the walk shows about a cell: title, a sentence, and advice where a walk is needed."""
     place = cell.place
     if place is None or cell.verdict == "cannot tell":
         reason = cell.warnings[0] if cell.warnings else "the readings do not determine a position"
-        return Headline(cell.verdict, "No position yet", _sentence(reason), _advice(cell))
+        return _said(cell, "No position yet", _sentence(reason), _advice(cell))
     if cell.verdict == "located":
         area, radii = area_text(place.area_m2), radii_text(place.r50_m, place.r95_m)
         position = degrees_text(place)
         text = f"With a probability of 95 %, it is in a region of {area} around {position}."
-        return Headline(cell.verdict, f"Located: {radii}", text, None)
+        return _said(cell, f"Located: {radii}", text)
     modes = place.likely_modes
     shares = [f"{mode.percent}% at {degrees_text(mode)}" for mode in modes]
     more = len(modes) - _MOST_POSITIONS
     listed = ", ".join(shares[:_MOST_POSITIONS]) + (f" and {more} more" if more > 0 else "")
     text = f"The levels fit several positions: {listed}."
-    return Headline(cell.verdict, f"{len(modes)} positions fit", text, _advice(cell))
+    return _said(cell, f"{len(modes)} positions fit", text, _advice(cell))
 
 
-def heading(cells: Sequence[CellResult], answers: Sequence[Headline]) -> str:
+def _said(cell: CellResult, title: str, text: str, advice: str | None = None) -> Document:
+    return Document(cell, title, body=[text, *filter(None, [advice])])
+
+
+def heading(cells: Sequence[CellResult], answers: Sequence[Document]) -> str:
     """The verdicts of all cells in one line, or the answer of a single one."""
     if not cells:
         return "No cell was observed"
     if len(cells) == len(answers) == 1:
-        title = answers[0].title
+        title = str(answers[0].title)
         return f"Cell {cells[0].cell}: {title[:1].lower()}{title[1:]}"
     counts = Counter(cell.verdict for cell in cells)
     parts = [f"{counts['located']} of {number_of(len(cells), 'cell')} located"]

@@ -176,7 +176,7 @@ def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
     at_once, in_time = _divisions(usable, posterior)
     decision = assess(posterior, usable, _likelier(at_once, in_time), within_m=options.within_m)
     place = place_of(posterior, usable.utm)
-    region = shape(geojson(posterior.squares, usable.utm))
+    region = shape(msgspec.to_builtins(geojson(posterior.squares, usable.utm)))
     return msgspec.structs.replace(
         base,
         verdict=decision.verdict,

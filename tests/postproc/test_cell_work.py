@@ -158,7 +158,7 @@ ESTIMATE = [
     "postproc.estimators.residuals.diagnose",
     "postproc.smoothing.merge",
     "postproc.smoothing.shares_of",
-    "postproc.summary._region",
+    "postproc.summary.region_of",
     "postproc.summary.truth_of",
     "logger.core.suspicion.signal._steady_dbm",
 ]

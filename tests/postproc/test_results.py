@@ -13,7 +13,6 @@ from postproc.cli import main
 from postproc.result import Options
 from postproc.result_encoding import encode
 from postproc.smoothing import smooth_runs
-from postproc.summary import summarise
 from tests.kit import sample_results as kit
 
 SECONDS = 120
@@ -27,7 +26,7 @@ def walk(tmp_path_factory):
     run = read_sound_run(folder / "walk.journal")
     result = smooth_runs([run])
     path = results.path_beside(run.path)
-    results.write(result, summarise(result).content(), path)
+    results.write(result, kit.json_of(result), path)
     return run, result, path
 
 
@@ -78,7 +77,7 @@ def test_several_runs(walk, tmp_path):
     runs = [first, read_sound_run(second.path)]
     result = smooth_runs(runs, [kit.cell_name(0)])
     assert result.cells[0].without
-    results.write(result, summarise(result).content(), tmp_path / "x.h5", [kit.cell_name(0)])
+    results.write(result, kit.json_of(result), tmp_path / "x.h5", [kit.cell_name(0)])
     assert_equal(results.read(tmp_path / "x.h5", runs, [kit.cell_name(0)], Options()), result)
     why = why_not(tmp_path / "x.h5", first)
     assert why == "it was made from other data"

@@ -3,19 +3,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.document import json_text
 from postproc.cell_estimation import estimate_cell
 from postproc.result import Options
 from postproc.smoothing import smooth_runs
-from postproc.summary import summarise
-from tests.kit.sample_results import write_run
+from tests.kit.sample_results import json_of, write_run
 from tests.kit.walks import simulate
 
 
 def test_processes_give_what_one_gives(tmp_path):
     run = write_run(tmp_path / "a.journal", seconds=60, cells=4)
-    alone, shared = (summarise(smooth_runs([run], processes=n)).content() for n in (1, 2))
-    assert json_text(shared) == json_text(alone)
+    alone, shared = (json_of(smooth_runs([run], processes=n)) for n in (1, 2))
+    assert shared == alone
     assert len(shared["cells"]) == 4
 
 

@@ -1,5 +1,6 @@
 import json
 
+import msgspec
 import numpy as np
 import pytest
 import shapely
@@ -52,7 +53,7 @@ def test_the_outline_is_smoothed_by_less_than_a_cell():
 
 def test_geojson_is_small_valid_and_counterclockwise():
     cells = gaussians((0.6, -80.0, 0.0, 20.0), (0.4, 80.0, 0.0, 20.0))
-    result = geojson(cells, UTM)
+    result = msgspec.to_builtins(geojson(cells, UTM))
     area = shape(result)
     assert area.is_valid
     assert len(result["coordinates"]) == 2
@@ -68,14 +69,14 @@ def test_geojson_is_small_valid_and_counterclockwise():
 
 
 def test_holes_run_clockwise():
-    part = geojson(gaussians((1.0, 0.0, 0.0, 60.0), (-0.55, 0.0, 0.0, 45.0)), UTM)["coordinates"][0]
+    part = geojson(gaussians((1.0, 0.0, 0.0, 60.0), (-0.55, 0.0, 0.0, 45.0)), UTM).coordinates[0]
     assert len(part) == 2
     assert not shapely.LinearRing(part[1]).is_ccw
 
 
 def test_one_cell():
     cells = Squares(np.array([EAST]), np.array([NORTH]), np.array([10.0]), np.array([1.0]))
-    assert len(geojson(cells, UTM)["coordinates"]) == 1
+    assert len(geojson(cells, UTM).coordinates) == 1
     assert polygons(cells).area == pytest.approx(100.0, rel=1e-4)
 
 

@@ -10,7 +10,6 @@ from postproc import results
 from postproc.cli import main
 from postproc.interop.exporting import walk_of_run
 from postproc.interop.writers import names
-from postproc.summary import summarise
 from tests.kit import sample_results as kit
 from tests.kit.runs import UTC0_NS, meta
 
@@ -187,7 +186,7 @@ def test_estimates_are_computed_or_taken_from_beside_the_run(tmp_path, capsys):
     assert "estimates of 1 cells" in output.out
     assert "estimates are those of" not in output.err
     found = kit.sample_result(run)
-    results.write(found, summarise(found).content(), results.path_beside(run.path))
+    results.write(found, kit.json_of(found), results.path_beside(run.path))
     output = _main(capsys, "export", run.path, "-o", tmp_path / "b.geojson", "--estimates")
     assert "estimates are those of" in output.err
     places = [
