@@ -27,7 +27,8 @@ from scoreboard.worlds import plain
 from logger.core.arrays import FloatArray
 from logger.core.locator.pipeline import locate
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.places import Places
+from logger.core.readings import Readings
 from postproc.cell_estimation import too_few
 from postproc.verification.cell_claim import blocks_of, observable
 from postproc.verification.claim_test import PreparedWalk, around, claim_test, prepare_walk
@@ -145,7 +146,9 @@ def powers(options: argparse.Namespace) -> Json:
             test = claim_test(walk, _displace(walk, true_m, share, rng)[:, None], rng)
             if test is not None:
                 level_dbm = walk.level_dbm[:, None]
-                predicted = power(test, true_m[:1], true_m[1:], RATES[0], 48, rng, trusting=True)
+                predicted = power(
+                    test, Places.of(true_m[:1], true_m[1:]), RATES[0], 48, rng, trusting=True
+                )
                 measured_p = (
                     test.p_direct(level_dbm, trusting=True)[0],
                     test.p_indirect(level_dbm, trusting=True)[0],
@@ -174,7 +177,9 @@ def powers(options: argparse.Namespace) -> Json:
 def _displace(
     walk: PreparedWalk, place_m: FloatArray, share: float, rng: np.random.Generator
 ) -> FloatArray:
-    away_m = float(np.min(np.hypot(walk.blocks.x_m - place_m[0], walk.blocks.y_m - place_m[1])))
+    away_m = float(
+        np.min(np.hypot(walk.blocks.places.x_m - place_m[0], walk.blocks.places.y_m - place_m[1]))
+    )
     angle = rng.uniform(0.0, 2.0 * np.pi)
     return np.asarray(
         place_m + share * max(away_m, 10.0) * np.array([np.cos(angle), np.sin(angle)]), float
@@ -198,7 +203,9 @@ def measured_walks(options: argparse.Namespace) -> Json:
         for share, outcomes in rows.items():
             claim = _displace(walk, np.array(world.sources[0]), share, rng)
             sigma_m = float(np.hypot(world.slack_m / 2.0, np.median(world.position_sigma_m)))
-            test = claim_test(walk, around(float(claim[0]), float(claim[1]), sigma_m), rng)
+            test = claim_test(
+                walk, around(Places.of(float(claim[0]), float(claim[1])), sigma_m), rng
+            )
             if test is None:
                 continue
             level_dbm = walk.level_dbm[:, None]
@@ -230,7 +237,7 @@ def measured_walks(options: argparse.Namespace) -> Json:
     return result
 
 
-def cellguard(obs: CellObservations, claim_m: FloatArray) -> bool:
+def cellguard(obs: Readings, claim_m: FloatArray) -> bool:
     """True for a cell received farther away than 75 km.
 
     Its margins for accuracy and speed are left out, since a walker is slow.
@@ -238,7 +245,7 @@ def cellguard(obs: CellObservations, claim_m: FloatArray) -> bool:
     return bool(np.max(np.hypot(obs.x_m - claim_m[0], obs.y_m - claim_m[1])) > CELLGUARD_M)
 
 
-def crocodile_hunter(obs: CellObservations, claim_m: FloatArray) -> bool:
+def crocodile_hunter(obs: Readings, claim_m: FloatArray) -> bool:
     """Outside the box of one standard deviation about the mean of all sightings."""
     x, y = obs.x_m, obs.y_m
     return bool(

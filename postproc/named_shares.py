@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.observations import CellObservations, Observations
+from logger.core.places import index_of
+from logger.core.readings import Observations, Readings
 from logger.core.regular_naming import NEAR_M
 from logger.core.rows import Rows, numbered_texts
-from logger.core.track import index_of
 
 _LEAST_LISTS = 0.05
 """Share of the scans of a technology: with fewer lists of cells a modem names its own cell only."""
@@ -43,7 +43,7 @@ def with_named_shares(observations: Observations, readings: Rows) -> Observation
     key, first = np.unique(naming.cell * len(seq) + naming.scan, return_index=True)
     numbers = {name.decode("utf-8", "replace"): k for k, name in enumerate(names.tolist())}
 
-    def with_share(obs: CellObservations) -> CellObservations:
+    def with_share(obs: Readings) -> Readings:
         scan = number[np.searchsorted(seq, obs.scan_seq)]
         row = first[np.searchsorted(key, numbers[obs.cell] * len(seq) + scan)]
         return replace(obs, named_share=share[row])

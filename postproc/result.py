@@ -13,7 +13,7 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import TimingCheck
 from logger.core.locator.verdict import DESK_M, Verdict
 from logger.core.model.prior import ENVIRONMENTS, Prior
-from logger.core.observations import CellObservations, Observations, SpikeLevel
+from logger.core.readings import Observations, Readings, SpikeLevel
 from logger.core.runfile import Run
 from postproc.cell_work import Failure
 from postproc.estimators.direction_check import Comparison
@@ -100,7 +100,7 @@ class CellResult:
 
     cell: str
     n: int
-    obs: CellObservations | None
+    obs: Readings | None
     verdict: Verdict
     warnings: tuple[str, ...]
     posterior: Posterior | None = None

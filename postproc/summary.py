@@ -10,10 +10,10 @@ from msgspec import UNSET
 from logger.core import ekf
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import ellipse95
-from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import HALF, LEVEL, area_m2
 from logger.core.locator.rivals import relevant_modes, whole_percents
+from logger.core.places import Places, Utm
 from logger.core.runfile import Run
 from postproc import result_json as form
 from postproc.cell_work import Failure, attempt
@@ -124,18 +124,18 @@ def _cell(result: CellResult, runs: Sequence[Run]) -> form.Cell:
 
 
 def _add_posterior(entry: form.Cell, posterior: Posterior, utm: Utm) -> None:
-    lat, lon = utm.to_latlon(posterior.x_m, posterior.y_m)
+    lat, lon = posterior.place.first_deg
     values = {name: getattr(posterior, name) for name in _PARAMETERS}
     strongest = posterior.strongest
     entry.best = form.Best(
         lat=lat,
         lon=lon,
         strongest=form.StrongestReading(
-            **_degrees(utm, strongest.x_m, strongest.y_m), level_dbm=strongest.level_dbm
+            **_degrees(strongest.places), level_dbm=strongest.level_dbm.item()
         ),
         **values,
     )
-    entry.modes = _modes(posterior, utm)
+    entry.modes = _modes(posterior)
     entry.region95 = _region(posterior, utm, LEVEL)
     if posterior.is_strongest_inside:
         entry.region50 = _region(posterior, utm, HALF)
@@ -155,14 +155,14 @@ def _region(posterior: Posterior, utm: Utm, level: float) -> form.Region:
     )
 
 
-def _modes(posterior: Posterior, utm: Utm) -> list[form.Mode]:
+def _modes(posterior: Posterior) -> list[form.Mode]:
     relevant = relevant_modes(posterior.modes)
     percents = {
         id(mode): percent for mode, percent in zip(relevant, whole_percents(relevant), strict=True)
     }
     return [
         form.Mode(
-            **_degrees(utm, mode.x_m, mode.y_m),
+            **_degrees(mode.place),
             probability=mode.probability,
             percent=percents.get(id(mode)),
             ellipse95=mode.ellipse,
@@ -171,8 +171,8 @@ def _modes(posterior: Posterior, utm: Utm) -> list[form.Mode]:
     ]
 
 
-def _degrees(utm: Utm, x_m: float, y_m: float) -> dict[str, float]:
-    return dict(zip(("lat", "lon"), utm.to_latlon(float(x_m), float(y_m)), strict=True))
+def _degrees(place: Places) -> dict[str, float]:
+    return dict(zip(("lat", "lon"), place.first_deg, strict=True))
 
 
 def _without(rest: CellResult, left_out: Run) -> form.Without:
@@ -180,7 +180,7 @@ def _without(rest: CellResult, left_out: Run) -> form.Without:
         n=rest.n, verdict=rest.verdict, best=None, region95=form.Area(), run=str(left_out.path)
     )
     if rest.posterior is not None and rest.obs is not None:
-        position = _degrees(rest.obs.utm, rest.posterior.x_m, rest.posterior.y_m)
+        position = _degrees(rest.posterior.place)
         radii_m = {name: getattr(rest.posterior, name) for name in ("r95_m", "r50_m")}
         entry.best = form.BestWithout(**position, **radii_m)
         entry.region95 = form.Area(area_m2=rest.posterior.region_area_m2)
@@ -190,7 +190,7 @@ def _without(rest: CellResult, left_out: Run) -> form.Without:
 def _state(x: FloatArray, p: FloatArray, utm: Utm) -> dict[str, Any]:
     """A Gaussian estimate: state (4,), covariance (4, 4)."""
     return {
-        **_degrees(utm, x[0], x[1]),
+        **_degrees(Places.of(x[0], x[1], utm=utm)),
         "drms_m": ekf.drms_m(ekf.upper_triangle(p)),
         "p0_dbm": float(x[2]),
         "p0_sigma_db": float(np.sqrt(max(p[2, 2], 0.0))),
@@ -221,7 +221,7 @@ def _least_squares(result: CellResult) -> form.LeastSquares:
         converged=fit.converged,
         bounded=fit.bounded,
         correlation_inflation=fit.inflation,
-        rivals=[form.Point(**_degrees(utm, rival[0], rival[1])) for rival in fit.rivals],
+        rivals=[form.Point(**_degrees(Places.of(*rival[:2], utm=utm))) for rival in fit.rivals],
     )
 
 

@@ -237,5 +237,5 @@ class Estimator:
         from logger.device.guidance_status import position_status  # noqa: PLC0415
 
         self._shown = followed.position
-        self.position = position_status(followed.cell, followed.utm, followed.position)
-        self.next_way = next_way(followed.utm, followed.advice)
+        self.position = position_status(followed.cell, followed.position)
+        self.next_way = next_way(followed.advice)

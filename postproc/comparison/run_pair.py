@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from logger.core.errors import EstimationError
-from logger.core.geo import Utm
-from logger.core.observations import Observations
+from logger.core.places import Utm
+from logger.core.readings import Observations
 from logger.core.runfile import Run
 from postproc.comparison.changes import FALSE_WORDS, CellChange, Comparison, compare
 from postproc.comparison.ground import BLOCK_M, Grid

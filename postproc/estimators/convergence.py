@@ -7,7 +7,7 @@ side of the Earth, a power of gigawatts, an indefinite covariance. Such numbers 
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 REACH_M = 30_000.0
 """From the nearest reading: a GSM cell reaches at most 35 km, the locator searches this far."""
@@ -24,7 +24,7 @@ _NO_RETURN = 2.0
 
 
 def ended_well(
-    state: FloatArray, covariance: FloatArray, obs: CellObservations, *, any_slope: bool = False
+    state: FloatArray, covariance: FloatArray, obs: Readings, *, any_slope: bool = False
 ) -> bool:
     """Whether `state` [x, y, P0, eta, ...] and its covariance are an answer to the readings.
 

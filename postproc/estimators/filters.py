@@ -7,7 +7,7 @@ import numpy as np
 
 from logger.core import ekf, shadow_ekf
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from logger.core.shadow_ekf import ShadowNoise, ShadowState
 from postproc.estimators.metrics import Consistency, consistency
 
@@ -59,7 +59,7 @@ def retained_rows(count: int) -> IntArray:
     return np.arange((count - 1) % every, count, every)
 
 
-def reference_ekf(obs: CellObservations) -> FilterPath:
+def reference_ekf(obs: Readings) -> FilterPath:
     """The specification's EKF over all readings of a cell, started at the first position.
 
     States are x, y in metres, P0 in dBm and eta: shape (m, 4) for the m readings that are retained.
@@ -69,7 +69,7 @@ def reference_ekf(obs: CellObservations) -> FilterPath:
     rows, innovation = retained_rows(len(obs)), np.empty((2, len(obs)))
     x, triangles = np.empty((len(rows), 4)), np.empty((len(rows), 10))
     readings = tuple(np.array(values, float) for values in (obs.x_m, obs.y_m, obs.level_dbm))
-    start = ekf.start(float(obs.x_m[0]), float(obs.y_m[0]))
+    start = ekf.start(obs.places[0])
     kernels.reference(len(obs), start, readings, rows, innovation, x, triangles)
     p = ekf.covariance_matrix(triangles)
     e, variance = innovation[:, rows]
@@ -77,7 +77,7 @@ def reference_ekf(obs: CellObservations) -> FilterPath:
 
 
 def shadow_pass(
-    obs: CellObservations,
+    obs: Readings,
     state: ShadowState,
     noise: ShadowNoise,
     *,

@@ -13,7 +13,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from postproc.estimators.convergence import ended_well
 from postproc.estimators.least_squares_covariance import Sandwich, sandwich
 from postproc.estimators.least_squares_rows import Rows, each_reading, group
@@ -49,18 +49,18 @@ class BatchFit:
     rivals: tuple[FloatArray, ...]
 
 
-def residuals(state: FloatArray, obs: CellObservations, height_m: float = 0.0) -> FloatArray:
+def residuals(state: FloatArray, obs: Readings, height_m: float = 0.0) -> FloatArray:
     """Model minus level in dB of each reading, shape (n,), for a state [x, y, P0, eta]."""
     return each_reading(obs, height_m).residuals(state)
 
 
-def jacobian(state: FloatArray, obs: CellObservations, height_m: float = 0.0) -> FloatArray:
+def jacobian(state: FloatArray, obs: Readings, height_m: float = 0.0) -> FloatArray:
     """Derivative of `residuals` by the state, shape (n, 4)."""
     return each_reading(obs, height_m).jacobian(state)
 
 
 def fit(
-    obs: CellObservations,
+    obs: Readings,
     starts: Sequence[tuple[float, float]],
     *,
     loss: Loss = "linear",

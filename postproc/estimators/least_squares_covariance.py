@@ -23,6 +23,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.model import path_loss
+from logger.core.places import Places
 from postproc.estimators.convergence import REACH_M
 from postproc.estimators.least_squares_rows import Rows
 from postproc.estimators.residual_covariance import averages, residual_noise
@@ -55,7 +56,7 @@ def sandwich(rows: Rows, design: FloatArray, state: FloatArray) -> Sandwich:
     scale = np.where(scale > 0.0, scale, 1.0)
     scaled = design / scale
     bread = _inverse_square(np.sqrt(rows.weight)[:, None] * scaled)
-    noise = residual_noise(rows.x_m, rows.y_m, rows.readings, rows.weight, design, e)
+    noise = residual_noise(Places.of(rows.x_m, rows.y_m), rows.readings, rows.weight, design, e)
     total = np.bincount(noise.square, rows.weight)
     score = bread @ (total[:, None] * averages(noise.square, rows.weight, scaled)).T
     covariance = score @ noise.covariance_db2 @ score.T

@@ -26,6 +26,7 @@ from logger.core.model import marginal
 from logger.core.model.blocks import squares
 from logger.core.model.noise import independent_variance, shadowing
 from logger.core.model.prior import WHITE, Hypothesis, Prior
+from logger.core.places import Places
 
 _WHITE_SHARES = 0.1, 0.5
 _DECORRELATION_M = 12.0, 35.0, 110.0, 350.0, 1100.0
@@ -73,8 +74,7 @@ def unit_columns(design: FloatArray) -> FloatArray:
 
 
 def residual_noise(
-    x_m: FloatArray,
-    y_m: FloatArray,
+    places: Places,
     readings: FloatArray,
     weight: FloatArray,
     design: FloatArray,
@@ -84,8 +84,8 @@ def residual_noise(
 
     `readings` (n,) is how many a row stands for; the weights (n,) are positive.
     """
-    square, _ = squares(x_m, y_m, _MOST_SQUARES)
-    x, y, e = (averages(square, weight, v) for v in (x_m, y_m, residual_db))
+    square, _ = squares(places, _MOST_SQUARES)
+    x, y, e = (averages(square, weight, v) for v in (places.x_m, places.y_m, residual_db))
     scaled = averages(square, weight, unit_columns(design))
     n_there = np.bincount(square, readings).astype(float)
     apart_m = np.hypot(x[:, None] - x, y[:, None] - y)

@@ -13,6 +13,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model import path_loss
+from logger.core.places import Places
 from postproc.estimators.residual_covariance import (
     ResidualNoise,
     averages,
@@ -80,7 +81,7 @@ def noise_of(ground: Ground, *columns: FloatArray) -> ResidualNoise:
     """Noise of the residuals beside the fit and further columns (n,)."""
     one = np.ones(len(ground.e_db))
     design = np.column_stack([ground.design, *columns])
-    return residual_noise(ground.x_m, ground.y_m, one, one, design, ground.e_db)
+    return residual_noise(Places.of(ground.x_m, ground.y_m), one, one, design, ground.e_db)
 
 
 def exponent_change(ground: Ground) -> ExponentChange | None:

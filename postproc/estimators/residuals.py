@@ -17,7 +17,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model import path_loss
-from logger.core.observations import CellObservations, SpikeLevel
+from logger.core.readings import Readings, SpikeLevel
 from postproc.estimators import least_squares, residual_trends
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import Consistency, consistency, lag1
@@ -73,7 +73,7 @@ class Residuals:
 
 def diagnose(
     state: FloatArray,
-    obs: CellObservations,
+    obs: Readings,
     filtered: FilterPath | None = None,
     *,
     height_m: float = 0.0,
@@ -130,9 +130,7 @@ def _standard_moment(values: FloatArray, order: int) -> float:
     return float(np.mean(off**order) / np.mean(off**2) ** (0.5 * order))
 
 
-def _ground(
-    state: FloatArray, obs: CellObservations, residual_db: FloatArray, height_m: float
-) -> Ground:
+def _ground(state: FloatArray, obs: Readings, residual_db: FloatArray, height_m: float) -> Ground:
     level = np.isfinite(residual_db)
     azimuth = np.arctan2(obs.x_m - state[0], obs.y_m - state[1])
     design = least_squares.jacobian(state, obs, height_m)
@@ -191,9 +189,7 @@ def _innovations(filtered: FilterPath | None) -> Consistency | None:
     return filtered.consistency or consistency(filtered.innovation_db, filtered.innovation_var_db2)
 
 
-def _outliers(
-    residual_db: FloatArray, sigma_db: float, obs: CellObservations
-) -> tuple[Outlier, ...]:
+def _outliers(residual_db: FloatArray, sigma_db: float, obs: Readings) -> tuple[Outlier, ...]:
     """Readings beyond all that as many normal ones would have, the largest first."""
     sigmas = np.abs(residual_db) / sigma_db
     limit = -NormalDist().inv_cdf(0.5 * _OUTLIER_CHANCE / len(residual_db))

@@ -15,7 +15,8 @@ from postproc.options import prior_options, runs_argument
 
 if TYPE_CHECKING:
     from logger.core.model.prior import Prior
-    from logger.core.observations import CellObservations
+    from logger.core.places import Places
+    from logger.core.readings import Readings
     from logger.core.runfile import Run
 
 _streets_option = click.option(
@@ -130,7 +131,7 @@ def next_command(
         check_picture(picture)
     obs = _readings_of(paths, cell)
     walk = attempt_alone(
-        obs.cell, "its next walk", lambda: next_walk(obs, prior, _start_deg(start), lines)
+        obs.cell, "its next walk", lambda: next_walk(obs, prior, _start(start), lines)
     )
     if routes is not None:
         next_output.write_gpx(walk, routes)
@@ -142,7 +143,7 @@ def next_command(
         next_output.print_next_walk(walk)
 
 
-def _readings_of(paths: Sequence[Path], cell: str | None) -> "CellObservations":
+def _readings_of(paths: Sequence[Path], cell: str | None) -> "Readings":
     """Readings of the cell in all runs; where none is named, of the one to look for first."""
     from logger.core.errors import ConfigError
     from logger.core.runfile import read_sound_run
@@ -161,7 +162,7 @@ def _readings_of(paths: Sequence[Path], cell: str | None) -> "CellObservations":
     return merge(parts[cell], modems_of(runs))
 
 
-def _first_to_look_for(runs: "Sequence[Run]", every: "list[CellObservations]") -> str | None:
+def _first_to_look_for(runs: "Sequence[Run]", every: "list[Readings]") -> str | None:
     """The most suspicious or unusual cell that has levels; without one the strongest."""
     from postproc.cell_work import Attempts
     from postproc.suspicion.ordering import conspicuous_cells
@@ -178,12 +179,14 @@ def _first_to_look_for(runs: "Sequence[Run]", every: "list[CellObservations]") -
     return max(levels, key=lambda name: levels[name], default=None)
 
 
-def _start_deg(text: str | None) -> tuple[float, float] | None:
-    """LAT,LON in degrees."""
+def _start(text: str | None) -> "Places | None":
+    """The place of LAT,LON in degrees."""
+    from logger.core.places import Places
+
     if text is None:
         return None
     try:
         lat_deg, lon_deg = (float(part) for part in text.split(","))
     except ValueError:
         raise click.UsageError(f"--from {text[:40]!r} is not LAT,LON in degrees") from None
-    return lat_deg, lon_deg
+    return Places.of_degrees(lat_deg, lon_deg)

@@ -9,7 +9,7 @@ question mark in its place, since many logs of telephones leave it out.
 from collections.abc import Iterator
 from pathlib import Path
 
-from logger.core.geo import check_position
+from logger.core.places import check_position
 from logger.core.types import CellReading, Fix
 from postproc.interop import csv_table
 from postproc.interop.fields import (

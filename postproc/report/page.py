@@ -9,8 +9,8 @@ from jinja2 import Template
 from markupsafe import Markup
 
 from logger.core.ellipse import RADII, metres
-from logger.core.geo import Utm
 from logger.core.locator.rivals import alternatives_text, relevant_modes, share_text
+from logger.core.places import Utm
 from logger.core.runfile import Run
 from postproc.html_page import page_environment
 from postproc.info import CellCount, Event, Gap, Info, describe

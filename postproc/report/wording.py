@@ -2,14 +2,13 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from math import dist
 from typing import NamedTuple
 
 from logger.core.ellipse import metres, radii_text
-from logger.core.geo import Utm
 from logger.core.guidance.sentence import direction
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.rivals import area_text, relevant_modes, whole_percents
+from logger.core.locator.verdict import degrees_text
 from postproc.result import CellResult
 
 _MOST_POSITIONS = 4
@@ -39,12 +38,12 @@ def answer(cell: CellResult) -> Answer:
     if cell.verdict == "located":
         area = area_text(posterior.region_area_m2)
         radii = radii_text(posterior.r50_m, posterior.r95_m)
-        position = degrees_text(obs.utm, posterior.x_m, posterior.y_m)
+        position = degrees_text(posterior.place)
         text = f"With a probability of 95 %, it is in a region of {area} around {position}."
         return Answer(cell.verdict, f"Located: {radii}", text, None)
     modes = relevant_modes(posterior.modes)
     shares = [
-        f"{percent}% at {degrees_text(obs.utm, mode.x_m, mode.y_m)}"
+        f"{percent}% at {degrees_text(mode.place)}"
         for mode, percent in zip(modes, whole_percents(modes), strict=True)
     ]
     more = len(modes) - _MOST_POSITIONS
@@ -72,12 +71,6 @@ def heading(cells: Sequence[CellResult], answers: Sequence[Answer]) -> str:
 def number_of(count: int, noun: str) -> str:
     """A number with its noun."""
     return f"{count} {noun}{'s' * (count != 1)}"
-
-
-def degrees_text(utm: Utm, x_m: float, y_m: float) -> str:
-    """Latitude and longitude to a metre."""
-    lat_deg, lon_deg = utm.to_latlon(x_m, y_m)
-    return f"{lat_deg:.5f} {lon_deg:.5f}"
 
 
 def time_text(seconds: float) -> str:
@@ -108,10 +101,9 @@ def _closer(cell: CellResult, posterior: Posterior) -> str:
     obs = cell.obs
     if obs is None or posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
         return "The levels do not show the distance yet: walk to where they are clearly higher."
-    last_m = (float(obs.x_m[-1]), float(obs.y_m[-1]))
-    position_m = (posterior.x_m, posterior.y_m)
-    position = degrees_text(obs.utm, *position_m)
-    way = f"{metres(dist(last_m, position_m))} {direction(last_m, position_m)}"
+    last, position = obs.places[-1], degrees_text(posterior.place)
+    way_m = posterior.place.xy_m[:, 0] - last.xy_m[:, 0]
+    way = f"{metres(posterior.place.away_m(last))} {direction(way_m)}"
     return (
         f"Walk around the most likely position, {position}. It is {way} of the last reading of "
         "this cell. Levels from more than one side are the most informative."

@@ -24,6 +24,7 @@ from logger.core.model.blocks import Blocks
 from logger.core.model.columns import distances_db, receiver_variance, varying_columns
 from logger.core.model.noise import whiteners_of
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 from postproc.verification.likelihood_grid import LikelihoodGrid, likelihood_grid
 
 _TAIL = 16
@@ -52,12 +53,12 @@ class Nuisances:
         """Noise that the walk shows."""
         return float(self.probability @ self.sigma_db)
 
-    def walks(self, x_m: FloatArray, y_m: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Levels of one walk for each place (b,) of the transmitter, shape (n, b)."""
-        m = rng.choice(len(self.probability), len(x_m), p=self.probability)
+    def walks(self, positions: Places, rng: np.random.Generator) -> FloatArray:
+        """Levels of one walk for each position (b,) of the transmitter, shape (n, b)."""
+        m = rng.choice(len(self.probability), len(positions), p=self.probability)
         eta = self.eta[m] + np.sqrt(self.eta_variance[m]) * rng.normal(size=len(m))
-        position_m, sigma_db = np.stack([x_m, y_m]), self.sigma_db[m]
-        at_db = distances_db(self.blocks, self.prior.height_m, x_m, y_m)
+        sigma_db = self.sigma_db[m]
+        at_db = distances_db(self.blocks, self.prior.height_m, positions)
         noise = self.root @ rng.normal(size=at_db.shape)
         extra = receiver_variance(self.blocks, self.prior, at_db)
         if extra is not None:
@@ -65,19 +66,19 @@ class Nuisances:
         levels_dbm = sigma_db * noise - eta * at_db
         if self.prior.antenna_db:
             size = sigma_db / self.prior.sigma_db
-            levels_dbm += antenna_patterns(self.blocks, self.prior, position_m, size, rng)
+            levels_dbm += antenna_patterns(self.blocks, self.prior, positions, size, rng)
         return np.asarray(levels_dbm, float)
 
 
 def antenna_patterns(
     blocks: Blocks,
     prior: Prior,
-    position_m: FloatArray,
+    positions: Places,
     size: FloatArray,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Random antenna patterns in dB at positions (2, b), `size` (b,) times the prior's: (n, b)."""
-    _, *harmonics = varying_columns(blocks, prior, position_m[0], position_m[1])
+    """Random antenna patterns in dB at positions (b,), `size` (b,) times the prior's: (n, b)."""
+    _, *harmonics = varying_columns(blocks, prior, positions)
     sigma_db = np.repeat(prior.antenna_db, 2)[:, None] * size
     walks = sigma_db * rng.normal(size=(len(harmonics), len(size)))
     return np.asarray(np.einsum("knb,kb->nb", np.stack(harmonics), walks), float)

@@ -8,6 +8,7 @@ from logger.core.arrays import FloatArray
 from logger.core.model.blocks import Blocks
 from logger.core.model.noise import covariances, whiteners_of
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 from postproc.verification.bootstrap import Nuisances, calibrate, nuisances, nuisances_off
 from postproc.verification.direct_test import DirectTest, direct_test
 from postproc.verification.indirect_test import IndirectTest, indirect_test
@@ -89,24 +90,24 @@ def claim_test(walk: PreparedWalk, claim: FloatArray, rng: np.random.Generator) 
     direct = direct_test(walk.blocks, walk.prior, walk.covariances, claim, walk.noise.mean_sigma_db)
     if direct is None:
         return None
-    at = claim[:, rng.integers(claim.shape[1], size=DRAWS)]
-    sample_walks = walk.noise.walks(at[0], at[1], rng)
+    at = Places.of(*claim[:, rng.integers(claim.shape[1], size=DRAWS)])
+    sample_walks = walk.noise.walks(at, rng)
     indirect = indirect_test(walk.field, claim, sample_walks, walk.noise.mean_sigma_db, rng)
     without_bent = nuisances_off(direct.bent, walk.fine, walk.level_dbm, walk.covariances)
-    calm = direct.p_values(without_bent.walks(at[0], at[1], rng), trusting=True)
+    calm = direct.p_values(without_bent.walks(at, rng), trusting=True)
     return ClaimTest(walk, claim, direct, indirect, np.sort(calm))
 
 
-def around(x_m: float, y_m: float, sigma_m: float) -> FloatArray:
+def around(place: Places, sigma_m: float) -> FloatArray:
     """Equally likely places (2, k) of a normal claim, or the place alone.
 
     They lie on the spiral of a sunflower, which leaves no hole (Vogel, Math. Biosci. 44, 1979), the
     closer together the less a walk may know a place by.
     """
     if sigma_m <= 0.0:
-        return np.array([[x_m], [y_m]])
+        return place.xy_m
     k = int(np.clip((sigma_m / _APART_M) ** 2, _FEWEST_PLACES, _MOST_PLACES))
     radius = sigma_m * np.sqrt(-2.0 * np.log(1.0 - (np.arange(k) + 0.5) / k))
     angle = _GOLDEN_RAD * np.arange(k)
     away = radius * np.stack([np.cos(angle), np.sin(angle)])
-    return np.asarray(np.array([[x_m], [y_m]]) + away - np.mean(away, axis=1, keepdims=True), float)
+    return np.asarray(place.xy_m + away - np.mean(away, axis=1, keepdims=True), float)

@@ -29,6 +29,7 @@ from logger.core.model.blocks import Blocks
 from logger.core.model.columns import distances_db, receiver_variance, varying_columns
 from logger.core.model.noise import inverse_of_lower
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 
 _ENERGY = 0.95
 _MOST_DIRECTIONS = 5
@@ -111,7 +112,7 @@ def direct_test(
     which the uncertainty of claim and receiver is weighed.
     """
     n = len(blocks)
-    possible = distances_db(blocks, prior.height_m, claim[0], claim[1])
+    possible = distances_db(blocks, prior.height_m, Places.of(claim[0], claim[1]))
     claim_db = np.mean(possible, axis=1)
     bent = _directions(blocks, prior, claim, claim_db)
     free = n - 2 - bent.shape[1]
@@ -146,8 +147,7 @@ def direct_test(
 
 def _antenna_covariance(blocks: Blocks, prior: Prior, claim: FloatArray) -> FloatArray:
     """Covariance (n, n) in dB^2 of the levels by an unknown antenna pattern at the claim (2, m)."""
-    middle = np.mean(claim, axis=1, keepdims=True)
-    _, *harmonics = varying_columns(blocks, prior, middle[0], middle[1])
+    _, *harmonics = varying_columns(blocks, prior, Places.of(*np.mean(claim, axis=1)))
     pattern = np.concatenate(harmonics, axis=1) * np.repeat(prior.antenna_db, 2)
     return np.asarray(pattern @ pattern.T, float)
 
@@ -157,13 +157,11 @@ def _directions(
 ) -> FloatArray:
     """Orthonormal directions (n, q) in which displacements of the transmitter change the levels."""
     middle = np.mean(claim, axis=1)
-    away_m = max(
-        float(np.min(np.hypot(blocks.x_m - middle[0], blocks.y_m - middle[1]))), 2.0 * blocks.size_m
-    )
+    away_m = max(float(np.min(blocks.places.distances_m(Places.of(*middle)))), 2.0 * blocks.size_m)
     angle = 2.0 * np.pi * np.arange(_BEARINGS) / _BEARINGS
     radius = away_m * np.array(_SHARES)[:, None]
     x, y = ((middle[i] + radius * f(angle)).ravel() for i, f in enumerate((np.cos, np.sin)))
-    shift = distances_db(blocks, prior.height_m, x, y) - claim_db[:, None]
+    shift = distances_db(blocks, prior.height_m, Places.of(x, y)) - claim_db[:, None]
     known = np.linalg.qr(np.column_stack([np.ones(len(blocks)), claim_db]))[0]
     shift -= known @ (known.T @ shift)
     shift /= np.maximum(np.linalg.norm(shift, axis=0), 1e-9)

@@ -18,6 +18,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.model.prior import Station
+from logger.core.places import Places
 from postproc.verification.bootstrap import antenna_patterns, calibrate
 from postproc.verification.likelihood_grid import LikelihoodGrid, refine
 
@@ -88,7 +89,8 @@ def indirect_test(
         directional = plain.with_prior(
             field.prior.of_station(Station(1.0, field.prior.height_m, (ANTENNA_DB,)))
         )
-        middle = np.repeat(np.mean(claim, axis=1, keepdims=True), drawn_dbm.shape[1], axis=1)
+        middle_m = np.repeat(np.mean(claim, axis=1, keepdims=True), drawn_dbm.shape[1], axis=1)
+        middle = Places.of(*middle_m)
         size = np.full(drawn_dbm.shape[1], sigma_db / field.prior.sigma_db)
         of_antenna = antenna_patterns(directional.blocks, directional.prior, middle, size, rng)
     calm = _tails(plain, k, drawn_dbm), _tails(directional, k, drawn_dbm + of_antenna)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from logger.core.arrays import FloatArray
+from logger.core.places import Places
 from postproc.verification.claim_test import ClaimTest
 from postproc.verification.verdicts import Detectable
 
@@ -17,8 +18,7 @@ _BATCH = 256
 
 def power(
     test: ClaimTest,
-    x_m: FloatArray,
-    y_m: FloatArray,
+    positions: Places,
     p_fa: float,
     draws: int,
     rng: np.random.Generator,
@@ -29,14 +29,15 @@ def power(
 
     There are `draws` walks for each position (m,) of the transmitter.
     """
-    each_x, each_y = np.repeat(x_m, draws), np.repeat(y_m, draws)
+    each = positions.part(np.repeat(np.arange(len(positions)), draws))
     direct, indirect = [], []
-    for k in range(0, len(each_x), _BATCH):
-        level_dbm = test.walk.noise.walks(each_x[k : k + _BATCH], each_y[k : k + _BATCH], rng)
+    for k in range(0, len(each), _BATCH):
+        level_dbm = test.walk.noise.walks(each.part(slice(k, k + _BATCH)), rng)
         direct.append(test.p_direct(level_dbm, trusting=trusting) <= p_fa)
         indirect.append(test.p_indirect(level_dbm, trusting=trusting) <= p_fa)
     found = (
-        np.concatenate(one).reshape(len(x_m), draws).mean(axis=1) for one in (direct, indirect)
+        np.concatenate(one).reshape(len(positions), draws).mean(axis=1)
+        for one in (direct, indirect)
     )
     return next(found), next(found)
 
@@ -55,7 +56,7 @@ def detectable(
     y = middle[1] + np.outer(np.cos(azimuth), radius).ravel()
     found = (
         one.reshape(len(azimuth), len(radius))
-        for one in power(test, x, y, p_fa, _DRAWS, rng, trusting=trusting)
+        for one in power(test, Places.of(x, y), p_fa, _DRAWS, rng, trusting=trusting)
     )
     rows = zip(BEARINGS_DEG, *found, strict=True)
     return [_row(deg, radius, one, other) for deg, one, other in rows]
@@ -72,7 +73,7 @@ def _row(deg: float, radius: FloatArray, direct: FloatArray, indirect: FloatArra
 def distance_m(test: ClaimTest) -> float:
     """The claim's distance from the walk, at least the size of a block."""
     middle, blocks = np.mean(test.claim, axis=1), test.walk.blocks
-    nearest = float(np.min(np.hypot(blocks.x_m - middle[0], blocks.y_m - middle[1])))
+    nearest = float(np.min(blocks.places.distances_m(Places.of(*middle))))
     return max(nearest, 2.0 * blocks.size_m)
 
 

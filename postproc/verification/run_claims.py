@@ -14,8 +14,8 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.core.model.prior import Prior
+from logger.core.places import Track
 from logger.core.runfile import Run
-from logger.core.track import Track
 from postproc.cell_work import Failure, attempt
 from postproc.progress import Progress
 from postproc.result import Result

@@ -10,7 +10,7 @@ from logger.core.errors import ConfigError
 from logger.core.identities import FEWEST_SCANS
 from logger.core.locator.pipeline import locate
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from logger.core.runfile import Run
 from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
@@ -72,7 +72,7 @@ def _sites_of(
     rng = np.random.default_rng(SEED)
     if other is None:
         return _within_one_walk(walks[0], prior, rng)
-    apart_m = starts_apart_m(*walks)
+    apart_m = starts_apart_m(*(obs.places for obs in walks))
     if apart_m > FARTHEST_KM * 1000.0:
         raise ConfigError(
             f"{cell} is heard {apart_m / 1000.0:.0f} km apart, farther than any cell reaches: "
@@ -89,15 +89,13 @@ def _sites_of(
     ), None
 
 
-def _readings(runs: list[Run], cell: str) -> list[CellObservations]:
+def _readings(runs: list[Run], cell: str) -> list[Readings]:
     """Readings of the cell in each run that has any with a position."""
     observed = [observe_run(run).observations for run in runs]
     return [obs for each in observed if each for obs in each.cells if obs.cell == cell]
 
 
-def _as_one(
-    walks: Sequence[CellObservations], modems: Sequence[int], prior: Prior
-) -> CellObservations:
+def _as_one(walks: Sequence[Readings], modems: Sequence[int], prior: Prior) -> Readings:
     """Readings of two runs as those of one, with their modems on one scale."""
     usable = merge(dict(enumerate(walks)), modems).usable()
     offsets = locate(usable, prior).offsets
@@ -107,7 +105,7 @@ def _as_one(
 
 
 def _within_one_walk(
-    obs: CellObservations, prior: Prior, rng: np.random.Generator
+    obs: Readings, prior: Prior, rng: np.random.Generator
 ) -> tuple[Sites | None, str | None]:
     if why := too_few(obs, obs.usable()):
         return None, why

@@ -5,16 +5,15 @@ import pytest
 
 from logger.core.filter_monitor import widest
 from logger.core.live import live_prior
-from logger.core.live_cell import EKF, LOCATOR, LevelReading, LiveCell
+from logger.core.live_cell import EKF, LOCATOR, LiveCell
 from logger.core.live_settings import LiveSettings
-from tests.kit.walks import simulate
+from tests.kit.walks import simulate, single_reading
 
 PRIOR = live_prior(LiveSettings(height_m=0.0))
 
 
 def readings_of(obs):
-    columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
-    return [LevelReading(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
+    return [obs[k] for k in range(len(obs))]
 
 
 def estimates(readings, cell=None):
@@ -48,7 +47,8 @@ def test_an_ekf_whose_transmitter_has_moved_is_taken_back():
         if found[-1].stage == EKF:
             break
     readings = [
-        r._replace(level_dbm=-60.0 - 20.0 * (k % 2)) for k, r in enumerate(readings_of(obs))
+        replace(r, level_dbm=np.array([-60.0 - 20.0 * (k % 2)]))
+        for k, r in enumerate(readings_of(obs))
     ]
     after, news = estimates(readings, cell)
     assert "ekf-taken-back" in {code for code, _ in news}
@@ -61,7 +61,7 @@ def test_the_same_readings_give_the_same_bits():
 
 
 def test_readings_at_the_floor_alone_say_nothing():
-    found, _ = estimates([LevelReading(10.0 * k, 0.0, 3.0, -110.0, -1) for k in range(50)])
+    found, _ = estimates([single_reading(10.0 * k, 0.0, -110.0, -1) for k in range(50)])
     assert found == [None] * 50
 
 

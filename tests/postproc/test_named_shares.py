@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.observations import observe
+from logger.core.readings import observe
 from logger.core.regular_naming import LEAST_SHARE, NEAR_M
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan

@@ -2,9 +2,6 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
-from logger.core.geo import Utm
 from logger.core.guidance.advice import Advice, Guide
 from logger.core.guidance.live_verdict import LiveVerdict
 from logger.core.guidance.street_map import StreetMap
@@ -12,7 +9,7 @@ from logger.core.locator.online import OnlineLocator
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.summary import summarise
 from logger.core.locator.verdict import Decision
-from logger.core.observations import CellObservations
+from logger.core.places import Places
 
 
 class LivePosition(NamedTuple):
@@ -25,8 +22,8 @@ class LivePosition(NamedTuple):
 class FollowedCell:
     """Position and advice for one `cell`, renewed as the walker moves."""
 
-    def __init__(self, cell: str, utm: Utm, streets: StreetMap | None = None) -> None:
-        self.cell, self.utm = cell, utm
+    def __init__(self, cell: str, streets: StreetMap | None = None) -> None:
+        self.cell = cell
         self._guide = Guide(streets)
         self._verdict = LiveVerdict()
         self.position: LivePosition | None = None
@@ -36,36 +33,17 @@ class FollowedCell:
         """The latest advice."""
         return self._guide.advice
 
-    def update(self, x_m: float, y_m: float, locator: OnlineLocator) -> bool:
-        """Take a position of the walker; where a new plan is due, ask the cell's locator.
+    def update(self, here: Places, locator: OnlineLocator) -> bool:
+        """Take a place of the walker; where a new plan is due, ask the cell's locator.
 
         Returns whether position and advice are new.
         """
-        self._guide.walk(x_m, y_m)
+        self._guide.walk(here)
         last = locator.last_search() if self._guide.is_due else None
         if last is None:
             return False
         posterior = summarise(*last)
-        decision = self._verdict.update(posterior, observations_of(locator, self.utm))
+        decision = self._verdict.update(posterior, locator.readings.readings())
         self.position = LivePosition(posterior, decision)
         self._guide.decide(*last)
         return True
-
-
-def observations_of(locator: OnlineLocator, utm: Utm) -> CellObservations:
-    """The readings of a locator in their order."""
-    x_m, y_m, sigma_m, level_dbm, limit = locator.readings.columns()
-    number = np.arange(len(x_m))
-    return CellObservations(
-        cell="",
-        rat=None,
-        utm=utm,
-        t_ns=number,
-        x_m=x_m,
-        y_m=y_m,
-        position_sigma_m=sigma_m,
-        level_dbm=level_dbm,
-        scan_seq=number,
-        known_limit=limit.astype(np.int64),
-        without_spikes=True,
-    )

@@ -20,7 +20,8 @@ from logger.core.locator.quadtree import Effort
 from logger.core.locator.two_source_test import FEWEST_READINGS, LIVE, Division, locate_part
 from logger.core.model.blocks import NOTHING_CENSORED, single
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.places import PLANE, Places
+from logger.core.readings import Readings
 
 
 def _ring(way_m: float, directions: int) -> FloatArray:
@@ -55,13 +56,15 @@ class MotionTest:
         self._log_factor = np.full(len(MOVES_M), np.nan)
         self._end_m = np.zeros((len(MOVES_M), 2))
         self._next = 0
+        self._utm = PLANE
 
-    def try_moves(self, obs: CellObservations, posterior: Posterior, count: int) -> None:
+    def try_moves(self, obs: Readings, posterior: Posterior, count: int) -> None:
         """Compare the next `count` moves with standing."""
         obs = obs.usable()
         obs = obs.part(obs.limit == 0)
         if len(obs) < FEWEST_READINGS:
             return
+        self._utm = obs.utm
         prior = posterior.prior.of_station(posterior.station)
         prior = replace(prior, noise=LIVE.noise or prior.noise)
         walk = _in_blocks(obs)
@@ -78,16 +81,17 @@ class MotionTest:
         best = int(np.argmax(self._log_factor))
         log_factor = float(log_sum(self._log_factor)) - log(len(MOVES_M))
         start_m, end_m = self._end_m[best] - MOVES_M[best], self._end_m[best]
-        one, other = (float(start_m[0]), float(start_m[1])), (float(end_m[0]), float(end_m[1]))
+        one, other = (Places.of(*at_m, utm=self._utm) for at_m in (start_m, end_m))
         return Division(log_factor, one, other, is_in_time=True)
 
 
-def _in_blocks(obs: CellObservations) -> _Walk:
+def _in_blocks(obs: Readings) -> _Walk:
     """Readings in a row: a block of the ground would have readings of different times."""
     number = np.arange(len(obs))
     block = number * min(_MOST_BLOCKS, len(obs)) // len(obs)
     count = np.bincount(block)
-    columns = (obs.x_m, obs.y_m, obs.level_dbm, obs.position_sigma_m**2)
+    at = obs.places
+    columns = (at.x_m, at.y_m, obs.level_dbm, at.sigma_m**2)
     means = [np.bincount(block, column) / count for column in columns]
     time = np.bincount(block, number / (len(obs) - 1.0) - 1.0) / count
     return _Walk(np.stack([*means, count.astype(float)]), time)
@@ -98,4 +102,4 @@ def _evidence(walk: _Walk, move_m: FloatArray, prior: Prior) -> tuple[float, Flo
     rows = walk.rows.copy()
     rows[:2] -= move_m[:, None] * walk.time
     part = locate_part(single(rows, _BLOCK_M, NOTHING_CENSORED), prior, _EFFORT)
-    return float(log_sum(part.log_evidence)), np.array([part.x_m, part.y_m])
+    return float(log_sum(part.log_evidence)), part.place.xy_m[:, 0]

@@ -7,14 +7,13 @@ import numpy as np
 
 from logger.core.errors import EstimationError
 from logger.core.locator.offsets import first_look
-from logger.core.locator.posterior import StrongestReading
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.search import Walk
 from logger.core.locator.symmetry import snap_to_curve
 from logger.core.locator.timing_advance import timing_of
 from logger.core.model.blocks import blocks
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 COARSE_BLOCKS = 80
 """Blocks of the coarse search: its time grows with their square."""
@@ -41,10 +40,10 @@ class LocatorInput(NamedTuple):
     prior: Prior
     mean_dbm: float
     n_modems: int
-    strongest: StrongestReading
+    strongest: Readings
 
 
-def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput:
+def prepare(obs: Readings, prior: Prior, effort: Effort) -> LocatorInput:
     """Gather the usable readings of a cell into blocks.
 
     Raises `EstimationError` without a single level inside the modem's scale.
@@ -55,7 +54,7 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
     if not np.any(limit == 0):
         raise EstimationError("there is no reading of this cell within the modem's scale")
     best = int(np.argmax(obs.level_dbm))
-    strongest = StrongestReading(*(float(v[best]) for v in (obs.x_m, obs.y_m, obs.level_dbm)))
+    strongest = obs[best]
     obs = snap_to_curve(obs)
     timing = timing_of(obs, prior.height_m)
     if timing is not None:
@@ -68,7 +67,7 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
     return LocatorInput(walk._replace(timing=timing), prior, mean_dbm, n_modems, strongest)
 
 
-def of_most_heard_modems(obs: CellObservations) -> CellObservations:
+def of_most_heard_modems(obs: Readings) -> Readings:
     """The readings of the `MOST_MODEMS` that have most levels within their scale."""
     if obs.modem is None or np.count_nonzero(np.bincount(obs.modem)) <= MOST_MODEMS:
         return obs
@@ -77,14 +76,14 @@ def of_most_heard_modems(obs: CellObservations) -> CellObservations:
     return obs.part(np.isin(obs.modem, most_heard))
 
 
-def _in_blocks(obs: CellObservations, prior: Prior, effort: Effort) -> Walk:
+def _in_blocks(obs: Readings, prior: Prior, effort: Effort) -> Walk:
     fine = blocks(obs, effort.most_blocks)
     coarse = blocks(obs, COARSE_BLOCKS) if len(fine) > COARSE_BLOCKS else fine
     shifted = tuple(blocks(obs, COARSE_BLOCKS, origin) for origin in ORIGINS)
     return Walk(fine, coarse, prior, effort, shifted=shifted)
 
 
-def _on_one_scale(walk: Walk, obs: CellObservations) -> Walk:
+def _on_one_scale(walk: Walk, obs: Readings) -> Walk:
     """The walk with censored readings of all modems on the scale of the first."""
     if obs.n_modems == 1:
         return walk

@@ -19,7 +19,8 @@ from logger.core.locator.search import search_once
 from logger.core.model.blocks import READINGS_BELIEVED, Blocks, blocks, join
 from logger.core.model.columns import varying_columns
 from logger.core.model.prior import NOISE, NoiseGroup, Prior
-from logger.core.observations import CellObservations
+from logger.core.places import Places
+from logger.core.readings import Readings
 
 LEAST_LOG_FACTOR = 4.0
 """55 to 1: strong to very strong evidence (Kass & Raftery, sec. 3.2).
@@ -83,13 +84,13 @@ class Division(NamedTuple):
     """Two positions that together explain the levels.
 
     `log_factor` is the log Bayes factor against one position, raised to the power of the trust in
-    the noise as the likelihood of positions is; x, y of each are in metres. `is_in_time`: the first
+    the noise as the likelihood of positions is; `is_in_time`: the first
     is that of the first half of the walk, the other that of the second.
     """
 
     log_factor: float
-    one_m: tuple[float, float]
-    other_m: tuple[float, float]
+    one: Places
+    other: Places
     is_in_time: bool = False
 
 
@@ -111,14 +112,11 @@ class Part(NamedTuple):
     """Log evidence of each hypothesis, with its prior odds, and the likeliest transmitter."""
 
     log_evidence: FloatArray
-    x_m: float
-    y_m: float
+    place: Places
     theta: FloatArray
 
 
-def divide(
-    obs: CellObservations, posterior: Posterior, effort: DivisionEffort = DESK
-) -> Division | None:
+def divide(obs: Readings, posterior: Posterior, effort: DivisionEffort = DESK) -> Division | None:
     """The division that explains the levels best; None where the levels have one peak only.
 
     None as well where `posterior`, of one transmitter, leaves no more than shadowing unexplained,
@@ -138,7 +136,7 @@ def divide(
 
 
 def divide_in_time(
-    obs: CellObservations, posterior: Posterior, effort: DivisionEffort = DESK
+    obs: Readings, posterior: Posterior, effort: DivisionEffort = DESK
 ) -> Division | None:
     """The first half of the readings and the second, each with a transmitter of its own.
 
@@ -158,7 +156,7 @@ def divide_in_time(
     return best and best.division(task.trust, is_in_time=True)
 
 
-def _is_divisible(obs: CellObservations) -> bool:
+def _is_divisible(obs: Readings) -> bool:
     """Offsets of several modems would divide a walk too, and a short one has no parts."""
     n_measured = np.count_nonzero(obs.limit == 0)
     return bool(obs.n_modems <= 1 and n_measured >= FEWEST_READINGS)
@@ -185,9 +183,7 @@ class _Try(NamedTuple):
     stronger: BoolArray
 
     def division(self, trust: float, *, is_in_time: bool = False) -> Division:
-        one, two = self.one, self.two
-        log_factor = trust * self.log_factor
-        return Division(log_factor, (one.x_m, one.y_m), (two.x_m, two.y_m), is_in_time)
+        return Division(trust * self.log_factor, self.one.place, self.two.place, is_in_time)
 
 
 def _try(task: _Task, in_one: BoolArray) -> _Try | None:
@@ -206,7 +202,7 @@ def _locate_both(task: _Task, in_one: BoolArray) -> _Try | None:
         locate_part(walk.part(chosen), prior, task.effort.search) for chosen in (in_one, ~in_one)
     )
     both = one.log_evidence + two.log_evidence - prior.noise_table.log_odds
-    nearest_m = [np.min(_distance_m(walk, part.x_m, part.y_m)) for part in (one, two)]
+    nearest_m = [np.min(walk.places.distances_m(part.place)) for part in (one, two)]
     stronger = _expected_dbm(one, walk, prior) > _expected_dbm(two, walk, prior)
     log_factor = float(log_sum(both)) - task.undivided
     is_passed = bool(max(nearest_m) <= _PASSED_M)
@@ -226,9 +222,8 @@ def _improve(task: _Task, best: _Try | None) -> Division | None:
 
 def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:
     """Blocks (n,) that are nearer to the first of two blocks."""
-    to_first_m = _distance_m(walk, walk.x_m[first], walk.y_m[first])
-    to_other_m = _distance_m(walk, walk.x_m[other], walk.y_m[other])
-    return np.asarray(to_first_m < to_other_m, np.bool_)
+    to_both_m = walk.places.distances_m(walk.places.part(np.array([first, other])))
+    return np.asarray(to_both_m[:, 0] < to_both_m[:, 1], np.bool_)
 
 
 def locate_part(part: Blocks, prior: Prior, effort: Effort) -> Part:
@@ -239,22 +234,19 @@ def locate_part(part: Blocks, prior: Prior, effort: Effort) -> Part:
     over_positions = log_sum(tree.evidence.log_p + log_mass - log_sum(log_mass))
     log_evidence[tree.numbers] = over_positions + prior.noise_table.log_odds[tree.numbers]
     c, h = np.unravel_index(np.argmax(tree.evidence.log_p), tree.evidence.log_p.shape)
-    return Part(log_evidence, float(tree.x_m[h]), float(tree.y_m[h]), tree.evidence.theta[:, c, h])
-
-
-def _distance_m(walk: Blocks, x_m: float, y_m: float) -> FloatArray:
-    return np.asarray(np.hypot(walk.x_m - x_m, walk.y_m - y_m), float)
+    place = Places.of(tree.x_m[h], tree.y_m[h], utm=part.places.utm)
+    return Part(log_evidence, place, tree.evidence.theta[:, c, h])
 
 
 def _expected_dbm(part: Part, walk: Blocks, prior: Prior) -> FloatArray:
     """Levels (n,) of the blocks by the transmitter of a part."""
-    varying = varying_columns(walk, prior, np.array([part.x_m]), np.array([part.y_m]))
+    varying = varying_columns(walk, prior, part.place)
     return np.asarray(part.theta[0] + np.concatenate(varying, axis=1) @ part.theta[1:], float)
 
 
 def _peaks(walk: Blocks, rivals: int) -> list[int]:
     """Blocks where the smoothed level is highest and where else it has a peak, strongest first."""
-    apart_m = np.hypot(walk.x_m[:, None] - walk.x_m, walk.y_m[:, None] - walk.y_m)
+    apart_m = walk.places.distances_m(walk.places)
     extent_m = float(np.max(apart_m))
     if extent_m <= 0.0:
         return [0]

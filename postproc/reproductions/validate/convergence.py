@@ -18,6 +18,7 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import highest_density
 from logger.core.locator.verdict import assess
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 from postproc.reproductions.validate import bound
 from postproc.reproductions.validate.check import Check, Effort, Line, checks_of, theirs
 from postproc.reproductions.validate.walk import (
@@ -130,7 +131,7 @@ def run_reference(
     station: Station, x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray
 ) -> Outcome:
     """The reference EKF along a walk, started at the first point."""
-    state = ekf.start(float(x_m[0]), float(y_m[0]))
+    state = ekf.start(Places.of(x_m[0], y_m[0]))
     for reading in zip(x_m.tolist(), y_m.tolist(), level_dbm.tolist(), strict=True):
         state = ekf.step(state, *reading).state
     error = np.subtract(state[:4], station)

@@ -10,6 +10,7 @@ import numpy as np
 from logger.core import ekf
 from logger.core.live import LiveTracker
 from logger.core.live_settings import LiveSettings
+from logger.core.places import Places
 from postproc.reproductions.validate.check import Check, Effort, Line, checks_of, theirs
 from postproc.reproductions.validate.live import records
 from postproc.reproductions.validate.walk import Station, noisy_level_dbm, true_level_dbm
@@ -21,7 +22,7 @@ _STEP_M = 2.8
 
 def checks(effort: Effort) -> list[Check]:
     """State, step and cycle."""
-    state_bytes = _bytes(ekf.start(0.0, 0.0))
+    state_bytes = _bytes(ekf.start(Places.of(0.0, 0.0)))
     step_ms, cycles_ms = _step_ms(50 * effort.timed), _cycles_ms(effort.timed)
     return checks_of(
         "cost",
@@ -67,7 +68,7 @@ def _locator_mb() -> float:
 
 
 def _step_ms(steps: int) -> float:
-    state = ekf.start(0.0, 0.0)
+    state = ekf.start(Places.of(0.0, 0.0))
     begin_s = thread_time()
     for k in range(steps):
         state = ekf.step(state, 3.0 * k, 1.0 * k, -80.0).state

@@ -4,9 +4,10 @@ import numpy as np
 
 from logger.core import ekf
 from logger.core.model import path_loss
+from logger.core.places import Places
 from postproc.reproductions.validate.check import Check, Effort, Line, checks_of, ours, wrong
 
-STATION, USER = ekf.start(1000.0, 2000.0), (1100.0, 2100.0)
+STATION, USER = ekf.start(Places.of(1000.0, 2000.0)), (1100.0, 2100.0)
 _STEP = 1e-4  # the checklist's, for numerical differentiation
 _DERIVED = STATION._replace(p0_dbm=-45.0, eta=2.5)  # the example of the derivation
 
@@ -29,7 +30,7 @@ def checks(_: Effort) -> list[Check]:
 
 
 def _initial() -> list[Line]:
-    start = ekf.start(*USER)
+    start = ekf.start(Places.of(*USER))
     p = ekf.covariance_matrix(start.p)
     state = f"[{start.x_m:.0f}, {start.y_m:.0f}, {start.p0_dbm:.1f}, {start.eta:.1f}]"
     return [
@@ -52,7 +53,7 @@ def _initial() -> list[Line]:
 
 
 def _level() -> list[Line]:
-    at_start = ekf.jacobian(ekf.start(*USER), *USER)
+    at_start = ekf.jacobian(ekf.start(Places.of(*USER)), *USER)
     row = ", ".join(f"{h + 0.0:g}" for h in at_start)
     return [
         Line(

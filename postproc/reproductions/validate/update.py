@@ -4,6 +4,7 @@ import numpy as np
 
 from logger.core import ekf
 from logger.core.arrays import FloatArray
+from logger.core.places import Places
 from postproc.reproductions.validate.check import (
     Check,
     Effort,
@@ -75,7 +76,9 @@ def _one_update(step: ekf.EkfStep) -> list[Line]:
     before = ekf.covariance_matrix(STATION.p) + ekf.Q_PER_STEP * np.eye(4)
     after = ekf.covariance_matrix(step.state.p)
     decrease = np.linalg.eigvalsh(before - after)
-    joseph = ekf.covariance_matrix(ekf.joseph_step(STATION, *USER, _LEVEL_DBM).state.p)
+    joseph = ekf.covariance_matrix(
+        ekf.joseph_step(STATION, *USER, _LEVEL_DBM).state.p
+    )
     apart = float(np.max(np.abs(joseph - after)))
     difference = "differs from the plain one by less than 1e-9"
     if apart >= _ROUNDING:
@@ -119,7 +122,7 @@ def _fifty_updates() -> list[Line]:
 def _noiseless_path() -> list[ekf.EkfState]:
     """The filter's states along the circle, without noise."""
     x_m, y_m = circle(50)
-    states = [ekf.start(float(x_m[0]), float(y_m[0]))]
+    states = [ekf.start(Places.of(x_m[0], y_m[0]))]
     levels_dbm = true_level_dbm(SPEC, x_m, y_m).tolist()
     for reading in zip(x_m.tolist(), y_m.tolist(), levels_dbm, strict=True):
         states.append(ekf.step(states[-1], *reading).state)

@@ -4,7 +4,7 @@ from math import hypot
 from typing import NamedTuple
 
 from logger.core.errors import GeoError
-from logger.core.geo import Utm, zone_of
+from logger.core.places import Utm, zone_of
 from postproc.reproductions.validate.check import (
     Check,
     Effort,

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.geo import Utm
 from logger.core.model import path_loss
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 
 UTM = Utm(54)  # of the checklist's Tokyo
 ORIGIN_M = (388_000.0, 3_949_000.0)
@@ -47,17 +47,18 @@ def noisy_level_dbm(
     return true_level_dbm(station, x_m, y_m) + noise_db * noise
 
 
-def observations(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> CellObservations:
+def observations(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> Readings:
     """The walk for the locator, with exact positions of the receiver and no limit of the levels."""
     count = len(x_m)
-    return CellObservations(
+    return Readings(
         cell="cell",
         rat=None,
-        utm=UTM,
-        t_ns=np.asarray(np.round(np.arange(count) * INTERVAL_S * 1e9), np.int64),
-        x_m=x_m + ORIGIN_M[0],
-        y_m=y_m + ORIGIN_M[1],
-        position_sigma_m=np.zeros(count),
+        places=Places.of(
+            x_m + ORIGIN_M[0],
+            y_m + ORIGIN_M[1],
+            utm=UTM,
+            t_ns=np.asarray(np.round(np.arange(count) * INTERVAL_S * 1e9), np.int64),
+        ),
         level_dbm=level_dbm,
         scan_seq=np.arange(count),
     )

@@ -151,6 +151,7 @@ def next_command(
 ) -> None:
     """Say where walking would tell most, a route for each walker."""
     check_libraries("pyarrow", "distributed")
+    from logger.core.places import Places
     from logger.street_file import read_lines
     from postproc.guidance import next_output
     from postproc.json_text import as_json as json_text
@@ -161,11 +162,11 @@ def next_command(
     from postproc.verification.parsing import place_of
 
     whole, options = open_survey(folder), Options(prior)
-    starts_deg = [place_of(text)[:2] for text in starts]
+    places = [Places.of_degrees(*place_of(text)[:2]) for text in starts]
     lines = () if streets is None else read_lines(streets)
     with Cluster(scheduler, workers) as cluster:
         found = locate_survey(whole, options, cluster=cluster)
-    walks = next_walks(whole, found.cells, EVERY_RUN, options, n, starts_deg, lines)
+    walks = next_walks(whole, found.cells, EVERY_RUN, options, n, places, lines)
     if as_json:
         print(json_text({"walks": [{"walker": one.walker} | next_output.document_of(one.walk)
                                    for one in walks]}))  # fmt: skip

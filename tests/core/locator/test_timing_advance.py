@@ -24,6 +24,7 @@ from logger.core.model.blocks import blocks
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Prior, Reach, Station
+from logger.core.places import Places
 from postproc.cell_estimation import locate_cell
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations
@@ -132,7 +133,9 @@ def test_the_way_to_a_high_antenna_is_longer_than_the_ground():
         slant_m = np.hypot(flat_m, 4000.0)
         high, low = timing_of(obs, 4000.0), timing_of(obs)
         x, y = np.array([flat_m]), np.zeros(1)
-        assert high.log_p(x, y) == pytest.approx(low.log_p(np.array([slant_m]), y))
+        assert high.log_p(Places.of(x, y)) == pytest.approx(
+            low.log_p(Places.of(np.array([slant_m]), y))
+        )
     here = Squares(np.array([3000.0]), np.array([0.0]), np.array([10.0]), np.ones(1))
     assert timing_of(obs, 4000.0).check(here).disagree == 0
     assert timing_of(obs).check(here).disagree == 1
@@ -155,8 +158,10 @@ def test_turned_and_moved_walks_say_the_same():
     x, y = rng.uniform(-400.0, 400.0, (2, 8))
     ta = rng.integers(2, 5, 8)
     places = rng.uniform(-3000.0, 3000.0, (2, 40))
-    plain = timing_of(at_places(x, y, ta)).log_p(*places)
-    turned = timing_of(at_places(7e5 - y, 5e6 + x, ta)).log_p(7e5 - places[1], 5e6 + places[0])
+    plain = timing_of(at_places(x, y, ta)).log_p(Places.of(*places))
+    turned = timing_of(at_places(7e5 - y, 5e6 + x, ta)).log_p(
+        Places.of(7e5 - places[1], 5e6 + places[0])
+    )
     np.testing.assert_allclose(turned, plain, atol=1e-6)
 
 
@@ -164,10 +169,13 @@ def test_one_wrong_ta_excludes_nothing_and_neither_does_a_wrong_walk():
     walked = np.arange(0.0, 800.0, 60.0)
     right, wrong = np.full(14, 2), np.append(np.full(13, 2), 40)
     at = np.array([-900.0]), np.zeros(1)
-    assert of(walked, wrong).log_p(*at)[0] > of(walked, right).log_p(*at)[0] - 8.0
+    assert (
+        of(walked, wrong).log_p(Places.of(*at))[0]
+        > of(walked, right).log_p(Places.of(*at))[0] - 8.0
+    )
     away = np.array([-15000.0]), np.zeros(1)
     best = of(walked, right).log_p(np.linspace(-4000.0, 4000.0, 200), np.zeros(200)).max()
-    assert best - 12.0 < of(walked, right).log_p(*away)[0] < best - 4.0
+    assert best - 12.0 < of(walked, right).log_p(Places.of(*away))[0] < best - 4.0
 
 
 # --- ring ---
@@ -186,7 +194,7 @@ def along_a_ray(obs, prior, found):
     """Distances from a location, and the posterior there: density by the area of a rim."""
     at = np.geomspace(1.0, prior.reach_m, 4000)
     walk, zero = blocks(obs, 300), np.zeros(4000)
-    total = walk_sums(walk, matrices_of(whiteners(walk, prior)), prior, at, zero)
+    total = walk_sums(walk, matrices_of(whiteners(walk, prior)), prior, Places.of(at, zero))
     levels = marginal(total, len(walk), np.zeros((1, 1)), prior).log_p[0]
     log_mass = (
         levels

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from logger.core.geo import Utm
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from postproc.estimators import least_squares
 from postproc.estimators.least_squares_rows import group
 from tests.kit.bent_walk import SOURCE, nees, walk
+from tests.kit.walks import placed
 
 
 def test_linear_part_agrees_with_dense_least_squares():
@@ -24,7 +25,7 @@ def test_linear_part_agrees_with_dense_least_squares():
 
 def test_rows_equally_far_away_determine_no_exponent():
     obs = walk(np.random.default_rng(1), count=50)
-    rows = group(replace(obs, x_m=np.full(50, 12.3), y_m=np.full(50, 4.5)), 5.0, robust=False)
+    rows = group(placed(obs, x_m=np.full(50, 12.3), y_m=np.full(50, 4.5)), 5.0, robust=False)
     x_m, y_m, p0_dbm, eta = rows.best_at(40.0, 70.0)
     assert (x_m, y_m, eta) == pytest.approx((40.0, 70.0, 0.0), abs=1e-9)
     assert p0_dbm == pytest.approx(np.average(rows.level_dbm, weights=rows.weight))
@@ -75,7 +76,9 @@ def test_a_million_readings(loss):
         + 3.0 * rng.normal(size=count)
     )
     at = np.arange(count)
-    obs = CellObservations("c", None, Utm(32), at, x, y, np.zeros(count), level, at)
+    obs = Readings(
+        "c", None, Places.of(x, y, utm=Utm(32), sigma_m=np.zeros(count), t_ns=at), level, at
+    )
     fit = least_squares.fit(obs, [(40.0, 70.0), (300.0, 300.0)], loss=loss)
     assert fit.n == count
     assert nees(fit) < 9.2

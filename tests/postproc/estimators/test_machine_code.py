@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from logger.core import shadow_ekf
+from logger.core.places import Places
 from logger.core.runfile import finish_journal
 from logger.core.shadow_ekf import ShadowNoise
 from postproc.estimators import machine_code, walker
@@ -59,7 +60,7 @@ def test_numba_changes_no_result(results):
 def passes(obs):
     """States of both filters over a walk."""
     noise = ShadowNoise(5.0, 20.0, 3.0, 5.0)
-    state = shadow_ekf.hold(np.array([60.0, 80.0, -30.0, 3.0]), noise, 0.0, 0.0)
+    state = shadow_ekf.hold(np.array([60.0, 80.0, -30.0, 3.0]), noise, Places.of(0.0, 0.0))
     state = shadow_ekf.release(state, np.diag([2500.0, 2500.0, 100.0, 0.3]))
     paths = reference_ekf(obs), shadow_pass(obs, state, noise).path
     return [values for path in paths for values in (path.x, path.p, path.innovation_db)]
