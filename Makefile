@@ -5,7 +5,7 @@ DEMO := demo-out
 # The tests start hundreds of Python processes; without this each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-oldest lint test-faults test-boot test-view screenshots fuzz soak bench scoreboard truth guidance deb card-debs dist docs page-map clean
+.PHONY: demo test test-oldest lint house test-faults planted-faults test-boot test-view screenshots fuzz soak bench scoreboard truth guidance deb card-debs dist docs page-map clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -32,6 +32,10 @@ lint: .venv/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/codespell
+
+# size of the code and of its documents beside the committed figures; `--write` commits those of today
+house: .venv/dev.stamp
+	$(BIN)/python tools/house.py
 
 # the logger with the oldest libraries it allows, those of Debian 12; without tests of the desktop program
 OLDEST := numpy==1.24.* h5py==3.8.* pyproj==3.4.* pyserial==3.5 pynmea2==1.15.* msgspec==0.18.0 click==8.1.* tornado==6.2.* segno==1.4.*
@@ -69,6 +73,10 @@ test-faults: .venv/dev.stamp
 	$(BIN)/pytest -s tests/device/test_faults.py
 	CELLWALK_BASELINE_KILLS=50 $(BIN)/pytest -s tests/postproc/baseline/test_kill.py
 	$(BIN)/pytest -m slow --ignore tests/boot --ignore tests/view --deselect tests/device/test_kill.py --deselect tests/core/runfile/test_soak.py
+
+# faults planted one by one into a copy of the code: the tests have to notice each; some minutes
+planted-faults: .venv/dev.stamp
+	$(BIN)/python tools/planted_faults.py
 
 # wheel and source distribution as an index takes them, with the page's map
 dist: .venv/dev.stamp page-map

@@ -23,9 +23,9 @@ try:
     from logger.core.places import Places
     from logger.core.readings import Readings
 except ImportError:  # before readings had places
-    from logger.core.geo import Utm
+    from logger.core.places import Utm
     from logger.core.live_cell import LevelReading
-    from logger.core.observations import CellObservations
+    from logger.core.readings import Readings
     Places = None
 from logger.core.live_settings import LiveSettings
 try:
@@ -50,7 +50,7 @@ for seed in range(3):
             obs = Readings("cell", None, places, level, np.arange(600))
             each = [Readings.one("cell", None, places[i], level[i]) for i in range(600)]
         else:
-            obs = CellObservations("cell", None, Utm(32), t_ns, x, y, sigma, level, np.arange(600))
+            obs = Readings("cell", None, Utm(32), t_ns, x, y, sigma, level, np.arange(600))
             columns = x.tolist(), y.tolist(), sigma.tolist(), level.tolist()
             each = [LevelReading(*row, 0) for row in zip(*columns)]
         begun = time.process_time()

@@ -8,10 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from logger.core.answer import Answer, Place, Provenance, Verdict, parameters_of, place_of
 from logger.core.arrays import IntArray
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import TimingCheck
-from logger.core.locator.verdict import DESK_M, Verdict
+from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import ENVIRONMENTS, Prior
 from logger.core.readings import Observations, Readings, SpikeLevel
 from logger.core.runfile import Run
@@ -120,6 +121,13 @@ class CellResult:
     without: Mapping[int, "CellResult"] = field(default_factory=dict)
     error: str | None = None
 
+    @property
+    def place(self) -> Place | None:
+        """The posterior in degrees; None without one."""
+        if self.posterior is None or self.obs is None:
+            return None
+        return place_of(self.posterior)
+
     def after(self, why: Failure) -> "CellResult":
         """The row of the cell where work on its result failed."""
         warnings = (why.reason, *self.warnings)
@@ -148,6 +156,25 @@ class Result:
     warnings: tuple[str, ...] = ()
     options: Options = Options()
     version: str = field(default_factory=program_version)
+
+    def answer(self, cell: CellResult) -> Answer:
+        """The answer about one of the cells."""
+        heard = [share.run for share in cell.shares] or range(len(self.runs))
+        t_ns: list[int] = [] if cell.obs is None else cell.obs.t_ns.tolist()
+        return Answer(
+            cell=cell.cell,
+            verdict=cell.verdict,
+            reasons=cell.warnings,
+            provenance=Provenance(
+                n=cell.n,
+                first_ns=t_ns[0] if t_ns else None,
+                last_ns=t_ns[-1] if t_ns else None,
+                n_scans=cell.n_scans,
+                runs=tuple(self.runs[i].run.path.name for i in heard),
+            ),
+            place=cell.place,
+            parameters=None if cell.posterior is None else parameters_of(cell.posterior),
+        )
 
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:

@@ -12,9 +12,9 @@ from typing import Any, Literal
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
+from logger.core.answer import Mode, Position, StrongestReading, Verdict
 from logger.core.ellipse import Ellipse
 from logger.core.locator.alternatives import Alternative
-from logger.core.locator.verdict import Verdict
 from logger.core.model.prior import Prior
 from postproc.info import RunFacts
 
@@ -31,14 +31,6 @@ class RunSummary(RunFacts):
     warnings: list[str]
 
 
-class StrongestReading(Struct, kw_only=True):
-    """Where the receiver was at the strongest reading."""
-
-    lat: float
-    lon: float
-    level_dbm: float
-
-
 class Best(Struct, kw_only=True):
     """The posterior: the position shown, a mode; radii that hold 95 and 50 %, P0 at 1 m and eta."""
 
@@ -52,16 +44,6 @@ class Best(Struct, kw_only=True):
     eta: float | None = None
     eta_sigma: float | None = None
     strongest: StrongestReading | None = None
-
-
-class Mode(Struct, kw_only=True):
-    """A local maximum; `percent` is null where its probability is too small to count."""
-
-    lat: float
-    lon: float
-    probability: float
-    percent: int | None
-    ellipse95: Ellipse
 
 
 class MultiPolygon(Struct, kw_only=True):
@@ -210,15 +192,6 @@ class Offset(Struct, kw_only=True):
     sigma_db: float | None
 
 
-class BestWithout(Struct, kw_only=True):
-    """Position shown and radii that hold 95 % and 50 %."""
-
-    lat: float
-    lon: float
-    r95_m: float | None
-    r50_m: float | None = None
-
-
 class Area(Struct, kw_only=True):
     """Of a region."""
 
@@ -230,7 +203,7 @@ class Without(Struct, kw_only=True):
 
     n: int
     verdict: Verdict
-    best: BestWithout | None
+    best: Position | None
     region95: Area
     run: str
 

@@ -8,11 +8,11 @@ import numpy as np
 from msgspec import UNSET
 
 from logger.core import ekf
+from logger.core.answer import Answer
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import ellipse95
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import HALF, LEVEL, area_m2
-from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.places import Places, Utm
 from logger.core.runfile import Run
 from postproc import result_json as form
@@ -26,7 +26,9 @@ from postproc.info import RunFacts, describe
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.truth import truth_of
 
-_PARAMETERS = ("r95_m", "r50_m", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
+_PLACE = ("lat", "lon", "r95_m", "r50_m", "drms_m", "strongest")
+_PARAMETERS = ("p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
+_NOISE = ("sigma_db", "decorrelation_m", "white_share")
 _STATISTICS = (
     "sigma_db",
     "skewness",
@@ -41,7 +43,7 @@ _STATISTICS = (
 def summarise(result: Result) -> form.Summary:
     """What `postproc smooth --json` prints of one run or of several."""
     runs = [observed.run for observed in result.runs]
-    cells = [_cell_or_why_not(cell, runs) for cell in result.cells]
+    cells = [_cell_or_why_not(result, cell) for cell in result.cells]
     if len(runs) == 1:
         (observed,) = result.runs
         return form.SummaryOfRun(run=_run(observed, result.warnings), cells=cells)
@@ -62,9 +64,9 @@ def _run(observed: ObservedRun, more: Sequence[str] = ()) -> form.RunSummary:
     )
 
 
-def _cell_or_why_not(result: CellResult, runs: Sequence[Run]) -> form.Cell:
-    entry = attempt(result.cell, "its summary", lambda: _cell(result, runs))
-    return _without_answer(result.after(entry)) if isinstance(entry, Failure) else entry
+def _cell_or_why_not(result: Result, cell: CellResult) -> form.Cell:
+    entry = attempt(cell.cell, "its summary", lambda: _cell(result, cell))
+    return _without_answer(cell.after(entry)) if isinstance(entry, Failure) else entry
 
 
 def _without_answer(result: CellResult) -> form.Cell:
@@ -94,7 +96,8 @@ def _without_answer(result: CellResult) -> form.Cell:
     )
 
 
-def _cell(result: CellResult, runs: Sequence[Run]) -> form.Cell:
+def _cell(every: Result, result: CellResult) -> form.Cell:
+    runs = [observed.run for observed in every.runs]
     entry = _without_answer(result)
     entry.reference_ekf = _final_state(result, "reference")
     entry.ekf = _final_state(result, "ekf")
@@ -108,7 +111,7 @@ def _cell(result: CellResult, runs: Sequence[Run]) -> form.Cell:
     if result.timing is not None:
         entry.timing = form.Timing(**result.timing._asdict())
     if result.posterior is not None and result.obs is not None:
-        _add_posterior(entry, result.posterior, result.obs.utm)
+        _add_posterior(entry, every.answer(result), result.posterior, result.obs.utm)
     if len(runs) > 1:
         entry.offsets = [
             form.Offset(
@@ -123,29 +126,21 @@ def _cell(result: CellResult, runs: Sequence[Run]) -> form.Cell:
     return entry
 
 
-def _add_posterior(entry: form.Cell, posterior: Posterior, utm: Utm) -> None:
-    lat, lon = posterior.place.first_deg
-    values = {name: getattr(posterior, name) for name in _PARAMETERS}
-    strongest = posterior.strongest
+def _add_posterior(entry: form.Cell, answer: Answer, posterior: Posterior, utm: Utm) -> None:
+    place, parameters = answer.place, answer.parameters
+    if place is None or parameters is None:
+        return
     entry.best = form.Best(
-        lat=lat,
-        lon=lon,
-        strongest=form.StrongestReading(
-            **_degrees(strongest.places), level_dbm=strongest.level_dbm.item()
-        ),
-        **values,
+        **{name: getattr(place, name) for name in _PLACE},
+        **{name: getattr(parameters, name) for name in _PARAMETERS},
     )
-    entry.modes = _modes(posterior)
+    entry.modes = list(place.modes)
     entry.region95 = _region(posterior, utm, LEVEL)
     if posterior.is_strongest_inside:
         entry.region50 = _region(posterior, utm, HALF)
-    entry.noise = form.Noise(
-        sigma_db=posterior.sigma_db,
-        decorrelation_m=posterior.decorrelation_m,
-        white_share=posterior.white_share,
-    )
-    entry.prior = posterior.prior
-    entry.alternatives = list(posterior.alternatives)
+    entry.noise = form.Noise(**{name: getattr(parameters, name) for name in _NOISE})
+    entry.prior = parameters.prior
+    entry.alternatives = list(parameters.alternatives)
 
 
 def _region(posterior: Posterior, utm: Utm, level: float) -> form.Region:
@@ -155,36 +150,19 @@ def _region(posterior: Posterior, utm: Utm, level: float) -> form.Region:
     )
 
 
-def _modes(posterior: Posterior) -> list[form.Mode]:
-    relevant = relevant_modes(posterior.modes)
-    percents = {
-        id(mode): percent for mode, percent in zip(relevant, whole_percents(relevant), strict=True)
-    }
-    return [
-        form.Mode(
-            **_degrees(mode.place),
-            probability=mode.probability,
-            percent=percents.get(id(mode)),
-            ellipse95=mode.ellipse,
-        )
-        for mode in posterior.modes
-    ]
-
-
 def _degrees(place: Places) -> dict[str, float]:
     return dict(zip(("lat", "lon"), place.first_deg, strict=True))
 
 
 def _without(rest: CellResult, left_out: Run) -> form.Without:
-    entry = form.Without(
-        n=rest.n, verdict=rest.verdict, best=None, region95=form.Area(), run=str(left_out.path)
+    place = rest.place
+    return form.Without(
+        n=rest.n,
+        verdict=rest.verdict,
+        best=place.position if place else None,
+        region95=form.Area(area_m2=place.area_m2 if place else None),
+        run=str(left_out.path),
     )
-    if rest.posterior is not None and rest.obs is not None:
-        position = _degrees(rest.posterior.place)
-        radii_m = {name: getattr(rest.posterior, name) for name in ("r95_m", "r50_m")}
-        entry.best = form.BestWithout(**position, **radii_m)
-        entry.region95 = form.Area(area_m2=rest.posterior.region_area_m2)
-    return entry
 
 
 def _state(x: FloatArray, p: FloatArray, utm: Utm) -> dict[str, Any]:

@@ -7,17 +7,17 @@ from msgspec import UNSET
 from rich.console import Console
 from rich.text import Text
 
+from logger.core.answer import Mode, Position
 from logger.core.ellipse import RADII, Ellipse
-from logger.core.locator.rivals import alternatives_text, share_text
+from logger.core.locator.alternatives import alternatives_text
+from logger.core.locator.rivals import share_text
 from postproc.cell_work import Failure, attempt
 from postproc.result import ESTIMATORS, REFERENCE
 from postproc.result_json import (
     Best,
-    BestWithout,
     Cell,
     FinalState,
     LeastSquares,
-    Mode,
     RunSummary,
     Summary,
     SummaryOfRun,
@@ -200,11 +200,11 @@ def _print_runs(console: Console, cell: Cell) -> None:
     table(console, titles, rows, right=("n",))
 
 
-def _position(position: Best | BestWithout | Mode | FinalState | LeastSquares) -> str:
+def _position(position: Best | Mode | Position | FinalState | LeastSquares) -> str:
     return f"{position.lat:.5f} {position.lon:.5f}"
 
 
-def _radii(best: Best | BestWithout) -> str:
+def _radii(best: Best | Position) -> str:
     return f"r {best.r50_m:.0f}; {best.r95_m:.0f}"
 
 

@@ -19,10 +19,8 @@ def truth_of(result: CellResult, runs: Sequence[Run]) -> TruthCheck | None:
     if truth is None:
         return None
     check = TruthCheck(lat=truth.lat_deg, lon=truth.lon_deg)
-    if result.posterior is not None and result.obs is not None:
-        utm = result.obs.utm
-        lat, lon = utm.to_latlon(result.posterior.x_m, result.posterior.y_m)
-        check.error_m = _GEOD.inv(lon, lat, truth.lon_deg, truth.lat_deg)[2]
-        point = shapely.Point(utm.to_xy(truth.lat_deg, truth.lon_deg))
+    if (place := result.place) and result.posterior is not None and result.obs is not None:
+        check.error_m = _GEOD.inv(place.lon, place.lat, truth.lon_deg, truth.lat_deg)[2]
+        point = shapely.Point(result.obs.utm.to_xy(truth.lat_deg, truth.lon_deg))
         check.inside_region95 = bool(polygons(result.posterior.squares).intersects(point))
     return check

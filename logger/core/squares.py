@@ -34,7 +34,7 @@ def square_of(lat_deg: float, lon_deg: float) -> int:
 
 
 def squares_of(lat_lon_deg: FloatArray) -> IntArray:
-    """Number of the square of each position (2, n), shape (n,); equal to `square_of` to the last."""
+    """Number of the square of each position (2, n), shape (n,); equal to `square_of`."""
     lat_deg, lon_deg = lat_lon_deg
     belt = np.clip(np.floor((lat_deg + 90.0) * _BELTS_PER_DEG), 0, _LAST_BELT).astype(np.int64)
     belts, which = np.unique(belt, return_inverse=True)

@@ -23,8 +23,9 @@ from logger.core.types import Level, LiveEstimate, Note, Record
 from logger.device.link import Inbox
 
 if TYPE_CHECKING:
+    from logger.core.answer import Answer
     from logger.core.baseline import Baseline
-    from logger.core.guidance.followed_cell import FollowedCell, LivePosition
+    from logger.core.guidance.followed_cell import FollowedCell
     from logger.core.guidance.next_way import NextWay
     from logger.core.guidance.street_atlas import Streets
     from logger.core.live import LiveTracker
@@ -95,7 +96,7 @@ class Estimator:
     def _forget(self) -> None:
         """Nothing is known."""
         self._tracker = None
-        self._shown: LivePosition | None = None
+        self._shown: Answer | None = None
         self._n_changes = 0
         self.latest: LiveEstimate | None = None
         self.suspicions: tuple[Assessment, ...] = ()
@@ -231,11 +232,13 @@ class Estimator:
 
     def _show(self, followed: "FollowedCell | None") -> None:
         """Position and advice in degrees, where they are new."""
-        if followed is None or followed.position is None or followed.position is self._shown:
+        answer = None if followed is None else followed.answer
+        if followed is None or answer is None or answer is self._shown:
             return
         from logger.core.guidance.map_form import next_way  # noqa: PLC0415 (numpy)
         from logger.device.guidance_status import position_status  # noqa: PLC0415
 
-        self._shown = followed.position
-        self.position = position_status(followed.cell, followed.position)
+        self._shown = answer
+        if followed.posterior is not None:
+            self.position = position_status(answer, followed.posterior)
         self.next_way = next_way(followed.advice)

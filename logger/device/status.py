@@ -7,6 +7,7 @@ from typing import Annotated, Literal, TypedDict
 
 import msgspec
 
+from logger.core.answer import StrongestReading
 from logger.core.ellipse import radii_text
 from logger.core.foreign import decode_json, read_regular
 from logger.core.guidance.next_way import NextWay
@@ -94,14 +95,6 @@ class ModeStatus(msgspec.Struct, frozen=True):
     probability: float
 
 
-class StrongestStatus(msgspec.Struct, frozen=True):
-    """Where the followed cell was strongest."""
-
-    lat: float
-    lon: float
-    level_dbm: float
-
-
 class Region(TypedDict):
     """A MultiPolygon of GeoJSON."""
 
@@ -125,7 +118,7 @@ class PositionStatus(msgspec.Struct, frozen=True):
     area_m2: float | None = None
     region: Region | None = None
     modes: tuple[ModeStatus, ...] = ()
-    strongest: StrongestStatus | None = None
+    strongest: StrongestReading | None = None
     r50_m: float | None = None
 
 

@@ -5,10 +5,11 @@ from math import isfinite, pi
 
 import msgspec
 
+from logger.core.answer import Position
 from logger.core.censoring import limit_of
 from logger.core.errors import GeoError
 from logger.core.guidance.followed_cell import FollowedCell
-from logger.core.guidance.map_form import BestPosition, best_position, degrees_of, next_way
+from logger.core.guidance.map_form import next_way
 from logger.core.guidance.next_way import NextWay
 from logger.core.guidance.street_atlas import FARTHEST_M, Line, StreetAtlas
 from logger.core.guidance.street_map import StreetMap
@@ -35,17 +36,17 @@ _RAT = "GSM"
 """Technology of rows that name none: its scale ends at -110 and -47 dBm."""
 
 
-class Answer(msgspec.Struct, frozen=True, omit_defaults=False):
-    """What is known after a row; `error` says why the row was not used."""
+class GuideLine(msgspec.Struct, frozen=True, omit_defaults=False):
+    """What is known after a row, as a line of JSON; `error` says why the row was not used."""
 
     t_s: float | None
     verdict: str = "cannot tell"
-    best: BestPosition | None = None
+    best: Position | None = None
     area_m2: float | None = None
     next: NextWay | None = None
 
 
-class BadRow(Answer, frozen=True):
+class BadRow(GuideLine, frozen=True):
     """The answer to a row that could not be used."""
 
     error: str = ""
@@ -69,7 +70,7 @@ class GuideFilter:
         self.levels = 0
         self.is_off_map = False
 
-    def answer(self, row: Mapping[str, str | None]) -> Answer:
+    def answer(self, row: Mapping[str, str | None]) -> GuideLine:
         """Take a row by column names; an empty value is unknown."""
         t_s = None
         try:
@@ -136,29 +137,31 @@ class GuideFilter:
         speed_mps = place.away_m(before[1]) / max(t_s - before[0], 1.0)
         return min(speed_mps, _FASTEST_MPS)
 
-    def _answer_after_fix(self, t_s: float | None) -> Answer:
+    def _answer_after_fix(self, t_s: float | None) -> GuideLine:
         followed = self._followed
         if self.levels < _FEWEST_LEVELS:
-            return Answer(t_s)
-        if followed is None or followed.position is None:
+            return GuideLine(t_s)
+        answer = None if followed is None else followed.answer
+        if followed is None or answer is None or answer.place is None:
             return self._before_position(t_s)
-        position = followed.position
-        return Answer(
+        return GuideLine(
             t_s=t_s,
-            verdict=position.decision.verdict,
-            best=best_position(position),
-            area_m2=round(position.posterior.region_area_m2),
+            verdict=answer.verdict,
+            best=answer.place.to_tenth_metre(),
+            area_m2=round(answer.place.area_m2),
             next=next_way(followed.advice),
         )
 
-    def _before_position(self, t_s: float | None) -> Answer:
+    def _before_position(self, t_s: float | None) -> GuideLine:
         """Before the first search: the strongest level, within the reach of the prior."""
         if self._strongest is None:
-            return Answer(t_s)
+            return GuideLine(t_s)
         radius_m = self._prior.radius_m(0.95)
-        radii_m = round(radius_m, 1), round(self._prior.radius_m(0.5), 1)
-        best = BestPosition(*degrees_of(self._strongest.places), *radii_m)
-        return Answer(t_s, best=best, area_m2=round(pi * radius_m**2))
+        lat, lon = self._strongest.places.first_deg
+        best = Position(
+            lat=lat, lon=lon, r95_m=radius_m, r50_m=self._prior.radius_m(0.5)
+        ).to_tenth_metre()
+        return GuideLine(t_s, best=best, area_m2=round(pi * radius_m**2))
 
 
 def _rank(reading: Readings) -> list[float]:

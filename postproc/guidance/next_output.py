@@ -28,7 +28,7 @@ that the information is computed for."""
 def print_next_walk(walk: NextWalk) -> None:
     """The verdict today, the best route in a sentence, and the ranked routes."""
     console = screen()
-    print_text(console, f"{walk.cell}: {walk.decision.verdict}", "bold")
+    print_text(console, f"{walk.answer.cell}: {walk.answer.verdict}", "bold")
     print_text(console, walk.text)
     rows = [
         (
@@ -51,16 +51,10 @@ def print_next_walk(walk: NextWalk) -> None:
 def document_of(walk: NextWalk) -> dict[str, Any]:
     """The JSON document."""
     lat_deg, lon_deg = walk.start.first_deg
-    best_lat_deg, best_lon_deg = walk.posterior.place.first_deg
     return {
-        "cell": walk.cell,
-        "verdict": walk.decision.verdict,
-        "best": {
-            "lat": best_lat_deg,
-            "lon": best_lon_deg,
-            "r95_m": walk.posterior.r95_m,
-            "r50_m": walk.posterior.r50_m,
-        },
+        "cell": walk.answer.cell,
+        "verdict": walk.answer.verdict,
+        "best": walk.answer.place and walk.answer.place.position,
         "start": {"lat": lat_deg, "lon": lon_deg},
         "text": walk.text,
         "routes": [
@@ -82,7 +76,7 @@ def write_gpx(walk: NextWalk, target: Path) -> None:
     root = ET.Element("gpx", {"xmlns": NAMESPACE, "version": "1.1", "creator": "cellwalk"})
     for number, one in enumerate(walk.routes, 1):
         route = add(root, "rte")
-        add(route, "name", f"{walk.cell} {number}")
+        add(route, "name", f"{walk.answer.cell} {number}")
         add(route, "desc", f"{one.route.length_m:.0f} m, {one.nats_per_km:.2f} nats/km")
         for lat_deg, lon_deg in _degrees(walk, one):
             add(route, "rtept", lat=decimal(lat_deg, DECIMALS), lon=decimal(lon_deg, DECIMALS))
@@ -115,7 +109,7 @@ def draw_map(walk: NextWalk, target: Path) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("east of the start, m")
     axes.set_ylabel("north of the start, m")
-    axes.set_title(f"{walk.cell}: where to walk next")
+    axes.set_title(f"{walk.answer.cell}: where to walk next")
     axes.legend(loc="upper right", facecolor="0.75")  # the region is white
     save_figure(figure, target)
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logger.core.answer import Answer, Provenance, answer_of
 from logger.core.arrays import IntArray
 from logger.core.errors import ConfigError
 from logger.core.guidance.clusters import Cluster, clusters
@@ -25,7 +26,7 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import prepare
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.summary import summarise
-from logger.core.locator.verdict import DESK_M, Decision, assess
+from logger.core.locator.verdict import DESK_M, assess
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.readings import Readings
@@ -53,12 +54,14 @@ class RankedRoute(NamedTuple):
 
 
 class NextWalk(NamedTuple):
-    """Where to walk next for one cell, the best route first."""
+    """Where to walk next for the cell of the answer, the best route first.
 
-    cell: str
+    `posterior` is that of the answer.
+    """
+
+    answer: Answer
     start: Places
     posterior: Posterior
-    decision: Decision
     routes: tuple[RankedRoute, ...]
     text: str
     forecaster: Forecaster
@@ -90,11 +93,11 @@ def next_walk(
     course = Course(None, np.zeros((0, 2)))
     best, *others = plans(forecaster, routes, course, has_map=True)
     distance_m = float(np.hypot(*(first_turn(best.route) - best.route.corner_m[0])))
+    decision = assess(posterior, obs, within_m=DESK_M)
     return NextWalk(
-        obs.cell,
+        answer_of(obs.cell, posterior, decision, Provenance(len(obs))),
         start,
         posterior,
-        assess(posterior, obs, within_m=DESK_M),
         tuple(_rank(one, sample) for one in _different([best, *others])),
         sentence(best, sample, places, None, distance_m, task.mean_dbm),
         forecaster,

@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
 
+from logger.core.answer import Mode
 from logger.core.ellipse import radii_text
 from logger.core.places import Utm
 from postproc.cell_work import Failure, attempt
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
 from postproc.result import BATCH, EKF, RTS, Result
-from postproc.result_json import Best, Cell, FinalState, LeastSquares, Mode
+from postproc.result_json import Best, Cell, FinalState, LeastSquares
 from postproc.summary import summarise
 
 _PEERS = (EKF, RTS, BATCH)

@@ -50,16 +50,15 @@ def estimator_rows(cell: CellResult) -> tuple[EstimatorRow, ...]:
     """The posterior, its modes where there are several, and the final state of each estimator."""
     if cell.obs is None:
         return ()
-    utm, posterior, rows = cell.obs.utm, cell.posterior, []
-    if posterior is not None:
-        position_deg = utm.to_latlon(posterior.x_m, posterior.y_m)
-        radii = f"radius {posterior.r50_m:.0f}; {posterior.r95_m:.0f}"
+    utm, posterior, place, rows = cell.obs.utm, cell.posterior, cell.place, []
+    if posterior is not None and place is not None:
+        radii = f"radius {place.r50_m:.0f}; {place.r95_m:.0f}"
         p0, eta = P0.of_posterior(posterior), ETA.of_posterior(posterior)
-        rows.append(EstimatorRow("posterior", position_deg, radii, p0, eta, cell.n))
-        modes = posterior.modes if len(posterior.modes) > 1 else ()
+        rows.append(EstimatorRow("posterior", (place.lat, place.lon), radii, p0, eta, cell.n))
+        modes = place.modes if len(place.modes) > 1 else ()
         for i, mode in enumerate(modes, 1):
             name = f"position {i}: {share_text(mode.probability)}"
-            rows.append(EstimatorRow(name, utm.to_latlon(mode.x_m, mode.y_m), _axes(mode.ellipse)))
+            rows.append(EstimatorRow(name, (mode.lat, mode.lon), _axes(mode.ellipse95)))
     for estimate in final_estimates(cell):
         position_deg = utm.to_latlon(float(estimate.x[0]), float(estimate.x[1]))
         p0, eta = (parameter.of_state(estimate.x, estimate.p) for parameter in (P0, ETA))

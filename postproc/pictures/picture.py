@@ -7,7 +7,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import radii_text
 from logger.core.locator.posterior import Mode, Posterior
-from logger.core.locator.rivals import relevant_modes, share_text, whole_percents
+from logger.core.locator.rivals import share_text
 from postproc.pictures.estimates import Estimate, final_estimates
 from postproc.pictures.geometry import Box, plan_box
 from postproc.pictures.regions import Rings, regions_of
@@ -70,13 +70,13 @@ def focus_of(result: Result) -> CellResult | None:
 
 def headline(result: CellResult) -> str:
     """Verdict and radius or reason, one line."""
-    posterior = result.posterior
-    if result.verdict == "located" and posterior is not None:
-        return f"located: {radii_text(posterior.r50_m, posterior.r95_m)} of the best position"
-    if result.verdict == "ambiguous" and posterior is not None:
-        modes = relevant_modes(posterior.modes)
-        shares = ", ".join(f"{share}%" for share in whole_percents(modes)[:4])
-        radii = radii_text(posterior.r50_m, posterior.r95_m)
+    place = result.place
+    radii = radii_text(place.r50_m, place.r95_m) if place else ""
+    if place and result.verdict == "located":
+        return f"located: {radii} of the best position"
+    if place and result.verdict == "ambiguous":
+        modes = place.likely_modes
+        shares = ", ".join(f"{mode.percent}%" for mode in modes[:4])
         return f"ambiguous: {len(modes)} positions fit ({shares}); {radii} of the first"
     reason = result.warnings[0] if result.warnings else "the readings do not determine a position"
     return f"{result.verdict}: {reason}"

@@ -9,8 +9,8 @@ from jinja2 import Template
 from markupsafe import Markup
 
 from logger.core.ellipse import RADII, metres
-from logger.core.locator.rivals import alternatives_text, relevant_modes, share_text
-from logger.core.places import Utm
+from logger.core.locator.alternatives import alternatives_text
+from logger.core.locator.rivals import share_text
 from logger.core.runfile import Run
 from postproc.html_page import page_environment
 from postproc.info import CellCount, Event, Gap, Info, describe
@@ -19,7 +19,7 @@ from postproc.report import wording
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
-from postproc.report.wording import Answer
+from postproc.report.wording import Headline
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.verification.verdicts import CellVerdict, Verified
 
@@ -50,7 +50,7 @@ class PageFigure:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Spot:
     """A position that fits, in every notation; `share` is its probability if there are others.
 
     `street` is the name of the nearest one, empty if it is not known.
@@ -67,9 +67,9 @@ class CellSection:
 
     key: str
     result: CellResult
-    answer: Answer
+    answer: Headline
     findings: tuple[str, ...]
-    places: tuple[Place, ...]
+    places: tuple[Spot, ...]
     figures: tuple[PageFigure, ...]
     estimators: tuple[EstimatorRow, ...]
 
@@ -90,7 +90,7 @@ def cell_section(
 ) -> CellSection:
     """A cell with its figures; the number identifies it on the page."""
     key = f"cell-{number}"
-    answer = wording.answer(result)
+    answer = wording.headline(result)
     answered = f"{answer.text} {answer.advice}".lower()
     return CellSection(
         key=key,
@@ -105,22 +105,22 @@ def cell_section(
 
 def section_without_details(number: int, result: CellResult) -> CellSection:
     """A cell whose details could not be made: the reason."""
-    answer = Answer(result.verdict, "No details", result.warnings[0], None)
+    answer = Headline(result.verdict, "No details", result.warnings[0], None)
     return CellSection(f"cell-{number}", result, answer, (), (), (), ())
 
 
-def _places(result: CellResult, streets: Streets) -> Iterator[Place]:
+def _places(result: CellResult, streets: Streets) -> Iterator[Spot]:
     """Positions of a cell that is located or ambiguous, the most likely first."""
-    if result.posterior is None or result.obs is None or result.verdict == "cannot tell":
+    place = result.place
+    if place is None or result.verdict == "cannot tell":
         return
-    modes = relevant_modes(result.posterior.modes)[:_MOST_PLACES]
+    modes = place.likely_modes[:_MOST_PLACES]
     for mode in modes:
-        lat_deg, lon_deg = result.obs.utm.to_latlon(mode.x_m, mode.y_m)
         is_only = len(modes) == 1
-        radius_m = result.posterior.r95_m if is_only else None
+        radius_m = place.r95_m if is_only else None
         share = "" if is_only else share_text(mode.probability)
-        street = streets(lat_deg, lon_deg) or ""
-        yield Place(share, coordinates(lat_deg, lon_deg, radius_m), street)
+        street = streets(mode.lat, mode.lon) or ""
+        yield Spot(share, coordinates(mode.lat, mode.lon, radius_m), street)
 
 
 def run_section(observed: ObservedRun) -> RunSection:
@@ -185,10 +185,8 @@ def _template(name: str) -> Template:
 
 def _degrees(cell: CellResult) -> tuple[float, float] | None:
     """Latitude and longitude of the answer."""
-    if cell.posterior is None or cell.obs is None:
-        return None
-    utm: Utm = cell.obs.utm
-    return utm.to_latlon(cell.posterior.x_m, cell.posterior.y_m)
+    place = cell.place
+    return None if place is None else (place.lat, place.lon)
 
 
 def _detectable(tested: CellVerdict) -> str:

@@ -4,11 +4,10 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from logger.core.answer import Mode, Place
 from logger.core.ellipse import metres, radii_text
 from logger.core.guidance.sentence import direction
-from logger.core.locator.posterior import Posterior
-from logger.core.locator.rivals import area_text, relevant_modes, whole_percents
-from logger.core.locator.verdict import degrees_text
+from logger.core.locator.rivals import area_text
 from postproc.result import CellResult
 
 _MOST_POSITIONS = 4
@@ -17,8 +16,8 @@ _LONGEST_WALK_M = 5000.0
 """An hour's walk: towards a position less certain than this no walk is advised."""
 
 
-class Answer(NamedTuple):
-    """The answer for a cell in a few words.
+class Headline(NamedTuple):
+    """The answer about a cell in a few words.
 
     `advice` is where to walk next, None where no walk is needed.
     """
@@ -29,30 +28,26 @@ class Answer(NamedTuple):
     advice: str | None
 
 
-def answer(cell: CellResult) -> Answer:
+def headline(cell: CellResult) -> Headline:
     """What the walk shows about a cell."""
-    posterior, obs = cell.posterior, cell.obs
-    if posterior is None or obs is None or cell.verdict == "cannot tell":
+    place = cell.place
+    if place is None or cell.verdict == "cannot tell":
         reason = cell.warnings[0] if cell.warnings else "the readings do not determine a position"
-        return Answer(cell.verdict, "No position yet", _sentence(reason), _advice(cell))
+        return Headline(cell.verdict, "No position yet", _sentence(reason), _advice(cell))
     if cell.verdict == "located":
-        area = area_text(posterior.region_area_m2)
-        radii = radii_text(posterior.r50_m, posterior.r95_m)
-        position = degrees_text(posterior.place)
+        area, radii = area_text(place.area_m2), radii_text(place.r50_m, place.r95_m)
+        position = degrees_text(place)
         text = f"With a probability of 95 %, it is in a region of {area} around {position}."
-        return Answer(cell.verdict, f"Located: {radii}", text, None)
-    modes = relevant_modes(posterior.modes)
-    shares = [
-        f"{percent}% at {degrees_text(mode.place)}"
-        for mode, percent in zip(modes, whole_percents(modes), strict=True)
-    ]
+        return Headline(cell.verdict, f"Located: {radii}", text, None)
+    modes = place.likely_modes
+    shares = [f"{mode.percent}% at {degrees_text(mode)}" for mode in modes]
     more = len(modes) - _MOST_POSITIONS
     listed = ", ".join(shares[:_MOST_POSITIONS]) + (f" and {more} more" if more > 0 else "")
     text = f"The levels fit several positions: {listed}."
-    return Answer(cell.verdict, f"{len(modes)} positions fit", text, _advice(cell))
+    return Headline(cell.verdict, f"{len(modes)} positions fit", text, _advice(cell))
 
 
-def heading(cells: Sequence[CellResult], answers: Sequence[Answer]) -> str:
+def heading(cells: Sequence[CellResult], answers: Sequence[Headline]) -> str:
     """The verdicts of all cells in one line, or the answer of a single one."""
     if not cells:
         return "No cell was observed"
@@ -73,6 +68,11 @@ def number_of(count: int, noun: str) -> str:
     return f"{count} {noun}{'s' * (count != 1)}"
 
 
+def degrees_text(place: Place | Mode) -> str:
+    """Latitude and longitude to a metre."""
+    return f"{place.lat:.5f} {place.lon:.5f}"
+
+
 def time_text(seconds: float) -> str:
     """Time since the start, h:mm:ss."""
     whole = round(seconds)
@@ -91,22 +91,17 @@ def _advice(cell: CellResult) -> str | None:
     """The locator's advice where several positions fit, else the most informative walk."""
     if cell.verdict == "ambiguous":
         return _sentence(cell.warnings[1]) if len(cell.warnings) > 1 else None
-    if cell.posterior is None or cell.obs is None or not len(cell.obs):
+    posterior, place, obs = cell.posterior, cell.place, cell.obs
+    if posterior is None or place is None or obs is None or not len(obs):
         return "Walk where this cell is received, with a position fix, and turn a corner or two."
-    return _closer(cell, cell.posterior)
-
-
-def _closer(cell: CellResult, posterior: Posterior) -> str:
-    """Towards the most likely position, or towards higher levels where that is uncertain."""
-    obs = cell.obs
-    if obs is None or posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
+    if posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
         return "The levels do not show the distance yet: walk to where they are clearly higher."
-    last, position = obs.places[-1], degrees_text(posterior.place)
-    way_m = posterior.place.xy_m[:, 0] - last.xy_m[:, 0]
-    way = f"{metres(posterior.place.away_m(last))} {direction(way_m)}"
+    last, shown = obs.places[-1], posterior.place
+    way_m = shown.xy_m[:, 0] - last.xy_m[:, 0]
+    way = f"{metres(shown.away_m(last))} {direction(way_m)}"
     return (
-        f"Walk around the most likely position, {position}. It is {way} of the last reading of "
-        "this cell. Levels from more than one side are the most informative."
+        f"Walk around the most likely position, {degrees_text(place)}. It is {way} of the last "
+        "reading of this cell. Levels from more than one side are the most informative."
     )
 
 

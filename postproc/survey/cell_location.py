@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 from shapely.geometry import shape
 
+from logger.core.answer import place_of
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
@@ -174,22 +175,22 @@ def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
     reasons = [_TOO_MANY_MODEMS] if len(usable) < len(of_all_modems) else []
     at_once, in_time = _divisions(usable, posterior)
     decision = assess(posterior, usable, _likelier(at_once, in_time), within_m=options.within_m)
-    lat_deg, lon_deg = usable.utm.to_latlon(posterior.x_m, posterior.y_m)
+    place = place_of(posterior)
     region = shape(geojson(posterior.squares, usable.utm))
     return msgspec.structs.replace(
         base,
         verdict=decision.verdict,
         reasons=(*decision.reasons, *reasons),
         n_used=len(usable),
-        lat_deg=lat_deg,
-        lon_deg=lon_deg,
+        lat_deg=place.lat,
+        lon_deg=place.lon,
         zone=usable.utm.zone,
         x_m=posterior.x_m,
         y_m=posterior.y_m,
-        r50_m=posterior.r50_m,
-        r95_m=posterior.r95_m,
-        region_m2=posterior.region_area_m2,
-        probability=posterior.modes[0].probability,
+        r50_m=place.r50_m,
+        r95_m=place.r95_m,
+        region_m2=place.area_m2,
+        probability=place.modes[0].probability,
         p0_dbm=posterior.p0_dbm,
         p0_sigma_db=posterior.p0_sigma_db,
         eta=posterior.eta,

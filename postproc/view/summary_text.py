@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from logger.core.locator.rivals import alternatives_text
+from logger.core.locator.alternatives import alternatives_text
 from postproc.pictures.estimates import estimator_rows
 from postproc.pictures.path_loss import ETA, P0
 from postproc.pictures.picture import headline

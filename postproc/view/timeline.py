@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logger.core.answer import Verdict
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.verdict import Verdict
 from logger.core.model.prior import Prior
 from logger.core.readings import Readings
 from postproc.cell_estimation import FEWEST_READINGS, locate_cell

@@ -264,8 +264,8 @@ def test_the_target_has_advice_and_a_position():
     assert all(text.startswith("262-01-4711-1: ") for text in advice)
     followed = tracker.followed
     assert followed.cell == "262-01-4711-1"
-    assert followed.position.decision.verdict in {"located", "ambiguous", "cannot tell"}
-    assert followed.position.posterior.r95_m < 500.0
+    assert followed.answer.verdict in {"located", "ambiguous", "cannot tell"}
+    assert followed.answer.place.r95_m < 500.0
 
 
 def test_another_target_is_followed_anew():

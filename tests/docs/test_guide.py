@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from logger.core.locator.verdict import Verdict
+from logger.core.answer import Verdict
 from logger.device.leds import FLASHES_S
 from tests.docs.pages import ROOT, shell_lines, text_of
 from tools.guide_pictures import MEANING, PICTURES, answers_picture, led_picture

@@ -1,32 +1,27 @@
 """The cell that is followed: its posterior, the verdict, and the way to walk next."""
 
-from typing import NamedTuple
-
+from logger.core.answer import Answer, Provenance, answer_of
 from logger.core.guidance.advice import Advice, Guide
 from logger.core.guidance.live_verdict import LiveVerdict
 from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.summary import summarise
-from logger.core.locator.verdict import Decision
 from logger.core.places import Places
 
 
-class LivePosition(NamedTuple):
-    """What is known of the position now, and the live verdict."""
-
-    posterior: Posterior
-    decision: Decision
-
-
 class FollowedCell:
-    """Position and advice for one `cell`, renewed as the walker moves."""
+    """Answer and advice for one `cell`, renewed as the walker moves.
+
+    `posterior` is that of the answer; both are None before the first search.
+    """
 
     def __init__(self, cell: str, streets: StreetMap | None = None) -> None:
         self.cell = cell
         self._guide = Guide(streets)
         self._verdict = LiveVerdict()
-        self.position: LivePosition | None = None
+        self.answer: Answer | None = None
+        self.posterior: Posterior | None = None
 
     @property
     def advice(self) -> Advice | None:
@@ -36,14 +31,16 @@ class FollowedCell:
     def update(self, here: Places, locator: OnlineLocator) -> bool:
         """Take a place of the walker; where a new plan is due, ask the cell's locator.
 
-        Returns whether position and advice are new.
+        Returns whether answer and advice are new.
         """
         self._guide.walk(here)
         last = locator.last_search() if self._guide.is_due else None
         if last is None:
             return False
         posterior = summarise(*last)
-        decision = self._verdict.update(posterior, locator.readings.readings())
-        self.position = LivePosition(posterior, decision)
+        obs = locator.readings.readings()
+        decision = self._verdict.update(posterior, obs)
+        self.posterior = posterior
+        self.answer = answer_of(self.cell, posterior, decision, Provenance(len(obs)))
         self._guide.decide(*last)
         return True

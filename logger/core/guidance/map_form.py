@@ -2,23 +2,11 @@
 
 from math import atan2, cos, degrees, radians, remainder
 
-import msgspec
-
 from logger.core.guidance.advice import Advice
-from logger.core.guidance.followed_cell import LivePosition
 from logger.core.guidance.next_way import NextWay
 from logger.core.places import Places
 
 _DECIMALS = 6
-
-
-class BestPosition(msgspec.Struct, frozen=True):
-    """The position shown (WGS 84), and the radii around it that hold 95 % and 50 %."""
-
-    lat: float
-    lon: float
-    r95_m: float
-    r50_m: float
 
 
 def next_way(advice: Advice | None) -> NextWay | None:
@@ -30,13 +18,6 @@ def next_way(advice: Advice | None) -> NextWay | None:
     azimuth_deg = true_azimuth_deg(advice.start, advice.end)
     nats_per_km = round(advice.nats_per_km, 2)
     return NextWay(azimuth_deg, round(distance_m, 1), lat, lon, nats_per_km, advice.text)
-
-
-def best_position(position: LivePosition) -> BestPosition:
-    """The position shown, in degrees."""
-    posterior = position.posterior
-    lat, lon = degrees_of(posterior.place)
-    return BestPosition(lat, lon, round(posterior.r95_m, 1), round(posterior.r50_m, 1))
 
 
 def true_azimuth_deg(start: Places, end: Places) -> float:

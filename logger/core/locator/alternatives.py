@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.region import Squares, area_m2, highest_density
+from logger.core.locator.rivals import area_text, share_text
 from logger.core.model.prior import REACHES, Prior
 
 REACH, ANTENNA, HEIGHT = "reach", "antenna", "height"
@@ -14,6 +16,8 @@ REACH, ANTENNA, HEIGHT = "reach", "antenna", "height"
 
 _NEAR_M = max(one.flat_m for one in REACHES["near"])
 """A hypothesis of the reach is near where its density falls beyond no more than this."""
+_MOST = 0.5
+"""Of the probability: a height with less is unknown, a region with less inside is elsewhere."""
 _LEAST_PROBABILITY = 1e-9
 """Of a hypothesis with less the leaves of the tree, made for others, show no region."""
 
@@ -88,3 +92,32 @@ def _of_kind(
         alone = replace(squares, probability=alone_p / np.sum(alone_p))
         outside = 1.0 - float(np.sum(alone.probability[answer]))
         yield Alternative(kind, name, probability, area_m2(alone), outside)
+
+
+def alternatives_text(alternatives: Sequence[Alternative]) -> str:
+    """Which reach, antenna and height the answer took, and the areas that others would give.
+
+    Such as "reach: near 62%, far 38% (alone: 4.1 km²); antenna: omni (fixed); height: unknown".
+    """
+    return "; ".join(
+        f"{kind}: {_kind_text(kind, list(some))}"
+        for kind, some in groupby(alternatives, lambda one: one.kind)
+    )
+
+
+def _kind_text(kind: str, some: Sequence[Alternative]) -> str:
+    best = max(some, key=lambda one: one.probability)
+    if len(some) == 1:
+        return f"{best.name} (fixed)"
+    if kind == HEIGHT:
+        share = share_text(best.probability)
+        return "unknown" if best.probability < _MOST else f"{best.name} {share}"
+    return ", ".join(_alternative_text(one, alone=one is not best) for one in some)
+
+
+def _alternative_text(one: Alternative, *, alone: bool) -> str:
+    text = f"{one.name} {share_text(one.probability)}"
+    if not alone or one.area_m2 is None or one.outside is None:
+        return text
+    where = ", elsewhere" if one.outside > _MOST else ""
+    return f"{text} (alone: {area_text(one.area_m2)}{where})"

@@ -14,8 +14,6 @@ from logger.core.model.prior import Prior, Station
 from logger.core.places import Places
 from logger.core.readings import Readings
 
-LEAST_PEAK = 0.05
-"""A position with this share of the highest density is a mode, however improbable."""
 _LIMIT_SHARE = 0.01
 """With more probability than this at the end of the searched area, the search ended too early."""
 

@@ -9,7 +9,7 @@ from logger.core.locator.alternatives import Alternative, alternatives
 from logger.core.locator.mixture import Mixture, log_sum, rows_of_groups
 from logger.core.locator.offsets import Offsets, offsets
 from logger.core.locator.packing import around, compact_groups
-from logger.core.locator.posterior import LEAST_PEAK, Mode, Posterior
+from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import PositionPrior, Tree, nearest_m
 from logger.core.locator.region import (
@@ -20,6 +20,7 @@ from logger.core.locator.region import (
     highest_density,
     mode_regions,
 )
+from logger.core.locator.rivals import LEAST_PEAK
 from logger.core.model.evidence import Evidence
 from logger.core.model.prior import Prior
 from logger.core.places import Places, Utm

@@ -13,18 +13,17 @@ The radius is what a user can act on, whatever the extent of the walk.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from logger.core.answer import Verdict
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.places import Places
 from logger.core.readings import Readings
-
-Verdict = Literal["located", "ambiguous", "cannot tell"]
 
 _FEWEST_READINGS = 8
 """Twice the four unknowns x, y, P0 and eta."""

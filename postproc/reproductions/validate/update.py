@@ -76,9 +76,7 @@ def _one_update(step: ekf.EkfStep) -> list[Line]:
     before = ekf.covariance_matrix(STATION.p) + ekf.Q_PER_STEP * np.eye(4)
     after = ekf.covariance_matrix(step.state.p)
     decrease = np.linalg.eigvalsh(before - after)
-    joseph = ekf.covariance_matrix(
-        ekf.joseph_step(STATION, *USER, _LEVEL_DBM).state.p
-    )
+    joseph = ekf.covariance_matrix(ekf.joseph_step(STATION, *USER, _LEVEL_DBM).state.p)
     apart = float(np.max(np.abs(joseph - after)))
     difference = "differs from the plain one by less than 1e-9"
     if apart >= _ROUNDING:

@@ -89,7 +89,7 @@ def _walk(
 
 
 def _is_apart(cell: LocatedCell, walk: NextWalk) -> bool:
-    if cell.cell == walk.cell or cell.x_m is None or cell.y_m is None:
+    if cell.cell == walk.answer.cell or cell.x_m is None or cell.y_m is None:
         return False
     apart_m = hypot(cell.x_m - walk.posterior.x_m, cell.y_m - walk.posterior.y_m)
     return cell.zone != walk.start.utm.zone or apart_m > _APART_M

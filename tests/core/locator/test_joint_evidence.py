@@ -124,7 +124,9 @@ def test_what_is_beyond_the_floor_tells_white_noise_from_shadowing():
 def test_nothing_beyond_the_scale_is_the_evidence_of_the_levels():
     """One place where any level would be beyond the scale leaves that of the levels."""
     track = track_of(count=1)
-    far = track.censored._replace(x_m=np.array([3e4]), limit_dbm=np.array([FLOOR_DBM + 80.0]))
+    far = track.censored._replace(
+        places=Places.of(3e4, 5.0), limit_dbm=np.array([FLOOR_DBM + 80.0])
+    )
     one = Joint(replace(track, censored=far), PRIOR, whiteners(track, PRIOR, [0])[0])
     none = Joint(replace(track, censored=NOTHING_CENSORED), PRIOR, whiteners(track, PRIOR, [0])[0])
     assert one.log_p(Places.of(100.0, 60.0)) == pytest.approx(

@@ -72,7 +72,7 @@ def test_probabilities_of_the_steps_at_a_location_sum_to_one(distance_m):
     """Over all TA at one location the probabilities sum to 1, but for what is kept for any
     bias at all.
     """
-    density = [of([0.0], [n]).log_p(np.array([distance_m]), np.zeros(1))[0] for n in range(64)]
+    density = [of([0.0], [n]).log_p(Places.of(distance_m, 0.0))[0] for n in range(64)]
     assert np.exp(density).sum() == pytest.approx(1.0, abs=0.1)
 
 
@@ -107,7 +107,7 @@ def test_bias_is_integrated(far_m):
     ta = np.floor((far_m - walked + 250.0 + rng.normal(0.0, 100.0, 60)).clip(0.0) / STEP_M)
     found = of(walked, ta)
     for x in np.linspace(far_m - 750.0, far_m + 750.0, 11):
-        assert found.log_p(np.array([x]), np.zeros(1))[0] == pytest.approx(
+        assert found.log_p(Places.of(x, 0.0))[0] == pytest.approx(
             by_quadrature(found, x, 0.0), abs=0.1
         )
 
@@ -115,7 +115,9 @@ def test_bias_is_integrated(far_m):
 def test_repeats_at_one_location_add_nothing():
     x, y = np.linspace(-5000.0, 5000.0, 50), np.full(50, 300.0)
     once, often = of([0.0, 400.0], [3, 4]), of([0.0] * 30 + [400.0], [3] * 30 + [4])
-    np.testing.assert_allclose(often.log_p(x, y), once.log_p(x, y), atol=1e-12)
+    np.testing.assert_allclose(
+        often.log_p(Places.of(x, y)), once.log_p(Places.of(x, y)), atol=1e-12
+    )
     assert once.weight.sum() == 2.0
     mixed = of([0.0] * 4, [3, 3, 3, 4])
     assert mixed.weight.tolist() == [0.75, 0.25]
@@ -174,7 +176,9 @@ def test_one_wrong_ta_excludes_nothing_and_neither_does_a_wrong_walk():
         > of(walked, right).log_p(Places.of(*at))[0] - 8.0
     )
     away = np.array([-15000.0]), np.zeros(1)
-    best = of(walked, right).log_p(np.linspace(-4000.0, 4000.0, 200), np.zeros(200)).max()
+    best = (
+        of(walked, right).log_p(Places.of(np.linspace(-4000.0, 4000.0, 200), np.zeros(200))).max()
+    )
     assert best - 12.0 < of(walked, right).log_p(Places.of(*away))[0] < best - 4.0
 
 
@@ -198,7 +202,7 @@ def along_a_ray(obs, prior, found):
     levels = marginal(total, len(walk), np.zeros((1, 1)), prior).log_p[0]
     log_mass = (
         levels
-        + found.log_p(at, zero)
+        + found.log_p(Places.of(at, zero))
         - prior.reaches[0].power * np.log(np.maximum(at / prior.reaches[0].flat_m, 1.0))
     )
     mass = np.exp(log_mass - log_mass.max()) * at**2

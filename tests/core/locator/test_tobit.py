@@ -234,9 +234,7 @@ def taken_as_levels(obs):
 
 
 def without_floor(obs):
-    keep = obs.limit == 0
-    names = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
-    return replace(obs, **{name: getattr(obs, name)[keep] for name in names})
+    return replace(obs.part(obs.limit == 0), known_limit=None)
 
 
 def errors_m(way, walks, share):

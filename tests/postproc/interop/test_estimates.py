@@ -42,7 +42,7 @@ def test_by_default_the_answer_and_its_region_alone(tmp_path, verdict, names):
 
 def test_a_place_of_no_probability_is_no_part_of_an_ambiguous_answer(tmp_path):
     cell = _cell(tmp_path, "ambiguous", places=2)
-    cell.modes[1].probability, cell.modes[1].percent = 0.004, None
+    cell.modes[1] = msgspec.structs.replace(cell.modes[1], probability=0.004, percent=None)
     assert len(estimate_of(cell, kit.UTM).positions) == 1
 
 

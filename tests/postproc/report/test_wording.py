@@ -42,12 +42,12 @@ def test_times():
     assert [wording.number_of(n, "cell") for n in (0, 1, 2)] == ["0 cells", "1 cell", "2 cells"]
 
 
-def answer(result, **changes):
-    return wording.answer(replace(result.cells[0], **changes))
+def headline(result, **changes):
+    return wording.headline(replace(result.cells[0], **changes))
 
 
 def test_a_located_cell_needs_no_further_walk(result):
-    located = answer(result)
+    located = headline(result)
     assert (located.title, located.advice) == (
         "Located: most likely within 14 m, surely within 29 m",
         None,
@@ -57,27 +57,27 @@ def test_a_located_cell_needs_no_further_walk(result):
 
 
 def test_an_ambiguous_cell_has_the_locators_advice(result):
-    ambiguous = answer(result, verdict="ambiguous", warnings=("why", "to decide walk there"))
+    ambiguous = headline(result, verdict="ambiguous", warnings=("why", "to decide walk there"))
     assert ambiguous.advice == "To decide walk there."
     assert ambiguous.text.startswith("The levels fit several positions: 100% at 52.50")
-    assert answer(result, verdict="ambiguous", warnings=("why",)).advice is None
+    assert headline(result, verdict="ambiguous", warnings=("why",)).advice is None
 
 
 def test_a_cell_without_a_position_has_a_reason_and_advice(result):
-    undecided = answer(result, verdict="cannot tell", warnings=("one-sided walk",))
+    undecided = headline(result, verdict="cannot tell", warnings=("one-sided walk",))
     assert undecided.text == "One-sided walk."
     assert "Walk around the most likely position, 52.50" in undecided.advice
     at_limit = replace(result.cells[0].posterior, limit_share=0.5)
-    far = answer(result, verdict="cannot tell", posterior=at_limit)
+    far = headline(result, verdict="cannot tell", posterior=at_limit)
     assert "do not show the distance yet" in far.advice
-    unknown = answer(result, verdict="cannot tell", posterior=None)
+    unknown = headline(result, verdict="cannot tell", posterior=None)
     assert "Walk where this cell is received" in unknown.advice
-    assert answer(result, verdict="cannot tell", posterior=None, obs=None, warnings=()).text
+    assert headline(result, verdict="cannot tell", posterior=None, obs=None, warnings=()).text
 
 
 def test_the_heading_counts_verdicts(result):
     a, b = result.cells
-    answers = [answer(result)]
+    answers = [headline(result)]
     assert wording.heading([], []) == "No cell was observed"
     assert (
         wording.heading([a], answers)

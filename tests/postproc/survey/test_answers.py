@@ -83,10 +83,8 @@ def test_next_walks(survey, scheduler):
     with Cluster(scheduler) as cluster:
         found = locate_survey(survey, Options(), cluster=cluster).cells
     unsure = [replace(cell, verdict="cannot tell") for cell in found]
-    walks = next_walks(
-        survey, unsure[:1], EVERY_RUN, Options(), 2, [Places.of_degrees(52.52, 13.38)]
-    )
-    assert [(one.walker, one.walk.cell) for one in walks] == [(1, unsure[0].cell)]
+    walks = next_walks(survey, unsure[:1], EVERY_RUN, Options(), 2, [(52.52, 13.38)])
+    assert [(one.walker, one.walk.answer.cell) for one in walks] == [(1, unsure[0].cell)]
     assert walks[0].walk.routes[0].nats > 0.0
     certain = [replace(cell, verdict="located") for cell in found]
     with pytest.raises(ConfigError, match="no walk is needed"):
@@ -108,7 +106,7 @@ def test_several_walkers_have_areas_of_their_own(tmp_path, scheduler):
     starts = [Places.of(*place, utm=utm) for place in starts_m]
     walks = next_walks(survey, unsure, EVERY_RUN, Options(), 3, starts)
     assert [one.walker for one in walks] == [1, 2, 3]
-    assert len({one.walk.cell for one in walks}) == 3
+    assert len({one.walk.answer.cell for one in walks}) == 3
     for one, start_m in zip(walks, [*starts_m, starts_m[0]], strict=True):
         best = one.walk.routes[0]
         assert best.nats > 0.0
@@ -120,5 +118,5 @@ def test_several_walkers_have_areas_of_their_own(tmp_path, scheduler):
         )
         assert apart_m > 500.0
     # there are no places for more walkers than areas of 500 m
-    near = [cell for cell in unsure if cell.cell == walks[0].walk.cell] * 2
+    near = [cell for cell in unsure if cell.cell == walks[0].walk.answer.cell] * 2
     assert len(next_walks(survey, near, EVERY_RUN, Options(), 2, starts)) == 1
