@@ -85,9 +85,11 @@ def test_what_is_no_number_does_not_count(name, value):
     obs, _ = simulate(np.random.default_rng(1), "L", white_db=2.0, count=150, step=5.6)
     column = getattr(obs, name).copy()
     column[-20:] = value
-    fields = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
-    rest = answer(replace(obs, **{field: getattr(obs, field)[:-20] for field in fields}))
-    found = answer(replace(obs, **{name: column}))
+    rest = answer(replace(obs.part(slice(-20)), known_limit=None))
+    if name == "level_dbm":
+        found = answer(replace(obs, level_dbm=column))
+    else:
+        found = answer(placed(obs, **{name.removeprefix("position_"): column}))
     assert (found[0].x_m, found[0].y_m) == (rest[0].x_m, rest[0].y_m)
     assert found[1:] == rest[1:]
 

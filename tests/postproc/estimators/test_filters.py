@@ -90,14 +90,7 @@ def test_levels_that_are_unknown_are_walked_past_and_not_counted():
     gone = np.arange(120) % 3 == 1
     holed = replace(obs, level_dbm=np.where(gone, np.nan, obs.level_dbm), known_limit=obs.limit)
     result = filters.shadow_pass(holed, start(obs, source), NOISE)
-    left = replace(
-        obs,
-        **{
-            name: getattr(obs, name)[~gone]
-            for name in ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm")
-        },
-        known_limit=obs.limit[~gone],
-    )
+    left = obs.part(~gone)
     straight = np.arange(120) < 60  # past the corner two short ways are longer than one
     expected = filters.shadow_pass(left, start(obs, source), NOISE)
     np.testing.assert_allclose(

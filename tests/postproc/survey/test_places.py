@@ -8,7 +8,7 @@ import pytest
 from pyproj import Geod, Proj
 
 from logger.core.places import Places, Utm
-from logger.core.readings import Readings
+from logger.core.readings import Readings, in_order
 from postproc.cli import main
 from postproc.result import Options
 from postproc.survey.answers.page import html, walked_ground
@@ -195,9 +195,7 @@ def test_what_cannot_be_told_apart_is_one_place():
 
 def test_one_run_in_two_places():
     here, there = _observations(51.5, 11.9, 32), _observations(47.0, 11.9, 32)
-    columns = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
-    both = {name: np.concatenate([getattr(here, name), getattr(there, name)]) for name in columns}
-    places = places_of({"a": replace(here, **both), "b": there})
+    places = places_of({"a": in_order([here, there]), "b": there})
     assert [sum(map(len, place.values())) for place in places] == [80, 40]
     assert [list(place) for place in places] == [["a", "b"], ["a"]]
 
