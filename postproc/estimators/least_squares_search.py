@@ -16,6 +16,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.locator.normal_tail import log_cdf_and_slope
 from logger.core.model import path_loss
+from logger.core.places import Places
 from postproc.estimators.convergence import is_lost, is_possible
 from postproc.estimators.least_squares_rows import Rows
 from postproc.estimators.levenberg_marquardt import Ending, minimise
@@ -124,7 +125,7 @@ class Search(NamedTuple):
         return max(self.sigma_db, _LEAST_SCALE_DB)
 
     def _minimum(self, state: FloatArray, cost: float, success: bool) -> Minimum:
-        possible = is_possible(state, self.rows.x_m, self.rows.y_m)
+        possible = is_possible(state, Places.of(self.rows.x_m, self.rows.y_m))
         return Minimum(state, float(cost), success and possible)
 
     def deviation(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -12,9 +12,8 @@ PRIOR = live_prior(LiveSettings(height_m=0.0))
 
 def follow(obs):
     online = OnlineLocator(PRIOR)
-    columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
-    for reading in zip(*(v.tolist() for v in columns), strict=True):
-        online.add(*reading)
+    for reading in obs:
+        online.add(reading)
         if online.stale > 1.0:
             online.search()
     return online
