@@ -165,8 +165,16 @@ class City:
             if len(scan):
                 sigma_m = np.full(len(scan), SIGMA_M)
                 cells.append(
-                    Readings(str(number), "GSM", Places.of(x_m[at], y_m[at], utm=Utm(33), sigma_m=sigma_m, t_ns=scan * 2 * 10**9), level_dbm[number, at], scan)
-                )  # fmt: skip
+                    Readings(
+                        str(number),
+                        "GSM",
+                        Places.of(
+                            x_m[at], y_m[at], utm=Utm(33), sigma_m=sigma_m, t_ns=scan * 2 * 10**9
+                        ),
+                        level_dbm[number, at],
+                        scan,
+                    )
+                )
         return cells
 
 
@@ -175,9 +183,14 @@ def measure_simulated(count: int) -> None:
     if not count:
         return
     changes = {
-        "nothing": None, "gone": "gone", "new": "new", "10 dB weaker": "weaker",
-        "15 dB stronger": "stronger", "moved by 300 m": "moved", "moved by 1000 m": "moved",
-    }  # fmt: skip
+        "nothing": None,
+        "gone": "gone",
+        "new": "new",
+        "10 dB weaker": "weaker",
+        "15 dB stronger": "stronger",
+        "moved by 300 m": "moved",
+        "moved by 1000 m": "moved",
+    }
     for change, word in changes.items():
         n_found = n_false = n_cells = 0
         others: Counter[str] = Counter()

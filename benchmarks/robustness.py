@@ -17,8 +17,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from logger.core.places import Places
-
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as fieldlogger does
 
 import numpy as np
@@ -72,9 +70,7 @@ class Comparison(NamedTuple):
 class NoGuard(SpikeFilter[Readings]):
     """Takes every level."""
 
-    def take(
-        self, reading: Readings, place: Places, level_dbm: float, limit: int
-    ) -> list[SpikeCheck[Readings]]:
+    def take(self, reading: Readings, *_: object) -> list[SpikeCheck[Readings]]:
         return [SpikeCheck(reading, 0.0)]
 
 

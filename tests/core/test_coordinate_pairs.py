@@ -11,8 +11,14 @@ ROOT = Path(__file__).parents[2]
 ALLOWED = Path(__file__).with_name("coordinate_pairs.toml")
 
 HALVES = {
-    **{"x": "y", "xs": "ys", "east": "north", "easting": "northing", "column": "row"},
-    **{"lat": "lon", "lats": "lons", "latitude": "longitude"},
+    "x": "y",
+    "xs": "ys",
+    "east": "north",
+    "easting": "northing",
+    "column": "row",
+    "lat": "lon",
+    "lats": "lons",
+    "latitude": "longitude",
 }
 """Words of two names that end alike: `x_m, y_m`, `a_x_m, a_y_m`, `lat_deg, lon_deg`."""
 TUPLE = re.compile(r"\btuple\[(float|FloatArray)(, (float|FloatArray)){1,3}\]")

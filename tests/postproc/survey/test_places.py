@@ -202,7 +202,19 @@ def test_one_run_in_two_places():
 
 def _observations(lat_deg, lon_deg, zone, n=40):
     x_m, y_m = Utm(zone).to_xy(lat_deg, lon_deg)
-    return Readings(name(1), "GSM", Places.of(x_m + np.arange(n) * 5.0, np.full(n, y_m), utm=Utm(zone), sigma_m=np.full(n, 5.0), t_ns=np.arange(n) * 10**9), -60.0 - np.arange(n) % 7, np.arange(n))  # fmt: skip
+    return Readings(
+        name(1),
+        "GSM",
+        Places.of(
+            x_m + np.arange(n) * 5.0,
+            np.full(n, y_m),
+            utm=Utm(zone),
+            sigma_m=np.full(n, 5.0),
+            t_ns=np.arange(n) * 10**9,
+        ),
+        -60.0 - np.arange(n) % 7,
+        np.arange(n),
+    )
 
 
 def test_loggers_of_two_zones_share_their_ground(tmp_path):
