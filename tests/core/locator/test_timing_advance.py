@@ -81,7 +81,7 @@ def test_probabilities_of_the_steps_at_a_location_sum_to_one(distance_m):
 
 def by_quadrature(found, x, y):
     """log_p of one position, its bias integrated by scipy."""
-    away = np.hypot(x - found.x_m, y - found.y_m)
+    away = np.hypot(x - found.places.x_m, y - found.places.y_m)
 
     def posterior_with(bias):
         p = [
