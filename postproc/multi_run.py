@@ -15,7 +15,7 @@ from pyproj import Geod
 from logger.core.errors import ConfigError, GeoError
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
-from logger.core.places import Places, Utm, joined
+from logger.core.places import Places, Utm, join_places
 from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run
 from postproc.result import ObservedRun, RunShare
@@ -110,7 +110,7 @@ def merge(parts: Parts, modems: Sequence[int]) -> Readings:
     return replace(
         series[0],
         rat=rat,
-        places=joined([obs.places for obs in series]),
+        places=join_places([obs.places for obs in series]),
         level_dbm=np.concatenate([obs.level_dbm for obs in series]),
         scan_seq=np.concatenate([obs.scan_seq for obs in series]),
         modem=modem,

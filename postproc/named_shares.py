@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.places import Places, index_of, joined
+from logger.core.places import Places, index_of, join_places
 from logger.core.readings import Observations, Readings
 from logger.core.regular_naming import NEAR_M
 from logger.core.rows import Rows, numbered_texts
@@ -28,7 +28,7 @@ def with_named_shares(observations: Observations, readings: Rows) -> Observation
     if not observations.cells:
         return observations
     scan_seq = np.concatenate([obs.scan_seq for obs in observations.cells])
-    places = joined([obs.places for obs in observations.cells])
+    places = join_places([obs.places for obs in observations.cells])
     seq, at = np.unique(scan_seq, return_index=True)
     at = at[np.argsort(places.t_ns[at], kind="stable")]
     number = np.argsort(scan_seq[at])  # of each scan in the order of the walk

@@ -308,7 +308,7 @@ class Track(Places):
         )
 
 
-def joined(parts: Sequence[Places]) -> Places:
+def join_places(parts: Sequence[Places]) -> Places:
     """The places of one zone in their order."""
     return Places(
         np.concatenate([one.x_m for one in parts]),

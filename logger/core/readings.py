@@ -14,7 +14,7 @@ from logger.core.places import (
     Track,
     Utm,
     index_of,
-    joined,
+    join_places,
     smeared_sigma_m,
     track_of,
 )
@@ -317,7 +317,7 @@ def _by_cell(
 
 def in_order(each: Sequence[Readings]) -> Readings:
     """Readings of one cell in the order of the sequence, which may be empty."""
-    places = joined([one.places for one in each]) if each else Places.of([], [])
+    places = join_places([one.places for one in each]) if each else Places.of([], [])
     levels = [one.level_dbm for one in each]
     if not each:
         return Readings("", None, places, np.zeros(0), np.zeros(0, np.int64))

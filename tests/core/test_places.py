@@ -5,7 +5,7 @@ import pytest
 
 from logger.core import shadow_ekf
 from logger.core.errors import GeoError
-from logger.core.places import Places, Utm, joined
+from logger.core.places import Places, Utm, join_places
 from logger.core.shadow_ekf import ShadowNoise
 from logger.sim.shadowing import Shadowing
 
@@ -35,7 +35,7 @@ def test_one_place_is_a_part_of_length_one():
     assert many[2].away_m(many[1]) == 5.0
     with pytest.raises(IndexError):
         many[3]
-    again = joined([many[k] for k in range(3)])
+    again = join_places([many[k] for k in range(3)])
     assert all(np.array_equal(getattr(again, n), getattr(many, n)) for n in ("x_m", "y_m", "t_ns"))
 
 

@@ -29,7 +29,7 @@ def single_reading(x, y, level, limit=0, sigma_m=3.0):
     return Readings.one("c", "gsm", place, level, limit)
 
 
-def placed(obs, **columns):
+def with_places(obs, **columns):
     """The readings with other columns of their places."""
     return replace(obs, places=replace(obs.places, **columns))
 
@@ -128,7 +128,7 @@ def add_position_errors(rng, sigma_m, obs):
     """The same walk with slow errors of the receiver's position."""
     east_m, north_m = (sigma_m * _lasting(rng, len(obs)) for _ in range(2))
     sigmas_m = np.full(len(obs), sigma_m)
-    return placed(obs, x_m=obs.x_m + east_m, y_m=obs.y_m + north_m, sigma_m=sigmas_m)
+    return with_places(obs, x_m=obs.x_m + east_m, y_m=obs.y_m + north_m, sigma_m=sigmas_m)
 
 
 def _lasting(rng, count, memory=0.98):

@@ -16,7 +16,7 @@ from logger.core.guidance.street_map import StreetMap
 from logger.core.guidance.street_routes import street_routes
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree
-from logger.core.places import Places, joined
+from logger.core.places import Places, join_places
 
 AGAIN_M = 25.0
 """A new plan is due after this much walking: a quarter of a block."""
@@ -105,7 +105,7 @@ class Guide:
         self.advice = Advice(start, end, best.nats_per_km, text)
 
     def _course(self, here: Places) -> Course:
-        track = joined([*self._track, here]).xy_m.T
+        track = join_places([*self._track, here]).xy_m.T
         along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=0).T))])
         before = track[along_m <= along_m[-1] - _COURSE_M]
         azimuth = azimuth_deg(track[-1] - before[-1]) if len(before) else None

@@ -14,10 +14,10 @@ from tests.kit.walks import (
     nearest_mode_m,
     observations,
     path,
-    placed,
     region_contains,
     simulate,
     single_reading,
+    with_places,
 )
 
 
@@ -157,12 +157,12 @@ def test_round_walk_leaves_the_inverse_point(away):
 
 def turn(obs, angle):
     c, s = np.cos(angle), np.sin(angle)
-    return placed(obs, x_m=c * obs.x_m - s * obs.y_m, y_m=s * obs.x_m + c * obs.y_m)
+    return with_places(obs, x_m=c * obs.x_m - s * obs.y_m, y_m=s * obs.x_m + c * obs.y_m)
 
 
 def test_shift_of_the_walk():
     obs, _ = simulate_walk(20, "L")
-    a, b = locate(obs), locate(placed(obs, x_m=obs.x_m + 500_000.0, y_m=obs.y_m + 5_000_000.0))
+    a, b = locate(obs), locate(with_places(obs, x_m=obs.x_m + 500_000.0, y_m=obs.y_m + 5_000_000.0))
     assert (b.x_m - 500_000.0, b.y_m - 5_000_000.0) == pytest.approx((a.x_m, a.y_m), abs=0.1)
     assert b.region_area_m2 == pytest.approx(a.region_area_m2, rel=0.05)
     assert b.log_evidence == pytest.approx(a.log_evidence, abs=0.01)

@@ -9,7 +9,7 @@ import pytest
 from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.verdict import assess
 from logger.core.model.prior import Prior, Station
-from tests.kit.walks import observations, path, placed, simulate
+from tests.kit.walks import observations, path, simulate, with_places
 
 
 @cache
@@ -99,7 +99,7 @@ def test_the_advice_names_a_listed_mode():
 )
 def test_the_advice_expects_the_levels_of_the_model_with_height_and_fix_error(height_m, sigma_m):
     obs, found = clear()
-    obs = placed(obs, sigma_m=np.full(len(obs), sigma_m))
+    obs = with_places(obs, sigma_m=np.full(len(obs), sigma_m))
     best = replace(found.modes[0], probability=0.6)
     other = beside(best, 400.0, 0.4, 0.9)
     posterior = replace(

@@ -12,7 +12,7 @@ from logger.core.readings import Readings
 from logger.core.shadow_ekf import ShadowNoise
 from postproc.estimators import ekf_initialisation, metrics
 from postproc.estimators.direction_check import compare
-from tests.kit.walks import simulate
+from tests.kit.walks import simulate, with_places
 
 FLAT = Prior(stations=(Station(1.0, 0.0),))
 
@@ -161,7 +161,7 @@ def test_few_readings_give_a_reason(walk, count):
 def test_a_walk_that_ends_too_near_for_its_knowledge_gives_a_reason(walk):
     """The last reading is taken at the transmitter: no prefix is close enough for that."""
     obs, source, _ = walk
-    at_source = replace(
+    at_source = with_places(
         obs, x_m=np.append(obs.x_m[:-1], source[0]), y_m=np.append(obs.y_m[:-1], source[1])
     )
     whole = locate(obs, FLAT, EFFORT)

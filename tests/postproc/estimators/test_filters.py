@@ -7,7 +7,7 @@ from logger.core import ekf, shadow_ekf
 from logger.core.places import Places
 from logger.core.shadow_ekf import ShadowNoise
 from postproc.estimators import filters
-from tests.kit.walks import placed, simulate
+from tests.kit.walks import simulate, with_places
 
 NOISE = ShadowNoise(4.0, 20.0, 2.0, 5.0)
 
@@ -33,7 +33,7 @@ def step_by_step(obs, state):
 
 
 def uncertain(obs, sigma_m=3.0):
-    return placed(obs, sigma_m=np.full(len(obs), sigma_m))
+    return with_places(obs, sigma_m=np.full(len(obs), sigma_m))
 
 
 def test_reference_is_the_live_filter_step_by_step():

@@ -9,7 +9,7 @@ from logger.core.readings import Readings
 from postproc.estimators import least_squares
 from postproc.estimators.least_squares_rows import group
 from tests.kit.bent_walk import SOURCE, nees, walk
-from tests.kit.walks import placed
+from tests.kit.walks import with_places
 
 
 def test_linear_part_agrees_with_dense_least_squares():
@@ -25,7 +25,7 @@ def test_linear_part_agrees_with_dense_least_squares():
 
 def test_rows_equally_far_away_determine_no_exponent():
     obs = walk(np.random.default_rng(1), count=50)
-    rows = group(placed(obs, x_m=np.full(50, 12.3), y_m=np.full(50, 4.5)), 5.0, robust=False)
+    rows = group(with_places(obs, x_m=np.full(50, 12.3), y_m=np.full(50, 4.5)), 5.0, robust=False)
     x_m, y_m, p0_dbm, eta = rows.best_at(40.0, 70.0)
     assert (x_m, y_m, eta) == pytest.approx((40.0, 70.0, 0.0), abs=1e-9)
     assert p0_dbm == pytest.approx(np.average(rows.level_dbm, weights=rows.weight))

@@ -10,7 +10,7 @@ from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import consistency
 from postproc.estimators.residual_findings import findings
 from postproc.estimators.residuals import diagnose
-from tests.kit.walks import placed
+from tests.kit.walks import with_places
 
 SOURCE = np.array([130.0, 150.0, -30.0, 3.0])
 
@@ -204,7 +204,7 @@ def test_few_readings_are_listed_without_statistics(count):
 
 def test_standing_still_is_survived():
     obs = walk(np.random.default_rng(12), count=50)
-    result = diagnose(SOURCE, placed(obs, x_m=np.zeros(50), y_m=np.zeros(50)))
+    result = diagnose(SOURCE, with_places(obs, x_m=np.zeros(50), y_m=np.zeros(50)))
     assert result.exponent_change is result.sector is None
     assert result.independent == 1.0
 
