@@ -67,7 +67,6 @@ def measure_lookups(path: Path) -> None:
     asked = {
         "square": (lambda file, square: file.square(square), squares),
         "cell": (lambda file, name: file.cell(name), names),
-        "same_cid": (lambda file, name: file.same_cid(name), names),
         "channels": (lambda file, _: file.channels("262", "01", "GSM"), names),
     }
     for kind, (ask, arguments) in asked.items():

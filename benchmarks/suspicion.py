@@ -8,8 +8,8 @@ python benchmarks/suspicion.py live
 
 `rates` applies all rules to legitimate logs (../shared/cells; CELLWALK_CELLS names another folder)
 and to simulated clean cities. One alarm is one cell in one run. It prints alarms, hours, rates with
-95 % Poisson intervals, and alarms per 100 cells, by set and technology; `--python` prints the
-tables of `logger/core/suspicion/rates.py`. `detection` puts one rogue station into each run. `gone`
+95 % Poisson intervals, and alarms per 100 cells, by set and technology; `--python` prints what the
+rules of `logger/core/suspicion` declare. `detection` puts one rogue station into each run. `gone`
 takes cells off the air in simulated cities that were walked before (rule B3). `live` compares the
 cost of the rules on the walk with that of the locator, for 40 cells.
 """
@@ -21,8 +21,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 
-from scipy.stats import chi2
-
 from benchmarks.suspicion_baseline import logs_with_baseline
 from benchmarks.suspicion_city import city_logs
 from benchmarks.suspicion_gone import gone_walks, print_gone
@@ -30,8 +28,8 @@ from benchmarks.suspicion_injection import Outcome, outcomes
 from benchmarks.suspicion_live import print_live_cost
 from benchmarks.suspicion_logs import LOGS, Log, read_logs
 from benchmarks.suspicion_patterns import COPIES, KINDS
-from logger.core.baseline import Baseline
-from logger.core.suspicion.finding import WORDS
+from logger.core.baseline import NO_BASELINE, Baseline
+from logger.core.suspicion.rule import WORDS, Rate
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import SuspicionTracker
 
@@ -41,26 +39,30 @@ GROUPS = {
     "city": ("simulated",),
 }
 """Sets of logs by how the receiver moved: while it stands, nothing else changes the levels."""
+NOT_RATED = frozenset({"simulated", "losangeles"})
+"""Sets that the declared rates are not of: those of losangeles name neighbours with levels."""
 
 
 @dataclass(slots=True)
 class Counts:
     """Alarms and cells by rule or word, set and technology; hours by set.
 
-    `exposed` counts the cells that a rule was applied to.
+    `exposed` counts the cells that a rule was applied to, `exposed_hours` those of their logs.
     """
 
     alarms: Counter[tuple[str, str, str]] = field(default_factory=Counter)
     exposed: Counter[tuple[str, str, str]] = field(default_factory=Counter)
+    exposed_hours: Counter[tuple[str, str, str]] = field(default_factory=Counter)
     words: Counter[tuple[str, str]] = field(default_factory=Counter)
     cells: Counter[str] = field(default_factory=Counter)
     hours: Counter[str] = field(default_factory=Counter)
     suspicious: list[str] = field(default_factory=list)
 
-    def add(self, log: Log, baseline: Baseline | None = None) -> None:
+    def add(self, log: Log, baseline: Baseline = NO_BASELINE) -> None:
         """Apply all rules to a run."""
         tracker = SuspicionTracker(baseline=baseline)
         rats: dict[str, str] = {}
+        asked: set[tuple[str, str, str]] = set()
         for record in log.records:
             tracker.feed(record)
             rats |= tracker.technologies()
@@ -70,23 +72,16 @@ class Counts:
             self.cells[log.set_name] += 1
             self.words[cell.word, log.set_name] += 1
             for finding in cell.findings:
-                self.alarms[finding.rule, log.set_name, rat] += 1
+                self.alarms[finding.rule.id, log.set_name, rat] += 1
             for rule in RULES.values():
                 if tracker.capabilities.is_asked(rule, rat):
                     self.exposed[rule.id, log.set_name, rat] += 1
+                    asked.add((rule.id, log.set_name, rat))
             if cell.word == "suspicious":
-                rules = " ".join(finding.rule for finding in cell.findings)
+                rules = " ".join(finding.rule.id for finding in cell.findings)
                 self.suspicious.append(f"{log.name}: {cell.cell} ({rules})")
-
-
-def poisson95(alarms: int) -> tuple[float, float]:
-    """95 % interval of the mean of a Poisson count; that of 0 is one-sided (3.0)."""
-    if alarms == 0:
-        return 0.0, float(chi2.ppf(0.95, 2) / 2.0)
-    return (
-        float(chi2.ppf(0.025, 2 * alarms) / 2.0),
-        float(chi2.ppf(0.975, 2 * alarms + 2) / 2.0),
-    )
+        for key in asked:
+            self.exposed_hours[key] += log.hours  # type: ignore[assignment]
 
 
 def count(logs: Iterable[Log]) -> Counts:
@@ -111,7 +106,7 @@ def print_rates(counts: Counts) -> None:
             if _ == rule:
                 n = counts.alarms[rule, name, rat]
                 hours = counts.hours[name]
-                low, high = (x / hours for x in poisson95(n))
+                low, high = (x / hours for x in Rate(n, cells, hours, "").interval)
                 interval = f"{n / hours:.2f} ({low:.2f} to {high:.2f})"
                 print(f"{rule:4}  {name:13}  {rat:10}  {n:6}  {cells:5}  {hours:6.1f}  {interval}")
         if not any(key[0] == rule for key in counts.exposed):
@@ -121,38 +116,37 @@ def print_rates(counts: Counts) -> None:
 
 
 def _sets(counts: Counts, name: str) -> list[str]:
-    return [one for one in counts.hours if one != "simulated"] if name == "logs" else [name]
+    return [one for one in counts.hours if one not in NOT_RATED] if name == "logs" else [name]
 
 
 def _print_row(word: str, name: str, n: int, counts: Counts, sets: Sequence[str]) -> None:
     hours, cells = sum(counts.hours[s] for s in sets), sum(counts.cells[s] for s in sets)
     if not hours:
         return
-    low, high = (x / hours for x in poisson95(n))
+    low, high = (x / hours for x in Rate(n, cells, hours, "").interval)
     rate = f"{n / hours:.2f} ({low:.2f} to {high:.2f})"
     print(f"{word:16}  {name:13}  {n:6}  {hours:5.1f}  {rate:22}  {100.0 * n / cells:.2f}")
 
 
 def print_python(counts: Counts) -> None:
-    """The tables of `rates.py`, from the logs alone."""
-    print("MEASURED: Mapping[str, Mapping[str, Rate]] = {")
-    for rule in RULES:
-        rats: dict[str, list[int]] = {}
-        for (name, set_name, rat), cells in counts.exposed.items():
-            if name == rule and set_name != "simulated":
-                sums = rats.setdefault(rat, [0, 0])
-                sums[0] += counts.alarms[rule, set_name, rat]
-                sums[1] += cells
-        rates = ", ".join(f'"{r}": Rate({a}, {n}, _LOGS)' for r, (a, n) in sorted(rats.items()))
-        if rates:
-            print(f'    "{rule}": {{{rates}}},')
-    print("}\n\nWORD_RATES: Mapping[Word, HourRate] = {")
+    """What the rules declare as `measured`, and the words as `WORD_RATES`, from the logs alone."""
     sets = _sets(counts, "logs")
-    hours = sum(counts.hours[s] for s in sets)
+    for rule in RULES:
+        rats = sorted({rat for name, one, rat in counts.exposed if name == rule and one in sets})
+        rates = [f"{rat}=({', '.join(_rate_of(counts, rule, rat))})" for rat in rats]
+        if rates:
+            print(f"{rule}: measured=on_telephones({', '.join(rates)}),")
+    hours, cells = sum(counts.hours[s] for s in sets), sum(counts.cells[s] for s in sets)
     for word in WORDS[:0:-1]:
         n = sum(counts.words[word, s] for s in sets)
-        print(f'    "{word}": HourRate({n}, {hours:.1f}),')
-    print("}")
+        print(f'"{word}": Rate({n}, {cells}, {hours:.1f}, _LOGS),')
+
+
+def _rate_of(counts: Counts, rule: str, rat: str) -> tuple[str, str, str]:
+    """Alarms, cells and hours of a rule and a technology."""
+    keys = [(rule, one, rat) for one in _sets(counts, "logs")]
+    alarms, cells = (sum(of[key] for key in keys) for of in (counts.alarms, counts.exposed))
+    return str(alarms), str(cells), f"{sum(counts.exposed_hours[key] for key in keys):.1f}"
 
 
 def print_detection(kind: str, strong: bool, results: Sequence[Outcome]) -> None:
@@ -189,7 +183,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--cities", type=int, default=0, help="simulated clean cities")
     parser.add_argument("--seeds", type=int, default=1, help="stations for each run and kind")
     parser.add_argument("--baseline", type=int, default=0, help="earlier walks of the same route")
-    parser.add_argument("--python", action="store_true", help="print rates.py")
+    parser.add_argument("--python", action="store_true", help="print it as the rules declare it")
     given = parser.parse_args(arguments)
     if given.what == "live":
         print_live_cost()

@@ -70,7 +70,7 @@ def summary_of(records: list[Record], path: Path) -> WalkSummary:
 def _missed_cells(records: list[Record], baseline: Baseline) -> set[str | None]:
     tracker = SuspicionTracker(baseline=baseline)
     found = [finding for record in records for finding in tracker.feed(record)]
-    return {finding.cell for finding in found if finding.rule == "B3"}
+    return {finding.cell for finding in found if finding.rule.id == "B3"}
 
 
 def print_gone(walks: list[GoneWalk], strong_dbm: float = -60.0) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.suspicion_logs import Log
 from benchmarks.suspicion_patterns import COPIES, KINDS, pattern_of
-from logger.core.suspicion.finding import Word
+from logger.core.suspicion.rule import Word
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.sim.shadowing import Shadowing

@@ -18,7 +18,7 @@ LOGS = Path(
 """Folder of the logs (*.csv.gz); they are not part of the project."""
 _LONGEST_PAUSE_S = 30.0
 """Of a longer gap only this much counts as time in which a rule could have been broken."""
-_SETS = ("cork_driving", "cork_static", "india_gsm", "india_umts", "ottawa")
+_SETS = ("cork_driving", "cork_static", "india_gsm", "india_umts", "losangeles", "ottawa")
 
 
 @dataclass(frozen=True, slots=True)

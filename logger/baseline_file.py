@@ -57,7 +57,6 @@ class BaselineFile:
         self._db = _open(path) if database is None else database
         self._squares: Latest[SquareHistory] = Latest(_MOST_KEPT)
         self._cells: Latest[KnownCell | None] = Latest(_MOST_KEPT)
-        self._same_cid: Latest[tuple[KnownCell, ...]] = Latest(_MOST_KEPT)
         self._channels: Latest[Mapping[int, int]] = Latest(_MOST_KEPT)
         trust = self._all_rows("SELECT cell, note FROM trust ORDER BY cell")
         self._trust: dict[str, str] = dict(trust)
@@ -76,10 +75,6 @@ class BaselineFile:
     def cell(self, name: str) -> KnownCell | None:
         """What is known of a cell; None if no earlier walk heard it."""
         return self._answer(self._cells, name, lambda: self._read_cell(name))
-
-    def same_cid(self, name: str) -> tuple[KnownCell, ...]:
-        """Known cells with the MCC, MNC and CID of this one under another area code, by name."""
-        return self._answer(self._same_cid, name, lambda: self._read_same_cid(name))
 
     def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
         """Channel numbers on which cells of an operator were heard, with the number of cells."""
@@ -130,18 +125,6 @@ class BaselineFile:
         pairs = self._rows("SELECT channel, code FROM cell_channel WHERE cell = ?", number)
         channels = frozenset((_or_none(channel), _or_none(code)) for channel, code in pairs)
         return KnownCell(name, rat, n_walks, n_scans, n_squares, best_dbm, strongest, channels)
-
-    def _read_same_cid(self, name: str) -> tuple[KnownCell, ...]:
-        mcc, mnc, area, cid = parts_of(name)
-        others = self._rows(
-            "SELECT name FROM cell WHERE (mcc, mnc, cid) = (?, ?, ?) AND area != ? ORDER BY name",
-            mcc,
-            mnc,
-            cid,
-            area,
-        )
-        known = (self.cell(other) for (other,) in others)
-        return tuple(cell for cell in known if cell is not None)
 
     def _read_channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
         rows = self._rows(

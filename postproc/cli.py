@@ -128,7 +128,8 @@ def replay(path: Path, *, as_json: bool) -> int:
     elif not result.n_recorded and not result.n_replayed:
         print("the run contains no live estimate: no 2G cell was decoded while there was a fix")
     elif result.equal:
-        print(f"replay equals live: {result.n_equal} estimates, to the last bit")
+        words = "; words by other rules" if result.other_rules else ""
+        print(f"replay equals live: {result.n_equal} estimates, to the last bit{words}")
     elif result.findings_differ:
         print("replay differs from live: the findings of the rules are not the recorded ones")
     elif result.advice_differs and result.n_equal == result.n_recorded == result.n_replayed:
@@ -177,11 +178,11 @@ def smooth(
     from postproc.cell_work import exit_code
     from postproc.result import Options
     from postproc.summary import summarise
-    from postproc.suspicion.ordering import order_by_word
+    from postproc.suspicion.run_assessment import conspicuous_first
 
     runs = [read_sound_run(path) for path in paths]
     result = estimate(runs, cells, Options(prior, loss, within_m))
-    summary = summarise(order_by_word(result))
+    summary = summarise(conspicuous_first(result)[0])
     # printed first: a run on a read-only card has an answer too
     failures = _print_summary(summary, details=bool(cells or verbose), as_json=as_json)
     beside = results.path_beside(paths[0], together=len(runs) > 1)

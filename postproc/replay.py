@@ -1,7 +1,7 @@
 """The live estimate once more, from recorded fixes, scans and what the walker followed."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from importlib.metadata import version
 
@@ -10,10 +10,11 @@ from threadpoolctl import threadpool_limits
 
 from logger.core.errors import EstimationError, error_place
 from logger.core.live import ADVICE, LiveTracker
-from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED
+from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED, SUSPICIOUS
 from logger.core.runfile import Run
-from logger.core.suspicion.notes import FINDING_CODE, RULES_CODE, start_note
-from logger.core.types import LiveEstimate, Note, Record
+from logger.core.suspicion.rules import RULES_CODE, rules_note
+from logger.core.suspicion.words import FINDING_CODE
+from logger.core.types import LiveEstimate, Note, Record, Scan
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +23,8 @@ class Replay:
 
     That holds on one kind of machine. Between a Pi and a laptop log10 and BLAS may differ in the
     last bit; `largest_m` is how far that has moved the position. A run of another version of the
-    program may differ by more: `recorded_by` and `replayed_by` name both.
+    program may differ by more: `recorded_by` and `replayed_by` name both. Findings of `other_rules`
+    are not compared.
     """
 
     n_recorded: int
@@ -35,10 +37,14 @@ class Replay:
     n_findings: int = 0
     findings_differ: bool = False
     advice_differs: bool = False
+    other_rules: bool = False
 
     @property
     def equal(self) -> bool:
-        """Whether every estimate, every finding and all advice is there and equal."""
+        """Whether every estimate, finding and piece of advice is there and equal.
+
+        Findings of other rules need not be.
+        """
         is_estimate_equal = self.n_equal == self.n_recorded == self.n_replayed
         return is_estimate_equal and not self.findings_differ and not self.advice_differs
 
@@ -50,7 +56,8 @@ def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
     `EstimationError` where it fails only here.
     """
     failed, restarted = _numbers(run, FAILED), _numbers(run, RESTARTED)
-    tracker: LiveTracker | None = LiveTracker(run.meta.live)
+    targets = _targets(run)
+    tracker: LiveTracker | None = _tracker(run, targets)
     follow: tuple[int, Record] | None = None
     with threadpool_limits(1):  # as on the device: several threads of BLAS add in another order
         for seq, record in run.records("fixes", "scans", "notes"):
@@ -61,12 +68,14 @@ def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
             if seq in failed:
                 tracker = None
             elif tracker is None and seq in restarted:
-                tracker = LiveTracker(run.meta.live)
-                if follow is not None and follow[0] != seq:
+                tracker = _tracker(run, targets)
+                if follow is not None and follow[0] != seq and targets is None:
                     tracker.feed(*follow)
-            if tracker is None:
+            if tracker is None or (targets is not None and isinstance(record.value, Note)):
                 continue
             try:
+                if targets and isinstance(record.value, Scan) and record.t_ns in targets:
+                    tracker.feed(seq, targets[record.t_ns])
                 values = tracker.feed(seq, record)
             except Exception as error:
                 text = f"{run.path}: the live estimate fails at record {seq}: {error_place(error)}"
@@ -74,10 +83,34 @@ def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
             yield from values
 
 
+def _tracker(run: Run, targets: Mapping[int, Record] | None) -> LiveTracker:
+    tracker = LiveTracker(run.meta.live)
+    if targets is not None:
+        tracker.feed(0, Record(0, "replay", Note("info", FOLLOW, "")))  # no cell before the first
+    return tracker
+
+
+def _targets(run: Run) -> dict[int, Record] | None:
+    """Targets as the run has them, by the time of their scan; None where they are chosen anew.
+
+    The target may be the most suspicious cell, and words by other rules cannot be repeated.
+    """
+    notes = [record for _, record in run.records("notes")]
+    wanted = {run.meta.live.target, *_texts((record.value for record in notes), FOLLOW)}
+    if SUSPICIOUS not in wanted or _has_same_words(run):
+        return None
+    chosen = ((record.t_ns, _TARGET.match(getattr(record.value, "text", ""))) for record in notes)
+    return {
+        t_ns: Record(t_ns, "replay", Note("info", FOLLOW, cell[1])) for t_ns, cell in chosen if cell
+    }
+
+
+_TARGET = re.compile(r"target is (.*) at -?\d+ dBm")
+
+
 def _numbers(run: Run, code: str) -> frozenset[int]:
     """Numbers of the records that the events with a code name."""
-    values = (record.value for _, record in run.records("notes"))
-    named = (re.match(r"record (\d+):", text) for text in _texts(values, code))
+    named = (re.match(r"record (\d+):", text) for text in _texts(_values(run, "notes"), code))
     return frozenset(int(number[1]) for number in named if number)
 
 
@@ -86,12 +119,11 @@ def replay(run: Run) -> Replay:
 
     After a power cut, or on a slow device, the end of the recorded estimates may be missing.
     """
-    values = (record.value for _, record in run.records("live"))
-    recorded = [value for value in values if isinstance(value, LiveEstimate)]
+    recorded = [value for value in _values(run, "live") if isinstance(value, LiveEstimate)]
     values_replayed = list(live_values(run))
     replayed = [value for value in values_replayed if isinstance(value, LiveEstimate)]
-    findings = _findings(record.value for _, record in run.records("notes"))
-    findings_replayed = _findings([start_note(), *values_replayed])
+    findings = _findings(_values(run, "notes"))
+    findings_replayed = _findings([rules_note(), *values_replayed])
     if _is_cut(run):
         common = min(len(recorded), len(replayed))
         recorded, replayed = recorded[:common], replayed[:common]
@@ -109,6 +141,7 @@ def replay(run: Run) -> Replay:
         n_findings=len(findings),
         findings_differ=_findings_differ(run, findings, findings_replayed),
         advice_differs=_advice_differs(run, values_replayed),
+        other_rules=_are_of_others(findings),
     )
 
 
@@ -128,14 +161,29 @@ def _texts(values: Iterable[object], *codes: str) -> list[str]:
 
 
 def _findings_differ(run: Run, recorded: list[str], replayed: list[str]) -> bool:
-    """Whether findings differ, of a run that the same rules made without earlier walks.
-
-    The file of a baseline is not part of the run, so its findings cannot be repeated.
-    """
-    if not recorded or recorded[0] != start_note().text or _has_baseline(run):
+    """Whether findings differ, of a run whose words can be repeated."""
+    if not recorded or not _has_same_words(run):
         return False
     shorter = min(len(recorded), len(replayed)) if run.end is None else None
     return recorded[:shorter] != replayed[:shorter]
+
+
+def _has_same_words(run: Run) -> bool:
+    """Whether a run has the words of these rules, without earlier walks, or none.
+
+    The file of a baseline is not part of the run, so its findings cannot be repeated.
+    """
+    has_baseline = bool(np.any(run.tables["notes"]["code"] == b"baseline"))
+    return not has_baseline and not _are_of_others(_findings(_values(run, "notes")))
+
+
+def _are_of_others(findings: Sequence[str]) -> bool:
+    """Whether findings are those of other rules."""
+    return bool(findings) and findings[0] != rules_note().text
+
+
+def _values(run: Run, table: str) -> Iterator[object]:
+    return (record.value for _, record in run.records(table))
 
 
 def _advice_differs(run: Run, replayed: Iterable[object]) -> bool:
@@ -143,15 +191,11 @@ def _advice_differs(run: Run, replayed: Iterable[object]) -> bool:
 
     The file of a street map is not part of the run, so advice with one cannot be repeated.
     """
-    advice = _texts((record.value for _, record in run.records("notes")), ADVICE)
+    advice = _texts(_values(run, "notes"), ADVICE)
     if not advice or np.any(run.tables["notes"]["code"] == b"streets"):
         return False
     again = _texts(replayed, ADVICE)
     return advice != (again[: len(advice)] if _is_cut(run) else again)
-
-
-def _has_baseline(run: Run) -> bool:
-    return bool(np.any(run.tables["notes"]["code"] == b"baseline"))
 
 
 def _are_equal(a: LiveEstimate, b: LiveEstimate) -> bool:

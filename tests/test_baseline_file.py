@@ -82,13 +82,6 @@ def test_a_cell_has_its_channels_and_its_strongest_square(baseline):
     assert baseline.cell(name(3)) is None
 
 
-def test_a_cell_under_another_area(baseline):
-    assert [known.name for known in baseline.same_cid(name(1))] == [name(1, 802)]
-    assert [known.name for known in baseline.same_cid(name(1, 999))] == [name(1), name(1, 802)]
-    assert baseline.same_cid(name(2)) == ()
-    assert baseline.same_cid("a label") == ()
-
-
 def test_channels_of_an_operator(baseline):
     assert dict(baseline.channels("262", "01", "GSM")) == {20: 2, 30: 1, 31: 1, 32: 1}
     assert not baseline.channels("262", "02", "GSM")
@@ -148,7 +141,6 @@ def test_any_damage_is_an_error_or_an_answer(tmp_path, stored_file):
             baseline = BaselineFile(path)
             baseline.square(square)
             baseline.cell(name(1))
-            baseline.same_cid(name(1))
             baseline.channels("262", "01", "GSM")
             baseline.close()
         except RunFileError:

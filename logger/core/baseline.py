@@ -1,9 +1,9 @@
 """What earlier walks heard, as rules and the comparison of walks ask for it.
 
 A `Baseline` answers from earlier walks: who was heard in a square of 300 m (`square`), what is
-known of one cell (`cell`), which cells have the same identity under another area (`same_cid`),
-which channels an operator uses (`channels`), and which cells the user trusts (`trust_note`). It
-answers the same for the same file, so what is derived live can be derived again.
+known of one cell (`cell`), which channels an operator uses (`channels`), and which cells the user
+trusts (`trust_note`). It answers the same for the same file, so what is derived live can be derived
+again.
 `logger.baseline_file` reads one from SQLite, `postproc.baseline` makes it; `NoBaseline` is that of
 a device without one.
 
@@ -87,9 +87,6 @@ class Baseline(Protocol):
     def cell(self, name: str) -> KnownCell | None:
         """What is known of the cell `mcc-mnc-area-cid`; None if no earlier walk heard it."""
 
-    def same_cid(self, name: str) -> tuple[KnownCell, ...]:
-        """Known cells with the MCC, MNC and CID of this one under another area code, by name."""
-
     def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
         """Channel numbers on which cells of an operator were heard, with the number of cells."""
 
@@ -108,9 +105,6 @@ class NoBaseline:
 
     def cell(self, name: str) -> KnownCell | None:  # noqa: ARG002
         return None
-
-    def same_cid(self, name: str) -> tuple[KnownCell, ...]:  # noqa: ARG002
-        return ()
 
     def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:  # noqa: ARG002
         return MappingProxyType({})

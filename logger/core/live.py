@@ -20,8 +20,8 @@ from logger.core.live_settings import FOLLOW, LiveSettings
 from logger.core.model.prior import Prior, prior_for
 from logger.core.places import TIMING_S, Places, Utm
 from logger.core.readings import Readings
-from logger.core.suspicion.notes import error_notes, finding_notes
 from logger.core.suspicion.tracker import SuspicionTracker
+from logger.core.suspicion.words import error_notes, finding_notes
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
 _MOST_ONCE = 100

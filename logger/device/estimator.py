@@ -21,6 +21,7 @@ from logger.core.errors import error_place
 from logger.core.live_settings import FAILED, FOLLOW, REFERENCE, RESTARTED, LiveSettings
 from logger.core.types import Level, LiveEstimate, Note, Record
 from logger.device.link import Inbox
+from logger.device.status import SuspicionStatus
 
 if TYPE_CHECKING:
     from logger.core.answer import Answer
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from logger.core.guidance.next_way import NextWay
     from logger.core.guidance.street_atlas import Streets
     from logger.core.live import LiveTracker
-    from logger.core.suspicion.words import Assessment
     from logger.device.live_baseline import LiveBaseline
     from logger.device.live_streets import LiveStreets
     from logger.device.status import PositionStatus
@@ -40,8 +40,8 @@ log = logging.getLogger(__name__)
 
 MOST_WAITING = 20_000
 """Records of half an hour; a processor that is so far behind leaves out what follows."""
-
-
+_MOST_SUSPICIONS = 10
+"""Cells in `status.json`: more is a list that nobody reads on a walk."""
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 10.0, 600.0
 """Time of the records that a failed estimate waits: twice as long each time, since what fails at
 each scan must not take the processor."""
@@ -56,9 +56,9 @@ def live_tracker(settings: LiveSettings, baseline: "Baseline", streets: "Streets
 
 def _rules_note() -> Note:
     """Which rules are applied; their modules are imported with the tracker."""
-    from logger.core.suspicion.notes import start_note  # noqa: PLC0415
+    from logger.core.suspicion.rules import rules_note  # noqa: PLC0415
 
-    return start_note()
+    return rules_note()
 
 
 def _log_place(error: Exception) -> None:
@@ -69,7 +69,7 @@ def _log_place(error: Exception) -> None:
 class Estimator:
     """Feeds records to the tracker that `make` returns, until `finish`.
 
-    `latest` is the newest estimate of the target, `suspicions` the words of cells with a finding,
+    `latest` is the newest estimate of the target, `suspicions` the unusual cells, the worst first,
     `next_way` and `position` the advice for the target and its posterior. `trouble` is why there
     are none now, empty while the estimate is made; `left_out` says which files are not used, and
     why.
@@ -99,7 +99,7 @@ class Estimator:
         self._shown: Answer | None = None
         self._n_changes = 0
         self.latest: LiveEstimate | None = None
-        self.suspicions: tuple[Assessment, ...] = ()
+        self.suspicions: tuple[SuspicionStatus, ...] = ()
         self.next_way: NextWay | None = None
         self.position: PositionStatus | None = None
 
@@ -221,8 +221,15 @@ class Estimator:
         self._show(tracker.followed)
         if tracker.suspicion.n_changes != self._n_changes:
             self._n_changes = tracker.suspicion.n_changes
-            found = [cell for cell in tracker.suspicion.assessments() if cell.findings]
-            self.suspicions = tuple(found)
+            self.suspicions = tuple(
+                SuspicionStatus(
+                    one.cell,
+                    one.word,
+                    round(one.score_nats, 2),
+                    tuple(finding.text for finding in one.findings),
+                )
+                for one in tracker.suspicion.conspicuous()[:_MOST_SUSPICIONS]
+            )
         for value in values:
             self._inbox.put(Record(record.t_ns, "live", value))
             if isinstance(value, Note):

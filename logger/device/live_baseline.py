@@ -56,9 +56,6 @@ class LiveBaseline:
     def cell(self, name: str) -> KnownCell | None:
         return self._ask(lambda baseline: baseline.cell(name))
 
-    def same_cid(self, name: str) -> tuple[KnownCell, ...]:
-        return self._ask(lambda baseline: baseline.same_cid(name))
-
     def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
         return self._ask(lambda baseline: baseline.channels(mcc, mnc, rat))
 

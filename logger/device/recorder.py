@@ -22,8 +22,7 @@ from logger.device.retention import RoomKeeper
 
 if TYPE_CHECKING:
     from logger.core.guidance.next_way import NextWay
-    from logger.core.suspicion.words import Assessment
-    from logger.device.status import PositionStatus
+    from logger.device.status import PositionStatus, SuspicionStatus
 
 log = logging.getLogger(__name__)
 
@@ -82,8 +81,8 @@ class Recorder:
         return self._estimator.latest
 
     @property
-    def suspicions(self) -> "tuple[Assessment, ...]":
-        """Words of the cells with a finding."""
+    def suspicions(self) -> "tuple[SuspicionStatus, ...]":
+        """Unusual cells, the most suspicious first."""
         return self._estimator.suspicions
 
     @property

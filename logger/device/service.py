@@ -25,7 +25,6 @@ from logger.device.recorder import Recorder
 from logger.device.saved_modes import SavedModes
 from logger.device.startup import BegunRun
 from logger.device.status import Sign, Status, TargetStatus, status_folder
-from logger.device.suspicion_status import suspicion_status
 from logger.device.watched_inbox import WatchedInbox
 from logger.drivers.registry import FAMILIES, check_mode
 
@@ -228,7 +227,7 @@ class Service:
         counts, inbox, synced_ns = self.recorder.counts, self._inbox, self._synced_ns
         now_ns = self._clock.now_ns()  # after all times that it is compared with
         trouble = self._trouble(now_ns)
-        suspicions = suspicion_status(self.recorder.suspicions)
+        suspicions = self.recorder.suspicions
         return Status(
             state="error" if trouble else self._sign(now_ns),
             text=trouble or self.status(),

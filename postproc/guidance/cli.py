@@ -165,7 +165,7 @@ def _readings_of(paths: Sequence[Path], cell: str | None) -> "Readings":
 def _first_to_look_for(runs: "Sequence[Run]", every: "list[Readings]") -> str | None:
     """The most suspicious or unusual cell that has levels; without one the strongest."""
     from postproc.cell_work import Attempts
-    from postproc.suspicion.ordering import conspicuous_cells
+    from postproc.suspicion.run_assessment import conspicuous_cells
 
     levels: dict[str, float] = {}
     tries = Attempts("the choice of its readings")

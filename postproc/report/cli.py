@@ -109,7 +109,7 @@ def _page(
 ) -> "Report":
     from postproc.progress import with_progress
     from postproc.report.rendering import MOST_DETAILED, make_report
-    from postproc.suspicion.ordering import conspicuous_first
+    from postproc.suspicion.run_assessment import conspicuous_first
 
     if len(runs) > 1 and claims:
         raise ConfigError("a claim is tested against one run: name only that run")

@@ -21,7 +21,7 @@ from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
 from logger.core.locator.two_source_test import Division, divide, divide_in_time
 from logger.core.locator.verdict import assess
 from logger.core.readings import Readings
-from logger.core.suspicion.finding import Word
+from logger.core.suspicion.rule import Word
 from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.region_outline import geojson

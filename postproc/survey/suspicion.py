@@ -10,8 +10,8 @@ from pathlib import Path
 
 import msgspec
 
-from logger.core.suspicion.finding import WORDS, Word
-from logger.core.suspicion.notes import VERSION
+from logger.core.suspicion.rule import WORDS, Word
+from logger.core.suspicion.rules import rules_version
 from logger.core.suspicion.tracker import SuspicionTracker
 from postproc.progress import with_progress
 from postproc.survey import layout
@@ -35,10 +35,13 @@ class CellWord(msgspec.Struct, frozen=True):
 
 
 class RunWords(msgspec.Struct, frozen=True):
-    """What the rules of a version say of the cells of a run."""
+    """What the rules of a version say of the cells of a run.
+
+    Earlier programs kept a number as the version: such lines are of other rules and not read.
+    """
 
     run: str
-    version: int
+    version: str
     cells: tuple[CellWord, ...]
 
 
@@ -57,7 +60,8 @@ def words_of_runs(survey: Survey, runs: Sequence[str], cluster: Cluster) -> list
     Raises `RunFileError` where they cannot be kept.
     """
     path = survey.folder / "words.jsonl"
-    known = {one.run: one for one in whole_lines(path, RunWords) if one.version == VERSION}
+    version = rules_version()
+    known = {one.run: one for one in whole_lines(path, RunWords) if one.version == version}
     tasks = list(_tasks(survey, set(runs) - set(known)))
     arriving = cluster.results(ask_runs, tasks)
     for _, found in with_progress(arriving, "suspicion", len(tasks)):
@@ -111,6 +115,6 @@ def _ask(run: str, inputs: RuleInputs) -> RunWords:
     for one in tracker.assessments():
         if one.word != WORDS[0]:
             strongest = sorted(one.findings, key=lambda finding: -finding.nats)
-            rules = tuple(dict.fromkeys(finding.rule for finding in strongest))
+            rules = tuple(dict.fromkeys(finding.rule.id for finding in strongest))
             cells.append(CellWord(one.cell, one.word, rules))
-    return RunWords(run, VERSION, tuple(cells))
+    return RunWords(run, rules_version(), tuple(cells))

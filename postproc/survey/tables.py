@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from logger.core.ellipse import RADII, metres
-from logger.core.suspicion.finding import WORDS
+from logger.core.suspicion.rule import WORDS
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.location import Location
 from postproc.terminal import print_text, screen, table

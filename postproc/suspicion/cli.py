@@ -1,7 +1,7 @@
 """The command `postproc suspect`."""
 
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import click
@@ -10,7 +10,22 @@ from logger.command_line import INPUT, json_option
 from postproc.options import runs_argument
 
 
+def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) -> None:
+    if is_wanted:
+        from postproc.suspicion.run_assessment import ALL_RULES
+        from postproc.terminal import print_text, screen
+
+        console = screen()
+        for rule in ALL_RULES:
+            print_text(console, rule.text, bullet="  - ")
+        context.exit()
+
+
 @click.command
+@click.option(
+    "--rules", is_flag=True, is_eager=True, expose_value=False, callback=_print_rules,
+    help="Print all rules with their needs and rates instead.",
+)  # fmt: skip
 @runs_argument
 @click.option(
     "--baseline", "baseline_path", type=INPUT, metavar="FILE",
@@ -40,11 +55,9 @@ def suspect(
     with ExitStack() as stack:
         baseline = database = None
         if baseline_path is not None:
-            baseline = BaselineFile(baseline_path)
-            stack.callback(baseline.close)
+            baseline = stack.enter_context(closing(BaselineFile(baseline_path)))
         if celldb_path is not None:
-            database = CellDb(celldb_path)
-            stack.callback(database.close)
+            database = stack.enter_context(closing(CellDb(celldb_path)))
         suspicions = assess_runs(
             [read_sound_run(path) for path in paths], baseline, database, with_progress
         )

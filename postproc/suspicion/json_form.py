@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
-from logger.core.suspicion.finding import Finding, Value, Word
+from logger.core.suspicion.rule import Finding, Value, Word
 from logger.core.suspicion.words import false_alarms_per_hour
 from postproc.suspicion.run_assessment import Suspicions
 
@@ -69,8 +69,8 @@ def as_json(suspicions: Suspicions) -> bytes:
 def _finding(suspicions: Suspicions, finding: Finding) -> FindingJson:
     seconds = suspicions.seconds(finding)
     return FindingJson(
-        finding.rule,
-        finding.family,
+        finding.rule.id,
+        finding.rule.family,
         finding.text,
         None if seconds is None else round(seconds, 3),
         finding.lat_deg,

@@ -2,8 +2,7 @@
 
 from rich.console import Console
 
-from logger.core.suspicion.finding import Finding, Word
-from logger.core.suspicion.rules import RULES, rate_text
+from logger.core.suspicion.rule import Finding, Word
 from logger.core.suspicion.words import Assessment, sentences, word_rate_text
 from postproc.suspicion.run_assessment import Suspicions
 from postproc.terminal import print_text, screen
@@ -45,7 +44,7 @@ def not_asked_text(suspicions: Suspicions) -> str:
 
 
 def _has_warning(cell: Assessment) -> bool:
-    return any(RULES[finding.rule].only_warns for finding in cell.findings)
+    return any(finding.rule.strength == "warns" for finding in cell.findings)
 
 
 def _print_cell(console: Console, suspicions: Suspicions, cell: Assessment) -> None:
@@ -59,11 +58,11 @@ def _print_cell(console: Console, suspicions: Suspicions, cell: Assessment) -> N
 
 def reason_text(suspicions: Suspicions, finding: Finding) -> str:
     """A finding with time, place, what else explains it, and its rate."""
-    rule = RULES[finding.rule]
+    rule = finding.rule
     where = "" if finding.lat_deg is None else f", {finding.lat_deg:.5f} {finding.lon_deg:.5f}"
     seconds = suspicions.seconds(finding)
     when = "" if seconds is None else f" ({seconds:.0f} s{where})"
     return (
-        f"{finding.text}{when}. Also seen with: {rule.innocent}. "
-        f"{rate_text(rule, finding.nats)} [{rule.id}]"
+        f"{finding.text}{when}. Also seen with: {rule.harmless}. "
+        f"{rule.rate_text(finding.nats)} [{rule.id}]"
     )

@@ -153,7 +153,7 @@ def _view_model(options: _Options, runs: Sequence["Run"]) -> "ViewModel":
     from postproc.cell_work import Attempts
     from postproc.progress import with_progress
     from postproc.result import Options
-    from postproc.suspicion.ordering import conspicuous_first
+    from postproc.suspicion.run_assessment import conspicuous_first
     from postproc.view.end_to_end import end_to_end
     from postproc.view.timeline import MOST_STEPS, answer_steps
     from postproc.view.view_model import CellDetail, select_cells, view_model

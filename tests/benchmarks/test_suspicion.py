@@ -2,33 +2,31 @@
 
 import pytest
 
-from benchmarks.suspicion import Counts, count, poisson95
+from benchmarks.suspicion import NOT_RATED, Counts, count
 from benchmarks.suspicion_baseline import logs_with_baseline
 from benchmarks.suspicion_city import city_log
 from benchmarks.suspicion_injection import detect, inject
 from benchmarks.suspicion_logs import LOGS, read_logs
-from logger.core.suspicion.rates import MEASURED, WORD_RATES
 from logger.core.suspicion.rules import RULES
+from logger.core.suspicion.words import WORD_RATES
 from logger.sim.city import ROGUE
 
 needs_logs = pytest.mark.skipif(not LOGS.is_dir(), reason=f"there are no logs in {LOGS}")
 
 
-def test_the_interval_of_a_poisson_count():
-    assert poisson95(0) == pytest.approx((0.0, 2.996), abs=0.001)
-    assert poisson95(10) == pytest.approx((4.795, 18.390), abs=0.001)
-
-
 @needs_logs
 @pytest.mark.slow
 def test_the_rates_on_legitimate_logs_are_those_that_the_program_states():
-    counts = count(read_logs())
-    for rule, by_rat in MEASURED.items():
-        for rat, rate in by_rat.items():
-            alarms = sum(n for (name, _, r), n in counts.alarms.items() if (name, r) == (rule, rat))
-            assert alarms <= rate.alarms, (rule, rat)
+    counts = count(log for log in read_logs() if log.set_name not in NOT_RATED)
+    for rule in RULES.values():
+        for rat, rate in rule.measured.items():
+            keys = [key for key in counts.exposed if (key[0], key[2]) == (rule.id, rat)]
+            assert sum(counts.alarms[key] for key in keys) <= rate.alarms, (rule.id, rat)
+            hours = sum(counts.exposed_hours[key] for key in keys)
+            assert hours == pytest.approx(rate.hours, abs=0.06), (rule.id, rat)
     for word, rate in WORD_RATES.items():
         assert sum(n for (name, _), n in counts.words.items() if name == word) <= rate.alarms
+        assert sum(counts.hours.values()) == pytest.approx(rate.hours, abs=0.06)
     assert counts.words["suspicious", "india_gsm"] == counts.words["suspicious", "ottawa"] == 0
     assert counts.words["suspicious", "cork_driving"] <= 3
     assert counts.words["unusual", "cork_driving"] / counts.hours["cork_driving"] <= 2.0

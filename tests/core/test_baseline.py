@@ -15,7 +15,6 @@ def test_without_a_baseline_nothing_is_known():
     assert baseline.n_walks == 0
     assert baseline.cell("262-01-1-1") is None
     assert baseline.trust_note("262-01-1-1") is None
-    assert not baseline.same_cid("262-01-1-1")
     assert not baseline.channels("262", "01", "GSM")
     around = squares_around(baseline, 52.5, 13.4, 500.0)
     assert [square.square for square in around] == squares_within(52.5, 13.4, 500.0)

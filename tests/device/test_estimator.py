@@ -8,7 +8,7 @@ from logger.config import parse_config
 from logger.core.live import LiveTracker
 from logger.core.live_settings import BEHIND, FAILED, RESTARTED, LiveSettings
 from logger.core.runfile import read_run
-from logger.core.suspicion.notes import start_note
+from logger.core.suspicion.rules import rules_note
 from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
 from logger.device import estimator
 from logger.device.clock import ScaledClock
@@ -37,7 +37,7 @@ def next_values(inbox):
     values = []
     while (record := inbox.get(0.0)) is not None:
         values.append(record.value)
-    return [v for v in values if v != start_note()]
+    return [v for v in values if v != rules_note()]
 
 
 class Slow(LiveTracker):
@@ -61,7 +61,7 @@ def test_what_is_found_is_what_a_tracker_finds_in_that_order():
         expected += alone.feed(seq, record)
         assert beside.give(seq, record)
     assert beside.finish(LIMIT_S)
-    assert inbox.get(0.0).value == start_note()  # which rules are applied
+    assert inbox.get(0.0).value == rules_note()  # which rules are applied
     assert next_values(inbox) == expected
     assert (
         beside.latest

@@ -55,7 +55,7 @@ class Walk:
     @property
     def rules(self):
         """Rule and cell identity of each finding."""
-        return {(finding.rule, int(finding.cell.split("-")[-1])) for finding in self.found}
+        return {(finding.rule.id, int(finding.cell.split("-")[-1])) for finding in self.found}
 
     def word(self, cell):
         return self.tracker.assessment(cell).word

@@ -101,7 +101,7 @@ def fail_in(monkeypatch, step, error=PLANTED):
     return calls
 
 
-RULES = ("logger.core.suspicion.signal._jump",)
+RULES = ("logger.core.suspicion.signal._steady_dbm",)
 
 
 def outputs(capsys, *argv):
@@ -160,7 +160,7 @@ ESTIMATE = [
     "postproc.smoothing.shares_of",
     "postproc.summary._cell",
     "postproc.summary.truth_of",
-    "logger.core.suspicion.signal._jump",
+    "logger.core.suspicion.signal._steady_dbm",
 ]
 
 
@@ -185,7 +185,7 @@ def test_its_lines_on_the_terminal(details, run, capsys, monkeypatch):
 
 
 def test_a_rule_of_suspicion(check, run):
-    check("logger.core.suspicion.signal._jump", "suspect", run, reasons="error", text=True)
+    check("logger.core.suspicion.signal._steady_dbm", "suspect", run, reasons="error", text=True)
 
 
 CLAIM = f"{LAT},{LON},50"

@@ -5,9 +5,12 @@ import pytest
 
 from logger.core.errors import EstimationError
 from logger.core.live import ADVICE, LiveTracker
-from logger.core.live_settings import FAILED, FOLLOW, RESTARTED, LiveSettings
+from logger.core.live_settings import FAILED, FOLLOW, REFERENCE, RESTARTED, LiveSettings
 from logger.core.runfile import read_run
-from logger.core.types import Fix, LiveEstimate, Note, Record
+from logger.core.suspicion.rule import Rate
+from logger.core.suspicion.rules import RULES, RULES_CODE, rules_note
+from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
+from postproc.cli import main
 from postproc.replay import replay
 from tests.kit import runs
 
@@ -174,3 +177,78 @@ def test_an_estimate_that_fails_only_here_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(LiveTracker, "feed", failing)
     with pytest.raises(EstimationError, match=r"record \d+: ZeroDivisionError \("):
         _replay(tmp_path, records)
+
+
+SUSPICIOUS = LiveSettings(target="suspicious")
+
+
+@pytest.fixture
+def walk_with_words(tmp_path):
+    """A run that follows the cell of another continent, as its rules found it."""
+    foreign = replace(runs.reading(9, -75.0, "neighbour"), mcc="310", mnc="260")
+    stream = [Record(0, "live", rules_note()), *runs.records(60)]
+    for k, record in enumerate(stream):
+        if isinstance(record.value, Scan):
+            readings = (*record.value.readings, foreign)
+            stream[k] = replace(record, value=replace(record.value, readings=readings))
+    records = _record_walk(stream, SUSPICIOUS)
+    assert {value.cell for value in _live(records) if value.stage == REFERENCE} == {
+        "262-01-4711-1", "310-260-4711-9",
+    }  # fmt: skip
+    runs.write_journal(tmp_path / "a.journal", records, live=SUSPICIOUS)
+    return tmp_path / "a.journal", records
+
+
+def test_words_by_the_same_rules_are_compared(walk_with_words, capsys):
+    path, _ = walk_with_words
+    assert not replay(read_run(path)).other_rules
+    assert main(["replay", str(path)]) == 0
+    assert "other rules" not in capsys.readouterr().out
+
+
+def test_words_by_other_rules_are_not_compared_and_the_estimate_is(
+    walk_with_words, monkeypatch, capsys
+):
+    path, records = walk_with_words
+    other = replace(
+        RULES["S8"], id="X1", check=lambda _, cell: {} if cell.name.endswith("-2") else None,
+        sentence="is second", strength="suffices", detection=1.0, measured={},
+        elsewhere=Rate(1, 10**6, 0.0, "a test"),
+    )  # fmt: skip
+    monkeypatch.setitem(RULES, "X1", other)
+    # the added rule alone would let the walk follow another cell
+    stream = [record for record in records if not isinstance(record.value, LiveEstimate)]
+    cells = {value.cell for value in _live(_record_walk(stream, SUSPICIOUS))}
+    assert "262-01-4711-2" in {
+        value.cell for value in _live(_record_walk(stream, SUSPICIOUS)) if value.stage == REFERENCE
+    }, cells
+    found = replay(read_run(path))
+    assert found.other_rules
+    assert found.equal
+    assert found.n_equal == len(_live(records))
+    assert main(["replay", str(path)]) == 0
+    assert capsys.readouterr().out == (
+        f"replay equals live: {found.n_equal} estimates, to the last bit; words by other rules\n"
+    )
+
+
+def test_a_version_that_was_a_number_is_one_of_other_rules(walk_with_words, tmp_path):
+    _, records = walk_with_words
+    texts = (RULES_CODE, "version 6: P1 P2")
+    records[0] = replace(records[0], value=Note("info", *texts))
+    runs.write_journal(tmp_path / "b.journal", records, live=SUSPICIOUS)
+    found = replay(read_run(tmp_path / "b.journal"))
+    assert found.other_rules
+    assert found.equal
+
+
+def test_a_difference_of_the_estimate_is_one_by_other_rules_too(
+    walk_with_words, monkeypatch, tmp_path
+):
+    _, records = walk_with_words
+    monkeypatch.setitem(RULES, "X1", replace(RULES["S8"], id="X1"))
+    at = next(k for k, record in enumerate(records) if isinstance(record.value, LiveEstimate))
+    value = records[at].value
+    records[at] = replace(records[at], value=replace(value, x_m=value.x_m + 1e-9))
+    runs.write_journal(tmp_path / "b.journal", records, live=SUSPICIOUS)
+    assert main(["replay", str(tmp_path / "b.journal")]) == 1

@@ -1,14 +1,11 @@
 """Location and tracking areas: codes that no other cell has, and changes while standing."""
 
-from collections.abc import Iterator
 from math import hypot
 
 from logger.core.latest import Latest
-from logger.core.suspicion.broken import Broken, Taken
 from logger.core.suspicion.countries import GSMR_ARFCNS, TEST_MCCS
-from logger.core.suspicion.finding import Evidence
-from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment
-from logger.core.suspicion.networks import MOST_NETWORKS
+from logger.core.suspicion.heard import MOST_NETWORKS, HeardCell, Memory, Moment
+from logger.core.suspicion.rule import Evidence, Rate, ScanRule, on_telephones
 
 _LATE_S = 300.0
 """A telephone that names its serving cell alone meets three cells in some minutes."""
@@ -31,71 +28,57 @@ _HEARD_DBM = -105.0
 """The other cells of a network beyond the border come as weakly as this one."""
 
 
-class AreaRules:
-    """L1, L2, L3 and L4."""
+@ScanRule(
+    id="L4",
+    family="area",
+    needs=("identity", "position", "country code"),
+    gate="rule P1 holds; 3 scans over 20 s, the cell at least -105 dBm",
+    sentence="network {operator} has no other cell here, after {seconds} s",
+    harmless="a ship or an aircraft, a private network",
+    detection=0.8,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+    elsewhere=Rate(0, 85, 0.0, "88 cells at one place, railways left out"),
+)
+def _single(memory: Memory, cell: HeardCell) -> Evidence | None:
+    since_s, level_dbm = memory.now.t_s - cell.first_s, cell.heard.level_dbm
+    if cell.name not in memory.foreign or since_s < _SINGLE_S:
+        return None
+    if level_dbm is None or level_dbm < _HEARD_DBM or cell.n_scans < _FEWEST_SCANS:
+        return None
+    if len(memory.of_operator(cell.operator, cell.rat)) > 1:
+        return None
+    return {"operator": cell.operator, "seconds": round(since_s)}
 
-    def __init__(self) -> None:
-        self._serving: Latest[tuple[str, int]] = Latest(MOST_NETWORKS)
-        """Network and area of the last serving cell in a new area, of each technology, and of each
-        technology and network: a log may be of several."""
-        self._areas: set[tuple[str, str, int]] = set()
 
-    def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
-        """As `FamilyRules`."""
-        for cell, heard in taken:
-            if cell.name in memory.foreign:
-                yield from self._single(now, memory, cell, heard)
-            if cell.area is None or heard.reading.arfcn in GSMR_ARFCNS:
-                continue
-            if (
-                now.t_s - cell.first_s >= _WAIT_S
-                and not heard.operator.startswith("?")
-                and not _shares_area(cell, memory)
-            ):
-                if _is_past_border(now, cell):
-                    yield from _unlike_neighbours(now, memory, cell, heard)
-                yield from _alone(now, memory, cell)
-            if heard.is_serving:
-                yield from self._change(now, memory, cell)
-
-    def _single(
-        self, now: Moment, memory: Memory, cell: HeardCell, heard: Heard
-    ) -> Iterator[Broken]:
-        """L4: a network that is not of this place, with a single cell."""
-        if now.t_s - cell.first_s < _SINGLE_S:
-            return
-        is_weak = heard.level_dbm is None or heard.level_dbm < _HEARD_DBM
-        if is_weak or cell.n_scans < _FEWEST_SCANS:
-            return
-        if len(memory.of_operator(cell.operator, cell.rat)) == 1:
-            evidence: Evidence = {
-                "operator": cell.operator,
-                "seconds": round(now.t_s - cell.first_s),
-            }
-            yield Broken("L4", cell.name, evidence)
-
-    def _change(self, now: Moment, memory: Memory, cell: HeardCell) -> Iterator[Broken]:
-        """L3: a new area code while standing."""
-        assert cell.area is not None
-        key = cell.operator, cell.rat, cell.area
-        if key in self._areas or now.t_s - cell.since_s < _HELD_S:
-            return
-        before = self._serving.get(cell.rat)
-        if before is not None and memory.networks.are_apart(cell.operator, before[0]):
-            before = self._serving.get(f"{cell.rat} {cell.operator}")
-        self._serving.put(cell.rat, (cell.operator, cell.area))
-        self._serving.put(f"{cell.rat} {cell.operator}", (cell.operator, cell.area))
-        self._areas.add(key)
-        is_still = now.x_m is not None and now.still_s >= _STILL_S + _HELD_S
-        is_after_change = abs(cell.since_s - memory.changed_rat_s) < _HELD_S
-        if before is None or is_after_change or not is_still:
-            return
-        evidence: Evidence = {
-            "area": cell.area,
-            "other_area": before[1],
-            "still_s": round(now.still_s),
-        }
-        yield Broken("L3", cell.name, evidence)
+@ScanRule(
+    id="L1",
+    family="area",
+    needs=("identity", "area code", "level"),
+    gate="for 20 s, on foot for 100 m or 80 s, with 3 other cells of the operator within 5 "
+    "minutes; the cell at least -90 dBm",
+    sentence="area {area} is that of none of the {neighbours} other cells heard with it",
+    harmless="the border of two areas",
+    detection=0.8,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(1, 84, 9.8)),
+    elsewhere=Rate(0, 197, 0.0, "full scans of 197 cells"),
+)
+def _unlike_neighbours(memory: Memory, cell: HeardCell) -> Evidence | None:
+    now, level_dbm = memory.now, cell.heard.level_dbm
+    if level_dbm is None or level_dbm < _STRONG_DBM or not _is_past_border(now, cell):
+        return None
+    if not _has_own_area(memory, cell):
+        return None
+    of_operator = memory.of_operator(cell.operator, cell.rat)
+    late = [c for c in of_operator
+            if c is not cell and c.area is not None and now.t_s - c.last_s <= _LATE_S]  # fmt: skip
+    if len(late) < _FEWEST_NEIGHBOURS:
+        return None
+    return {
+        "area": cell.area or 0,
+        "neighbours": len(late),
+        "other_area": late[-1].area or 0,
+        "level_dbm": round(level_dbm),
+    }
 
 
 def _is_past_border(now: Moment, cell: HeardCell) -> bool:
@@ -108,41 +91,80 @@ def _is_past_border(now: Moment, cell: HeardCell) -> bool:
     return hypot(now.x_m - cell.first_m[0], now.y_m - cell.first_m[1]) >= _BORDER_M
 
 
-def _shares_area(cell: HeardCell, memory: Memory) -> bool:
-    """Whether another cell of the operator has the area code of a cell."""
-    area = cell.area
-    for other in memory.of_operator(cell.operator, cell.rat):  # a generator takes twice the time
-        if other.area == area and other is not cell:
-            return True
-    return False
-
-
-def _unlike_neighbours(
-    now: Moment, memory: Memory, cell: HeardCell, heard: Heard
-) -> Iterator[Broken]:
-    """L1: an area code that none of at least three cells heard with it has."""
-    if heard.level_dbm is None or heard.level_dbm < _STRONG_DBM:
-        return
-    of_operator = memory.of_operator(cell.operator, cell.rat)
-    late = [c for c in of_operator
-            if c is not cell and c.area is not None and now.t_s - c.last_s <= _LATE_S]  # fmt: skip
-    if len(late) >= _FEWEST_NEIGHBOURS:
-        evidence: Evidence = {
-            "area": cell.area or 0,
-            "neighbours": len(late),
-            "other_area": late[-1].area or 0,
-            "level_dbm": round(heard.level_dbm),
-        }
-        yield Broken("L1", cell.name, evidence)
-
-
-def _alone(now: Moment, memory: Memory, cell: HeardCell) -> Iterator[Broken]:
-    """L2: an area with a single cell among at least ten of the operator."""
-    if now.t_s - cell.first_s < _ALONE_S or cell.operator[:3] in TEST_MCCS:
-        return
+@ScanRule(
+    id="L2",
+    family="area",
+    needs=("identity", "area code"),
+    gate="10 cells of the operator heard, 3 of them after this one; not of a railway",
+    sentence="area {area} has this cell alone, of {cells} cells of the operator",
+    harmless="the border of two areas, an indoor cell",
+    detection=0.8,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+    elsewhere=Rate(1, 194, 0.0, "full scans of 197 cells, railways left out"),
+)
+def _alone(memory: Memory, cell: HeardCell) -> Evidence | None:
+    if memory.now.t_s - cell.first_s < _ALONE_S or cell.operator[:3] in TEST_MCCS:
+        return None
+    if not _has_own_area(memory, cell):
+        return None
     of_operator = memory.of_operator(cell.operator, cell.rat)
     with_area = [c for c in of_operator if c is not cell and c.area is not None]
     n_after = sum(c.last_s > cell.first_s for c in with_area)
-    if len(with_area) + 1 >= _FEWEST_CELLS and n_after >= _FEWEST_AFTER:
-        evidence: Evidence = {"area": cell.area or 0, "cells": len(with_area) + 1}
-        yield Broken("L2", cell.name, evidence)
+    if len(with_area) + 1 < _FEWEST_CELLS or n_after < _FEWEST_AFTER:
+        return None
+    return {"area": cell.area or 0, "cells": len(with_area) + 1}
+
+
+def _has_own_area(memory: Memory, cell: HeardCell) -> bool:
+    """Whether no other cell of the operator has the area code of a cell, after a while."""
+    area = cell.area
+    if area is None or cell.heard.reading.arfcn in GSMR_ARFCNS or cell.operator.startswith("?"):
+        return False
+    if memory.now.t_s - cell.first_s < _WAIT_S:
+        return False
+    for other in memory.of_operator(cell.operator, cell.rat):  # a generator takes twice the time
+        if other.area == area and other is not cell:
+            return False
+    return True
+
+
+class _ServingAreas:
+    """Areas of serving cells: `last` is the network and area of the last one.
+
+    By technology, and by technology and network: a log may be of several.
+    """
+
+    def __init__(self) -> None:
+        self.last: Latest[tuple[str, int]] = Latest(MOST_NETWORKS)
+        self.known: set[tuple[str, str, int]] = set()
+
+
+@ScanRule(
+    id="L3",
+    family="area",
+    needs=("identity", "area code", "position"),
+    gate="standing for 60 s, the new area for 10 s, no cell of it heard before, another one of "
+    "the same network was",
+    sentence="the area changed from {other_area} to {area} after {still_s} s of standing",
+    harmless="the border of two areas, a cell switched off",
+    detection=0.4,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+)
+def _change(memory: Memory, cell: HeardCell) -> Evidence | None:
+    now, areas = memory.now, memory.of(_ServingAreas)
+    if cell.area is None or cell.heard.reading.arfcn in GSMR_ARFCNS or not cell.heard.is_serving:
+        return None
+    key = cell.operator, cell.rat, cell.area
+    if key in areas.known or now.t_s - cell.since_s < _HELD_S:
+        return None
+    before = areas.last.get(cell.rat)
+    if before is not None and memory.are_apart(cell.operator, before[0]):
+        before = areas.last.get(f"{cell.rat} {cell.operator}")
+    areas.last.put(cell.rat, (cell.operator, cell.area))
+    areas.last.put(f"{cell.rat} {cell.operator}", (cell.operator, cell.area))
+    areas.known.add(key)
+    is_still = now.x_m is not None and now.still_s >= _STILL_S + _HELD_S
+    is_after_change = abs(cell.since_s - memory.changed_rat_s) < _HELD_S
+    if before is None or is_after_change or not is_still:
+        return None
+    return {"area": cell.area, "other_area": before[1], "still_s": round(now.still_s)}

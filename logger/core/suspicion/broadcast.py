@@ -1,13 +1,12 @@
 """Reselection parameters that make a cell more attractive than its operator's others."""
 
 from collections import deque
-from collections.abc import Iterator
+from functools import partial
 from statistics import median
 
 from logger.core.latest import Latest
-from logger.core.suspicion.broken import Broken, Taken
-from logger.core.suspicion.finding import Evidence
-from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment
+from logger.core.suspicion.heard import Heard, HeardCell, Memory, serving_cell
+from logger.core.suspicion.rule import GSM, Evidence, Rate, ScanRule, on_telephones
 
 _FEWEST_CELLS = 3
 _STEADY = 3
@@ -21,80 +20,63 @@ _SUBTRACTED = 31
 """Penalty time with which the offset makes a cell less attractive (3GPP TS 45.008, 6.4)."""
 
 
-class BroadcastRules:
-    """C1 and C2."""
+class _Left:
+    """Readings of the serving cell of late, and the cell that was left for it.
+
+    `other` is the cell now serving, when it began, the level that was left, and its own levels.
+    """
 
     def __init__(self) -> None:
-        self._last_db: Latest[float] = Latest(128)
-        self._offset_db: Latest[float] = Latest(128)
-        self._serving: deque[tuple[float, Heard, float]] = deque(maxlen=_STEADY)
-        self._left: tuple[str, float, float, list[float]] | None = None
+        self.serving: deque[tuple[float, Heard, float]] = deque(maxlen=_STEADY)
+        self.other: tuple[str, float, float, list[float]] | None = None
 
-    def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
-        """As `FamilyRules`."""
-        yield from self._leave_for_weaker(now, memory)
-        for cell, heard in taken:
-            offset_db = self._confirmed_db(cell, _offset_db(heard))
-            if offset_db is not None:
-                yield from self._above_usual(memory, cell, offset_db)
 
-    def _confirmed_db(self, cell: HeardCell, offset_db: float | None) -> float | None:
-        """Offset that two readings in turn agree on; a digit of a single one may be wrong."""
-        if offset_db is None:
-            return None
-        last_db = self._last_db.get(cell.name)
-        self._last_db.put(cell.name, offset_db)
-        if offset_db != last_db:
-            return None
-        self._offset_db.put(cell.name, offset_db)
-        return offset_db
-
-    def _above_usual(self, memory: Memory, cell: HeardCell, offset_db: float) -> Iterator[Broken]:
-        """C1: the offset is far above that of the operator's other cells."""
-        others = []
-        for other in memory.of_operator(cell.operator, cell.rat):
-            other_db = self._offset_db.get(other.name)
-            if other_db is not None and other is not cell:
-                if offset_db < other_db + _ABOVE_DB:
-                    return
-                others.append(other_db)
-        if len(others) >= _FEWEST_CELLS:
-            evidence: Evidence = {
-                "offset_db": round(offset_db),
-                "usual_db": round(median(others)),
-                "cells": len(others),
-            }
-            yield Broken("C1", cell.name, evidence)
-
-    def _leave_for_weaker(self, now: Moment, memory: Memory) -> Iterator[Broken]:
-        """C2: the modem leaves a good cell for a much weaker one."""
-        serving = now.serving
-        if serving is None or serving.name is None or serving.level_dbm is None:
-            return
-        name, level_dbm = serving.name, serving.level_dbm
-        before = list(self._serving)
-        if before and before[-1][1].name != name:
-            self._left = None
-            is_late = now.t_s - before[0][0] > _LATE_S
-            is_compared = _are_compared(memory, serving, before[-1][1])
-            if len(before) == _STEADY and is_compared and not is_late:
-                self._left = name, now.t_s, min(b[2] for b in before), []
-            self._serving.clear()
-        self._serving.append((now.t_s, serving, level_dbm))
-        if self._left is None or self._left[0] != name or len(self._left[3]) >= _STEADY:
-            return
-        _, since_s, left_dbm, levels = self._left
-        levels.append(level_dbm)
-        if len(levels) < _STEADY or left_dbm < _GOOD_DBM or now.t_s - since_s > _LATE_S:
-            return
-        if left_dbm - max(levels) >= _WEAKER_DB:
-            yield Broken("C2", name, {"left_dbm": round(left_dbm), "level_dbm": round(max(levels))})
+@ScanRule(
+    id="C2",
+    family="broadcast",
+    needs=("identity", "level"),
+    gate="3 readings before of at least -85 dBm, 3 after, all within 40 s and of one network",
+    sentence="the modem left {left_dbm} dBm for this cell with {level_dbm} dBm",
+    harmless="a call that was handed over, another band of the operator",
+    about=serving_cell,
+    detection=0.6,
+    measured=on_telephones(GSM=(1, 23, 2.7), LTE=(12, 814, 36.1), WCDMA=(4, 88, 10.1)),
+)
+def _leave_for_weaker(memory: Memory, cell: HeardCell) -> Evidence | None:
+    t_s, serving, past = memory.now.t_s, memory.now.serving, memory.of(_Left)
+    if serving is None or serving.level_dbm is None:
+        return None
+    level_dbm = serving.level_dbm
+    before = list(past.serving)
+    if before and before[-1][1].name != cell.name:
+        past.other = None
+        is_late = t_s - before[0][0] > _LATE_S
+        is_compared = _are_compared(memory, serving, before[-1][1])
+        if len(before) == _STEADY and is_compared and not is_late:
+            past.other = cell.name, t_s, min(b[2] for b in before), []
+        past.serving.clear()
+    past.serving.append((t_s, serving, level_dbm))
+    if past.other is None or past.other[0] != cell.name or len(past.other[3]) >= _STEADY:
+        return None
+    _, since_s, left_dbm, levels = past.other
+    levels.append(level_dbm)
+    if len(levels) < _STEADY or left_dbm < _GOOD_DBM or t_s - since_s > _LATE_S:
+        return None
+    if left_dbm - max(levels) < _WEAKER_DB:
+        return None
+    return {"left_dbm": round(left_dbm), "level_dbm": round(max(levels))}
 
 
 def _are_compared(memory: Memory, serving: Heard, left: Heard) -> bool:
     """Whether a modem compares two cells by level."""
-    is_apart = memory.networks.are_apart(serving.operator, left.operator)
+    is_apart = memory.are_apart(serving.operator, left.operator)
     return serving.rat == left.rat and not is_apart
+
+
+_OFFSETS = partial(Latest[float], 128)
+_CONFIRMED = partial(Latest[float], 128)
+"""Reselection offsets in dB by cell: the last one, and the last that two readings in turn agreed
+on; a digit of a single one may be wrong."""
 
 
 def _offset_db(heard: Heard) -> float | None:
@@ -107,3 +89,36 @@ def _offset_db(heard: Heard) -> float | None:
     if reading.c1 is None or reading.c2 is None:
         return None
     return float(reading.c2 - reading.c1)
+
+
+@ScanRule(
+    id="C1",
+    family="broadcast",
+    needs=("identity", "C1 and C2"),
+    gate="20 dB above every other of at least 3 cells of the operator",
+    sentence="its reselection offset is {offset_db} dB, that of the operator's others "
+    "{usual_db} dB",
+    harmless="an indoor cell or a hot spot of the operator",
+    detection=0.6,
+    elsewhere=Rate(0, 194, 0.0, "full scans of 197 cells"),
+    rats=GSM,
+)
+def _above_usual(memory: Memory, cell: HeardCell) -> Evidence | None:
+    offset_db, confirmed = _offset_db(cell.heard), memory.of(_CONFIRMED)
+    if offset_db is None:
+        return None
+    last_db = memory.of(_OFFSETS).get(cell.name)
+    memory.of(_OFFSETS).put(cell.name, offset_db)
+    if offset_db != last_db:
+        return None
+    confirmed.put(cell.name, offset_db)
+    others = []
+    for other in memory.of_operator(cell.operator, cell.rat):
+        other_db = confirmed.get(other.name)
+        if other_db is not None and other is not cell:
+            if offset_db < other_db + _ABOVE_DB:
+                return None
+            others.append(other_db)
+    if len(others) < _FEWEST_CELLS:
+        return None
+    return {"offset_db": round(offset_db), "usual_db": round(median(others)), "cells": len(others)}

@@ -11,7 +11,8 @@ from importlib.resources import files
 
 TEST_MCCS = frozenset({"001", "999"})
 """Test and private networks (ITU-T E.212)."""
-_INTERNATIONAL = "901"
+INTERNATIONAL = "901"
+"""Ships, aircraft and satellites."""
 GSMR_ARFCNS = range(955, 975)
 """The railways' band (3GPP TS 45.005, 2)."""
 
@@ -63,11 +64,6 @@ class Countries:
     def is_railway(self, mcc: str, mnc: str | None) -> bool:
         """Whether a network is that of a railway."""
         return f"{mcc}-{mnc}" in self.railways
-
-
-def is_international(mcc: str) -> bool:
-    """Whether a code belongs to ships, aircraft and satellites."""
-    return mcc == _INTERNATIONAL
 
 
 @lru_cache(maxsize=1)

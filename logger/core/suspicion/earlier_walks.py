@@ -1,59 +1,186 @@
-"""Cells against earlier walks of the same ground: new, stronger than ever, on another channel."""
+"""Earlier walks of the same ground: cells that are new, and cells that are gone."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from math import hypot
+from statistics import median
 
-from logger.core.baseline import Baseline, SquareHistory, best_dbm, squares_around
-from logger.core.suspicion.broken import Broken, Taken
-from logger.core.suspicion.heard import STEADY, Heard, HeardCell, Memory, Moment
+from logger.core.baseline import KnownCell, SquareHistory, squares_around
+from logger.core.latest import Latest
+from logger.core.squares import square_of
+from logger.core.suspicion.heard import FULL_LIST, STEADY, HeardCell, Memory
+from logger.core.suspicion.rule import Evidence, Rate, Rule, ScanRule
 
 FEWEST_WALKS = 7
 """Measured: after one walk 11.8 new cells an hour, after seven 1.7."""
 _STRONG_DBM = -95.0
 """A cell that is new and weak was too weak before."""
 _PLACE_M = 150.0
-_ABOVE_BEST_DB = 15.0
-_FEWEST_CELLS = 10
-"""Of an operator, from which on its channels are known."""
+_SHARE_OF_WALKS = 0.9
+"""One walk in ten may pass a square at its edge."""
+_MARGIN_DB = 15.0
+"""Two standard deviations of shadowing: below, a legitimate cell may be missed by chance."""
+_FEWEST_PLACES = 3
+"""One or two may be behind the same house."""
+_APART_M = 50.0
+"""Shadowing by houses is nearly independent over this distance."""
+_MOST_CELLS = 128
+"""As of a walk; those heard longest ago give way."""
+_FEWEST_COMMON = 3
+"""Cells of both today and earlier whose levels show that today's antenna is as good."""
 
 
-class EarlierWalkRules:
-    """B1, S4 and P2 by the channels of earlier walks."""
+class _Visit:
+    """What full lists of one technology named in one square today.
 
-    def __init__(self, baseline: Baseline) -> None:
-        self._baseline = baseline
+    `limits_dbm` has the weakest level that a list named, by place; places are `_APART_M` apart.
+    `unnamed_channels` are those of cells whose identity was not printed. `weaker_db` is by how much
+    today's levels are below earlier ones; None without enough cells of both.
+    """
 
-    def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:  # noqa: ARG002
-        """As `FamilyRules`."""
-        if not self._baseline.n_walks or now.lat_deg is None or now.lon_deg is None:
-            return
-        around = squares_around(self._baseline, now.lat_deg, now.lon_deg, _PLACE_M)
-        for cell, heard in taken:
-            if around[0].n_walks.get(cell.rat, 0) >= FEWEST_WALKS:
-                yield from self._is_new(around[0], cell, heard)
-                yield from _above_best(around, cell)
-            yield from self._channel(cell, heard)
+    def __init__(self, square: int) -> None:
+        self.square = square
+        self.limits_dbm: dict[tuple[float, float], float] = {}
+        self.unnamed_channels: set[int | None] = set()
+        self.weaker_db: float | None = None
+        self._sums: Latest[tuple[int, float]] = Latest(_MOST_CELLS)
 
-    def _is_new(self, here: SquareHistory, cell: HeardCell, heard: Heard) -> Iterator[Broken]:
-        """B1: never heard in earlier walks of this ground."""
-        if heard.level_dbm is None or heard.level_dbm < _STRONG_DBM or cell.n_scans < STEADY:
-            return
-        if self._baseline.cell(cell.name) is None:
-            n_walks = here.n_walks[cell.rat]
-            yield Broken("B1", cell.name, {"walks": n_walks, "level_dbm": round(heard.level_dbm)})
+    def add(self, x_m: float, y_m: float, levels_dbm: dict[str, float]) -> None:
+        """Take the levels of one list, by cell."""
+        places = self.limits_dbm
+        near = [at for at in places if hypot(at[0] - x_m, at[1] - y_m) < _APART_M]
+        at = near[0] if near else (x_m, y_m)
+        places[at] = min(places.get(at, 0.0), *levels_dbm.values())
+        for cell, level_dbm in levels_dbm.items():
+            n, sum_dbm = self._sums.get(cell, (0, 0.0))
+            self._sums.put(cell, (n + 1, sum_dbm + level_dbm))
 
-    def _channel(self, cell: HeardCell, heard: Heard) -> Iterator[Broken]:
-        """P2: a channel on which this operator was never heard."""
-        mcc, mnc, arfcn = heard.reading.mcc, heard.reading.mnc, heard.reading.arfcn
-        if mcc is None or mnc is None or arfcn is None:
-            return
-        known = self._baseline.channels(mcc, mnc, cell.rat)
-        if arfcn not in known and sum(known.values()) >= _FEWEST_CELLS:
-            yield Broken("P2", cell.name, {"channel": arfcn, "channels": len(known)})
+    def compare(self, earlier: SquareHistory) -> None:
+        """Set `weaker_db`."""
+        both = [
+            earlier.cells[cell].mean_dbm - sum_dbm / n
+            for cell, (n, sum_dbm) in self._sums.items()
+            if cell in earlier.cells
+        ]
+        self.weaker_db = max(median(both), 0.0) if len(both) >= _FEWEST_COMMON else None
 
 
-def _above_best(around: tuple[SquareHistory, ...], cell: HeardCell) -> Iterator[Broken]:
-    """S4: far stronger than in all earlier walks within 150 m."""
-    weakest = cell.weakest_dbm
-    best = best_dbm(around, cell.name)
-    if weakest is not None and best is not None and weakest > best + _ABOVE_BEST_DB:
-        yield Broken("S4", cell.name, {"level_dbm": round(weakest), "best_dbm": round(best)})
+class _Here:
+    """Squares of earlier walks around, looked up once a scan; the last visit by technology."""
+
+    def __init__(self) -> None:
+        self.now: object = None
+        self.around: tuple[SquareHistory, ...] = ()
+        self.visits: dict[str, _Visit] = {}
+
+
+def ground(memory: Memory) -> tuple[SquareHistory, ...]:
+    """Squares of earlier walks within 150 m, the walker's first; empty without walks or place."""
+    now, kept = memory.now, memory.of(_Here)
+    if now is not kept.now:
+        kept.now, kept.around = now, ()
+        if memory.baseline.n_walks and now.lat_deg is not None and now.lon_deg is not None:
+            kept.around = squares_around(memory.baseline, now.lat_deg, now.lon_deg, _PLACE_M)
+    return kept.around
+
+
+@ScanRule(
+    id="B1",
+    family="earlier walks",
+    needs=("identity", "level", "position", "earlier walks"),
+    gate="7 earlier walks with this technology here, the cell at least -95 dBm",
+    sentence="{walks} earlier walks did not hear this cell here, today it has {level_dbm} dBm",
+    harmless="a new cell, a cell that was repaired",
+    detection=0.9,
+    elsewhere=Rate(2, 77, 0.0, "seven walks after seven others on one route"),
+)
+def _is_new(memory: Memory, cell: HeardCell) -> Evidence | None:
+    around, level_dbm = ground(memory), cell.heard.level_dbm
+    n_walks = around[0].n_walks.get(cell.rat, 0) if around else 0
+    if n_walks < FEWEST_WALKS or level_dbm is None or level_dbm < _STRONG_DBM:
+        return None
+    if cell.n_scans < STEADY or memory.baseline.cell(cell.name) is not None:
+        return None
+    return {"walks": n_walks, "level_dbm": round(level_dbm)}
+
+
+def _always_heard_before(memory: Memory) -> Iterator[KnownCell]:
+    """Cells that earlier walks always heard here and this one has not, once it has enough lists."""
+    now, baseline, visits = memory.now, memory.baseline, memory.of(_Here).visits
+    if not baseline.n_walks or now.lat_deg is None or now.lon_deg is None:
+        return
+    assert now.x_m is not None
+    assert now.y_m is not None
+    square = square_of(now.lat_deg, now.lon_deg)
+    for rat, levels_dbm in _full_lists(memory.taken).items():
+        visit = visits.get(rat)
+        if visit is None or visit.square != square:
+            visit = visits[rat] = _Visit(square)
+        visit.add(now.x_m, now.y_m, levels_dbm)
+        unnamed = [heard for heard in now.cells if heard.name is None and heard.rat == rat]
+        # one of them may be the cell looked for
+        visit.unnamed_channels |= {heard.reading.arfcn for heard in unnamed} - {None}
+        if len(visit.limits_dbm) < _FEWEST_PLACES:
+            continue
+        earlier = baseline.square(square)
+        n_walks = earlier.n_walks.get(rat, 0)
+        if n_walks < FEWEST_WALKS:
+            continue
+        visit.compare(earlier)
+        for name, heard in earlier.cells.items():
+            if heard.n_walks >= _SHARE_OF_WALKS * n_walks and name not in memory.cells:
+                known = baseline.cell(name)
+                if known is not None and known.rat == rat:
+                    yield known
+
+
+def _is_heard(memory: Memory, name: str) -> bool:
+    """Whether this scan names a cell."""
+    return any(cell.name == name for cell in memory.taken)
+
+
+@Rule[Memory, KnownCell](
+    id="B3",
+    family="earlier walks",
+    needs=("identity", "level", "position", "neighbours", "earlier walks"),
+    gate="heard by 90 % of 7 earlier walks in this square, 15 dB above what scans of 4 cells "
+    "or more at 3 places 50 m apart could have missed; only warns",
+    sentence="{walks} of {of} earlier walks heard it here with {level_dbm} dBm; today scans at "
+    "{places} places, down to {limit_dbm} dBm, do not name it",
+    harmless="a cell switched off or repaired, a modem that lists other bands or networks",
+    about=_always_heard_before,
+    detection=0.5,
+    strength="warns",  # no log of legitimate networks has measured its rate
+    refuted_by=_is_heard,
+)
+def _is_missed(memory: Memory, known: KnownCell) -> Evidence | None:
+    visit = memory.of(_Here).visits[known.rat]
+    earlier = memory.baseline.square(visit.square)
+    heard = earlier.cells[known.name]
+    if visit.weaker_db is None:
+        return None
+    usual_dbm = min(heard.mean_dbm, heard.least_best_dbm)  # each walk had the latter
+    lowest_dbm = usual_dbm - visit.weaker_db - _MARGIN_DB
+    limits_dbm = [limit for limit in visit.limits_dbm.values() if limit <= lowest_dbm]
+    if len(limits_dbm) < _FEWEST_PLACES:
+        return None
+    if any(channel in visit.unnamed_channels for channel, _ in known.channels):
+        return None
+    operator = known.name.rsplit("-", 2)[0]  # of `mcc-mnc-area-cid`
+    if not memory.of_operator(operator, known.rat):  # today's modem names no cell of the network
+        return None
+    return {
+        "walks": heard.n_walks,
+        "of": earlier.n_walks[known.rat],
+        "level_dbm": round(usual_dbm),
+        "places": len(limits_dbm),
+        "limit_dbm": round(max(limits_dbm)),
+    }
+
+
+def _full_lists(taken: Iterable[HeardCell]) -> dict[str, dict[str, float]]:
+    """Levels of the named cells of a scan by technology, where it names enough of them."""
+    by_rat: dict[str, dict[str, float]] = {}
+    for cell in taken:
+        if cell.heard.level_dbm is not None:
+            by_rat.setdefault(cell.rat, {})[cell.name] = cell.heard.level_dbm
+    return {rat: levels for rat, levels in by_rat.items() if len(levels) >= FULL_LIST}

@@ -1,13 +1,13 @@
 """What the rules see: the cells of one scan at one place, and what was heard before."""
 
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from math import cos, hypot, radians
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
+from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.latest import Latest
-from logger.core.suspicion.networks import Networks
 from logger.core.suspicion.spots import Spots
 from logger.core.types import Broadcast, CellReading, Fix, Scan
 
@@ -17,11 +17,18 @@ _MOST_CELLS = 128
 _MOST_PAIRS = 4
 STEADY = 3
 """Readings at a new level: one may be wrong."""
+FULL_LIST = 4
+"""Cells of a scan from which on its weakest level is a limit of what could be missed."""
 PAIR_HELD_S = 10.0
 """Telephones print the old identity with the new channel for some seconds after a handover."""
 _LOWEST_DBM = -145.0
 """Below the scale of RSRP (-144 dBm, 3GPP TS 36.133 9.1.4): some telephones print -200 for none."""
 _METRES_PER_DEG = 111_320.0
+MOST_NETWORKS = 128
+"""More than all countries near a walk have."""
+_USUAL_S = 300.0
+"""A log of several telephones, or of a modem that tries networks in turn, names all of its networks
+in the first minutes."""
 _NO_AREA = frozenset({0, 0xFFFE, 0xFFFF})
 """Area codes of a cell that is not registered with (3GPP TS 23.003 4.1)."""
 
@@ -77,9 +84,11 @@ class Level(NamedTuple):
 class HeardCell:
     """Memory of one cell.
 
-    `since_s` is when the present uninterrupted reception began, `first_m` where the first did.
+    `heard` is its reading in the last scan that named it, `since_s` is when the present
+    uninterrupted reception began, `first_m` where the first did.
     """
 
+    heard: Heard
     name: str
     rat: str
     operator: str
@@ -101,6 +110,7 @@ class HeardCell:
 
     def take(self, now: "Moment", heard: Heard) -> None:
         """Remember a reading."""
+        self.heard = heard
         t_s = now.t_s
         if t_s - self.last_s > GAP_S:
             self.since_s = t_s
@@ -213,40 +223,88 @@ class Walker:
         return x_m, (lat_deg - lat0_deg) * _METRES_PER_DEG
 
 
-class Memory:
-    """All cells of the run of late; `foreign` are those whose network is not of this place."""
+def may_be_same(operator: str, other: str) -> bool:
+    """Whether two networks `mcc-mnc` may be one; `?` is a code that the modem did not print."""
+    pairs = zip(operator.split("-"), other.split("-"), strict=False)
+    return all("?" in pair or pair[0] == pair[1] for pair in pairs)
 
-    def __init__(self) -> None:
+
+State = TypeVar("State")
+
+
+class Memory:
+    """All that the rules see: the scan `now`, cells of late, and earlier walks (`baseline`).
+
+    `taken` are the named cells of the scan, each once, and `serving` the one that serves, if it is
+    named. `foreign` are cells whose network is not of this place. What a rule keeps itself it gets
+    by `of`.
+    """
+
+    now: Moment
+
+    def __init__(self, baseline: Baseline = NO_BASELINE) -> None:
+        self.baseline = baseline
+        self.taken: list[HeardCell] = []
+        self.serving: HeardCell | None = None
         self.cells: Latest[HeardCell] = Latest(_MOST_CELLS)
-        self.networks = Networks()
         self.gave_neighbours: set[str] = set()
         self.foreign: Latest[None] = Latest(_MOST_CELLS)
         self.changed_rat_s = -1e9
         self._serving_rat: str | None = None
         self._by_operator: dict[tuple[str, str], dict[str, HeardCell]] = {}
+        self._first_s: float | None = None
+        self._usual: set[str] = set()
+        self._of: dict[Callable[[], Any], Any] = {}
 
-    def take(self, now: Moment) -> list[tuple[HeardCell, Heard]]:
-        """Remember a scan; returns its named cells with their memory, each once."""
+    def take(self, now: Moment) -> None:
+        """Remember a scan."""
+        self.now = now
         self._take_serving(now)
-        taken: dict[str, tuple[HeardCell, Heard]] = {}
+        taken: dict[str, HeardCell] = {}
         for heard in now.cells:
             name = heard.name
             if name is None or name in taken:
                 continue
             cell = self.cells.get(name)
             if cell is None or cell.rat != heard.rat:
-                self.networks.take(now.t_s, heard.operator)
+                self._take_network(now.t_s, heard.operator)
                 self._forget(cell)
-                cell = _new(name, heard, now.t_s)
+                cid, t_s = heard.reading.cid, now.t_s
+                cell = HeardCell(
+                    heard, name, heard.rat, heard.operator, heard.area, cid, t_s, t_s, t_s
+                )
             cell.take(now, heard)
             cell.area = heard.area if cell.area is None else cell.area
             self._put(cell)
-            taken[name] = cell, heard
-        return list(taken.values())
+            taken[name] = cell
+        self.taken = list(taken.values())
+        serving = now.serving
+        self.serving = None if serving is None or serving.name is None else taken[serving.name]
+
+    def of(self, make: Callable[[], State]) -> State:
+        """What the rules of a family keep, made by this class or function when first asked for."""
+        if make not in self._of:
+            self._of[make] = make()
+        state: State = self._of[make]
+        return state
 
     def of_operator(self, operator: str, rat: str) -> Collection[HeardCell]:
         """Cells of an operator with one technology, those heard last at the end."""
         return self._by_operator.get((operator, rat), {}).values()
+
+    def are_apart(self, operator: str, before: str) -> bool:
+        """Whether a cell of a network says nothing about the one `before`.
+
+        They are other networks and the log is of both from its first minutes; one that comes later
+        has to be explained.
+        """
+        return operator in self._usual and not may_be_same(operator, before)
+
+    def _take_network(self, t_s: float, operator: str) -> None:
+        if self._first_s is None:
+            self._first_s = t_s
+        if t_s - self._first_s < _USUAL_S and len(self._usual) < MOST_NETWORKS:
+            self._usual.add(operator)
 
     def _put(self, cell: HeardCell) -> None:
         """Make a cell the latest; if there are too many, the one heard longest ago gives way."""
@@ -276,6 +334,11 @@ class Memory:
             self.gave_neighbours.add(serving.rat)
 
 
-def _new(name: str, heard: Heard, t_s: float) -> HeardCell:
-    cid = heard.reading.cid
-    return HeardCell(name, heard.rat, heard.operator, heard.area, cid, t_s, t_s, t_s)
+def cells_of_scan(memory: Memory) -> list[HeardCell]:
+    """The named cells of a scan: whom most rules are about."""
+    return memory.taken
+
+
+def serving_cell(memory: Memory) -> list[HeardCell]:
+    """The named cell that serves."""
+    return [] if memory.serving is None else [memory.serving]

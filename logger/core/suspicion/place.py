@@ -1,12 +1,12 @@
-"""The place of a station by its levels: one identity at two places, or at none."""
+"""The place of a station by its levels: one identity at two places, at none, or at another one."""
 
-from collections.abc import Iterator
+from functools import partial
+from math import inf
 
 from logger.core.latest import Latest
-from logger.core.suspicion.broken import Broken, Taken
-from logger.core.suspicion.finding import Evidence
-from logger.core.suspicion.heard import HeardCell, Memory, Moment
-from logger.core.suspicion.sources import LEAST_EVIDENCE, compare_sources
+from logger.core.suspicion.heard import HeardCell, Memory
+from logger.core.suspicion.rule import Evidence, ScanRule, on_telephones
+from logger.core.suspicion.sources import LEAST_EVIDENCE, Sources, compare_sources
 
 _TEST_AGAIN = 0.1
 """New squares until the next test, at least one, as a share of those before. A clone may stop
@@ -24,37 +24,183 @@ _NO_PLACE = 9.0
 """Log evidence from which S6 is a finding; tuned on the legitimate logs."""
 
 
-class PlaceRules:
-    """S5, S6 and S9."""
+class _Tests:
+    """Results of the test of two places, made once a scan for the three rules that ask."""
 
     def __init__(self) -> None:
         self._due: Latest[int] = Latest(128)
+        self._now: object = None
+        self._results: dict[str, Sources | None] = {}
 
-    def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:  # noqa: ARG002
-        """As `FamilyRules`."""
-        for cell, _ in taken:
-            if cell.spots.n >= self._due.get(cell.name, _FEWEST_SPOTS):
-                yield from self._places(cell)
+    def result(self, memory: Memory, cell: HeardCell) -> Sources | None:
+        """The test of a cell in this scan, None where it is not due."""
+        if memory.now is not self._now:
+            self._now, self._results = memory.now, {}
+        if cell.name not in self._results:
+            self._results[cell.name] = None  # a test that fails is made for the first rule only
+            self._results[cell.name] = self._test(cell)
+        return self._results[cell.name]
 
-    def _places(self, cell: HeardCell) -> Iterator[Broken]:
-        """S5, S6 and S9: one identity at two places, or a moving one."""
-        if len(cell.spots) < _FEWEST_SPOTS:
-            return
+    def _test(self, cell: HeardCell) -> Sources | None:
         n = cell.spots.n
+        if n < self._due.get(cell.name, _FEWEST_SPOTS) or len(cell.spots) < _FEWEST_SPOTS:
+            return None
         self._due.put(cell.name, n + max(1, int(_TEST_AGAIN * n)))
-        result = compare_sources(list(cell.spots))
-        if result is None:
-            return
-        evidence: Evidence = {
-            "log_evidence": round(result.two_places, 1),
-            "apart_m": round(result.apart_m),
-            "squares": len(cell.spots),
-        }
-        if result.two_places >= _PERHAPS_TWO:
-            yield Broken("S9", cell.name, evidence)
-        limit = _TWO_FAR_PLACES if result.apart_m >= _FAR_M else _TWO_PLACES
-        if result.two_places >= limit:
-            yield Broken("S5", cell.name, evidence)
-        if result.no_place > _NO_PLACE:
-            evidence = {**evidence, "log_evidence": round(result.no_place, 1)}
-            yield Broken("S6", cell.name, evidence)
+        return compare_sources(list(cell.spots))
+
+
+@ScanRule(
+    id="S9",
+    family="place",
+    needs=("identity", "level", "position"),
+    gate="as S5, with less evidence: a second family must confirm it",
+    sentence="the levels fit two places {apart_m} m apart better than one (log evidence "
+    "{log_evidence})",
+    harmless="hills and tall buildings, a cell with two antennas",
+    detection=0.8,
+    measured=on_telephones(GSM=(1, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(1, 88, 10.1)),
+)
+def _perhaps_two_places(memory: Memory, cell: HeardCell) -> Evidence | None:
+    result = memory.of(_Tests).result(memory, cell)
+    if result is None or result.two_places < _PERHAPS_TWO:
+        return None
+    return _evidence(cell, result, result.two_places)
+
+
+@ScanRule(
+    id="S5",
+    family="place",
+    needs=("identity", "level", "position"),
+    gate="6 squares of 25 m over at least 300 m; less evidence if the places are 500 m apart",
+    sentence="the levels fit two places {apart_m} m apart better than one (log evidence "
+    "{log_evidence})",
+    harmless="hills and tall buildings, a cell with two antennas",
+    detection=0.8,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(1, 88, 10.1)),
+    strength="suffices",
+)
+def _two_places(memory: Memory, cell: HeardCell) -> Evidence | None:
+    result = memory.of(_Tests).result(memory, cell)
+    if result is None:
+        return None
+    limit = _TWO_FAR_PLACES if result.apart_m >= _FAR_M else _TWO_PLACES
+    return _evidence(cell, result, result.two_places) if result.two_places >= limit else None
+
+
+@ScanRule(
+    id="S6",
+    family="place",
+    needs=("identity", "level", "position"),
+    gate="6 squares of 25 m over at least 300 m",
+    sentence="the levels fit no fixed place (log evidence {log_evidence}): it moves",
+    harmless="hills and tall buildings, power that changes with the load",
+    detection=0.7,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 88, 10.1)),
+    strength="suffices",
+)
+def _no_place(memory: Memory, cell: HeardCell) -> Evidence | None:
+    result = memory.of(_Tests).result(memory, cell)
+    if result is None or result.no_place <= _NO_PLACE:
+        return None
+    return _evidence(cell, result, result.no_place)
+
+
+def _evidence(cell: HeardCell, result: Sources, log_evidence: float) -> Evidence:
+    return {
+        "log_evidence": round(log_evidence, 1),
+        "apart_m": round(result.apart_m),
+        "squares": len(cell.spots),
+    }
+
+
+_MEAN_S = 15.0
+_FEWEST_LEVELS = 3
+"""Levels of a mean: one may be wrong."""
+_CHANGE_DB = 20.0
+_FEWEST_MEANS = 4
+"""A minute: a receiver whose position is frozen in a tunnel moves on before."""
+_STEADY_DB = 10.0
+"""Legitimate cells stay within 14 dB of themselves in logs of standing telephones."""
+_STEADY_S = 60.0
+
+
+class _Means:
+    """Means of a level over 15 s each: their number, limits and times."""
+
+    __slots__ = ("_n_levels", "_since_s", "_sum", "first_s", "highest", "last_s", "lowest", "n")
+
+    def __init__(self, t_s: float) -> None:
+        self._since_s, self._sum, self._n_levels = t_s, 0.0, 0
+        self.n, self.first_s, self.last_s = 0, t_s, t_s
+        self.lowest, self.highest = inf, -inf
+
+    def add(self, t_s: float, level_dbm: float) -> None:
+        """Take a level."""
+        if t_s - self._since_s >= _MEAN_S:
+            if self._n_levels >= _FEWEST_LEVELS:
+                self._complete()
+            self._since_s, self._sum, self._n_levels = t_s, 0.0, 0
+        self._sum += level_dbm
+        self._n_levels += 1
+
+    def _complete(self) -> None:
+        mean_dbm = self._sum / self._n_levels
+        self.first_s = self.first_s if self.n else self._since_s
+        self.last_s, self.n = self._since_s, self.n + 1
+        self.lowest = min(self.lowest, mean_dbm)
+        self.highest = max(self.highest, mean_dbm)
+
+    @property
+    def spread_db(self) -> float:
+        """Highest minus lowest mean; negative before there is one."""
+        return self.highest - self.lowest
+
+    @property
+    def is_long(self) -> bool:
+        """Whether it was heard long enough to be a reference for the others."""
+        return self.last_s - self.first_s >= _STEADY_S
+
+
+_STANDING = partial(Latest[_Means], 128)
+"""Means of the cells heard since the walker stands here."""
+
+
+def _heard_while_standing(memory: Memory) -> list[HeardCell]:
+    """Cells of a scan, while the walker stands."""
+    if memory.now.x_m is None or memory.now.still_s < _MEAN_S:
+        memory.of(_STANDING).clear()
+        return []
+    return memory.taken
+
+
+@ScanRule(
+    id="S7",
+    family="place",
+    needs=("identity", "level", "position"),
+    gate="means over 15 s, at least 4, the walker within 30 m; another cell stays within 10 dB",
+    sentence="the level changed by {change_db} dB while the walker stood for {still_s} s and "
+    "{cells} other cells changed by at most {other_db} dB: it moves",
+    harmless="a telephone that was moved in the house, a door, a vehicle before the antenna",
+    about=_heard_while_standing,
+    detection=0.7,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 88, 10.1)),
+)
+def _changes(memory: Memory, cell: HeardCell) -> Evidence | None:
+    now, level_dbm, all_means = memory.now, cell.heard.level_dbm, memory.of(_STANDING)
+    if level_dbm is None:
+        return None
+    means = all_means.get(cell.name) or _Means(now.t_s)
+    all_means.put(cell.name, means)
+    means.add(now.t_s, level_dbm)
+    if means.n < _FEWEST_MEANS or means.spread_db < _CHANGE_DB:
+        return None
+    others = [other for key, other in all_means.items() if key != cell.name and other.is_long]
+    widest_db = max((other.spread_db for other in others), default=inf)
+    if widest_db > _STEADY_DB:
+        return None
+    return {
+        "change_db": round(means.spread_db),
+        "still_s": round(now.still_s),
+        "other_db": round(widest_db),
+        "cells": len(others),
+    }

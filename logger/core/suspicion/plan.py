@@ -1,19 +1,13 @@
 """The numbering plan: networks of this country, and identities that contradict each other."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable
+from functools import partial
 from math import hypot, inf
 
 from logger.core.latest import Latest
-from logger.core.suspicion.broken import Broken, Taken
-from logger.core.suspicion.countries import (
-    GSMR_ARFCNS,
-    TEST_MCCS,
-    Countries,
-    countries,
-    is_international,
-)
-from logger.core.suspicion.finding import Evidence
-from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment
+from logger.core.suspicion.countries import GSMR_ARFCNS, INTERNATIONAL, TEST_MCCS, countries
+from logger.core.suspicion.heard import HeardCell, Memory
+from logger.core.suspicion.rule import GSM, Evidence, Rate, ScanRule, on_telephones
 from logger.core.suspicion.spots import Spot
 
 _FEWEST_PUBLIC = 3
@@ -24,59 +18,35 @@ _NEAR_M = 300.0
 _STRONGER_DB = 10.0
 """Of two cells on one channel the weaker one cannot be decoded below 9 dB (3GPP TS 45.005)."""
 _MOST_CHANNELS = 500
+_FEWEST_CELLS = 10
+"""Of an operator, from which on its channels in earlier walks are known."""
 
 
-class PlanRules:
-    """P1, P4, P5 and P6."""
+class _Networks:
+    """Which networks are expected near here."""
 
-    def __init__(self, plan: Countries | None = None) -> None:
-        self._plan = plan or countries()
+    def __init__(self) -> None:
+        self.plan = countries()
         self._near: tuple[float, float, tuple[str, ...]] = (inf, inf, ())
         self._whys: dict[tuple[str, str | None], str | None] = {}
-        """Why each network is not expected near here, None if it is."""
-        self._public: set[str] = set()
-        self._on_channel: Latest[list[str]] = Latest(_MOST_CHANNELS)
-        self._by_cid: Latest[list[str]] = Latest(_MOST_CHANNELS)
+        self.public: set[str] = set()
 
-    def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
-        """As `FamilyRules`."""
-        for cell, heard in taken:
-            yield from self._network(now, memory, cell, heard)
-            if cell.area is not None and cell.longest_s >= _HELD_S:
-                yield from self._area_of_cid(memory, cell)
-            if heard.reading.arfcn is not None and (pair := cell.usual_pair) is not None:
-                yield from self._channel(memory, cell, pair)
-            if len(cell.held_s) > 1:
-                yield from _channels_of(cell)
-
-    def _network(
-        self, now: Moment, memory: Memory, cell: HeardCell, heard: Heard
-    ) -> Iterator[Broken]:
-        """P1: a network that is not of this country."""
-        mcc, mnc = heard.reading.mcc, heard.reading.mnc
-        if mcc is None or now.lat_deg is None or now.lon_deg is None:
-            return
-        near = self._countries_near(now.lat_deg, now.lon_deg)
+    def why_not(self, mcc: str, mnc: str | None, lat_deg: float, lon_deg: float) -> str | None:
+        """Why a network is not expected here, None if it is or if that is unknown."""
+        if hypot(lat_deg - self._near[0], lon_deg - self._near[1]) > 0.01:
+            self._near = lat_deg, lon_deg, self.plan.near(lat_deg, lon_deg)
+            self._whys = {}
         if (mcc, mnc) not in self._whys:
             if len(self._whys) >= _MOST_CHANNELS:
                 self._whys.clear()
-            self._whys[mcc, mnc] = self._foreign(mcc, mnc, near)
-        why = self._whys[mcc, mnc]
-        if why is None:
-            self._public.add(cell.name)
-            return
-        is_railway = self._plan.is_railway(mcc, mnc) or heard.reading.arfcn in GSMR_ARFCNS
-        if is_railway or (mcc in TEST_MCCS and len(self._public) < _FEWEST_PUBLIC):
-            return
-        memory.foreign.put(cell.name, None)
-        yield Broken("P1", cell.name, {"operator": cell.operator, "why": why})
+            self._whys[mcc, mnc] = self._why_foreign(mcc, mnc, self._near[2])
+        return self._whys[mcc, mnc]
 
-    def _foreign(self, mcc: str, mnc: str | None, near: tuple[str, ...]) -> str | None:
-        """Why a network is not expected here, None if it is or if that is unknown."""
-        plan = self._plan
+    def _why_foreign(self, mcc: str, mnc: str | None, near: Iterable[str]) -> str | None:
+        plan = self.plan
         if mcc in TEST_MCCS:
             return "a test network"
-        if is_international(mcc):
+        if mcc == INTERNATIONAL:
             return "a network of ships, aircraft or satellites"
         owners = plan.countries_of(mcc)
         if not owners:
@@ -86,41 +56,37 @@ class PlanRules:
             return None if is_known else "no network has this code in this country"
         return f"the network is of {plan.name(owners[0])}, more than {plan.near_km:.0f} km away"
 
-    def _countries_near(self, lat_deg: float, lon_deg: float) -> tuple[str, ...]:
-        if hypot(lat_deg - self._near[0], lon_deg - self._near[1]) > 0.01:
-            self._near = lat_deg, lon_deg, self._plan.near(lat_deg, lon_deg)
-            self._whys = {}
-        return self._near[2]
 
-    def _area_of_cid(self, memory: Memory, cell: HeardCell) -> Iterator[Broken]:
-        """P4: one cell identity under two area codes."""
-        if abs(cell.since_s - memory.changed_rat_s) < _HELD_S:
-            return
-        key = f"{cell.operator} {cell.rat} {cell.cid}"
-        for name in _others(self._by_cid, key, cell.name):
-            other = memory.cells.get(name)
-            if other is None or other.area is None or other.area == cell.area:
-                continue
-            if other.rat == cell.rat:
-                yield Broken("P4", cell.name, {"cid": str(cell.cid), "area": cell.area or 0,
-                                               "other_area": other.area})  # fmt: skip
+@ScanRule(
+    id="P1",
+    family="plan",
+    needs=("position", "country code"),
+    gate="railways are named; a test network counts once 3 cells of this country were heard",
+    sentence="network {operator}: {why}",
+    harmless="borders, ships and aircraft, private networks",
+    detection=0.9,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+    elsewhere=Rate(0, 85, 0.0, "88 cells at one place, railways left out"),
+)
+def _foreign(memory: Memory, cell: HeardCell) -> Evidence | None:
+    now, reading, networks = memory.now, cell.heard.reading, memory.of(_Networks)
+    mcc, mnc = reading.mcc, reading.mnc
+    if mcc is None or now.lat_deg is None or now.lon_deg is None:
+        return None
+    why = networks.why_not(mcc, mnc, now.lat_deg, now.lon_deg)
+    if why is None:
+        networks.public.add(cell.name)
+        return None
+    is_railway = networks.plan.is_railway(mcc, mnc) or reading.arfcn in GSMR_ARFCNS
+    if is_railway or (mcc in TEST_MCCS and len(networks.public) < _FEWEST_PUBLIC):
+        return None
+    memory.foreign.put(cell.name, None)
+    return {"operator": cell.operator, "why": why}
 
-    def _channel(self, memory: Memory, cell: HeardCell, pair: tuple[int, int]) -> Iterator[Broken]:
-        """P5: another identity on the channel and colour code of a cell heard near here."""
-        for name in _others(self._on_channel, f"{cell.rat} {pair[0]} {pair[1]}", cell.name):
-            other = memory.cells.get(name)
-            if other is None or other.usual_pair != pair:
-                continue
-            above_db, apart_m = _closest(cell, other)
-            if apart_m <= _NEAR_M and abs(above_db) >= _STRONGER_DB:
-                evidence: Evidence = {
-                    "channel": pair[0],
-                    "code": pair[1],
-                    "other": other.name,
-                    "apart_m": round(apart_m),
-                    "above_db": round(above_db),
-                }
-                yield Broken("P5", cell.name, evidence)
+
+_BY_CID = partial(Latest[list[str]], _MOST_CHANNELS)
+_BY_CHANNEL = partial(Latest[list[str]], _MOST_CHANNELS)
+"""Names of cells that share an identity under several areas, and a channel with its code."""
 
 
 def _others(names_of: Latest[list[str]], key: str, name: str) -> list[str]:
@@ -133,6 +99,63 @@ def _others(names_of: Latest[list[str]], key: str, name: str) -> list[str]:
         names_of.put(key, [*names, name][-4:])
         return names
     return [other for other in names if other != name] if len(names) > 1 else []
+
+
+@ScanRule(
+    id="P4",
+    family="plan",
+    needs=("identity", "area code"),
+    gate="both heard for 10 s, not within 10 s of a change of technology",
+    sentence="cell identity {cid} is heard in area {area} and in area {other_area}",
+    harmless="an operator has renumbered, or two areas meet and use the number twice",
+    detection=0.8,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+)
+def _two_areas(memory: Memory, cell: HeardCell) -> Evidence | None:
+    if cell.area is None or cell.longest_s < _HELD_S:
+        return None
+    if abs(cell.since_s - memory.changed_rat_s) < _HELD_S:
+        return None
+    key = f"{cell.operator} {cell.rat} {cell.cid}"
+    for name in _others(memory.of(_BY_CID), key, cell.name):
+        other = memory.cells.get(name)
+        if other is None or other.area is None or other.area == cell.area:
+            continue
+        if other.rat == cell.rat:
+            return {"cid": str(cell.cid), "area": cell.area, "other_area": other.area}
+    return None
+
+
+@ScanRule(
+    id="P5",
+    family="plan",
+    needs=("identity", "channel", "colour code", "position"),
+    gate="each held for 10 s; within 300 m of each other one is 10 dB stronger",
+    sentence="channel {channel} with code {code} is also that of {other}, heard {apart_m} m away",
+    harmless="a telephone that prints the old identity with the new channel",
+    detection=0.5,
+    measured=on_telephones(GSM=(1, 21, 2.0)),
+    rats=GSM,
+)
+def _anothers_channel(memory: Memory, cell: HeardCell) -> Evidence | None:
+    pair = cell.usual_pair
+    if cell.heard.reading.arfcn is None or pair is None:
+        return None
+    key = f"{cell.rat} {pair[0]} {pair[1]}"
+    for name in _others(memory.of(_BY_CHANNEL), key, cell.name):
+        other = memory.cells.get(name)
+        if other is None or other.usual_pair != pair:
+            continue
+        above_db, apart_m = _closest(cell, other)
+        if apart_m <= _NEAR_M and abs(above_db) >= _STRONGER_DB:
+            return {
+                "channel": pair[0],
+                "code": pair[1],
+                "other": other.name,
+                "apart_m": round(apart_m),
+                "above_db": round(above_db),
+            }
+    return None
 
 
 def _closest(cell: HeardCell, other: HeardCell) -> tuple[float, float]:
@@ -153,9 +176,40 @@ def _closest(cell: HeardCell, other: HeardCell) -> tuple[float, float]:
     return here.level_dbm - there.level_dbm, apart_m
 
 
-def _channels_of(cell: HeardCell) -> Iterator[Broken]:
-    """P6: one identity on two channels."""
-    channels = cell.held_channels if cell.rat == "GSM" else []
-    if len(channels) > 1:
-        evidence: Evidence = {"channel": channels[0], "other_channel": channels[1]}
-        yield Broken("P6", cell.name, evidence)
+@ScanRule(
+    id="P6",
+    family="plan",
+    needs=("identity", "channel", "colour code"),
+    gate="each channel held for 10 s",
+    sentence="is heard on channel {channel} and on channel {other_channel}",
+    harmless="an operator has changed the channels during the walk",
+    detection=0.9,
+    measured=on_telephones(GSM=(0, 21, 2.0)),
+    rats=GSM,
+)
+def _two_channels(_memory: Memory, cell: HeardCell) -> Evidence | None:
+    channels = cell.held_channels if len(cell.held_s) > 1 and cell.rat == "GSM" else []
+    return {"channel": channels[0], "other_channel": channels[1]} if len(channels) > 1 else None
+
+
+@ScanRule(
+    id="P2",
+    family="plan",
+    needs=("identity", "channel", "earlier walks"),
+    gate="10 cells of the operator known on channels of earlier walks; only warns",
+    sentence="channel {channel} is none of the {channels} channels of this operator in "
+    "earlier walks",
+    harmless="the operator has a new channel",
+    detection=0.5,
+    strength="warns",
+)
+def _new_channel(memory: Memory, cell: HeardCell) -> Evidence | None:
+    reading, baseline = cell.heard.reading, memory.baseline
+    if not baseline.n_walks or memory.now.lat_deg is None:
+        return None
+    if reading.mcc is None or reading.mnc is None or reading.arfcn is None:
+        return None
+    known = baseline.channels(reading.mcc, reading.mnc, cell.rat)
+    if reading.arfcn in known or sum(known.values()) < _FEWEST_CELLS:
+        return None
+    return {"channel": reading.arfcn, "channels": len(known)}

@@ -2,13 +2,14 @@
 
 from collections import deque
 from collections.abc import Iterator
+from functools import partial
 from math import hypot
 from typing import NamedTuple
 
-from logger.core.suspicion.broken import Broken, Taken
-from logger.core.suspicion.finding import Evidence
-from logger.core.suspicion.heard import STEADY, HeardCell, Level, Memory, Moment
-from logger.core.suspicion.networks import Networks
+from logger.core.baseline import best_dbm
+from logger.core.suspicion.earlier_walks import FEWEST_WALKS, ground
+from logger.core.suspicion.heard import FULL_LIST, STEADY, HeardCell, Level, Memory, Moment
+from logger.core.suspicion.rule import Evidence, Rate, ScanRule, on_telephones
 
 _JUMP_DB = 20.0
 """Shadowing of 8 dB over a few metres gives less in 10 s (measured: 7 an hour without a gate)."""
@@ -20,8 +21,6 @@ _BEFORE_S = 30.0
 _NEAR_M = 30.0
 _PASSED_M = 120.0
 """Way of a car between the scan before a new cell and its third reading."""
-FULL_LIST = 4
-"""Cells of a scan from which on its weakest level is a limit of what could be missed."""
 _EARLIER_S = 120.0
 _PLACE_M = 60.0
 """Closer to a small cell than 150 m its level changes by more than 15 dB."""
@@ -45,92 +44,124 @@ class _Before(NamedTuple):
     limit_dbm: float
     operators: frozenset[str]
 
-    def could_name(self, cell: HeardCell, networks: Networks) -> bool:
+    def could_name(self, memory: Memory, cell: HeardCell) -> bool:
         """Whether the scan had named a cell of this network if it had heard it."""
         if cell.rat != self.rat:
             return False
         names = self.operators
-        return len(names) > 1 or not any(networks.are_apart(cell.operator, name) for name in names)
+        return len(names) > 1 or not any(memory.are_apart(cell.operator, name) for name in names)
 
 
-class SignalRules:
-    """S2, S3, S4 and S8."""
-
-    def __init__(self) -> None:
-        self._before: deque[_Before] = deque(maxlen=12)
-
-    def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:
-        """As `FamilyRules`."""
-        for cell, heard in taken:
-            weakest_dbm = cell.weakest_dbm
-            if heard.level_dbm is None or weakest_dbm is None:
-                continue
-            yield from _jump(cell, weakest_dbm)
-            if cell.n_scans == STEADY:
-                yield from self._appears(memory, cell, weakest_dbm)
-            if weakest_dbm >= cell.best_dbm - _ABOVE_BEST_DB:
-                yield from _above_best(now, cell, heard.level_dbm, weakest_dbm)
-            if weakest_dbm >= _STRONG_DBM:
-                yield from _above_others(now, memory, cell, weakest_dbm)
-        self._remember(now)
-
-    def _appears(self, memory: Memory, cell: HeardCell, weakest_dbm: float) -> Iterator[Broken]:
-        """S3: a new cell is far stronger than anything that could be missed just before."""
-        first = cell.recent[0]
-        networks = memory.networks
-        before = [b for b in self._before if b.t_s < first.t_s and b.could_name(cell, networks)]
-        before = [b for b in before[-STEADY:] if first.t_s - b.t_s <= _BEFORE_S]
-        limit_dbm = max((b.limit_dbm for b in before), default=0.0)
-        is_near = all(_apart_m(b, cell.recent[-1]) <= _PASSED_M for b in before)
-        if len(before) >= 2 and is_near and weakest_dbm >= limit_dbm + _APPEARS_DB:
-            evidence: Evidence = {
-                "level_dbm": round(weakest_dbm),
-                "limit_dbm": round(limit_dbm),
-                "seconds": round(first.t_s - before[-1].t_s),
-            }
-            yield Broken("S3", cell.name, evidence)
-
-    def _remember(self, now: Moment) -> None:
-        serving = now.serving
-        for rat in dict.fromkeys([heard.rat for heard in now.cells]):
-            of_rat = [h for h in now.cells if h.level_dbm is not None and h.rat == rat]
-            levels = [h.level_dbm for h in of_rat if h.level_dbm is not None]
-            if len(levels) >= FULL_LIST:
-                limit_dbm = min(levels)
-            elif serving is not None and serving.rat == rat and serving.level_dbm is not None:
-                of_rat, limit_dbm = [serving], serving.level_dbm
-            else:
-                continue
-            operators = frozenset([heard.operator for heard in of_rat])
-            self._before.append(_Before(now.t_s, now.x_m, now.y_m, rat, limit_dbm, operators))
+def _steady_dbm(cell: HeardCell) -> float | None:
+    """Weakest of the last levels of a cell, None if this scan has none or before there are some."""
+    return None if cell.heard.level_dbm is None else cell.weakest_dbm
 
 
-def _jump(cell: HeardCell, weakest_dbm: float) -> Iterator[Broken]:
-    """S2: 20 dB more within 10 s, while the walker hardly moves."""
-    recent = cell.recent
-    if len(recent) < STEADY + 2:
-        return
+@ScanRule(
+    id="S2",
+    family="signal",
+    needs=("identity", "level", "position"),
+    gate="3 readings at the new level, the walker within 30 m",
+    sentence="the level rose by {rise_db} dB within {seconds} s while the walker hardly moved",
+    harmless="a door, a car or a street corner between",
+    detection=0.4,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(0, 88, 10.1)),
+)
+def _jump(_memory: Memory, cell: HeardCell) -> Evidence | None:
+    recent, weakest_dbm = cell.recent, _steady_dbm(cell)
+    if weakest_dbm is None or len(recent) < STEADY + 2:
+        return None
     before = recent[-STEADY - 1]
     rise_db = weakest_dbm - max(recent[-STEADY - 2].level_dbm, before.level_dbm)
-    if rise_db < _JUMP_DB:
-        return
     seconds = recent[-STEADY].t_s - before.t_s
-    if seconds <= _JUMP_S and _apart_m(recent[-STEADY - 2], recent[-1]) <= _NEAR_M:
-        evidence: Evidence = {
-            "rise_db": round(rise_db),
-            "seconds": round(seconds),
-            "level_dbm": round(recent[-1].level_dbm),
-        }
-        yield Broken("S2", cell.name, evidence)
+    if rise_db < _JUMP_DB or seconds > _JUMP_S:
+        return None
+    if _apart_m(recent[-STEADY - 2], recent[-1]) > _NEAR_M:
+        return None
+    return {
+        "rise_db": round(rise_db),
+        "seconds": round(seconds),
+        "level_dbm": round(recent[-1].level_dbm),
+    }
 
 
-def _above_best(
-    now: Moment, cell: HeardCell, level_dbm: float, weakest_dbm: float
-) -> Iterator[Broken]:
-    """S4: far stronger than at any earlier time within 60 m."""
-    t_s, x_m, y_m = now.t_s, now.x_m, now.y_m
-    if x_m is None or y_m is None:
-        return
+_SCANS = partial(deque[_Before], maxlen=12)
+"""What could have been heard in the scans before."""
+
+
+def _new_cells(memory: Memory) -> Iterator[HeardCell]:
+    """Cells of a scan that are named for the third time; the scan is remembered after them."""
+    for cell in memory.taken:
+        if cell.n_scans == STEADY:
+            yield cell
+    now, serving = memory.now, memory.now.serving
+    for rat in dict.fromkeys([heard.rat for heard in now.cells]):
+        of_rat = [h for h in now.cells if h.level_dbm is not None and h.rat == rat]
+        levels = [h.level_dbm for h in of_rat if h.level_dbm is not None]
+        if len(levels) >= FULL_LIST:
+            limit_dbm = min(levels)
+        elif serving is not None and serving.rat == rat and serving.level_dbm is not None:
+            of_rat, limit_dbm = [serving], serving.level_dbm
+        else:
+            continue
+        operators = frozenset([heard.operator for heard in of_rat])
+        before = _Before(now.t_s, now.x_m, now.y_m, rat, limit_dbm, operators)
+        memory.of(_SCANS).append(before)
+
+
+@ScanRule(
+    id="S3",
+    family="signal",
+    needs=("identity", "level", "position"),
+    gate="3 readings; 15 dB above what two scans of its network within 30 s and 120 m could "
+    "have missed",
+    sentence="appears with {level_dbm} dBm where {limit_dbm} dBm could not be missed {seconds} "
+    "s before",
+    harmless="a legitimate cell switched on, the exit of a tunnel",
+    about=_new_cells,
+    detection=0.5,
+    measured=on_telephones(GSM=(13, 23, 2.7), LTE=(13, 814, 36.1), WCDMA=(2, 88, 10.1)),
+)
+def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
+    weakest_dbm = _steady_dbm(cell)
+    if weakest_dbm is None:
+        return None
+    first = cell.recent[0]
+    before = [b for b in memory.of(_SCANS) if b.t_s < first.t_s and b.could_name(memory, cell)]
+    before = [b for b in before[-STEADY:] if first.t_s - b.t_s <= _BEFORE_S]
+    limit_dbm = max((b.limit_dbm for b in before), default=0.0)
+    is_near = all(_apart_m(b, cell.recent[-1]) <= _PASSED_M for b in before)
+    if len(before) < 2 or not is_near or weakest_dbm < limit_dbm + _APPEARS_DB:
+        return None
+    return {
+        "level_dbm": round(weakest_dbm),
+        "limit_dbm": round(limit_dbm),
+        "seconds": round(first.t_s - before[-1].t_s),
+    }
+
+
+@ScanRule(
+    id="S4",
+    family="signal",
+    needs=("identity", "level", "position"),
+    gate="3 readings 15 dB above earlier visits within 60 m or earlier walks within 150 m",
+    sentence="{level_dbm} dBm, where it had at most {best_dbm} dBm before",
+    harmless="an antenna was turned, another height or building",
+    detection=0.6,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 88, 10.1)),
+    elsewhere=Rate(5, 161, 0.0, "161 surveyed cells"),
+)
+def _above_best(memory: Memory, cell: HeardCell) -> Evidence | None:
+    return _above_earlier_visits(memory.now, cell) or _above_earlier_walks(memory, cell)
+
+
+def _above_earlier_visits(now: Moment, cell: HeardCell) -> Evidence | None:
+    t_s, x_m, y_m, level_dbm = now.t_s, now.x_m, now.y_m, cell.heard.level_dbm
+    weakest_dbm = cell.weakest_dbm
+    if weakest_dbm is None or level_dbm is None or x_m is None or y_m is None:
+        return None
+    if weakest_dbm < cell.best_dbm - _ABOVE_BEST_DB:
+        return None
     earlier = []
     for spot in cell.spots:
         east_m = spot.x_m - x_m
@@ -138,26 +169,42 @@ def _above_best(
             continue
         if hypot(east_m, spot.y_m - y_m) <= _PLACE_M:
             if weakest_dbm <= spot.best_dbm + _ABOVE_BEST_DB:
-                return
+                return None
             earlier.append(spot.best_dbm)
-    if len(earlier) >= STEADY:
-        evidence: Evidence = {"level_dbm": round(level_dbm), "best_dbm": round(max(earlier))}
-        yield Broken("S4", cell.name, evidence)
+    if len(earlier) < STEADY:
+        return None
+    return {"level_dbm": round(level_dbm), "best_dbm": round(max(earlier))}
 
 
-def _above_others(
-    now: Moment, memory: Memory, cell: HeardCell, weakest_dbm: float
-) -> Iterator[Broken]:
-    """S8: far stronger than all other cells have been of late."""
+def _above_earlier_walks(memory: Memory, cell: HeardCell) -> Evidence | None:
+    around, weakest_dbm = ground(memory), cell.weakest_dbm
+    if weakest_dbm is None or not around or around[0].n_walks.get(cell.rat, 0) < FEWEST_WALKS:
+        return None
+    best = best_dbm(around, cell.name)
+    if best is None or weakest_dbm <= best + _ABOVE_BEST_DB:
+        return None
+    return {"level_dbm": round(weakest_dbm), "best_dbm": round(best)}
+
+
+@ScanRule(
+    id="S8",
+    family="signal",
+    needs=("identity", "level"),
+    gate="3 readings of at least -70 dBm, 6 dB above 3 other cells heard in the 5 minutes before",
+    sentence="{level_dbm} dBm, where the best of {cells} other cells had {best_dbm} dBm",
+    harmless="a walk past the mast of a legitimate cell",
+    detection=0.6,
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(28, 814, 36.1), WCDMA=(3, 88, 10.1)),
+)
+def _above_others(memory: Memory, cell: HeardCell) -> Evidence | None:
+    t_s, weakest_dbm = memory.now.t_s, _steady_dbm(cell)
+    if weakest_dbm is None or weakest_dbm < _STRONG_DBM:
+        return None
     others = [c.best_dbm for c in memory.cells.values()
-              if c is not cell and c.rat == cell.rat and now.t_s - c.last_s <= _LATE_S]  # fmt: skip
-    if len(others) >= STEADY and weakest_dbm >= max(others) + _ABOVE_OTHERS_DB:
-        evidence: Evidence = {
-            "level_dbm": round(weakest_dbm),
-            "cells": len(others),
-            "best_dbm": round(max(others)),
-        }
-        yield Broken("S8", cell.name, evidence)
+              if c is not cell and c.rat == cell.rat and t_s - c.last_s <= _LATE_S]  # fmt: skip
+    if len(others) < STEADY or weakest_dbm < max(others) + _ABOVE_OTHERS_DB:
+        return None
+    return {"level_dbm": round(weakest_dbm), "cells": len(others), "best_dbm": round(max(others))}
 
 
 def _apart_m(before: _Before | Level, after: Level) -> float:

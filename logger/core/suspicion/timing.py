@@ -1,10 +1,9 @@
 """Timing advance: distances from one base station that no place can have."""
 
-from collections.abc import Iterator
 from math import hypot
 
-from logger.core.suspicion.broken import Broken, Taken
-from logger.core.suspicion.heard import HeardCell, Memory, Moment
+from logger.core.suspicion.heard import HeardCell, Memory
+from logger.core.suspicion.rule import Evidence, Rate, ScanRule, on_telephones
 
 STEP_M = {"GSM": 553.5, "LTE": 78.12}
 """Metres of a step: 3GPP TS 45.010 and TS 36.211 (16 Ts)."""
@@ -17,24 +16,32 @@ _MOST = 24
 _SHARE = 0.2
 
 
-class TimingRules:
-    """T1."""
-
-    def check(self, now: Moment, memory: Memory, taken: Taken) -> Iterator[Broken]:  # noqa: ARG002
-        """As `FamilyRules`."""
-        if now.x_m is None or now.y_m is None:
-            return
-        for cell, heard in taken:
-            ta = heard.reading.ta
-            if ta is None or not heard.is_serving or cell.rat not in STEP_M:
-                continue
-            if ta >= _LARGEST[cell.rat] or not _is_new(cell, now.x_m, now.y_m, ta):
-                continue
-            cell.rings.append((now.x_m, now.y_m, ta))
-            del cell.rings[:-_MOST]
-            share = _disjoint_share(cell)
-            if len(cell.rings) >= _FEWEST and share > _SHARE:
-                yield Broken("T1", cell.name, {"rings": len(cell.rings), "share": round(share, 2)})
+@ScanRule(
+    id="T1",
+    family="timing",
+    needs=("identity", "timing advance", "position"),
+    gate="5 rings at places 50 m apart, more than 20 % of the pairs disjoint",
+    sentence="{share:.0%} of its distances by timing advance exclude each other",
+    harmless="a modem that repeats an old value",
+    detection=0.5,
+    measured=on_telephones(GSM=(0, 21, 2.0), LTE=(1, 258, 5.3)),
+    elsewhere=Rate(4, 251, 0.0, "walks with 251 cells"),
+    rats=frozenset(STEP_M),
+)
+def _rings_apart(memory: Memory, cell: HeardCell) -> Evidence | None:
+    now, ta = memory.now, cell.heard.reading.ta
+    if now.x_m is None or now.y_m is None or ta is None or not cell.heard.is_serving:
+        return None
+    if cell.rat not in STEP_M or ta >= _LARGEST[cell.rat]:
+        return None
+    if not _is_new(cell, now.x_m, now.y_m, ta):
+        return None
+    cell.rings.append((now.x_m, now.y_m, ta))
+    del cell.rings[:-_MOST]
+    share = _disjoint_share(cell)
+    if len(cell.rings) < _FEWEST or share <= _SHARE:
+        return None
+    return {"rings": len(cell.rings), "share": round(share, 2)}
 
 
 def _is_new(cell: HeardCell, x_m: float, y_m: float, ta: int) -> bool:

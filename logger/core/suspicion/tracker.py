@@ -1,27 +1,16 @@
 """All rules as a function of the records of a run, in their order: live and replay are equal."""
 
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
-from logger.core.baseline import Baseline, NoBaseline
+from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.errors import error_place
 from logger.core.identities import Identities
 from logger.core.latest import Latest
-from logger.core.suspicion.area import AreaRules
-from logger.core.suspicion.broadcast import BroadcastRules
-from logger.core.suspicion.broken import Broken, FamilyRules, Taken
-from logger.core.suspicion.capabilities import Capabilities
-from logger.core.suspicion.earlier_walks import EarlierWalkRules
-from logger.core.suspicion.finding import WORDS, Finding, Rule
-from logger.core.suspicion.gone_cells import GONE, GoneCellRule
-from logger.core.suspicion.heard import Heard, HeardCell, Memory, Moment, Walker
-from logger.core.suspicion.neighbours import NeighbourRules
-from logger.core.suspicion.place import PlaceRules
-from logger.core.suspicion.plan import PlanRules
-from logger.core.suspicion.rules import RULES, rate_of
-from logger.core.suspicion.signal import SignalRules
-from logger.core.suspicion.standing import StandingRules
-from logger.core.suspicion.technology import TechnologyRules
-from logger.core.suspicion.timing import TimingRules
+from logger.core.suspicion.heard import Heard, Memory, Moment, Walker
+from logger.core.suspicion.rule import WORDS, Evidence, Finding, Need, Rule
+from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import Assessment, assess, by_word
 from logger.core.types import Fix, Record, Scan
 
@@ -38,31 +27,18 @@ class SuspicionTracker:
     an empty name.
     """
 
-    def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline | None = None) -> None:
-        self._baseline = baseline or NoBaseline()
+    def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline = NO_BASELINE) -> None:
+        self._baseline = baseline
         self._walker = Walker(max_fix_age_s)
-        self._memory = Memory()
+        self._memory = Memory(baseline)
         self._identities = Identities()
-        self._families: tuple[FamilyRules, ...] = (
-            PlanRules(),
-            AreaRules(),
-            NeighbourRules(),
-            SignalRules(),
-            PlaceRules(),
-            StandingRules(),
-            TimingRules(),
-            BroadcastRules(),
-            TechnologyRules(),
-            EarlierWalkRules(self._baseline),
-            GoneCellRule(self._baseline),
-        )
         self._findings: Latest[list[Finding]] = Latest(_MOST_FOUND)
-        self._gone: set[str] = set()
+        self._refutable: dict[str, None] = {}
         self.worst: str | None = None
         self.n_changes = 0
         self.errors: Latest[str] = Latest(_MOST_FOUND)
         self.capabilities = Capabilities()
-        if self._baseline.n_walks:
+        if baseline.n_walks:
             self.capabilities.serve("earlier walks")
 
     def feed(self, record: Record) -> list[Finding]:
@@ -89,64 +65,75 @@ class SuspicionTracker:
         known = [name for name in self._memory.cells if name in self._identities]
         return [self.assessment(name) for name in dict.fromkeys([*known, *self._findings])]
 
+    def conspicuous(self) -> list[Assessment]:
+        """The words of unusual and suspicious cells, the most suspicious first."""
+        return [one for one in by_word(self.assessments()) if one.word != WORDS[0]]
+
     def _take_scan(self, t_ns: int, scan: Scan) -> list[Finding]:
         self._identities.add(scan)
         now = self._walker.at(t_ns, scan)
         self.capabilities.add(now)
-        taken = self._memory.take(now)
-        if self._gone:
-            self._return(cell.name for cell, _ in taken)
-        new = []
-        for family in self._families:
-            new += self._ask(family, now, taken)
+        self._memory.take(now)
+        for name in tuple(self._refutable):
+            self._withdraw(name)
+        return [finding for rule in RULES.values() for finding in self._ask(rule)]
+
+    def _ask(self, rule: Rule[Memory, Any]) -> list[Finding]:
+        """New findings of a rule; it goes on with the next cell where it raises."""
+        new: list[Finding] = []
+        memory, check = self._memory, rule.check
+        try:
+            for cell in rule.about(memory):
+                try:
+                    evidence = check(memory, cell)
+                    if evidence is not None:
+                        new += self._keep(rule, cell, evidence)
+                except Exception as error:  # noqa: BLE001 (recorded and shown)
+                    self._fail(cell.name, error)
+        except Exception as error:  # noqa: BLE001
+            self._fail("", error)
         return new
 
-    def _ask(self, family: FamilyRules, now: Moment, taken: Taken) -> list[Finding]:
-        """New findings of a family; it goes on with the next cell where a rule raises."""
-        new: list[Finding] = []
-        left = _InTurn(taken)
-        while True:
-            try:
-                for broken in family.check(now, self._memory, left):
-                    new += self._keep(broken, now)
-            except Exception as error:  # noqa: BLE001 (recorded and shown)
-                k = left.k
-                name = "" if k is None else left[k][0].name
-                if name not in self.errors:
-                    self.errors.put(name, error_place(error))
-                if k is None:
-                    return new
-                left = _InTurn(left[k + 1 :])
-            else:
-                return new
+    def _fail(self, name: str, error: Exception) -> None:
+        if name not in self.errors:
+            self.errors.put(name, error_place(error))
 
-    def _return(self, names: Iterable[str]) -> None:
-        """Withdraw that a cell is gone: it is heard, later or elsewhere in its square."""
-        for name in self._gone.intersection(names):
-            self._gone.remove(name)
-            self.n_changes += 1
-            kept = [one for one in self._findings.pop(name, None) or () if one.rule != GONE]
-            if kept:
-                self._findings.put(name, kept)
-
-    def _keep(self, broken: Broken, now: Moment) -> list[Finding]:
+    def _keep(self, rule: Rule[Memory, Any], cell: Any, evidence: Evidence) -> list[Finding]:
         """Keep the first finding of a rule for a cell, once two scans have named the cell."""
-        before = self._findings.get(broken.cell, [])
-        rat = self._rat(broken.cell)
-        rule = RULES[broken.rule]
-        if rat is None or rat not in rule.rats:
+        before, rat = self._findings.get(cell.name, []), self._rat(cell.name)
+        if rat is None or rat not in rule.rats or any(one.rule is rule for one in before):
             return []
-        if any(finding.rule == broken.rule for finding in before):
+        if self._baseline.trust_note(cell.name) is not None:
             return []
-        if self._baseline.trust_note(broken.cell) is not None:
-            return []
-        finding = _finding(rule, broken, now, rat)
-        self._findings.put(broken.cell, [*before, finding])
+        nats = rule.nats(rat) if rule.weigh is None else rule.weigh(self._memory, cell)
+        now, text = self._memory.now, rule.sentence.format(**evidence)
+        at_deg = now.lat_deg, now.lon_deg
+        finding = Finding(rule, cell.name, now.t_ns, *at_deg, text, evidence, nats)
+        self._findings.put(cell.name, [*before, finding])
         self.n_changes += 1
-        if rule.id == GONE:
-            self._gone.add(broken.cell)
-        self._rank(broken.cell)
+        if rule.refuted_by is not None:
+            self._refutable[cell.name] = None
+        self._rank([name for name in (cell.name, self.worst) if name is not None])
         return [finding]
+
+    def _withdraw(self, name: str) -> None:
+        """Withdraw the findings of a cell that this scan refutes."""
+        before = self._findings.get(name, [])
+        left = [one for one in before if not self._is_refuted(one)]
+        if not any(one.rule.refuted_by for one in left):
+            del self._refutable[name]
+        if len(left) == len(before):
+            return
+        self.n_changes += len(before) - len(left)
+        self._findings.pop(name)
+        if left:
+            self._findings.put(name, left)
+        if name == self.worst:
+            self._rank(self._findings)
+
+    def _is_refuted(self, finding: Finding) -> bool:
+        refuted_by = finding.rule.refuted_by
+        return refuted_by is not None and refuted_by(self._memory, finding.cell)
 
     def _rat(self, name: str) -> str | None:
         """Technology of a cell that two scans have named, of this walk or of earlier ones."""
@@ -156,33 +143,79 @@ class SuspicionTracker:
         known = self._baseline.cell(name)
         return None if known is None else known.rat
 
-    def _rank(self, cell: str) -> None:
-        """Compare a cell that has a new finding with the worst one."""
-        found = [self.assessment(name) for name in (cell, self.worst) if name is not None]
-        worst = by_word(found)[0]
-        self.worst = None if worst.word == WORDS[0] else worst.cell
+    def _rank(self, names: Iterable[str]) -> None:
+        """The worst cell is the worst of these."""
+        worst = next(iter(by_word([self.assessment(name) for name in names])), None)
+        self.worst = None if worst is None or worst.word == WORDS[0] else worst.cell
 
 
-class _InTurn(list[tuple[HeardCell, Heard]]):
-    """The named cells of a scan; `k` is the number of the one whose turn it is, if it is one's."""
+class Capabilities:
+    """Needs of rules that some scan has served: without them a rule is "not asked", not "fine"."""
 
-    k: int | None = None
+    def __init__(self) -> None:
+        self._always: set[Need] = set()
+        self._served: dict[str, set[Need]] = {}
 
-    def __iter__(self) -> Iterator[tuple[HeardCell, Heard]]:
-        for self.k, one in enumerate(super().__iter__()):
-            yield one
-        self.k = None
+    def serve(self, need: Need) -> None:
+        """Take what does not come from the modem."""
+        self._always.add(need)
+
+    def add(self, now: Moment) -> None:
+        """Take what a scan serves."""
+        for heard in now.cells:
+            served = self._served.setdefault(heard.rat, set())
+            for need, is_served in _OF_READING.items():
+                if need not in served and is_served(heard):
+                    served.add(need)
+        for rat, n in Counter([heard.rat for heard in now.cells]).items():
+            if now.x_m is not None:
+                self._served[rat].add("position")
+            if n > 1:
+                self._served[rat].add("neighbours")
+        if len(self._served) > 1:
+            self._always.add("second technology")
+
+    def missing(self, rule: Rule[Any, Any], rat: str) -> frozenset[Need]:
+        """What a rule needs and no scan of a technology has served."""
+        return frozenset(rule.needs) - self._served.get(rat, set()) - self._always
+
+    def is_asked(self, rule: Rule[Any, Any], rat: str) -> bool:
+        """Whether a rule is applied to cells of a technology."""
+        return rat in rule.rats and not self.missing(rule, rat)
+
+    def not_asked(self, rules: Iterable[Rule[Any, Any]]) -> dict[str, tuple[str, ...]]:
+        """Rules that no technology heard could serve, with what was missing for the best one."""
+        result: dict[str, tuple[str, ...]] = {}
+        for rule in rules:
+            rats = [rat for rat in self._served if rat in rule.rats]
+            if not rats:
+                result[rule.id] = (f"cell of {' or '.join(sorted(rule.rats)[:2])}",)
+                continue
+            least = min((self.missing(rule, rat) for rat in rats), key=len)
+            if least:
+                result[rule.id] = tuple(sorted(least))
+        return result
 
 
-def _finding(rule: Rule, broken: Broken, now: Moment, rat: str) -> Finding:
-    return Finding(
-        rule.id,
-        rule.family,
-        broken.cell,
-        now.t_ns,
-        now.lat_deg,
-        now.lon_deg,
-        rule.sentence.format(**broken.evidence),
-        broken.evidence,
-        rule.nats(rate_of(rule, rat)),
-    )
+def _has_lists(heard: Heard) -> bool:
+    return heard.broadcast is not None and heard.broadcast.neighbour_arfcns is not None
+
+
+def _has_offset(heard: Heard) -> bool:
+    if heard.reading.c1 is not None and heard.reading.c2 is not None:
+        return True
+    return heard.broadcast is not None and heard.broadcast.cro_db is not None
+
+
+_OF_READING: Mapping[Need, Callable[[Heard], bool]] = {
+    "identity": lambda heard: heard.name is not None,
+    "country code": lambda heard: heard.reading.mcc is not None,
+    "area code": lambda heard: heard.area is not None,
+    "channel": lambda heard: heard.reading.arfcn is not None,
+    "colour code": lambda heard: heard.code is not None,
+    "level": lambda heard: heard.level_dbm is not None,
+    "timing advance": lambda heard: heard.reading.ta is not None,
+    "neighbour lists": _has_lists,
+    "C1 and C2": _has_offset,
+}
+"""Whether a reading serves a need."""

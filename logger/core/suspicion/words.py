@@ -1,24 +1,31 @@
-"""From findings to one of three words.
+"""From findings to one of three words, and to events of the run that `postproc replay` compares.
 
 The nats of findings add up over families, of each family the strongest one: new, strong and short
 come together, and one cause would count three times.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from logger.core.suspicion.finding import Family, Finding, Word
-from logger.core.suspicion.rates import WORD_RATES
+from logger.core.suspicion.rule import WORDS, Family, Finding, Rate, Word
+from logger.core.types import Level, Note
 
 UNUSUAL_NATS = 3.5
 SUSPICIOUS_NATS = 5.0
 """Tuned on the legitimate logs: unusual at most twice an hour of driving, suspicious at most 0.1
-times an hour (`rates.WORD_RATES`)."""
+times an hour (`WORD_RATES`)."""
 CONFIRMING: frozenset[Family] = frozenset({"area", "neighbours", "signal", "place", "technology"})
 """One of these must be among the families: a plan or a database alone is often wrong."""
 
-ALONE = frozenset({"S5", "S6"})
-"""Levels over the whole walk that no one place explains: enough without a second family."""
+_LOGS = "62 runs of telephones, mostly in cars"
+WORD_RATES: Mapping[Word, Rate] = {
+    "suspicious": Rate(1, 924, 38.5, _LOGS),
+    "unusual": Rate(16, 924, 38.5, _LOGS),
+}
+"""Legitimate cells that earned each word: `benchmarks/suspicion.py rates`."""
+
+FINDING_CODE, ERROR_CODE = "finding", "rule-failed"
+"""Codes of the events of each finding, and of the error of a rule."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,17 +42,16 @@ def assess(cell: str, findings: Sequence[Finding]) -> Assessment:
     """Word and score of a cell."""
     by_family: dict[Family, float] = {}
     for finding in findings:
-        by_family[finding.family] = max(by_family.get(finding.family, 0.0), finding.nats)
+        family = finding.rule.family
+        by_family[family] = max(by_family.get(family, 0.0), finding.nats)
     score = sum(by_family.values())
-    is_alone = any(f.rule in ALONE and f.nats >= SUSPICIOUS_NATS for f in findings)
-    return Assessment(cell, _word(by_family, score, is_alone), score, tuple(findings))
-
-
-def _word(by_family: Mapping[Family, float], score: float, is_alone: bool) -> Word:
     weighty = {family for family, nats in by_family.items() if nats > 0.0}
-    if is_alone or (len(weighty) >= 2 and weighty & CONFIRMING and score >= SUSPICIOUS_NATS):
-        return "suspicious"
-    return "unusual" if score >= UNUSUAL_NATS else "nothing unusual"
+    is_confirmed = len(weighty) >= 2 and bool(weighty & CONFIRMING) and score >= SUSPICIOUS_NATS
+    word: Word = "unusual" if score >= UNUSUAL_NATS else "nothing unusual"
+    strong = [finding for finding in findings if finding.nats >= SUSPICIOUS_NATS]
+    if is_confirmed or any(finding.rule.strength == "suffices" for finding in strong):
+        word = "suspicious"
+    return Assessment(cell, word, score, tuple(findings))
 
 
 def false_alarms_per_hour(word: Word) -> float:
@@ -55,14 +61,13 @@ def false_alarms_per_hour(word: Word) -> float:
 
 
 def word_rate_text(word: Word) -> str:
-    """That rate in words."""
+    """That rate in words, with its interval and the hours it comes from."""
     rate = WORD_RATES[word]
-    if not rate.alarms:
-        return (
-            f"no legitimate cell earned this word in {rate.hours:.0f} h: "
-            f"at most {rate.per_hour:.2f} an hour"
-        )
-    return f"legitimate cells earned this word {rate.per_hour:.2f} times an hour"
+    low, high = (alarms / rate.hours for alarms in rate.interval)
+    return (
+        f"legitimate cells earned this word {rate.alarms / rate.hours:.2f} times an hour "
+        f"({low:.2f} to {high:.2f}, 95 %) in {rate.hours:.1f} h of {rate.where}"
+    )
 
 
 def sentences(findings: Sequence[Finding]) -> list[Finding]:
@@ -77,7 +82,20 @@ def sentences(findings: Sequence[Finding]) -> list[Finding]:
 
 def by_word(assessments: Sequence[Assessment]) -> list[Assessment]:
     """The most suspicious first."""
-    return sorted(assessments, key=lambda a: (_RANK[a.word], -a.score_nats, a.cell))
+    return sorted(assessments, key=lambda a: (-WORDS.index(a.word), -a.score_nats, a.cell))
 
 
-_RANK: Mapping[Word, int] = {"suspicious": 0, "unusual": 1, "nothing unusual": 2}
+def finding_notes(findings: Iterable[Finding], of: Iterable[Assessment]) -> Iterator[Note]:
+    """An event for each finding, with the word and the score of its cell after it."""
+    for finding, cell in zip(findings, of, strict=True):
+        level: Level = "warning" if cell.word == "suspicious" else "info"
+        score = f"{cell.word}, {cell.score_nats!r} nats"
+        text = f"{finding.cell}: {score}: {finding.rule.id} {finding.text}"
+        yield Note(level, FINDING_CODE, text)
+
+
+def error_notes(errors: Iterable[tuple[str, str]]) -> Iterator[Note]:
+    """An event for each cell with the error of a rule; the name of none is empty."""
+    for cell, text in errors:
+        of = f"{cell}: " if cell else ""
+        yield Note("warning", ERROR_CODE, f"{of}a rule of suspicion failed: {text}")

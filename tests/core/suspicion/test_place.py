@@ -1,8 +1,12 @@
+"""The place of a station: two places of one identity, and stations that move."""
+
 from math import log10
 
 import pytest
 
 from tests.kit.suspicion_walks import Walk, gsm
+
+HOME = [gsm(cid, -80) for cid in range(10, 14)]
 
 
 def _past(places_m, slope_db, step_m=30.0):
@@ -25,7 +29,7 @@ def _past(places_m, slope_db, step_m=30.0):
 )
 def test_far_places_need_less_evidence_than_near_ones(apart_m, slope_db, rules):
     found = _past((100.0, 100.0 + apart_m), slope_db).found
-    assert {finding.rule for finding in found} == rules
+    assert {finding.rule.id for finding in found} == rules
     assert all(finding.evidence["log_evidence"] < 3.5 for finding in found)
 
 
@@ -36,5 +40,39 @@ def test_one_place_is_no_finding():
 def test_two_places_of_few_squares_are_found():
     """A car hears a clone and its original in few squares: no square may go untested."""
     found = _past((100.0, 1000.0), 25.0, step_m=110.0).found
-    assert {finding.rule for finding in found} == {"S9", "S5"}
+    assert {finding.rule.id for finding in found} == {"S9", "S5"}
     assert found[0].evidence["squares"] < 10
+
+
+def _stand(levels_dbm, others=lambda k: HOME, *, metres=0.0):
+    walk = Walk().scan(*HOME, metres=metres, times=6)
+    for k, level_dbm in enumerate(levels_dbm):
+        walk.scan(*others(k), gsm(99, level_dbm), metres=metres, times=2)
+    return walk
+
+
+def test_s7_a_level_that_changes_while_all_others_stay():
+    walk = _stand(range(-85, -55, 2))
+    (finding,) = [one for one in walk.found if one.rule.id == "S7"]
+    assert finding.cell == "232-01-1201-99"
+    assert finding.rule.family == "place"
+    assert finding.evidence["change_db"] >= 20
+    assert (finding.evidence["cells"], finding.evidence["other_db"]) == (4, 0)
+
+
+def test_s7_is_silent_where_all_levels_change():
+    """The walker goes on while the receiver repeats its position, or turns the antenna."""
+    fading = lambda k: [gsm(cid, -70 - 2 * k) for cid in range(10, 14)]  # noqa: E731
+    assert ("S7", 99) not in _stand(range(-85, -55, 2), fading).rules
+
+
+def test_s7_is_silent_without_another_cell_to_compare_with():
+    walk = Walk().scan(*HOME, metres=0.0, times=6)
+    for level_dbm in range(-85, -55, 2):
+        walk.scan(gsm(99, level_dbm), metres=0.0, times=2)
+    # the others were heard for half a minute only
+    assert ("S7", 99) not in walk.rules
+
+
+def test_s7_is_silent_while_walking():
+    assert ("S7", 99) not in _stand(range(-85, -55, 2), metres=7.0).rules

@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from logger.core.suspicion.countries import countries
-from logger.core.suspicion.rules import RULES, rate_of
+from logger.core.suspicion.rule import Rate
+from logger.core.suspicion.rules import RULES
 from logger.core.types import Broadcast, CellReading
 from tests.kit.suspicion_walks import Walk, gsm
 
@@ -16,15 +17,22 @@ def test_every_rule_says_what_it_needs_and_how_often_it_is_wrong():
     for rule in RULES.values():
         assert rule.needs
         assert rule.gate
-        assert rule.innocent
-        assert rate_of(rule, "GSM").cells > 0
-        assert 0.0 <= rule.nats(rate_of(rule, "GSM")) < 8.0
+        assert rule.harmless
+        assert rule.strength == "warns" or rule.rate("GSM").cells > 0
+        assert 0.0 <= rule.nats("GSM") < 8.0
+
+
+def test_the_interval_of_a_rate():
+    assert Rate(0, 50, 1.0, "").interval == pytest.approx((0.0, 2.996), abs=0.001)
+    assert Rate(10, 50, 1.0, "").interval == pytest.approx((4.795, 18.390), abs=0.001)
+    assert Rate(1, 77, 2.0, "").text == "1 of 77 cells in 2.0 h (0.01 to 2.79 an hour)"
+    assert Rate(1, 77, 0.0, "").text == "1 of 77 cells"
 
 
 def test_a_technology_with_an_alarm_has_no_lower_rate_than_its_own():
     """One of 23 GSM cells is not excused by 900 cells of LTE without an alarm."""
-    assert rate_of(RULES["S9"], "GSM").cells < 100
-    assert rate_of(RULES["S9"], "GSM").per_cell > rate_of(RULES["S9"], "LTE").per_cell
+    assert RULES["S9"].rate("GSM").cells < 100
+    assert RULES["S9"].rate("GSM").per_cell > RULES["S9"].rate("LTE").per_cell
 
 
 def test_p1_a_network_of_no_country_near():

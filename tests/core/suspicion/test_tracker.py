@@ -1,7 +1,11 @@
 import sys
+from dataclasses import replace
 from math import log10
 
+import pytest
+
 from logger.core.baseline import NoBaseline
+from logger.core.suspicion.rule import Rate, ScanRule
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.sources import compare_sources
 from logger.core.suspicion.spots import Spot
@@ -17,12 +21,12 @@ def test_a_cell_named_once_is_not_accused():
 
 def test_each_rule_accuses_a_cell_once():
     found = Walk().scan(*HOME, FOREIGN, times=20).found
-    assert len({(one.rule, one.cell) for one in found}) == len(found)
+    assert len({(one.rule.id, one.cell) for one in found}) == len(found)
 
 
 def test_findings_have_time_place_and_evidence():
     first = Walk().scan(*HOME, FOREIGN, times=3).found[0]
-    assert first.rule == "P1"
+    assert first.rule.id == "P1"
     assert first.t_ns == 10 * 10**9
     assert abs(first.lat_deg - 47.0708) < 0.001
     assert first.evidence["operator"] == "310-260"
@@ -44,6 +48,57 @@ def test_trusted_cells_are_not_accused():
             return "mine" if name.endswith("-99") else None
 
     assert Walk(baseline=Trusting()).scan(*HOME, FOREIGN, times=8).found == []
+
+
+def _loud(_memory, cell):
+    return {} if cell.heard.level_dbm > -50.0 else None
+
+
+def _quiet(memory, name):
+    cell = memory.cells.get(name)
+    return cell is not None and cell.heard.level_dbm < -90.0
+
+
+@pytest.fixture
+def loud(monkeypatch):
+    """A rule of this test alone: a loud cell is suspicious until it is quiet."""
+    rule = ScanRule(
+        id="X1", family="signal", needs=("level",), gate="none", sentence="is loud",
+        harmless="nothing", check=_loud, detection=1.0, elsewhere=Rate(1, 1000, 0.0, "a test"),
+        strength="suffices", refuted_by=_quiet,
+    )  # fmt: skip
+    monkeypatch.setitem(RULES, "X1", rule)
+
+
+@pytest.mark.usefixtures("loud")
+def test_a_rule_needs_nothing_but_itself():
+    walk = Walk().scan(*HOME, gsm(99, -45), times=3)
+    assert ("X1", 99) in walk.rules
+    assert walk.word("232-01-1201-99") == "suspicious"
+
+
+@pytest.mark.usefixtures("loud")
+def test_a_finding_that_later_scans_refute_is_withdrawn():
+    walk = Walk().scan(*HOME, gsm(99, -45), gsm(98, -49), times=3)
+    assert walk.tracker.worst == "232-01-1201-98"
+    n_changes = walk.tracker.n_changes
+    walk.scan(*HOME, gsm(99, -45), gsm(98, -95))
+    assert walk.word("232-01-1201-98") == "nothing unusual"
+    assert walk.tracker.worst == "232-01-1201-99"
+    assert walk.tracker.n_changes == n_changes + 1
+
+
+def test_a_rule_that_fails_for_one_cell_goes_on_with_the_others(monkeypatch):
+    def failing(memory, cell):
+        if cell.name.endswith("-98"):
+            raise ZeroDivisionError
+        return _loud(memory, cell)
+
+    monkeypatch.setitem(RULES, "S2", replace(RULES["S2"], check=failing, sentence="is loud"))
+    walk = Walk().scan(*HOME, gsm(98, -45), gsm(99, -45), times=2)
+    assert ("S2", 99) in walk.rules
+    assert list(walk.tracker.errors) == ["232-01-1201-98"]
+    assert "ZeroDivisionError" in walk.tracker.errors["232-01-1201-98"]
 
 
 def test_memory_is_bounded():

@@ -1,46 +1,58 @@
-from logger.core.suspicion.finding import Finding
-from logger.core.suspicion.words import assess, by_word, false_alarms_per_hour, sentences
+from logger.core.suspicion.rule import Finding
+from logger.core.suspicion.rules import RULES
+from logger.core.suspicion.words import (
+    assess,
+    by_word,
+    false_alarms_per_hour,
+    sentences,
+    word_rate_text,
+)
 
 
-def _finding(rule, family, nats, text=""):
-    return Finding(rule, family, "c", 0, None, None, text, {}, nats)
+def _finding(rule, nats, text=""):
+    return Finding(RULES[rule], "c", 0, None, None, text, {}, nats)
 
 
 def test_a_family_counts_once():
-    one = assess("c", [_finding("L1", "area", 4.0), _finding("L2", "area", 4.5)])
+    one = assess("c", [_finding("L1", 4.0), _finding("L2", 4.5)])
     assert (one.word, one.score_nats) == ("unusual", 4.5)
 
 
 def test_two_families_are_needed_and_one_of_them_confirms():
-    area, plan = _finding("L1", "area", 4.0), _finding("P1", "plan", 5.0)
+    area, plan = _finding("L1", 4.0), _finding("P1", 5.0)
     assert assess("c", [area, plan]).word == "suspicious"
-    timing = _finding("T1", "timing", 4.0)
+    timing = _finding("T1", 4.0)
     assert assess("c", [plan, timing]).word == "unusual"  # neither says more than the other
-    weak = _finding("N1", "neighbours", 0.4)
-    assert assess("c", [_finding("L1", "area", 4.0), weak]).word == "unusual"
+    weak = _finding("N1", 0.4)
+    assert assess("c", [_finding("L1", 4.0), weak]).word == "unusual"
 
 
 def test_levels_that_no_place_explains_are_enough():
-    assert assess("c", [_finding("S5", "place", 6.0)]).word == "suspicious"
+    assert assess("c", [_finding("S5", 6.0)]).word == "suspicious"
 
 
 def test_less_evidence_for_two_places_needs_a_second_family():
-    perhaps = _finding("S9", "place", 6.0)
+    perhaps = _finding("S9", 6.0)
     assert assess("c", [perhaps]).word == "unusual"
-    assert assess("c", [perhaps, _finding("S8", "signal", 3.4)]).word == "suspicious"
+    assert assess("c", [perhaps, _finding("S8", 3.4)]).word == "suspicious"
 
 
 def test_one_sentence_is_printed_once():
-    weaker, stronger = _finding("S9", "place", 2.9, "two"), _finding("S5", "place", 6.6, "two")
-    area = _finding("L1", "area", 4.0, "one")
+    weaker, stronger = _finding("S9", 2.9, "two"), _finding("S5", 6.6, "two")
+    area = _finding("L1", 4.0, "one")
     assert sentences([weaker, area, stronger]) == [area, stronger]
 
 
 def test_the_most_suspicious_comes_first():
-    words = [assess("quiet", []), assess("worst", [_finding("S5", "place", 6.0)])]
+    words = [assess("quiet", []), assess("worst", [_finding("S5", 6.0)])]
     assert [one.cell for one in by_word(words)] == ["worst", "quiet"]
 
 
 def test_the_rate_of_an_alarm_is_a_bound_where_there_was_none():
     assert 0.0 < false_alarms_per_hour("suspicious") <= 0.1
     assert false_alarms_per_hour("nothing unusual") == 0.0
+
+
+def test_a_rate_is_printed_with_its_interval_and_hours():
+    text = "legitimate cells earned this word 0.03 times an hour (0.00 to 0.14, 95 %) in 38.5 h of "
+    assert word_rate_text("suspicious").startswith(text)

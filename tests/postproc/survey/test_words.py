@@ -1,14 +1,15 @@
 """Words of suspicion in the results of a survey: those of `postproc suspect`, each asked once."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from logger.core.runfile import read_sound_run
+from logger.core.suspicion.rules import RULES, rules_version
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.types import Broadcast
 from postproc.cli import main
-from postproc.survey import suspicion
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
 from postproc.survey.rule_inputs import records_of, rule_inputs
@@ -82,7 +83,7 @@ def test_worst_word_over_all_runs(files, folder, scheduler, capsys):
     found = cells[FOREIGN]
     assert found["word"] == one_run[FOREIGN].word == "suspicious"
     assert found["word_runs"] == 2
-    assert set(found["word_rules"]) == {finding.rule for finding in one_run[FOREIGN].findings}
+    assert set(found["word_rules"]) == {finding.rule.id for finding in one_run[FOREIGN].findings}
     assert {one["word"] for name, one in cells.items() if name != FOREIGN} == {"nothing unusual"}
     # each run is asked once: nothing is left for a scheduler
     assert _locate(capsys, folder, "tcp://127.0.0.1:1") == cells
@@ -92,13 +93,28 @@ def test_worst_word_over_all_runs(files, folder, scheduler, capsys):
 
 def test_words_of_other_rules_are_asked_again(folder, scheduler, capsys, monkeypatch):
     cells = _locate(capsys, folder, scheduler)
-    lines = (folder / "words.jsonl").read_bytes().splitlines()
+    kept = folder / "words.jsonl"
+    lines = kept.read_bytes().splitlines()
     assert len(lines) == 3
-    (folder / "words.jsonl").write_bytes(b"\n".join(lines)[:-20])  # torn
+    kept.write_bytes(b"\n".join(lines)[:-20])  # torn
     assert _locate(capsys, folder, scheduler) == cells
-    monkeypatch.setattr(suspicion, "VERSION", suspicion.VERSION + 1)
+    # a rule and nothing else
+    monkeypatch.setitem(RULES, "X1", replace(RULES["S2"], id="X1"))
     assert _locate(capsys, folder, scheduler) == cells
-    assert len((folder / "words.jsonl").read_bytes().split()) > 6
+    assert len(kept.read_bytes().split()) > 6
+    assert {json.loads(line)["version"] for line in kept.read_bytes().split()[-3:]} == {
+        rules_version()
+    }
+
+
+def test_words_of_a_version_that_was_a_number_are_asked_again(folder, scheduler, capsys):
+    cells = _locate(capsys, folder, scheduler)
+    kept = folder / "words.jsonl"
+    lines = [json.loads(line) for line in kept.read_bytes().split()]
+    old = [line | {"version": 6, "cells": []} for line in lines]
+    kept.write_text("".join(f"{json.dumps(line)}\n" for line in old))
+    assert _locate(capsys, folder, scheduler) == cells
+    assert [json.loads(line) for line in kept.read_text().splitlines() if line] == old + lines
 
 
 def test_the_map_shows_unusual_cells(folder, scheduler, capsys):

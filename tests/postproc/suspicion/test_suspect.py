@@ -99,10 +99,10 @@ def test_a_cell_that_earlier_walks_always_heard_is_a_warning(tmp_path, capsys):
 def test_replay_repeats_the_findings(tmp_path, capsys):
     from logger.core.live import LiveTracker
     from logger.core.live_settings import LiveSettings
-    from logger.core.suspicion.notes import start_note
+    from logger.core.suspicion.rules import rules_note
 
     tracker = LiveTracker(LiveSettings())
-    records = [Record(1, "live", start_note())]
+    records = [Record(1, "live", rules_note())]
     for k in range(20):
         t_ns = (k + 1) * 5 * 10**9
         for record in (

@@ -2,7 +2,7 @@
 
 import pytest
 
-from logger.core.suspicion.networks import Networks, may_be_same
+from logger.core.suspicion.heard import may_be_same
 from tests.kit.suspicion_walks import Walk, gsm
 
 FIRST = [gsm(10 + k, -70 - k) for k in range(4)]
@@ -24,12 +24,11 @@ def test_a_code_that_is_not_printed_may_be_any(operator, other, is_same):
 
 
 def test_networks_that_come_late_are_not_those_of_the_log():
-    networks = Networks()
-    for t_s, operator in ((100.0, "232-01"), (120.0, "232-03"), (500.0, "001-01")):
-        networks.take(t_s, operator)
-    assert networks.are_apart("232-03", "232-01")
-    assert not networks.are_apart("001-01", "232-01")
-    assert not networks.are_apart("232-01", "232-01")
+    walk = Walk().scan(*FIRST, *SECOND, times=2)
+    memory = walk.scan(*FIRST, gsm(90, mcc="001"), seconds=400.0).tracker._memory
+    assert memory.are_apart("232-03", "232-01")
+    assert not memory.are_apart("001-01", "232-01")
+    assert not memory.are_apart("232-01", "232-01")
 
 
 def test_one_network_says_nothing_of_another():

@@ -2,7 +2,7 @@
 
 from logger.core.runfile import read_run
 from postproc.smoothing import smooth_runs
-from postproc.suspicion.ordering import conspicuous_first
+from postproc.suspicion.run_assessment import conspicuous_first
 from postproc.view.view_model import select_cells
 from tests.kit.suspicion_walks import gsm, write_walk
 

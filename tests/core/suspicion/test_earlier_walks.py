@@ -1,11 +1,11 @@
-"""B3: a cell that all earlier walks heard here, and what the gate is there for."""
+"""B3: a cell that all earlier walks heard here, and what its gate is there for."""
 
 from types import MappingProxyType
 
 import pytest
 
 from logger.core.baseline import HeardInSquare, KnownCell, NoBaseline, SquareHistory
-from logger.core.suspicion.rules import RULES, rate_text
+from logger.core.suspicion.rules import RULES
 from tests.kit.suspicion_walks import Walk, gsm
 
 HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]
@@ -38,7 +38,7 @@ class Earlier(NoBaseline):
 
 def _b3(baseline, *scan, metres=20.0, times=14):
     walk = Walk(baseline=baseline).scan(*(scan or HOME), metres=metres, times=times)
-    return [finding for finding in walk.found if finding.rule == "B3"]
+    return [finding for finding in walk.found if finding.rule.id == "B3"]
 
 
 def test_a_cell_that_was_always_heard_here_is_missed():
@@ -55,7 +55,7 @@ def test_it_is_a_warning_and_no_accusation():
     assert walk.word(GONE.cell) == "nothing unusual"
     assert walk.tracker.worst is None
     assert walk.tracker.technologies()[GONE.cell] == "GSM"
-    assert rate_text(RULES["B3"], 0.0) == "Not measured: it only warns."
+    assert RULES["B3"].rate_text(0.0) == "Not measured: it only warns."
 
 
 @pytest.mark.parametrize(
