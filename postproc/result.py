@@ -22,12 +22,12 @@ from logger.core.answer import (
 )
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import ellipse95
-from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import TimingCheck
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import ENVIRONMENTS, Prior
-from logger.core.observations import CellObservations, Observations, SpikeLevel
+from logger.core.places import Places, Utm
+from logger.core.readings import Observations, Readings, SpikeLevel
 from logger.core.runfile import Run
 from logger.core.types import Verdict
 from postproc.cell_work import Failure
@@ -99,7 +99,7 @@ class CellResult:
     """What each estimator states about one cell; None where it has nothing reliable to state.
 
     `n` counts the readings with a position, `n_scans` the scans that identified the cell without
-    doubt. The answer is `posterior` with its `verdict`; the reference EKF, the EKF forward and
+    doubt. `answer` is made of `posterior` and `verdict`; the reference EKF, the EKF forward and
     backward with their comparison, the RTS smoother and the least-squares fit (`batch`) are for
     comparison. `residuals` are those at the posterior's best position. `timing` compares timing
     advances with the posterior; None where none was read. `failed` names the estimators that did
@@ -114,7 +114,7 @@ class CellResult:
 
     cell: str
     n: int
-    obs: CellObservations | None
+    obs: Readings | None
     verdict: Verdict
     warnings: tuple[str, ...]
     posterior: Posterior | None = None
@@ -139,20 +139,20 @@ class CellResult:
         """The posterior in degrees; None without one."""
         if self.posterior is None or self.obs is None:
             return None
-        return place_of(self.posterior, self.obs.utm)
+        return place_of(self.posterior)
 
     def answer(self, runs: Sequence[Run]) -> Answer:
         """The answer, from the `runs` of the result."""
         heard = [share.run for share in self.shares] or range(len(runs))
-        first_ns = last_ns = utm = paths = None
+        first_ns = last_ns = paths = None
         if self.obs is not None:
-            utm, paths = self.obs.utm, self._paths(self.obs.utm)
+            paths = self._paths(self.obs.utm)
             if len(self.obs):
                 first_ns, last_ns = self.obs.t_ns[[0, -1]].tolist()
         names = tuple(runs[i].path.name for i in heard)
         made_from = Provenance(self.n, first_ns, last_ns, self.n_scans, names, self.error)
         return answer_of(
-            self.cell, self.verdict, self.warnings, made_from, self.posterior, utm, paths=paths
+            self.cell, self.verdict, self.warnings, made_from, self.posterior, paths=paths
         )
 
     def _paths(self, utm: Utm) -> Paths:
@@ -176,7 +176,7 @@ class CellResult:
 
 def _end(x: FloatArray, p: FloatArray, utm: Utm, n: int, is_bounded: bool = True) -> PathEnd:
     """The end at the state `x` (4,) with the covariance `p` (4, 4)."""
-    lat, lon = utm.to_latlon(float(x[0]), float(x[1]))
+    lat, lon = Places.of(x[0], x[1], utm=utm).first_deg
     return PathEnd(
         lat=lat,
         lon=lon,

@@ -12,6 +12,7 @@ from logger.core.ellipse import RADII, Ellipse
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.region import HALF, LEVEL, area_m2
 from logger.core.locator.rivals import share_text
+from logger.core.places import Places
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.direction_check import AXES
@@ -347,7 +348,7 @@ def json_form(
     }
     form |= {one.json_key: ends[one] for one in (RTS, BATCH)}
     if cell.batch is not None and cell.obs is not None:
-        rivals = [cell.obs.utm.to_latlon(*rival[:2].tolist()) for rival in cell.batch.rivals]
+        rivals = [Places.of(*rival[:2], utm=cell.obs.utm).first_deg for rival in cell.batch.rivals]
         form[BATCH.json_key] = _fields(paths.ends[BATCH.key], (*_END, "n")) | {
             "sigma_db": cell.batch.sigma_db,
             "converged": cell.batch.converged,

@@ -7,8 +7,8 @@ from math import isfinite
 
 from logger.core.answer import Answer, Mode, PathEnd, Place
 from logger.core.ellipse import radii_text
-from logger.core.geo import Utm
 from logger.core.locator.region import HALF, LEVEL
+from logger.core.places import Utm
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons

@@ -225,14 +225,6 @@ _RADII = tuple(Column(radius, ".0f", "m") for radius in RADII)
 _PARAMETERS = (Column("P0", ".1f", "dBm"), Column("eta", ".2f"))
 
 
-def _place(cell: CellResult) -> tuple[Value, Value, Value]:
-    """Position and radii of the answer."""
-    place = cell.place
-    if place is None:
-        return None, None, None
-    return Degrees(place.lat, place.lon), place.r50_m, place.r95_m
-
-
 def _cell_table(cells: Sequence[CellResult], counts: Mapping[str, CellCount]) -> Table:
     columns = (
         Column("no.", "d"),
@@ -247,12 +239,16 @@ def _cell_table(cells: Sequence[CellResult], counts: Mapping[str, CellCount]) ->
     )
     rows = []
     for number, cell in enumerate(cells, 1):
-        count, best = counts.get(cell.cell), cell.posterior
-        parameters = (
-            (Measured(best.p0_dbm, best.p0_sigma_db), Measured(best.eta, best.eta_sigma))
-            if best
-            else (None, None)
-        )
+        count, place, best = counts.get(cell.cell), cell.place, cell.posterior
+        shown: tuple[Value, ...] = (None,) * 5
+        if place is not None and best is not None:
+            shown = (
+                Degrees(place.lat, place.lon),
+                place.r50_m,
+                place.r95_m,
+                Measured(best.p0_dbm, best.p0_sigma_db),
+                Measured(best.eta, best.eta_sigma),
+            )
         rows.append(
             (
                 number,
@@ -261,8 +257,7 @@ def _cell_table(cells: Sequence[CellResult], counts: Mapping[str, CellCount]) ->
                 count.rat if count else None,
                 cell.n,
                 count.strongest_dbm if count else None,
-                *_place(cell),
-                *parameters,
+                *shown,
             )
         )
     return Table(columns, rows, "Table of all cells", name_column=1)

@@ -109,11 +109,8 @@ def select_cells(
 ) -> list[CellResult]:
     """The cells to show in detail: those named, then located, ambiguous, by number of readings."""
     shown = [cell for cell in cells if cell.obs is not None or cell.error]
-
-    def order(cell: CellResult) -> tuple[bool, int, int]:
-        return cell.cell not in first, _RANK.index(cell.verdict), -cell.n
-
-    return sorted(shown, key=order)[:most]
+    shown.sort(key=lambda cell: (cell.cell not in first, _RANK.index(cell.verdict), -cell.n))
+    return shown[:most]
 
 
 _Detail = tuple[CellSection, tuple[ReportFigure, ...]]

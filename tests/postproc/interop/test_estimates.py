@@ -10,7 +10,7 @@ import pytest
 
 from logger.core.answer import Paths
 from logger.core.ellipse import Ellipse
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from postproc.interop.estimates import estimate_of, estimates_of
 from postproc.interop.writers import geojson, gpx, kml
 from tests.kit import sample_results as kit
