@@ -17,6 +17,7 @@ from logger.core.answer import (
     Paths,
     Place,
     Provenance,
+    Word,
     answer_of,
     place_of,
 )
@@ -141,8 +142,8 @@ class CellResult:
             return None
         return place_of(self.posterior)
 
-    def answer(self, runs: Sequence[Run]) -> Answer:
-        """The answer, from the `runs` of the result."""
+    def answer(self, runs: Sequence[Run], word: Word | None = None) -> Answer:
+        """The answer from the `runs` of the result, with the word of suspicion if it was asked."""
         heard = [share.run for share in self.shares] or range(len(runs))
         first_ns = last_ns = paths = None
         if self.obs is not None:
@@ -152,7 +153,7 @@ class CellResult:
         names = tuple(runs[i].path.name for i in heard)
         made_from = Provenance(self.n, first_ns, last_ns, self.n_scans, names, self.error)
         return answer_of(
-            self.cell, self.verdict, self.warnings, made_from, self.posterior, paths=paths
+            self.cell, self.verdict, self.warnings, made_from, self.posterior, word, paths
         )
 
     def _paths(self, utm: Utm) -> Paths:
@@ -203,7 +204,7 @@ class Result:
     """All cells of one or several runs, the cell with most readings first.
 
     `warnings` are about the runs together; those about one run are in `runs`. `version` is that of
-    the program that estimated.
+    the program that estimated. `words` are those of the cells where suspicion was asked.
     """
 
     runs: tuple[ObservedRun, ...]
@@ -211,6 +212,7 @@ class Result:
     warnings: tuple[str, ...] = ()
     options: Options = Options()
     version: str = field(default_factory=program_version)
+    words: Mapping[str, Word] = field(default_factory=dict)
 
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:

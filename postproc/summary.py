@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from logger.core import answer as answers
 from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position, Region
 from logger.core.document import Column, Degrees, Document, Line, Measured, Table, Value, Word
 from logger.core.ellipse import RADII, Ellipse
@@ -14,6 +15,7 @@ from logger.core.locator.region import HALF, LEVEL, area_m2
 from logger.core.locator.rivals import share_text
 from logger.core.places import Places
 from logger.core.runfile import Run
+from logger.core.suspicion.rule import WORDS
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.direction_check import AXES
 from postproc.estimators.region_outline import geojson
@@ -195,7 +197,9 @@ def _cell_parts(row: SummaryRow, run_names: Sequence[str]) -> Parts:
     if made_from.n_scans is not None:
         scans = f", observed in {made_from.n_scans} scan{'s' * (made_from.n_scans != 1)}"
     counts = f"  {made_from.n} readings{scans}  "
-    parts: Parts = ["", Line((Word(answer.cell, "bold"), counts, Word(answer.verdict)))]
+    word = answer.word.word if answer.word else WORDS[0]
+    said = () if word == WORDS[0] else ("  ", Word(word))
+    parts: Parts = ["", Line((Word(answer.cell, "bold"), counts, Word(answer.verdict), *said))]
     parts += [Line(warning, bullet="  - ") for warning in answer.reasons]
     parts.append(estimator_table(answer))
     if answer.parameters is not None and answer.parameters.alternatives:
@@ -281,7 +285,7 @@ def summarise(result: Result) -> Summary:
     return Summary(
         [_run(observed, more) for observed in result.runs],
         result.warnings,
-        [_row_or_why_not(cell, runs) for cell in result.cells],
+        [_row_or_why_not(cell, runs, result.words.get(cell.cell)) for cell in result.cells],
     )
 
 
@@ -298,17 +302,17 @@ def _run(observed: ObservedRun, more: Sequence[str]) -> RunSummary:
     )
 
 
-def _row_or_why_not(cell: CellResult, runs: Sequence[Run]) -> SummaryRow:
-    row = attempt(cell.cell, "its summary", lambda: _row(cell, runs))
+def _row_or_why_not(cell: CellResult, runs: Sequence[Run], word: answers.Word | None) -> SummaryRow:
+    row = attempt(cell.cell, "its summary", lambda: _row(cell, runs, word))
     if not isinstance(row, Failure):
         return row
     failed = cell.after(row)
-    answer = failed.answer(runs)
+    answer = failed.answer(runs, word)
     return SummaryRow(failed, answer, None, json_form(failed, answer, None, runs))
 
 
-def _row(cell: CellResult, runs: Sequence[Run]) -> SummaryRow:
-    answer, truth = cell.answer(runs), truth_of(cell, runs)
+def _row(cell: CellResult, runs: Sequence[Run], word: answers.Word | None) -> SummaryRow:
+    answer, truth = cell.answer(runs, word), truth_of(cell, runs)
     return SummaryRow(cell, answer, truth, json_form(cell, answer, truth, runs))
 
 

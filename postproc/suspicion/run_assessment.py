@@ -89,7 +89,7 @@ def failures_of(tracker: SuspicionTracker) -> dict[str, Failure]:
 
 
 def conspicuous_first(result: Result) -> tuple[Result, tuple[str, ...]]:
-    """The result with suspicious and unusual cells first and their reasons among the warnings.
+    """The result with words, unusual cells first, and their reasons among the warnings.
 
     Beside it these cells, the most suspicious first.
     """
@@ -104,7 +104,9 @@ def conspicuous_first(result: Result) -> tuple[Result, tuple[str, ...]]:
     ]
     of_none = [failures[""].reason] if "" in failures else []
     warnings = (*map(reason_line, unusual), *of_none, *result.warnings)
-    return replace(result, cells=tuple(cells), warnings=warnings), tuple(rank)
+    words = {name: assess(name, ()) for name in there}
+    words |= {cell.cell: cell for cell in suspicions.cells}
+    return replace(result, cells=tuple(cells), warnings=warnings, words=words), tuple(rank)
 
 
 def _with_failure(cell: CellResult, why: Failure) -> CellResult:

@@ -1,7 +1,9 @@
 """Which cell the page and the viewer begin with."""
 
+from logger.core.document import terminal_lines
 from logger.core.runfile import read_run
 from postproc.smoothing import smooth_runs
+from postproc.summary import document_of, summarise
 from postproc.suspicion.run_assessment import conspicuous_first
 from postproc.view.view_model import select_cells
 from tests.kit.suspicion_walks import gsm, write_walk
@@ -22,6 +24,8 @@ def test_the_suspicious_cell_is_the_one_of_interest(tmp_path):
     assert result.warnings[0].startswith("310-260-1201-99 is suspicious: ")
     (shown,) = select_cells(result, conspicuous[:1])
     assert shown.cell == conspicuous[0]
+    lines = list(terminal_lines(document_of(summarise(result), details=True)[0]))
+    assert sum("suspicious" in line for line in lines if line.startswith("310-260-1201-99 ")) == 2
 
 
 def test_without_one_nothing_changes(tmp_path):
@@ -29,3 +33,6 @@ def test_without_one_nothing_changes(tmp_path):
     after, conspicuous = conspicuous_first(before)
     assert conspicuous == ()
     assert [cell.cell for cell in after.cells] == [cell.cell for cell in before.cells]
+    for cell in after.cells:
+        answer = cell.answer([one.run for one in after.runs], after.words[cell.cell])
+        assert (answer.word.word, answer.word.findings) == ("nothing unusual", ())
