@@ -32,9 +32,8 @@ import re
 from collections.abc import Sequence
 
 from logger.drivers.family import Claim, Family
-from logger.drivers.protocols.dialogue import Command
-from logger.drivers.reading.row_language import form, split
-from logger.drivers.reading.rows import Row
+from logger.drivers.protocols.at import Command
+from logger.drivers.reading.row_language import Row, form, split
 
 _ROW = re.compile(r"\\+ACELL: (.*)")
 _CELL = form("GSM", "mcc! mnc! lac! cid16! rssi*")

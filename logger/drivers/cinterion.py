@@ -30,29 +30,28 @@ from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family
 from logger.drivers.generic import Generic
-from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.fields import (
-    SEVEN,
-    at,
-    bsic_of,
-    cell_identity,
-    decimal,
-    network,
-    pieces,
-    rssi_dbm,
-)
-from logger.drivers.reading.fields import values as split
+from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
+    SEVEN,
     VALUES,
     Form,
     Kinds,
+    NoCell,
+    Row,
     Value,
+    at,
+    bsic_of,
     cell,
+    cell_identity,
+    decimal,
     form,
+    network,
     number,
+    pieces,
+    rssi_dbm,
     values_like,
 )
-from logger.drivers.reading.rows import NoCell, Row
+from logger.drivers.reading.row_language import values as split
 
 _FLAGS = re.ASCII | re.IGNORECASE
 _HEX4 = r"[0-9A-F]{4}"

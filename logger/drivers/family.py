@@ -8,9 +8,9 @@ from typing import ClassVar
 from logger.core.reportable import reportable
 from logger.core.types import CellReading, Role
 from logger.drivers.network_mode import ModeCommand
-from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.interruption import drop_cut_values, names_of
-from logger.drivers.reading.rows import Row
+from logger.drivers.reading.row_language import Row
 from logger.drivers.reading.standard_replies import standard_rows
 
 AUTOBAUD_TRIES = 5

@@ -9,9 +9,8 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.document import Column, Document, Line, Measured, Table, Value
 from logger.core.geo import Utm
-from postproc.comparison.changes import FALSE_WORDS, CellChange
+from postproc.comparison.changes import FALSE_WORDS, CellChange, ComparedRuns
 from postproc.comparison.ground import BLOCK_M, Grid
-from postproc.comparison.run_pair import ComparedRuns
 from postproc.html_page import page_environment
 
 _DECIMALS = 6

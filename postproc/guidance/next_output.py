@@ -19,7 +19,7 @@ from postproc.interop.writers.gpx import NAMESPACE
 from postproc.interop.xml_file import add, decimal, write
 
 with late_modules():  # they draw
-    from postproc.pictures import plots, plots_style
+    from postproc.pictures import plots
 
 OPTIMISTIC = (
     "The radii after a route are what the model promises. They are optimistic; trust their order."
@@ -100,7 +100,7 @@ def write_gpx(walk: NextWalk, target: Path) -> None:
 
 def draw_map(walk: NextWalk, target: Path) -> None:
     """Where a reading would say most, with the walk, the 95 % region and the best route."""
-    figure = plots_style.figure_of_size(7.0, 6.4)
+    figure = plots.figure_of_size(7.0, 6.4)
     axes = figure.add_subplot()
     start = np.array(walk.start_m)
     route_m = walk.routes[0].route.corner_m - start

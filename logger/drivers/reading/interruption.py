@@ -10,7 +10,7 @@ comma stays.
 import re
 from collections.abc import Iterator, Sequence
 
-from logger.drivers.protocols.dialogue import INTERRUPTION
+from logger.drivers.protocols.at import INTERRUPTION
 
 _NAME = re.compile(r"[+*^$!#%][A-Z][A-Z0-9]*")
 _PREFIX = re.compile(rf"\s*({_NAME.pattern})\s?:", re.IGNORECASE)

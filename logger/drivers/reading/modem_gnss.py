@@ -14,9 +14,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 
 from logger.core.types import Fix
-from logger.drivers.protocols.dialogue import Command
-from logger.drivers.reading.fields import decimal
-from logger.drivers.reading.rows import MPS_PER_KNOT
+from logger.drivers.protocols.at import Command
+from logger.drivers.reading.row_language import MPS_PER_KNOT, decimal
 
 CGNSINF_ON = (Command("AT+CGNSPWR=1"),)
 CGNSINF = (Command("AT+CGNSINF"),)

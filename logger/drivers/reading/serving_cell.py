@@ -5,8 +5,7 @@ from dataclasses import fields, replace
 from typing import Any, TypeGuard
 
 from logger.core.types import CellReading, Rat
-from logger.drivers.reading.number_text import confirm
-from logger.drivers.reading.rows import Operator, Registration, Row, Signal
+from logger.drivers.reading.row_language import Operator, Registration, Row, Signal, confirm
 
 _LEVELS = frozenset(
     {"rxlev_raw", "rxq", "rssi_dbm", "rscp_dbm", "ecio_db", "rsrp_dbm", "rsrq_db", "sinr_db"}

@@ -4,17 +4,26 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from logger.drivers.reading.fields import RAT_OF_ACT, area, at, cell_identity, decimal, values
-from logger.drivers.reading.index_scales import (
+from logger.drivers.reading.row_language import (
     CSQ_OF_INDEX,
     ECN0_OF_INDEX,
+    RAT_OF_ACT,
     RSCP_OF_INDEX,
     RSRP_OF_INDEX,
     RSRQ_OF_INDEX,
     RXLEV_OF_INDEX,
+    NumberForm,
+    Operator,
+    Refusal,
+    Registration,
+    Row,
+    Signal,
+    area,
+    at,
+    cell_identity,
+    decimal,
+    values,
 )
-from logger.drivers.reading.number_text import NumberForm
-from logger.drivers.reading.rows import Operator, Refusal, Registration, Row, Signal
 
 _VALUE = r'(?:"[^"+]*"?|[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
 _REGISTRATION = re.compile(

@@ -1,7 +1,7 @@
 import pytest
 
 from logger.drivers.reading import standard_replies
-from logger.drivers.reading.rows import as_json
+from logger.drivers.reading.row_language import as_json
 from logger.drivers.registry import FAMILIES, reader_of
 from tests.kit.corpus import check_entry, entries, lines_of
 

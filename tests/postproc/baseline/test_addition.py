@@ -2,8 +2,7 @@
 
 import pytest
 
-from postproc.baseline.addition import add_runs
-from postproc.baseline.store import BaselineStore
+from postproc.baseline.store import BaselineStore, add_runs
 from tests.postproc.baseline.walks import two_cells, write_walk
 
 

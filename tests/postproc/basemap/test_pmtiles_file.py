@@ -8,8 +8,7 @@ from pmtiles.tile import TileType
 from pyproj import CRS
 
 from logger.core.errors import ConfigError
-from postproc.basemap.pmtiles_file import is_pmtiles, open_pmtiles
-from postproc.basemap.tiles import Area
+from postproc.basemap.tiles import Area, is_pmtiles, open_pmtiles
 from tests.kit.vector_tiles import feature, layer, tile_at, write_pmtiles
 
 LAT, LON = 52.5, 13.4

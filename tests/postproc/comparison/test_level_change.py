@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from postproc.comparison.differences import Differences
-from postproc.comparison.level_change import Offset, change_of, offset_of, probability, scale_of
-from postproc.comparison.noise import FREEDOM, scale_db
+from postproc.comparison.changes import Offset, change_of, offset_of, probability, scale_of
+from postproc.comparison.ground import FREEDOM, Differences, scale_db
 
 
 def differences(random, n, change_db=0.0, *, variance_db2=16.0, floor_db=None):

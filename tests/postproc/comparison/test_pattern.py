@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.comparison.differences import Differences
-from postproc.comparison.ground import Grid
-from postproc.comparison.pattern import pattern_of
+from postproc.comparison.changes import pattern_of
+from postproc.comparison.ground import Differences, Grid
 
 GRID = Grid()
 

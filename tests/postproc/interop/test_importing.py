@@ -15,7 +15,7 @@ from postproc.cli import main
 from postproc.info import describe
 from postproc.interop.formats import recognise
 from postproc.interop.importing import import_walk
-from postproc.pictures.clock import clock_of
+from postproc.pictures.survey import clock_of
 from postproc.walk import observe_run
 
 WIGLE = (

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.pictures.fit import fit_of
+from postproc.pictures.picture import fit_of
 from tests.kit import sample_results as kit
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from postproc.pictures.geometry import Box, evenly_spaced, plan_box, round_step, split_at_gaps
+from postproc.pictures.survey import Box, evenly_spaced, plan_box, round_step, split_at_gaps
 
 WALK_M = np.array([(0.0, 0.0), (200.0, 100.0)])
 

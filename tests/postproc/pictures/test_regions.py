@@ -1,7 +1,7 @@
 import numpy as np
 
 from logger.core.locator.region import Squares
-from postproc.pictures.regions import region_rings
+from postproc.pictures.picture import region_rings
 
 
 def test_rings_are_closed_and_relative_to_the_origin():

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from postproc.pictures.clock import Clock
-from postproc.pictures.strips import strips_of
-from postproc.pictures.survey import Levels
+from postproc.pictures.plots import strips_of
+from postproc.pictures.survey import Clock, Levels
 
 CLOCK = Clock(np.array([10**9]), (None,))
 

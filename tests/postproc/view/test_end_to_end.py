@@ -4,8 +4,8 @@ import pytest
 from logger.core.column import UNKNOWN_TIME
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
-from postproc.pictures.clock import clock_of
-from postproc.view.end_to_end import PAUSE_NS, end_to_end
+from postproc.pictures.survey import clock_of
+from postproc.view.view_model import PAUSE_NS, end_to_end
 from tests.kit.runs import UTC0_NS, meta
 
 S = 10**9

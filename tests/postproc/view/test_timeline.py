@@ -4,7 +4,7 @@ import pytest
 from logger.core.model.prior import ENVIRONMENTS
 from postproc.cell_estimation import locate_cell
 from postproc.result import CellResult
-from postproc.view.timeline import MOST_STEPS, answer_steps, step_counts
+from postproc.view.view_model import MOST_STEPS, answer_steps, step_counts
 from tests.kit import walks
 
 
@@ -19,7 +19,7 @@ def test_steps_end_with_all_readings_and_are_denser_at_the_beginning(count):
 
 
 def test_each_step_is_the_answer_from_the_readings_until_then(monkeypatch):
-    monkeypatch.setattr("postproc.view.timeline.MOST_STEPS", 4)
+    monkeypatch.setattr("postproc.view.view_model.MOST_STEPS", 4)
     obs, _ = walks.simulate(np.random.default_rng(3), "square", count=80, step=8.0)
     result = locate_cell(obs, ENVIRONMENTS["any"])
     steps = list(answer_steps(result, ENVIRONMENTS["any"]))

@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from logger.core.errors import ConfigError
-from postproc.view.web import content_security_policy, pages, serve
+from postproc.view.viewer import content_security_policy, pages, serve
 from tests.kit.web_server import WebServer
 
 
