@@ -31,7 +31,7 @@ from logger.drivers.family import Family
 from logger.drivers.generic import Generic
 from logger.drivers.reading.recognition import NumberHistory, mark_doubtful
 from logger.drivers.reading.row_language import Registration, Row
-from logger.drivers.reading.serving_cell import with_serving_cell
+from logger.drivers.reading.standard_replies import with_serving_cell
 from logger.drivers.registry import FAMILIES, reader_of
 from logger.drivers.transcript import replies_of
 

@@ -63,7 +63,7 @@ def test_a_reply():
 """,
     "tests/kit/dialects/acme_x.py": '''"""Acme X20: AT+ACELL (invented for a test)."""
 
-from logger.sim.air import Air
+from logger.sim.world import Air
 from logger.sim.dialects import (
     NO_SERVICE,
     SETTINGS,

@@ -52,7 +52,7 @@ from logger.drivers.reading.row_language import (
     pieces,
 )
 from logger.drivers.reading.row_language import values as split
-from logger.drivers.reading.serving_cell import is_serving, with_serving_cell
+from logger.drivers.reading.standard_replies import is_serving, with_serving_cell
 
 _REPLY = re.compile(
     r"\+GTCCINFO\s*[:?](.*?)(?=[+*^$!][A-Z]{3}|\bPCC\b|\bOK\b|\bERROR\b|\Z)",

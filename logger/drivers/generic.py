@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from logger.drivers.family import Family
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import Row
-from logger.drivers.reading.serving_cell import with_serving_cell
+from logger.drivers.reading.standard_replies import with_serving_cell
 
 
 class Generic(Family):

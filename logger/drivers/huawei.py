@@ -46,7 +46,7 @@ from logger.drivers.reading.row_language import (
     split,
     values_like,
 )
-from logger.drivers.reading.serving_cell import with_serving_cell
+from logger.drivers.reading.standard_replies import with_serving_cell
 
 _MON = re.compile(r"\^(MONSC|MONNC)\s*:\s*([\w ,.+-]*)", re.IGNORECASE | re.ASCII)
 _HCSQ = re.compile(

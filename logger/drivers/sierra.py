@@ -49,7 +49,7 @@ from logger.drivers.reading.row_language import (
     pieces,
     read_values,
 )
-from logger.drivers.reading.serving_cell import chosen_networks, is_serving
+from logger.drivers.reading.standard_replies import chosen_networks, is_serving
 
 _FLAGS = re.ASCII | re.IGNORECASE
 _SECTION = re.compile(  # a reply, also one whose first line is lost

@@ -38,7 +38,7 @@ from logger.drivers.reading.row_language import (
     number,
     padded_number,
 )
-from logger.drivers.reading.serving_cell import merge_serving_cells
+from logger.drivers.reading.standard_replies import merge_serving_cells
 from logger.drivers.sim7600 import cpsi_cells
 
 ENGINEERING_ON = Command("AT+CENG=1,1")

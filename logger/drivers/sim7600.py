@@ -54,7 +54,7 @@ from logger.drivers.reading.row_language import (
     rsrq_db,
     rssi_dbm,
 )
-from logger.drivers.reading.serving_cell import merge_serving_cells
+from logger.drivers.reading.standard_replies import merge_serving_cells
 
 _CPSI = re.compile(r"(?<![A-Z])CPSI:([-\w ,.]*)", re.ASCII | re.IGNORECASE)
 _FINAL = re.compile(r"\s*OK\s*\Z")

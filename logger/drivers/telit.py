@@ -59,7 +59,7 @@ from logger.drivers.reading.row_language import (
     read_values,
     values,
 )
-from logger.drivers.reading.serving_cell import is_serving
+from logger.drivers.reading.standard_replies import is_serving
 
 
 def _octal_bsic(text: str) -> int | None:

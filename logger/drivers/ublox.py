@@ -53,7 +53,7 @@ from logger.drivers.reading.row_language import (
     padded_number,
     pieces,
 )
-from logger.drivers.reading.serving_cell import chosen_networks
+from logger.drivers.reading.standard_replies import chosen_networks
 
 PCS_FLAG = 0x8000
 """Added to the channel in the 1900 MHz band (AT+CGED)."""

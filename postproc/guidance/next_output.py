@@ -14,7 +14,7 @@ from logger.core.ellipse import radii_text
 from logger.core.locator.region import highest_density
 from postproc.atomic_write import whole_file
 from postproc.guidance.next_walk import NextWalk, RankedRoute
-from postproc.interop.geometry import DECIMALS
+from postproc.interop.estimates import DECIMALS
 from postproc.interop.writers.gpx import NAMESPACE
 from postproc.interop.xml_file import add, decimal, write
 

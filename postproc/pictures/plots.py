@@ -21,10 +21,9 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import radii_text
-from postproc.atomic_write import whole_file
+from postproc.atomic_write import kind_of, whole_file
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
-from postproc.picture_file import kind_of
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import (

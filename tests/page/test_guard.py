@@ -1,7 +1,7 @@
 import pytest
 
 from logger.core.errors import ConfigError
-from logger.page.guard import ALL_BURST, BURST, PER_S, TOKEN_S, Limits, Places, host_names
+from logger.page.server import ALL_BURST, BURST, PER_S, TOKEN_S, Limits, Places, host_names
 from logger.page.token import is_token, make_token, page_url, qr_code, read_token
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from logger.core.types import Note
 from logger.device.status import Status, write_status
-from logger.page.guard import BURST, PER_S, WRITE_BURST, WRITES_PER_S
+from logger.page.server import BURST, PER_S, WRITE_BURST, WRITES_PER_S
 from tests.kit import page as kit
 from tests.kit import service
 from tests.kit.runs import records, write_journal

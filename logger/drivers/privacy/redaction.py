@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from functools import reduce
 from operator import and_, or_, xor
 
-from logger.drivers.reading.interruption import names_of
+from logger.drivers.reading.standard_replies import names_of
 from logger.drivers.registry import FAMILIES, IDENTITY
 
 # IMEI and IMSI have 15 digits, IMEISV 16 (3GPP TS 23.003), a SIM 18 to 22 (ITU-T E.118). Telephone

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, TypeGuard, TypeVar
 from logger.core.identities import FEWEST_SCANS
 from logger.core.types import Broadcast, CellReading
 from logger.drivers.reading.row_language import NumberForm, NumberText, Registration, Row
-from logger.drivers.reading.serving_cell import is_serving
+from logger.drivers.reading.standard_replies import is_serving
 
 # A changed or exchanged digit leaves a row in its form. But damage hits one place of a row: the
 # rest of the name, the channel and the code on it (BSIC, PSC, PCI) are still those of a cell that

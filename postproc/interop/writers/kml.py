@@ -12,10 +12,9 @@ from xml.etree import ElementTree as ET
 
 from logger.core.locator.rivals import share_text
 from logger.core.track import MAX_GAP_S
-from postproc.interop.estimates import Estimate
+from postproc.interop.estimates import Estimate, Line, LonLat, Rings, lines
 from postproc.interop.exporting import ExportWalk
 from postproc.interop.fields import moment
-from postproc.interop.geometry import Line, LonLat, Rings, lines
 from postproc.interop.sighting import Sighting
 from postproc.interop.xml_file import add
 from postproc.interop.xml_file import write as write_xml

@@ -9,8 +9,8 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.protocols.at import INTERRUPTION, AtFramer
-from logger.drivers.reading.interruption import drop_cut_values, names_of
 from logger.drivers.reading.row_language import Registration
+from logger.drivers.reading.standard_replies import drop_cut_values, names_of
 from logger.drivers.registry import FAMILIES
 from logger.drivers.transcript import rows_of
 from tests.kit.drivers import identity_of, own_replies

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from logger.core.errors import RunFileError
-from postproc.interop.formats import formats, recognise
+from postproc.interop.importing import formats, recognise
 from postproc.interop.sighting import BadRow, Sighting
 from tests.kit.sample_results import write_run
 
@@ -62,7 +62,7 @@ def test_all_but_one_in_a_hundred_cells_of_a_real_sample_are_read(name):
 
 ONE_FILE = {
     "readers": """
-from postproc.interop.columns import Columns, level_in
+from postproc.interop.fields import Columns, level_in
 from postproc.interop.contents import of_columns
 
 IMPORTS = (

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from pyproj import Geod
 
 from logger.core.geo import Utm
-from postproc.interop.geometry import ellipse, lines, polygons
+from postproc.interop.estimates import ellipse, lines, polygons
 
 GEOD = Geod(ellps="WGS84")
 

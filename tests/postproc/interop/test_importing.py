@@ -13,8 +13,7 @@ from logger.core.track import UNKNOWN_SIGMA_M
 from logger.core.types import Fix, Note, Scan
 from postproc.cli import main
 from postproc.info import describe
-from postproc.interop.formats import recognise
-from postproc.interop.importing import import_walk
+from postproc.interop.importing import import_walk, recognise
 from postproc.pictures.survey import clock_of
 from postproc.walk import observe_run
 
