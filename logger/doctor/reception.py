@@ -194,7 +194,11 @@ def run_lines(
     scans, readings, fixes = (
         tables[name][tables[name]["t_ns"] >= begin_ns] for name in ("scans", "readings", "fixes")
     )
-    notes = _modem_notes(run)
+    notes = [
+        (row["code"].decode(), row["text"].decode())
+        for row in run.tables["notes"]
+        if row["source"] == b"modem"
+    ]
     event = notes[-1][1] if notes else ""
     if len(scans):
         yield Line("ok", "modem", f"{len(scans) / minutes:.0f} scans a minute; {event}")
@@ -204,15 +208,6 @@ def run_lines(
     if (antenna := antenna_line(readings, fixes, baseline)) is not None:
         yield antenna
     yield from fixes_lines(run, fixes)
-
-
-def _modem_notes(run: Run) -> list[tuple[str, str]]:
-    """Code and text of each note about the modem."""
-    return [
-        (row["code"].decode(), row["text"].decode())
-        for row in run.tables["notes"]
-        if row["source"] == b"modem"
-    ]
 
 
 def _readings_line(

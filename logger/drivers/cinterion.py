@@ -190,7 +190,11 @@ class Cinterion(Family):
                 for row in (*(serving or ()), *(neighbours or ()))
                 if isinstance(row, CellReading | NoCell)
             )
-            found += tuple(row for row in rows if not found or _is_neighbour(row))
+            found += tuple(
+                row
+                for row in rows
+                if not found or (isinstance(row, CellReading) and row.role == "neighbour")
+            )
             if found and (neighbours is not None or isinstance(found[0], NoCell)):
                 return found
         return found or (yield from Generic().poll())
@@ -205,10 +209,6 @@ class Cinterion(Family):
             rows += map(_snmon, _SNMON.findall(line))
         rows += _table_rows(split_lines)
         return tuple(row for row in rows if row is not None)
-
-
-def _is_neighbour(row: Row) -> bool:
-    return isinstance(row, CellReading) and row.role == "neighbour"
 
 
 def _smoni(text: str) -> Row | None:

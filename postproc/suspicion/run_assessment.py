@@ -271,7 +271,11 @@ def document_of(suspicions: Suspicions) -> Document:
 
 def _lines(suspicions: Suspicions) -> Iterator[str | Line]:
     named = [cell for cell in suspicions.cells if cell.word != "nothing unusual"]
-    warned = [cell for cell in suspicions.cells if cell not in named and _has_warning(cell)]
+    warned = [
+        cell
+        for cell in suspicions.cells
+        if cell not in named and any(finding.rule.strength == "warns" for finding in cell.findings)
+    ]
     for cell in (*named, *warned):
         yield Line((f"{cell.cell}: ", Word(cell.word)))
         if cell.word != "nothing unusual":
@@ -299,10 +303,6 @@ def not_asked_text(suspicions: Suspicions) -> str:
     for rule, needs in suspicions.not_asked.items():
         by_need.setdefault(", ".join(needs), []).append(rule)
     return "; ".join(f"{', '.join(rules)} (no {need})" for need, rules in by_need.items())
-
-
-def _has_warning(cell: Assessment) -> bool:
-    return any(finding.rule.strength == "warns" for finding in cell.findings)
 
 
 def reason_text(suspicions: Suspicions, finding: Finding) -> str:

@@ -79,7 +79,7 @@ def read_qgpsloc(lines: Sequence[str]) -> tuple[Fix, ...]:
         if is_answer and _NOT_FIXED.search(line):
             fixes.append(Fix(valid=False))
         fixes += [
-            _qgpsloc(named)
+            _fix_of_minutes(named, named["lat"], named["lon"], valid=named["fix"] in {"2", "3"})
             for named in _rows(_QGPSLOC, _QGPSLOC_VALUES, [_LETTER_APART.sub(r"\1", line)])
         ]
     return tuple(fixes)
@@ -111,10 +111,6 @@ def _cgnsinf(named: Mapping[str, str]) -> Fix:
 def _cgpsinfo(named: Mapping[str, str]) -> Fix:
     lat, lon = named["lat"] + named["north"], named["lon"] + named["east"]
     return _fix_of_minutes(named, lat, lon, valid=True)
-
-
-def _qgpsloc(named: Mapping[str, str]) -> Fix:
-    return _fix_of_minutes(named, named["lat"], named["lon"], valid=named["fix"] in {"2", "3"})
 
 
 def _fix_of_minutes(named: Mapping[str, str], lat: str, lon: str, *, valid: bool) -> Fix:
