@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from logger.baseline_file import APPLICATION_ID, VERSION, BaselineFile, check_head, parts_of
+from logger.baseline_file import APPLICATION_ID, VERSION, check_head, parts_of
 from logger.core.errors import ConfigError, FieldLoggerError, RunFileError
 from logger.core.runfile import sealing_of
 from postproc.baseline.walk_summary import WalkSummary, summarise_walk
@@ -350,31 +350,6 @@ class BaselineStore:
             raise RunFileError(f"{self.path}: {error}") from error
         except UnicodeDecodeError as error:
             raise RunFileError(f"{self.path} is damaged: {error}") from error
-
-
-def baseline_without(path: Path, digests: Sequence[str]) -> BaselineFile:
-    """A baseline for reading as if the walks with these digests were not in it.
-
-    A walk that is compared with earlier ones must not be among them. The file is not changed: the
-    walks are removed from a copy in memory, which is made only if one of them is there. Raises
-    `RunFileError`.
-    """
-    baseline = BaselineFile(path)
-    own = baseline.numbers_of(digests)
-    if not own:
-        return baseline
-    memory = sqlite3.connect(":memory:", isolation_level=None)
-    try:
-        baseline.copy_to(memory)
-        for walk in own:
-            for statement in REMOVE:
-                memory.execute(statement, {"walk": walk} if ":walk" in statement else {})
-        return BaselineFile(path, memory)
-    except sqlite3.Error as error:
-        memory.close()
-        raise RunFileError(f"{path} cannot be read as a baseline: {error}") from error
-    finally:
-        baseline.close()
 
 
 CONTRADICTION = (

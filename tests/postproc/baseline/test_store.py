@@ -11,7 +11,7 @@ from logger.baseline_file import BaselineFile
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import read_sound_run
 from logger.core.squares import square_of
-from postproc.baseline.store import BaselineStore, add_runs, baseline_without
+from postproc.baseline.store import BaselineStore, add_runs
 from postproc.baseline.walk_summary import summarise_walk
 from tests.postproc.baseline.walks import STEP_DEG, cell, name, two_cells, write_walk
 
@@ -155,24 +155,6 @@ def test_a_removed_walk_leaves_nothing(tmp_path, summaries):
         for i in (1, 2, 4, 5):
             store.add(summaries[i])
     assert contents(paths[0]) == contents(paths[1])
-
-
-def test_a_walk_can_be_left_out_for_reading(tmp_path, summaries):
-    path, other = tmp_path / "a.db", tmp_path / "b.db"
-    with BaselineStore(path, create=True) as store:
-        for summary in summaries:
-            store.add(summary)
-    with BaselineStore(other, create=True) as store:
-        for summary in summaries[1:]:
-            store.add(summary)
-    before = path.read_bytes()
-    without, expected = baseline_without(path, [summaries[0].digest]), BaselineFile(other)
-    assert without.n_walks == 5
-    for row in summaries[0].heard:
-        assert without.square(row.square) == expected.square(row.square)
-        assert without.cell(row.cell) == expected.cell(row.cell)
-    assert path.read_bytes() == before
-    assert baseline_without(path, ["nothing"]).n_walks == 6
 
 
 def test_trust_survives_walks(tmp_path, summaries):
