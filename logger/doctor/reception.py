@@ -8,10 +8,10 @@ import numpy as np
 from logger.check import Line, State
 from logger.core.baseline import Baseline
 from logger.core.censoring import levels_dbm
+from logger.core.places import UERE_M
 from logger.core.rows import Rows
 from logger.core.runfile import Run
 from logger.core.squares import square_of
-from logger.core.track import UERE_M
 from logger.core.types import DEAD_RECKONING
 from logger.drivers.registry import FAMILIES
 

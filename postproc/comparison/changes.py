@@ -17,9 +17,9 @@ from scipy import stats
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import EstimationError
-from logger.core.geo import Utm
 from logger.core.model.blocks import squares
-from logger.core.observations import CellObservations, Observations
+from logger.core.places import Places, Utm
+from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run
 from postproc.cell_work import Attempts, Failure
 from postproc.comparison.ground import (
@@ -189,7 +189,7 @@ def _in_squares(places: FloatArray, weight: FloatArray) -> tuple[FloatArray, Flo
     """Weighted means of columns [x, y, ...] (k, n) in at most `_MOST_SQUARES` squares; weights."""
     if len(weight) <= _MOST_SQUARES:
         return places, weight
-    square, _ = squares(places[0], places[1], _MOST_SQUARES, finest_m=BLOCK_M)
+    square, _ = squares(Places.of(places[0], places[1]), _MOST_SQUARES, finest_m=BLOCK_M)
     total = np.bincount(square, weight)
     means = np.array([np.bincount(square, weight * column) / total for column in places])
     return means, np.asarray(total, float)
@@ -291,9 +291,7 @@ class _Tested:
     p_pattern: float
 
 
-def compare(
-    a: Iterable[CellObservations], b: Iterable[CellObservations], *, same_modem: bool
-) -> Comparison:
+def compare(a: Iterable[Readings], b: Iterable[Readings], *, same_modem: bool) -> Comparison:
     """Compare two walks by their readings, which are in one UTM zone.
 
     `same_modem` says that both were recorded with the same modem, whose offset is then small.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from logger.core.document import Column, Document, Line, Measured, Table, Value
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from postproc.comparison.changes import FALSE_WORDS, CellChange, ComparedRuns
 from postproc.comparison.ground import BLOCK_M, Grid
 from postproc.html_page import page_environment

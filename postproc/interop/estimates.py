@@ -13,7 +13,7 @@ from shapely.geometry.polygon import orient
 from logger.core.answer import Mode
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import radii_text
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from postproc.cell_work import Failure, attempt
 from postproc.result import BATCH, EKF, RTS, Result
 from postproc.result_json import Best, Cell, FinalState, LeastSquares

@@ -13,12 +13,11 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.censoring import levels_dbm
-from logger.core.geo import Utm
 from logger.core.locator.posterior import Mode
-from logger.core.observations import times_ns
+from logger.core.places import MAX_GAP_S, Utm
+from logger.core.readings import times_ns
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit_run
-from logger.core.track import MAX_GAP_S
 from logger.core.utc import utc_text
 from postproc.result import Result
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pyproj import Geod
 
 from logger.core.ellipse import Ellipse
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from postproc.interop.estimates import ellipse, estimate_of, lines, polygons
 from postproc.interop.writers import geojson, gpx, kml
 from postproc.summary import summarise
