@@ -11,8 +11,8 @@ from logger.core.types import Level, Note, RawBytes, Record, Value
 from logger.device.clock import Clock
 from logger.device.port import Port
 from logger.device.scan_timeout import SilenceLimits
+from logger.drivers.privacy.redaction import Redactor
 from logger.drivers.reading.recognition import NumberHistory
-from logger.drivers.redaction import Redactor
 
 log = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from logger.core.errors import ConfigError
 from logger.core.runfile import Run
 from logger.device.libraries import installed_versions
 from logger.device.machine import kernel_text
-from logger.drivers.redaction import mask_labelled
+from logger.drivers.privacy.redaction import mask_labelled
 
 _MOST_NOTES = 60
 _EVENT_COLUMNS = (Column("time", ".1f", "s"), Column("level"), Column("code"), Column("event"))

@@ -1,3 +1,12 @@
+"""Redaction of everything that may be personal, before anything is recorded or read.
+
+Nothing here asks for IMSI, IMEI, SIM or telephone numbers or for messages, but modems volunteer
+them (ATI of a Sierra prints a serial number, +CLIP the caller, +CMT a message), each maker in forms
+of its own. So a line passes only where its form is known (`rows`, `receivers`) or where it answers
+a command that was sent (`rows`, `identity`); of all other lines the length and the name remain.
+Every port is redacted alike, since a modem may be behind any of them.
+"""
+
 import re
 from collections import deque
 from collections.abc import Iterable
@@ -6,12 +15,6 @@ from operator import and_, or_, xor
 
 from logger.drivers.reading.standard_replies import names_of
 from logger.drivers.registry import FAMILIES, IDENTITY
-
-# Nothing here asks for IMSI, IMEI, SIM or telephone numbers or for messages, but modems volunteer
-# them (ATI of a Sierra prints a serial number, +CLIP the caller, +CMT a message), each maker in
-# forms of its own. So a line passes only where its form is known (rows, receivers) or where it
-# answers a command that was sent (rows, identity); of all other lines the length and the name
-# remain. Every port is redacted alike, since a modem may be behind any of them.
 
 # IMEI and IMSI have 15 digits, IMEISV 16 (3GPP TS 23.003), a SIM 18 to 22 (ITU-T E.118). Telephone
 # numbers are shorter: a plus, groups, quotes or their type show them (3GPP TS 27.007). This is the

@@ -1,0 +1,1 @@
+"""Redaction of personal numbers and messages, on the bytes of every port."""
