@@ -23,11 +23,12 @@ from logger.core.places import Utm
 from logger.core.rows import DTYPES
 from logger.core.runfile import Run, RunMeta
 from logger.core.runfile.meta import Damage
+from postproc.pictures.survey import survey_of
 from postproc.smoothing import smooth_runs
 from postproc.view.scene import write_scene
 from postproc.view.series import draw_levels
 from postproc.view.surface import RerunWriter
-from postproc.view.view_model import CellDetail, answer_steps, view_model
+from postproc.view.view_model import answer_steps, cell_view, view_model
 from tests.kit.headless_viewer import DRIVER, MISSING, headless_viewer, stable_screenshot
 
 CELLS = 8
@@ -108,7 +109,7 @@ def _measure(name: str, run: Run, folder: Path) -> None:
     steps = tuple(answer_steps(cell, ENVIRONMENTS["any"], 2))
     estimation_s = time.perf_counter() - start_s
     estimates = folder / "results"
-    estimates.write_bytes(pickle.dumps((result, [CellDetail(cell, steps)])))
+    estimates.write_bytes(pickle.dumps((result, steps)))
     fixes, readings = len(run.tables["fixes"]), len(run.tables["readings"])
     print(
         f"{name}: {fixes} fixes, {readings} readings of {CELLS} cells "
@@ -163,16 +164,17 @@ def _measure_memory(
 
 
 def _write_view(estimates: Path, path: Path) -> float:
-    result, details = pickle.loads(estimates.read_bytes())
+    result, steps = pickle.loads(estimates.read_bytes())
     start_s = time.perf_counter()
-    write_scene(view_model(result, details), path)
+    survey = survey_of(result)
+    write_scene(view_model(result, survey, [cell_view(survey, result.cells[0], steps)], ()), path)
     return time.perf_counter() - start_s
 
 
 def _write_columns(estimates: Path, path: Path) -> float:
     """Fixes and levels alone, as postproc writes them."""
     result, _ = pickle.loads(estimates.read_bytes())
-    view = view_model(result, [])
+    view = view_model(result, survey_of(result), [], ())
     start_s = time.perf_counter()
     recording = rr.RecordingStream("columns")
     recording.save(path)

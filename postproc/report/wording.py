@@ -21,21 +21,21 @@ def headline(cell: CellResult) -> Document:
     place = cell.place
     if place is None or cell.verdict == "cannot tell":
         reason = cell.warnings[0] if cell.warnings else "the readings do not determine a position"
-        return _said(cell, "No position yet", _sentence(reason), _advice(cell))
+        return _headline(cell, "No position yet", _sentence(reason), _advice(cell))
     if cell.verdict == "located":
         area, radii = area_text(place.area_m2), radii_text(place.r50_m, place.r95_m)
         position = degrees_text(place)
         text = f"With a probability of 95 %, it is in a region of {area} around {position}."
-        return _said(cell, f"Located: {radii}", text)
+        return _headline(cell, f"Located: {radii}", text)
     modes = place.likely_modes
     shares = [f"{mode.percent}% at {degrees_text(mode)}" for mode in modes]
     more = len(modes) - _MOST_POSITIONS
     listed = ", ".join(shares[:_MOST_POSITIONS]) + (f" and {more} more" if more > 0 else "")
     text = f"The levels fit several positions: {listed}."
-    return _said(cell, f"{len(modes)} positions fit", text, _advice(cell))
+    return _headline(cell, f"{len(modes)} positions fit", text, _advice(cell))
 
 
-def _said(cell: CellResult, title: str, text: str, advice: str | None = None) -> Document:
+def _headline(cell: CellResult, title: str, text: str, advice: str | None = None) -> Document:
     return Document(cell, title, body=[text, *filter(None, [advice])])
 
 

@@ -26,6 +26,7 @@ with late_modules():
     from postproc import atomic_write, cell_work, progress
     from postproc import result as estimation
     from postproc.basemap import reading
+    from postproc.pictures import survey as surveys
     from postproc.suspicion import run_assessment
     from postproc.verification import claims as claiming
     from postproc.view import scene, view_model, viewer
@@ -151,15 +152,17 @@ def _view_model(
         about = ", ".join(detailed) or "any cell"
         raise ConfigError(f"{claims} claims nothing about {about}; see --cell")
 
-    def detail_of(cell: estimation.CellResult) -> view_model.CellDetail:
+    survey = surveys.survey_of(result)
+
+    def view_of(cell: estimation.CellResult) -> view_model.CellView:
         steps = view_model.answer_steps(cell, estimation.Options().prior, processors())
         steps_shown = progress.with_progress(
             steps, f"answer for {cell.cell} step by step", view_model.MOST_STEPS
         )
         tests = verified.cells if verified else ()
-        own = tuple(test for test in tests if test.cell == cell.cell)
-        return view_model.CellDetail(cell, tuple(steps_shown), own)
+        own = [test for test in tests if test.cell == cell.cell]
+        return view_model.cell_view(survey, cell, list(steps_shown), own)
 
-    tries = cell_work.Attempts("its answer step by step")
-    details = [detail for _, detail in tries.each(cells, lambda cell: cell.cell, detail_of)]
-    return view_model.view_model(result, details).without(tries.failures.values())
+    tries = cell_work.Attempts("its view")
+    views = [view for _, view in tries.each(cells, lambda cell: cell.cell, view_of)]
+    return view_model.view_model(result, survey, views, tries.failures.values())

@@ -16,12 +16,12 @@ from logger.core.readings import Readings
 from logger.core.runfile import Run
 from logger.core.types import Verdict
 from postproc.cell_estimation import FEWEST_READINGS, locate_cell
-from postproc.cell_work import PROCESS_ENDED, Attempts, Failure, failure
+from postproc.cell_work import PROCESS_ENDED, Failure, failure
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import Picture, Rings, focus_of, picture_of, regions_of
-from postproc.pictures.survey import Box, Survey, clock_of, survey_of
+from postproc.pictures.survey import Box, Survey, clock_of
 from postproc.processes import each
 from postproc.result import EKF, REFERENCE, CellResult, Estimator, Result
 from postproc.verification.verdicts import CellVerdict
@@ -114,17 +114,9 @@ def step_counts(count: int) -> list[int]:
     return [int(n) for n in np.unique(np.ceil(share * count)) if n >= min(FEWEST_READINGS, count)]
 
 
-class CellDetail(NamedTuple):
-    """A cell to show in detail, its answer step by step, and the claims about it."""
-
-    result: CellResult
-    steps: tuple[Step, ...] = ()
-    claims: tuple[CellVerdict, ...] = ()
-
-
 @dataclass(frozen=True, slots=True)
 class CellView:
-    """A cell in detail.
+    """A cell in detail, its answer step by step, and the claims about it.
 
     `regions` are the outlines by name, one dictionary for each step.
     """
@@ -200,29 +192,31 @@ def select_cells(result: Result, names: Sequence[str] | None) -> list[CellResult
     return [focus] if focus else []
 
 
-def view_model(result: Result, details: Sequence[CellDetail]) -> ViewModel:
+def view_model(
+    result: Result, survey: Survey, cell_views: Sequence[CellView], failures: Collection[Failure]
+) -> ViewModel:
     """Gather what is drawn; a run without records gives an empty view."""
-    survey = survey_of(result)
-    tries = Attempts("its view")
-    gathered = tries.each(
-        details, lambda detail: detail.result.cell, lambda detail: _cell_view(survey, detail)
-    )
-    cell_views = tuple(cell for _, cell in gathered)
     pictures = [view.picture for view in cell_views] or [picture_of(survey, None)]
     corners_m = [picture.box.corners_m for picture in pictures if picture.box]
     view = ViewModel(
         survey=survey,
         cells=result.cells,
-        cell_views=cell_views,
+        cell_views=tuple(cell_views),
         cell_colours=_cell_colours(survey, [view.name for view in cell_views]),
         box=Box.around(np.vstack(corners_m)) if corners_m else None,
     )
-    return view.without(tries.failures.values())
+    return view.without(failures)
 
 
-def _cell_view(survey: Survey, detail: CellDetail) -> CellView:
-    regions = tuple(regions_of(step.posterior, survey.origin_m) for step in detail.steps)
-    return CellView(picture_of(survey, detail.result), *detail[:2], regions, detail.claims)
+def cell_view(
+    survey: Survey,
+    result: CellResult,
+    steps: Sequence[Step] = (),
+    claims: Sequence[CellVerdict] = (),
+) -> CellView:
+    """A cell of the survey in detail."""
+    regions = tuple(regions_of(step.posterior, survey.origin_m) for step in steps)
+    return CellView(picture_of(survey, result), result, tuple(steps), regions, tuple(claims))
 
 
 def _cell_colours(survey: Survey, detailed: Sequence[str]) -> dict[str, Colour]:

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from postproc.pictures.survey import survey_of
 from postproc.result import Result
-from postproc.view.view_model import CellDetail, Step, ViewModel, view_model
+from postproc.view.view_model import Step, ViewModel, cell_view, view_model
 from tests.kit import sample_results as kit
 
 SIGMAS_M = (40.0, 25.0, 16.0)
@@ -22,7 +23,10 @@ def sample_steps(result) -> tuple[Step, ...]:
 
 def sample_view(result: Result, claims=()) -> ViewModel:
     """The first cell in detail."""
+    survey = survey_of(result)
     located = next((cell for cell in result.cells if cell.posterior), None)
     if located is None:
-        return view_model(result, [CellDetail(cell) for cell in result.cells[:1]])
-    return view_model(result, [CellDetail(located, sample_steps(located), tuple(claims))])
+        views = [cell_view(survey, cell) for cell in result.cells[:1]]
+    else:
+        views = [cell_view(survey, located, sample_steps(located), claims)]
+    return view_model(result, survey, views, ())
