@@ -7,12 +7,12 @@ apply. `docs/result.schema.json` is made from these types.
 
 import json
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
-from logger.core.answer import Mode, Position, StrongestReading
+from logger.core.answer import Mode, MultiPolygon, Position, StrongestReading
 from logger.core.ellipse import Ellipse
 from logger.core.locator.alternatives import Alternative
 from logger.core.model.prior import Prior
@@ -20,8 +20,6 @@ from logger.core.types import Verdict
 from postproc.info import RunFacts
 
 Values = list[float | None]
-Ring = list[tuple[float, float]]
-"""Longitude and latitude of each corner; the first is repeated at the end (RFC 7946)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,13 +43,6 @@ class Best(Struct, kw_only=True):
     eta: float | None = None
     eta_sigma: float | None = None
     strongest: StrongestReading | None = None
-
-
-class MultiPolygon(Struct, kw_only=True):
-    """GeoJSON geometry."""
-
-    type: Literal["MultiPolygon"]
-    coordinates: list[list[Ring]]
 
 
 class Region(Struct, kw_only=True):

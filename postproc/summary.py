@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import UNSET
 
 from logger.core import ekf
-from logger.core.answer import Mode, Parameters, Place, Position, parameters_of
+from logger.core.answer import Mode, MultiPolygon, Parameters, Place, Position, parameters_of
 from logger.core.arrays import FloatArray
 from logger.core.document import Column, Degrees, Document, Line, Measured, Table, Value, Word
 from logger.core.ellipse import RADII, Ellipse, ellipse95
@@ -340,7 +340,7 @@ def _add_answer(entry: form.Cell, place: Place, parameters: Parameters) -> None:
 def _region(posterior: Posterior, utm: Utm, level: float) -> form.Region:
     return form.Region(
         area_m2=area_m2(posterior.squares, level),
-        geojson=form.MultiPolygon(**geojson(posterior.squares, utm, level)),
+        geojson=MultiPolygon(**geojson(posterior.squares, utm, level)),
     )
 
 

@@ -7,9 +7,10 @@ metres, levels dBm at the scale of the first modem.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from logger.core.ellipse import Ellipse
 from logger.core.locator.rivals import relevant_modes, whole_percents
@@ -24,6 +25,17 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
 
 DEGREE_DECIMALS = 6
 """0.1 m."""
+
+
+Ring = list[tuple[float, float]]
+"""Longitude and latitude of each corner; the first is repeated at the end (RFC 7946)."""
+
+
+class MultiPolygon(Struct, kw_only=True):
+    """GeoJSON geometry."""
+
+    type: Literal["MultiPolygon"]
+    coordinates: list[list[Ring]]
 
 
 class StrongestReading(Struct, frozen=True, kw_only=True):
@@ -79,6 +91,33 @@ class Place(Position, frozen=True, kw_only=True):
     def likely_modes(self) -> tuple[Mode, ...]:
         """The modes that count."""
         return tuple(mode for mode in self.modes if mode.percent is not None)
+
+    def rounded(self) -> "Place":
+        """As it is shown while walking, with the modes that count."""
+        shown, strongest = self.to_tenth_metre(), self.strongest
+        return replace(
+            self,
+            lat=shown.lat,
+            lon=shown.lon,
+            r95_m=shown.r95_m,
+            r50_m=shown.r50_m,
+            drms_m=round(self.drms_m, 1),
+            area_m2=round(self.area_m2),
+            modes=tuple(
+                replace(
+                    mode,
+                    lat=round(mode.lat, DEGREE_DECIMALS),
+                    lon=round(mode.lon, DEGREE_DECIMALS),
+                    probability=round(mode.probability, 3),
+                )
+                for mode in self.likely_modes
+            ),
+            strongest=replace(
+                strongest,
+                lat=round(strongest.lat, DEGREE_DECIMALS),
+                lon=round(strongest.lon, DEGREE_DECIMALS),
+            ),
+        )
 
 
 @dataclass(frozen=True, slots=True)

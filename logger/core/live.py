@@ -60,6 +60,12 @@ class LiveTracker:
         """The cell of the default view: strongest, most suspicious or configured."""
         return self._reference.target
 
+    @property
+    def latest(self) -> LiveEstimate | None:
+        """The newest estimate of the target, without the reference filter's."""
+        cell = None if self.target is None else self._cells.get(self.target)
+        return None if cell is None else cell.latest
+
     def feed(self, seq: int, record: Record) -> list[Note | LiveEstimate]:
         """Take the next record; returns what is to be recorded because of it."""
         notes = self._check_rules(record)
@@ -121,7 +127,8 @@ class LiveTracker:
         notes = [Note("info", code, f"{name}: {text}") for code, text in cell.news]
         if estimate is None:
             return [*notes]
-        return [*notes, _record(seq, name, cell.n, utm, estimate)]
+        cell.latest = _record(seq, name, cell.n, utm, estimate)
+        return [*notes, cell.latest]
 
     def _guide(self) -> list[Note]:
         """The advice for the target, if there is a new one."""

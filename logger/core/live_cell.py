@@ -14,6 +14,7 @@ import numpy as np
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
 from logger.core.filter_monitor import CLOSE, FilterMonitor, widest
+from logger.core.live_settings import EKF, LOCATOR, ONE_MODE
 from logger.core.locator.online import OnlineLocator
 from logger.core.locator.online_values import LevelReading, StrongestMode
 from logger.core.model.path_loss import level_gradient
@@ -22,11 +23,8 @@ from logger.core.repeated_levels import CacheTest
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
 from logger.core.shadow_noise import candidates, likeliest
 from logger.core.spikes import SpikeFilter
+from logger.core.types import LiveEstimate
 
-LOCATOR, EKF = "locator", "ekf"
-
-ONE_MODE = 0.98
-"""A mode with this probability counts as the only one."""
 TIGHT_M = 12.0
 """Largest sigma of the position at the start of the EKF, whatever the distance."""
 _RECENT = 200
@@ -67,6 +65,7 @@ class LiveCell:
         self.n = 0
         self.n_set_aside = self.n_repeated = 0
         self.news: list[tuple[str, str]] = []
+        self.latest: LiveEstimate | None = None
 
     @property
     def stale(self) -> float:

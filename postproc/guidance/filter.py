@@ -10,7 +10,6 @@ from logger.core.censoring import limit_of
 from logger.core.errors import GeoError
 from logger.core.geo import Utm
 from logger.core.guidance.followed_cell import FollowedCell
-from logger.core.guidance.map_form import next_way
 from logger.core.guidance.next_way import NextWay
 from logger.core.guidance.street_atlas import FARTHEST_M, Line, StreetAtlas
 from logger.core.guidance.street_map import StreetMap
@@ -138,18 +137,18 @@ class GuideFilter:
         return min(speed_mps, _FASTEST_MPS)
 
     def _answer_after_fix(self, t_s: float | None) -> GuideLine:
-        followed, utm = self._followed, self._utm
+        followed = self._followed
         if self.levels < _FEWEST_LEVELS:
             return GuideLine(t_s)
         answer = None if followed is None else followed.answer
-        if followed is None or utm is None or answer is None or answer.place is None:
+        if followed is None or answer is None or answer.place is None:
             return self._before_position(t_s)
         return GuideLine(
             t_s=t_s,
             verdict=answer.verdict,
             best=answer.place.to_tenth_metre(),
             area_m2=round(answer.place.area_m2),
-            next=next_way(utm, followed.advice),
+            next=followed.way,
         )
 
     def _before_position(self, t_s: float | None) -> GuideLine:

@@ -6,15 +6,22 @@ import pytest
 
 from logger.cli import main
 from logger.command_line import INTERRUPTED
+from logger.core.answer import MultiPolygon, StrongestReading
 from logger.core.document import Document, terminal_lines
 from logger.core.guidance.next_way import NextWay
-from logger.device.status import CellStatus, PositionStatus, Status, write_status
+from logger.device.live_view import CellStatus, PositionStatus
+from logger.device.status import Status, write_status
 from logger.device.status_text import report, status_parts
 
 STATUS = Status(
-    "recording", "9 s", "run-1.journal", 1, 9 * 10**9, 0, 8 * 10**9, 3, 2, 1, 0, 10, None, None, {},
+    "recording", "9 s", "run-1.journal", 1, 9 * 10**9, 0, 8 * 10**9, 3, 2, 1, 0, 10, None, {},
     next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, "two places fit"),
-    position=PositionStatus("262-01-4711-2", "ambiguous", 52.0, 13.0, 88.0, r50_m=31.0),
+    position=PositionStatus(
+        cell="262-01-4711-2", verdict="ambiguous", lat=52.0, lon=13.0, r95_m=88.0, r50_m=31.0,
+        drms_m=40.0, area_m2=20_000.0, modes=(),
+        region=MultiPolygon(type="MultiPolygon", coordinates=[]),
+        strongest=StrongestReading(lat=52.0, lon=13.0, level_dbm=-60.0),
+    ),
     cells=(
         CellStatus("262-01-4711-1", is_serving=True, level_dbm=-60.0, heard_ns=8 * 10**9),
         CellStatus(

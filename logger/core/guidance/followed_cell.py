@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from logger.core.answer import Answer, Provenance, answer_of
+from logger.core.answer import Answer, MultiPolygon, Provenance, answer_of
 from logger.core.geo import Utm
 from logger.core.guidance.advice import Advice, Guide
 from logger.core.guidance.live_verdict import LiveVerdict
+from logger.core.guidance.map_form import next_way, squares_of_region
+from logger.core.guidance.next_way import NextWay
 from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
-from logger.core.locator.posterior import Posterior
 from logger.core.locator.summary import summarise
 from logger.core.observations import CellObservations
 
@@ -16,7 +17,7 @@ from logger.core.observations import CellObservations
 class FollowedCell:
     """Answer and advice for one `cell`, renewed as the walker moves.
 
-    `posterior` is that of the answer; both are None before the first search.
+    `region` is that of the answer; both are None before the first search. `way` is the advice.
     """
 
     def __init__(self, cell: str, utm: Utm, streets: StreetMap | None = None) -> None:
@@ -24,7 +25,8 @@ class FollowedCell:
         self._guide = Guide(streets)
         self._verdict = LiveVerdict()
         self.answer: Answer | None = None
-        self.posterior: Posterior | None = None
+        self.region: MultiPolygon | None = None
+        self.way: NextWay | None = None
 
     @property
     def advice(self) -> Advice | None:
@@ -44,9 +46,10 @@ class FollowedCell:
         obs = observations_of(locator, self.utm)
         verdict, reasons, _ = self._verdict.update(posterior, obs)
         made_from = Provenance(len(obs))
-        self.posterior = posterior
+        self.region = squares_of_region(posterior, self.utm)
         self.answer = answer_of(self.cell, verdict, reasons, made_from, posterior, self.utm)
         self._guide.decide(*last)
+        self.way = next_way(self.utm, self._guide.advice)
         return True
 
 
