@@ -7,7 +7,7 @@ metres, levels dBm at the scale of the first modem.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -92,32 +92,29 @@ class Place(Position, frozen=True, kw_only=True):
         """The modes that count."""
         return tuple(mode for mode in self.modes if mode.percent is not None)
 
-    def rounded(self) -> "Place":
+    def in_short(self) -> "Place":
         """As it is shown while walking, with the modes that count."""
-        shown, strongest = self.to_tenth_metre(), self.strongest
         return replace(
-            self,
-            lat=shown.lat,
-            lon=shown.lon,
-            r95_m=shown.r95_m,
-            r50_m=shown.r50_m,
+            _in_short(self),
+            r95_m=round(self.r95_m, 1),
+            r50_m=round(self.r50_m, 1),
             drms_m=round(self.drms_m, 1),
             area_m2=round(self.area_m2),
             modes=tuple(
-                replace(
-                    mode,
-                    lat=round(mode.lat, DEGREE_DECIMALS),
-                    lon=round(mode.lon, DEGREE_DECIMALS),
-                    probability=round(mode.probability, 3),
-                )
+                replace(_in_short(mode), probability=round(mode.probability, 3))
                 for mode in self.likely_modes
             ),
-            strongest=replace(
-                strongest,
-                lat=round(strongest.lat, DEGREE_DECIMALS),
-                lon=round(strongest.lon, DEGREE_DECIMALS),
-            ),
+            strongest=_in_short(self.strongest),
         )
+
+
+_OnMap = TypeVar("_OnMap", StrongestReading, Mode, Place)
+
+
+def _in_short(shown: _OnMap) -> _OnMap:
+    """Latitude and longitude to 0.1 m."""
+    lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (shown.lat, shown.lon))
+    return replace(shown, lat=lat, lon=lon)
 
 
 @dataclass(frozen=True, slots=True)

@@ -200,7 +200,7 @@ def _position(followed: "FollowedCell") -> PositionStatus | None:
         cell=answer.cell,
         verdict=answer.verdict,
         region=region,
-        **asdict(answer.place.rounded()),
+        **asdict(answer.place.in_short()),
     )
 
 
