@@ -159,7 +159,7 @@ def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus
     if latest is None:
         return TargetStatus(cell, "cannot tell")
     # an estimate has been made, so the map is there
-    from logger.core.geo import Utm  # noqa: PLC0415
+    from logger.core.places import Utm  # noqa: PLC0415
 
     lat_deg, lon_deg = Utm(latest.utm_zone).to_latlon(latest.x_m, latest.y_m)
     ellipse = ellipse95(latest.p_xx, latest.p_xy, latest.p_yy)

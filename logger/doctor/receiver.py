@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from logger.check import Line
+from logger.core.places import UERE_M
 from logger.core.rows import Rows
 from logger.core.runfile import Run
-from logger.core.track import UERE_M
 from logger.core.types import DEAD_RECKONING
 
 COARSE_M = 15.0

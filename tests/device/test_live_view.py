@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from logger.core.types import LiveEstimate, Record, Scan
 from logger.device.live_view import (
     MOST_CELLS,

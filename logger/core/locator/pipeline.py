@@ -20,11 +20,11 @@ from logger.core.locator.summary import summarise
 from logger.core.locator.two_source_test import divide
 from logger.core.locator.verdict import DESK_M, Decision, assess
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 
 def locate(
-    obs: CellObservations,
+    obs: Readings,
     prior: Prior = Prior(),  # noqa: B008 (frozen)
     effort: Effort = Effort(),  # noqa: B008 (frozen)
 ) -> Posterior:
@@ -46,7 +46,7 @@ def search(task: LocatorInput) -> Tree:
     return refine(task.walk, tree, noise)
 
 
-def decide(posterior: Posterior, obs: CellObservations, *, within_m: float = DESK_M) -> Decision:
+def decide(posterior: Posterior, obs: Readings, *, within_m: float = DESK_M) -> Decision:
     """The verdict: located where 95 % of the probability lie within `within_m`."""
     obs = obs.usable()
     return assess(posterior, obs, divide(obs, posterior), within_m=within_m)

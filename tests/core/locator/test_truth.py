@@ -188,9 +188,8 @@ def test_small_errors_do_not_change_the_answer(change):
 def on_device(obs):
     """The posterior of the device after all readings, one by one."""
     locator = OnlineLocator(Prior())
-    columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
-    for row in zip(*(column.tolist() for column in columns), strict=True):
-        locator.add(*row)
+    for reading in obs:
+        locator.add(reading)
         if locator.stale > 1.0:
             locator.search()
     return summarise(*locator.last_search())
