@@ -66,7 +66,10 @@ for seed in range(3):
                 cell.search()
         spent = (time.process_time() - begun) / 600
         name = f"live reading, seed {seed}, shadowing {shadow_db} dB"
-        results[name] = spent, list(estimate.state)
+        if hasattr(estimate, "state"):  # before an estimate was its record
+            results[name] = spent, list(estimate.state)
+        else:
+            results[name] = spent, [estimate.x_m, estimate.y_m, estimate.p0_dbm, estimate.eta]
 print(json.dumps(results))
 """
 
