@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
     from logger.core.locator.alternatives import Alternative
     from logger.core.locator.posterior import Posterior
     from logger.core.model.prior import Prior
+    from logger.core.suspicion import rule
 
 
 DEGREE_DECIMALS = 6
@@ -150,11 +151,21 @@ class Provenance:
 
 
 @dataclass(frozen=True, slots=True)
+class Word:
+    """What the rules of suspicion say of a cell: word, score, and findings in the order of time."""
+
+    word: "rule.Word"
+    score_nats: float
+    findings: "tuple[rule.Finding, ...]"
+
+
+@dataclass(frozen=True, slots=True)
 class Answer:
     """What is known about one cell.
 
     `reasons` say why the verdict is what it is, the decisive one first, then what else to know.
-    `place` and `parameters` are None where the readings determine no posterior.
+    `place` and `parameters` are None where the readings determine no posterior, `word` where
+    suspicion was not asked.
     """
 
     cell: str
@@ -163,6 +174,7 @@ class Answer:
     provenance: Provenance
     place: Place | None = None
     parameters: Parameters | None = None
+    word: Word | None = None
 
 
 def answer_of(
@@ -171,12 +183,13 @@ def answer_of(
     reasons: Iterable[str],
     provenance: Provenance,
     posterior: "Posterior | None",
+    word: Word | None = None,
 ) -> Answer:
     """The answer that the verdict on a posterior gives; or on none."""
     place = parameters = None
     if posterior is not None:
         place, parameters = place_of(posterior), parameters_of(posterior)
-    return Answer(cell, verdict, tuple(reasons), provenance, place, parameters)
+    return Answer(cell, verdict, tuple(reasons), provenance, place, parameters, word)
 
 
 def place_of(posterior: "Posterior") -> Place:

@@ -7,6 +7,7 @@ the cell that needs it most is searched again: a bounded amount of work for any 
 
 from dataclasses import replace
 
+from logger.core.answer import Answer
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.censoring import limit_of
 from logger.core.guidance.followed_cell import FollowedCell
@@ -57,6 +58,14 @@ class LiveTracker:
     def target(self) -> str | None:
         """The cell of the default view: strongest, most suspicious or configured."""
         return self._reference.target
+
+    @property
+    def answer(self) -> Answer | None:
+        """The answer about the cell that is followed, with its word so far."""
+        answer = None if self.followed is None else self.followed.answer
+        if answer is None:
+            return None
+        return replace(answer, word=self.suspicion.assessment(answer.cell))
 
     @property
     def latest(self) -> LiveEstimate | None:

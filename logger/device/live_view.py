@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 from msgspec import Meta, Struct
 from msgspec.structs import asdict, replace
 
-from logger.core.answer import DEGREE_DECIMALS, MultiPolygon, Place
+from logger.core.answer import DEGREE_DECIMALS, Answer, MultiPolygon, Place
 from logger.core.ellipse import Ellipse, ellipse95, radii_text, radius_m
 from logger.core.guidance.next_way import NextWay
 from logger.core.latest import Latest
@@ -21,7 +21,6 @@ from logger.core.live_settings import EKF, ONE_MODE, REFERENCE
 from logger.core.types import CellReading, LiveEstimate, Record, Scan, Verdict
 
 if TYPE_CHECKING:  # the status is written before numpy is imported
-    from logger.core.guidance.followed_cell import FollowedCell
     from logger.core.live import LiveTracker
 
 MOST_CELLS = 64
@@ -108,11 +107,12 @@ class CellStatus(Struct, frozen=True):
 
 
 class PositionStatus(Place, frozen=True, kw_only=True):
-    """The answer about the cell that is followed, and its 95 % region in squares."""
+    """The answer about the cell that is followed: its place, 95 % region in squares, and word."""
 
     cell: str
     verdict: Verdict
     region: MultiPolygon
+    word: str = ""
 
 
 class LiveView(Struct, frozen=True, kw_only=True):
@@ -148,7 +148,7 @@ def live_view(tracker: "LiveTracker") -> LiveView:
             for one in tracker.suspicion.conspicuous()[:_MOST_SUSPICIONS]
         ),
         next=None if followed is None else followed.way,
-        position=None if followed is None else _position(followed),
+        position=None if followed is None else _position(tracker.answer, followed.region),
     )
 
 
@@ -192,14 +192,14 @@ def _certainty(latest: LiveEstimate) -> str:
     return "one place" if latest.probability >= ONE_MODE else "several places"
 
 
-def _position(followed: "FollowedCell") -> PositionStatus | None:
-    answer, region = followed.answer, followed.region
+def _position(answer: Answer | None, region: MultiPolygon | None) -> PositionStatus | None:
     if answer is None or answer.place is None or region is None:
         return None
     return PositionStatus(
         cell=answer.cell,
         verdict=answer.verdict,
         region=region,
+        word="" if answer.word is None else answer.word.word,
         **asdict(answer.place.in_short()),
     )
 

@@ -90,7 +90,8 @@ def next_line(way: NextWay) -> str:
 def position_line(position: PositionStatus) -> str:
     """Where the followed cell is."""
     place = f"{position.lat:.5f} {position.lon:.5f}, {radii_text(position.r50_m, position.r95_m)}"
-    return f"{position.cell}: {position.verdict}, {place}"
+    word = "" if position.word in {"", "nothing unusual"} else f", {position.word}"
+    return f"{position.cell}: {position.verdict}{word}, {place}"
 
 
 def _cell(row: CellStatus, status: Status, age_s: float) -> tuple[str | float | None, ...]:

@@ -215,6 +215,7 @@ def test_position_and_next_way_are_in_degrees():
     assert abs(position.lat - 52.0) < 0.05
     assert position.r95_m > 0.0
     assert position.strongest.level_dbm == -70.0
+    assert position.word == "nothing unusual"
     assert sum(mode.probability for mode in position.modes) <= 1.001
     rings = [polygon[0] for polygon in position.region.coordinates]
     assert all(len(ring) == 5 and ring[0] == ring[-1] for ring in rings)

@@ -7,6 +7,7 @@ come together, and one cause would count three times.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from logger.core import answer
 from logger.core.suspicion.rule import WORDS, Family, Finding, Rate, Word
 from logger.core.types import Level, Note
 
@@ -29,13 +30,10 @@ FINDING_CODE, ERROR_CODE = "finding", "rule-failed"
 
 
 @dataclass(frozen=True, slots=True)
-class Assessment:
-    """The word of a cell, its score, and its findings in the order of time."""
+class Assessment(answer.Word):
+    """The word of the cell `cell`, a part of its answer."""
 
     cell: str
-    word: Word
-    score_nats: float
-    findings: tuple[Finding, ...]
 
 
 def assess(cell: str, findings: Sequence[Finding]) -> Assessment:
@@ -51,7 +49,7 @@ def assess(cell: str, findings: Sequence[Finding]) -> Assessment:
     strong = [finding for finding in findings if finding.nats >= SUSPICIOUS_NATS]
     if is_confirmed or any(finding.rule.strength == "suffices" for finding in strong):
         word = "suspicious"
-    return Assessment(cell, word, score, tuple(findings))
+    return Assessment(word, score, tuple(findings), cell)
 
 
 def false_alarms_per_hour(word: Word) -> float:
