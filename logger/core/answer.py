@@ -7,7 +7,7 @@ metres, levels dBm at the scale of the first modem.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, Self
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -38,29 +38,39 @@ class MultiPolygon(Struct, kw_only=True):
     coordinates: list[list[Ring]]
 
 
-class StrongestReading(Struct, frozen=True, kw_only=True):
-    """Where the receiver was at the strongest reading."""
+class OnMap(Struct, frozen=True, kw_only=True):
+    """A place in degrees, WGS 84."""
 
     lat: float
     lon: float
+
+    def in_short(self) -> Self:
+        """As it is shown while walking: to 0.1 m."""
+        lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (self.lat, self.lon))
+        return replace(self, lat=lat, lon=lon)
+
+
+class StrongestReading(OnMap, frozen=True, kw_only=True):
+    """Where the receiver was at the strongest reading."""
+
     level_dbm: float
 
 
-class Mode(Struct, frozen=True, kw_only=True):
+class Mode(OnMap, frozen=True, kw_only=True):
     """A local maximum; `percent` is null where its probability is too small to count."""
 
-    lat: float
-    lon: float
     probability: float
     percent: int | None
     ellipse95: Ellipse
 
+    def in_short(self) -> Self:
+        """With a probability of three digits."""
+        return replace(super().in_short(), probability=round(self.probability, 3))
 
-class Position(Struct, frozen=True, kw_only=True):
+
+class Position(OnMap, frozen=True, kw_only=True):
     """A position to show, and the radii about it that hold 95 % and 50 % of the probability."""
 
-    lat: float
-    lon: float
     r95_m: float
     r50_m: float
 
@@ -69,10 +79,10 @@ class Position(Struct, frozen=True, kw_only=True):
         """The position alone."""
         return Position(lat=self.lat, lon=self.lon, r95_m=self.r95_m, r50_m=self.r50_m)
 
-    def to_tenth_metre(self) -> "Position":
-        """The position alone, as it is shown while walking."""
-        lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (self.lat, self.lon))
-        return Position(lat=lat, lon=lon, r95_m=round(self.r95_m, 1), r50_m=round(self.r50_m, 1))
+    def in_short(self) -> Self:
+        """With radii to 0.1 m."""
+        radii = {"r95_m": round(self.r95_m, 1), "r50_m": round(self.r50_m, 1)}
+        return replace(super().in_short(), **radii)
 
 
 class Place(Position, frozen=True, kw_only=True):
@@ -92,29 +102,15 @@ class Place(Position, frozen=True, kw_only=True):
         """The modes that count."""
         return tuple(mode for mode in self.modes if mode.percent is not None)
 
-    def in_short(self) -> "Place":
-        """As it is shown while walking, with the modes that count."""
+    def in_short(self) -> Self:
+        """With the modes that count."""
         return replace(
-            _in_short(self),
-            r95_m=round(self.r95_m, 1),
-            r50_m=round(self.r50_m, 1),
+            super().in_short(),
             drms_m=round(self.drms_m, 1),
             area_m2=round(self.area_m2),
-            modes=tuple(
-                replace(_in_short(mode), probability=round(mode.probability, 3))
-                for mode in self.likely_modes
-            ),
-            strongest=_in_short(self.strongest),
+            modes=tuple(mode.in_short() for mode in self.likely_modes),
+            strongest=self.strongest.in_short(),
         )
-
-
-_OnMap = TypeVar("_OnMap", StrongestReading, Mode, Place)
-
-
-def _in_short(shown: _OnMap) -> _OnMap:
-    """Latitude and longitude to 0.1 m."""
-    lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (shown.lat, shown.lon))
-    return replace(shown, lat=lat, lon=lon)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ in `logger/page/assets`.
 
 import threading
 from collections import deque
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta, Struct
@@ -152,6 +153,7 @@ def live_view(tracker: "LiveTracker") -> LiveView:
     )
 
 
+@lru_cache(maxsize=1)  # fixes come ten times a second, estimates once
 def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus | None:
     """The target and, once there is one, the latest estimate of it."""
     if cell is None:

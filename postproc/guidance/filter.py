@@ -150,7 +150,7 @@ class GuideFilter:
         return GuideLine(
             t_s=t_s,
             verdict=answer.verdict,
-            best=answer.place.to_tenth_metre(),
+            best=answer.place.in_short().position,
             area_m2=round(answer.place.area_m2),
             next=followed.way,
         )
@@ -163,7 +163,7 @@ class GuideFilter:
         lat, lon = self._strongest.places.first_deg
         best = Position(
             lat=lat, lon=lon, r95_m=radius_m, r50_m=self._prior.radius_m(0.5)
-        ).to_tenth_metre()
+        ).in_short()
         return GuideLine(t_s, best=best, area_m2=round(pi * radius_m**2))
 
 
