@@ -82,7 +82,7 @@ def regular(made: City, heard: Report, target: int, at: BoolArray) -> Readings:
     is_there = heard.is_there.copy()
     is_there[target] = at
     cell, scan = np.nonzero(is_there)
-    share = named_shares(made.x_m, made.y_m, Naming(cell, scan, np.zeros_like(cell)))
+    share = named_shares(Places.of(made.x_m, made.y_m), Naming(cell, scan, np.zeros_like(cell)))
     return replace(readings_alone(made, heard, target, at), named_share=share[cell == target])
 
 

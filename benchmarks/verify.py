@@ -26,6 +26,7 @@ from scoreboard.worlds import plain
 
 from logger.core.arrays import FloatArray
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 from logger.core.readings import Readings
 from postproc.cell_estimation import too_few
 from postproc.verification.claim_test import PreparedWalk, around, claim_test, prepare_walk
@@ -134,7 +135,7 @@ def powers(options: argparse.Namespace) -> Json:
             share = DISPLACED[(k // len(SHAPES)) % len(DISPLACED)]
             true_m = np.array(world.sources[0])
             test = claim_test(walk, _displace(walk, true_m, share, rng)[:, None], rng)
-            (predicted,) = test.power(true_m[:1], true_m[1:], RATES[0], 48, rng, trusting=True)
+            (predicted,) = test.power(Places.of(*true_m), RATES[0], 48, rng, trusting=True)
             p = test.p_values(walk.level_dbm[:, None], trusting=True)[0]
             rows.append((share, float(p <= RATES[0]), float(predicted)))
         table = np.array(rows)
@@ -178,7 +179,7 @@ def measured_walks(options: argparse.Namespace) -> Json:
         for share, outcomes in rows.items():
             claim = _displace(walk, np.array(world.sources[0]), share, rng)
             sigma_m = float(np.hypot(world.slack_m / 2.0, np.median(world.position_sigma_m)))
-            test = claim_test(walk, around(float(claim[0]), float(claim[1]), sigma_m), rng)
+            test = claim_test(walk, around(Places.of(*claim), sigma_m), rng)
             p = float(test.p_values(walk.level_dbm[:, None], trusting=False)[0])
             rules = cellguard(obs, claim), crocodile_hunter(obs, claim)
             outcomes.append((*(p <= rate for rate in RATES), *rules))

@@ -1,7 +1,6 @@
 """Watches a running EKF and decides when to discard it.
 
-Three values are followed. Each raises its alarm only after several readings, so that one outlier
-discards nothing.
+Three values are followed, each over several readings, so that one outlier discards nothing.
 
 - Normalised innovations squared (NIS), 1 on average for a consistent filter: their exponentially
   weighted mean against the upper bound of a chi-square mean with as many degrees of freedom as the

@@ -34,29 +34,25 @@ SIGMA_OF_RADIUS68 = 1.0 / 1.5096
 UNKNOWN_SIGMA_M = 7.0
 """Sigma per axis of a fix without an accuracy: a receiver among houses."""
 DEAD_RECKONING_SIGMA_M = 28.0
-"""Additional sigma per axis of dead reckoning: a walker who has turned is off by 1.4 m/s x 20 s.
-
-A receiver without satellites goes on along its last course for some 20 s; its own accuracy does not
-include a turn.
-"""
+"""Additional sigma per axis of dead reckoning, which misses a turn for 20 s of 1.4 m/s."""
 TIMING_S = 2.0
-"""A level is an average over seconds, reported late (3GPP TS 45.008, 6.6.1: 5 s or more if idle).
+"""What is walked in this time is unsure: a level is an average over seconds, reported late.
 
-The position of a reading is unsure by what the walker covers in this time.
+3GPP TS 45.008, 6.6.1: 5 s or more if idle.
 """
 _SIDE_M = 20.0
-"""Side of a square of ground: about the median decorrelation distance of measured walks."""
+"""Side of a square of ground: about the median decorrelation distance."""
 _VISIT_M = 60.0
 """A visit ends after this way: three squares farther the walker has left."""
 _MOST_READINGS = 30
-"""Of a visit: a walker needs 14 s for a square, so that more of them means standing still."""
+"""Of a visit: a walker needs 14 s for a square, and then stands still."""
 
 
 def zone_of(lat_deg: float, lon_deg: float) -> int:
     """UTM zone 1..60 of a position, negative on the southern hemisphere.
 
-    The wider zones of Norway and Svalbard are not applied: any zone nearby serves a walk equally
-    well. Raises `GeoError` for a latitude beyond 84 deg or a value that is no position.
+    Without the wider zones of Norway and Svalbard: any nearby serves a walk. Raises `GeoError`
+    beyond 84 deg of latitude or for no position.
     """
     check_position(lat_deg, lon_deg)
     zone = int((lon_deg + 180.0) // 6.0) % 60 + 1
@@ -123,7 +119,7 @@ def _proj(zone: int) -> Proj:
 
 
 PLANE = Utm(31)
-"""Frame of positions in metres that were given without one: any zone is a plane."""
+"""Frame of places given without one: any zone is a plane."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +150,7 @@ class Places:
         sigma_m: FloatArray | None = None,
         t_ns: IntArray | None = None,
     ) -> "Places":
-        """Places from their coordinates alone: certain, without height and time if not given."""
+        """Places from coordinates: certain, without height and time if not given."""
         x, y = np.atleast_1d(np.asarray(x_m, float)), np.atleast_1d(np.asarray(y_m, float))
         height, certain, never = _blank(len(x))
         sigma_m = certain if sigma_m is None else sigma_m
@@ -164,10 +160,7 @@ class Places:
     def of_degrees(
         cls, lat_deg: npt.ArrayLike, lon_deg: npt.ArrayLike, *, utm: Utm | None = None
     ) -> "Places":
-        """Places from WGS 84 degrees, in the zone of the first unless one is given.
-
-        Raises `GeoError` beyond the map.
-        """
+        """Places from WGS 84 degrees, by default in the zone of the first; raises `GeoError`."""
         lat, lon = (np.atleast_1d(np.asarray(deg, float)) for deg in (lat_deg, lon_deg))
         utm = utm or Utm.at(float(lat[0]), float(lon[0]))
         return cls.of(*utm.to_xy_arrays(lat, lon), utm=utm)
@@ -216,10 +209,7 @@ class Places:
         return hypot(self.x_m.item() - other.x_m.item(), self.y_m.item() - other.y_m.item())
 
     def log_distance_to(self, others: "Places", height_m: float = 0.0) -> FloatArray:
-        """L = 10 log10 d to antennas `height_m` above each of the others (h,), shape (n, h).
-
-        The expected squared distance is larger by 2 sigma^2 of these places: `path_loss`.
-        """
+        """L to antennas `height_m` above the others (h,), shape (n, h): see `path_loss`."""
         dx_m, dy_m = self.x_m[:, None] - others.x_m, self.y_m[:, None] - others.y_m
         return log_distance_db(dx_m, dy_m, height_m, self.sigma_m[:, None])
 
@@ -245,7 +235,7 @@ class Places:
         return Places(x_m, y_m, z_m, sigma_m, t_ns, self.utm)
 
     def covers(self, t_ns: IntArray) -> BoolArray:
-        """Whether there is a place near enough in time to say where the walker was, shape (m,)."""
+        """Whether a place is near enough in time, shape (m,)."""
         own_s, t_s = self._seconds(self.t_ns), self._seconds(t_ns)
         following = np.searchsorted(own_s, t_s)
         since_s = t_s - own_s[np.maximum(following - 1, 0)]
@@ -255,14 +245,11 @@ class Places:
         return np.asarray(is_between | is_beside, np.bool_)
 
     def thin(self, *, again: bool) -> BoolArray:
-        """Which of the places are ground that was not measured before, shape (n,).
+        """Which of the places are ground not measured before, shape (n,); `again` keeps visits.
 
-        Shadowing belongs to the point: a second visit adds nothing, nor do more readings where the
-        walker lingers, since fading stays the same there. `again` keeps second visits. The filter
-        carries the shadowing at the walker's point only. Over a street walked again it would take
-        the same shadowing for new evidence: in simulated worlds (6 dB decorrelating over 15 to 150
-        m, four rounds of a square) its 95 % ellipse then held the truth in 78 to 81 %, and in 90 to
-        96 % if each square of ground counted once.
+        A second visit has the same shadowing, lingering the same fading. A filter forgets both and
+        takes them for new evidence: in simulated worlds (6 dB over 15 to 150 m, four rounds
+        of a square) its 95 % ellipse held the truth in 78 to 81 %, and thinned in 90 to 96 %.
         """
         squares: dict[tuple[int, int], list[float]] = {}  # first and last visit, readings of that
         is_new = np.ones(len(self), np.bool_)
@@ -293,10 +280,9 @@ class Track(Places):
     _columns: ClassVar[tuple[str, ...]] = ("x_m", "y_m", "z_m", "sigma_m", "t_ns", "seq")
 
     def at_readings(self, t_ns: IntArray, fix_seq: IntArray) -> Places:
-        """As `at`; `fix_seq` (m,) are the fixes that were current.
+        """As `at`, but a current fix (m,) of exactly that time is used as it is.
 
-        One at exactly that time is used as it is, since an imported file may have several fixes
-        within one tick of its clock.
+        An imported file may have several within one tick of its clock.
         """
         between = self.at(t_ns)
         current, has_fix = index_of(self.seq, fix_seq)
@@ -322,7 +308,7 @@ def join_places(parts: Sequence[Places]) -> Places:
 
 @lru_cache(maxsize=256)  # needed several times after each live reading
 def _blank(count: int) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Heights that are unknown, sigmas of 0 and times of 0, shape (count,) each, read-only."""
+    """Unknown heights, sigmas and times of 0, shape (count,) each, read-only."""
     blank = np.full(count, np.nan), np.zeros(count), np.zeros(count, np.int64)
     for values in blank:
         values.flags.writeable = False
@@ -346,10 +332,7 @@ def track_of(fixes: Rows) -> Track:
 
 
 def place_of_fix(t_ns: int, fix: Fix, utm: Utm | None = None) -> Places | None:
-    """The place of one fix, in its own zone if none is given; None without a position.
-
-    Raises `GeoError` beyond the map.
-    """
+    """The place of one fix, by default in its own zone; None without one; raises `GeoError`."""
     if not fix.valid or fix.lat_deg is None or fix.lon_deg is None:
         return None
     utm = utm or Utm.at(fix.lat_deg, fix.lon_deg)

@@ -42,7 +42,7 @@ class SpikeLevel(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """The readings of one cell in time order, from one to all of a walk; arrays of shape (n,).
+    """The readings of one cell in time order, from one on; arrays of shape (n,).
 
     `places` are those of the receiver, `scan_seq` the record number of the scan a level came from.
     `modem` numbers the modems of several runs from 0, run after run; None is one modem.
@@ -316,7 +316,7 @@ def _by_cell(
 
 
 def in_order(each: Sequence[Readings]) -> Readings:
-    """Readings of one cell in the order of the sequence, which may be empty."""
+    """Readings of one cell, from none on."""
     places = join_places([one.places for one in each]) if each else Places.of([], [])
     levels = [one.level_dbm for one in each]
     if not each:

@@ -7,8 +7,8 @@ again and again. Taken as measured, such levels locate a transmitter where there
 whole decibels, so two that are equal may both be measured. But measured levels that often equal the
 one before also often differ from it by one decibel, and cached ones never do. So a reading is
 compared with the one before it each time that the receiver has moved on: equal levels speak for a
-cache, changes of one step of the scale against it, larger ones for neither. This needs no figure
-for the scatter of the levels. A limit of the scale is reported again and again by right.
+cache, changes of one step of the scale against it, larger ones for neither. A limit of the scale is
+reported again and again by right.
 
 Desktop and device use the same test (`CacheTest`). The device leaves repeats out once the test is
 sure, the desktop also those before, which made it so.

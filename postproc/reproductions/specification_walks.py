@@ -2,10 +2,10 @@
 
 The table: 50 readings on a circle of 500 m around the station, 3 dB of noise, P0 = -45 dBm, eta =
 2.5. Beside its claims stand the reference EKF, our locator and the Cramer-Rao bound with the
-locator's priors on P0 and eta. The bound is local: it takes no account of far positions that fit as
-well, and around a circle there are many. It is J = G' G / r + diag(0, 0, Lambda0), G the slope of
-the levels by [x, y, P0, eta] at the true state, Lambda0 the inverse variances of normal priors on
-P0 and eta (Van Trees, Detection, Estimation, and Modulation Theory I, sec. 2.4).
+locator's priors on P0 and eta. The bound is local, and around a circle many far positions fit as
+well. It is J = G' G / r + diag(0, 0, Lambda0), G the slope of the levels by [x, y, P0, eta] at the
+true state, Lambda0 the inverse variances of normal priors on P0 and eta (Van Trees, Detection,
+Estimation, and Modulation Theory I, sec. 2.4).
 
 The scenarios: a station at the origin with P0 = -30 dBm, eta = 3 (so that all levels are on the
 modem's scale), a fix and a scan every two seconds, 3 dB of noise where nothing else is stated.

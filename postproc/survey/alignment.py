@@ -96,7 +96,7 @@ def align(obs: Readings) -> Alignment:
 def levels_by_place(obs: Readings, modem: IntArray, side_m: float) -> PlaceLevels:
     """Mean levels within the scale of each modem in squares of ground."""
     inside = obs.limit == 0
-    place, _ = squares(obs.x_m[inside], obs.y_m[inside], _ANY_NUMBER, finest_m=side_m)
+    place, _ = squares(obs.places.part(inside), _ANY_NUMBER, finest_m=side_m)
     n = int(np.max(modem, initial=0)) + 1
     key, which = np.unique(place * n + modem[inside], return_inverse=True)
     level_dbm = np.bincount(which, obs.level_dbm[inside]) / np.bincount(which)

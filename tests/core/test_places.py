@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from logger.sim.shadowing import Shadowing
 
 from logger.core import shadow_ekf
 from logger.core.errors import GeoError
 from logger.core.places import Places, Utm, join_places
 from logger.core.shadow_ekf import ShadowNoise
+from logger.sim.world import Shadowing
 
 SHADOWED = ShadowNoise(6.0, 15.0, 2.0, 0.0)
 

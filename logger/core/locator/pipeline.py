@@ -8,8 +8,7 @@
     5 decide    decide         located, ambiguous or cannot tell, with reasons
 
 `locate` is steps 1 to 4 and is all that most callers need. The device runs steps 1 and 2
-(`search.search_once`) and updates their result with each reading (`online`); `moments_over`,
-`mode_regions`, `fit_curve` and everything in `logger.core.model` are the same functions on both.
+(`search.search_once`) and updates their result with each reading (`online`) by the same functions.
 """
 
 from logger.core.locator.posterior import Posterior

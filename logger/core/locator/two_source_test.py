@@ -147,7 +147,7 @@ def divide(obs: Readings, posterior: Posterior, effort: DivisionEffort = DESK) -
     task = _task(walk, posterior, effort)
     tries = [_try(task, _nearer(walk, first, other)) for other in others]
     improved = (_improve(task, one) for one in tries)
-    return max((one for one in improved if one is not None), default=None)
+    return max((one for one in improved if one is not None), key=_rank, default=None)
 
 
 def divide_in_time(
@@ -232,7 +232,13 @@ def _improve(task: _Task, best: _Try | None) -> Division | None:
             break
         best = _try(task, best.stronger)
         tries.append(best)
-    return max((one.division(task.trust) for one in tries if one and one.is_passed), default=None)
+    divisions = [one.division(task.trust) for one in tries if one and one.is_passed]
+    return max(divisions, key=_rank, default=None)
+
+
+def _rank(division: Division) -> tuple[float, list[float]]:
+    # exchanged parts have one factor: their places decide
+    return division.log_factor, [*division.one.xy_m.flat, *division.other.xy_m.flat]
 
 
 def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:

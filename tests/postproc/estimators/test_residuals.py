@@ -215,9 +215,7 @@ def test_a_trend_is_the_generalised_least_squares_one():
     obs = walk(np.random.default_rng(13), white_db=2.0, shadow_db=3.0)
     design = least_squares.jacobian(SOURCE, obs)
     distance, azimuth = around(obs)
-    ground = residuals.Ground(
-        obs.x_m, obs.y_m, obs.level_dbm, 10.0 * np.log10(distance), azimuth, design
-    )
+    ground = residuals.Ground(obs.places, obs.level_dbm, 10.0 * np.log10(distance), azimuth, design)
     noise = residuals.noise_of(ground, np.sin(azimuth), np.cos(azimuth))
     which = [np.flatnonzero(noise.square == k) for k in range(noise.square.max() + 1)]
     rows = np.column_stack([design, np.sin(azimuth), np.cos(azimuth), obs.level_dbm])

@@ -83,7 +83,9 @@ def test_next_walks(survey, scheduler):
     with Cluster(scheduler) as cluster:
         found = locate_survey(survey, Options(), cluster=cluster).cells
     unsure = [replace(cell, verdict="cannot tell") for cell in found]
-    walks = next_walks(survey, unsure[:1], EVERY_RUN, Options(), 2, [(52.52, 13.38)])
+    walks = next_walks(
+        survey, unsure[:1], EVERY_RUN, Options(), 2, [Places.of_degrees(52.52, 13.38)]
+    )
     assert {walker: walk.answer.cell for walker, walk in walks.items()} == {1: unsure[0].cell}
     assert walks[1].routes[0].nats > 0.0
     certain = [replace(cell, verdict="located") for cell in found]

@@ -134,7 +134,7 @@ def test_shadowing_that_lasts_alarms_no_more_often():
         walk, source = walk_of(seed, shadow_db=6.0, d_c=60.0, white_db=1.0)
         rng = np.random.default_rng(1)
         test = claim_test(walk, source[:, None], rng)
-        rate = test.power(source[:1], source[1:], 0.1, 600, rng, trusting=True)
+        rate = test.power(Places.of(*source[:, None]), 0.1, 600, rng, trusting=True)
         assert 0.05 < rate[0] < 0.16
 
 
@@ -142,7 +142,7 @@ def test_power_is_what_drawn_walks_are_rejected_at():
     walk, source = walk_of(3, white_db=2.0)
     rng = np.random.default_rng(1)
     test = claim_test(walk, source[:, None], rng)
-    alarms = test.power(source[:1], source[1:], 0.1, 400, rng, trusting=True)
+    alarms = test.power(Places.of(*source[:, None]), 0.1, 400, rng, trusting=True)
     assert 0.04 < alarms[0] < 0.17
     seen = test.detectable(0.05, rng, trusting=True)
     assert [one.azimuth_deg for one in seen] == list(BEARINGS_DEG)
@@ -150,7 +150,7 @@ def test_power_is_what_drawn_walks_are_rejected_at():
         if one.indirect_m is not None:
             angle = np.radians(one.azimuth_deg)
             place = source + 2.0 * one.indirect_m * np.array([np.sin(angle), np.cos(angle)])
-            beyond = test.power(place[:1], place[1:], 0.05, 100, rng, trusting=True)[0]
+            beyond = test.power(Places.of(*place[:, None]), 0.05, 100, rng, trusting=True)[0]
             assert beyond > 0.8 or one.indirect_blind_m is not None
 
 
@@ -173,7 +173,7 @@ def test_uncertainty_of_the_claim_is_as_good_as_distance():
         for sigma in (0.0, 200.0)
     )
     assert soft.p_values(level, trusting=True)[0] > sharp.p_values(level, trusting=True)[0]
-    places = around(10.0, -20.0, 50.0)
+    places = around(Places.of(10.0, -20.0), 50.0)
     assert np.mean(places, axis=1) == pytest.approx([10.0, -20.0])
     assert np.std(places, axis=1) == pytest.approx([50.0, 50.0], rel=0.1)
 
