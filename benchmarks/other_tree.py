@@ -23,9 +23,9 @@ try:
     from logger.core.places import Places
     from logger.core.readings import Readings
 except ImportError:  # before readings had places
-    from logger.core.places import Utm
+    from logger.core.geo import Utm
     from logger.core.live_cell import LevelReading
-    from logger.core.readings import Readings
+    from logger.core.observations import CellObservations as Readings
     Places = None
 from logger.core.live_settings import LiveSettings
 try:
