@@ -16,8 +16,7 @@ from logger.core.errors import DeviceError
 from logger.device.port import Port
 from logger.drivers.family import Family
 from logger.drivers.privacy.redaction import Redactor
-from logger.drivers.protocols.at import AtFramer
-from logger.drivers.protocols.dialogue import Command, Dialogue, Reply, run_dialogue
+from logger.drivers.protocols.at import AtFramer, Command, Dialogue, Reply, run_dialogue
 from logger.drivers.protocols.nmea import NmeaFramer, Sentence
 from logger.drivers.registry import AUTO, FAMILIES, identify
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from logger.core.types import BY_HAND, DEAD_RECKONING, SIMULATED, Fix
 from logger.core.utc import EARLIEST_UTC_NS
 from logger.device.link import Link
-from logger.drivers.protocols.garbage import Garbage
+from logger.drivers.protocols.line_noise import Garbage
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
 
 SILENT_S = 1.5

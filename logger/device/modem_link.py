@@ -11,8 +11,8 @@ from logger.device.saved_modes import SavedModes
 from logger.device.shutdown import AfterStop
 from logger.drivers.family import Family
 from logger.drivers.generic import Generic
-from logger.drivers.protocols.dialogue import Command, run_dialogue
-from logger.drivers.reading.rows import Operator
+from logger.drivers.protocols.at import Command, run_dialogue
+from logger.drivers.reading.row_language import Operator
 from logger.drivers.registry import driver_of, identify
 
 SILENT_POLLS = 3

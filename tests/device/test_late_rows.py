@@ -20,7 +20,7 @@ from logger.device.gnss_link import gnss_session
 from logger.device.link import Inbox, Link
 from logger.device.modem_link import modem_session
 from logger.device.saved_modes import SavedModes
-from logger.drivers.protocols.dialogue import Command
+from logger.drivers.protocols.at import Command
 from logger.drivers.sim800 import Sim800
 from tests.kit import service
 
