@@ -156,16 +156,15 @@ def live(made: City, target: int, obs: Readings) -> Estimate:
     start = process_time()
     last = last_estimate(obs)
     seconds = process_time() - start
-    x_m, y_m, p0_dbm, eta = last.state
-    xx, xy, _, _, yy, *_ = last.p
-    covariance, off_m = np.array([[xx, xy], [xy, yy]]), made.cell_m[target] - (x_m, y_m)
+    covariance = np.array([[last.p_xx, last.p_xy], [last.p_xy, last.p_yy]])
+    off_m = made.cell_m[target] - (last.x_m, last.y_m)
     return Estimate(
         error_m=float(np.hypot(*off_m)),
         covered=bool(off_m @ np.linalg.solve(covariance, off_m) <= CHI2_95_2DOF),
         area_m2=float(np.pi * CHI2_95_2DOF * np.sqrt(np.linalg.det(covariance))),
         seconds=seconds,
-        p0_bias_db=p0_dbm - float(made.p0_dbm[target]),
-        eta_bias=eta - float(made.eta[target]),
+        p0_bias_db=last.p0_dbm - float(made.p0_dbm[target]),
+        eta_bias=last.eta - float(made.eta[target]),
     )
 
 

@@ -23,9 +23,9 @@ try:
     from logger.core.places import Places
     from logger.core.readings import Readings
 except ImportError:  # before readings had places
-    from logger.core.places import Utm
+    from logger.core.geo import Utm
     from logger.core.live_cell import LevelReading
-    from logger.core.readings import Readings
+    from logger.core.observations import CellObservations as Readings
     Places = None
 from logger.core.live_settings import LiveSettings
 try:
@@ -66,7 +66,10 @@ for seed in range(3):
                 cell.search()
         spent = (time.process_time() - begun) / 600
         name = f"live reading, seed {seed}, shadowing {shadow_db} dB"
-        results[name] = spent, list(estimate.state)
+        if hasattr(estimate, "state"):  # before an estimate was its record
+            results[name] = spent, list(estimate.state)
+        else:
+            results[name] = spent, [estimate.x_m, estimate.y_m, estimate.p0_dbm, estimate.eta]
 print(json.dumps(results))
 """
 

@@ -83,9 +83,8 @@ def offline(world: World, obs: Readings, *, guard: bool) -> Position:
 def live(world: World, obs: Readings, *, guard: bool) -> Position:
     """The last estimate on the device."""
     last = last_estimate(obs, None if guard else NoGuard())
-    xx, xy, _, _, yy, *_ = last.p
-    area_m2 = np.pi * CHI2_95_2DOF * np.sqrt(xx * yy - xy * xy)
-    return Position(world.error_m(last.state[:2]), float(area_m2))
+    area_m2 = np.pi * CHI2_95_2DOF * np.sqrt(last.p_xx * last.p_yy - last.p_xy**2)
+    return Position(world.error_m((last.x_m, last.y_m)), float(area_m2))
 
 
 def with_errors(obs: Readings, at: list[int], spike_db: float) -> Readings:

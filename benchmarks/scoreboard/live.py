@@ -2,13 +2,14 @@
 
 from logger.core.errors import EstimationError
 from logger.core.live import live_prior
-from logger.core.live_cell import CellEstimate, LiveCell
+from logger.core.live_cell import LiveCell
 from logger.core.live_settings import LiveSettings
 from logger.core.readings import Readings
 from logger.core.spikes import SpikeFilter
+from logger.core.types import LiveEstimate
 
 
-def last_estimate(obs: Readings, spikes: SpikeFilter[Readings] | None = None) -> CellEstimate:
+def last_estimate(obs: Readings, spikes: SpikeFilter[Readings] | None = None) -> LiveEstimate:
     """The last estimate of a cell; raises `EstimationError` where there is none."""
     cell, last = LiveCell(live_prior(LiveSettings()), spikes), None
     for reading in obs:

@@ -7,9 +7,10 @@ metres, levels dBm at the scale of the first modem.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Self
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from logger.core.ellipse import Ellipse
 from logger.core.locator.rivals import relevant_modes, whole_percents
@@ -44,29 +45,39 @@ class Region(Struct, kw_only=True):
     geojson: MultiPolygon | None = None
 
 
-class StrongestReading(Struct, frozen=True, kw_only=True):
-    """Where the receiver was at the strongest reading."""
+class OnMap(Struct, frozen=True, kw_only=True):
+    """A place in degrees, WGS 84."""
 
     lat: float
     lon: float
+
+    def in_short(self) -> Self:
+        """As it is shown while walking: to 0.1 m."""
+        lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (self.lat, self.lon))
+        return replace(self, lat=lat, lon=lon)
+
+
+class StrongestReading(OnMap, frozen=True, kw_only=True):
+    """Where the receiver was at the strongest reading."""
+
     level_dbm: float
 
 
-class Mode(Struct, frozen=True, kw_only=True):
+class Mode(OnMap, frozen=True, kw_only=True):
     """A local maximum; `percent` is null where its probability is too small to count."""
 
-    lat: float
-    lon: float
     probability: float
     percent: int | None
     ellipse95: Ellipse
 
+    def in_short(self) -> Self:
+        """With a probability of three digits."""
+        return replace(super().in_short(), probability=round(self.probability, 3))
 
-class Position(Struct, frozen=True, kw_only=True):
+
+class Position(OnMap, frozen=True, kw_only=True):
     """A position to show, and the radii about it that hold 95 % and 50 % of the probability."""
 
-    lat: float
-    lon: float
     r95_m: float
     r50_m: float
 
@@ -75,10 +86,10 @@ class Position(Struct, frozen=True, kw_only=True):
         """The position alone."""
         return Position(lat=self.lat, lon=self.lon, r95_m=self.r95_m, r50_m=self.r50_m)
 
-    def to_tenth_metre(self) -> "Position":
-        """The position alone, as it is shown while walking."""
-        lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (self.lat, self.lon))
-        return Position(lat=lat, lon=lon, r95_m=round(self.r95_m, 1), r50_m=round(self.r50_m, 1))
+    def in_short(self) -> Self:
+        """With radii to 0.1 m."""
+        radii = {"r95_m": round(self.r95_m, 1), "r50_m": round(self.r50_m, 1)}
+        return replace(super().in_short(), **radii)
 
 
 class Place(Position, frozen=True, kw_only=True):
@@ -97,6 +108,16 @@ class Place(Position, frozen=True, kw_only=True):
     def likely_modes(self) -> tuple[Mode, ...]:
         """The modes that count."""
         return tuple(mode for mode in self.modes if mode.percent is not None)
+
+    def in_short(self) -> Self:
+        """With the modes that count."""
+        return replace(
+            super().in_short(),
+            drms_m=round(self.drms_m, 1),
+            area_m2=round(self.area_m2),
+            modes=tuple(mode.in_short() for mode in self.likely_modes),
+            strongest=self.strongest.in_short(),
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,18 +7,19 @@ the cell that needs it most is searched again: a bounded amount of work for any 
 
 from dataclasses import replace
 
+from logger.core.answer import Answer
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.censoring import limit_of
 from logger.core.guidance.followed_cell import FollowedCell
 from logger.core.guidance.street_atlas import StreetAtlas, Streets
 from logger.core.identities import Identities
 from logger.core.latest import Latest
-from logger.core.live_cell import CellEstimate, LiveCell
+from logger.core.live_cell import LiveCell
 from logger.core.live_receiver import Receiver, ReceiverTrack
 from logger.core.live_reference import LiveReference
 from logger.core.live_settings import FOLLOW, LiveSettings
 from logger.core.model.prior import Prior, prior_for
-from logger.core.places import TIMING_S, Places, Utm
+from logger.core.places import TIMING_S, Places
 from logger.core.readings import Readings
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import error_notes, finding_notes
@@ -57,6 +58,20 @@ class LiveTracker:
     def target(self) -> str | None:
         """The cell of the default view: strongest, most suspicious or configured."""
         return self._reference.target
+
+    @property
+    def answer(self) -> Answer | None:
+        """The answer about the cell that is followed, with its word so far."""
+        answer = None if self.followed is None else self.followed.answer
+        if answer is None:
+            return None
+        return replace(answer, word=self.suspicion.assessment(answer.cell))
+
+    @property
+    def latest(self) -> LiveEstimate | None:
+        """The newest estimate of the target, without the reference filter's."""
+        cell = None if self.target is None else self._cells.get(self.target)
+        return None if cell is None else cell.latest
 
     def feed(self, seq: int, record: Record) -> list[Note | LiveEstimate]:
         """Take the next record; returns what is to be recorded because of it."""
@@ -101,11 +116,7 @@ class LiveTracker:
         known_scan = replace(scan, readings=known)
         suspect = self.suspicion.worst
         change = self._reference.choose(t_ns, known_scan, place, suspect)
-        estimate = self._reference.step(known_scan, place)
-        results: list[Note | LiveEstimate] = [] if change is None else [change]
-        if estimate is not None and self.target is not None:
-            results.append(_record(seq, self.target, self._reference.n, place.utm, estimate))
-        return results
+        return [one for one in (change, self._reference.step(seq, known_scan, place)) if one]
 
     def _take_reading(self, seq: int, name: str, located: Readings) -> list[Note | LiveEstimate]:
         cell = self._cells.get(name) or LiveCell(self._prior)
@@ -113,11 +124,9 @@ class LiveTracker:
         first = self._once.pop(name, None)
         if first is not None:
             cell.take(first)
-        estimate = cell.take(located)
+        estimate = cell.take(located, seq)
         notes = [Note("info", code, f"{name}: {text}") for code, text in cell.news]
-        if estimate is None:
-            return [*notes]
-        return [*notes, _record(seq, name, cell.n, located.utm, estimate)]
+        return [*notes] if estimate is None else [*notes, estimate]
 
     def _guide(self) -> list[Note]:
         """The advice for the target, if there is a new one."""
@@ -164,18 +173,3 @@ def _at_receiver(cell: str, receiver: Receiver, level_dbm: float, reading: CellR
     """A level with the walker's place; walking during its measurement adds to the sigma."""
     place = receiver.place.less_sure(TIMING_S * receiver.speed_mps)
     return Readings.one(cell, reading.rat, place, level_dbm, limit_of(level_dbm, reading.rat))
-
-
-def _record(seq: int, cell: str, n: int, utm: Utm, estimate: CellEstimate) -> LiveEstimate:
-    return LiveEstimate(
-        seq,
-        estimate.stage,
-        cell,
-        n,
-        utm.zone,
-        *estimate.state,
-        *estimate.p,
-        estimate.innovation_db,
-        estimate.innovation_var_db2,
-        estimate.probability,
-    )

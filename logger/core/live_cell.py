@@ -14,8 +14,9 @@ import numpy as np
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
 from logger.core.filter_monitor import CLOSE, FilterMonitor, widest
+from logger.core.live_settings import EKF, LOCATOR, ONE_MODE
 from logger.core.locator.online import OnlineLocator
-from logger.core.locator.online_values import StrongestMode
+from logger.core.locator.posterior import Mode
 from logger.core.model.path_loss import level_gradient
 from logger.core.model.prior import Prior
 from logger.core.readings import Readings, in_order
@@ -23,30 +24,12 @@ from logger.core.repeated_levels import CacheTest
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
 from logger.core.shadow_noise import candidates, likeliest
 from logger.core.spikes import SpikeFilter
+from logger.core.types import LiveEstimate
 
-LOCATOR, EKF = "locator", "ekf"
-
-ONE_MODE = 0.98
-"""A mode with this probability counts as the only one."""
 TIGHT_M = 12.0
 """Largest sigma of the position at the start of the EKF, whatever the distance."""
 _RECENT = 200
 """Readings that the shadowing at the start is taken from."""
-
-
-class CellEstimate(NamedTuple):
-    """State [x, y, P0, eta] after a reading, upper triangle of its covariance, and its stage.
-
-    `probability` is that of the position. The innovation belongs to the reading and is NaN if
-    there was no expectation.
-    """
-
-    stage: str
-    probability: float
-    state: tuple[float, float, float, float]
-    p: ekf.Covariance
-    innovation_db: float
-    innovation_var_db2: float
 
 
 class _RunningEkf(NamedTuple):
@@ -56,7 +39,10 @@ class _RunningEkf(NamedTuple):
 
 
 class LiveCell:
-    """Estimate of one cell; `news` are the events of the last reading, as (code, text)."""
+    """Estimate of one cell; `news` are the events of the last reading, as (code, text).
+
+    `latest` is the newest estimate, None before the first.
+    """
 
     def __init__(self, prior: Prior, spikes: SpikeFilter[Readings] | None = None) -> None:
         self._prior = prior
@@ -68,6 +54,7 @@ class LiveCell:
         self.n = 0
         self.n_set_aside = self.n_repeated = 0
         self.news: list[tuple[str, str]] = []
+        self.latest: LiveEstimate | None = None
 
     @property
     def stale(self) -> float:
@@ -79,8 +66,8 @@ class LiveCell:
         """The posterior of the position."""
         return self._locator
 
-    def take(self, latest: Readings) -> CellEstimate | None:
-        """Take a reading; None while there is no estimate.
+    def take(self, latest: Readings, scan_seq: int = 0) -> LiveEstimate | None:
+        """Take a reading of a scan; None while there is no estimate.
 
         A level far from that of its predecessor waits until the next ones confirm it: the estimate
         is then after all of them. One that they do not confirm is set aside, and one that the modem
@@ -101,7 +88,8 @@ class LiveCell:
             if spike_db:
                 self._set_aside(reading, spike_db)
             else:
-                estimate = self._update(reading)
+                estimate = self._update(reading, scan_seq)
+        self.latest = estimate or self.latest
         return estimate
 
     def search(self) -> None:
@@ -117,22 +105,32 @@ class LiveCell:
             ("level-set-aside", f"{latest.level_dbm.item():.0f} dBm is {off} and was set aside")
         )
 
-    def _update(self, latest: Readings) -> CellEstimate | None:
+    def _update(self, latest: Readings, scan_seq: int) -> LiveEstimate | None:
         self.n += 1
-        before = self._locator.strongest_mode()
+        before, before_db = self._locator.strongest_mode(), self._locator.level_sigma_db
         self._locator.take(latest)
         self._recent.append(latest)
         mode = self._locator.strongest_mode()
         step = self._step_ekf(latest, mode)
+        source = latest.cell, self.n, latest.utm.zone
         if step is not None:
-            return _ekf_estimate(step)
+            now, innovation = step.state, (step.innovation_db, step.innovation_var_db2)
+            state = now.x_m, now.y_m, now.p0_dbm, now.eta
+            p = static_covariance(now.factors)
+            return LiveEstimate(scan_seq, EKF, *source, *state, *p, *innovation, 1.0)
         if mode is None:
             return None
         if self._may_start and _is_close(mode, latest):
             self._start_ekf(mode)
-        return _locator_estimate(mode, before, latest, self._prior.height_m)
+        innovation = nan, nan
+        if before is not None and not latest.limit.item():
+            innovation = _innovation(before, before_db, latest, self._prior.height_m)
+        x_m, y_m, p0_dbm, eta = mode.state.tolist()
+        state, p = (x_m, y_m, p0_dbm, eta), ekf.upper_triangle(mode.covariance)
+        share = mode.probability
+        return LiveEstimate(scan_seq, LOCATOR, *source, *state, *p, *innovation, share)
 
-    def _step_ekf(self, latest: Readings, mode: StrongestMode | None) -> ShadowStep | None:
+    def _step_ekf(self, latest: Readings, mode: Mode | None) -> ShadowStep | None:
         """Next step of the EKF; None without one, or if it has just been discarded."""
         if self._ekf is None:
             return None
@@ -147,10 +145,10 @@ class LiveCell:
         self._ekf, self._may_start = None, False
         return None
 
-    def _start_ekf(self, mode: StrongestMode) -> None:
+    def _start_ekf(self, mode: Mode) -> None:
         white_share, decorrelation_m = self._locator.noise()
         height_m = self._prior.height_m
-        noises = candidates(mode.sigma_db, decorrelation_m, white_share, height_m)
+        noises = candidates(self._locator.level_sigma_db, decorrelation_m, white_share, height_m)
         noise = likeliest(noises, mode.state, in_order(self._recent))
         state = shadow_ekf.hold(mode.state, noise, self._recent[0].places)
         for latest in self._recent:
@@ -165,7 +163,7 @@ class LiveCell:
         self.news.append(("ekf-started", text))
 
 
-def _is_close(mode: StrongestMode, latest: Readings) -> bool:
+def _is_close(mode: Mode, latest: Readings) -> bool:
     """Whether a Gaussian may stand for the position at the walker's distance from it."""
     (xx, xy), (_, yy) = mode.covariance[:2, :2].tolist()
     x_m, y_m, _, _ = mode.state.tolist()
@@ -174,29 +172,14 @@ def _is_close(mode: StrongestMode, latest: Readings) -> bool:
     return is_tight and mode.probability >= ONE_MODE
 
 
-def _ekf_estimate(step: ShadowStep) -> CellEstimate:
-    s, innovation = step.state, (step.innovation_db, step.innovation_var_db2)
-    state = s.x_m, s.y_m, s.p0_dbm, s.eta
-    return CellEstimate(EKF, 1.0, state, static_covariance(s.factors), *innovation)
-
-
-def _locator_estimate(
-    mode: StrongestMode, before: StrongestMode | None, latest: Readings, height_m: float
-) -> CellEstimate:
-    innovation = nan, nan
-    if before is not None and not latest.limit.item():
-        innovation = _innovation(before, latest, height_m)
-    x_m, y_m, p0_dbm, eta = mode.state.tolist()
-    state, p = (x_m, y_m, p0_dbm, eta), ekf.upper_triangle(mode.covariance)
-    return CellEstimate(LOCATOR, mode.probability, state, p, *innovation)
-
-
-def _innovation(before: StrongestMode, latest: Readings, height_m: float) -> tuple[float, float]:
+def _innovation(
+    before: Mode, before_db: float, latest: Readings, height_m: float
+) -> tuple[float, float]:
     """Level minus that expected from the position before it in dB, and the variance of that."""
     x_m, y_m, p0_dbm, eta = before.state.tolist()
     by_x, by_y, by_eta, _ = level_gradient(
         x_m - latest.x_m.item(), y_m - latest.y_m.item(), eta, height_m**2
     )
     h = np.array([by_x, by_y, 1.0, by_eta])
-    variance_db2 = float(h @ before.covariance @ h) + before.sigma_db**2
+    variance_db2 = float(h @ before.covariance @ h) + before_db**2
     return latest.level_dbm.item() - (p0_dbm + eta * by_eta), variance_db2

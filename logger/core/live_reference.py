@@ -6,10 +6,9 @@ at the receiver, and again when the target changes. Its estimates are recorded w
 """
 
 from logger.core import ekf
-from logger.core.live_cell import CellEstimate
 from logger.core.live_settings import REFERENCE, STRONGEST, SUSPICIOUS, LiveSettings
 from logger.core.places import Places
-from logger.core.types import CellReading, Note, Scan
+from logger.core.types import CellReading, LiveEstimate, Note, Scan
 
 
 class LiveReference:
@@ -52,17 +51,18 @@ class LiveReference:
         """Choose from now on as the setting `target` with this value would."""
         self._wanted = wanted
 
-    def step(self, scan: Scan, place: Places) -> CellEstimate | None:
-        """Correct with the target's level in a scan; None if it has none."""
+    def step(self, seq: int, scan: Scan, place: Places) -> LiveEstimate | None:
+        """Correct with the target's level in scan `seq`; None if it has none."""
         level_dbm = level_of(scan, self.target)
-        if level_dbm is None or self._state is None:
+        if level_dbm is None or self._state is None or self.target is None:
             return None
         step = ekf.correct(self._state, place, level_dbm, joseph=self._settings.joseph)
         self._state = step.state
         self.n += 1
         x_m, y_m, p0_dbm, eta, p = step.state
+        source = self.target, self.n, place.utm.zone
         innovation = step.innovation_db, step.innovation_var_db2
-        return CellEstimate(REFERENCE, 1.0, (x_m, y_m, p0_dbm, eta), p, *innovation)
+        return LiveEstimate(seq, REFERENCE, *source, x_m, y_m, p0_dbm, eta, *p, *innovation, 1.0)
 
     def _only_choice(self, suspect: str | None) -> str | None:
         """The only cell that may become the target; None for the strongest one."""

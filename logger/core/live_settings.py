@@ -25,8 +25,10 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
 LONGEST_TARGET_BYTES = 64
 """The run file stores no longer name of a cell."""
 
-REFERENCE = "reference-ekf"
-"""Stage of the estimates of the reference filter."""
+LOCATOR, EKF, REFERENCE = "locator", "ekf", "reference-ekf"
+"""Stages of the estimates: those of every cell, and those of the reference filter."""
+ONE_MODE = 0.98
+"""A mode with this probability counts as the only one."""
 
 BEHIND = "estimate-behind"
 """Code of the Note of a device that fell behind: the last scans have no live estimate."""

@@ -17,22 +17,20 @@ from functools import partial
 from traceback import format_tb
 from typing import TYPE_CHECKING, Self
 
+from msgspec.structs import replace
+
 from logger.core.errors import error_place
-from logger.core.live_settings import FAILED, FOLLOW, REFERENCE, RESTARTED, LiveSettings
-from logger.core.types import Level, LiveEstimate, Note, Record
+from logger.core.live_settings import FAILED, FOLLOW, RESTARTED, LiveSettings
+from logger.core.types import Level, Note, Record
 from logger.device.link import Inbox
-from logger.device.status import SuspicionStatus
+from logger.device.live_view import LiveView, live_view
 
 if TYPE_CHECKING:
-    from logger.core.answer import Answer
     from logger.core.baseline import Baseline
-    from logger.core.guidance.followed_cell import FollowedCell
-    from logger.core.guidance.next_way import NextWay
     from logger.core.guidance.street_atlas import Streets
     from logger.core.live import LiveTracker
     from logger.device.live_baseline import LiveBaseline
     from logger.device.live_streets import LiveStreets
-    from logger.device.status import PositionStatus
 
     Make = Callable[[Baseline, Streets], LiveTracker]
 
@@ -40,8 +38,6 @@ log = logging.getLogger(__name__)
 
 MOST_WAITING = 20_000
 """Records of half an hour; a processor that is so far behind leaves out what follows."""
-_MOST_SUSPICIONS = 10
-"""Cells in `status.json`: more is a list that nobody reads on a walk."""
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 10.0, 600.0
 """Time of the records that a failed estimate waits: twice as long each time, since what fails at
 each scan must not take the processor."""
@@ -69,11 +65,6 @@ def _log_place(error: Exception) -> None:
 class Estimator:
     """Feeds records to the tracker that `make` returns, until `finish`.
 
-    `latest` is the newest estimate of the target, `suspicions` the unusual cells, the worst first,
-    `next_way` and `position` the advice for the target and its posterior. `trouble` is why there
-    are none now, empty while the estimate is made; `left_out` says which files are not used, and
-    why.
-
     `make` is called in the thread of the estimate, in which the files `baseline` and `streets` are
     read too.
     """
@@ -90,18 +81,8 @@ class Estimator:
         self._failure = ""
         self._follow: tuple[int, Record] | None = None
         self._thread = threading.Thread(target=self._run, name="estimate", daemon=True)
-        self.left_out: tuple[str, ...] = ()
-        self._forget()
-
-    def _forget(self) -> None:
-        """Nothing is known."""
-        self._tracker = None
-        self._shown: Answer | None = None
-        self._n_changes = 0
-        self.latest: LiveEstimate | None = None
-        self.suspicions: tuple[SuspicionStatus, ...] = ()
-        self.next_way: NextWay | None = None
-        self.position: PositionStatus | None = None
+        self._left_out: tuple[str, ...] = ()
+        self._view = LiveView()
 
     @classmethod
     def of(cls, settings: LiveSettings, inbox: Inbox) -> Self:
@@ -109,16 +90,14 @@ class Estimator:
         return cls(partial(live_tracker, settings), inbox, settings.baseline, settings.streets)
 
     @property
-    def target(self) -> str | None:
-        """The cell of the default view."""
-        return None if self._tracker is None else self._tracker.target
-
-    @property
-    def trouble(self) -> str:
-        """Why there is no live estimate now."""
-        if self._behind:
-            return "no live estimate: this processor is too slow for it"
-        return self._failure
+    def view(self) -> LiveView:
+        """What is known now."""
+        trouble = "no live estimate: this processor is too slow for it"
+        return replace(
+            self._view,
+            no_estimate=trouble if self._behind else self._failure,
+            left_out=self._left_out,
+        )
 
     def start(self) -> None:
         self._thread.start()
@@ -184,7 +163,7 @@ class Estimator:
             self._fail(seq, record, error)
         for note in (*baseline.take_notes(), *streets.take_notes()):
             if note.level == "warning":
-                self.left_out = (*self.left_out, note.text)
+                self._left_out = (*self._left_out, note.text)
             self._inbox.put(Record(record.t_ns, "live", note))
 
     def _begin(
@@ -201,7 +180,7 @@ class Estimator:
 
     def _fail(self, seq: int, record: Record, error: Exception) -> None:
         _log_place(error)
-        self._forget()
+        self._tracker, self._view = None, LiveView()
         pause_s = min(_FIRST_PAUSE_S * 2.0**self._n_failures, _LONGEST_PAUSE_S)
         self._n_failures += 1
         self._again_ns = record.t_ns + round(pause_s * 1e9)
@@ -218,34 +197,8 @@ class Estimator:
             self._has_started = True
             self._inbox.put(Record(record.t_ns, "live", _rules_note()))
         values = tracker.feed(seq, record)
-        self._show(tracker.followed)
-        if tracker.suspicion.n_changes != self._n_changes:
-            self._n_changes = tracker.suspicion.n_changes
-            self.suspicions = tuple(
-                SuspicionStatus(
-                    one.cell,
-                    one.word,
-                    round(one.score_nats, 2),
-                    tuple(finding.text for finding in one.findings),
-                )
-                for one in tracker.suspicion.conspicuous()[:_MOST_SUSPICIONS]
-            )
+        self._view = live_view(tracker)
         for value in values:
             self._inbox.put(Record(record.t_ns, "live", value))
             if isinstance(value, Note):
                 log.info("live: %s", value.text)
-            elif value.cell == tracker.target and value.stage != REFERENCE:
-                self.latest = value
-
-    def _show(self, followed: "FollowedCell | None") -> None:
-        """Position and advice in degrees, where they are new."""
-        answer = None if followed is None else followed.answer
-        if followed is None or answer is None or answer is self._shown:
-            return
-        from logger.core.guidance.map_form import next_way  # noqa: PLC0415 (numpy)
-        from logger.device.guidance_status import position_status  # noqa: PLC0415
-
-        self._shown = answer
-        if followed.posterior is not None:
-            self.position = position_status(answer, followed.posterior)
-        self.next_way = next_way(followed.advice)

@@ -9,20 +9,15 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from logger.core.live_settings import BEHIND, FOLLOW, LiveSettings
 from logger.core.runfile import FLOOR_BYTES, RunWriter
 from logger.core.sample_hold import SampleHold
-from logger.core.types import Fix, Level, LiveEstimate, Note, Record, Scan
+from logger.core.types import Fix, Level, Note, Record, Scan
 from logger.device.clock import Clock
 from logger.device.estimator import Estimator
 from logger.device.link import Inbox
 from logger.device.retention import RoomKeeper
-
-if TYPE_CHECKING:
-    from logger.core.guidance.next_way import NextWay
-    from logger.device.status import PositionStatus, SuspicionStatus
 
 log = logging.getLogger(__name__)
 
@@ -59,7 +54,7 @@ class Recorder:
         delete_oldest: bool = False,
     ) -> None:
         self._writer = writer
-        self._estimator = Estimator.of(settings, inbox)
+        self.estimator = Estimator.of(settings, inbox)
         self._fixes = SampleHold[int](settings.max_fix_age_s)
         self._behind = False
         self._inbox = inbox
@@ -76,41 +71,6 @@ class Recorder:
         self.counts: Counter[str] = Counter()
 
     @property
-    def latest(self) -> LiveEstimate | None:
-        """Newest live estimate of the target."""
-        return self._estimator.latest
-
-    @property
-    def suspicions(self) -> "tuple[SuspicionStatus, ...]":
-        """Unusual cells, the most suspicious first."""
-        return self._estimator.suspicions
-
-    @property
-    def next_way(self) -> "NextWay | None":
-        """Where to walk next for the target."""
-        return self._estimator.next_way
-
-    @property
-    def position(self) -> "PositionStatus | None":
-        """The posterior of the target."""
-        return self._estimator.position
-
-    @property
-    def no_estimate(self) -> str:
-        """Why there is no live estimate now; empty while it is made."""
-        return self._estimator.trouble
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """Which files the live estimate does not use, and why."""
-        return self._estimator.left_out
-
-    @property
-    def target(self) -> str | None:
-        """The cell of the live estimate's default view."""
-        return self._estimator.target
-
-    @property
     def state(self) -> str:
         """State of the recording as text for a status line."""
         if self.error is not None:
@@ -123,7 +83,7 @@ class Recorder:
 
     def run(self) -> None:
         try:
-            self._estimator.start()
+            self.estimator.start()
             while self._stop_reason is None:
                 self._take_until(time.monotonic() + TICK_S)
                 self._flush()
@@ -137,7 +97,7 @@ class Recorder:
         self._room.finish()
         self._empty_inbox()
         self._flush()
-        if not self._estimator.finish(ESTIMATE_PATIENCE_S):
+        if not self.estimator.finish(ESTIMATE_PATIENCE_S):
             self._note_behind()
         self._empty_inbox()
         self._flush()
@@ -183,7 +143,7 @@ class Recorder:
             return
         if isinstance(record.value, Fix):
             self._fixes.add(record.t_ns, seq if record.value.valid else None)
-        if _is_for_estimate(record) and not self._estimator.give(seq, record):
+        if _is_for_estimate(record) and not self.estimator.give(seq, record):
             self._note_behind()
 
     def _note_behind(self) -> None:

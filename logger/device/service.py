@@ -8,9 +8,11 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from msgspec.structs import asdict
+
 from logger.config import GNSS_OF_MODEM, SiteConfig
 from logger.core.errors import ConfigError, DeviceError, RunFileError
-from logger.core.types import DEAD_RECKONING, LiveEstimate, Note, Record
+from logger.core.types import DEAD_RECKONING, Note, Record
 from logger.device.battery import BatteryWatch
 from logger.device.clock import Clock
 from logger.device.gpsd_link import receiver_session
@@ -24,7 +26,7 @@ from logger.device.port_url import check_url
 from logger.device.recorder import Recorder
 from logger.device.saved_modes import SavedModes
 from logger.device.startup import BegunRun
-from logger.device.status import Sign, Status, TargetStatus, status_folder
+from logger.device.status import Sign, Status, status_folder
 from logger.device.watched_inbox import WatchedInbox
 from logger.drivers.registry import FAMILIES, check_mode
 
@@ -204,10 +206,8 @@ class Service:
         text, fix = f"{elapsed_s:.0f} s: {records}", self._inbox.fix
         if fix is not None and fix.valid and fix.quality == DEAD_RECKONING:
             text = f"{text}; the position is by dead reckoning"
-        if self.recorder.no_estimate:
-            return f"{text}; {self.recorder.no_estimate}"
-        target = _target(self.recorder.target, self.recorder.latest)
-        return f"{text}; {'no target yet' if target is None else target}"
+        view = self.recorder.estimator.view
+        return f"{text}; {view.no_estimate or view.target or 'no target yet'}"
 
     @property
     def low_battery(self) -> str:
@@ -227,7 +227,6 @@ class Service:
         counts, inbox, synced_ns = self.recorder.counts, self._inbox, self._synced_ns
         now_ns = self._clock.now_ns()  # after all times that it is compared with
         trouble = self._trouble(now_ns)
-        suspicions = self.recorder.suspicions
         return Status(
             state="error" if trouble else self._sign(now_ns),
             text=trouble or self.status(),
@@ -242,17 +241,11 @@ class Service:
             waiting=inbox.waiting,
             room=inbox.room,
             fix=inbox.fix,
-            target=_target(self.recorder.target, self.recorder.latest),
             ports=dict(inbox.ports),
-            suspicions=suspicions,
-            next=self.recorder.next_way,
-            position=self.recorder.position,
-            cells=inbox.cells.rows(suspicions),
             followed=inbox.followed,
             battery=self._battery.latest if self._battery else None,
             recorded=self._requests.on_card if self._requests else (),
-            no_estimate=self.recorder.no_estimate,
-            left_out=self.recorder.left_out,
+            **asdict(inbox.cells.fill(self.recorder.estimator.view)),
         )
 
     def _trouble(self, now_ns: int) -> str:
@@ -273,7 +266,7 @@ class Service:
         valid_ns = self._inbox.valid_ns
         if valid_ns is None or now_ns - valid_ns > FIX_AGE_S * 1e9:
             return "no fix"
-        words = {cell.word for cell in self.recorder.suspicions}
+        words = {cell.word for cell in self.recorder.estimator.view.suspicions}
         return "suspicious" if "suspicious" in words else "recording"
 
     def _note_sync(self) -> None:
@@ -310,13 +303,3 @@ def _finish_run(journal: Path) -> Path:
             f"{journal} is safe, but no HDF5 file can be made here ({error})"
         ) from error
     return finish_journal(journal)
-
-
-def _target(cell: str | None, latest: LiveEstimate | None) -> TargetStatus | None:
-    """The status of the target; the map projection is needed from the first one on."""
-    if cell is None:
-        return None
-    # the live estimate has imported the map already
-    from logger.device.target import target_status  # noqa: PLC0415
-
-    return target_status(cell, latest)

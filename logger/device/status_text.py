@@ -9,14 +9,8 @@ from logger.core.document import Column, Document, Table
 from logger.core.ellipse import radii_text
 from logger.core.errors import ConfigError
 from logger.core.guidance.next_way import NextWay
-from logger.device.status import (
-    FOLDER,
-    CellStatus,
-    PositionStatus,
-    Status,
-    read_status,
-    silent_s,
-)
+from logger.device.live_view import CellStatus, PositionStatus
+from logger.device.status import FOLDER, Status, read_status, silent_s
 
 _MOST_CELLS = 8
 _CELL_COLUMNS = (
@@ -95,10 +89,9 @@ def next_line(way: NextWay) -> str:
 
 def position_line(position: PositionStatus) -> str:
     """Where the followed cell is."""
-    if position.lat is None or position.lon is None or position.r95_m is None:
-        return f"{position.cell}: {position.verdict}"
     place = f"{position.lat:.5f} {position.lon:.5f}, {radii_text(position.r50_m, position.r95_m)}"
-    return f"{position.cell}: {position.verdict}, {place}"
+    word = "" if position.word in {"", "nothing unusual"} else f", {position.word}"
+    return f"{position.cell}: {position.verdict}{word}, {place}"
 
 
 def _cell(row: CellStatus, status: Status, age_s: float) -> tuple[str | float | None, ...]:

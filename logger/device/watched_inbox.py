@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from logger.core.live_settings import FOLLOW, STRONGEST, SUSPICIOUS
 from logger.core.types import Fix, Note, Record, Scan
 from logger.core.utc import utc_text
-from logger.device.cell_table import CellTable
 from logger.device.link import Inbox
+from logger.device.live_view import CellTable
 from logger.device.port_swap import PortSwap
 from logger.device.status import FixStatus, PortStatus
 

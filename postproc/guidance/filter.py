@@ -9,7 +9,6 @@ from logger.core.answer import Position
 from logger.core.censoring import limit_of
 from logger.core.errors import GeoError
 from logger.core.guidance.followed_cell import FollowedCell
-from logger.core.guidance.map_form import next_way
 from logger.core.guidance.next_way import NextWay
 from logger.core.guidance.street_atlas import FARTHEST_M, Line, StreetAtlas
 from logger.core.guidance.street_map import StreetMap
@@ -151,9 +150,9 @@ class GuideFilter:
         return GuideLine(
             t_s=t_s,
             verdict=answer.verdict,
-            best=answer.place.to_tenth_metre(),
+            best=answer.place.in_short().position,
             area_m2=round(answer.place.area_m2),
-            next=next_way(followed.advice),
+            next=followed.way,
         )
 
     def _before_position(self, t_s: float | None) -> GuideLine:
@@ -164,7 +163,7 @@ class GuideFilter:
         lat, lon = self._strongest.places.first_deg
         best = Position(
             lat=lat, lon=lon, r95_m=radius_m, r50_m=self._prior.radius_m(0.5)
-        ).to_tenth_metre()
+        ).in_short()
         return GuideLine(t_s, best=best, area_m2=round(pi * radius_m**2))
 
 

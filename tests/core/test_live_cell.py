@@ -33,8 +33,8 @@ def test_the_locator_begins_and_its_ellipse_holds_the_truth(seed):
     assert found[0] is None
     last = found[-1]
     assert last.stage in {LOCATOR, EKF}
-    p = np.array([[last.p[0], last.p[1]], [last.p[1], last.p[4]]])
-    off = np.array(last.state[:2]) - source
+    p = np.array([[last.p_xx, last.p_xy], [last.p_xy, last.p_yy]])
+    off = np.array([last.x_m, last.y_m]) - source
     assert off @ np.linalg.solve(p, off) < 13.8  # 99.9 %
     assert (EKF in {e.stage for e in found if e}) == any(code == "ekf-started" for code, _ in news)
 
@@ -82,9 +82,9 @@ def test_one_gross_error_moves_nothing(seed):
         estimates(readings_of(with_error(obs, source)), cell),
     )
     before, after = ([e for e in each if e][-1] for each in (plain, found))
-    assert np.hypot(after.state[0] - before.state[0], after.state[1] - before.state[1]) < 8.0
-    assert widest(after.p[0], after.p[1], after.p[4]) < 1.5 * widest(
-        before.p[0], before.p[1], before.p[4]
+    assert np.hypot(after.x_m - before.x_m, after.y_m - before.y_m) < 8.0
+    assert widest(after.p_xx, after.p_xy, after.p_yy) < 1.5 * widest(
+        before.p_xx, before.p_xy, before.p_yy
     )
     assert (cell.n, cell.n_set_aside) == (399, 1)
     (text,) = [text for code, text in news if code == "level-set-aside"]

@@ -63,10 +63,10 @@ def test_what_is_found_is_what_a_tracker_finds_in_that_order():
     assert beside.finish(LIMIT_S)
     assert inbox.get(0.0).value == rules_note()  # which rules are applied
     assert next_values(inbox) == expected
-    assert (
-        beside.latest
-        == [v for v in expected if isinstance(v, LiveEstimate) and v.stage == "locator"][-1]
-    )
+    last = [v for v in expected if isinstance(v, LiveEstimate) and v.stage == "locator"][-1]
+    target = beside.view.target
+    assert (target.cell, target.n) == (last.cell, last.n)
+    assert target.probability == pytest.approx(last.probability, abs=1e-3)
 
 
 def test_a_slow_processor_holds_nobody_up_and_is_told(monkeypatch):
@@ -111,15 +111,16 @@ def test_after_an_exception_the_estimate_begins_anew_and_says_so(error, caplog):
     beside.start()
     for seq, record in walk(11):
         assert beside.give(seq, record)
-    service.wait_for(lambda: beside.trouble)
-    assert type(error).__name__ in beside.trouble
-    assert (beside.latest, beside.position, beside.next_way, beside.target) == (None,) * 4
+    service.wait_for(lambda: beside.view.no_estimate)
+    view = beside.view
+    assert type(error).__name__ in view.no_estimate
+    assert (view.target, view.position, view.next, view.suspicions) == (None, None, None, ())
     expected = [v for seq, record in list(walk(11))[:21] for v in alone.feed(seq, record)]
     for seq, record in list(walk(50))[22:]:
         assert beside.give(seq, record)
     assert beside.finish(LIMIT_S)
-    assert beside.trouble == ""
-    assert beside.latest is not None
+    assert beside.view.no_estimate == ""
+    assert beside.view.target.n
     values = next_values(inbox)
     ((failed,), (restarted,)) = (_notes(values, code) for code in (FAILED, RESTARTED))
     assert failed.text.startswith(f"record 21: {type(error).__name__} (")
@@ -142,7 +143,7 @@ def test_what_fails_at_each_record_is_tried_ever_more_seldom():
     values = next_values(inbox)
     # after 10, 20, 40, ... 600 s
     assert len(_notes(values, FAILED)) == 9
-    assert "600 s" in beside.trouble
+    assert "600 s" in beside.view.no_estimate
 
 
 def test_a_tracker_that_cannot_be_made_is_tried_again():
@@ -160,8 +161,8 @@ def test_a_tracker_that_cannot_be_made_is_tried_again():
         assert beside.give(seq, record)
     assert beside.finish(LIMIT_S)
     assert len(tries) == 3
-    assert beside.latest is not None
-    assert beside.trouble == ""
+    assert beside.view.target.n
+    assert beside.view.no_estimate == ""
 
 
 def test_a_walk_with_failures_is_recorded_whole_and_replayed(tmp_path, monkeypatch):
@@ -209,13 +210,14 @@ def test_position_and_next_way_are_in_degrees():
     for seq, record in walk(60):
         assert beside.give(seq, record)
     assert beside.finish(LIMIT_S)
-    position, advice = beside.position, beside.next_way
+    position, advice = beside.view.position, beside.view.next
     assert position.cell == "262-01-4711-1"
     assert abs(position.lat - 52.0) < 0.05
     assert position.r95_m > 0.0
     assert position.strongest.level_dbm == -70.0
+    assert position.word == "nothing unusual"
     assert sum(mode.probability for mode in position.modes) <= 1.001
-    rings = [polygon[0] for polygon in position.region["coordinates"]]
+    rings = [polygon[0] for polygon in position.region.coordinates]
     assert all(len(ring) == 5 and ring[0] == ring[-1] for ring in rings)
     assert all(
         abs(lon - 13.0) < 1.0 and abs(lat - 52.0) < 1.0 for ring in rings for lon, lat in ring
@@ -236,5 +238,5 @@ def test_a_street_file_is_an_event(tmp_path):
         assert beside.finish(LIMIT_S)
         notes = [value for value in next_values(inbox) if isinstance(value, Note)]
         assert notes[0].code == code
-        assert beside.left_out == (() if code == "streets" else (notes[0].text,))
+        assert beside.view.left_out == (() if code == "streets" else (notes[0].text,))
         assert str(name) in notes[0].text

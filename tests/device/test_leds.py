@@ -23,7 +23,7 @@ LONG_S = 1e6
 
 
 def status(state):
-    return Status(state, "", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {})
+    return Status(state, "", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, {})
 
 
 def _shows(led_folder, level):

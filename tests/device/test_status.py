@@ -3,14 +3,11 @@ import os
 import shutil
 import subprocess
 import threading
-from dataclasses import replace
 
 import pytest
 
-from logger.core.places import Utm
-from logger.core.types import Fix, LiveEstimate, Note, RawBytes, Record
+from logger.core.types import Fix, Note, RawBytes, Record
 from logger.device.status import Status, read_status, status_folder, write_status
-from logger.device.target import target_status
 from logger.device.watched_inbox import WatchedInbox
 from logger.sim.ptys import PtyDevice
 from logger.sim.scenario import scenario
@@ -18,11 +15,7 @@ from tests.kit import service
 from tests.kit.recorded_replies import NmeaPlayer
 from tests.kit.simulated_devices import simulated_devices
 
-STATUS = Status("recording", "", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {})
-ESTIMATE = LiveEstimate(
-    7, "locator", "262-01-4711-1", 30, 33, 400_000.0, 5_800_000.0, -40.0, 3.0,
-    100.0, 0.0, 5.0, 0.1, 25.0, 4.0, 0.2, 9.0, 0.3, 0.2, 1.0, 4.0, 0.6,
-)  # fmt: skip
+STATUS = Status("recording", "", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, {})
 
 
 def test_it_is_read_as_it_was_written_and_is_plain_json(tmp_path):
@@ -33,7 +26,7 @@ def test_it_is_read_as_it_was_written_and_is_plain_json(tmp_path):
 
 
 def _with_fixes(n):
-    return Status("recording", "x" * (n % 7) * 1000, "", 1, 9, 0, 8, n, 2, 1, 0, 10, None, None, {})
+    return Status("recording", "x" * (n % 7) * 1000, "", 1, 9, 0, 8, n, 2, 1, 0, 10, None, {})
 
 
 def test_a_reader_never_sees_half_of_it(tmp_path):
@@ -77,32 +70,6 @@ def test_the_inbox_remembers_the_fix_and_the_ports(tmp_path):
     polls = inbox.n_polls
     assert inbox.get(0.0).t_ns == 1
     assert inbox.n_polls == polls + 1
-
-
-def test_the_target_is_said_as_sure_as_it_is():
-    assert target_status(None, ESTIMATE) is None
-    assert target_status("262-01-4711-2", ESTIMATE).verdict == "cannot tell"
-    assert target_status(ESTIMATE.cell, None).lat_deg is None
-    several = target_status(ESTIMATE.cell, ESTIMATE)
-    assert several.verdict == "several places"
-    assert (several.semi_major_m, several.semi_minor_m, several.azimuth_deg) == (24.5, 12.2, 90.0)
-    assert (several.lat_deg, several.lon_deg) == pytest.approx(
-        Utm(33).to_latlon(400_000.0, 5_800_000.0), abs=1e-6
-    )
-    assert target_status(ESTIMATE.cell, replace(ESTIMATE, probability=0.99)).verdict == "one place"
-    one = target_status(ESTIMATE.cell, replace(ESTIMATE, probability=0.99))
-    assert several.r95_m is None  # the other places have too much of it
-    assert one.r50_m < 0.5 * one.r95_m < 0.5 * 1.3 * one.semi_major_m
-    radii = f"most likely within {one.r50_m:.0f} m, surely within {one.r95_m:.0f} m"
-    assert str(one).endswith(f", {radii}")
-    assert str(several).startswith(
-        f"target {ESTIMATE.cell}: several places ({ESTIMATE.probability:.2f}), "
-    )
-    assert str(target_status(ESTIMATE.cell, None)) == f"target {ESTIMATE.cell}: cannot tell"
-    assert (
-        target_status(ESTIMATE.cell, replace(ESTIMATE, stage="ekf", probability=1.0)).verdict
-        == "one close place"
-    )
 
 
 def test_the_folder_is_that_of_systemd(tmp_path):

@@ -6,8 +6,10 @@ import stat
 from contextlib import suppress
 
 import pytest
+from msgspec.structs import replace
 
-from logger.device.status import FixStatus, Status, SuspicionStatus
+from logger.device.live_view import SuspicionStatus
+from logger.device.status import FixStatus, Status
 from logger.device.status_feed import StatusFeed, feed_line
 from tests.kit import service
 from tests.kit.simulated_devices import simulated_devices
@@ -16,8 +18,8 @@ S = 10**9
 FIX = FixStatus(90 * S, True, "2026-05-01T10:00:00Z", 52.51234, 13.41234, 3.0, 0.9, 9)
 STATUS = Status(
     "suspicious", "see text", "/var/lib/cellwalk/run-000017.journal", 4711, 100 * S, 5 * S, 99 * S,
-    90, 40, 280, 1, 20_000, FIX, None, {},
-    (SuspicionStatus("262-01-4711-17", "suspicious", 7.1, ("no neighbours",)),),
+    90, 40, 280, 1, 20_000, FIX, {},
+    suspicions=(SuspicionStatus("262-01-4711-17", "suspicious", 7.1, ("no neighbours",)),),
 )  # fmt: skip
 
 
@@ -73,7 +75,7 @@ def test_a_line_has_no_position_no_time_and_no_file():
 def test_a_reader_that_does_not_read_is_disconnected_and_others_go_on(address):
     feed = StatusFeed(address)
     long = [SuspicionStatus(f"262-01-1-{i}", "unusual", 1.0, ("x" * 900,)) for i in range(99)]
-    status = Status(*[getattr(STATUS, name) for name in STATUS.__struct_fields__[:15]], tuple(long))
+    status = replace(STATUS, suspicions=tuple(long))
     with _reader(address), _reader(address) as awake:
         for _ in range(99):
             feed.publish(status)

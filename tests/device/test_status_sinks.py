@@ -12,7 +12,7 @@ from logger.device.notify import ServiceManager
 from logger.device.status import Status, read_status
 from logger.device.status_sinks import StatusFile, SystemdStatus, status_sinks
 
-STATUS = Status("error", "card full", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {})
+STATUS = Status("error", "card full", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, {})
 
 
 @dataclass

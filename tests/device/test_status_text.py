@@ -6,15 +6,22 @@ import pytest
 
 from logger.cli import main
 from logger.command_line import INTERRUPTED
+from logger.core.answer import MultiPolygon, StrongestReading
 from logger.core.document import Document, terminal_lines
 from logger.core.guidance.next_way import NextWay
-from logger.device.status import CellStatus, PositionStatus, Status, write_status
+from logger.device.live_view import CellStatus, PositionStatus
+from logger.device.status import Status, write_status
 from logger.device.status_text import report, status_parts
 
 STATUS = Status(
-    "recording", "9 s", "run-1.journal", 1, 9 * 10**9, 0, 8 * 10**9, 3, 2, 1, 0, 10, None, None, {},
+    "recording", "9 s", "run-1.journal", 1, 9 * 10**9, 0, 8 * 10**9, 3, 2, 1, 0, 10, None, {},
     next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, "two places fit"),
-    position=PositionStatus("262-01-4711-2", "ambiguous", 52.0, 13.0, 88.0, r50_m=31.0),
+    position=PositionStatus(
+        cell="262-01-4711-2", verdict="ambiguous", lat=52.0, lon=13.0, r95_m=88.0, r50_m=31.0,
+        drms_m=40.0, area_m2=20_000.0, modes=(),
+        region=MultiPolygon(type="MultiPolygon", coordinates=[]),
+        strongest=StrongestReading(lat=52.0, lon=13.0, level_dbm=-60.0), word="suspicious",
+    ),
     cells=(
         CellStatus("262-01-4711-1", is_serving=True, level_dbm=-60.0, heard_ns=8 * 10**9),
         CellStatus(
@@ -34,7 +41,7 @@ def test_the_lines_say_what_the_page_shows():
     lines = _lines(STATUS)
     assert lines[:2] == ["recording: 9 s", "durable 1.0 s ago in run-1.journal"]
     assert lines[2] == "go: NE (44 deg), 137 m: two places fit"
-    place = "262-01-4711-2: ambiguous, 52.00000 13.00000"
+    place = "262-01-4711-2: ambiguous, suspicious, 52.00000 13.00000"
     assert lines[3] == f"{place}, most likely within 31 m, surely within 88 m"
     assert "level (dBm)" in lines[4]
     assert lines[5].split() == ["262-01-4711-1", "+", "-60", "1"]

@@ -10,7 +10,7 @@ S = 10**9
 def test_the_status_of_a_service_is_evaluated():
     now_ns = SystemClock().now_ns()
     port = PortStatus("/dev/x", event="no such port; is the device plugged in?")
-    well = Status("recording", "", "run-1", 1, now_ns, 0, now_ns, 3, 2, 1, 0, 10, None, None, {})
+    well = Status("recording", "", "run-1", 1, now_ns, 0, now_ns, 3, 2, 1, 0, 10, None, {})
 
     def states(**changes):
         return {

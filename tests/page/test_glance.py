@@ -3,7 +3,8 @@
 import pytest
 
 from logger.core.live_settings import FOLLOW
-from logger.device.status import Status, SuspicionStatus
+from logger.device.live_view import SuspicionStatus
+from logger.device.status import Status
 from tests.kit import page as kit
 from tests.kit import service
 from tests.kit.browser import browser
@@ -59,7 +60,7 @@ def test_a_suspicious_cell_that_is_not_followed_is_one_tap_away(phone):
             is_hidden
         )
     status = Status(
-        *("suspicious", "", "run-000002.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {}),
+        *("suspicious", "", "run-000002.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, {}),
         followed="262-01-1-9",
         suspicions=(SuspicionStatus("262-01-1-7", "suspicious", 5.0, ()),),
     )

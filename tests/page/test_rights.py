@@ -17,7 +17,7 @@ from tests.kit.runs import records, write_journal
 
 RECORDER, PAGE = 61_001, 61_002
 """Users that no machine has; the group of both is the recorder's."""
-STATUS = Status("recording", "", "run-000002.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {})
+STATUS = Status("recording", "", "run-000002.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, {})
 
 pytestmark = pytest.mark.skipif(
     os.getuid() != 0 or shutil.which("setpriv") is None, reason="needs root and setpriv"

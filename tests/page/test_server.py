@@ -31,7 +31,7 @@ from tests.kit import service
 from tests.kit.runs import records, write_journal
 
 PHONES = count(2)
-STATUS = Status("recording", "", "run-000002.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {})
+STATUS = Status("recording", "", "run-000002.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, {})
 
 
 @pytest.fixture

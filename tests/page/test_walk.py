@@ -93,7 +93,7 @@ def test_memory_is_bounded():
 
 @pytest.mark.parametrize("run", ["../../etc/passwd", "/etc/shadow", "x", ""])
 def test_a_status_names_no_file_outside_the_runs(tmp_path, run):
-    status = Status("recording", "", run, 1, 9, 0, 8, 3, 2, 1, 0, 10, None, None, {})
+    status = Status("recording", "", run, 1, 9, 0, 8, 3, 2, 1, 0, 10, None, {})
     write_status(tmp_path, status)
     feed = Feed(tmp_path, tmp_path / "runs")
     feed.look()

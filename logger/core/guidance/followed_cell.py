@@ -1,11 +1,12 @@
 """The cell that is followed: its posterior, the verdict, and the way to walk next."""
 
-from logger.core.answer import Answer, Provenance, answer_of
+from logger.core.answer import Answer, MultiPolygon, Provenance, answer_of
 from logger.core.guidance.advice import Advice, Guide
 from logger.core.guidance.live_verdict import LiveVerdict
+from logger.core.guidance.map_form import next_way, squares_of_region
+from logger.core.guidance.next_way import NextWay
 from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
-from logger.core.locator.posterior import Posterior
 from logger.core.locator.summary import summarise
 from logger.core.places import Places
 
@@ -13,7 +14,7 @@ from logger.core.places import Places
 class FollowedCell:
     """Answer and advice for one `cell`, renewed as the walker moves.
 
-    `posterior` is that of the answer; both are None before the first search.
+    `region` is that of the answer; both are None before the first search. `way` is the advice.
     """
 
     def __init__(self, cell: str, streets: StreetMap | None = None) -> None:
@@ -21,7 +22,8 @@ class FollowedCell:
         self._guide = Guide(streets)
         self._verdict = LiveVerdict()
         self.answer: Answer | None = None
-        self.posterior: Posterior | None = None
+        self.region: MultiPolygon | None = None
+        self.way: NextWay | None = None
 
     @property
     def advice(self) -> Advice | None:
@@ -41,7 +43,8 @@ class FollowedCell:
         obs = locator.readings.readings()
         verdict, reasons, _ = self._verdict.update(posterior, obs)
         made_from = Provenance(len(obs))
-        self.posterior = posterior
+        self.region = squares_of_region(posterior)
         self.answer = answer_of(self.cell, verdict, reasons, made_from, posterior)
         self._guide.decide(*last)
+        self.way = next_way(self._guide.advice)
         return True

@@ -1,11 +1,20 @@
-"""Position and advice in degrees."""
+"""Region and advice in degrees."""
 
 from math import atan2, cos, degrees, radians, remainder
 
-from logger.core.answer import DEGREE_DECIMALS
+import numpy as np
+
+from logger.core.answer import DEGREE_DECIMALS, MultiPolygon
 from logger.core.guidance.advice import Advice
 from logger.core.guidance.next_way import NextWay
+from logger.core.locator.posterior import Posterior
+from logger.core.locator.region import highest_density
 from logger.core.places import Places
+
+_MOST_SQUARES = 400
+"""Squares of the region, 100 bytes each: the page loads them twice a second."""
+_REGION_DECIMALS = 5
+"""Of degrees: 1 m, which no phone shows."""
 
 
 def next_way(advice: Advice | None) -> NextWay | None:
@@ -29,3 +38,17 @@ def true_azimuth_deg(start: Places, end: Places) -> float:
     east_deg = remainder(to_lon_deg - lon_deg, 360.0)  # 180 and -180 are one meridian
     east = east_deg * cos(radians(0.5 * (lat_deg + to_lat_deg)))
     return round(degrees(atan2(east, to_lat_deg - lat_deg)) % 360.0, 1) % 360.0
+
+
+def squares_of_region(posterior: Posterior) -> MultiPolygon:
+    """The squares of the 95 % region; of very many the least likely ones are left out."""
+    squares, utm = posterior.squares, posterior.place.utm
+    chosen = highest_density(squares)[:_MOST_SQUARES]
+    half_m = 0.5 * squares.size_m[chosen]
+    x_m, y_m = squares.x_m[chosen], squares.y_m[chosen]
+    corners = [
+        Places.of(x_m + east * half_m, y_m + north * half_m, utm=utm).lat_lon_deg[::-1]
+        for east, north in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+    ]
+    rings = np.round(np.array(corners), _REGION_DECIMALS).transpose(2, 0, 1)
+    return MultiPolygon(type="MultiPolygon", coordinates=rings[:, None].tolist())

@@ -18,7 +18,7 @@ from logger.core.locator.bordered_sums import BorderedSums, station_rows
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.observables import observables
-from logger.core.locator.online_values import ReadingsInOrder, StrongestMode
+from logger.core.locator.posterior import Mode
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Effort, Tree
 from logger.core.locator.region import Squares, mode_regions
@@ -38,7 +38,7 @@ from logger.core.model.evidence import Evidence, mix_stations
 from logger.core.model.marginal import marginal
 from logger.core.model.prior import Prior, Station
 from logger.core.places import Places
-from logger.core.readings import Readings
+from logger.core.readings import Readings, in_order
 from logger.core.spikes import SpikeCheck, SpikeFilter
 
 MOST_BLOCKS = 100
@@ -54,6 +54,7 @@ _LONGEST_WAIT = 8  # readings, a second each: nobody sees an estimate older than
 _GROWN = 1.4  # times as many blocks: a new search is due
 _TURNED = 2.0  # urgency where the walk has left its curve, or the mass its modes
 _MODE_LEVEL = 0.99
+_MOST_READINGS = 400  # as many as a test of the walk against its halves gathers into blocks
 
 
 class _Searched(NamedTuple):
@@ -86,8 +87,33 @@ def _few_heights(stations: tuple[Station, ...]) -> tuple[Station, ...]:
     return tuple(kept)
 
 
+class ReadingsInOrder:
+    """Readings of a walk in their order; when there are too many, every second one is dropped."""
+
+    def __init__(self) -> None:
+        self._readings: list[Readings] = []
+        self._every = 1
+        self._count = 0
+
+    def add(self, latest: Readings) -> None:
+        """Take the next reading."""
+        if self._count % self._every == 0:
+            self._readings.append(latest)
+        self._count += 1
+        if len(self._readings) > _MOST_READINGS:
+            self._readings = self._readings[::2]
+            self._every *= 2
+
+    def readings(self) -> Readings:
+        """Those that are left, without spikes."""
+        return replace(in_order(self._readings), without_spikes=True)
+
+
 class OnlineLocator:
-    """Posterior of one transmitter after each reading; call `search` when `stale` exceeds 1."""
+    """Posterior of one transmitter after each reading; call `search` when `stale` exceeds 1.
+
+    `level_sigma_db` is the standard deviation of a level with the latest `strongest_mode`.
+    """
 
     def __init__(self, prior: Prior, spikes: SpikeFilter[Readings] | None = None) -> None:
         self._prior = replace(prior, stations=_few_heights(prior.stations))
@@ -108,7 +134,8 @@ class OnlineLocator:
         )  # where readings are censored
         self._evidence: Evidence | None = None
         self._mixed: Mixture | None = None
-        self._mode: StrongestMode | None = None
+        self._mode: Mode | None = None
+        self.level_sigma_db = prior.sigma_db
         self._lost = False
         self._strongest: Readings | None = None
         self.readings = ReadingsInOrder()
@@ -244,14 +271,14 @@ class OnlineLocator:
         seen = observables(obs)
         return LocatorInput(given, found.prior, 0.0, 1, self._strongest, seen), tree
 
-    def strongest_mode(self) -> StrongestMode | None:
-        """The mode with most probability, None before the first search."""
+    def strongest_mode(self) -> Mode | None:
+        """The mode with most probability at its mean, None before the first search."""
         if self._mode is None and self._searched is not None:
             self._mode = self._compute_mode(self._searched)
         return self._mode
 
-    def _compute_mode(self, searched: _Searched) -> StrongestMode | None:
-        if self._evidence is None or self._mixed is None:
+    def _compute_mode(self, searched: _Searched) -> Mode | None:
+        if self._evidence is None or self._mixed is None or self._strongest is None:
             return None
         p, label = self._mixed.probability, searched.label
         masses = np.bincount(label[label >= 0], p[label >= 0])
@@ -266,8 +293,9 @@ class OnlineLocator:
         )
         bias_m2 = BIAS_SHARE * median(self._block[3, : self._n].tolist())
         covariance[[0, 1], [0, 1]] += bias_m2
-        sigma_db = float(np.sum(self._mixed.share * self._evidence.sigma_db))
-        return StrongestMode(state, covariance, float(np.max(masses)), sigma_db)
+        self.level_sigma_db = float(np.sum(self._mixed.share * self._evidence.sigma_db))
+        place = Places.of(state[0], state[1], utm=self._strongest.utm)
+        return Mode(float(np.max(masses)), 1.0, state, covariance, place)
 
     def noise(self) -> tuple[float, float]:
         """White share and decorrelation distance in metres, means over the hypotheses."""

@@ -22,9 +22,8 @@ class SuspicionTracker:
     """Follows the records of one run; `feed` them in recorded order.
 
     `worst` is the cell with the worst word so far, None while all are "nothing unusual".
-    `n_changes` counts findings and those withdrawn. `errors` has, by cell, the first error of a
-    rule, which is one of this program: the other rules and cells go on. Without a cell it is under
-    an empty name.
+    `errors` has, by cell, the first error of a rule, which is one of this program: the other rules
+    and cells go on. Without a cell it is under an empty name.
     """
 
     def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline = NO_BASELINE) -> None:
@@ -35,7 +34,6 @@ class SuspicionTracker:
         self._findings: Latest[list[Finding]] = Latest(_MOST_FOUND)
         self._refutable: dict[str, None] = {}
         self.worst: str | None = None
-        self.n_changes = 0
         self.errors: Latest[str] = Latest(_MOST_FOUND)
         self.capabilities = Capabilities()
         if baseline.n_walks:
@@ -67,7 +65,8 @@ class SuspicionTracker:
 
     def conspicuous(self) -> list[Assessment]:
         """The words of unusual and suspicious cells, the most suspicious first."""
-        return [one for one in by_word(self.assessments()) if one.word != WORDS[0]]
+        known = by_word([self.assessment(name) for name in self._findings])
+        return [one for one in known if one.word != WORDS[0]]
 
     def _take_scan(self, t_ns: int, scan: Scan) -> list[Finding]:
         self._identities.add(scan)
@@ -110,7 +109,6 @@ class SuspicionTracker:
         at_deg = now.lat_deg, now.lon_deg
         finding = Finding(rule, cell.name, now.t_ns, *at_deg, text, evidence, nats)
         self._findings.put(cell.name, [*before, finding])
-        self.n_changes += 1
         if rule.refuted_by is not None:
             self._refutable[cell.name] = None
         self._rank([name for name in (cell.name, self.worst) if name is not None])
@@ -124,7 +122,6 @@ class SuspicionTracker:
             del self._refutable[name]
         if len(left) == len(before):
             return
-        self.n_changes += len(before) - len(left)
         self._findings.pop(name)
         if left:
             self._findings.put(name, left)

@@ -23,7 +23,7 @@ from typing import TypeVar
 
 from logger.drivers.protocols.line_noise import Garbage, pieces
 
-# A driver yields Commands and is sent Replys; whoever drives the generator owns the port. A
+# A driver yields Commands and is sent each Reply; whoever drives the generator owns the port. A
 # timeout is a Reply with final None, so a driver treats it as data.
 
 INTERRUPTION = "\x18"

@@ -173,8 +173,8 @@ function drawWalker(g, at, status, colour) {
 }
 
 function describe(position) {
-  const text = !position ? '' : position.r95_m == null ? `${position.cell}: ${position.verdict}`
-    : `${position.cell}: ${position.verdict}, ${radii(position)}`;
+  const word = position?.word && position.word !== 'nothing unusual' ? `, ${position.word}` : '';
+  const text = position ? `${position.cell}: ${position.verdict}${word}, ${radii(position)}` : '';
   byId('place').textContent = text;
   byId('plan').setAttribute('aria-label', `plan of the walk, north is up. ${text}`);
 }

@@ -3,7 +3,7 @@ import pytest
 
 from logger.core.live import live_prior
 from logger.core.live_settings import LiveSettings
-from logger.core.locator.online import MOST_BLOCKS, OnlineLocator
+from logger.core.locator.online import MOST_BLOCKS, OnlineLocator, ReadingsInOrder
 from logger.core.locator.pipeline import locate
 from logger.core.locator.summary import summarise
 from tests.kit.walks import add_position_errors, censor_at_floor, simulate, single_reading
@@ -39,7 +39,7 @@ def test_says_what_the_whole_walk_says(seed):
     )
     shown_sigma_m = np.sqrt(np.trace(shown.modes[0].covariance[:2, :2]))
     assert shown_sigma_m == pytest.approx(sigma_m, rel=0.5)
-    assert online_mode.sigma_db == pytest.approx(offline.sigma_db, rel=0.1)
+    assert locator.level_sigma_db == pytest.approx(offline.sigma_db, rel=0.1)
 
 
 def test_rows_added_one_by_one_are_those_of_a_new_search():
@@ -104,10 +104,12 @@ def test_readings_at_the_floor_are_kept_and_bounded():
 
 def test_the_same_readings_at_the_floor_lead_to_the_same_bits():
     low = censor_at_floor(simulate(np.random.default_rng(8), "L", count=200, step=4.2)[0], 0.45)
-    one, again = follow(low).strongest_mode(), follow(low).strongest_mode()
+    both = follow(low), follow(low)
+    one, again = (online.strongest_mode() for online in both)
     assert np.array_equal(one.state, again.state)
     assert np.array_equal(one.covariance, again.covariance)
-    assert (one.probability, one.sigma_db) == (again.probability, again.sigma_db)
+    assert one.probability == again.probability
+    assert both[0].level_sigma_db == both[1].level_sigma_db
 
 
 def test_levels_that_never_change_leave_no_number_undefined():
@@ -119,3 +121,18 @@ def test_levels_that_never_change_leave_no_number_undefined():
         if online.stale > 1.0:
             online.search()
     assert online.strongest_mode() is not None
+
+
+def test_readings_are_kept_in_order_and_bounded():
+    readings = ReadingsInOrder()
+    for k in range(3000):
+        readings.add(single_reading(float(k), 0.0, -70.0))
+    x_m = readings.readings().x_m
+    assert 200 <= len(x_m) <= 401
+    assert (x_m[1:] - x_m[:-1] == x_m[1] - x_m[0]).all()
+    assert x_m[0] == 0.0
+    assert x_m[-1] > 2900.0
+
+
+def test_without_readings_there_are_none():
+    assert len(ReadingsInOrder().readings()) == 0

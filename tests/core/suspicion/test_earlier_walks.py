@@ -100,8 +100,6 @@ def test_a_cell_heard_before_on_this_walk_is_not_gone():
 def test_a_cell_that_is_heard_later_was_not_gone():
     walk = Walk(baseline=Earlier()).scan(*HOME, metres=20.0, times=14)
     assert walk.tracker.assessment(GONE.cell).findings
-    n_changes = walk.tracker.n_changes
     walk.scan(*HOME, GONE, metres=20.0, times=2)
     assert not walk.tracker.assessment(GONE.cell).findings
-    assert walk.tracker.n_changes > n_changes  # so that the status shows it
     assert GONE.cell in {cell.cell for cell in walk.tracker.assessments()}

@@ -1,0 +1,300 @@
+"""What all outputs show of the walk, as one value, made of the tracker and of the latest scans.
+
+`LiveView` is part of `status.json`, which the page sends to the phones; the light, the feed and
+`fieldlogger status` are made of it too. A new item on the phone is a field of `LiveView` with its
+value in `live_view` (what the tracker knows) or `CellTable.fill` (what the modem hears), and a line
+in `logger/page/assets`.
+"""
+
+import threading
+from collections import deque
+from functools import lru_cache
+from typing import TYPE_CHECKING, Annotated
+
+from msgspec import Meta, Struct
+from msgspec.structs import asdict, replace
+
+from logger.core.answer import DEGREE_DECIMALS, Answer, MultiPolygon, Place
+from logger.core.ellipse import Ellipse, ellipse95, radii_text, radius_m
+from logger.core.guidance.next_way import NextWay
+from logger.core.latest import Latest
+from logger.core.live_settings import EKF, ONE_MODE, REFERENCE
+from logger.core.types import CellReading, LiveEstimate, Record, Scan, Verdict
+
+if TYPE_CHECKING:  # the status is written before numpy is imported
+    from logger.core.live import LiveTracker
+
+MOST_CELLS = 64
+MOST_SHOWN = 24
+"""Cells in `status.json`; more do not fit on a phone."""
+AVERAGE_NS = 2 * 10**9
+WARMER_NS = 4 * 10**9
+"""The newest levels for `trend_db`: a walker takes five steps in this time."""
+TREND_NS = 12 * 10**9
+"""The levels before, back to this age, are what they are compared with."""
+TA_STEP_M = 553.5
+"""Half of what light travels in a bit of GSM (3GPP TS 45.010, 5.2)."""
+_MOST_LEVELS = 256
+_MOST_SUSPICIONS = 10
+"""More is a list that nobody reads on a walk."""
+
+Whole = Annotated[int, Meta(ge=-(1 << 63), le=(1 << 63) - 1)]
+"""JSON has integers that no float and no column holds."""
+
+
+class TargetStatus(Struct, frozen=True):
+    """The target and its best position so far, with the 95 % ellipse and its azimuth.
+
+    `r50_m` and `r95_m` are the radii that hold half and 95 % of all probability; null where the
+    position has less.
+
+    `verdict` is "one close place", "one place", "several places" or "cannot tell": less
+    than that of the desktop program, which uses the complete walk.
+    """
+
+    cell: str
+    verdict: str
+    n: Whole = 0
+    probability: float | None = None
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    semi_major_m: float | None = None
+    semi_minor_m: float | None = None
+    azimuth_deg: float | None = None
+    r50_m: float | None = None
+    r95_m: float | None = None
+
+    def __str__(self) -> str:
+        if self.lat_deg is None:
+            return f"target {self.cell}: {self.verdict}"
+        position = f"{self.lat_deg:.5f} {self.lon_deg:.5f}"
+        radii = radii_text(self.r50_m, self.r95_m)
+        parts = [f"target {self.cell}: {self.verdict} ({self.probability:.2f})", position, radii]
+        return ", ".join(filter(None, parts))
+
+
+class SuspicionStatus(Struct, frozen=True):
+    """A cell that is unusual or suspicious, with the reasons as sentences."""
+
+    cell: str
+    word: str
+    score_nats: float
+    reasons: tuple[str, ...]
+
+
+class CellStatus(Struct, frozen=True):
+    """What was last heard of a cell.
+
+    `average_dbm` is over the last 2 s before its latest reading, `trend_db` the change of the level
+    in a few seconds: positive is "warmer". `heard_ns` is the time of the latest of `n` readings,
+    `ta_m` its timing advance as a distance. `word` and `reasons` are those of its suspicion, and
+    `verdict` that of its live estimate where there is one.
+    """
+
+    cell: str = ""
+    rat: str | None = None
+    channel: Whole | None = None
+    is_serving: bool = False
+    level_dbm: float | None = None
+    average_dbm: float | None = None
+    peak_dbm: float | None = None
+    trend_db: float | None = None
+    heard_ns: Whole = 0
+    n: Whole = 0
+    ta_m: float | None = None
+    word: str | None = None
+    reasons: tuple[str, ...] = ()
+    verdict: str | None = None
+
+
+class PositionStatus(Place, frozen=True, kw_only=True):
+    """The answer about the cell that is followed: its place, 95 % region in squares, and word."""
+
+    cell: str
+    verdict: Verdict
+    region: MultiPolygon
+    word: str = ""
+
+
+class LiveView(Struct, frozen=True, kw_only=True):
+    """What is known while walking.
+
+    `target` is the cell of the default view. `suspicions` has the most suspicious cell first; it
+    never changes what is recorded. `next` and `position` are of the cell that is followed; `cells`
+    has the serving cell first, then the others by level. `no_estimate` is why there is no live
+    estimate now, empty while it is made; `left_out` says which files it does not use, and why.
+    """
+
+    target: TargetStatus | None = None
+    suspicions: tuple[SuspicionStatus, ...] = ()
+    next: NextWay | None = None
+    position: PositionStatus | None = None
+    cells: tuple[CellStatus, ...] = ()
+    no_estimate: str = ""
+    left_out: tuple[str, ...] = ()
+
+
+def live_view(tracker: "LiveTracker") -> LiveView:
+    """What the tracker knows after its latest record."""
+    followed = tracker.followed
+    return LiveView(
+        target=target_status(tracker.target, tracker.latest),
+        suspicions=tuple(
+            SuspicionStatus(
+                one.cell,
+                one.word,
+                round(one.score_nats, 2),
+                tuple(finding.text for finding in one.findings),
+            )
+            for one in tracker.suspicion.conspicuous()[:_MOST_SUSPICIONS]
+        ),
+        next=None if followed is None else followed.way,
+        position=None if followed is None else _position(tracker.answer, followed.region),
+    )
+
+
+@lru_cache(maxsize=1)  # fixes come ten times a second, estimates once
+def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus | None:
+    """The target and, once there is one, the latest estimate of it."""
+    if cell is None:
+        return None
+    if latest is None:
+        return TargetStatus(cell, "cannot tell")
+    # an estimate has been made, so the map is there
+    from logger.core.places import Utm  # noqa: PLC0415
+
+    lat_deg, lon_deg = Utm(latest.utm_zone).to_latlon(latest.x_m, latest.y_m)
+    ellipse = ellipse95(latest.p_xx, latest.p_xy, latest.p_yy)
+    r50_m, r95_m = (_radius_m(ellipse, level, latest.probability) for level in (0.5, 0.95))
+    return TargetStatus(
+        cell,
+        _certainty(latest),
+        latest.n,
+        round(latest.probability, 3),
+        round(lat_deg, DEGREE_DECIMALS),
+        round(lon_deg, DEGREE_DECIMALS),
+        round(ellipse.semi_major_m, 1),
+        round(ellipse.semi_minor_m, 1),
+        round(ellipse.azimuth_deg, 1),
+        r50_m,
+        r95_m,
+    )
+
+
+def _radius_m(ellipse: Ellipse, level: float, probability: float) -> float | None:
+    """Radius with `level` of all probability where the estimate has `probability` of it."""
+    within_m = radius_m(ellipse, level / probability) if probability > level else None
+    return None if within_m is None else round(within_m, 1)
+
+
+def _certainty(latest: LiveEstimate) -> str:
+    """How sure the live estimate is of its position."""
+    if latest.stage == EKF:
+        return "one close place"
+    return "one place" if latest.probability >= ONE_MODE else "several places"
+
+
+def _position(answer: Answer | None, region: MultiPolygon | None) -> PositionStatus | None:
+    if answer is None or answer.place is None or region is None:
+        return None
+    return PositionStatus(
+        cell=answer.cell,
+        verdict=answer.verdict,
+        region=region,
+        word="" if answer.word is None else answer.word.word,
+        **asdict(answer.place.in_short()),
+    )
+
+
+class CellTable:
+    """What the modem hears; fed with every record."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._cells: Latest[_Cell] = Latest(MOST_CELLS)
+        self._serving: str | None = None
+
+    def feed(self, record: Record) -> None:
+        """Take a record; scans and live estimates count."""
+        match record.value:
+            case Scan() as scan:
+                with self._lock:
+                    self._take(record.t_ns, scan)
+            case LiveEstimate() as estimate if estimate.stage != REFERENCE:
+                with self._lock:
+                    if cell := self._cells.get(estimate.cell):
+                        cell.estimate = estimate
+
+    def fill(self, view: LiveView) -> LiveView:
+        """The view with the cells that the modem heard of late, and the words of the view."""
+        words = {one.cell: one for one in view.suspicions}
+        with self._lock:
+            rows = [
+                cell.row(name, words.get(name), is_serving=name == self._serving)
+                for name, cell in self._cells.items()
+            ]
+        rows.sort(key=_importance)
+        return replace(view, cells=tuple(rows[:MOST_SHOWN]))
+
+    def _take(self, t_ns: int, scan: Scan) -> None:
+        for reading in scan.readings:
+            name = reading.cell
+            if name is None or reading.identity_unsure or reading.level_dbm is None:
+                continue
+            if reading.role == "serving":
+                self._serving = name
+            cell = self._cells.get(name) or _Cell(reading)
+            cell.take(t_ns, reading, reading.level_dbm)
+            self._cells.put(name, cell)
+
+
+class _Cell:
+    def __init__(self, reading: CellReading) -> None:
+        self.reading = reading
+        self.estimate: LiveEstimate | None = None
+        self.n = 0
+        self.ta: int | None = None
+        self.peak_dbm = -200.0
+        self.levels: deque[tuple[int, float]] = deque(maxlen=_MOST_LEVELS)
+
+    def take(self, t_ns: int, reading: CellReading, level_dbm: float) -> None:
+        self.reading = reading
+        self.n += 1
+        self.ta = self.ta if reading.ta is None else reading.ta
+        self.peak_dbm = max(self.peak_dbm, level_dbm)
+        self.levels.append((t_ns, level_dbm))
+        while self.levels[0][0] < t_ns - TREND_NS:
+            self.levels.popleft()
+
+    def row(self, name: str, word: SuspicionStatus | None, *, is_serving: bool) -> CellStatus:
+        heard_ns, level_dbm = self.levels[-1]
+        channel = self.reading.arfcn  # with its digits where a driver reads it (NumberText)
+        return CellStatus(
+            cell=name,
+            rat=self.reading.rat,
+            channel=None if channel is None else int(channel),
+            is_serving=is_serving,
+            level_dbm=level_dbm,
+            average_dbm=self._mean(heard_ns - AVERAGE_NS, heard_ns),
+            peak_dbm=self.peak_dbm,
+            trend_db=self._trend(heard_ns),
+            heard_ns=heard_ns,
+            n=self.n,
+            ta_m=None if self.ta is None else self.ta * TA_STEP_M,
+            word=None if word is None else word.word,
+            reasons=() if word is None else word.reasons,
+            verdict=None if self.estimate is None else _certainty(self.estimate),
+        )
+
+    def _trend(self, now_ns: int) -> float | None:
+        late = self._mean(now_ns - WARMER_NS, now_ns)
+        early = self._mean(now_ns - TREND_NS, now_ns - WARMER_NS)
+        return None if late is None or early is None else round(late - early, 1)
+
+    def _mean(self, after_ns: int, until_ns: int) -> float | None:
+        levels = [level_dbm for t_ns, level_dbm in self.levels if after_ns < t_ns <= until_ns]
+        return round(sum(levels) / len(levels), 1) if levels else None
+
+
+def _importance(row: CellStatus) -> tuple[bool, float]:
+    return not row.is_serving, -(row.level_dbm or 0.0)
