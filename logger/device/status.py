@@ -128,7 +128,7 @@ class CellStatus(msgspec.Struct, frozen=True):
     `average_dbm` is over the last 2 s before its latest reading, `trend_db` the change of the level
     in a few seconds: positive is "warmer". `heard_ns` is the time of the latest of `n` readings,
     `ta_m` its timing advance as a distance. `word` and `reasons` are those of its suspicion, and
-    `verdict` that of its live estimate where there is one.
+    `verdict` that of its live estimate where there is one. Levels are those of one `modem`.
     """
 
     cell: str = ""
@@ -145,14 +145,16 @@ class CellStatus(msgspec.Struct, frozen=True):
     word: str | None = None
     reasons: tuple[str, ...] = ()
     verdict: str | None = None
+    modem: str = ""
 
 
 class PortStatus(msgspec.Struct, frozen=True):
-    """A port, whether it is open, and its last event."""
+    """A port, whether it is open, its last event, and why it fails; empty if it does not."""
 
     url: str
     is_open: bool = False
     event: str = ""
+    fault: str = ""
 
 
 class Status(msgspec.Struct, frozen=True):

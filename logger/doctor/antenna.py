@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from logger.check import Line
 from logger.core.baseline import Baseline
 from logger.core.censoring import levels_dbm
 from logger.core.rows import Rows
 from logger.core.squares import square_of
+from logger.device.check_line import Line
 
 LOST_DB = 20.0
 """A modem without an antenna receives some 20 dB less; two modems differ by a few."""

@@ -5,7 +5,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from logger.check import Line
+from logger.device.check_line import Line
 
 _BLOCK = 65_536
 _BLOCKS = 32

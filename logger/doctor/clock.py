@@ -2,11 +2,11 @@
 
 import time
 
-from logger.check import Line
 from logger.core.column import UNKNOWN_TIME
 from logger.core.runfile import Run
 from logger.core.timebase import fit_run
 from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS, utc_text
+from logger.device.check_line import Line
 
 _CLOSE_S = 5.0
 

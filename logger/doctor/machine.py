@@ -5,9 +5,9 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from logger.check import Line
 from logger.config import PowerSettings
 from logger.device.battery import batteries, is_low
+from logger.device.check_line import Line
 from logger.device.machine import (
     UNDERVOLTAGE_NOW,
     UNDERVOLTAGE_SINCE_BOOT,

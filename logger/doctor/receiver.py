@@ -5,11 +5,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from logger.check import Line
 from logger.core.rows import Rows
 from logger.core.runfile import Run
+from logger.core.source_tables import GNSS
 from logger.core.track import UERE_M
 from logger.core.types import DEAD_RECKONING
+from logger.device.check_line import Line
 
 COARSE_M = 15.0
 """Median accuracy of a receiver under open sky is well below this."""
@@ -47,7 +48,8 @@ def fixes_lines(run: Run, fixes: Rows) -> Iterator[Line]:
 def satellites_in_use(run: Run) -> int | None:
     """Satellites that are received well enough, by the receiver's GSV; None without one."""
     raw = run.tables["raw"]
-    received = raw[(raw["source"] == b"gnss") & (raw["sent"] == 0)]
+    receivers = np.append(run.tables["fixes"]["source"], GNSS.encode())
+    received = raw[np.isin(raw["source"], receivers) & (raw["sent"] == 0)]
     if not len(received):
         return None
     latest = received[received["t_ns"] >= received["t_ns"][-1] - _RECENT_NS]

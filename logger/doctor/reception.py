@@ -1,14 +1,16 @@
 """Tests of a run: whether the modem and the receiver give what a walk needs."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from logger.check import Line, State
+from logger.config import ModemSettings
 from logger.core.baseline import Baseline
 from logger.core.censoring import levels_dbm
 from logger.core.rows import Rows
 from logger.core.runfile import Run
+from logger.core.source_tables import MODEM
+from logger.device.check_line import Line, State
 from logger.doctor.antenna import antenna_line
 from logger.doctor.receiver import fixes_lines
 from logger.drivers.registry import FAMILIES
@@ -24,10 +26,10 @@ def run_lines(
     run: Run,
     last_s: float = LAST_S,
     *,
-    set_mode: str = "",
+    modems: Sequence[ModemSettings] = (),
     baseline: Baseline | None = None,
 ) -> Iterator[Line]:
-    """Evaluate the end of a run; `set_mode` is the setting of that name in [modem]."""
+    """Evaluate the end of a run; `modems` are those of the configuration."""
     tables = run.tables
     end_ns = max((int(rows["t_ns"].max()) for rows in tables.values() if len(rows)), default=0)
     begin_ns = max(run.meta.started_ns, end_ns - round(last_s * 1e9))
@@ -35,24 +37,29 @@ def run_lines(
     scans, readings, fixes = (
         tables[name][tables[name]["t_ns"] >= begin_ns] for name in ("scans", "readings", "fixes")
     )
-    notes = _modem_notes(run)
-    event = notes[-1][1] if notes else ""
-    if len(scans):
-        yield Line("ok", "modem", f"{len(scans) / minutes:.0f} scans a minute; {event}")
-    else:
-        yield Line("fail", "modem", f"no scan; last event: {event or 'none'}")
-    yield _readings_line(readings, minutes, notes, run.meta.origin == TRIAL, set_mode)
+    names = [modem.name for modem in modems] or [MODEM]
+    for name in names:
+        notes = _notes_of(run, name)
+        event = notes[-1][1] if notes else ""
+        n_scans = np.count_nonzero(scans["source"] == name.encode())
+        if n_scans:
+            yield Line("ok", name, f"{n_scans / minutes:.0f} scans a minute; {event}")
+        else:
+            yield Line("fail", name, f"no scan; last event: {event or 'none'}")
+    every = [note for name in names for note in _notes_of(run, name)]
+    set_mode = next((modem.set_mode for modem in modems if modem.set_mode), "")
+    yield _readings_line(readings, minutes, every, run.meta.origin == TRIAL, set_mode)
     if (antenna := antenna_line(readings, fixes, baseline)) is not None:
         yield antenna
     yield from fixes_lines(run, fixes)
 
 
-def _modem_notes(run: Run) -> list[tuple[str, str]]:
-    """Code and text of each note about the modem."""
+def _notes_of(run: Run, modem: str) -> list[tuple[str, str]]:
+    """Code and text of each note about a modem."""
     return [
         (row["code"].decode(), row["text"].decode())
         for row in run.tables["notes"]
-        if row["source"] == b"modem"
+        if row["source"] == modem.encode()
     ]
 
 

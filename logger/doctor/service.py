@@ -4,9 +4,9 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
-from logger.check import Line, State
 from logger.core.runfile.journal import is_recording
 from logger.core.runfile.run_names import JOURNAL, first_part
+from logger.device.check_line import Line, State
 from logger.device.status import Status, age_s
 
 MAX_AGE_S = 5.0
