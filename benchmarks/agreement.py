@@ -29,11 +29,10 @@ from scoreboard import tree
 from scoreboard.output import argument_parser, print_and_write
 from scoreboard.tables import Table, three_digits
 
-from logger.core.guidance.followed_cell import observations_of
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.summary import summarise
 from logger.core.locator.verdict import LIVE_M
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 WALKS = 40
 MOST_APART, MOST_RATIO = 2, 1.5
@@ -98,7 +97,7 @@ def walk(number: int, *, goes_on: bool) -> Ending:
     desk_obs = _through_file(loop.rows)
     desk = _answer_row(loop, tree.locate(desk_obs), desk_obs)
     locator = loop.filter.locator
-    readings = observations_of(locator, desk_obs.utm)
+    readings = locator.readings.readings()
     locator.search()
     last = locator.last_search()
     if last is None:
@@ -116,14 +115,14 @@ def walk(number: int, *, goes_on: bool) -> Ending:
     )
 
 
-def _answer_row(loop: Loop, posterior: Posterior, obs: CellObservations) -> Shown:
+def _answer_row(loop: Loop, posterior: Posterior, obs: Readings) -> Shown:
     verdict = tree.decide(posterior, obs, within_m=LIVE_M)[0]
     place_m = loop.from_start_m(posterior.x_m, posterior.y_m)
     error_m = min(hypot(*(place_m - one)) for one in loop.world.emitters_now())
     return Shown(verdict, float(posterior.r95_m), error_m)
 
 
-def _through_file(rows: Sequence[dict[str, str]]) -> CellObservations:
+def _through_file(rows: Sequence[dict[str, str]]) -> Readings:
     with TemporaryDirectory() as scratch:
         file = Path(scratch) / "walk.csv"
         with file.open("w", newline="") as text:

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
-from logger.core.geo import Utm
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from postproc.comparison.changes import FEWEST_BLOCKS, Comparison, compare
 
 SETS = {
@@ -37,7 +37,7 @@ MOST_HEARD = 5
 """The cell that changes is one of those that most scans name."""
 
 
-def read_log(path: Path, utm: Utm | None) -> tuple[Utm, list[CellObservations]]:
+def read_log(path: Path, utm: Utm | None) -> tuple[Utm, list[Readings]]:
     """Cells of a log, in the zone of the first one."""
     with gzip.open(path, "rt") as file:
         rows = [
@@ -58,8 +58,12 @@ def read_log(path: Path, utm: Utm | None) -> tuple[Utm, list[CellObservations]]:
         t_ns = np.round(t_s[at] * 1e9).astype(np.int64)
         sigma_m = np.full(len(t_ns), SIGMA_M)
         cells.append(
-            CellObservations(
-                cell, cell.split()[0], utm, t_ns, x_m[at], y_m[at], sigma_m, level_dbm[at], scan[at]
+            Readings(
+                cell,
+                cell.split()[0],
+                Places.of(x_m[at], y_m[at], utm=utm, sigma_m=sigma_m, t_ns=t_ns),
+                level_dbm[at],
+                scan[at],
             )
         )
     return utm, cells
@@ -72,7 +76,7 @@ def _name(row: dict[str, str]) -> str:
     return f"{row['rat']} {row['arfcn']}/{row['pci_bsic']}" if row["pci_bsic"] else ""
 
 
-def walks_of(folder: Path, pattern: str) -> list[list[CellObservations]]:
+def walks_of(folder: Path, pattern: str) -> list[list[Readings]]:
     """The logs of a set."""
     utm, walks = None, []
     for path in sorted(folder.glob(pattern)):
@@ -81,7 +85,7 @@ def walks_of(folder: Path, pattern: str) -> list[list[CellObservations]]:
     return walks
 
 
-def parts_of(cells: list[CellObservations], count: int) -> list[list[CellObservations]]:
+def parts_of(cells: list[Readings], count: int) -> list[list[Readings]]:
     """A log in parts of equal time."""
     t_ns = np.concatenate([obs.t_ns for obs in cells])
     ends = np.linspace(np.min(t_ns), np.max(t_ns) + 1, count + 1)
@@ -92,7 +96,7 @@ def parts_of(cells: list[CellObservations], count: int) -> list[list[CellObserva
     return parts
 
 
-def measure_repeated(name: str, walks: list[list[CellObservations]]) -> None:
+def measure_repeated(name: str, walks: list[list[Readings]]) -> None:
     """Words between all pairs of walks that share ground."""
     words: Counter[str] = Counter()
     n_pairs = n_tested = n_with_word = 0
@@ -144,7 +148,7 @@ class City:
         level_dbm = self.power_dbm[:, None] - 32.0 * np.log10(np.maximum(away_m, 20.0)) + shadow_db
         return np.where(self.present[:, None], level_dbm, -np.inf)
 
-    def walk(self) -> list[CellObservations]:
+    def walk(self) -> list[Readings]:
         """A walk of 3 km with a scan each 3 m, another modem, and the other side of the road."""
         way_m = np.arange(0.0, 3000.0, 3.0)
         x_m = np.minimum(way_m, 1500.0) + self.random.normal(0.0, 5.0)
@@ -161,11 +165,16 @@ class City:
             if len(scan):
                 sigma_m = np.full(len(scan), SIGMA_M)
                 cells.append(
-                    CellObservations(
-                        str(number), "GSM", Utm(33), scan * 2 * 10**9, x_m[at], y_m[at], sigma_m,
-                        level_dbm[number, at], scan,
+                    Readings(
+                        str(number),
+                        "GSM",
+                        Places.of(
+                            x_m[at], y_m[at], utm=Utm(33), sigma_m=sigma_m, t_ns=scan * 2 * 10**9
+                        ),
+                        level_dbm[number, at],
+                        scan,
                     )
-                )  # fmt: skip
+                )
         return cells
 
 
@@ -174,9 +183,14 @@ def measure_simulated(count: int) -> None:
     if not count:
         return
     changes = {
-        "nothing": None, "gone": "gone", "new": "new", "10 dB weaker": "weaker",
-        "15 dB stronger": "stronger", "moved by 300 m": "moved", "moved by 1000 m": "moved",
-    }  # fmt: skip
+        "nothing": None,
+        "gone": "gone",
+        "new": "new",
+        "10 dB weaker": "weaker",
+        "15 dB stronger": "stronger",
+        "moved by 300 m": "moved",
+        "moved by 1000 m": "moved",
+    }
     for change, word in changes.items():
         n_found = n_false = n_cells = 0
         others: Counter[str] = Counter()

@@ -17,9 +17,9 @@ from filterpy.kalman import ExtendedKalmanFilter, rts_smoother
 
 from logger.core import shadow_ekf
 from logger.core.arrays import FloatArray
-from logger.core.geo import Utm
 from logger.core.model.path_loss import log_distance_db
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from logger.core.shadow_ekf import ShadowNoise, ShadowState
 from postproc.estimators import rts
 from postproc.estimators.filters import reference_ekf, retained_rows, shadow_pass
@@ -32,7 +32,7 @@ SPREAD = np.diag([100.0, 100.0, 20.0, 0.1])
 FIRST = "first"
 
 
-def walk(count: int) -> CellObservations:
+def walk(count: int) -> Readings:
     """Rounds of a square of 800 m, 1.4 m from reading to reading."""
     rng = np.random.default_rng(1)
     s = np.arange(count) * 1.4 % 800.0
@@ -41,17 +41,21 @@ def walk(count: int) -> CellObservations:
     level = STATE[2] - STATE[3] * log_distance_db(x - STATE[0], y - STATE[1])
     level = np.round(level + 3.0 * rng.normal(size=count))
     number = np.arange(count)
-    return CellObservations(
-        "c", None, Utm(32), number * 10**9, x, y, np.full(count, 3.0), level, number
+    return Readings(
+        "c",
+        None,
+        Places.of(x, y, utm=Utm(32), sigma_m=np.full(count, 3.0), t_ns=number * 10**9),
+        level,
+        number,
     )
 
 
-def start(obs: CellObservations) -> ShadowState:
-    state = shadow_ekf.hold(STATE, NOISE, float(obs.x_m[0]), float(obs.y_m[0]))
+def start(obs: Readings) -> ShadowState:
+    state = shadow_ekf.hold(STATE, NOISE, Places.of(float(obs.x_m[0]), float(obs.y_m[0])))
     return shadow_ekf.release(state, SPREAD)
 
 
-def ours(obs: CellObservations) -> tuple[FloatArray, FloatArray]:
+def ours(obs: Readings) -> tuple[FloatArray, FloatArray]:
     """Last filtered and first smoothed state."""
     conditionals = np.empty((len(obs), 6))
     ahead = shadow_pass(obs, start(obs), NOISE, conditionals=conditionals)
@@ -62,7 +66,7 @@ def ours(obs: CellObservations) -> tuple[FloatArray, FloatArray]:
     return ahead.path.x[-1], x[0]
 
 
-def filterpys(obs: CellObservations) -> tuple[FloatArray, FloatArray]:
+def filterpys(obs: Readings) -> tuple[FloatArray, FloatArray]:
     """The same of filterpy's ExtendedKalmanFilter and rts_smoother."""
     oracle = ExtendedKalmanFilter(dim_x=5, dim_z=1)
     oracle.x = np.append(STATE, 0.0).reshape(5, 1)
@@ -119,7 +123,7 @@ def filterpys(obs: CellObservations) -> tuple[FloatArray, FloatArray]:
     return last, x[0]
 
 
-def seconds(run: Callable[[CellObservations], object], obs: CellObservations, rounds: int) -> float:
+def seconds(run: Callable[[Readings], object], obs: Readings, rounds: int) -> float:
     """CPU time, median of some rounds."""
     times = []
     for _ in range(rounds):

@@ -18,6 +18,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 
 from logger.core import ekf, shadow_ekf
 from logger.core.model.path_loss import log_distance_db
+from logger.core.places import Places
 
 Readings = list[tuple[float, float, float]]
 
@@ -34,7 +35,7 @@ def walk() -> Readings:
 
 
 def reference(readings: Readings) -> ekf.EkfState:
-    state = ekf.start(*readings[0][:2])
+    state = ekf.start(Places.of(*readings[0][:2]))
     for x_m, y_m, level_dbm in readings:
         state = ekf.step(state, x_m, y_m, level_dbm).state
     return state
@@ -69,7 +70,7 @@ def filterpys(readings: Readings) -> ExtendedKalmanFilter:
 
 
 def shadowing(readings: Readings) -> shadow_ekf.ShadowState:
-    state = shadow_ekf.hold([120.0, -60.0, -30.0, 3.0], NOISE, *readings[0][:2])
+    state = shadow_ekf.hold([120.0, -60.0, -30.0, 3.0], NOISE, Places.of(*readings[0][:2]))
     state = shadow_ekf.release(state, np.diag([400.0, 400.0, 20.0, 0.1]))
     for x_m, y_m, level_dbm in readings:
         state = shadow_ekf.step(state, NOISE, x_m, y_m, 3.0, level_dbm).state

@@ -5,6 +5,9 @@ python benchmarks/live_cell.py
 
 import os
 
+from logger.core.places import Places
+from logger.core.readings import Readings
+
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as fieldlogger does
 
 import gc
@@ -15,7 +18,7 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 from logger.core.live import live_prior
-from logger.core.live_cell import LevelReading, LiveCell
+from logger.core.live_cell import LiveCell
 from logger.core.live_settings import LiveSettings
 from logger.device.memory import give_back
 
@@ -26,7 +29,7 @@ FLOOR_DBM = -110.0
 CLIPPED_SHARES = (0.2, 0.45, 0.7)
 
 
-def walk(seed: int, *, shadow_db: float) -> list[LevelReading]:
+def walk(seed: int, *, shadow_db: float) -> list[Readings]:
     """A walk round blocks of 200 m, with white noise and shadowing correlated over 15 m."""
     rng = np.random.default_rng(seed)
     s = np.arange(READINGS) * STEP_M % 1600.0
@@ -38,25 +41,26 @@ def walk(seed: int, *, shadow_db: float) -> list[LevelReading]:
         shadow[k] = rho * shadow[k - 1] + np.sqrt(1.0 - rho**2) * rng.normal()
     level = -25.0 - 32.0 * np.log10(np.hypot(x - SOURCE[0], y - SOURCE[1])) + shadow_db * shadow
     level = np.round(level + 2.0 * rng.normal(size=READINGS))
+    places = Places.of(x, y, sigma_m=np.full(READINGS, 3.0))
     return [
-        LevelReading(*row, 0)
-        for row in zip(x.tolist(), y.tolist(), [3.0] * READINGS, level.tolist(), strict=True)
+        Readings.one("cell", None, place, level_dbm)
+        for place, level_dbm in zip(places, level.tolist(), strict=True)
     ]
 
 
-def clip_levels(readings: list[LevelReading], share: float) -> list[LevelReading]:
+def clip_levels(readings: list[Readings], share: float) -> list[Readings]:
     """The same, so weak that this share of the levels is at the floor of a GSM modem's scale."""
     change_db = FLOOR_DBM - round(
-        float(np.quantile([reading.level_dbm for reading in readings], share))
+        float(np.quantile([reading.level_dbm.item() for reading in readings], share))
     )
-    weaker = [max(reading.level_dbm + change_db, FLOOR_DBM) for reading in readings]
+    weaker = [max(reading.level_dbm.item() + change_db, FLOOR_DBM) for reading in readings]
     return [
-        r._replace(level_dbm=dbm, limit=-int(dbm == FLOOR_DBM))
+        Readings.one("cell", None, r.places, dbm, -int(dbm == FLOOR_DBM))
         for r, dbm in zip(readings, weaker, strict=True)
     ]
 
 
-def live_us(readings: list[LevelReading]) -> tuple[float, float, float, float]:
+def live_us(readings: list[Readings]) -> tuple[float, float, float, float]:
     """Mean, 99th percentile and worst CPU time of a reading, and the memory of the cell in MB.
 
     Searches are included.
@@ -83,7 +87,7 @@ def live_us(readings: list[LevelReading]) -> tuple[float, float, float, float]:
     return float(np.mean(spent)), float(np.quantile(spent, 0.99)), float(np.max(spent)), memory_mb
 
 
-def filterpy_us(readings: list[LevelReading]) -> float:
+def filterpy_us(readings: list[Readings]) -> float:
     """CPU time of one predict and update of the four-state EKF in filterpy."""
     kf = ExtendedKalmanFilter(dim_x=4, dim_z=1)
     kf.x = np.array([[100.0], [100.0], [-40.0], [3.0]])
@@ -93,19 +97,19 @@ def filterpy_us(readings: list[LevelReading]) -> float:
     begun = time.process_time()
     for reading in readings:
 
-        def level(x: np.ndarray, reading: LevelReading = reading) -> np.ndarray:
-            d2 = max((x[0, 0] - reading.x_m) ** 2 + (x[1, 0] - reading.y_m) ** 2, 1.0)
+        def level(x: np.ndarray, reading: Readings = reading) -> np.ndarray:
+            d2 = max((x[0, 0] - reading.x_m.item()) ** 2 + (x[1, 0] - reading.y_m.item()) ** 2, 1.0)
             return np.array([[x[2, 0] - 5.0 * x[3, 0] * np.log10(d2)]])
 
-        def slope(x: np.ndarray, reading: LevelReading = reading) -> np.ndarray:
-            dx, dy = x[0, 0] - reading.x_m, x[1, 0] - reading.y_m
+        def slope(x: np.ndarray, reading: Readings = reading) -> np.ndarray:
+            dx, dy = x[0, 0] - reading.x_m.item(), x[1, 0] - reading.y_m.item()
             d2 = max(dx * dx + dy * dy, 1.0)
             return np.array(
                 [[-c * x[3, 0] * dx / d2, -c * x[3, 0] * dy / d2, 1.0, -5.0 * np.log10(d2)]]
             )
 
         kf.predict()
-        kf.update(np.array([[reading.level_dbm]]), slope, level)
+        kf.update(np.array([[reading.level_dbm.item()]]), slope, level)
     return 1e6 * (time.process_time() - begun) / len(readings)
 
 

@@ -29,6 +29,8 @@ from pathlib import Path
 from time import process_time
 from typing import NamedTuple
 
+from logger.core.places import Places
+
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as fieldlogger does
 
 import numpy as np
@@ -38,11 +40,11 @@ from scoreboard.live import last_estimate
 from logger.core.arrays import BoolArray
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
-from logger.core.geo import Utm
 from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.region import contains, highest_density
-from logger.core.observations import CellObservations
+from logger.core.places import Utm
+from logger.core.readings import Readings
 from postproc.named_shares import Naming, named_shares
 
 LOSSES = {"none": 0.0, "10 %": 0.1, "30 %": 0.3, "list": 0.0}
@@ -56,7 +58,7 @@ STRETCH, APART = 8, 5
 EFFORT = Effort(most_squares=2500, split_share=0.004, most_blocks=120, samples=4)
 """Half the usual time; all ways have the same."""
 
-Way = Callable[[City, Report, int, BoolArray], CellObservations]
+Way = Callable[[City, Report, int, BoolArray], Readings]
 
 
 class Estimate(NamedTuple):
@@ -70,26 +72,26 @@ class Estimate(NamedTuple):
     eta_bias: float
 
 
-def readings_alone(made: City, heard: Report, target: int, at: BoolArray) -> CellObservations:
+def readings_alone(made: City, heard: Report, target: int, at: BoolArray) -> Readings:
     """The readings of the target, in the scans `at` (n,)."""
     return _observations(made, heard, target, at, np.zeros_like(at))
 
 
-def regular(made: City, heard: Report, target: int, at: BoolArray) -> CellObservations:
+def regular(made: City, heard: Report, target: int, at: BoolArray) -> Readings:
     """Readings in places where most scans have the target."""
     is_there = heard.is_there.copy()
     is_there[target] = at
     cell, scan = np.nonzero(is_there)
-    share = named_shares(made.x_m, made.y_m, Naming(cell, scan, np.zeros_like(cell)))
+    share = named_shares(Places.of(made.x_m, made.y_m), Naming(cell, scan, np.zeros_like(cell)))
     return replace(readings_alone(made, heard, target, at), named_share=share[cell == target])
 
 
-def every(made: City, heard: Report, target: int, at: BoolArray) -> CellObservations:
+def every(made: City, heard: Report, target: int, at: BoolArray) -> Readings:
     """Each other scan is a censored reading."""
     return _observations(made, heard, target, at, ~at)
 
 
-def careful(made: City, heard: Report, target: int, at: BoolArray) -> CellObservations:
+def careful(made: City, heard: Report, target: int, at: BoolArray) -> Readings:
     """Stretches where the target comes and goes are trimmed; scans far from readings count."""
     level_dbm, keep = made.level_dbm[target], np.zeros_like(at)
     for first in range(0, SCANS, STRETCH):
@@ -112,26 +114,28 @@ WAYS: dict[str, Way] = {
 
 def _observations(
     made: City, heard: Report, target: int, at: BoolArray, censored: BoolArray
-) -> CellObservations:
+) -> Readings:
     scans = np.flatnonzero(at | censored)
     level_dbm = np.where(at, made.level_dbm[target], heard.limit_dbm)[scans]
     is_limit = censored[scans] | (level_dbm <= FLOOR_DBM)
-    return CellObservations(
-        cell="cell",
-        rat=None,
-        utm=Utm(32),
-        t_ns=scans * 10**9,
-        x_m=made.x_m[scans],
-        y_m=made.y_m[scans],
-        position_sigma_m=np.full(len(scans), POSITION_SIGMA_M),
-        level_dbm=level_dbm,
-        scan_seq=scans,
+    return Readings(
+        "cell",
+        None,
+        Places.of(
+            made.x_m[scans],
+            made.y_m[scans],
+            utm=Utm(32),
+            sigma_m=np.full(len(scans), POSITION_SIGMA_M),
+            t_ns=scans * 10**9,
+        ),
+        level_dbm,
+        scans,
         known_limit=-is_limit.astype(np.int64),
         without_spikes=True,
     )
 
 
-def desk(made: City, target: int, obs: CellObservations) -> Estimate:
+def desk(made: City, target: int, obs: Readings) -> Estimate:
     """The posterior at the desktop."""
     start = process_time()
     found = locate(obs, effort=EFFORT)
@@ -139,7 +143,7 @@ def desk(made: City, target: int, obs: CellObservations) -> Estimate:
     squares, source_m = found.squares, made.cell_m[target]
     return Estimate(
         error_m=float(np.hypot(*(source_m - (found.x_m, found.y_m)))),
-        covered=contains(squares, highest_density(squares), *source_m.tolist()),
+        covered=contains(squares, highest_density(squares), Places.of(*source_m.tolist())),
         area_m2=found.region_area_m2,
         seconds=seconds,
         p0_bias_db=found.p0_dbm - float(made.p0_dbm[target]),
@@ -147,7 +151,7 @@ def desk(made: City, target: int, obs: CellObservations) -> Estimate:
     )
 
 
-def live(made: City, target: int, obs: CellObservations) -> Estimate:
+def live(made: City, target: int, obs: Readings) -> Estimate:
     """The last estimate on the device; its region is the ellipse of the strongest mode."""
     start = process_time()
     last = last_estimate(obs)

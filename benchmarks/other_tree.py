@@ -17,15 +17,17 @@ import os, sys, json, time
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 sys.path.insert(0, sys.argv[1])
 import numpy as np
-from logger.core.geo import Utm
 from logger.core.live import live_prior
 from logger.core.live_cell import LiveCell
 try:
+    from logger.core.places import Places
+    from logger.core.readings import Readings
+except ImportError:  # before readings had places
+    from logger.core.places import Utm
     from logger.core.live_cell import LevelReading
-except ImportError:  # its name before version 0.2
-    from logger.core.live_cell import Heard as LevelReading
+    from logger.core.readings import Readings
+    Places = None
 from logger.core.live_settings import LiveSettings
-from logger.core.observations import CellObservations
 try:
     from logger.core.locator.pipeline import locate
 except ImportError:
@@ -43,8 +45,14 @@ for seed in range(3):
         level += 2.0 * rng.normal(size=600)
         level, sigma = np.round(level), np.full(600, 3.0)
         t_ns = (s * 1e9).astype(np.int64)
-        obs = CellObservations(cell="cell", rat=None, utm=Utm(32), t_ns=t_ns, x_m=x, y_m=y,
-                               position_sigma_m=sigma, level_dbm=level, scan_seq=np.arange(600))
+        if Places:
+            places = Places.of(x, y, sigma_m=sigma, t_ns=t_ns)
+            obs = Readings("cell", None, places, level, np.arange(600))
+            each = [Readings.one("cell", None, places[i], level[i]) for i in range(600)]
+        else:
+            obs = Readings("cell", None, Utm(32), t_ns, x, y, sigma, level, np.arange(600))
+            columns = x.tolist(), y.tolist(), sigma.tolist(), level.tolist()
+            each = [LevelReading(*row, 0) for row in zip(*columns)]
         begun = time.process_time()
         p = locate(obs)
         spent = time.process_time() - begun
@@ -52,8 +60,8 @@ for seed in range(3):
         results[f"locate, seed {seed}, shadowing {shadow_db} dB"] = spent, values
         cell, estimate = LiveCell(live_prior(LiveSettings())), None
         begun = time.process_time()
-        for row in zip(x.tolist(), y.tolist(), sigma.tolist(), level.tolist()):
-            estimate = cell.take(LevelReading(*row, 0)) or estimate
+        for reading in each:
+            estimate = cell.take(reading) or estimate
             if cell.stale > 1.0:
                 cell.search()
         spent = (time.process_time() - begun) / 600

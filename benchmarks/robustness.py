@@ -27,9 +27,8 @@ from scoreboard.world import World, observations
 
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
-from logger.core.locator.online_values import LevelReading
 from logger.core.locator.pipeline import locate
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from logger.core.spikes import SpikeCheck, SpikeFilter
 
 SIMULATED = (
@@ -68,20 +67,20 @@ class Comparison(NamedTuple):
     spiked: Position
 
 
-class NoGuard(SpikeFilter[LevelReading]):
+class NoGuard(SpikeFilter[Readings]):
     """Takes every level."""
 
-    def take(self, reading: LevelReading) -> list[SpikeCheck[LevelReading]]:
+    def take(self, reading: Readings, *_: object) -> list[SpikeCheck[Readings]]:
         return [SpikeCheck(reading, 0.0)]
 
 
-def offline(world: World, obs: CellObservations, *, guard: bool) -> Position:
+def offline(world: World, obs: Readings, *, guard: bool) -> Position:
     """The posterior of all readings."""
     found = locate(obs if guard else replace(obs, without_spikes=True))
     return Position(world.error_m((found.x_m, found.y_m)), found.region_area_m2)
 
 
-def live(world: World, obs: CellObservations, *, guard: bool) -> Position:
+def live(world: World, obs: Readings, *, guard: bool) -> Position:
     """The last estimate on the device."""
     last = last_estimate(obs, None if guard else NoGuard())
     xx, xy, _, _, yy, *_ = last.p
@@ -89,7 +88,7 @@ def live(world: World, obs: CellObservations, *, guard: bool) -> Position:
     return Position(world.error_m(last.state[:2]), float(area_m2))
 
 
-def with_errors(obs: CellObservations, at: list[int], spike_db: float) -> CellObservations:
+def with_errors(obs: Readings, at: list[int], spike_db: float) -> Readings:
     """The walk with some levels wrong by so much."""
     level_dbm = obs.level_dbm.copy()
     level_dbm[at] += spike_db

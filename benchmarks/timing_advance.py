@@ -17,7 +17,7 @@ import numpy as np
 from logger.core.locator.pipeline import locate
 from logger.core.locator.timing_advance import STEP_M
 from logger.core.model.prior import Prior
-from logger.core.observations import LAST_TA, CellObservations
+from logger.core.readings import LAST_TA, Readings
 from tests.kit.walks import observations, path, region_contains, shadowing
 
 SHAPES = ("L", "square", "random", "straight")
@@ -45,7 +45,7 @@ CASES = {
 
 def simulate(
     rng: np.random.Generator, shape: str, case: Case
-) -> tuple[CellObservations, tuple[float, float]]:
+) -> tuple[Readings, tuple[float, float]]:
     """Readings of a walk of 840 m with levels and timing advances, and the source."""
     x_m, y_m = path(shape, 75, 11.2)
     k, bearing, away_m = (

@@ -26,7 +26,8 @@ from scoreboard.worlds import plain
 
 from logger.core.arrays import FloatArray
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.places import Places
+from logger.core.readings import Readings
 from postproc.cell_estimation import too_few
 from postproc.verification.claim_test import PreparedWalk, around, claim_test, prepare_walk
 from postproc.verification.run_claims import blocks_of
@@ -134,7 +135,7 @@ def powers(options: argparse.Namespace) -> Json:
             share = DISPLACED[(k // len(SHAPES)) % len(DISPLACED)]
             true_m = np.array(world.sources[0])
             test = claim_test(walk, _displace(walk, true_m, share, rng)[:, None], rng)
-            (predicted,) = test.power(true_m[:1], true_m[1:], RATES[0], 48, rng, trusting=True)
+            (predicted,) = test.power(Places.of(*true_m), RATES[0], 48, rng, trusting=True)
             p = test.p_values(walk.level_dbm[:, None], trusting=True)[0]
             rows.append((share, float(p <= RATES[0]), float(predicted)))
         table = np.array(rows)
@@ -153,7 +154,9 @@ def powers(options: argparse.Namespace) -> Json:
 def _displace(
     walk: PreparedWalk, place_m: FloatArray, share: float, rng: np.random.Generator
 ) -> FloatArray:
-    away_m = float(np.min(np.hypot(walk.blocks.x_m - place_m[0], walk.blocks.y_m - place_m[1])))
+    away_m = float(
+        np.min(np.hypot(walk.blocks.places.x_m - place_m[0], walk.blocks.places.y_m - place_m[1]))
+    )
     angle = rng.uniform(0.0, 2.0 * np.pi)
     return np.asarray(
         place_m + share * max(away_m, 10.0) * np.array([np.cos(angle), np.sin(angle)]), float
@@ -176,7 +179,7 @@ def measured_walks(options: argparse.Namespace) -> Json:
         for share, outcomes in rows.items():
             claim = _displace(walk, np.array(world.sources[0]), share, rng)
             sigma_m = float(np.hypot(world.slack_m / 2.0, np.median(world.position_sigma_m)))
-            test = claim_test(walk, around(float(claim[0]), float(claim[1]), sigma_m), rng)
+            test = claim_test(walk, around(Places.of(*claim), sigma_m), rng)
             p = float(test.p_values(walk.level_dbm[:, None], trusting=False)[0])
             rules = cellguard(obs, claim), crocodile_hunter(obs, claim)
             outcomes.append((*(p <= rate for rate in RATES), *rules))
@@ -195,7 +198,7 @@ def measured_walks(options: argparse.Namespace) -> Json:
     return result
 
 
-def cellguard(obs: CellObservations, claim_m: FloatArray) -> bool:
+def cellguard(obs: Readings, claim_m: FloatArray) -> bool:
     """True for a cell received farther away than 75 km.
 
     Its margins for accuracy and speed are left out, since a walker is slow.
@@ -203,7 +206,7 @@ def cellguard(obs: CellObservations, claim_m: FloatArray) -> bool:
     return bool(np.max(np.hypot(obs.x_m - claim_m[0], obs.y_m - claim_m[1])) > CELLGUARD_M)
 
 
-def crocodile_hunter(obs: CellObservations, claim_m: FloatArray) -> bool:
+def crocodile_hunter(obs: Readings, claim_m: FloatArray) -> bool:
     """Outside the box of one standard deviation about the mean of all sightings."""
     x, y = obs.x_m, obs.y_m
     return bool(

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from logger.core.geo import Utm
 from logger.core.model.prior import ENVIRONMENTS
+from logger.core.places import Utm
 from logger.core.rows import DTYPES
 from logger.core.runfile import Run, RunMeta
 from logger.core.runfile.meta import Damage

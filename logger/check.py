@@ -13,8 +13,8 @@ from logger.command_line import missing_library
 from logger.config import SiteConfig, load_config
 from logger.core.document import Document, Word, facts
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from logger.core.geo import Utm
 from logger.core.guidance.street_atlas import StreetAtlas
+from logger.core.places import Utm
 from logger.device.check_line import Line
 from logger.device.leds import LEDS
 from logger.device.libraries import LIBRARIES, version_of

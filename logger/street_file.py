@@ -15,8 +15,8 @@ from xml.parsers import expat
 
 from logger.core.errors import ConfigError, GeoError
 from logger.core.foreign import check_regular, open_regular
-from logger.core.geo import check_position
 from logger.core.guidance.street_atlas import Line
+from logger.core.places import check_position
 
 MOST_BYTES, MOST_POINTS = 32 << 20, 500_000
 """The streets of a city of 20 x 20 km. Reading them takes 2 s on a desktop."""

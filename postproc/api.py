@@ -15,11 +15,11 @@ from threadpoolctl import threadpool_limits
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError, EstimationError
-from logger.core.geo import Utm
 from logger.core.locator.online import FEWEST_BLOCKS
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import prior_for
-from logger.core.observations import CellObservations, Observations
+from logger.core.places import Places, Utm
+from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run, read_sound_run
 from postproc.atomic_write import check_output
 from postproc.cell_estimation import locate_cell
@@ -57,7 +57,7 @@ def read_run(path: Path | str) -> Run:
 def observations(run: RunOrPath) -> Observations:
     """Readings of each cell at the walker's smoothed positions.
 
-    `cells` has one `CellObservations` per cell, most readings first: arrays of shape (n,) with
+    `cells` has one `Readings` per cell, most readings first: arrays of shape (n,) with
     `t_ns` (ns since boot), `x_m` and `y_m` (metres in the UTM zone `utm`), `position_sigma_m`
     (metres per axis) and `level_dbm`. `track` is the walk: shape (k,) for k fixes.
 
@@ -72,7 +72,7 @@ def observations(run: RunOrPath) -> Observations:
 
 @overload
 def locate(
-    readings: CellObservations,
+    readings: Readings,
     /,
     *,
     environment: str = "any",
@@ -100,7 +100,7 @@ def locate(
 
 
 def locate(
-    x_m: CellObservations | npt.ArrayLike,
+    x_m: Readings | npt.ArrayLike,
     y_m: npt.ArrayLike | None = None,
     level_dbm: npt.ArrayLike | None = None,
     *,
@@ -114,7 +114,7 @@ def locate(
 ) -> CellResult:
     """Posterior of a transmitter's position and the verdict, from the readings of one cell.
 
-    Either `CellObservations`, or bare arrays in the order of the walk: receiver positions `x_m` and
+    Either `Readings`, or bare arrays in the order of the walk: receiver positions `x_m` and
     `y_m`, shape (n,), metres in any plane with the same scale on both axes, and `level_dbm`, shape
     (n,). `position_sigma_m`, scalar or shape (n,), is the standard deviation of the receiver's
     position per axis. `rat` ("GSM", "LTE", ...) sets the modem's reporting range: readings there
@@ -127,13 +127,13 @@ def locate(
     and `posterior`, None for too few readings: `x_m`, `y_m`, `r50_m`, `r95_m` in metres, `p0_dbm`
     at 1 m, `eta`, `modes` and `squares`, each in the frame of the input.
 
-    Raises `ConfigError` for arrays of different shapes or beside `CellObservations`, values that
+    Raises `ConfigError` for arrays of different shapes or beside `Readings`, values that
     are not finite, levels outside -200 to 50 dBm, degrees in place of metres, and an unknown
     environment.
     Source: `logger.core.locator.pipeline`, where the steps of the algorithm are listed.
     """
     prior = prior_for(environment, height_m=height_m, antenna=antenna, reach=reach)
-    if isinstance(x_m, CellObservations):
+    if isinstance(x_m, Readings):
         if not (y_m is None and level_dbm is None and rat is None) or np.any(position_sigma_m):
             raise ConfigError("observations have their own y_m, level_dbm, position_sigma_m, rat")
         readings = x_m
@@ -249,7 +249,7 @@ def _bare(
     level_dbm: npt.ArrayLike,
     position_sigma_m: npt.ArrayLike,
     rat: str | None,
-) -> CellObservations:
+) -> Readings:
     x, y, level = (np.asarray(values, float) for values in (x_m, y_m, level_dbm))
     if x.ndim != 1 or not x.shape == y.shape == level.shape:
         raise ConfigError(
@@ -266,11 +266,12 @@ def _bare(
     if len(x) >= FEWEST_BLOCKS and _are_degrees(x, y):
         raise ConfigError(
             "x_m and y_m look like degrees: they are metres, and all lie within "
-            f"{_DEGREES_WITHIN:g}; Utm.at(lat_deg, lon_deg).to_xy_arrays(...) of logger.core.geo "
+            f"{_DEGREES_WITHIN:g}; Places.of_degrees(lat_deg, lon_deg) of logger.core.places "
             "converts them"
         )
     number = np.arange(len(x))
-    return CellObservations("", rat, _PLANE, number * 10**9, x, y, sigma_m, level, number)
+    places = Places.of(x, y, sigma_m=sigma_m, t_ns=number * 10**9)
+    return Readings("", rat, places, level, number)
 
 
 def _are_degrees(x: FloatArray, y: FloatArray) -> bool:

@@ -12,7 +12,7 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import timing_of
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations, SpikeLevel
+from logger.core.readings import Readings, SpikeLevel
 from logger.core.regular_naming import LEAST_SHARE
 from postproc.estimators import ekf_initialisation, least_squares, residuals
 from postproc.estimators.convergence import MOST_ETA, ended_well
@@ -26,7 +26,7 @@ FEWEST_READINGS = 5
 """Four unknowns and no redundancy: fewer readings determine nothing."""
 
 
-def estimate_cell(obs: CellObservations, options: Options = Options()) -> CellResult:
+def estimate_cell(obs: Readings, options: Options = Options()) -> CellResult:
     """Every estimator over the readings of one cell."""
     located = locate_cell(obs, options.prior, options.within_m)
     posterior = located.posterior
@@ -96,7 +96,7 @@ def _converged_only(result: CellResult) -> CellResult:
 
 
 def _is_converged(
-    estimator: Estimator, estimate: BatchFit | FilterPath | None, obs: CellObservations | None
+    estimator: Estimator, estimate: BatchFit | FilterPath | None, obs: Readings | None
 ) -> bool:
     if estimate is None or obs is None:
         return True
@@ -105,7 +105,7 @@ def _is_converged(
     return ended_well(estimate.x[-1], estimate.p[-1], obs, any_slope=estimator == REFERENCE)
 
 
-def too_few(obs: CellObservations, usable: CellObservations) -> str | None:
+def too_few(obs: Readings, usable: Readings) -> str | None:
     """Why the readings of a cell are too few for a posterior; None where they are not.
 
     `usable` are those that count.
@@ -122,7 +122,7 @@ def too_few(obs: CellObservations, usable: CellObservations) -> str | None:
     )
 
 
-def locate_cell(obs: CellObservations, prior: Prior, within_m: float = DESK_M) -> CellResult:
+def locate_cell(obs: Readings, prior: Prior, within_m: float = DESK_M) -> CellResult:
     """The posterior and its verdict, and no other estimator."""
     spikes = tuple(obs.spikes())
     everywhere = obs.everywhere(spikes)
@@ -184,7 +184,7 @@ def _regularity_warnings(n: int, n_left_out: int) -> list[str]:
 
 
 def _passes(
-    obs: CellObservations, posterior: Posterior
+    obs: Readings, posterior: Posterior
 ) -> Iterator[ekf_initialisation.EkfRun | ekf_initialisation.NoRun]:
     """Forward and backward."""
     if obs.n_modems > 1:

@@ -8,18 +8,16 @@ modem.
 import tomllib
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
 
 import numpy as np
 from pyproj import Geod
 
 from logger.core.errors import ConfigError, GeoError
-from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
-from logger.core.observations import CellObservations, Observations
+from logger.core.places import Places, Utm, join_places
+from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run
-from logger.core.track import Track
 from postproc.result import ObservedRun, RunShare
 
 FARTHEST_KM = 300.0
@@ -29,12 +27,9 @@ REACH_M = 120_000.0
 TS 36.211 100 km for LTE. So two readings of one cell are at most twice as far from each other."""
 
 _GEOD = Geod(ellps="WGS84")
-_COLUMNS = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
 
-Parts = Mapping[int, CellObservations]
+Parts = Mapping[int, Readings]
 """Readings of one cell by index of the run."""
-
-Placed = TypeVar("Placed", CellObservations, Track)
 
 
 def check_different(runs: Sequence[Run]) -> None:
@@ -73,7 +68,7 @@ def in_one_zone(runs: Sequence[ObservedRun]) -> tuple[ObservedRun, ...]:
 
 def parts_by_cell(runs: Sequence[ObservedRun], cells: Collection[str]) -> dict[str, Parts]:
     """Readings of each of the `cells` that has any with a position, by index of the run."""
-    parts: dict[str, dict[int, CellObservations]] = {}
+    parts: dict[str, dict[int, Readings]] = {}
     for i, run in enumerate(runs):
         for obs in run.observations.cells if run.observations else ():
             if obs.cell in cells:
@@ -98,15 +93,12 @@ def parts_of_most_heard_modems(parts: Parts, modems: Sequence[int]) -> Parts:
     return {i: part for (i, part), number in chosen if np.any(most_heard == number)}
 
 
-def merge(parts: Parts, modems: Sequence[int]) -> CellObservations:
+def merge(parts: Parts, modems: Sequence[int]) -> Readings:
     """Readings of a cell, run after run, those of each in time order.
 
     `modems` has the number of the modem of each run.
     """
     series = list(parts.values())
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(obs, name) for obs in series]) for name in _COLUMNS
-    }
     numbers = _number_from_zero([modems[i] for i in parts])
     modem = np.repeat(numbers, [len(obs) for obs in series]) if max(numbers) else None
     rat = next((obs.rat for obs in series if obs.rat), None)
@@ -115,7 +107,16 @@ def merge(parts: Parts, modems: Sequence[int]) -> CellObservations:
     shares = [np.ones(len(o)) if o.named_share is None else o.named_share for o in series]
     is_unknown = all(obs.named_share is None for obs in series)
     named_share = None if is_unknown else np.concatenate(shares)
-    return replace(series[0], rat=rat, modem=modem, ta=ta, named_share=named_share, **joined)
+    return replace(
+        series[0],
+        rat=rat,
+        places=join_places([obs.places for obs in series]),
+        level_dbm=np.concatenate([obs.level_dbm for obs in series]),
+        scan_seq=np.concatenate([obs.scan_seq for obs in series]),
+        modem=modem,
+        ta=ta,
+        named_share=named_share,
+    )
 
 
 def shares_of(
@@ -161,25 +162,16 @@ def modem_identity(run: Run) -> Hashable | None:
     return (port, driver, run.meta.boot_id) if run.meta.boot_id else None
 
 
-def starts_apart_m(one: Placed, other: Placed) -> float:
+def starts_apart_m(one: Places, other: Places) -> float:
     """Distance between the first positions."""
-    return float(_GEOD.inv(*_start_deg(one), *_start_deg(other))[2])
-
-
-def _start_deg(placed: CellObservations | Track) -> tuple[float, float]:
-    """Longitude and latitude of the first position."""
-    lat_deg, lon_deg = placed.utm.to_latlon(float(placed.x_m[0]), float(placed.y_m[0]))
-    return lon_deg, lat_deg
+    return float(_GEOD.inv(*one.first_deg[::-1], *other.first_deg[::-1])[2])
 
 
 def _observations_in(observations: Observations, utm: Utm) -> Observations:
     cells = tuple(in_zone(obs, utm) for obs in observations.cells)
-    return replace(observations, track=in_zone(observations.track, utm), cells=cells)
+    return replace(observations, track=observations.track.in_zone(utm), cells=cells)
 
 
-def in_zone(placed: Placed, utm: Utm) -> Placed:
-    """The same positions in another zone."""
-    if placed.utm == utm:
-        return placed
-    x_m, y_m = utm.to_xy_arrays(*placed.utm.to_latlon_arrays(placed.x_m, placed.y_m))
-    return replace(placed, utm=utm, x_m=x_m, y_m=y_m)
+def in_zone(obs: Readings, utm: Utm) -> Readings:
+    """The same readings in another zone."""
+    return replace(obs, places=obs.places.in_zone(utm))

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.observations import CellObservations, Observations
+from logger.core.places import Places, index_of, join_places
+from logger.core.readings import Observations, Readings
 from logger.core.regular_naming import NEAR_M
 from logger.core.rows import Rows, numbered_texts
-from logger.core.track import index_of
 
 _LEAST_LISTS = 0.05
 """Share of the scans of a technology: with fewer lists of cells a modem names its own cell only."""
@@ -27,23 +27,21 @@ def with_named_shares(observations: Observations, readings: Rows) -> Observation
     """The observations, each reading with the share of the scans near it that name its cell."""
     if not observations.cells:
         return observations
-    columns = ("scan_seq", "t_ns", "x_m", "y_m")
-    scan_seq, t_ns, x_m, y_m = (
-        np.concatenate([getattr(obs, name) for obs in observations.cells]) for name in columns
-    )
+    scan_seq = np.concatenate([obs.scan_seq for obs in observations.cells])
+    places = join_places([obs.places for obs in observations.cells])
     seq, at = np.unique(scan_seq, return_index=True)
-    at = at[np.argsort(t_ns[at], kind="stable")]
+    at = at[np.argsort(places.t_ns[at], kind="stable")]
     number = np.argsort(scan_seq[at])  # of each scan in the order of the walk
     names, cell = numbered_texts(readings["cell"])
     rat = numbered_texts(readings["rat"])[1]
     place, is_known = index_of(seq, readings["seq"])
     counts = is_known & (readings["cell"] != b"")
     naming = Naming(cell[counts], number[place[counts]], rat[counts])
-    share = named_shares(x_m[at], y_m[at], naming)
+    share = named_shares(places.part(at), naming)
     key, first = np.unique(naming.cell * len(seq) + naming.scan, return_index=True)
     numbers = {name.decode("utf-8", "replace"): k for k, name in enumerate(names.tolist())}
 
-    def with_share(obs: CellObservations) -> CellObservations:
+    def with_share(obs: Readings) -> Readings:
         scan = number[np.searchsorted(seq, obs.scan_seq)]
         row = first[np.searchsorted(key, numbers[obs.cell] * len(seq) + scan)]
         return replace(obs, named_share=share[row])
@@ -51,17 +49,17 @@ def with_named_shares(observations: Observations, readings: Rows) -> Observation
     return replace(observations, cells=tuple(map(with_share, observations.cells)))
 
 
-def named_shares(x_m: FloatArray, y_m: FloatArray, naming: Naming) -> FloatArray:
+def named_shares(places: Places, naming: Naming) -> FloatArray:
     """Share of the scans near that of each row which name its cell, (r,).
 
-    `x_m, y_m` (s,) are the places of the scans in the order of the walk. A scan that does not name
+    `places` (s,) are those of the scans in the order of the walk. A scan that does not name
     a cell says that it is weak if it lists cells of that technology; a scan that names the serving
     cell alone says so only where no other scans are.
     """
-    along_m = np.append(0.0, np.cumsum(np.hypot(np.diff(x_m), np.diff(y_m))))
+    along_m = np.append(0.0, np.cumsum(np.hypot(*np.diff(places.xy_m, axis=1))))
     first = np.searchsorted(along_m, along_m - NEAR_M, side="left")
     end = np.searchsorted(along_m, along_m + NEAR_M, side="right")
-    lists = {rat: _lists(naming, rat, len(x_m)) for rat in np.unique(naming.rat).tolist()}
+    lists = {rat: _lists(naming, rat, len(places)) for rat in np.unique(naming.rat).tolist()}
     share = np.zeros(len(naming.cell))
     order = np.argsort(naming.cell, kind="stable")
     change = 1 + np.flatnonzero(np.diff(naming.cell[order]))

@@ -14,7 +14,7 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.timing_advance import TimingCheck
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import ENVIRONMENTS, Prior
-from logger.core.observations import CellObservations, Observations, SpikeLevel
+from logger.core.readings import Observations, Readings, SpikeLevel
 from logger.core.runfile import Run
 from logger.core.types import Verdict
 from postproc.cell_work import Failure
@@ -101,7 +101,7 @@ class CellResult:
 
     cell: str
     n: int
-    obs: CellObservations | None
+    obs: Readings | None
     verdict: Verdict
     warnings: tuple[str, ...]
     posterior: Posterior | None = None
@@ -126,7 +126,7 @@ class CellResult:
         """The posterior in degrees; None without one."""
         if self.posterior is None or self.obs is None:
             return None
-        return place_of(self.posterior, self.obs.utm)
+        return place_of(self.posterior)
 
     def after(self, why: Failure) -> "CellResult":
         """The row of the cell where work on its result failed."""
@@ -160,14 +160,12 @@ class Result:
     def answer(self, cell: CellResult) -> Answer:
         """The answer about one of the cells."""
         heard = [share.run for share in cell.shares] or range(len(self.runs))
-        first_ns = last_ns = utm = None
-        if cell.obs is not None:
-            utm = cell.obs.utm
-            if len(cell.obs):
-                first_ns, last_ns = cell.obs.t_ns[[0, -1]].tolist()
+        first_ns = last_ns = None
+        if cell.obs is not None and len(cell.obs):
+            first_ns, last_ns = cell.obs.t_ns[[0, -1]].tolist()
         runs = tuple(self.runs[i].run.path.name for i in heard)
         made_from = Provenance(cell.n, first_ns, last_ns, cell.n_scans, runs)
-        return answer_of(cell.cell, cell.verdict, cell.warnings, made_from, cell.posterior, utm)
+        return answer_of(cell.cell, cell.verdict, cell.warnings, made_from, cell.posterior)
 
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from logger.core.observations import Observations
+from logger.core.readings import Observations
 from logger.core.runfile import Run
 from postproc.result import CellResult, ObservedRun, Options, Result
 

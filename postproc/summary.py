@@ -14,11 +14,11 @@ from logger.core.answer import Mode, Parameters, Place, Position, parameters_of
 from logger.core.arrays import FloatArray
 from logger.core.document import Column, Degrees, Document, Line, Measured, Table, Value, Word
 from logger.core.ellipse import RADII, Ellipse, ellipse95
-from logger.core.geo import Utm
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import HALF, LEVEL, area_m2
 from logger.core.locator.rivals import share_text
+from logger.core.places import Places, Utm
 from logger.core.runfile import Run
 from postproc import result_json as form
 from postproc.cell_work import Failure, attempt
@@ -344,8 +344,8 @@ def _region(posterior: Posterior, utm: Utm, level: float) -> form.Region:
     )
 
 
-def _degrees(utm: Utm, x_m: float, y_m: float) -> dict[str, float]:
-    return dict(zip(("lat", "lon"), utm.to_latlon(float(x_m), float(y_m)), strict=True))
+def _degrees(place: Places) -> dict[str, float]:
+    return dict(zip(("lat", "lon"), place.first_deg, strict=True))
 
 
 def _without(rest: CellResult, left_out: Run) -> form.Without:
@@ -362,7 +362,7 @@ def _without(rest: CellResult, left_out: Run) -> form.Without:
 def _state(x: FloatArray, p: FloatArray, utm: Utm) -> dict[str, Any]:
     """A Gaussian estimate: state (4,), covariance (4, 4)."""
     return {
-        **_degrees(utm, x[0], x[1]),
+        **_degrees(Places.of(x[0], x[1], utm=utm)),
         "drms_m": ekf.drms_m(ekf.upper_triangle(p)),
         "p0_dbm": float(x[2]),
         "p0_sigma_db": float(np.sqrt(max(p[2, 2], 0.0))),
@@ -393,7 +393,7 @@ def _least_squares(result: CellResult) -> form.LeastSquares:
         converged=fit.converged,
         bounded=fit.bounded,
         correlation_inflation=fit.inflation,
-        rivals=[form.Point(**_degrees(utm, rival[0], rival[1])) for rival in fit.rivals],
+        rivals=[form.Point(**_degrees(Places.of(*rival[:2], utm=utm))) for rival in fit.rivals],
     )
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from logger.core.arrays import FloatArray, IntArray
+from logger.core.arrays import IntArray
 from logger.core.errors import EstimationError
-from logger.core.observations import CellObservations, Observations, observe, scan_times_ns
+from logger.core.places import TIMING_S, UNKNOWN_SIGMA_M, Places, index_of, smeared_sigma_m
 from logger.core.provenance import has_times, is_import
+from logger.core.readings import Observations, Readings, observe, scan_times_ns
 from logger.core.rows import Rows
 from logger.core.runfile import Run
-from logger.core.track import TIMING_S, UNKNOWN_SIGMA_M, index_of, smeared_sigma_m
 from postproc.estimators import stale_fixes, track_plausibility, walker
 from postproc.estimators.walker import SmoothedTrack
 from postproc.named_shares import with_named_shares
@@ -53,10 +53,10 @@ def _as_written(observations: Observations) -> Observations:
     track = observations.track
     more_m = stale_fixes.written_sigma_m(track)
 
-    def widen(obs: CellObservations) -> CellObservations:
+    def widen(obs: Readings) -> Readings:
         fix = np.maximum(np.searchsorted(track.t_ns, obs.t_ns, side="right") - 1, 0)
-        sigma_m = np.hypot(np.maximum(obs.position_sigma_m, UNKNOWN_SIGMA_M), more_m[fix])
-        return replace(obs, position_sigma_m=sigma_m)
+        sigma_m = np.hypot(np.maximum(obs.places.sigma_m, UNKNOWN_SIGMA_M), more_m[fix])
+        return replace(obs, places=replace(obs.places, sigma_m=sigma_m))
 
     return replace(observations, cells=tuple(widen(obs) for obs in observations.cells))
 
@@ -78,27 +78,27 @@ def _place_readings(
     begin_ns, end_ns = scans["t_start_ns"], scans["t_ns"]
     of_scan = _place(track, (begin_ns + end_ns) // 2, begin_ns, end_ns)
 
-    def place_cell(obs: CellObservations) -> CellObservations:
-        index, is_there = index_of(scans["seq"], obs.scan_seq) if len(scans) else (None, False)
+    def place_cell(obs: Readings) -> Readings:
+        index, is_there = (
+            index_of(scans["seq"], obs.scan_seq) if len(scans) else (obs.scan_seq, False)
+        )
         if np.all(is_there):  # all cells of a scan are at one place
-            x_m, y_m, sigma_m = (values[index] for values in of_scan)
+            places = replace(of_scan.part(index), t_ns=obs.t_ns)
         else:
-            x_m, y_m, sigma_m = _place(track, obs.t_ns, *scan_times_ns(scans, obs))
-        return replace(obs, x_m=x_m, y_m=y_m, position_sigma_m=sigma_m)
+            places = _place(track, obs.t_ns, *scan_times_ns(scans, obs))
+        return replace(obs, places=places)
 
     return replace(observations, cells=tuple(place_cell(obs) for obs in observations.cells))
 
 
-def _place(
-    track: SmoothedTrack, t_ns: IntArray, begin_ns: IntArray, end_ns: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Position and its sigma per axis of readings at times between others, shape (n,) each."""
+def _place(track: SmoothedTrack, t_ns: IntArray, begin_ns: IntArray, end_ns: IntArray) -> Places:
+    """Places of readings at times between others."""
     placed = track.at(t_ns)
     before, after = (track.at(t_ns + shift) for shift in (-(10**9) // 2, 10**9 // 2))
     late_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
     begun, ended = track.at(begin_ns), track.at(end_ns)
     smear_m = smeared_sigma_m(np.hypot(ended.x_m - begun.x_m, ended.y_m - begun.y_m))
-    return placed.x_m, placed.y_m, np.sqrt(placed.sigma_m**2 + late_m**2 + smear_m**2)
+    return replace(placed, sigma_m=np.sqrt(placed.sigma_m**2 + late_m**2 + smear_m**2))
 
 
 def _describe_moved_fixes(track: SmoothedTrack) -> list[str]:

@@ -162,7 +162,7 @@ def test_a_file_that_is_too_large_says_what_fits(tmp_path):
 PROGRAM = """
 import re, sys
 from pathlib import Path
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from logger.core.guidance.street_atlas import StreetAtlas
 from logger.device.memory import give_back
 from logger.street_file import read_lines

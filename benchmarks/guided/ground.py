@@ -7,6 +7,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.guidance.street_map import StreetMap
+from logger.core.places import Places
 
 LEG_M = 100.0
 DIRECTIONS = 8
@@ -39,7 +40,7 @@ class Streets:
         self._streets = streets
 
     def start(self) -> Node:
-        return self._streets.nearest_crossing(0.0, 0.0)
+        return self._streets.nearest_crossing(Places.of(0.0, 0.0))
 
     def at_m(self, node: Node) -> FloatArray:
         return self._streets.crossing_m[number_of(node)]

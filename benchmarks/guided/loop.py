@@ -8,9 +8,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.geo import Utm
 from logger.core.guidance.street_atlas import Line
 from logger.core.model.prior import Prior
+from logger.core.places import Utm
 from postproc.guidance.filter import GuideFilter, GuideLine
 
 from .ground import Ground, Node, Way

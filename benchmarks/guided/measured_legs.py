@@ -18,7 +18,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, shortest_path
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.geo import Utm
+from logger.core.places import Utm
 
 from .ground import Node, Way, number_of
 from .world import SPEED_MPS

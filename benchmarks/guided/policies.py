@@ -158,7 +158,7 @@ def one_leg(walker: Walker) -> Way:
     sample = draw(task, tree, tree.mixture(task.walk.prior), walker.legs)
     forecaster = Forecaster(sample, task.walk.blocks, task.walk.prior)
     came_m = walker.ground.at_m(walker.node) - walker.ground.at_m(walker.before)
-    course = Course(azimuth_deg((0.0, 0.0), came_m.tolist()), np.zeros((0, 2)))
+    course = Course(azimuth_deg(came_m), np.zeros((0, 2)))
     ways = walker.ways()
     routes = [Route(way.line_m + walker.origin_m) for way in ways]
     best = plans(forecaster, routes, course, has_map=True)[0].route

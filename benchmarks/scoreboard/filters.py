@@ -17,6 +17,7 @@ from filterpy.kalman import (  # type: ignore[import-untyped]
 from logger.core import ekf as reference_ekf
 from logger.core.arrays import FloatArray
 from logger.core.model.path_loss import MIN_DISTANCE_M
+from logger.core.places import Places
 
 from . import ours
 from .answer import Answer, gaussian
@@ -28,7 +29,7 @@ _START_SIGMA_M = 200.0
 
 def reference(world: World) -> Answer:
     """The specification's EKF."""
-    state = reference_ekf.start(float(world.walk.x_m[0]), float(world.walk.y_m[0]))
+    state = reference_ekf.start(Places.of(float(world.walk.x_m[0]), float(world.walk.y_m[0])))
     for reading in _readings(world.walk):
         state = reference_ekf.step(state, *reading).state
     return gaussian(np.array(state[:4]), reference_ekf.covariance_matrix(state.p))

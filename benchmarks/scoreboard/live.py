@@ -4,19 +4,15 @@ from logger.core.errors import EstimationError
 from logger.core.live import live_prior
 from logger.core.live_cell import CellEstimate, LiveCell
 from logger.core.live_settings import LiveSettings
-from logger.core.locator.online_values import LevelReading
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from logger.core.spikes import SpikeFilter
 
 
-def last_estimate(
-    obs: CellObservations, spikes: SpikeFilter[LevelReading] | None = None
-) -> CellEstimate:
+def last_estimate(obs: Readings, spikes: SpikeFilter[Readings] | None = None) -> CellEstimate:
     """The last estimate of a cell; raises `EstimationError` where there is none."""
     cell, last = LiveCell(live_prior(LiveSettings()), spikes), None
-    columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
-    for row in zip(*(column.tolist() for column in columns), strict=True):
-        last = cell.take(LevelReading(*row)) or last
+    for reading in obs:
+        last = cell.take(reading) or last
         if cell.stale > 1.0:
             cell.search()
     if last is None:

@@ -87,7 +87,7 @@ def score_walk(
 def _score(
     trace: Trace,
     variant: str,
-    obs: tree.CellObservations,
+    obs: tree.Readings,
     prior: Prior,
     source: Place,
     strongest_m: float,

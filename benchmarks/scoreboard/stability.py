@@ -11,7 +11,7 @@ from zlib import crc32
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 from . import traces, tree
 from .tables import Table, three_digits
@@ -74,23 +74,22 @@ class Disturbed:
         return is_wrong and (self.before.verdict != "located" or self.before.is_covered)
 
 
-def disturb(obs: CellObservations, rng: np.random.Generator) -> CellObservations:
+def disturb(obs: Readings, rng: np.random.Generator) -> Readings:
     """The readings with small errors; levels at a limit of the modem's scale stay there."""
     east_m, north_m = rng.normal(0.0, POSITION_M, (2, len(obs)))
     level_db = np.where(obs.limit == 0, rng.normal(0.0, LEVEL_DB, len(obs)), 0.0)
     return replace(
         obs,
-        x_m=obs.x_m + east_m,
-        y_m=obs.y_m + north_m,
+        places=replace(obs.places, x_m=obs.x_m + east_m, y_m=obs.y_m + north_m),
         level_dbm=obs.level_dbm + level_db,
         known_limit=obs.limit,
     )
 
 
-Answering = Callable[[CellObservations, tuple[float, float]], Answer]
+Answering = Callable[[Readings, tuple[float, float]], Answer]
 
 
-def answer(obs: CellObservations, source: tuple[float, float]) -> Answer:
+def answer(obs: Readings, source: tuple[float, float]) -> Answer:
     """What the tree under test says of a walk."""
     posterior = tree.locate(obs)
     region = tree.region(posterior)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 from . import tree
 from .world import Place, Walk, World
@@ -65,7 +65,7 @@ def names(classes: str) -> tuple[tuple[str, str], ...]:
     return tuple((one.campaign, one.name) for one in traces() if one.geometry in classes)
 
 
-def observe(dataset: str, trace: str) -> tuple[CellObservations, Place]:
+def observe(dataset: str, trace: str) -> tuple[Readings, Place]:
     """Readings of a measured walk as `postproc import FILE` has them, and the transmitter."""
     truth = _truth(dataset)
     about = truth["traces"][trace]

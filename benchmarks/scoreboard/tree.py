@@ -13,7 +13,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import LEVEL, highest_density
-from logger.core.observations import CellObservations, Observations
+from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run, read_run
 from postproc.interop.importing import import_walk
 
@@ -52,7 +52,7 @@ __all__ = [
 ]
 
 
-def observations(file: Path) -> CellObservations:
+def observations(file: Path) -> Readings:
     """Readings of the only cell of a file, at the walker's smoothed positions.
 
     The steps are those of `postproc import` and `postproc smooth`, without options.

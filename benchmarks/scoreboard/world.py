@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.geo import Utm
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 
 Place = tuple[float, float]
 
@@ -130,18 +130,20 @@ class World:
         )
 
 
-def observations(world: World, walk: Walk) -> CellObservations:
+def observations(world: World, walk: Walk) -> Readings:
     """A walk of a world as the locator wants it."""
     count = len(walk)
     t_s = np.arange(count, dtype=float) if world.t_s is None else world.t_s
-    return CellObservations(
-        cell="cell",
-        rat="GSM" if world.floor_dbm is not None else None,  # its scale has the limit
-        utm=world.utm,
-        t_ns=np.asarray(np.round(t_s * 1e9), np.int64),
-        x_m=walk.x_m,
-        y_m=walk.y_m,
-        position_sigma_m=np.broadcast_to(world.position_sigma_m, (count,)).astype(float),
-        level_dbm=walk.level_dbm,
-        scan_seq=np.arange(count),
+    return Readings(
+        "cell",
+        "GSM" if world.floor_dbm is not None else None,
+        Places.of(
+            walk.x_m,
+            walk.y_m,
+            utm=world.utm,
+            sigma_m=np.broadcast_to(world.position_sigma_m, (count,)).astype(float),
+            t_ns=np.asarray(np.round(t_s * 1e9), np.int64),
+        ),
+        walk.level_dbm,
+        np.arange(count),
     )

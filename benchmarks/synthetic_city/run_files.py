@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.synthetic_city.walks import FIRST_UTC_NS
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from logger.core.runfile import RunMeta, RunWriter, convert_journal
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.survey.walk_readings import WalkReadings

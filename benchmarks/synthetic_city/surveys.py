@@ -7,7 +7,7 @@ import shapely
 
 from benchmarks.synthetic_city.walks import Walker, draw_walk
 from benchmarks.synthetic_city.world import ORIGIN_M, ZONE, City
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from postproc.result import Options
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey

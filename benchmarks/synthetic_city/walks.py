@@ -14,6 +14,7 @@ from benchmarks.synthetic_city.world import (
     ZONE,
     City,
 )
+from logger.core.places import Places
 from postproc.named_shares import Naming, named_shares
 from postproc.survey.walk_readings import HeardCell, SurveyRun, WalkReadings
 
@@ -112,7 +113,7 @@ def _named_shares(said_m: np.ndarray, cell: np.ndarray, scan: np.ndarray) -> np.
     """As `postproc.walk` has them, of readings in scans (n,) at places (n, 2)."""
     _, first, number = np.unique(scan, return_index=True, return_inverse=True)
     naming = Naming(cell, number, np.zeros(len(cell), np.int64))
-    return named_shares(*said_m[first].T, naming)
+    return named_shares(Places.of(*said_m[first].T), naming)
 
 
 def _near(city: City, walk_m: np.ndarray) -> np.ndarray:

@@ -16,7 +16,6 @@ from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.types import Verdict
 
 if TYPE_CHECKING:  # the status is written before numpy is imported
-    from logger.core.geo import Utm
     from logger.core.locator.alternatives import Alternative
     from logger.core.locator.posterior import Posterior
     from logger.core.model.prior import Prior
@@ -136,25 +135,24 @@ def answer_of(
     reasons: Iterable[str],
     provenance: Provenance,
     posterior: "Posterior | None",
-    utm: "Utm | None",
 ) -> Answer:
-    """The answer that the verdict on a posterior, in the zone `utm`, gives; or on none."""
+    """The answer that the verdict on a posterior gives; or on none."""
     place = parameters = None
-    if posterior is not None and utm is not None:
-        place, parameters = place_of(posterior, utm), parameters_of(posterior)
+    if posterior is not None:
+        place, parameters = place_of(posterior), parameters_of(posterior)
     return Answer(cell, verdict, tuple(reasons), provenance, place, parameters)
 
 
-def place_of(posterior: "Posterior", utm: "Utm") -> Place:
-    """A posterior of the zone `utm` in degrees."""
+def place_of(posterior: "Posterior") -> Place:
+    """A posterior in degrees."""
     relevant = relevant_modes(posterior.modes)
     percents = dict(zip(map(id, relevant), whole_percents(relevant), strict=True))
     strongest = posterior.strongest
-    strongest_lat, strongest_lon = utm.to_latlon(strongest.x_m, strongest.y_m)
-    lat, lon = utm.to_latlon(posterior.x_m, posterior.y_m)
+    strongest_lat, strongest_lon = strongest.places.first_deg
+    lat, lon = posterior.place.first_deg
     modes = []
     for mode in posterior.modes:
-        mode_lat, mode_lon = utm.to_latlon(mode.x_m, mode.y_m)
+        mode_lat, mode_lon = mode.place.first_deg
         modes.append(
             Mode(
                 lat=mode_lat,
@@ -173,7 +171,7 @@ def place_of(posterior: "Posterior", utm: "Utm") -> Place:
         area_m2=posterior.region_area_m2,
         modes=tuple(modes),
         strongest=StrongestReading(
-            lat=strongest_lat, lon=strongest_lon, level_dbm=strongest.level_dbm
+            lat=strongest_lat, lon=strongest_lon, level_dbm=strongest.level_dbm.item()
         ),
     )
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.model.path_loss import level_gradient
+from logger.core.places import Places
 
 # all five values are the specification's
 P0_START_DBM = -40.0
@@ -46,11 +47,11 @@ class EkfStep(NamedTuple):
     innovation_var_db2: float
 
 
-def start(receiver_x_m: float, receiver_y_m: float) -> EkfState:
+def start(place: Places) -> EkfState:
     """State before the first reading: at the receiver, P = 1000 I."""
     v = VARIANCE_START
     p = (v, 0.0, 0.0, 0.0, v, 0.0, 0.0, v, 0.0, v)
-    return EkfState(receiver_x_m, receiver_y_m, P0_START_DBM, ETA_START, p)
+    return EkfState(place.x_m.item(), place.y_m.item(), P0_START_DBM, ETA_START, p)
 
 
 def jacobian(
@@ -100,6 +101,12 @@ def step(
         e,
         s,
     )
+
+
+def correct(state: EkfState, place: Places, level_dbm: float, *, joseph: bool = False) -> EkfStep:
+    """Predict and correct with a level at a place, by `joseph_step` or by `step`."""
+    one_step = joseph_step if joseph else step
+    return one_step(state, place.x_m.item(), place.y_m.item(), level_dbm)
 
 
 def joseph_step(

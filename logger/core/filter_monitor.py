@@ -1,7 +1,6 @@
 """Watches a running EKF and decides when to discard it.
 
-Three values are followed. Each raises its alarm only after several readings, so that one outlier
-discards nothing.
+Three values are followed, each over several readings, so that one outlier discards nothing.
 
 - Normalised innovations squared (NIS), 1 on average for a consistent filter: their exponentially
   weighted mean against the upper bound of a chi-square mean with as many degrees of freedom as the
@@ -18,6 +17,7 @@ eta and shadowing absorb the error, and only the locator reveals it.
 from math import hypot, isnan, sqrt
 from typing import NamedTuple
 
+from logger.core.arrays import FloatArray
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
 
 CLOSE = 0.15
@@ -104,11 +104,13 @@ class FilterMonitor(NamedTuple):
         return _after_nis(monitor, step.innovation_db**2 / step.innovation_var_db2)
 
     def after_search(
-        self, state: ShadowState, x_m: float, y_m: float, covariance: tuple[float, float, float]
+        self, state: ShadowState, mean: FloatArray, covariance: FloatArray
     ) -> "FilterMonitor":
-        """The monitor beside the locator's best position; `covariance` is that one's xx, xy, yy."""
+        """The monitor beside the locator's mode: [x, y, P0, eta] and its covariance (4, 4)."""
+        (mode_xx, mode_xy), (_, mode_yy) = covariance[:2, :2].tolist()
+        x_m, y_m, _, _ = mean.tolist()
         xx, xy, _, _, yy, *_ = static_covariance(state.factors)
-        xx, xy, yy = xx + covariance[0], xy + covariance[1], yy + covariance[2]
+        xx, xy, yy = xx + mode_xx, xy + mode_xy, yy + mode_yy
         east, north = state.x_m - x_m, state.y_m - y_m
         squares = yy * east * east - 2.0 * xy * east * north + xx * north * north
         apart2 = squares / (xx * yy - xy * xy)

@@ -6,11 +6,9 @@ the cell that needs it most is searched again: a bounded amount of work for any 
 """
 
 from dataclasses import replace
-from math import hypot
 
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.censoring import limit_of
-from logger.core.geo import Utm
 from logger.core.guidance.followed_cell import FollowedCell
 from logger.core.guidance.street_atlas import StreetAtlas, Streets
 from logger.core.identities import Identities
@@ -19,11 +17,11 @@ from logger.core.live_cell import CellEstimate, LiveCell
 from logger.core.live_receiver import Receiver, ReceiverTrack
 from logger.core.live_reference import LiveReference
 from logger.core.live_settings import FOLLOW, LiveSettings
-from logger.core.locator.online_values import LevelReading
 from logger.core.model.prior import Prior, prior_for
+from logger.core.places import TIMING_S, Places, Utm
+from logger.core.readings import Readings
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import error_notes, finding_notes
-from logger.core.track import TIMING_S
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
 _MOST_ONCE = 100
@@ -50,7 +48,7 @@ class LiveTracker:
         self._track = ReceiverTrack(settings.max_fix_age_s)
         self._reference = LiveReference(settings)
         self._identities = Identities()
-        self._once: Latest[LevelReading] = Latest(_MOST_ONCE)
+        self._once: Latest[Readings] = Latest(_MOST_ONCE)
         self._cells: Latest[LiveCell] = Latest(settings.most_cells)
         self.suspicion = SuspicionTracker(settings.max_fix_age_s, baseline)
         self.followed: FollowedCell | None = None
@@ -83,35 +81,33 @@ class LiveTracker:
 
     def _take_scan(self, seq: int, t_ns: int, scan: Scan) -> list[Note | LiveEstimate]:
         self._identities.add(scan)
-        receiver, utm = self._track.at_scan(t_ns, scan), self._track.utm
-        if receiver is None or utm is None:
+        receiver = self._track.at_scan(t_ns, scan)
+        if receiver is None:
             return []
-        results = self._step_reference(seq, t_ns, scan, receiver, utm)
+        results = self._step_reference(seq, t_ns, scan, receiver.place)
         for name, reading, level_dbm in _levels(scan):
-            located = _at_receiver(receiver, level_dbm, reading)
+            located = _at_receiver(name, receiver, level_dbm, reading)
             if name in self._identities:
-                results += self._take_reading(seq, name, located, utm)
+                results += self._take_reading(seq, name, located)
             elif not reading.identity_unsure:
                 self._once.put(name, located)
         self._search()
         return results
 
     def _step_reference(
-        self, seq: int, t_ns: int, scan: Scan, receiver: Receiver, utm: Utm
+        self, seq: int, t_ns: int, scan: Scan, place: Places
     ) -> list[Note | LiveEstimate]:
         known = tuple(r for r in scan.readings if r.cell in self._identities)
         known_scan = replace(scan, readings=known)
         suspect = self.suspicion.worst
-        change = self._reference.choose(t_ns, known_scan, receiver.x_m, receiver.y_m, suspect)
-        estimate = self._reference.step(known_scan, receiver.x_m, receiver.y_m)
+        change = self._reference.choose(t_ns, known_scan, place, suspect)
+        estimate = self._reference.step(known_scan, place)
         results: list[Note | LiveEstimate] = [] if change is None else [change]
         if estimate is not None and self.target is not None:
-            results.append(_record(seq, self.target, self._reference.n, utm, estimate))
+            results.append(_record(seq, self.target, self._reference.n, place.utm, estimate))
         return results
 
-    def _take_reading(
-        self, seq: int, name: str, located: LevelReading, utm: Utm
-    ) -> list[Note | LiveEstimate]:
+    def _take_reading(self, seq: int, name: str, located: Readings) -> list[Note | LiveEstimate]:
         cell = self._cells.get(name) or LiveCell(self._prior)
         self._cells.put(name, cell)
         first = self._once.pop(name, None)
@@ -121,18 +117,18 @@ class LiveTracker:
         notes = [Note("info", code, f"{name}: {text}") for code, text in cell.news]
         if estimate is None:
             return [*notes]
-        return [*notes, _record(seq, name, cell.n, utm, estimate)]
+        return [*notes, _record(seq, name, cell.n, located.utm, estimate)]
 
     def _guide(self) -> list[Note]:
         """The advice for the target, if there is a new one."""
-        receiver, utm, target = self._track.latest, self._track.utm, self.target
-        if receiver is None or utm is None or target is None or target not in self._cells:
+        receiver, target = self._track.latest, self.target
+        if receiver is None or target is None or target not in self._cells:
             return []
-        x_m, y_m = receiver.x_m, receiver.y_m
+        here = receiver.place
         if self.followed is None or self.followed.cell != target:
-            self.followed = FollowedCell(target, utm, self._streets.near(utm, x_m, y_m))
+            self.followed = FollowedCell(target, self._streets.near(here))
         before = self.followed.advice
-        self.followed.update(x_m, y_m, self._cells[target].locator)
+        self.followed.update(here, self._cells[target].locator)
         advice = self.followed.advice
         if advice is None or advice is before:
             return []
@@ -164,11 +160,10 @@ def _levels(scan: Scan) -> list[tuple[str, CellReading, float]]:
     return list(first.values())
 
 
-def _at_receiver(receiver: Receiver, level_dbm: float, reading: CellReading) -> LevelReading:
-    """A level with the walker's position; walking during its measurement adds to the sigma."""
-    sigma_m = hypot(receiver.sigma_m, TIMING_S * receiver.speed_mps)
-    limit = limit_of(level_dbm, reading.rat)
-    return LevelReading(receiver.x_m, receiver.y_m, sigma_m, level_dbm, limit)
+def _at_receiver(cell: str, receiver: Receiver, level_dbm: float, reading: CellReading) -> Readings:
+    """A level with the walker's place; walking during its measurement adds to the sigma."""
+    place = receiver.place.less_sure(TIMING_S * receiver.speed_mps)
+    return Readings.one(cell, reading.rat, place, level_dbm, limit_of(level_dbm, reading.rat))
 
 
 def _record(seq: int, cell: str, n: int, utm: Utm, estimate: CellEstimate) -> LiveEstimate:

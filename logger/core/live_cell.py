@@ -15,9 +15,10 @@ from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
 from logger.core.filter_monitor import CLOSE, FilterMonitor, widest
 from logger.core.locator.online import OnlineLocator
-from logger.core.locator.online_values import LevelReading, StrongestMode
+from logger.core.locator.online_values import StrongestMode
 from logger.core.model.path_loss import level_gradient
 from logger.core.model.prior import Prior
+from logger.core.readings import Readings, in_order
 from logger.core.repeated_levels import CacheTest
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
 from logger.core.shadow_noise import candidates, likeliest
@@ -57,12 +58,12 @@ class _RunningEkf(NamedTuple):
 class LiveCell:
     """Estimate of one cell; `news` are the events of the last reading, as (code, text)."""
 
-    def __init__(self, prior: Prior, spikes: SpikeFilter[LevelReading] | None = None) -> None:
+    def __init__(self, prior: Prior, spikes: SpikeFilter[Readings] | None = None) -> None:
         self._prior = prior
         self._locator = OnlineLocator(prior, spikes)
         self._cache = CacheTest()
         self._ekf: _RunningEkf | None = None
-        self._recent: deque[LevelReading] = deque(maxlen=_RECENT)
+        self._recent: deque[Readings] = deque(maxlen=_RECENT)
         self._may_start = True
         self.n = 0
         self.n_set_aside = self.n_repeated = 0
@@ -78,7 +79,7 @@ class LiveCell:
         """The posterior of the position."""
         return self._locator
 
-    def take(self, latest: LevelReading) -> CellEstimate | None:
+    def take(self, latest: Readings) -> CellEstimate | None:
         """Take a reading; None while there is no estimate.
 
         A level far from that of its predecessor waits until the next ones confirm it: the estimate
@@ -86,7 +87,10 @@ class LiveCell:
         repeats from its cache is passed over.
         """
         self.news = []
-        if self._cache.take(*latest) and self._cache.is_cached:
+        if (
+            self._cache.take(latest.places, latest.level_dbm.item(), latest.limit.item())
+            and self._cache.is_cached
+        ):
             if not self.n_repeated:
                 text = "the modem repeats its last level while the receiver moves: it counts once"
                 self.news.append(("level-repeated", text))
@@ -105,15 +109,15 @@ class LiveCell:
         self._locator.search()
         self._may_start = True
 
-    def _set_aside(self, latest: LevelReading, spike_db: float) -> None:
+    def _set_aside(self, latest: Readings, spike_db: float) -> None:
         self.n_set_aside += 1
         side = "above" if spike_db > 0.0 else "below"
         off = f"{abs(spike_db):.0f} dB {side} the readings around it"
         self.news.append(
-            ("level-set-aside", f"{latest.level_dbm:.0f} dBm is {off} and was set aside")
+            ("level-set-aside", f"{latest.level_dbm.item():.0f} dBm is {off} and was set aside")
         )
 
-    def _update(self, latest: LevelReading) -> CellEstimate | None:
+    def _update(self, latest: Readings) -> CellEstimate | None:
         self.n += 1
         before = self._locator.strongest_mode()
         self._locator.take(latest)
@@ -128,16 +132,14 @@ class LiveCell:
             self._start_ekf(mode)
         return _locator_estimate(mode, before, latest, self._prior.height_m)
 
-    def _step_ekf(self, latest: LevelReading, mode: StrongestMode | None) -> ShadowStep | None:
+    def _step_ekf(self, latest: Readings, mode: StrongestMode | None) -> ShadowStep | None:
         """Next step of the EKF; None without one, or if it has just been discarded."""
         if self._ekf is None:
             return None
-        step = shadow_ekf.step(self._ekf.state, self._ekf.noise, *latest)
+        step = shadow_ekf.correct(self._ekf.state, self._ekf.noise, latest)
         monitor = self._ekf.monitor.after_step(step, self._ekf.noise)
         if mode is not None:
-            (xx, xy), (_, yy) = mode.covariance[:2, :2].tolist()
-            x_m, y_m, _, _ = mode.state.tolist()
-            monitor = monitor.after_search(step.state, x_m, y_m, (xx, xy, yy))
+            monitor = monitor.after_search(step.state, mode.state, mode.covariance)
         self._ekf = self._ekf._replace(state=step.state, monitor=monitor)
         if monitor.disagrees is None:
             return step
@@ -149,11 +151,10 @@ class LiveCell:
         white_share, decorrelation_m = self._locator.noise()
         height_m = self._prior.height_m
         noises = candidates(mode.sigma_db, decorrelation_m, white_share, height_m)
-        noise = likeliest(noises, mode.state, list(self._recent))
-        first = self._recent[0]
-        state = shadow_ekf.hold(mode.state, noise, first.x_m, first.y_m)
+        noise = likeliest(noises, mode.state, in_order(self._recent))
+        state = shadow_ekf.hold(mode.state, noise, self._recent[0].places)
         for latest in self._recent:
-            state = shadow_ekf.step(state, noise, *latest).state
+            state = shadow_ekf.correct(state, noise, latest).state
         try:
             state = shadow_ekf.release(state, mode.covariance)
         except EstimationError:
@@ -164,11 +165,11 @@ class LiveCell:
         self.news.append(("ekf-started", text))
 
 
-def _is_close(mode: StrongestMode, latest: LevelReading) -> bool:
+def _is_close(mode: StrongestMode, latest: Readings) -> bool:
     """Whether a Gaussian may stand for the position at the walker's distance from it."""
     (xx, xy), (_, yy) = mode.covariance[:2, :2].tolist()
     x_m, y_m, _, _ = mode.state.tolist()
-    distance_m = hypot(x_m - latest.x_m, y_m - latest.y_m)
+    distance_m = hypot(x_m - latest.x_m.item(), y_m - latest.y_m.item())
     is_tight = widest(xx, xy, yy) <= min(CLOSE * distance_m, TIGHT_M)
     return is_tight and mode.probability >= ONE_MODE
 
@@ -180,22 +181,22 @@ def _ekf_estimate(step: ShadowStep) -> CellEstimate:
 
 
 def _locator_estimate(
-    mode: StrongestMode, before: StrongestMode | None, latest: LevelReading, height_m: float
+    mode: StrongestMode, before: StrongestMode | None, latest: Readings, height_m: float
 ) -> CellEstimate:
     innovation = nan, nan
-    if before is not None and not latest.limit:
+    if before is not None and not latest.limit.item():
         innovation = _innovation(before, latest, height_m)
     x_m, y_m, p0_dbm, eta = mode.state.tolist()
     state, p = (x_m, y_m, p0_dbm, eta), ekf.upper_triangle(mode.covariance)
     return CellEstimate(LOCATOR, mode.probability, state, p, *innovation)
 
 
-def _innovation(
-    before: StrongestMode, latest: LevelReading, height_m: float
-) -> tuple[float, float]:
+def _innovation(before: StrongestMode, latest: Readings, height_m: float) -> tuple[float, float]:
     """Level minus that expected from the position before it in dB, and the variance of that."""
     x_m, y_m, p0_dbm, eta = before.state.tolist()
-    by_x, by_y, by_eta, _ = level_gradient(x_m - latest.x_m, y_m - latest.y_m, eta, height_m**2)
+    by_x, by_y, by_eta, _ = level_gradient(
+        x_m - latest.x_m.item(), y_m - latest.y_m.item(), eta, height_m**2
+    )
     h = np.array([by_x, by_y, 1.0, by_eta])
     variance_db2 = float(h @ before.covariance @ h) + before.sigma_db**2
-    return latest.level_dbm - (p0_dbm + eta * by_eta), variance_db2
+    return latest.level_dbm.item() - (p0_dbm + eta * by_eta), variance_db2

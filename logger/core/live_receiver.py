@@ -1,12 +1,10 @@
 """Where the walker is on the device: fixes in the UTM zone of the first one."""
 
-from math import hypot
 from typing import NamedTuple
 
 from logger.core.errors import GeoError
-from logger.core.geo import Utm
+from logger.core.places import TIMING_S, Places, Utm, place_of_fix, smeared_sigma_m
 from logger.core.sample_hold import SampleHold
-from logger.core.track import TIMING_S, fix_sigma_m, smeared_sigma_m
 from logger.core.types import Fix, Note, Scan
 
 _LEAST_S = 1.0
@@ -14,12 +12,9 @@ _LEAST_S = 1.0
 
 
 class Receiver(NamedTuple):
-    """The walker at a fix: time, UTM position, sigma per axis and speed."""
+    """The walker at a fix: where and when, and the speed."""
 
-    t_ns: int
-    x_m: float
-    y_m: float
-    sigma_m: float
+    place: Places
     speed_mps: float
 
 
@@ -39,11 +34,10 @@ class ReceiverTrack:
     def add(self, t_ns: int, fix: Fix) -> list[Note]:
         """Take a fix; the first one that cannot be mapped gives a warning."""
         receiver, warnings = None, []
-        if fix.valid and fix.lat_deg is not None and fix.lon_deg is not None:
-            try:
-                receiver = self._receiver(t_ns, fix, fix.lat_deg, fix.lon_deg)
-            except GeoError as error:
-                warnings = self._warn_once(error)
+        try:
+            receiver = self._receiver(t_ns, fix)
+        except GeoError as error:
+            warnings = self._warn_once(error)
         self._fixes.add(t_ns, receiver)
         return warnings
 
@@ -59,17 +53,18 @@ class ReceiverTrack:
         middle = self._fixes.at((scan.t_start_ns + t_ns) // 2)
         if begin is None or middle is None:
             return None
-        smear_m = smeared_sigma_m(hypot(end.x_m - begin.x_m, end.y_m - begin.y_m))
-        return middle._replace(sigma_m=hypot(middle.sigma_m, smear_m))
+        smear_m = smeared_sigma_m(end.place.away_m(begin.place))
+        return middle._replace(place=middle.place.less_sure(float(smear_m)))
 
-    def _receiver(self, t_ns: int, fix: Fix, lat_deg: float, lon_deg: float) -> Receiver:
-        self.utm = self.utm or Utm.at(lat_deg, lon_deg)
-        x_m, y_m = self.utm.to_xy(lat_deg, lon_deg)
-        sigma_m = fix_sigma_m(fix.acc_m, fix.hdop, fix.quality)
+    def _receiver(self, t_ns: int, fix: Fix) -> Receiver | None:
+        place = place_of_fix(t_ns, fix, self.utm)
+        if place is None:
+            return None
+        self.utm = place.utm
         speed_mps = fix.speed_mps
         if speed_mps is None:
-            speed_mps = _speed_mps(self._fixes.last, t_ns, x_m, y_m)
-        return Receiver(t_ns, x_m, y_m, sigma_m, speed_mps)
+            speed_mps = _speed_mps(self._fixes.last, place)
+        return Receiver(place, speed_mps)
 
     def _warn_once(self, error: GeoError) -> list[Note]:
         if self._has_warned:
@@ -78,9 +73,11 @@ class ReceiverTrack:
         return [Note("warning", "unmapped", f"no live estimate: {error}")]
 
 
-def _speed_mps(before: Receiver | None, t_ns: int, x_m: float, y_m: float) -> float:
+def _speed_mps(before: Receiver | None, place: Places) -> float:
     """Speed since the fix before, 0 without one."""
-    if before is None or t_ns <= before.t_ns:
+    if before is None:
         return 0.0
-    elapsed_s = max((t_ns - before.t_ns) / 1e9, _LEAST_S)
-    return hypot(x_m - before.x_m, y_m - before.y_m) / elapsed_s
+    since_ns = place.t_ns.item() - before.place.t_ns.item()
+    if since_ns <= 0:
+        return 0.0
+    return place.away_m(before.place) / max(since_ns / 1e9, _LEAST_S)

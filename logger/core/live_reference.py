@@ -8,6 +8,7 @@ at the receiver, and again when the target changes. Its estimates are recorded w
 from logger.core import ekf
 from logger.core.live_cell import CellEstimate
 from logger.core.live_settings import REFERENCE, STRONGEST, SUSPICIOUS, LiveSettings
+from logger.core.places import Places
 from logger.core.types import CellReading, Note, Scan
 
 
@@ -23,7 +24,7 @@ class LiveReference:
         self._state: ekf.EkfState | None = None
 
     def choose(
-        self, t_ns: int, scan: Scan, x_m: float, y_m: float, suspect: str | None = None
+        self, t_ns: int, scan: Scan, place: Places, suspect: str | None = None
     ) -> Note | None:
         """Choose a target, or another one; its filter starts at the receiver.
 
@@ -40,7 +41,7 @@ class LiveReference:
             return None
         before, self.target = self.target, best.cell
         self._received_ns = t_ns
-        self._state, self.n = ekf.start(x_m, y_m), 0
+        self._state, self.n = ekf.start(place), 0
         text = f"target is {best.cell} at {best.level_dbm:.0f} dBm"
         if before is None:
             return Note("info", "target-locked", text)
@@ -51,13 +52,12 @@ class LiveReference:
         """Choose from now on as the setting `target` with this value would."""
         self._wanted = wanted
 
-    def step(self, scan: Scan, x_m: float, y_m: float) -> CellEstimate | None:
+    def step(self, scan: Scan, place: Places) -> CellEstimate | None:
         """Correct with the target's level in a scan; None if it has none."""
         level_dbm = level_of(scan, self.target)
         if level_dbm is None or self._state is None:
             return None
-        correct = ekf.joseph_step if self._settings.joseph else ekf.step
-        step = correct(self._state, x_m, y_m, level_dbm)
+        step = ekf.correct(self._state, place, level_dbm, joseph=self._settings.joseph)
         self._state = step.state
         self.n += 1
         x_m, y_m, p0_dbm, eta, p = step.state

@@ -7,8 +7,8 @@ again and again. Taken as measured, such levels locate a transmitter where there
 whole decibels, so two that are equal may both be measured. But measured levels that often equal the
 one before also often differ from it by one decibel, and cached ones never do. So a reading is
 compared with the one before it each time that the receiver has moved on: equal levels speak for a
-cache, changes of one step of the scale against it, larger ones for neither. This needs no figure
-for the scatter of the levels. A limit of the scale is reported again and again by right.
+cache, changes of one step of the scale against it, larger ones for neither. A limit of the scale is
+reported again and again by right.
 
 Desktop and device use the same test (`CacheTest`). The device leaves repeats out once the test is
 sure, the desktop also those before, which made it so.
@@ -19,6 +19,7 @@ from math import hypot, inf, log, nan
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.places import Places
 
 _MOVED_M = 10.0
 """Way between comparisons: many wavelengths, so fading differs."""
@@ -58,8 +59,13 @@ class CacheTest:
         """Whether a level equal to the one before is a repeat."""
         return self.log_odds > _LEAST
 
-    def take(self, x_m: float, y_m: float, sigma_m: float, level_dbm: float, limit: int) -> bool:
+    def take(self, place: Places, level_dbm: float, limit: int) -> bool:
         """Whether the level equals the one before, where it is no limit of the scale."""
+        return self._take(
+            place.x_m.item(), place.y_m.item(), place.sigma_m.item(), level_dbm, limit
+        )
+
+    def _take(self, x_m: float, y_m: float, sigma_m: float, level_dbm: float, limit: int) -> bool:
         change_db = abs(level_dbm - self._last_dbm)
         self._last_dbm = level_dbm
         if change_db > 0.0:
@@ -79,9 +85,7 @@ class CacheTest:
         self._compared_dbm, self._is_unchanged = level_dbm, True
 
 
-def repeats_along(
-    x_m: FloatArray, y_m: FloatArray, sigma_m: FloatArray, level_dbm: FloatArray, limit: IntArray
-) -> list[int]:
+def repeats_along(places: Places, level_dbm: FloatArray, limit: IntArray) -> list[int]:
     """Numbers of the readings of a walk, (n,) in time order, that are repeats from a cache.
 
     These are all equal levels since the odds rose from 0, up to where the test was sure last.
@@ -90,9 +94,10 @@ def repeats_along(
         return []
     test, repeats = CacheTest(), list[int]()
     equal, n_sure = list[int](), 0
-    columns = (column.tolist() for column in (x_m, y_m, sigma_m, level_dbm, limit))
+    every = places.x_m, places.y_m, places.sigma_m, level_dbm, limit
+    columns = (column.tolist() for column in every)
     for k, reading in enumerate(zip(*columns, strict=True)):
-        if test.take(*reading):
+        if test._take(*reading):  # noqa: SLF001 (this module)
             equal.append(k)
         elif test.log_odds == 0.0:
             repeats += equal[:n_sure]

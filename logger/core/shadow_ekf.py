@@ -32,6 +32,8 @@ from logger.core import ekf
 from logger.core.arrays import FloatArray
 from logger.core.errors import EstimationError
 from logger.core.model.path_loss import level_gradient
+from logger.core.places import Places
+from logger.core.readings import Readings
 
 _ROUNDING_DB2 = 1.0 / 12.0
 _ROOT_2, _ROOT_2PI = sqrt(2.0), sqrt(2.0 * pi)
@@ -90,17 +92,14 @@ def split_noise(
     )
 
 
-def hold(
-    mean: Sequence[float] | FloatArray,
-    noise: ShadowNoise,
-    receiver_x_m: float,
-    receiver_y_m: float,
-) -> ShadowState:
+def hold(mean: Sequence[float] | FloatArray, noise: ShadowNoise, receiver: Places) -> ShadowState:
     """State with [x, y, P0, eta] taken as certain: steps from here on estimate the shadowing."""
     x_m, y_m, p0_dbm, eta = (float(value) for value in mean)
     none = (0.0,) * 7
     factors = (float(noise.shadow_db) ** 2, *none, *none)
-    return ShadowState(x_m, y_m, p0_dbm, eta, 0.0, receiver_x_m, receiver_y_m, factors)
+    return ShadowState(
+        x_m, y_m, p0_dbm, eta, 0.0, float(receiver.x_m[0]), float(receiver.y_m[0]), factors
+    )
 
 
 def release(state: ShadowState, covariance: FloatArray) -> ShadowState:
@@ -117,6 +116,13 @@ def release(state: ShadowState, covariance: FloatArray) -> ShadowState:
     upper = root / scale
     row_s = np.array(state.factors[5:9]) @ upper
     return state._replace(factors=(state.factors[0], *scale**2, *row_s, *upper[_ABOVE4]))
+
+
+def correct(state: ShadowState, noise: ShadowNoise, reading: Readings) -> ShadowStep:
+    """`step` to a single reading."""
+    place = reading.places
+    at = place.x_m.item(), place.y_m.item(), place.sigma_m.item()
+    return step(state, noise, *at, reading.level_dbm.item(), reading.limit.item())
 
 
 def step(

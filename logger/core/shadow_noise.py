@@ -10,14 +10,12 @@ from collections.abc import Sequence
 from math import isnan, log
 
 from logger.core.arrays import FloatArray
+from logger.core.readings import Readings
 from logger.core.shadow_ekf import ShadowNoise, hold, split_noise, step
 
 _WHITE_SHARES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 _NEARLY_WHITE = 0.95  # the decorrelation distance of so little correlated noise is arbitrary
 _FEWEST = 50  # readings, with which a share is known to a factor of 2
-
-Reading = tuple[float, float, float, float, int]
-"""Receiver's x, y and error per axis (m), level (dBm), limit: arguments of `shadow_ekf.step`."""
 
 
 def candidates(
@@ -33,9 +31,7 @@ def candidates(
     return [split_noise(sigma_db, decorrelation_m, share, height_m) for share in shares]
 
 
-def likeliest(
-    noises: Sequence[ShadowNoise], mean: FloatArray, readings: Sequence[Reading]
-) -> ShadowNoise:
+def likeliest(noises: Sequence[ShadowNoise], mean: FloatArray, readings: Readings) -> ShadowNoise:
     """The noise under which the readings are likeliest, given [x, y, P0, eta].
 
     The first for fewer than 50 readings. Takes a step of the filter for each pair of noise and
@@ -46,11 +42,12 @@ def likeliest(
     return max(noises, key=lambda noise: _log_likelihood(noise, mean, readings))
 
 
-def _log_likelihood(noise: ShadowNoise, mean: FloatArray, readings: Sequence[Reading]) -> float:
+def _log_likelihood(noise: ShadowNoise, mean: FloatArray, readings: Readings) -> float:
     """Log-likelihood of the levels that are not at a limit, but for a constant."""
-    state = hold(mean, noise, readings[0][0], readings[0][1])
-    total = 0.0
-    for reading in readings:
+    state = hold(mean, noise, readings.places)
+    total, places = 0.0, readings.places
+    columns = places.x_m, places.y_m, places.sigma_m, readings.level_dbm, readings.limit
+    for reading in zip(*(column.tolist() for column in columns), strict=True):
         state, innovation_db, variance_db2 = step(state, noise, *reading)
         if not isnan(innovation_db):
             total -= 0.5 * (log(variance_db2) + innovation_db * innovation_db / variance_db2)

@@ -17,9 +17,13 @@ from collections.abc import Iterable, Sequence
 from itertools import islice, pairwise, takewhile
 from math import hypot, sqrt
 from statistics import fmean, median
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
+import numpy as np
+
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.path_loss import log_distance
+from logger.core.places import Places
 
 _SIDE = 3
 """Readings on each side: the median of three is no spike even with two in a row."""
@@ -60,20 +64,17 @@ _LEAST_SIGMA_DB = 1.0
 """Levels are integers in dB, so equal neighbours do not mean zero noise."""
 
 
-class LevelAtPoint(Protocol):
-    """A level and where it was taken; `limit` as in `censoring.limits`."""
-
-    @property
-    def x_m(self) -> float: ...
-    @property
-    def y_m(self) -> float: ...
-    @property
-    def level_dbm(self) -> float: ...
-    @property
-    def limit(self) -> int: ...
+T = TypeVar("T")
 
 
-T = TypeVar("T", bound=LevelAtPoint)
+class _Level(NamedTuple, Generic[T]):
+    """A reading, the receiver's place, and its level; `limit` as in `censoring.limits`."""
+
+    reading: T
+    x_m: float
+    y_m: float
+    level_dbm: float
+    limit: int
 
 
 class SpikeCheck(NamedTuple, Generic[T]):
@@ -87,27 +88,31 @@ class SpikeFilter(Generic[T]):
     """Passes readings on in their order, each checked against its neighbours."""
 
     def __init__(self) -> None:
-        self._before: deque[T] = deque(maxlen=SLOPE_SIDE)  # without spikes
+        self._before: deque[_Level[T]] = deque(maxlen=SLOPE_SIDE)  # without spikes
         quantiles = ((k + 0.5) / _FIRST_CHANGES for k in range(_FIRST_CHANGES))
         first_db = (sqrt(2.0) * _FIRST_SIGMA_DB * quantile for quantile in quantiles)
         self._changes_db: deque[float] = deque(first_db, maxlen=N_CHANGES)
-        self._waiting: deque[T] = deque()
+        self._waiting: deque[_Level[T]] = deque()
 
-    def take(self, reading: T) -> list[SpikeCheck[T]]:
+    def take(self, reading: T, place: Places, level_dbm: float, limit: int) -> list[SpikeCheck[T]]:
         """The readings that can be decided now that this one has come."""
-        if not self._waiting and self._is_near_last(reading):  # nearly all; the device counts
-            self._keep(reading)
-            return [SpikeCheck(reading, 0.0)]
-        self._waiting.append(reading)
+        latest = _Level(reading, place.x_m.item(), place.y_m.item(), level_dbm, limit)
+        return self._take(latest)
+
+    def _take(self, latest: _Level[T]) -> list[SpikeCheck[T]]:
+        if not self._waiting and self._is_near_last(latest):  # nearly all; the device counts
+            self._keep(latest)
+            return [SpikeCheck(latest.reading, 0.0)]
+        self._waiting.append(latest)
         return self._pass(ended=False)
 
-    def take_unchecked(self, readings: Iterable[T], changes_db: Iterable[float]) -> None:
+    def _take_unchecked(self, levels: Iterable[_Level[T]], changes_db: Iterable[float]) -> None:
         """Take the last of many readings that are near their predecessors, while none waits.
 
         `changes_db` are those that `take` would have kept. At least as many as the filter remembers
         are needed, unless there are fewer.
         """
-        self._before.extend(readings)
+        self._before.extend(levels)
         self._changes_db.extend(changes_db)
 
     def finish(self) -> list[SpikeCheck[T]]:
@@ -123,16 +128,16 @@ class SpikeFilter(Generic[T]):
             reading = self._waiting.popleft()
             if spike_db == 0.0:
                 self._keep(reading)
-            checks.append(SpikeCheck(reading, spike_db))
+            checks.append(SpikeCheck(reading.reading, spike_db))
         return checks
 
-    def _is_near_last(self, reading: T) -> bool:
+    def _is_near_last(self, reading: _Level[T]) -> bool:
         """Whether its level is so close to the last one that no spike can be in between."""
         if not self._before:
             return False
         return abs(reading.level_dbm - self._before[-1].level_dbm) <= LEAST_ABOVE_DB
 
-    def _keep(self, reading: T) -> None:
+    def _keep(self, reading: _Level[T]) -> None:
         last = self._before[-1] if self._before else None
         if last is not None and not (reading.limit or last.limit) and _are_near(reading, last):
             self._changes_db.append(abs(reading.level_dbm - last.level_dbm))
@@ -153,12 +158,12 @@ class SpikeFilter(Generic[T]):
         return _Neighbours(head, before, after, sigma_db, is_complete).spike_db()
 
 
-class _Neighbours(NamedTuple):
+class _Neighbours(NamedTuple, Generic[T]):
     """A reading and those around it; `ended` if no more will come after it."""
 
-    head: LevelAtPoint
-    before: Sequence[LevelAtPoint]
-    after: Sequence[LevelAtPoint]
+    head: _Level[T]
+    before: Sequence[_Level[T]]
+    after: Sequence[_Level[T]]
     sigma_db: float
     ended: bool
 
@@ -198,7 +203,7 @@ class _Neighbours(NamedTuple):
             return max(LEAST_ABOVE_DB, _SIGMAS_ABOVE * self.sigma_db)
         return max(_LEAST_BELOW_DB, _SIGMAS_BELOW * self.sigma_db)
 
-    def _may_be_passing(self, around: Sequence[LevelAtPoint]) -> bool:
+    def _may_be_passing(self, around: Sequence[_Level[T]]) -> bool:
         """Whether a transmitter right here explains the level.
 
         The slope of the levels around over log-distance from here, with a wide prior of the
@@ -241,10 +246,68 @@ def _sigma_db(changes_db: Iterable[float]) -> float:
     return max(size_db / (sqrt(2.0) * normal) for size_db, normal in sizes)
 
 
-def _are_near(a: LevelAtPoint, b: LevelAtPoint) -> bool:
+def _are_near(a: _Level[T], b: _Level[T]) -> bool:
     return hypot(a.x_m - b.x_m, a.y_m - b.y_m) <= REACH_M
 
 
-def _passing_distance_db(head: LevelAtPoint, other: LevelAtPoint) -> float:
+def _passing_distance_db(head: _Level[T], other: _Level[T]) -> float:
     dx_m, dy_m = other.x_m - head.x_m, other.y_m - head.y_m
     return log_distance(dx_m**2 + dy_m**2 + _PASSING_M**2)
+
+
+def spikes_along(places: Places, level_dbm: FloatArray, limit: IntArray) -> list[tuple[int, float]]:
+    """Number of each spike among the levels of a walk, (n,) in time order, and its height in dB.
+
+    Quiet stretches are passed over at once: of a stretch without a large change between neighbours
+    the filter remembers the last readings and changes only, so that no other reading of it has to
+    be taken one by one.
+    """
+    walk = _Walk(places, level_dbm, limit)
+    spikes, checks = SpikeFilter[int](), list[SpikeCheck[int]]()
+    k = 0
+    while k < len(places):
+        latest = spikes._take(walk.level(k))  # noqa: SLF001 (this module)
+        checks += latest
+        k += 1
+        if latest and latest[-1].reading == k - 1 and not latest[-1].spike_db:
+            k = _skip_quiet(spikes, walk, k)
+    checks += spikes.finish()
+    return [(check.reading, check.spike_db) for check in checks if check.spike_db]
+
+
+class _Walk:
+    """Levels in time order, the changes between neighbours, and where these are large."""
+
+    def __init__(self, places: Places, level_dbm: FloatArray, limit: IntArray) -> None:
+        x_m, y_m = places.x_m, places.y_m
+        self._columns = x_m, y_m, level_dbm, limit
+        self._change_db = np.abs(np.diff(level_dbm))
+        is_inside = (limit[1:] == 0) & (limit[:-1] == 0)
+        self._is_kept = is_inside & (np.hypot(np.diff(x_m), np.diff(y_m)) <= REACH_M)
+        large = 1 + np.flatnonzero(self._change_db > LEAST_ABOVE_DB)
+        self._large = np.append(large, len(x_m))
+
+    def level(self, k: int) -> _Level[int]:
+        """Reading number k."""
+        x_m, y_m, level_dbm, limit = (column[k].item() for column in self._columns)
+        return _Level(k, x_m, y_m, level_dbm, limit)
+
+    def next_large(self, k: int) -> int:
+        """Number of the first reading from k on that is far from its predecessor, or the end."""
+        return int(self._large[np.searchsorted(self._large, k)])
+
+    def kept_changes_db(self, first: int, end: int) -> list[float]:
+        """Changes to the readings from `first` to `end` that a filter keeps, the last ones."""
+        some = slice(first - 1, end - 1)
+        kept: list[float] = self._change_db[some][self._is_kept[some]][-N_CHANGES:].tolist()
+        return kept
+
+
+def _skip_quiet(spikes: SpikeFilter[int], walk: _Walk, first: int) -> int:
+    """Pass on all readings before the next large change at once; return its number."""
+    end = walk.next_large(first)
+    spikes._take_unchecked(  # noqa: SLF001 (this module)
+        (walk.level(k) for k in range(max(first, end - SLOPE_SIDE), end)),
+        walk.kept_changes_db(first, end),
+    )
+    return end

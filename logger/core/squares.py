@@ -33,8 +33,9 @@ def square_of(lat_deg: float, lon_deg: float) -> int:
     return belt << _COLUMN_BITS | _column(belt, lon_deg)
 
 
-def squares_of(lat_deg: FloatArray, lon_deg: FloatArray) -> IntArray:
-    """Number of the square of each position, shape (n,); equal to `square_of` to the last one."""
+def squares_of(lat_lon_deg: FloatArray) -> IntArray:
+    """Number of the square of each position (2, n), shape (n,); equal to `square_of`."""
+    lat_deg, lon_deg = lat_lon_deg
     belt = np.clip(np.floor((lat_deg + 90.0) * _BELTS_PER_DEG), 0, _LAST_BELT).astype(np.int64)
     belts, which = np.unique(belt, return_inverse=True)
     n_columns = np.array([_columns(int(b)) for b in belts], np.int64)[which]

@@ -247,5 +247,5 @@ class Estimator:
 
         self._shown = answer
         if followed.posterior is not None:
-            self.position = position_status(answer, followed.posterior, followed.utm)
-        self.next_way = next_way(followed.utm, followed.advice)
+            self.position = position_status(answer, followed.posterior)
+        self.next_way = next_way(followed.advice)

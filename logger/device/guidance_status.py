@@ -3,9 +3,9 @@
 import numpy as np
 
 from logger.core.answer import DEGREE_DECIMALS, Answer, StrongestReading
-from logger.core.geo import Utm
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import highest_density
+from logger.core.places import Places
 from logger.device.status import ModeStatus, PositionStatus, Region
 
 _MOST_SQUARES = 400
@@ -14,7 +14,7 @@ _REGION_DECIMALS = 5
 """Of degrees: 1 m, which no phone shows."""
 
 
-def position_status(answer: Answer, posterior: Posterior, utm: Utm) -> PositionStatus:
+def position_status(answer: Answer, posterior: Posterior) -> PositionStatus:
     """The answer, and the region of the posterior that it was made of."""
     place = answer.place
     if place is None:
@@ -28,7 +28,7 @@ def position_status(answer: Answer, posterior: Posterior, utm: Utm) -> PositionS
         r95_m=shown.r95_m,
         r50_m=shown.r50_m,
         area_m2=round(place.area_m2),
-        region=_region(posterior, utm),
+        region=_region(posterior),
         modes=tuple(
             ModeStatus(
                 round(mode.lat, DEGREE_DECIMALS),
@@ -45,16 +45,15 @@ def position_status(answer: Answer, posterior: Posterior, utm: Utm) -> PositionS
     )
 
 
-def _region(posterior: Posterior, utm: Utm) -> Region:
+def _region(posterior: Posterior) -> Region:
     """The 95 % region as a GeoJSON MultiPolygon of squares; the least likely ones are left out."""
-    squares = posterior.squares
+    squares, utm = posterior.squares, posterior.place.utm
     chosen = highest_density(squares)[:_MOST_SQUARES]
     half_m = 0.5 * squares.size_m[chosen]
     x_m, y_m = squares.x_m[chosen], squares.y_m[chosen]
     corners = [
-        utm.to_latlon_arrays(x_m + east * half_m, y_m + north * half_m)
+        Places.of(x_m + east * half_m, y_m + north * half_m, utm=utm).lat_lon_deg[::-1]
         for east, north in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
     ]
-    lon_lat = [(lon_deg, lat_deg) for lat_deg, lon_deg in corners]
-    rings = np.round(np.array(lon_lat), _REGION_DECIMALS).transpose(2, 0, 1)
+    rings = np.round(np.array(corners), _REGION_DECIMALS).transpose(2, 0, 1)
     return {"type": "MultiPolygon", "coordinates": rings[:, None].tolist()}

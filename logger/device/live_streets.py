@@ -5,9 +5,9 @@ from hashlib import sha256
 from pathlib import Path
 
 from logger.core.errors import FieldLoggerError, error_place
-from logger.core.geo import Utm
 from logger.core.guidance.street_atlas import StreetAtlas
 from logger.core.guidance.street_map import StreetMap
+from logger.core.places import Places
 from logger.core.types import Note
 from logger.street_file import read_lines
 
@@ -35,10 +35,10 @@ class LiveStreets:
         notes, self._notes = self._notes, []
         return notes
 
-    def near(self, utm: Utm, x_m: float, y_m: float) -> StreetMap | None:
+    def near(self, here: Places) -> StreetMap | None:
         """The streets around a walk that is here; None without any."""
         try:
-            return self._atlas.near(utm, x_m, y_m)
+            return self._atlas.near(here)
         except Exception as error:  # noqa: BLE001 (also without memory the estimate goes on)
             self._give_up(error)
         return None

@@ -2,8 +2,8 @@
 
 from logger.core.answer import DEGREE_DECIMALS
 from logger.core.ellipse import Ellipse, ellipse95, radius_m
-from logger.core.geo import Utm
 from logger.core.live_cell import EKF, ONE_MODE
+from logger.core.places import Utm
 from logger.core.types import LiveEstimate
 from logger.device.status import TargetStatus
 

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from logger.core.places import UERE_M
 from logger.core.rows import Rows
 from logger.core.runfile import Run
 from logger.core.source_tables import GNSS
-from logger.core.track import UERE_M
 from logger.core.types import DEAD_RECKONING
 from logger.device.check_line import Line
 

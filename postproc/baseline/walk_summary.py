@@ -10,12 +10,12 @@ from logger.baseline_file import SCALE, UNKNOWN
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.censoring import levels_dbm
 from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
-from logger.core.observations import times_ns
+from logger.core.places import track_of
 from logger.core.provenance import is_import
+from logger.core.readings import places_of
 from logger.core.rows import Rows
 from logger.core.runfile import Run
 from logger.core.squares import SQUARE_M, squares_of
-from logger.core.track import positions_at, track_of, way_sigma_m
 
 FARTHEST_SIGMA_M = SQUARE_M / 2.0
 """A reading whose position is less sure than this belongs to no square."""
@@ -125,13 +125,11 @@ def content_digest(fixes: Rows, readings: Rows) -> str:
 def _squares(fixes: Rows, scans: Rows, readings: Rows) -> tuple[IntArray, BoolArray]:
     """Square of each reading, shape (n,), and which readings are usable."""
     track = track_of(fixes)
-    position = positions_at(track, times_ns(scans, readings), readings["fix_seq"])
-    start_ns = readings["t_start_ns"]
-    way_m = np.where(start_ns == UNKNOWN_TIME, 0.0, way_sigma_m(track, start_ns, readings["t_ns"]))
-    is_sure = np.hypot(position.sigma_m, way_m) <= FARTHEST_SIGMA_M
+    places, is_known = places_of(track, scans, readings)
+    is_sure = places.sigma_m <= FARTHEST_SIGMA_M
     is_named = (readings["cell"] != b"") & (readings["identity_unsure"] == 0)
-    usable = position.known & is_sure & is_named & np.isfinite(levels_dbm(readings))
-    squares = squares_of(*track.utm.to_latlon_arrays(position.x_m, position.y_m))
+    usable = is_known & is_sure & is_named & np.isfinite(levels_dbm(readings))
+    squares = squares_of(places.lat_lon_deg)
     return squares, usable
 
 

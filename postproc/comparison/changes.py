@@ -15,7 +15,7 @@ import numpy as np
 from scipy import stats
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from postproc.cell_work import Attempts, Failure
 from postproc.comparison.differences import Differences, differences_of, margins_db
 from postproc.comparison.ground import Grid, Ground, grounds_of
@@ -105,9 +105,7 @@ class _Tested:
     p_pattern: float
 
 
-def compare(
-    a: Iterable[CellObservations], b: Iterable[CellObservations], *, same_modem: bool
-) -> Comparison:
+def compare(a: Iterable[Readings], b: Iterable[Readings], *, same_modem: bool) -> Comparison:
     """Compare two walks by their readings, which are in one UTM zone.
 
     `same_modem` says that both were recorded with the same modem, whose offset is then small.

@@ -14,7 +14,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.identities import FEWEST_SCANS
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from postproc.cell_work import Attempts
 
 BLOCK_M = 50.0
@@ -101,8 +101,8 @@ class Ground:
 
 
 def grounds_of(
-    a: Iterable[CellObservations],
-    b: Iterable[CellObservations],
+    a: Iterable[Readings],
+    b: Iterable[Readings],
     tries: Attempts | None = None,
 ) -> tuple[Ground, Ground]:
     """Two walks by the blocks of the grid in which they have most blocks in common.
@@ -171,12 +171,12 @@ class _Scans(NamedTuple):
 class _Walk:
     """A walk by half blocks, of which the blocks of any grid are made."""
 
-    def __init__(self, cells: Iterable[CellObservations], tries: Attempts) -> None:
+    def __init__(self, cells: Iterable[Readings], tries: Attempts) -> None:
         self._cells: list[_CellHalves] = []
         self._scans: dict[str, list[_Scans]] = {}
         tries.each(cells, lambda obs: obs.cell, self._take)
 
-    def _take(self, every: CellObservations) -> None:
+    def _take(self, every: Readings) -> None:
         obs = _without_doubt(every)
         if obs is None:
             return
@@ -207,7 +207,7 @@ class _Walk:
         )
 
 
-def _without_doubt(obs: CellObservations) -> CellObservations | None:
+def _without_doubt(obs: Readings) -> Readings | None:
     # where a cell is named irregularly it may have become weak
     everywhere = obs.everywhere()
     sure = everywhere.part(everywhere.position_sigma_m <= _FARTHEST_SIGMA_M)

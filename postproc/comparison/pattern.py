@@ -8,6 +8,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.model.blocks import squares
+from logger.core.places import Places
 from postproc.comparison.differences import Differences
 from postproc.comparison.ground import BLOCK_M, Grid
 
@@ -55,7 +56,7 @@ def _in_squares(places: FloatArray, weight: FloatArray) -> tuple[FloatArray, Flo
     """Weighted means of columns [x, y, ...] (k, n) in at most `_MOST_SQUARES` squares; weights."""
     if len(weight) <= _MOST_SQUARES:
         return places, weight
-    square, _ = squares(places[0], places[1], _MOST_SQUARES, finest_m=BLOCK_M)
+    square, _ = squares(Places.of(places[0], places[1]), _MOST_SQUARES, finest_m=BLOCK_M)
     total = np.bincount(square, weight)
     means = np.array([np.bincount(square, weight * column) / total for column in places])
     return means, np.asarray(total, float)

@@ -8,7 +8,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.document import Column, Document, Line, Measured, Table, Value
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from postproc.comparison.changes import FALSE_WORDS, CellChange
 from postproc.comparison.ground import BLOCK_M, Grid
 from postproc.comparison.run_pair import ComparedRuns

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from logger.core.errors import EstimationError
-from logger.core.geo import Utm
-from logger.core.observations import Observations
+from logger.core.places import Utm
+from logger.core.readings import Observations
 from logger.core.runfile import Run
 from postproc.comparison.changes import Comparison, compare
 from postproc.multi_run import check_different, in_one_zone, modems_of

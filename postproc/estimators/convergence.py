@@ -7,7 +7,8 @@ side of the Earth, a power of gigawatts, an indefinite covariance. Such numbers 
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.observations import CellObservations
+from logger.core.places import Places
+from logger.core.readings import Readings
 
 REACH_M = 30_000.0
 """From the nearest reading: a GSM cell reaches at most 35 km, the locator searches this far."""
@@ -24,7 +25,7 @@ _NO_RETURN = 2.0
 
 
 def ended_well(
-    state: FloatArray, covariance: FloatArray, obs: CellObservations, *, any_slope: bool = False
+    state: FloatArray, covariance: FloatArray, obs: Readings, *, any_slope: bool = False
 ) -> bool:
     """Whether `state` [x, y, P0, eta, ...] and its covariance are an answer to the readings.
 
@@ -33,14 +34,12 @@ def ended_well(
     is_finite = np.all(np.isfinite(state)) and np.all(np.isfinite(covariance))
     if not is_finite or np.any(np.diagonal(covariance) < 0.0):
         return False
-    return is_possible(state, obs.x_m, obs.y_m, any_slope=any_slope)
+    return is_possible(state, obs.places, any_slope=any_slope)
 
 
-def is_possible(
-    state: FloatArray, x_m: FloatArray, y_m: FloatArray, *, any_slope: bool = False
-) -> bool:
-    """Whether such a transmitter could be received at these points, shape (n,)."""
-    near = np.hypot(state[0] - x_m, state[1] - y_m).min() < REACH_M
+def is_possible(state: FloatArray, places: Places, *, any_slope: bool = False) -> bool:
+    """Whether such a transmitter could be received at these places."""
+    near = places.distances_m(Places.of(*state[:2])).min() < REACH_M
     power = P0_RANGE_DBM[0] <= state[2] <= P0_RANGE_DBM[1]
     slope = abs(state[3]) <= MOST_ETA and (any_slope or state[3] > 0.0)
     return bool(near and power and slope)

@@ -3,10 +3,10 @@
 The linearised filter is honest only when it starts close and knows how close. So the readings are
 cut in two: the shortest prefix that locates the transmitter gives mean and covariance, the EKF runs
 over the rest, and no reading is used twice for the position. Close is a standard deviation of at
-most `CLOSE` of the least distance of the rest of the walk: a metre counts near the antenna and not
-far from it. Started so on a square, an L and a random walk of 840 m, the last 95 % ellipse held the
-truth in 93 to 95 % of some 5000 simulated walks, with 3 dB of white noise as with 6 dB of shadowing
-decorrelating over 15 m; started at 0.3 of the distance in 89 to 94 %, at all of it in 60 to 70 %.
+most `CLOSE` of the least distance of the rest of the walk. Started so on a square, an L and a
+random walk of 840 m, the last 95 % ellipse held the truth in 93 to 95 % of some 5000 simulated
+walks, with 3 dB of white noise as with 6 dB of shadowing decorrelating over 15 m; started at 0.3 of
+the distance in 89 to 94 %, at all of it in 60 to 70 %.
 """
 
 from collections.abc import Callable
@@ -24,10 +24,10 @@ from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.verdict import assess
 from logger.core.model import path_loss
-from logger.core.observations import CellObservations
+from logger.core.places import Places
+from logger.core.readings import Readings
 from logger.core.shadow_ekf import ShadowNoise
 from logger.core.shadow_noise import candidates
-from logger.core.spatial_thinning import VisitLog, is_informative
 from postproc.estimators import rts
 from postproc.estimators.filters import FilterPath, retained_rows, shadow_pass
 
@@ -38,6 +38,8 @@ _BISECTIONS = 4  # each costs a posterior; the start is known to 1/32 of the wal
 _FINE = 1.0 / 32.0
 _PREFIXES = 200  # lengths tried by the filter alone, which is quick
 _PRIOR_M = 1000.0  # before the first reading; wide beside any walk
+_LITTLE_SHADOW = 0.15
+"""Shadowing below this share of the white noise need not be thinned."""
 _MOST_FOR_NOISE = 20_000  # readings that tell the noise to 1 %
 
 
@@ -66,7 +68,7 @@ class NoRun:
 
 
 def run(
-    obs: CellObservations,
+    obs: Readings,
     full: Posterior,
     noise: ShadowNoise | None = None,
     *,
@@ -94,35 +96,34 @@ def run(
     return EkfRun(posterior, noise, first, filtered, smoothed, rows)
 
 
-def why_not_located(obs: CellObservations, full: Posterior) -> NoRun | None:
+def why_not_located(obs: Readings, full: Posterior) -> NoRun | None:
     """Why no prefix is tried: not even all readings locate the transmitter; None where they do."""
     if assess(full, obs).verdict == "located":
         return None
     return NoRun("the complete walk does not locate the transmitter")
 
 
-def noise_of(obs: CellObservations, full: Posterior) -> ShadowNoise:
+def noise_of(obs: Readings, full: Posterior) -> ShadowNoise:
     """Noise of the EKF: the posterior's, with the white share that makes the levels likeliest."""
     mean, readings = full.modes[0].state, slice(_MOST_FOR_NOISE)
 
     def log_likelihood(noise: ShadowNoise) -> float:
-        state = shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0]))
+        state = shadow_ekf.hold(mean, noise, obs.places)
         return shadow_pass(obs, state, noise, readings=readings).log_likelihood
 
     residual_noise = full.sigma_db, full.decorrelation_m, full.white_share
     return max(candidates(*residual_noise, full.prior.height_m), key=log_likelihood)
 
 
-def _thin(obs: CellObservations, noise: ShadowNoise) -> CellObservations:
+def _thin(obs: Readings, noise: ShadowNoise) -> Readings:
     """The readings, with a level of NaN where the same ground was measured before."""
-    visits = VisitLog()
-    points = zip(obs.x_m.tolist(), obs.y_m.tolist(), strict=True)
-    is_new = [is_informative(visits.take(x_m, y_m), noise) for x_m, y_m in points]
+    is_white = noise.shadow_db <= _LITTLE_SHADOW * noise.white_db
+    is_new = obs.places.thin(again=is_white)
     return replace(obs, level_dbm=np.where(is_new, obs.level_dbm, np.nan), known_limit=obs.limit)
 
 
 def _find_start(
-    obs: CellObservations, thinned: CellObservations, full: Posterior, noise: ShadowNoise
+    obs: Readings, thinned: Readings, full: Posterior, noise: ShadowNoise
 ) -> tuple[int, Posterior] | NoRun:
     """About the shortest prefix after which there is one close mode, and its posterior."""
     end = int(np.flatnonzero(np.isfinite(thinned.level_dbm))[-1]) + 1
@@ -162,7 +163,7 @@ def _bisect(low: int, end: int, is_located: Callable[[int], bool]) -> int | None
 
 
 def _locate_prefix(
-    obs: CellObservations, count: int, full: Posterior, effort: Effort, height_m: float
+    obs: Readings, count: int, full: Posterior, effort: Effort, height_m: float
 ) -> Posterior | None:
     """Posterior of the first readings, if it is close to Gaussian for the others."""
     prefix, rest = obs.part(slice(count)), obs.part(slice(count, None))
@@ -177,9 +178,7 @@ def _locate_prefix(
     return posterior if is_close and is_single else None
 
 
-def _shortest_promising(
-    obs: CellObservations, end: int, full: Posterior, noise: ShadowNoise
-) -> int | None:
+def _shortest_promising(obs: Readings, end: int, full: Posterior, noise: ShadowNoise) -> int | None:
     """Length below `end` of the shortest prefix that may be close.
 
     The filter is run at the position of the complete walk over levels that fit exactly, so that it
@@ -193,7 +192,7 @@ def _shortest_promising(
     level_dbm = path_loss.level_dbm(best.state[2], best.state[3], distance_db)
     level_dbm[np.isnan(obs.level_dbm)] = np.nan
     exact = replace(obs, level_dbm=level_dbm, known_limit=np.zeros(len(obs), np.int64))
-    start = shadow_ekf.hold(best.state, noise, float(obs.x_m[0]), float(obs.y_m[0]))
+    start = shadow_ekf.hold(best.state, noise, obs.places)
     wide = np.diag(np.square([_PRIOR_M, _PRIOR_M, prior.p0_sigma_db, prior.eta_sigma]))
     start, readings = shadow_ekf.release(start, wide), slice(int(counts[-1]))
     path = shadow_pass(exact, start, noise, readings=readings, rows=counts - 1).path
@@ -204,7 +203,7 @@ def _shortest_promising(
 
 
 def _filter_and_smooth(
-    obs: CellObservations, first: int, mode: Mode, noise: ShadowNoise
+    obs: Readings, first: int, mode: Mode, noise: ShadowNoise
 ) -> tuple[FilterPath, FilterPath]:
     """Filter over the readings from `first` on, and smoother over all of them.
 
@@ -213,7 +212,7 @@ def _filter_and_smooth(
     """
     conditionals = np.empty((len(obs), 6))
     before, after = slice(first), slice(first, None)
-    state = shadow_ekf.hold(mode.state, noise, float(obs.x_m[0]), float(obs.y_m[0]))
+    state = shadow_ekf.hold(mode.state, noise, obs.places)
     state = shadow_pass(obs, state, noise, readings=before, conditionals=conditionals[before]).end
     state = shadow_ekf.release(state, mode.covariance)
     ahead = shadow_pass(obs, state, noise, readings=after, conditionals=conditionals[after])
@@ -223,12 +222,12 @@ def _filter_and_smooth(
     return ahead.path, FilterPath(obs.t_ns[rows], *smoothed, none, none)
 
 
-def _distance_db(obs: CellObservations, mode: Mode, height_m: float) -> FloatArray:
-    dx_m, dy_m = mode.state[0] - obs.x_m, mode.state[1] - obs.y_m
-    return path_loss.log_distance_db(dx_m, dy_m, height_m, obs.position_sigma_m)
+def _distance_db(obs: Readings, mode: Mode, height_m: float) -> FloatArray:
+    mean = Places.of(mode.state[0], mode.state[1])
+    return obs.places.log_distance_to(mean, height_m)[:, 0]
 
 
-def _distance_m(obs: CellObservations, mode: Mode, height_m: float) -> FloatArray:
+def _distance_m(obs: Readings, mode: Mode, height_m: float) -> FloatArray:
     return path_loss.distance_m(_distance_db(obs, mode, height_m))
 
 

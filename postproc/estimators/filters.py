@@ -7,7 +7,7 @@ import numpy as np
 
 from logger.core import ekf, shadow_ekf
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from logger.core.shadow_ekf import ShadowNoise, ShadowState
 from postproc.estimators.metrics import Consistency, consistency
 
@@ -59,7 +59,7 @@ def retained_rows(count: int) -> IntArray:
     return np.arange((count - 1) % every, count, every)
 
 
-def reference_ekf(obs: CellObservations) -> FilterPath:
+def reference_ekf(obs: Readings) -> FilterPath:
     """The specification's EKF over all readings of a cell, started at the first position.
 
     States are x, y in metres, P0 in dBm and eta: shape (m, 4) for the m readings that are retained.
@@ -68,7 +68,7 @@ def reference_ekf(obs: CellObservations) -> FilterPath:
     x, triangles = np.empty((len(rows), 4)), np.empty((len(rows), 10))
     # plain floats: the same bits in a third of the time that scalars of numpy take
     readings = zip(obs.x_m.tolist(), obs.y_m.tolist(), obs.level_dbm.tolist(), strict=True)
-    state = ekf.start(float(obs.x_m[0]), float(obs.y_m[0]))
+    state = ekf.start(obs.places[0])
     row = 0
     for i, reading in enumerate(readings):
         state, innovation[0, i], innovation[1, i] = ekf.step(state, *reading)
@@ -82,7 +82,7 @@ def reference_ekf(obs: CellObservations) -> FilterPath:
 
 
 def shadow_pass(
-    obs: CellObservations,
+    obs: Readings,
     state: ShadowState,
     noise: ShadowNoise,
     *,

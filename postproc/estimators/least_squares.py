@@ -40,7 +40,8 @@ from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
 from logger.core.locator.normal_tail import log_cdf_and_slope
 from logger.core.model import path_loss
-from logger.core.observations import CellObservations
+from logger.core.places import Places
+from logger.core.readings import Readings
 from postproc.estimators.convergence import REACH_M, ended_well, is_lost, is_possible
 from postproc.estimators.least_squares_rows import Rows, each_reading, group
 from postproc.estimators.residuals import averages, residual_noise
@@ -226,7 +227,7 @@ class Search(NamedTuple):
         return max(self.sigma_db, _LEAST_SCALE_DB)
 
     def _minimum(self, state: FloatArray, cost: float, success: bool) -> Minimum:
-        possible = is_possible(state, self.rows.x_m, self.rows.y_m)
+        possible = is_possible(state, Places.of(self.rows.x_m, self.rows.y_m))
         return Minimum(state, float(cost), success and possible)
 
     def deviation(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -326,7 +327,7 @@ def sandwich(rows: Rows, design: FloatArray, state: FloatArray) -> Sandwich:
     scale = np.where(scale > 0.0, scale, 1.0)
     scaled = design / scale
     bread = _inverse_square(np.sqrt(rows.weight)[:, None] * scaled)
-    noise = residual_noise(rows.x_m, rows.y_m, rows.readings, rows.weight, design, e)
+    noise = residual_noise(Places.of(rows.x_m, rows.y_m), rows.readings, rows.weight, design, e)
     total = np.bincount(noise.square, rows.weight)
     score = bread @ (total[:, None] * averages(noise.square, rows.weight, scaled)).T
     covariance = score @ noise.covariance_db2 @ score.T
@@ -418,18 +419,18 @@ class BatchFit:
     rivals: tuple[FloatArray, ...]
 
 
-def residuals(state: FloatArray, obs: CellObservations, height_m: float = 0.0) -> FloatArray:
+def residuals(state: FloatArray, obs: Readings, height_m: float = 0.0) -> FloatArray:
     """Model minus level in dB of each reading, shape (n,), for a state [x, y, P0, eta]."""
     return each_reading(obs, height_m).residuals(state)
 
 
-def jacobian(state: FloatArray, obs: CellObservations, height_m: float = 0.0) -> FloatArray:
+def jacobian(state: FloatArray, obs: Readings, height_m: float = 0.0) -> FloatArray:
     """Derivative of `residuals` by the state, shape (n, 4)."""
     return each_reading(obs, height_m).jacobian(state)
 
 
 def fit(
-    obs: CellObservations,
+    obs: Readings,
     starts: Sequence[tuple[float, float]],
     *,
     loss: Loss = "linear",

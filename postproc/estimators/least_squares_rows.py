@@ -7,7 +7,8 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.model import path_loss
 from logger.core.model.blocks import squares
-from logger.core.observations import CellObservations
+from logger.core.places import Places
+from logger.core.readings import Readings
 
 _MOST_ROWS = 2000  # a fit of so many takes some 20 ms
 _SQUARE_M = 1.0
@@ -75,7 +76,7 @@ class Rows(NamedTuple):
         return np.array([*position, mean_dbm + eta * mean_db, eta]), distance_db
 
 
-def each_reading(obs: CellObservations, height_m: float) -> Rows:
+def each_reading(obs: Readings, height_m: float) -> Rows:
     """A row of weight 1 for each reading."""
     one = np.ones(len(obs))
     return Rows(
@@ -83,14 +84,14 @@ def each_reading(obs: CellObservations, height_m: float) -> Rows:
     )
 
 
-def group(obs: CellObservations, height_m: float, *, robust: bool) -> Rows:
+def group(obs: Readings, height_m: float, *, robust: bool) -> Rows:
     """The readings or, of more than 2000, their means by square; a robust fit takes the medians.
 
     Readings of one square share its shadowing: n of them weigh 2 n / (n + 1), as if half of the
     variance were shared.
     """
     rows = each_reading(obs, height_m)
-    square = _squares(obs.x_m, obs.y_m)
+    square = _squares(obs.places)
     n_there = np.bincount(square).astype(float)
     if len(obs) <= _MOST_ROWS:
         return rows._replace(weight=2.0 / (n_there[square] + 1.0))
@@ -105,9 +106,9 @@ def group(obs: CellObservations, height_m: float, *, robust: bool) -> Rows:
     return means._replace(limit=kind % 3 - 1, readings=count, weight=weight)
 
 
-def _squares(x_m: FloatArray, y_m: FloatArray) -> IntArray:
+def _squares(places: Places) -> IntArray:
     """Number of the square of each reading, at most 2000 of them."""
-    fine = squares(x_m, y_m, _FINE_SQUARES, finest_m=_SQUARE_M)[0]
+    fine = squares(places, _FINE_SQUARES, finest_m=_SQUARE_M)[0]
     count = np.bincount(fine)
-    centre_x_m, centre_y_m = (np.bincount(fine, v) / count for v in (x_m, y_m))
-    return squares(centre_x_m, centre_y_m, _MOST_ROWS, finest_m=_SQUARE_M)[0][fine]
+    centres = Places.of(*(np.bincount(fine, v) / count for v in (places.x_m, places.y_m)))
+    return squares(centres, _MOST_ROWS, finest_m=_SQUARE_M)[0][fine]

@@ -12,8 +12,8 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.polygon import orient
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.geo import Utm
 from logger.core.locator.region import LEVEL, Squares, highest_density
+from logger.core.places import Utm
 
 _DEGREE_DECIMALS = 7
 _SIMPLIFY_CELLS = 0.5

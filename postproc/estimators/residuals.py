@@ -41,7 +41,8 @@ from logger.core.model import marginal, path_loss
 from logger.core.model.blocks import squares
 from logger.core.model.noise import independent_variance, shadowing
 from logger.core.model.prior import WHITE, Hypothesis, Prior
-from logger.core.observations import CellObservations, SpikeLevel
+from logger.core.places import Places
+from logger.core.readings import Readings, SpikeLevel
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.least_squares_rows import each_reading
 from postproc.estimators.metrics import Consistency, consistency, lag1, mean_bounds
@@ -92,8 +93,7 @@ def unit_columns(design: FloatArray) -> FloatArray:
 
 
 def residual_noise(
-    x_m: FloatArray,
-    y_m: FloatArray,
+    places: Places,
     readings: FloatArray,
     weight: FloatArray,
     design: FloatArray,
@@ -103,8 +103,8 @@ def residual_noise(
 
     `readings` (n,) is how many a row stands for; the weights (n,) are positive.
     """
-    square, _ = squares(x_m, y_m, _MOST_SQUARES)
-    x, y, e = (averages(square, weight, v) for v in (x_m, y_m, residual_db))
+    square, _ = squares(places, _MOST_SQUARES)
+    x, y, e = (averages(square, weight, v) for v in (places.x_m, places.y_m, residual_db))
     scaled = averages(square, weight, unit_columns(design))
     n_there = np.bincount(square, readings).astype(float)
     apart_m = np.hypot(x[:, None] - x, y[:, None] - y)
@@ -171,14 +171,13 @@ _BREAKPOINTS = (0.25, 0.5, 0.75)  # of the range of L
 
 
 class Ground(NamedTuple):
-    """Levels of a walk, shape (n,): position, residual `e_db`, L = 10 log10 d, azimuth in radians.
+    """Levels of a walk, shape (n,): places, residual `e_db`, L = 10 log10 d, azimuth in radians.
 
     The azimuth is that seen from the estimate; `design` (n, 4) is the derivative of the model by
     the state.
     """
 
-    x_m: FloatArray
-    y_m: FloatArray
+    places: Places
     e_db: FloatArray
     distance_db: FloatArray
     azimuth: FloatArray
@@ -224,7 +223,7 @@ def noise_of(ground: Ground, *columns: FloatArray) -> ResidualNoise:
     """Noise of the residuals beside the fit and further columns (n,)."""
     one = np.ones(len(ground.e_db))
     design = np.column_stack([ground.design, *columns])
-    return residual_noise(ground.x_m, ground.y_m, one, one, design, ground.e_db)
+    return residual_noise(ground.places, one, one, design, ground.e_db)
 
 
 def exponent_change(ground: Ground) -> ExponentChange | None:
@@ -357,7 +356,7 @@ class Residuals:
 
 def diagnose(
     state: FloatArray,
-    obs: CellObservations,
+    obs: Readings,
     filtered: FilterPath | None = None,
     *,
     height_m: float = 0.0,
@@ -415,14 +414,12 @@ def _standard_moment(values: FloatArray, order: int) -> float:
     return float(np.mean(off**order) / np.mean(off**2) ** (0.5 * order))
 
 
-def _ground(
-    state: FloatArray, obs: CellObservations, residual_db: FloatArray, height_m: float
-) -> Ground:
+def _ground(state: FloatArray, obs: Readings, residual_db: FloatArray, height_m: float) -> Ground:
     level = np.isfinite(residual_db)
     azimuth = np.arctan2(obs.x_m - state[0], obs.y_m - state[1])
     design = each_reading(obs, height_m).jacobian(state)
-    columns = (obs.x_m, obs.y_m, residual_db, -design[:, 3], azimuth, design)
-    return Ground(*(column[level] for column in columns))
+    columns = (residual_db, -design[:, 3], azimuth, design)
+    return Ground(obs.places.part(level), *(column[level] for column in columns))
 
 
 def _correlation_lengths_m(ground: Ground) -> tuple[float, float]:
@@ -430,7 +427,7 @@ def _correlation_lengths_m(ground: Ground) -> tuple[float, float]:
 
     The former is the latter where it never falls so far.
     """
-    way_m = np.cumsum(np.hypot(*(np.diff(v, prepend=v[0]) for v in (ground.x_m, ground.y_m))))
+    way_m = np.cumsum(np.hypot(*(np.diff(v, prepend=v[0]) for v in ground.places.xy_m)))
     length_m, steps = float(way_m[-1]), min(len(way_m), _MOST_STEPS)
     number = np.minimum((way_m / max(length_m, 1e-9) * steps).astype(np.int64), steps - 1)
     count = np.bincount(number, minlength=steps)
@@ -476,9 +473,7 @@ def _innovations(filtered: FilterPath | None) -> Consistency | None:
     return filtered.consistency or consistency(filtered.innovation_db, filtered.innovation_var_db2)
 
 
-def _outliers(
-    residual_db: FloatArray, sigma_db: float, obs: CellObservations
-) -> tuple[Outlier, ...]:
+def _outliers(residual_db: FloatArray, sigma_db: float, obs: Readings) -> tuple[Outlier, ...]:
     """Readings beyond all that as many normal ones would have, the largest first."""
     sigmas = np.abs(residual_db) / sigma_db
     limit = -NormalDist().inv_cdf(0.5 * _OUTLIER_CHANCE / len(residual_db))

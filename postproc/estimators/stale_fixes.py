@@ -5,12 +5,10 @@ that is repeated to the last digit and then left with a jump was stale before th
 drive tests by 100 m, which a smoother turns into speeds and stops that never were.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.track import TIMING_S, Track, smeared_sigma_m
+from logger.core.places import TIMING_S, Track, smeared_sigma_m
 
 SLOW_MPS = 0.5
 """Slow walk: a jump is assumed to have taken no longer than its length at this speed."""
@@ -31,9 +29,7 @@ def steps(track: Track) -> tuple[FloatArray, FloatArray]:
 
 def without_stale(track: Track) -> Track:
     """The track without repeated positions that the walker may have left, just before a jump."""
-    is_current = _is_current(track)
-    columns = ("t_ns", "seq", "x_m", "y_m", "sigma_m")
-    return replace(track, **{name: getattr(track, name)[is_current] for name in columns})
+    return track.part(_is_current(track))
 
 
 def written_sigma_m(track: Track) -> FloatArray:

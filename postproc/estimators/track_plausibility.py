@@ -8,7 +8,7 @@ the receiver. Times with an impossible speed are wrong in another way, which onl
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.track import Track
+from logger.core.places import Track
 from postproc.estimators.stale_fixes import steps
 from postproc.estimators.walker import SmoothedTrack
 

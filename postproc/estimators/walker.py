@@ -30,8 +30,8 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
+from logger.core.places import MAX_GAP_S, Places, Track
 from logger.core.rows import Rows
-from logger.core.track import MAX_GAP_S, Track
 from postproc.estimators.walker_kalman import Model, Series, excess_variance, score, smooth
 
 USABLE_SIGMA_M = 20.0
@@ -71,15 +71,6 @@ class Velocities(NamedTuple):
     sigma_mps: FloatArray
 
 
-class Positions(NamedTuple):
-    """Positions of the walker, shape (n,): `covariance_m2` (n, 2, 2) and `sigma_m` per axis."""
-
-    x_m: FloatArray
-    y_m: FloatArray
-    covariance_m2: FloatArray
-    sigma_m: FloatArray
-
-
 @dataclass(frozen=True, slots=True)
 class SmoothedTrack:
     """The walk between and beyond the fixes of `track`.
@@ -101,7 +92,7 @@ class SmoothedTrack:
         """Number of fixes set aside."""
         return int(np.count_nonzero(self.outlier))
 
-    def at(self, t_ns: IntArray) -> Positions:
+    def at(self, t_ns: IntArray) -> Places:
         """Positions at any times, shape (n,); the farther from a fix, the less certain."""
         fix_s, t_s = _clock_s(self.track, self.track.t_ns), _clock_s(self.track, t_ns)
         mean, variance = interpolate(fix_s, self.series, self.accel_m2s3, t_s)
@@ -112,7 +103,8 @@ class SmoothedTrack:
             + np.interp(t_s, fix_s, self.doubt_m) ** 2
         )
         x_m, y_m = mean.T + np.array([[self.track.x_m[0]], [self.track.y_m[0]]])
-        return Positions(x_m, y_m, variance[:, None, None] * np.eye(2), np.sqrt(variance))
+        z_m = np.interp(t_s, fix_s, self.track.z_m)
+        return Places(x_m, y_m, z_m, np.sqrt(variance), t_ns, self.track.utm)
 
 
 def velocities(fixes: Rows, track: Track) -> Velocities:

@@ -17,7 +17,7 @@ from logger.core.printable import printable
 from postproc.options import prior_options, read_streets, runs_argument, streets_option
 
 with late_modules():
-    from logger.core import observations, runfile
+    from logger.core import places, readings, runfile
     from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, foreign_file, multi_run, picture_file, walk
     from postproc.guidance import filter as guide_filter
@@ -116,7 +116,7 @@ def next_command(
     found = cell_work.attempt_alone(
         obs.cell,
         "its next walk",
-        lambda: next_walk.next_walk(obs, prior, _start_deg(start), lines),
+        lambda: next_walk.next_walk(obs, prior, _start(start), lines),
     )
     if routes is not None:
         next_output.write_gpx(found, routes)
@@ -125,7 +125,7 @@ def next_command(
     show(next_output.document_of(found), as_json=as_json)
 
 
-def _readings_of(paths: Sequence[Path], cell: str | None) -> observations.CellObservations:
+def _readings_of(paths: Sequence[Path], cell: str | None) -> readings.Readings:
     """Readings of the cell in all runs; where none is named, of the one to look for first."""
     runs = [runfile.read_sound_run(path) for path in paths]
     multi_run.check_different(runs)
@@ -139,9 +139,7 @@ def _readings_of(paths: Sequence[Path], cell: str | None) -> observations.CellOb
     return multi_run.merge(parts[cell], multi_run.modems_of(runs))
 
 
-def _first_to_look_for(
-    runs: Sequence[runfile.Run], every: list[observations.CellObservations]
-) -> str | None:
+def _first_to_look_for(runs: Sequence[runfile.Run], every: list[readings.Readings]) -> str | None:
     """The most suspicious or unusual cell that has levels; without one the strongest."""
     levels: dict[str, float] = {}
     tries = cell_work.Attempts("the choice of its readings")
@@ -155,12 +153,12 @@ def _first_to_look_for(
     return max(levels, key=lambda name: levels[name], default=None)
 
 
-def _start_deg(text: str | None) -> tuple[float, float] | None:
-    """LAT,LON in degrees."""
+def _start(text: str | None) -> places.Places | None:
+    """The place of LAT,LON in degrees."""
     if text is None:
         return None
     try:
         lat_deg, lon_deg = (float(part) for part in text.split(","))
     except ValueError:
         raise click.UsageError(f"--from {text[:40]!r} is not LAT,LON in degrees") from None
-    return lat_deg, lon_deg
+    return places.Places.of_degrees(lat_deg, lon_deg)

@@ -1,14 +1,13 @@
 """One row of a walk in, one answer out: position, verdict and the way to walk next."""
 
 from collections.abc import Iterable, Mapping
-from math import hypot, isfinite, pi
+from math import isfinite, pi
 
 import msgspec
 
 from logger.core.answer import Position
 from logger.core.censoring import limit_of
 from logger.core.errors import GeoError
-from logger.core.geo import Utm
 from logger.core.guidance.followed_cell import FollowedCell
 from logger.core.guidance.map_form import next_way
 from logger.core.guidance.next_way import NextWay
@@ -16,8 +15,10 @@ from logger.core.guidance.street_atlas import FARTHEST_M, Line, StreetAtlas
 from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
 from logger.core.model.prior import Prior
+from logger.core.places import TIMING_S, Places, place_of_fix
+from logger.core.readings import Readings
 from logger.core.reportable import range_dbm
-from logger.core.track import TIMING_S, fix_sigma_m
+from logger.core.types import Fix
 from postproc.interop.fields import LEVEL_RANGE_DBM, RATS
 
 COLUMNS = ("t_s", "lat", "lon", "rssi_dbm")
@@ -62,11 +63,10 @@ class GuideFilter:
     def __init__(self, prior: Prior, cell: str | None = None, lines: Iterable[Line] = ()) -> None:
         self._prior, self._cell, self._atlas = prior, cell, StreetAtlas(lines)
         self.locator = OnlineLocator(prior)
-        self._utm: Utm | None = None
-        self._start_m = (0.0, 0.0)
+        self._start: Places | None = None
         self._followed: FollowedCell | None = None
-        self._last: tuple[float, float, float] | None = None
-        self._strongest: tuple[float, float, float] | None = None
+        self._last: tuple[float, Places] | None = None  # time in seconds
+        self._strongest: Readings | None = None
         self.levels = 0
         self.is_off_map = False
 
@@ -79,11 +79,10 @@ class GuideFilter:
         t_s = None
         try:
             t_s = _number(row, "t_s")
-            lat_deg, lon_deg = _number(row, "lat"), _number(row, "lon")
             level_dbm = _level_dbm(row)
-            acc_m = _acc_m(row)
-            if lat_deg is not None and lon_deg is not None:
-                self._take(t_s, lat_deg, lon_deg, acc_m, level_dbm, row)
+            place = self._place(row)
+            if place is not None:
+                self._take(t_s, place, level_dbm, row)
         except (ValueError, GeoError) as error:
             known = self._answer_after_fix(t_s)
             return BadRow(t_s, known.verdict, known.best, known.area_m2, known.next, str(error))
@@ -92,81 +91,90 @@ class GuideFilter:
     def _take(
         self,
         t_s: float | None,
-        lat_deg: float,
-        lon_deg: float,
-        acc_m: float | None,
+        place: Places,
         level_dbm: float | None,
         row: Mapping[str, str | None],
     ) -> None:
-        if (lat_deg, lon_deg) == _NO_FIX_DEG:
-            raise ValueError("lat 0, lon 0 is no position: the receiver has no fix")
-        if self._utm is None:
-            self._utm = Utm.at(lat_deg, lon_deg)
-            self._start_m = self._utm.to_xy(lat_deg, lon_deg)
-        x_m, y_m = self._utm.to_xy(lat_deg, lon_deg)
-        away_m = hypot(x_m - self._start_m[0], y_m - self._start_m[1])
+        self._start = self._start or place
+        away_m = place.away_m(self._start)
         if away_m > _FARTHEST_M:
             raise ValueError(f"the position is {away_m / 1000.0:.0f} km from the first one")
         followed = self._followed
         if followed is None:
-            streets = self._atlas.near(self._utm, x_m, y_m)
-            self.is_off_map = streets is not None and not _is_within(streets, x_m, y_m)
-            followed = self._followed = FollowedCell(self._cell or "", self._utm, streets)
-        sigma_m = hypot(fix_sigma_m(acc_m, None), TIMING_S * self._speed_mps(t_s, x_m, y_m))
+            streets = self._atlas.near(place)
+            self.is_off_map = streets is not None and not _is_within(streets, place)
+            followed = self._followed = FollowedCell(self._cell or "", streets)
+        timed = place.less_sure(TIMING_S * self._speed_mps(t_s, place))
         if level_dbm is not None and self._is_followed(row):
             self.levels += 1
-            self._strongest = max(filter(None, [self._strongest, (level_dbm, x_m, y_m)]))
-            limit = limit_of(level_dbm, _text(row, "rat") or _RAT)
-            self.locator.add(x_m, y_m, sigma_m, level_dbm, limit)
+            rat = _text(row, "rat") or _RAT
+            reading = Readings.one(
+                self._cell or "", rat, timed, level_dbm, limit_of(level_dbm, rat)
+            )
+            if self._strongest is None or _rank(reading) > _rank(self._strongest):
+                self._strongest = reading
+            self.locator.add(reading)
             if self.locator.stale > 1.0:
                 self.locator.search()
-        followed.update(x_m, y_m, self.locator)
+        followed.update(place, self.locator)
 
     def _is_followed(self, row: Mapping[str, str | None]) -> bool:
         name = _text(row, "cell") or None
         self._cell = self._cell or name
         return name == self._cell
 
-    def _speed_mps(self, t_s: float | None, x_m: float, y_m: float) -> float:
+    def _place(self, row: Mapping[str, str | None]) -> Places | None:
+        """Where a row was taken, in the zone of the first; None without a position."""
+        lat_deg, lon_deg, acc_m = _number(row, "lat"), _number(row, "lon"), _acc_m(row)
+        if (lat_deg, lon_deg) == _NO_FIX_DEG:
+            raise ValueError("lat 0, lon 0 is no position: the receiver has no fix")
+        fix = Fix(True, lat_deg=lat_deg, lon_deg=lon_deg, acc_m=acc_m)
+        return place_of_fix(0, fix, None if self._start is None else self._start.utm)
+
+    def _speed_mps(self, t_s: float | None, place: Places) -> float:
         """Speed since the row before, 0 without a time."""
         if t_s is None:
             return 0.0
-        before, self._last = self._last, (t_s, x_m, y_m)
+        before, self._last = self._last, (t_s, place)
         if before is None or t_s <= before[0]:
             return 0.0
-        speed_mps = hypot(x_m - before[1], y_m - before[2]) / max(t_s - before[0], 1.0)
+        speed_mps = place.away_m(before[1]) / max(t_s - before[0], 1.0)
         return min(speed_mps, _FASTEST_MPS)
 
     def _answer_after_fix(self, t_s: float | None) -> GuideLine:
-        followed, utm = self._followed, self._utm
+        followed = self._followed
         if self.levels < _FEWEST_LEVELS:
             return GuideLine(t_s)
         answer = None if followed is None else followed.answer
-        if followed is None or utm is None or answer is None or answer.place is None:
+        if followed is None or answer is None or answer.place is None:
             return self._before_position(t_s)
         return GuideLine(
             t_s=t_s,
             verdict=answer.verdict,
             best=answer.place.to_tenth_metre(),
             area_m2=round(answer.place.area_m2),
-            next=next_way(utm, followed.advice),
+            next=next_way(followed.advice),
         )
 
     def _before_position(self, t_s: float | None) -> GuideLine:
         """Before the first search: the strongest level, within the reach of the prior."""
-        if self._utm is None or self._strongest is None:
+        if self._strongest is None:
             return GuideLine(t_s)
-        _, x_m, y_m = self._strongest
         radius_m = self._prior.radius_m(0.95)
-        lat, lon = self._utm.to_latlon(x_m, y_m)
+        lat, lon = self._strongest.places.first_deg
         best = Position(
             lat=lat, lon=lon, r95_m=radius_m, r50_m=self._prior.radius_m(0.5)
         ).to_tenth_metre()
         return GuideLine(t_s, best=best, area_m2=round(pi * radius_m**2))
 
 
-def _is_within(streets: StreetMap, x_m: float, y_m: float) -> bool:
-    nearest = streets.nearest(x_m, y_m)
+def _rank(reading: Readings) -> list[float]:
+    """By the level; of equal ones the one farther east, then farther north."""
+    return [reading.level_dbm.item(), *reading.places.xy_m[:, 0].tolist()]
+
+
+def _is_within(streets: StreetMap, place: Places) -> bool:
+    nearest = streets.nearest(place)
     return nearest is not None and nearest.away_m <= FARTHEST_M
 
 

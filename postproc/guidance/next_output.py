@@ -12,6 +12,7 @@ from logger.core.arrays import FloatArray
 from logger.core.document import Column, Degrees, Document, Line, Table
 from logger.core.ellipse import radii_text
 from logger.core.locator.region import highest_density
+from logger.core.places import Places
 from postproc.atomic_write import whole_file
 from postproc.guidance.next_walk import NextWalk, RankedRoute
 from postproc.interop.geometry import DECIMALS
@@ -64,7 +65,7 @@ def parts_of(walk: NextWalk) -> Iterator[str | Line | Table]:
 
 def content_of(walk: NextWalk) -> dict[str, Any]:
     """What the JSON is made of."""
-    lat_deg, lon_deg = walk.utm.to_latlon(*walk.start_m)
+    lat_deg, lon_deg = walk.start.first_deg
     return {
         "cell": walk.answer.cell,
         "verdict": walk.answer.verdict,
@@ -102,7 +103,7 @@ def draw_map(walk: NextWalk, target: Path) -> None:
     """Where a reading would say most, with the walk, the 95 % region and the best route."""
     figure = plots_style.figure_of_size(7.0, 6.4)
     axes = figure.add_subplot()
-    start = np.array(walk.start_m)
+    start = walk.start.xy_m[:, 0]
     route_m = walk.routes[0].route.corner_m - start
     half_m = max(_LEAST_MAP_M, float(np.max(np.abs(route_m))) + _MARGIN_M)
     east_m, north_m, nats = _information(walk, half_m)
@@ -112,7 +113,7 @@ def draw_map(walk: NextWalk, target: Path) -> None:
     chosen = highest_density(squares)
     axes.plot(squares.x_m[chosen] - start[0], squares.y_m[chosen] - start[1], "s", color="white",
               markersize=2.0, alpha=0.6, label="95 % region")  # fmt: skip
-    axes.plot(*(walk.walked_m - start).T, color="black", linewidth=1.0, label="walked")
+    axes.plot(*(walk.walked.xy_m - walk.start.xy_m), color="black", linewidth=1.0, label="walked")
     axes.plot(*route_m.T, color="red", label="best route")
     axes.plot(0.0, 0.0, "o", color="red", label="start")
     axes.set_xlim(-half_m, half_m)
@@ -131,13 +132,16 @@ def _information(walk: NextWalk, half_m: float) -> tuple[FloatArray, FloatArray,
     east_m, north_m = np.meshgrid(at_m, at_m)
     nats = np.empty_like(east_m)
     for row in range(_GRID):
-        x_m, y_m = east_m[row] + walk.start_m[0], north_m[row] + walk.start_m[1]
-        forecast = walk.forecaster.at(x_m, y_m)
+        x_m, y_m = east_m[row] + walk.start.x_m, north_m[row] + walk.start.y_m
+        forecast = walk.forecaster.at(Places.of(x_m, y_m))
         off = forecast.level_dbm - forecast.weight @ forecast.level_dbm
         variance = forecast.weight @ off**2
         nats[row] = 0.5 * np.log1p(variance / np.diag(forecast.covariance))
     return east_m, north_m, nats
 
 
-def _degrees(walk: NextWalk, one: RankedRoute) -> list[tuple[float, float]]:
-    return [walk.utm.to_latlon(*corner) for corner in one.route.corner_m.tolist()]
+def _degrees(walk: NextWalk, one: RankedRoute) -> list[list[float]]:
+    """Latitude and longitude of the corners."""
+    corners = Places.of(*one.route.corner_m.T, utm=walk.start.utm)
+    degrees: list[list[float]] = corners.lat_lon_deg.T.tolist()
+    return degrees

@@ -6,15 +6,13 @@ optimistic, their order is what counts.
 """
 
 from collections.abc import Iterable, Sequence
-from math import hypot
 from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.answer import Answer, Provenance, answer_of
-from logger.core.arrays import FloatArray, IntArray
+from logger.core.arrays import IntArray
 from logger.core.errors import ConfigError
-from logger.core.geo import Utm
 from logger.core.guidance.clusters import Cluster, clusters
 from logger.core.guidance.forecast import Forecast, Forecaster
 from logger.core.guidance.planner import Course, Plan, first_turn, plans
@@ -30,7 +28,8 @@ from logger.core.locator.quadtree import Effort
 from logger.core.locator.summary import summarise
 from logger.core.locator.verdict import DESK_M, assess
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.places import Places
+from logger.core.readings import Readings
 
 MOST_ROUTES = 5
 """Routes that are listed; the others differ from these by a leg."""
@@ -55,30 +54,29 @@ class RankedRoute(NamedTuple):
 
 
 class NextWalk(NamedTuple):
-    """Where to walk next for the cell of the answer, the best route first; positions in UTM metres.
+    """Where to walk next for the cell of the answer, the best route first.
 
     `posterior` is that of the answer.
     """
 
     answer: Answer
-    utm: Utm
-    start_m: tuple[float, float]
+    start: Places
     posterior: Posterior
     routes: tuple[RankedRoute, ...]
     text: str
     forecaster: Forecaster
-    walked_m: FloatArray
+    walked: Places
 
 
 def next_walk(
-    obs: CellObservations,
+    obs: Readings,
     prior: Prior,
-    start_deg: tuple[float, float] | None = None,
+    start: Places | None = None,
     lines: Iterable[Line] = (),
 ) -> NextWalk:
     """Rank routes from a start (default: where the readings end) by what they say about a cell.
 
-    `start_deg` is latitude and longitude, `lines` the streets. Raises `ConfigError` without a
+    `lines` are the streets. Raises `ConfigError` without a
     route from there, `EstimationError` without a level of the cell.
     """
     everywhere = obs.everywhere()  # the walk, wherever its readings count
@@ -86,10 +84,10 @@ def next_walk(
     task = prepare(obs, prior, _EFFORT)
     tree = search(task)
     posterior = summarise(task, tree)
-    start_m = _start_m(everywhere, start_deg)
+    start = _start(everywhere, start)
     mixed = tree.mixture(task.walk.prior)
-    places = clusters(tree.squares, mixed.probability, start_m)
-    routes = _routes(obs.utm, start_m, places, lines)
+    places = clusters(tree.squares, mixed.probability, start)
+    routes = _routes(start, places, lines)
     sample = draw(task, tree, mixed, turn=0)
     forecaster = Forecaster(sample, task.walk.blocks, task.walk.prior)
     course = Course(None, np.zeros((0, 2)))
@@ -97,41 +95,37 @@ def next_walk(
     distance_m = float(np.hypot(*(first_turn(best.route) - best.route.corner_m[0])))
     verdict, reasons, _ = assess(posterior, obs, within_m=DESK_M)
     return NextWalk(
-        answer_of(obs.cell, verdict, reasons, Provenance(len(obs)), posterior, obs.utm),
-        obs.utm,
-        start_m,
+        answer_of(obs.cell, verdict, reasons, Provenance(len(obs)), posterior),
+        start,
         posterior,
         tuple(_rank(one, sample) for one in _different([best, *others])),
         sentence(best, sample, places, None, distance_m, task.mean_dbm),
         forecaster,
-        np.stack([everywhere.x_m, everywhere.y_m], axis=1),
+        everywhere.places,
     )
 
 
-def _start_m(obs: CellObservations, start_deg: tuple[float, float] | None) -> tuple[float, float]:
+def _start(obs: Readings, start: Places | None) -> Places:
     """Where the next walk begins; raises `ConfigError` for a place that is nowhere near."""
-    end_m = (float(obs.x_m[-1]), float(obs.y_m[-1]))
-    if start_deg is None:
-        return end_m
-    start_m = obs.utm.to_xy(*start_deg)
-    away_m = hypot(start_m[0] - end_m[0], start_m[1] - end_m[1])
+    if start is None:
+        return obs.places[-1]
+    start = start.in_zone(obs.utm)
+    away_m = start.away_m(obs.places[-1])
     if not away_m <= _FARTHEST_M:
         raise ConfigError(
             f"--from is {away_m / 1000.0:.0f} km from the end of the walk; latitude comes first"
         )
-    return start_m
+    return start
 
 
-def _routes(
-    utm: Utm, start_m: tuple[float, float], places: Sequence[Cluster], lines: Iterable[Line]
-) -> list[Route]:
-    streets = StreetAtlas(lines).near(utm, *start_m)
+def _routes(start: Places, places: Sequence[Cluster], lines: Iterable[Line]) -> list[Route]:
+    streets = StreetAtlas(lines).near(start)
     if streets is None:
-        loops = [_loop(start_m, place, side_m) for place in places for side_m in _LOOP_M]
-        return [*compass_routes(start_m, places), *loops]
-    routes = street_routes(streets, start_m, places)
+        loops = [_loop(start, place, side_m) for place in places for side_m in _LOOP_M]
+        return [*compass_routes(start, places), *loops]
+    routes = street_routes(streets, start, places)
     if not routes:
-        lat_deg, lon_deg = utm.to_latlon(*start_m)
+        lat_deg, lon_deg = start.first_deg
         raise ConfigError(
             f"no street of the map is near {lat_deg:.5f} {lon_deg:.5f}: "
             "choose a start with --from, or leave out --streets"
@@ -139,9 +133,9 @@ def _routes(
     return routes
 
 
-def _loop(start_m: tuple[float, float], place: Cluster, side_m: float) -> Route:
+def _loop(start: Places, place: Cluster, side_m: float) -> Route:
     """To a square around a place, and around it."""
-    middle = np.array([place.x_m, place.y_m])
+    start_m, middle = start.xy_m[:, 0], place.place.xy_m[:, 0]
     half_m = 0.5 * side_m
     corner_m = middle + half_m * np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]])
     first = int(np.argmin(np.hypot(*(corner_m - start_m).T)))
@@ -178,7 +172,7 @@ def _r95_after_m(forecast: Forecast, points: IntArray, sample: PositionSample) -
     weight = sample.weight * np.exp(-0.5 * (misfit - misfit.min(axis=1, keepdims=True)))
     weight /= weight.sum(axis=1, keepdims=True)
     best = np.argmax(weight, axis=1)
-    away_m = np.hypot(sample.x_m - sample.x_m[best, None], sample.y_m - sample.y_m[best, None])
+    away_m = sample.places.part(best).distances_m(sample.places)
     order = np.argsort(away_m, axis=1)
     held = np.cumsum(np.take_along_axis(weight, order, axis=1), axis=1)
     last = np.minimum((held < 0.95).sum(axis=1), len(sample.weight) - 1)

@@ -6,7 +6,7 @@ from math import isfinite
 
 from logger.core.answer import Mode
 from logger.core.ellipse import radii_text
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from postproc.cell_work import Failure, attempt
 from postproc.interop.geometry import LonLat, Rings, ellipse, polygons
 from postproc.result import BATCH, EKF, RTS, Result

@@ -17,13 +17,12 @@ import numpy.typing as npt
 from logger.core.arrays import IntArray
 from logger.core.censoring import levels_dbm
 from logger.core.errors import ConfigError, RunFileError
-from logger.core.geo import Utm
-from logger.core.observations import Observations, observe
+from logger.core.places import MAX_GAP_S, SIGMA_OF_RADIUS68, Utm
 from logger.core.provenance import is_import
+from logger.core.readings import Observations, observe
 from logger.core.rows import values_of
 from logger.core.runfile import Run
 from logger.core.timebase import fit_run
-from logger.core.track import MAX_GAP_S, SIGMA_OF_RADIUS68
 from logger.core.types import Broadcast, CellReading, Fix
 from postproc.atomic_write import whole_file
 from postproc.interop import writers

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import Any, get_args
 
 from logger.core.errors import RunFileError
-from logger.core.geo import check_position
+from logger.core.places import check_position
 from logger.core.reportable import area_marks, identity_bits, identity_marks
 from logger.core.types import CellReading, Fix, Rat, Role
 from logger.core.utc import utc_text

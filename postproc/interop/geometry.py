@@ -14,7 +14,7 @@ from shapely.geometry import LineString, MultiPolygon, Polygon
 from shapely.geometry.polygon import orient
 
 from logger.core.arrays import FloatArray
-from logger.core.geo import Utm
+from logger.core.places import Utm
 
 LonLat = tuple[float, float]
 Line = list[LonLat]

@@ -14,8 +14,7 @@ import numpy as np
 
 from logger.core.arrays import BoolArray, IntArray
 from logger.core.errors import GeoError
-from logger.core.geo import Utm
-from logger.core.track import Track, fix_sigma_m
+from logger.core.places import Places, Track, fix_sigma_m
 from logger.core.types import Broadcast, CellReading, Fix
 
 Fields = TypeVar("Fields")
@@ -178,9 +177,9 @@ class SightingFile:
         _, first = np.unique(np.column_stack([t_ns, place]), axis=0, return_index=True)
         first.sort()
         lat_deg, lon_deg, sigma_m = place[first].T
-        utm = Utm.at(float(lat_deg[0]), float(lon_deg[0]))
-        x_m, y_m = utm.to_xy_arrays(lat_deg, lon_deg)
-        return Track(utm, t_ns[first], np.arange(len(first)), x_m, y_m, sigma_m)
+        at = Places.of_degrees(lat_deg, lon_deg)
+        seq = np.arange(len(first))
+        return Track(at.x_m, at.y_m, at.z_m, sigma_m, t_ns[first], at.utm, seq=seq)
 
     def _order_of_rows(self) -> IntArray:
         if self._order is None:

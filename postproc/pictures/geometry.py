@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.track import MAX_GAP_S
+from logger.core.places import MAX_GAP_S
 
 _LEAST_WALK_M = 100.0
 """A walk on the spot is drawn as if it were this long, or the plan would show GPS noise alone."""

@@ -9,9 +9,9 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.censoring import levels_dbm
-from logger.core.geo import Utm
 from logger.core.locator.posterior import Mode
-from logger.core.observations import times_ns
+from logger.core.places import Utm
+from logger.core.readings import times_ns
 from logger.core.runfile import Run
 from postproc.pictures.clock import Clock, clock_of
 from postproc.pictures.geometry import split_at_gaps

@@ -170,7 +170,7 @@ def _from_start(picture: Picture, position_m: FloatArray) -> str:
     distance_m = float(np.linalg.norm(position_m - start_m))
     if distance_m < 1.0:
         return "at the start"
-    return f"{metres(distance_m)} {direction(start_m.tolist(), position_m.tolist())} of the start"
+    return f"{metres(distance_m)} {direction(position_m - start_m)} of the start"
 
 
 def _length_m(strip_m: FloatArray) -> float:

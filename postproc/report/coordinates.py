@@ -6,7 +6,7 @@ Sources: RFC 5870 (geo URI), wiki.openstreetmap.org/wiki/Browsing (links), NGA.S
 from dataclasses import dataclass
 
 from logger.core.errors import GeoError
-from logger.core.geo import MAX_LATITUDE_DEG, Utm
+from logger.core.places import MAX_LATITUDE_DEG, Utm
 
 _DECIMALS = 5
 """A metre."""

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from math import dist
 from typing import NamedTuple
 
 from logger.core.answer import Mode, Place
@@ -97,9 +96,9 @@ def _advice(cell: CellResult) -> str | None:
         return "Walk where this cell is received, with a position fix, and turn a corner or two."
     if posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
         return "The levels do not show the distance yet: walk to where they are clearly higher."
-    last_m = (float(obs.x_m[-1]), float(obs.y_m[-1]))
-    position_m = (posterior.x_m, posterior.y_m)
-    way = f"{metres(dist(last_m, position_m))} {direction(last_m, position_m)}"
+    last, shown = obs.places[-1], posterior.place
+    way_m = shown.xy_m[:, 0] - last.xy_m[:, 0]
+    way = f"{metres(shown.away_m(last))} {direction(way_m)}"
     return (
         f"Walk around the most likely position, {degrees_text(place)}. It is {way} of the last "
         "reading of this cell. Levels from more than one side are the most informative."

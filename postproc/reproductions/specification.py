@@ -19,10 +19,10 @@ import numpy as np
 from logger.core import ekf
 from logger.core.arrays import FloatArray
 from logger.core.errors import GeoError
-from logger.core.geo import Utm, zone_of
 from logger.core.live import LiveTracker
 from logger.core.live_settings import LiveSettings
 from logger.core.model import path_loss
+from logger.core.places import Places, Utm, zone_of
 from postproc.reproductions.checks import Check, ours, theirs, under, wrong
 from postproc.reproductions.specification_walks import (
     SPEC,
@@ -120,7 +120,7 @@ def _poles() -> Check:
     return Check(claim, "89 deg was given a zone", "fails")
 
 
-_STATION, _USER = ekf.start(1000.0, 2000.0), (1100.0, 2100.0)
+_STATION, _USER = ekf.start(Places.of(1000.0, 2000.0)), (1100.0, 2100.0)
 _STEP = 1e-4  # the checklist's, for numerical differentiation
 _DERIVED = _STATION._replace(p0_dbm=-45.0, eta=2.5)  # the example of the derivation
 
@@ -143,7 +143,7 @@ def _model_checks(_: Effort) -> list[Check]:
 
 
 def _initial() -> list[Check]:
-    start = ekf.start(*_USER)
+    start = ekf.start(Places.of(*_USER))
     p = ekf.covariance_matrix(start.p)
     state = f"[{start.x_m:.0f}, {start.y_m:.0f}, {start.p0_dbm:.1f}, {start.eta:.1f}]"
     return [
@@ -166,7 +166,7 @@ def _initial() -> list[Check]:
 
 
 def _level() -> list[Check]:
-    at_start = ekf.jacobian(ekf.start(*_USER), *_USER)
+    at_start = ekf.jacobian(ekf.start(Places.of(*_USER)), *_USER)
     row = ", ".join(f"{h + 0.0:g}" for h in at_start)
     return [
         Check(
@@ -339,7 +339,7 @@ def _fifty_updates() -> list[Check]:
 def _noiseless_path() -> list[ekf.EkfState]:
     """The filter's states along the circle, without noise."""
     x_m, y_m = circle(50)
-    states = [ekf.start(float(x_m[0]), float(y_m[0]))]
+    states = [ekf.start(Places.of(x_m[0], y_m[0]))]
     levels_dbm = true_level_dbm(SPEC, x_m, y_m).tolist()
     for reading in zip(x_m.tolist(), y_m.tolist(), levels_dbm, strict=True):
         states.append(ekf.step(states[-1], *reading).state)
@@ -353,7 +353,7 @@ _STEP_M = 2.8
 
 def _cost_checks(effort: Effort) -> list[Check]:
     """State, step and cycle."""
-    state_bytes = _bytes(ekf.start(0.0, 0.0))
+    state_bytes = _bytes(ekf.start(Places.of(0.0, 0.0)))
     step_ms, cycles_ms = _step_ms(50 * effort.timed), _cycles_ms(effort.timed)
     return under(
         "cost",
@@ -398,7 +398,7 @@ def _locator_mb() -> float:
 
 
 def _step_ms(steps: int) -> float:
-    state = ekf.start(0.0, 0.0)
+    state = ekf.start(Places.of(0.0, 0.0))
     begin_s = thread_time()
     for k in range(steps):
         state = ekf.step(state, 3.0 * k, 1.0 * k, -80.0).state

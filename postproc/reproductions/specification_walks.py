@@ -2,10 +2,10 @@
 
 The table: 50 readings on a circle of 500 m around the station, 3 dB of noise, P0 = -45 dBm, eta =
 2.5. Beside its claims stand the reference EKF, our locator and the Cramer-Rao bound with the
-locator's priors on P0 and eta. The bound is local: it takes no account of far positions that fit as
-well, and around a circle there are many. It is J = G' G / r + diag(0, 0, Lambda0), G the slope of
-the levels by [x, y, P0, eta] at the true state, Lambda0 the inverse variances of normal priors on
-P0 and eta (Van Trees, Detection, Estimation, and Modulation Theory I, sec. 2.4).
+locator's priors on P0 and eta. The bound is local, and around a circle many far positions fit as
+well. It is J = G' G / r + diag(0, 0, Lambda0), G the slope of the levels by [x, y, P0, eta] at the
+true state, Lambda0 the inverse variances of normal priors on P0 and eta (Van Trees, Detection,
+Estimation, and Modulation Theory I, sec. 2.4).
 
 The scenarios: a station at the origin with P0 = -30 dBm, eta = 3 (so that all levels are on the
 modem's scale), a fix and a scan every two seconds, 3 dB of noise where nothing else is stated.
@@ -22,7 +22,6 @@ from logger.core import ekf
 from logger.core.arrays import FloatArray
 from logger.core.censoring import GSM_FLOOR_DBM
 from logger.core.ellipse import CHI2_95_2DOF
-from logger.core.geo import Utm
 from logger.core.live import LiveTracker
 from logger.core.live_settings import LiveSettings
 from logger.core.locator.pipeline import locate
@@ -32,7 +31,8 @@ from logger.core.locator.verdict import assess
 from logger.core.model import path_loss
 from logger.core.model.path_loss import level_slopes
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 from postproc.reproductions.checks import Check, ours, theirs, under
 
@@ -84,17 +84,18 @@ def noisy_level_dbm(
     return true_level_dbm(station, x_m, y_m) + noise_db * noise
 
 
-def observations(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> CellObservations:
+def observations(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> Readings:
     """The walk for the locator, with exact positions of the receiver and no limit of the levels."""
     count = len(x_m)
-    return CellObservations(
+    return Readings(
         cell="cell",
         rat=None,
-        utm=UTM,
-        t_ns=np.asarray(np.round(np.arange(count) * INTERVAL_S * 1e9), np.int64),
-        x_m=x_m + ORIGIN_M[0],
-        y_m=y_m + ORIGIN_M[1],
-        position_sigma_m=np.zeros(count),
+        places=Places.of(
+            x_m + ORIGIN_M[0],
+            y_m + ORIGIN_M[1],
+            utm=UTM,
+            t_ns=np.asarray(np.round(np.arange(count) * INTERVAL_S * 1e9), np.int64),
+        ),
         level_dbm=level_dbm,
         scan_seq=np.arange(count),
     )
@@ -284,7 +285,7 @@ def run_reference(
     station: Station, x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray
 ) -> Outcome:
     """The reference EKF along a walk, started at the first point."""
-    state = ekf.start(float(x_m[0]), float(y_m[0]))
+    state = ekf.start(Places.of(x_m[0], y_m[0]))
     for reading in zip(x_m.tolist(), y_m.tolist(), level_dbm.tolist(), strict=True):
         state = ekf.step(state, *reading).state
     error = np.subtract(state[:4], station)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from postproc.comparison.ground import BLOCK_M
 from postproc.survey.alignment import clear_of_floor, levels_by_place, robust_fit
 
@@ -62,7 +62,7 @@ class LoggerReport(NamedTuple):
     remark: str = ""
 
 
-def agreements(obs: CellObservations, loggers: Sequence[str]) -> list[Agreement]:
+def agreements(obs: Readings, loggers: Sequence[str]) -> list[Agreement]:
     """Each logger against the others; `obs.modem` numbers the `loggers`."""
     if obs.modem is None or len(loggers) < FEWEST_LOGGERS:
         return []

@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.blocks import squares
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 MOST_MODEMS = 4
 """Up to this many, nothing is aligned: estimates are those of `postproc smooth` to the last bit."""
@@ -53,7 +53,7 @@ class Alignment(NamedTuple):
     The sigma is NaN for a modem that is not on the scale of the first one.
     """
 
-    obs: CellObservations
+    obs: Readings
     offset_db: FloatArray
     sigma_db: FloatArray
 
@@ -74,7 +74,7 @@ class OffsetFit(NamedTuple):
     error_db2: float
 
 
-def align(obs: CellObservations) -> Alignment:
+def align(obs: Readings) -> Alignment:
     """Readings of modems that share ground on the scale of one of them; all usable ones."""
     n = obs.n_modems
     if n <= MOST_MODEMS or obs.modem is None:
@@ -93,17 +93,17 @@ def align(obs: CellObservations) -> Alignment:
     return Alignment(moved, offset_db, np.where(is_first_scale, sigma_db, np.nan))
 
 
-def levels_by_place(obs: CellObservations, modem: IntArray, side_m: float) -> PlaceLevels:
+def levels_by_place(obs: Readings, modem: IntArray, side_m: float) -> PlaceLevels:
     """Mean levels within the scale of each modem in squares of ground."""
     inside = obs.limit == 0
-    place, _ = squares(obs.x_m[inside], obs.y_m[inside], _ANY_NUMBER, finest_m=side_m)
+    place, _ = squares(obs.places.part(inside), _ANY_NUMBER, finest_m=side_m)
     n = int(np.max(modem, initial=0)) + 1
     key, which = np.unique(place * n + modem[inside], return_inverse=True)
     level_dbm = np.bincount(which, obs.level_dbm[inside]) / np.bincount(which)
     return PlaceLevels(key // n, key % n, np.asarray(level_dbm, float))
 
 
-def _excess(obs: CellObservations, modem: IntArray, n: int) -> float:
+def _excess(obs: Readings, modem: IntArray, n: int) -> float:
     """How much more the walks of a modem differ than the places say, as a ratio of variances.
 
     In a walk the time rises; a walk that is taken for a part of the one before only says less.

@@ -20,7 +20,7 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
 from logger.core.locator.two_source_test import Division, divide, divide_in_time
 from logger.core.locator.verdict import assess
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from logger.core.suspicion.rule import Word
 from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
@@ -104,7 +104,7 @@ class CellRuns(NamedTuple):
     area: str
     rat: str
     n_scans: Mapping[str, int]
-    parts: Mapping[str, CellObservations]
+    parts: Mapping[str, Readings]
 
 
 def locate_cell_of(
@@ -125,7 +125,7 @@ def locate_cell_of(
     ]
 
 
-def _heard_in(near: Mapping[str, CellObservations], heard: CellRuns) -> CellRuns:
+def _heard_in(near: Mapping[str, Readings], heard: CellRuns) -> CellRuns:
     """What was heard of a cell in one place.
 
     Of a run that heard it in another place as well, scans count whose readings are here.
@@ -175,7 +175,7 @@ def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
     reasons = [_TOO_MANY_MODEMS] if len(usable) < len(of_all_modems) else []
     at_once, in_time = _divisions(usable, posterior)
     decision = assess(posterior, usable, _likelier(at_once, in_time), within_m=options.within_m)
-    place = place_of(posterior, usable.utm)
+    place = place_of(posterior)
     region = shape(geojson(posterior.squares, usable.utm))
     return msgspec.structs.replace(
         base,
@@ -203,9 +203,7 @@ def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
     )
 
 
-def joined_readings(
-    parts: Mapping[str, CellObservations], modems: Sequence[str]
-) -> CellObservations:
+def joined_readings(parts: Mapping[str, Readings], modems: Sequence[str]) -> Readings:
     """All readings of a cell, which are in one zone, with the modem of each of `parts` numbered."""
     numbers = {modem: i for i, modem in enumerate(dict.fromkeys(modems))}
     return merge(dict(enumerate(parts.values())), [numbers[modem] for modem in modems])
@@ -228,9 +226,7 @@ def _without_position(heard: CellRuns, own: Sequence[SurveyRun]) -> LocatedCell:
     )
 
 
-def _divisions(
-    usable: CellObservations, posterior: Posterior
-) -> tuple[Division | None, Division | None]:
+def _divisions(usable: Readings, posterior: Posterior) -> tuple[Division | None, Division | None]:
     """Two transmitters at once, and one after the other; with the modems on one scale."""
     one_scale = usable
     if posterior.offsets is not None:
@@ -244,7 +240,7 @@ def _likelier(one: Division | None, other: Division | None) -> Division | None:
 
 
 def _offsets(
-    own: Sequence[SurveyRun], usable: CellObservations, aligned: Alignment, posterior: Posterior
+    own: Sequence[SurveyRun], usable: Readings, aligned: Alignment, posterior: Posterior
 ) -> tuple[ModemOffset, ...]:
     """What each modem reads higher than the first: by shared ground, or by the locator of few.
 

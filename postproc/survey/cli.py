@@ -24,7 +24,7 @@ from postproc.options import (
 )
 
 with late_modules():
-    from logger.core import document
+    from logger.core import document, places
     from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, progress
     from postproc import result as estimation
@@ -303,13 +303,11 @@ def next_command(
     """Say where walking would tell most, a route for each walker."""
     _check_libraries("pyarrow", "distributed")
     whole, options = _open_survey(folder), estimation.Options(prior)
-    starts_deg = [parsing.place_of(text)[:2] for text in starts]
+    where = [places.Places.of_degrees(*parsing.place_of(text)[:2]) for text in starts]
     lines = read_streets(streets)
     with scheduling.Cluster(scheduler, workers) as cluster:
         found = location.locate_survey(whole, options, cluster=cluster)
-    walks = next_walks.next_walks(
-        whole, found.cells, location.EVERY_RUN, options, n, starts_deg, lines
-    )
+    walks = next_walks.next_walks(whole, found.cells, location.EVERY_RUN, options, n, where, lines)
     content = [{"walker": walker} | next_output.content_of(walk) for walker, walk in walks.items()]
     body: list[document.Part] = []
     for walker, walk in walks.items():

@@ -18,8 +18,8 @@ import pyarrow.parquet as pq
 
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.foreign import check_regular, open_regular
-from logger.core.geo import Utm
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from postproc.survey import layout
 from postproc.survey.parquet_batch import read_columns
 from postproc.survey.places import Ground
@@ -229,7 +229,7 @@ class Survey:
 
     def observations(
         self, area: str, cells: Sequence[str], runs: Sequence[str] | None = None
-    ) -> dict[str, dict[str, CellObservations]]:
+    ) -> dict[str, dict[str, Readings]]:
         """Readings by cell and, in the order in which these began, by digest of the run.
 
         Equal to the readings of `postproc smooth` of each run. `runs` chooses some of them.
@@ -237,7 +237,7 @@ class Survey:
         table = self.rows(area, cells)
         order = {digest: i for i, digest in enumerate(self.runs)}
         wanted = set(order if runs is None else runs)
-        series: dict[str, dict[str, CellObservations]] = {}
+        series: dict[str, dict[str, Readings]] = {}
         for cell, run, rows in _series(table):
             if run in wanted:
                 series.setdefault(cell, {})[run] = _observations(
@@ -291,18 +291,18 @@ def _series(table: pa.Table) -> Iterator[tuple[str, str, dict[str, np.ndarray[An
         )
 
 
-def _observations(
-    cell: str, rat: str | None, rows: dict[str, np.ndarray[Any, Any]]
-) -> CellObservations:
+def _observations(cell: str, rat: str | None, rows: dict[str, np.ndarray[Any, Any]]) -> Readings:
     ta, named_share = rows["ta"].astype(np.int64), rows["named_share"]
-    return CellObservations(
+    return Readings(
         cell=cell,
         rat=rat,
-        utm=Utm(int(rows["zone"][0])),
-        t_ns=rows["t_ns"],
-        x_m=rows["x_m"],
-        y_m=rows["y_m"],
-        position_sigma_m=rows["position_sigma_m"],
+        places=Places.of(
+            rows["x_m"],
+            rows["y_m"],
+            utm=Utm(int(rows["zone"][0])),
+            sigma_m=rows["position_sigma_m"],
+            t_ns=rows["t_ns"],
+        ),
         level_dbm=rows["level_dbm"],
         scan_seq=rows["scan_seq"],
         ta=ta if np.any(ta >= 0) else None,

@@ -16,8 +16,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.geo import MAX_LATITUDE_DEG, Utm
-from logger.core.observations import CellObservations
+from logger.core.places import MAX_LATITUDE_DEG, Utm
+from logger.core.readings import Readings
 from postproc.multi_run import REACH_M, in_zone
 
 _TILE_M = 5000.0
@@ -51,7 +51,7 @@ def place_numbers(lat_deg: FloatArray, lon_deg: FloatArray, apart_m: float) -> I
     return np.asarray(connected_components(links, directed=False)[1], np.int64)
 
 
-def places_of(parts: Mapping[str, CellObservations]) -> list[dict[str, CellObservations]]:
+def places_of(parts: Mapping[str, Readings]) -> list[dict[str, Readings]]:
     """Readings of one identity by digest of the run, where one transmitter may be heard.
 
     The place with most readings comes first. Those of a place are in the zone of its first run.
@@ -59,7 +59,7 @@ def places_of(parts: Mapping[str, CellObservations]) -> list[dict[str, CellObser
     tile = {digest: _tiles(ground_of(obs)) for digest, obs in parts.items()}
     tiles = np.unique(np.concatenate(list(tile.values()))) if tile else np.zeros(0, np.int64)
     number = place_numbers(*tile_centres_deg(tiles), 2.0 * REACH_M)
-    places: list[dict[str, CellObservations]] = [{} for _ in range(np.max(number, initial=-1) + 1)]
+    places: list[dict[str, Readings]] = [{} for _ in range(np.max(number, initial=-1) + 1)]
     for digest, obs in parts.items():
         own = number[np.searchsorted(tiles, tile[digest])]
         for place in np.unique(own).tolist():
@@ -69,7 +69,7 @@ def places_of(parts: Mapping[str, CellObservations]) -> list[dict[str, CellObser
     return sorted(places, key=lambda place: -sum(map(len, place.values())))
 
 
-def ground_of(obs: CellObservations) -> Ground:
+def ground_of(obs: Readings) -> Ground:
     """Where the readings of a cell are."""
     return Ground(np.full(len(obs), obs.utm.zone), obs.x_m, obs.y_m)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from logger.core.arrays import BoolArray
 from logger.core.model.blocks import squares
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 MOST_READINGS = 200_000
 OF_A_SQUARE = 256
@@ -19,15 +19,15 @@ _MOST_SQUARES = 1000
 """As many as the locator pools readings into."""
 
 
-def thin(obs: CellObservations) -> CellObservations:
+def thin(obs: Readings) -> Readings:
     """The readings that matter, in their order; they are usable ones."""
     return obs if len(obs) <= MOST_READINGS else obs.part(_choice(obs))
 
 
-def _choice(obs: CellObservations) -> BoolArray:
+def _choice(obs: Readings) -> BoolArray:
     """Which readings (n,) to keep: of each square, modem and censoring evenly spread ones."""
     modem = np.zeros(len(obs), np.int64) if obs.modem is None else obs.modem
-    square, _ = squares(obs.x_m, obs.y_m, _MOST_SQUARES, modem)
+    square, _ = squares(obs.places, _MOST_SQUARES, modem)
     key = square * 3 + obs.limit + 1
     order = np.argsort(key, kind="stable")
     first = np.searchsorted(key[order], key[order])

@@ -13,7 +13,7 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
 from logger.core.errors import RunFileError
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
 from postproc.baseline.walk_summary import content_digest, walk_digest
@@ -144,7 +144,7 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
     )
 
 
-def _named_share(obs: CellObservations) -> FloatArray:
+def _named_share(obs: Readings) -> FloatArray:
     """NaN where it is unknown."""
     return np.full(len(obs), np.nan) if obs.named_share is None else obs.named_share
 

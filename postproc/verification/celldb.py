@@ -18,7 +18,7 @@ import numpy as np
 from pyproj import Geod
 
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from logger.core.geo import check_position
+from logger.core.places import check_position
 from logger.sqlite_file import connect
 from postproc.verification.parsing import identity_of
 

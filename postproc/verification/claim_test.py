@@ -28,6 +28,7 @@ from logger.core.model.blocks import Blocks
 from logger.core.model.columns import distances_db, receiver_variance, varying_columns
 from logger.core.model.noise import covariances, inverse_of_lower, whiteners_of
 from logger.core.model.prior import Prior, Station
+from logger.core.places import Places
 from postproc.verification.likelihood_grid import (
     LikelihoodGrid,
     coarse_squares,
@@ -84,12 +85,12 @@ class Nuisances:
         """Noise that the walk shows."""
         return float(self.probability @ self.sigma_db)
 
-    def walks(self, x_m: FloatArray, y_m: FloatArray, rng: np.random.Generator) -> FloatArray:
+    def walks(self, positions: Places, rng: np.random.Generator) -> FloatArray:
         """Levels of one walk for each place (b,) of the transmitter, shape (n, b)."""
-        m = rng.choice(len(self.probability), len(x_m), p=self.probability)
+        m = rng.choice(len(self.probability), len(positions), p=self.probability)
         eta = self.eta[m] + np.sqrt(self.eta_variance[m]) * rng.normal(size=len(m))
-        position_m, sigma_db = np.stack([x_m, y_m]), self.sigma_db[m]
-        at_db = distances_db(self.blocks, self.prior.height_m, x_m, y_m)
+        sigma_db = self.sigma_db[m]
+        at_db = distances_db(self.blocks, self.prior.height_m, positions)
         noise = self.root @ rng.normal(size=at_db.shape)
         extra = receiver_variance(self.blocks, self.prior, at_db)
         if extra is not None:
@@ -97,19 +98,19 @@ class Nuisances:
         levels_dbm = sigma_db * noise - eta * at_db
         if self.prior.antenna_db:
             size = sigma_db / self.prior.sigma_db
-            levels_dbm += antenna_patterns(self.blocks, self.prior, position_m, size, rng)
+            levels_dbm += antenna_patterns(self.blocks, self.prior, positions, size, rng)
         return np.asarray(levels_dbm, float)
 
 
 def antenna_patterns(
     blocks: Blocks,
     prior: Prior,
-    position_m: FloatArray,
+    positions: Places,
     size: FloatArray,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Random antenna patterns in dB at positions (2, b), `size` (b,) times the prior's: (n, b)."""
-    _, *harmonics = varying_columns(blocks, prior, position_m[0], position_m[1])
+    """Random antenna patterns in dB at positions (b,), `size` (b,) times the prior's: (n, b)."""
+    _, *harmonics = varying_columns(blocks, prior, positions)
     sigma_db = np.repeat(prior.antenna_db, 2)[:, None] * size
     walks = sigma_db * rng.normal(size=(len(harmonics), len(size)))
     return np.asarray(np.einsum("knb,kb->nb", np.stack(harmonics), walks), float)
@@ -171,7 +172,7 @@ class ClaimTest:
     def distance_m(self) -> float:
         """The claim's distance from the walk, at least the size of a block."""
         middle, blocks = np.mean(self.claim, axis=1), self.walk.blocks
-        nearest = float(np.min(np.hypot(blocks.x_m - middle[0], blocks.y_m - middle[1])))
+        nearest = float(np.min(blocks.places.distances_m(Places.of(*middle))))
         return max(nearest, 2.0 * blocks.size_m)
 
     def tails(self, level_dbm: FloatArray, *, trusting: bool) -> FloatArray:
@@ -196,7 +197,7 @@ class ClaimTest:
     def residuals(self) -> FloatArray:
         """Residuals (n,) of the walk at the claim, whitened by its likeliest noise."""
         walk = self.walk
-        possible = distances_db(walk.blocks, walk.prior.height_m, self.claim[0], self.claim[1])
+        possible = distances_db(walk.blocks, walk.prior.height_m, Places.of(*self.claim))
         design = np.column_stack([np.ones(len(walk.blocks)), -np.mean(possible, axis=1)])
         whiten = inverse_of_lower(walk.noise.root)
         basis, white = np.linalg.qr(whiten @ design)[0], whiten @ walk.level_dbm
@@ -204,8 +205,7 @@ class ClaimTest:
 
     def power(
         self,
-        x_m: FloatArray,
-        y_m: FloatArray,
+        positions: Places,
         p_fa: float,
         draws: int,
         rng: np.random.Generator,
@@ -216,13 +216,14 @@ class ClaimTest:
 
         There are `draws` walks for each position (m,) of the transmitter.
         """
-        each_x, each_y = np.repeat(x_m, draws), np.repeat(y_m, draws)
+        each = positions.part(np.repeat(np.arange(len(positions)), draws))
         rejected = []
-        for k in range(0, len(each_x), _BATCH):
-            batch = each_x[k : k + _BATCH], each_y[k : k + _BATCH]
-            level_dbm = self.walk.noise.walks(*batch, rng)
+        for k in range(0, len(each), _BATCH):
+            level_dbm = self.walk.noise.walks(each.part(slice(k, k + _BATCH)), rng)
             rejected.append(self.p_values(level_dbm, trusting=trusting) <= p_fa)
-        return np.asarray(np.concatenate(rejected).reshape(len(x_m), draws).mean(axis=1), float)
+        return np.asarray(
+            np.concatenate(rejected).reshape(len(positions), draws).mean(axis=1), float
+        )
 
     def detectable(
         self, p_fa: float, rng: np.random.Generator, *, trusting: bool
@@ -236,7 +237,7 @@ class ClaimTest:
         azimuth = np.radians(BEARINGS_DEG)
         x = middle[0] + np.outer(np.sin(azimuth), radius).ravel()
         y = middle[1] + np.outer(np.cos(azimuth), radius).ravel()
-        shares = self.power(x, y, p_fa, _POWER_DRAWS, rng, trusting=trusting)
+        shares = self.power(Places.of(x, y), p_fa, _POWER_DRAWS, rng, trusting=trusting)
         found = zip(BEARINGS_DEG, shares.reshape(len(azimuth), len(radius)), strict=True)
         return [Detectable(deg, *_crossing(radius, row), float(radius[-1])) for deg, row in found]
 
@@ -260,8 +261,8 @@ def claim_test(walk: PreparedWalk, claim: FloatArray, rng: np.random.Generator) 
 
     The grid is refined for walks simulated from the claim.
     """
-    at = claim[:, rng.integers(claim.shape[1], size=DRAWS)]
-    drawn_dbm = walk.noise.walks(at[0], at[1], rng)
+    at = Places.of(*claim[:, rng.integers(claim.shape[1], size=DRAWS)])
+    drawn_dbm = walk.noise.walks(at, rng)
     fine, k = refine(walk.field, drawn_dbm[:, :_SCOUTS], _MOST_SQUARES), claim.shape[1]
     squares = np.concatenate([fine.squares, np.vstack([claim, np.zeros(k)])], axis=1)
     plain = walk.field.with_squares(squares)
@@ -270,7 +271,7 @@ def claim_test(walk: PreparedWalk, claim: FloatArray, rng: np.random.Generator) 
         directional = plain.with_prior(
             walk.prior.of_station(Station(1.0, walk.prior.height_m, (ANTENNA_DB,)))
         )
-        middle = np.repeat(np.mean(claim, axis=1, keepdims=True), DRAWS, axis=1)
+        middle = Places.of(*np.repeat(np.mean(claim, axis=1, keepdims=True), DRAWS, axis=1))
         size = np.full(DRAWS, walk.noise.mean_sigma_db / walk.prior.sigma_db)
         of_antenna = antenna_patterns(directional.blocks, directional.prior, middle, size, rng)
     calm = _tails(plain, k, drawn_dbm), _tails(directional, k, drawn_dbm + of_antenna)
@@ -321,16 +322,16 @@ def calibrate(calm: FloatArray, statistics: FloatArray) -> FloatArray:
     return np.asarray(np.where(statistics < edge, beyond, (count + 0.5) / (len(calm) + 1.0)), float)
 
 
-def around(x_m: float, y_m: float, sigma_m: float) -> FloatArray:
+def around(place: Places, sigma_m: float) -> FloatArray:
     """Equally likely places (2, k) of a normal claim, or the place alone.
 
     They lie on the spiral of a sunflower, which leaves no hole (Vogel, Math. Biosci. 44, 1979), the
     closer together the less a walk may know a place by.
     """
     if sigma_m <= 0.0:
-        return np.array([[x_m], [y_m]])
+        return place.xy_m
     k = int(np.clip((sigma_m / _APART_M) ** 2, _FEWEST_PLACES, _MOST_PLACES))
     radius = sigma_m * np.sqrt(-2.0 * np.log(1.0 - (np.arange(k) + 0.5) / k))
     angle = _GOLDEN_RAD * np.arange(k)
     away = radius * np.stack([np.cos(angle), np.sin(angle)])
-    return np.asarray(np.array([[x_m], [y_m]]) + away - np.mean(away, axis=1, keepdims=True), float)
+    return np.asarray(place.xy_m + away - np.mean(away, axis=1, keepdims=True), float)

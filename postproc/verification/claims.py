@@ -10,7 +10,7 @@ from pathlib import Path
 from pyproj import Geod
 
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from logger.core.geo import MAX_LATITUDE_DEG, check_position
+from logger.core.places import MAX_LATITUDE_DEG, check_position
 from logger.sqlite_file import is_sqlite
 from postproc.foreign_file import Lines, text_lines, with_limit
 from postproc.verification.cell_export import cell_export

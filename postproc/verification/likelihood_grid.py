@@ -25,6 +25,7 @@ from logger.core.model.elimination import eliminate, packed_index, pivots, reduc
 from logger.core.model.marginal import fit, prior_sums, products, row_weights, sums, whiten
 from logger.core.model.noise import Whitener
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 
 Squares = FloatArray
 """Rows x, y, side: shape (3, h).
@@ -214,7 +215,7 @@ def likelihood_grid(
     blocks: Blocks, prior: Prior, squares: Squares, whiteners: list[Whitener]
 ) -> LikelihoodGrid:
     """The grid of a walk at squares (3, h)."""
-    columns = varying_columns(blocks, prior, squares[0], squares[1])
+    columns = varying_columns(blocks, prior, Places.of(squares[0], squares[1]))
     extra = receiver_variance(blocks, prior, -columns[0])
     return LikelihoodGrid(blocks, prior, squares, whiteners, columns, extra)
 

@@ -17,9 +17,9 @@ from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
 from logger.core.model.blocks import Blocks, blocks
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Track
+from logger.core.readings import Readings
 from logger.core.runfile import Run
-from logger.core.track import Track
 from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
 from postproc.progress import Progress
@@ -50,7 +50,7 @@ class ClaimOptions:
 
 
 def verify_cell(
-    obs: CellObservations,
+    obs: Readings,
     claim: Claim,
     options: ClaimOptions,
     rng: np.random.Generator,
@@ -101,29 +101,29 @@ def undecided_verdict(
     return CellVerdict(cell, n, claim, "cannot tell", (why,), error=error)
 
 
-def blocks_of(obs: CellObservations) -> Blocks:
+def blocks_of(obs: Readings) -> Blocks:
     """Blocks of readings, without those censored or near a censored one.
 
     There only the high levels are left, which bias the tests.
     """
     gathered = blocks(obs.usable(), _MOST_BLOCKS)
-    return gathered.clear_of_censored() if len(gathered.censored.x_m) else gathered
+    return gathered.clear_of_censored() if len(gathered.censored.places) else gathered
 
 
 def _claim_test(
-    obs: CellObservations, claim: Claim, prior: Prior, rng: np.random.Generator
+    obs: Readings, claim: Claim, prior: Prior, rng: np.random.Generator
 ) -> ClaimTest | None:
     gathered = blocks_of(obs)
     if len(gathered) < FEWEST_BLOCKS:
         return None
-    x_m, y_m = obs.utm.to_xy(claim.lat_deg, claim.lon_deg)
+    place = Places.of_degrees(claim.lat_deg, claim.lon_deg, utm=obs.utm)
     # the lasting part of the receiver's error displaces a true claim as well
-    lasting_m = float(np.median(gathered.position_sigma_m))
-    claimed = around(x_m, y_m, float(np.hypot(claim.sigma_m, lasting_m)))
+    lasting_m = float(np.median(gathered.places.sigma_m))
+    claimed = around(place, float(np.hypot(claim.sigma_m, lasting_m)))
     return claim_test(prepare_walk(gathered, prior), claimed, rng)
 
 
-def _censoring(obs: CellObservations) -> list[str]:
+def _censoring(obs: Readings) -> list[str]:
     n = int(np.count_nonzero(obs.limit))
     if not n:
         return []

@@ -20,7 +20,6 @@ from msgspec import UNSET
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
-from logger.core.geo import Utm
 from logger.core.identities import FEWEST_SCANS
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.pipeline import locate
@@ -29,7 +28,8 @@ from logger.core.locator.two_source_test import divide
 from logger.core.model.noise import independent_variance, shadowing
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from logger.core.runfile import Run
 from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
@@ -58,25 +58,24 @@ _MOST_SQUARES = 1400
 class Sites:
     """Log Bayes factor of two positions against one, and the chance of one as large by noise.
 
-    `draws` walks past one transmitter were simulated for `p`. `one_m, other_m` are the likeliest
-    positions, x and y.
+    `draws` walks past one transmitter were simulated for `p`. `one, other` are the likeliest
+    positions.
     """
 
     log_factor: float
     p: float
     draws: int
-    one_m: tuple[float, float]
-    other_m: tuple[float, float]
-    utm: Utm
+    one: Places
+    other: Places
 
     @property
     def places_deg(self) -> list[tuple[float, float]]:
         """Latitude and longitude of both."""
-        return [self.utm.to_latlon(*self.one_m), self.utm.to_latlon(*self.other_m)]
+        return [self.one.first_deg, self.other.first_deg]
 
 
 def within_one(
-    obs: CellObservations, posterior: Posterior, rng: np.random.Generator, draws: int = DRAWS
+    obs: Readings, posterior: Posterior, rng: np.random.Generator, draws: int = DRAWS
 ) -> Sites | None:
     """Test of one run.
 
@@ -90,18 +89,18 @@ def within_one(
         usable = obs.usable()
         one_source = _OneSource.of(_thin(usable.part(usable.limit == 0)), posterior)
         p, done = _chance(one_source, posterior, division.log_factor, rng, draws)
-    return Sites(division.log_factor, p, done, division.one_m, division.other_m, obs.utm)
+    return Sites(division.log_factor, p, done, division.one, division.other)
 
 
 class _OneSource(NamedTuple):
     """Expected levels past the one transmitter of a posterior, and a root of their covariance."""
 
-    obs: CellObservations
+    obs: Readings
     level_dbm: FloatArray
     root: FloatArray
 
     @classmethod
-    def of(cls, obs: CellObservations, posterior: Posterior) -> "_OneSource":
+    def of(cls, obs: Readings, posterior: Posterior) -> "_OneSource":
         x_m, y_m, p0_dbm, eta = posterior.modes[0].state.tolist()
         dx_m, dy_m, height_m = obs.x_m - x_m, obs.y_m - y_m, posterior.prior.height_m
         distance_db = log_distance_db(dx_m, dy_m, height_m, obs.position_sigma_m)
@@ -113,7 +112,7 @@ class _OneSource(NamedTuple):
         root = np.asarray(sigma_db * np.linalg.cholesky(k), float)
         return cls(obs, level_dbm(p0_dbm, eta, distance_db), root)
 
-    def simulate(self, rng: np.random.Generator) -> CellObservations:
+    def simulate(self, rng: np.random.Generator) -> Readings:
         noise_db = self.root @ rng.normal(size=len(self.obs))
         no_limit = np.zeros(len(self.obs), np.int64)
         return replace(self.obs, level_dbm=self.level_dbm + noise_db, known_limit=no_limit)
@@ -137,7 +136,7 @@ def _chance(
     return (n_as_large + 1.0) / (done + 1.0), done
 
 
-def _thin(obs: CellObservations) -> CellObservations:
+def _thin(obs: Readings) -> Readings:
     """Every second or third reading of a long walk: a covariance of thousands takes minutes."""
     step = -(-len(obs) // _MOST_READINGS)
     return obs.part(slice(None, None, step)) if step > 1 else obs
@@ -158,17 +157,17 @@ def between_two(
     ]
     joint = log_mass + log_p[0][:, 0] + log_p[1][:, 0]
     p = np.exp(joint - log_sum(joint))
-    x_m, y_m, _ = fine.squares[:, rng.choice(len(p), _PAIRS, p=p / np.sum(p))]
+    at = Places.of(*fine.squares[:2, rng.choice(len(p), _PAIRS, p=p / np.sum(p))])
     simulated = [
-        field.posterior_ratio(field.evaluate(walk.noise.walks(x_m, y_m, rng))[0], tempered=False)
+        field.posterior_ratio(field.evaluate(walk.noise.walks(at, rng))[0], tempered=False)
         for field, walk in zip(fields, walks, strict=True)
     ]
     log_factor = float(_log_factor(log_p[0], log_p[1], log_mass)[0])
     by_noise = np.sort(np.exp(-_log_factor(simulated[0], simulated[1], log_mass)))
     chance = float(calibrate(by_noise, np.exp(-np.array([log_factor])))[0])
     best = [int(np.argmax(log[:, 0] + log_mass)) for log in log_p]
-    (x1_m, y1_m), (x2_m, y2_m) = (fine.squares[:2, k].tolist() for k in best)
-    return Sites(log_factor, chance, _PAIRS, (x1_m, y1_m), (x2_m, y2_m), utm)
+    first, second = (Places.of(*fine.squares[:2, k], utm=utm) for k in best)
+    return Sites(log_factor, chance, _PAIRS, first, second)
 
 
 def _log_factor(one: FloatArray, other: FloatArray, log_mass: FloatArray) -> FloatArray:
@@ -227,7 +226,7 @@ def _sites_of(
     rng = np.random.default_rng(SEED)
     if other is None:
         return _within_one_walk(walks[0], prior, rng)
-    apart_m = starts_apart_m(*walks)
+    apart_m = starts_apart_m(*(obs.places for obs in walks))
     if apart_m > FARTHEST_KM * 1000.0:
         raise ConfigError(
             f"{cell} is heard {apart_m / 1000.0:.0f} km apart, farther than any cell reaches: "
@@ -244,15 +243,13 @@ def _sites_of(
     ), None
 
 
-def _readings(runs: list[Run], cell: str) -> list[CellObservations]:
+def _readings(runs: list[Run], cell: str) -> list[Readings]:
     """Readings of the cell in each run that has any with a position."""
     observed = [observe_run(run).observations for run in runs]
     return [obs for each in observed if each for obs in each.cells if obs.cell == cell]
 
 
-def _as_one(
-    walks: Sequence[CellObservations], modems: Sequence[int], prior: Prior
-) -> CellObservations:
+def _as_one(walks: Sequence[Readings], modems: Sequence[int], prior: Prior) -> Readings:
     """Readings of two runs as those of one, with their modems on one scale."""
     usable = merge(dict(enumerate(walks)), modems).usable()
     offsets = locate(usable, prior).offsets
@@ -262,7 +259,7 @@ def _as_one(
 
 
 def _within_one_walk(
-    obs: CellObservations, prior: Prior, rng: np.random.Generator
+    obs: Readings, prior: Prior, rng: np.random.Generator
 ) -> tuple[Sites | None, str | None]:
     if why := too_few(obs, obs.usable()):
         return None, why

@@ -12,7 +12,7 @@ from PIL import Image
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import ellipse95
 from logger.core.locator.region import LEVEL, Squares
-from logger.core.track import MAX_GAP_S
+from logger.core.places import MAX_GAP_S
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour

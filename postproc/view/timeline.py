@@ -8,7 +8,7 @@ import numpy as np
 
 from logger.core.locator.posterior import Posterior
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from logger.core.types import Verdict
 from postproc.cell_estimation import FEWEST_READINGS, locate_cell
 from postproc.cell_work import PROCESS_ENDED, failure
@@ -47,7 +47,7 @@ def answer_steps(result: CellResult, prior: Prior, processes: int = 1) -> Iterat
     yield Step(int(obs.t_ns[-1]), len(obs), result.verdict, posterior)
 
 
-def _cell_without_result(part: CellObservations) -> CellResult:
+def _cell_without_result(part: Readings) -> CellResult:
     """The answer of a step that ended a process."""
     why = failure(part.cell, "a step of its answer", PROCESS_ENDED)
     return CellResult(part.cell, len(part), part, "cannot tell", ()).after(why)

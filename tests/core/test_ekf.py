@@ -5,6 +5,7 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
 from logger.core import ekf
+from logger.core.places import Places
 
 
 def _measurement(x, receiver):
@@ -21,7 +22,7 @@ def _walk(seed, n=300):
 
 
 def test_jacobian_of_the_specification():
-    state = ekf.EkfState(1000.0, 2000.0, -40.0, 2.5, ekf.start(0, 0).p)
+    state = ekf.EkfState(1000.0, 2000.0, -40.0, 2.5, ekf.start(Places.of(0, 0)).p)
     assert ekf.jacobian(state, 1100.0, 2100.0) == pytest.approx(
         (0.0543, 0.0543, 1.0, -21.51), abs=5e-3
     )
@@ -39,13 +40,13 @@ def test_jacobian_against_central_differences():
             up[i] += 1e-4
             down[i] -= 1e-4
             numeric.append((_measurement(up, receiver) - _measurement(down, receiver)) / 2e-4)
-        assert ekf.jacobian(ekf.EkfState(*x, ekf.start(0, 0).p), *receiver) == pytest.approx(
-            numeric, rel=1e-6, abs=1e-8
-        )
+        assert ekf.jacobian(
+            ekf.EkfState(*x, ekf.start(Places.of(0, 0)).p), *receiver
+        ) == pytest.approx(numeric, rel=1e-6, abs=1e-8)
 
 
 def test_the_start_is_the_specified_one():
-    state = ekf.start(12.0, 34.0)
+    state = ekf.start(Places.of(12.0, 34.0))
     assert state[:4] == (12.0, 34.0, -40.0, 3.0)
     assert np.array_equal(ekf.covariance_matrix(state.p), 1000.0 * np.eye(4))
 
@@ -60,12 +61,14 @@ def test_agrees_with_filterpy(correct):
     oracle.Q = 1e-5 * np.eye(4)
     oracle.R = np.array([[9.0]])
     oracle.F = np.eye(4)
-    state = ekf.start(*receiver[0].tolist())
+    state = ekf.start(Places.of(*receiver[0]))
     for (rx, ry), level in zip(receiver.tolist(), levels.tolist(), strict=True):
         oracle.predict()
 
         def row(x, rx=rx, ry=ry):
-            return np.array([ekf.jacobian(ekf.EkfState(*x.ravel(), ekf.start(0, 0).p), rx, ry)])
+            return np.array(
+                [ekf.jacobian(ekf.EkfState(*x.ravel(), ekf.start(Places.of(0, 0)).p), rx, ry)]
+            )
 
         oracle.update(
             np.array([[level]]),
@@ -82,7 +85,7 @@ def test_agrees_with_filterpy(correct):
 
 def test_covariance_stays_symmetric_and_positive():
     receiver, levels = _walk(2, 2000)
-    state = ekf.start(*receiver[0].tolist())
+    state = ekf.start(Places.of(*receiver[0]))
     for (rx, ry), level in zip(receiver.tolist(), levels.tolist(), strict=True):
         state = ekf.step(state, rx, ry, level).state
     matrix = ekf.covariance_matrix(state.p)
@@ -98,7 +101,7 @@ def test_reference_is_never_within_its_ellipse():
     for seed in range(20):
         receiver, levels = _walk(seed)
         station = receiver[0] + (150.0, -80.0)
-        state = ekf.start(*receiver[0].tolist())
+        state = ekf.start(Places.of(*receiver[0]))
         for (rx, ry), level in zip(receiver.tolist(), levels.tolist(), strict=True):
             state = ekf.step(state, rx, ry, level).state
         error = np.array(state[:2]) - station

@@ -6,13 +6,14 @@ from scipy.stats import chi2, norm
 
 from logger.core import filter_monitor, shadow_ekf
 from logger.core.filter_monitor import FilterMonitor
+from logger.core.places import Places
 from logger.core.shadow_ekf import ShadowNoise, ShadowStep
 
 NOISE = ShadowNoise(0.0, 0.0, 3.0, 0.0)
 
 
 def state_at(distance_m, sigma_m=5.0):
-    held = shadow_ekf.hold([distance_m, 0.0, -30.0, 3.0], NOISE, 0.0, 0.0)
+    held = shadow_ekf.hold([distance_m, 0.0, -30.0, 3.0], NOISE, Places.of(0.0, 0.0))
     return shadow_ekf.release(held, np.diag([sigma_m**2, 4.0, 1.0, 0.01]))
 
 
@@ -84,7 +85,9 @@ def compare(times, apart_m):
     monitor = FilterMonitor()
     for _ in range(times):
         monitor = monitor.after_search(
-            state_at(200.0, sigma_m=3.0), 200.0 + apart_m, 0.0, (16.0, 0.0, 9.0)
+            state_at(200.0, sigma_m=3.0),
+            np.array([200.0 + apart_m, 0.0, 0.0, 0.0]),
+            np.diag([16.0, 9.0, 1.0, 1.0]),
         )
     return monitor
 
@@ -100,12 +103,13 @@ def test_distance_is_by_both_covariances():
     rng = np.random.default_rng(4)
     root = rng.normal(size=(4, 4))
     p = root @ root.T + np.eye(4)
-    state = shadow_ekf.release(shadow_ekf.hold([3.0, 4.0, 0.0, 0.0], NOISE, 0.0, 0.0), p)
+    state = shadow_ekf.release(shadow_ekf.hold([3.0, 4.0, 0.0, 0.0], NOISE, Places.of(0.0, 0.0)), p)
     other = np.array([[5.0, -1.0], [-1.0, 2.0]])
     expected = np.array([2.0, -1.0]) @ np.linalg.solve(p[:2, :2] + other, [2.0, -1.0])
-    assert FilterMonitor().after_search(state, 1.0, 5.0, (5.0, -1.0, 2.0)).apart2 == pytest.approx(
-        expected
-    )
+    covariance = np.eye(4)
+    covariance[:2, :2] = other
+    compared = FilterMonitor().after_search(state, np.array([1.0, 5.0, 0.0, 0.0]), covariance)
+    assert compared.apart2 == pytest.approx(expected)
 
 
 def test_a_walker_too_near_for_the_uncertainty_raises_the_alarm():

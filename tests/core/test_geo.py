@@ -3,7 +3,7 @@ import pytest
 from pyproj import Geod
 
 from logger.core.errors import GeoError
-from logger.core.geo import Utm, zone_of
+from logger.core.places import Utm, zone_of
 
 GEOD = Geod(ellps="WGS84")
 

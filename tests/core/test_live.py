@@ -4,9 +4,9 @@ from math import log10
 import pytest
 
 from logger.core import ekf
-from logger.core.geo import Utm
 from logger.core.live import ADVICE, LiveTracker
 from logger.core.live_settings import FOLLOW, LiveSettings
+from logger.core.places import Places, Utm
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 from tests.kit.runs import reading
 
@@ -38,8 +38,8 @@ def test_dead_reckoning_counts_less():
     measured, reckoned = (LiveTracker(LiveSettings()) for _ in range(2))
     for tracker, quality in ((measured, 1), (reckoned, 6)):
         tracker.feed(0, Record(0, "gnss", Fix(True, None, 52.0, 13.0, hdop=1.0, quality=quality)))
-    assert measured._track._fixes.last.sigma_m == pytest.approx(4.0)
-    assert reckoned._track._fixes.last.sigma_m == pytest.approx(28.28, abs=0.01)
+    assert measured._track._fixes.last.place.sigma_m.item() == pytest.approx(4.0)
+    assert reckoned._track._fixes.last.place.sigma_m.item() == pytest.approx(28.28, abs=0.01)
 
 
 def test_locks_on_the_strongest_and_steps_the_reference_filter():
@@ -53,7 +53,9 @@ def test_locks_on_the_strongest_and_steps_the_reference_filter():
     note, first, second = found
     assert (note.code, first.cell, first.n, second.n) == ("target-locked", "262-01-4711-2", 1, 2)
     x_m, y_m = Utm.at(52.0, 13.0).to_xy(52.0, 13.0)
-    expected = ekf.step(ekf.step(ekf.start(x_m, y_m), x_m, y_m, -60.0).state, x_m, y_m, -61.0)
+    expected = ekf.step(
+        ekf.step(ekf.start(Places.of(x_m, y_m)), x_m, y_m, -60.0).state, x_m, y_m, -61.0
+    )
     assert (second.x_m, second.p0_dbm, second.p_ee) == (
         expected.state.x_m,
         expected.state.p0_dbm,

@@ -5,16 +5,15 @@ import pytest
 
 from logger.core.filter_monitor import widest
 from logger.core.live import live_prior
-from logger.core.live_cell import EKF, LOCATOR, LevelReading, LiveCell
+from logger.core.live_cell import EKF, LOCATOR, LiveCell
 from logger.core.live_settings import LiveSettings
-from tests.kit.walks import simulate
+from tests.kit.walks import simulate, single_reading, with_places
 
 PRIOR = live_prior(LiveSettings(height_m=0.0))
 
 
 def readings_of(obs):
-    columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
-    return [LevelReading(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
+    return [obs[k] for k in range(len(obs))]
 
 
 def estimates(readings, cell=None):
@@ -48,7 +47,8 @@ def test_an_ekf_whose_transmitter_has_moved_is_taken_back():
         if found[-1].stage == EKF:
             break
     readings = [
-        r._replace(level_dbm=-60.0 - 20.0 * (k % 2)) for k, r in enumerate(readings_of(obs))
+        replace(r, level_dbm=np.array([-60.0 - 20.0 * (k % 2)]))
+        for k, r in enumerate(readings_of(obs))
     ]
     after, news = estimates(readings, cell)
     assert "ekf-taken-back" in {code for code, _ in news}
@@ -61,7 +61,7 @@ def test_the_same_readings_give_the_same_bits():
 
 
 def test_readings_at_the_floor_alone_say_nothing():
-    found, _ = estimates([LevelReading(10.0 * k, 0.0, 3.0, -110.0, -1) for k in range(50)])
+    found, _ = estimates([single_reading(10.0 * k, 0.0, -110.0, -1) for k in range(50)])
     assert found == [None] * 50
 
 
@@ -96,7 +96,7 @@ def test_a_gross_error_at_the_end_of_the_walk_is_never_taken():
     readings = readings_of(obs)
     cell = LiveCell(PRIOR)
     found, _ = estimates(
-        [*readings[:-1], readings[-1]._replace(level_dbm=readings[-1].level_dbm + 30.0)], cell
+        [*readings[:-1], replace(readings[-1], level_dbm=readings[-1].level_dbm + 30.0)], cell
     )
     assert found[-1] is None
     assert cell.n == 299
@@ -106,7 +106,7 @@ def test_a_gross_error_at_the_end_of_the_walk_is_never_taken():
 def test_a_level_that_lasts_is_taken_after_two_more():
     obs, _ = simulate(np.random.default_rng(3), "L", count=300)
     readings = [
-        r._replace(level_dbm=r.level_dbm + 30.0 * (k >= 200))
+        replace(r, level_dbm=r.level_dbm + 30.0 * (k >= 200))
         for k, r in enumerate(readings_of(obs))
     ]
     cell = LiveCell(PRIOR)
@@ -119,9 +119,10 @@ def test_a_level_that_lasts_is_taken_after_two_more():
 def test_levels_that_the_modem_repeats_while_moving_count_once():
     """After an honest walk the last report for another 900 m: the estimate stays as it was."""
     obs, _ = simulate(np.random.default_rng(5), "square", count=200, step=4.2)
-    walk = [r._replace(level_dbm=round(r.level_dbm), sigma_m=4.0) for r in readings_of(obs)]
+    obs = with_places(obs, sigma_m=np.full(len(obs), 4.0))
+    walk = readings_of(replace(obs, level_dbm=np.round(obs.level_dbm)))
     last = walk[-1]
-    repeated = [last._replace(x_m=last.x_m + 11.0 * k, sigma_m=4.0) for k in range(1, 80)]
+    repeated = [with_places(last, x_m=last.x_m + 11.0 * k) for k in range(1, 80)]
     cell = LiveCell(PRIOR)
     _, before = estimates(walk, cell)
     assert "level-repeated" not in {code for code, _ in before}

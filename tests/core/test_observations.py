@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from logger.core.errors import EstimationError, GeoError
-from logger.core.observations import observe
+from logger.core.places import DEAD_RECKONING_SIGMA_M, UNKNOWN_SIGMA_M, fix_sigma_m
+from logger.core.readings import observe
 from logger.core.runfile import read_run
-from logger.core.track import DEAD_RECKONING_SIGMA_M, UNKNOWN_SIGMA_M, fix_sigma_m
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.drivers.sim800 import Sim800
 from tests.kit import runs

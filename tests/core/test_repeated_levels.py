@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from logger.core.places import Places
 from logger.core.repeated_levels import CacheTest, repeats_along
 from tests.kit.walks import observations
 
@@ -18,9 +19,9 @@ def levels_of(rng, n, *, step_m, noise_db, quantum_db=1.0):
 
 def repeats(x_m, level_dbm, *, y_m=None, limit=None, sigma_m=4.0):
     none = np.zeros(len(x_m))
-    places = x_m, none if y_m is None else y_m, np.full(len(x_m), sigma_m)
+    places = Places.of(x_m, none if y_m is None else y_m, sigma_m=np.full(len(x_m), sigma_m))
     limit = none.astype(np.int64) if limit is None else limit
-    return repeats_along(*places, np.asarray(level_dbm, float), limit)
+    return repeats_along(places, np.asarray(level_dbm, float), limit)
 
 
 @pytest.mark.parametrize("step_m", [11.0, 36.0])
@@ -78,9 +79,8 @@ def test_the_device_drops_what_the_desktop_drops_once_it_is_sure():
     x_m, level_dbm = levels_of(np.random.default_rng(5), 300, step_m=12.0, noise_db=3.0)
     level_dbm[80:] = level_dbm[80 + (np.arange(220) // 40) * 40]
     test = CacheTest()
-    dropped = [
-        k for k in range(300) if test.take(x_m[k], 0.0, 4.0, level_dbm[k], 0) and test.is_cached
-    ]
+    places = Places.of(x_m, np.zeros(300), sigma_m=np.full(300, 4.0))
+    dropped = [k for k in range(300) if test.take(places[k], level_dbm[k], 0) and test.is_cached]
     desktop = repeats(x_m, level_dbm)
     assert set(dropped) <= set(desktop)
     assert set(desktop) - set(dropped) <= set(range(100))

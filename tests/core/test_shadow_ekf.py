@@ -7,6 +7,7 @@ from scipy import stats
 
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
+from logger.core.places import Places
 from logger.core.shadow_ekf import ShadowNoise
 from tests.kit.shadowed_walk import (
     NOISE,
@@ -162,7 +163,7 @@ def dense_shadowing(mean, readings, noise):
 def test_holding_estimates_the_shadowing_given_the_rest():
     rng = np.random.default_rng(5)
     readings, _ = walk(rng, 40)
-    state = run(shadow_ekf.hold(TRUTH, NOISE, *readings[0][:2]), NOISE, readings)
+    state = run(shadow_ekf.hold(TRUTH, NOISE, Places.of(*readings[0][:2])), NOISE, readings)
     shadow_db, variance = dense_shadowing(TRUTH, readings, NOISE)
     assert state[:4] == pytest.approx(tuple(TRUTH), abs=1e-12)
     assert state.shadow_db == pytest.approx(shadow_db, rel=1e-9)
@@ -172,7 +173,7 @@ def test_holding_estimates_the_shadowing_given_the_rest():
 def test_releasing_gives_the_covariance_and_the_dependence_of_the_shadowing():
     rng = np.random.default_rng(6)
     readings, _ = walk(rng, 40, sigma_m=0.0)
-    held = run(shadow_ekf.hold(TRUTH, NOISE, *readings[0][:2]), NOISE, readings)
+    held = run(shadow_ekf.hold(TRUTH, NOISE, Places.of(*readings[0][:2])), NOISE, readings)
     p = covariance(rng)
     full = shadow_ekf.covariance_matrix(shadow_ekf.release(held, p).factors)
     steps = np.array([1e-3, 1e-3, 1e-4, 1e-5])
@@ -190,7 +191,7 @@ def test_releasing_gives_the_covariance_and_the_dependence_of_the_shadowing():
 
 
 def test_an_indefinite_covariance_is_refused():
-    state = shadow_ekf.hold(TRUTH, NOISE, 0.0, 0.0)
+    state = shadow_ekf.hold(TRUTH, NOISE, Places.of(0.0, 0.0))
     with pytest.raises(EstimationError, match="positive definite"):
         shadow_ekf.release(state, np.diag([1.0, 1.0, -1.0, 1.0]))
 

@@ -7,6 +7,7 @@ import pytest
 from scipy import integrate, stats
 
 from logger.core import shadow_ekf
+from logger.core.places import Places
 from logger.core.shadow_ekf import ShadowNoise
 from tests.kit.shadowed_walk import (
     NOISE,
@@ -28,7 +29,7 @@ def test_a_limit_leaves_the_moments_of_numerical_integration(limit, beyond_db):
     level = (
         expected_level(TRUTH, 0.0, 0.0) - limit * beyond_db
     )  # beyond_db > 0: the limit lies where levels are likely
-    state = shadow_ekf.hold(TRUTH, NOISE, 0.0, 0.0)
+    state = shadow_ekf.hold(TRUTH, NOISE, Places.of(0.0, 0.0))
     step = shadow_ekf.step(state, NOISE, 0.0, 0.0, 0.0, level, limit)
     offset = level - expected_level(TRUTH, 0.0, 0.0)
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from logger.core.censoring import limits
-from logger.core.spikes import SpikeFilter
-from logger.core.spikes_along import spikes_along
+from logger.core.places import Places
+from logger.core.spikes import SpikeFilter, spikes_along
 
 
 class Level(NamedTuple):
@@ -16,6 +16,10 @@ class Level(NamedTuple):
     y_m: float
     level_dbm: float
     limit: int
+
+
+def take(spikes, row):
+    return spikes.take(row, Places.of(row.x_m, row.y_m), row.level_dbm, row.limit)
 
 
 def walk(rng, n=400, *, gap_m=1.4, away_m=60.0, noise_db=3.0, eta=3.0):
@@ -36,7 +40,7 @@ def spikes_of(x_m, y_m, level_dbm, rat=None):
     rows = [
         Level(k, *row) for k, row in enumerate(zip(*(c.tolist() for c in columns), strict=True))
     ]
-    passed = [one for row in rows for one in spikes.take(row)] + spikes.finish()
+    passed = [one for row in rows for one in take(spikes, row)] + spikes.finish()
     assert [one.reading for one in passed] == rows  # each once, in its order
     return [one.reading.k for one in passed if one.spike_db]
 
@@ -125,12 +129,12 @@ def test_a_spike_waits_for_two_more_and_others_wait_behind_it():
     spikes = SpikeFilter()
     rows = [Level(k, float(k), 0.0, -80.0, 0) for k in range(20)]
     for row in rows[:10]:
-        spikes.take(row)
-    assert spikes.take(rows[10]._replace(level_dbm=-50.0)) == []
-    assert spikes.take(rows[11]) == []
-    passed = spikes.take(rows[12])
+        take(spikes, row)
+    assert take(spikes, rows[10]._replace(level_dbm=-50.0)) == []
+    assert take(spikes, rows[11]) == []
+    passed = take(spikes, rows[12])
     assert [(one.reading.k, one.spike_db) for one in passed] == [(10, 30.0), (11, 0.0), (12, 0.0)]
-    assert [one.reading.k for one in spikes.take(rows[13])] == [13]
+    assert [one.reading.k for one in take(spikes, rows[13])] == [13]
 
 
 @settings(max_examples=200, deadline=None)
@@ -150,5 +154,5 @@ def test_arrays_give_what_single_readings_give(seed, n, gap_m, noise_db, share):
         + 30.0 * rng.choice([-1, 0, 1], n, p=[share / 2, 1 - share, share / 2])
     )
     level_dbm = np.clip(np.round(level_dbm), -110.0, -47.0)
-    along = spikes_along(x_m, y_m, level_dbm, limits(level_dbm, "GSM"))
+    along = spikes_along(Places.of(x_m, y_m), level_dbm, limits(level_dbm, "GSM"))
     assert [k for k, _ in along] == spikes_of(x_m, y_m, level_dbm, "GSM")

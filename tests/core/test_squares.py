@@ -41,7 +41,7 @@ def test_arrays_give_the_same_squares():
     random = np.random.default_rng(4)
     lat_deg, lon_deg = random.uniform(-84, 84, 3000), random.uniform(-180, 180, 3000)
     expected = [square_of(*place) for place in zip(lat_deg, lon_deg, strict=True)]
-    assert squares_of(lat_deg, lon_deg).tolist() == expected
+    assert squares_of(np.stack([lat_deg, lon_deg])).tolist() == expected
     assert len(set(expected)) == 3000
 
 

@@ -34,7 +34,7 @@ HEAVY_OF_OURS = (
     "logger.drivers.registry",
     "logger.core.locator",
     "logger.core.live",
-    "logger.core.geo",
+    "logger.core.places",
     "logger.device.service",
 )
 

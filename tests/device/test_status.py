@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from logger.core.types import Fix, LiveEstimate, Note, RawBytes, Record
 from logger.device.status import Status, read_status, status_folder, write_status
 from logger.device.target import target_status

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import postproc
-from logger.core import observations as core_observations
+from logger.core import readings as core_readings
 from logger.core.locator import pipeline
 from logger.core.runfile import finish_journal
 from postproc import api
@@ -83,7 +83,7 @@ def test_the_published_type_is_the_returned_one(runs):
     "public",
     [
         *(getattr(api, name) for name in ("locate", "observations", "smooth", "verify")),
-        core_observations.CellObservations,
+        core_readings.Readings,
         pipeline.locate,
         filters.reference_ekf,
         ekf_initialisation.run,

@@ -37,4 +37,4 @@ def test_each_word_is_a_type_in_its_file():
 
 
 def test_a_wrong_place_is_found():
-    assert not names("logger/core/observations.py", "class Record")
+    assert not names("logger/core/readings.py", "class Record")

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from logger.core.geo import Utm
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 
 SOURCE = np.array([60.0, 90.0, -30.0, 3.0])
 
@@ -22,8 +22,12 @@ def walk(
     distance = np.sqrt((x - source[0]) ** 2 + (y - source[1]) ** 2 + height_m**2)
     level = source[2] - 10.0 * source[3] * np.log10(distance) + noise_db * noise
     number = np.arange(count)
-    return CellObservations(
-        "c", None, Utm(32), number * 10**9, x, y, np.zeros(count), level, number
+    return Readings(
+        "c",
+        None,
+        Places.of(x, y, utm=Utm(32), sigma_m=np.zeros(count), t_ns=number * 10**9),
+        level,
+        number,
     )
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from logger.core.geo import Utm
+from logger.core.places import Utm
 
 LAT_DEG, LON_DEG = 52.5, 13.4
 P0_DBM, ETA = -25.0, 2.8

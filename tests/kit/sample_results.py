@@ -9,12 +9,12 @@ import numpy as np
 
 from logger.core import ekf
 from logger.core.document import json_text
-from logger.core.geo import Utm
 from logger.core.locator.alternatives import ANTENNA, HEIGHT, REACH, Alternative
-from logger.core.locator.posterior import Mode, Posterior, StrongestReading
+from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.region import Squares
 from logger.core.model.prior import Hypothesis, Prior
-from logger.core.observations import CellObservations, observe
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings, observe
 from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import least_squares
@@ -120,7 +120,7 @@ def sample_result(run: Run, *, verdict="located", places=1) -> Result:
     return Result((observed,), (first, *(cell for cell in rest if cell.cell != obs.cell)))
 
 
-def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior:
+def sample_posterior(obs: Readings, places=1, sigma_m=12.0) -> Posterior:
     """Gaussians of equal probability, the first one near the transmitter.
 
     Each further one is 150 m farther north.
@@ -142,7 +142,7 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
             probability=1 / places,
             state=np.array([*c, P0_DBM, ETA]),
             covariance=covariance,
-            place_m=tuple(c.tolist()),
+            place=Places.of(*c, utm=obs.utm),
         )
         for c in centres
     )
@@ -150,8 +150,7 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
         Posterior,
         squares=cells,
         modes=modes,
-        x_m=float(centre[0]),
-        y_m=float(centre[1]),
+        place=Places.of(*centre, utm=obs.utm),
         r50_m=1.18 * sigma_m,
         r95_m=2.45 * sigma_m,
         drms_m=1.4 * sigma_m,
@@ -163,7 +162,7 @@ def sample_posterior(obs: CellObservations, places=1, sigma_m=12.0) -> Posterior
         noise_probability=np.array([one == SHADOWED for one in Prior().hypotheses], float),
         station_probability=_even(len(Prior().stations)),
         reach_probability=_even(len(Prior().reaches)),
-        strongest=StrongestReading(float(centre[0]), float(centre[1]), -60.0),
+        strongest=Readings.one("c", "gsm", Places.of(*centre, utm=obs.utm), -60.0),
         limit_share=0.0,
         prior=Prior(),
         offsets=None,
@@ -186,7 +185,7 @@ def dataclass_with(kind, **values):
     return kind(**{f.name: 0.0 for f in dataclasses.fields(kind) if f.init} | values)
 
 
-def sample_filters(obs: CellObservations, answer: Posterior) -> tuple[FilterPath, FilterPath]:
+def sample_filters(obs: Readings, answer: Posterior) -> tuple[FilterPath, FilterPath]:
     """EKF over the second half of the readings, and RTS, which is its last state."""
     half, mode = len(obs) // 2, answer.modes[0]
     state = ekf.EkfState(*mode.state.tolist(), ekf.upper_triangle(mode.covariance))

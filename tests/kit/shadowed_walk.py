@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from logger.core import shadow_ekf
+from logger.core.places import Places
 from logger.core.shadow_ekf import ShadowNoise
 
 NOISE = ShadowNoise(shadow_db=6.0, decorrelation_m=15.0, white_db=2.0, height_m=8.0)
@@ -40,7 +41,7 @@ def walk(rng, count=600, noise=NOISE, truth=TRUTH, sigma_m=3.0):
 
 
 def released_state(mean, p, noise, reading):
-    return shadow_ekf.release(shadow_ekf.hold(mean, noise, reading[0], reading[1]), p)
+    return shadow_ekf.release(shadow_ekf.hold(mean, noise, Places.of(reading[0], reading[1])), p)
 
 
 def run(state, noise, readings):

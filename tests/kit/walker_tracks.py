@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from logger.core.geo import Utm
-from logger.core.track import Track
+from logger.core.places import Track, Utm
 
 S = 10**9
 EAST_M, NORTH_M = 5e5, 5.8e6
@@ -13,9 +12,9 @@ def track(t_s, xy_m, sigma_m=3.7):
     n = len(t_s)
     x, y = np.asarray(xy_m, float).T
     t_ns = np.round(np.asarray(t_s) * S).astype(np.int64) + 77 * S
-    return Track(
-        Utm(33), t_ns, np.arange(n), x + EAST_M, y + NORTH_M, np.broadcast_to(sigma_m, n) * 1.0
-    )
+    sigmas_m = np.broadcast_to(sigma_m, n) * 1.0
+    nowhere = np.full(n, np.nan)
+    return Track(x + EAST_M, y + NORTH_M, nowhere, sigmas_m, t_ns, Utm(33), seq=np.arange(n))
 
 
 def at(smoothed, t_s):

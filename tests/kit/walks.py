@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from logger.core.geo import Utm
 from logger.core.locator.region import highest_density
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 
 FLOOR_DBM = -110.0
 
@@ -14,9 +14,24 @@ FLOOR_DBM = -110.0
 def observations(x, y, level, position_sigma=0.0):
     at = np.arange(len(x))
     x, y, level = (np.asarray(v, float) for v in (x, y, level))
-    return CellObservations(
-        "c", "gsm", Utm(32), at * 10**9, x, y, np.full(len(x), position_sigma), level, at
+    return Readings(
+        "c",
+        "gsm",
+        Places.of(x, y, utm=Utm(32), sigma_m=np.full(len(x), position_sigma), t_ns=at * 10**9),
+        level,
+        at,
     )
+
+
+def single_reading(x, y, level, limit=0, sigma_m=3.0):
+    """One reading, as the device takes them."""
+    place = Places.of(x, y, sigma_m=np.array([sigma_m]))
+    return Readings.one("c", "gsm", place, level, limit)
+
+
+def with_places(obs, **columns):
+    """The readings with other columns of their places."""
+    return replace(obs, places=replace(obs.places, **columns))
 
 
 def path(shape, count=600, step=1.4):
@@ -113,7 +128,7 @@ def add_position_errors(rng, sigma_m, obs):
     """The same walk with slow errors of the receiver's position."""
     east_m, north_m = (sigma_m * _lasting(rng, len(obs)) for _ in range(2))
     sigmas_m = np.full(len(obs), sigma_m)
-    return replace(obs, x_m=obs.x_m + east_m, y_m=obs.y_m + north_m, position_sigma_m=sigmas_m)
+    return with_places(obs, x_m=obs.x_m + east_m, y_m=obs.y_m + north_m, sigma_m=sigmas_m)
 
 
 def _lasting(rng, count, memory=0.98):

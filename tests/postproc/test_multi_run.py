@@ -5,13 +5,12 @@ import h5py
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
+from logger.core.places import Places, Utm
 from logger.core.runfile import RunWriter, Truth, read_run
-from logger.core.track import Track
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.cell_estimation import estimate_cell
 from postproc.cli import main
-from postproc.multi_run import in_one_zone, in_zone, merge, modems_of, parts_by_cell, shares_of
+from postproc.multi_run import in_one_zone, merge, modems_of, parts_by_cell, shares_of
 from postproc.smoothing import smooth_runs
 from postproc.walk import observe_run
 from tests.kit import runs
@@ -190,11 +189,11 @@ def test_mistakes_are_one_line(pair, tmp_path, capsys):
 def test_a_track_of_the_next_zone_keeps_its_place():
     here, there = Utm(32), Utm(33)
     lat, lon = np.array([50.0, 50.001]), np.array([12.001, 12.002])
-    track = Track(there, np.arange(2), np.arange(2), *there.to_xy_arrays(lat, lon), np.ones(2))
-    moved = in_zone(track, here)
+    track = Places.of_degrees(lat, lon, utm=there)
+    moved = track.in_zone(here)
     assert moved.utm == here
     np.testing.assert_allclose(here.to_latlon_arrays(moved.x_m, moved.y_m), (lat, lon), atol=1e-9)
-    assert in_zone(track, there) is track
+    assert track.in_zone(there) is track
 
 
 # --- which modem ---

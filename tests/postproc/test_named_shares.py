@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.observations import observe
+from logger.core.places import Places
+from logger.core.readings import observe
 from logger.core.regular_naming import LEAST_SHARE, NEAR_M
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan
@@ -36,7 +37,7 @@ def test_shares_are_those_of_the_definition():
     rng = np.random.default_rng(1)
     x_m = np.cumsum(rng.exponential(5.0, 300))
     naming = _naming(*(rng.random((6, 300)) < np.array([0.9, 0.6, 0.5, 0.3, 0.1, 0.05])[:, None]))
-    found = named_shares(x_m, np.zeros(300), naming)
+    found = named_shares(Places.of(x_m, np.zeros(300)), naming)
     assert found == pytest.approx([_brute_force(x_m, naming, k) for k in range(len(naming.cell))])
     assert found.min() < 0.1
     assert found.max() > 0.9
@@ -46,13 +47,13 @@ def test_a_scan_of_the_serving_cell_alone_says_nothing_beside_lists():
     n = 200
     served, listed = np.arange(n) % 2 == 0, np.arange(n) % 2 == 1
     naming = _naming(served | listed, listed, listed)
-    assert np.all(named_shares(np.arange(n) * STEP_M, np.zeros(n), naming) == 1.0)
+    assert np.all(named_shares(Places.of(np.arange(n) * STEP_M, np.zeros(n)), naming) == 1.0)
 
 
 def test_without_lists_the_serving_cell_replaces_the_other():
     n = 400
     first = np.arange(n) < n // 2
-    share = named_shares(np.arange(n) * STEP_M, np.zeros(n), _naming(first, ~first))
+    share = named_shares(Places.of(np.arange(n) * STEP_M, np.zeros(n)), _naming(first, ~first))
     assert share[0] == 1.0
     assert share[n // 2 - 1] == pytest.approx(0.5, abs=0.02)
 
@@ -62,7 +63,7 @@ def test_a_scan_of_another_technology_says_nothing():
     is_gsm = np.arange(n) % 2 == 0
     cell, scan = np.nonzero(np.array([is_gsm, is_gsm, ~is_gsm, ~is_gsm]))
     naming = Naming(cell, scan, (cell >= 2).astype(np.int64))
-    assert np.all(named_shares(np.arange(n) * STEP_M, np.zeros(n), naming) == 1.0)
+    assert np.all(named_shares(Places.of(np.arange(n) * STEP_M, np.zeros(n)), naming) == 1.0)
 
 
 def _walk(tmp_path, *, every):
@@ -120,7 +121,7 @@ def test_truncated_levels_bias_the_path_loss_less():
         level_dbm = 0.0 - 35.0 * np.log10(x_m) + shadow_db + rng.normal(0.0, 2.0, len(x_m))
         named = level_dbm >= FLOOR_DBM
         others = np.ones_like(named)
-        share = named_shares(x_m, np.zeros_like(x_m), _naming(named, others, others))
+        share = named_shares(Places.of(x_m, np.zeros_like(x_m)), _naming(named, others, others))
         regular = share[: np.count_nonzero(named)] >= LEAST_SHARE
         slopes = [
             np.polyfit(np.log10(x_m[named][some]), level_dbm[named][some], 1)[0]

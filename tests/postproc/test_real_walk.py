@@ -6,8 +6,8 @@ import json
 import pytest
 import shapely
 
-from logger.core.geo import Utm
 from logger.core.model.prior import Prior
+from logger.core.places import Utm
 from logger.core.runfile import read_run
 from postproc.cell_estimation import locate_cell
 from postproc.cli import main

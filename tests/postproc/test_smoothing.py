@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from logger.core.document import json_text
+from logger.core.places import Places
 from postproc.cell_estimation import estimate_cell
 from postproc.result import Options
 from postproc.smoothing import smooth_runs
@@ -43,12 +44,16 @@ def test_repeated_levels_are_counted_in_the_warnings_and_in_nothing_else():
     obs = replace(obs, level_dbm=np.round(obs.level_dbm))
     n, at = len(obs), np.arange(80)
     last_x_m, last_y_m, last_dbm = obs.x_m[-1], obs.y_m[-1], obs.level_dbm[-1]
+    places = Places.of(
+        np.append(obs.x_m, last_x_m + 11.0 * (1 + at)),
+        np.append(obs.y_m, last_y_m + 0.0 * at),
+        utm=obs.utm,
+        sigma_m=np.append(obs.position_sigma_m, 0.0 * at),
+        t_ns=np.append(obs.t_ns, obs.t_ns[-1] + (1 + at) * 10**9),
+    )
     longer = replace(
         obs,
-        t_ns=np.append(obs.t_ns, obs.t_ns[-1] + (1 + at) * 10**9),
-        x_m=np.append(obs.x_m, last_x_m + 11.0 * (1 + at)),
-        y_m=np.append(obs.y_m, last_y_m + 0.0 * at),
-        position_sigma_m=np.append(obs.position_sigma_m, 0.0 * at),
+        places=places,
         level_dbm=np.append(obs.level_dbm, last_dbm + 0.0 * at),
         scan_seq=np.append(obs.scan_seq, n + at),
         known_limit=None,

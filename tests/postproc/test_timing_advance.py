@@ -6,7 +6,7 @@ import numpy as np
 from msgspec import UNSET
 
 from logger.core.document import terminal_lines
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import Fix, Record, Scan
 from postproc.multi_run import merge

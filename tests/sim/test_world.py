@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from logger.sim.world import Radio, Transmitter, World
 
 NEAR = Transmitter(0.0, 0.0, -30.0, 3.0, "001", "01", 1, 1, 10, 1)

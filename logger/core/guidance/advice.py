@@ -1,7 +1,6 @@
 """When to plan, and the advice that the walker follows until the next one."""
 
 from collections.abc import Sequence
-from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ from logger.core.guidance.street_map import StreetMap
 from logger.core.guidance.street_routes import street_routes
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree
+from logger.core.places import Places, join_places
 
 AGAIN_M = 25.0
 """A new plan is due after this much walking: a quarter of a block."""
@@ -34,14 +34,12 @@ _NEAR_M, _AROUND_M = 300.0, 150.0
 _LIKELY = 0.5
 """A place with so much of the probability is likelier than all others together."""
 
-Point = tuple[float, float]
-
 
 class Advice(NamedTuple):
-    """Walk from `from_m` to `to_m`, UTM metres; the reason is part of `text`."""
+    """Walk from `start` to `end`; the reason is part of `text`."""
 
-    from_m: Point
-    to_m: Point
+    start: Places
+    end: Places
     nats_per_km: float
     text: str
 
@@ -55,31 +53,31 @@ class Guide:
 
     def __init__(self, streets: StreetMap | None = None) -> None:
         self._streets = streets
-        self._track: list[Point] = []
-        self._here: Point | None = None
-        self._planned_m: Point | None = None
+        self._track: list[Places] = []
+        self._here: Places | None = None
+        self._planned: Places | None = None
         self._plans = 0
         self.advice: Advice | None = None
 
-    def walk(self, x_m: float, y_m: float) -> None:
-        """Take a position of the walker."""
-        self._here = (x_m, y_m)
-        if not self._track or _apart_m(self._here, self._track[-1]) >= _TRACK_STEP_M:
-            self._track.append(self._here)
+    def walk(self, here: Places) -> None:
+        """Take a place of the walker."""
+        self._here = here
+        if not self._track or here.away_m(self._track[-1]) >= _TRACK_STEP_M:
+            self._track.append(here)
 
     @property
     def is_due(self) -> bool:
         """Whether the walker has come far enough for a new plan."""
         if self._here is None:
             return False
-        return self._planned_m is None or _apart_m(self._here, self._planned_m) >= AGAIN_M
+        return self._planned is None or self._here.away_m(self._planned) >= AGAIN_M
 
     def decide(self, task: LocatorInput, tree: Tree) -> None:
         """Plan from the posterior that is known now."""
         here = self._here
         if here is None:
             return
-        self._planned_m = here
+        self._planned = here
         self._plans += 1
         mixed = tree.mixture(task.walk.prior)
         places = clusters(tree.squares, mixed.probability, here)
@@ -103,30 +101,27 @@ class Guide:
         text = sentence(best, sample, places, course.azimuth_deg, distance_m, task.mean_dbm)
         if says_little:  # the position is open, so the search has to go on
             text += "; no way near here says much"
-        from_m, to_m = (float(first[0]), float(first[1])), (float(target[0]), float(target[1]))
-        self.advice = Advice(from_m, to_m, best.nats_per_km, text)
+        start, end = (Places.of(*corner, utm=here.utm) for corner in (first, target))
+        self.advice = Advice(start, end, best.nats_per_km, text)
 
-    def _course(self, here: Point) -> Course:
-        track = np.array([*self._track, here])
+    def _course(self, here: Places) -> Course:
+        track = join_places([*self._track, here]).xy_m.T
         along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=0).T))])
         before = track[along_m <= along_m[-1] - _COURSE_M]
-        azimuth = azimuth_deg(before[-1].tolist(), here) if len(before) else None
+        azimuth = azimuth_deg(track[-1] - before[-1]) if len(before) else None
         return Course(azimuth, track[along_m < along_m[-1] - _LATEST_M])
 
 
 def _near_place(
-    tree: Tree, probability: FloatArray, places: Sequence[Cluster], here: Point
+    tree: Tree, probability: FloatArray, places: Sequence[Cluster], here: Places
 ) -> BoolArray | None:
     """Squares (h,) around the likeliest place, once the walker is near and it holds half.
 
     The tail far away would otherwise decide where to walk until the end.
     """
-    if not places or _apart_m(here, (places[0].x_m, places[0].y_m)) > _NEAR_M:
+    if not places or here.away_m(places[0].place) > _NEAR_M:
         return None
-    around = np.hypot(tree.x_m - places[0].x_m, tree.y_m - places[0].y_m) < _AROUND_M
+    centre = places[0].place
+    around = np.hypot(tree.x_m - centre.x_m, tree.y_m - centre.y_m) < _AROUND_M
     is_likely = float(np.sum(probability[around])) >= _LIKELY
     return np.asarray(around, np.bool_) if is_likely else None
-
-
-def _apart_m(one: Point, other: Point) -> float:
-    return hypot(one[0] - other[0], one[1] - other[1])

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
+from logger.core.places import Places
 
 MOST = 4
 """Places that routes lead to: more are hardly ever plausible at the same time."""
@@ -21,16 +22,13 @@ _NEGLIGIBLE = 1e-5
 
 
 class Cluster(NamedTuple):
-    """Probability of a place and its centre in metres."""
+    """Probability of a place, and its centre."""
 
     probability: float
-    x_m: float
-    y_m: float
+    place: Places
 
 
-def clusters(
-    square: FloatArray, probability: FloatArray, here_m: tuple[float, float]
-) -> list[Cluster]:
+def clusters(square: FloatArray, probability: FloatArray, here: Places) -> list[Cluster]:
     """Up to `MOST` places within reach of the walker, the likeliest first.
 
     `square` (3, h) has rows x, y, side. Each place is the one that has most probability around it
@@ -38,7 +36,7 @@ def clusters(
     """
     x_m, y_m, _ = square[:, probability > _NEGLIGIBLE]
     left = probability[probability > _NEGLIGIBLE]
-    away_m = np.hypot(x_m - here_m[0], y_m - here_m[1])
+    away_m = np.hypot(x_m - here.x_m, y_m - here.y_m)
     left = np.where(away_m <= _REACH_M, left, 0.0)
     places: list[Cluster] = []
     while len(places) < MOST and np.sum(left) >= _LEAST:
@@ -50,6 +48,7 @@ def clusters(
         if mass[best] < _LEAST:
             break
         share = np.where(around[best], left, 0.0) / mass[best]
-        places.append(Cluster(float(mass[best]), float(share @ x_m), float(share @ y_m)))
+        centre = Places.of(share @ x_m, share @ y_m, utm=here.utm)
+        places.append(Cluster(float(mass[best]), centre))
         left = np.where(around[best], 0.0, left)
     return places

@@ -1,16 +1,13 @@
 """The cell that is followed: its posterior, the verdict, and the way to walk next."""
 
-import numpy as np
-
 from logger.core.answer import Answer, Provenance, answer_of
-from logger.core.geo import Utm
 from logger.core.guidance.advice import Advice, Guide
 from logger.core.guidance.live_verdict import LiveVerdict
 from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.summary import summarise
-from logger.core.observations import CellObservations
+from logger.core.places import Places
 
 
 class FollowedCell:
@@ -19,8 +16,8 @@ class FollowedCell:
     `posterior` is that of the answer; both are None before the first search.
     """
 
-    def __init__(self, cell: str, utm: Utm, streets: StreetMap | None = None) -> None:
-        self.cell, self.utm = cell, utm
+    def __init__(self, cell: str, streets: StreetMap | None = None) -> None:
+        self.cell = cell
         self._guide = Guide(streets)
         self._verdict = LiveVerdict()
         self.answer: Answer | None = None
@@ -31,39 +28,20 @@ class FollowedCell:
         """The latest advice."""
         return self._guide.advice
 
-    def update(self, x_m: float, y_m: float, locator: OnlineLocator) -> bool:
-        """Take a position of the walker; where a new plan is due, ask the cell's locator.
+    def update(self, here: Places, locator: OnlineLocator) -> bool:
+        """Take a place of the walker; where a new plan is due, ask the cell's locator.
 
         Returns whether answer and advice are new.
         """
-        self._guide.walk(x_m, y_m)
+        self._guide.walk(here)
         last = locator.last_search() if self._guide.is_due else None
         if last is None:
             return False
         posterior = summarise(*last)
-        obs = observations_of(locator, self.utm)
+        obs = locator.readings.readings()
         verdict, reasons, _ = self._verdict.update(posterior, obs)
         made_from = Provenance(len(obs))
         self.posterior = posterior
-        self.answer = answer_of(self.cell, verdict, reasons, made_from, posterior, self.utm)
+        self.answer = answer_of(self.cell, verdict, reasons, made_from, posterior)
         self._guide.decide(*last)
         return True
-
-
-def observations_of(locator: OnlineLocator, utm: Utm) -> CellObservations:
-    """The readings of a locator in their order."""
-    x_m, y_m, sigma_m, level_dbm, limit = locator.readings.columns()
-    number = np.arange(len(x_m))
-    return CellObservations(
-        cell="",
-        rat=None,
-        utm=utm,
-        t_ns=number,
-        x_m=x_m,
-        y_m=y_m,
-        position_sigma_m=sigma_m,
-        level_dbm=level_dbm,
-        scan_seq=number,
-        known_limit=limit.astype(np.int64),
-        without_spikes=True,
-    )

@@ -10,6 +10,7 @@ and A = K_qp K_pp^-1, which carries over what the shadowing at q is known from t
 A street that has been walked is known from its readings, so walking it again says little.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +19,9 @@ from logger.core.arrays import FloatArray
 from logger.core.guidance.sample import PositionSample
 from logger.core.model.blocks import Blocks
 from logger.core.model.noise import correlation, shadowing, whiteners
-from logger.core.model.path_loss import level_dbm, log_distance_db
+from logger.core.model.path_loss import level_dbm
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 
 STEP_M = 25.0
 """Distance of the points of a way: half a block, and about the shadowing's correlation."""
@@ -46,26 +48,29 @@ class Forecaster:
         self._sample, self._walk, self._prior = sample, walk, prior
         whitener = whiteners(walk, prior, [sample.number])[0].matrix
         self._inverse = whitener.T @ whitener
-        self._sigma_m = float(np.median(walk.position_sigma_m))
-        self._walk_db = self._log_distance_db(walk.x_m, walk.y_m)
+        # an antenna at a position of the sample, heard by a walker as certain as this one
+        self._places = replace(
+            sample.places, sigma_m=np.full(len(sample.places), np.median(walk.places.sigma_m))
+        )
+        self._walk_db = self._log_distance_db(walk.places)
         expected_dbm = level_dbm(sample.p0_dbm[:, None], sample.eta[:, None], self._walk_db)
         self._residual_db = walk.level_dbm - expected_dbm
 
-    def at(self, x_m: FloatArray, y_m: FloatArray) -> Forecast:
-        """Levels at points, shape (m,)."""
+    def at(self, points: Places) -> Forecast:
+        """Levels at points (m,)."""
         sample, walk = self._sample, self._walk
         noise = sample.noise
         # averaged over the points of a block, as in the covariance of the blocks
-        between = walk.mean(shadowing(_apart_m(walk.point_x_m, walk.point_y_m, x_m, y_m), noise)).T
+        between = walk.mean(shadowing(walk.points.distances_m(points), noise)).T
         known = between @ self._inverse
-        apart_m = _apart_m(x_m, y_m, x_m, y_m)
+        apart_m = points.distances_m(points)
         covariance = shadowing(apart_m, noise) - known @ between.T
-        covariance[np.diag_indices(len(x_m))] += noise.white_share * _READING_M / STEP_M
+        covariance[np.diag_indices(len(points))] += noise.white_share * _READING_M / STEP_M
         covariance *= sample.sigma_db**2
         if noise.decorrelation_m == 0.0:
             covariance += _LEAST_SHADOW_DB**2 * correlation(apart_m, _LEAST_SHADOW_M)
-        covariance[np.diag_indices(len(x_m))] += _ROUNDING_DB2
-        away_db = self._log_distance_db(x_m, y_m)
+        covariance[np.diag_indices(len(points))] += _ROUNDING_DB2
+        away_db = self._log_distance_db(points)
         covariance += self._of_coefficients(known, away_db)
         level = level_dbm(sample.p0_dbm[:, None], sample.eta[:, None], away_db)
         return Forecast(level + self._residual_db @ known.T, covariance, sample.weight)
@@ -79,13 +84,5 @@ class Forecaster:
         of_p0 = float(np.sum(var_p0)) * np.outer(by_p0, by_p0)
         return np.asarray(of_p0 + cross + cross.T + (by_eta.T * var_eta) @ by_eta, float)
 
-    def _log_distance_db(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        east_m = self._sample.x_m[:, None] - x_m
-        north_m = self._sample.y_m[:, None] - y_m
-        return log_distance_db(east_m, north_m, self._prior.height_m, self._sigma_m)
-
-
-def _apart_m(
-    x_m: FloatArray, y_m: FloatArray, other_x_m: FloatArray, other_y_m: FloatArray
-) -> FloatArray:
-    return np.asarray(np.hypot(x_m[:, None] - other_x_m, y_m[:, None] - other_y_m), float)
+    def _log_distance_db(self, points: Places) -> FloatArray:
+        return self._places.log_distance_to(points, self._prior.height_m)

@@ -15,7 +15,7 @@ from logger.core.locator.two_source_test import (
     divide_in_time,
 )
 from logger.core.locator.verdict import LIVE_M, Decision, assess, degrees_text
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 CONFIRMED_AFTER = 4
 """Updates, 25 m each: a leg away from the place shows what a place that is wrong cannot explain."""
@@ -41,7 +41,7 @@ class LiveVerdict:
         self._division: Division | None = None
         self._motion = MotionTest()
 
-    def update(self, posterior: Posterior, obs: CellObservations) -> Decision:
+    def update(self, posterior: Posterior, obs: Readings) -> Decision:
         """The verdict on a posterior; `obs` has readings of the walk in their order."""
         decision = assess(posterior, obs, self._division, within_m=LIVE_M)
         is_located = decision.verdict == "located"
@@ -56,7 +56,7 @@ class LiveVerdict:
             self._motion.try_moves(obs, posterior, _MOVES_TRIED)
             moves = self._motion.division()
             if moves is not None and moves.log_factor > _MOVES_LOG_FACTOR:
-                decision = Decision("cannot tell", [_may_move(moves, obs)], moves)
+                decision = Decision("cannot tell", [_may_move(moves)], moves)
                 is_located = False
         else:
             self._motion = MotionTest()
@@ -68,8 +68,8 @@ class LiveVerdict:
         return decision
 
 
-def _may_move(moves: Division, obs: CellObservations) -> str:
-    one, other = (degrees_text(obs, place_m) for place_m in (moves.one_m, moves.other_m))
+def _may_move(moves: Division) -> str:
+    one, other = map(degrees_text, (moves.one, moves.other))
     return (
         "the levels also fit a transmitter that moves, "
         f"from near {one} to near {other}: come back after some minutes"

@@ -1,31 +1,37 @@
 """Position and advice in degrees."""
 
-from math import atan2, cos, degrees, hypot, radians, remainder
+from math import atan2, cos, degrees, radians, remainder
 
 from logger.core.answer import DEGREE_DECIMALS
-from logger.core.geo import Utm
-from logger.core.guidance.advice import Advice, Point
+from logger.core.guidance.advice import Advice
 from logger.core.guidance.next_way import NextWay
+from logger.core.places import Places
 
 
-def next_way(utm: Utm, advice: Advice | None) -> NextWay | None:
+def next_way(advice: Advice | None) -> NextWay | None:
     """The advice in degrees."""
     if advice is None:
         return None
-    lat, lon = (round(angle, DEGREE_DECIMALS) for angle in utm.to_latlon(*advice.to_m))
-    distance_m = hypot(advice.to_m[0] - advice.from_m[0], advice.to_m[1] - advice.from_m[1])
-    azimuth_deg = true_azimuth_deg(utm, advice.from_m, advice.to_m)
+    lat, lon = degrees_of(advice.end)
+    distance_m = advice.end.away_m(advice.start)
+    azimuth_deg = true_azimuth_deg(advice.start, advice.end)
     nats_per_km = round(advice.nats_per_km, 2)
     return NextWay(azimuth_deg, round(distance_m, 1), lat, lon, nats_per_km, advice.text)
 
 
-def true_azimuth_deg(utm: Utm, from_m: Point, to_m: Point) -> float:
+def true_azimuth_deg(start: Places, end: Places) -> float:
     """Direction from true north, 0 to 360 degrees, over distances of a walk.
 
     True and grid north differ by up to 3 degrees at the border of a zone.
     """
-    lat_deg, lon_deg = utm.to_latlon(*from_m)
-    to_lat_deg, to_lon_deg = utm.to_latlon(*to_m)
+    lat_deg, lon_deg = start.first_deg
+    to_lat_deg, to_lon_deg = end.first_deg
     east_deg = remainder(to_lon_deg - lon_deg, 360.0)  # 180 and -180 are one meridian
     east = east_deg * cos(radians(0.5 * (lat_deg + to_lat_deg)))
     return round(degrees(atan2(east, to_lat_deg - lat_deg)) % 360.0, 1) % 360.0
+
+
+def degrees_of(place: Places) -> tuple[float, float]:
+    """Latitude and longitude, to 0.1 m."""
+    lat_deg, lon_deg = place.first_deg
+    return round(lat_deg, DEGREE_DECIMALS), round(lon_deg, DEGREE_DECIMALS)

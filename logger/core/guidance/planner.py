@@ -11,6 +11,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.guidance.forecast import Forecast, Forecaster
 from logger.core.guidance.information import information_nats
 from logger.core.guidance.routes import LEG_M, Route
+from logger.core.places import Places
 
 _START_M = 30.0
 """Added to each length: a route of a few steps is not better for each of its few metres."""
@@ -57,7 +58,7 @@ def plans(
     each = [route.points() for route in routes]
     rounded = np.asarray(np.round(np.concatenate(each), 1), float)
     points, at = np.unique(rounded, axis=0, return_inverse=True)
-    forecast = forecaster.at(points[:, 0], points[:, 1])
+    forecast = forecaster.at(Places.of(*points.T))
     rows = np.split(np.ravel(at), np.cumsum([len(one) for one in each])[:-1])
     nats = np.array([information_nats(forecast, np.unique(of_route)) for of_route in rows])
     length_m = np.array([route.length_m + _START_M for route in routes])
@@ -76,9 +77,9 @@ def plans(
     ]
 
 
-def azimuth_deg(from_m: Sequence[float], to_m: Sequence[float]) -> float:
-    """Direction clockwise from grid north, 0 to 360 degrees."""
-    return degrees(atan2(to_m[0] - from_m[0], to_m[1] - from_m[1])) % 360.0
+def azimuth_deg(way_m: FloatArray) -> float:
+    """Direction of a way (2,) clockwise from grid north, 0 to 360 degrees."""
+    return degrees(atan2(*way_m.tolist())) % 360.0
 
 
 def turn_deg(course_deg: float, azimuth_deg: float) -> float:
@@ -89,9 +90,9 @@ def turn_deg(course_deg: float, azimuth_deg: float) -> float:
 def first_turn(route: Route) -> FloatArray:
     """The corner at which the walker leaves the first direction, or the end."""
     corner = route.corner_m
-    first = azimuth_deg(corner[0].tolist(), corner[1].tolist())
+    first = azimuth_deg(corner[1] - corner[0])
     for here, after in pairwise(corner[1:]):
-        if abs(turn_deg(first, azimuth_deg(here.tolist(), after.tolist()))) > _TURN_DEG:
+        if abs(turn_deg(first, azimuth_deg(after - here))) > _TURN_DEG:
             return np.asarray(here, float)
     return np.asarray(corner[-1], float)
 
@@ -100,7 +101,7 @@ def _turn(route: Route, course: Course) -> float:
     """Turn at the start of a route; 0, as straight on, in all directions while standing."""
     if course.azimuth_deg is None:
         return 0.0
-    first = azimuth_deg(route.corner_m[0].tolist(), route.corner_m[1].tolist())
+    first = azimuth_deg(route.corner_m[1] - route.corner_m[0])
     return turn_deg(course.azimuth_deg, first)
 
 

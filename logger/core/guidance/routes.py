@@ -8,6 +8,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.guidance.clusters import Cluster
 from logger.core.guidance.forecast import STEP_M
+from logger.core.places import Places
 
 LEG_M = 100.0
 """A block of houses: after it there is a crossing, where the walker looks again."""
@@ -38,14 +39,14 @@ class Route(NamedTuple):
         return np.stack([np.interp(at_m, along_m, v) for v in self.corner_m.T], axis=1)
 
 
-def compass_routes(here_m: tuple[float, float], places: Sequence[Cluster]) -> list[Route]:
+def compass_routes(here: Places, places: Sequence[Cluster]) -> list[Route]:
     """Legs in all directions, a route to each place, and one leg beyond it."""
     found = [
-        _legs(here_m, [first, second]) for first in range(DIRECTIONS) for second in _onward(first)
+        _legs(here, [first, second]) for first in range(DIRECTIONS) for second in _onward(first)
     ]
-    found += [_legs(here_m, [direction] * _STRAIGHT_LEGS) for direction in range(DIRECTIONS)]
+    found += [_legs(here, [direction] * _STRAIGHT_LEGS) for direction in range(DIRECTIONS)]
     for place in places:
-        found += _to_place(here_m, place)
+        found += _to_place(here, place)
     return found
 
 
@@ -53,16 +54,17 @@ def _onward(direction: int) -> list[int]:
     return [(direction + k) % DIRECTIONS for k in range(-_RIGHT_ANGLE, _RIGHT_ANGLE + 1)]
 
 
-def _legs(here_m: tuple[float, float], directions: Sequence[int]) -> Route:
+def _legs(here: Places, directions: Sequence[int]) -> Route:
     angle = 2.0 * np.pi * np.asarray(directions, float) / DIRECTIONS
     step_m = LEG_M * np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    return Route(np.concatenate([[here_m], np.asarray(here_m) + np.cumsum(step_m, axis=0)]))
+    start_m = here.xy_m.T
+    return Route(np.concatenate([start_m, start_m + np.cumsum(step_m, axis=0)]))
 
 
-def _to_place(here_m: tuple[float, float], place: Cluster) -> list[Route]:
+def _to_place(here: Places, place: Cluster) -> list[Route]:
     """Straight to a place, and on from it ahead, to the right and to the left."""
-    start = np.asarray(here_m)
-    way_m = np.array([place.x_m, place.y_m]) - start
+    start, end = here.xy_m[:, 0], place.place.xy_m[:, 0]
+    way_m = end - start
     away_m = float(np.hypot(*way_m))
     if away_m < STEP_M:
         return []

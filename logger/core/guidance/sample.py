@@ -9,6 +9,7 @@ from logger.core.locator.mixture import Mixture
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree
 from logger.core.model.prior import Hypothesis
+from logger.core.places import Places
 
 POSITIONS = 48
 """As many as tell routes apart; 64 gave the same routes, and their pairs cost twice as much."""
@@ -24,8 +25,7 @@ class PositionSample(NamedTuple):
     deviation of a level under the hypothesis `noise`, the `number`-th of the prior.
     """
 
-    x_m: FloatArray
-    y_m: FloatArray
+    places: Places
     weight: FloatArray
     p0_dbm: FloatArray
     eta: FloatArray
@@ -50,8 +50,7 @@ def draw(
     number = int(tree.numbers[row])
     share = mixed.share[row] / np.sum(mixed.share[row])
     return PositionSample(
-        x_m=tree.x_m[square],
-        y_m=tree.y_m[square],
+        places=Places.of(tree.x_m[square], tree.y_m[square], utm=task.strongest.utm),
         weight=count / POSITIONS,
         p0_dbm=tree.evidence.theta[0, row, square],
         eta=tree.evidence.theta[1, row, square],

@@ -1,7 +1,6 @@
 """The advice in one sentence: the turn, the direction, the distance, and the reason."""
 
 from collections.abc import Sequence
-from math import hypot
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from logger.core.guidance.clusters import Cluster
 from logger.core.guidance.forecast import Forecast
 from logger.core.guidance.planner import Plan, azimuth_deg, turn_deg
 from logger.core.guidance.sample import PositionSample
+from logger.core.places import Places
 
 _TURNS = (
     "straight on",
@@ -41,9 +41,9 @@ _OPEN_M = 500.0
 """Farther than this around the likeliest place nobody searches."""
 
 
-def direction(from_m: Sequence[float], to_m: Sequence[float]) -> str:
-    """Direction as one of eight points of the compass."""
-    return _POINTS[round(azimuth_deg(from_m, to_m) / 45.0) % 8]
+def direction(way_m: FloatArray) -> str:
+    """Direction of a way (2,) as one of eight points of the compass."""
+    return _POINTS[round(azimuth_deg(way_m) / 45.0) % 8]
 
 
 def turn(course_deg: float | None, azimuth: float) -> str:
@@ -62,9 +62,9 @@ def sentence(
     mean_dbm: float,
 ) -> str:
     """The advice for a plan; `mean_dbm` has been subtracted from the levels of the forecast."""
-    here = best.route.corner_m[0].tolist()
-    first = best.route.corner_m[1].tolist()
-    go = f"{turn(course_deg, azimuth_deg(here, first))}, {direction(here, first)}, "
+    here = Places.of(*best.route.corner_m[0])
+    way_m = best.route.corner_m[1] - best.route.corner_m[0]
+    go = f"{turn(course_deg, azimuth_deg(way_m))}, {direction(way_m)}, "
     go += f"{distance_m:.0f} m"
     named = [place for place in places if place.probability >= _LEAST_PLACE]
     if len(named) > 1:
@@ -77,12 +77,11 @@ def _two_places(
 ) -> str:
     """The levels that decide between the two likeliest places, where the way tells them apart."""
     one, other = places[:2]
-    apart_m = hypot(one.x_m - other.x_m, one.y_m - other.y_m)
+    apart_m = one.place.away_m(other.place)
     fit = f"{_count(len(places))} places fit, "
     fit += f"{apart_m:.0f} m apart" if len(places) == 2 else f"the likeliest {apart_m:.0f} m apart"
-    at_one = np.hypot(sample.x_m - one.x_m, sample.y_m - one.y_m) < np.hypot(
-        sample.x_m - other.x_m, sample.y_m - other.y_m
-    )
+    to_one_m, to_other_m = (_away_m(sample, place) for place in (one, other))
+    at_one = to_one_m < to_other_m
     if at_one.all() or not at_one.any():
         return fit
     one_dbm, other_dbm = (_mean(best.forecast, part)[best.points] for part in (at_one, ~at_one))
@@ -91,20 +90,20 @@ def _two_places(
     if not len(distinct):
         return fit
     k = int(distinct[0])
-    name = direction((other.x_m, other.y_m), (one.x_m, one.y_m))
+    name = direction(one.place.xy_m[:, 0] - other.place.xy_m[:, 0])
     return (
         f"{fit}; on the way about {one_dbm[k] + mean_dbm:.0f} dBm if it is the {name} one, "
         f"{other_dbm[k] + mean_dbm:.0f} dBm if it is the other"
     )
 
 
-def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Sequence[float]) -> str:
+def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) -> str:
     if not places:
         return "the position is open; this way says most about it"
     place = places[0]
-    away_m = hypot(place.x_m - here[0], place.y_m - here[1])
+    away_m = place.place.away_m(here)
     spread_m = _spread_m(sample, place)
-    where = f"{away_m:.0f} m {direction(here, (place.x_m, place.y_m))}"
+    where = f"{away_m:.0f} m {direction(place.place.xy_m[:, 0] - here.xy_m[:, 0])}"
     if away_m < _CLOSE_M and spread_m < _CLOSE_M:
         return f"it is within {spread_m:.0f} m of a place {where}; hear it from another side"
     if spread_m < _OPEN_M:
@@ -114,10 +113,14 @@ def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Sequence
 
 def _spread_m(sample: PositionSample, place: Cluster) -> float:
     """Radius around a place with 95 % of the sample."""
-    away_m = np.hypot(sample.x_m - place.x_m, sample.y_m - place.y_m)
+    away_m = _away_m(sample, place)
     order = np.argsort(away_m)
     last = int(np.searchsorted(np.cumsum(sample.weight[order]), 0.95))
     return float(away_m[order[min(last, len(order) - 1)]])
+
+
+def _away_m(sample: PositionSample, place: Cluster) -> FloatArray:
+    return sample.places.distances_m(place.place)[:, 0]
 
 
 def _mean(forecast: Forecast, part: BoolArray) -> FloatArray:

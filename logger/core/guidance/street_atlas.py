@@ -7,8 +7,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.geo import Utm
 from logger.core.guidance.street_map import StreetMap
+from logger.core.places import Places, Utm
 
 FARTHEST_M = 3000.0
 """Streets farther from the first position are left out: no walk of an hour gets there."""
@@ -31,17 +31,20 @@ Line = list[tuple[float, float]]
 class Streets(Protocol):
     """Where streets come from."""
 
-    def near(self, utm: Utm, x_m: float, y_m: float) -> StreetMap | None:
+    def near(self, here: Places) -> StreetMap | None:
         """The streets around a walk that is here; None without any."""
 
 
 class _Prepared(NamedTuple):
     """A map, and how far from its centre it serves."""
 
-    utm: Utm
-    centre_m: FloatArray
+    centre: Places
     reach_m: float
     streets: StreetMap
+
+    def serves(self, here: Places) -> bool:
+        """Whether a walk that is here needs no other map."""
+        return here.utm == self.centre.utm and here.away_m(self.centre) <= self.reach_m
 
 
 class StreetAtlas:
@@ -67,18 +70,16 @@ class StreetAtlas:
         centre_deg = 0.5 * (low_deg + high_deg)
         span_m = _DEG_M * (high_deg - low_deg) * [1.0, np.cos(np.radians(centre_deg[0]))]
         if np.all(span_m <= _TOWN_M):
-            utm = Utm.at(*centre_deg.tolist())
-            self._prepared = self._map_at(utm, np.array(utm.to_xy(*centre_deg)), np.inf)
+            self._prepared = self._map_at(Places.of_degrees(*centre_deg), np.inf)
 
-    def near(self, utm: Utm, x_m: float, y_m: float) -> StreetMap | None:
+    def near(self, here: Places) -> StreetMap | None:
         """The streets around a walk that is here; None of an empty file."""
         if not len(self._first):
             return None
-        here = np.array([x_m, y_m])
         ready = self._prepared
-        if ready is None or ready.utm != utm or np.hypot(*(here - ready.centre_m)) > ready.reach_m:
+        if ready is None or not ready.serves(here):
             self._prepared = None  # two maps would take twice the memory
-            ready = self._prepared = self._map_at(utm, here, 0.5 * FARTHEST_M)
+            ready = self._prepared = self._map_at(here, 0.5 * FARTHEST_M)
         return ready.streets
 
     def near_densest(self) -> StreetMap | None:
@@ -91,11 +92,11 @@ class StreetAtlas:
         squares = np.stack([lat_deg // side_deg, lon_deg * narrow // side_deg], axis=1)
         _, at, count = np.unique(squares, axis=0, return_index=True, return_counts=True)
         where_deg = self._lat_lon_deg[at[np.argmax(count)]]
-        utm = Utm.at(*where_deg.tolist())
-        return self.near(utm, *utm.to_xy(*where_deg.tolist()))
+        return self.near(Places.of_degrees(*where_deg))
 
-    def _map_at(self, utm: Utm, here: FloatArray, reach_m: float) -> _Prepared:
-        start_m, end_m = self._pieces_near(utm, here)
+    def _map_at(self, centre: Places, reach_m: float) -> _Prepared:
+        here = centre.xy_m[:, 0]
+        start_m, end_m = self._pieces_near(centre.utm, here)
         along = end_m - start_m
         length_m = np.hypot(*along.T)
         is_street = (length_m > 0.0) & (length_m <= _LONGEST_M)
@@ -107,12 +108,12 @@ class StreetAtlas:
             is_street[np.setdiff1d(np.arange(len(order)), fits)] = False
             reach_m = min(reach_m, 0.5 * float(np.max(apart_m[is_street])))
         pieces = np.hstack([start_m, end_m])[is_street]
-        return _Prepared(utm, here, reach_m, StreetMap(pieces.reshape(-1, 2, 2)))
+        return _Prepared(centre, reach_m, StreetMap(pieces.reshape(-1, 2, 2)))
 
     def _pieces_near(self, utm: Utm, here: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Both ends, in metres, of the straight pieces of all lines that come near."""
         corner_m = here + FARTHEST_M * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
-        corner_deg = np.stack(utm.to_latlon_arrays(*corner_m.T), axis=1)
+        corner_deg = Places.of(*corner_m.T, utm=utm).lat_lon_deg.T
         low, high = (
             bound.reduceat(self._lat_lon_deg, self._first) for bound in (np.minimum, np.maximum)
         )
@@ -126,6 +127,5 @@ class StreetAtlas:
         point_m = np.full((len(self._lat_lon_deg), 2), np.nan)
         near = np.flatnonzero(is_point)
         for some in np.split(near, np.arange(_MOST_AT_ONCE, len(near), _MOST_AT_ONCE)):
-            x_y_m = utm.to_xy_arrays(*self._lat_lon_deg[some].T)
-            point_m[some] = np.stack(x_y_m, axis=1)
+            point_m[some] = Places.of_degrees(*self._lat_lon_deg[some].T, utm=utm).xy_m.T
         return point_m[k], point_m[k + 1]

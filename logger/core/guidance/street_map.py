@@ -8,6 +8,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import GeoError
+from logger.core.places import Places
 
 _SNAP_M = 3.0
 """Ends of lines this close are the same crossing: maps are drawn to about a metre."""
@@ -56,11 +57,11 @@ class StreetMap:
             self.leaving[leg.end].append(leg.opposite())
         self._starts, self._ends, self._leg = _pieces(legs)
 
-    def nearest(self, x_m: float, y_m: float) -> OnStreet | None:
+    def nearest(self, place: Places) -> OnStreet | None:
         """The nearest point of any street; None of an empty map."""
         if not len(self._starts):
             return None
-        here = np.array([x_m, y_m])
+        here = place.xy_m[:, 0]
         along = self._ends - self._starts
         squared = np.maximum(np.sum(along**2, axis=1), 1e-9)
         part = np.clip(np.sum((here - self._starts) * along, axis=1) / squared, 0.0, 1.0)
@@ -71,9 +72,9 @@ class StreetMap:
         before_m = float(np.sum(np.sqrt(squared[first:k])))
         return OnStreet(leg, before_m + float(part[k] * np.sqrt(squared[k])), float(away_m[k]))
 
-    def nearest_crossing(self, x_m: float, y_m: float) -> int:
+    def nearest_crossing(self, place: Places) -> int:
         """Number of the nearest crossing."""
-        return int(np.argmin(np.hypot(*(self.crossing_m - [x_m, y_m]).T)))
+        return int(np.argmin(np.hypot(*(self.crossing_m - place.xy_m[:, 0]).T)))
 
     def shortest(
         self, first: Sequence[Leg], most_m: float, ends: Iterable[int]

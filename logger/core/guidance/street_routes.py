@@ -7,6 +7,7 @@ import numpy as np
 from logger.core.guidance.clusters import Cluster
 from logger.core.guidance.routes import LONGEST_M, Route
 from logger.core.guidance.street_map import Leg, OnStreet, StreetMap, part_of
+from logger.core.places import Places
 
 FARTHEST_STREET_M = 60.0
 """Farther than this from any street the map does not help: the walker is in a park."""
@@ -18,19 +19,17 @@ _MOST_WAYS = 60
 """Ways without a destination; where crossings are close together the first ones are enough."""
 
 
-def street_routes(
-    streets: StreetMap, here_m: tuple[float, float], places: Sequence[Cluster]
-) -> list[Route]:
+def street_routes(streets: StreetMap, here: Places, places: Sequence[Cluster]) -> list[Route]:
     """Ways of about two legs, the shortest route to each place, and one leg beyond it.
 
     Empty where there is no street within `FARTHEST_STREET_M`.
     """
-    on_street = streets.nearest(*here_m)
+    on_street = streets.nearest(here)
     if on_street is None or on_street.away_m > FARTHEST_STREET_M:
         return []
     first = _first_legs(streets, on_street)
     ways = _ways(streets, first)
-    ends = [streets.nearest_crossing(place.x_m, place.y_m) for place in places]
+    ends = [streets.nearest_crossing(place.place) for place in places]
     shortest = streets.shortest(first, LONGEST_M, ends)
     for end in ends:
         way = shortest.get(end)

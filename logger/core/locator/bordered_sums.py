@@ -13,6 +13,7 @@ from logger.core.model.elimination import packed_index
 from logger.core.model.marginal import walk_sums
 from logger.core.model.noise import independent_variance, matrices_of, shadowing, whiteners
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 
 _LEAST_VARIANCE = 1e-12  # of a block given all others, by sigma^2: above rounding errors
 
@@ -28,7 +29,7 @@ class BorderedSums:
         self,
         prior: Prior,
         numbers: IntArray,
-        position_m: tuple[FloatArray, FloatArray],
+        positions: Places,
         closed: Blocks,
         most: int,
     ) -> None:
@@ -43,7 +44,7 @@ class BorderedSums:
         self._whitener[:, :rows, :rows] = matrices
         self._log_det = np.array([noise.log_det for noise in noises])
         self._stations = [
-            _StationSums(prior.of_station(one), closed, matrices, position_m, most, rows_of_station)
+            _StationSums(prior.of_station(one), closed, matrices, positions, most, rows_of_station)
             for one, rows_of_station in zip(
                 prior.stations, station_rows(prior, numbers), strict=True
             )
@@ -96,21 +97,21 @@ class _StationSums:
         prior: Prior,
         closed: Blocks,
         matrices: FloatArray,
-        position_m: tuple[FloatArray, FloatArray],
+        positions: Places,
         most: int,
         rows: IntArray,
     ) -> None:
-        columns = varying_columns(closed, prior, *position_m)
-        self._prior, self._position_m, self._rows = prior, position_m, rows
-        self._columns = np.zeros((len(columns), most, len(position_m[0])))
+        columns = varying_columns(closed, prior, positions)
+        self._prior, self._positions, self._rows = prior, positions, rows
+        self._columns = np.zeros((len(columns), most, len(positions)))
         self._columns[:, : len(closed)] = columns
-        self.total = walk_sums(closed, matrices[rows], prior, *position_m)
+        self.total = walk_sums(closed, matrices[rows], prior, positions)
 
     def of_last(self, row: FloatArray, walk: FloatArray) -> FloatArray:
         """Sums of the last block of a walk (5, n), whose row of W is `row` (c, n)."""
         k = walk.shape[1] - 1
         last = single(walk[:, k:], 0.0, NOTHING_CENSORED)
-        self._columns[:, k : k + 1] = varying_columns(last, self._prior, *self._position_m)
+        self._columns[:, k : k + 1] = varying_columns(last, self._prior, self._positions)
         extra = receiver_variance(last, self._prior, -self._columns[0, k : k + 1])
         return _row_sums(row[self._rows], walk[2], self._columns[:, : k + 1], extra)
 

@@ -25,6 +25,7 @@ from logger.core.model.columns import censored_columns, varying_columns
 from logger.core.model.marginal import SigmaLaw, sums
 from logger.core.model.noise import Whitener, shadowing, whiteners
 from logger.core.model.prior import Hypothesis, Prior
+from logger.core.places import Places
 
 _STEP = 0.25  # of log sigma: a parabola through three such points has its top within 1 %
 _MOST_STEPS = 8  # of log sigma: a factor of 7
@@ -52,10 +53,10 @@ class Joint:
         sites: Sites | None = None,
     ) -> None:
         gone, hypothesis = blocks.censored, prior.hypotheses[noise.number]
-        shared = _shared_in_point(gone.readings, _side_m(gone.x_m, gone.y_m), hypothesis)
+        shared = _shared_in_point(gone.readings, _side_m(gone.places), hypothesis)
         common = np.sqrt(shared)[:, None]
         known = noise.matrix @ (common * shadowing_in_blocks(blocks, hypothesis)).T
-        between = common * shadowing_between(gone, hypothesis, gone.x_m, gone.y_m) * common.T
+        between = common * shadowing_between(gone, hypothesis, gone.places) * common.T
         self._blocks, self._prior, self._noise = blocks, prior, noise
         self._independent = 1.0 - (1.0 - hypothesis.white_share) * shared
         self._gain = known.T @ noise.matrix
@@ -66,11 +67,10 @@ class Joint:
         self.sites = sites
         self.sigma_db = prior.sigma_db if sigma_db is None else sigma_db
 
-    def log_p(self, x_m: float, y_m: float) -> float:
+    def log_p(self, position: Places) -> float:
         """Log evidence at a position; log sigma is integrated out by Laplace's method."""
-        position = np.array([x_m]), np.array([y_m])
-        varying = varying_columns(self._blocks, self._prior, *position)
-        censored = censored_columns(self._blocks.censored, self._prior, *position)
+        varying = varying_columns(self._blocks, self._prior, position)
+        censored = censored_columns(self._blocks.censored, self._prior, position)
         total = sums(self._noise.matrix[None], self._fixed, varying, None)
         law = SigmaLaw(total, len(self._blocks), self._prior)
         unknown = _design(censored) - self._gain @ _design(varying)
@@ -130,7 +130,7 @@ def _design(varying: list[FloatArray]) -> FloatArray:
 
 
 def log_weights_at(
-    blocks: Blocks, prior: Prior, x_m: float, y_m: float, sigma_db: FloatArray
+    blocks: Blocks, prior: Prior, position: Places, sigma_db: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Log evidence of every hypothesis at a position, with its prior odds, and sigma: (c,) each.
 
@@ -139,7 +139,7 @@ def log_weights_at(
     log_p, found_db, sites = [], [], None
     for noise, begun_db in zip(whiteners(blocks, prior), sigma_db.tolist(), strict=True):
         joint = Joint(blocks, prior, noise, begun_db, sites)
-        log_p.append(joint.log_p(x_m, y_m))
+        log_p.append(joint.log_p(position))
         found_db.append(joint.sigma_db)
         sites = joint.sites  # of the hypothesis before: close, whatever its noise
     return prior.noise_table.log_odds + np.array(log_p), np.array(found_db)
@@ -151,8 +151,7 @@ def log_weights(
     found: list[Whitener],
     log_p: FloatArray,
     log_mass: FloatArray,
-    x_m: FloatArray,
-    y_m: FloatArray,
+    positions: Places,
     samples: int,
 ) -> FloatArray:
     """Log evidence of each hypothesis, with its prior odds, over all positions, shape (c,).
@@ -164,15 +163,15 @@ def log_weights(
     p = np.exp(of_places - log_sum(of_places)[:, None])
     joints = [Joint(blocks, prior, noise) for noise in found]
     odds = prior.noise_table.log_odds[[noise.number for noise in found]]
-    best = np.argmax(of_places, axis=1)
-    at_best = odds + [one.log_p(x_m[k], y_m[k]) for one, k in zip(joints, best, strict=True)]
+    best, at = np.argmax(of_places, axis=1), positions
+    at_best = odds + [one.log_p(at[k]) for one, k in zip(joints, best.tolist(), strict=True)]
     likeliest = np.argsort(-at_best)[:_SAMPLED_FROM]
     indices = np.concatenate([_sample_positions(p[c], samples) for c in likeliest])
     log_share = np.log(np.mean(p[np.ix_(likeliest, indices)], axis=0))
     importance = (log_mass - log_sum(log_mass))[indices] - log_share - np.log(len(indices))
     found_log_p = np.full(len(found), -np.inf)
     for c in np.flatnonzero(at_best > np.max(at_best) - _HOPELESS_NATS):
-        each = np.array([joints[c].log_p(x_m[k], y_m[k]) for k in indices])
+        each = np.array([joints[c].log_p(at[k]) for k in indices.tolist()])
         found_log_p[c] = odds[c] + float(log_sum(each + importance))
     return found_log_p
 
@@ -184,10 +183,10 @@ def _sample_positions(p: FloatArray, samples: int) -> IntArray:
     return order[np.searchsorted(np.cumsum(p[order]), parts)]
 
 
-def _side_m(x_m: FloatArray, y_m: FloatArray) -> float:
+def _side_m(places: Places) -> float:
     """Median distance of nearest neighbours, about the side of the square of a point."""
-    if len(x_m) < 2:
+    if len(places) < 2:
         return 0.0
-    apart_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
+    apart_m = places.distances_m(places)
     apart_m[np.diag_indices_from(apart_m)] = np.inf
     return float(np.median(np.min(apart_m, axis=1)))

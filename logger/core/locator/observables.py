@@ -21,6 +21,8 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.locator.mixture import Mixture
+from logger.core.places import Places
+from logger.core.readings import Readings
 
 _POSTERIOR_WEIGHT = 0.8
 """w. With .9 half of the gain; with .7 campaigns whose levels say more lose up to .3 nat."""
@@ -35,28 +37,28 @@ _PART_OF_SIDE = 0.4
 
 
 class Observables(NamedTuple):
-    """The place of the strongest reading in m, and the two observables."""
+    """The place of the strongest reading, and the two observables."""
 
-    x_m: float
-    y_m: float
+    place: Places
     spread_m: float
     above_median_db: float
 
     def log_density(self, square: FloatArray) -> FloatArray:
         """Log density per square metre of the position at squares (3, h), up to a constant."""
-        away_m = np.hypot(square[0] - self.x_m, square[1] - self.y_m)
+        away_m = np.hypot(square[0] - self.place.x_m, square[1] - self.place.y_m)
         log_m = np.log(np.maximum(away_m, np.maximum(_LEAST_M, _PART_OF_SIDE * square[2])))
         middle = _LOG_M + _PER_LOG_SPREAD * log(self.spread_m) + _PER_DB * self.above_median_db
         return np.asarray(-0.5 * ((log_m - middle) / _SIGMA) ** 2 - 2.0 * log_m, float)
 
 
-def observables(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> Observables:
-    """Those of readings (n,)."""
+def observables(obs: Readings) -> Observables:
+    """Those of the readings."""
+    x_m, y_m, level_dbm = obs.x_m, obs.y_m, obs.level_dbm
     best = int(np.argmax(level_dbm))
     is_top = level_dbm >= level_dbm[best] - _TOP_DB
     spread_m = float(np.sqrt(np.var(x_m[is_top]) + np.var(y_m[is_top])))
     above_db = float(level_dbm[best] - np.median(level_dbm))
-    return Observables(float(x_m[best]), float(y_m[best]), max(spread_m, _LEAST_M), above_db)
+    return Observables(obs.places[best], max(spread_m, _LEAST_M), above_db)
 
 
 def pool(mixed: Mixture, square: FloatArray, seen: Observables) -> Mixture:

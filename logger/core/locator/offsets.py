@@ -25,7 +25,8 @@ from logger.core.model.columns import receiver_variance, varying_columns
 from logger.core.model.marginal import fit, prior_sums, sums
 from logger.core.model.noise import whiteners
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.places import Places
+from logger.core.readings import Readings
 
 _MOST_PLACES = 150  # that hold nearly all of a mode
 _LEAST_SHARE = 1e-3  # of the probability: hypotheses below add nothing
@@ -46,7 +47,7 @@ class Offsets:
         return np.asarray(np.sqrt(np.diag(self.covariance_db2)), float)
 
 
-def first_look(obs: CellObservations, coarse: Blocks, prior: Prior) -> tuple[Prior, Censored]:
+def first_look(obs: Readings, coarse: Blocks, prior: Prior) -> tuple[Prior, Censored]:
     """Prior of the offsets in units of the sigma of the walk, and censored points on one scale."""
     plain = replace(coarse, censored=NOTHING_CENSORED)
     tree = search_once(plain, replace(prior, offset_sigma_db=_FREE_DB), _LOOK)
@@ -86,7 +87,7 @@ def _offsets_of_all(
     indices = among[np.argsort(-p, kind="stable")[:_MOST_PLACES]]
     share = mixed.share[:, indices] / np.sum(mixed.share[:, indices])
     rows = np.flatnonzero(np.sum(share, axis=1) > _LEAST_SHARE)
-    at = tree.x_m[indices], tree.y_m[indices]
+    at = Places.of(tree.x_m[indices], tree.y_m[indices], utm=blocks.places.utm)
     given = [
         _conditional_offsets(
             blocks, prior, int(tree.numbers[c]), at, tree.evidence.sigma_db[c, indices], modems
@@ -105,7 +106,7 @@ def _conditional_offsets(
     blocks: Blocks,
     prior: Prior,
     number: int,
-    at: tuple[FloatArray, FloatArray],
+    positions: Places,
     sigma_db: FloatArray,
     modems: int,
 ) -> tuple[FloatArray, FloatArray]:
@@ -115,7 +116,7 @@ def _conditional_offsets(
     """
     one_scale = replace(blocks, modem=np.zeros_like(blocks.modem))
     (noise,) = whiteners(one_scale, prior, [number])
-    varying = varying_columns(blocks, prior, *at)
+    varying = varying_columns(blocks, prior, positions)
     extra = receiver_variance(blocks, prior, -varying[0])
     of_modem = (np.arange(1, modems)[:, None] == blocks.modem).astype(float)
     fixed = np.vstack([blocks.level_dbm, np.ones(len(blocks)), of_modem])

@@ -18,8 +18,7 @@ from logger.core.locator.bordered_sums import BorderedSums, station_rows
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.observables import observables
-from logger.core.locator.online_values import LevelReading, ReadingsInOrder, StrongestMode
-from logger.core.locator.posterior import StrongestReading
+from logger.core.locator.online_values import ReadingsInOrder, StrongestMode
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Effort, Tree
 from logger.core.locator.region import Squares, mode_regions
@@ -38,6 +37,8 @@ from logger.core.model.blocks import (
 from logger.core.model.evidence import Evidence, mix_stations
 from logger.core.model.marginal import marginal
 from logger.core.model.prior import Prior, Station
+from logger.core.places import Places
+from logger.core.readings import Readings
 from logger.core.spikes import SpikeCheck, SpikeFilter
 
 MOST_BLOCKS = 100
@@ -88,9 +89,9 @@ def _few_heights(stations: tuple[Station, ...]) -> tuple[Station, ...]:
 class OnlineLocator:
     """Posterior of one transmitter after each reading; call `search` when `stale` exceeds 1."""
 
-    def __init__(self, prior: Prior, spikes: SpikeFilter[LevelReading] | None = None) -> None:
+    def __init__(self, prior: Prior, spikes: SpikeFilter[Readings] | None = None) -> None:
         self._prior = replace(prior, stations=_few_heights(prior.stations))
-        self._spikes = spikes or SpikeFilter[LevelReading]()
+        self._spikes = spikes or SpikeFilter[Readings]()
         self._white = np.array([h.white_share for h in prior.hypotheses])
         self._apart_m = np.array([h.decorrelation_m for h in prior.hypotheses])
         self._block = np.zeros(
@@ -109,7 +110,7 @@ class OnlineLocator:
         self._mixed: Mixture | None = None
         self._mode: StrongestMode | None = None
         self._lost = False
-        self._strongest: StrongestReading | None = None
+        self._strongest: Readings | None = None
         self.readings = ReadingsInOrder()
         self._n_readings = self._n_evaluated = 0
 
@@ -126,28 +127,26 @@ class OnlineLocator:
             return _TURNED
         return self._n / max(_GROWN * self._n_searched, 1.0)
 
-    def add(
-        self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int = 0
-    ) -> None:
-        """Take a reading once its neighbours confirm it; `limit` as in `censoring.limits`."""
-        for reading, spike_db in self.check_spikes(
-            LevelReading(x_m, y_m, position_sigma_m, level_dbm, limit)
-        ):
+    def add(self, latest: Readings) -> None:
+        """Take a reading once its neighbours confirm it."""
+        for reading, spike_db in self.check_spikes(latest):
             if not spike_db:
                 self.take(reading)
 
-    def check_spikes(self, latest: LevelReading) -> list[SpikeCheck[LevelReading]]:
+    def check_spikes(self, latest: Readings) -> list[SpikeCheck[Readings]]:
         """Readings whose neighbours are known now, in their order, with the size of a spike."""
-        return self._spikes.take(latest)
+        level_dbm, limit = latest.level_dbm.item(), latest.limit.item()
+        return self._spikes.take(latest, latest.places, level_dbm, limit)
 
-    def take(self, latest: LevelReading) -> None:
+    def take(self, latest: Readings) -> None:
         """Take a reading that is no spike."""
-        x_m, y_m, position_sigma_m, level_dbm, limit = latest
+        place, level_dbm = latest.places, latest.level_dbm.item()
+        x_m, y_m, position_sigma_m = place.x_m.item(), place.y_m.item(), place.sigma_m.item()
         self.readings.add(latest)
-        if self._strongest is None or level_dbm > self._strongest.level_dbm:
-            self._strongest = StrongestReading(x_m, y_m, level_dbm)
-        if limit:
-            self._censor(x_m, y_m, position_sigma_m, level_dbm, limit)
+        if self._strongest is None or level_dbm > self._strongest.level_dbm.item():
+            self._strongest = latest
+        if latest.limit.item():
+            self._censor(latest)
             return
         if self._n and max(
             abs(x_m - self._block[0, self._n - 1]), abs(y_m - self._block[1, self._n - 1])
@@ -218,12 +217,12 @@ class OnlineLocator:
 
     def _hypothesis_weights(self, walk: Blocks) -> FloatArray | None:
         """Log weight of each hypothesis at the likeliest position, where readings are censored."""
-        if self._searched is None or self._mixed is None or not len(walk.censored.x_m):
+        if self._searched is None or self._mixed is None or not len(walk.censored.places):
             return None
         x_m, y_m, size_m = self._searched.square
         best = int(np.argmax(self._mixed.probability / size_m**2))
-        at = float(x_m[best]), float(y_m[best])
-        log_weight, self._sigma_db = log_weights_at(walk, self._prior, *at, self._sigma_db)
+        at = Places.of(x_m[best], y_m[best])
+        log_weight, self._sigma_db = log_weights_at(walk, self._prior, at, self._sigma_db)
         hopeless = log_weight < np.max(log_weight) + np.log(_PLAUSIBLE)
         return np.where(hopeless, -np.inf, log_weight)
 
@@ -238,10 +237,11 @@ class OnlineLocator:
         tree = Tree(x_m, y_m, size_m, log_prior, evidence, found.numbers, log_weight)
         walk = single(self._on_curve(0, self._n), self._size_m, self._censored_points())
         given = Walk(walk, walk, found.prior, EFFORT)
-        x_m, y_m, _, level_dbm, _ = self.readings.columns()
+        obs = self.readings.readings()
         if self._curve is not None:
-            x_m, y_m = self._curve.project(np.stack([x_m, y_m]))
-        seen = observables(x_m, y_m, level_dbm)
+            x_m, y_m = self._curve.project(obs.places.xy_m)
+            obs = replace(obs, places=replace(obs.places, x_m=x_m, y_m=y_m))
+        seen = observables(obs)
         return LocatorInput(given, found.prior, 0.0, 1, self._strongest, seen), tree
 
     def strongest_mode(self) -> StrongestMode | None:
@@ -276,10 +276,11 @@ class OnlineLocator:
         share, numbers = self._mixed.by_hypothesis, self._searched.numbers
         return float(share @ self._white[numbers]), float(share @ self._apart_m[numbers])
 
-    def _censor(
-        self, x_m: float, y_m: float, position_sigma_m: float, level_dbm: float, limit: int
-    ) -> None:
+    def _censor(self, latest: Readings) -> None:
         """Add a censored reading to the last point if close; with too many points, merge them."""
+        place, level_dbm = latest.places, latest.level_dbm.item()
+        limit, position_sigma_m = latest.limit.item(), place.sigma_m.item()
+        x_m, y_m = place.x_m.item(), place.y_m.item()
         if self._gone:
             x0_m, y0_m, dbm, side, count, sigma_m = self._gone[-1]
             if side == limit and np.hypot(x_m - x0_m, y_m - y0_m) <= self._size_m:
@@ -288,10 +289,13 @@ class OnlineLocator:
         self._gone.append((x_m, y_m, level_dbm, float(limit), 1.0, position_sigma_m))
         if len(self._gone) > _MOST_CENSORED:
             fewer = in_fewer_places(self._censored_points(), _MOST_CENSORED // 2)
-            self._gone = list(zip(*(column.tolist() for column in fewer), strict=True))
+            at, *others = fewer
+            columns = (at.x_m, at.y_m, *others, at.sigma_m)
+            self._gone = list(zip(*(column.tolist() for column in columns), strict=True))
 
     def _censored_points(self) -> Censored:
-        return Censored(*np.array(self._gone).reshape(-1, 6).T)
+        x_m, y_m, limit_dbm, side, count, sigma_m = np.array(self._gone).reshape(-1, 6).T
+        return Censored(Places.of(x_m, y_m, sigma_m=sigma_m), limit_dbm, side, count)
 
     def _open(self, block: FloatArray) -> None:
         if self._n == MOST_BLOCKS:
@@ -301,12 +305,9 @@ class OnlineLocator:
 
     def _coarsen(self) -> None:
         """Half as many blocks, each larger; all sums are computed anew."""
-        x_m, y_m, level_dbm, variance_m2, count = self._block[:, : self._n]
-        merged = gather(x_m, y_m, level_dbm, count, variance_m2, MOST_BLOCKS // 2, NOTHING_CENSORED)
+        merged = gather(self._block[:, : self._n], MOST_BLOCKS // 2, NOTHING_CENSORED)
         self._n, self._size_m = len(merged), merged.size_m
-        self._block[:, : self._n] = np.stack(
-            [merged.x_m, merged.y_m, merged.level_dbm, merged.position_sigma_m**2, merged.readings]
-        )
+        self._block[:, : self._n] = merged.rows
         self.search()
 
     def _on_curve(self, first: int, end: int) -> FloatArray:
@@ -328,7 +329,7 @@ class OnlineLocator:
     ) -> _Searched:
         """Sums over the levels of all blocks but the last, which is still open."""
         closed = single(self._on_curve(0, self._n - 1), self._size_m, NOTHING_CENSORED)
-        sums = BorderedSums(prior, numbers, (square[0], square[1]), closed, MOST_BLOCKS)
+        sums = BorderedSums(prior, numbers, Places.of(*square[:2]), closed, MOST_BLOCKS)
         gone = np.zeros((len(numbers), square.shape[1]))
         return _Searched(square, log_mass, numbers, sums, label, gone, None, prior)
 

@@ -8,12 +8,13 @@ _EACH = 64
 """Squares of a group: their matrices with the surroundings stay in the processor's cache."""
 
 
-def compact_groups(x_m: FloatArray, y_m: FloatArray) -> list[IntArray]:
-    """Indices of points (n,) in groups of at most 64 that are close together.
+def compact_groups(point_m: FloatArray) -> list[IntArray]:
+    """Indices of points (2, n) in groups of at most 64 that are close together.
 
     Columns of equal numbers, each cut into groups along y (sort-tile-recursive packing:
     Leutenegger, Lopez & Edgington, ICDE 1997).
     """
+    x_m, y_m = point_m
     count = len(x_m)
     groups = -(-count // _EACH)
     columns = max(round(groups**0.5), 1)

@@ -8,8 +8,7 @@
     5 decide    decide         located, ambiguous or cannot tell, with reasons
 
 `locate` is steps 1 to 4 and is all that most callers need. The device runs steps 1 and 2
-(`search.search_once`) and updates their result with each reading (`online`); `moments_over`,
-`mode_regions`, `fit_curve` and everything in `logger.core.model` are the same functions on both.
+(`search.search_once`) and updates their result with each reading (`online`) by the same functions.
 """
 
 from logger.core.locator.posterior import Posterior
@@ -20,11 +19,11 @@ from logger.core.locator.summary import summarise
 from logger.core.locator.two_source_test import divide
 from logger.core.locator.verdict import DESK_M, Decision, assess
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 
 def locate(
-    obs: CellObservations,
+    obs: Readings,
     prior: Prior = Prior(),  # noqa: B008 (frozen)
     effort: Effort = Effort(),  # noqa: B008 (frozen)
 ) -> Posterior:
@@ -46,7 +45,7 @@ def search(task: LocatorInput) -> Tree:
     return refine(task.walk, tree, noise)
 
 
-def decide(posterior: Posterior, obs: CellObservations, *, within_m: float = DESK_M) -> Decision:
+def decide(posterior: Posterior, obs: Readings, *, within_m: float = DESK_M) -> Decision:
     """The verdict: located where 95 % of the probability lie within `within_m`."""
     obs = obs.usable()
     return assess(posterior, obs, divide(obs, posterior), within_m=within_m)

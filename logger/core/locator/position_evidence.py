@@ -18,6 +18,7 @@ from logger.core.model.evidence import (
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import Whitener, matrices_of
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 
 _CHUNK = 512
 """Squares evaluated at a time: the matrices of blocks by squares stay in the processor's cache."""
@@ -49,7 +50,7 @@ class BlocksEvidence(NamedTuple):
         shift: FloatArray | None = None,
     ) -> "BlocksEvidence":
         """The evidence of blocks; `whiteners` belong to these blocks."""
-        censored = whiteners if len(blocks.censored.x_m) else []
+        censored = whiteners if len(blocks.censored.places) else []
         conditionals = [
             conditional_levels(blocks, noise, prior.hypotheses[noise.number]) for noise in censored
         ]
@@ -93,7 +94,7 @@ class BlocksEvidence(NamedTuple):
         )
         if not others:
             return self.shift_evidence(of_first)
-        away_m = nearest_m(self.blocks, *position)
+        away_m = nearest_m(self.blocks, Places.of(*position))
         log_odds = prior.station_log_odds[:, self.numbers]
         parts = [of_first]
         for station, odds in zip(others, log_odds[1:], strict=True):
@@ -118,14 +119,14 @@ class BlocksEvidence(NamedTuple):
         chosen: IntArray,
     ) -> Evidence:
         """Evidence of the only station of a prior: hypotheses `rows` at the `chosen` positions."""
-        x_m, y_m = position[:, chosen]
-        sums = walk_sums(self.blocks, self.matrices[rows], prior, x_m, y_m)
+        positions = Places.of(*position[:, chosen])
+        sums = walk_sums(self.blocks, self.matrices[rows], prior, positions)
         log_det = np.array([noise.log_det for noise in self.whiteners])[rows, None]
         if not self.conditionals:
             return marginal(sums, len(self.blocks), log_det, prior, nodes)
         conditionals = [self.conditionals[row] for row in rows]
         begin = near and near.of_hypotheses(rows).at_positions(chosen)
-        return tobit_evidence(sums, log_det, self.blocks, conditionals, prior, x_m, y_m, begin)
+        return tobit_evidence(sums, log_det, self.blocks, conditionals, prior, positions, begin)
 
 
 class PositionEvidence(NamedTuple):
@@ -199,5 +200,5 @@ class PositionEvidence(NamedTuple):
         if self.timing is None:
             return None
         starts = range(0, squares.shape[1], _CHUNK)
-        parts = [self.timing.log_p(*squares[:2, i : i + _CHUNK]) for i in starts]
+        parts = [self.timing.log_p(Places.of(*squares[:2, i : i + _CHUNK])) for i in starts]
         return np.concatenate(parts)

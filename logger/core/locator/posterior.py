@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,17 +11,11 @@ from logger.core.locator.alternatives import Alternative
 from logger.core.locator.offsets import Offsets
 from logger.core.locator.region import HALF, Squares, area_m2, contains, highest_density
 from logger.core.model.prior import Prior, Station
+from logger.core.places import Places
+from logger.core.readings import Readings
 
 _LIMIT_SHARE = 0.01
 """With more probability than this at the end of the searched area, the search ended too early."""
-
-
-class StrongestReading(NamedTuple):
-    """Where the receiver was at the strongest reading, and its level."""
-
-    x_m: float
-    y_m: float
-    level_dbm: float
 
 
 @dataclass(frozen=True)
@@ -31,25 +24,25 @@ class Mode:
 
     `state` is the mean [x, y, P0, eta] in m, m, dBm and 1, `covariance` (4, 4) that of the mode's
     probability alone. `peak` is its highest density divided by the highest of all modes.
-    `place_m` is where to look for it, in every answer the one coordinate of this mode: the
-    strongest mode has that of the posterior. A tail draws the mean away from there. None: the mean.
+    `place` is where to look for it, in every answer the one coordinate of this mode: the strongest
+    mode has that of the posterior. A tail draws the mean away from there.
     """
 
     probability: float
     peak: float
     state: FloatArray
     covariance: FloatArray
-    place_m: tuple[float, float] | None = None
+    place: Places
 
     @property
     def x_m(self) -> float:
         """East, of the place."""
-        return float(self.state[0]) if self.place_m is None else self.place_m[0]
+        return self.place.x_m.item()
 
     @property
     def y_m(self) -> float:
         """North, of the place."""
-        return float(self.state[1]) if self.place_m is None else self.place_m[1]
+        return self.place.y_m.item()
 
     @cached_property
     def ellipse(self) -> Ellipse:
@@ -63,7 +56,7 @@ class Mode:
 class Posterior:
     """All that is known about one transmitter after a walk.
 
-    `x_m, y_m` is the position to show: the place of the strongest mode, `modes[0]`. `r50_m` and
+    `place` is the position to show: that of the strongest mode, `modes[0]`. `r50_m` and
     `r95_m` are the radii around it that hold half and 95 % of the probability of all modes,
     `drms_m` the root mean square distance from it. `p0_dbm` to
     `sigma_db` are means and standard deviations over the complete posterior, `noise_probability`
@@ -77,8 +70,7 @@ class Posterior:
 
     squares: Squares
     modes: tuple[Mode, ...]
-    x_m: float
-    y_m: float
+    place: Places
     r50_m: float
     r95_m: float
     drms_m: float
@@ -90,12 +82,22 @@ class Posterior:
     noise_probability: FloatArray
     station_probability: FloatArray
     reach_probability: FloatArray
-    strongest: StrongestReading
+    strongest: Readings
     limit_share: float
     log_evidence: float
     prior: Prior
     offsets: Offsets | None = None
     alternatives: tuple[Alternative, ...] = ()
+
+    @property
+    def x_m(self) -> float:
+        """East, of the position to show."""
+        return self.place.x_m.item()
+
+    @property
+    def y_m(self) -> float:
+        """North, of the position to show."""
+        return self.place.y_m.item()
 
     @property
     def station(self) -> Station:
@@ -136,7 +138,7 @@ class Posterior:
         On 165 measured walks it then held the transmitter 0.55 times, else 0.30 times.
         """
         inner = highest_density(self.squares, HALF)
-        return contains(self.squares, inner, self.strongest.x_m, self.strongest.y_m)
+        return contains(self.squares, inner, self.strongest.places)
 
     @property
     def region_area_m2(self) -> float:

@@ -8,14 +8,13 @@ import numpy as np
 from logger.core.errors import EstimationError
 from logger.core.locator.observables import Observables, observables
 from logger.core.locator.offsets import first_look
-from logger.core.locator.posterior import StrongestReading
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.search import Walk
 from logger.core.locator.symmetry import snap_to_curve
 from logger.core.locator.timing_advance import timing_of
 from logger.core.model.blocks import blocks
 from logger.core.model.prior import Prior
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 COARSE_BLOCKS = 80
 """Blocks of the coarse search: its time grows with their square."""
@@ -43,11 +42,11 @@ class LocatorInput(NamedTuple):
     prior: Prior
     mean_dbm: float
     n_modems: int
-    strongest: StrongestReading
+    strongest: Readings
     seen: Observables
 
 
-def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput:
+def prepare(obs: Readings, prior: Prior, effort: Effort) -> LocatorInput:
     """Gather the usable readings of a cell into blocks.
 
     Raises `EstimationError` without a single level inside the modem's scale.
@@ -58,9 +57,9 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
     if not np.any(limit == 0):
         raise EstimationError("there is no reading of this cell within the modem's scale")
     best = int(np.argmax(obs.level_dbm))
-    strongest = StrongestReading(*(float(v[best]) for v in (obs.x_m, obs.y_m, obs.level_dbm)))
+    strongest = obs[best]
     obs = snap_to_curve(obs)
-    seen = observables(obs.x_m, obs.y_m, obs.level_dbm)  # a mirror image is as far away
+    seen = observables(obs)  # a mirror image is as far away
     timing = timing_of(obs, prior.height_m)
     if timing is not None:
         prior = replace(prior, reach_m=max(prior.reach_m, timing.reach_m))
@@ -72,7 +71,7 @@ def prepare(obs: CellObservations, prior: Prior, effort: Effort) -> LocatorInput
     return LocatorInput(walk._replace(timing=timing), prior, mean_dbm, n_modems, strongest, seen)
 
 
-def of_most_heard_modems(obs: CellObservations) -> CellObservations:
+def of_most_heard_modems(obs: Readings) -> Readings:
     """The readings of the `MOST_MODEMS` that have most levels within their scale."""
     if obs.modem is None or np.count_nonzero(np.bincount(obs.modem)) <= MOST_MODEMS:
         return obs
@@ -81,14 +80,14 @@ def of_most_heard_modems(obs: CellObservations) -> CellObservations:
     return obs.part(np.isin(obs.modem, most_heard))
 
 
-def _in_blocks(obs: CellObservations, prior: Prior, effort: Effort) -> Walk:
+def _in_blocks(obs: Readings, prior: Prior, effort: Effort) -> Walk:
     fine = blocks(obs, effort.most_blocks)
     coarse = blocks(obs, COARSE_BLOCKS) if len(fine) > COARSE_BLOCKS else fine
     shifted = tuple(blocks(obs, COARSE_BLOCKS, origin) for origin in ORIGINS)
     return Walk(fine, coarse, prior, effort, shifted=shifted)
 
 
-def _on_one_scale(walk: Walk, obs: CellObservations) -> Walk:
+def _on_one_scale(walk: Walk, obs: Readings) -> Walk:
     """The walk with censored readings of all modems on the scale of the first."""
     if obs.n_modems == 1:
         return walk

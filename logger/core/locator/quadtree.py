@@ -13,6 +13,7 @@ from logger.core.locator.timing_advance import STEP_M, Timing
 from logger.core.model.blocks import Blocks
 from logger.core.model.evidence import Evidence
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 
 _FINEST_FIRST_M = 10.0
 """First squares on the walk itself are no smaller: growth splits them where that pays."""
@@ -107,9 +108,11 @@ def children(square: FloatArray) -> FloatArray:
     return np.concatenate(quarters, axis=1)
 
 
-def nearest_m(blocks: Blocks, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-    """Distance of each point from the walk, shape (h,)."""
-    squared_m2 = (x_m[:, None] - blocks.x_m) ** 2 + (y_m[:, None] - blocks.y_m) ** 2
+def nearest_m(blocks: Blocks, positions: Places) -> FloatArray:
+    """Distance of each position from the walk, shape (h,)."""
+    walk = blocks.places
+    squared_m2 = (positions.x_m[:, None] - walk.x_m) ** 2
+    squared_m2 += (positions.y_m[:, None] - walk.y_m) ** 2
     return np.asarray(np.sqrt(np.min(squared_m2, axis=1)), float)
 
 
@@ -125,7 +128,7 @@ class PositionPrior:
 
     def log_by_reach(self, square: FloatArray) -> FloatArray:
         """Log density of each reach at squares (3, h), with its probability; shape (r, h)."""
-        away_m = nearest_m(self._blocks, square[0], square[1])
+        away_m = nearest_m(self._blocks, Places.of(square[0], square[1]))
         each = [
             -one.power * np.log(np.maximum(away_m / one.flat_m, 1.0)) for one in self._prior.reaches
         ]
@@ -148,8 +151,8 @@ def first_squares(
     square = _area(blocks, prior)
     leaves = []
     while square.size:
-        x_m, y_m, side_m = square
-        is_large = side_m > np.maximum(finest_m, share * nearest_m(blocks, x_m, y_m))
+        side_m = square[2]
+        is_large = side_m > np.maximum(finest_m, share * nearest_m(blocks, Places.of(*square[:2])))
         if timing is not None:
             is_large |= (side_m > STEP_M) & timing.near(square)
         leaves.append(square[:, ~is_large])
@@ -159,8 +162,7 @@ def first_squares(
 
 def _area(blocks: Blocks, prior: Prior) -> FloatArray:
     """The one square that holds the walk and everything within the prior's reach, shape (3, 1)."""
-    low = np.array([np.min(blocks.x_m), np.min(blocks.y_m)])
-    high = np.array([np.max(blocks.x_m), np.max(blocks.y_m)])
+    low, high = np.min(blocks.places.xy_m, axis=1), np.max(blocks.places.xy_m, axis=1)
     middle = 0.5 * (low + high)
     side_m = 2.0 * prior.reach_m + float(np.max(high - low))
     return np.array([*middle, side_m])[:, None]

@@ -11,6 +11,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.packing import around, compact_groups
+from logger.core.places import Places
 
 LEVEL = 0.95
 HALF = 0.5
@@ -55,11 +56,11 @@ def highest_density(
     return densest_first[:count]
 
 
-def contains(squares: Squares, indices: IntArray, x_m: float, y_m: float) -> bool:
+def contains(squares: Squares, indices: IntArray, place: Places) -> bool:
     """Whether a position is in one of the squares `indices`, or on a corner of one."""
     half_m = 0.5 * _TOUCH * squares.size_m[indices]
-    is_in = np.abs(squares.x_m[indices] - x_m) <= half_m
-    return bool(np.any(is_in & (np.abs(squares.y_m[indices] - y_m) <= half_m)))
+    is_in = np.abs(squares.x_m[indices] - place.x_m) <= half_m
+    return bool(np.any(is_in & (np.abs(squares.y_m[indices] - place.y_m) <= half_m)))
 
 
 def area_m2(squares: Squares, level: float = LEVEL) -> float:
@@ -97,7 +98,7 @@ def _denser_neighbours(squares: Squares, chosen: IntArray) -> list[IntArray]:
     """For each chosen square those before it that share an edge or a corner with it."""
     square = np.stack([squares.x_m, squares.y_m, _TOUCH * squares.size_m])[:, chosen]
     pairs = [np.zeros((2, 0), np.int64)]
-    for group in compact_groups(square[0], square[1]):
+    for group in compact_groups(square[:2]):
         near = around(square, square[:, group])
         x_m, y_m, side_m = square[:, group, None]
         reach_m = 0.5 * (side_m + square[2, near])

@@ -21,6 +21,7 @@ from logger.core.locator.tree_growth import grow
 from logger.core.model.blocks import Blocks
 from logger.core.model.noise import Whitener, whiteners
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 
 _COARSE_SQUARES = 1500
 """Squares of a coarse search that a finer one follows: it splits what matters again."""
@@ -88,7 +89,7 @@ def coarse_search(walk: Walk, log_weight: FloatArray | None = None) -> Tree:
     Where readings are censored `log_weight` (c,) of all hypotheses is needed first; without one it
     is found at the position that is best under white noise.
     """
-    if log_weight is None and len(walk.blocks.censored.x_m):
+    if log_weight is None and len(walk.blocks.censored.places):
         log_weight = _log_weight_at_first_position(walk)
     numbers = None if log_weight is None else _numbers_within(log_weight, _HOPELESS_NATS)
     effort = walk.effort
@@ -136,7 +137,7 @@ def _over_grids(walk: Walk, tree: Tree) -> Tree:
     is_coarse = walk.prior.noise_table.is_long[tree.numbers] | (not walk.is_searched_twice)
     is_likely = mixed.by_hypothesis > _LIKELY_SHARE * np.max(mixed.by_hypothesis)
     rows = np.flatnonzero(is_coarse & is_likely)
-    if not len(rows) or not walk.shifted or len(walk.blocks.censored.x_m):
+    if not len(rows) or not walk.shifted or len(walk.blocks.censored.places):
         return tree
     numbers, prior = tree.numbers[rows].tolist(), walk.prior.of_station(walk.prior.stations[0])
     chosen = np.flatnonzero(mixed.probability > _LEAST_MASS)
@@ -205,9 +206,9 @@ def _log_weight_at_first_position(walk: Walk) -> FloatArray:
     effort = walk.effort._replace(most_squares=most_squares, split_share=share)
     tree = _search_coarse_blocks(walk, effort, [0], None)
     best = int(np.argmax(tree.mixture(walk.prior).probability / tree.size_m**2))
-    x_m, y_m = float(tree.x_m[best]), float(tree.y_m[best])
+    position = Places.of(tree.x_m[best], tree.y_m[best])
     sigma_db = np.full(len(walk.prior.hypotheses), tree.evidence.sigma_db[0, best])
-    return log_weights_at(walk.coarse, walk.prior, x_m, y_m, sigma_db)[0]
+    return log_weights_at(walk.coarse, walk.prior, position, sigma_db)[0]
 
 
 def _joint_log_weight(walk: Walk, tree: Tree) -> FloatArray:
@@ -215,9 +216,9 @@ def _joint_log_weight(walk: Walk, tree: Tree) -> FloatArray:
     if not walk.effort.samples and tree.log_weight is not None:
         return tree.log_weight
     noise = whiteners(walk.blocks, walk.prior, tree.numbers.tolist())
-    positions = tree.log_mass(), tree.x_m, tree.y_m
-    samples = walk.effort.samples
-    return log_weights(walk.blocks, walk.prior, noise, tree.evidence.log_p, *positions, samples)
+    log_p, log_mass, samples = tree.evidence.log_p, tree.log_mass(), walk.effort.samples
+    positions = Places.of(tree.x_m, tree.y_m)
+    return log_weights(walk.blocks, walk.prior, noise, log_p, log_mass, positions, samples)
 
 
 def _plausible_parts(walk: Walk, tree: Tree) -> list[BlocksEvidence]:

@@ -24,6 +24,7 @@ from logger.core.locator.region import (
 from logger.core.locator.rivals import LEAST_PEAK
 from logger.core.model.evidence import Evidence
 from logger.core.model.prior import Prior
+from logger.core.places import Places, Utm
 
 BIAS_SHARE = 1.0
 """Share of the variance of the receiver's position that lasts for the walk and moves the result."""
@@ -65,21 +66,19 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
     """Step 4: the posterior of the leaves of a tree."""
     walk, evidence = task.walk, _on_recorded_scale(tree.evidence, task.mean_dbm)
     mixed = pool(tree.mixture(walk.prior), tree.squares, task.seen)
-    bias_m = float(np.sqrt(BIAS_SHARE) * np.median(walk.blocks.position_sigma_m))
+    bias_m = float(np.sqrt(BIAS_SHARE) * np.median(walk.blocks.places.sigma_m))
     p = _blur(tree, mixed.probability, bias_m)
     squares = Squares(tree.x_m, tree.y_m, tree.size_m, p)
     regions = _regions(task, squares, evidence, mixed)
-    strongest_mode = regions[0].mode
-    x_m, y_m = strongest_mode.x_m, strongest_mode.y_m
+    place = regions[0].mode.place
     mean, covariance = moments_over(tree.squares, evidence, mixed.share, np.arange(len(p)), p)
-    r50_m, r95_m, drms_m = _radii(squares, x_m, y_m)
-    away_m = nearest_m(walk.blocks, tree.x_m, tree.y_m)
+    r50_m, r95_m, drms_m = _radii(squares, place)
+    away_m = nearest_m(walk.blocks, Places.of(tree.x_m, tree.y_m))
     reach = _reach_share(task, tree)
     return Posterior(
         squares=squares,
         modes=tuple(region.mode for region in regions),
-        x_m=x_m,
-        y_m=y_m,
+        place=place,
         r50_m=r50_m,
         r95_m=r95_m,
         drms_m=drms_m,
@@ -153,15 +152,15 @@ def _regions(
         peak = float(np.max(squares.density[indices])) / highest
         if mass >= _LEAST_MODE or peak >= LEAST_PEAK:
             moments = moments_over(square, evidence, mixed.share, indices, p)
-            place_m = _place_m(task, squares, indices)
-            regions.append(_Region(Mode(mass, peak, *moments, place_m), indices))
+            place = _place(task, squares, indices)
+            regions.append(_Region(Mode(mass, peak, *moments, place), indices))
     return sorted(regions, key=lambda region: -region.mode.probability)
 
 
-def _radii(squares: Squares, x_m: float, y_m: float) -> tuple[float, float, float]:
+def _radii(squares: Squares, place: Places) -> tuple[float, float, float]:
     """Radii around a point with 50 % and 95 %, and root mean square distance from it."""
     p, size_m = squares.probability, squares.size_m
-    distance_m = np.hypot(squares.x_m - x_m, squares.y_m - y_m)
+    distance_m = np.hypot(squares.x_m - place.x_m, squares.y_m - place.y_m)
     order = np.argsort(distance_m)
     last = np.searchsorted(np.cumsum(p[order]), [HALF, LEVEL])
     outer_m = np.hypot(distance_m, 0.5 * size_m)[order]
@@ -214,7 +213,7 @@ def _blur(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
     blurred = p.copy()
     blurred[sources] = 0.0
     square = tree.squares
-    for group in compact_groups(tree.x_m[sources], tree.y_m[sources]):
+    for group in compact_groups(square[:2, sources]):
         rows = sources[group]
         variance_m2 = bias_m**2 + tree.size_m[rows] ** 2 / 12.0
         reach_m = _BLUR_SIGMAS * float(np.sqrt(np.max(variance_m2)))
@@ -226,7 +225,7 @@ def _blur(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
     return blurred
 
 
-def _place_m(task: LocatorInput, squares: Squares, mode: IntArray) -> tuple[float, float]:
+def _place(task: LocatorInput, squares: Squares, mode: IntArray) -> Places:
     """The position to show for a mode, from its squares.
 
     It is the geometric median of the densest half: the tail of a mode is what the prior allows far
@@ -234,16 +233,14 @@ def _place_m(task: LocatorInput, squares: Squares, mode: IntArray) -> tuple[floa
     part (`_PLAUSIBLE_SHARE`) of the mode, it is the latter: past transmitters within 50 m nothing
     is closer on measured walks (median error 30 m, of the geometric median 50 m).
     """
-    x_m, y_m = _median(squares, highest_density(squares, HALF, mode))
-    away_m = nearest_m(task.walk.blocks, np.array([x_m]), np.array([y_m]))[0]
-    strongest = task.strongest
+    strongest = task.strongest.places
+    median = _median(squares, highest_density(squares, HALF, mode), strongest.utm)
     plausible = highest_density(squares, _PLAUSIBLE_SHARE, mode)
-    if away_m <= _BESIDE_WALK_M and contains(squares, plausible, strongest.x_m, strongest.y_m):
-        return strongest.x_m, strongest.y_m
-    return x_m, y_m
+    is_beside = nearest_m(task.walk.blocks, median)[0] <= _BESIDE_WALK_M
+    return strongest if is_beside and contains(squares, plausible, strongest) else median
 
 
-def _median(squares: Squares, indices: IntArray) -> tuple[float, float]:
+def _median(squares: Squares, indices: IntArray, utm: Utm) -> Places:
     """Geometric median of the probability of some squares, by Weiszfeld's iteration."""
     x_m, y_m = squares.x_m[indices], squares.y_m[indices]
     mass = squares.probability[indices]
@@ -254,4 +251,4 @@ def _median(squares: Squares, indices: IntArray) -> tuple[float, float]:
         weight = mass / distance_m
         total = float(np.sum(weight))
         x, y = float(weight @ x_m) / total, float(weight @ y_m) / total
-    return x, y
+    return Places.of(x, y, utm=utm)

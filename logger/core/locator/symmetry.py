@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 
 _MOST_SIGMAS = 1.5
 """Largest rms distance of a track from its curve: slow errors have few independent values."""
@@ -63,14 +63,14 @@ def fit_curve(point_m: FloatArray, position_sigma_m: FloatArray) -> Curve | None
     return next((curve for curve in curves if curve.holds(point_m)), None)
 
 
-def snap_to_curve(obs: CellObservations) -> CellObservations:
+def snap_to_curve(obs: Readings) -> Readings:
     """The readings on the line or circle that their track may be, unchanged if it is neither."""
-    point_m = np.stack([obs.x_m, obs.y_m])
-    curve = fit_curve(point_m, obs.position_sigma_m)
+    point_m = obs.places.xy_m
+    curve = fit_curve(point_m, obs.places.sigma_m)
     if curve is None:
         return obs
     x_m, y_m = curve.project(point_m)
-    return replace(obs, x_m=x_m, y_m=y_m)
+    return replace(obs, places=replace(obs.places, x_m=x_m, y_m=y_m))
 
 
 def _line(point_m: FloatArray, tolerance_m: float) -> Curve:

@@ -25,7 +25,8 @@ from logger.core.arrays import BoolArray, FloatArray
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.region import Squares
 from logger.core.model.blocks import FINEST_BLOCK_M, squares
-from logger.core.observations import LAST_TA, CellObservations
+from logger.core.places import Places
+from logger.core.readings import LAST_TA, Readings
 
 STEP_M = 553.5
 SIGMA_M = 160.0
@@ -65,8 +66,7 @@ class Timing(NamedTuple):
     The antenna is `height_m` above the receiver.
     """
 
-    x_m: FloatArray
-    y_m: FloatArray
+    places: Places
     step: FloatArray
     weight: FloatArray
     height_m: float
@@ -76,9 +76,9 @@ class Timing(NamedTuple):
         """How far beyond the walk a search has to reach so that no ring is near its end."""
         return float(np.max(self.step) + 1.0) * STEP_M / _END_OF_REACH
 
-    def log_p(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    def log_p(self, positions: Places) -> FloatArray:
         """Log probability of all TA for a base station at positions (h,)."""
-        distance_m = self._distance_m(x_m, y_m)
+        distance_m = self._distance_m(positions)
         p_near = (1.0 - _NEVER_SET) * (1.0 - _ANY_BIAS) * _DENSITY / np.sum(_DENSITY)
         terms = [
             log_p + self._log_p_of_delay(distance_m + BIAS_M + BIAS_SIGMA_M * node)
@@ -95,17 +95,17 @@ class Timing(NamedTuple):
 
     def near(self, square: FloatArray) -> BoolArray:
         """Which squares (3, h), rows x, y, side, may contain a part of a ring."""
-        x_m, y_m, side_m = square
         middle_m = (self.step[:, None] + 0.5) * STEP_M - BIAS_M
-        off_m = np.abs(self._distance_m(x_m, y_m) - middle_m)
-        reach_m = 0.5 * STEP_M + 2.0 * BIAS_SIGMA_M + np.sqrt(0.5) * side_m
+        off_m = np.abs(self._distance_m(Places.of(*square[:2])) - middle_m)
+        reach_m = 0.5 * STEP_M + 2.0 * BIAS_SIGMA_M + np.sqrt(0.5) * square[2]
         return np.asarray(np.any(off_m < reach_m, axis=0), bool)
 
     def check(self, squares: Squares) -> "TimingCheck":
         """At how many locations the TA disagree with a posterior, beyond 2 sigma."""
         slack_m = 2.0 * float(np.hypot(SIGMA_M, BIAS_SIGMA_M))
         likely = squares.probability > _LEAST_P
-        delay_m = self._distance_m(squares.x_m[likely], squares.y_m[likely]) + BIAS_M
+        positions = Places.of(squares.x_m[likely], squares.y_m[likely])
+        delay_m = self._distance_m(positions) + BIAS_M
         step = self.step[:, None]
         fits = (delay_m > step * STEP_M - slack_m) | (step == 0)
         fits &= (delay_m < (step + 1.0) * STEP_M + slack_m) | (step == LAST_TA)
@@ -113,10 +113,9 @@ class Timing(NamedTuple):
         locations = round(float(np.sum(self.weight)))
         return TimingCheck(locations, round(float(np.sum(self.weight[disagrees]))))
 
-    def _distance_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    def _distance_m(self, positions: Places) -> FloatArray:
         """Distance of each location from the antenna over positions (h,), shape (k, h)."""
-        flat_m = np.hypot(x_m - self.x_m[:, None], y_m - self.y_m[:, None])
-        return np.asarray(np.hypot(flat_m, self.height_m), float)
+        return np.asarray(np.hypot(self.places.distances_m(positions), self.height_m), float)
 
     def _log_p_of_delay(self, delay_m: FloatArray) -> FloatArray:
         """Log probability (h,) of all TA given the delays (k, h), with the bias included."""
@@ -149,18 +148,19 @@ def probability(step: FloatArray, delay_m: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (below_end - below_begin), float)
 
 
-def timing_of(obs: CellObservations, height_m: float = 0.0) -> Timing | None:
+def timing_of(obs: Readings, height_m: float = 0.0) -> Timing | None:
     """The timing advances of a walk gathered by location; None without any."""
     if obs.ta is None or not np.any(obs.ta >= 0):
         return None
     has_ta = obs.ta >= 0
-    x_m, y_m, step = obs.x_m[has_ta], obs.y_m[has_ta], obs.ta[has_ta]
+    places, step = obs.places.part(has_ta), obs.ta[has_ta]
     scale = FINEST_BLOCK_M / LOCATION_M  # `squares` begins with the finest block
     modem = np.zeros(len(step), np.int64)
-    square, _ = squares(scale * x_m, scale * y_m, _MOST_LOCATIONS, modem)
+    scaled = Places.of(scale * places.x_m, scale * places.y_m)
+    square, _ = squares(scaled, _MOST_LOCATIONS, modem)
     key = (LAST_TA + 1) * square + step
     keys, index, count = np.unique(key, return_inverse=True, return_counts=True)
-    mean_x_m, mean_y_m = (np.bincount(index, values) / count for values in (x_m, y_m))
+    means_m = (np.bincount(index, values) / count for values in (places.x_m, places.y_m))
     square_of_key, step_of_key = np.divmod(keys, LAST_TA + 1)
     weight = count / np.bincount(square)[square_of_key]
-    return Timing(mean_x_m, mean_y_m, step_of_key.astype(float), weight, height_m)
+    return Timing(Places.of(*means_m, utm=places.utm), step_of_key.astype(float), weight, height_m)

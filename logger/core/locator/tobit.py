@@ -33,6 +33,7 @@ from logger.core.model.evidence import Evidence
 from logger.core.model.marginal import marginal
 from logger.core.model.noise import Whitener, independent_variance, shadowing
 from logger.core.model.prior import Hypothesis, Prior
+from logger.core.places import Places
 
 _NEWTON_STEPS = 12
 _LARGEST_STEP = 0.4  # of log sigma
@@ -65,24 +66,21 @@ def conditional_levels(blocks: Blocks, noise: Whitener, hypothesis: Hypothesis) 
     """Distribution of the levels at the censored points of some blocks, given theirs."""
     gone = blocks.censored
     known = noise.matrix @ shadowing_in_blocks(blocks, hypothesis).T
-    left = shadowing_between(gone, hypothesis, gone.x_m, gone.y_m) - known.T @ known
+    left = shadowing_between(gone, hypothesis, gone.places) - known.T @ known
     gain = known.T @ noise.matrix
     sd = np.sqrt(np.maximum(np.diagonal(left), 0.0) + hypothesis.white_share)
     effective = effective_readings(left, sd, hypothesis.white_share, gone.readings)
     return Conditional(gain, gain @ blocks.level_dbm, sd, effective)
 
 
-def shadowing_between(
-    gone: Censored, hypothesis: Hypothesis, x_m: FloatArray, y_m: FloatArray
-) -> FloatArray:
+def shadowing_between(gone: Censored, hypothesis: Hypothesis, places: Places) -> FloatArray:
     """Covariance (g, n), in units of sigma^2, of the shadowing at censored and other points."""
-    apart_m = np.hypot(gone.x_m[:, None] - x_m, gone.y_m[:, None] - y_m)
-    return shadowing(apart_m, hypothesis)
+    return shadowing(gone.places.distances_m(places), hypothesis)
 
 
 def shadowing_in_blocks(blocks: Blocks, hypothesis: Hypothesis) -> FloatArray:
     """The same with the means over the points of the blocks, shape (g, n)."""
-    of_points = shadowing_between(blocks.censored, hypothesis, blocks.point_x_m, blocks.point_y_m)
+    of_points = shadowing_between(blocks.censored, hypothesis, blocks.points)
     return blocks.mean(of_points.T).T
 
 
@@ -112,8 +110,7 @@ def tobit_evidence(
     blocks: Blocks,
     conditional: list[Conditional],
     prior: Prior,
-    x_m: FloatArray,
-    y_m: FloatArray,
+    positions: Places,
     near: Evidence | None = None,
 ) -> Evidence:
     """As `marginal`, of levels and censored readings, with one of `conditional` per hypothesis.
@@ -121,9 +118,9 @@ def tobit_evidence(
     The search for the mode begins at that of `near`, the evidence at positions nearby. Without it,
     it begins at that of the hypothesis before, and for the first one at that of the levels alone.
     """
-    censored = censored_columns(blocks.censored, prior, x_m, y_m)
-    varying = varying_columns(blocks, prior, x_m, y_m)
-    at_once, parts = max(_COLUMNS // len(x_m), 1), []
+    censored = censored_columns(blocks.censored, prior, positions)
+    varying = varying_columns(blocks, prior, positions)
+    at_once, parts = max(_COLUMNS // len(positions), 1), []
     before = near or marginal(total[:, :1], len(blocks), log_det[:1], prior, 1)
     begin = np.zeros((2 + len(varying), *before.sigma_db.shape))  # several stations: no pattern
     begin[0], begin[1 : 1 + len(before.theta)] = np.log(before.sigma_db), before.theta

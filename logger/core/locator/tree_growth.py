@@ -78,7 +78,7 @@ def _heavy_or_unbalanced(tree: Tree, p: FloatArray, split_share: float) -> BoolA
     large = np.flatnonzero(tree.size_m > _MOST_RATIO * np.min(next_side_m, initial=np.inf))
     of_large, of_core = tree.squares[:, large], tree.squares[:, core]
     of_large[2] *= _TOUCH
-    for group in compact_groups(of_core[0], of_core[1]):
+    for group in compact_groups(of_core[:2]):
         near = around(of_large, of_core[:, group])
         x_m, y_m, side_m = of_core[:, group, None]
         reach_m = 0.5 * (side_m * _TOUCH + of_large[2, near])

@@ -34,7 +34,8 @@ from logger.core.model.blocks import (
 )
 from logger.core.model.columns import varying_columns
 from logger.core.model.prior import NOISE, NoiseGroup, Prior
-from logger.core.observations import CellObservations
+from logger.core.places import PLANE, Places
+from logger.core.readings import Readings
 
 LEAST_LOG_FACTOR = 4.0
 """55 to 1: strong to very strong evidence (Kass & Raftery, sec. 3.2).
@@ -98,13 +99,13 @@ class Division(NamedTuple):
     """Two positions that together explain the levels.
 
     `log_factor` is the log Bayes factor against one position, raised to the power of the trust in
-    the noise as the likelihood of positions is; x, y of each are in metres. `is_in_time`: the first
+    the noise as the likelihood of positions is; `is_in_time`: the first
     is that of the first half of the walk, the other that of the second.
     """
 
     log_factor: float
-    one_m: tuple[float, float]
-    other_m: tuple[float, float]
+    one: Places
+    other: Places
     is_in_time: bool = False
 
 
@@ -126,14 +127,11 @@ class Part(NamedTuple):
     """Log evidence of each hypothesis, with its prior odds, and the likeliest transmitter."""
 
     log_evidence: FloatArray
-    x_m: float
-    y_m: float
+    place: Places
     theta: FloatArray
 
 
-def divide(
-    obs: CellObservations, posterior: Posterior, effort: DivisionEffort = DESK
-) -> Division | None:
+def divide(obs: Readings, posterior: Posterior, effort: DivisionEffort = DESK) -> Division | None:
     """The division that explains the levels best; None where the levels have one peak only.
 
     None as well where `posterior`, of one transmitter, leaves no more than shadowing unexplained,
@@ -149,11 +147,11 @@ def divide(
     task = _task(walk, posterior, effort)
     tries = [_try(task, _nearer(walk, first, other)) for other in others]
     improved = (_improve(task, one) for one in tries)
-    return max((one for one in improved if one is not None), default=None)
+    return max((one for one in improved if one is not None), key=_rank, default=None)
 
 
 def divide_in_time(
-    obs: CellObservations, posterior: Posterior, effort: DivisionEffort = DESK
+    obs: Readings, posterior: Posterior, effort: DivisionEffort = DESK
 ) -> Division | None:
     """The first half of the readings and the second, each with a transmitter of its own.
 
@@ -173,7 +171,7 @@ def divide_in_time(
     return best and best.division(task.trust, is_in_time=True)
 
 
-def _is_divisible(obs: CellObservations) -> bool:
+def _is_divisible(obs: Readings) -> bool:
     """Offsets of several modems would divide a walk too, and a short one has no parts."""
     n_measured = np.count_nonzero(obs.limit == 0)
     return bool(obs.n_modems <= 1 and n_measured >= FEWEST_READINGS)
@@ -200,9 +198,7 @@ class _Try(NamedTuple):
     stronger: BoolArray
 
     def division(self, trust: float, *, is_in_time: bool = False) -> Division:
-        one, two = self.one, self.two
-        log_factor = trust * self.log_factor
-        return Division(log_factor, (one.x_m, one.y_m), (two.x_m, two.y_m), is_in_time)
+        return Division(trust * self.log_factor, self.one.place, self.two.place, is_in_time)
 
 
 def _try(task: _Task, in_one: BoolArray) -> _Try | None:
@@ -221,7 +217,7 @@ def _locate_both(task: _Task, in_one: BoolArray) -> _Try | None:
         locate_part(walk.part(chosen), prior, task.effort.search) for chosen in (in_one, ~in_one)
     )
     both = one.log_evidence + two.log_evidence - prior.noise_table.log_odds
-    nearest_m = [np.min(_distance_m(walk, part.x_m, part.y_m)) for part in (one, two)]
+    nearest_m = [np.min(walk.places.distances_m(part.place)) for part in (one, two)]
     stronger = _expected_dbm(one, walk, prior) > _expected_dbm(two, walk, prior)
     log_factor = float(log_sum(both)) - task.undivided
     is_passed = bool(max(nearest_m) <= _PASSED_M)
@@ -236,14 +232,19 @@ def _improve(task: _Task, best: _Try | None) -> Division | None:
             break
         best = _try(task, best.stronger)
         tries.append(best)
-    return max((one.division(task.trust) for one in tries if one and one.is_passed), default=None)
+    divisions = [one.division(task.trust) for one in tries if one and one.is_passed]
+    return max(divisions, key=_rank, default=None)
+
+
+def _rank(division: Division) -> tuple[float, list[float]]:
+    # exchanged parts have one factor: their places decide
+    return division.log_factor, [*division.one.xy_m.flat, *division.other.xy_m.flat]
 
 
 def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:
     """Blocks (n,) that are nearer to the first of two blocks."""
-    to_first_m = _distance_m(walk, walk.x_m[first], walk.y_m[first])
-    to_other_m = _distance_m(walk, walk.x_m[other], walk.y_m[other])
-    return np.asarray(to_first_m < to_other_m, np.bool_)
+    to_both_m = walk.places.distances_m(walk.places.part(np.array([first, other])))
+    return np.asarray(to_both_m[:, 0] < to_both_m[:, 1], np.bool_)
 
 
 def locate_part(part: Blocks, prior: Prior, effort: Effort) -> Part:
@@ -254,22 +255,19 @@ def locate_part(part: Blocks, prior: Prior, effort: Effort) -> Part:
     over_positions = log_sum(tree.evidence.log_p + log_mass - log_sum(log_mass))
     log_evidence[tree.numbers] = over_positions + prior.noise_table.log_odds[tree.numbers]
     c, h = np.unravel_index(np.argmax(tree.evidence.log_p), tree.evidence.log_p.shape)
-    return Part(log_evidence, float(tree.x_m[h]), float(tree.y_m[h]), tree.evidence.theta[:, c, h])
-
-
-def _distance_m(walk: Blocks, x_m: float, y_m: float) -> FloatArray:
-    return np.asarray(np.hypot(walk.x_m - x_m, walk.y_m - y_m), float)
+    place = Places.of(tree.x_m[h], tree.y_m[h], utm=part.places.utm)
+    return Part(log_evidence, place, tree.evidence.theta[:, c, h])
 
 
 def _expected_dbm(part: Part, walk: Blocks, prior: Prior) -> FloatArray:
     """Levels (n,) of the blocks by the transmitter of a part."""
-    varying = varying_columns(walk, prior, np.array([part.x_m]), np.array([part.y_m]))
+    varying = varying_columns(walk, prior, part.place)
     return np.asarray(part.theta[0] + np.concatenate(varying, axis=1) @ part.theta[1:], float)
 
 
 def _peaks(walk: Blocks, rivals: int) -> list[int]:
     """Blocks where the smoothed level is highest and where else it has a peak, strongest first."""
-    apart_m = np.hypot(walk.x_m[:, None] - walk.x_m, walk.y_m[:, None] - walk.y_m)
+    apart_m = walk.places.distances_m(walk.places)
     extent_m = float(np.max(apart_m))
     if extent_m <= 0.0:
         return [0]
@@ -322,13 +320,15 @@ class MotionTest:
         self._log_factor = np.full(len(MOVES_M), np.nan)
         self._end_m = np.zeros((len(MOVES_M), 2))
         self._next = 0
+        self._utm = PLANE
 
-    def try_moves(self, obs: CellObservations, posterior: Posterior, count: int) -> None:
+    def try_moves(self, obs: Readings, posterior: Posterior, count: int) -> None:
         """Compare the next `count` moves with standing."""
         obs = obs.usable()
         obs = obs.part(obs.limit == 0)
         if len(obs) < FEWEST_READINGS:
             return
+        self._utm = obs.utm
         prior = posterior.prior.of_station(posterior.station)
         prior = replace(prior, noise=LIVE.noise or prior.noise)
         walk = _in_blocks(obs)
@@ -345,11 +345,11 @@ class MotionTest:
         best = int(np.argmax(self._log_factor))
         log_factor = float(log_sum(self._log_factor)) - log(len(MOVES_M))
         start_m, end_m = self._end_m[best] - MOVES_M[best], self._end_m[best]
-        one, other = (float(start_m[0]), float(start_m[1])), (float(end_m[0]), float(end_m[1]))
+        one, other = (Places.of(*at_m, utm=self._utm) for at_m in (start_m, end_m))
         return Division(log_factor, one, other, is_in_time=True)
 
 
-def _in_blocks(obs: CellObservations) -> _Walk:
+def _in_blocks(obs: Readings) -> _Walk:
     """Readings in a row: a block of the ground would have readings of different times."""
     number = np.arange(len(obs))
     block = number * min(_MOVING_BLOCKS, len(obs)) // len(obs)
@@ -365,4 +365,4 @@ def _evidence(walk: _Walk, move_m: FloatArray, prior: Prior) -> tuple[float, Flo
     rows = walk.rows.copy()
     rows[:2] -= move_m[:, None] * walk.time
     part = locate_part(single(rows, _MOVING_BLOCK_M, NOTHING_CENSORED), prior, _MOVING_EFFORT)
-    return float(log_sum(part.log_evidence)), np.array([part.x_m, part.y_m])
+    return float(log_sum(part.log_evidence)), part.place.xy_m[:, 0]

@@ -13,7 +13,6 @@ The radius is what a user can act on, whatever the extent of the walk.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,8 @@ from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
 from logger.core.model.path_loss import level_dbm, log_distance_db
-from logger.core.observations import CellObservations
+from logger.core.places import Places
+from logger.core.readings import Readings
 from logger.core.types import Verdict
 
 _FEWEST_READINGS = 8
@@ -58,7 +58,7 @@ class _Case:
     """A posterior and the usable readings behind it."""
 
     posterior: Posterior
-    obs: CellObservations
+    obs: Readings
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
@@ -67,12 +67,12 @@ class _Case:
     @cached_property
     def walk_m(self) -> float:
         """Diagonal of the box around the walk."""
-        return float(np.hypot(np.ptp(self.obs.x_m), np.ptp(self.obs.y_m)))
+        return float(np.hypot(*np.ptp(self.obs.places.xy_m, axis=1)))
 
     @cached_property
     def azimuths_deg(self) -> float:
         """Part of the circle around the best position that the walk covers."""
-        east_m, north_m = self.obs.x_m - self.posterior.x_m, self.obs.y_m - self.posterior.y_m
+        east_m, north_m = self.obs.places.xy_m - self.posterior.place.xy_m
         bearing = np.sort(np.degrees(np.arctan2(east_m, north_m)))
         gaps = np.diff(np.append(bearing, bearing[0] + 360.0))
         return 360.0 - float(np.max(gaps))
@@ -137,7 +137,7 @@ HINTS: tuple[Callable[[_Case], str | None], ...] = (
 
 def assess(
     posterior: Posterior,
-    obs: CellObservations,
+    obs: Readings,
     division: Division | None = None,
     *,
     within_m: float = DESK_M,
@@ -147,7 +147,7 @@ def assess(
     `division` are two transmitters that were tried instead of one.
     """
     if division is not None and division.log_factor > LEAST_LOG_FACTOR:
-        return Decision("cannot tell", [_two_transmitters(division, obs)], division)
+        return Decision("cannot tell", [_two_transmitters(division)], division)
     case = _Case(posterior, obs.usable())
     percents = whole_percents(case.modes)
     is_single = len(case.modes) == 1
@@ -175,9 +175,9 @@ def _too_wide(case: _Case, radius_m: float, within_m: float) -> str:
     return f"the widest of {len(case.modes)} positions reaches over {radius}"
 
 
-def _two_transmitters(division: Division, obs: CellObservations) -> str:
-    first = degrees_text(obs, division.one_m)
-    second = degrees_text(obs, division.other_m)
+def _two_transmitters(division: Division) -> str:
+    first = degrees_text(division.one)
+    second = degrees_text(division.other)
     if division.is_in_time:
         return (
             "one position does not explain the data: the transmitter seems to have moved, "
@@ -192,7 +192,7 @@ def _two_transmitters(division: Division, obs: CellObservations) -> str:
 
 def _shares(case: _Case, percents: Sequence[int]) -> str:
     names = [
-        f"{percent}% at {degrees_text(case.obs, (mode.x_m, mode.y_m))}"
+        f"{percent}% at {degrees_text(mode.place)}"
         for percent, mode in zip(percents, case.modes, strict=True)
     ]
     rest = 100 - sum(percents)
@@ -202,14 +202,13 @@ def _shares(case: _Case, percents: Sequence[int]) -> str:
 
 def _advice(case: _Case) -> str:
     """Where to walk to decide between the two strongest modes, and the level to expect there."""
-    x_m, y_m = float(case.obs.x_m[-1]), float(case.obs.y_m[-1])
-    near, far = sorted(case.modes[:2], key=lambda mode: hypot(mode.x_m - x_m, mode.y_m - y_m))
-    way_m = hypot(near.x_m - x_m, near.y_m - y_m)
-    apart_m = hypot(near.x_m - far.x_m, near.y_m - far.y_m)
+    end = case.obs.places[-1]
+    near, far = sorted(case.modes[:2], key=lambda mode: mode.place.away_m(end))
+    way_m, apart_m = near.place.away_m(end), near.place.away_m(far.place)
     if_near_dbm = _expected_dbm(case, near, _PASSING_M)
     if_far_dbm = _expected_dbm(case, far, apart_m)
     return (
-        f"to decide, walk past {degrees_text(case.obs, (near.x_m, near.y_m))}, "
+        f"to decide, walk past {degrees_text(near.place)}, "
         f"{way_m:.0f} m from where this walk ended: about {if_near_dbm:.0f} dBm there "
         f"if it is this position, {if_far_dbm:.0f} dBm if it is the one {apart_m:.0f} m away"
     )
@@ -218,12 +217,12 @@ def _advice(case: _Case) -> str:
 def _expected_dbm(case: _Case, mode: Mode, distance_m: float) -> float:
     """Level of the model that the posterior has, for a walk as certain as this one."""
     _, _, p0_dbm, eta = mode.state.tolist()
-    height_m, sigma_m = case.posterior.prior.height_m, float(np.median(case.obs.position_sigma_m))
+    height_m, sigma_m = case.posterior.prior.height_m, float(np.median(case.obs.places.sigma_m))
     distance_db = log_distance_db(max(distance_m, _PASSING_M), 0.0, height_m, sigma_m)
     return float(level_dbm(p0_dbm, eta, distance_db))
 
 
-def degrees_text(obs: CellObservations, place_m: tuple[float, float]) -> str:
+def degrees_text(place: Places) -> str:
     """Latitude and longitude of a place, as reasons name it."""
-    lat_deg, lon_deg = obs.utm.to_latlon(*place_m)
+    lat_deg, lon_deg = place.first_deg
     return f"{lat_deg:.5f} {lon_deg:.5f}"

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.observations import CellObservations
+from logger.core.places import PLANE, Places, Utm
+from logger.core.readings import Readings
 
 FINEST_BLOCK_M = 2.0
 READINGS_BELIEVED = 16
@@ -26,48 +27,42 @@ NO_SHIFT: Origin = (0.0, 0.0)
 
 
 class Censored(NamedTuple):
-    """Points where the level was at a censoring limit of the modem's scale, shape (g,) each.
+    """Places where the level was at a censoring limit of the modem's scale, shape (g,) each.
 
     The level is at most `limit_dbm` where `side` is -1, at least that where it is +1; `readings`
-    were taken there. The receiver's position has a standard deviation of `position_sigma_m`.
+    were taken there.
     """
 
-    x_m: FloatArray
-    y_m: FloatArray
+    places: Places
     limit_dbm: FloatArray
     side: FloatArray
     readings: FloatArray
-    position_sigma_m: FloatArray
 
 
-NOTHING_CENSORED = Censored(*np.zeros((6, 0)))
+NOTHING_CENSORED = Censored(Places.of([], []), *np.zeros((3, 0)))
 
 
 @dataclass(frozen=True, slots=True)
 class Blocks:
     """The walk in blocks of readings taken at about one point.
 
-    `point_x_m, point_y_m, weight` are supporting points, shape (m,); block k has those from
-    `first[k]` on, weights sum to 1. `x_m, y_m, level_dbm, readings, position_sigma_m, modem` have
-    shape (n,); `size_m` is the side of a block. A block has readings of one modem only, numbered
-    from 0.
+    `points` and `weight` are supporting points, shape (m,), each as certain as its block; block k
+    has those from `first[k]` on, weights sum to 1. `places, level_dbm, readings, modem` have shape
+    (n,); `size_m` is the side of a block. A block has readings of one modem only, numbered from 0.
     """
 
-    point_x_m: FloatArray
-    point_y_m: FloatArray
+    points: Places
     weight: FloatArray
     first: IntArray
-    x_m: FloatArray
-    y_m: FloatArray
+    places: Places
     level_dbm: FloatArray
     readings: FloatArray
-    position_sigma_m: FloatArray
     size_m: float
     censored: Censored
     modem: IntArray
 
     def __len__(self) -> int:
-        return len(self.x_m)
+        return len(self.level_dbm)
 
     @property
     def of_one_point(self) -> bool:
@@ -75,12 +70,10 @@ class Blocks:
         return len(self.first) == len(self.weight)
 
     @property
-    def point_sigma_m(self) -> FloatArray:
-        """Standard deviation of the receiver's position per axis at each point, shape (m,)."""
-        if self.of_one_point:
-            return self.position_sigma_m
-        points = np.diff(np.append(self.first, len(self.weight)))
-        return np.repeat(self.position_sigma_m, points)
+    def rows(self) -> FloatArray:
+        """Rows as `single` takes them, shape (5, n)."""
+        at = self.places
+        return np.stack([at.x_m, at.y_m, self.level_dbm, at.sigma_m**2, self.readings])
 
     def mean(self, of_points: FloatArray) -> FloatArray:
         """Weighted means over the points of each block, (n, k), of rows for each point (m, k)."""
@@ -90,32 +83,28 @@ class Blocks:
 
     def part(self, chosen: BoolArray) -> "Blocks":
         """The chosen blocks (n,), each with its middle as the only point, without censored ones."""
-        columns = (self.x_m, self.y_m, self.level_dbm, self.position_sigma_m**2, self.readings)
-        plain = single(np.stack(columns)[:, chosen], self.size_m, NOTHING_CENSORED)
+        plain = single(self.rows[:, chosen], self.size_m, NOTHING_CENSORED, self.places.utm)
         return replace(plain, modem=self.modem[chosen])
 
     def clear_of_censored(self) -> "Blocks":
         """Those far from any censored reading: nearer, the levels received are the high ones."""
-        gone = self.censored
-        apart_m = np.hypot(self.x_m[:, None] - gone.x_m, self.y_m[:, None] - gone.y_m)
+        apart_m = self.places.distances_m(self.censored.places)
         nearest_m = np.min(apart_m, axis=1, initial=np.inf)
         return self.part(nearest_m > max(_CLEAR_M, 2.0 * self.size_m))
 
 
-def single(column: FloatArray, size_m: float, gone: Censored) -> Blocks:
+def single(column: FloatArray, size_m: float, gone: Censored, utm: Utm = PLANE) -> Blocks:
     """Blocks of one point each; rows (5, n) are x, y, level, position variance and readings."""
     x_m, y_m, level_dbm, variance_m2, readings = column
     count = len(x_m)
+    places = Places.of(x_m, y_m, utm=utm, sigma_m=np.sqrt(variance_m2))
     return Blocks(
-        point_x_m=x_m,
-        point_y_m=y_m,
+        points=places,
         weight=np.ones(count),
         first=np.arange(count),
-        x_m=x_m,
-        y_m=y_m,
+        places=places,
         level_dbm=level_dbm,
         readings=readings,
-        position_sigma_m=np.sqrt(variance_m2),
         size_m=size_m,
         censored=gone,
         modem=np.zeros(count, np.int64),
@@ -125,50 +114,44 @@ def single(column: FloatArray, size_m: float, gone: Censored) -> Blocks:
 def join(parts: Sequence[Blocks]) -> Blocks:
     """Blocks of several parts of a walk, each with its middle as the only point, uncensored."""
     every = [part.part(np.ones(len(part), np.bool_)) for part in parts]
-    rows = [
-        (one.x_m, one.y_m, one.level_dbm, one.position_sigma_m**2, one.readings) for one in every
-    ]
-    columns = np.concatenate([np.stack(row) for row in rows], axis=1)
-    return single(columns, max(part.size_m for part in parts), NOTHING_CENSORED)
+    columns = np.concatenate([one.rows for one in every], axis=1)
+    size_m = max(part.size_m for part in parts)
+    return single(columns, size_m, NOTHING_CENSORED, parts[0].places.utm)
 
 
-def blocks(obs: CellObservations, most: int, origin: Origin = NO_SHIFT) -> Blocks:
+def blocks(obs: Readings, most: int, origin: Origin = NO_SHIFT) -> Blocks:
     """Gather the readings of one point and modem, whenever taken, into at most `most` blocks.
 
     Standing still or walking a street twice adds readings to a block and no block. `origin` moves
     the grid of the blocks.
     """
     inside = obs.limit == 0
-    x_m, y_m, level, variance = (
-        v[inside] for v in (obs.x_m, obs.y_m, obs.level_dbm, obs.position_sigma_m**2)
-    )
+    at, level = obs.places.part(inside), obs.level_dbm[inside]
     modem = _modems(obs)[inside]
-    fine = squares(x_m, y_m, _MOST_POINTS, modem, origin=origin)[0]
+    fine = squares(at, _MOST_POINTS, modem, origin=origin)[0]
     count = np.bincount(fine).astype(float)
-    mean = [np.bincount(fine, v) / count for v in (x_m, y_m, level, variance)]
+    mean = [np.bincount(fine, v) / count for v in (at.x_m, at.y_m, level, at.sigma_m**2)]
     of_point = np.zeros(len(count), np.int64)
     of_point[fine] = modem
     gone = censored_places(obs, min(most // 2, _MOST_CENSORED))
-    return gather(mean[0], mean[1], mean[2], count, mean[3], most, gone, of_point, origin)
+    return gather(np.stack([*mean, count]), most, gone, of_point, origin, obs.places.utm)
 
 
 def gather(
-    x_m: FloatArray,
-    y_m: FloatArray,
-    level_dbm: FloatArray,
-    count: FloatArray,
-    variance_m2: FloatArray,
+    points: FloatArray,
     most: int,
     censored: Censored,
     modem: IntArray | None = None,
     origin: Origin = NO_SHIFT,
+    utm: Utm = PLANE,
 ) -> Blocks:
-    """Blocks of supporting points, each the mean of `count` readings; all arrays (m,).
+    """Blocks of supporting points (5, m), each the mean of some readings; rows as in `single`.
 
-    `modem` is None where there is only one.
+    `modem` (m,) is None where there is only one.
     """
+    x_m, y_m, level_dbm, variance_m2, count = points
     modem = np.zeros(len(x_m), np.int64) if modem is None else modem
-    coarse, size_m = squares(x_m, y_m, most, modem, origin=origin)
+    coarse, size_m = squares(Places.of(x_m, y_m), most, modem, origin=origin)
     order = np.argsort(coarse, kind="stable")
     coarse, count = coarse[order], count[order]
     x, y, level, variance = (v[order] for v in (x_m, y_m, level_dbm, variance_m2))
@@ -177,60 +160,62 @@ def gather(
     bx, by, bl, bv = (
         np.asarray(np.bincount(coarse, weight * v), float) for v in (x, y, level, variance)
     )
-    first = np.searchsorted(coarse, np.arange(len(total)))
+    first, sigma_m = np.searchsorted(coarse, np.arange(len(total))), np.sqrt(bv)
+    points_of = Places.of(x, y, utm=utm, sigma_m=sigma_m[coarse])
+    places = Places.of(bx, by, utm=utm, sigma_m=sigma_m)
     return Blocks(
-        x, y, weight, first, bx, by, bl, total, np.sqrt(bv), size_m, censored, modem[order][first]
+        points_of, weight, first, places, bl, total, size_m, censored, modem[order][first]
     )
 
 
-def _modems(obs: CellObservations) -> IntArray:
+def _modems(obs: Readings) -> IntArray:
     return np.zeros(len(obs), np.int64) if obs.modem is None else obs.modem
 
 
-def censored_places(obs: CellObservations, most: int = _MOST_CENSORED) -> Censored:
+def censored_places(obs: Readings, most: int = _MOST_CENSORED) -> Censored:
     """Censored readings, those of one point together, in at most `most` points for each limit.
 
     A point may have both limits.
     """
     at = np.flatnonzero(obs.limit)
     side, one = obs.limit[at].astype(float), np.ones(len(at))
-    each = Censored(
-        obs.x_m[at], obs.y_m[at], obs.level_dbm[at], side, one, obs.position_sigma_m[at]
-    )
+    each = Censored(obs.places.part(at), obs.level_dbm[at], side, one)
     return in_fewer_places(each, most, _modems(obs)[at])
 
 
 def in_fewer_places(gone: Censored, most: int, modem: IntArray | None = None) -> Censored:
     """At most `most` points for each limit, of one modem each (g,; None: one modem altogether)."""
-    modem = np.zeros(len(gone.x_m), np.int64) if modem is None else modem
+    places = gone.places
+    modem = np.zeros(len(places), np.int64) if modem is None else modem
     parts = []
     for side in (-1.0, 1.0):
         at = np.flatnonzero(gone.side == side)
-        square, _ = squares(gone.x_m[at], gone.y_m[at], most, modem[at])
+        square, _ = squares(places.part(at), most, modem[at])
         readings = gone.readings[at]
         total = np.bincount(square, readings).astype(float)
-        columns = (gone.x_m, gone.y_m, gone.limit_dbm, gone.position_sigma_m**2)
+        columns = (places.x_m, places.y_m, gone.limit_dbm, places.sigma_m**2)
         x, y, limit, variance = (np.bincount(square, readings * v[at]) / total for v in columns)
         parts.append((x, y, limit, np.full(len(total), side), total, np.sqrt(variance)))
-    return Censored(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    x, y, limit, sides, total, sigma_m = (np.concatenate(v) for v in zip(*parts, strict=True))
+    return Censored(Places.of(x, y, utm=places.utm, sigma_m=sigma_m), limit, sides, total)
 
 
 def squares(
-    x_m: FloatArray,
-    y_m: FloatArray,
+    places: Places,
     most: int,
     modem: IntArray | int = 0,
     *,
     finest_m: float = FINEST_BLOCK_M,
     origin: Origin = NO_SHIFT,
 ) -> tuple[IntArray, float]:
-    """Number of the square of its modem each point lies in, and the side of the squares.
+    """Number of the square of its modem each place lies in, and the side of the squares.
 
     The squares are as small as `most` of them allow, `finest_m` at least. Of more modems than that
     each has one.
     """
-    if not len(x_m):
+    if not len(places):
         return np.zeros(0, np.int64), finest_m
+    x_m, y_m = places.x_m, places.y_m
     modem = np.broadcast_to(np.asarray(modem, np.int64), x_m.shape)
     most = max(most, _count_different(modem))
     points = np.stack([x_m - np.mean(x_m), y_m - np.mean(y_m)])

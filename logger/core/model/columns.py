@@ -14,56 +14,44 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.model.blocks import Blocks, Censored
-from logger.core.model.path_loss import distance_m, log_distance_db, receiver_error_db
+from logger.core.model.path_loss import distance_m, receiver_error_db
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 
 
-def varying_columns(
-    blocks: Blocks, prior: Prior, x_m: FloatArray, y_m: FloatArray
-) -> list[FloatArray]:
-    """Columns that vary with the position: means over the points of each block, (n, h) each.
+def varying_columns(blocks: Blocks, prior: Prior, positions: Places) -> list[FloatArray]:
+    """Columns that vary with the position (h,): means over the points of each block, (n, h) each.
 
     The first is -L, then follow cosine and sine of each harmonic of the antenna pattern.
     """
-    sigma_m = blocks.point_sigma_m
-    columns = _of_points(blocks.point_x_m, blocks.point_y_m, sigma_m, prior, x_m, y_m)
+    columns = _of_points(blocks.points, prior, positions)
     return [blocks.mean(column) for column in columns]
 
 
-def distances_db(blocks: Blocks, height_m: float, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+def distances_db(blocks: Blocks, height_m: float, positions: Places) -> FloatArray:
     """L = 10 log10 d of each block from each position (h,), means over its points, shape (n, h)."""
-    dx_m, dy_m = blocks.point_x_m[:, None] - x_m, blocks.point_y_m[:, None] - y_m
-    return blocks.mean(log_distance_db(dx_m, dy_m, height_m, blocks.point_sigma_m[:, None]))
+    return blocks.mean(blocks.points.log_distance_to(positions, height_m))
 
 
-def censored_columns(
-    censored: Censored, prior: Prior, x_m: FloatArray, y_m: FloatArray
-) -> list[FloatArray]:
+def censored_columns(censored: Censored, prior: Prior, positions: Places) -> list[FloatArray]:
     """The same for censored readings, (g, h) each."""
-    sigma_m = censored.position_sigma_m
-    return _of_points(censored.x_m, censored.y_m, sigma_m, prior, x_m, y_m)
+    return _of_points(censored.places, prior, positions)
 
 
-def _of_points(
-    point_x_m: FloatArray,
-    point_y_m: FloatArray,
-    sigma_m: FloatArray,
-    prior: Prior,
-    x_m: FloatArray,
-    y_m: FloatArray,
-) -> list[FloatArray]:
-    dx_m, dy_m = point_x_m[:, None] - x_m, point_y_m[:, None] - y_m
-    distance_db = log_distance_db(dx_m, dy_m, prior.height_m, sigma_m[:, None])
+def _of_points(points: Places, prior: Prior, positions: Places) -> list[FloatArray]:
+    distance_db = points.log_distance_to(positions, prior.height_m)
     columns = [-distance_db]
     if prior.antenna_db:
-        columns += _harmonics(dx_m, dy_m, distance_db, len(prior.antenna_db))
+        columns += _harmonics(points, positions, distance_db, len(prior.antenna_db))
     return columns
 
 
 def _harmonics(
-    dx_m: FloatArray, dy_m: FloatArray, distance_db: FloatArray, orders: int
+    points: Places, positions: Places, distance_db: FloatArray, orders: int
 ) -> list[FloatArray]:
     """Cos kb and sin kb for k = 1 to `orders`, fading to zero right below the antenna."""
+    dx_m = points.x_m[:, None] - positions.x_m
+    dy_m = points.y_m[:, None] - positions.y_m
     direction = (dx_m + 1j * dy_m) / distance_m(distance_db)
     powers = [direction**k for k in range(1, orders + 1)]
     return [part for power in powers for part in (power.real, power.imag)]
@@ -74,7 +62,7 @@ def receiver_variance(blocks: Blocks, prior: Prior, distance_db: FloatArray) -> 
 
     An error sigma_g at distance d moves the level by about (10 / ln 10) eta sigma_g / d.
     """
-    if not np.any(blocks.position_sigma_m):
+    if not np.any(blocks.places.sigma_m):
         return None
-    error_db = receiver_error_db(prior.eta, blocks.position_sigma_m[:, None], distance_db)
+    error_db = receiver_error_db(prior.eta, blocks.places.sigma_m[:, None], distance_db)
     return np.asarray((error_db / prior.sigma_db) ** 2, float)

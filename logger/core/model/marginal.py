@@ -24,6 +24,7 @@ from logger.core.model.columns import receiver_variance, varying_columns
 from logger.core.model.elimination import eliminate, inverse, log_determinant, side, solution
 from logger.core.model.evidence import PAIRS, Evidence
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 
 NODES = 7
 """Gauss-Hermite nodes for log sigma."""
@@ -66,19 +67,17 @@ class Fit:
         return np.asarray(self._system[0], float)
 
 
-def walk_sums(
-    blocks: Blocks, matrices: FloatArray, prior: Prior, x_m: FloatArray, y_m: FloatArray
-) -> FloatArray:
+def walk_sums(blocks: Blocks, matrices: FloatArray, prior: Prior, positions: Places) -> FloatArray:
     """Sums over all blocks for each hypothesis and position (h,), shape (m + 1, c, h).
 
     `matrices` (c, n, n) are the whiteners of the hypotheses.
     """
-    columns = varying_columns(blocks, prior, x_m, y_m)
+    columns = varying_columns(blocks, prior, positions)
     extra = receiver_variance(blocks, prior, -columns[0])
     fixed = np.stack([blocks.level_dbm, np.ones(len(blocks))])
     at_once = max(_IN_CACHE // (len(matrices) * len(blocks)), 1)
     parts = []
-    for first in range(0, len(x_m), at_once):
+    for first in range(0, len(positions), at_once):
         some = slice(first, first + at_once)
         of_some = None if extra is None else extra[:, some]
         parts.append(sums(matrices, fixed, [column[:, some] for column in columns], of_some))

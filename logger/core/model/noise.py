@@ -33,7 +33,7 @@ def covariances(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = No
     chosen = [
         prior.hypotheses[i] for i in (range(len(prior.hypotheses)) if numbers is None else numbers)
     ]
-    apart_m = np.hypot(*(v[:, None] - v for v in (blocks.point_x_m, blocks.point_y_m)))
+    apart_m = blocks.points.distances_m(blocks.points)
     scales_m = {scale_m for h in chosen for _, scale_m in shares(h)}
     shadowed = {d_c: blocks.mean(blocks.mean(correlation(apart_m, d_c)).T) for d_c in scales_m}
     k = np.zeros((len(chosen), len(blocks), len(blocks)))

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from logger.core.column import UNKNOWN_SIGNED
-from logger.core.geo import check_position
+from logger.core.places import check_position
 from logger.core.rows import channels_of
 from logger.core.schema import TABLES
 from logger.core.types import Broadcast, CellReading, Fix

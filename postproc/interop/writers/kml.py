@@ -11,7 +11,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from logger.core.locator.rivals import share_text
-from logger.core.track import MAX_GAP_S
+from logger.core.places import MAX_GAP_S
 from postproc.interop.estimates import Estimate
 from postproc.interop.exporting import ExportWalk
 from postproc.interop.fields import moment

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from logger.core.geo import Utm
 from logger.core.identities import FEWEST_SCANS
+from logger.core.places import Places, Utm
 from logger.core.squares import squares_of
 from postproc.baseline.store import BaselineStore
 from postproc.baseline.walk_summary import FARTHEST_SIGMA_M, WalkSummary, rows_by_square
@@ -52,7 +52,7 @@ def _summary(run: SurveyRun, heard: Mapping[str, Mapping[str, Any]], rows: pa.Ta
     names, cell = np.unique(all_names[usable].astype(str), return_inverse=True)
     cells = names.tolist()
     zone = Utm(int(rows["zone"][0].as_py()))
-    square = squares_of(*zone.to_latlon_arrays(columns["x_m"], columns["y_m"]))
+    square = squares_of(Places.of(columns["x_m"], columns["y_m"], utm=zone).lat_lon_deg)
     by_square = rows_by_square(square, cell, columns["scan_seq"], columns["level_dbm"], cells)
     return WalkSummary(
         digest=run.digest,

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from logger.core.errors import ConfigError
-from logger.core.observations import CellObservations
+from logger.core.readings import Readings
 from postproc.comparison.changes import Comparison, compare
 from postproc.result import Options
 from postproc.survey.cell_location import joined_readings
@@ -51,7 +51,7 @@ def compare_times(
 
 def _walk(
     survey: Survey, runs: Sequence[str], towns: Towns, offset_db: Mapping[str, float]
-) -> Iterator[CellObservations]:
+) -> Iterator[Readings]:
     """All readings of some runs as those of one walk, on the scale of the median logger.
 
     The towns lie one above the other in one plane, each in its zone.
@@ -62,10 +62,10 @@ def _walk(
             placed = {}
             for digest, obs in parts.items():
                 town, x_m, y_m = towns.place(ground_of(obs))
+                above_m = y_m + _TOWN_STRIDE_M * town
                 placed[digest] = replace(
                     obs,
-                    x_m=x_m,
-                    y_m=y_m + _TOWN_STRIDE_M * town,
+                    places=replace(obs.places, x_m=x_m, y_m=above_m),
                     level_dbm=obs.level_dbm - offset_db.get(survey.runs[digest].logger, 0.0),
                     known_limit=None,
                     scan_seq=obs.scan_seq + _RUN_STRIDE * number[digest],

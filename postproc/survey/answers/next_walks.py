@@ -7,6 +7,7 @@ from math import hypot
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.guidance.street_atlas import Line
 from logger.core.locator.pipeline import locate
+from logger.core.places import Places
 from postproc.guidance.next_walk import NextWalk, next_walk
 from postproc.progress import with_progress
 from postproc.result import Options
@@ -29,12 +30,12 @@ def next_walks(
     choice: RunChoice,
     options: Options,
     n_walkers: int,
-    starts_deg: Sequence[tuple[float, float]] = (),
+    starts: Sequence[Places] = (),
     lines: Iterable[Line] = (),
 ) -> dict[int, NextWalk]:
     """A walk for each walker, by number: unsure cells with most readings, by nats for each km.
 
-    `starts_deg` are where the walkers are, in turn. Cells that are located need no walk. Raises
+    `starts` are where the walkers are, in turn. Cells that are located need no walk. Raises
     `ConfigError` where no cell is unsure.
     """
     unsure = [cell for cell in located if cell.verdict != "located" and cell.x_m is not None]
@@ -43,7 +44,7 @@ def next_walks(
     unsure.sort(key=lambda cell: (-cell.n_readings, cell.cell))
     chosen: dict[int, NextWalk] = {}
     for walker in range(n_walkers):
-        start = starts_deg[walker % len(starts_deg)] if starts_deg else None
+        start = starts[walker % len(starts)] if starts else None
         free = [cell for cell in unsure if all(_is_apart(cell, walk) for walk in chosen.values())]
         tried = free[:_TRIED_EACH]
         walks = []
@@ -64,7 +65,7 @@ def _walk(
     cell: LocatedCell,
     choice: RunChoice,
     options: Options,
-    start_deg: tuple[float, float] | None,
+    start: Places | None,
     lines: Iterable[Line],
 ) -> NextWalk:
     parts = survey.observations(cell.area, [cell.cell], runs_of(survey, choice))[cell.cell]
@@ -75,11 +76,11 @@ def _walk(
         offsets = locate(usable, options.prior).offsets
         if offsets is not None:
             usable = replace(usable.on_one_scale(offsets.mean_db), modem=None)
-    return next_walk(usable, options.prior, start_deg, lines)
+    return next_walk(usable, options.prior, start, lines)
 
 
 def _is_apart(cell: LocatedCell, walk: NextWalk) -> bool:
     if cell.cell == walk.answer.cell or cell.x_m is None or cell.y_m is None:
         return False
     apart_m = hypot(cell.x_m - walk.posterior.x_m, cell.y_m - walk.posterior.y_m)
-    return cell.zone != walk.utm.zone or apart_m > _APART_M
+    return cell.zone != walk.start.utm.zone or apart_m > _APART_M

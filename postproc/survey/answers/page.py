@@ -11,7 +11,7 @@ import shapely
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.document import Column, Table
 from logger.core.errors import ConfigError
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from logger.core.suspicion.rule import WORDS
 from postproc.basemap.reading import read_basemap
 from postproc.html_page import page_environment

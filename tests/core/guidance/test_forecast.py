@@ -7,6 +7,7 @@ from logger.core.model.blocks import NOTHING_CENSORED, blocks, single
 from logger.core.model.noise import covariances, shadowing
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 from tests.kit import walks
 
 SIGMA_M = 4.0
@@ -23,8 +24,7 @@ def _sample(number, theta_cov=0.0):
     prior = Prior()
     spread = np.array([[4.0, 4.0], [0.5, 0.4], [0.3, 0.2]]) * theta_cov
     return PositionSample(
-        x_m=np.array([80.0, 300.0]),
-        y_m=np.array([60.0, -40.0]),
+        places=Places.of([80.0, 300.0], [60.0, -40.0]),
         weight=np.array([0.7, 0.3]),
         p0_dbm=np.array([-30.0, -25.0]),
         eta=np.array([2.5, 2.8]),
@@ -36,7 +36,8 @@ def _sample(number, theta_cov=0.0):
 
 
 def _expected_dbm(sample, x_m, y_m):
-    east, north = sample.x_m[:, None] - x_m, sample.y_m[:, None] - y_m
+    at = sample.places
+    east, north = at.x_m[:, None] - x_m, at.y_m[:, None] - y_m
     away_db = log_distance_db(east, north, Prior().height_m, SIGMA_M)
     return level_dbm(sample.p0_dbm[:, None], sample.eta[:, None], away_db)
 
@@ -47,11 +48,11 @@ def test_is_the_conditional_of_the_joint_gaussian(number):
     walk, sample, prior = _walk(np.random.default_rng(0)), _sample(number), Prior()
     x_m, y_m = np.array([120.0, 145.0, 400.0]), np.array([40.0, 60.0, 0.0])
     k_pp = covariances(walk, prior, [number])[0]
-    apart_m = np.hypot(x_m[:, None] - walk.x_m, y_m[:, None] - walk.y_m)
+    apart_m = np.hypot(x_m[:, None] - walk.places.x_m, y_m[:, None] - walk.places.y_m)
     k_qp = shadowing(apart_m, sample.noise)
-    residual = walk.level_dbm - _expected_dbm(sample, walk.x_m, walk.y_m)
+    residual = walk.level_dbm - _expected_dbm(sample, walk.places.x_m, walk.places.y_m)
     level = _expected_dbm(sample, x_m, y_m) + residual @ np.linalg.solve(k_pp, k_qp.T)
-    found = Forecaster(sample, walk, prior).at(x_m, y_m)
+    found = Forecaster(sample, walk, prior).at(Places.of(x_m, y_m))
     np.testing.assert_allclose(found.level_dbm, level, rtol=1e-9)
     between_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
     left = shadowing(between_m, sample.noise) - k_qp @ np.linalg.solve(k_pp, k_qp.T)
@@ -68,19 +69,19 @@ def test_points_beside_blocks_of_many_places_have_a_covariance(number):
     obs = walks.observations(x_m, np.zeros(400), np.full(400, -75.0))
     walk = blocks(obs, 8)
     assert not walk.of_one_point
-    forecast = Forecaster(_sample(number), walk, Prior()).at(x_m[::8], np.zeros(50))
+    forecast = Forecaster(_sample(number), walk, Prior()).at(Places.of(x_m[::8], np.zeros(50)))
     assert np.min(np.linalg.eigvalsh(forecast.covariance)) > 0.0
 
 
 def test_unknown_coefficients_add_what_linear_propagation_gives():
     walk, prior = _walk(np.random.default_rng(1)), Prior()
     x_m, y_m = np.array([120.0, 200.0]), np.array([90.0, 90.0])
-    without = Forecaster(_sample(0), walk, prior).at(x_m, y_m).covariance
+    without = Forecaster(_sample(0), walk, prior).at(Places.of(x_m, y_m)).covariance
     sample = _sample(0, theta_cov=1.0)
-    added = Forecaster(sample, walk, prior).at(x_m, y_m).covariance - without
+    added = Forecaster(sample, walk, prior).at(Places.of(x_m, y_m)).covariance - without
     expected = np.zeros((2, 2))
     for i, weight in enumerate(sample.weight):
-        east, north = sample.x_m[i] - x_m, sample.y_m[i] - y_m
+        east, north = sample.places.x_m[i] - x_m, sample.places.y_m[i] - y_m
         away_db = log_distance_db(east, north, prior.height_m, SIGMA_M)
         var_p0, cov, var_eta = sample.theta_cov[:, i]
         slopes = np.stack([np.ones(2), -away_db])
@@ -91,6 +92,6 @@ def test_unknown_coefficients_add_what_linear_propagation_gives():
 def test_a_street_that_was_walked_is_known():
     walk, prior = _walk(np.random.default_rng(2)), Prior()
     forecaster = Forecaster(_sample(2), walk, prior)
-    walked = forecaster.at(np.array([100.0]), np.array([0.0])).covariance[0, 0]
-    new = forecaster.at(np.array([100.0]), np.array([10.0 * STEP_M])).covariance[0, 0]
+    walked = forecaster.at(Places.of(np.array([100.0]), np.array([0.0]))).covariance[0, 0]
+    new = forecaster.at(Places.of(np.array([100.0]), np.array([10.0 * STEP_M]))).covariance[0, 0]
     assert walked < 0.5 * new

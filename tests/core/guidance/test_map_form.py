@@ -3,8 +3,8 @@
 import pytest
 from pyproj import Geod
 
-from logger.core.geo import Utm
 from logger.core.guidance.map_form import true_azimuth_deg
+from logger.core.places import Places, Utm
 
 WGS84 = Geod(ellps="WGS84")
 
@@ -20,7 +20,8 @@ def test_directions_are_from_true_north_also_across_zones_equator_and_date_line(
     to_lon_deg, to_lat_deg, _ = WGS84.fwd(lon_deg, lat_deg, direction_deg, 150.0)
     utm = Utm.at(lat_deg, lon_deg)
     found_deg = true_azimuth_deg(
-        utm, utm.to_xy(lat_deg, lon_deg), utm.to_xy(to_lat_deg, to_lon_deg)
+        Places.of_degrees(lat_deg, lon_deg, utm=utm),
+        Places.of_degrees(to_lat_deg, to_lon_deg, utm=utm),
     )
     # the flattening of the Earth is not part of it: 0.2 degrees at the equator
     assert abs((found_deg - direction_deg + 180.0) % 360.0 - 180.0) < 0.3

@@ -1,5 +1,6 @@
 """The advice in one sentence."""
 
+import numpy as np
 import pytest
 
 from logger.core.guidance.sentence import direction
@@ -17,4 +18,4 @@ from logger.core.guidance.sentence import direction
     ],
 )
 def test_directions_are_those_of_a_compass(east, north, text):
-    assert direction((0.0, 0.0), (east, north)) == text
+    assert direction(np.array([east, north])) == text

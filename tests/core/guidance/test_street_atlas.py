@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from logger.core.errors import GeoError
-from logger.core.geo import Utm
 from logger.core.guidance import street_atlas
 from logger.core.guidance.street_atlas import StreetAtlas
+from logger.core.places import Places, Utm
 
 NEAR, ALSO_NEAR = [(52.5, 13.4), (52.501, 13.4)], [(52.51, 13.4), (52.511, 13.4)]
 FAR = [(48.0, 11.0), (48.001, 11.0)]
@@ -12,7 +12,7 @@ UTM = Utm.at(52.5, 13.4)
 
 
 def _near(atlas, lat_deg=52.5, utm=UTM):
-    return atlas.near(utm, *utm.to_xy(lat_deg, 13.4))
+    return atlas.near(Places.of_degrees(lat_deg, 13.4, utm=utm))
 
 
 def test_streets_far_from_the_walk_are_left_out():

@@ -6,6 +6,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from logger.core.guidance.street_map import StreetMap, part_of
+from logger.core.places import Places
 
 
 def _lattice(count=4, block_m=100.0):
@@ -26,7 +27,7 @@ def test_lines_that_cross_without_a_common_point_are_joined():
 def test_ends_within_some_metres_are_one_crossing():
     lines = [np.array([[0.0, 0.0], [100.0, 0.0]]), np.array([[101.5, 1.0], [101.0, 90.0]])]
     streets = StreetMap([*lines, np.array([[100.0, 0.0], [100.0, -80.0]])])
-    middle = streets.nearest_crossing(100.0, 0.0)
+    middle = streets.nearest_crossing(Places.of(100.0, 0.0))
     assert len(streets.leaving[middle]) == 3
 
 
@@ -70,7 +71,7 @@ def test_shortest_ways_are_those_of_scipy(seed):
 
 def test_the_nearest_point_is_on_the_nearest_street():
     streets = _lattice()
-    found = streets.nearest(130.0, 8.0)
+    found = streets.nearest(Places.of(130.0, 8.0))
     assert found.away_m == pytest.approx(8.0)
     start_m = streets.crossing_m[found.leg.start]
     ahead = (found.leg.line_m[-1] - start_m) / found.leg.length_m
@@ -85,4 +86,4 @@ def test_the_rest_of_a_leg_begins_at_the_point():
 
 
 def test_an_empty_map_has_no_street():
-    assert StreetMap([]).nearest(0.0, 0.0) is None
+    assert StreetMap([]).nearest(Places.of(0.0, 0.0)) is None

@@ -12,7 +12,7 @@ from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.verdict import assess
 from tests.kit.scaling import check_growth
-from tests.kit.walks import FLOOR_DBM, observations, path, simulate
+from tests.kit.walks import FLOOR_DBM, observations, path, simulate, with_places
 
 QUICK = Effort(most_squares=400, split_share=0.02, nodes=3, first_share=1.0)
 RNG = np.random.default_rng(27)
@@ -85,9 +85,11 @@ def test_what_is_no_number_does_not_count(name, value):
     obs, _ = simulate(np.random.default_rng(1), "L", white_db=2.0, count=150, step=5.6)
     column = getattr(obs, name).copy()
     column[-20:] = value
-    fields = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
-    rest = answer(replace(obs, **{field: getattr(obs, field)[:-20] for field in fields}))
-    found = answer(replace(obs, **{name: column}))
+    rest = answer(replace(obs.part(slice(-20)), known_limit=None))
+    if name == "level_dbm":
+        found = answer(replace(obs, level_dbm=column))
+    else:
+        found = answer(with_places(obs, **{name.removeprefix("position_"): column}))
     assert (found[0].x_m, found[0].y_m) == (rest[0].x_m, rest[0].y_m)
     assert found[1:] == rest[1:]
 
@@ -163,7 +165,7 @@ def test_one_mad_fix_does_not_hide_the_rest():
     obs, source = simulate(np.random.default_rng(24), "square", white_db=2.0, count=150, step=5.6)
     x = obs.x_m.copy()
     x[75] += 1e7
-    found, _, _ = answer(replace(obs, x_m=x))
+    found, _, _ = answer(with_places(obs, x_m=x))
     assert np.hypot(found.x_m - source[0], found.y_m - source[1]) < 60.0
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from logger.core.geo import Utm
 from logger.core.locator.pipeline import locate
 from logger.core.model.noise import shadowing
 from logger.core.model.prior import HEIGHTS_M, NOISE, Prior, Reach, Station
+from logger.core.places import Utm
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, path, region_contains, simulate
 

@@ -14,6 +14,7 @@ from logger.core.model.evidence import Evidence
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Hypothesis, Prior, Station
+from logger.core.places import Places
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, path, region_contains
 
@@ -71,13 +72,15 @@ def short_walk():
 
 
 def noise_covariance(track, white_share, d_c):
-    apart = np.hypot(track.x_m[:, None] - track.x_m, track.y_m[:, None] - track.y_m)
+    apart = np.hypot(
+        track.places.x_m[:, None] - track.places.x_m, track.places.y_m[:, None] - track.places.y_m
+    )
     k = (1.0 - white_share) * (np.exp(-apart / d_c) if d_c else np.eye(len(apart)))
     return k + np.diag(white_share / track.readings + 1.0 / 12.0 / PRIOR.sigma_db**2)
 
 
 def design_of(track):
-    d2 = (track.x_m - PLACE[0]) ** 2 + (track.y_m - PLACE[1]) ** 2 + PRIOR.height_m**2
+    d2 = (track.places.x_m - PLACE[0]) ** 2 + (track.places.y_m - PLACE[1]) ** 2 + PRIOR.height_m**2
     return np.column_stack([np.ones(len(d2)), -5.0 * np.log10(d2)])
 
 
@@ -116,7 +119,11 @@ def evidence_at_place(track):
     found = whiteners(track, PRIOR)
     log_det = np.array([[w.log_det] for w in found])
     return marginal(
-        walk_sums(track, matrices_of(found), PRIOR, *PLACE), len(track), log_det, PRIOR, 15
+        walk_sums(track, matrices_of(found), PRIOR, Places.of(*PLACE)),
+        len(track),
+        log_det,
+        PRIOR,
+        15,
     )
 
 

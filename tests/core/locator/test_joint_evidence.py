@@ -10,6 +10,7 @@ from logger.core.locator.pipeline import locate
 from logger.core.model.blocks import NOTHING_CENSORED, Censored, blocks
 from logger.core.model.noise import whiteners
 from logger.core.model.prior import Hypothesis, Prior, Station
+from logger.core.places import Places
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import FLOOR_DBM, censor_at_floor, observations, simulate
 
@@ -21,7 +22,7 @@ def track_of(side=-1.0, limit_dbm=-82.0, count=4):
     x = np.arange(6) * 25.0
     level = -70.0 - 2.0 * np.arange(6) + 3.0 * np.random.default_rng(8).normal(size=6)
     positions = np.linspace(10.0, 160.0, count), np.full(count, 5.0)
-    gone = Censored(*positions, *(np.full(count, v) for v in (limit_dbm, side, 1.0, 0.0)))
+    gone = Censored(Places.of(*positions), *(np.full(count, v) for v in (limit_dbm, side, 1.0)))
     return replace(blocks(observations(x, 0 * x, level), 300), censored=gone)
 
 
@@ -30,7 +31,10 @@ def by_boxes(track, number, x_m, y_m):
     probability of a box.
     """
     gone, (a, d_c, *_) = track.censored, PRIOR.hypotheses[number]
-    x, y = np.append(track.x_m, gone.x_m), np.append(track.y_m, gone.y_m)
+    x, y = (
+        np.append(track.places.x_m, gone.places.x_m),
+        np.append(track.places.y_m, gone.places.y_m),
+    )
     n = len(track)
     shadow = (1.0 - a) * np.exp(-np.hypot(x[:, None] - x, y[:, None] - y) / max(d_c, 1.0))
     rounding = np.where(np.arange(len(x)) < n, 1.0 / 12.0 / PRIOR.sigma_db**2, 0.0)
@@ -63,7 +67,9 @@ def test_evidence_agrees_with_brute_force(number, side, limit_dbm):
     track = track_of(side, limit_dbm)
     joint = Joint(track, PRIOR, whiteners(track, PRIOR, [number])[0])
     for position in ((100.0, 60.0), (20.0, -150.0)):
-        assert joint.log_p(*position) == pytest.approx(by_boxes(track, number, *position), abs=0.2)
+        assert joint.log_p(Places.of(*position)) == pytest.approx(
+            by_boxes(track, number, *position), abs=0.2
+        )
 
 
 def test_asked_again_it_says_the_same():
@@ -71,9 +77,9 @@ def test_asked_again_it_says_the_same():
     track = track_of(count=30)
     for noise in whiteners(track, PRIOR):
         joint = Joint(track, PRIOR, noise)
-        first = joint.log_p(100.0, 60.0)
-        joint.log_p(400.0, -300.0)
-        assert joint.log_p(100.0, 60.0) == pytest.approx(first, abs=0.3)
+        first = joint.log_p(Places.of(100.0, 60.0))
+        joint.log_p(Places.of(400.0, -300.0))
+        assert joint.log_p(Places.of(100.0, 60.0)) == pytest.approx(first, abs=0.3)
 
 
 def test_evidence_over_places_agrees_with_the_sum_over_all_of_them():
@@ -82,10 +88,13 @@ def test_evidence_over_places_agrees_with_the_sum_over_all_of_them():
     x, y = (v.ravel() for v in np.meshgrid(net, net))
     found = whiteners(track, PRIOR)
     exact = np.array(
-        [[joint.log_p(*at) for at in zip(x, y, strict=True)] for joint in _joints(track, found)]
+        [
+            [joint.log_p(Places.of(*at)) for at in zip(x, y, strict=True)]
+            for joint in _joints(track, found)
+        ]
     )
     about = exact + 0.5 * np.sin(x / 40.0)  # what says where to look is wrong by half a nat
-    log_p = log_weights(track, PRIOR, found, about, np.zeros(len(x)), x, y, 24)
+    log_p = log_weights(track, PRIOR, found, about, np.zeros(len(x)), Places.of(x, y), 24)
     summed = scipy.special.logsumexp(exact, axis=1) - np.log(len(x)) + PRIOR.noise_table.log_odds
     np.testing.assert_allclose(log_p, summed, atol=0.35)
 
@@ -115,7 +124,11 @@ def test_what_is_beyond_the_floor_tells_white_noise_from_shadowing():
 def test_nothing_beyond_the_scale_is_the_evidence_of_the_levels():
     """One place where any level would be beyond the scale leaves that of the levels."""
     track = track_of(count=1)
-    far = track.censored._replace(x_m=np.array([3e4]), limit_dbm=np.array([FLOOR_DBM + 80.0]))
+    far = track.censored._replace(
+        places=Places.of(3e4, 5.0), limit_dbm=np.array([FLOOR_DBM + 80.0])
+    )
     one = Joint(replace(track, censored=far), PRIOR, whiteners(track, PRIOR, [0])[0])
     none = Joint(replace(track, censored=NOTHING_CENSORED), PRIOR, whiteners(track, PRIOR, [0])[0])
-    assert one.log_p(100.0, 60.0) == pytest.approx(none.log_p(100.0, 60.0), abs=0.01)
+    assert one.log_p(Places.of(100.0, 60.0)) == pytest.approx(
+        none.log_p(Places.of(100.0, 60.0)), abs=0.01
+    )

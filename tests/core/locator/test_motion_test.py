@@ -35,7 +35,7 @@ def test_one_that_moves_is_told_from_one_that_stands(way_m):
     division = _division(begin_m + share * way_m)
     assert division.is_in_time
     assert division.log_factor > LEAST_LOG_FACTOR
-    moved_m = np.subtract(division.other_m, division.one_m)
+    moved_m = (division.other.xy_m - division.one.xy_m)[:, 0]
     assert moved_m @ np.array(way_m) > 0.8 * np.hypot(*moved_m) * np.hypot(*way_m)
 
 

@@ -7,7 +7,7 @@ from logger.core.locator.packing import around, compact_groups
 @pytest.mark.parametrize("count", [0, 1, 64, 65, 1000, 5000])
 def test_each_point_is_in_one_group(count):
     x_m, y_m = np.random.default_rng(count).normal(size=(2, count))
-    groups = compact_groups(x_m, y_m)
+    groups = compact_groups(np.stack([x_m, y_m]))
     every = np.concatenate(groups) if groups else np.zeros(0)
     np.testing.assert_array_equal(np.sort(every), np.arange(count))
     assert all(0 < len(group) <= 64 for group in groups)
@@ -16,7 +16,7 @@ def test_each_point_is_in_one_group(count):
 def test_groups_are_compact():
     """6400 points of a square of 80 by 80 m in about 100 groups: none is larger than 20 by 20 m."""
     x_m, y_m = np.random.default_rng(1).uniform(0.0, 80.0, (2, 6400))
-    for group in compact_groups(x_m, y_m):
+    for group in compact_groups(np.stack([x_m, y_m])):
         assert max(np.ptp(x_m[group]), np.ptp(y_m[group])) < 20.0
 
 

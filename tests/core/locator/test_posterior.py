@@ -5,7 +5,6 @@ import pytest
 
 from logger.core.errors import EstimationError
 from logger.core.locator.pipeline import locate
-from logger.core.locator.posterior import StrongestReading
 from logger.core.locator.region import HALF, highest_density
 from logger.core.locator.summary import BIAS_SHARE
 from logger.core.locator.verdict import assess
@@ -17,6 +16,8 @@ from tests.kit.walks import (
     path,
     region_contains,
     simulate,
+    single_reading,
+    with_places,
 )
 
 
@@ -78,7 +79,7 @@ def test_the_strongest_reading_is_inside_up_to_the_edge_of_the_half_region(aside
     found = locate(simulate_walk(28, "L", shadow_db=4.0)[0])
     inner, squares = highest_density(found.squares, HALF), found.squares
     k = inner[np.argmax(squares.x_m[inner] + 0.5 * squares.size_m[inner])]  # its eastern edge
-    at = StrongestReading(squares.x_m[k] + aside * squares.size_m[k], squares.y_m[k], -60.0)
+    at = single_reading(squares.x_m[k] + aside * squares.size_m[k], squares.y_m[k], -60.0)
     assert replace(found, strongest=at).is_strongest_inside == (aside < 0.5)
 
 
@@ -156,12 +157,12 @@ def test_round_walk_leaves_the_inverse_point(away):
 
 def turn(obs, angle):
     c, s = np.cos(angle), np.sin(angle)
-    return replace(obs, x_m=c * obs.x_m - s * obs.y_m, y_m=s * obs.x_m + c * obs.y_m)
+    return with_places(obs, x_m=c * obs.x_m - s * obs.y_m, y_m=s * obs.x_m + c * obs.y_m)
 
 
 def test_shift_of_the_walk():
     obs, _ = simulate_walk(20, "L")
-    a, b = locate(obs), locate(replace(obs, x_m=obs.x_m + 500_000.0, y_m=obs.y_m + 5_000_000.0))
+    a, b = locate(obs), locate(with_places(obs, x_m=obs.x_m + 500_000.0, y_m=obs.y_m + 5_000_000.0))
     assert (b.x_m - 500_000.0, b.y_m - 5_000_000.0) == pytest.approx((a.x_m, a.y_m), abs=0.1)
     assert b.region_area_m2 == pytest.approx(a.region_area_m2, rel=0.05)
     assert b.log_evidence == pytest.approx(a.log_evidence, abs=0.01)
@@ -204,7 +205,7 @@ def test_order_of_the_readings_does_not_matter():
     obs, _ = simulate_walk(23, "L")
     order = np.random.default_rng(23).permutation(len(obs))
     a = locate(obs)
-    b = locate(replace(obs, x_m=obs.x_m[order], y_m=obs.y_m[order], level_dbm=obs.level_dbm[order]))
+    b = locate(obs.part(order))
     assert (b.x_m, b.y_m, b.r95_m) == pytest.approx((a.x_m, a.y_m, a.r95_m), abs=0.01)
 
 

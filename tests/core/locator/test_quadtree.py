@@ -15,6 +15,7 @@ from logger.core.model.blocks import blocks
 from logger.core.model.marginal import NODES, marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import REACHES, Hypothesis, NoiseGroup, Prior, Reach, Station
+from logger.core.places import Places
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, simulate
 
@@ -51,8 +52,8 @@ def by_grid(obs, prior, most, step=5.0):
     track = blocks(obs, most)
     found = whiteners(track, prior)
     log_det = np.array([[w.log_det] for w in found])
-    middle = [0.5 * (np.min(v) + np.max(v)) for v in (track.x_m, track.y_m)]
-    half = prior.reach_m + 0.5 * max(np.ptp(track.x_m), np.ptp(track.y_m))
+    middle = [0.5 * (np.min(v) + np.max(v)) for v in (track.places.x_m, track.places.y_m)]
+    half = prior.reach_m + 0.5 * max(np.ptp(track.places.x_m), np.ptp(track.places.y_m))
     at = np.arange(-half + 0.5 * step, half, step)
     x, y = (v.ravel() for v in np.meshgrid(middle[0] + at, middle[1] + at))
     parts = []
@@ -60,11 +61,11 @@ def by_grid(obs, prior, most, step=5.0):
         of_stations = []
         for station in prior.stations:
             alone, places = prior.of_station(station), (x[i : i + 2000], y[i : i + 2000])
-            total = walk_sums(track, matrices_of(found), alone, *places)
+            total = walk_sums(track, matrices_of(found), alone, Places.of(*places))
             of_stations.append(marginal(total, len(track), log_det, alone).log_p)
         odds = np.array([one.probability for one in prior.stations])[:, None, None]
         parts.append(scipy.special.logsumexp(of_stations, axis=0, b=odds))
-    nearest = np.min(np.hypot(x[:, None] - track.x_m, y[:, None] - track.y_m), axis=1)
+    nearest = np.min(np.hypot(x[:, None] - track.places.x_m, y[:, None] - track.places.y_m), axis=1)
     density = np.zeros(len(x))
     for one in prior.reaches:
         of_reach = np.maximum(nearest / one.flat_m, 1.0) ** -one.power
@@ -186,7 +187,7 @@ def test_no_plausible_noise_is_left_out_for_the_fewer_blocks_of_the_beginning():
 def test_first_squares_are_small_near_the_walk_and_reach_the_end(share):
     track = blocks(walk(), 300)
     x, y, size = first_squares(track, Prior(), share)
-    away = np.min(np.hypot(x[:, None] - track.x_m, y[:, None] - track.y_m), axis=1)
+    away = np.min(np.hypot(x[:, None] - track.places.x_m, y[:, None] - track.places.y_m), axis=1)
     assert np.all(size <= np.maximum(10.0, share * away) + 1e-9)
     assert np.sum(size**2) == pytest.approx((2.0 * Prior().reach_m + 180.0) ** 2, rel=1e-9)
     assert np.max(x + 0.5 * size) == pytest.approx(90.0 + 90.0 + Prior().reach_m)

@@ -3,6 +3,7 @@ import pytest
 
 from logger.core.locator import region
 from logger.core.locator.region import Squares
+from logger.core.places import Places
 
 
 def gaussians(*peaks, count=100, size=4.0):
@@ -88,8 +89,8 @@ def test_among_some_cells_the_others_do_not_count(level):
 @pytest.mark.parametrize(("x_m", "y_m", "is_in"), [(3.0, 4.0, True), (7.0, 0.0, False)])
 def test_a_position_is_in_a_square_only_if_it_is_along_both_axes(x_m, y_m, is_in):
     cells = Squares(np.array([0.0, 7.0]), np.array([0.0, 9.0]), np.full(2, 8.0), np.full(2, 0.5))
-    assert region.contains(cells, np.array([0, 1]), x_m, y_m) == is_in
-    assert not region.contains(cells, np.array([1]), x_m, y_m)
+    assert region.contains(cells, np.array([0, 1]), Places.of(x_m, y_m)) == is_in
+    assert not region.contains(cells, np.array([1]), Places.of(x_m, y_m))
 
 
 def test_a_common_corner_is_in_the_squares_in_spite_of_rounding():
@@ -97,8 +98,8 @@ def test_a_common_corner_is_in_the_squares_in_spite_of_rounding():
     middle_m = 691_600.1 - 0.5 * size_m
     cells = Squares(np.array([middle_m]), np.array([middle_m]), np.full(1, size_m), np.ones(1))
     corner_m = np.nextafter(middle_m + 0.5 * size_m, np.inf)
-    assert region.contains(cells, np.zeros(1, int), corner_m, corner_m)
-    assert not region.contains(cells, np.zeros(1, int), corner_m + 1e-3, corner_m)
+    assert region.contains(cells, np.zeros(1, int), Places.of(corner_m, corner_m))
+    assert not region.contains(cells, np.zeros(1, int), Places.of(corner_m + 1e-3, corner_m))
 
 
 # --- modes ---

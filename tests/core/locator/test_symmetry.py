@@ -1,11 +1,9 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from logger.core.locator.pipeline import locate
 from logger.core.locator.symmetry import snap_to_curve
-from tests.kit.walks import add_position_errors, observations, path, simulate
+from tests.kit.walks import add_position_errors, observations, path, simulate, with_places
 
 SIGMA_M = 5.0
 
@@ -19,7 +17,7 @@ def test_a_straight_track_with_errors_becomes_a_line(turn):
         obs.x_m * np.cos(turn) - obs.y_m * np.sin(turn),
         obs.x_m * np.sin(turn) + obs.y_m * np.cos(turn),
     )
-    found = snap_to_curve(replace(obs, x_m=x, y_m=y))
+    found = snap_to_curve(with_places(obs, x_m=x, y_m=y))
     assert (
         np.linalg.svd(np.stack([found.x_m, found.y_m]) - [[found.x_m.mean()], [found.y_m.mean()]])[
             1
@@ -58,7 +56,7 @@ def test_other_walks_stay_as_they_are(shape):
 @pytest.mark.parametrize("shape", ["straight", "circle"])
 def test_a_track_without_errors_stays_as_it_is(shape):
     bent = observations(*path(shape), np.zeros(600))
-    found = snap_to_curve(replace(bent, y_m=bent.y_m + 0.1 * np.sin(bent.x_m)))
+    found = snap_to_curve(with_places(bent, y_m=bent.y_m + 0.1 * np.sin(bent.x_m)))
     np.testing.assert_array_equal(found.y_m, bent.y_m + 0.1 * np.sin(bent.x_m))
 
 

@@ -24,6 +24,7 @@ from logger.core.model.blocks import blocks
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Prior, Reach, Station
+from logger.core.places import Places
 from postproc.cell_estimation import locate_cell
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations
@@ -71,7 +72,7 @@ def test_probabilities_of_the_steps_at_a_location_sum_to_one(distance_m):
     """Over all TA at one location the probabilities sum to 1, but for what is kept for any
     bias at all.
     """
-    density = [of([0.0], [n]).log_p(np.array([distance_m]), np.zeros(1))[0] for n in range(64)]
+    density = [of([0.0], [n]).log_p(Places.of(distance_m, 0.0))[0] for n in range(64)]
     assert np.exp(density).sum() == pytest.approx(1.0, abs=0.1)
 
 
@@ -80,7 +81,7 @@ def test_probabilities_of_the_steps_at_a_location_sum_to_one(distance_m):
 
 def by_quadrature(found, x, y):
     """log_p of one position, its bias integrated by scipy."""
-    away = np.hypot(x - found.x_m, y - found.y_m)
+    away = np.hypot(x - found.places.x_m, y - found.places.y_m)
 
     def posterior_with(bias):
         p = [
@@ -106,7 +107,7 @@ def test_bias_is_integrated(far_m):
     ta = np.floor((far_m - walked + 250.0 + rng.normal(0.0, 100.0, 60)).clip(0.0) / STEP_M)
     found = of(walked, ta)
     for x in np.linspace(far_m - 750.0, far_m + 750.0, 11):
-        assert found.log_p(np.array([x]), np.zeros(1))[0] == pytest.approx(
+        assert found.log_p(Places.of(x, 0.0))[0] == pytest.approx(
             by_quadrature(found, x, 0.0), abs=0.1
         )
 
@@ -114,7 +115,9 @@ def test_bias_is_integrated(far_m):
 def test_repeats_at_one_location_add_nothing():
     x, y = np.linspace(-5000.0, 5000.0, 50), np.full(50, 300.0)
     once, often = of([0.0, 400.0], [3, 4]), of([0.0] * 30 + [400.0], [3] * 30 + [4])
-    np.testing.assert_allclose(often.log_p(x, y), once.log_p(x, y), atol=1e-12)
+    np.testing.assert_allclose(
+        often.log_p(Places.of(x, y)), once.log_p(Places.of(x, y)), atol=1e-12
+    )
     assert once.weight.sum() == 2.0
     mixed = of([0.0] * 4, [3, 3, 3, 4])
     assert mixed.weight.tolist() == [0.75, 0.25]
@@ -132,7 +135,9 @@ def test_the_way_to_a_high_antenna_is_longer_than_the_ground():
         slant_m = np.hypot(flat_m, 4000.0)
         high, low = timing_of(obs, 4000.0), timing_of(obs)
         x, y = np.array([flat_m]), np.zeros(1)
-        assert high.log_p(x, y) == pytest.approx(low.log_p(np.array([slant_m]), y))
+        assert high.log_p(Places.of(x, y)) == pytest.approx(
+            low.log_p(Places.of(np.array([slant_m]), y))
+        )
     here = Squares(np.array([3000.0]), np.array([0.0]), np.array([10.0]), np.ones(1))
     assert timing_of(obs, 4000.0).check(here).disagree == 0
     assert timing_of(obs).check(here).disagree == 1
@@ -155,8 +160,10 @@ def test_turned_and_moved_walks_say_the_same():
     x, y = rng.uniform(-400.0, 400.0, (2, 8))
     ta = rng.integers(2, 5, 8)
     places = rng.uniform(-3000.0, 3000.0, (2, 40))
-    plain = timing_of(at_places(x, y, ta)).log_p(*places)
-    turned = timing_of(at_places(7e5 - y, 5e6 + x, ta)).log_p(7e5 - places[1], 5e6 + places[0])
+    plain = timing_of(at_places(x, y, ta)).log_p(Places.of(*places))
+    turned = timing_of(at_places(7e5 - y, 5e6 + x, ta)).log_p(
+        Places.of(7e5 - places[1], 5e6 + places[0])
+    )
     np.testing.assert_allclose(turned, plain, atol=1e-6)
 
 
@@ -164,10 +171,15 @@ def test_one_wrong_ta_excludes_nothing_and_neither_does_a_wrong_walk():
     walked = np.arange(0.0, 800.0, 60.0)
     right, wrong = np.full(14, 2), np.append(np.full(13, 2), 40)
     at = np.array([-900.0]), np.zeros(1)
-    assert of(walked, wrong).log_p(*at)[0] > of(walked, right).log_p(*at)[0] - 8.0
+    assert (
+        of(walked, wrong).log_p(Places.of(*at))[0]
+        > of(walked, right).log_p(Places.of(*at))[0] - 8.0
+    )
     away = np.array([-15000.0]), np.zeros(1)
-    best = of(walked, right).log_p(np.linspace(-4000.0, 4000.0, 200), np.zeros(200)).max()
-    assert best - 12.0 < of(walked, right).log_p(*away)[0] < best - 4.0
+    best = (
+        of(walked, right).log_p(Places.of(np.linspace(-4000.0, 4000.0, 200), np.zeros(200))).max()
+    )
+    assert best - 12.0 < of(walked, right).log_p(Places.of(*away))[0] < best - 4.0
 
 
 # --- ring ---
@@ -186,11 +198,11 @@ def along_a_ray(obs, prior, found):
     """Distances from a location, and the posterior there: density by the area of a rim."""
     at = np.geomspace(1.0, prior.reach_m, 4000)
     walk, zero = blocks(obs, 300), np.zeros(4000)
-    total = walk_sums(walk, matrices_of(whiteners(walk, prior)), prior, at, zero)
+    total = walk_sums(walk, matrices_of(whiteners(walk, prior)), prior, Places.of(at, zero))
     levels = marginal(total, len(walk), np.zeros((1, 1)), prior).log_p[0]
     log_mass = (
         levels
-        + found.log_p(at, zero)
+        + found.log_p(Places.of(at, zero))
         - prior.reaches[0].power * np.log(np.maximum(at / prior.reaches[0].flat_m, 1.0))
     )
     mass = np.exp(log_mass - log_mass.max()) * at**2

@@ -12,6 +12,7 @@ from logger.core.model.blocks import Censored, blocks
 from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import covariances, matrices_of, whiteners
 from logger.core.model.prior import Hypothesis, Prior, Station
+from logger.core.places import Places
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import FLOOR_DBM, censor_at_floor, observations, simulate
 
@@ -22,8 +23,9 @@ PRIOR = Prior(noise=noise_groups(Hypothesis(0.3, 30.0)), stations=(Station(1.0, 
 
 
 def ends(x_m, side=-1.0, limit_dbm=FLOOR_DBM, readings=1.0, y_m=40.0):
-    columns = np.broadcast_arrays(np.asarray(x_m, float), y_m, limit_dbm, side, readings, 0.0)
-    return Censored(*(np.array(column, float) for column in columns))
+    columns = np.broadcast_arrays(np.asarray(x_m, float), y_m, limit_dbm, side, readings)
+    x, y, *others = (np.array(column, float) for column in columns)
+    return Censored(Places.of(x, y), *others)
 
 
 def track_of(gone, count=12, apart_m=25.0, noise_db=0.0):
@@ -62,7 +64,10 @@ def test_what_the_levels_tell_is_the_conditional_gaussian(number):
     """
     track = track_of(ends(np.linspace(10.0, 280.0, 7), readings=3.0), noise_db=5.0)
     gone, hypothesis = track.censored, PRIOR.hypotheses[number]
-    x, y = np.append(track.x_m, gone.x_m), np.append(track.y_m, gone.y_m)
+    x, y = (
+        np.append(track.places.x_m, gone.places.x_m),
+        np.append(track.places.y_m, gone.places.y_m),
+    )
     complete = (1.0 - hypothesis.white_share) * np.exp(
         -np.hypot(x[:, None] - x, y[:, None] - y) / 30.0 if number else -1e9
     )
@@ -91,9 +96,7 @@ def test_large_blocks_tell_no_more_than_there_is_to_know():
         hypothesis = prior.hypotheses[noise.number]
         known = noise.matrix @ tobit.shadowing_in_blocks(track, hypothesis).T
         left = (
-            tobit.shadowing_between(
-                track.censored, hypothesis, track.censored.x_m, track.censored.y_m
-            )
+            tobit.shadowing_between(track.censored, hypothesis, track.censored.places)
             - known.T @ known
         )
         assert np.min(np.linalg.eigvalsh(left)) > -1e-9
@@ -106,10 +109,10 @@ PLACES = np.array([100.0, 250.0]), np.array([60.0, -90.0])
 
 def joint_evidence_of(track, number, prior=PRIOR):
     found = whiteners(track, prior, [number])
-    total = walk_sums(track, matrices_of(found), prior, *PLACES)
+    total = walk_sums(track, matrices_of(found), prior, Places.of(*PLACES))
     log_det = np.array([[found[0].log_det]])
     both = tobit.tobit_evidence(
-        total, log_det, track, [evidence_of(track, number, prior)], prior, *PLACES
+        total, log_det, track, [evidence_of(track, number, prior)], prior, Places.of(*PLACES)
     )
     return both, marginal(total, len(track), log_det, prior)
 
@@ -118,9 +121,12 @@ def by_net(track, number, h):
     """Integral over P0, eta and log sigma, with the mean and covariance of the first two."""
     one, gone, n = evidence_of(track, number), track.censored, len(track)
     x_m, y_m = PLACES[0][h], PLACES[1][h]
-    of_levels = 5.0 * np.log10((track.x_m - x_m) ** 2 + (track.y_m - y_m) ** 2 + PRIOR.height_m**2)
+    of_levels = 5.0 * np.log10(
+        (track.places.x_m - x_m) ** 2 + (track.places.y_m - y_m) ** 2 + PRIOR.height_m**2
+    )
     of_gone = (
-        5.0 * np.log10((gone.x_m - x_m) ** 2 + (gone.y_m - y_m) ** 2 + PRIOR.height_m**2)
+        5.0
+        * np.log10((gone.places.x_m - x_m) ** 2 + (gone.places.y_m - y_m) ** 2 + PRIOR.height_m**2)
         - one.gain @ of_levels
     )
     k = covariances(track, PRIOR)[number]
@@ -228,9 +234,7 @@ def taken_as_levels(obs):
 
 
 def without_floor(obs):
-    keep = obs.limit == 0
-    names = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
-    return replace(obs, **{name: getattr(obs, name)[keep] for name in names})
+    return replace(obs.part(obs.limit == 0), known_limit=None)
 
 
 def errors_m(way, walks, share):

@@ -15,7 +15,7 @@ from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.region import highest_density
 from logger.core.locator.summary import summarise
 from logger.core.model.prior import Prior
-from tests.kit.walks import observations
+from tests.kit.walks import observations, with_places
 
 STREET_M, TURN_DEG = 60.0, 70.0
 WHITE_DB = 3.0
@@ -150,18 +150,15 @@ def test_regions_hold_distant_sites():
 
 def disturb(obs, rng):
     """Errors of 1 m and .3 dB, far below those that the readings have."""
-    return replace(
-        obs,
-        x_m=obs.x_m + rng.normal(size=len(obs)),
-        y_m=obs.y_m + rng.normal(size=len(obs)),
-        level_dbm=obs.level_dbm + 0.3 * rng.normal(size=len(obs)),
-    )
+    x_m, y_m = obs.places.xy_m + rng.normal(size=(2, len(obs)))
+    level_dbm = obs.level_dbm + 0.3 * rng.normal(size=len(obs))
+    return replace(with_places(obs, x_m=x_m, y_m=y_m), level_dbm=level_dbm)
 
 
 def turn(obs, degrees):
     """The same walk in a country whose north is elsewhere: nothing that is true of it changes."""
     cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return replace(
+    return with_places(
         obs, x_m=cosine * obs.x_m - sine * obs.y_m, y_m=sine * obs.x_m + cosine * obs.y_m
     )
 
@@ -188,9 +185,8 @@ def test_small_errors_do_not_change_the_answer(change):
 def on_device(obs):
     """The posterior of the device after all readings, one by one."""
     locator = OnlineLocator(Prior())
-    columns = (obs.x_m, obs.y_m, obs.position_sigma_m, obs.level_dbm, obs.limit)
-    for row in zip(*(column.tolist() for column in columns), strict=True):
-        locator.add(*row)
+    for reading in obs:
+        locator.add(reading)
         if locator.stale > 1.0:
             locator.search()
     return summarise(*locator.last_search())

@@ -3,6 +3,7 @@ import numpy as np
 from logger.core.locator.pipeline import locate
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, divide
 from logger.core.locator.verdict import assess
+from logger.core.places import Places
 from tests.kit.walks import observations, path, simulate
 
 
@@ -20,10 +21,7 @@ def test_two_transmitters_are_told():
     division = divide(obs, posterior)
     assert division.log_factor > LEAST_LOG_FACTOR
     for source in sources:  # or its mirror image: each part of the walk may be straight
-        assert (
-            min(np.hypot(*(np.array(p) - source)) for p in (division.one_m, division.other_m))
-            < 120.0
-        )
+        assert min(p.away_m(Places.of(*source)) for p in (division.one, division.other)) < 120.0
     outcome, (reason, *_), _ = assess(posterior, obs, division)
     assert outcome == "cannot tell"
     assert "one position does not explain the data" in reason

@@ -9,7 +9,7 @@ import pytest
 from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.verdict import assess
 from logger.core.model.prior import Prior, Station
-from tests.kit.walks import observations, path, simulate
+from tests.kit.walks import observations, path, simulate, with_places
 
 
 @cache
@@ -32,13 +32,12 @@ def beside(mode, east_m, probability, peak):
         probability=probability,
         peak=peak,
         state=mode.state + np.array([east_m, 0.0, 0.0, 0.0]),
-        place_m=(mode.x_m + east_m, mode.y_m),
+        place=replace(mode.place, x_m=mode.place.x_m + east_m),
     )
 
 
 def some(obs, chosen):
-    names = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
-    return replace(obs, **{name: getattr(obs, name)[chosen] for name in names})
+    return replace(obs.part(chosen), known_limit=None)
 
 
 # --- located ---
@@ -100,7 +99,7 @@ def test_the_advice_names_a_listed_mode():
 )
 def test_the_advice_expects_the_levels_of_the_model_with_height_and_fix_error(height_m, sigma_m):
     obs, found = clear()
-    obs = replace(obs, position_sigma_m=np.full(len(obs), sigma_m))
+    obs = with_places(obs, sigma_m=np.full(len(obs), sigma_m))
     best = replace(found.modes[0], probability=0.6)
     other = beside(best, 400.0, 0.4, 0.9)
     posterior = replace(

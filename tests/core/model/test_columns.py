@@ -11,6 +11,7 @@ from logger.core.model.columns import (
     varying_columns,
 )
 from logger.core.model.prior import SECTOR_DB, Prior, Station
+from logger.core.places import Places
 from tests.kit.walks import observations
 
 MOST = 300
@@ -31,8 +32,8 @@ def test_distance_of_a_large_block_is_that_of_its_points():
     x, y = rng.uniform(0, 400, (2, 600))
     track = blocks(observations(x, y, rng.normal(-80, 4, 600)), 30)
     assert len(track) <= 30
-    (distance_db,) = distances_db(track, 5.0, np.array([130.0]), np.array([210.0])).T
-    each = 5.0 * np.log10((track.point_x_m - 130.0) ** 2 + (track.point_y_m - 210.0) ** 2 + 25.0)
+    (distance_db,) = distances_db(track, 5.0, Places.of(np.array([130.0]), np.array([210.0]))).T
+    each = 5.0 * np.log10((track.points.x_m - 130.0) ** 2 + (track.points.y_m - 210.0) ** 2 + 25.0)
     ends = np.append(track.first, len(each))
     expected = [np.average(each[i:j], weights=track.weight[i:j]) for i, j in pairwise(ends)]
     np.testing.assert_allclose(distance_db, expected, rtol=1e-12)
@@ -43,11 +44,11 @@ def test_distance_of_a_large_block_is_that_of_its_points():
 
 def test_an_error_of_the_receiver_adds_variance_close_by():
     track = bent_walk(5.0)
-    distance_db = distances_db(track, PRIOR.height_m, *PLACES)
+    distance_db = distances_db(track, PRIOR.height_m, Places.of(*PLACES))
     ratio = receiver_variance(track, PRIOR, distance_db)
     d_m = np.sqrt(
-        (track.x_m[:, None] - PLACES[0]) ** 2
-        + (track.y_m[:, None] - PLACES[1]) ** 2
+        (track.places.x_m[:, None] - PLACES[0]) ** 2
+        + (track.places.y_m[:, None] - PLACES[1]) ** 2
         + 5.0**2
         + 2 * 5.0**2
     )
@@ -61,7 +62,7 @@ def test_the_variance_of_the_receiver_is_that_of_simulated_errors():
     moved = np.hypot(d_m + sigma_m * rng.normal(size=200_000), sigma_m * rng.normal(size=200_000))
     track = blocks(observations([0.0], [0.0], [-70.0], sigma_m), MOST)
     prior = Prior().of_station(Station(1.0, 0.0))
-    at = distances_db(track, 0.0, np.array([d_m]), np.array([0.0]))
+    at = distances_db(track, 0.0, Places.of(np.array([d_m]), np.array([0.0])))
     ratio = receiver_variance(track, prior, at)
     assert ratio[0, 0] * prior.sigma_db**2 == pytest.approx(
         np.var(prior.eta * 10 * np.log10(moved)), rel=0.03
@@ -70,7 +71,7 @@ def test_the_variance_of_the_receiver_is_that_of_simulated_errors():
 
 def test_no_error_of_the_receiver_adds_none():
     track = bent_walk(0.0)
-    assert receiver_variance(track, PRIOR, distances_db(track, 5.0, *PLACES)) is None
+    assert receiver_variance(track, PRIOR, distances_db(track, 5.0, Places.of(*PLACES))) is None
 
 
 # --- the antenna pattern ---
@@ -78,8 +79,11 @@ def test_no_error_of_the_receiver_adds_none():
 
 def test_columns_are_the_distance_and_the_harmonics_of_the_azimuth():
     track = bent_walk(0.0)
-    columns = varying_columns(track, PRIOR, *PLACES)
-    east_m, north_m = (track.x_m[:, None] - PLACES[0]), (track.y_m[:, None] - PLACES[1])
+    columns = varying_columns(track, PRIOR, Places.of(*PLACES))
+    east_m, north_m = (
+        (track.places.x_m[:, None] - PLACES[0]),
+        (track.places.y_m[:, None] - PLACES[1]),
+    )
     azimuth, d_m = np.arctan2(north_m, east_m), np.sqrt(east_m**2 + north_m**2 + 25.0)
     fading = np.hypot(east_m, north_m) / d_m
     expected = [-10.0 * np.log10(d_m), fading * np.cos(azimuth), fading * np.sin(azimuth)]
@@ -90,9 +94,10 @@ def test_columns_are_the_distance_and_the_harmonics_of_the_azimuth():
 def test_censored_points_have_the_columns_of_blocks():
     track = bent_walk(4.0)
     nothing = np.zeros(len(track))
-    gone = Censored(track.x_m, track.y_m, nothing, nothing, nothing, track.position_sigma_m)
+    gone = Censored(track.places, nothing, nothing, nothing)
     np.testing.assert_allclose(
-        censored_columns(gone, PRIOR, *PLACES), varying_columns(track, PRIOR, *PLACES)
+        censored_columns(gone, PRIOR, Places.of(*PLACES)),
+        varying_columns(track, PRIOR, Places.of(*PLACES)),
     )
 
 

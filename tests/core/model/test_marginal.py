@@ -7,6 +7,7 @@ from logger.core.model.blocks import blocks
 from logger.core.model.marginal import NODES, marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Hypothesis, Prior, Station
+from logger.core.places import Places
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, simulate
 
@@ -27,7 +28,7 @@ def bent_walk(position_sigma=0.0, count=14):
 
 def evidence_of(track, prior, positions, nodes=NODES):
     found = whiteners(track, prior)
-    total = walk_sums(track, matrices_of(found), prior, *positions)
+    total = walk_sums(track, matrices_of(found), prior, Places.of(*positions))
     return marginal(total, len(track), np.array([[w.log_det] for w in found]), prior, nodes)
 
 
@@ -39,11 +40,11 @@ class Oracle:
 
     def __init__(self, track, prior, noise, position):
         self.prior, self.level = prior, track.level_dbm
-        d2 = (track.x_m - position[0]) ** 2 + (track.y_m - position[1]) ** 2
-        self.distance_db = 5.0 * np.log10(d2 + prior.height_m**2 + 2.0 * track.position_sigma_m**2)
+        d2 = (track.places.x_m - position[0]) ** 2 + (track.places.y_m - position[1]) ** 2
+        self.distance_db = 5.0 * np.log10(d2 + prior.height_m**2 + 2.0 * track.places.sigma_m**2)
         self.covariance = self._covariance(track, *noise)
-        azimuth = np.arctan2(track.y_m - position[1], track.x_m - position[0])
-        fading = np.hypot(track.x_m - position[0], track.y_m - position[1]) / 10 ** (
+        azimuth = np.arctan2(track.places.y_m - position[1], track.places.x_m - position[0])
+        fading = np.hypot(track.places.x_m - position[0], track.places.y_m - position[1]) / 10 ** (
             self.distance_db / 10
         )
         harmonics = [
@@ -59,7 +60,10 @@ class Oracle:
 
     def _covariance(self, track, white_share, d_c):
         """Of the levels by sigma^2, each whitened row's variance grown by the receiver's error."""
-        apart = np.hypot(track.x_m[:, None] - track.x_m, track.y_m[:, None] - track.y_m)
+        apart = np.hypot(
+            track.places.x_m[:, None] - track.places.x_m,
+            track.places.y_m[:, None] - track.places.y_m,
+        )
         k = (1.0 - white_share) * (np.exp(-apart / d_c) if d_c else np.eye(len(apart)))
         k += np.diag(white_share / track.readings + 1.0 / 12.0 / self.prior.sigma_db**2)
         root = np.linalg.cholesky(k)
@@ -67,7 +71,7 @@ class Oracle:
             10.0
             / np.log(10.0)
             * self.prior.eta
-            * track.position_sigma_m
+            * track.places.sigma_m
             / 10.0 ** (self.distance_db / 10.0)
         )
         grown = 1.0 + (moved_db / self.prior.sigma_db) ** 2 / np.diag(root) ** 2
@@ -214,7 +218,9 @@ def test_without_a_prior_p0_and_eta_are_those_of_least_squares():
     )
     track = blocks(obs, MOST)
     ours = evidence_of(track, flat, np.array(source)[:, None])
-    distance_db = 10 * np.log10(np.hypot(track.x_m - source[0], track.y_m - source[1]))
+    distance_db = 10 * np.log10(
+        np.hypot(track.places.x_m - source[0], track.places.y_m - source[1])
+    )
     root = np.sqrt(1.0 / (1.0 / track.readings + 1.0 / 12.0 / flat.sigma_db**2))
     design = np.column_stack([np.ones_like(distance_db), -distance_db])
     expected = np.linalg.lstsq(root[:, None] * design, root * track.level_dbm, rcond=None)[0]

@@ -15,7 +15,7 @@ def test_shadowing_of_a_block_is_the_mean_over_its_points():
     x, y = path("random", 240, 3.0)
     walk = blocks(observations(x, y, np.zeros(240)), 20)
     rng, prior = np.random.default_rng(1), Prior(noise=noise_groups(Hypothesis(0.0, 15.0)))
-    apart = np.hypot(*(v[:, None] - v for v in (walk.point_x_m, walk.point_y_m)))
+    apart = np.hypot(*(v[:, None] - v for v in (walk.points.x_m, walk.points.y_m)))
     samples = np.linalg.cholesky(np.exp(-apart / 15.0)) @ rng.normal(size=(len(apart), 20_000))
     means = np.add.reduceat(walk.weight[:, None] * samples, walk.first)
     rounding = np.eye(len(walk)) / 12.0 / prior.sigma_db**2

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from logger.core.geo import Utm
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from logger.core.runfile import RunWriter, convert_journal
 from logger.core.types import CellReading, Fix, Record, Scan
 from tests.kit.runs import meta
@@ -42,13 +42,14 @@ def walk(seed, **changes):
     for cid, level_dbm in rows.items():
         scan = np.flatnonzero(np.isfinite(level_dbm))
         if len(scan):
-            sigma_m = np.full(len(scan), 3.0)
-            place = START_M[0] + x_m[scan], START_M[1] + y_m[scan]
-            cells.append(
-                CellObservations(
-                    name(cid), "GSM", UTM, scan * 10**9, *place, sigma_m, level_dbm[scan], scan
-                )
+            places = Places.of(
+                START_M[0] + x_m[scan],
+                START_M[1] + y_m[scan],
+                utm=UTM,
+                sigma_m=np.full(len(scan), 3.0),
+                t_ns=scan * 10**9,
             )
+            cells.append(Readings(name(cid), "GSM", places, level_dbm[scan], scan))
     return cells
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.comparison.ground import BLOCK_M, Grid, grounds_of
+from tests.kit.walks import with_places
 from tests.postproc.comparison.city import LISTED, name, walk
 
 
@@ -54,7 +55,7 @@ def test_a_list_of_one_has_no_floor():
 
 def test_an_unsure_position_is_in_no_block():
     cells = walk(1)
-    unsure = [replace(obs, position_sigma_m=np.full(len(obs), 80.0)) for obs in cells]
+    unsure = [with_places(obs, sigma_m=np.full(len(obs), 80.0)) for obs in cells]
     assert ground_of(unsure).cells == {}
 
 

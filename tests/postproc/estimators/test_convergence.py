@@ -1,12 +1,13 @@
 """No estimator passes on what it ended with where it did not converge."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from postproc.cell_estimation import _converged_only
 from postproc.cli import main
 from postproc.estimators import least_squares
@@ -34,7 +35,13 @@ def few_readings(seed):
         -60.0 - 30.0 * np.log10(distance) + rng.normal(0.0, 6.0, n),
     )[kind]
     at = np.arange(n)
-    return CellObservations("c", "LTE", Utm(32), at * 10**9, x, y, np.zeros(n), np.round(level), at)
+    return Readings(
+        "c",
+        "LTE",
+        Places.of(x, y, utm=Utm(32), sigma_m=np.zeros(n), t_ns=at * 10**9),
+        np.round(level),
+        at,
+    )
 
 
 @pytest.mark.parametrize("loss", ["linear", "huber", "cauchy"])
@@ -63,14 +70,7 @@ def test_levels_as_large_as_floats_end_in_no_answer():
         wild = obs.level_dbm.copy()
         wild[::2] = level
         fit = least_squares.fit(
-            CellObservations(
-                *(
-                    getattr(obs, n)
-                    for n in ("cell", "rat", "utm", "t_ns", "x_m", "y_m", "position_sigma_m")
-                ),
-                wild,
-                obs.scan_seq,
-            ),
+            replace(obs, level_dbm=wild),
             [(0.0, 0.0)],
         )
         assert not fit.converged

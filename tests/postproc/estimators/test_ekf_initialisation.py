@@ -3,16 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
 from logger.core.locator.online import EFFORT
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Mode
 from logger.core.model.prior import Hypothesis, Prior, Station
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from logger.core.shadow_ekf import ShadowNoise
 from postproc.estimators import ekf_initialisation, metrics
 from postproc.estimators.direction_check import compare
-from tests.kit.walks import simulate
+from tests.kit.walks import simulate, with_places
 
 FLAT = Prior(stations=(Station(1.0, 0.0),))
 
@@ -32,7 +32,13 @@ def square_walk(rng, *, noise_db=2.0, laps=2, step=2.8, source=(60.0, 95.0), sha
     level = -30.0 - 30.0 * np.log10(np.hypot(x - source[0], y - source[1])) + shadow_db * shadow
     level += noise_db * rng.normal(size=len(s))
     at = np.arange(len(s))
-    obs = CellObservations("c", None, Utm(32), at * 10**9, x, y, np.zeros(len(s)), level, at)
+    obs = Readings(
+        "c",
+        None,
+        Places.of(x, y, utm=Utm(32), sigma_m=np.zeros(len(s)), t_ns=at * 10**9),
+        level,
+        at,
+    )
     return obs, np.array(source), shadow_db * shadow
 
 
@@ -119,7 +125,8 @@ def test_shadowing_is_estimated_also_before_the_start_of_the_filter():
     errors = []
     for _ in range(60):
         obs, source, true = square_walk(rng, noise_db=1.0, shadow_db=4.0)
-        mode = Mode(1.0, 1.0, rng.multivariate_normal([*source, -30.0, 3.0], p), p)
+        mean = rng.multivariate_normal([*source, -30.0, 3.0], p)
+        mode = Mode(1.0, 1.0, mean, p, Places.of(*mean[:2]))
         _, result = ekf_initialisation._filter_and_smooth(
             obs, 200, mode, ShadowNoise(4.0, 15.0, 1.0, 0.0)
         )
@@ -154,7 +161,7 @@ def test_few_readings_give_a_reason(walk, count):
 def test_a_walk_that_ends_too_near_for_its_knowledge_gives_a_reason(walk):
     """The last reading is taken at the transmitter: no prefix is close enough for that."""
     obs, source, _ = walk
-    at_source = replace(
+    at_source = with_places(
         obs, x_m=np.append(obs.x_m[:-1], source[0]), y_m=np.append(obs.y_m[:-1], source[1])
     )
     whole = locate(obs, FLAT, EFFORT)

@@ -4,15 +4,18 @@ import numpy as np
 import pytest
 
 from logger.core import ekf, shadow_ekf
+from logger.core.places import Places
 from logger.core.shadow_ekf import ShadowNoise
 from postproc.estimators import filters
-from tests.kit.walks import simulate
+from tests.kit.walks import simulate, with_places
 
 NOISE = ShadowNoise(4.0, 20.0, 2.0, 5.0)
 
 
 def start(obs, source):
-    held = shadow_ekf.hold([*source, -30.0, 3.0], NOISE, float(obs.x_m[0]), float(obs.y_m[0]))
+    held = shadow_ekf.hold(
+        [*source, -30.0, 3.0], NOISE, Places.of(float(obs.x_m[0]), float(obs.y_m[0]))
+    )
     return shadow_ekf.release(held, np.diag([200.0, 150.0, 30.0, 0.2]))
 
 
@@ -30,13 +33,13 @@ def step_by_step(obs, state):
 
 
 def uncertain(obs, sigma_m=3.0):
-    return replace(obs, position_sigma_m=np.full(len(obs), sigma_m))
+    return with_places(obs, sigma_m=np.full(len(obs), sigma_m))
 
 
 def test_reference_is_the_live_filter_step_by_step():
     obs, _ = simulate(np.random.default_rng(1), "L", count=50)
     result = filters.reference_ekf(obs)
-    state = ekf.start(float(obs.x_m[0]), float(obs.y_m[0]))
+    state = ekf.start(Places.of(float(obs.x_m[0]), float(obs.y_m[0])))
     for i in range(50):
         step = ekf.step(state, float(obs.x_m[i]), float(obs.y_m[i]), float(obs.level_dbm[i]))
         state = step.state
@@ -87,14 +90,7 @@ def test_levels_that_are_unknown_are_walked_past_and_not_counted():
     gone = np.arange(120) % 3 == 1
     holed = replace(obs, level_dbm=np.where(gone, np.nan, obs.level_dbm), known_limit=obs.limit)
     result = filters.shadow_pass(holed, start(obs, source), NOISE)
-    left = replace(
-        obs,
-        **{
-            name: getattr(obs, name)[~gone]
-            for name in ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm")
-        },
-        known_limit=obs.limit[~gone],
-    )
+    left = obs.part(~gone)
     straight = np.arange(120) < 60  # past the corner two short ways are longer than one
     expected = filters.shadow_pass(left, start(obs, source), NOISE)
     np.testing.assert_allclose(

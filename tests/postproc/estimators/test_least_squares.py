@@ -69,10 +69,7 @@ def test_what_the_floor_hides_is_not_taken_for_a_level():
         limited = replace(clipped, rat="GSM")
         assert 0.2 < np.mean(limited.limit == -1) < 0.6
         lone = np.flatnonzero(limited.limit == 0)
-        arrays = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
-        dropped = replace(
-            clipped, rat="LTE", **{name: getattr(clipped, name)[lone] for name in arrays}
-        )
+        dropped = replace(clipped.part(lone), rat="LTE", known_limit=None)
         fits = [least_squares.fit(one, [(60.0, 90.0)]) for one in (limited, dropped, obs)]
         errors.append([abs(fit.state[3] - 3.0) for fit in fits] + [nees(fits[0])])
     used, left_out, nothing_hidden, chi2 = np.median(errors, axis=0)

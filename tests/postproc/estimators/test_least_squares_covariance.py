@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -7,6 +5,7 @@ from postproc.estimators import least_squares
 from postproc.estimators.least_squares import Search
 from postproc.estimators.least_squares_rows import group
 from tests.kit.bent_walk import nees, walk
+from tests.kit.walks import with_places
 
 
 @pytest.mark.parametrize("loss", ["linear", "cauchy"])
@@ -65,7 +64,7 @@ def test_a_source_far_off_a_short_walk_is_not_bounded():
 
 def test_what_is_not_observed_is_uncertain():
     obs = walk(np.random.default_rng(12))
-    still = replace(obs, x_m=np.zeros(len(obs)), y_m=np.zeros(len(obs)))
+    still = with_places(obs, x_m=np.zeros(len(obs)), y_m=np.zeros(len(obs)))
     fit = least_squares.fit(still, [(50.0, 0.0)])
     assert np.sqrt(fit.covariance[0, 0]) > 1000.0
     assert not fit.bounded

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from logger.core.geo import Utm
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from postproc.estimators import least_squares
 from postproc.estimators.least_squares_rows import group
 from tests.kit.bent_walk import SOURCE, nees, walk
+from tests.kit.walks import with_places
 
 
 def test_linear_part_agrees_with_dense_least_squares():
@@ -24,7 +25,7 @@ def test_linear_part_agrees_with_dense_least_squares():
 
 def test_rows_equally_far_away_determine_no_exponent():
     obs = walk(np.random.default_rng(1), count=50)
-    rows = group(replace(obs, x_m=np.full(50, 12.3), y_m=np.full(50, 4.5)), 5.0, robust=False)
+    rows = group(with_places(obs, x_m=np.full(50, 12.3), y_m=np.full(50, 4.5)), 5.0, robust=False)
     x_m, y_m, p0_dbm, eta = rows.best_at(40.0, 70.0)
     assert (x_m, y_m, eta) == pytest.approx((40.0, 70.0, 0.0), abs=1e-9)
     assert p0_dbm == pytest.approx(np.average(rows.level_dbm, weights=rows.weight))
@@ -53,8 +54,7 @@ def test_jacobian_agrees_with_central_differences(height_m):
 def test_readings_of_one_point_do_not_outweigh_the_walk():
     obs = walk(np.random.default_rng(8), shadow_m=10.0)
     again = np.concatenate([np.arange(len(obs)), np.full(900, 120)])
-    arrays = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
-    long = replace(obs, **{name: getattr(obs, name)[again] for name in arrays})
+    long = replace(obs.part(again), known_limit=None)
     short_fit, long_fit = (least_squares.fit(one, [(60.0, 90.0)]) for one in (obs, long))
     assert np.hypot(*(short_fit.state - long_fit.state)[:2]) < 10.0
     shrunk = np.linalg.det(long_fit.covariance[:2, :2]) / np.linalg.det(
@@ -75,7 +75,9 @@ def test_a_million_readings(loss):
         + 3.0 * rng.normal(size=count)
     )
     at = np.arange(count)
-    obs = CellObservations("c", None, Utm(32), at, x, y, np.zeros(count), level, at)
+    obs = Readings(
+        "c", None, Places.of(x, y, utm=Utm(32), sigma_m=np.zeros(count), t_ns=at), level, at
+    )
     fit = least_squares.fit(obs, [(40.0, 70.0), (300.0, 300.0)], loss=loss)
     assert fit.n == count
     assert nees(fit) < 9.2

@@ -5,8 +5,8 @@ import pytest
 import shapely
 from shapely.geometry import Point, shape
 
-from logger.core.geo import Utm
 from logger.core.locator.region import Squares, area_m2, highest_density
+from logger.core.places import Utm
 from postproc.estimators.region_outline import geojson, merge_squares, outline, polygons
 
 UTM = Utm(32)

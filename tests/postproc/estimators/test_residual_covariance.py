@@ -3,6 +3,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from logger.core.model.prior import Hypothesis
+from logger.core.places import Places
 from postproc.estimators import residuals
 
 
@@ -23,7 +24,7 @@ def noise(rng, x, y, white_db, shadow_db, d_c):
 def estimate(x, y, e, design):
     one = np.ones(len(x))
     left = e - design @ np.linalg.lstsq(design, e, rcond=None)[0]
-    return residuals.residual_noise(x, y, one, one, design, left)
+    return residuals.residual_noise(Places.of(x, y), one, one, design, left)
 
 
 def test_averages_are_weighted():
@@ -83,7 +84,7 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
 def test_very_few_squares_are_not_taken_for_certainty():
     one = np.ones(6)
     still = residuals.residual_noise(
-        np.zeros(6), np.zeros(6), one, one, np.ones((6, 4)), np.zeros(6)
+        Places.of(np.zeros(6), np.zeros(6)), one, one, np.ones((6, 4)), np.zeros(6)
     )
     assert still.covariance_db2.shape == (1, 1)
     assert still.covariance_db2[0, 0] > 1.0

@@ -3,12 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from postproc.estimators import least_squares, residuals
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import consistency
 from postproc.estimators.residuals import diagnose, findings
+from tests.kit.walks import with_places
 
 SOURCE = np.array([130.0, 150.0, -30.0, 3.0])
 
@@ -29,7 +30,13 @@ def walk(rng, *, white_db=3.0, shadow_db=0.0, d_c=15.0, count=500):
     level = SOURCE[2] - 10.0 * SOURCE[3] * np.log10(np.hypot(x - SOURCE[0], y - SOURCE[1]))
     at = np.arange(count)
     level = level + white_db * rng.normal(size=count) + shadow_db * shadow
-    return CellObservations("c", None, Utm(32), at * 10**9, x, y, np.zeros(count), level, at + 1000)
+    return Readings(
+        "c",
+        None,
+        Places.of(x, y, utm=Utm(32), sigma_m=np.zeros(count), t_ns=at * 10**9),
+        level,
+        at + 1000,
+    )
 
 
 def around(obs):
@@ -196,7 +203,7 @@ def test_few_readings_are_listed_without_statistics(count):
 
 def test_standing_still_is_survived():
     obs = walk(np.random.default_rng(12), count=50)
-    result = diagnose(SOURCE, replace(obs, x_m=np.zeros(50), y_m=np.zeros(50)))
+    result = diagnose(SOURCE, with_places(obs, x_m=np.zeros(50), y_m=np.zeros(50)))
     assert result.exponent_change is result.sector is None
     assert result.independent == 1.0
 
@@ -208,9 +215,7 @@ def test_a_trend_is_the_generalised_least_squares_one():
     obs = walk(np.random.default_rng(13), white_db=2.0, shadow_db=3.0)
     design = least_squares.jacobian(SOURCE, obs)
     distance, azimuth = around(obs)
-    ground = residuals.Ground(
-        obs.x_m, obs.y_m, obs.level_dbm, 10.0 * np.log10(distance), azimuth, design
-    )
+    ground = residuals.Ground(obs.places, obs.level_dbm, 10.0 * np.log10(distance), azimuth, design)
     noise = residuals.noise_of(ground, np.sin(azimuth), np.cos(azimuth))
     which = [np.flatnonzero(noise.square == k) for k in range(noise.square.max() + 1)]
     rows = np.column_stack([design, np.sin(azimuth), np.cos(azimuth), obs.level_dbm])

@@ -5,6 +5,7 @@ import pytest
 from filterpy.kalman import rts_smoother
 
 from logger.core import shadow_ekf
+from logger.core.places import Places
 from logger.core.shadow_ekf import ShadowNoise
 from postproc.estimators import rts
 from postproc.estimators.filters import retained_rows, shadow_pass
@@ -34,7 +35,7 @@ def problem(seed, count=40, noise=NOISE, still=()):
 def smooth_naively(obs, mean, p, noise, rows=None):
     conditionals = np.empty((len(obs), 6))
     state = shadow_ekf.release(
-        shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0])), p
+        shadow_ekf.hold(mean, noise, Places.of(float(obs.x_m[0]), float(obs.y_m[0]))), p
     )
     ahead = shadow_pass(obs, state, noise, conditionals=conditionals)
     rows = retained_rows(len(obs)) if rows is None else rows
@@ -170,7 +171,7 @@ def test_one_reading_comes_back():
     obs, mean, p, noise = problem(11, count=40)
     conditionals = np.empty((1, 6))
     state = shadow_ekf.release(
-        shadow_ekf.hold(mean, noise, float(obs.x_m[0]), float(obs.y_m[0])), p
+        shadow_ekf.hold(mean, noise, Places.of(float(obs.x_m[0]), float(obs.y_m[0]))), p
     )
     ahead = shadow_pass(obs, state, noise, readings=slice(1), conditionals=conditionals)
     x, covariances = rts.smooth(conditionals, np.empty(0), noise, mean, ahead.end, np.array([0]))

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
-from logger.core.track import Track
+from logger.core.places import Track, Utm
 from postproc.estimators import stale_fixes, track_plausibility, walker
 
 
@@ -10,7 +9,9 @@ def track(t_s, x_m, y_m=None, sigma_m=7.0):
     x_m = np.asarray(x_m, float)
     y_m = np.zeros(len(x_m)) if y_m is None else y_m
     t_ns = np.round(np.asarray(t_s, float) * 1e9).astype(np.int64)
-    return Track(Utm(32), t_ns, np.arange(len(x_m)), x_m, y_m, np.full(len(x_m), sigma_m))
+    n = len(x_m)
+    sigmas_m, nowhere = np.full(n, sigma_m), np.full(n, np.nan)
+    return Track(x_m, y_m, nowhere, sigmas_m, t_ns, Utm(32), seq=np.arange(n))
 
 
 def test_repeated_positions_shortly_before_a_jump_are_stale():

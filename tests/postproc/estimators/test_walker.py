@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from logger.core.rows import DTYPES
 from postproc.estimators import walker
 from tests.kit.scaling import check_growth
@@ -207,12 +207,3 @@ def test_velocities_come_from_speed_and_course_on_the_grid():
     assert (result.east_mps[1], result.north_mps[1]) == (0.0, 0.0)
     assert 0.3 < result.sigma_mps[1] < 0.35
     assert np.isinf(result.sigma_mps[2])
-
-
-def test_the_covariance_of_a_position_is_round():
-    rng = np.random.default_rng(9)
-    t_s, xy = streets(rng, 120)
-    smooth_fixes = walker.smooth_track(track(t_s, xy))
-    result = smooth_fixes.at(smooth_fixes.track.t_ns[10:20] + 400_000_000)
-    np.testing.assert_allclose(result.covariance_m2[:, 0, 0], result.sigma_m**2)
-    assert np.all(result.covariance_m2[:, 0, 1] == 0.0)

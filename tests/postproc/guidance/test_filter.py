@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
 from logger.core.model.prior import Prior
+from logger.core.places import Utm
 from postproc.guidance.filter import BadRow, GuideFilter
 from tests.kit.guided_walks import LAT_DEG, LON_DEG, line, rows
 

@@ -5,9 +5,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
 from logger.core.guidance.routes import Route
 from logger.core.model.prior import Prior
+from logger.core.places import Utm
 from postproc.cli import main
 from postproc.guidance.cli import _readings_of
 from postproc.guidance.next_output import draw_map
@@ -68,7 +68,7 @@ def test_the_map_shows_all_of_the_best_route(run, tmp_path, monkeypatch):
     )
     walk = next_walk(_readings_of([run], None), Prior())
     best = walk.routes[0]
-    far = best._replace(route=Route(walk.start_m + np.array([[0.0, 0.0], [0.0, 1400.0]])))
+    far = best._replace(route=Route(walk.start.xy_m[:, 0] + np.array([[0.0, 0.0], [0.0, 1400.0]])))
     draw_map(walk._replace(routes=(far,)), tmp_path / "next.png")
     (shown,) = axes
     assert min(*shown.get_xlim(), *shown.get_ylim()) < -1400.0

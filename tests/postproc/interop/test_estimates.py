@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from logger.core.ellipse import Ellipse
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from postproc.interop.estimates import estimate_of
 from postproc.interop.writers import geojson, gpx, kml
 from postproc.summary import summarise

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from logger.core.geo import Utm
+from logger.core.places import Utm
 from postproc.interop.geometry import ellipse, lines, polygons
 
 GEOD = Geod(ellps="WGS84")

@@ -8,8 +8,8 @@ import pytest
 
 from logger.core.censoring import levels_dbm
 from logger.core.errors import RunFileError
+from logger.core.places import UNKNOWN_SIGMA_M
 from logger.core.runfile import read_run
-from logger.core.track import UNKNOWN_SIGMA_M
 from logger.core.types import Fix, Note, Scan
 from postproc.cli import main
 from postproc.info import describe

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 import logger
-from logger.core.geo import Utm
 from logger.core.live import LiveTracker
 from logger.core.live_settings import FOLLOW, MARK, LiveSettings
+from logger.core.places import Utm, track_of
 from logger.core.runfile import RunMeta, RunWriter, Truth, convert_journal, read_run
 from logger.core.schema import TABLES
-from logger.core.track import track_of
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, RawBytes, Record, Scan
 from postproc.cli import main
 from postproc.interop.share import EVENTS

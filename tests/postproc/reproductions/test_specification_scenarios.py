@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from logger.core import ekf
+from logger.core.places import Places
 from logger.core.types import Note
 from postproc.reproductions import specification
 from postproc.reproductions import specification_walks as walks
@@ -13,7 +14,7 @@ def test_the_live_reference_is_the_filter_itself():
     x_m, y_m = walks.around_block()
     level_dbm = true_level_dbm(walks.STATION, x_m, y_m)
     steps = walks.of_stage(walks.track(x_m, y_m, level_dbm[None]), "reference-ekf")
-    state = ekf.start(x_m[0] + ORIGIN_M[0], y_m[0] + ORIGIN_M[1])
+    state = ekf.start(Places.of(x_m[0] + ORIGIN_M[0], y_m[0] + ORIGIN_M[1]))
     for step, *reading in zip(steps, x_m + ORIGIN_M[0], y_m + ORIGIN_M[1], level_dbm, strict=True):
         state = ekf.step(state, *reading).state
         assert (step.x_m, step.y_m) == pytest.approx(state[:2], abs=1e-3)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from postproc.survey.alignment import PLACE_M, align
 
 MODEMS, WALKS, PLACES = 8, 4, 60
@@ -18,15 +18,27 @@ def _walks(rng, offset_db, common_db):
     along_m = (np.arange(PLACES) + 0.5) * PLACE_M
     error_db = rng.normal(0.0, common_db, len(number))[:, None]
     level_dbm = (
-        place_dbm + offset_db[number][:, None] + error_db
+        place_dbm
+        + offset_db[number][:, None]
+        + error_db
         + rng.normal(0.0, NOISE_DB, (len(number), PLACES))
-    )  # fmt: skip
+    )
     n = level_dbm.size
-    return CellObservations(
-        "262-01-801-1", "GSM", Utm(33), np.tile(np.arange(PLACES) * 10**10, len(number)),
-        390_000.0 + np.tile(along_m, len(number)), np.full(n, 5_820_010.0), np.full(n, 4.0),
-        level_dbm.ravel(), np.arange(n), modem=np.repeat(number, PLACES), without_spikes=True,
-    )  # fmt: skip
+    return Readings(
+        "262-01-801-1",
+        "GSM",
+        Places.of(
+            390_000.0 + np.tile(along_m, len(number)),
+            np.full(n, 5_820_010.0),
+            utm=Utm(33),
+            sigma_m=np.full(n, 4.0),
+            t_ns=np.tile(np.arange(PLACES) * 10**10, len(number)),
+        ),
+        level_dbm.ravel(),
+        np.arange(n),
+        modem=np.repeat(number, PLACES),
+        without_spikes=True,
+    )
 
 
 @pytest.mark.parametrize("common_db", [0.0, 0.4, 0.8])

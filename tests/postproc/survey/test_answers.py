@@ -12,7 +12,7 @@ from benchmarks.synthetic_city.walks import draw_walkers
 from benchmarks.synthetic_city.world import ORIGIN_M, ZONE
 from logger.baseline_file import BaselineFile
 from logger.core.errors import ConfigError
-from logger.core.geo import Utm
+from logger.core.places import Places, Utm
 from postproc.cli import main
 from postproc.result import Options
 from postproc.survey.answers.next_walks import next_walks
@@ -83,7 +83,9 @@ def test_next_walks(survey, scheduler):
     with Cluster(scheduler) as cluster:
         found = locate_survey(survey, Options(), cluster=cluster).cells
     unsure = [replace(cell, verdict="cannot tell") for cell in found]
-    walks = next_walks(survey, unsure[:1], EVERY_RUN, Options(), 2, [(52.52, 13.38)])
+    walks = next_walks(
+        survey, unsure[:1], EVERY_RUN, Options(), 2, [Places.of_degrees(52.52, 13.38)]
+    )
     assert {walker: walk.answer.cell for walker, walk in walks.items()} == {1: unsure[0].cell}
     assert walks[1].routes[0].nats > 0.0
     certain = [replace(cell, verdict="located") for cell in found]
@@ -103,7 +105,7 @@ def test_several_walkers_have_areas_of_their_own(tmp_path, scheduler):
     unsure = [replace(cell, verdict="cannot tell") for cell in found]
     utm = Utm(ZONE)
     starts_m = [np.array(ORIGIN_M), np.array(ORIGIN_M) + city.size_m]
-    starts = [utm.to_latlon(*place.tolist()) for place in starts_m]
+    starts = [Places.of(*place, utm=utm) for place in starts_m]
     walks = next_walks(survey, unsure, EVERY_RUN, Options(), 3, starts)
     assert list(walks) == [1, 2, 3]
     assert len({walk.answer.cell for walk in walks.values()}) == 3

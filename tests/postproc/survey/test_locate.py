@@ -148,10 +148,8 @@ def test_thinning_keeps_means(tmp_path):
     obs = joined_readings(parts, ["a"] * len(parts)).usable()
     assert thin(obs) is obs
     times = MOST_READINGS // len(obs) + 2
-    many = {
-        column: np.repeat(getattr(obs, column), times)
-        for column in ("t_ns", "x_m", "y_m", "position_sigma_m", "scan_seq")
-    }
+    each = np.repeat(np.arange(len(obs)), times)
+    many = {"places": obs.places.part(each), "scan_seq": obs.scan_seq[each]}
     noise = np.random.default_rng(1).normal(0.0, 3.0, times * len(obs))
     dense = replace(obs, **many, level_dbm=np.repeat(obs.level_dbm, times) + noise, ta=None,
                     known_limit=None)  # fmt: skip

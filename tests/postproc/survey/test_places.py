@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from pyproj import Geod, Proj
 
-from logger.core.geo import Utm
-from logger.core.observations import CellObservations
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings, in_order
 from postproc.cli import main
 from postproc.result import Options
 from postproc.survey.answers.page import html, walked_ground
@@ -195,19 +195,26 @@ def test_what_cannot_be_told_apart_is_one_place():
 
 def test_one_run_in_two_places():
     here, there = _observations(51.5, 11.9, 32), _observations(47.0, 11.9, 32)
-    columns = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
-    both = {name: np.concatenate([getattr(here, name), getattr(there, name)]) for name in columns}
-    places = places_of({"a": replace(here, **both), "b": there})
+    places = places_of({"a": in_order([here, there]), "b": there})
     assert [sum(map(len, place.values())) for place in places] == [80, 40]
     assert [list(place) for place in places] == [["a", "b"], ["a"]]
 
 
 def _observations(lat_deg, lon_deg, zone, n=40):
     x_m, y_m = Utm(zone).to_xy(lat_deg, lon_deg)
-    return CellObservations(
-        name(1), "GSM", Utm(zone), np.arange(n) * 10**9, x_m + np.arange(n) * 5.0,
-        np.full(n, y_m), np.full(n, 5.0), -60.0 - np.arange(n) % 7, np.arange(n),
-    )  # fmt: skip
+    return Readings(
+        name(1),
+        "GSM",
+        Places.of(
+            x_m + np.arange(n) * 5.0,
+            np.full(n, y_m),
+            utm=Utm(zone),
+            sigma_m=np.full(n, 5.0),
+            t_ns=np.arange(n) * 10**9,
+        ),
+        -60.0 - np.arange(n) % 7,
+        np.arange(n),
+    )
 
 
 def test_loggers_of_two_zones_share_their_ground(tmp_path):

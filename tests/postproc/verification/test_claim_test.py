@@ -5,6 +5,7 @@ from logger.core.model.blocks import blocks
 from logger.core.model.columns import distances_db, varying_columns
 from logger.core.model.noise import covariances, whiteners_of
 from logger.core.model.prior import Hypothesis, Prior, Station
+from logger.core.places import Places
 from postproc.verification.claim_test import (
     BEARINGS_DEG,
     around,
@@ -40,10 +41,10 @@ def test_grid_has_the_density_of_its_model_in_one_piece(antenna_db):
     for c in range(len(PRIOR.hypotheses)):
         for h in range(3):
             d = distances_db(
-                walk.blocks, PRIOR.height_m, places[0, h : h + 1], places[1, h : h + 1]
+                walk.blocks, PRIOR.height_m, Places.of(places[0, h : h + 1], places[1, h : h + 1])
             )[:, 0]
             columns = varying_columns(
-                walk.blocks, prior, places[0, h : h + 1], places[1, h : h + 1]
+                walk.blocks, prior, Places.of(places[0, h : h + 1], places[1, h : h + 1])
             )
             pattern = sum((column @ column.T for column in columns[1:]), np.zeros((n, n)))
             shape = (
@@ -133,7 +134,7 @@ def test_shadowing_that_lasts_alarms_no_more_often():
         walk, source = walk_of(seed, shadow_db=6.0, d_c=60.0, white_db=1.0)
         rng = np.random.default_rng(1)
         test = claim_test(walk, source[:, None], rng)
-        rate = test.power(source[:1], source[1:], 0.1, 600, rng, trusting=True)
+        rate = test.power(Places.of(*source[:, None]), 0.1, 600, rng, trusting=True)
         assert 0.05 < rate[0] < 0.16
 
 
@@ -141,7 +142,7 @@ def test_power_is_what_drawn_walks_are_rejected_at():
     walk, source = walk_of(3, white_db=2.0)
     rng = np.random.default_rng(1)
     test = claim_test(walk, source[:, None], rng)
-    alarms = test.power(source[:1], source[1:], 0.1, 400, rng, trusting=True)
+    alarms = test.power(Places.of(*source[:, None]), 0.1, 400, rng, trusting=True)
     assert 0.04 < alarms[0] < 0.17
     seen = test.detectable(0.05, rng, trusting=True)
     assert [one.azimuth_deg for one in seen] == list(BEARINGS_DEG)
@@ -149,7 +150,7 @@ def test_power_is_what_drawn_walks_are_rejected_at():
         if one.indirect_m is not None:
             angle = np.radians(one.azimuth_deg)
             place = source + 2.0 * one.indirect_m * np.array([np.sin(angle), np.cos(angle)])
-            beyond = test.power(place[:1], place[1:], 0.05, 100, rng, trusting=True)[0]
+            beyond = test.power(Places.of(*place[:, None]), 0.05, 100, rng, trusting=True)[0]
             assert beyond > 0.8 or one.indirect_blind_m is not None
 
 
@@ -168,16 +169,17 @@ def test_uncertainty_of_the_claim_is_as_good_as_distance():
     walk, source = walk_of(4, white_db=1.5)
     level, off = walk.level_dbm[:, None], source + np.array([150.0, 120.0])
     sharp, soft = (
-        claim_test(walk, around(*off, sigma), np.random.default_rng(1)) for sigma in (0.0, 200.0)
+        claim_test(walk, around(Places.of(*off), sigma), np.random.default_rng(1))
+        for sigma in (0.0, 200.0)
     )
     assert soft.p_values(level, trusting=True)[0] > sharp.p_values(level, trusting=True)[0]
-    places = around(10.0, -20.0, 50.0)
+    places = around(Places.of(10.0, -20.0), 50.0)
     assert np.mean(places, axis=1) == pytest.approx([10.0, -20.0])
     assert np.std(places, axis=1) == pytest.approx([50.0, 50.0], rel=0.1)
 
 
 def test_claim_has_no_hole_that_a_place_falls_into():
-    places = around(0.0, 0.0, 100.0)
+    places = around(Places.of(0.0, 0.0), 100.0)
     x, y = (v.ravel() for v in np.meshgrid(*[np.arange(-100.0, 101.0, 5.0)] * 2))
     apart = np.hypot(*(v[:, None] - own for v, own in zip((x, y), places, strict=True)))
     assert np.max(np.min(apart, axis=1)[np.hypot(x, y) < 100.0]) < 17.0

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from logger.core.geo import Utm
 from logger.core.locator.pipeline import locate
 from logger.core.model.blocks import blocks
 from logger.core.model.prior import Prior
+from logger.core.places import Places, Utm
 from postproc.verification.claim_test import prepare_walk
 from postproc.verification.run_sites import between_two, within_one
 from tests.kit.walks import observations, path
@@ -36,8 +36,8 @@ def test_two_runs_past_one_place_and_past_two():
     assert calm.p > 0.05
     assert cloned.p < 0.01
     assert cloned.log_factor > max(calm.log_factor, 1.0)
-    assert np.hypot(cloned.one_m[0] - 80.0, cloned.one_m[1] - 40.0) < 40.0
-    assert np.hypot(cloned.other_m[0] + 10.0, cloned.other_m[1] - 200.0) < 60.0
+    assert cloned.one.away_m(Places.of(80.0, 40.0)) < 40.0
+    assert cloned.other.away_m(Places.of(-10.0, 200.0)) < 60.0
     assert len(cloned.places_deg) == 2
 
 

@@ -5,7 +5,7 @@ import pyarrow.compute as pc
 import pytest
 
 from benchmarks.view import WALKS, walk
-from logger.core.observations import observe
+from logger.core.readings import observe
 from postproc.estimators.filters import MOST_ROWS, FilterPath
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.view.layers import MOST_STRIPS

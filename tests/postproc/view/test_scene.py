@@ -14,6 +14,7 @@ from postproc.view.scene import write_scene
 from postproc.view.world_map import zoom_of
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks, rows, static_columns, temporal_columns, times, values
+from tests.kit.walks import with_places
 
 NAME = kit.cell_name(0)
 CELL, SERIES, STATES = (f"/{folder}/{NAME}" for folder in ("plan/cells", "series", "states"))
@@ -79,7 +80,7 @@ def test_other_values_are_noticed(recording_path, result):
     is_seventh = np.arange(len(first)) == 7
     for changed in (
         replace(first, level_dbm=first.level_dbm + 0.01 * is_seventh),
-        replace(first, t_ns=first.t_ns + is_seventh),
+        with_places(first, t_ns=first.t_ns + is_seventh),
     ):
         with pytest.raises(AssertionError):
             check_levels(

@@ -9,21 +9,25 @@ import numpy as np
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.censoring import levels_dbm, limits
 from logger.core.column import UNKNOWN_TIME
-from logger.core.geo import Utm
+from logger.core.places import (
+    Places,
+    Track,
+    Utm,
+    index_of,
+    join_places,
+    smeared_sigma_m,
+    track_of,
+)
 from logger.core.regular_naming import regularly_named
 from logger.core.repeated_levels import repeats_along
 from logger.core.rows import Rows, numbered_texts
-from logger.core.spikes_along import spikes_along
-from logger.core.track import Track, index_of, positions_at, track_of, way_sigma_m
+from logger.core.spikes import spikes_along
 
 LAST_TA = 63
 """Largest timing advance; base stations farther away have it too (3GPP TS 45.010)."""
 _FARTHEST_M = 1e8
 """No coordinate or level on this Earth is larger."""
-_PER_READING = (
-    *("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq"),
-    *("modem", "ta", "named_share"),
-)
+_PER_READING = ("level_dbm", "scan_seq", "modem", "ta", "named_share")
 
 
 class SpikeLevel(NamedTuple):
@@ -37,25 +41,20 @@ class SpikeLevel(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class CellObservations:
-    """Levels of one cell along the walk, in time order; all arrays have shape (n,).
+class Readings:
+    """The readings of one cell in time order, from one on; arrays of shape (n,).
 
-    `x_m, y_m` is the receiver in the run's UTM zone, `position_sigma_m` its standard deviation per
-    axis, `scan_seq` the record number of the scan a level came from. `modem` numbers the modems of
-    several runs from 0, run after run; None is one modem. `known_limit` is `limit` if the levels no
-    longer show it. `ta` is the GSM timing advance in steps of 553.5 m, -1 if unknown; None is none
-    at all. `named_share` is the share of the scans near a reading that name the cell; None is
-    unknown. `without_spikes`: repeated levels and those that their neighbours do not confirm have
-    been removed, or are to stay.
+    `places` are those of the receiver, `scan_seq` the record number of the scan a level came from.
+    `modem` numbers the modems of several runs from 0, run after run; None is one modem.
+    `known_limit` is `limit` if the levels no longer show it. `ta` is the GSM timing advance in
+    steps of 553.5 m, -1 if unknown; None is none at all. `named_share` is the share of the scans
+    near a reading that name the cell; None is unknown. `without_spikes`: repeated levels and those
+    that their neighbours do not confirm have been removed, or are to stay.
     """
 
     cell: str
     rat: str | None
-    utm: Utm
-    t_ns: IntArray
-    x_m: FloatArray
-    y_m: FloatArray
-    position_sigma_m: FloatArray
+    places: Places
     level_dbm: FloatArray
     scan_seq: IntArray
     modem: IntArray | None = None
@@ -64,8 +63,41 @@ class CellObservations:
     named_share: FloatArray | None = None
     without_spikes: bool = False
 
+    @classmethod
+    def one(
+        cls, cell: str, rat: str | None, place: Places, level_dbm: float, limit: int = 0
+    ) -> "Readings":
+        """A single reading at a place."""
+        never = np.zeros(1, np.int64)
+        return cls(cell, rat, place, np.array([level_dbm]), never, known_limit=np.array([limit]))
+
+    @property
+    def utm(self) -> Utm:
+        """Zone of the places."""
+        return self.places.utm
+
+    @property
+    def t_ns(self) -> IntArray:
+        """Time of each reading."""
+        return self.places.t_ns
+
+    @property
+    def x_m(self) -> FloatArray:
+        """East of the receiver."""
+        return self.places.x_m
+
+    @property
+    def y_m(self) -> FloatArray:
+        """North of the receiver."""
+        return self.places.y_m
+
+    @property
+    def position_sigma_m(self) -> FloatArray:
+        """Standard deviation of the receiver's position per axis."""
+        return self.places.sigma_m
+
     def __len__(self) -> int:
-        return len(self.t_ns)
+        return len(self.places)
 
     @property
     def n_modems(self) -> int:
@@ -82,13 +114,19 @@ class CellObservations:
             limit[rows] = limits(self.level_dbm[rows], self.rat)
         return limit
 
-    def part(self, chosen: slice | BoolArray) -> "CellObservations":
+    def __getitem__(self, k: int) -> "Readings":
+        """One of the readings."""
+        k = range(len(self))[k]
+        return self.part(slice(k, k + 1))
+
+    def part(self, chosen: slice | BoolArray | IntArray) -> "Readings":
         """Some of the readings; those at a limit of the scale are those that all readings show."""
         columns = {name: getattr(self, name) for name in _PER_READING}
         parts = {name: values[chosen] for name, values in columns.items() if values is not None}
-        return replace(self, **parts, known_limit=self.limit[chosen])
+        places = self.places.part(chosen)
+        return replace(self, **parts, places=places, known_limit=self.limit[chosen])
 
-    def usable(self, spikes: Sequence[SpikeLevel] | None = None) -> "CellObservations":
+    def usable(self, spikes: Sequence[SpikeLevel] | None = None) -> "Readings":
         """The readings with a valid level and position that count, where scans name the cell.
 
         `spikes` are those of `spikes()`, where they are known; for the places see `regular_naming`.
@@ -100,7 +138,7 @@ class CellObservations:
         counts = regularly_named(found.level_dbm, found.limit == 0, found.named_share)
         return replace(found if np.all(counts) else found.part(counts), named_share=None)
 
-    def everywhere(self, spikes: Sequence[SpikeLevel] | None = None) -> "CellObservations":
+    def everywhere(self, spikes: Sequence[SpikeLevel] | None = None) -> "Readings":
         """As `usable`, and also where few scans name the cell."""
         is_valid = self._is_valid()
         valid = self if np.all(is_valid) else self.part(is_valid)
@@ -125,8 +163,7 @@ class CellObservations:
         above_db: dict[int, float] = {}
         for modem_rows in self._rows_by_modem():
             rows = modem_rows[is_counted[modem_rows]]
-            x_m, y_m, level_dbm = self.x_m[rows], self.y_m[rows], self.level_dbm[rows]
-            spikes = spikes_along(x_m, y_m, level_dbm, limit[rows])
+            spikes = spikes_along(self.places.part(rows), self.level_dbm[rows], limit[rows])
             above_db |= {int(rows[k]): off_db for k, off_db in spikes}
         return [
             SpikeLevel(k, int(self.scan_seq[k]), int(self.t_ns[k]), float(self.level_dbm[k]), off)
@@ -140,8 +177,8 @@ class CellObservations:
         is_valid, repeats = self._is_valid(), list[int]()
         for modem_rows in self._rows_by_modem():
             rows = modem_rows[is_valid[modem_rows]]
-            places = self.x_m[rows], self.y_m[rows], self.position_sigma_m[rows]
-            again = repeats_along(*places, self.level_dbm[rows], self._lasting_limit(rows))
+            levels_dbm, limit = self.level_dbm[rows], self._lasting_limit(rows)
+            again = repeats_along(self.places.part(rows), levels_dbm, limit)
             repeats += rows[again].tolist()
         return repeats
 
@@ -154,7 +191,7 @@ class CellObservations:
         at_limit = level_dbm[is_new][limits(level_dbm[is_new], self.rat) != 0]
         return np.isin(level_dbm, at_limit).astype(np.int64)
 
-    def on_one_scale(self, offset_db: FloatArray) -> "CellObservations":
+    def on_one_scale(self, offset_db: FloatArray) -> "Readings":
         """The readings on the scale of the first modem; each reads `offset_db` (modems,) higher.
 
         Modems beyond those are left as they are: none of their readings was used.
@@ -171,16 +208,17 @@ class CellObservations:
         return [np.flatnonzero(self.modem == number) for number in np.unique(self.modem)]
 
     def _is_valid(self) -> BoolArray:
-        columns = np.stack([self.x_m, self.y_m, self.position_sigma_m, self.level_dbm])
+        places = self.places
+        columns = np.stack([places.x_m, places.y_m, places.sigma_m, self.level_dbm])
         return np.asarray(np.all(np.abs(columns) < _FARTHEST_M, axis=0))  # NaN compares false
 
 
 @dataclass(frozen=True, slots=True)
 class Observations:
-    """Cells of a run, most readings first, and how many readings could not be used and why."""
+    """The readings of each cell of a run, most first, and how many could not be used and why."""
 
     track: Track
-    cells: tuple[CellObservations, ...]
+    cells: tuple[Readings, ...]
     n_readings: int
     n_without_position: int
     n_without_identity: int
@@ -193,30 +231,36 @@ def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:
     Raises as `track_of`.
     """
     track = track_of(fixes)
-    t_ns = times_ns(scans, readings)
-    position = positions_at(track, t_ns, readings["fix_seq"])
-    start_ns = readings["t_start_ns"]
-    way_m = np.where(start_ns == UNKNOWN_TIME, 0.0, way_sigma_m(track, start_ns, readings["t_ns"]))
+    places, is_known = places_of(track, scans, readings)
     level_dbm = levels_dbm(readings)
     has_name, has_level = readings["cell"] != b"", np.isfinite(level_dbm)
-    columns = {
-        "t_ns": t_ns,
-        "x_m": position.x_m,
-        "y_m": position.y_m,
-        "position_sigma_m": np.hypot(position.sigma_m, way_m),
+    columns: dict[str, FloatArray | IntArray] = {
         "level_dbm": level_dbm,
         "scan_seq": readings["seq"],
         "ta": timing_advances(readings),
     }
-    usable = position.known & has_name & has_level
+    usable = is_known & has_name & has_level
     return Observations(
         track,
-        _by_cell(track.utm, readings, columns, usable),
+        _by_cell(readings, places, columns, usable),
         n_readings=len(readings),
-        n_without_position=int(np.count_nonzero(has_name & has_level & ~position.known)),
+        n_without_position=int(np.count_nonzero(has_name & has_level & ~is_known)),
         n_without_identity=int(np.count_nonzero(~has_name)),
         n_without_level=int(np.count_nonzero(has_name & ~has_level)),
     )
+
+
+def places_of(track: Track, scans: Rows, readings: Rows) -> tuple[Places, BoolArray]:
+    """Where the walker was at each reading, and which of these places are known.
+
+    The way walked during the scan adds to the sigma.
+    """
+    t_ns = times_ns(scans, readings)
+    places = track.at_readings(t_ns, readings["fix_seq"])
+    start_ns = readings["t_start_ns"]
+    way_m = smeared_sigma_m(track.way_m(start_ns, readings["t_ns"]))
+    way_m = np.where(start_ns == UNKNOWN_TIME, 0.0, way_m)
+    return replace(places, sigma_m=np.hypot(places.sigma_m, way_m)), track.covers(t_ns)
 
 
 def timing_advances(readings: Rows) -> IntArray:
@@ -238,7 +282,7 @@ def times_ns(scans: Rows, readings: Rows) -> IntArray:
     return np.where(is_there, middle_ns, readings["t_ns"])
 
 
-def scan_times_ns(scans: Rows, obs: CellObservations) -> tuple[IntArray, IntArray]:
+def scan_times_ns(scans: Rows, obs: Readings) -> tuple[IntArray, IntArray]:
     """Begin and end of the scan of each reading, shape (n,) each.
 
     Both are the reading's time if the scan's own row is damaged.
@@ -252,17 +296,35 @@ def scan_times_ns(scans: Rows, obs: CellObservations) -> tuple[IntArray, IntArra
 
 
 def _by_cell(
-    utm: Utm, readings: Rows, columns: dict[str, FloatArray | IntArray], usable: BoolArray
-) -> tuple[CellObservations, ...]:
+    readings: Rows,
+    places: Places,
+    columns: dict[str, FloatArray | IntArray],
+    usable: BoolArray,
+) -> tuple[Readings, ...]:
     names, which = numbered_texts(readings["cell"][usable])
     indices = np.flatnonzero(usable)[np.argsort(which, kind="stable")]
     ends = np.cumsum(np.bincount(which, minlength=len(names)))
     cells = []
     for name, of_name in zip(names, np.split(indices, ends[:-1]), strict=False):
-        rows = of_name[np.argsort(columns["t_ns"][of_name], kind="stable")]
+        rows = of_name[np.argsort(places.t_ns[of_name], kind="stable")]
         rat = readings["rat"][rows[0]].decode() or None
         of_cell: dict[str, Any] = {k: v[rows] for k, v in columns.items()}
-        obs = CellObservations(name.decode(), rat, utm, **of_cell)
+        obs = Readings(name.decode(), rat, places.part(rows), **of_cell)
         has_ta = obs.ta is not None and np.any(obs.ta >= 0)
         cells.append(obs if has_ta else replace(obs, ta=None))
     return tuple(sorted(cells, key=len, reverse=True))
+
+
+def in_order(each: Sequence[Readings]) -> Readings:
+    """Readings of one cell, from none on."""
+    places = join_places([one.places for one in each]) if each else Places.of([], [])
+    levels = [one.level_dbm for one in each]
+    if not each:
+        return Readings("", None, places, np.zeros(0), np.zeros(0, np.int64))
+    return replace(
+        each[0],
+        places=places,
+        level_dbm=np.concatenate(levels),
+        scan_seq=np.concatenate([one.scan_seq for one in each]),
+        known_limit=np.concatenate([one.limit for one in each]),
+    )
