@@ -1,6 +1,6 @@
 """The comparison of two runs: their walks in one UTM zone, and what changed between them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from logger.core.errors import EstimationError
@@ -8,7 +8,7 @@ from logger.core.places import Utm
 from logger.core.readings import Observations
 from logger.core.runfile import Run
 from postproc.comparison.changes import Comparison, compare
-from postproc.multi_run import check_different, in_one_zone, modems_of
+from postproc.multi_run import check_different, in_one_zone, modems_of, of_one_modem
 from postproc.walk import observe_run
 
 
@@ -36,7 +36,9 @@ def compare_runs(a: Run, b: Run) -> ComparedRuns:
     for run in observed:
         if run.observations is None:
             raise EstimationError(f"{run.run.path}: {run.warnings[0]}")
-        walks.append(run.observations)
+        # a level differs from another modem's by more than a station changes
+        cells = tuple(map(of_one_modem, run.observations.cells))
+        walks.append(replace(run.observations, cells=cells))
     numbers = modems_of([a, b])
     same_modem = numbers[0] == numbers[1]
     compared = compare(walks[0].cells, walks[1].cells, same_modem=same_modem)
