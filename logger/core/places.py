@@ -128,7 +128,7 @@ class Places:
 
     `x_m, y_m` are east and north in the zone `utm`, `sigma_m` the standard deviation per axis.
     `z_m` is the walker's height above sea level by the fix, NaN where unknown. `t_ns` is the time
-    since boot, 0 of places that have none, as those where a transmitter may be.
+    since boot, 0 where there is none.
     """
 
     x_m: FloatArray
@@ -296,13 +296,10 @@ class Track(Places):
 
 def join_places(parts: Sequence[Places]) -> Places:
     """The places of one zone in their order."""
+    names = ("x_m", "y_m", "z_m", "sigma_m", "t_ns")
     return Places(
-        np.concatenate([one.x_m for one in parts]),
-        np.concatenate([one.y_m for one in parts]),
-        np.concatenate([one.z_m for one in parts]),
-        np.concatenate([one.sigma_m for one in parts]),
-        np.concatenate([one.t_ns for one in parts]),
-        parts[0].utm,
+        **{name: np.concatenate([getattr(one, name) for one in parts]) for name in names},
+        utm=parts[0].utm,
     )
 
 

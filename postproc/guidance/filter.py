@@ -124,7 +124,7 @@ class GuideFilter:
         return name == self._cell
 
     def _place(self, row: Mapping[str, str | None]) -> Places | None:
-        """Where a row was taken, in the zone of the first; None without a position."""
+        """In the zone of the first row; None without a position."""
         lat_deg, lon_deg, acc_m = _number(row, "lat"), _number(row, "lon"), _acc_m(row)
         if (lat_deg, lon_deg) == _NO_FIX_DEG:
             raise ValueError("lat 0, lon 0 is no position: the receiver has no fix")

@@ -141,7 +141,6 @@ def _information(walk: NextWalk, half_m: float) -> tuple[FloatArray, FloatArray,
 
 
 def _degrees(walk: NextWalk, one: RankedRoute) -> list[list[float]]:
-    """Latitude and longitude of the corners."""
     corners = Places.of(*one.route.corner_m.T, utm=walk.start.utm)
     degrees: list[list[float]] = corners.lat_lon_deg.T.tolist()
     return degrees

@@ -68,11 +68,6 @@ class Sites:
     one: Places
     other: Places
 
-    @property
-    def places_deg(self) -> list[tuple[float, float]]:
-        """Latitude and longitude of both."""
-        return [self.one.first_deg, self.other.first_deg]
-
 
 def within_one(
     obs: Readings, posterior: Posterior, rng: np.random.Generator, draws: int = DRAWS
@@ -206,7 +201,7 @@ def site_verdict(run: Run, cell: str, other: Run | None, prior: Prior, p_fa: flo
         log_factor=sites.log_factor,
         p=sites.p,
         draws=sites.draws,
-        places=sites.places_deg,
+        places=[sites.one.first_deg, sites.other.first_deg],
     )
 
 

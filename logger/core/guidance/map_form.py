@@ -12,7 +12,7 @@ def next_way(advice: Advice | None) -> NextWay | None:
     """The advice in degrees."""
     if advice is None:
         return None
-    lat, lon = degrees_of(advice.end)
+    lat, lon = (round(angle, DEGREE_DECIMALS) for angle in advice.end.first_deg)
     distance_m = advice.end.away_m(advice.start)
     azimuth_deg = true_azimuth_deg(advice.start, advice.end)
     nats_per_km = round(advice.nats_per_km, 2)
@@ -29,9 +29,3 @@ def true_azimuth_deg(start: Places, end: Places) -> float:
     east_deg = remainder(to_lon_deg - lon_deg, 360.0)  # 180 and -180 are one meridian
     east = east_deg * cos(radians(0.5 * (lat_deg + to_lat_deg)))
     return round(degrees(atan2(east, to_lat_deg - lat_deg)) % 360.0, 1) % 360.0
-
-
-def degrees_of(place: Places) -> tuple[float, float]:
-    """Latitude and longitude, to 0.1 m."""
-    lat_deg, lon_deg = place.first_deg
-    return round(lat_deg, DEGREE_DECIMALS), round(lon_deg, DEGREE_DECIMALS)

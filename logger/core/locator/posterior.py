@@ -56,7 +56,7 @@ class Mode:
 class Posterior:
     """All that is known about one transmitter after a walk.
 
-    `place` is the position to show: that of the strongest mode, `modes[0]`. `r50_m` and
+    `place` is the one to show, that of `modes[0]`. `r50_m` and
     `r95_m` are the radii around it that hold half and 95 % of the probability of all modes,
     `drms_m` the root mean square distance from it. `p0_dbm` to
     `sigma_db` are means and standard deviations over the complete posterior, `noise_probability`
@@ -91,12 +91,12 @@ class Posterior:
 
     @property
     def x_m(self) -> float:
-        """East, of the position to show."""
+        """East of `place`."""
         return self.place.x_m.item()
 
     @property
     def y_m(self) -> float:
-        """North, of the position to show."""
+        """North of `place`."""
         return self.place.y_m.item()
 
     @property
