@@ -92,7 +92,7 @@ Settings = TypeVar("Settings", bound=SourceSettings)
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class Device:
     """What a probe has found at a port: kind of device, driver, and what it says of itself.
 
     `receiver` is whether a modem has a receiver of its own, None where unknown.
@@ -158,7 +158,7 @@ class Source(ABC, Generic[Settings]):
         yield from ()
 
     @classmethod
-    def probe(cls, port: Port) -> Answer | None:
+    def probe(cls, port: Port) -> Device | None:
         """What has answered at an open serial port, None if it is no source of this kind."""
         del port
         return None

@@ -11,7 +11,7 @@ from logger.core.errors import DeviceError
 from logger.core.source_tables import GNSS, MODEM
 from logger.core.types import CellReading, Fix
 from logger.device.check_line import Line, port_line
-from logger.device.link import Answer, Link, Source
+from logger.device.link import Device, Link, Source
 from logger.device.mode_switch import ModeSwitch
 from logger.device.modem_exchange import ModemExchange
 from logger.device.nmea_source import count_unmeasured, credible
@@ -89,7 +89,7 @@ class ModemSource(Source[ModemSettings]):
             yield Line("ok", what, f"{state} (recording needs none)")
 
     @classmethod
-    def probe(cls, port: Port) -> Answer | None:
+    def probe(cls, port: Port) -> Device | None:
         """A modem answers OK to `AT`, the first of which sets the rate, and names itself."""
         at = Command("AT", timeout_s=0.5)
         if not any(_ask(port, AtFramer(), at).ok for _ in range(PROBE_TRIES)):
@@ -98,7 +98,7 @@ class ModemSource(Source[ModemSettings]):
         if identity is None:
             return None
         driver, text = identity
-        return Answer("modem", text, driver.name, converse(port, _has_receiver(driver)))
+        return Device("modem", text, driver.name, converse(port, _has_receiver(driver)))
 
 
 def _sim_state() -> Dialogue[str | None]:

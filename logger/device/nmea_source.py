@@ -10,7 +10,7 @@ from logger.config import NmeaSettings
 from logger.core.types import BY_HAND, DEAD_RECKONING, SIMULATED, Fix
 from logger.core.utc import EARLIEST_UTC_NS
 from logger.device.check_line import Line, port_line
-from logger.device.link import Answer, Link, Source
+from logger.device.link import Device, Link, Source
 from logger.device.port import Port
 from logger.device.port_url import check_url
 from logger.drivers.protocols.garbage import Garbage
@@ -67,13 +67,13 @@ class NmeaSource(Source[NmeaSettings]):
         yield port_line(self.name, self.port)
 
     @classmethod
-    def probe(cls, port: Port) -> Answer | None:
+    def probe(cls, port: Port) -> Device | None:
         """A receiver sends sentences by itself."""
         framer, n_sentences, end_s = NmeaFramer(), 0, time.monotonic() + PROBE_S
         while time.monotonic() < end_s:
             n_sentences += sum(isinstance(event, Sentence) for event in framer.feed(port.read()))
             if n_sentences >= _SENTENCES:
-                return Answer("gnss", "NMEA")
+                return Device("gnss", "NMEA")
         return None
 
 

@@ -1,5 +1,7 @@
 """Two modems at once, on real ptys: a SIM7600 and a SIM800 on one walk, 9 dB apart."""
 
+import subprocess
+import sys
 import threading
 from contextlib import ExitStack
 
@@ -10,6 +12,7 @@ from logger.config import parse_config
 from logger.core.runfile import read_run
 from logger.device.clock import ScaledClock
 from logger.device.leds import flashes_of
+from logger.device.memory import MEMORY_MB
 from logger.device.service import Service
 from logger.device.startup import begin_run
 from logger.sim.dialects import DIALECTS
@@ -112,3 +115,27 @@ def test_records_name_their_modem(walked):
         for name in ("sim7600", "sim800")
     }
     assert mean_dbm["sim7600"] - mean_dbm["sim800"] == pytest.approx(APART_DB, abs=4.0)
+
+
+def _peak_mb(folder, *modems):
+    """Most memory of a process that simulates a city, records it and estimates its cells."""
+    names = [option for name in modems for option in ("--modem", name)]
+    command = [*service.FIELDLOGGER, "simulate", "--out", str(folder), "--scenario", "city-clean"]
+    script = (
+        "import os, resource, sys; from logger.cli import main; from logger.device.memory import "
+        "give_back; give_back(); code = main(sys.argv[1:]); "
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024); os._exit(code)"
+    )
+    arguments = [*command[3:], "--duration", "240", "--speed", "20", *names]
+    done = subprocess.run(
+        [sys.executable, "-c", script, *arguments], check=True, capture_output=True, text=True
+    )
+    return int(done.stdout.split()[-1])
+
+
+def test_two_modems_fit_into_the_memory_of_the_unit(tmp_path):
+    """The simulated city and its devices are in the same process: the service takes less."""
+    one, two = _peak_mb(tmp_path, "sim800"), _peak_mb(tmp_path, "sim7600", "sim800")
+    print(f"one modem {one} MB, two modems {two} MB, MemoryMax= {MEMORY_MB} MB")
+    assert two < MEMORY_MB
+    assert two < one + 40
