@@ -60,10 +60,21 @@ class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class SourceSettings(
     msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, tag_field="kind"
 ):
-    """What every source has: the name of its records, and the port or program it is behind."""
+    """What every source has: the name of its records, and the port or program it is behind.
+
+    `gives_cells` of a modem, `gives_positions` of a receiver.
+    """
 
     name: SourceName
     port: PortName
+
+    @property
+    def gives_cells(self) -> bool:
+        return False
+
+    @property
+    def gives_positions(self) -> bool:
+        return not self.gives_cells
 
 
 class ModemSettings(SourceSettings, frozen=True, kw_only=True, tag=MODEM):
@@ -80,6 +91,14 @@ class ModemSettings(SourceSettings, frozen=True, kw_only=True, tag=MODEM):
     full_scan_interval_s: NotNegative = 0.0
     set_mode: Literal["", "gsm"] = ""
     fixes: bool = False
+
+    @property
+    def gives_cells(self) -> bool:
+        return True
+
+    @property
+    def gives_positions(self) -> bool:
+        return self.fixes
 
 
 class NmeaSettings(SourceSettings, frozen=True, kw_only=True, tag=NMEA):
@@ -131,11 +150,6 @@ class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     status: StatusSettings = StatusSettings()
     page: PageSettings = PageSettings()
     power: PowerSettings = PowerSettings()
-
-    @property
-    def modems(self) -> list[ModemSettings]:
-        """The modems among the sources."""
-        return [one for one in self.source if isinstance(one, ModemSettings)]
 
 
 def load_config(path: Path) -> tuple[SiteConfig, str]:
@@ -241,17 +255,14 @@ def _of_sources(config: SiteConfig, labels: Sequence[str]) -> Iterator[str]:
             yield f'{label} "port": gpsd is a receiver, name it in [gnss]'
         elif is_gpsd != isinstance(source, GpsdSettings):
             yield f'{label} "port": kind "{GPSD}" is for gpsd://host, no other kind is'
-    positions = [label for label, one in zip(labels, config.source, strict=True) if _locates(one)]
-    if not config.modems:
+    of_sources = zip(labels, config.source, strict=True)
+    positions = [label for label, one in of_sources if one.gives_positions]
+    if not any(source.gives_cells for source in config.source):
         yield 'missing table "modem": no source receives cells'
     elif not positions:
         yield 'missing table "gnss": no source gives positions; a modem can with fixes = true'
     elif len(positions) > 1:
         yield f"{' and '.join(positions)} give positions: only one can"
-
-
-def _locates(source: SourceSettings) -> bool:
-    return not isinstance(source, ModemSettings) or source.fixes
 
 
 def page_address(listen: str) -> tuple[str, int]:

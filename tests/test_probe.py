@@ -117,7 +117,7 @@ def test_more_modems_are_proposed_as_sources_once_each():
     config = parse_config(site_toml(found), "proposal")
     ports = {source.name: source.port for source in config.source}
     assert ports == {"modem": found[0].port, "gnss": found[3].port, "modem2": found[2].port}
-    assert config.modems[1].baud == 9600
+    assert config.source[-1].baud == 9600
 
 
 def test_no_name_and_no_word_of_a_modem_breaks_the_file():
@@ -135,7 +135,7 @@ def test_the_command_prints_the_proposal_and_never_writes_over_a_file(ports, tmp
     modem, gnss, _ = ports
     assert main(["probe", modem, gnss, "--write", str(site), "--json"]) == 0
     assert [one["kind"] for one in json.loads(capsys.readouterr().out)] == ["modem", "gnss"]
-    assert parse_config(site.read_text(), "site").modems[0].port == modem
+    assert parse_config(site.read_text(), "site").source[0].port == modem
     assert main(["probe", modem, gnss, "--write", str(site)]) == 2
     assert "File exists; move it away" in capsys.readouterr().err
 

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, Self, TypeVar
+from types import TracebackType
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 import msgspec
 
@@ -104,6 +105,33 @@ class Device:
     receiver: bool | None = None
 
 
+class Stream(Protocol):
+    """The bytes of an open source; a context manager that closes it.
+
+    All raise `DeviceError` once it has gone away.
+    """
+
+    def __enter__(self) -> Self: ...
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+        /,
+    ) -> None: ...
+    def read(self) -> bytes:
+        """Bytes there are; empty after a silence."""
+        ...
+
+    def rest(self) -> bytes:
+        """What has come and was not read yet; nothing is waited for."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Write all bytes."""
+        ...
+
+
 class Source(ABC, Generic[Settings]):
     """Where records come from; a kind of source is one file with a class derived from this.
 
@@ -135,7 +163,7 @@ class Source(ABC, Generic[Settings]):
         return type(self)(msgspec.structs.replace(self.settings, port=port))
 
     @abstractmethod
-    def open(self, read_timeout_s: float) -> Port:
+    def open(self, read_timeout_s: float) -> Stream:
         """The bytes; raises `DeviceError` when it cannot be opened now."""
 
     @abstractmethod
@@ -186,7 +214,7 @@ class Link:
         self.known = NumberHistory()
         self._inbox = inbox
         self._redactor = Redactor()
-        self._port: Port | None = None
+        self._port: Stream | None = None
         self._open_source = source
         self._tallies: dict[str, Tally] = {}
         self.has_heard = False
@@ -279,7 +307,7 @@ class Link:
             self.emit(RawBytes(data), t_ns)
         return t_ns, data
 
-    def _take_rest(self, port: Port) -> None:
+    def _take_rest(self, port: Stream) -> None:
         """Record what waits in a port before it is closed, which would discard it."""
         with suppress(DeviceError):
             for _ in range(MOST_CHUNKS_LEFT):

@@ -72,7 +72,8 @@ class Service:
         self._started_ns = self._logged_ns = begun.started_ns
         self._stop = threading.Event()
         second_ns = 1e9 / clock.real_s(1.0)
-        self._swap = PortSwap(self._started_ns, second_ns, config.modems[0].name)
+        modem = next(source.name for source in config.source if source.gives_cells)
+        self._swap = PortSwap(self._started_ns, second_ns, modem)
         ports = {source.name: source.port for source in sources}
         self._inbox = WatchedInbox(ports, self._swap)
         self._battery = battery

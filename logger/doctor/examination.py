@@ -125,7 +125,7 @@ def _tests(
 
 def _run_lines(config: SiteConfig, run: Run) -> Iterator[Line]:
     with closing_baseline(config.live.baseline) as baseline:
-        yield from run_lines(run, modems=config.modems, baseline=baseline)
+        yield from run_lines(run, sources=config.source, baseline=baseline)
     yield clock_line(run, wall_minus_boot_ns())
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from logger.config import ModemSettings
+from logger.config import ModemSettings, SourceSettings
 from logger.core.baseline import Baseline
 from logger.core.censoring import levels_dbm
 from logger.core.rows import Rows
@@ -26,10 +26,10 @@ def run_lines(
     run: Run,
     last_s: float = LAST_S,
     *,
-    modems: Sequence[ModemSettings] = (),
+    sources: Sequence[SourceSettings] = (),
     baseline: Baseline | None = None,
 ) -> Iterator[Line]:
-    """Evaluate the end of a run; `modems` are those of the configuration."""
+    """Evaluate the end of a run; `sources` are those of the configuration."""
     tables = run.tables
     end_ns = max((int(rows["t_ns"].max()) for rows in tables.values() if len(rows)), default=0)
     begin_ns = max(run.meta.started_ns, end_ns - round(last_s * 1e9))
@@ -37,7 +37,7 @@ def run_lines(
     scans, readings, fixes = (
         tables[name][tables[name]["t_ns"] >= begin_ns] for name in ("scans", "readings", "fixes")
     )
-    names = [modem.name for modem in modems] or [MODEM]
+    names = [source.name for source in sources if source.gives_cells] or [MODEM]
     for name in names:
         notes = _notes_of(run, name)
         event = notes[-1][1] if notes else ""
@@ -47,7 +47,8 @@ def run_lines(
         else:
             yield Line("fail", name, f"no scan; last event: {event or 'none'}")
     every = [note for name in names for note in _notes_of(run, name)]
-    set_mode = next((modem.set_mode for modem in modems if modem.set_mode), "")
+    modes = [one.set_mode for one in sources if isinstance(one, ModemSettings)]
+    set_mode = next(filter(None, modes), "")
     yield _readings_line(readings, minutes, every, run.meta.origin == TRIAL, set_mode)
     if (antenna := antenna_line(readings, fixes, baseline)) is not None:
         yield antenna
