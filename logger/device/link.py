@@ -166,6 +166,10 @@ class Source(ABC, Generic[Settings]):
     def open(self, read_timeout_s: float) -> Stream:
         """The bytes; raises `DeviceError` when it cannot be opened now."""
 
+    def redactor(self) -> Redactor:
+        """What masks private numbers in its bytes before anything is recorded or read."""
+        return Redactor()
+
     @abstractmethod
     def session(self, link: "Link", folder: Path) -> None:
         """Read the open link and emit values until it is stopped; raises `DeviceError`.
@@ -213,7 +217,7 @@ class Link:
         self.silence_limits = SilenceLimits()
         self.known = NumberHistory()
         self._inbox = inbox
-        self._redactor = Redactor()
+        self._redactor = source.redactor()
         self._port: Stream | None = None
         self._open_source = source
         self._tallies: dict[str, Tally] = {}
