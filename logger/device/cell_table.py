@@ -28,7 +28,7 @@ class CellTable:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._cells: Latest[_Cell] = Latest(MOST_CELLS)
-        self._serving: str | None = None
+        self._serving: dict[str, str] = {}
 
     def feed(self, record: Record) -> None:
         """Take a record; scans and live estimates count."""
@@ -45,8 +45,9 @@ class CellTable:
         """Cells by importance, with their words of suspicion."""
         words = {one.cell: one for one in suspicions}
         with self._lock:
+            serving = set(self._serving.values())
             rows = [
-                cell.row(name, words.get(name), is_serving=name == self._serving)
+                cell.row(name, words.get(name), is_serving=name in serving)
                 for name, cell in self._cells.items()
             ]
         rows.sort(key=_importance)
@@ -58,7 +59,7 @@ class CellTable:
             if name is None or reading.identity_unsure or reading.level_dbm is None:
                 continue
             if reading.role == "serving":
-                self._serving = name
+                self._serving[modem] = name
             cell = self._cells.get(name) or _Cell(reading)
             cell.take(t_ns, reading, reading.level_dbm, modem)
             self._cells.put(name, cell)
