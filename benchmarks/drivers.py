@@ -13,8 +13,7 @@ from statistics import median
 import pynmea2
 
 from logger.drivers.privacy.redaction import Redactor
-from logger.drivers.protocols.at import AtFramer
-from logger.drivers.protocols.dialogue import Reply
+from logger.drivers.protocols.at import AtFramer, Reply
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
 from logger.drivers.sim800 import Sim800
 from logger.sim.receiver import sentence

@@ -29,10 +29,9 @@ from logger.core.identities import FEWEST_SCANS
 from logger.core.types import CellReading
 from logger.drivers.family import Family
 from logger.drivers.generic import Generic
-from logger.drivers.reading.number_history import NumberHistory
-from logger.drivers.reading.recognition import mark_doubtful
-from logger.drivers.reading.rows import Registration, Row
-from logger.drivers.reading.serving_cell import with_serving_cell
+from logger.drivers.reading.recognition import NumberHistory, mark_doubtful
+from logger.drivers.reading.row_language import Registration, Row
+from logger.drivers.reading.standard_replies import with_serving_cell
 from logger.drivers.registry import FAMILIES, reader_of
 from logger.drivers.transcript import replies_of
 

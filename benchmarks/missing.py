@@ -45,7 +45,7 @@ from logger.core.locator.quadtree import Effort
 from logger.core.locator.region import contains, highest_density
 from logger.core.places import Utm
 from logger.core.readings import Readings
-from postproc.named_shares import Naming, named_shares
+from postproc.walk import Naming, named_shares
 
 LOSSES = {"none": 0.0, "10 %": 0.1, "30 %": 0.3, "list": 0.0}
 """Share of the scans that are removed."""

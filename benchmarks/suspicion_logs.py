@@ -8,8 +8,7 @@ from pathlib import Path
 
 from logger.core.types import Record, Scan
 from postproc.interop.decompression import plain_file
-from postproc.interop.formats import recognise
-from postproc.interop.importing import scans_of
+from postproc.interop.importing import recognise, scans_of
 from postproc.interop.sighting import Sighting
 
 LOGS = Path(

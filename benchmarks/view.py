@@ -24,11 +24,10 @@ from logger.core.rows import DTYPES
 from logger.core.runfile import Run, RunMeta
 from logger.core.runfile.meta import Damage
 from postproc.smoothing import smooth_runs
-from postproc.view.rerun_writer import RerunWriter
 from postproc.view.scene import write_scene
 from postproc.view.series import draw_levels
-from postproc.view.timeline import answer_steps
-from postproc.view.view_model import CellDetail, view_model
+from postproc.view.surface import RerunWriter
+from postproc.view.view_model import CellDetail, answer_steps, view_model
 from tests.kit.headless_viewer import DRIVER, MISSING, headless_viewer, stable_screenshot
 
 CELLS = 8

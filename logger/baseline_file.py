@@ -6,7 +6,7 @@ in a square for minutes.
 """
 
 import sqlite3
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from hashlib import sha256
 from math import sqrt
@@ -47,14 +47,14 @@ def bound_heap() -> None:
 
 
 class BaselineFile:
-    """A `logger.core.baseline.Baseline` in a file, or in a database that is already open.
+    """A `logger.core.baseline.Baseline` in a file.
 
     Raises `RunFileError`, also later where the file is damaged inside.
     """
 
-    def __init__(self, path: Path, database: sqlite3.Connection | None = None) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
-        self._db = _open(path) if database is None else database
+        self._db = _open(path)
         self._squares: Latest[SquareHistory] = Latest(_MOST_KEPT)
         self._cells: Latest[KnownCell | None] = Latest(_MOST_KEPT)
         self._channels: Latest[Mapping[int, int]] = Latest(_MOST_KEPT)
@@ -85,15 +85,6 @@ class BaselineFile:
     def trust_note(self, name: str) -> str | None:
         """The user's note about a cell that is trusted; None if it is not."""
         return self._trust.get(name)
-
-    def numbers_of(self, digests: Collection[str]) -> list[int]:
-        """Numbers of the walks with these digests of their content."""
-        walks = self._all_rows("SELECT id, digest FROM walk ORDER BY id")
-        return [number for number, digest in walks if digest in digests]
-
-    def copy_to(self, database: sqlite3.Connection) -> None:
-        """Copy everything into another database, which must be empty."""
-        self._db.backup(database)
 
     def _read_square(self, square: int) -> SquareHistory:
         walks = self._rows("SELECT rat, n_walks FROM square_rat WHERE square = ?", square)

@@ -37,7 +37,7 @@ with late_modules():
     from logger.core import document
     from logger.device import battery, clock, memory, notify, run_service, signals, startup
     from logger.drivers import registry, transcript
-    from logger.drivers.reading import rows as reading_rows
+    from logger.drivers.reading import row_language as reading_rows
 
 FASTEST = 10_000
 """More than any machine simulates."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from logger.core.errors import RunFileError
+from logger.core.errors import ConfigError, RunFileError
 
 
 def check_writable(path: Path) -> None:
@@ -63,3 +63,24 @@ def _check_name(path: Path) -> None:
         raise RunFileError(f"cannot write {path}: it is a folder")
     if path.exists() and not path.is_file():
         raise RunFileError(f"cannot write {path}: it is no plain file")
+
+
+def kind_of(path: Path) -> str:
+    """Format by the suffix, PNG without one; raises `ConfigError`."""
+    from matplotlib.backend_bases import FigureCanvasBase  # noqa: PLC0415 (heavy)
+
+    kind, known = path.suffix[1:].lower() or "png", FigureCanvasBase.filetypes
+    if kind not in known:
+        raise ConfigError(
+            f"{path}: a picture ends in {', '.join('.' + name for name in sorted(known))}"
+        )
+    return kind
+
+
+def check_picture(path: Path) -> None:
+    """Check that a picture can be written, before it is drawn.
+
+    Raises `ConfigError` or `RunFileError`.
+    """
+    kind_of(path)
+    check_output(path)

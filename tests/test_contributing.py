@@ -32,9 +32,8 @@ import re
 from collections.abc import Sequence
 
 from logger.drivers.family import Claim, Family
-from logger.drivers.protocols.dialogue import Command
-from logger.drivers.reading.row_language import form, split
-from logger.drivers.reading.rows import Row
+from logger.drivers.protocols.at import Command
+from logger.drivers.reading.row_language import Row, form, split
 
 _ROW = re.compile(r"\\+ACELL: (.*)")
 _CELL = form("GSM", "mcc! mnc! lac! cid16! rssi*")
@@ -64,7 +63,7 @@ def test_a_reply():
 """,
     "tests/kit/dialects/acme_x.py": '''"""Acme X20: AT+ACELL (invented for a test)."""
 
-from logger.sim.air import Air
+from logger.sim.world import Air
 from logger.sim.dialects import (
     NO_SERVICE,
     SETTINGS,

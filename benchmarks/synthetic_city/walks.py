@@ -15,8 +15,8 @@ from benchmarks.synthetic_city.world import (
     City,
 )
 from logger.core.places import Places
-from postproc.named_shares import Naming, named_shares
 from postproc.survey.walk_readings import HeardCell, SurveyRun, WalkReadings
+from postproc.walk import Naming, named_shares
 
 SPEED_MPS, SCAN_S = 1.4, 3.0
 POSITION_SIGMA_M = 4.0

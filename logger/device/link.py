@@ -21,7 +21,7 @@ from logger.device.clock import Clock
 from logger.device.port import Port
 from logger.device.scan_timeout import SilenceLimits
 from logger.drivers.privacy.redaction import Redactor
-from logger.drivers.reading.number_history import NumberHistory
+from logger.drivers.reading.recognition import NumberHistory
 
 log = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ from logger.device.saved_modes import SavedMode, SavedModes
 from logger.device.shutdown import AfterStop
 from logger.drivers.family import Family, wake
 from logger.drivers.network_mode import ModeCommand, ask_model, read_mode, same_mode, set_mode
-from logger.drivers.protocols.dialogue import Command, Reply, run_dialogue
+from logger.drivers.protocols.at import Command, Reply, run_dialogue
 
 Ask = Callable[[Command], Reply]
 

@@ -11,11 +11,17 @@ from logger.device.scan_timeout import PAUSE_S, Wait
 from logger.device.unsolicited import UnsolicitedBlock
 from logger.drivers.family import Family
 from logger.drivers.generic import Generic
-from logger.drivers.protocols.at import AtFramer, Unsolicited
-from logger.drivers.protocols.dialogue import Command, Dialogue, Reply, run_dialogue
-from logger.drivers.protocols.garbage import Garbage
+from logger.drivers.protocols.at import (
+    AtFramer,
+    Command,
+    Dialogue,
+    Reply,
+    Unsolicited,
+    run_dialogue,
+)
+from logger.drivers.protocols.line_noise import Garbage
 from logger.drivers.reading.recognition import mark_doubtful
-from logger.drivers.reading.rows import Row
+from logger.drivers.reading.row_language import Row
 
 T = TypeVar("T")
 

@@ -22,9 +22,8 @@ from logger.device.shutdown import AfterStop
 from logger.drivers.family import Family, wake
 from logger.drivers.generic import Generic
 from logger.drivers.privacy.redaction import Redactor
-from logger.drivers.protocols.at import AtFramer
-from logger.drivers.protocols.dialogue import Command, Dialogue, Reply, run_dialogue
-from logger.drivers.reading.rows import Operator
+from logger.drivers.protocols.at import AtFramer, Command, Dialogue, Reply, run_dialogue
+from logger.drivers.reading.row_language import Operator
 from logger.drivers.registry import check_mode, driver_of, identify
 
 T = TypeVar("T")

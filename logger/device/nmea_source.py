@@ -13,7 +13,7 @@ from logger.device.check_line import Line, port_line
 from logger.device.link import Device, Link, Source
 from logger.device.port import Port
 from logger.device.port_url import check_url
-from logger.drivers.protocols.garbage import Garbage
+from logger.drivers.protocols.line_noise import Garbage
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
 
 SILENT_S = 1.5

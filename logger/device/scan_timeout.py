@@ -9,7 +9,7 @@ two of them, otherwise it is the complete scan: one rule serves both.
 
 import math
 
-from logger.drivers.protocols.dialogue import Command
+from logger.drivers.protocols.at import Command
 
 MARGIN_S = 5.0
 """How much longer than its longest silence so far a scan may be silent."""

@@ -2,8 +2,7 @@
 
 from logger.device.link import Link
 from logger.device.scan_timeout import LATE_S, PAUSE_S, Wait
-from logger.drivers.protocols.at import AtFramer
-from logger.drivers.protocols.dialogue import Command, Reply
+from logger.drivers.protocols.at import AtFramer, Command, Reply
 
 
 class AfterStop:

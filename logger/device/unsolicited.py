@@ -1,6 +1,6 @@
 """Rows without a pending command: a modem's own reports, or the rest of a late reply."""
 
-from logger.drivers.protocols.dialogue import INTERRUPTION
+from logger.drivers.protocols.at import INTERRUPTION
 
 BLOCK_GAP_S = 0.5
 """Silence that ends a block of unsolicited rows; such blocks have no final line."""

@@ -12,7 +12,7 @@ from logger.core.runfile import Run
 from logger.device.check_line import Line
 from logger.device.libraries import installed_versions
 from logger.device.machine import kernel_text
-from logger.drivers.privacy.patterns import mask_labelled
+from logger.drivers.privacy.redaction import mask_labelled
 
 _MOST_NOTES = 60
 _EVENT_COLUMNS = (Column("time", ".1f", "s"), Column("level"), Column("code"), Column("event"))
@@ -69,7 +69,7 @@ def _report(lines: list[Line], config: Path, run: Run | None) -> Iterator[Part]:
 
 def _machine() -> Iterator[tuple[str, str]]:
     """Board, system and kernel; not the name of the machine."""
-    model = _first_line(Path("/proc/device-tree/model"))
+    model = ((kernel_text(Path("/proc/device-tree/model")) or "").splitlines() or [""])[0]
     yield "model", model.strip("\0") or platform.machine()
     try:
         system = platform.freedesktop_os_release().get("PRETTY_NAME", "unknown")
@@ -79,10 +79,6 @@ def _machine() -> Iterator[tuple[str, str]]:
     yield "kernel", f"{platform.release()} {platform.machine()}"
     yield "processors", str(os.cpu_count())
     yield "memory", f"{os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 1e9:.1f} GB"
-
-
-def _first_line(path: Path) -> str:
-    return ((kernel_text(path) or "").splitlines() or [""])[0]
 
 
 def _settings(config: Path) -> Iterator[str]:

@@ -24,11 +24,22 @@ from logger.device.service import Service
 from logger.device.sources import source_of
 from logger.device.startup import begin_run, usable_folder
 from logger.device.status import FOLDER, read_status, status_folder
-from logger.doctor.card import health, speed
-from logger.doctor.clock import clock_line, wall_minus_boot_ns
-from logger.doctor.machine import battery, disk, holders, plug, power, temperature
+from logger.doctor.machine import (
+    battery,
+    clock_line,
+    disk,
+    health,
+    holders,
+    open_journal,
+    plug,
+    power,
+    speed,
+    status_lines,
+    temperature,
+    unit,
+    wall_minus_boot_ns,
+)
 from logger.doctor.reception import LAST_S, TRIAL, run_lines
-from logger.doctor.service import open_journal, status_lines, unit
 from logger.drivers.registry import FAMILIES
 
 TRIAL_S = 15.0

@@ -30,29 +30,28 @@ from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family
 from logger.drivers.generic import Generic
-from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.fields import (
-    SEVEN,
-    at,
-    bsic_of,
-    cell_identity,
-    decimal,
-    network,
-    pieces,
-    rssi_dbm,
-)
-from logger.drivers.reading.fields import values as split
+from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
+    SEVEN,
     VALUES,
     Form,
     Kinds,
+    NoCell,
+    Row,
     Value,
+    at,
+    bsic_of,
     cell,
+    cell_identity,
+    decimal,
     form,
+    network,
     number,
+    pieces,
+    rssi_dbm,
     values_like,
 )
-from logger.drivers.reading.rows import NoCell, Row
+from logger.drivers.reading.row_language import values as split
 
 _FLAGS = re.ASCII | re.IGNORECASE
 _HEX4 = r"[0-9A-F]{4}"
@@ -191,7 +190,11 @@ class Cinterion(Family):
                 for row in (*(serving or ()), *(neighbours or ()))
                 if isinstance(row, CellReading | NoCell)
             )
-            found += tuple(row for row in rows if not found or _is_neighbour(row))
+            found += tuple(
+                row
+                for row in rows
+                if not found or (isinstance(row, CellReading) and row.role == "neighbour")
+            )
             if found and (neighbours is not None or isinstance(found[0], NoCell)):
                 return found
         return found or (yield from Generic().poll())
@@ -206,10 +209,6 @@ class Cinterion(Family):
             rows += map(_snmon, _SNMON.findall(line))
         rows += _table_rows(split_lines)
         return tuple(row for row in rows if row is not None)
-
-
-def _is_neighbour(row: Row) -> bool:
-    return isinstance(row, CellReading) and row.role == "neighbour"
 
 
 def _smoni(text: str) -> Row | None:

@@ -8,10 +8,9 @@ from typing import ClassVar
 from logger.core.reportable import reportable
 from logger.core.types import CellReading, Role
 from logger.drivers.network_mode import ModeCommand
-from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.interruption import drop_cut_values, names_of
-from logger.drivers.reading.rows import Row
-from logger.drivers.reading.standard_replies import standard_rows
+from logger.drivers.protocols.at import Command, Dialogue
+from logger.drivers.reading.row_language import Row
+from logger.drivers.reading.standard_replies import drop_cut_values, names_of, standard_rows
 
 AUTOBAUD_TRIES = 5
 """With AT+IPR=0 the first characters after power-up are lost while the modem finds the rate."""

@@ -27,22 +27,32 @@ from logger.core.types import Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family
 from logger.drivers.generic import Generic
-from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.fields import at, cell_identity, decimal, hexadecimal, pieces
-from logger.drivers.reading.fields import values as split
-from logger.drivers.reading.index_scales import (
+from logger.drivers.protocols.at import Command, Dialogue
+from logger.drivers.reading.row_language import (
     ECN0_OF_INDEX,
     RSCP_OF_INDEX,
     RSRP_OF_INDEX,
     RSRQ_OF_INDEX,
     SS_RSRP_OF_INDEX,
     SS_RSRQ_OF_INDEX,
+    VALUES,
+    Form,
+    Kinds,
+    NoCell,
+    NumberForm,
+    Row,
     Scale,
+    Value,
+    at,
+    cell,
+    cell_identity,
+    decimal,
+    form,
+    hexadecimal,
+    pieces,
 )
-from logger.drivers.reading.number_text import NumberForm
-from logger.drivers.reading.row_language import VALUES, Form, Kinds, Value, cell, form
-from logger.drivers.reading.rows import NoCell, Row
-from logger.drivers.reading.serving_cell import is_serving, with_serving_cell
+from logger.drivers.reading.row_language import values as split
+from logger.drivers.reading.standard_replies import is_serving, with_serving_cell
 
 _REPLY = re.compile(
     r"\+GTCCINFO\s*[:?](.*?)(?=[+*^$!][A-Z]{3}|\bPCC\b|\bOK\b|\bERROR\b|\Z)",

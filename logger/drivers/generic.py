@@ -16,9 +16,9 @@ Sources: 3GPP TS 27.007 7.2, 7.3, 8.5 and 8.69; a measured reply (github
 from collections.abc import Sequence
 
 from logger.drivers.family import Family
-from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.rows import Row
-from logger.drivers.reading.serving_cell import with_serving_cell
+from logger.drivers.protocols.at import Command, Dialogue
+from logger.drivers.reading.row_language import Row
+from logger.drivers.reading.standard_replies import with_serving_cell
 
 
 class Generic(Family):

@@ -29,21 +29,24 @@ from logger.drivers import network_mode
 from logger.drivers.cinterion import grouped_cells
 from logger.drivers.family import Claim, Family
 from logger.drivers.generic import Generic
-from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.fields import level, pieces
-from logger.drivers.reading.index_scales import Scale
+from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
     VALUES,
     Form,
     Kinds,
+    NoCell,
+    Row,
+    Scale,
+    Signal,
     Value,
     form,
+    level,
     number,
+    pieces,
     split,
     values_like,
 )
-from logger.drivers.reading.rows import NoCell, Row, Signal
-from logger.drivers.reading.serving_cell import with_serving_cell
+from logger.drivers.reading.standard_replies import with_serving_cell
 
 _MON = re.compile(r"\^(MONSC|MONNC)\s*:\s*([\w ,.+-]*)", re.IGNORECASE | re.ASCII)
 _HCSQ = re.compile(

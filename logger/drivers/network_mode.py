@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from logger.drivers.protocols.dialogue import Command, Dialogue, Reply
+from logger.drivers.protocols.at import Command, Dialogue, Reply
 
 SET_S = 12.0
 """AT+CNMP may take 10 s (SIM7600 manual); the manuals of the others give no time."""

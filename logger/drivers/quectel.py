@@ -27,21 +27,25 @@ from typing import ClassVar
 from logger.core.types import Rat
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family
-from logger.drivers.protocols.dialogue import Command
+from logger.drivers.protocols.at import Command
 from logger.drivers.reading import modem_gnss
-from logger.drivers.reading.fields import decimal, level, rssi_dbm
 from logger.drivers.reading.row_language import (
     VALUES,
     Form,
     Kinds,
+    NoCell,
+    Row,
+    Signal,
     Value,
+    decimal,
     first_cell,
     form,
+    level,
     number,
     read_values,
+    rssi_dbm,
     split,
 )
-from logger.drivers.reading.rows import NoCell, Row, Signal
 
 DBM_OF_RXLEV_0 = -111.0  # EC2x manual 6.17; in practice the modem prints dBm
 

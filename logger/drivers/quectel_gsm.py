@@ -23,11 +23,9 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from logger.drivers.family import Claim, Family
-from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.quectel import KINDS
-from logger.drivers.reading.fields import decimal
-from logger.drivers.reading.row_language import first_cell, form, split
-from logger.drivers.reading.rows import NoCell, Row
+from logger.drivers.reading.row_language import NoCell, Row, decimal, first_cell, form, split
 
 _GSM = form("GSM", "mcc mnc lac cid16 arfcn! bsic! rssi* c1 c2 _ _ _ _ _ _ _ _ _", KINDS)
 _GSM_NEIGHBOUR = form("GSM", "order* arfcn* rssi* bsic! c1 c2 mcc mnc lac cid16", KINDS)

@@ -11,7 +11,7 @@ from logger.core.errors import ConfigError
 from logger.core.types import CellReading
 from logger.drivers.family import Family, wake
 from logger.drivers.generic import Generic
-from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.protocols.at import Command, Dialogue
 
 AUTO = "auto"
 IDENTITY = ("ATI", "AT+CGMI", "AT+CGMM", "AT+CGMR")

@@ -31,12 +31,25 @@ from typing import ClassVar
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family
-from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.fields import EIGHT, area, cell_identity, network, pieces
-from logger.drivers.reading.number_text import confirm
-from logger.drivers.reading.row_language import VALUES, Kinds, Value, form, number, read_values
-from logger.drivers.reading.rows import NoCell, Operator, Row
-from logger.drivers.reading.serving_cell import chosen_networks, is_serving
+from logger.drivers.protocols.at import Command, Dialogue
+from logger.drivers.reading.row_language import (
+    EIGHT,
+    VALUES,
+    Kinds,
+    NoCell,
+    Operator,
+    Row,
+    Value,
+    area,
+    cell_identity,
+    confirm,
+    form,
+    network,
+    number,
+    pieces,
+    read_values,
+)
+from logger.drivers.reading.standard_replies import chosen_networks, is_serving
 
 _FLAGS = re.ASCII | re.IGNORECASE
 _SECTION = re.compile(  # a reply, also one whose first line is lost

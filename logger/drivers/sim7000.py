@@ -23,12 +23,22 @@ from dataclasses import replace
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family
-from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
-from logger.drivers.reading.fields import HEX, matches, network
-from logger.drivers.reading.row_language import VALUES, Kinds, cell, form, number, padded_number
-from logger.drivers.reading.rows import NoCell, Row
-from logger.drivers.reading.serving_cell import merge_serving_cells
+from logger.drivers.reading.row_language import (
+    HEX,
+    VALUES,
+    Kinds,
+    NoCell,
+    Row,
+    cell,
+    form,
+    matches,
+    network,
+    number,
+    padded_number,
+)
+from logger.drivers.reading.standard_replies import merge_serving_cells
 from logger.drivers.sim7600 import cpsi_cells
 
 ENGINEERING_ON = Command("AT+CENG=1,1")

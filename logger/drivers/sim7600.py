@@ -32,22 +32,29 @@ from typing import Any, ClassVar
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family
-from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
-from logger.drivers.reading.fields import (
+from logger.drivers.reading.row_language import (
+    VALUES,
+    Form,
+    Kinds,
+    NoCell,
+    Row,
+    Value,
     area,
     at,
+    cell,
     cell_identity,
     decimal,
+    form,
     level,
     network,
+    read_values,
     rsrp_dbm,
     rsrq_db,
     rssi_dbm,
 )
-from logger.drivers.reading.row_language import VALUES, Form, Kinds, Value, cell, form, read_values
-from logger.drivers.reading.rows import NoCell, Row
-from logger.drivers.reading.serving_cell import merge_serving_cells
+from logger.drivers.reading.standard_replies import merge_serving_cells
 
 _CPSI = re.compile(r"(?<![A-Z])CPSI:([-\w ,.]*)", re.ASCII | re.IGNORECASE)
 _FINAL = re.compile(r"\s*OK\s*\Z")

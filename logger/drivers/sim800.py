@@ -21,20 +21,21 @@ from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Role
 from logger.drivers.family import Claim, Family
-from logger.drivers.protocols.dialogue import Command, Dialogue
+from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
-from logger.drivers.reading.fields import HEX, matches
 from logger.drivers.reading.row_language import (
+    HEX,
     VALUES,
     Form,
     Kinds,
+    Row,
     Value,
     form,
     identity,
+    matches,
     padded_number,
     read_values,
 )
-from logger.drivers.reading.rows import Row
 
 DBM_OF_RXL_0 = -113.0  # SIM800 manual V1.09 p163, and printed by mode 4: 44 beside -69
 

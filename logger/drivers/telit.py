@@ -38,28 +38,28 @@ from typing import ClassVar
 from logger.core.types import HIGHEST_ARFCN, MOST_NEIGHBOURS, Broadcast, CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family
-from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.fields import (
+from logger.drivers.protocols.at import Command, Dialogue
+from logger.drivers.reading.row_language import (
+    VALUES,
+    Kinds,
+    NoCell,
+    Registration,
+    Row,
+    Value,
     area,
+    area_values,
     at,
     cell_identity,
     decimal,
     hexadecimal,
-    network,
-    pieces,
-    values,
-)
-from logger.drivers.reading.row_language import (
-    VALUES,
-    Kinds,
-    Value,
-    area_values,
     labelled_row,
     listed_row,
+    network,
+    pieces,
     read_values,
+    values,
 )
-from logger.drivers.reading.rows import NoCell, Registration, Row
-from logger.drivers.reading.serving_cell import is_serving
+from logger.drivers.reading.standard_replies import is_serving
 
 
 def _octal_bsic(text: str) -> int | None:

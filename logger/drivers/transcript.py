@@ -5,10 +5,9 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from logger.drivers.family import Family
-from logger.drivers.protocols.dialogue import INTERRUPTION
-from logger.drivers.reading.number_history import NumberHistory
-from logger.drivers.reading.recognition import mark_doubtful_replies
-from logger.drivers.reading.rows import Row
+from logger.drivers.protocols.at import INTERRUPTION
+from logger.drivers.reading.recognition import NumberHistory, mark_doubtful_replies
+from logger.drivers.reading.row_language import Row
 
 _FINAL = re.compile(r"(?:OK|ERROR|\+CM[ES] ERROR\b.*)\s*\Z")
 _COMMAND = re.compile(r"AT[+^*$#!&A-Z]", re.IGNORECASE)

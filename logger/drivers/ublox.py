@@ -34,22 +34,26 @@ from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family
 from logger.drivers.generic import Generic
-from logger.drivers.protocols.dialogue import Command, Dialogue
-from logger.drivers.reading.fields import decimal, pieces
-from logger.drivers.reading.index_scales import CARRIER_OF_INDEX, RSRP_OF_INDEX, RSRQ_OF_INDEX
+from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
+    CARRIER_OF_INDEX,
+    RSRP_OF_INDEX,
+    RSRQ_OF_INDEX,
     VALUES,
     Kinds,
+    NoCell,
+    Row,
     Value,
     between,
     cell,
+    decimal,
     labelled_row,
     listed_row,
     number,
     padded_number,
+    pieces,
 )
-from logger.drivers.reading.rows import NoCell, Row
-from logger.drivers.reading.serving_cell import chosen_networks
+from logger.drivers.reading.standard_replies import chosen_networks
 
 PCS_FLAG = 0x8000
 """Added to the channel in the 1900 MHz band (AT+CGED)."""

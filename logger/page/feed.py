@@ -12,8 +12,7 @@ import msgspec
 from logger.core.runfile.run_names import JOURNAL
 from logger.device.machine import Machine, machine
 from logger.device.status import SILENT_S, Status, read_status
-from logger.page.journal_tail import JournalTail
-from logger.page.walk import TABLES, Walk
+from logger.page.walk import TABLES, JournalTail, Walk
 
 LOOK_S = 0.1
 BEAT_S = 1.0

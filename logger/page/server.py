@@ -4,35 +4,514 @@ import asyncio
 import errno
 import logging
 import os
+import re
+import secrets
 import signal
 import socket
+import stat
+import time
 import traceback
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
 from pathlib import Path
+from typing import BinaryIO, Protocol
 
+import msgspec
+from tornado.http1connection import HTTP1Connection
 from tornado.httpserver import HTTPServer
-from tornado.iostream import IOStream
-from tornado.web import Application
+from tornado.iostream import IOStream, StreamClosedError
+from tornado.web import Application, HTTPError, RequestHandler
 
 from logger.config import SiteConfig, page_address
 from logger.core.errors import ConfigError
-from logger.page.assets import assets
+from logger.core.foreign import decode_json, open_regular
+from logger.core.latest import Latest
+from logger.device.page_requests import FILE, MOST_AT_ONCE, PageRequest
+from logger.page.assets import Asset, assets
 from logger.page.feed import Feed
-from logger.page.guard import Limits, Places, host_names
-from logger.page.handlers import (
-    PATIENCE_S,
-    AssetHandler,
-    LiveHandler,
-    MapHandler,
-    Refused,
-    RequestHandlerOf,
-    RunHandler,
-    RunsHandler,
-    Site,
-    TrackHandler,
+from logger.page.token import is_token, make_token, state_folder
+
+_MOST_BYTES = 1 << 18
+RECORDED_WITHIN_S = 10.0
+"""The recorder looks twice a second and writes each second; a slow card takes some seconds."""
+
+
+class RequestFile:
+    """Appends requests, and waits until the recorder's status names them as recorded."""
+
+    def __init__(self, folder: Path, feed: Feed) -> None:
+        self._path = folder / FILE
+        self._feed = feed
+        self._n_waiting = 0
+
+    async def ask(self, request: PageRequest) -> HTTPStatus:
+        """What became of a request: 202 only if it is on the card."""
+        if self._n_waiting >= MOST_AT_ONCE:
+            return HTTPStatus.TOO_MANY_REQUESTS
+        if self._feed.is_silent:
+            return HTTPStatus.SERVICE_UNAVAILABLE
+        name = secrets.token_hex(8)
+        self._n_waiting += 1
+        try:
+            self._append(msgspec.structs.replace(request, id=name))
+            is_recorded = await self._feed.has_recorded(name, RECORDED_WITHIN_S)
+        except OSError:
+            return HTTPStatus.INSUFFICIENT_STORAGE
+        finally:
+            self._n_waiting -= 1
+        return HTTPStatus.ACCEPTED if is_recorded else HTTPStatus.SERVICE_UNAVAILABLE
+
+    def _append(self, request: PageRequest) -> None:
+        """Append a line in one write; raises OSError.
+
+        A file that has become long, or is none, is replaced where no request in it waits.
+        """
+        line = msgspec.json.encode(request) + b"\n"
+        if not self._has_room() and self._n_waiting == 1:
+            new = self._path.with_suffix(".new")
+            new.unlink(missing_ok=True)
+            _write(new, line, os.O_EXCL)
+            new.replace(self._path)
+        else:
+            _write(self._path, line, 0)
+
+    def _has_room(self) -> bool:
+        try:
+            status = self._path.lstat()
+        except FileNotFoundError:
+            return True
+        return stat.S_ISREG(status.st_mode) and status.st_size < _MOST_BYTES
+
+
+def _write(path: Path, line: bytes, more_flags: int) -> None:
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    fd = os.open(path, flags | more_flags, 0o640)
+    try:
+        status = os.fstat(fd)
+        if not stat.S_ISREG(status.st_mode) or status.st_size > 2 * _MOST_BYTES:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        if os.write(fd, line) != len(line):
+            os.ftruncate(fd, status.st_size)  # half a line would spoil the next one
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+    finally:
+        os.close(fd)
+
+
+PER_S, BURST = 20.0, 60.0
+"""Requests of one phone: the page makes two a second, and about twenty when it is opened."""
+ALL_PER_S, ALL_BURST = 100.0, 300.0
+WRITES_PER_S, WRITE_BURST = 1.0, 5.0
+"""Marks and cells to follow."""
+_MOST_ADDRESSES = 256
+TOKEN_S = 1.0
+"""A phone's request arrives in a fraction of this, also over a poor Wi-Fi."""
+
+
+class Bucket:
+    """Holds `burst` tokens at most and gains `per_s`; each request takes one."""
+
+    def __init__(self, per_s: float, burst: float, now_s: float) -> None:
+        self._per_s, self._burst = per_s, burst
+        self._left, self._at_s = burst, now_s
+
+    def take(self, now_s: float) -> bool:
+        """Whether one more is allowed."""
+        self._left = min(self._burst, self._left + (now_s - self._at_s) * self._per_s)
+        self._at_s = now_s
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+class Limits:
+    """Limits of requests for each address and for all together."""
+
+    def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
+        self._clock_s = clock_s
+        self._all = Bucket(ALL_PER_S, ALL_BURST, clock_s())
+        self._reads: Latest[Bucket] = Latest(_MOST_ADDRESSES)
+        self._writes: Latest[Bucket] = Latest(_MOST_ADDRESSES)
+
+    def allows(self, address: str, *, write: bool) -> bool:
+        """Whether this request may be answered; a flood of one does not use up that of all."""
+        now_s = self._clock_s()
+        one = self._reads.get(address) or Bucket(PER_S, BURST, now_s)
+        self._reads.put(address, one)
+        if not one.take(now_s) or not self._all.take(now_s):
+            return False
+        if not write:
+            return True
+        bucket = self._writes.get(address) or Bucket(WRITES_PER_S, WRITE_BURST, now_s)
+        self._writes.put(address, bucket)
+        return bucket.take(now_s)
+
+
+class Connection(Protocol):
+    """What `Places` needs of tornado's IOStream."""
+
+    def close(self) -> None: ...
+    def closed(self) -> bool: ...
+    def writing(self) -> bool: ...
+
+
+@dataclass
+class _Holder:
+    """Who holds a place; `is_known` after a request with the token, `is_busy` during one."""
+
+    address: str
+    since_s: float
+    is_known: bool = False
+    is_busy: bool = False
+
+
+class Places:
+    """The places of connections, at most so many and so many of one address.
+
+    Where they are taken, one gives way to a newcomer: a connection that could have brought the
+    token by now and has not, else one that waits for its next request, else one that is new, else
+    one of an address that has two more than the newcomer's. Among these it is the oldest one of the
+    address that has the most of them.
+    """
+
+    def __init__(
+        self, most: int, most_of_one: int, clock_s: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._most, self._most_of_one = most, most_of_one
+        self._clock_s = clock_s
+        self._holders: dict[Connection, _Holder] = {}
+
+    def admit(self, connection: Connection, address: str) -> bool:
+        """Give a place, if need be that of another, which is closed; False without one."""
+        self._holders = {one: who for one, who in self._holders.items() if not one.closed()}
+        n_held = Counter(who.address for who in self._holders.values())
+        is_full = len(self._holders) >= self._most
+        if is_full or n_held[address] >= self._most_of_one:
+            leaves = self._one_to_leave(n_held, address)
+            if leaves is None:
+                return False
+            leaves.close()
+            del self._holders[leaves]
+        self._holders[connection] = _Holder(address, self._clock_s())
+        return True
+
+    def begin(self, connection: Connection) -> None:
+        """Note that a connection has brought a complete request with the token."""
+        if holder := self._holders.get(connection):
+            holder.is_known = holder.is_busy = True
+
+    def end(self, connection: Connection) -> None:
+        """Note that its request is answered; what is written may still be under way."""
+        if holder := self._holders.get(connection):
+            holder.is_busy = False
+
+    def _one_to_leave(self, n_held: Counter[str], address: str) -> Connection | None:
+        """The connection that gives way to one of an address."""
+        has_all_of_one = n_held[address] >= self._most_of_one
+        holders = [
+            (one, who)
+            for one, who in self._holders.items()
+            if who.address == address or not has_all_of_one
+        ]
+        strangers = [pair for pair in holders if not pair[1].is_known]
+        idle = [
+            (one, who)
+            for one, who in holders
+            if who.is_known and not who.is_busy and not one.writing()
+        ]
+        greedy = [pair for pair in holders if n_held[pair[1].address] > n_held[address] + 1]
+        late = [pair for pair in strangers if self._clock_s() - pair[1].since_s > TOKEN_S]
+        pool = late or idle or strangers or greedy
+        n_of_pool = Counter(who.address for _, who in pool)
+        oldest = max(pool, key=lambda pair: n_of_pool[pair[1].address], default=None)
+        return None if oldest is None else oldest[0]
+
+
+def host_names(address: str, port: int) -> frozenset[str]:
+    """Values of Host that name this page: the address alone, since DNS may name any machine."""
+    host = f"[{address}]" if ":" in address else address
+    return frozenset({f"{host}:{port}"} | ({host} if port == 80 else set()))
+
+
+_CLOSED = re.compile(r"run-\d{6}\.h5", re.ASCII)
+MOST_SHOWN = 20
+
+
+def closed_runs(folder: Path) -> list[tuple[str, int]]:
+    """Names and sizes, the newest first."""
+    try:
+        names = sorted((file.name for file in folder.iterdir() if is_run(file.name)), reverse=True)
+        return [(name, (folder / name).lstat().st_size) for name in names[:MOST_SHOWN]]
+    except OSError:
+        return []
+
+
+def is_run(name: str) -> bool:
+    """Whether a name is that of a closed run; none of them leads to another folder."""
+    return _CLOSED.fullmatch(name) is not None
+
+
+def open_run(folder: Path, name: str) -> tuple[BinaryIO, int] | None:
+    """The file and its size; None where it is no closed run or cannot be read."""
+    return open_sized(folder / name) if is_run(name) else None
+
+
+def open_sized(path: Path) -> tuple[BinaryIO, int] | None:
+    """A regular file and its size; None for a link, a pipe, or what cannot be read."""
+    try:
+        file = open_regular(path, follow_links=False)
+    except OSError:
+        return None
+    return file, os.fstat(file.fileno()).st_size
+
+
+_WHY = {
+    HTTPStatus.TOO_MANY_REQUESTS: "too many at once",
+    HTTPStatus.SERVICE_UNAVAILABLE: "the recorder did not take it",
+    HTTPStatus.INSUFFICIENT_STORAGE: "the Pi has no room",
+}
+"""What the phone shows of a request that is refused."""
+CHUNK = 1 << 15
+MOST_OF_MAP = 1 << 20
+"""Bytes of one request for the map: tiles are smaller."""
+_RANGE = re.compile(r"bytes=(\d{1,15})-(\d{1,15})", re.ASCII)
+PATIENCE_S = 20.0
+"""A phone that takes no data for this long is gone."""
+
+_POLICY = (
+    "default-src 'none'",
+    "script-src 'self'",
+    "style-src 'self'",
+    "img-src 'self' blob:",
+    "connect-src 'self'",
+    "media-src 'self'",
+    "worker-src 'self'",
+    "base-uri 'none'",
+    "form-action 'none'",
+    "frame-ancestors 'none'",
 )
-from logger.page.request_file import RequestFile
-from logger.page.token import make_token, state_folder
+_HEADERS = {
+    "Server": "cellwalk",
+    "Content-Security-Policy": "; ".join(_POLICY),
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
+
+
+@dataclass
+class Site:
+    """What the handlers share."""
+
+    token: str
+    hosts: frozenset[str]
+    feed: Feed
+    runs: Path
+    requests: RequestFile
+    assets: Mapping[str, Asset]
+    limits: Limits
+    connections: Places
+    streams: Places
+    map_file: Path | None = None
+
+
+class Guarded(RequestHandler):
+    """Checks of every request: rate, host, token, origin."""
+
+    def initialize(self, site: Site) -> None:
+        self.site = site
+        assert isinstance(self.request.connection, HTTP1Connection)
+        self.stream: Connection = self.request.connection.stream
+
+    def set_default_headers(self) -> None:
+        for name, value in _HEADERS.items():
+            self.set_header(name, value)
+
+    def prepare(self) -> None:
+        """Refuse with 429, 421 or 403."""
+        refused = self._refusal()
+        if refused is not None:
+            raise HTTPError(refused)
+        self.site.connections.begin(self.stream)
+
+    def on_finish(self) -> None:
+        self.site.connections.end(self.stream)
+
+    def write_error(self, status_code: int, **_kwargs: object) -> None:
+        """One plain line; never what was asked, nor why it failed."""
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        if status_code in {HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.SERVICE_UNAVAILABLE}:
+            self.set_header("Retry-After", "2")
+        status = HTTPStatus(status_code)
+        self.finish(f"{status_code} {_WHY.get(status, status.phrase)}\n")
+
+    def _refusal(self) -> HTTPStatus | None:
+        request, site = self.request, self.site
+        writes = request.method not in {"GET", "HEAD"}
+        if not site.limits.allows(request.remote_ip or "", write=writes):
+            return HTTPStatus.TOO_MANY_REQUESTS
+        if request.headers.get("Host", "") not in site.hosts:  # another name: DNS rebinding
+            return HTTPStatus.MISDIRECTED_REQUEST
+        if not self.path_args or not is_token(self.path_args[0] or "", site.token):
+            return HTTPStatus.FORBIDDEN
+        origin = request.headers.get("Origin")
+        if writes if origin is None else origin not in self._origins():
+            return HTTPStatus.FORBIDDEN
+        return None
+
+    def _origins(self) -> set[str]:
+        return {f"http://{host}" for host in self.site.hosts}
+
+    async def send_pieces(self, pieces: AsyncIterator[bytes]) -> None:
+        """Send piece by piece, so that a slow phone holds one of them in memory."""
+        try:
+            async for piece in pieces:
+                self.write(piece)
+                await asyncio.wait_for(self.flush(), PATIENCE_S)
+        except (TimeoutError, StreamClosedError):
+            self.detach().close()
+
+
+class Refused(Guarded):
+    """Any other address: it has no token, so the checks refuse it."""
+
+
+class AssetHandler(Guarded):
+    """The page itself, its styles and scripts."""
+
+    async def get(self, _token: str, name: str) -> None:
+        asset = self.site.assets.get(name or "index.html")
+        if asset is None:
+            raise HTTPError(HTTPStatus.NOT_FOUND)
+        self.set_header("Content-Type", asset.media_type)
+        self.set_header("Cache-Control", "no-cache")
+        self.set_header("ETag", asset.etag)
+        if self.check_etag_header():
+            self.set_status(HTTPStatus.NOT_MODIFIED)
+            return
+        self.set_header("Content-Length", str(len(asset.content)))
+        await self.send_pieces(_slices(asset.content))
+
+    head = get
+
+
+class LiveHandler(Guarded):
+    """News as server-sent events; a phone that is slow misses some and gets the newest."""
+
+    async def get(self, _token: str) -> None:
+        if not self.site.streams.admit(self.stream, self.request.remote_ip or ""):
+            raise HTTPError(HTTPStatus.SERVICE_UNAVAILABLE)
+        self.site.streams.begin(self.stream)
+        self.set_header("Content-Type", "text/event-stream")
+        await self.send_pieces(_events(self.site.feed))
+
+
+class TrackHandler(Guarded):
+    """Points and levels that the plan does not have yet."""
+
+    async def get(self, _token: str) -> None:
+        start = [self._number(name) for name in ("point", "level")]
+        self.set_header("Content-Type", "application/json")
+        text = msgspec.json.encode(self.site.feed.track(*start))
+        self.set_header("Content-Length", str(len(text)))
+        await self.send_pieces(_slices(text))
+
+    def _number(self, name: str) -> int:
+        text = self.get_query_argument(name, "0")
+        if not (text.isascii() and text.isdecimal() and len(text) < 9):
+            raise HTTPError(HTTPStatus.BAD_REQUEST)
+        return int(text)
+
+
+class RunsHandler(Guarded):
+    """Names and sizes of closed runs."""
+
+    async def get(self, _token: str) -> None:
+        self.set_header("Content-Type", "application/json")
+        self.finish(msgspec.json.encode(closed_runs(self.site.runs)))
+
+
+class RunHandler(Guarded):
+    """The download of a closed run."""
+
+    async def get(self, _token: str, name: str) -> None:
+        found = open_run(self.site.runs, name)
+        if found is None:
+            raise HTTPError(HTTPStatus.NOT_FOUND)
+        file, size = found
+        with file:
+            self.set_header("Content-Type", "application/x-hdf5")
+            self.set_header("Content-Disposition", f'attachment; filename="{name}"')
+            self.set_header("Content-Length", str(size))
+            await self.send_pieces(_file_pieces(file, size))
+
+
+class MapHandler(Guarded):
+    """Part of the map's file, which has its tiles and their directory."""
+
+    async def get(self, _token: str) -> None:
+        span = _RANGE.fullmatch(self.request.headers.get("Range", ""))
+        found = open_sized(self.site.map_file) if span and self.site.map_file else None
+        if span is None or found is None:
+            raise HTTPError(HTTPStatus.NOT_FOUND)
+        file, size = found
+        with file:
+            start, last = int(span[1]), min(int(span[2]), size - 1)
+            if not start <= last < start + MOST_OF_MAP:
+                raise HTTPError(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE)
+            file.seek(start)
+            self.set_status(HTTPStatus.PARTIAL_CONTENT)
+            self.set_header("Content-Type", "application/octet-stream")
+            self.set_header("Content-Range", f"bytes {start}-{last}/{size}")
+            self.set_header("Content-Length", str(last - start + 1))
+            await self.send_pieces(_file_pieces(file, last - start + 1))
+
+
+class RequestHandlerOf(Guarded):
+    """A mark, or a cell to follow, for the recorder."""
+
+    async def post(self, _token: str, do: str) -> None:
+        if self.request.headers.get("Content-Type") != "application/json":
+            raise HTTPError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE)
+        try:
+            text = decode_json(self.request.body, str)
+            request = msgspec.convert({"do": do, "text": text}, PageRequest)
+        except msgspec.DecodeError:
+            raise HTTPError(HTTPStatus.BAD_REQUEST) from None
+        outcome = await self.site.requests.ask(request)
+        if outcome != HTTPStatus.ACCEPTED:
+            raise HTTPError(outcome)
+        self.set_status(outcome)
+
+
+async def _slices(content: bytes) -> AsyncIterator[bytes]:
+    for at in range(0, len(content), CHUNK):
+        yield content[at : at + CHUNK]
+
+
+async def _file_pieces(file: BinaryIO, size: int) -> AsyncIterator[bytes]:
+    """Exactly `size` bytes, even if the file shrinks meanwhile."""
+    while size > 0:
+        piece = file.read(min(CHUNK, size))
+        if not piece:
+            raise StreamClosedError
+        size -= len(piece)
+        yield piece
+
+
+async def _events(feed: Feed) -> AsyncIterator[bytes]:
+    sent = b""
+    while True:
+        if feed.text is sent:
+            await feed.changed()
+        sent = feed.text
+        yield b"data: " + sent + b"\n\n"
+
 
 log = logging.getLogger(__name__)
 

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from logger.sim.air import NEIGHBOURS, Air, ModemFix, ReceivedCell
+from logger.sim.world import NEIGHBOURS, Air, ModemFix, ReceivedCell
 
 Settings = Mapping[str, str]
 """Values of the settings by name, {"+CENG": "1,1"}; "=" is the argument of the command."""

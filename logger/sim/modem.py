@@ -6,10 +6,9 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
-from logger.sim.air import Air, ModemFix, ReceivedCell
 from logger.sim.dialects import ANYWHERE, NO_CARD, REGISTERED, Dialect, Listing
 from logger.sim.walk import Walk
-from logger.sim.world import World
+from logger.sim.world import Air, ModemFix, ReceivedCell, World
 
 DECODE_DBM = -104.0
 """Level from which broadcasts are decoded: access is allowed there (C1 > 0, see `air`)."""

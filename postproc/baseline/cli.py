@@ -12,7 +12,7 @@ from postproc.options import runs_argument
 with late_modules():
     from logger.core import document, utc
     from postproc import progress
-    from postproc.baseline import addition, store
+    from postproc.baseline import store
     from postproc.verification import parsing
 
 DEFAULT_NAME = "baseline.db"
@@ -50,7 +50,7 @@ def add(paths: Sequence[Path], target: Path, *, as_json: bool) -> int:
     not added. The exit code is 3 if a run could not be added.
     """
     with store.BaselineStore(target, create=True) as kept:
-        work = addition.add_runs(kept, paths)
+        work = store.add_runs(kept, paths)
         names = [path.name for path in paths]
         results = list(progress.with_progress(work, "adding", len(paths), names))
         n_walks, n_cells = len(kept.walks()), kept.n_cells()

@@ -12,10 +12,124 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from logger.baseline_file import BaselineFile, check_head, parts_of
-from logger.core.errors import ConfigError, RunFileError
-from postproc.baseline import schema
-from postproc.baseline.walk_summary import WalkSummary
+from logger.baseline_file import APPLICATION_ID, VERSION, check_head, parts_of
+from logger.core.errors import ConfigError, FieldLoggerError, RunFileError
+from logger.core.runfile import sealing_of
+from postproc.baseline.walk_summary import WalkSummary, summarise_walk
+from postproc.read_ahead import read_ahead
+
+# heard, visit and heard_channel have what each walk contributes, so that a walk can be removed
+# again; square_cell, square_rat, cell and cell_channel have the sums over all walks, from
+# which lookups answer. SUMS computes the sums of what one walk touches anew.
+
+TABLES = (
+    """CREATE TABLE walk (
+        id INTEGER PRIMARY KEY, digest TEXT NOT NULL UNIQUE, run_id TEXT NOT NULL,
+        name TEXT NOT NULL, began_utc_ns INTEGER, n_readings INTEGER NOT NULL,
+        n_squares INTEGER NOT NULL, n_cells INTEGER NOT NULL,
+        seal TEXT) STRICT""",
+    """CREATE TABLE cell (
+        id INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, rat TEXT NOT NULL,
+        mcc TEXT NOT NULL, mnc TEXT NOT NULL, area TEXT NOT NULL, cid TEXT NOT NULL,
+        n_walks INTEGER NOT NULL DEFAULT 0, n_scans INTEGER NOT NULL DEFAULT 0) STRICT""",
+    "CREATE INDEX cell_identity ON cell (mcc, mnc, cid)",
+    "CREATE INDEX cell_operator ON cell (mcc, mnc, rat)",
+    """CREATE TABLE heard (
+        walk INTEGER NOT NULL, cell INTEGER NOT NULL, square INTEGER NOT NULL,
+        n_scans INTEGER NOT NULL, best_dbm REAL NOT NULL, sum_level INTEGER NOT NULL,
+        sum_squares INTEGER NOT NULL, PRIMARY KEY (walk, cell, square)) STRICT, WITHOUT ROWID""",
+    "CREATE INDEX heard_where ON heard (cell, square)",
+    """CREATE TABLE visit (
+        walk INTEGER NOT NULL, square INTEGER NOT NULL, rat TEXT NOT NULL,
+        PRIMARY KEY (walk, square, rat)) STRICT, WITHOUT ROWID""",
+    "CREATE INDEX visit_where ON visit (square, rat)",
+    """CREATE TABLE heard_channel (
+        walk INTEGER NOT NULL, cell INTEGER NOT NULL, channel INTEGER NOT NULL,
+        code INTEGER NOT NULL,
+        PRIMARY KEY (walk, cell, channel, code)) STRICT, WITHOUT ROWID""",
+    "CREATE INDEX heard_channel_where ON heard_channel (cell, channel, code)",
+    """CREATE TABLE square_cell (
+        square INTEGER NOT NULL, cell INTEGER NOT NULL, n_walks INTEGER NOT NULL,
+        n_scans INTEGER NOT NULL, best_dbm REAL NOT NULL, least_best_dbm REAL NOT NULL,
+        sum_level INTEGER NOT NULL, sum_squares INTEGER NOT NULL,
+        PRIMARY KEY (square, cell)) STRICT, WITHOUT ROWID""",
+    "CREATE INDEX square_of_cell ON square_cell (cell, best_dbm)",
+    """CREATE TABLE square_rat (
+        square INTEGER NOT NULL, rat TEXT NOT NULL, n_walks INTEGER NOT NULL,
+        PRIMARY KEY (square, rat)) STRICT, WITHOUT ROWID""",
+    """CREATE TABLE cell_channel (
+        cell INTEGER NOT NULL, channel INTEGER NOT NULL, code INTEGER NOT NULL,
+        PRIMARY KEY (cell, channel, code)) STRICT, WITHOUT ROWID""",
+    "CREATE TABLE trust (cell TEXT PRIMARY KEY, note TEXT NOT NULL) STRICT, WITHOUT ROWID",
+    f"PRAGMA application_id = {APPLICATION_ID}",
+    f"PRAGMA user_version = {VERSION}",
+)
+
+ADD = (
+    """INSERT INTO square_cell
+        SELECT square, cell, 1, n_scans, best_dbm, best_dbm, sum_level, sum_squares
+        FROM heard WHERE walk = :walk
+        ON CONFLICT DO UPDATE SET
+            n_walks = n_walks + 1,
+            n_scans = n_scans + excluded.n_scans,
+            best_dbm = max(best_dbm, excluded.best_dbm),
+            least_best_dbm = min(least_best_dbm, excluded.best_dbm),
+            sum_level = sum_level + excluded.sum_level,
+            sum_squares = sum_squares + excluded.sum_squares""",
+    """INSERT INTO square_rat SELECT square, rat, 1 FROM visit WHERE walk = :walk
+        ON CONFLICT DO UPDATE SET n_walks = n_walks + 1""",
+    """INSERT OR IGNORE INTO cell_channel
+        SELECT cell, channel, code FROM heard_channel WHERE walk = :walk""",
+    """UPDATE cell SET n_walks = n_walks + 1, n_scans = n_scans + new.n
+        FROM (SELECT cell, sum(n_scans) AS n FROM heard WHERE walk = :walk GROUP BY cell) AS new
+        WHERE id = new.cell""",
+)
+"""Add the rows of a new walk to the sums."""
+
+SEAL = "ALTER TABLE walk ADD COLUMN seal TEXT"
+"""The digest that a run was sealed with, empty of one that was cut.
+
+NULL of walks that an earlier version has added, whose `digest` is always that of the content.
+"""
+
+REMOVE = (
+    """CREATE TEMP TABLE gone_heard AS
+        SELECT DISTINCT cell, square FROM heard WHERE walk = :walk""",
+    """CREATE TEMP TABLE gone_visit AS
+        SELECT DISTINCT square, rat FROM visit WHERE walk = :walk""",
+    """CREATE TEMP TABLE gone_channel AS
+        SELECT DISTINCT cell, channel, code FROM heard_channel WHERE walk = :walk""",
+    "DELETE FROM heard WHERE walk = :walk",
+    "DELETE FROM visit WHERE walk = :walk",
+    "DELETE FROM heard_channel WHERE walk = :walk",
+    "DELETE FROM walk WHERE id = :walk",
+    """DELETE FROM square_cell
+        WHERE (square, cell) IN (SELECT square, cell FROM gone_heard)""",
+    """INSERT INTO square_cell
+        SELECT h.square, h.cell, count(*), sum(n_scans), max(best_dbm), min(best_dbm),
+            sum(sum_level), sum(sum_squares)
+        FROM gone_heard g JOIN heard h ON (h.cell, h.square) = (g.cell, g.square)
+        GROUP BY h.square, h.cell""",
+    """DELETE FROM square_rat WHERE (square, rat) IN (SELECT square, rat FROM gone_visit)""",
+    """INSERT INTO square_rat
+        SELECT v.square, v.rat, count(*)
+        FROM gone_visit g JOIN visit v ON (v.square, v.rat) = (g.square, g.rat)
+        GROUP BY v.square, v.rat""",
+    """DELETE FROM cell_channel AS c WHERE
+        (cell, channel, code) IN (SELECT cell, channel, code FROM gone_channel)
+        AND NOT EXISTS (SELECT 1 FROM heard_channel AS h
+            WHERE (h.cell, h.channel, h.code) = (c.cell, c.channel, c.code))""",
+    """UPDATE cell SET
+        n_walks = (SELECT count(DISTINCT walk) FROM heard WHERE cell = id),
+        n_scans = (SELECT coalesce(sum(n_scans), 0) FROM square_cell WHERE cell = id)
+        WHERE id IN (SELECT cell FROM gone_heard)""",
+    "DELETE FROM cell WHERE n_walks = 0",
+    "DROP TABLE gone_heard",
+    "DROP TABLE gone_visit",
+    "DROP TABLE gone_channel",
+)
+"""Take the rows of a walk away and compute the sums of what it touched anew."""
+
 
 _PATIENCE_S = 10.0
 """For another program that changes the same baseline; one change takes some milliseconds."""
@@ -83,7 +197,7 @@ class BaselineStore:
         """
         with self._change():
             if "seal" not in [row[1] for row in self._rows("PRAGMA table_info(walk)")]:
-                self._db.execute(schema.SEAL)
+                self._db.execute(SEAL)
             known = "SELECT 1 FROM walk WHERE digest = ? OR (seal IS NULL AND digest = ?)"
             if self._rows(known, walk.digest, walk.content):
                 return None
@@ -165,12 +279,12 @@ class BaselineStore:
         self._db.execute("PRAGMA synchronous = FULL")
         if self._rows("SELECT count(*) FROM sqlite_schema")[0][0] == 0:
             with self._change():
-                for statement in schema.TABLES:
+                for statement in TABLES:
                     self._db.execute(statement)
         check_head(self.path, self._db)
 
     def _remove(self, walk: int) -> None:
-        for statement in schema.REMOVE:
+        for statement in REMOVE:
             self._db.execute(statement, {"walk": walk} if ":walk" in statement else {})
 
     def _insert(self, walk: WalkSummary) -> int:
@@ -193,7 +307,7 @@ class BaselineStore:
             "INSERT INTO heard_channel VALUES (?, ?, ?, ?)",
             [(number, cell[name], channel, code) for name, channel, code in walk.channels],
         )
-        for statement in schema.ADD:
+        for statement in ADD:
             self._db.execute(statement, {"walk": number})
         return number
 
@@ -238,26 +352,48 @@ class BaselineStore:
             raise RunFileError(f"{self.path} is damaged: {error}") from error
 
 
-def baseline_without(path: Path, digests: Sequence[str]) -> BaselineFile:
-    """A baseline for reading as if the walks with these digests were not in it.
+CONTRADICTION = (
+    "{} says that it is the same run and differs: one of them was changed and sealed anew. Both "
+    "count; the digest that was noted at the stop shows which is genuine"
+)
 
-    A walk that is compared with earlier ones must not be among them. The file is not changed: the
-    walks are removed from a copy in memory, which is made only if one of them is there. Raises
-    `RunFileError`.
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """What became of a file: added as a walk, in the baseline already, or unusable.
+
+    `walk` is the number of the walk that was added, `problem` why none was; `remark` says of one
+    that was added what contradicts it.
     """
-    baseline = BaselineFile(path)
-    own = baseline.numbers_of(digests)
-    if not own:
-        return baseline
-    memory = sqlite3.connect(":memory:", isolation_level=None)
+
+    path: Path
+    walk: int | None = None
+    digest: str = ""
+    n_readings: int = 0
+    n_squares: int = 0
+    n_cells: int = 0
+    is_known: bool = False
+    problem: str = ""
+    remark: str = ""
+
+
+def add_runs(store: BaselineStore, paths: Sequence[Path]) -> Iterator[Added]:
+    """Add each run that is not in the baseline, and yield what became of it, in order.
+
+    Each run is durable when it is yielded. A run that cannot be read does not stop the others.
+    """
+    for path, outcome in read_ahead(paths, summarise_walk):
+        yield _add(store, path, outcome)
+
+
+def _add(store: BaselineStore, path: Path, outcome: WalkSummary | FieldLoggerError) -> Added:
     try:
-        baseline.copy_to(memory)
-        for walk in own:
-            for statement in schema.REMOVE:
-                memory.execute(statement, {"walk": walk} if ":walk" in statement else {})
-        return BaselineFile(path, memory)
-    except sqlite3.Error as error:
-        memory.close()
-        raise RunFileError(f"{path} cannot be read as a baseline: {error}") from error
-    finally:
-        baseline.close()
+        if isinstance(outcome, FieldLoggerError):
+            raise outcome
+        number = store.add(outcome, lambda earlier: sealing_of(path, earlier).continues)
+        others = [] if number is None else store.contradictions(number)
+    except FieldLoggerError as error:
+        return Added(path, problem=str(error))
+    counts = outcome.n_readings, outcome.n_squares, len(outcome.cells)
+    remark = CONTRADICTION.format(f"walk {others[0]}") if others else ""
+    return Added(path, number, outcome.digest, *counts, is_known=number is None, remark=remark)

@@ -13,10 +13,8 @@ from pyproj import CRS
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.sqlite_file import is_sqlite
-from postproc.basemap.pmtiles_file import is_pmtiles, open_pmtiles
-from postproc.basemap.tiles import Area, Ground, open_mbtiles
-from postproc.pictures.geometry import Box
-from postproc.pictures.survey import Survey
+from postproc.basemap.tiles import Area, Ground, is_pmtiles, open_mbtiles, open_pmtiles
+from postproc.pictures.survey import Box, Survey
 
 MOST_PIXELS = 2048
 """Along the longer side: a megabyte as JPEG."""

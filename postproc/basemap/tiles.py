@@ -1,26 +1,32 @@
-"""Tiles of Web Mercator as one picture with a position, and those of MBTiles 1.3.
+"""Maps of tiles, PMTiles and MBTiles: their part under the plan as one picture with a position.
 
 The rows of MBTiles are numbered from the south (TMS) unless the metadata state xyz.
 """
 
 import math
 import sqlite3
+import struct
 import warnings
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
+from pmtiles.tile import zxy_to_tileid
 from pyproj import CRS, Transformer
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
+from logger.core.foreign import check_regular, open_regular
 from logger.sqlite_file import open_database
-from postproc.foreign_file import MOST_TILE_PIXELS
+from postproc.basemap.vector_tile import draw_tile, layers_of, street_near
+from postproc.foreign_file import MOST_DIRECTORY_BYTES, MOST_TILE_BYTES, MOST_TILE_PIXELS
 from postproc.progress import with_progress
 
 MOST_TILES = 64
@@ -168,3 +174,218 @@ def tile_picture(data: bytes | None) -> Image.Image:
     except Exception as error:  # whatever Pillow makes of a damaged picture
         raise ValueError(f"a tile is no picture: {error}") from error
     raise ValueError(f"a tile has more than {MOST_TILE_PIXELS} pixels along a side")
+
+
+# Source: protomaps/PMTiles, spec v3.
+
+_MAGIC = b"PMTiles\x03"
+_HEADER = struct.Struct("<8s11Q6B")
+_VECTOR_PIXELS = 1536
+"""Along the longer side of what is drawn."""
+_MVT = 1
+_PLAIN, _GZIP = 1, 2
+_DEEPEST = 31
+"""Level up to which the number of a tile fits into 64 bit."""
+_LEVELS_OF_DIRECTORIES = 4
+"""The root and three levels of leaves, as the specification allows."""
+_VARINT_BYTES = 10
+_EQUATOR_M = 40_075_016.7
+
+Numbers = npt.NDArray[np.uint64]
+
+
+class _Header(NamedTuple):
+    """3 of the specification: places in the file in bytes, and how it is packed."""
+
+    magic: bytes
+    root: int
+    root_bytes: int
+    metadata: int
+    metadata_bytes: int
+    leaves: int
+    leaves_bytes: int
+    tiles: int
+    tiles_bytes: int
+    n_addressed: int
+    n_entries: int
+    n_contents: int
+    is_clustered: int
+    directory_packing: int
+    tile_packing: int
+    tile_type: int
+    min_zoom: int
+    max_zoom: int
+
+    @property
+    def zooms(self) -> range:
+        """From the finest."""
+        return range(min(self.max_zoom, FINEST), self.min_zoom - 1, -1)
+
+
+class _Directory:
+    """Entries in the order of their tiles; raises ValueError for bytes that are none."""
+
+    def __init__(self, data: bytes) -> None:
+        numbers = _varints(data)
+        count = int(numbers[0])
+        if 4 * count != len(numbers) - 1:
+            raise ValueError("a directory has more or fewer entries than it states")
+        steps, self._runs, self._lengths, self._offsets = numbers[1:].reshape(4, count)
+        self._tiles = np.cumsum(steps)
+
+    def find(self, tile: int) -> tuple[int, int, bool] | None:
+        """Offset and length of a tile, or of the directory it is in (True); None without it."""
+        at = int(np.searchsorted(self._tiles, np.uint64(tile), side="right")) - 1
+        if at < 0:
+            return None
+        run = int(self._runs[at])
+        if run and tile - int(self._tiles[at]) >= run:
+            return None
+        # 0: behind the entry before
+        known = np.flatnonzero(self._offsets[: at + 1])
+        if not len(known):
+            raise ValueError("the first entry of a directory has no place")
+        first = int(known[-1])
+        before = sum(map(int, self._lengths[first:at]))
+        return int(self._offsets[first]) - 1 + before, int(self._lengths[at]), not run
+
+
+class _Archive:
+    """An open file; raises ValueError where it contradicts itself or the limits."""
+
+    def __init__(self, path: Path, file: BinaryIO) -> None:
+        self._file, self._size = file, check_regular(path)
+        self.header = _Header(*_HEADER.unpack(self._bytes(0, _HEADER.size, _HEADER.size)))
+        if not self.header.min_zoom <= self.header.max_zoom <= _DEEPEST:
+            raise ValueError("it has no levels")
+        self._directories: dict[tuple[int, int], _Directory] = {}
+
+    def tile(self, zoom: int, column: int, row: int) -> bytes | None:
+        """A tile without its compression, None where there is none."""
+        header, tile = self.header, zxy_to_tileid(zoom, column, row)
+        at, length = header.root, header.root_bytes
+        for _ in range(_LEVELS_OF_DIRECTORIES):
+            entry = self._directory(at, length).find(tile)
+            if entry is None:
+                return None
+            at, length, is_directory = entry
+            if not is_directory:
+                data = self._bytes(header.tiles + at, length, MOST_TILE_BYTES)
+                return _unpack(data, header.tile_packing, MOST_TILE_BYTES)
+            at += header.leaves
+        raise ValueError("its directories refer to each other")
+
+    def _directory(self, at: int, length: int) -> _Directory:
+        known = self._directories.get((at, length))
+        if known is None:
+            data = self._bytes(at, length, MOST_DIRECTORY_BYTES)
+            known = _Directory(_unpack(data, self.header.directory_packing, MOST_DIRECTORY_BYTES))
+            if len(self._directories) == _LEVELS_OF_DIRECTORIES:
+                del self._directories[next(iter(self._directories))]
+            self._directories[at, length] = known
+        return known
+
+    def _bytes(self, at: int, length: int, most: int) -> bytes:
+        if length > min(most, self._size - at):
+            raise ValueError(f"it names {length:,} bytes at {at:,}, of {self._size:,}")
+        self._file.seek(at)
+        data = self._file.read(length)
+        if len(data) < length:
+            raise ValueError("it is cut short")
+        return data
+
+
+def is_pmtiles(path: Path) -> bool:
+    """Whether a file is a PMTiles archive of version 3."""
+    try:
+        with open_regular(path) as file:
+            return file.read(len(_MAGIC)) == _MAGIC
+    except OSError:
+        return False
+
+
+def open_pmtiles(path: Path, area: Area) -> Ground:
+    """The tiles that cover an area; raises `ConfigError`."""
+    with _archive(path) as archive:
+
+        def picture_at(zoom: int, columns: range, rows: range) -> TilePicture:
+            size = max(_VECTOR_PIXELS // max(len(columns), len(rows)), 256)
+
+            def picture(column: int, row: int) -> Image.Image | None:
+                data = archive.tile(zoom, column, row)
+                if data is None:
+                    return None
+                if archive.header.tile_type == _MVT:
+                    return draw_tile(layers_of(data), size)
+                return tile_picture(data)
+
+            return picture
+
+        ground = ground_of(archive.header.zooms, area, picture_at)
+    if ground is None:
+        raise ConfigError(f"{path} does not cover the area of this walk")
+    return ground
+
+
+def street_at(path: Path, lat_deg: float, lon_deg: float) -> str | None:
+    """Name of the nearest street, by the finest vector tile at a position.
+
+    None without one near, and for other kinds of files. Raises `ConfigError` for a file that cannot
+    be read.
+    """
+    if not is_pmtiles(path):
+        return None
+    with _archive(path) as archive:
+        for zoom in archive.header.zooms if archive.header.tile_type == _MVT else ():
+            x, y = _web_mercator(lat_deg, lon_deg, zoom)
+            data = archive.tile(zoom, int(x), int(y))
+            if data is not None:
+                tile_m = _EQUATOR_M * math.cos(math.radians(lat_deg)) / 2**zoom
+                return street_near(layers_of(data), (x % 1.0, y % 1.0), tile_m)
+    return None
+
+
+def _web_mercator(lat_deg: float, lon_deg: float, zoom: int) -> tuple[float, float]:
+    """Column and row of a position, with fractions."""
+    count = 2**zoom
+    row = 0.5 - math.asinh(math.tan(math.radians(lat_deg))) / (2.0 * math.pi)
+    return (lon_deg + 180.0) / 360.0 * count % count, row * count
+
+
+@contextmanager
+def _archive(path: Path) -> Iterator[_Archive]:
+    try:
+        with open_regular(path) as file:
+            yield _Archive(path, file)
+    except (OSError, ValueError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or error
+        raise ConfigError(f"{path} cannot be read: {reason}") from error
+
+
+def _unpack(data: bytes, packing: int, most: int) -> bytes:
+    if packing == _PLAIN:
+        return data
+    if packing != _GZIP:
+        raise ValueError("it is compressed by something else than gzip")
+    try:
+        whole = zlib.decompressobj(16 + zlib.MAX_WBITS)
+        plain = whole.decompress(data, most)
+    except zlib.error as error:
+        raise ValueError(f"a compressed part is damaged: {error}") from error
+    if not whole.eof:
+        raise ValueError(f"a compressed part is cut, or has more than {most >> 20} MB")
+    return plain
+
+
+def _varints(data: bytes) -> Numbers:
+    """Unsigned integers of seven bits in each byte, the lowest first."""
+    raw = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(raw < 0x80)
+    if not len(ends) or ends[-1] != len(raw) - 1:
+        raise ValueError("a directory is cut short")
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    place = np.arange(len(raw)) - np.repeat(starts, ends - starts + 1)
+    if place.max() >= _VARINT_BYTES:
+        raise ValueError("a directory has a number of more than 64 bit")
+    parts = (raw & 0x7F).astype(np.uint64) << (7 * place).astype(np.uint64)
+    return np.add.reduceat(parts, starts)

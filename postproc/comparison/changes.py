@@ -6,29 +6,212 @@ tests of the pair.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter, itemgetter
-from typing import Literal
+from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy import stats
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.readings import Readings
+from logger.core.errors import EstimationError
+from logger.core.model.blocks import squares
+from logger.core.places import Places, Utm
+from logger.core.readings import Observations, Readings
+from logger.core.runfile import Run
 from postproc.cell_work import Attempts, Failure
-from postproc.comparison.differences import Differences, differences_of, margins_db
-from postproc.comparison.ground import Grid, Ground, grounds_of
-from postproc.comparison.level_change import (
-    Change,
-    Offset,
-    change_of,
-    offset_of,
-    probability,
-    scale_of,
+from postproc.comparison.ground import (
+    BLOCK_M,
+    CELL_DB,
+    FREEDOM,
+    MISS,
+    OTHER_MODEM_DB,
+    SAME_MODEM_DB,
+    Differences,
+    Grid,
+    Ground,
+    differences_of,
+    grounds_of,
+    margins_db,
+    scale_db,
+    variance_db2,
 )
-from postproc.comparison.noise import FREEDOM, MISS, scale_db, variance_db2
-from postproc.comparison.pattern import LEAST_CONTRAST_DB, pattern_of
+from postproc.multi_run import check_different, in_one_zone, modems_of, of_one_modem
+from postproc.walk import observe_run
+
+# The likelihood of a change m of the mean is that of Student's t for each difference, and of its
+# tail for each censored one. The test compares the best m with the best under the null hypothesis,
+# which allows the offset of the other cells and its uncertainty (likelihood ratio, chi-square with
+# one degree of freedom).
+
+_MOST_DB, _STEP_DB = 60.0, 0.1
+_CHANGES_DB = np.arange(-_MOST_DB, _MOST_DB + _STEP_DB / 2, _STEP_DB)
+"""Changes of the mean that are tried."""
+_MAD = 1.4826
+"""Standard deviation of a Gaussian from its median absolute deviation."""
+_FEWEST_SCALE = 20
+"""Differences from which the scale of the noise of two walks can be estimated."""
+
+
+class Offset(NamedTuple):
+    """Offset of walk B against walk A and its standard deviation in dB."""
+
+    db: float
+    sigma_db: float
+
+
+class Change(NamedTuple):
+    """Change of the mean level in dB with its standard deviation, both with the offset in them.
+
+    `log_likelihood` has shape (changes,), over the changes that are tried.
+    """
+
+    db: float
+    sigma_db: float
+    log_likelihood: FloatArray
+
+
+def change_of(differences: Differences, scale: float) -> Change:
+    """The likeliest change of the mean; `scale` is the factor of the variance."""
+    log_likelihood = _log_likelihood(differences, scale)
+    best = int(np.argmax(log_likelihood))
+    # where half a nat is lost on either side
+    inside = np.flatnonzero(log_likelihood >= log_likelihood[best] - 0.5)
+    half_width_db = 0.5 * _STEP_DB * (inside[-1] - inside[0] + 1)
+    sigma_db = float(np.hypot(half_width_db, np.sqrt(scale) * CELL_DB))
+    return Change(float(_CHANGES_DB[best]), sigma_db, log_likelihood)
+
+
+def probability(change: Change, offset: Offset, scale: float) -> float:
+    """Probability of a change as large as this one if the cell has only the offset."""
+    sigma_db = np.hypot(offset.sigma_db, np.sqrt(scale) * CELL_DB)
+    penalty = 0.5 * ((_CHANGES_DB - offset.db) / sigma_db) ** 2
+    null = float(np.max(change.log_likelihood - penalty))
+    ratio = 2.0 * (float(np.max(change.log_likelihood)) - null)
+    return float(stats.chi2.sf(max(ratio, 0.0), 1))
+
+
+def offset_of(others: list[Change], *, same_modem: bool) -> Offset:
+    """Offset that the changes of other cells show.
+
+    Their weighted median, which a minority of changed cells does not move, with the prior.
+    """
+    prior_db2 = (SAME_MODEM_DB if same_modem else OTHER_MODEM_DB) ** 2
+    if not others:
+        return Offset(0.0, float(np.sqrt(prior_db2)))
+    changes_db = np.array([change.db for change in others])
+    weight = np.array([1.0 / change.sigma_db**2 for change in others])
+    order = np.argsort(changes_db)
+    half = int(np.searchsorted(np.cumsum(weight[order]), 0.5 * np.sum(weight)))
+    median_db = float(changes_db[order][min(half, len(order) - 1)])
+    # the median of Gaussians has pi/2 times the variance of the mean
+    of_median_db2 = 0.5 * np.pi / float(np.sum(weight))
+    gain = prior_db2 / (prior_db2 + of_median_db2)
+    return Offset(gain * median_db, float(np.sqrt(gain * of_median_db2)))
+
+
+def scale_of(differences: list[Differences]) -> float:
+    """Factor of the variance for two walks that differ more than the measured ones; at least 1.
+
+    From the differences within each cell; a few cells that have changed do not matter.
+    """
+    deviations = [part for one in differences if (part := _deviations(one)) is not None]
+    if sum(map(len, deviations)) < _FEWEST_SCALE:
+        return 1.0
+    return max(1.0, float(_MAD * np.median(np.abs(np.concatenate(deviations)))) ** 2)
+
+
+def _deviations(differences: Differences) -> FloatArray | None:
+    """Deviations from the cell's own median by their standard deviation; None for one block."""
+    measured = differences.bound == 0
+    n = int(np.count_nonzero(measured))
+    if n < 2:
+        return None
+    values = differences.difference_db[measured]
+    apart = (values - np.median(values)) / np.sqrt(differences.variance_db2[measured])
+    # what the median of n blocks takes with it
+    return np.asarray(apart * np.sqrt(n / (n - 1)), float)
+
+
+def _log_likelihood(differences: Differences, scale: float) -> FloatArray:
+    width_db = scale_db(scale * differences.variance_db2)
+    away = (differences.difference_db - _CHANGES_DB[:, None]) / width_db
+    measured = differences.bound == 0
+    log_density = stats.t.logpdf(away[:, measured], FREEDOM)
+    side = -differences.bound[~measured]
+    log_tail = np.log(MISS + (1.0 - MISS) * stats.t.cdf(side * away[:, ~measured], FREEDOM))
+    return np.asarray(np.sum(log_density, axis=1) + np.sum(log_tail, axis=1), float)
+
+
+FEWEST_BLOCKS_OF_PATTERN = 8
+"""Fewer show a change of the mean, but no pattern."""
+LEAST_CONTRAST_DB = 10.0
+"""A smaller contrast is not worth the word `moved`: halving a distance changes 6 to 12 dB."""
+_REACH_M = 150.0
+"""Blocks this far apart still change alike when a transmitter moves, and by chance do not."""
+_FIRST, _MORE = 499, 49_999
+"""Permutations: the second number only where the first leaves open a word that contrast allows."""
+_OPEN = 0.02
+_ENOUGH = 50  # permutations that are as smooth: they give the share within a seventh
+_MOST_SQUARES = 400
+"""The time grows with their square; of more blocks, those of one larger square count together."""
+_DRAWN_AT_ONCE = 2_000_000
+"""Differences: 50 MB with their products."""
+
+
+def pattern_of(differences: Differences, change_db: float, grid: Grid) -> tuple[float, float]:
+    """Largest contrast between two parts of the ground in dB, and the probability of the pattern.
+
+    `change_db` is the change of the mean: a censored difference that allows it counts as that, any
+    other as its bound. Too few blocks give (0, 1).
+    """
+    if len(differences) < FEWEST_BLOCKS_OF_PATTERN:
+        return 0.0, 1.0
+    allowed = differences.bound * (change_db - differences.difference_db) > 0.0
+    values_db = np.where(allowed, change_db, differences.difference_db)
+    places = np.stack([*grid.centres_m(differences.block), values_db])
+    (x_m, y_m, values_db), weight = _in_squares(places, 1.0 / differences.variance_db2)
+    apart_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
+    kernel = np.exp(-0.5 * (apart_m / _REACH_M) ** 2)
+    away_db = values_db - np.sum(weight * values_db) / np.sum(weight)
+    smooth_db = (kernel * weight) @ away_db / np.sum(kernel * weight, axis=1)
+    contrast_db = float(np.max(smooth_db) - np.min(smooth_db))
+    residual = away_db * np.sqrt(weight)
+    p = _share_as_smooth(kernel, residual, _FIRST)
+    if p < _OPEN and contrast_db >= LEAST_CONTRAST_DB:
+        p = _share_as_smooth(kernel, residual, _MORE)
+    return contrast_db, p
+
+
+def _in_squares(places: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Weighted means of columns [x, y, ...] (k, n) in at most `_MOST_SQUARES` squares; weights."""
+    if len(weight) <= _MOST_SQUARES:
+        return places, weight
+    square, _ = squares(Places.of(places[0], places[1]), _MOST_SQUARES, finest_m=BLOCK_M)
+    total = np.bincount(square, weight)
+    means = np.array([np.bincount(square, weight * column) / total for column in places])
+    return means, np.asarray(total, float)
+
+
+def _share_as_smooth(kernel: FloatArray, residual: FloatArray, count: int) -> float:
+    """Share of permutations that are at least as smooth as the order of the walk.
+
+    As many are drawn as are needed to know it well (Besag & Clifford, Biometrika 78(2), 1991).
+    """
+    random = np.random.default_rng(0)  # equal runs give equal answers
+    own = residual @ kernel @ residual * (1.0 - 1e-12)
+    n_as_smooth = 0
+    at_once = max(_DRAWN_AT_ONCE // len(residual), 1)
+    for first in range(0, count, at_once):
+        n = min(at_once, count - first)
+        drawn = random.permuted(np.broadcast_to(residual, (n, len(residual))).copy(), axis=1)
+        n_as_smooth += int(np.count_nonzero(np.einsum("ij,ij->i", drawn @ kernel, drawn) >= own))
+        if n_as_smooth >= _ENOUGH:
+            return (1 + n_as_smooth) / (1 + first + n)
+    return (1 + n_as_smooth) / (1 + count)
+
 
 Word = Literal["new", "gone", "moved", "stronger", "weaker", "same", "not comparable"]
 
@@ -36,6 +219,9 @@ FALSE_WORDS = 0.05
 """Of the pairs of walks; `benchmarks/comparison.py` measures it."""
 LEAST_DB = 6.0
 """A smaller change of the mean is not worth a word: a phone held otherwise changes as much."""
+# Under the null hypothesis differences can be exchanged between blocks. The test permutes them; its
+# statistic is large where neighbouring blocks changed alike.
+
 FEWEST_BLOCKS = 6
 """Common ground of 300 m. On less, a street driven the other way differs by 10 dB as a whole: one
 such street gave 16 of 23 false words between repeated drives."""
@@ -268,3 +454,37 @@ def _change_of_absent(
 def _n_common(a: Ground, b: Ground) -> int:
     common = [a.visited[rat] & b.visited[rat] for rat in set(a.visited) & set(b.visited)]
     return len(frozenset().union(*common)) if common else 0
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedRuns:
+    """Two runs and their comparison; `utm` is the zone of the blocks."""
+
+    a: Path
+    b: Path
+    same_modem: bool
+    warnings: tuple[str, ...]
+    utm: Utm
+    comparison: Comparison
+
+
+def compare_runs(a: Run, b: Run) -> ComparedRuns:
+    """Compare two runs.
+
+    Raises `ConfigError` for one run twice, `EstimationError` for a run without a position,
+    `GeoError` for runs too far apart.
+    """
+    check_different([a, b])
+    observed = in_one_zone([observe_run(a), observe_run(b)])
+    walks: list[Observations] = []
+    for run in observed:
+        if run.observations is None:
+            raise EstimationError(f"{run.run.path}: {run.warnings[0]}")
+        # a level differs from another modem's by more than a station changes
+        cells = tuple(map(of_one_modem, run.observations.cells))
+        walks.append(replace(run.observations, cells=cells))
+    numbers = modems_of([a, b])
+    same_modem = numbers[0] == numbers[1]
+    compared = compare(walks[0].cells, walks[1].cells, same_modem=same_modem)
+    warnings = tuple(f"{run.run.path}: {text}" for run in observed for text in run.warnings)
+    return ComparedRuns(a.path, b.path, same_modem, warnings, walks[0].track.utm, compared)

@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from logger.core.arrays import FloatArray
 from logger.core.document import Column, Document, Line, Measured, Table, Value
 from logger.core.places import Utm
-from postproc.comparison.changes import FALSE_WORDS, CellChange
+from postproc.comparison.changes import FALSE_WORDS, CellChange, ComparedRuns
 from postproc.comparison.ground import BLOCK_M, Grid
-from postproc.comparison.run_pair import ComparedRuns
 from postproc.html_page import page_environment
 
 _DECIMALS = 6
@@ -194,17 +192,13 @@ def _page_table(cells: Sequence[CellChange]) -> Table:
 def map_of(cell: CellChange, grid: Grid) -> BlockMap:
     """Blocks of a cell, north up."""
     x_m, y_m = grid.centres_m(cell.block)
-    west_m, north_m = _corner(x_m, y_m)
+    west_m, north_m = float(np.min(x_m)) - BLOCK_M, float(np.max(y_m)) + BLOCK_M
     squares = tuple(
         _square(float(x - west_m), float(north_m - y), float(db))
         for x, y, db in zip(x_m, y_m, cell.difference_db, strict=True)
     )
     width_m, height_m = (float(np.ptp(values)) + 2.0 * BLOCK_M for values in (x_m, y_m))
     return BlockMap(width_m, height_m, squares)
-
-
-def _corner(x_m: FloatArray, y_m: FloatArray) -> tuple[float, float]:
-    return float(np.min(x_m)) - BLOCK_M, float(np.max(y_m)) + BLOCK_M
 
 
 def _square(x_m: float, y_m: float, difference_db: float) -> Square:

@@ -9,11 +9,10 @@ import rerun.blueprint as rrb
 from logger.core.arrays import FloatArray
 from logger.core.document import Column, Table, markdown_table, markdown_text
 from postproc.atomic_write import whole_file
-from postproc.comparison.changes import CellChange
+from postproc.comparison.changes import CellChange, ComparedRuns
 from postproc.comparison.ground import BLOCK_M, Grid
-from postproc.comparison.run_pair import ComparedRuns
-from postproc.view.rerun_writer import entity
 from postproc.view.scene import APPLICATION
+from postproc.view.surface import entity
 
 _MOST_MAPS = 12
 _FULL_DB = 15.0

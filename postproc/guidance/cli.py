@@ -19,9 +19,9 @@ from postproc.options import prior_options, read_streets, runs_argument, streets
 with late_modules():
     from logger.core import places, readings, runfile
     from logger.core.model import prior as priors
-    from postproc import atomic_write, cell_work, foreign_file, multi_run, picture_file, walk
+    from postproc import atomic_write, cell_work, foreign_file, multi_run, walk
     from postproc.guidance import filter as guide_filter
-    from postproc.guidance import next_output, next_walk
+    from postproc.guidance import next_walk
     from postproc.suspicion import run_assessment
 
 
@@ -111,7 +111,7 @@ def next_command(
     if routes is not None:
         atomic_write.check_output(routes)
     if picture is not None:
-        picture_file.check_picture(picture)
+        atomic_write.check_picture(picture)
     obs = _readings_of(paths, cell)
     found = cell_work.attempt_alone(
         obs.cell,
@@ -119,10 +119,10 @@ def next_command(
         lambda: next_walk.next_walk(obs, prior, _start(start), lines),
     )
     if routes is not None:
-        next_output.write_gpx(found, routes)
+        next_walk.write_gpx(found, routes)
     if picture is not None:
-        next_output.draw_map(found, picture)
-    show(next_output.document_of(found), as_json=as_json)
+        next_walk.draw_map(found, picture)
+    show(next_walk.document_of(found), as_json=as_json)
 
 
 def _readings_of(paths: Sequence[Path], cell: str | None) -> readings.Readings:

@@ -11,7 +11,7 @@ from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
 from logger.sqlite_file import SQLITE_MAGIC, open_database
 from postproc.interop import csv_table
-from postproc.interop.columns import Columns
+from postproc.interop.fields import Columns
 from postproc.interop.sighting import Row, parse_rows
 
 Kind = Literal["tables", "xml", "json", "text"]

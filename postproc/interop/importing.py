@@ -1,17 +1,23 @@
 """A walk recorded by another program, made into a run."""
 
+import pkgutil
 import re
+import secrets
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from importlib import import_module
+from importlib.metadata import version
 from itertools import chain, groupby
 from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
 from zoneinfo import ZoneInfo
 
 from logger.core.errors import FieldLoggerError, GeoError, RunFileError
 from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
 from logger.core.reportable import range_dbm, reportable
+from logger.core.runfile import RunMeta, RunWriter, convert_journal, read_sound_run
 from logger.core.types import Fix, Note, Record, Scan
 from logger.core.utc import utc_text
 from postproc.estimators import track_plausibility
@@ -22,13 +28,106 @@ from postproc.foreign_file import (
     most_unpacked_bytes,
     with_limit,
 )
-from postproc.interop.contents import Format
+from postproc.interop import readers
+from postproc.interop.contents import Contents, Format, look_at, unknown_format
 from postproc.interop.decompression import plain_file
-from postproc.interop.formats import recognise
-from postproc.interop.run_builder import Append, meta_of, spare, write_run
+from postproc.interop.fields import RATS
+from postproc.interop.readers import named_columns
 from postproc.interop.sighting import BadRow, NoCell, Remark, Row, Sighting, SightingFile
 from postproc.interop.track_file import GpsTrack, in_zone, on_track, with_position
 from postproc.progress import with_progress
+
+_SYNC_EVERY = 50_000
+"""Records; what is not synced is held in memory."""
+
+Append = Callable[[Record], int]
+
+
+def meta_of(origin: str, **more: object) -> RunMeta:
+    """Description of a run that was not recorded but made; it names no machine."""
+    named = {
+        "run_id": secrets.token_hex(16),
+        "boot_id": "",
+        "started_ns": 0,
+        "program": f"cellwalk {version('cellwalk')}",
+    }
+    return RunMeta(**named, origin=origin, **more)  # type: ignore[arg-type]
+
+
+def spare(target: Path, origin: str | tuple[str, ...], what: str) -> None:
+    """Only a run of the same origin may be replaced: all else cannot be made again.
+
+    Raises `RunFileError`.
+    """
+    if target.exists() and not read_sound_run(target).meta.origin.startswith(origin):
+        raise RunFileError(f"{target} is a recorded run; choose another name for the {what}")
+
+
+def write_run(target: Path, meta: RunMeta, fill: Callable[[Append], int], reason: str) -> None:
+    """A run as HDF5; `fill` appends its records and returns the time of the end.
+
+    Raises `RunFileError`.
+    """
+    try:
+        with TemporaryDirectory(dir=target.parent) as scratch:
+            journal = Path(scratch) / "made.journal"
+            writer = RunWriter(journal, meta)
+
+            def append(record: Record) -> int:
+                seq = writer.append(record)
+                if seq % _SYNC_EVERY == 0:
+                    writer.sync()
+                return seq
+
+            end_ns = fill(append)
+            writer.close(end_ns, reason)
+            convert_journal(journal, target)
+    except OSError as error:
+        raise RunFileError(f"cannot write {target}: {error.strerror}") from error
+
+
+def formats() -> list[Format]:
+    """Those in the `IMPORTS` of the modules in `readers`; the first that fits a file reads it.
+
+    Those with names that nobody else has come first.
+    """
+    return sorted(_all_formats(), key=lambda form: form.is_general)
+
+
+def _all_formats() -> Iterator[Format]:
+    for module in pkgutil.iter_modules(readers.__path__, f"{readers.__name__}."):
+        yield from import_module(module.name).IMPORTS
+
+
+def recognise(source: Path, columns: Mapping[str, str] | None = None) -> Format:
+    """Format of a file by its content, or the one that reads the `columns` named by the user.
+
+    Raises `RunFileError` for a file that is none of them.
+    """
+    if columns:
+        return named_columns.format_of(source, columns)
+    seen = look_at(source)
+    if _is_cell_list(seen):
+        raise RunFileError(
+            f"{source} is a list of cells, not a walk; `postproc celldb import` reads those of "
+            "OpenCelliD and Mozilla"
+        )
+    form = next((form for form in formats() if form.is_it(seen)), None)
+    if form is None:
+        raise unknown_format(source, seen.words, seen.kind)
+    return named_columns.format_of(source, {}) if form.name == named_columns.NAME else form
+
+
+def _is_cell_list(seen: Contents) -> bool:
+    """Whether a text lists cells: country files of OpenCelliD and NTM files have no header.
+
+    They begin with the technology of a cell. A walk of CellMapper does not.
+    """
+    first = seen.head.replace(";", ",").partition(",")[0].strip().upper()
+    return seen.kind == "text" and (
+        seen.has("radio", "net", "area", "cell") or first in {*RATS, "CDMA"}
+    )
+
 
 _ROW_NS = 10**9
 """From row to row where only their order is known."""

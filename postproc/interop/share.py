@@ -33,7 +33,7 @@ from logger.core.runfile import Run
 from logger.core.schema import TABLES
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Rat, Record, Role, Scan
 from postproc.interop.fields import DEFAULT_CELL
-from postproc.interop.run_builder import Append, meta_of, spare, write_run
+from postproc.interop.importing import Append, meta_of, spare, write_run
 
 BLUR_M = 200.0
 _SHIFT = 0.5

@@ -9,7 +9,7 @@ from postproc.options import run_argument, stored_or_estimated
 
 with late_modules():
     from logger.core import document, runfile
-    from postproc import cell_work, picture_file
+    from postproc import atomic_write, cell_work
     from postproc.pictures import plots
 
 
@@ -27,7 +27,7 @@ def plot(path: Path, output: Path | None, cell: str | None, *, as_json: bool) ->
     """
     run_now(plots)
     target = output or path.with_suffix(".png")
-    picture_file.check_picture(target)
+    atomic_write.check_picture(target)
     result = stored_or_estimated([runfile.read_sound_run(path)], [cell] if cell else [])
     cell_work.attempt_alone(
         cell or path.name, "its picture", lambda: plots.draw_run(result, target)

@@ -19,7 +19,6 @@ BATCH: Final = (214, 40, 57)
 POSTERIOR: Final = (60, 110, 230)
 REFERENCE: Final = (130, 130, 130)
 TRUTH: Final = (150, 90, 230)
-PALE_TRUTH: Final = (170, 150, 190)
 WALKER: Final = (40, 130, 240)
 QUIET: Final = (125, 125, 135)
 ESTIMATORS: Final = {

@@ -1,18 +1,159 @@
 """What every picture of a cell shows, in metres east and north of the first fix."""
 
 from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import FloatArray
-from logger.core.ellipse import radii_text
+from logger.core.arrays import BoolArray, FloatArray
+from logger.core.ellipse import Ellipse, ellipse95, radii_text
 from logger.core.locator.posterior import Mode, Posterior
+from logger.core.locator.region import HALF, LEVEL, Squares
 from logger.core.locator.rivals import share_text
-from postproc.pictures.estimates import Estimate, final_estimates
-from postproc.pictures.geometry import Box, plan_box
-from postproc.pictures.regions import Rings, regions_of
-from postproc.pictures.survey import Survey
-from postproc.result import BACKWARD, CellResult, Result
+from logger.core.model import path_loss
+from logger.core.model.path_loss import log_distance_db
+from postproc.estimators import least_squares
+from postproc.estimators.filters import FilterPath
+from postproc.estimators.region_outline import outline
+from postproc.pictures import colours
+from postproc.pictures.colours import Colour
+from postproc.pictures.survey import Box, Survey, plan_box
+from postproc.result import BACKWARD, BATCH, ESTIMATORS, REFERENCE, CellResult, Estimator, Result
+
+Rings = list[FloatArray]
+"""Outline of a region: closed rings (k, 2), outer ones counterclockwise, holes clockwise."""
+
+
+def regions_of(posterior: Posterior, origin_m: tuple[float, float]) -> dict[str, Rings]:
+    """Outlines of the 95 % and the 50 % region; the latter is empty where it would not be true."""
+    regions = {"95": region_rings(posterior.squares, LEVEL, origin_m), "50": list[FloatArray]()}
+    if posterior.is_strongest_inside:
+        regions["50"] = region_rings(posterior.squares, HALF, origin_m)
+    return regions
+
+
+def region_rings(cells: Squares, share: float, origin_m: tuple[float, float]) -> Rings:
+    """Outline of the smallest region with this share of the probability, from `origin_m` in m."""
+    return [
+        np.asarray(ring.coords, float) - origin_m
+        for polygon in outline(cells, share)
+        for ring in (polygon.exterior, *polygon.interiors)
+    ]
+
+
+class Parameter(NamedTuple):
+    """`row` is its index in a state; `mean` and `sigma` are attributes of the posterior."""
+
+    name: str
+    unit: str
+    decimals: int
+    row: int
+    mean: str
+    sigma: str
+
+    def of_posterior(self, posterior: Posterior) -> tuple[float, float]:
+        """Mean and standard deviation."""
+        return getattr(posterior, self.mean), getattr(posterior, self.sigma)
+
+    def of_states(self, x: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Values and standard deviations of states (..., k) with covariances (..., k, k)."""
+        variance = p[..., self.row, self.row]
+        return x[..., self.row], np.sqrt(np.maximum(variance, 0.0))
+
+    def of_state(self, x: FloatArray, p: FloatArray) -> tuple[float, float]:
+        """Value and standard deviation of one state (k,) with covariance (k, k)."""
+        value, sigma = self.of_states(x, p)
+        return float(value), float(sigma)
+
+    def text(self, mean: float, sigma: float) -> str:
+        """For example "-35.0 ± 2.0 dBm"."""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{mean:.{self.decimals}f} ± {sigma:.{self.decimals}f}{unit}"
+
+
+P0: Final = Parameter("P0", "dBm", 1, 2, "p0_dbm", "p0_sigma_db")
+ETA: Final = Parameter("eta", "", 2, 3, "eta", "eta_sigma")
+
+
+class Estimate(NamedTuple):
+    """Final state of one estimator after `n` readings.
+
+    `x` (4,) is a position in metres, P0 in dBm and eta; `p` (4, 4) its covariance.
+    """
+
+    estimator: Estimator
+    x: FloatArray
+    p: FloatArray
+    n: int
+
+    @property
+    def ellipse(self) -> Ellipse:
+        """95 % ellipse."""
+        return ellipse95(*self.p[[0, 0, 1], [0, 1, 1]].tolist())
+
+
+def final_estimates(cell: CellResult) -> tuple[Estimate, ...]:
+    """Final state of each estimator that has a finite one; positions are UTM."""
+    estimates = []
+    if (fit := cell.batch) is not None:
+        estimates.append(Estimate(BATCH, fit.state, fit.covariance, fit.n))
+    for estimator in ESTIMATORS:
+        path = getattr(cell, estimator.key)
+        if isinstance(path, FilterPath) and len(path):
+            n = path.consistency.n if path.consistency else len(path)
+            estimates.append(Estimate(estimator, path.x[-1, :4], path.p[-1, :4, :4], n))
+    return tuple(
+        estimate
+        for estimate in estimates
+        if np.all(np.isfinite(estimate.x)) and np.all(np.isfinite(estimate.p))
+    )
+
+
+def legend_of(estimator: Estimator) -> tuple[str, Colour]:
+    """Label and colour in a legend or table, which has no footnote about the reference EKF."""
+    label = f"{estimator.name} (wrong)" if estimator == REFERENCE else estimator.name
+    return label, colours.ESTIMATORS[estimator.key]
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Level and residual of each reading (n,) by its distance from the most likely position.
+
+    `distance_m` is the model's, with the antenna's height and the receiver's error; the model is
+    `p0_dbm - 10 eta lg distance_m`. `uncensored` are the readings within the modem's scale;
+    `residual_db` is level minus model, NaN for the others, and `sigma_db` its standard deviation.
+    """
+
+    distance_m: FloatArray
+    level_dbm: FloatArray
+    residual_db: FloatArray
+    uncensored: BoolArray
+    p0_dbm: float
+    eta: float
+    sigma_db: float
+
+    def model_dbm(self, distance_m: FloatArray) -> FloatArray:
+        """Level expected at distances, shape as given."""
+        return path_loss.level_dbm(self.p0_dbm, self.eta, log_distance_db(distance_m, 0.0))
+
+
+def fit_of(cell: CellResult) -> Fit | None:
+    """The fit of a cell's answer; None where it has no position."""
+    posterior, obs = cell.posterior, cell.obs
+    if posterior is None or obs is None:
+        return None
+    obs = obs.usable()
+    if posterior.offsets is not None:
+        obs = obs.on_one_scale(posterior.offsets.mean_db)
+    state, height_m = posterior.modes[0].state, posterior.prior.height_m
+    x_m, y_m, p0_dbm, eta = state.tolist()
+    uncensored = np.asarray(obs.limit == 0, np.bool_)
+    residual_db = np.where(uncensored, -least_squares.residuals(state, obs, height_m), np.nan)
+    sigma_db = float(np.nanstd(residual_db)) if np.any(uncensored) else float("nan")
+    distance_db = log_distance_db(x_m - obs.x_m, y_m - obs.y_m, height_m, obs.position_sigma_m)
+    distance_m = path_loss.distance_m(distance_db)
+    return Fit(distance_m, obs.level_dbm, residual_db, uncensored, p0_dbm, eta, sigma_db)
+
 
 _COLOUR_PERCENTILES = (2.0, 98.0)
 """The scale of levels leaves out the outermost values, or one outlier would take its contrast."""

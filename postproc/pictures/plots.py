@@ -1,28 +1,472 @@
 """A run as a printed page: the plan, level against distance, levels over time."""
 
 import textwrap
+from collections.abc import Sequence
+from math import hypot
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.patches import Ellipse, PathPatch
+from matplotlib.path import Path as Outline
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
+from logger.core.arrays import FloatArray
 from logger.core.ellipse import radii_text
-from postproc.atomic_write import whole_file
-from postproc.picture_file import kind_of
-from postproc.pictures.fit import fit_of
-from postproc.pictures.picture import Picture, focus_of, headline, picture_of
-from postproc.pictures.plots_levels import draw_distance, draw_levels
-from postproc.pictures.plots_plan import draw_plan
-from postproc.pictures.plots_style import (
-    PIXELS_PER_INCH,
-    STYLE,
-    figure_of_size,
-    legend_below,
-    verbatim,
+from postproc.atomic_write import kind_of, whole_file
+from postproc.estimators.filters import FilterPath
+from postproc.estimators.metrics import NIS_95, Consistency
+from postproc.pictures import colours
+from postproc.pictures.colours import Colour
+from postproc.pictures.picture import (
+    Estimate,
+    Fit,
+    Parameter,
+    Picture,
+    colour_range_dbm,
+    fit_of,
+    focus_of,
+    headline,
+    legend_of,
+    mode_label,
+    picture_of,
 )
-from postproc.pictures.survey import survey_of
-from postproc.result import Result
+from postproc.pictures.survey import Box, Clock, Levels, evenly_spaced, round_step, survey_of
+from postproc.result import RTS, Result
+
+MOST_VECTORS = 400
+"""More dots or corners than this are drawn as pixels, whose number is bounded."""
+PIXELS_PER_INCH = 150
+DASHED: Any = (0, (4, 3))
+
+_PADDING_INCH = 0.09
+_LETTERS_PER_INCH = 12.5
+_LETTERS_OF_A_SYMBOL = 5.0
+"""Widths in a legend at its font size: average letters per inch, and the symbol before a name."""
+
+
+def rgb(colour: Colour) -> tuple[float, float, float]:
+    """A colour in the units of matplotlib."""
+    red, green, blue = colour
+    return red / 255.0, green / 255.0, blue / 255.0
+
+
+def verbatim(text: str) -> str:
+    """Text without formulas (dollar signs) and control characters."""
+    printable = (c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+    return "".join(printable).replace("$", r"\$")
+
+
+STYLE: Any = {
+    "font.size": 10.0,
+    "text.color": rgb(colours.INK),
+    "axes.edgecolor": rgb(colours.MUTED),
+    "axes.grid": True,
+    "axes.labelcolor": rgb(colours.INK),
+    "axes.titlecolor": rgb(colours.INK),
+    "axes.titlesize": 10.0,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 10.0,
+    "axes.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": rgb(colours.GRID),
+    "grid.linewidth": 0.6,
+    "xtick.color": rgb(colours.MUTED),
+    "ytick.color": rgb(colours.MUTED),
+    "xtick.labelcolor": rgb(colours.INK),
+    "ytick.labelcolor": rgb(colours.INK),
+    "xtick.labelsize": 9.5,
+    "ytick.labelsize": 9.5,
+    "legend.fontsize": 9.5,
+    "legend.frameon": False,
+    "svg.hashsalt": "cellwalk",
+}
+"""Settings of matplotlib; with the salt the same picture has the same bytes."""
+
+
+def figure_of_size(width_inch: float, height_inch: float) -> Figure:
+    """An empty figure, without a screen."""
+    layout = ConstrainedLayoutEngine(h_pad=_PADDING_INCH)
+    return Figure(figsize=(width_inch, height_inch), layout=layout)
+
+
+def legend_below(figure: Figure | SubFigure, *axes: Axes) -> None:
+    """One legend below the figure, each name once, in two columns where every name fits."""
+    artists: dict[str, Artist] = {}
+    for handles, labels in (part.get_legend_handles_labels() for part in axes):
+        artists |= zip(labels, handles, strict=True)
+    if not artists:
+        return
+    width_inch = figure.bbox.width / figure.dpi
+    most_letters = width_inch * _LETTERS_PER_INCH / 2.0 - _LETTERS_OF_A_SYMBOL
+    columns = 2 if max(map(len, artists)) <= most_letters else 1
+    figure.legend(
+        handles=list(artists.values()),
+        labels=list(artists),
+        loc="outside lower left",
+        ncols=columns,
+    )
+
+
+def draw_marks(
+    axes: Axes, x: Any, y: Any, marker: str, colour: Colour, size: float, **style: Any
+) -> None:
+    """Marks at positions, of a size in points; `style` as for `Axes.plot`."""
+    axes.plot(x, y, marker, color=rgb(colour), markersize=size, **style)
+
+
+def level_colours(level_range_dbm: tuple[float, float]) -> dict[str, Any]:
+    """Arguments of matplotlib that colour values as levels between two limits."""
+    low_dbm, high_dbm = level_range_dbm
+    cmap = ListedColormap(colours.level_scale(256) / 255.0)
+    return {"cmap": cmap, "vmin": low_dbm, "vmax": high_dbm}
+
+
+def level_bar(
+    figure: Figure | SubFigure, axes: Axes, mappable: ScalarMappable, ticks: int, **place: Any
+) -> None:
+    """The colour scale of levels beside a plot."""
+    bar = figure.colorbar(mappable, ax=axes, label="level (dBm)", extend="both", **place)
+    bar.locator = MaxNLocator(ticks, integer=True)
+    bar.outline.set_visible(False)
+
+
+def draw_message(axes: Axes, text: str) -> None:
+    """State why there is nothing to show."""
+    axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
+    axes.set_axis_off()
+
+
+_MOST_INTERVALS = 240
+"""More would be narrower than a pixel on a telephone."""
+
+
+class Strips(NamedTuple):
+    """Mean level of each cell in each interval, shape (cells, intervals); NaN without a reading."""
+
+    level_dbm: FloatArray
+    minutes: float
+
+
+def strips_of(rows: Sequence[Levels | None], clock: Clock) -> Strips | None:
+    """Mean levels of cells over equal intervals from the start to the last reading.
+
+    None without a reading.
+    """
+    minutes = [np.empty(0) if row is None else clock.minutes(row.t_ns) for row in rows]
+    end = max((float(times.max()) for times in minutes if len(times)), default=0.0)
+    if end <= 0.0:
+        return None
+    # two readings of the cell read most often fit in an interval: a gap then is a real silence
+    most_readings = max(map(len, minutes))
+    count = int(np.clip(most_readings // 2, 1, _MOST_INTERVALS))
+    level_dbm = np.full((len(rows), count), np.nan)
+    for i, (row, times) in enumerate(zip(rows, minutes, strict=True)):
+        if row is not None:
+            interval = np.clip((times / end * count).astype(np.int64), 0, count - 1)
+            n_readings = np.bincount(interval, minlength=count)
+            has_reading = n_readings > 0
+            sums = np.bincount(interval, row.level_dbm, count)
+            level_dbm[i, has_reading] = sums[has_reading] / n_readings[has_reading]
+    return Strips(level_dbm, end)
+
+
+def draw_strips(figure: Figure, axes: Axes, strips: Strips) -> None:
+    """One row for each cell, numbered from 1 at the top."""
+    image = axes.imshow(
+        strips.level_dbm,
+        aspect="auto",
+        interpolation="nearest",
+        extent=(0.0, strips.minutes, len(strips.level_dbm) + 0.5, 0.5),
+        **level_colours(colour_range_dbm(strips.level_dbm)),
+    )
+    level_bar(figure, axes, image, 4, aspect=12)
+    axes.grid(visible=False)
+    axes.yaxis.set_major_locator(MaxNLocator(10, integer=True, min_n_ticks=1))
+    axes.set_xlabel("minutes since the start")
+    axes.set_ylabel("cell no.")
+
+
+_MOST_LINE_POINTS = 10 * MOST_VECTORS
+"""A line is one path of many corners: it may have more of them than there may be dots."""
+
+
+def draw_distance(axes: Axes, fit: Fit | None) -> None:
+    """Readings by their distance from the most likely position, and the path loss from there."""
+    axes.set_title("level by distance from the most likely position")
+    if fit is None:
+        draw_message(axes, "no position to measure the distance from")
+        return
+    _draw_dots(axes, fit.distance_m, fit.level_dbm, fit)
+    limits_m = np.array([fit.distance_m.min(), fit.distance_m.max()])
+    model_dbm, blue = fit.model_dbm(limits_m), rgb(colours.POSTERIOR)
+    label = f"{fit.p0_dbm:.0f} dBm - {fit.eta:.2f} x 10 lg(d / 1 m)"
+    axes.plot(limits_m, model_dbm, color=blue, label=label)
+    if np.isfinite(fit.sigma_db):
+        label = f"± {fit.sigma_db:.1f} dB standard deviation"
+        low, high = model_dbm - fit.sigma_db, model_dbm + fit.sigma_db
+        axes.fill_between(limits_m, low, high, color=blue, alpha=0.18, linewidth=0, label=label)
+    _scale_by_distance(axes)
+    axes.set_ylabel("level (dBm)")
+
+
+def draw_residuals(axes: Axes, fit: Fit) -> None:
+    """Level minus model, with two standard deviations."""
+    _draw_dots(axes, fit.distance_m, fit.residual_db, fit)
+    blue = rgb(colours.POSTERIOR)
+    axes.axhline(0.0, color=blue, linewidth=1.2)
+    for limit_db in (-2.0 * fit.sigma_db, 2.0 * fit.sigma_db):
+        axes.axhline(limit_db, color=blue, linewidth=0.8, linestyle=DASHED)
+    _scale_by_distance(axes)
+    axes.set_ylabel("residual (dB)")
+
+
+def draw_levels(axes: Axes, picture: Picture, most_others: int = 12) -> None:
+    """Levels of the cell over time, and behind it those of the other cells observed most often."""
+    clock = picture.survey.clock
+    axes.set_title("levels over time")
+    by_cell = [levels for walk in picture.survey.walks for levels in walk.levels]
+    if not by_cell:
+        draw_message(axes, "no level was read")
+        return
+    name = picture.focus.cell if picture.focus else None
+    others = [levels for levels in by_cell if levels.cell != name]
+    for i, levels in enumerate(others[:most_others]):
+        ink = colours.OTHERS[i % len(colours.OTHERS)]
+        minutes = clock.minutes(levels.t_ns)
+        draw_marks(axes, minutes, levels.level_dbm, ".", ink, 1.5, alpha=0.5, rasterized=True)
+    for levels in by_cell:
+        if levels.cell == name:
+            minutes, many = clock.minutes(levels.t_ns), len(levels.t_ns) > _MOST_LINE_POINTS
+            blue = rgb(colours.WALKER)
+            (curve,) = axes.plot(minutes, levels.level_dbm, color=blue, linewidth=1)
+            curve.set(label="this cell", rasterized=many)
+    if shown := min(len(others), most_others):
+        left_out = len(others) - shown
+        label = f"{shown} other cells" + (f", {left_out} more not shown" if left_out else "")
+        axes.plot([], [], ".", color=rgb(colours.OTHERS[0]), label=label)
+    axes.set_xlabel(f"minutes since {clock.start_text() or 'the start (date unknown)'}")
+    axes.set_ylabel("level (dBm)")
+
+
+def _draw_dots(axes: Axes, distance_m: FloatArray, value: FloatArray, fit: Fit) -> None:
+    """Readings, those at a limit of the modem's scale as triangles."""
+    many = len(value) > MOST_VECTORS
+    draw_marks(axes, distance_m, value, ".", colours.QUIET, 3, rasterized=many)
+    censored = ~fit.uncensored
+    if np.any(censored):
+        label = f"{np.count_nonzero(censored)} at a limit of the modem's scale"
+        draw_marks(axes, distance_m[censored], value[censored], "v", colours.BATCH, 3, label=label)
+
+
+def _scale_by_distance(axes: Axes) -> None:
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel("distance (m)")
+
+
+_LEAST_NIS = 1e-4
+"""Smaller values are drawn here: a logarithmic axis has no zero."""
+
+
+def draw_parameter(axes: Axes, picture: Picture, parameter: Parameter) -> None:
+    """P0 or eta of the EKF over time, and of the posterior after the walk, with 2 sigma."""
+    focus = picture.focus
+    if focus is None or focus.posterior is None:
+        return
+    mean, sigma = parameter.of_posterior(focus.posterior)
+    blue, orange = rgb(colours.POSTERIOR), rgb(colours.EKF)
+    axes.axhspan(mean - 2.0 * sigma, mean + 2.0 * sigma, color=blue, alpha=0.13, linewidth=0)
+    axes.axhline(mean, color=blue, linewidth=1.2, label="posterior after the walk, ± 2 sigma")
+    if focus.ekf is not None:
+        shown = evenly_spaced(len(focus.ekf), MOST_VECTORS)
+        minutes = picture.survey.clock.minutes(focus.ekf.t_ns[shown])
+        value, sigmas = parameter.of_states(focus.ekf.x[shown], focus.ekf.p[shown])
+        low, high = value - 2.0 * sigmas, value + 2.0 * sigmas
+        axes.fill_between(minutes, low, high, color=orange, alpha=0.22, linewidth=0)
+        axes.plot(minutes, value, color=orange, linewidth=1.2, label="EKF, ± 2 sigma")
+    axes.set_ylabel(f"{parameter.name} ({parameter.unit})" if parameter.unit else parameter.name)
+
+
+def draw_nis(axes: Axes, clock: Clock, filtered: FilterPath) -> None:
+    """Normalised innovations squared: 95 % of a consistent filter's are below the line."""
+    axes.set_title("normalised innovations squared (NIS)")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        nis = filtered.nis
+    finite = np.isfinite(nis)
+    minutes, values = clock.minutes(filtered.t_ns[finite]), np.maximum(nis[finite], _LEAST_NIS)
+    many = len(values) > MOST_VECTORS
+    axes.plot(minutes, values, ".", color=rgb(colours.EKF), markersize=3, rasterized=many)
+    green, label = rgb(colours.BOUNDS[0]), f"95 % bound, {NIS_95:g}"
+    axes.axhline(NIS_95, color=green, linewidth=1.2, linestyle=DASHED, label=label)
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_xlabel("minutes since the start")
+    axes.set_ylabel("NIS")
+
+
+def draw_autocorrelation(axes: Axes, consistency: Consistency) -> None:
+    """Autocorrelation of the innovations: white noise stays within the band at 95 % of the lags."""
+    axes.set_title("autocorrelation of the innovations")
+    values, bound = consistency.autocorrelation, consistency.white_bound
+    green, label = rgb(colours.BOUNDS[0]), "95 % of white noise"
+    axes.axhspan(-bound, bound, color=green, alpha=0.2, linewidth=0, label=label)
+    lags = np.arange(1, len(values) + 1)
+    axes.vlines(lags, 0.0, values, color=rgb(colours.EKF), linewidth=2.5)
+    axes.axhline(0.0, color=rgb(colours.MUTED), linewidth=0.8)
+    largest = max(map(abs, values), default=0.0)
+    limit = min(1.1 * max(largest, 2.0 * bound, 0.2), 1.1)
+    axes.set_ylim(-limit, limit)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("lag (readings)")
+
+
+_MOST_CORNERS = 5000
+"""Of a strip of the track: more cannot be distinguished on paper."""
+_SCALE_PARTS = 5
+"""The scale bar is the shortest round length of which at most this many fit on the plan."""
+_FAR_M = 10_000.0
+"""Distances beyond this are not printed in metres."""
+
+
+def draw_plan(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
+    """The walk, the regions, and the transmitter's position by each estimator."""
+    if picture.box is None:
+        draw_message(axes, "no position fix")
+        return
+    draw_ground(axes, picture.box)
+    draw_walks(figure, axes, picture)
+    _draw_posterior(axes, picture, picture.box)
+    for estimate in picture.estimates:
+        if estimate.estimator != RTS:  # of a transmitter at rest it is the EKF's last state
+            _draw_estimate(axes, estimate, picture.box)
+    if picture.truth_m is not None:
+        label = "truth (simulated)" + outside_note(picture.box, *picture.truth_m)
+        draw_marks(axes, *picture.truth_m, "*", colours.TRUTH, 13, label=label, zorder=9)
+    legend_below(figure, axes)
+
+
+def outside_note(box: Box, east_m: float, north_m: float) -> str:
+    """Remark in a legend on a position outside the plan; empty for one inside."""
+    if box.contains(east_m, north_m):
+        return ""
+    distance_m = hypot(
+        max(box.west - east_m, east_m - box.east, 0.0),
+        max(box.south - north_m, north_m - box.north, 0.0),
+    )
+    return f" ({distance_m:.0f} m outside)" if distance_m < _FAR_M else " (far outside)"
+
+
+def draw_ground(axes: Axes, box: Box) -> None:
+    """Axes to scale in metres, an arrow to the north and a scale bar."""
+    axes.set_aspect("equal")
+    axes.set_xlim(box.west, box.east)
+    axes.set_ylim(box.south, box.north)
+    axes.set_xlabel("east of the first fix (m)")
+    axes.set_ylabel("north of the first fix (m)")
+    arrow = {"arrowstyle": "->", "color": rgb(colours.INK)}
+    north = axes.annotate(
+        "N", (0.04, 0.97), (0.04, 0.87), xycoords="axes fraction", arrowprops=arrow
+    )
+    north.set(ha="center", va="center", zorder=10)
+    _draw_scale_bar(axes, box)
+
+
+def _draw_scale_bar(axes: Axes, box: Box) -> None:
+    length_m = round_step(box.size, _SCALE_PARTS)
+    west, south = box.east - 0.03 * box.width - length_m, box.south + 0.03 * box.height
+    ends = [west, west + length_m], [south, south]
+    axes.plot(*ends, color=rgb(colours.INK), linewidth=2.5, solid_capstyle="butt", zorder=10)
+    middle = (west + length_m / 2, south)
+    label = axes.annotate(f"{length_m:.0f} m", middle, (0, 4), textcoords="offset points")
+    label.set(ha="center", fontsize=9, zorder=10)
+
+
+def draw_walks(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
+    """The tracks in grey, cut where there was no fix, and the readings coloured by their level."""
+    grey, ink = rgb(colours.QUIET), rgb(colours.INK)
+    for walk in picture.survey.walks:
+        for strip in walk.strips_m:
+            corners = strip[evenly_spaced(len(strip), _MOST_CORNERS)]
+            axes.plot(*corners.T, color=grey, linewidth=1, alpha=0.6, zorder=2)
+        for which, row, marker in (("start", 0, "o"), ("end", -1, "s")):
+            if len(walk.track_m):
+                x_m, y_m = walk.track_m[row]
+                style = {"markeredgecolor": ink, "label": f"{which} of the walk", "zorder": 5}
+                draw_marks(axes, x_m, y_m, marker, colours.PAPER, 5, **style)
+    if len(picture.readings_m):
+        levels = axes.scatter(
+            picture.readings_m[:, 0],
+            picture.readings_m[:, 1],
+            c=picture.level_dbm,
+            s=7,
+            linewidths=0,
+            zorder=3,
+            rasterized=True,
+            **level_colours(picture.level_range_dbm),
+        )
+        level_bar(figure, axes, levels, 6, location="top", aspect=40)
+
+
+def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
+    """Regions of 95 % and 50 % of the probability, and the modes of the posterior."""
+    posterior = picture.focus.posterior if picture.focus else None
+    if posterior is None:
+        return
+    blue, white = rgb(colours.POSTERIOR), rgb(colours.PAPER)
+    for name, alpha in (("95", 0.12), ("50", 0.25)):
+        if rings := picture.regions[name]:
+            inside = all(box.contains(*corner) for ring in rings for corner in ring.tolist())
+            label = f"{name} % region" + ("" if inside else " (extends outside)")
+            # holes run the other way round and stay empty
+            path = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
+            style = {"facecolor": (*blue, alpha), "edgecolor": blue, "zorder": 4}
+            axes.add_patch(PathPatch(path, label=label, **style))
+    several = len(posterior.modes) > 1
+    name = "likely positions" if several else "most likely position"
+    positions_m = picture.survey.modes_m(posterior.modes)
+    for i, (mode, (east_m, north_m)) in enumerate(
+        zip(posterior.modes, positions_m.tolist(), strict=True)
+    ):
+        label = "_nolegend_" if i else name + outside_note(box, east_m, north_m)
+        style = {"markeredgecolor": white, "label": label, "zorder": 8}
+        draw_marks(axes, east_m, north_m, "o", colours.POSTERIOR, 7, **style)
+        text = mode_label(posterior, mode)
+        share = axes.annotate(text, (east_m, north_m), (7, 7), textcoords="offset points")
+        share.set(fontsize=9, fontweight="bold", zorder=9, annotation_clip=True)
+
+
+def _draw_estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
+    """Final position of an estimator with its 95 % ellipse."""
+    east_m, north_m = estimate.x[:2].tolist()
+    name, colour = legend_of(estimate.estimator)
+    label = name + outside_note(box, east_m, north_m)
+    draw_marks(axes, east_m, north_m, "x", colour, 8, label=label, zorder=7)
+    ellipse = estimate.ellipse
+    axes.add_patch(
+        Ellipse(
+            (east_m, north_m),
+            2.0 * ellipse.semi_major_m,
+            2.0 * ellipse.semi_minor_m,
+            angle=90.0 - ellipse.azimuth_deg,
+            fill=False,
+            edgecolor=rgb(colour),
+            zorder=6,
+        )
+    )
+
 
 _SIZE_INCH = (11.7, 8.3)
 """A4, landscape."""

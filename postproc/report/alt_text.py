@@ -11,10 +11,8 @@ from logger.core.guidance.sentence import direction
 from logger.core.locator.rivals import area_text, share_text
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
-from postproc.pictures.fit import Fit
-from postproc.pictures.path_loss import ETA, P0
-from postproc.pictures.picture import Picture
-from postproc.pictures.strips import Strips
+from postproc.pictures.picture import ETA, P0, Fit, Picture
+from postproc.pictures.plots import Strips
 from postproc.truth import truth_of
 from postproc.verification.verdicts import CellVerdict
 

@@ -14,12 +14,16 @@ from logger.core.locator.rivals import relevant_modes, share_text
 from postproc.basemap.reading import Basemap, read_basemap
 from postproc.cell_work import Attempts
 from postproc.pictures import colours
-from postproc.pictures.geometry import plan_box
-from postproc.pictures.picture import picture_of
-from postproc.pictures.plots_plan import draw_ground, draw_walks
-from postproc.pictures.plots_style import draw_marks, figure_of_size, legend_below, rgb
-from postproc.pictures.regions import Rings, regions_of
-from postproc.pictures.survey import Survey
+from postproc.pictures.picture import Rings, picture_of, regions_of
+from postproc.pictures.plots import (
+    draw_ground,
+    draw_marks,
+    draw_walks,
+    figure_of_size,
+    legend_below,
+    rgb,
+)
+from postproc.pictures.survey import Survey, plan_box
 from postproc.report.figures import ReportFigure
 from postproc.result import CellResult
 

@@ -10,17 +10,25 @@ from matplotlib.patches import Circle
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import consistency
 from postproc.pictures import colours
-from postproc.pictures.clock import Clock
-from postproc.pictures.fit import Fit, fit_of
-from postproc.pictures.geometry import Box
-from postproc.pictures.path_loss import ETA, P0
-from postproc.pictures.picture import Picture
-from postproc.pictures.plots_filter import draw_autocorrelation, draw_nis, draw_parameter
-from postproc.pictures.plots_levels import draw_distance, draw_levels, draw_residuals
-from postproc.pictures.plots_plan import draw_plan, outside_note
-from postproc.pictures.plots_style import DASHED, draw_marks, figure_of_size, legend_below, rgb
-from postproc.pictures.strips import draw_strips, strips_of
-from postproc.pictures.survey import Levels
+from postproc.pictures.picture import ETA, P0, Fit, Picture, fit_of
+from postproc.pictures.plots import (
+    DASHED,
+    draw_autocorrelation,
+    draw_distance,
+    draw_levels,
+    draw_marks,
+    draw_nis,
+    draw_parameter,
+    draw_plan,
+    draw_residuals,
+    draw_strips,
+    figure_of_size,
+    legend_below,
+    outside_note,
+    rgb,
+    strips_of,
+)
+from postproc.pictures.survey import Box, Clock, Levels
 from postproc.report import alt_text
 from postproc.verification.verdicts import CellVerdict
 

@@ -8,11 +8,10 @@ from pathlib import Path
 import matplotlib as mpl
 
 from postproc.atomic_write import whole_file
-from postproc.basemap.pmtiles_file import street_at
+from postproc.basemap.tiles import street_at
 from postproc.cell_work import Attempts, Failure, attempt, exit_code
 from postproc.pictures.picture import picture_of
-from postproc.pictures.plots import save_figure
-from postproc.pictures.plots_style import STYLE
+from postproc.pictures.plots import STYLE, save_figure
 from postproc.pictures.survey import Survey, survey_of
 from postproc.progress import Progress
 from postproc.report.cell_map import cell_map

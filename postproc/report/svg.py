@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from postproc.pictures import colours
-from postproc.pictures.plots_style import PIXELS_PER_INCH, STYLE
+from postproc.pictures.plots import PIXELS_PER_INCH, STYLE
 
 _PAGE_COLOURS = {
     "ink": colours.INK,

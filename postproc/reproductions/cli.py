@@ -11,7 +11,7 @@ from logger.command_line import FILE, SEED, json_option, late_modules, say_new_n
 from postproc.options import ListCommand, false_alarm_option
 
 with late_modules():
-    from postproc import picture_file, progress
+    from postproc import atomic_write, progress
     from postproc.reproductions import checks as checking
     from postproc.reproductions import specification
     from postproc.reproductions import theory as report
@@ -97,7 +97,7 @@ def toa(
         seed,
     )
     if plot is not None:
-        picture_file.check_picture(plot)
+        atomic_write.check_picture(plot)
     rows = list(
         progress.with_progress(ranges.simulate(setting), "simulating", len(setting.sigma2_m2))
     )

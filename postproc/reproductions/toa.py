@@ -83,9 +83,8 @@ from scipy.special import ellipe
 
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
-from postproc.atomic_write import whole_file
+from postproc.atomic_write import kind_of, whole_file
 from postproc.estimators.metrics import nees
-from postproc.picture_file import kind_of
 from postproc.reproductions.checks import Check, Json, ours, theirs, under
 
 README_ANCHORS_M = ((0.0, 10.0), (10.0, 10.0), (0.0, 0.0), (10.0, 0.0))

@@ -30,7 +30,7 @@ with late_modules():
     from postproc import result as estimation
     from postproc.baseline import store
     from postproc.comparison import report as comparing
-    from postproc.guidance import next_output
+    from postproc.guidance import next_walk
     from postproc.survey import dataset, intake, layers, location, scheduling, tasks
     from postproc.survey.answers import baseline as walks_of_loggers
     from postproc.survey.answers import changes, next_walks, page
@@ -308,9 +308,9 @@ def next_command(
     with scheduling.Cluster(scheduler, workers) as cluster:
         found = location.locate_survey(whole, options, cluster=cluster)
     walks = next_walks.next_walks(whole, found.cells, location.EVERY_RUN, options, n, where, lines)
-    content = [{"walker": walker} | next_output.content_of(walk) for walker, walk in walks.items()]
+    content = [{"walker": walker} | next_walk.content_of(walk) for walker, walk in walks.items()]
     body: list[document.Part] = []
     for walker, walk in walks.items():
         title = f"walker {walker}, {walk.answer.cell}: {walk.answer.verdict}"
-        body += [document.Line(title, "bold"), *next_output.parts_of(walk)]
+        body += [document.Line(title, "bold"), *next_walk.parts_of(walk)]
     show(document.Document({"walks": content}, body=body), as_json=as_json)

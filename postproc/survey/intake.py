@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 from logger.core.errors import FieldLoggerError, RunFileError
 from logger.core.runfile import Run, read_sound_run, sealing_of
-from postproc.baseline.addition import CONTRADICTION
+from postproc.baseline.store import CONTRADICTION
 from postproc.interop.importing import import_walk
 from postproc.read_ahead import outcome_of, read_ahead
 from postproc.survey.dataset import Survey

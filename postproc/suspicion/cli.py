@@ -13,13 +13,13 @@ with late_modules():
     from logger import baseline_file
     from logger.core import runfile
     from postproc import cell_work, progress
-    from postproc.suspicion import report, run_assessment
+    from postproc.suspicion import run_assessment
     from postproc.verification import celldb
 
 
 def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) -> None:
     if is_wanted:
-        show(report.document_of_rules(), as_json=False)
+        show(run_assessment.document_of_rules(), as_json=False)
         context.exit()
 
 
@@ -58,5 +58,5 @@ def suspect(
             database,
             progress.with_progress,
         )
-    show(report.document_of(suspicions), as_json=as_json)
+    show(run_assessment.document_of(suspicions), as_json=as_json)
     return cell_work.exit_code(suspicions.failures.values())

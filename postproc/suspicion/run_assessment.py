@@ -1,20 +1,136 @@
 """The words of all cells of runs, with reasons and what was not asked; results in their order."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from math import log
+from typing import Any, NamedTuple
 
 from logger.core.baseline import NO_BASELINE, Baseline
+from logger.core.document import Document, Line, Word
 from logger.core.runfile import Run
-from logger.core.suspicion.rule import Finding, Rule
+from logger.core.suspicion.rule import Evidence, Finding, Rate, Rule
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import SuspicionTracker
-from logger.core.suspicion.words import Assessment, assess, by_word, sentences
+from logger.core.suspicion.words import (
+    Assessment,
+    assess,
+    by_word,
+    false_alarms_per_hour,
+    sentences,
+    word_rate_text,
+)
 from postproc.cell_work import Failure, failure
 from postproc.progress import Progress
-from postproc.result import CellResult, Result
-from postproc.suspicion.database_rules import DATABASE_RULES, database_findings
+from postproc.result import CellResult, Options, Result
+from postproc.scan_counts import observed_cells
 from postproc.verification.celldb import CellDb
+from postproc.verification.claims import away_m, claims_of
+from postproc.verification.parsing import identity_of
+
+# P3: the database does not have the cell. S10: the levels reject the position that it has.
+
+_FEWEST = 5
+"""Other cells from which on their share in the database says something about this place."""
+_MOST_NATS = 2.0
+"""Less than any word needs: absence is never an alarm by itself."""
+_P_FA = 0.01
+"""Level of the test of a position: that at which its rate was measured."""
+
+
+class _Desk:
+    """Runs, the names of their cells, and which of these the database has."""
+
+    def __init__(
+        self, runs: Sequence[Run], names: Sequence[str], database: CellDb, progress: Progress | None
+    ) -> None:
+        self.runs, self.database, self.progress = runs, database, progress
+        self.names = [name for name in names if identity_of(name) is not None]
+        self.known = {name for name in self.names if database.by_identity(name)}
+
+
+class _Cell(NamedTuple):
+    """A cell; a run rejects its position in the database by so many metres, and so surely."""
+
+    name: str
+    apart_m: float = 0.0
+    p: float = 1.0
+
+
+def _missing_cells(desk: _Desk) -> Iterator[_Cell]:
+    """Cells that the database does not have, where enough others were heard."""
+    if len(desk.names) > _FEWEST:
+        yield from (_Cell(name) for name in desk.names if name not in desk.known)
+
+
+def _missing_nats(desk: _Desk, _cell: _Cell) -> float:
+    """By the share of the cells here that the database has."""
+    return min(-log(1.0 - (len(desk.known) + 1) / (len(desk.names) + 1)), _MOST_NATS)
+
+
+@Rule[_Desk, _Cell](
+    id="P3",
+    family="plan",
+    needs=("identity", "cell database"),
+    gate="weighed by the share of cells here that the database has; never alone",
+    sentence="the database does not have this cell, but {share:.0%} of the others heard here",
+    harmless="databases are incomplete",
+    about=_missing_cells,
+    detection=1.0,
+    elsewhere=Rate(100, 197, 0.0, "a database that had 41 to 58 % of 197 cells"),
+    weigh=_missing_nats,
+)
+def _others_are_known(desk: _Desk, _cell: _Cell) -> Evidence | None:
+    n_others = len(desk.names) - 1
+    share = len(desk.known) / n_others
+    return {"share": round(share, 2), "cells": n_others} if share >= 0.5 else None
+
+
+def _rejected_positions(desk: _Desk) -> Iterator[_Cell]:
+    """The tests are those of `postproc verify`: the spread of a database's position enters them."""
+    # scipy, which takes a second, is for those who give a database
+    from postproc.verification.run_claims import verify_claims  # noqa: PLC0415
+
+    for run in desk.runs:
+        claims = claims_of(desk.database, list(observed_cells([run], None)))
+        verified = verify_claims(run, claims, _P_FA, Options().prior, progress=desk.progress)
+        for verdict in verified.cells:
+            if verdict.verdict != "rejected" or verdict.p is None or verdict.best_deg is None:
+                continue
+            claimed_deg = (verdict.claim.lat_deg, verdict.claim.lon_deg)
+            yield _Cell(verdict.cell, away_m(claimed_deg, verdict.best_deg), verdict.p)
+
+
+@Rule[_Desk, _Cell](
+    id="S10",
+    family="place",
+    needs=("identity", "level", "position", "cell database"),
+    gate="a test of the whole walk rejects the position at a level of 1 %",
+    sentence="the levels reject its position in the database by {apart_m} m (p = {p})",
+    harmless="a wrong or old position in the database, hills and tall buildings",
+    about=_rejected_positions,
+    detection=0.25,
+    elsewhere=Rate(3, 161, 0.0, "161 measured walks past surveyed cells"),
+)
+def _elsewhere(_desk: _Desk, cell: _Cell) -> Evidence | None:
+    return {"apart_m": round(cell.apart_m), "p": float(f"{cell.p:.2g}")}
+
+
+DATABASE_RULES = (_others_are_known, _elsewhere)
+
+
+def database_findings(
+    runs: Sequence[Run], names: Sequence[str], database: CellDb, progress: Progress | None = None
+) -> Iterator[Finding]:
+    """Findings about the cells of runs, each without a time or a place of its own."""
+    desk = _Desk(runs, names, database, progress)
+    for rule in DATABASE_RULES:
+        for cell in rule.about(desk):
+            evidence = rule.check(desk, cell)
+            if evidence is not None:
+                nats = rule.nats("") if rule.weigh is None else rule.weigh(desk, cell)
+                text = rule.sentence.format(**evidence)
+                yield Finding(rule, cell.name, 0, None, None, text, evidence, nats)
+
 
 ALL_RULES: tuple[Rule[Any, Any], ...] = (*RULES.values(), *DATABASE_RULES)
 _MOST_REASONS = 3
@@ -127,3 +243,95 @@ def reason_line(cell: Assessment) -> str:
     """A cell, its word, and its strongest reasons in one sentence."""
     strongest = sorted(sentences(cell.findings), key=lambda finding: -finding.nats)[:_MOST_REASONS]
     return f"{cell.cell} is {cell.word}: {'; '.join(finding.text for finding in strongest)}"
+
+
+_NEVER = (
+    "A word is no accusation: it is a reason to walk there. Telephones in cars gave the rates; a "
+    "cell that copies another in everything stays unnoticed."
+)
+
+
+def document_of(suspicions: Suspicions) -> Document:
+    """Cells with a word or a warning and their reasons, then the others and what was not asked."""
+    errors = {cell: failed.error for cell, failed in suspicions.failures.items()}
+    cells = [
+        {
+            "cell": cell.cell,
+            "word": cell.word,
+            "score_nats": round(cell.score_nats, 3),
+            "false_alarms_per_hour": round(false_alarms_per_hour(cell.word), 4),
+            "findings": [_content(suspicions, finding) for finding in cell.findings],
+            "error": errors.get(cell.cell),
+        }
+        for cell in suspicions.cells
+    ]
+    content = {"cells": cells, "not_asked": suspicions.not_asked, "errors": errors}
+    return Document(content, body=_lines(suspicions))
+
+
+def _lines(suspicions: Suspicions) -> Iterator[str | Line]:
+    named = [cell for cell in suspicions.cells if cell.word != "nothing unusual"]
+    warned = [
+        cell
+        for cell in suspicions.cells
+        if cell not in named and any(finding.rule.strength == "warns" for finding in cell.findings)
+    ]
+    for cell in (*named, *warned):
+        yield Line((f"{cell.cell}: ", Word(cell.word)))
+        if cell.word != "nothing unusual":
+            yield Line(word_rate_text(cell.word), bullet="  ")
+        for finding in sentences(cell.findings):
+            yield Line(reason_text(suspicions, finding), bullet="  - ")
+        yield ""
+    others = len(suspicions.cells) - len(named) - len(warned)
+    if others:
+        kept = f"{others} {'other ' if named or warned else ''}cell{'s' * (others != 1)}"
+        yield f"{kept}: nothing unusual"
+    for cell_name, failed in suspicions.failures.items():
+        where = f"{cell_name}: " if cell_name else ""
+        yield Line(f"{where}{failed.reason}", "red")
+    if not suspicions.cells:
+        yield "no cell was named by two scans"
+    if suspicions.not_asked:
+        yield f"not asked: {not_asked_text(suspicions)}"
+    yield _NEVER
+
+
+def not_asked_text(suspicions: Suspicions) -> str:
+    """Rules that were not asked, by what was missing."""
+    by_need: dict[str, list[str]] = {}
+    for rule, needs in suspicions.not_asked.items():
+        by_need.setdefault(", ".join(needs), []).append(rule)
+    return "; ".join(f"{', '.join(rules)} (no {need})" for need, rules in by_need.items())
+
+
+def reason_text(suspicions: Suspicions, finding: Finding) -> str:
+    """A finding with time, place, what else explains it, and its rate."""
+    rule = finding.rule
+    where = "" if finding.lat_deg is None else f", {finding.lat_deg:.5f} {finding.lon_deg:.5f}"
+    seconds = suspicions.seconds(finding)
+    when = "" if seconds is None else f" ({seconds:.0f} s{where})"
+    return (
+        f"{finding.text}{when}. Also seen with: {rule.harmless}. "
+        f"{rule.rate_text(finding.nats)} [{rule.id}]"
+    )
+
+
+def _content(suspicions: Suspicions, finding: Finding) -> Mapping[str, object]:
+    """One reason in JSON: seconds since the run began and a place, None of one about the run."""
+    seconds = suspicions.seconds(finding)
+    return {
+        "rule": finding.rule.id,
+        "family": finding.rule.family,
+        "text": finding.text,
+        "t_s": None if seconds is None else round(seconds, 3),
+        "lat": finding.lat_deg,
+        "lon": finding.lon_deg,
+        "evidence": finding.evidence,
+    }
+
+
+def document_of_rules() -> Document:
+    """All rules with their needs and rates."""
+    texts = [rule.text for rule in ALL_RULES]
+    return Document(texts, body=[Line(text, bullet="  - ") for text in texts])

@@ -28,7 +28,7 @@ with late_modules():
     from postproc.basemap import reading
     from postproc.suspicion import run_assessment
     from postproc.verification import claims as claiming
-    from postproc.view import end_to_end, scene, timeline, view_model, viewer, web
+    from postproc.view import scene, view_model, viewer
 
 _P_FA = 0.05
 """False-alarm rate of the tests of claims, the default of `verify`."""
@@ -119,7 +119,7 @@ def _show_in_viewer(
     """Show what `write` writes, in a browser or in rerun."""
     if not is_served:
         return viewer.show(write, name)
-    return web.serve(
+    return viewer.serve(
         write, port or 0, lambda address: print(f"{address} - Ctrl-C ends it", flush=True)
     )
 
@@ -140,7 +140,7 @@ def _view_model(
     runs: Sequence[runfile.Run], names: Sequence[str], claim: Sequence[str], claims: Path | None
 ) -> view_model.ViewModel:
     if len(runs) > 1:  # their times are changed, so they are not those of a stored result
-        result = estimate(end_to_end.end_to_end(runs), names)
+        result = estimate(view_model.end_to_end(runs), names)
     else:
         result = stored_or_estimated(runs, names)
     result, conspicuous = run_assessment.conspicuous_first(result)
@@ -152,9 +152,9 @@ def _view_model(
         raise ConfigError(f"{claims} claims nothing about {about}; see --cell")
 
     def detail_of(cell: estimation.CellResult) -> view_model.CellDetail:
-        steps = timeline.answer_steps(cell, estimation.Options().prior, processors())
+        steps = view_model.answer_steps(cell, estimation.Options().prior, processors())
         steps_shown = progress.with_progress(
-            steps, f"answer for {cell.cell} step by step", timeline.MOST_STEPS
+            steps, f"answer for {cell.cell} step by step", view_model.MOST_STEPS
         )
         tests = verified.cells if verified else ()
         own = tuple(test for test in tests if test.cell == cell.cell)

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 from io import BytesIO
-from itertools import product
+from itertools import pairwise, product
+from math import ceil, cos, floor, log2, radians
 
 import numpy as np
 import numpy.typing as npt
@@ -13,20 +14,149 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import ellipse95
 from logger.core.locator.region import LEVEL, Squares
 from logger.core.places import MAX_GAP_S
+from postproc.basemap.reading import Basemap
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
-from postproc.pictures.estimates import Estimate
-from postproc.pictures.geometry import Box, evenly_spaced
-from postproc.pictures.picture import mode_label
-from postproc.pictures.regions import region_rings
-from postproc.pictures.survey import Walk
+from postproc.pictures.picture import Estimate, legend_of, mode_label, region_rings
+from postproc.pictures.survey import Box, Walk, evenly_spaced, round_step
 from postproc.result import BATCH, RTS
-from postproc.view.ground import draw_ground, draw_key, draw_level_scale
-from postproc.view.layers import FARTHEST_M, MOST_STRIPS, draw_levels, draw_posterior, draw_walks
-from postproc.view.rerun_writer import RerunWriter, on_screen
-from postproc.view.surface import Style, Surface
+from postproc.view.surface import (
+    FARTHEST_M,
+    MOST_STRIPS,
+    RerunWriter,
+    Style,
+    Surface,
+    draw_levels,
+    draw_posterior,
+    draw_walks,
+    on_screen,
+)
 from postproc.view.view_model import CellView, ViewModel
+
+PAPER: Colour = (17, 20, 26)
+"""The same on dark and on light screens, since the posterior's glow needs a dark ground."""
+KEY_WIDTH = 0.3
+"""Space for the key east of the plan, as a share of the plan's size."""
+FOOT_HEIGHT = 0.14
+"""Space for the scales south of the plan, as a share of the plan's height."""
+
+_FINE_LINES, _BOLD_EVERY = 24, 5
+"""At most this many fine lines across the plan, every fifth of them bold."""
+_SCALE_STEPS = 24
+"""Enough for the scale to look continuous."""
+_LEAST_KEY_ROWS = 10
+"""A short key is spaced as if it had this many rows."""
+_INK: Colour = (150, 150, 160)
+_GRID_ORDER = -10.0
+
+
+def draw_ground(plan: Surface, box: Box) -> None:
+    """Grid, scale bar and an arrow to the north."""
+    # y points down in a 2-D view: mirror the plan, so that the data stay as they are
+    plan.log_static((), rr.Transform3D(scale=(1.0, -1.0, 1.0)))
+    _draw_grid(plan, box)
+    length_m = round_step(box.size, 8)
+    y = box.south - 0.05 * box.height
+    label = f"{length_m:g} m" if length_m < 1000.0 else f"{length_m / 1000.0:g} km"
+    bar = [[(box.west, y), (box.west + length_m, y)]]
+    scale = rr.LineStrips2D(bar, colors=[_INK], radii=on_screen(2.0), labels=[label])
+    plan.log_static(("ground", "scale"), scale)
+    arrow_m = 0.08 * box.height
+    foot = (box.west + 0.03 * box.width, box.north - 1.5 * arrow_m)
+    north = rr.Arrows2D(
+        vectors=[(0.0, arrow_m)], origins=[foot], colors=[_INK], radii=on_screen(1.5), labels=["N"]
+    )
+    plan.log_static(("ground", "north"), north)
+
+
+def draw_level_scale(plan: Surface, cell: CellView, box: Box) -> None:
+    """The scale of levels, below the plan."""
+    if not len(cell.picture.level_dbm):
+        return
+    height, y = 0.02 * box.height, box.south - 0.05 * box.height
+    x = np.linspace(box.east - 0.4 * box.width, box.east, _SCALE_STEPS + 1)
+    strips = [[(west, y), (east, y)] for west, east in pairwise(x.tolist())]
+    path = ("cells", cell.name, "level_scale")
+    bar = rr.LineStrips2D(strips, colors=colours.level_scale(_SCALE_STEPS), radii=0.5 * height)
+    plan.log_static(path, bar)
+    weakest, strongest = cell.picture.level_range_dbm
+    labels = [f"{dbm:.0f} dBm" for dbm in (weakest, 0.5 * (weakest + strongest), strongest)]
+    labelled = np.column_stack(
+        [x[[0, _SCALE_STEPS // 2, _SCALE_STEPS]], np.full(3, y - 1.2 * height)]
+    )
+    plan.points((*path, "ends"), labelled, Style([_INK], 0.1), labels=labels, show_labels=True)
+
+
+def draw_key(plan: Surface, view: ViewModel, cell: CellView) -> None:
+    """The key of colours beside the plan: labels at the positions would cover each other."""
+    box = view.box
+    assert box is not None
+    entries = key_of(view, cell)
+    rows = np.arange(len(entries)) + 0.3
+    y = box.north - rows * box.height / max(len(entries), _LEAST_KEY_ROWS)
+    positions_m = np.column_stack([np.full(len(y), box.east + 0.5 * KEY_WIDTH * box.size), y])
+    labels, inks = [name for name, _ in entries], [ink for _, ink in entries]
+    path = ("cells", cell.name, "key")
+    plan.points(path, positions_m, Style(inks, 5.0), labels=labels, show_labels=True)
+
+
+def key_of(view: ViewModel, cell: CellView) -> list[tuple[str, Colour]]:
+    """Names and colours of what is drawn of a cell."""
+    entries = [("walker", colours.WALKER)] if len(view.survey.track_m) else []
+    if cell.steps:
+        entries.append(("posterior: 95 % (50 %)", colours.POSTERIOR))
+    entries += [legend_of(estimate.estimator) for estimate in cell.picture.estimates]
+    verdicts = [tested.verdict for tested in cell.claims]
+    entries += [(f"claim: {verdict}", colours.verdict_colour(verdict)) for verdict in verdicts]
+    if cell.picture.truth_m is not None:
+        entries.append(("truth (simulated)", colours.TRUTH))
+    return list(dict.fromkeys(entries))
+
+
+def _draw_grid(plan: Surface, box: Box) -> None:
+    step_m = round_step(box.size, _FINE_LINES)
+    lines = [
+        (number, np.array([(number * step_m, box.south), (number * step_m, box.north)]))
+        for number in _multiples(box.west, box.east, step_m)
+    ]
+    lines += [
+        (number, np.array([(box.west, number * step_m), (box.east, number * step_m)]))
+        for number in _multiples(box.south, box.north, step_m)
+    ]
+    for name, is_bold, opacity in (("fine", False, 45), ("bold", True, 110)):
+        strips = [line for number, line in lines if (number % _BOLD_EVERY == 0) == is_bold]
+        style = Style([(*colours.QUIET, opacity)], 0.5, _GRID_ORDER)
+        plan.lines(("ground", "grid", name), strips, style)
+
+
+def _multiples(low: float, high: float, step: float) -> range:
+    """Multiples of a step between two values."""
+    return range(ceil(low / step), floor(high / step) + 1)
+
+
+_GROUND_ORDER = -25.0
+"""Below the density and everything else."""
+_GROUND_OPACITY = 0.3
+"""Dark enough for what glows on it."""
+
+
+def draw_basemap(writer: RerunWriter, basemap: Basemap) -> None:
+    """Below everything else on the plan."""
+    rows, columns = basemap.pixels.shape[:2]
+    box = basemap.box
+    picture = rr.EncodedImage(
+        contents=basemap.jpeg(PAPER),
+        media_type="image/jpeg",
+        opacity=_GROUND_OPACITY,
+        draw_order=_GROUND_ORDER,
+    )
+    corner = rr.Transform3D(
+        translation=(box.west, box.north, 0.0),
+        scale=(box.width / columns, -box.height / rows, 1.0),
+    )
+    writer.log_static("plan/ground/basemap", picture, corner)
+
 
 MOST_POINTS = 40_000
 """With more points in one entity the viewer becomes slow."""
@@ -285,3 +415,59 @@ def _palette() -> npt.NDArray[np.uint8]:
     white = np.maximum(share - 0.6, 0.0) * 1.6  # from 60 % of the scale on
     rgb = np.array(colours.POSTERIOR) * (1.0 - white) + 255.0 * white
     return np.rint(np.hstack([rgb, 255.0 * share])).astype(np.uint8)
+
+
+# A map view of rerun has neither ellipses nor filled areas.
+
+_MOST_POINTS = 5_000
+"""With more points the map view becomes slow."""
+_MAP_PIXELS, _TILE_PIXELS = 700, 256
+"""Size of the map view in a window of usual size, and of a tile of Web Mercator."""
+_EQUATOR_M = 40_075_017.0
+_MOST_ZOOM = 18.0
+"""OpenStreetMap has no tiles beyond 19."""
+
+
+def draw_map(writer: RerunWriter, view: ViewModel) -> None:
+    """Walks, and for each cell shown in detail its levels, regions and positions."""
+    if view.box is None:
+        return
+    surface = Surface(
+        writer, "map", is_plan=False, most_points=_MOST_POINTS, convert=view.survey.degrees
+    )
+    # the map centres on what is visible at the moment: an invisible frame keeps it in place
+    corners = view.survey.degrees(view.box.corners_m)
+    frame = rr.GeoPoints(lat_lon=corners, colors=[(0, 0, 0, 0)], radii=on_screen(0.1))
+    surface.log_static(("frame",), frame)
+    draw_walks(surface, view)
+    for cell in view.cell_views:
+        draw_levels(surface, cell)
+        draw_posterior(surface, view, cell)
+        _draw_marks(surface, view, cell)
+
+
+def zoom_of(view: ViewModel) -> float:
+    """Web Mercator zoom at which the plan's box fills the map view."""
+    box = view.box
+    if box is None:
+        return 1.0
+    lat_deg = float(view.survey.degrees(box.corners_m)[:, 0].mean())
+    around_m = _EQUATOR_M * cos(radians(lat_deg))
+    return min(log2(around_m / max(box.size, 1.0) * _MAP_PIXELS / _TILE_PIXELS), _MOST_ZOOM)
+
+
+def _draw_marks(surface: Surface, view: ViewModel, cell: CellView) -> None:
+    """The final position of every estimator, the truth of a simulation, and claims."""
+    marks = [
+        (estimate.x[:2], colours.ESTIMATORS[estimate.estimator.key])
+        for estimate in cell.picture.estimates
+    ]
+    if cell.picture.truth_m is not None:
+        marks.append((np.array(cell.picture.truth_m), colours.TRUTH))
+    for tested in cell.claims:
+        position_m = view.survey.position_m(tested.claim.lat_deg, tested.claim.lon_deg)
+        marks.append((position_m, colours.verdict_colour(tested.verdict)))
+    near = [(position_m, ink) for position_m, ink in marks if np.hypot(*position_m) < FARTHEST_M]
+    if near:
+        positions_m, inks = zip(*near, strict=True)
+        surface.points(("cells", cell.name, "marks"), np.array(positions_m), Style(inks, 4.0))

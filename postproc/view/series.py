@@ -11,11 +11,10 @@ from logger.core.rows import Rows
 from postproc.estimators.metrics import NIS_95, NIS_999
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
-from postproc.pictures.estimates import legend_of
-from postproc.pictures.path_loss import ETA, P0, Parameter
+from postproc.pictures.picture import ETA, P0, Parameter, legend_of
 from postproc.result import BATCH, EKF, REFERENCE, RTS
 from postproc.view.plan import ellipse_axes
-from postproc.view.rerun_writer import RerunWriter, dots, entity, line, step_line
+from postproc.view.surface import RerunWriter, dots, entity, line, step_line
 from postproc.view.view_model import CellView, ViewModel
 
 MOST_DOTS = 40_000

@@ -1,23 +1,117 @@
 """What a recording shows: walks, cells in detail, all cells, and claims; independent of rerun."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from postproc.cell_work import Attempts, Failure
+from logger.core.column import UNKNOWN_TIME
+from logger.core.locator.posterior import Posterior
+from logger.core.model.prior import Prior
+from logger.core.readings import Readings
+from logger.core.runfile import Run
+from logger.core.types import Verdict
+from postproc.cell_estimation import FEWEST_READINGS, locate_cell
+from postproc.cell_work import PROCESS_ENDED, Attempts, Failure, failure
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
-from postproc.pictures.geometry import Box
-from postproc.pictures.picture import Picture, focus_of, picture_of
-from postproc.pictures.regions import Rings, regions_of
-from postproc.pictures.survey import Survey, survey_of
+from postproc.pictures.picture import Picture, Rings, focus_of, picture_of, regions_of
+from postproc.pictures.survey import Box, Survey, clock_of, survey_of
+from postproc.processes import each
 from postproc.result import EKF, REFERENCE, CellResult, Estimator, Result
 from postproc.verification.verdicts import CellVerdict
-from postproc.view.timeline import Step
+
+PAUSE_NS = 60 * 10**9
+"""Between two runs, so that the end of one and the start of the next can be distinguished."""
+
+_TIME_COLUMNS = ("t_ns", "t_start_ns")
+
+
+def end_to_end(runs: Sequence[Run]) -> list[Run]:
+    """The runs one after the other on one clock, by UTC where it is known, else in the given order.
+
+    Time since boot restarts with each run. Here the first run starts at 0 and the next one
+    `PAUSE_NS` after the last record of the one before.
+    """
+    sequence, start_ns = [], 0
+    for run in _by_utc(runs):
+        shifted = _shift(run, start_ns - run.meta.started_ns)
+        sequence.append(shifted)
+        start_ns = _last_ns(shifted) + PAUSE_NS
+    return sequence
+
+
+def _by_utc(runs: Sequence[Run]) -> list[Run]:
+    starts = [clock_of([run]).start_text() for run in runs]
+    if None in starts:
+        return list(runs)
+    # ISO 8601 sorts by time
+    return [run for _, run in sorted(zip(starts, runs, strict=True), key=lambda pair: str(pair[0]))]
+
+
+def _last_ns(run: Run) -> int:
+    last_ns = [int(np.max(rows["t_ns"])) for rows in run.tables.values() if len(rows)]
+    return max([run.meta.started_ns, *last_ns])
+
+
+def _shift(run: Run, by_ns: int) -> Run:
+    tables = {}
+    for name, rows in run.tables.items():
+        tables[name] = rows.copy()
+        for column in _TIME_COLUMNS:
+            if column in (rows.dtype.names or ()):
+                tables[name][column] += np.where(rows[column] == UNKNOWN_TIME, 0, by_ns)
+    meta = msgspec.structs.replace(run.meta, started_ns=run.meta.started_ns + by_ns)
+    return replace(run, meta=meta, tables=tables)
+
+
+MOST_STEPS = 16
+"""Each takes as long as the answer itself."""
+_EARLY_POWER = 1.6
+"""Steps are denser at the beginning, where the region shrinks most."""
+
+
+class Step(NamedTuple):
+    """Answer from the first `n` readings, the last of them at `t_ns`."""
+
+    t_ns: int
+    n: int
+    verdict: Verdict
+    posterior: Posterior
+
+
+def answer_steps(result: CellResult, prior: Prior, processes: int = 1) -> Iterator[Step]:
+    """A cell's answer in at most `MOST_STEPS` steps, the last of them the answer itself.
+
+    There is none without a posterior.
+    """
+    obs, posterior = result.obs, result.posterior
+    if obs is None or posterior is None:
+        return
+    counts = step_counts(len(obs))[:-1]
+    parts = [obs.part(slice(n)) for n in counts]
+    answers = each(partial(locate_cell, prior=prior), parts, processes, _cell_without_result)
+    for n, part in zip(counts, answers, strict=True):
+        if part.posterior is not None:
+            yield Step(int(obs.t_ns[n - 1]), n, part.verdict, part.posterior)
+    yield Step(int(obs.t_ns[-1]), len(obs), result.verdict, posterior)
+
+
+def _cell_without_result(part: Readings) -> CellResult:
+    """The answer of a step that ended a process."""
+    why = failure(part.cell, "a step of its answer", PROCESS_ENDED)
+    return CellResult(part.cell, len(part), part, "cannot tell", ()).after(why)
+
+
+def step_counts(count: int) -> list[int]:
+    """Numbers of readings after which there is a step; the last is `count`."""
+    share = np.linspace(0.0, 1.0, MOST_STEPS + 1)[1:] ** _EARLY_POWER
+    return [int(n) for n in np.unique(np.ceil(share * count)) if n >= min(FEWEST_READINGS, count)]
 
 
 class CellDetail(NamedTuple):

@@ -19,7 +19,7 @@ from benchmarks.false_identities import (
     table,
 )
 from logger.core.types import CellReading
-from logger.drivers.reading.cell_history import CellHistory
+from logger.drivers.reading.recognition import CellHistory
 from logger.drivers.registry import FAMILIES
 
 EACH = 3

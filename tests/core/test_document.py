@@ -146,7 +146,7 @@ def test_degrees_are_those_of_a_metre():
 MARKUP = re.compile(r"</?(td|tr|th|thead|tbody|table)\b|\| ?-{3}|^\| | \| .* \|$")
 ELSEWHERE = {
     "logger/core/document.py": "the place where it belongs",
-    "logger/drivers/protocols/nmea_fix.py": "digits of a fraction of a second",
+    "logger/drivers/protocols/nmea.py": "digits of a fraction of a second",
     "logger/drivers/reading/modem_gnss.py": "digits of a fraction of a second",
     "postproc/interop/fields.py": "digits of a fraction of a second",
     "logger/command_line.py": "one width of names under all titles of the help",

@@ -20,10 +20,9 @@ from logger.device.status_text import report
 from logger.doctor.bundle import without_private
 from logger.doctor.machine import holders, plug, power, temperature
 from logger.page.feed import Feed
-from logger.page.journal_tail import JournalTail
-from logger.page.runs import open_run
+from logger.page.server import open_run
 from logger.page.token import make_token, read_token
-from logger.page.walk import TABLES
+from logger.page.walk import TABLES, JournalTail
 from tests.kit import foreign_files
 
 SUPPLY = ("type", "scope", "present", "capacity", "voltage_now", "current_now", "status")

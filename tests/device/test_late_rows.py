@@ -18,7 +18,7 @@ from logger.device.clock import SystemClock
 from logger.device.link import Inbox, Link
 from logger.device.modem_source import ModemSource
 from logger.device.nmea_source import NmeaSource
-from logger.drivers.protocols.dialogue import Command
+from logger.drivers.protocols.at import Command
 from logger.drivers.sim800 import Sim800
 from tests.kit import service
 

@@ -18,7 +18,7 @@ from logger.device.scan_timeout import (
     SilenceLimits,
     Wait,
 )
-from logger.drivers.protocols.dialogue import Command
+from logger.drivers.protocols.at import Command
 from logger.sim.faults import Misbehaving
 from logger.sim.modem import SimulatedModem
 from logger.sim.ptys import PtyDevice, answering

@@ -4,7 +4,7 @@ from logger.core.baseline import HeardInSquare, NoBaseline, SquareHistory
 from logger.core.runfile import read_run
 from logger.core.squares import square_of
 from logger.core.types import CellReading, Fix, Record, Scan
-from logger.doctor.antenna import antenna_line
+from logger.doctor.reception import antenna_line
 from tests.kit import runs
 
 S = 10**9

@@ -3,11 +3,11 @@ import time
 
 import pytest
 
-from logger.doctor import card
+from logger.doctor import machine
 
 
 def test_a_real_folder_has_a_speed_and_nothing_is_left_in_it(tmp_path):
-    line = card.speed(tmp_path)
+    line = machine.speed(tmp_path)
     assert "MB/s, slowest write of 64 kB" in line.text
     assert not list(tmp_path.iterdir())
 
@@ -21,14 +21,14 @@ def test_a_slow_card_is_reported(tmp_path, monkeypatch, wait_s, state):
         time.sleep(wait_s * (len(flushes) == 3))
         real(descriptor)
 
-    monkeypatch.setattr(card, "_SLOW_S", 0.05)
-    monkeypatch.setattr(card, "_TOO_SLOW_S", 0.2)
+    monkeypatch.setattr(machine, "_SLOW_S", 0.05)
+    monkeypatch.setattr(machine, "_TOO_SLOW_S", 0.2)
     monkeypatch.setattr(os, "fdatasync", slow)
-    assert card.speed(tmp_path).state == state
+    assert machine.speed(tmp_path).state == state
 
 
 def test_a_folder_that_takes_no_file(tmp_path):
-    assert card.speed(tmp_path / "none").state == "fail"
+    assert machine.speed(tmp_path / "none").state == "fail"
 
 
 @pytest.mark.parametrize(
@@ -57,5 +57,5 @@ def test_health_as_the_kernel_shows_it(tmp_path, files, state, says):
     for name, value in files.items():
         folder = sys / "fs/ext4/mmcblk0p2" if name == "errors_count" else disk / "device"
         (folder / name).write_text(value + "\n")
-    line = card.health(tmp_path, sys)
+    line = machine.health(tmp_path, sys)
     assert (line.state, says in line.text) == (state, True), line

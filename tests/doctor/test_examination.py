@@ -9,7 +9,7 @@ from logger.cli import main
 from logger.device.check_line import Line
 from logger.device.saved_modes import SavedMode, SavedModes
 from logger.doctor.examination import overall
-from logger.doctor.service import open_journal
+from logger.doctor.machine import open_journal
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit import service
 from tests.kit.dialects import DIALECTS

@@ -2,8 +2,7 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.cinterion import Cinterion
-from logger.drivers.reading.fields import pieces
-from logger.drivers.reading.rows import NoCell
+from logger.drivers.reading.row_language import NoCell, pieces
 from tests.kit.corpus import check_recorded
 from tests.kit.drivers import check_cuts, identity_of, run_dialogue
 

@@ -1,8 +1,8 @@
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.reading.rows import NoCell, Signal, as_json
-from logger.drivers.reading.serving_cell import merge_serving_cells
+from logger.drivers.reading.row_language import NoCell, Signal, as_json
+from logger.drivers.reading.standard_replies import merge_serving_cells
 from logger.drivers.sim7600 import cpsi_cells
 from tests.kit.drivers import NO_IDENTITY, identity_of
 

@@ -2,7 +2,7 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.huawei import Huawei
-from logger.drivers.reading.rows import NoCell, Signal
+from logger.drivers.reading.row_language import NoCell, Signal
 from tests.kit.corpus import check_recorded
 from tests.kit.drivers import NO_IDENTITY, check_cuts, identity_of, run_dialogue
 

@@ -3,7 +3,7 @@
 import pytest
 
 from logger.drivers import network_mode
-from logger.drivers.protocols.dialogue import Reply
+from logger.drivers.protocols.at import Reply
 from tests.kit.drivers import run_dialogue, run_exchange
 
 

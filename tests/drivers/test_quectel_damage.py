@@ -3,7 +3,7 @@ import re
 import pytest
 
 from logger.drivers.quectel import Quectel
-from logger.drivers.reading.rows import NoCell
+from logger.drivers.reading.row_language import NoCell
 from tests.kit.drivers import NO_IDENTITY, identity_of, only_cell_of
 
 MODEM = Quectel()

@@ -1,6 +1,6 @@
 from logger.drivers.family import AUTOBAUD_TRIES
 from logger.drivers.quectel import Quectel
-from logger.drivers.reading.rows import NoCell
+from logger.drivers.reading.row_language import NoCell
 from tests.kit.drivers import only_cell_of, run_exchange
 
 MODEM = Quectel()

@@ -4,7 +4,7 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.quectel_gsm import QuectelGsm
-from logger.drivers.reading.rows import NoCell
+from logger.drivers.reading.row_language import NoCell
 from tests.kit.corpus import check_recorded
 from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of, only_cell_of, run_exchange
 

@@ -3,7 +3,7 @@ import re
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.reading.rows import NoCell, Operator
+from logger.drivers.reading.row_language import NoCell, Operator
 from logger.drivers.sierra import Sierra
 from tests.kit.corpus import check_recorded
 from tests.kit.drivers import check_cuts, identity_of, run_dialogue

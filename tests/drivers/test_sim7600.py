@@ -2,7 +2,7 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.family import AUTOBAUD_TRIES
-from logger.drivers.reading.rows import NoCell, as_json
+from logger.drivers.reading.row_language import NoCell, as_json
 from logger.drivers.sim7600 import Sim7600
 from tests.kit.corpus import check_entry, entries, lines_of
 from tests.kit.drivers import NO_IDENTITY, identity_of, run_exchange

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from logger.drivers.protocols.at import AtFramer
-from logger.drivers.protocols.dialogue import Reply
-from logger.drivers.reading.rows import as_json
+from logger.drivers.protocols.at import AtFramer, Reply
+from logger.drivers.reading.row_language import as_json
 from logger.drivers.sim800 import Sim800
 from tests.kit.corpus import check_entry
 

@@ -5,10 +5,8 @@ import random
 import pytest
 
 from logger.core.types import Broadcast
-from logger.drivers.protocols.at import AtFramer
-from logger.drivers.protocols.dialogue import Reply
-from logger.drivers.reading.number_history import NumberHistory
-from logger.drivers.reading.recognition import mark_doubtful
+from logger.drivers.protocols.at import AtFramer, Reply
+from logger.drivers.reading.recognition import NumberHistory, mark_doubtful
 from logger.drivers.telit import Telit
 from logger.drivers.transcript import rows_of
 from tests.kit.drivers import cells_of

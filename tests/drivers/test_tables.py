@@ -2,7 +2,7 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.cinterion import Cinterion
-from logger.drivers.reading.rows import NoCell
+from logger.drivers.reading.row_language import NoCell
 from tests.kit.drivers import identity_of
 
 MODEM = Cinterion()

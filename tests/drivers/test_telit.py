@@ -1,7 +1,7 @@
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.reading.rows import NoCell, as_json
+from logger.drivers.reading.row_language import NoCell, as_json
 from logger.drivers.telit import Telit
 from tests.kit.corpus import check_entry, entries, lines_of
 from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of

@@ -1,4 +1,4 @@
-from logger.drivers.reading.rows import Registration
+from logger.drivers.reading.row_language import Registration
 from logger.drivers.registry import FAMILIES
 from logger.drivers.transcript import replies_of, rows_of
 

@@ -1,6 +1,6 @@
 import pytest
 
-from logger.drivers.reading.rows import NoCell, as_json
+from logger.drivers.reading.row_language import NoCell, as_json
 from logger.drivers.ublox import Ublox
 from tests.kit.corpus import check_entry, entries, lines_of
 from tests.kit.drivers import cells_of, identity_of

@@ -1,6 +1,6 @@
 import pytest
 
-from logger.drivers.reading.rows import NoCell
+from logger.drivers.reading.row_language import NoCell
 from logger.drivers.ublox import Ublox
 from tests.kit.drivers import cells_of, identity_of
 

@@ -10,8 +10,7 @@ import atheris
 with atheris.instrument_imports(include=["logger"]):
     from logger.core.types import CellReading
     from logger.drivers.privacy.redaction import redact
-    from logger.drivers.protocols.at import MAX_LINE, AtFramer
-    from logger.drivers.protocols.dialogue import Reply
+    from logger.drivers.protocols.at import MAX_LINE, AtFramer, Reply
     from logger.drivers.registry import FAMILIES
 
 DRIVERS = tuple(FAMILIES.values())

@@ -23,9 +23,8 @@ from pmtiles.tile import TileType
 from pyproj import CRS
 
 from logger.core.errors import FieldLoggerError
-from postproc.basemap.pmtiles_file import street_at
 from postproc.basemap.reading import open_ground
-from postproc.basemap.tiles import Area
+from postproc.basemap.tiles import Area, street_at
 from postproc.interop.importing import import_walk
 from postproc.survey.dataset import Survey
 from postproc.verification.claims import read_claims

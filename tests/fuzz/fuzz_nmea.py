@@ -6,7 +6,7 @@ import atheris
 
 with atheris.instrument_imports(include=["logger", "pynmea2"]):
     from logger.core.types import Fix
-    from logger.drivers.protocols.garbage import Garbage
+    from logger.drivers.protocols.line_noise import Garbage
     from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
 
 from logger.sim.receiver import sentence

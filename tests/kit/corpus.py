@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from logger.drivers.family import Family
-from logger.drivers.reading.rows import as_json
+from logger.drivers.reading.row_language import as_json
 
 IDENTITY = ("mcc", "lac", "tac", "cid")
 

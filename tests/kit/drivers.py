@@ -8,7 +8,7 @@ from typing import Any
 
 from logger.core.types import CellReading
 from logger.drivers.family import Family
-from logger.drivers.protocols.dialogue import Command, Dialogue, Reply
+from logger.drivers.protocols.at import Command, Dialogue, Reply
 
 Answer = tuple[Sequence[str], str | None]
 """Lines of a reply and its final result code, None for a time-out."""

@@ -4,7 +4,7 @@ import random
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol
 
-from logger.drivers.protocols.garbage import Garbage
+from logger.drivers.protocols.line_noise import Garbage
 
 
 class Framer(Protocol):

@@ -3,8 +3,7 @@
 import numpy as np
 
 from postproc.result import Result
-from postproc.view.timeline import Step
-from postproc.view.view_model import CellDetail, ViewModel, view_model
+from postproc.view.view_model import CellDetail, Step, ViewModel, view_model
 from tests.kit import sample_results as kit
 
 SIGMAS_M = (40.0, 25.0, 16.0)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 _PROGRAM = """
 import shutil, sys
-from postproc.view.web import serve
+from postproc.view.viewer import serve
 
 def copy(path):
     shutil.copy(sys.argv[1], path)

@@ -6,8 +6,7 @@ import subprocess
 
 import pytest
 
-from logger.page.handlers import PATIENCE_S
-from logger.page.server import _listen
+from logger.page.server import PATIENCE_S, _listen
 from tests.kit import page as kit
 from tests.kit import service
 

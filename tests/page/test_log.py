@@ -12,7 +12,7 @@ from tests.kit import service
 FAULTY = """
 import asyncio, sys
 from logger import cli
-from logger.page import handlers
+from logger.page import server
 
 class PlantedError(Exception):
     pass
@@ -28,7 +28,7 @@ async def track(self, _token):
     del self.application.tasks
     raise PlantedError(self.request.uri, self.request)
 
-handlers.TrackHandler.get = track
+server.TrackHandler.get = track
 sys.exit(cli.main(["page", *sys.argv[1:]]))
 """
 """The page with a bug whose error names the request."""

@@ -9,7 +9,7 @@ from http.client import HTTPException
 import pytest
 
 from logger.core.runfile import read_run
-from logger.page.request_file import PATIENCE_S
+from logger.page.server import RECORDED_WITHIN_S
 from tests.kit import page as kit
 from tests.kit import service
 
@@ -40,7 +40,7 @@ def _marks_under_load(page, meanwhile):
     finally:
         ended.set()
     for phone in phones:
-        phone.join(4 * PATIENCE_S)
+        phone.join(4 * RECORDED_WITHIN_S)
         assert not phone.is_alive()
     return codes
 
@@ -62,7 +62,7 @@ def test_every_acknowledged_mark_is_in_the_run(tmp_path, monkeypatch, end):
         status, _, content = page.post("mark", "too late", source="127.0.3.1")
         assert status == 503
         assert b"the recorder did not take it" in content
-        assert time.monotonic() - start_s < 2 * PATIENCE_S
+        assert time.monotonic() - start_s < 2 * RECORDED_WITHIN_S
     (path,) = (tmp_path / "runs").glob("*.journal" if end == "SIGKILL" else "*.h5")
     notes = read_run(path).tables["notes"]
     recorded = Counter(row["text"].decode() for row in notes if row["code"] == b"mark")

@@ -9,8 +9,7 @@ from logger.core.runfile import RunWriter
 from logger.core.types import Note, Record
 from logger.device.status import Status, write_status
 from logger.page.feed import Feed
-from logger.page.journal_tail import JournalTail
-from logger.page.walk import MOST_POINTS, TABLES, Walk
+from logger.page.walk import MOST_POINTS, TABLES, JournalTail, Walk
 from tests.kit import service
 from tests.kit.runs import meta, records, write_journal
 

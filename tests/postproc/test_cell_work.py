@@ -260,12 +260,12 @@ def test_its_part_of_the_page(step, run, capsys, monkeypatch):
     "step",
     [
         *("postproc.view.view_model.picture_of", "postproc.view.series._draw_area"),
-        *("postproc.view.scene.cell_report", "postproc.view.blueprint._plots"),
+        *("postproc.view.scene.cell_report", "postproc.view.scene._plots"),
     ],
 )
 def test_its_part_of_the_view(step, run, tmp_path, capsys, monkeypatch):
     pytest.importorskip("rerun")
-    monkeypatch.setattr("postproc.view.timeline.MOST_STEPS", 2)
+    monkeypatch.setattr("postproc.view.view_model.MOST_STEPS", 2)
     cells = [part for cell in (BAD, *GOOD) for part in ("--cell", cell)]
     saved = tmp_path / "walk.rrd"
     fail_in(monkeypatch, step)

@@ -11,8 +11,7 @@ from logger.core.regular_naming import LEAST_SHARE, NEAR_M
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.sim.world import Shadowing
-from postproc.named_shares import Naming, named_shares, with_named_shares
-from postproc.walk import observe_run
+from postproc.walk import Naming, named_shares, observe_run, with_named_shares
 from tests.kit import runs
 
 STEP_M = 4.0

@@ -8,8 +8,7 @@ import pytest
 
 from logger.core.types import Broadcast
 from logger.drivers.registry import FAMILIES
-from logger.sim.air import Air, ModemFix, ReceivedCell
-from logger.sim.world import Transmitter
+from logger.sim.world import Air, ModemFix, ReceivedCell, Transmitter
 from tests.kit.dialects import DIALECTS
 from tests.kit.drivers import cells_of
 

@@ -1,8 +1,7 @@
 from logger.drivers.sim800 import Sim800
-from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import _rxl as rxl
 from logger.sim.dialects import ceng_rows as rows
-from logger.sim.world import Transmitter
+from logger.sim.world import Air, ReceivedCell, Transmitter
 
 
 def cell(cid, arfcn=666, bsic=8, lac=0x113):

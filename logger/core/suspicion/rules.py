@@ -1,7 +1,7 @@
 """The rules that each scan asks, and the version that changes with any of them.
 
 A family's rules are in one file, in the order in which they are asked. A rule that asks a database
-of cells at the desk is in `postproc.suspicion.database_rules`.
+of cells at the desk is in `postproc.suspicion.run_assessment`.
 """
 
 import ast

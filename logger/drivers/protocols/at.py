@@ -15,13 +15,77 @@ command. Rules:
    again.
 """
 
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
+from typing import TypeVar
 
-from logger.drivers.protocols.dialogue import Reply
-from logger.drivers.protocols.garbage import Garbage
-from logger.drivers.protocols.line_noise import pieces
+from logger.drivers.protocols.line_noise import Garbage, pieces
+
+# A driver yields Commands and is sent Replys; whoever drives the generator owns the port. A
+# timeout is a Reply with final None, so a driver treats it as data.
+
+INTERRUPTION = "\x18"
+"""Marks where a row may have been cut; CAN, which no framer passes on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One AT command line, without its carriage return.
+
+    A modem that refuses a `needed` one cannot be polled. `silence_s` is the documented time for
+    which a full scan may be silent, infinite where no manual gives one.
+
+    `silence_s` is how long a full scan may be silent by what is documented, infinite where nothing
+    is.
+    """
+
+    text: str
+    timeout_s: float = 2.0
+    needed: bool = False
+    silence_s: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """The lines between a command and its final result code, None after a time-out.
+
+    `interrupted` are the numbers of the lines after which the modem printed something else.
+    """
+
+    command: str
+    lines: tuple[str, ...]
+    final: str | None
+    interrupted: frozenset[int] = frozenset()
+
+    @property
+    def ok(self) -> bool:
+        return self.final == "OK"
+
+    @property
+    def marked_lines(self) -> tuple[str, ...]:
+        """The lines, with `INTERRUPTION` where one may have lost its end."""
+        lines: list[str] = []
+        for number, line in enumerate(self.lines):
+            lines += [line, INTERRUPTION] if number in self.interrupted else [line]
+        return tuple(lines)
+
+
+T = TypeVar("T")
+Dialogue = Generator[Command, Reply, T]
+
+
+def run_dialogue(dialogue: Dialogue[T], ask: Callable[[Command], Reply]) -> T:
+    """Result of a dialogue whose commands are sent with `ask`."""
+    try:
+        command = next(dialogue)
+        while True:
+            command = dialogue.send(ask(command))
+    except StopIteration as done:
+        result: T = done.value
+        return result
+
 
 MAX_LINE = 4096  # bytes; the longest real line, a COPS scan of a big city, has less than half of it
 MAX_LINES = 1000  # lines of one reply; what comes beyond is passed on as unsolicited

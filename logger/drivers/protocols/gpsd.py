@@ -8,8 +8,8 @@ import msgspec
 
 from logger.core.foreign import decode_json
 from logger.core.types import Fix
-from logger.drivers.protocols.garbage import Garbage
-from logger.drivers.protocols.nmea_fix import EARLIEST_UTC, radius68_m
+from logger.drivers.protocols.line_noise import Garbage
+from logger.drivers.protocols.nmea import EARLIEST_UTC, radius68_m
 
 MAX_LINE = 16_384
 """Bytes; gpsd cuts its own lines at 10240."""

@@ -7,6 +7,7 @@ of it: such a line is no text.
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 # High bytes are text only between quotation marks, where modems print operator names; outside they
@@ -19,6 +20,13 @@ _NAMED = re.compile(
     rb"|(?![x_ ()/]+:)[A-Za-z][A-Za-z_ ()/]{1,19}:|\+CM[ES] ERROR\b)"  # x: a redacted name
 )
 _FINAL = re.compile(rb"OK|ERROR|NO CARRIER")
+
+
+@dataclass(frozen=True, slots=True)
+class Garbage:
+    """Bytes that are no text of the device, without line ends: noise or an endless line."""
+
+    data: bytes
 
 
 class Piece(NamedTuple):

@@ -4,19 +4,211 @@ pynmea2 names the fields of a sentence. Framing is done here: pynmea2 loses the 
 interrupted one (see firmware_notes/nmea.md).
 """
 
+import math
 import re
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import date, timedelta
 from functools import reduce
 from operator import or_, xor
-from typing import Any
+from typing import Any, TypeVar
 
 import pynmea2
 
 from logger.core.types import Fix
-from logger.drivers.protocols.garbage import Garbage
-from logger.drivers.protocols.nmea_fix import fix_of, nav_mode, time_of_day_ns
+from logger.core.utc import EARLIEST_UTC_NS
+from logger.drivers.protocols.line_noise import Garbage
+from logger.drivers.reading.row_language import MPS_PER_KNOT
+
+# Values are read from the text of the fields: pynmea2 takes an empty position for 0/0 and lets 75
+# minutes pass (see firmware_notes/nmea.md).
+
+# GPS counts weeks modulo 1024: a receiver that has lost count prints a date 19.6 years early, and
+# one without a fix the epoch of 1980. No run of this program is older than this day.
+EARLIEST_UTC = date(1970, 1, 1) + timedelta(seconds=EARLIEST_UTC_NS // 10**9)
+
+DAY_NS = 86_400 * 10**9
+
+_POSITIONED = frozenset(
+    {1, 2, 3, 4, 5, 6}
+)  # GGA quality; 0 no fix, 7 typed in by hand, 8 simulator
+_NOT_MEASURED = frozenset({"N", "M", "S"})  # RMC mode: no fix, typed in by hand, simulator
+_ESTIMATED = frozenset({"E"})  # dead reckoning
+_QUALITY_OF_MODE = {letter: quality for quality, letter in enumerate("NADPRFEMS")}
+_BEST_FIRST = "RFPDAEMS"
+
+T = TypeVar("T")
+
+_ANGLE = re.compile(r"(\d{1,3})(\d\d(?:\.\d*)?)")
+_TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d)(?:\.(\d{0,9}))?")
+
+
+def fix_of(epoch: Mapping[type[Any], Any]) -> Fix:
+    """Fix of the messages of one epoch by type; none where GGA (or GNS) and RMC disagree."""
+    gga, rmc = epoch.get(pynmea2.GGA) or epoch.get(pynmea2.GNS), epoch.get(pynmea2.RMC)
+    quality = _worse(_quality(gga), rmc)
+    position = (_position(gga) or _position(rmc)) if _is_valid(gga, quality, rmc) else None
+    gsa = epoch.get(pynmea2.GSA)
+    lat_deg, lon_deg = position or (None, None)
+    speed_mps, course_deg = _motion(rmc, epoch.get(pynmea2.VTG)) if position else (None, None)
+    return Fix(
+        valid=position is not None,
+        utc_ns=_first(map(_utc_ns, (rmc, epoch.get(pynmea2.ZDA)))),
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
+        alt_m=number(gga.altitude) if gga and position and nav_mode(gsa) != 2 else None,
+        acc_m=_accuracy_m(epoch.get(pynmea2.GST)) if position else None,
+        hdop=_hdop(gga, gsa),
+        sats_used=int(gga.num_sats) if gga and re.fullmatch(r"\d{1,2}", gga.num_sats) else None,
+        quality=quality,
+        speed_mps=speed_mps,
+        course_deg=course_deg,
+    )
+
+
+def time_of_day_ns(message: Any) -> int | None:
+    """Nanoseconds since midnight of the first field, `hhmmss.sss`; None for a leap second."""
+    match = _TIME.fullmatch(message.data[0]) if message and message.data else None
+    if not match:
+        return None
+    hours, minutes, seconds, fraction = match.groups(default="")
+    return ((int(hours) * 60 + int(minutes)) * 60 + int(seconds)) * 10**9 + int(f"{fraction:0<9}")
+
+
+def nav_mode(gsa: Any) -> int | None:
+    """1 no fix, 2 position without height, 3 with it; None without a statement of the GSA."""
+    text = gsa.data[1] if gsa and len(gsa.data) > 1 else ""
+    return int(text) if text in {"1", "2", "3"} else None
+
+
+def radius68_m(sigma_lat_m: float, sigma_lon_m: float) -> float:
+    """Radius that holds 68 % of normal errors with these standard deviations.
+
+    Exact for a round ellipse (Rayleigh), too large by 4 % for one twice as long as wide and by 7 %
+    for a line.
+    """
+    return math.sqrt(-math.log(1.0 - 0.68) * (sigma_lat_m**2 + sigma_lon_m**2))
+
+
+def _is_valid(gga: Any, quality: int | None, rmc: Any) -> bool:
+    # pynmea2's own is_valid is False for every RMC of NMEA 4.1 with navigational status V, and for
+    # GGA quality 6.
+    if gga and quality not in _POSITIONED:
+        return False
+    # by position: pynmea2 before 1.19 has no name for the mode
+    return not rmc or (rmc.status == "A" and not _NOT_MEASURED.intersection(rmc.data[11:12]))
+
+
+def _quality(gga: Any) -> int | None:
+    """GGA quality 0 to 9; of a GNS that of its best constellation."""
+    if isinstance(gga, pynmea2.GNS):
+        letter = _first(letter if letter in gga.mode_indicator else None for letter in _BEST_FIRST)
+        return _QUALITY_OF_MODE[letter or "N"]
+    return gga.gps_qual if gga and gga.gps_qual in range(10) else None
+
+
+def _worse(quality: int | None, rmc: Any) -> int | None:
+    """The quality, or that of an RMC whose position was not measured."""
+    letter = rmc.data[11] if rmc and len(rmc.data) > 11 else ""
+    return (
+        _QUALITY_OF_MODE[letter]
+        if letter and letter in _ESTIMATED | _NOT_MEASURED - {"N"}
+        else quality
+    )
+
+
+def _position(message: Any) -> tuple[float, float] | None:
+    """Latitude and longitude in degrees; None unless both are printed in full."""
+    if not message:
+        return None
+    lat_deg = _angle_deg(message.lat, message.lat_dir, "NS", 90.0)
+    lon_deg = _angle_deg(message.lon, message.lon_dir, "EW", 180.0)
+    return None if lat_deg is None or lon_deg is None else (lat_deg, lon_deg)
+
+
+def _angle_deg(text: str, letter: str, letters: str, limit_deg: float) -> float | None:
+    """Signed degrees of `dddmm.mmmm` and a hemisphere of `letters`, the second negative."""
+    match = _ANGLE.fullmatch(text)
+    if not match or len(letter) != 1 or letter not in letters or float(match[2]) >= 60.0:
+        return None
+    angle_deg = float(match[1]) + float(match[2]) / 60.0
+    if angle_deg > limit_deg:
+        return None
+    return -angle_deg if letter == letters[1] else angle_deg
+
+
+def _motion(rmc: Any, vtg: Any) -> tuple[float | None, float | None]:
+    """Speed in m/s and course in degrees of an RMC, else of a VTG, each by itself."""
+    pairs = [(rmc.spd_over_grnd, rmc.true_course)] if rmc else []
+    if (
+        vtg and vtg.data[1:2] == ["T"] and vtg.data[5:6] == ["N"]
+    ):  # before NMEA 2.0 the numbers stood elsewhere
+        pairs.append((vtg.data[4], vtg.data[0]))
+    speed_kn = _first(_within(number(speed), math.inf) for speed, _ in pairs)
+    course_deg = _first(_within(number(course), 360.0) for _, course in pairs)
+    return None if speed_kn is None else speed_kn * MPS_PER_KNOT, course_deg
+
+
+def _accuracy_m(gst: Any) -> float | None:
+    if not gst:
+        return None
+    sigmas_m = [
+        _within(number(text), math.inf) for text in (gst.std_dev_latitude, gst.std_dev_longitude)
+    ]
+    if sigmas_m[0] is None or sigmas_m[1] is None:
+        return None
+    return radius68_m(sigmas_m[0], sigmas_m[1]) or None  # 0.0 fills the field
+
+
+def _hdop(gga: Any, gsa: Any) -> float | None:
+    texts = [gga.hdop if isinstance(gga, pynmea2.GNS) else gga.horizontal_dil] if gga else []
+    if gsa:
+        texts.append(gsa.hdop)
+    return _first(_within(number(text), math.inf) or None for text in texts)  # 0.0 fills the field
+
+
+def _utc_ns(message: Any) -> int | None:
+    """Nanoseconds since 1970 of one RMC or ZDA: two sentences may lie on two days."""
+    time_ns = time_of_day_ns(message)
+    day = None if time_ns is None else _date(message)
+    if time_ns is None or day is None or day < EARLIEST_UTC:
+        return None
+    utc_ns = (day - date(1970, 1, 1)).days * DAY_NS + time_ns
+    return utc_ns if utc_ns < 1 << 63 else None  # from the year 2262 on no column holds it
+
+
+def _date(message: Any) -> date | None:
+    if isinstance(message, pynmea2.RMC):
+        return message.datestamp if isinstance(message.datestamp, date) else None
+    day_month_year = message.data[1:4]
+    if (
+        not all(re.fullmatch(r"\d{1,4}", text) for text in day_month_year)
+        or len(day_month_year) < 3
+    ):
+        return None
+    try:
+        return date(*map(int, reversed(day_month_year)))
+    except ValueError:
+        return None
+
+
+def number(value: object) -> float | None:
+    """A finite number; pynmea2 passes unconverted fields on as text."""
+    try:
+        found = float(value) if value is not None else math.nan  # type: ignore[arg-type]
+    except (ValueError, TypeError):
+        return None
+    return found if math.isfinite(found) else None
+
+
+def _within(value: float | None, limit: float) -> float | None:
+    return value if value is not None and 0.0 <= value <= limit else None
+
+
+def _first(values: Iterable[T | None]) -> T | None:
+    return next((value for value in values if value is not None), None)
+
 
 MAX_SENTENCE = 1024  # bytes; the standard has 82, real receivers print up to some 300
 REMEMBERED_EPOCHS = 4

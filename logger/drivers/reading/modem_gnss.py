@@ -14,9 +14,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 
 from logger.core.types import Fix
-from logger.drivers.protocols.dialogue import Command
-from logger.drivers.reading.fields import decimal
-from logger.drivers.reading.rows import MPS_PER_KNOT
+from logger.drivers.protocols.at import Command
+from logger.drivers.reading.row_language import MPS_PER_KNOT, decimal
 
 CGNSINF_ON = (Command("AT+CGNSPWR=1"),)
 CGNSINF = (Command("AT+CGNSINF"),)
@@ -80,7 +79,7 @@ def read_qgpsloc(lines: Sequence[str]) -> tuple[Fix, ...]:
         if is_answer and _NOT_FIXED.search(line):
             fixes.append(Fix(valid=False))
         fixes += [
-            _qgpsloc(named)
+            _fix_of_minutes(named, named["lat"], named["lon"], valid=named["fix"] in {"2", "3"})
             for named in _rows(_QGPSLOC, _QGPSLOC_VALUES, [_LETTER_APART.sub(r"\1", line)])
         ]
     return tuple(fixes)
@@ -112,10 +111,6 @@ def _cgnsinf(named: Mapping[str, str]) -> Fix:
 def _cgpsinfo(named: Mapping[str, str]) -> Fix:
     lat, lon = named["lat"] + named["north"], named["lon"] + named["east"]
     return _fix_of_minutes(named, lat, lon, valid=True)
-
-
-def _qgpsloc(named: Mapping[str, str]) -> Fix:
-    return _fix_of_minutes(named, named["lat"], named["lon"], valid=named["fix"] in {"2", "3"})
 
 
 def _fix_of_minutes(named: Mapping[str, str], lat: str, lon: str, *, valid: bool) -> Fix:

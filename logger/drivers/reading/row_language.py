@@ -14,25 +14,358 @@ read completely or not at all.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
-from logger.core.types import CellReading, Rat, Role
-from logger.drivers.reading.fields import (
-    area,
-    cell_identity,
-    decimal,
-    hexadecimal,
-    level,
-    network,
-    rscp_dbm,
-    rsrp_dbm,
-    rsrq_db,
-    rssi_dbm,
-)
-from logger.drivers.reading.number_text import NumberForm, NumberText
+from logger.core.reportable import area_marks, identity_marks, widest_dbm
+from logger.core.types import CellReading, Fix, Rat, Role
+
+# The value of a5f is 2655 whether the modem sent that or a digit of a53f was lost. The width shows
+# it, beside the other numbers of the reply and of the modem; so the text travels with the value
+# until recognition has compared them all.
+
+
+@dataclass(frozen=True, slots=True)
+class NumberForm:
+    """Base of a number, and the widths in which no digit can be missing."""
+
+    base: int
+    full_widths: frozenset[int]
+
+    def is_full(self, text: str) -> bool:
+        """True for a number with all its digits."""
+        return len(text) in self.full_widths
+
+
+class NumberText(int):
+    """An integer with its text, equal to any integer of the same value.
+
+    `confirmed` where the reply contains the number twice.
+    """
+
+    text: str
+    form: NumberForm
+    confirmed: bool
+
+    def __new__(cls, value: int, text: str, form: NumberForm, confirmed: bool = False) -> Self:
+        """Number of that value; its text has no blanks, sign and 0x."""
+        number = super().__new__(cls, value)
+        number.text = text.strip().lower().removeprefix("0x")
+        number.form = form
+        number.confirmed = confirmed
+        return number
+
+    def __reduce__(self) -> tuple[type["NumberText"], tuple[int, str, NumberForm, bool]]:
+        """What makes a copy of it."""
+        return NumberText, (int(self), self.text, self.form, self.confirmed)
+
+
+def confirm(number: int | None) -> int | None:
+    """The number, marked as printed twice."""
+    if not isinstance(number, NumberText):
+        return number
+    return NumberText(number, number.text, number.form, confirmed=True)
+
+
+MPS_PER_KNOT = 1852 / 3600
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """Answer or report of +CREG and its like (3GPP TS 27.007 7.2, 10.1.20); answers have `n`.
+
+    Where the modem prints why the network refused it: `reject_cause` of 3GPP (type 0, in
+    TS 24.008 or 24.301) or of the maker (type 1).
+    """
+
+    domain: str
+    stat: int
+    rat: Rat | None = None
+    n: int | None = None
+    lac: int | None = None
+    tac: int | None = None
+    cid: int | None = None
+    act: int | None = None
+    reject_cause_type: int | None = None
+    reject_cause: int | None = None
+    identity_unsure: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """Level without a cell; `raw` are printed values whose meaning depends on the technology."""
+
+    rat: Rat | None = None
+    csq_raw: int | None = None
+    ber: int | None = None
+    rssi_dbm: float | None = None
+    rscp_dbm: float | None = None
+    ecio_db: float | None = None
+    rsrp_dbm: float | None = None
+    rsrq_db: float | None = None
+    sinr_db: float | None = None
+    more: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """A network: offered by a scan (`stat`, `long`, `short`) or chosen (`name`, `plmn`)."""
+
+    rat: Rat | None = None
+    stat: int | None = None
+    long: str | None = None
+    short: str | None = None
+    name: str | None = None
+    plmn: str | None = None
+    act: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """A final error: its number, or its words."""
+
+    code: int | None = None
+    text: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NoCell:
+    """The modem reports that it has no cell: `status` or `state` as printed."""
+
+    rat: Rat | None = None
+    status: str | None = None
+    state: str | None = None
+
+
+Row = CellReading | Registration | Signal | Operator | Refusal | NoCell | Fix
+
+_ROLES = {
+    Registration: "registration",
+    Signal: "signal",
+    Operator: "operator",
+    Refusal: "error",
+    NoCell: "none",
+}
+
+
+def as_json(row: Row) -> dict[str, Any]:
+    """One flat JSON object for a row, null where a value is unknown.
+
+    What a cell broadcasts is there only where the modem prints some of it.
+    """
+    if isinstance(row, Fix):
+        return _fix_json(row)
+    named = asdict(row)
+    more = {**(named.pop("broadcast", None) or {}), **named.pop("more", {})}
+    if not named.get("identity_unsure"):
+        named.pop("identity_unsure", None)  # the key is there only where it is true
+    return {"role": _ROLES.get(type(row), named.pop("role", None)), "rat": None, **named, **more}
+
+
+def _fix_json(fix: Fix) -> dict[str, Any]:
+    knots = None if fix.speed_mps is None else fix.speed_mps / MPS_PER_KNOT
+    return {
+        "role": "gnss",
+        "fix": fix.valid,
+        "utc": None if fix.utc_ns is None else _iso(fix.utc_ns),
+        "lat": fix.lat_deg,
+        "lon": fix.lon_deg,
+        "alt_m": fix.alt_m,
+        "hdop": fix.hdop,
+        "sats_used": fix.sats_used,
+        "speed_kn": None if knots is None else round(knots, 3),
+        "speed_kmh": None if fix.speed_mps is None else round(fix.speed_mps * 3.6, 3),
+        "course_deg": fix.course_deg,
+    }
+
+
+def _iso(utc_ns: int) -> str:
+    seconds, rest_ns = divmod(utc_ns, 10**9)
+    return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%dT%H:%M:%S}.{rest_ns // 10**6:03d}Z"
+
+
+# Nothing here guesses: a text that is not such a value, or a mark for unknown, is None.
+
+RAT_OF_ACT: dict[
+    int, Rat
+] = {  # 3GPP TS 27.007 7.3; for LTE-M and NB-IoT (8, 9) the vendors' numbers differ
+    0: "GSM",
+    1: "GSM",
+    2: "WCDMA",
+    3: "GSM",
+    4: "WCDMA",
+    5: "WCDMA",
+    6: "WCDMA",
+    7: "LTE",
+    10: "LTE",
+    11: "NR",
+    12: "NR",
+    13: "LTE",
+}
+
+SEVEN = NumberForm(16, frozenset({7}))
+EIGHT = NumberForm(16, frozenset({8}))
+"""Cell identities of 28 bits in columns of a fixed width."""
+_AREAS = {
+    (16, 16): NumberForm(16, frozenset({4})),
+    (16, 24): NumberForm(16, frozenset({4, 6})),  # +CREG and its like print 16 bits in four digits
+    (10, 16): NumberForm(10, frozenset({5})),
+    (10, 24): NumberForm(10, frozenset({8})),
+}
+_CELLS = {
+    (16, 16): NumberForm(16, frozenset({4})),
+    (16, 28): NumberForm(16, frozenset({7, 8})),
+    (16, 36): NumberForm(16, frozenset({9, 16})),
+    (10, 16): NumberForm(10, frozenset({5})),
+    (10, 28): NumberForm(10, frozenset({9})),
+    (10, 36): NumberForm(10, frozenset({11})),
+}
+"""By base and bits: the widths in which no digit can be missing."""
+
+_FIELD = re.compile(r'(?:\s*"([^"]*)"?[^,]*|([^,]*)),')
+_MCC = re.compile(r"(?!000)[0-9]{3}")
+_MNC = re.compile(r"[0-9]{2,3}")
+
+
+def values(text: str) -> list[str]:
+    """Fields between commas, without blanks and quotation marks; quoted commas do not count."""
+    return [(quoted or plain).strip() for quoted, plain in _FIELD.findall(text + ",")]
+
+
+def at(fields: list[str], index: int) -> str:
+    """Field of that number, empty where the modem prints fewer."""
+    return fields[index] if -len(fields) <= index < len(fields) else ""
+
+
+def decimal(text: str, low: int = 0, high: int = 2**31 - 1) -> int | None:
+    """Decimal integer within [low, high]."""
+    text = text.strip()
+    if not re.fullmatch(r"[-+]?[0-9]{1,12}", text):
+        return None
+    number = int(text)
+    return number if low <= number <= high else None
+
+
+def hexadecimal(text: str, low: int = 0, high: int = 2**36 - 1) -> int | None:
+    """Hexadecimal integer, with or without 0x, within [low, high]."""
+    text = text.strip()
+    if not re.fullmatch(r"(?:0[xX])?[0-9A-Fa-f]{1,16}", text):
+        return None
+    number = int(text, 16)
+    return number if low <= number <= high else None
+
+
+def level(text: str, low: float, high: float, scale: float = 1.0) -> float | None:
+    """Number times `scale` within [low, high]: a level or a ratio in dB."""
+    text = text.strip()
+    if not re.fullmatch(r"[-+]?[0-9]{1,5}(?:\.[0-9]{0,6})?", text):
+        return None
+    value = float(text) * scale
+    return value if low <= value <= high else None
+
+
+def rssi_dbm(text: str, scale: float = 1.0) -> float | None:
+    """Received level of any technology; `reportable` has the narrower range of each."""
+    return level(text, *widest_dbm("rssi_dbm"), scale)
+
+
+def rscp_dbm(text: str, scale: float = 1.0) -> float | None:
+    """Received signal code power of WCDMA."""
+    return level(text, *widest_dbm("rscp_dbm"), scale)
+
+
+def rsrp_dbm(text: str, scale: float = 1.0) -> float | None:
+    """Reference signal received power of any technology."""
+    return level(text, *widest_dbm("rsrp_dbm"), scale)
+
+
+def rsrq_db(text: str, scale: float = 1.0) -> float | None:
+    """Reference signal received quality (3GPP TS 36.133 9.1.7, 38.133 10.1.11); 0 is unknown."""
+    found = level(text, -43.0, 20.0, scale)
+    return None if found == 0.0 else found
+
+
+def area(text: str, base: int = 16, bits: int = 16) -> int | None:
+    """Location or tracking area code; None for the marks of 3GPP TS 24.008 10.5.1.3."""
+    code = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
+    if code is None or code in area_marks(bits):
+        return None
+    return NumberText(code, text, _AREAS[base, bits])
+
+
+def cell_identity(
+    text: str, bits: int, base: int = 16, form: NumberForm | None = None
+) -> int | None:
+    """Cell identity of 16 (GSM), 28 (WCDMA, LTE) or 36 bits (NR); None for 0 and all ones."""
+    identity = (hexadecimal if base == 16 else decimal)(text, 0, 2**bits - 1)
+    if identity is None or identity in identity_marks(bits):
+        return None
+    return NumberText(identity, text, form or _CELLS[base, bits])
+
+
+def bsic_of(ncc: int | None, bcc: int | None) -> int | None:
+    """Base station identity code of the network's and the station's colour code."""
+    return None if ncc is None or bcc is None else 8 * ncc + bcc
+
+
+HEX = r"[0-9A-Fa-f]{4}|[1-9A-Fa-f][0-9A-Fa-f]{0,2}|0?"
+"""A number of 16 bits: firmware pads to four digits or prints no leading zero; "013" is neither."""
+
+
+def matches(patterns: Mapping[str, str], named: Mapping[str, str]) -> bool:
+    """True where each value that has a pattern matches it; a missing value is empty."""
+    return all(re.fullmatch(pattern, named.get(name, "")) for name, pattern in patterns.items())
+
+
+def network(mcc: str, mnc: str) -> tuple[str, str] | tuple[None, None]:
+    """Country and network code as printed, both or neither."""
+    mcc, mnc = mcc.strip(), mnc.strip()
+    return (mcc, mnc) if _MCC.fullmatch(mcc) and _MNC.fullmatch(mnc) else (None, None)
+
+
+def pieces(lines: Iterable[str]) -> Iterator[str]:
+    """Lines that a log has joined, with CR and LF as text, apart again; no empty ones."""
+    for line in lines:
+        yield from filter(str.strip, re.split(r"(?:\\[rn]|[\r\n])+", line))
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Indices from `lowest` to `highest`; index 0 stands for `at_zero`, in dBm or dB."""
+
+    highest: int
+    at_zero: float
+    step: float = 1.0
+    lowest: int = 0
+
+    def value_of(self, text: str) -> float | None:
+        """The level of a printed index; None for one outside the scale, which is unknown."""
+        return self.value_at(decimal(text, self.lowest, self.highest))
+
+    def value_at(self, index: int | None) -> float | None:
+        """The level of an index."""
+        if index is None or not self.lowest <= index <= self.highest:
+            return None
+        return self.at_zero + self.step * index
+
+
+# 3GPP TS 27.007 8.69 (+CESQ), which refers to 45.008 8.1.4, 25.133 9.1 and 36.133 9.1
+RXLEV_OF_INDEX = Scale(63, -110.0)
+RSCP_OF_INDEX = Scale(96, -121.0)
+ECN0_OF_INDEX = Scale(49, -24.5, 0.5)
+RSRP_OF_INDEX = Scale(97, -141.0)
+RSRQ_OF_INDEX = Scale(34, -20.0, 0.5)
+# 38.133 10.1.6 and 10.1.11
+SS_RSRP_OF_INDEX = Scale(126, -157.0)
+SS_RSRQ_OF_INDEX = Scale(126, -43.5, 0.5)
+CSQ_OF_INDEX = Scale(31, -113.0, 2.0)
+"""27.007 8.5 (+CSQ)."""
+CARRIER_OF_INDEX = Scale(76, -100.0)
+"""Level of a WCDMA carrier, all its cells together (25.133 9.1.3)."""
+
 
 _FLAGS = re.ASCII | re.IGNORECASE
 _SIGNED = r"[-+]?\d{1,4}(?:\.\d{1,2})?"

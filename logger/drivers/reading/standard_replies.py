@@ -1,20 +1,33 @@
-"""Replies of 3GPP TS 27.007, which all modems print: registration, networks, levels, errors."""
+"""Replies of 3GPP TS 27.007, which all modems print, and the serving cell that they describe."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import fields, replace
+from typing import Any, TypeGuard
 
-from logger.drivers.reading.fields import RAT_OF_ACT, area, at, cell_identity, decimal, values
-from logger.drivers.reading.index_scales import (
+from logger.core.types import CellReading, Rat
+from logger.drivers.protocols.at import INTERRUPTION
+from logger.drivers.reading.row_language import (
     CSQ_OF_INDEX,
     ECN0_OF_INDEX,
+    RAT_OF_ACT,
     RSCP_OF_INDEX,
     RSRP_OF_INDEX,
     RSRQ_OF_INDEX,
     RXLEV_OF_INDEX,
+    NumberForm,
+    Operator,
+    Refusal,
+    Registration,
+    Row,
+    Signal,
+    area,
+    at,
+    cell_identity,
+    confirm,
+    decimal,
+    values,
 )
-from logger.drivers.reading.number_text import NumberForm
-from logger.drivers.reading.rows import Operator, Refusal, Registration, Row, Signal
 
 _VALUE = r'(?:"[^"+]*"?|[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
 _REGISTRATION = re.compile(
@@ -158,3 +171,148 @@ _READERS: tuple[Callable[[str], Iterator[Row]], ...] = (
     _refusals,
     _chosen_network,
 )
+
+
+#    +QENG: "neighbourcell","GSM",262,01,1918,C851,59,118,-10      of -103
+#    +CIEV: "service",1
+#
+# Nothing in such a row shows whether its last value is complete. So the value is dropped and its
+# comma stays.
+
+_REPLY_NAME = re.compile(r"[+*^$!#%][A-Z][A-Z0-9]*")
+_PREFIX = re.compile(rf"\s*({_REPLY_NAME.pattern})\s?:", re.IGNORECASE)
+_GLUED = re.compile(rf"(?<=[\w,.\"-])({_REPLY_NAME.pattern})\s?:", re.IGNORECASE)
+_UNASKED = re.compile(r"\s*(?:RING|RDY|QCRDY|Call Ready|SMS Ready|SMS DONE|PB DONE|DST: .*)\s*\Z")
+_RESULT = re.compile(
+    r"\s*(?:OK|ERROR|\+CM[ES] ERROR\b.*|AT\b.*|AT[+^*$!#%&].*)?\s*\Z", re.IGNORECASE
+)
+_LAST_VALUE = re.compile(r"[^\s,]*\s*\Z")
+_CLOSED = re.compile(r'"[^"]*"\s*\Z')
+_COMMON = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
+"""Names of the replies that every family reads (`standard_replies`)."""
+
+
+def names_of(commands: str) -> frozenset[str]:
+    """Names whose lines answer the commands."""
+    return frozenset(_REPLY_NAME.findall(commands.upper()))
+
+
+def drop_cut_values(lines: Sequence[str], names: frozenset[str]) -> list[str]:
+    """The lines without last values that may be cut, and without `INTERRUPTION`.
+
+    `names` are the result names of the family (`names_of`).
+    """
+    parts = [part for line in lines if line.strip() for part in _parts(line, names)]
+    return [
+        _without_end(line) if _interrupts(following, line, names) else line
+        for line, following in zip(parts, [*parts[1:], ""], strict=False)
+        if line != INTERRUPTION
+    ]
+
+
+def _parts(line: str, names: frozenset[str]) -> Iterator[str]:
+    """The line, in two where a URC stands in the middle of it."""
+    for glued in _GLUED.finditer(line):
+        if glued[1].upper() not in names | _COMMON:
+            yield from (line[: glued.start()], INTERRUPTION, line[glued.start() :])
+            return
+    yield line
+
+
+def _interrupts(line: str, before: str, names: frozenset[str]) -> bool:
+    """True for a line that belongs to no reply of the family."""
+    if line == INTERRUPTION:
+        return True
+    prefix, own = _PREFIX.match(line), _PREFIX.match(before)
+    if prefix is None:
+        return _UNASKED.match(line) is not None
+    name = prefix[1].upper()
+    return (
+        not _RESULT.match(line)
+        and name not in names | _COMMON
+        and not (own and own[1].upper() == name)
+    )
+
+
+def _without_end(line: str) -> str:
+    """The line without its last value, unless that stands in quotation marks."""
+    return line if _RESULT.match(line) or _CLOSED.search(line) else _LAST_VALUE.sub("", line)
+
+
+_LEVELS = frozenset(
+    {"rxlev_raw", "rxq", "rssi_dbm", "rscp_dbm", "ecio_db", "rsrp_dbm", "rsrq_db", "sinr_db"}
+)
+_AREA_AND_CELL = ("lac", "tac", "cid")
+
+
+def is_serving(row: Row) -> TypeGuard[CellReading]:
+    """True for a reading of the serving cell."""
+    return isinstance(row, CellReading) and row.role == "serving"
+
+
+def chosen_networks(rows: Iterable[Row]) -> Iterator[Operator]:
+    """The networks that AT+COPS? names by their code, without those that a scan offers."""
+    for row in rows:
+        if isinstance(row, Operator) and row.stat is None and row.plmn:
+            yield row
+
+
+def with_serving_cell(rows: Sequence[Row]) -> tuple[Row, ...]:
+    """The rows behind the serving cell that +CREG, +COPS and a level describe, where they do."""
+    registered = [row for row in rows if isinstance(row, Registration) and row.cid is not None]
+    return (*(_registered_cell(row, rows) for row in registered[:1]), *rows)
+
+
+def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellReading:
+    plmn = next((network.plmn for network in chosen_networks(rows)), None) or ""
+    signals = [row for row in rows if isinstance(row, Signal)]
+    of_rat = (row for row in signals if row.rat is not None and row.rat == registration.rat)
+    signal = next(of_rat, Signal())
+    return CellReading(
+        role="serving",
+        rat=registration.rat,
+        mcc=plmn[:3] or None,
+        mnc=plmn[3:] or None,
+        lac=registration.lac,
+        tac=registration.tac,
+        cid=registration.cid,
+        rssi_dbm=next((row.rssi_dbm for row in signals if row.rssi_dbm is not None), None),
+        rscp_dbm=signal.rscp_dbm,
+        rsrp_dbm=signal.rsrp_dbm,
+        rsrq_db=signal.rsrq_db,
+    )
+
+
+def merge_serving_cells(rows: Iterable[Row]) -> tuple[Row, ...]:
+    """Rows of one poll with each serving cell once, first.
+
+    What the first row of a cell leaves open is filled from the others. A level beside another one
+    is not taken over: they may be of different scales.
+    """
+    serving: dict[tuple[Rat | None, int], CellReading] = {}
+    others: list[Row] = []
+    for row in rows:
+        if not is_serving(row) or row.cid is None:
+            others.append(row)
+            continue
+        first = serving.get((row.rat, row.cid))
+        serving[row.rat, row.cid] = row if first is None else _merge(first, row)
+    return (*serving.values(), *others)
+
+
+def _merge(first: CellReading, second: CellReading) -> CellReading:
+    names = {field.name for field in fields(CellReading)} - {"more"}
+    missing = {name for name in names if getattr(first, name) is None}
+    filled = missing - _LEVELS if first.level_dbm is not None else missing
+    values: dict[str, Any] = {name: getattr(second, name) for name in filled}
+    for name in _AREA_AND_CELL:
+        number = getattr(first, name)
+        if number is not None and number == getattr(second, name):
+            values[name] = confirm(number)
+    # one area is printed in hexadecimal, the other in decimal
+    values["identity_unsure"] = any(
+        getattr(second, name) not in {None, getattr(first, name)}
+        for name in ("mcc", "mnc", "lac", "tac")
+        if name not in missing
+    )
+    return replace(first, more={**second.more, **first.more}, **values)

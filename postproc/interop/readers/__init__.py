@@ -1,1 +1,1 @@
-"""Formats of `postproc import`: modules with `IMPORTS`, which `postproc.interop.formats` finds."""
+"""Formats of `postproc import`: modules with `IMPORTS`, found by `postproc.interop.importing`."""

@@ -16,8 +16,8 @@ from xml.etree import ElementTree as ET
 
 from logger.core.types import Fix, Rat
 from postproc.interop import csv_table, xml_file
-from postproc.interop.columns import CODES as _CODES
 from postproc.interop.contents import Contents, Format
+from postproc.interop.fields import CODES as _CODES
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,

@@ -16,9 +16,8 @@ from pathlib import Path
 from logger.core.errors import RunFileError
 from logger.core.types import Rat
 from logger.sqlite_file import open_database
-from postproc.interop.columns import Columns
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import LEVEL_RANGE_DBM, Fields, Moment, integer, maybe
+from postproc.interop.fields import LEVEL_RANGE_DBM, Columns, Fields, Moment, integer, maybe
 from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
 TYPES = ("Cellular", "CellModem", "Cell")

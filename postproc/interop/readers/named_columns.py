@@ -15,11 +15,12 @@ from typing import Any
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.types import Rat, Role
 from postproc.interop import csv_table
-from postproc.interop.columns import ROW_NS, Columns
 from postproc.interop.contents import Contents, Format
 from postproc.interop.fields import (
     LEVEL_RANGE_DBM,
     RATS,
+    ROW_NS,
+    Columns,
     Fields,
     Moment,
     Transmitters,

@@ -17,9 +17,19 @@ from logger.core.errors import RunFileError
 from logger.core.types import Rat
 from logger.sqlite_file import open_database
 from postproc.interop import csv_table, json_lines
-from postproc.interop.columns import CODES, Columns, by_flag
 from postproc.interop.contents import Contents, Format, of_json
-from postproc.interop.fields import LEVEL_RANGE_DBM, Fields, Moment, integer, maybe, text, utc_ns_of
+from postproc.interop.fields import (
+    CODES,
+    LEVEL_RANGE_DBM,
+    Columns,
+    Fields,
+    Moment,
+    by_flag,
+    integer,
+    maybe,
+    text,
+    utc_ns_of,
+)
 from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
 TABLES: dict[str, Rat] = {

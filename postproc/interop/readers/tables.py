@@ -23,13 +23,16 @@ from pathlib import Path
 
 from logger.core.types import Rat
 from postproc.interop import csv_table, json_lines
-from postproc.interop.columns import CODES, Columns, by_flag, level_in
 from postproc.interop.contents import Contents, Format, of_columns, of_json
 from postproc.interop.fields import (
+    CODES,
     LEVEL_RANGE_DBM,
     RATS,
+    Columns,
     Fields,
     Moment,
+    by_flag,
+    level_in,
     level_of,
     maybe,
     number,

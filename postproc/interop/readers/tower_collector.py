@@ -11,9 +11,8 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from postproc.interop import xml_file
-from postproc.interop.columns import Columns, level_in
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import Moment, utc_ns_of
+from postproc.interop.fields import Columns, Moment, level_in, utc_ns_of
 from postproc.interop.sighting import NoCell, Row, parse_rows
 
 _CELL = re.compile(

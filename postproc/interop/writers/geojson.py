@@ -5,10 +5,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from postproc.interop.estimates import Estimate
+from postproc.interop.estimates import DECIMALS, Estimate, Rings, lines
 from postproc.interop.exporting import ExportWalk
 from postproc.interop.fields import moment, seconds
-from postproc.interop.geometry import DECIMALS, Rings, lines
 from postproc.interop.sighting import Sighting
 
 Feature = dict[str, Any]

@@ -8,10 +8,9 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from logger.core.types import Fix
-from postproc.interop.estimates import Estimate
+from postproc.interop.estimates import DECIMALS, Estimate
 from postproc.interop.exporting import ExportWalk
 from postproc.interop.fields import moment
-from postproc.interop.geometry import DECIMALS
 from postproc.interop.xml_file import add, decimal
 from postproc.interop.xml_file import write as write_xml
 

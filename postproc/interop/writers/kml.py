@@ -12,10 +12,9 @@ from xml.etree import ElementTree as ET
 
 from logger.core.locator.rivals import share_text
 from logger.core.places import MAX_GAP_S
-from postproc.interop.estimates import Estimate
+from postproc.interop.estimates import Estimate, Line, LonLat, Rings, lines
 from postproc.interop.exporting import ExportWalk
 from postproc.interop.fields import moment
-from postproc.interop.geometry import Line, LonLat, Rings, lines
 from postproc.interop.sighting import Sighting
 from postproc.interop.xml_file import add
 from postproc.interop.xml_file import write as write_xml
@@ -45,7 +44,11 @@ def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None
     root = ET.Element("kml", {"xmlns": NAMESPACE})
     document = add(root, "Document")
     add(document, "name", "cellwalk")
-    add(document, "description", _about(walk))
+    add(
+        document,
+        "description",
+        "times are UTC, from GPS" if walk.has_utc else "UTC is not known, so nothing has a time",
+    )
     _styles(document)
     folder = _folder(document, "walk", "track of the receiver")
     for stretch in walk.track:
@@ -63,10 +66,6 @@ def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None
     for cell, sightings in sorted(by_cell.items(), key=lambda entry: -len(entry[1])):
         _cell(document, cell, sightings, estimate_of.get(cell))
     write_xml(root, target)
-
-
-def _about(walk: ExportWalk) -> str:
-    return "times are UTC, from GPS" if walk.has_utc else "UTC is not known, so nothing has a time"
 
 
 def _styles(document: ET.Element) -> None:

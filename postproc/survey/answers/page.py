@@ -15,8 +15,7 @@ from logger.core.places import Utm
 from logger.core.suspicion.rule import WORDS
 from postproc.basemap.reading import read_basemap
 from postproc.html_page import page_environment
-from postproc.pictures.clock import Clock
-from postproc.pictures.geometry import Box, round_step
+from postproc.pictures.survey import Box, Clock, round_step
 from postproc.pictures.survey import Survey as Frame
 from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell

@@ -1,3 +1,4 @@
+import json
 import random
 import time
 
@@ -5,9 +6,14 @@ import pytest
 
 from logger.drivers.family import Family
 from logger.drivers.privacy.redaction import Redactor, redact
-from logger.drivers.registry import FAMILIES, reader_of
+from logger.drivers.protocols.gpsd import GpsdFramer
+from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
+from logger.drivers.registry import FAMILIES, IDENTITY, family_of, reader_of
 from logger.drivers.telit import Telit
+from logger.sim.modem import frame_text
+from tests.drivers.test_claims import answers_of
 from tests.kit.corpus import entries
+from tests.kit.dialects import DIALECTS
 from tests.kit.drivers import cells_of, own_replies
 from tests.kit.redacted_replies import REPLIES, redact_in_pieces
 from tests.kit.secrets import FORMS, leaked_secrets
@@ -222,3 +228,90 @@ def test_memory_is_bounded_in_an_endless_line():
         assert n_fed - 16_500 <= len(output) <= n_fed
         assert b"1234567890123456" not in output
         assert len(output + redactor.flush()) == n_fed
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_modem_is_identified_by_what_is_left_of_its_answers(name):
+    for answer in answers_of(name):
+        for command in IDENTITY:
+            left = redact(f"\r\n{answer}\r\n\r\nOK\r\n".encode(), command).decode()
+            assert family_of(left).name == name, left
+
+
+@pytest.mark.parametrize("before", [b"", b"\r\n+XNEW: 1\r\n", b"\r\nStarting the stack\r\n"])
+@pytest.mark.parametrize("name", DIALECTS)
+def test_a_simulated_modem_is_identified_also_after_a_line_that_nobody_knows(name, before):
+    whole, left = "", ""
+    for command, blocks in DIALECTS[name].identity.items():
+        reply = before + frame_text(*blocks, "OK")
+        whole += reply.decode()
+        left += redact(reply, f"AT{command}").decode()
+    assert family_of(left) == family_of(whole)
+    assert (DIALECTS[name].identity["+CGMM"][0] in left) or before
+
+
+def test_what_a_modem_prints_of_itself_loses_its_serial_numbers_alone():
+    ati = (
+        b"\r\nManufacturer: Sierra Wireless, Incorporated\r\nModel: MC7455\r\n"
+        b"Revision: SWI9X30C_02.24.05.06 r7040 CARMD-EV-FRMWR2 2017/05/19 06:23:09\r\n"
+        b"MEID: 35907206022883\r\nIMEI: 359072060228832\r\nIMEI SV: 17\r\nFSN: LF728387390410\r\n"
+        b"+GCAP: +CGSM\r\n\r\nOK\r\n"
+    )
+    left = (
+        ati.replace(b"35907206022883", b"x" * 14)
+        .replace(b"x2\r", b"xx\r")
+        .replace(b"SV: 17", b"SV: xx")
+        .replace(b"LF728387390410", b"x" * 14)
+    )
+    out = redact(ati, "ATI")
+    assert out.replace(b"+xxxx", b"+CGSM") == left
+    unknown = b"\r\nACME 2000\r\n\r\nOK\r\n\r\nVersion 1.0.3 build A7\r\n\r\nOK\r\n"
+    assert redact(unknown, "ATI") == unknown
+    assert redact(b"Example\r\n", "AT+CGMI") == b"Example\r\n"
+
+
+def _fixes(data):
+    framer, assembler, fixes, n_noise = NmeaFramer(), FixAssembler(), [], 0
+    for event in framer.feed(data):
+        if isinstance(event, Sentence):
+            fixes += assembler.feed(event, 0)
+        else:
+            n_noise += len(event.data)
+    return [*fixes, *assembler.flush()], n_noise
+
+
+def test_fixes_and_noise_of_all_recorded_receivers_are_the_same(corpus):
+    """A text in a sentence is masked, and its checksum is that of what is left."""
+    paths = sorted(corpus.glob("nmea/*.nmea"))
+    assert paths
+    for path in paths:
+        data = path.read_bytes()
+        assert _fixes(redact(data)) == _fixes(data)
+
+
+def test_a_receiver_keeps_its_numbers_and_loses_its_serial_number():
+    data = b"$PDTINFO,UM621-02,G1B1L1E1,V1.2,R6.0.0.0Build2810,2310414000033,PC12B4231700429*73\r\n"
+    out = redact(data)
+    assert out.startswith(b"$PDTINFO,xxxxx-xx,")
+    assert b"2310414" not in out
+    assert b"4231700429" not in out
+    assert all(isinstance(event, Sentence) for event in NmeaFramer().feed(out))
+
+
+def test_gpsd_keeps_what_is_read_of_its_reports():
+    device = {
+        "class": "DEVICE",
+        "path": "/dev/serial/by-id/usb-u-blox_7-if00",
+        "driver": "u-blox",
+        "sernum": "LF728387390410",
+        "subtype": 'SW 1.0, 2310414000033, \u00e9"\\',
+        "activated": "2026-11-21T12:00:00.000Z",
+        "bps": 9600,
+        "id": 355789041234567,
+    }
+    text = json.dumps(device).encode().replace(b'": ', b'":').replace(b", ", b",")
+    out = redact(text + b"\r\n")
+    left = json.loads(out)
+    assert {key for key in device if left[key] != device[key]} == {"sernum", "subtype", "id"}
+    assert b"2310414" not in out
+    assert list(GpsdFramer().feed(out)) == list(GpsdFramer().feed(text + b"\r\n"))

@@ -2,9 +2,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from logger.drivers.protocols.at import MAX_LINE, MAX_LINES, AtFramer, Unsolicited
-from logger.drivers.protocols.dialogue import INTERRUPTION, Reply
-from logger.drivers.protocols.garbage import Garbage
+from logger.drivers.protocols.at import (
+    INTERRUPTION,
+    MAX_LINE,
+    MAX_LINES,
+    AtFramer,
+    Reply,
+    Unsolicited,
+)
+from logger.drivers.protocols.line_noise import Garbage
 from tests.kit.at_framers import CENG_LINES, CENG_REPLY, check, framer_after, framer_after_expiry
 from tests.kit.framers import feed_all, split_at
 from tests.kit.scaling import check_growth

@@ -1,5 +1,4 @@
-from logger.drivers.protocols.at import AtFramer, Unsolicited
-from logger.drivers.protocols.dialogue import Reply
+from logger.drivers.protocols.at import AtFramer, Reply, Unsolicited
 from tests.kit.at_framers import CENG_LINES, CENG_REPLY, check, framer_after, framer_after_expiry
 
 

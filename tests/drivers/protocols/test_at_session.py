@@ -2,8 +2,7 @@
 
 import pytest
 
-from logger.drivers.protocols.at import AtFramer, Unsolicited
-from logger.drivers.protocols.dialogue import Reply
+from logger.drivers.protocols.at import AtFramer, Reply, Unsolicited
 
 
 @pytest.mark.parametrize("data", [b"AT+CSQ\r\r\n+CSQ: 20,0\r\n\r\nOK\r\n", b"at+csq\r\nAT+CSQ\r\n"])

@@ -5,7 +5,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from logger.core.types import Fix
-from logger.drivers.protocols.garbage import Garbage
 from logger.drivers.protocols.gpsd import (
     MAX_LINE,
     Device,
@@ -19,6 +18,7 @@ from logger.drivers.protocols.gpsd import (
     Version,
     watch,
 )
+from logger.drivers.protocols.line_noise import Garbage
 from tests.kit.framers import check_framer, feed_all, split_at
 from tests.kit.scaling import check_growth
 

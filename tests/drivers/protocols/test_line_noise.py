@@ -7,8 +7,7 @@ import re
 
 import pytest
 
-from logger.drivers.protocols.at import AtFramer, Unsolicited
-from logger.drivers.protocols.dialogue import Reply
+from logger.drivers.protocols.at import AtFramer, Reply, Unsolicited
 from logger.drivers.protocols.line_noise import Piece, pieces
 from logger.drivers.registry import FAMILIES
 from tests.kit.drivers import cells_of, identity_of, own_replies

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from logger.core.types import Fix
-from logger.drivers.protocols.garbage import Garbage
+from logger.drivers.protocols.line_noise import Garbage
 from logger.drivers.protocols.nmea import MAX_SENTENCE, FixAssembler, NmeaFramer, Sentence
 from tests.kit.framers import check_framer, feed_all, split_at
 from tests.kit.nmea_sentences import BOTH, fixes, gga, gsa, gst, nmea, rmc

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from logger.core.types import Fix
-from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
-from logger.drivers.protocols.nmea_fix import radius68_m
+from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, radius68_m
 from tests.kit.nmea_sentences import BOTH, NOON_NS, fixes, gga, gsa, gst, nmea, rmc
 from tests.kit.scaling import check_growth
 

@@ -7,8 +7,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
-from logger.drivers.protocols.nmea_fix import radius68_m
+from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence, radius68_m
 from logger.sim.receiver import sentence
 from tests.kit.framers import split_at
 

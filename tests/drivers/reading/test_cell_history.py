@@ -4,8 +4,7 @@ import pytest
 
 from logger.core.identities import Identities
 from logger.core.types import CellReading, Scan
-from logger.drivers.reading.number_history import NumberHistory
-from logger.drivers.reading.recognition import mark_doubtful, mark_doubtful_replies
+from logger.drivers.reading.recognition import NumberHistory, mark_doubtful, mark_doubtful_replies
 from logger.drivers.registry import FAMILIES
 
 LTE = "+CPSI: LTE,Online,{plmn},0x{tac},{cid},{pci},EUTRAN-BAND3,{earfcn},5,5,-96,-911,-602,12"
@@ -247,7 +246,7 @@ def test_replies_of_a_transcript_are_compared_with_later_ones_too():
 
 
 def test_what_is_remembered_is_bounded(monkeypatch):
-    monkeypatch.setattr("logger.drivers.reading.cell_history._MOST_CELLS", 50)
+    monkeypatch.setattr("logger.drivers.reading.recognition._MOST_CELLS", 50)
     session = Session("sim7600")
     for number in range(60):
         session.read(lte(10_000_000 + 7919 * number, tac=f"{1 + number:04X}", pci=number))

@@ -4,7 +4,7 @@ import pytest
 
 from logger.core.types import Fix
 from logger.drivers.reading import modem_gnss
-from logger.drivers.reading.rows import as_json
+from logger.drivers.reading.row_language import as_json
 from tests.kit.corpus import check_entry, entries, lines_of
 
 # A place and a time of our own in the layouts of firmware_notes/simcom.md.

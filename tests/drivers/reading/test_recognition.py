@@ -2,9 +2,8 @@
 
 import pytest
 
-from logger.drivers.reading.number_history import NumberHistory
-from logger.drivers.reading.recognition import mark_doubtful, mark_doubtful_replies
-from logger.drivers.reading.serving_cell import merge_serving_cells
+from logger.drivers.reading.recognition import NumberHistory, mark_doubtful, mark_doubtful_replies
+from logger.drivers.reading.standard_replies import merge_serving_cells
 from logger.drivers.registry import FAMILIES
 from tests.kit.drivers import identity_of
 

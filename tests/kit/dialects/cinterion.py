@@ -2,7 +2,6 @@
 
 from itertools import chain, repeat
 
-from logger.sim.air import NEIGHBOURS, Air, ReceivedCell
 from logger.sim.dialects import (
     COPS_SCAN_S,
     SETTINGS,
@@ -12,6 +11,7 @@ from logger.sim.dialects import (
     block,
     identity_replies,
 )
+from logger.sim.world import NEIGHBOURS, Air, ReceivedCell
 
 NO_CELL = "000,000,0000,0000,00,0,0,-,-"
 

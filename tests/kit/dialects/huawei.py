@@ -1,6 +1,5 @@
 """Huawei ME909s on a GSM network: ^MONSC, ^MONNC and ^HCSQ (captures 135 to 138)."""
 
-from logger.sim.air import Air
 from logger.sim.dialects import (
     COPS_SCAN_S,
     EPS,
@@ -13,6 +12,7 @@ from logger.sim.dialects import (
     block,
     identity_replies,
 )
+from logger.sim.world import Air
 from tests.kit.dialects import modes
 
 GSM_900 = 1

@@ -4,7 +4,6 @@ They report the transmitters as LTE cells: area, cell, channel and colour code s
 channel and PCI. Neighbours have no identity.
 """
 
-from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import (
     COPS_SCAN_S,
     EPS,
@@ -17,6 +16,7 @@ from logger.sim.dialects import (
     block,
     identity_replies,
 )
+from logger.sim.world import Air, ReceivedCell
 from tests.kit.dialects import modes
 
 RSRQ_DB, SINR_DB = -8.0, 8.6

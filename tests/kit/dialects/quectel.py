@@ -3,7 +3,6 @@
 Sources: captures 059 to 069, 088; 091, 092; the example of QOPS in the EC2x AT Commands Manual.
 """
 
-from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import (
     COPS_SCAN_S,
     EPS,
@@ -17,6 +16,7 @@ from logger.sim.dialects import (
     identity_replies,
     setting,
 )
+from logger.sim.world import Air, ReceivedCell
 from tests.kit.dialects import modes, receivers
 
 QOPS_S = 12.0  # documented nowhere

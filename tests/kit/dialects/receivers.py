@@ -1,7 +1,7 @@
 """GNSS receivers in modems: +CGNSINF and +QGPSLOC (captures 170 to 180)."""
 
-from logger.sim.air import Air
 from logger.sim.dialects import KNOTS_PER_MPS, Answer, Settings, setting, tenths
+from logger.sim.world import Air
 
 KMH_PER_MPS = 3.6
 QUECTEL_NOT_ACTIVE, QUECTEL_NOT_FIXED = 505, 516

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import (
     CNMP,
     CNMP_SETTINGS,
@@ -19,6 +18,7 @@ from logger.sim.dialects import (
     setting,
     system_information,
 )
+from logger.sim.world import Air, ReceivedCell
 from tests.kit.dialects import receivers
 
 

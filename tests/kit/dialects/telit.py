@@ -3,7 +3,6 @@
 import re
 from collections.abc import Sequence
 
-from logger.sim.air import NEIGHBOURS, Air, ReceivedCell
 from logger.sim.dialects import (
     COPS_SCAN_S,
     NETWORK_NAME,
@@ -16,6 +15,7 @@ from logger.sim.dialects import (
     identity_replies,
     setting,
 )
+from logger.sim.world import NEIGHBOURS, Air, ReceivedCell
 
 SURVEY_S = 60.0  # the manual allows two minutes
 SLICE_S = 6.0  # of some of the channels

@@ -1,6 +1,5 @@
 """u-blox SARA-G350: AT+CGED, AT+COPS=5, AT+UCELLINFO (UBX-13002752, captures 107-113)."""
 
-from logger.sim.air import Air, ReceivedCell
 from logger.sim.dialects import (
     COPS_SCAN_S,
     NO_SERVICE,
@@ -11,6 +10,7 @@ from logger.sim.dialects import (
     identity_replies,
     setting,
 )
+from logger.sim.world import Air, ReceivedCell
 
 DEEP_SCAN_S = 30.0  # measured; up to three minutes
 UNKNOWN = 255

@@ -11,7 +11,7 @@ from logger.baseline_file import BaselineFile
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import read_sound_run
 from logger.core.squares import square_of
-from postproc.baseline.store import BaselineStore, baseline_without
+from postproc.baseline.store import BaselineStore, add_runs
 from postproc.baseline.walk_summary import summarise_walk
 from tests.postproc.baseline.walks import STEP_DEG, cell, name, two_cells, write_walk
 
@@ -157,24 +157,6 @@ def test_a_removed_walk_leaves_nothing(tmp_path, summaries):
     assert contents(paths[0]) == contents(paths[1])
 
 
-def test_a_walk_can_be_left_out_for_reading(tmp_path, summaries):
-    path, other = tmp_path / "a.db", tmp_path / "b.db"
-    with BaselineStore(path, create=True) as store:
-        for summary in summaries:
-            store.add(summary)
-    with BaselineStore(other, create=True) as store:
-        for summary in summaries[1:]:
-            store.add(summary)
-    before = path.read_bytes()
-    without, expected = baseline_without(path, [summaries[0].digest]), BaselineFile(other)
-    assert without.n_walks == 5
-    for row in summaries[0].heard:
-        assert without.square(row.square) == expected.square(row.square)
-        assert without.cell(row.cell) == expected.cell(row.cell)
-    assert path.read_bytes() == before
-    assert baseline_without(path, ["nothing"]).n_walks == 6
-
-
 def test_trust_survives_walks(tmp_path, summaries):
     path = tmp_path / "baseline.db"
     with BaselineStore(path, create=True) as store:
@@ -236,3 +218,31 @@ def test_another_database_is_not_touched(tmp_path):
         db.execute("CREATE TABLE mine (a)")
     with pytest.raises(RunFileError, match="no baseline"):
         BaselineStore(path, create=True)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    return [write_walk(folder, n, two_cells(-50.0 - n), n=20) for n in range(7)]
+
+
+def add_walks(tmp_path, paths):
+    with BaselineStore(tmp_path / "baseline.db", create=True) as store:
+        return list(add_runs(store, paths))
+
+
+@pytest.mark.parametrize("at", [0, 3, 6])
+def test_a_bad_file_spoils_no_other(tmp_path, runs, at):
+    bad = tmp_path / "bad.h5"
+    content = bytearray(runs[0].read_bytes())
+    content[2000:6000] = b"\xff" * 4000
+    bad.write_bytes(content)
+    results = add_walks(tmp_path, [*runs[:at], bad, *runs[at:]])
+    assert [bool(result.problem) for result in results] == [k == at for k in range(8)]
+    assert "bad.h5" in results[at].problem
+    assert [result.path for result in results if result.walk] == runs
+
+
+def test_journals_and_runs_are_added_in_their_order(tmp_path, runs):
+    paths = [runs[0], runs[1].with_suffix(".journal"), runs[2]]
+    assert [result.walk for result in add_walks(tmp_path, paths)] == [1, 2, 3]

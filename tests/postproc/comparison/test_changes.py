@@ -5,7 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.comparison.changes import FALSE_WORDS, compare
+from postproc.comparison.changes import (
+    FALSE_WORDS,
+    Offset,
+    change_of,
+    compare,
+    offset_of,
+    pattern_of,
+    probability,
+    scale_of,
+)
+from postproc.comparison.ground import FREEDOM, Differences, Grid, scale_db
 from tests.postproc.comparison.city import name, walk
 
 
@@ -140,3 +150,154 @@ def test_a_cell_named_once_is_no_cell():
 def test_nothing_compared_with_something_is_no_error():
     assert compare([], [], same_modem=True).cells == ()
     assert words(compare(walk(1), [], same_modem=True)) == {}
+
+
+def differences(random, n, change_db=0.0, *, variance_db2=16.0, floor_db=None):
+    """Of one cell; with `floor_db` those below it are censored there."""
+    variance = np.full(n, variance_db2)
+    error_db = random.standard_t(FREEDOM, n) * scale_db(variance)
+    values = change_db + error_db
+    bound = np.zeros(n, np.int64)
+    if floor_db is not None:
+        bound[values < floor_db] = -1
+        values = np.maximum(values, floor_db)
+    return Differences("c", "GSM", np.arange(n), values, variance, bound)
+
+
+@pytest.mark.parametrize("n", [6, 12, 30])
+def test_false_alarms_are_as_rare_as_promised(n):
+    random, exact = np.random.default_rng(n), Offset(0.0, 1e-3)
+    p = np.array(
+        [probability(change_of(differences(random, n), 1.0), exact, 1.0) for _ in range(1500)]
+    )
+    for level in (0.1, 0.03, 0.01):
+        assert np.mean(p <= level) <= level + 3.0 * np.sqrt(level / len(p))
+
+
+@pytest.mark.parametrize("floor_db", [None, -2.0])
+def test_a_change_is_found_with_its_size(floor_db):
+    """Censored differences say at least as much as their bound."""
+    random = np.random.default_rng(1)
+    changes = [change_of(differences(random, 16, -6.0, floor_db=floor_db), 1.0) for _ in range(100)]
+    found_db = np.array([change.db for change in changes])
+    if floor_db is None:
+        assert abs(np.mean(found_db) + 6.0) < 0.5
+        spread = np.std(found_db) / np.mean([change.sigma_db for change in changes])
+        assert 0.5 < spread < 1.2
+    else:
+        assert np.median(found_db) < floor_db - 1.0
+    p = [probability(change, Offset(0.0, 0.5), 1.0) for change in changes]
+    # a censored difference may also be a cell that was missed
+    assert np.mean(np.array(p) < 0.01) > (0.8 if floor_db is None else 0.5)
+
+
+def test_an_offset_of_all_cells_is_no_change():
+    random = np.random.default_rng(2)
+    changes = [change_of(differences(random, 12, 8.0), 1.0) for _ in range(10)]
+    offset = offset_of(changes[1:], same_modem=False)
+    assert abs(offset.db - 8.0) < 1.5
+    assert probability(changes[0], offset, 1.0) > 0.01
+
+
+def test_a_changed_minority_does_not_move_the_offset():
+    random = np.random.default_rng(3)
+    steady = [change_of(differences(random, 12, 3.0), 1.0) for _ in range(9)]
+    changed = [change_of(differences(random, 12, 40.0), 1.0) for _ in range(3)]
+    assert abs(offset_of(steady + changed, same_modem=False).db - 3.0) < 2.0
+
+
+def test_without_other_cells_the_offset_is_the_prior():
+    assert offset_of([], same_modem=True) == (0.0, 2.0)
+    assert offset_of([], same_modem=False) == (0.0, 6.0)
+
+
+def test_walks_that_differ_more_widen_the_noise():
+    random = np.random.default_rng(4)
+    quiet = [differences(random, 10, variance_db2=16.0) for _ in range(20)]
+    assert scale_of(quiet) == pytest.approx(1.0, abs=0.2)
+    loud = [
+        Differences(d.cell, d.rat, d.block, 3.0 * d.difference_db, d.variance_db2, d.bound)
+        for d in quiet
+    ]
+    assert 4.0 < scale_of(loud) < 12.0
+    assert scale_of(quiet[:1]) == 1.0
+
+
+GRID = Grid()
+
+
+def along_a_street(difference_db):
+    n = len(difference_db)
+    block = GRID.blocks_at(390_000.0 + 50.0 * np.arange(n), np.full(n, 5_820_000.0))
+    return Differences("c", "", block, difference_db, np.full(n, 16.0), np.zeros(n, np.int64))
+
+
+def test_noise_has_no_pattern():
+    random = np.random.default_rng(1)
+    p = np.array(
+        [pattern_of(along_a_street(random.normal(0, 4.0, 15)), 0.0, GRID)[1] for _ in range(200)]
+    )
+    for level in (0.1, 0.02):
+        assert np.mean(p <= level) <= level + 3.0 * np.sqrt(level / len(p))
+
+
+def test_a_slope_is_a_pattern():
+    random = np.random.default_rng(2)
+    slope_db = np.linspace(-15.0, 15.0, 15)
+    contrast_db, p = pattern_of(along_a_street(slope_db + random.normal(0, 4.0, 15)), 0.0, GRID)
+    assert contrast_db > 15.0
+    assert p < 0.001
+
+
+def test_a_change_everywhere_is_no_pattern():
+    random = np.random.default_rng(3)
+    assert pattern_of(along_a_street(20.0 + random.normal(0, 4.0, 15)), 0.0, GRID)[1] > 0.01
+
+
+def test_censored_differences_are_no_pattern():
+    """A cell that is 20 dB weaker all along: where it is below the floor, less is seen of that."""
+    random, n = np.random.default_rng(5), 20
+    street = along_a_street(-20.0 + random.normal(0, 4.0, n))
+    margin_db = np.repeat([30.0, 5.0], n // 2)
+    is_below = street.difference_db < -margin_db
+    assert np.count_nonzero(is_below) == n // 2
+    censored = replace(
+        street,
+        difference_db=np.where(is_below, -margin_db, street.difference_db),
+        bound=np.where(is_below, -1, 0),
+    )
+    assert pattern_of(censored, -20.0, GRID)[1] > 0.05
+    assert pattern_of(replace(censored, bound=np.zeros(n)), -20.0, GRID)[1] < 0.001
+
+
+def across_a_city(difference_db):
+    side = int(np.sqrt(len(difference_db)))
+    east_m, north_m = 50.0 * np.indices((side, side)).reshape(2, -1)
+    street = along_a_street(difference_db)
+    return replace(street, block=GRID.blocks_at(390_000.0 + east_m, 5_820_000.0 + north_m))
+
+
+def test_a_city_of_blocks_is_tested_in_larger_squares():
+    random, n = np.random.default_rng(6), 60 * 60
+    contrasts_db, p = np.array(
+        [pattern_of(across_a_city(random.normal(0, 4.0, n)), 0.0, GRID) for _ in range(40)]
+    ).T
+    assert np.mean(p <= 0.1) <= 0.1 + 3.0 * np.sqrt(0.1 / len(p))
+    assert np.max(contrasts_db) < 6.0
+    slope_db = np.linspace(-10.0, 10.0, n)
+    contrast_db, p_of_slope = pattern_of(
+        across_a_city(slope_db + random.normal(0, 4.0, n)), 0.0, GRID
+    )
+    assert contrast_db > 12.0
+    assert p_of_slope < 1e-4
+
+
+def test_few_blocks_have_no_pattern():
+    assert pattern_of(along_a_street(np.linspace(-20.0, 20.0, 7)), 0.0, GRID) == (0.0, 1.0)
+
+
+def test_equal_runs_give_equal_answers():
+    values = np.random.default_rng(4).normal(0, 4.0, 20)
+    assert pattern_of(along_a_street(values), 0.0, GRID) == pattern_of(
+        along_a_street(values), 0.0, GRID
+    )

@@ -10,8 +10,7 @@ from logger.core.model.prior import Prior
 from logger.core.places import Utm
 from postproc.cli import main
 from postproc.guidance.cli import _readings_of
-from postproc.guidance.next_output import draw_map
-from postproc.guidance.next_walk import next_walk
+from postproc.guidance.next_walk import draw_map, next_walk
 from tests.kit.guided_walks import LAT_DEG, LON_DEG, line, rows
 from tests.kit.suspicion_walks import gsm, write_walk
 

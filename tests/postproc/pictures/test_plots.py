@@ -7,7 +7,8 @@ from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.pictures import colours
-from postproc.pictures.plots import draw_run, figure_of
+from postproc.pictures.plots import draw_run, figure_of, strips_of
+from postproc.pictures.survey import Clock, Levels
 from postproc.smoothing import smooth_runs
 from tests.kit import sample_results as kit
 from tests.kit.runs import meta
@@ -138,3 +139,36 @@ def test_colours_of_levels():
     assert rgb[2].tolist() == rgb[3].tolist() == [169, 22, 1]
     assert rgb[1].tolist() == [169, 251, 57]
     assert rgb[4].tolist() == list(colours.QUIET)
+
+
+CLOCK = Clock(np.array([10**9]), (None,))
+
+
+def levels(name, seconds, level_dbm):
+    return Levels(
+        name, 10**9 + (np.array(seconds) * 1e9).astype(np.int64), np.array(level_dbm, float)
+    )
+
+
+def test_levels_are_in_their_intervals():
+    often = levels("a", np.arange(0, 241), np.linspace(-50, -60, 241))
+    strips = strips_of([often, None, levels("b", [121, 121.5, 239], [-70, -90, -75])], CLOCK)
+    assert strips.minutes == pytest.approx(4.0)
+    assert strips.level_dbm.shape == (3, 120)
+    has_reading = np.isfinite(strips.level_dbm)
+    assert has_reading.sum(axis=1).tolist() == [120, 0, 2]
+    assert strips.level_dbm[0, [0, -1]] == pytest.approx([-50.0, -60.0], abs=0.1)
+    assert np.flatnonzero(has_reading[2]).tolist() == [60, 119]
+    assert strips.level_dbm[2, [60, 119]].tolist() == [-80.0, -75.0]
+
+
+def test_intervals_are_no_finer_than_the_scans():
+    """A cell that is read every ten seconds has no gap."""
+    strips = strips_of([levels("a", np.arange(0, 600, 10), np.full(60, -70.0))], CLOCK)
+    assert np.all(np.isfinite(strips.level_dbm))
+
+
+def test_without_a_level_there_are_no_strips():
+    assert strips_of([], CLOCK) is None
+    assert strips_of([None], CLOCK) is None
+    assert strips_of([levels("a", [], [])], CLOCK) is None

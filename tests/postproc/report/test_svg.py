@@ -4,7 +4,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from postproc.pictures.plots_style import STYLE, figure_of_size
+from postproc.pictures.plots import STYLE, figure_of_size
 from postproc.report.svg import inline_svg
 
 

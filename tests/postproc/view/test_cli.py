@@ -29,7 +29,7 @@ def run(tmp_path_factory):
 def quick(monkeypatch):
     """Starting another process takes longer than these walks, and few steps show as much."""
     monkeypatch.setattr("os.cpu_count", lambda: 1)
-    monkeypatch.setattr("postproc.view.timeline.MOST_STEPS", 3)
+    monkeypatch.setattr("postproc.view.view_model.MOST_STEPS", 3)
 
 
 @pytest.fixture

@@ -8,10 +8,8 @@ import pytest
 from rerun.chunk import RrdReader
 
 from postproc.view import viewer
-from postproc.view.blueprint import SHARED_AXIS
-from postproc.view.plan import ellipse_axes
-from postproc.view.scene import write_scene
-from postproc.view.world_map import zoom_of
+from postproc.view.plan import ellipse_axes, zoom_of
+from postproc.view.scene import SHARED_AXIS, write_scene
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks, rows, static_columns, temporal_columns, times, values
 from tests.kit.walks import with_places

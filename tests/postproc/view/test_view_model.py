@@ -1,10 +1,27 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from logger.core.column import UNKNOWN_TIME
+from logger.core.model.prior import ENVIRONMENTS
+from logger.core.runfile import RunWriter, read_run
+from logger.core.types import CellReading, Fix, Record, Scan
+from postproc.cell_estimation import locate_cell
 from postproc.pictures import colours
-from postproc.view.view_model import select_cells
+from postproc.pictures.survey import clock_of
+from postproc.result import CellResult
+from postproc.view.view_model import (
+    MOST_STEPS,
+    PAUSE_NS,
+    answer_steps,
+    end_to_end,
+    select_cells,
+    step_counts,
+)
 from tests.kit import sample_results as kit
+from tests.kit import walks
+from tests.kit.runs import UTC0_NS, meta
 from tests.kit.sample_view import sample_view
 
 
@@ -27,3 +44,100 @@ def test_each_cell_has_its_own_colour(result):
     view = sample_view(result)
     assert view.cell_colours[view.cell_views[0].name] == colours.WALKER
     assert len(set(view.cell_colours.values())) == 3
+
+
+S = 10**9
+
+
+def write(path, started_ns, utc_ns, *, seconds=5):
+    """A fix and a scan a second, of a machine that was switched on `started_ns` ago."""
+    writer = RunWriter(path, meta(started_ns=started_ns, run_id=path.stem * 8))
+    for i in range(seconds):
+        t_ns = started_ns + i * S
+        utc = None if utc_ns is None else utc_ns + i * S
+        writer.append(Record(t_ns, "gnss", Fix(True, utc, 52.0, 13.0 + i * 1e-4)))
+        reading = CellReading("scan", "GSM", "262", "01", 1, 1, rssi_dbm=-70.0)
+        writer.append(Record(t_ns + 9, "modem", Scan(t_ns + 5, (reading,), None)))
+    writer.close(started_ns + seconds * S, "test")
+    return read_run(path)
+
+
+@pytest.fixture
+def runs(tmp_path):
+    """The first in the list was walked a day later."""
+    late = write(tmp_path / "late.journal", 7 * S, UTC0_NS + 86_400 * S)
+    early = write(tmp_path / "earl.journal", 900 * S, UTC0_NS)
+    return [late, early]
+
+
+def test_runs_follow_each_other_in_the_order_they_were_walked(runs):
+    first, second = end_to_end(runs)
+    assert (first.path.stem, second.path.stem) == ("earl", "late")
+    assert first.meta.started_ns == 0
+    last_ns = first.tables["readings"]["t_ns"][-1]
+    assert second.meta.started_ns == last_ns + PAUSE_NS
+    np.testing.assert_array_equal(np.diff(second.tables["fixes"]["t_ns"]), S)
+    np.testing.assert_array_equal(
+        first.tables["readings"]["t_start_ns"], first.tables["scans"]["t_start_ns"]
+    )
+    assert first.tables["scans"]["t_start_ns"][0] == 5
+
+
+def test_utc_is_that_of_each_run(runs):
+    laid = end_to_end(runs)
+    clock = clock_of(laid)
+    for run, expected in zip(laid, (UTC0_NS, UTC0_NS + 86_400 * S), strict=True):
+        utc_ns = clock.utc_ns(run.tables["fixes"]["t_ns"])
+        np.testing.assert_array_equal(utc_ns, expected + np.arange(5) * S)
+    assert clock.elapsed_ns(laid[1].tables["fixes"]["t_ns"])[0] == laid[1].meta.started_ns
+
+
+def test_where_one_run_has_no_date_there_is_none_and_the_order_is_the_given_one(runs, tmp_path):
+    undated = write(tmp_path / "none.journal", 3 * S, None)
+    laid = end_to_end([*runs, undated])
+    assert [run.path.stem for run in laid] == ["late", "earl", "none"]
+    clock = clock_of(laid)
+    assert not clock.has_utc
+    assert clock.utc_ns(np.array([0])) is None
+
+
+def test_unknown_times_stay_unknown(runs):
+    runs[1].tables["readings"]["t_start_ns"][2] = UNKNOWN_TIME
+    first, _ = end_to_end(runs)
+    assert first.tables["readings"]["t_start_ns"][2] == UNKNOWN_TIME
+
+
+def test_the_runs_themselves_stay_as_they_are(runs):
+    before = runs[1].tables["fixes"]["t_ns"].copy()
+    end_to_end(runs)
+    np.testing.assert_array_equal(runs[1].tables["fixes"]["t_ns"], before)
+
+
+@pytest.mark.parametrize("count", [1, 4, 5, 6, 30, 1000, 50_000])
+def test_steps_end_with_all_readings_and_are_denser_at_the_beginning(count):
+    counts = step_counts(count)
+    assert counts[-1] == count
+    assert len(counts) <= MOST_STEPS
+    assert np.all(np.diff(counts) > 0)
+    if count >= 1000:
+        assert counts[1] - counts[0] < counts[-1] - counts[-2]
+
+
+def test_each_step_is_the_answer_from_the_readings_until_then(monkeypatch):
+    monkeypatch.setattr("postproc.view.view_model.MOST_STEPS", 4)
+    obs, _ = walks.simulate(np.random.default_rng(3), "square", count=80, step=8.0)
+    result = locate_cell(obs, ENVIRONMENTS["any"])
+    steps = list(answer_steps(result, ENVIRONMENTS["any"]))
+    assert (steps[-1].verdict, steps[-1].n) == (result.verdict, 80)
+    assert steps[-1].posterior is result.posterior
+    assert steps[0].posterior.region_area_m2 > steps[-1].posterior.region_area_m2
+    middle = steps[len(steps) // 2]
+    assert middle.t_ns == obs.t_ns[middle.n - 1]
+    again = locate_cell(obs.part(slice(middle.n)), ENVIRONMENTS["any"])
+    assert (again.verdict, again.posterior.r95_m) == (middle.verdict, middle.posterior.r95_m)
+
+
+def test_without_a_posterior_there_is_no_step():
+    assert (
+        list(answer_steps(CellResult("c", 0, None, "cannot tell", ()), ENVIRONMENTS["any"])) == []
+    )

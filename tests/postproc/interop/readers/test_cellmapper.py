@@ -2,8 +2,7 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.core.types import CellReading
-from postproc.interop.formats import recognise
-from postproc.interop.importing import import_walk
+from postproc.interop.importing import import_walk, recognise
 from postproc.interop.sighting import BadRow, NoCell
 from postproc.walk import observe_run
 

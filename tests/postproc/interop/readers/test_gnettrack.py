@@ -1,7 +1,7 @@
 import pytest
 
 from logger.core.types import CellReading, Fix
-from postproc.interop.formats import recognise
+from postproc.interop.importing import recognise
 from postproc.interop.sighting import BadRow, NoCell
 
 HEAD = (

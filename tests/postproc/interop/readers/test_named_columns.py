@@ -4,7 +4,7 @@ from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import read_run
 from logger.core.types import CellReading
 from postproc.cli import main
-from postproc.interop.formats import recognise
+from postproc.interop.importing import recognise
 from postproc.interop.readers import named_columns
 from postproc.interop.sighting import NoCell
 

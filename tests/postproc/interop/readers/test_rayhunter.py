@@ -5,8 +5,7 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from postproc.cli import main
-from postproc.interop.formats import recognise
-from postproc.interop.importing import import_walk
+from postproc.interop.importing import import_walk, recognise
 
 HEADER = {"analyzers": [{"name": "x", "version": 1}], "rayhunter": {}, "report_version": 2}
 V2 = {

@@ -1,5 +1,5 @@
 from logger.core.types import CellReading, Fix
-from postproc.interop.formats import recognise
+from postproc.interop.importing import recognise
 from postproc.interop.sighting import BadRow, NoCell
 
 UTC_NS = 1_714_557_600 * 10**9

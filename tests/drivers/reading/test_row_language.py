@@ -1,6 +1,6 @@
 import pytest
 
-from logger.drivers.reading.fields import (
+from logger.drivers.reading.row_language import (
     area,
     cell_identity,
     decimal,
