@@ -25,7 +25,7 @@ def source_tables(site: Mapping[str, Any]) -> list[Any]:
         tables.append(_receiver(gnss))
     tables += more if isinstance(more, list) else []
     taken = {one.get("name") for one in tables if isinstance(one, dict)}
-    return [_named(one, taken) for one in tables]
+    return [_with_name(one, taken) for one in tables]
 
 
 def _short(table: Any, kind: str) -> Any:
@@ -39,7 +39,7 @@ def _receiver(table: Any) -> Any:
     return _short(table, NMEA)
 
 
-def _named(table: Any, taken: set[Any]) -> Any:
+def _with_name(table: Any, taken: set[Any]) -> Any:
     if not isinstance(table, dict) or "name" in table:
         return table
     kind = str(table.get("kind"))

@@ -28,7 +28,7 @@ def walk(seed, apart_db, count=300):
     return readings, source
 
 
-def located(readings):
+def locate(readings):
     """The posterior of a cell after the readings, what was said, and the cell."""
     cell, news = LiveCell(PRIOR), []
     for modem, reading in readings:
@@ -40,21 +40,21 @@ def located(readings):
     return summarise(*cell.locator.last_search()), news, cell
 
 
-def covered(seeds, apart_db):
+def count_covered(seeds, apart_db):
     """How often the 95 % region holds the source: of both modems, and of the first alone."""
     of_both = of_one = 0
     for seed in seeds:
         readings, source = walk(seed, apart_db)
-        of_both += region_contains(located(readings)[0], source, 5.0)
+        of_both += region_contains(locate(readings)[0], source, 5.0)
         alone = [pair for pair in readings if pair[0] == "first"]
-        of_one += region_contains(located(alone)[0], source, 5.0)
+        of_one += region_contains(locate(alone)[0], source, 5.0)
     return of_both, of_one
 
 
 def assert_covers_as_one(seeds, apart_db):
     """Within three standard deviations of the difference of two counts with 95 %."""
     n = len(seeds)
-    of_both, of_one = covered(seeds, apart_db)
+    of_both, of_one = count_covered(seeds, apart_db)
     print(f"both modems {of_both} of {n}, one alone {of_one} of {n}")
     assert of_both >= of_one - 3.0 * np.sqrt(2.0 * n * 0.95 * 0.05)
     assert of_both >= 0.85 * n - 1.0
@@ -72,7 +72,7 @@ def test_coverage_of_two_modems_is_that_of_one_over_40_walks():
 def test_without_a_scale_of_their_own_the_two_would_not_fit():
     """What the test of coverage would miss: the offset is found, and it is not zero."""
     readings, _ = walk(1, APART_DB)
-    _, news, cell = located(readings)
+    _, news, cell = locate(readings)
     texts = [text for code, text in news if code == "modem-offset"]
     assert len(texts) == 1
     offset_db = float(texts[0].split()[2])
@@ -108,7 +108,7 @@ def test_the_estimate_begins_anew_with_a_modem_that_hears_far_more():
     readings, source = walk(2, APART_DB)
     lone = [pair for pair in readings[:20] if pair[0] == "first"]
     lone += [pair for pair in readings[20:] if pair[0] == "second"]
-    posterior, news, cell = located(lone)
+    posterior, news, cell = locate(lone)
     assert [code for code, _ in news if code == "modem-changed"] == ["modem-changed"]
     assert cell.n > 2 * MANY_MORE
     assert region_contains(posterior, source, 5.0)

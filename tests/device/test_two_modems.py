@@ -38,7 +38,7 @@ def _site(folder, first, second, gnss):
 
 
 @pytest.fixture(scope="module")
-def walked(tmp_path_factory):
+def two_modems(tmp_path_factory):
     """A run in which the SIM800 is away for a while; the status meanwhile and at the end."""
     folder = tmp_path_factory.mktemp("two")
     clock = ScaledClock(SPEED)
@@ -77,8 +77,8 @@ def _scan_times_s(run, name):
     return scans["t_ns"][scans["source"] == name] / 1e9
 
 
-def test_one_unplugged_leaves_no_gap_in_the_other(walked):
-    run, _, _, (away_s, back_s) = walked
+def test_one_unplugged_leaves_no_gap_in_the_other(two_modems):
+    run, _, _, (away_s, back_s) = two_modems
     others, own = _scan_times_s(run, b"sim7600"), _scan_times_s(run, b"sim800")
     assert not np.any((own > away_s + SPEED) & (own < back_s - SPEED))
     assert np.any(own > back_s)
@@ -86,8 +86,8 @@ def test_one_unplugged_leaves_no_gap_in_the_other(walked):
     assert np.max(np.diff(during)) < 10.0, "a poll each 2 s, at most five late on a busy machine"
 
 
-def test_the_status_and_the_light_say_which_has_a_fault(walked):
-    _, status, back, _ = walked
+def test_the_status_and_the_light_say_which_has_a_fault(two_modems):
+    _, status, back, _ = two_modems
     assert status.state == "error"
     assert status.text.startswith("sim800: port ")
     assert "sim7600" not in status.text
@@ -97,8 +97,8 @@ def test_the_status_and_the_light_say_which_has_a_fault(walked):
     assert back.state != "error"
 
 
-def test_records_name_their_modem(walked):
-    run = walked[0]
+def test_records_name_their_modem(two_modems):
+    run = two_modems[0]
     readings = run.tables["readings"]
     assert set(readings["source"]) == {b"sim7600", b"sim800"}
     ready = [row for row in run.tables["notes"] if row["code"] == b"modem-ready"]
