@@ -2,46 +2,29 @@
 
 import os
 import pwd
-import stat
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
 
 from pyproj.exceptions import ProjError
 
 from logger.baseline_file import BaselineFile, bound_heap
 from logger.command_line import missing_library
-from logger.config import GNSS_OF_MODEM, SiteConfig, load_config
+from logger.config import SiteConfig, load_config
 from logger.core.document import Document, Word, facts
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.guidance.street_atlas import StreetAtlas
 from logger.core.places import Utm
+from logger.device.check_line import Line
 from logger.device.leds import LEDS
 from logger.device.libraries import LIBRARIES, version_of
 from logger.device.memory import MOST_CELLS
-from logger.device.port_url import check_url
+from logger.device.sources import source_of
 from logger.device.startup import usable_folder
-from logger.drivers.registry import check_mode, driver_of
 from logger.street_file import read_lines
 
-NOT_THERE = "is not there now"
 _PMTILES = b"PMTiles\3"
 """Begin of the file, and its version (github.com/protomaps/PMTiles, spec/v3)."""
-_MEMORY_DEVICES = 1
-"""Their major number: /dev/zero and /dev/null are no ports (Linux admin-guide/devices.txt)."""
-State = Literal["ok", "warn", "fail"]
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """One thing checked: `warn` may still come right by itself, `fail` will not."""
-
-    state: State
-    what: str
-    text: str
-
 
 _STYLES = {"ok": "", "warn": "yellow", "fail": "red"}
 
@@ -98,18 +81,11 @@ def _map() -> Line:
 
 
 def _site(config: SiteConfig) -> Iterator[Line]:  # noqa: C901 (one check after the other)
-    driver = driver_of(config.modem.driver)
-    check_mode(config.modem.driver, config.modem.set_mode)
+    for settings in config.source:
+        source_of(settings).validate()
     yield _folder(usable_folder(config.run.directory))
-    yield _port("modem", config.modem.port)
-    if config.gnss.port == GNSS_OF_MODEM and driver is not None and not driver.gnss_poll_commands:
-        yield Line(
-            "fail", "gnss", f"driver {driver.name} reads no receiver of the modem: name a port"
-        )
-    elif config.gnss.port == GNSS_OF_MODEM:
-        yield Line("ok", "gnss", "the modem's own receiver")
-    else:
-        yield _port("gnss", config.gnss.port)
+    for settings in config.source:
+        yield from source_of(settings).check()
     for library in ("tornado", "segno"):
         if config.page.listen and find_spec(library) is None:
             yield Line("fail", "page", missing_library(library))
@@ -197,22 +173,3 @@ def _name_of(uid: int) -> str:
         return pwd.getpwuid(uid).pw_name
     except KeyError:
         return f"user {uid}"
-
-
-def _port(name: str, url: str) -> Line:
-    check_url(url)
-    if "://" in url:
-        return Line("ok", name, f"{url} is a network port, not looked at")
-    path = Path(url)
-    try:
-        status = path.stat()
-        is_device = stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) != _MEMORY_DEVICES
-    except FileNotFoundError:
-        return Line("warn", name, f"{url} {NOT_THERE}; it is picked up when it is plugged in")
-    except OSError as error:
-        return Line("fail", name, f"{url}: {error.strerror}")
-    if not is_device:
-        return Line("fail", name, f"{url} is no serial port")
-    if not os.access(path, os.R_OK | os.W_OK):
-        return Line("fail", name, f"no permission for {url}; add this user to the group dialout")
-    return Line("ok", name, url)

@@ -220,12 +220,14 @@ def parse(file: Path, driver_name: str, command: str | None, *, as_json: bool) -
 )
 @click.option(
     "--modem",
-    default="sim800",
+    "modems",
+    default=("sim800",),
+    multiple=True,
     metavar="NAME",
     cls=NameOption,
     module="logger.sim.dialects",
     variable="DIALECTS",
-    help="Simulated modem (default: sim800).",
+    help="Simulated modem (default: sim800); each one more reads 9 dB lower.",
 )
 @click.option(
     "--fault",
@@ -233,7 +235,7 @@ def parse(file: Path, driver_name: str, command: str | None, *, as_json: bool) -
     cls=NameOption,
     module="logger.sim.faults",
     variable="FAULTS",
-    help="A fault of the modem between two times in seconds.",
+    help="A fault of the first modem between two times in seconds.",
 )
 @click.option("--seed", type=SEED, default=1, show_default=True, metavar="N")
 @click.option(
@@ -255,7 +257,7 @@ def parse(file: Path, driver_name: str, command: str | None, *, as_json: bool) -
 def simulate(
     folder: Path,
     scenario: str,
-    modem: str,
+    modems: tuple[str, ...],
     fault: str | None,
     seed: int,
     duration_s: float | None,
@@ -267,7 +269,7 @@ def simulate(
 
     Modem and receiver are simulated behind pseudo-terminals.
     """
-    path = simulation.simulate(folder, scenario, seed, duration_s, speed, modem, fault)
+    path = simulation.simulate(folder, scenario, seed, duration_s, speed, modems, fault)
     show(document.Document({"run": path}, body=[str(path)]), as_json=as_json)
 
 

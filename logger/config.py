@@ -2,16 +2,17 @@
 
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from logger.core.errors import ConfigError
 from logger.core.foreign import open_regular
 from logger.core.live_settings import LIMITS, LONGEST_TARGET_BYTES, LiveSettings
+from logger.core.source_tables import GNSS_OF_MODEM, GPSD, MODEM, NMEA, source_tables
 
 PollInterval = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -21,12 +22,14 @@ PortName = Annotated[str, msgspec.Meta(min_length=1)]
 FeedAddress = Annotated[str, msgspec.Meta(pattern=r"^(/.+|[1-9]\d{3,4})?$", max_length=107)]
 """Nothing, an absolute path that fits into a socket's address, or a port without privileges."""
 LedName = Annotated[str, msgspec.Meta(pattern="^[^/.]*$")]
+SourceName = Annotated[str, msgspec.Meta(pattern="^[a-z][a-z0-9_-]{0,15}$")]
+"""As long as the column of the run file."""
 
 _LIMITS: dict[str, dict[str, tuple[float, float]]] = {
     # a reply takes longer than 10 ms on the fastest line there is, and a walk less than a day
+    "source": {"poll_interval_s": (0.01, 86_400.0), "full_scan_interval_s": (0.0, 1e6)},
     "run": {"longest_h": (0.0, 8760.0)},
     "power": {"stop_volts": (0.0, 60.0)},
-    "modem": {"poll_interval_s": (0.01, 86_400.0), "full_scan_interval_s": (0.0, 1e6)},
     "live": dict(LIMITS),
 }
 _MOST_CHARACTERS = 1 << 20
@@ -37,8 +40,9 @@ _LONGEST_LINE = 4096
 A key of 100 000 dots would take tomllib 9 GB: it stores every prefix of a key.
 """
 
-GNSS_OF_MODEM = "modem"
-"""Port of [gnss] where the modem's own receiver gives the fixes."""
+_SHORT_FORMS = ("modem", "gnss")
+_RESERVED = frozenset({"battery", "live", "logger", "page"})
+"""Names of what else writes records."""
 
 
 class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -53,29 +57,58 @@ class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     delete_oldest: bool = False
 
 
-class ModemSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class SourceSettings(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, tag_field="kind"
+):
+    """What every source has: the name of its records, and the port or program it is behind.
+
+    `gives_cells` of a modem, `gives_positions` of a receiver.
+    """
+
+    name: SourceName
+    port: PortName
+
+    @property
+    def gives_cells(self) -> bool:
+        return False
+
+    @property
+    def gives_positions(self) -> bool:
+        return not self.gives_cells
+
+
+class ModemSettings(SourceSettings, frozen=True, kw_only=True, tag=MODEM):
     """A modem: device path, /dev/serial/by-id/... or pyserial URL, and the family that reads it.
 
     `full_scan_interval_s` is the time between two scans of all networks, 0 for none. `set_mode` is
-    "gsm" to restrict the modem to GSM; it may then register again with its network.
+    "gsm" to restrict the modem to GSM; it may then register again with its network. With `fixes`
+    its own receiver gives the fixes.
     """
 
-    port: PortName
     driver: str = "auto"
     baud: Baud = 115_200
     poll_interval_s: PollInterval = 2.0
     full_scan_interval_s: NotNegative = 0.0
     set_mode: Literal["", "gsm"] = ""
+    fixes: bool = False
+
+    @property
+    def gives_cells(self) -> bool:
+        return True
+
+    @property
+    def gives_positions(self) -> bool:
+        return self.fixes
 
 
-class GnssSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A receiver: a serial port as for a modem, or `gpsd://host[:port][/device]`.
+class NmeaSettings(SourceSettings, frozen=True, kw_only=True, tag=NMEA):
+    """A receiver at a serial port, named as for a modem."""
 
-    gpsd has no baud rate.
-    """
-
-    port: PortName
     baud: Baud = 9600
+
+
+class GpsdSettings(SourceSettings, frozen=True, kw_only=True, tag=GPSD):
+    """The receivers of a gpsd, `gpsd://host[:port][/device]`."""
 
 
 class StatusSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -109,11 +142,10 @@ class PowerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SiteConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All of site.toml."""
+    """All of site.toml; `[modem]` and `[gnss]` are the first of `source`."""
 
     run: RunSettings
-    modem: ModemSettings
-    gnss: GnssSettings
+    source: tuple[ModemSettings | NmeaSettings | GpsdSettings, ...]
     live: LiveSettings = LiveSettings()
     status: StatusSettings = StatusSettings()
     page: PageSettings = PageSettings()
@@ -142,40 +174,95 @@ def parse_config(text: str, name: str) -> SiteConfig:
     for number, line in enumerate(text.splitlines(), 1):
         if len(line) > _LONGEST_LINE:
             raise ConfigError(f"{name}: line {number} is longer than {_LONGEST_LINE} characters")
+    labels, sources = list[str](), list[Any]()
     try:
-        config = msgspec.convert(tomllib.loads(text), SiteConfig)
+        site = tomllib.loads(text)
+        labels, sources = _labels_of_sources(site), source_tables(site)
+        for key in _unknown_of_own_receiver(site):
+            valid = ("port", "baud")
+            raise ConfigError(f'{name}: [gnss] unknown key "{key}"{_nearest(key, valid)}')
+        if isinstance(site.get("source", []), list):
+            site = {key: value for key, value in site.items() if key not in _SHORT_FORMS}
+            site["source"] = sources
+        config = msgspec.convert(site, SiteConfig)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{name}: {error}") from None
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{name}: {_explain(str(error))}") from None
+        raise ConfigError(f"{name}: {_explain(str(error), labels, sources)}") from None
     except (RecursionError, ValueError, OverflowError) as error:
         raise ConfigError(f"{name}: this TOML cannot be read: {error}") from None
-    for problem in _without_meaning(config):
+    for problem in (*_without_meaning(config, labels), *_of_sources(config, labels)):
         raise ConfigError(f"{name}: {problem}")
-    if config.modem.port == config.gnss.port:
-        raise ConfigError(f"{name}: [modem] and [gnss] name the same port {config.modem.port!r}")
-    if config.modem.port.startswith("gpsd:"):
-        raise ConfigError(f'{name}: [modem] "port": gpsd is a receiver, name it in [gnss]')
     return config
 
 
-def _without_meaning(config: SiteConfig) -> Iterator[str]:
+def _labels_of_sources(site: Mapping[str, Any]) -> list[str]:
+    """How errors call the tables of sources, in the order of `source_tables`."""
+    labels = ["[modem]"] if "modem" in site else []
+    gnss = site.get("gnss")
+    if gnss is not None and not (isinstance(gnss, dict) and gnss.get("port") == GNSS_OF_MODEM):
+        labels.append("[gnss]")
+    more = site.get("source")
+    for number, table in enumerate(more if isinstance(more, list) else (), 1):
+        name = table.get("name", number) if isinstance(table, dict) else number
+        labels.append(f"[[source]] {name}")
+    return labels
+
+
+def _unknown_of_own_receiver(site: Mapping[str, Any]) -> list[str]:
+    """Keys of a [gnss] that names the modem's own receiver; one rate was allowed there."""
+    gnss = site.get("gnss")
+    if not isinstance(gnss, dict) or gnss.get("port") != GNSS_OF_MODEM:
+        return []
+    return [key for key in gnss if key not in {"port", "baud"}]
+
+
+def _without_meaning(config: SiteConfig, labels: Sequence[str]) -> Iterator[str]:
     """Problems of values that have the right type."""
-    for table, table_limits in _LIMITS.items():
-        for key, (least, most) in table_limits.items():
-            value = getattr(getattr(config, table), key)
+    plain = [table for table in _TABLES if table not in {"", *_SHORT_FORMS}]
+    tables = [(f"[{table}]", getattr(config, table), table) for table in plain]
+    of_sources = zip(labels, config.source, strict=True)
+    tables += [(label, settings, "source") for label, settings in of_sources]
+    for label, settings, table in tables:
+        for key, (least, most) in _LIMITS.get(table, {}).items():
+            value = getattr(settings, key, None)
             if value is not None and not least <= value <= most:  # NaN is neither
                 limits = f"between {least:g} and {most:g}"
-                yield f'[{table}] "{key}": {value} has no meaning; it lies {limits}'
-    for table in _TABLES:
-        settings = getattr(config, table) if table else None
-        for key in settings.__struct_fields__ if settings else ():
+                yield f'{label} "{key}": {value} has no meaning; it lies {limits}'
+        for key in settings.__struct_fields__:
             if "\0" in str(getattr(settings, key)):
-                yield f'[{table}] "{key}": contains a NUL character'
+                yield f'{label} "{key}": contains a NUL character'
     if config.page.listen:
         yield from _no_address(config.page.listen)
     if not 0 < len(config.live.target.encode()) <= LONGEST_TARGET_BYTES:
         yield f'[live] "target": the name of a cell has between 1 and {LONGEST_TARGET_BYTES} bytes'
+
+
+def _of_sources(config: SiteConfig, labels: Sequence[str]) -> Iterator[str]:
+    """Why the sources cannot work together."""
+    ports: dict[str, str] = {}
+    names: dict[str, str] = {}
+    for label, source in zip(labels, config.source, strict=True):
+        if source.port in ports:
+            yield f"{ports[source.port]} and {label} name the same port {source.port!r}"
+        if source.name in names:
+            yield f'{names[source.name]} and {label} have the same name "{source.name}"'
+        ports[source.port], names[source.name] = label, label
+        if source.name in _RESERVED:
+            yield f'{label} "name": {source.name!r} is the name of a part of the program'
+        is_gpsd = source.port.startswith("gpsd:")
+        if is_gpsd and isinstance(source, ModemSettings):
+            yield f'{label} "port": gpsd is a receiver, name it in [gnss]'
+        elif is_gpsd != isinstance(source, GpsdSettings):
+            yield f'{label} "port": kind "{GPSD}" is for gpsd://host, no other kind is'
+    of_sources = zip(labels, config.source, strict=True)
+    positions = [label for label, one in of_sources if one.gives_positions]
+    if not any(source.gives_cells for source in config.source):
+        yield 'missing table "modem": no source receives cells'
+    elif not positions:
+        yield 'missing table "gnss": no source gives positions; a modem can with fixes = true'
+    elif len(positions) > 1:
+        yield f"{' and '.join(positions)} give positions: only one can"
 
 
 def page_address(listen: str) -> tuple[str, int]:
@@ -205,40 +292,58 @@ _TABLES: dict[str, type[msgspec.Struct]] = {
     "": SiteConfig,
     "run": RunSettings,
     "modem": ModemSettings,
-    "gnss": GnssSettings,
+    "gnss": NmeaSettings,
     "live": LiveSettings,
     "status": StatusSettings,
     "page": PageSettings,
     "power": PowerSettings,
 }
+_KINDS = {MODEM: ModemSettings, NMEA: NmeaSettings, GPSD: GpsdSettings}
 
 
-def _explain(problem: str) -> str:
+def _explain(problem: str, labels: Sequence[str], sources: Sequence[Any]) -> str:
     """Translate msgspec's message for the person who edits the file."""
     what, _, where = problem.partition(" - at `$")
     table = where.removeprefix(".").removesuffix("`")
     unknown = re.search(r"unknown field `(.*)`", what)
     missing = re.search(r"missing required field `(.*)`", what)
+    is_table = unknown or missing or re.fullmatch(r"source\[\d+\]", table)
+    key = ""
+    if not is_table:
+        table, _, key = table.rpartition(".")
+    label, valid = _label_and_keys(table, labels, sources)
     if unknown:
-        return f'{_prefix(table)}unknown key "{unknown[1]}"{_nearest(unknown[1], table)}'
+        return f'{label}unknown key "{unknown[1]}"{_nearest(unknown[1], valid)}'
     if missing:
-        kind = "table" if not table else "key"
-        return f'{_prefix(table)}missing {kind} "{missing[1]}"'
-    table, _, key = table.rpartition(".")
+        kind = f" (one of {', '.join(_KINDS)})" if missing[1] == "kind" else ""
+        return f'{label}missing {"key" if table else "table"} "{missing[1]}"{kind}'
     if key == "port" and "length" in what:
-        return f'{_prefix(table)}"port" is empty; `fieldlogger probe` finds the ports'
+        return f'{label}"port" is empty; `fieldlogger probe` finds the ports'
+    if key == "kind":
+        return f'{label}"kind": {what[0].lower()}{what[1:]}; valid are {", ".join(_KINDS)}'
+    if key == "name" and "regex" in what:
+        what = "a lower-case letter, then letters, digits, - and _, 16 at most"
     what = what.replace(" | null", "")  # TOML has none: the key is left out
-    return f'{_prefix(table)}"{key}": {what[0].lower()}{what[1:]}'
+    place = f'{label}"{key}": ' if key else label
+    return f"{place}{what[0].lower()}{what[1:]}"
 
 
-def _prefix(table: str) -> str:
-    return f"[{table}] " if table else ""
+def _label_and_keys(
+    table: str, labels: Sequence[str], sources: Sequence[Any]
+) -> tuple[str, tuple[str, ...]]:
+    """How an error calls a table, and the keys that it may have."""
+    if of_source := re.fullmatch(r"source\[(\d+)\]", table):
+        number = int(of_source[1])
+        kind = sources[number].get("kind") if isinstance(sources[number], dict) else None
+        settings = _KINDS.get(str(kind), SourceSettings)
+        return f"{labels[number]} ", ("kind", *settings.__struct_fields__)
+    keys = _TABLES[table].__struct_fields__
+    return (f"[{table}] ", keys) if table else ("", (*_SHORT_FORMS, *keys))
 
 
-def _nearest(key: str, table: str) -> str:
+def _nearest(key: str, valid: Sequence[str]) -> str:
     # not at the start of a run, which must be fast
     from difflib import get_close_matches  # noqa: PLC0415
 
-    valid = _TABLES[table].__struct_fields__
     near = get_close_matches(key, valid, n=1)
     return f'; did you mean "{near[0]}"?' if near else f"; valid are {', '.join(valid)}"

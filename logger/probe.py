@@ -1,53 +1,38 @@
 """`fieldlogger probe`: what is on the serial ports, and the site.toml that would use it."""
 
 import os
-import time
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Literal, TypeVar
 
 from serial.tools import list_ports
 
-from logger.config import GNSS_OF_MODEM
 from logger.core.errors import DeviceError
+from logger.core.source_tables import GNSS_OF_MODEM
 from logger.device.port import Port
-from logger.drivers.family import Family
-from logger.drivers.privacy.redaction import Redactor
-from logger.drivers.protocols.at import AtFramer, Command, Dialogue, Reply, run_dialogue
-from logger.drivers.protocols.nmea import NmeaFramer, Sentence
-from logger.drivers.registry import AUTO, FAMILIES, identify
-
-T = TypeVar("T")
+from logger.device.sources import SOURCES
+from logger.drivers.registry import AUTO, FAMILIES
 
 BAUDS = (115_200, 9600, 38_400, 57_600, 4800, 230_400, 460_800, 19_200)
 """Tried in this order: modems and USB, then receivers, then what is rare."""
-LISTEN_S = 1.3
-"""A receiver at 1 Hz has printed an epoch by then."""
-_SENTENCES = 2
-"""Right checksums that make a receiver: one may be noise."""
-_TRIES = 2
-RECEIVER_IS_OFF = (": 505", ": 516")
-"""+CME ERROR of a Quectel: its receiver is off, or has no fix yet."""
 _BY_ID = Path("/dev/serial/by-id")
 SERVICE_FOLDER = Path("/var/lib/cellwalk")
 """Where systemd/fieldlogger.service keeps runs."""
-
-Kind = Literal["modem", "gnss", "unknown", "busy"]
 
 
 @dataclass(frozen=True, slots=True)
 class PortReport:
     """One port: a name that stays when it is replugged where there is one, and what answered there.
 
-    `receiver` is whether the modem has one of its own, None where unknown.
+    `kind` is "modem", "gnss", "unknown" or "busy". `receiver` is whether the modem has
+    one of its own, None where unknown.
     """
 
     port: str
     usb: str
-    kind: Kind
+    kind: str
     baud: int | None = None
     driver: str | None = None
     text: str = ""
@@ -86,68 +71,14 @@ def _probe_port(port: str, usb: str, bauds: tuple[int, ...]) -> PortReport:
     for baud in bauds:
         try:
             with Port(port, baud, 0.1) as opened:
-                if _is_receiver(opened):
-                    return PortReport(name, usb, "gnss", baud, text="NMEA")
-                if _answers(opened) and (found := converse(opened, identify())):
-                    driver, text = found
-                    receiver = converse(opened, _has_receiver(driver))
-                    return PortReport(name, usb, "modem", baud, driver.name, text, receiver)
+                for source in SOURCES.values():
+                    if (found := source.probe(opened)) is not None:
+                        return PortReport(
+                            name, usb, found.kind, baud, found.driver, found.text, found.receiver
+                        )
         except DeviceError as error:
             return PortReport(name, usb, "busy", text=str(error))
     return PortReport(name, usb, "unknown", text="nothing that is known has answered")
-
-
-def _is_receiver(port: Port) -> bool:
-    framer, n_sentences = NmeaFramer(), 0
-    for data in _chunks(port, LISTEN_S):
-        n_sentences += sum(isinstance(event, Sentence) for event in framer.feed(data))
-        if n_sentences >= _SENTENCES:
-            return True
-    return False
-
-
-def _answers(port: Port) -> bool:
-    """Whether something answers OK to `AT`, the first of which sets the rate."""
-    return any(_ask(port, AtFramer(), Command("AT", timeout_s=0.5)).ok for _ in range(_TRIES))
-
-
-def _has_receiver(driver: Family) -> Dialogue[bool]:
-    """Whether the modem has a receiver of its own, which is not switched on for it.
-
-    It has the command that asks for a fix, or the one that switches the receiver on: a test
-    command of the form AT+X=? is answered OK where AT+X= is known (ITU-T V.250 5.4.1).
-    """
-    tests = (Command(on.text.partition("=")[0] + "=?") for on in driver.gnss_start_commands)
-    yield Command("AT+CMEE=1")
-    for command in (*driver.gnss_poll_commands, *tests):
-        reply = yield command
-        if reply.ok or (reply.final or "").endswith(RECEIVER_IS_OFF):
-            return True
-    return False
-
-
-def converse(port: Port, dialogue: Dialogue[T]) -> T:
-    """Drive a dialogue over an open port."""
-    return run_dialogue(dialogue, partial(_ask, port, AtFramer()))
-
-
-def _ask(port: Port, framer: AtFramer, command: Command) -> Reply:
-    framer.send(command.text)
-    port.write(command.text.encode("ascii") + b"\r")
-    redactor = Redactor()
-    redactor.send(command.text.encode("ascii"))
-    for data in _chunks(port, command.timeout_s):
-        for event in framer.feed(redactor.feed(data)):
-            if isinstance(event, Reply):
-                return event
-    return framer.expire()
-
-
-def _chunks(port: Port, seconds: float) -> Iterator[bytes]:
-    end_s = time.monotonic() + seconds
-    while time.monotonic() < end_s:
-        if data := port.read():
-            yield data
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,9 +93,10 @@ class Proposal:
 
 
 def propose_config(found: Iterable[PortReport], folder: Path | None = None) -> Proposal:
-    """The configuration for the first modem and the first receiver."""
+    """The configuration for all modems and the first receiver."""
     every = list(found)
-    modem = next((port for port in every if port.kind == "modem"), None)
+    modems = {_device(port): port for port in reversed(every) if port.kind == "modem"}
+    modem, *more = reversed(modems.values()) if modems else (None,)
     gnss = next((port for port in every if port.kind == "gnss"), None)
     tables = [_modem(modem), _gnss(gnss, modem)]
     missing = [table.missing for table in tables if table.missing]
@@ -172,7 +104,7 @@ def propose_config(found: Iterable[PortReport], folder: Path | None = None) -> P
     run = ["[run]", f"directory = {_text(str(folder or usual_folder()))}"]
     if busy:
         run = [*(f"# {_comment(text)}" for text in busy), *run]
-    parts = (run, *(table.lines for table in tables))
+    parts = (run, *(table.lines for table in tables), *map(_further_modem, more))
     text = "\n\n".join("\n".join(lines) for lines in parts)
     return Proposal(text + "\n", "; ".join([*missing, *busy]))
 
@@ -200,6 +132,22 @@ def _modem(modem: PortReport | None) -> _Table:
         return _empty("modem", "no modem has answered: powered, plugged in? fill in [modem] port")
     driver = f"driver = {_text(modem.driver or AUTO)}"
     return _Table(["[modem]", f"# {_comment(modem.text)}", *_at(modem), driver])
+
+
+def _device(found: PortReport) -> str:
+    """The device that a port belongs to, as far as its name tells.
+
+    A modem has several ports for AT commands. Where they have numbers only, all of one make count
+    as one modem.
+    """
+    if not found.port.startswith(str(_BY_ID)):
+        return found.usb or found.port
+    return re.sub(r"-if[0-9a-f]{2}(-port\d+)?$", "", found.port)
+
+
+def _further_modem(modem: PortReport | None) -> list[str]:
+    lines = _modem(modem).lines
+    return ["[[source]]", 'kind = "modem"', *lines[1:]]
 
 
 def _gnss(gnss: PortReport | None, modem: PortReport | None) -> _Table:

@@ -1,5 +1,7 @@
 """`fieldlogger simulate`: the real service on a simulated walk, the devices behind real ptys."""
 
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from logger.config import parse_config
@@ -19,14 +21,16 @@ _SITE = """\
 # made by `fieldlogger simulate`
 [run]
 directory = {directory}
-[modem]
-port = "{modem}"
-driver = "auto"
-poll_interval_s = 2.0
 [gnss]
 port = "{gnss}"
 [live]
 max_fix_age_s = {max_fix_age_s}
+"""
+_MODEM = """\
+[[source]]
+kind = "modem"
+port = "{port}"
+poll_interval_s = 2.0
 """
 
 
@@ -36,41 +40,47 @@ def simulate(
     seed: int,
     duration_s: float | None,
     speed: float,
-    modem_name: str = "sim800",
+    modem_names: Sequence[str] = ("sim800",),
     fault: str | None = None,
 ) -> Path:
     """Record a walk `speed` times faster than real; return the run, with its true positions.
 
-    `fault` is NAME:FROM:TO, a misbehaviour of the modem between two times of the walk in seconds.
+    `fault` is NAME:FROM:TO, a misbehaviour of the first modem between two times of the walk in
+    seconds.
     """
     if name not in SCENARIOS:
         raise ConfigError(f"no scenario is called {name!r}; known are: {', '.join(SCENARIOS)}")
-    if modem_name not in DIALECTS:
-        raise ConfigError(
-            f"no simulated modem is called {modem_name!r}; known are: {', '.join(DIALECTS)}"
-        )
+    for modem_name in modem_names:
+        if modem_name not in DIALECTS:
+            raise ConfigError(
+                f"no simulated modem is called {modem_name!r}; known are: {', '.join(DIALECTS)}"
+            )
     misbehaviour = None if fault is None else _fault(fault)
     walk = scenario(name, seed, duration_s)
     clock = ScaledClock(speed)
     time = WalkTime(clock)
-    well = walk.modem(time.now_s, DIALECTS[modem_name])
-    modem: AnsweringDevice = (
-        well if misbehaviour is None else Misbehaving(well, *misbehaviour, time.now_s, seed)
-    )
+    modems: list[AnsweringDevice] = []
+    for number, modem_name in enumerate(modem_names):
+        well = walk.modem(time.now_s, DIALECTS[modem_name], number)
+        if misbehaviour is not None and not number:
+            modems.append(Misbehaving(well, *misbehaviour, time.now_s, seed))
+        else:
+            modems.append(well)
     receiver = talking(walk.receiver(), time)
     with (
-        PtyDevice(answering(modem)) as modem_port,
+        ExitStack() as opened,
         PtyDevice(receiver) as gnss_port,
         stop_signals() as (ended, signals),
     ):
+        ports = [opened.enter_context(PtyDevice(answering(modem))).path for modem in modems]
         text = _SITE.format(
             directory=_toml_text(str(folder)),
-            modem=modem_port.path,
             gnss=gnss_port.path,
             # a busy machine may hold a fix back for a moment of its own time, which is long at this
             # speed
             max_fix_age_s=3.0 + 0.1 * speed,
         )
+        text += "".join(_MODEM.format(port=port) for port in ports)
         config = parse_config(text, "simulated site.toml")
         origin = f"simulated walk {name}"
         begun = begin_run(config, text, clock, origin=origin, truth=_truth(walk))

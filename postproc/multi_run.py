@@ -2,7 +2,7 @@
 
 Each run's track is smoothed alone and put into the UTM zone of the first. The difference between
 the levels of two modems is unknown (`logger.core.locator.offsets`), unless two runs name the same
-modem.
+modem. A run may have several modems.
 """
 
 import tomllib
@@ -12,12 +12,14 @@ from dataclasses import replace
 import numpy as np
 from pyproj import Geod
 
+from logger.core.arrays import IntArray
 from logger.core.errors import ConfigError, GeoError
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
 from logger.core.places import Places, Utm, join_places
 from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run
+from logger.core.source_tables import MODEM, source_tables
 from postproc.result import ObservedRun, RunShare
 
 FARTHEST_KM = 300.0
@@ -84,23 +86,23 @@ def modems_of(runs: Sequence[Run]) -> list[int]:
 
 def parts_of_most_heard_modems(parts: Parts, modems: Sequence[int]) -> Parts:
     """The readings of the modems that the locator takes."""
-    if len({modems[i] for i in parts}) <= MOST_MODEMS:
+    numbers = _modem_numbers(parts, modems)
+    if len(np.unique(np.concatenate(numbers))) <= MOST_MODEMS:
         return parts
     most_heard = of_most_heard_modems(merge(parts, modems)).modem
     assert most_heard is not None  # of many modems
-    numbers = _number_from_zero([modems[i] for i in parts])
     chosen = zip(parts.items(), numbers, strict=True)
-    return {i: part for (i, part), number in chosen if np.any(most_heard == number)}
+    return {i: part for (i, part), number in chosen if np.any(np.isin(number, most_heard))}
 
 
 def merge(parts: Parts, modems: Sequence[int]) -> Readings:
     """Readings of a cell, run after run, those of each in time order.
 
-    `modems` has the number of the modem of each run.
+    `modems` has the number of the modem of each run, or of all its modems.
     """
     series = list(parts.values())
-    numbers = _number_from_zero([modems[i] for i in parts])
-    modem = np.repeat(numbers, [len(obs) for obs in series]) if max(numbers) else None
+    numbers = np.concatenate(_modem_numbers(parts, modems))
+    modem = numbers if np.any(numbers) else None
     rat = next((obs.rat for obs in series if obs.rat), None)
     advances = [np.full(len(obs), -1) if obs.ta is None else obs.ta for obs in series]
     ta = None if all(obs.ta is None for obs in series) else np.concatenate(advances)
@@ -122,8 +124,7 @@ def merge(parts: Parts, modems: Sequence[int]) -> Readings:
 def shares_of(
     parts: Parts, modems: Sequence[int], posterior: Posterior | None
 ) -> tuple[RunShare, ...]:
-    """What each run contributes to a cell, in the order of `parts`."""
-    numbers = _number_from_zero([modems[i] for i in parts])
+    """What each modem of each run contributes to a cell, in the order of `parts`."""
     offsets = posterior.offsets if posterior else None
 
     def share(run: int, n: int, modem: int) -> RunShare:
@@ -133,33 +134,67 @@ def shares_of(
             return RunShare(run, n, None, None)
         return RunShare(run, n, float(offsets.mean_db[modem]), float(offsets.sigma_db[modem]))
 
-    return tuple(
-        share(run, len(part), modem)
-        for (run, part), modem in zip(parts.items(), numbers, strict=True)
-    )
+    shares = []
+    for run, of_readings in zip(parts, _modem_numbers(parts, modems), strict=True):
+        numbers, counts = np.unique(of_readings, return_counts=True)
+        pairs = zip(numbers.tolist(), counts.tolist(), strict=True)
+        shares += [share(run, n, modem) for modem, n in pairs]
+    return tuple(shares)
 
 
-def _number_from_zero(numbers: Sequence[int]) -> list[int]:
-    """From 0 in the order of appearance."""
-    known: dict[int, int] = {}
-    return [known.setdefault(number, len(known)) for number in numbers]
+def _modem_numbers(parts: Parts, modems: Sequence[int]) -> list[IntArray]:
+    """Number of the modem of each reading, from 0 in the order of appearance, for each part."""
+    known: dict[tuple[int, int], int] = {}
+    numbers = []
+    for i, obs in parts.items():
+        own = np.zeros(len(obs), np.int64) if obs.modem is None else obs.modem
+        different, first, which = np.unique(own, return_index=True, return_inverse=True)
+        for k in np.argsort(first).tolist():
+            known.setdefault((modems[i], int(different[k])), len(known))
+        of_different = [known[modems[i], int(one)] for one in different]
+        numbers.append(np.array(of_different, np.int64)[which])
+    return numbers
+
+
+def of_one_modem(obs: Readings) -> Readings:
+    """The readings of the modem of a run that read most of a cell."""
+    if obs.modem is None:
+        return obs
+    return replace(obs.part(obs.modem == np.argmax(np.bincount(obs.modem))), modem=None)
+
+
+def with_one_modem(run: Run) -> Run:
+    """A run without the scans of other modems than the one with most readings."""
+    sources, numbers = np.unique(run.tables["readings"]["source"], return_inverse=True)
+    if len(sources) < 2:
+        return run
+    modem = sources[np.argmax(np.bincount(numbers))]
+    kept = {
+        name: rows[rows["source"] == modem]
+        for name, rows in run.tables.items()
+        if name in {"scans", "readings", "broadcasts"} and len(rows)
+    }
+    return replace(run, tables=run.tables | kept)
 
 
 def modem_identity(run: Run) -> Hashable | None:
     """Identity of a run's modem: its port, with the boot where the port has no serial number.
 
-    None where the run does not name it.
+    That of several is all of theirs with their names. None where the run does not name them.
     """
     try:
-        modem = tomllib.loads(run.meta.config_text).get("modem")
+        tables = source_tables(tomllib.loads(run.meta.config_text))
     except tomllib.TOMLDecodeError:
         return None
-    if not isinstance(modem, dict) or "port" not in modem:
+    modems = [one for one in tables if isinstance(one, dict) and one.get("kind") == MODEM]
+    if not modems or not all("port" in one for one in modems):
         return None
-    port, driver = str(modem["port"]), modem.get("driver")
-    if "/by-id/" in port:
-        return port, driver
-    return (port, driver, run.meta.boot_id) if run.meta.boot_id else None
+    ports, drivers = [str(one["port"]) for one in modems], [one.get("driver") for one in modems]
+    names = [str(one["name"]) for one in modems] if len(modems) > 1 else []
+    identity = (*ports, *drivers, *names)
+    if all("/by-id/" in port for port in ports):
+        return identity
+    return (*identity, run.meta.boot_id) if run.meta.boot_id else None
 
 
 def starts_apart_m(one: Places, other: Places) -> float:

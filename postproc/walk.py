@@ -17,7 +17,7 @@ from logger.core.places import (
     smeared_sigma_m,
 )
 from logger.core.provenance import has_times, is_import
-from logger.core.readings import Observations, Readings, observe, scan_times_ns
+from logger.core.readings import Observations, Readings, modems_of, observe, scan_times_ns
 from logger.core.regular_naming import NEAR_M
 from logger.core.rows import Rows, numbered_texts
 from logger.core.runfile import Run
@@ -38,7 +38,25 @@ class Naming(NamedTuple):
 
 
 def with_named_shares(observations: Observations, readings: Rows) -> Observations:
-    """The observations, each reading with the share of the scans near it that name its cell."""
+    """The observations, each reading with the share of the scans near it that name its cell.
+
+    The scans are those of its modem.
+    """
+    modem = modems_of(readings)
+    if modem is None:
+        return _of_one_modem(observations, readings)
+    cells = {obs.cell: np.zeros(len(obs)) for obs in observations.cells}
+    for number in np.unique(modem).tolist():
+        rows = {obs.cell: obs.modem == number for obs in observations.cells}
+        own = tuple(obs.part(rows[obs.cell]) for obs in observations.cells if rows[obs.cell].any())
+        shared = _of_one_modem(replace(observations, cells=own), readings[modem == number])
+        for obs in shared.cells:
+            cells[obs.cell][rows[obs.cell]] = obs.named_share
+    every = tuple(replace(obs, named_share=cells[obs.cell]) for obs in observations.cells)
+    return replace(observations, cells=every)
+
+
+def _of_one_modem(observations: Observations, readings: Rows) -> Observations:
     if not observations.cells:
         return observations
     scan_seq = np.concatenate([obs.scan_seq for obs in observations.cells])

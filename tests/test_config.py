@@ -87,8 +87,8 @@ def test_any_site_that_is_accepted_gives_a_run_that_reads_back(tmp_path_factory,
     folder = tmp_path_factory.mktemp("site")
     try:
         config = parse_config(text, "site.toml")
-        for port in (config.modem.port, config.gnss.port):
-            check_url(port)
+        for source in config.source:
+            check_url(source.port)
     except ConfigError:
         return
     plain = {
@@ -171,6 +171,63 @@ NO_MEANING = [
     ("status", "led", '"a\\u0000b"'),
     ("modem", "port", '"/dev/tty\\u0000"'),
 ]
+
+
+SITE = '[run]\ndirectory = "r"\n'
+MODEM, GNSS = '[modem]\nport = "/a"\n', '[gnss]\nport = "/b"\n'
+MORE = '[[source]]\nkind = "modem"\nport = "/c"\n'
+
+
+@pytest.mark.parametrize(
+    ("tables", "expected"),
+    [
+        (MODEM + GNSS, "modem:/a gnss:/b"),
+        (MODEM + '[gnss]\nport = "modem"\n', "modem:/a:fixes"),
+        (MODEM + '[gnss]\nport = "gpsd://h"\nbaud = 4800\n', "modem:/a gnss:gpsd://h"),
+        (MODEM + GNSS + MORE, "modem:/a gnss:/b modem2:/c"),
+        (MODEM + GNSS + MORE + 'name = "sim800"\n', "modem:/a gnss:/b sim800:/c"),
+        (MODEM + GNSS + MORE + 'name = "modem"\n', "modem2:/a gnss:/b modem:/c"),
+        (GNSS + MORE, "gnss:/b modem:/c"),
+        (MORE + "fixes = true\n", "modem:/c:fixes"),
+        (MORE + '[[source]]\nkind = "nmea"\nport = "/d"\n', "modem:/c gnss:/d"),
+        (MORE + '[[source]]\nkind = "gpsd"\nport = "gpsd://h"\n', "modem:/c gnss:gpsd://h"),
+    ],
+)
+def test_short_forms_and_sources_are_one_list(tables, expected):
+    sources = parse_config(SITE + tables, "site.toml").source
+    fixes = [":fixes" if getattr(one, "fixes", False) else "" for one in sources]
+    found = [f"{one.name}:{one.port}{own}" for one, own in zip(sources, fixes, strict=True)]
+    assert " ".join(found) == expected
+
+
+@pytest.mark.parametrize(
+    ("tables", "says"),
+    [
+        (MODEM, 'missing table "gnss": no source gives positions'),
+        (GNSS, 'missing table "modem": no source receives cells'),
+        (MODEM + GNSS + MORE.replace("/c", "/a"), "[modem] and [[source]] 1 name the same port"),
+        (MODEM + GNSS + MORE + MORE, "[[source]] 1 and [[source]] 2 name the same port '/c'"),
+        (MODEM + 'name = "x"\n' + GNSS + MORE + 'name = "x"\n', 'have the same name "x"'),
+        (MODEM + GNSS + '[[source]]\nport = "/c"\n', '[[source]] 1 missing key "kind" (one of'),
+        (MODEM + GNSS + MORE.replace("modem", "modm"), "valid are modem, nmea, gpsd"),
+        (MODEM + GNSS + MORE.replace("port", "prot"), '[[source]] 1 unknown key "prot"; did you'),
+        (MODEM + GNSS + MORE + 'name = "Big"\n', '[[source]] Big "name": a lower-case letter'),
+        (MODEM + GNSS + MORE + 'name = "logger"\n', "is the name of a part of the program"),
+        (MODEM + GNSS + MORE + "fixes = true\n", "[gnss] and [[source]] 1 give positions"),
+        (MODEM + GNSS + MORE.replace("/c", ""), '[[source]] 1 "port" is empty; `fieldlogger'),
+        (MODEM + GNSS + MORE.replace("/c", "gpsd://h"), "gpsd is a receiver"),
+        (MORE + '[[source]]\nkind = "gpsd"\nport = "/d"\n', 'kind "gpsd" is for gpsd://host'),
+        (MODEM + GNSS + MORE + "poll_interval_s = 1e9\n", '[[source]] 1 "poll_interval_s": 1'),
+        (MODEM + '[gnss]\nport = "modem"\nprt = 1\n', '[gnss] unknown key "prt"; did you mean'),
+        ("source = 3\n" + MODEM + GNSS, '"source": expected `array`, got `int`'),
+        ("source = [3]\n" + MODEM + GNSS, "[[source]] 1 expected `object`, got `int`"),
+    ],
+)
+def test_sources_that_cannot_work_are_one_line(tables, says):
+    text = SITE + tables if not tables.startswith("source") else tables + SITE
+    with pytest.raises(ConfigError) as error:
+        parse_config(text, "site.toml")
+    assert says in str(error.value)
 
 
 def _message_of(capsys):

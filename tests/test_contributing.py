@@ -144,7 +144,7 @@ def test_the_other_files_and_names_of_the_steps_exist():
     family = (ROOT / "logger/drivers/family.py").read_text()
     for name in ("class Family", "claim", "rows_in"):
         assert re.search(rf"\b{name}\b", family), name
-    assert "FAMILY = {" in (ROOT / "tests/device/test_modem_link.py").read_text()
+    assert "FAMILY = {" in (ROOT / "tests/device/test_modem_source.py").read_text()
 
 
 def test_the_checks_pass_for_a_driver_made_by_the_steps(copy):

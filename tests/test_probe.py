@@ -5,9 +5,9 @@ from itertools import product
 
 import pytest
 
-from logger import probe as probing
 from logger.cli import main
 from logger.config import parse_config
+from logger.device import modem_source, nmea_source
 from logger.device.clock import ScaledClock
 from logger.drivers.registry import FAMILIES
 from logger.probe import PortReport, probe, propose_config, site_toml
@@ -30,8 +30,8 @@ def ports():
 def patience():
     """A busy machine answers as well, later."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(probing, "_TRIES", 5)
-        patch.setattr(probing, "LISTEN_S", 2.5)
+        patch.setattr(modem_source, "PROBE_TRIES", 5)
+        patch.setattr(nmea_source, "PROBE_S", 2.5)
         yield
 
 
@@ -98,10 +98,26 @@ def test_the_proposal_is_a_configuration():
         PortReport("/dev/ttyUSB1", "", "modem", 115_200, "sim800", "SIM800"),
     ]
     config = parse_config(site_toml(found), "proposal")
-    assert (config.modem.port, config.modem.driver) == ("/dev/ttyUSB1", "sim800")
-    assert config.gnss.port == "/dev/ttyUSB0"
+    modem, receiver = config.source
+    assert (modem.port, modem.driver) == ("/dev/ttyUSB1", "sim800")
+    assert receiver.port == "/dev/ttyUSB0"
     nothing = tomllib.loads(site_toml([]))
     assert (nothing["modem"]["port"], nothing["gnss"]["port"]) == ("", "")
+
+
+def test_more_modems_are_proposed_as_sources_once_each():
+    """A modem with several AT ports has one name under /dev/serial/by-id and several numbers."""
+    by_id = "/dev/serial/by-id/usb-SimTech_SIM7600-if"
+    found = [
+        PortReport(f"{by_id}02-port0", "", "modem", 115_200, "sim7600", "SIM7600", True),
+        PortReport(f"{by_id}03-port0", "", "modem", 115_200, "sim7600", "SIM7600", True),
+        PortReport("/dev/serial/by-id/usb-CP2102-if00-port0", "", "modem", 9600, "sim800", "A"),
+        PortReport("/dev/ttyUSB9", "", "gnss", 9600),
+    ]
+    config = parse_config(site_toml(found), "proposal")
+    ports = {source.name: source.port for source in config.source}
+    assert ports == {"modem": found[0].port, "gnss": found[3].port, "modem2": found[2].port}
+    assert config.source[-1].baud == 9600
 
 
 def test_no_name_and_no_word_of_a_modem_breaks_the_file():
@@ -111,7 +127,7 @@ def test_no_name_and_no_word_of_a_modem_breaks_the_file():
         PortReport("/dev/ü", "", "gnss", 9600),
     ]
     config = parse_config(site_toml(found), "proposal")
-    assert (config.modem.port, config.gnss.port) == (f"/dev/{odd}", "/dev/ü")
+    assert [source.port for source in config.source] == [f"/dev/{odd}", "/dev/ü"]
 
 
 def test_the_command_prints_the_proposal_and_never_writes_over_a_file(ports, tmp_path, capsys):
@@ -119,7 +135,7 @@ def test_the_command_prints_the_proposal_and_never_writes_over_a_file(ports, tmp
     modem, gnss, _ = ports
     assert main(["probe", modem, gnss, "--write", str(site), "--json"]) == 0
     assert [one["kind"] for one in json.loads(capsys.readouterr().out)] == ["modem", "gnss"]
-    assert parse_config(site.read_text(), "site").modem.port == modem
+    assert parse_config(site.read_text(), "site").source[0].port == modem
     assert main(["probe", modem, gnss, "--write", str(site)]) == 2
     assert "File exists; move it away" in capsys.readouterr().err
 

@@ -49,7 +49,7 @@ class LiveTracker:
         self._track = ReceiverTrack(settings.max_fix_age_s)
         self._reference = LiveReference(settings)
         self._identities = Identities()
-        self._once: Latest[Readings] = Latest(_MOST_ONCE)
+        self._once: Latest[tuple[str, Readings]] = Latest(_MOST_ONCE)
         self._cells: Latest[LiveCell] = Latest(settings.most_cells)
         self.suspicion = SuspicionTracker(settings.max_fix_age_s, baseline)
         self.followed: FollowedCell | None = None
@@ -80,7 +80,7 @@ class LiveTracker:
             case Fix() as fix:
                 return [*notes, *self._track.add(record.t_ns, fix), *self._guide()]
             case Scan() as scan:
-                return [*notes, *self._take_scan(seq, record.t_ns, scan)]
+                return [*notes, *self._take_scan(seq, record, scan)]
             case Note(code=code, text=cell) if code == FOLLOW:
                 self._reference.follow(cell)
         return [*notes]
@@ -94,37 +94,42 @@ class LiveTracker:
         new = [(name, text) for name, text in errors.items() if name not in before]
         return [*finding_notes(findings, words), *error_notes(new)]
 
-    def _take_scan(self, seq: int, t_ns: int, scan: Scan) -> list[Note | LiveEstimate]:
+    def _take_scan(self, seq: int, record: Record, scan: Scan) -> list[Note | LiveEstimate]:
         self._identities.add(scan)
-        receiver = self._track.at_scan(t_ns, scan)
+        modem = record.source
+        receiver = self._track.at_scan(record.t_ns, scan)
         if receiver is None:
             return []
-        results = self._step_reference(seq, t_ns, scan, receiver.place)
+        results = self._step_reference(seq, record, scan, receiver.place)
         for name, reading, level_dbm in _levels(scan):
             located = _at_receiver(name, receiver, level_dbm, reading)
             if name in self._identities:
-                results += self._take_reading(seq, name, located)
+                results += self._take_reading(seq, name, modem, located)
             elif not reading.identity_unsure:
-                self._once.put(name, located)
+                self._once.put(name, (modem, located))
         self._search()
         return results
 
     def _step_reference(
-        self, seq: int, t_ns: int, scan: Scan, place: Places
+        self, seq: int, record: Record, scan: Scan, place: Places
     ) -> list[Note | LiveEstimate]:
         known = tuple(r for r in scan.readings if r.cell in self._identities)
         known_scan = replace(scan, readings=known)
         suspect = self.suspicion.worst
-        change = self._reference.choose(t_ns, known_scan, place, suspect)
-        return [one for one in (change, self._reference.step(seq, known_scan, place)) if one]
+        change = self._reference.choose(record, known_scan, place, suspect)
+        estimate = self._reference.step(seq, record.source, known_scan, place)
+        return [one for one in (change, estimate) if one]
 
-    def _take_reading(self, seq: int, name: str, located: Readings) -> list[Note | LiveEstimate]:
+    def _take_reading(
+        self, seq: int, name: str, modem: str, located: Readings
+    ) -> list[Note | LiveEstimate]:
         cell = self._cells.get(name) or LiveCell(self._prior)
         self._cells.put(name, cell)
         first = self._once.pop(name, None)
         if first is not None:
-            cell.take(first)
-        estimate = cell.take(located, seq)
+            earlier, reading = first
+            cell.take(reading, earlier)
+        estimate = cell.take(located, modem, seq)
         notes = [Note("info", code, f"{name}: {text}") for code, text in cell.news]
         return [*notes] if estimate is None else [*notes, estimate]
 

@@ -14,6 +14,7 @@ import numpy as np
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
 from logger.core.filter_monitor import CLOSE, FilterMonitor, widest
+from logger.core.live_scale import LiveScale
 from logger.core.live_settings import EKF, LOCATOR, ONE_MODE
 from logger.core.locator.online import OnlineLocator
 from logger.core.locator.posterior import Mode
@@ -38,16 +39,26 @@ class _RunningEkf(NamedTuple):
     monitor: FilterMonitor = FilterMonitor()
 
 
+class _Modem(NamedTuple):
+    """What the readings of one modem are checked by."""
+
+    spikes: SpikeFilter[Readings]
+    cache: CacheTest
+
+
 class LiveCell:
     """Estimate of one cell; `news` are the events of the last reading, as (code, text).
 
-    `latest` is the newest estimate, None before the first.
+    `latest` is the newest estimate, None before the first. Levels are on the scale of the modem
+    that heard it first (`live_scale`).
     """
 
     def __init__(self, prior: Prior, spikes: SpikeFilter[Readings] | None = None) -> None:
         self._prior = prior
-        self._locator = OnlineLocator(prior, spikes)
-        self._cache = CacheTest()
+        self._locator = OnlineLocator(prior)
+        self._first_spikes = spikes
+        self._modems: dict[str, _Modem] = {}
+        self._scale = LiveScale()
         self._ekf: _RunningEkf | None = None
         self._recent: deque[Readings] = deque(maxlen=_RECENT)
         self._may_start = True
@@ -66,31 +77,57 @@ class LiveCell:
         """The posterior of the position."""
         return self._locator
 
-    def take(self, latest: Readings, scan_seq: int = 0) -> LiveEstimate | None:
-        """Take a reading of a scan; None while there is no estimate.
+    def take(self, latest: Readings, modem: str = "", scan_seq: int = 0) -> LiveEstimate | None:
+        """Take a reading of a modem's scan; None while there is no estimate.
 
         A level far from that of its predecessor waits until the next ones confirm it: the estimate
         is then after all of them. One that they do not confirm is set aside, and one that the modem
         repeats from its cache is passed over.
         """
         self.news = []
-        if (
-            self._cache.take(latest.places, latest.level_dbm.item(), latest.limit.item())
-            and self._cache.is_cached
-        ):
+        if modem not in self._modems:
+            first = None if self._modems else self._first_spikes
+            self._modems[modem] = _Modem(first or SpikeFilter[Readings](), CacheTest())
+        spikes, cache = self._modems[modem]
+        level = latest.places, latest.level_dbm.item(), latest.limit.item()
+        if cache.take(*level) and cache.is_cached:
             if not self.n_repeated:
                 text = "the modem repeats its last level while the receiver moves: it counts once"
                 self.news.append(("level-repeated", text))
             self.n_repeated += 1
             return None
         estimate = None
-        for reading, spike_db in self._locator.check_spikes(latest):
+        for reading, spike_db in spikes.take(latest, *level):
             if spike_db:
                 self._set_aside(reading, spike_db)
-            else:
-                estimate = self._update(reading, scan_seq)
+            elif (on_scale := self._on_scale(modem, reading)) is not None:
+                estimate = self._update(on_scale, scan_seq)
         self.latest = estimate or self.latest
         return estimate
+
+    def _on_scale(self, modem: str, reading: Readings) -> Readings | None:
+        """A reading on the scale of the estimate, None while its modem's offset is not certain.
+
+        Where a modem hears a cell far more often than the one that began, and they cannot be
+        compared, the estimate begins anew with it.
+        """
+        before_db = self._scale.offset_db(modem)
+        on_scale = self._scale.take(modem, reading)
+        offset_db = self._scale.offset_db(modem)
+        if before_db is None and offset_db is not None:
+            text = f"{modem} reads {offset_db:+.1f} dB against {self._scale.first}: it counts now"
+            self.news.append(("modem-offset", text))
+        if waiting := self._scale.waiting(modem, self.n):
+            text = f"begun anew with {modem}, which cannot be compared with {self._scale.first}"
+            self.news.append(("modem-changed", text))
+            self._locator, self._scale = OnlineLocator(self._prior), LiveScale()
+            self._recent.clear()
+            self._ekf, self._may_start, self.n = None, True, 0
+            for one in waiting[:-1]:
+                self._scale.take(modem, one)
+                self._update(one, scan_seq=0)  # its estimate is not recorded
+            return self._scale.take(modem, waiting[-1])
+        return on_scale
 
     def search(self) -> None:
         """Let the locator search again."""

@@ -8,7 +8,7 @@ at the receiver, and again when the target changes. Its estimates are recorded w
 from logger.core import ekf
 from logger.core.live_settings import REFERENCE, STRONGEST, SUSPICIOUS, LiveSettings
 from logger.core.places import Places
-from logger.core.types import CellReading, LiveEstimate, Note, Scan
+from logger.core.types import CellReading, LiveEstimate, Note, Record, Scan
 
 
 class LiveReference:
@@ -20,15 +20,19 @@ class LiveReference:
         self.target: str | None = None
         self.n = 0
         self._received_ns = 0
+        self._modem = ""
         self._state: ekf.EkfState | None = None
 
     def choose(
-        self, t_ns: int, scan: Scan, place: Places, suspect: str | None = None
+        self, record: Record, scan: Scan, place: Places, suspect: str | None = None
     ) -> Note | None:
-        """Choose a target, or another one; its filter starts at the receiver.
+        """Choose a target, or another one, from the known cells of a recorded scan.
+
+        Its filter starts at the receiver, and takes the levels of this modem only.
 
         `suspect` is the most suspicious cell so far, None if no cell is unusual.
         """
+        t_ns = record.t_ns
         wanted = self._only_choice(suspect)
         best, level_dbm = _strongest(scan, wanted), level_of(scan, self.target)
         if level_dbm is not None:
@@ -39,7 +43,7 @@ class LiveReference:
         if is_held and not self._beats(best.level_dbm, level_dbm, t_ns):
             return None
         before, self.target = self.target, best.cell
-        self._received_ns = t_ns
+        self._received_ns, self._modem = t_ns, record.source
         self._state, self.n = ekf.start(place), 0
         text = f"target is {best.cell} at {best.level_dbm:.0f} dBm"
         if before is None:
@@ -51,10 +55,12 @@ class LiveReference:
         """Choose from now on as the setting `target` with this value would."""
         self._wanted = wanted
 
-    def step(self, seq: int, scan: Scan, place: Places) -> LiveEstimate | None:
-        """Correct with the target's level in scan `seq`; None if it has none."""
+    def step(self, seq: int, modem: str, scan: Scan, place: Places) -> LiveEstimate | None:
+        """Correct with the target's level in scan `seq` of a modem; None if it has none."""
         level_dbm = level_of(scan, self.target)
-        if level_dbm is None or self._state is None or self.target is None:
+        if self.target is None or self._state is None:
+            return None
+        if level_dbm is None or modem != self._modem:
             return None
         step = ekf.correct(self._state, place, level_dbm, joseph=self._settings.joseph)
         self._state = step.state

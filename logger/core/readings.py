@@ -45,7 +45,8 @@ class Readings:
     """The readings of one cell in time order, from one on; arrays of shape (n,).
 
     `places` are those of the receiver, `scan_seq` the record number of the scan a level came from.
-    `modem` numbers the modems of several runs from 0, run after run; None is one modem.
+    `modem` numbers the modems of several runs from 0, run after run, and those of one run in the
+    order of their names; None is one modem.
     `known_limit` is `limit` if the levels no longer show it. `ta` is the GSM timing advance in
     steps of 553.5 m, -1 if unknown; None is none at all. `named_share` is the share of the scans
     near a reading that name the cell; None is unknown. `without_spikes`: repeated levels and those
@@ -239,6 +240,8 @@ def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:
         "scan_seq": readings["seq"],
         "ta": timing_advances(readings),
     }
+    if (modem := modems_of(readings)) is not None:
+        columns["modem"] = modem
     usable = is_known & has_name & has_level
     return Observations(
         track,
@@ -248,6 +251,12 @@ def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:
         n_without_identity=int(np.count_nonzero(~has_name)),
         n_without_level=int(np.count_nonzero(has_name & ~has_level)),
     )
+
+
+def modems_of(readings: Rows) -> IntArray | None:
+    """Number of the modem of each reading of a run, (n,); None where it has one."""
+    names, modem = numbered_texts(readings["source"])
+    return modem if len(names) > 1 else None
 
 
 def places_of(track: Track, scans: Rows, readings: Rows) -> tuple[Places, BoolArray]:

@@ -24,6 +24,23 @@ FLASHES_S: dict[Sign, tuple[float, ...]] = {
 """Seconds on and off in turn. Every state blinks: a crashed program or Pi is not taken for one."""
 
 
+LONG_FLASH_S, PAUSE_S = (0.5, 0.4), 1.6
+"""A long flash for each source up to the faulty one, and what follows the last."""
+
+
+def flashes_of(status: Status) -> tuple[float, ...]:
+    """Seconds on and off in turn.
+
+    Where there are more sources than a modem and a receiver, the number of long flashes is the
+    place of the first faulty one in the configuration.
+    """
+    ports = list(status.ports.values())
+    number = next((k for k, port in enumerate(ports, 1) if port.fault), 0)
+    if status.state != "error" or len(ports) < 3 or not number:
+        return FLASHES_S[status.state]
+    return (*LONG_FLASH_S * (number - 1), LONG_FLASH_S[0], PAUSE_S)
+
+
 class StatusLight:
     """One LED that blinks the state until `close`, which gives it back to the kernel.
 
@@ -33,7 +50,7 @@ class StatusLight:
 
     def __init__(self, name: str, leds: Path = LEDS) -> None:
         self._folder = leds / name
-        self._sign: Sign = "no fix"
+        self._flashes_s = FLASHES_S["no fix"]
         self._changed = threading.Event()
         self._closed = False
         self._trigger_before = ""
@@ -43,8 +60,9 @@ class StatusLight:
 
     def publish(self, status: Status) -> None:
         """Blink the state from now on."""
-        if status.state != self._sign:
-            self._sign = status.state
+        flashes_s = flashes_of(status)
+        if flashes_s != self._flashes_s:
+            self._flashes_s = flashes_s
             self._changed.set()
 
     def close(self) -> None:
@@ -71,7 +89,7 @@ class StatusLight:
         brightness = self._folder / "brightness"
         try:
             while not self._closed:
-                for level, seconds in zip(cycle("10"), cycle(FLASHES_S[self._sign]), strict=False):
+                for level, seconds in zip(cycle("10"), cycle(self._flashes_s), strict=False):
                     brightness.write_text(level)
                     if self._changed.wait(seconds):
                         break

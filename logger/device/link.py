@@ -1,13 +1,22 @@
-"""A port with its own thread, opened again whenever the device comes back."""
+"""What a source of records is, and the thread that opens it again whenever it comes back."""
 
 import logging
 import queue
 import threading
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Generic, Protocol, Self, TypeVar
 
+import msgspec
+
+from logger.config import SourceSettings
 from logger.core.errors import DeviceError, FieldLoggerError
 from logger.core.types import Level, Note, RawBytes, Record, Value
+from logger.device.check_line import Line
 from logger.device.clock import Clock
 from logger.device.port import Port
 from logger.device.scan_timeout import SilenceLimits
@@ -80,8 +89,115 @@ class Tally:
         return f"{n} {self._what}" if n >= self._least else None
 
 
+Settings = TypeVar("Settings", bound=SourceSettings)
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """What a probe has found at a port: kind of device, driver, and what it says of itself.
+
+    `receiver` is whether a modem has a receiver of its own, None where unknown.
+    """
+
+    kind: str
+    text: str
+    driver: str | None = None
+    receiver: bool | None = None
+
+
+class Stream(Protocol):
+    """The bytes of an open source; a context manager that closes it.
+
+    All raise `DeviceError` once it has gone away.
+    """
+
+    def __enter__(self) -> Self: ...
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+        /,
+    ) -> None: ...
+    def read(self) -> bytes:
+        """Bytes there are; empty after a silence."""
+        ...
+
+    def rest(self) -> bytes:
+        """What has come and was not read yet; nothing is waited for."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Write all bytes."""
+        ...
+
+
+class Source(ABC, Generic[Settings]):
+    """Where records come from; a kind of source is one file with a class derived from this.
+
+    `patience_s` is the time without a scan after which it has failed, None for a source that
+    receives no cells. A port of a source that `may_be_swapped` may be that of another device.
+    """
+
+    may_be_swapped = False
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+
+    @property
+    def name(self) -> str:
+        """Source of its records."""
+        return self.settings.name
+
+    @property
+    def port(self) -> str:
+        """What it is behind, as the status shows it."""
+        return self.settings.port
+
+    @property
+    def patience_s(self) -> float | None:
+        return None
+
+    def at(self, port: str) -> Self:
+        """The same source at another port."""
+        return type(self)(msgspec.structs.replace(self.settings, port=port))
+
+    @abstractmethod
+    def open(self, read_timeout_s: float) -> Stream:
+        """The bytes; raises `DeviceError` when it cannot be opened now."""
+
+    def redactor(self) -> Redactor:
+        """What masks private numbers in its bytes before anything is recorded or read."""
+        return Redactor()
+
+    @abstractmethod
+    def session(self, link: "Link", folder: Path) -> None:
+        """Read the open link and emit values until it is stopped; raises `DeviceError`.
+
+        What must survive a power cut may be stored in the folder of the runs.
+        """
+
+    @abstractmethod
+    def validate(self) -> None:
+        """Raise `ConfigError` for what can never work; nothing is opened."""
+
+    @abstractmethod
+    def check(self) -> Iterator[Line]:
+        """What can be known without opening it."""
+
+    def examine(self) -> Iterator[Line]:
+        """What `fieldlogger doctor` asks it before a trial."""
+        yield from ()
+
+    @classmethod
+    def probe(cls, port: Port) -> Device | None:
+        """What has answered at an open serial port, None if it is no source of this kind."""
+        del port
+        return None
+
+
 class Link:
-    """A session's access to its port, the clock and the recorder.
+    """A session's access to its source, the clock and the recorder.
 
     Private numbers are redacted before anything is recorded or read. `silence_limits` are learned
     from the device and `known` are the numbers that it has sent; both outlive a session, so that a
@@ -90,9 +206,7 @@ class Link:
 
     def __init__(
         self,
-        source: str,
-        url: str,
-        baud: int,
+        source: Source[Any],
         clock: Clock,
         inbox: Inbox,
         stop: threading.Event,
@@ -102,32 +216,38 @@ class Link:
         self.stop = stop
         self.silence_limits = SilenceLimits()
         self.known = NumberHistory()
-        self._url = url
-        self._baud = baud
         self._inbox = inbox
-        self._redactor = Redactor()
-        self._port: Port | None = None
-        self._port_url = url
+        self._redactor = source.redactor()
+        self._port: Stream | None = None
+        self._open_source = source
         self._tallies: dict[str, Tally] = {}
         self.has_heard = False
         """Whether the last read got bytes, which redaction may hold back until their line ends."""
+
+    @property
+    def name(self) -> str:
+        """Source of the records."""
+        return self.source.name
 
     @property
     def is_within_line(self) -> bool:
         """Whether a line has begun that is held back."""
         return self._redactor.is_within_line
 
-    def run(self, session: Callable[["Link"], None]) -> None:
-        """Open the port and run the session, again after each loss of the device, until stopped."""
+    def run(self, folder: Path) -> None:
+        """Open the source and run its session, again after each loss, until stopped.
+
+        `folder` is that of the runs.
+        """
         complaint = ""
         while not self.stop.is_set():
-            url = self._port_url = self._url
+            source = self._open_source = self.source
             try:
-                with Port(url, self._baud, self.clock.real_s(LISTEN_S)) as self._port:
+                with source.open(self.clock.real_s(LISTEN_S)) as self._port:
                     complaint = ""
-                    self.note("info", "port-opened", f"{url} opened")
+                    self.note("info", "port-opened", f"{source.port} opened")
                     try:
-                        session(self)
+                        source.session(self, folder)
                     finally:
                         self._take_rest(self._port)
             except FieldLoggerError as error:
@@ -136,7 +256,7 @@ class Link:
                     complaint = str(error)
                     self.note("warning", "port-lost", complaint)
             except Exception as error:  # a bug in one link must not end the recording of the other
-                log.exception("%s: unexpected", self.source)
+                log.exception("%s: unexpected", self.name)
                 self.note("error", "internal", f"{type(error).__name__}: {error}")
             self._note_tallies()
             if pending := self._redactor.flush():
@@ -145,30 +265,30 @@ class Link:
 
     def move(self, url: str) -> None:
         """Leave the port and continue at another."""
-        self._url = url
+        self.source = self.source.at(url)
 
     def read(self) -> tuple[int, bytes]:
         """Time and bytes of the next chunk, which is recorded raw before it is interpreted."""
         if self._port is None:
-            raise DeviceError(f"{self.source}: port is closed")
-        if self._url != self._port_url:
-            raise DeviceError(f"port {self._port_url}: left for {self._url}")
+            raise DeviceError(f"{self.name}: port is closed")
+        if self.source is not self._open_source:
+            raise DeviceError(f"port {self._open_source.port}: left for {self.source.port}")
         self._note_tallies(self.clock.now_ns())
         return self._take(self._port.read())
 
     def write(self, data: bytes) -> None:
         if self._port is None:
-            raise DeviceError(f"{self.source}: port is closed")
+            raise DeviceError(f"{self.name}: port is closed")
         self.emit(RawBytes(data, sent=True), self.clock.now_ns())
         self._redactor.send(data)
         self._port.write(data)
 
     def emit(self, value: Value, t_ns: int, source: str | None = None) -> None:
-        self._inbox.put(Record(t_ns, source or self.source, value))
+        self._inbox.put(Record(t_ns, source or self.name, value))
 
     def note(self, level: Level, code: str, text: str) -> None:
         """Record an event, and log it."""
-        log.log(logging.getLevelNamesMapping()[level.upper()], "%s: %s", self.source, text)
+        log.log(logging.getLevelNamesMapping()[level.upper()], "%s: %s", self.name, text)
         self.emit(Note(level, code, text), self.clock.now_ns())
 
     def count(self, code: str, n: int, what: str, least: int = 1) -> None:
@@ -191,7 +311,7 @@ class Link:
             self.emit(RawBytes(data), t_ns)
         return t_ns, data
 
-    def _take_rest(self, port: Port) -> None:
+    def _take_rest(self, port: Stream) -> None:
         """Record what waits in a port before it is closed, which would discard it."""
         with suppress(DeviceError):
             for _ in range(MOST_CHUNKS_LEFT):

@@ -8,6 +8,7 @@ in `logger/page/assets`.
 
 import threading
 from collections import deque
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated
 
@@ -88,7 +89,7 @@ class CellStatus(Struct, frozen=True):
     `average_dbm` is over the last 2 s before its latest reading, `trend_db` the change of the level
     in a few seconds: positive is "warmer". `heard_ns` is the time of the latest of `n` readings,
     `ta_m` its timing advance as a distance. `word` and `reasons` are those of its suspicion, and
-    `verdict` that of its live estimate where there is one.
+    `verdict` that of its live estimate where there is one. Levels are those of one `modem`.
     """
 
     cell: str = ""
@@ -105,6 +106,7 @@ class CellStatus(Struct, frozen=True):
     word: str | None = None
     reasons: tuple[str, ...] = ()
     verdict: str | None = None
+    modem: str = ""
 
 
 class PositionStatus(Place, frozen=True, kw_only=True):
@@ -212,14 +214,14 @@ class CellTable:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._cells: Latest[_Cell] = Latest(MOST_CELLS)
-        self._serving: str | None = None
+        self._serving: dict[str, str] = {}
 
     def feed(self, record: Record) -> None:
         """Take a record; scans and live estimates count."""
         match record.value:
             case Scan() as scan:
                 with self._lock:
-                    self._take(record.t_ns, scan)
+                    self._take(record.t_ns, scan, record.source)
             case LiveEstimate() as estimate if estimate.stage != REFERENCE:
                 with self._lock:
                     if cell := self._cells.get(estimate.cell):
@@ -229,45 +231,56 @@ class CellTable:
         """The view with the cells that the modem heard of late, and the words of the view."""
         words = {one.cell: one for one in view.suspicions}
         with self._lock:
+            serving = set(self._serving.values())
             rows = [
-                cell.row(name, words.get(name), is_serving=name == self._serving)
+                cell.row(name, words.get(name), is_serving=name in serving)
                 for name, cell in self._cells.items()
             ]
         rows.sort(key=_importance)
         return replace(view, cells=tuple(rows[:MOST_SHOWN]))
 
-    def _take(self, t_ns: int, scan: Scan) -> None:
+    def _take(self, t_ns: int, scan: Scan, modem: str) -> None:
         for reading in scan.readings:
             name = reading.cell
             if name is None or reading.identity_unsure or reading.level_dbm is None:
                 continue
             if reading.role == "serving":
-                self._serving = name
+                self._serving[modem] = name
             cell = self._cells.get(name) or _Cell(reading)
-            cell.take(t_ns, reading, reading.level_dbm)
+            cell.take(t_ns, reading, reading.level_dbm, modem)
             self._cells.put(name, cell)
 
 
 class _Cell:
+    """What was heard of a cell.
+
+    `levels` are those of late of each modem. The first is shown, until it hears the cell no more:
+    another one reads higher or lower.
+    """
+
     def __init__(self, reading: CellReading) -> None:
         self.reading = reading
         self.estimate: LiveEstimate | None = None
         self.n = 0
         self.ta: int | None = None
-        self.peak_dbm = -200.0
-        self.levels: deque[tuple[int, float]] = deque(maxlen=_MOST_LEVELS)
+        self.peaks_dbm: dict[str, float] = {}
+        self.levels: dict[str, deque[tuple[int, float]]] = {}
 
-    def take(self, t_ns: int, reading: CellReading, level_dbm: float) -> None:
+    def take(self, t_ns: int, reading: CellReading, level_dbm: float, modem: str) -> None:
         self.reading = reading
         self.n += 1
         self.ta = self.ta if reading.ta is None else reading.ta
-        self.peak_dbm = max(self.peak_dbm, level_dbm)
-        self.levels.append((t_ns, level_dbm))
-        while self.levels[0][0] < t_ns - TREND_NS:
-            self.levels.popleft()
+        self.peaks_dbm[modem] = max(self.peaks_dbm.get(modem, level_dbm), level_dbm)
+        self.levels.setdefault(modem, deque(maxlen=_MOST_LEVELS)).append((t_ns, level_dbm))
+        for name, levels in tuple(self.levels.items()):
+            while levels and levels[0][0] < t_ns - TREND_NS:
+                levels.popleft()
+            if not levels:
+                del self.levels[name]
 
     def row(self, name: str, word: SuspicionStatus | None, *, is_serving: bool) -> CellStatus:
-        heard_ns, level_dbm = self.levels[-1]
+        modem, levels = next(iter(self.levels.items()))
+        heard_ns, level_dbm = levels[-1]
         channel = self.reading.arfcn  # with its digits where a driver reads it (NumberText)
         return CellStatus(
             cell=name,
@@ -275,25 +288,28 @@ class _Cell:
             channel=None if channel is None else int(channel),
             is_serving=is_serving,
             level_dbm=level_dbm,
-            average_dbm=self._mean(heard_ns - AVERAGE_NS, heard_ns),
-            peak_dbm=self.peak_dbm,
-            trend_db=self._trend(heard_ns),
+            average_dbm=_mean(levels, heard_ns - AVERAGE_NS, heard_ns),
+            peak_dbm=self.peaks_dbm[modem],
+            trend_db=_trend(levels, heard_ns),
             heard_ns=heard_ns,
             n=self.n,
             ta_m=None if self.ta is None else self.ta * TA_STEP_M,
             word=None if word is None else word.word,
             reasons=() if word is None else word.reasons,
             verdict=None if self.estimate is None else _certainty(self.estimate),
+            modem=modem,
         )
 
-    def _trend(self, now_ns: int) -> float | None:
-        late = self._mean(now_ns - WARMER_NS, now_ns)
-        early = self._mean(now_ns - TREND_NS, now_ns - WARMER_NS)
-        return None if late is None or early is None else round(late - early, 1)
 
-    def _mean(self, after_ns: int, until_ns: int) -> float | None:
-        levels = [level_dbm for t_ns, level_dbm in self.levels if after_ns < t_ns <= until_ns]
-        return round(sum(levels) / len(levels), 1) if levels else None
+def _trend(levels: Iterable[tuple[int, float]], now_ns: int) -> float | None:
+    late = _mean(levels, now_ns - WARMER_NS, now_ns)
+    early = _mean(levels, now_ns - TREND_NS, now_ns - WARMER_NS)
+    return None if late is None or early is None else round(late - early, 1)
+
+
+def _mean(levels: Iterable[tuple[int, float]], after_ns: int, until_ns: int) -> float | None:
+    some = [level_dbm for t_ns, level_dbm in levels if after_ns < t_ns <= until_ns]
+    return round(sum(some) / len(some), 1) if some else None
 
 
 def _importance(row: CellStatus) -> tuple[bool, float]:

@@ -59,7 +59,7 @@ class ModeSwitch:
         made.
         """
         try:
-            if driver is None or not self._saved.all():
+            if driver is None or not self._saved.of_source(self._link.name):
                 return
             for _ in range(_TRIES):
                 modem.drain()
@@ -77,12 +77,12 @@ class ModeSwitch:
         name = run_dialogue(ask_model(), ask) if run_dialogue(wake(), ask) else None
         if name is None:
             return False
-        entry = self._saved.of(driver.name, name)
+        entry = self._entry(driver, name)
         return entry is None or self._restore(driver, entry, ask)
 
     def _settle(self, driver: Family, ask: Ask) -> bool:
         """Whether nothing is left to do; a failed attempt may succeed the next time."""
-        saved = self._saved.all()
+        saved = self._saved.of_source(self._link.name)
         if self._gsm_only and not driver.mode_commands:
             self._note_unchanged(f"driver {driver.name} has no command for GSM only")
             return True
@@ -92,7 +92,7 @@ class ModeSwitch:
         if name is None:
             self._note_unchanged("the modem does not report its model (AT+CGMM)")
             return False
-        entry = self._saved.of(driver.name, name)
+        entry = self._entry(driver, name)
         if self._gsm_only:
             return self._change(driver, name, entry, ask)
         if entry is not None:
@@ -121,7 +121,8 @@ class ModeSwitch:
             self._note("info", "mode-gsm", text)
             return True
         # saved first: the next start can restore it whatever happens from here on
-        self._saved.save(SavedMode(driver.name, name, command.query, value))
+        saved = SavedMode(driver.name, name, command.query, value, self._link.name)
+        self._saved.save(saved)
         now = run_dialogue(set_mode(command, command.gsm_only), ask)
         sent = command.set_to(command.gsm_only)
         if now is not None and command.is_gsm(now):
@@ -131,7 +132,7 @@ class ModeSwitch:
             self._note("info", "mode-set", text)
             return True
         if now is not None and same_mode(now, value):
-            self._saved.drop(driver.name, name)
+            self._saved.drop(saved)
             self._note_unchanged(f"the modem refuses {sent}")
             return True
         self._note_unchanged(f"no answer to {sent}; it was {value}, which is restored at the stop")
@@ -155,9 +156,15 @@ class ModeSwitch:
             if now is None or not same_mode(now, entry.value):
                 return False
             text = f"{command.set_to(entry.value)}: the modem has its mode from before GSM only"
-        self._saved.drop(entry.driver, entry.model)
+        self._saved.drop(entry)
         self._note("info", "mode-restored", text)
         return True
+
+    def _entry(self, driver: Family, model: str) -> SavedMode | None:
+        """The entry of this modem, which is identified by its name, family and model."""
+        saved = self._saved.of_source(self._link.name)
+        of_model = (one for one in saved if (one.driver, one.model) == (driver.name, model))
+        return next(of_model, None)
 
     def _note_unchanged(self, why: str) -> None:
         if not self._link.stop.is_set():  # else the stop interrupted the commands

@@ -3,6 +3,7 @@
 A user may have swapped them, or a boot may have numbered them in another order.
 """
 
+from logger.core.source_tables import MODEM
 from logger.core.types import Fix, Note, RawBytes, Record, Scan
 
 WAIT_S = 20.0
@@ -18,10 +19,11 @@ class PortSwap:
     They should if neither device has sent readable data for some time while bytes arrived on
     the modem's port. A swap that does not help is taken back, each time after twice the waiting
     time, so that a wrong guess does not lose a modem that is only disturbed. `second_ns` is a real
-    second of the clock that stamps records.
+    second of the clock that stamps records, `modem` the name of the modem.
     """
 
-    def __init__(self, now_ns: int, second_ns: float) -> None:
+    def __init__(self, now_ns: int, second_ns: float, modem: str = MODEM) -> None:
+        self._modem = modem
         self._second_ns = second_ns
         self._wait_s = WAIT_S
         self._since_ns = now_ns
@@ -31,7 +33,7 @@ class PortSwap:
 
     def feed(self, record: Record) -> None:
         match record.value:
-            case RawBytes(sent=False) if record.source == "modem":
+            case RawBytes(sent=False) if record.source == self._modem:
                 self._note_bytes(record.t_ns)
             case Fix():
                 self._note_readable()

@@ -1,9 +1,10 @@
 """The mode of a modem before the logger set it to GSM only, stored until it is restored.
 
-The file lies beside the runs and has one entry for each model. It survives a power cut.
+The file lies beside the runs and has one entry for each source and model. It survives a power cut.
 """
 
 import os
+import threading
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -14,15 +15,21 @@ from logger.core.foreign import decode_json, read_regular
 FILE = "modem-modes.json"
 _MOST_BYTES = 1 << 20
 """An entry has 200 bytes."""
+_ONE_AT_A_TIME = threading.RLock()
+"""Several modems change the file."""
 
 
 class SavedMode(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The answer `value` of a modem to the command `asks`, before the logger changed it."""
+    """The answer `value` of a modem to the command `asks`, before the logger changed it.
+
+    `source` is the modem's name in the configuration; empty, in files of earlier versions, is any.
+    """
 
     driver: str
     model: str
     asks: str
     value: str
+    source: str = ""
 
 
 class SavedModes:
@@ -41,22 +48,23 @@ class SavedModes:
         except msgspec.DecodeError as error:
             raise OSError(f"{self.path} is damaged ({error}); repair or remove it") from None
 
-    def of(self, driver: str, model: str) -> SavedMode | None:
-        """The entry of a modem, which is identified by family and model only."""
-        return next(
-            (mode for mode in self.all() if (mode.driver, mode.model) == (driver, model)), None
-        )
+    def of_source(self, source: str) -> tuple[SavedMode, ...]:
+        """The entries that may be of a modem with this name."""
+        return tuple(mode for mode in self.all() if mode.source in {"", source})
 
     def save(self, entry: SavedMode) -> None:
         """Make an entry durable, replacing one for the same modem."""
-        self._write([*self._others(entry.driver, entry.model), entry])
+        with _ONE_AT_A_TIME:
+            self._write([*self._others(entry), entry])
 
-    def drop(self, driver: str, model: str) -> None:
+    def drop(self, entry: SavedMode) -> None:
         """Remove the entry of a modem whose mode is restored."""
-        self._write(self._others(driver, model))
+        with _ONE_AT_A_TIME:
+            self._write(self._others(entry))
 
-    def _others(self, driver: str, model: str) -> list[SavedMode]:
-        return [mode for mode in self.all() if (mode.driver, mode.model) != (driver, model)]
+    def _others(self, entry: SavedMode) -> list[SavedMode]:
+        key = entry.driver, entry.model, entry.source
+        return [mode for mode in self.all() if (mode.driver, mode.model, mode.source) != key]
 
     def _write(self, entries: Iterable[SavedMode]) -> None:
         """Replace the file in one step; returns when the card has it."""

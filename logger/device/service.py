@@ -4,31 +4,29 @@ import logging
 import math
 import os
 import threading
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from time import monotonic
 
-from msgspec.structs import asdict
+from msgspec.structs import asdict, replace
 
-from logger.config import GNSS_OF_MODEM, SiteConfig
+from logger.config import SiteConfig
 from logger.core.errors import ConfigError, DeviceError, RunFileError
 from logger.core.types import DEAD_RECKONING, Note, Record
 from logger.device.battery import BatteryWatch
 from logger.device.clock import Clock
-from logger.device.gpsd_link import receiver_session
 from logger.device.link import Link, Tally
 from logger.device.mode_switch import RESTORE_S, unrestored_modes
-from logger.device.modem_link import modem_session
 from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.page_requests import page_requests
 from logger.device.port_swap import PortSwap
-from logger.device.port_url import check_url
 from logger.device.recorder import Recorder
 from logger.device.saved_modes import SavedModes
+from logger.device.sources import source_of
 from logger.device.startup import BegunRun
 from logger.device.status import Sign, Status, status_folder
 from logger.device.watched_inbox import WatchedInbox
-from logger.drivers.registry import FAMILIES, check_mode
+from logger.drivers.registry import FAMILIES
 
 log = logging.getLogger(__name__)
 
@@ -38,8 +36,8 @@ PAGE = "page"
 STATUS_EVERY_S = 30.0
 TICK_S, PAGE_TICK_S = 1.0, 0.5
 """The second with a page on a phone, which should show a level within a second."""
-SCAN_S, SURVEY_S = 60.0, 360.0
-"""A modem without a scan for this long has failed; the other is the time of a full scan."""
+MOST_UNNAMED = 2
+"""With a modem and a receiver the text of a fault says which it is."""
 FIX_AGE_S = 5.0
 """The light shows `no fix` for an older position: a walker moves 7 m in this time."""
 
@@ -62,12 +60,10 @@ class Service:
         *,
         battery: BatteryWatch | None = None,
     ) -> None:
-        of_modem = config.gnss.port == GNSS_OF_MODEM
-        ports = {"modem": config.modem.port} | ({} if of_modem else {"gnss": config.gnss.port})
+        sources = [source_of(settings) for settings in config.source]
         try:
-            for url in ports.values():
-                check_url(url)
-            check_mode(config.modem.driver, config.modem.set_mode)
+            for source in sources:
+                source.validate()
         except ConfigError:
             begun.writer.discard()
             raise
@@ -75,15 +71,12 @@ class Service:
         self._ended = ended
         self._started_ns = self._logged_ns = begun.started_ns
         self._stop = threading.Event()
-        self._ports = ports
-        self._swap = PortSwap(self._started_ns, 1e9 / clock.real_s(1.0))
+        second_ns = 1e9 / clock.real_s(1.0)
+        modem = next(source.name for source in config.source if source.gives_cells)
+        self._swap = PortSwap(self._started_ns, second_ns, modem)
+        ports = {source.name: source.port for source in sources}
         self._inbox = WatchedInbox(ports, self._swap)
         self._battery = battery
-        self._scan_s = (
-            SCAN_S
-            + 3.0 * config.modem.poll_interval_s
-            + bool(config.modem.full_scan_interval_s) * SURVEY_S
-        )
         self._tick_s = PAGE_TICK_S if config.page.listen else TICK_S
         self._requests = page_requests(status_folder()) if config.page.listen else None
         self._synced_ns: int | None = None
@@ -99,16 +92,10 @@ class Service:
             durable=self._note_sync,
             delete_oldest=config.run.delete_oldest,
         )
-        self._modes = SavedModes(self.folder)
-        modem = partial(modem_session, settings=config.modem, modes=self._modes, locates=of_modem)
-        self._links = {"modem": self._link("modem", config.modem.baud)}
-        sessions: dict[str, Callable[[Link], None]] = {"modem": modem}
-        if not of_modem:
-            self._links["gnss"] = self._link("gnss", config.gnss.baud)
-            sessions["gnss"] = receiver_session(config.gnss.port)
+        self._links = [Link(source, clock, self._inbox, self._stop) for source in sources]
         self._threads = [threading.Thread(target=self.recorder.run, name="recorder")] + [
-            threading.Thread(target=link.run, args=(sessions[source],), name=source, daemon=True)
-            for source, link in self._links.items()
+            threading.Thread(target=link.run, args=(self.folder,), name=link.name, daemon=True)
+            for link in self._links
         ]
 
     def start(self) -> None:
@@ -126,10 +113,11 @@ class Service:
         self._stop.set()
         recorder, *links = self._threads
         try:
+            end_s = monotonic() + JOIN_S + RESTORE_S
             for link in links:
-                link.join(JOIN_S + RESTORE_S)
-            if left := unrestored_modes(self._modes, FAMILIES.get):
-                self._links["modem"].note("warning", "mode-left", left)
+                link.join(max(end_s - monotonic(), 0.0))
+            if left := unrestored_modes(SavedModes(self.folder), FAMILIES.get):
+                self._links[0].note("warning", "mode-left", left)
         finally:
             self.recorder.finish(reason)
             recorder.join()
@@ -226,7 +214,8 @@ class Service:
         """The status now, for all outputs."""
         counts, inbox, synced_ns = self.recorder.counts, self._inbox, self._synced_ns
         now_ns = self._clock.now_ns()  # after all times that it is compared with
-        trouble = self._trouble(now_ns)
+        faults = self._faults(now_ns)
+        trouble = self._trouble(faults)
         return Status(
             state="error" if trouble else self._sign(now_ns),
             text=trouble or self.status(),
@@ -241,26 +230,36 @@ class Service:
             waiting=inbox.waiting,
             room=inbox.room,
             fix=inbox.fix,
-            ports=dict(inbox.ports),
+            ports={
+                name: replace(port, fault=faults.get(name, ""))
+                for name, port in inbox.ports.items()
+            },
             followed=inbox.followed,
             battery=self._battery.latest if self._battery else None,
             recorded=self._requests.on_card if self._requests else (),
             **asdict(inbox.cells.fill(self.recorder.estimator.view)),
         )
 
-    def _trouble(self, now_ns: int) -> str:
+    def _trouble(self, faults: Mapping[str, str]) -> str:
         """Why the walk is not being recorded; empty if it is."""
         if self.recorder.failing or self.recorder.error:
             return self.recorder.state
-        for port in self._inbox.ports.values():
+        if len(self._links) <= MOST_UNNAMED:
+            return next(iter(faults.values()), "")
+        return "; ".join(f"{name}: {fault}" for name, fault in faults.items())
+
+    def _faults(self, now_ns: int) -> dict[str, str]:
+        """Why sources do not record, by name."""
+        faults = {}
+        for link in self._links:
+            port, patience_s = self._inbox.ports[link.name], link.source.patience_s
+            scan_ns = self._inbox.scan_ns.get(link.name, self._started_ns)
+            scanless_s = (now_ns - scan_ns) / 1e9
             if not port.is_open:
-                return port.event
-        scanless_s = (now_ns - (self._inbox.scan_ns or self._started_ns)) / 1e9
-        return (
-            f"no scan for {scanless_s:.0f} s: {self._inbox.ports['modem'].event}"
-            if scanless_s > self._scan_s
-            else ""
-        )
+                faults[link.name] = port.event
+            elif patience_s is not None and scanless_s > patience_s:
+                faults[link.name] = f"no scan for {scanless_s:.0f} s: {port.event}"
+        return faults
 
     def _sign(self, now_ns: int) -> Sign:
         valid_ns = self._inbox.valid_ns
@@ -275,23 +274,21 @@ class Service:
         self._synced_ns = self._clock.now_ns()
         self._n_syncs += 1
 
-    def _link(self, source: str, baud: int) -> Link:
-        return Link(source, self._ports[source], baud, self._clock, self._inbox, self._stop)
-
     def _check_ports(self, now_ns: int) -> None:
-        """Swap the ports of modem and receiver if each seems to be at the other's."""
-        if any(url.startswith("gpsd:") for url in self._ports.values()) or len(self._ports) < 2:
+        """Swap the ports of one modem and one receiver if each seems to be at the other's."""
+        one, *others = self._links
+        if len(others) != 1 or not all(link.source.may_be_swapped for link in self._links):
             return
         if self._swap.is_wrong(now_ns):
             self._swap.swap(now_ns)
-            self._ports = dict(zip(self._ports, reversed(self._ports.values()), strict=True))
-            ports = ", ".join(f"{source} at {url}" for source, url in self._ports.items())
-            self._links["modem"].note(
-                "warning", "ports-exchanged", f"no readable data; trying {ports}"
+            ports = [others[0].source.port, one.source.port]
+            where = ", ".join(
+                f"{link.name} at {url}" for link, url in zip(self._links, ports, strict=True)
             )
-            for source, url in self._ports.items():
-                self._inbox.move(source, url)
-                self._links[source].move(url)
+            one.note("warning", "ports-exchanged", f"no readable data; trying {where}")
+            for link, url in zip(self._links, ports, strict=True):
+                self._inbox.move(link.name, url)
+                link.move(url)
 
 
 def _finish_run(journal: Path) -> Path:

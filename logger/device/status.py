@@ -44,11 +44,12 @@ class FixStatus(msgspec.Struct, frozen=True):
 
 
 class PortStatus(msgspec.Struct, frozen=True):
-    """A port, whether it is open, and its last event."""
+    """A port, whether it is open, its last event, and why it fails; empty if it does not."""
 
     url: str
     is_open: bool = False
     event: str = ""
+    fault: str = ""
 
 
 class Status(LiveView, frozen=True):

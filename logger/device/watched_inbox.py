@@ -15,7 +15,8 @@ from logger.device.status import FixStatus, PortStatus
 class WatchedInbox(Inbox):
     """An inbox that keeps the latest fix, scan, cells and port events: the recorder only counts.
 
-    `n_polls` grows while the recorder runs; `swap` is fed with every record.
+    `scan_ns` is the time of the latest scan by source. `n_polls` grows while the
+    recorder runs; `swap` is fed with every record.
     """
 
     def __init__(self, ports: Mapping[str, str], swap: PortSwap | None = None) -> None:
@@ -26,7 +27,7 @@ class WatchedInbox(Inbox):
         self.ports = {source: PortStatus(url) for source, url in ports.items()}
         self.fix: FixStatus | None = None
         self.valid_ns: int | None = None
-        self.scan_ns: int | None = None
+        self.scan_ns: dict[str, int] = {}
         self.n_polls = 0
         self.followed: str | None = None
 
@@ -46,7 +47,7 @@ class WatchedInbox(Inbox):
                 self.fix = _fix_status(record.t_ns, fix)
                 self.valid_ns = record.t_ns if fix.valid else self.valid_ns
             case Scan():
-                self.scan_ns = record.t_ns
+                self.scan_ns[record.source] = record.t_ns
             case Note() as note if record.source in self.ports:
                 with self._ports_lock:
                     self.ports[record.source] = _with_event(self.ports[record.source], note)

@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from logger.check import Line
 from logger.core.document import Column, Document, Part, Table, facts, terminal_lines
 from logger.core.errors import ConfigError
 from logger.core.runfile import Run
+from logger.device.check_line import Line
 from logger.device.libraries import installed_versions
 from logger.device.machine import kernel_text
 from logger.drivers.privacy.redaction import mask_labelled

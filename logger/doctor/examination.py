@@ -11,15 +11,17 @@ from pathlib import Path
 import msgspec
 
 from logger.baseline_file import BaselineFile
-from logger.check import NOT_THERE, Line, check, site_config
-from logger.config import SiteConfig
-from logger.core.errors import DeviceError, RunFileError
+from logger.check import check, site_config
+from logger.config import ModemSettings, SiteConfig
+from logger.core.errors import RunFileError
 from logger.core.runfile import Run, read_run
+from logger.core.source_tables import GNSS, MODEM
+from logger.device.check_line import NOT_THERE, Line
 from logger.device.clock import SystemClock
 from logger.device.mode_switch import unrestored_modes
-from logger.device.port import Port
 from logger.device.saved_modes import SavedModes
 from logger.device.service import Service
+from logger.device.sources import source_of
 from logger.device.startup import begin_run, usable_folder
 from logger.device.status import FOLDER, read_status, status_folder
 from logger.doctor.machine import (
@@ -38,18 +40,16 @@ from logger.doctor.machine import (
     wall_minus_boot_ns,
 )
 from logger.doctor.reception import LAST_S, TRIAL, run_lines
-from logger.drivers.family import wake
-from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.registry import FAMILIES
-from logger.probe import converse
 
 TRIAL_S = 15.0
 """In this time the modem is set up and polled several times, and a receiver sends fixes."""
 
-ESSENTIAL = frozenset({"status", "card", "queue", "modem", "mode", "readings", "gnss"})
-"""A warning in one of these means that a walk would not be recorded as it should."""
-
-PORTS = frozenset({"modem", "gnss"})
+ESSENTIAL = frozenset({"status", "card", "queue", "mode", "readings"})
+"""A warning in one of these, or in a source, means that a walk would not be recorded as it should.
+"""
+SOURCES = frozenset({MODEM, GNSS})
+"""Names of the sources, unless the configuration has others."""
 
 
 @dataclass
@@ -69,25 +69,27 @@ def examine(
     some seconds into a temporary folder. Raises `ConfigError` for an unusable configuration.
     """
     examination = Examination()
-    for line in _tests(config_path, seconds, examination):
+    config = site_config(config_path)
+    for line in _tests(config_path, config, seconds, examination):
         progress(line.what)
         examination.lines.append(line)
-    examination.lines.insert(0, overall(examination.lines))
+    sources = SOURCES.union(source.name for source in config.source)
+    examination.lines.insert(0, overall(examination.lines, sources))
     return examination
 
 
-def overall(lines: Iterable[Line]) -> Line:
+def overall(lines: Iterable[Line], sources: frozenset[str] = SOURCES) -> Line:
     """Sum up: ready to walk, or what to do first."""
     lines = list(lines)
     fails = [line for line in lines if line.state == "fail"]
     warnings = [line for line in lines if line.state == "warn"]
-    problems = [*fails, *(line for line in warnings if line.what in ESSENTIAL)]
+    problems = [*fails, *(line for line in warnings if line.what in ESSENTIAL | sources)]
     if not problems:
         names = ", ".join(line.what for line in warnings)
         return Line("ok", "overall", "ready to walk" + (f"; check also: {names}" if names else ""))
     first, *others = problems
     text = f"{first.what}: {first.text}" + (f" (and {len(others)} more below)" if others else "")
-    if any(_is_wrong_port(line) for line in problems):
+    if any(_is_wrong_port(line) for line in problems if line.what in sources):
         text += "; `fieldlogger probe --write site.toml` finds the ports"
     if fails:
         return Line("fail", "overall", f"not ready to walk: {text}")
@@ -95,12 +97,13 @@ def overall(lines: Iterable[Line]) -> Line:
 
 
 def _is_wrong_port(line: Line) -> bool:
-    return line.what in PORTS and (line.state == "fail" or NOT_THERE in line.text)
+    return line.state == "fail" or NOT_THERE in line.text
 
 
-def _tests(config_path: Path, seconds: float, examination: Examination) -> Iterator[Line]:
+def _tests(
+    config_path: Path, config: SiteConfig, seconds: float, examination: Examination
+) -> Iterator[Line]:
     """Yield all lines but the verdict, and keep the run that they are about."""
-    config = site_config(config_path)
     yield from check(config_path)
     yield power()
     yield battery(config.power)
@@ -133,7 +136,7 @@ def _tests(config_path: Path, seconds: float, examination: Examination) -> Itera
 
 def _run_lines(config: SiteConfig, run: Run) -> Iterator[Line]:
     with closing_baseline(config.live.baseline) as baseline:
-        yield from run_lines(run, set_mode=config.modem.set_mode, baseline=baseline)
+        yield from run_lines(run, sources=config.source, baseline=baseline)
     yield clock_line(run, wall_minus_boot_ns())
 
 
@@ -157,36 +160,13 @@ def _trial_lines(
     """Test the ports, the SIM and a run of some seconds."""
     if changed := unrestored_modes(SavedModes(folder), FAMILIES.get):
         yield Line("warn", "mode", changed)
-    for name, url in (("modem", config.modem.port), ("gnss", config.gnss.port)):
-        if url.startswith("/"):
-            yield from holders(name, url)
-    yield sim_card(config)
+    for source in config.source:
+        if source.port.startswith("/"):
+            yield from holders(source.name, source.port)
+        yield from source_of(source).examine()
     with tempfile.TemporaryDirectory(prefix="fieldlogger-doctor-") as temporary:
         examination.run = _trial_run(config, temporary, seconds)
         yield from _run_lines(config, examination.run)
-
-
-def sim_card(config: SiteConfig) -> Line:
-    """The state of the SIM, which the modem does not need."""
-    try:
-        with Port(config.modem.port, config.modem.baud, 0.1) as port:
-            state = converse(port, _sim_state())
-    except DeviceError as error:
-        return Line("fail", "modem", str(error))
-    if state is None:
-        text = "gives no answer to AT: powered? right port and baud? see fieldlogger probe"
-        return Line("fail", "modem", text)
-    return Line("ok", "SIM", f"{state} (recording needs none)")
-
-
-def _sim_state() -> Dialogue[str | None]:
-    if not (yield from wake()):
-        return None
-    yield Command("AT+CMEE=2")
-    reply = yield Command("AT+CPIN?", timeout_s=5.0)
-    if reply.final is None:
-        return None
-    return " ".join(line.strip() for line in reply.lines) or reply.final
 
 
 def _trial_run(config: SiteConfig, folder: str, seconds: float) -> Run:
@@ -194,7 +174,10 @@ def _trial_run(config: SiteConfig, folder: str, seconds: float) -> Run:
     trial_config = msgspec.structs.replace(
         config,
         run=msgspec.structs.replace(config.run, directory=folder),
-        modem=msgspec.structs.replace(config.modem, set_mode=""),
+        source=tuple(
+            msgspec.structs.replace(one, set_mode="") if isinstance(one, ModemSettings) else one
+            for one in config.source
+        ),
     )
     clock = SystemClock()
     begun = begin_run(trial_config, "", clock, origin=TRIAL)

@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from logger.check import Line, State
 from logger.config import PowerSettings
 from logger.core.column import UNKNOWN_TIME
 from logger.core.runfile import Run
@@ -17,6 +16,7 @@ from logger.core.runfile.run_names import JOURNAL, first_part
 from logger.core.timebase import fit_run
 from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS, utc_text
 from logger.device.battery import batteries, is_low
+from logger.device.check_line import Line, State
 from logger.device.machine import (
     UNDERVOLTAGE_NOW,
     UNDERVOLTAGE_SINCE_BOOT,

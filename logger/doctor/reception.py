@@ -1,18 +1,20 @@
 """Tests of a run: whether the modem and the receiver give what a walk needs."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from logger.check import Line, State
+from logger.config import ModemSettings, SourceSettings
 from logger.core.baseline import Baseline
 from logger.core.censoring import levels_dbm
 from logger.core.places import UERE_M
 from logger.core.rows import Rows
 from logger.core.runfile import Run
+from logger.core.source_tables import GNSS, MODEM
 from logger.core.squares import square_of
 from logger.core.types import DEAD_RECKONING
+from logger.device.check_line import Line, State
 from logger.drivers.registry import FAMILIES
 
 COARSE_M = 15.0
@@ -51,7 +53,8 @@ def fixes_lines(run: Run, fixes: Rows) -> Iterator[Line]:
 def satellites_in_use(run: Run) -> int | None:
     """Satellites that are received well enough, by the receiver's GSV; None without one."""
     raw = run.tables["raw"]
-    received = raw[(raw["source"] == b"gnss") & (raw["sent"] == 0)]
+    receivers = np.append(run.tables["fixes"]["source"], GNSS.encode())
+    received = raw[np.isin(raw["source"], receivers) & (raw["sent"] == 0)]
     if not len(received):
         return None
     latest = received[received["t_ns"] >= received["t_ns"][-1] - _RECENT_NS]
@@ -183,10 +186,10 @@ def run_lines(
     run: Run,
     last_s: float = LAST_S,
     *,
-    set_mode: str = "",
+    sources: Sequence[SourceSettings] = (),
     baseline: Baseline | None = None,
 ) -> Iterator[Line]:
-    """Evaluate the end of a run; `set_mode` is the setting of that name in [modem]."""
+    """Evaluate the end of a run; `sources` are those of the configuration."""
     tables = run.tables
     end_ns = max((int(rows["t_ns"].max()) for rows in tables.values() if len(rows)), default=0)
     begin_ns = max(run.meta.started_ns, end_ns - round(last_s * 1e9))
@@ -194,20 +197,31 @@ def run_lines(
     scans, readings, fixes = (
         tables[name][tables[name]["t_ns"] >= begin_ns] for name in ("scans", "readings", "fixes")
     )
-    notes = [
-        (row["code"].decode(), row["text"].decode())
-        for row in run.tables["notes"]
-        if row["source"] == b"modem"
-    ]
-    event = notes[-1][1] if notes else ""
-    if len(scans):
-        yield Line("ok", "modem", f"{len(scans) / minutes:.0f} scans a minute; {event}")
-    else:
-        yield Line("fail", "modem", f"no scan; last event: {event or 'none'}")
-    yield _readings_line(readings, minutes, notes, run.meta.origin == TRIAL, set_mode)
+    names = [source.name for source in sources if source.gives_cells] or [MODEM]
+    for name in names:
+        notes = _notes_of(run, name)
+        event = notes[-1][1] if notes else ""
+        n_scans = np.count_nonzero(scans["source"] == name.encode())
+        if n_scans:
+            yield Line("ok", name, f"{n_scans / minutes:.0f} scans a minute; {event}")
+        else:
+            yield Line("fail", name, f"no scan; last event: {event or 'none'}")
+    every = [note for name in names for note in _notes_of(run, name)]
+    modes = [one.set_mode for one in sources if isinstance(one, ModemSettings)]
+    set_mode = next(filter(None, modes), "")
+    yield _readings_line(readings, minutes, every, run.meta.origin == TRIAL, set_mode)
     if (antenna := antenna_line(readings, fixes, baseline)) is not None:
         yield antenna
     yield from fixes_lines(run, fixes)
+
+
+def _notes_of(run: Run, modem: str) -> list[tuple[str, str]]:
+    """Code and text of each note about a modem."""
+    return [
+        (row["code"].decode(), row["text"].decode())
+        for row in run.tables["notes"]
+        if row["source"] == modem.encode()
+    ]
 
 
 def _readings_line(

@@ -31,7 +31,7 @@ class SimulatedModem:
     """One modem from power-up on; each reply has new fading.
 
     `now_s` gives the seconds since the walk began, `utc_start` when that was for its receiver,
-    which has no noise.
+    which has no noise. Levels are read `above_db` too high.
     """
 
     def __init__(
@@ -44,7 +44,9 @@ class SimulatedModem:
         *,
         utc_start: datetime | None = None,
         decode_dbm: float = DECODE_DBM,
+        above_db: float = 0.0,
     ) -> None:
+        self._above_db = above_db
         self._dialect = dialect
         self._world = world
         self._walk = walk
@@ -159,10 +161,10 @@ class SimulatedModem:
         now_s = self._now_s()
         east_m, north_m = self._walk.positions(np.array([now_s]))
         levels_dbm = self._world.received_dbm(east_m, north_m, self._rng)[:, 0]
-        cells = [
-            ReceivedCell(cell, float(level_dbm), is_decoded=bool(level_dbm >= self._decode_dbm))
-            for cell, level_dbm in zip(self._world.transmitters, levels_dbm, strict=True)
-        ]
+        read_dbm = np.maximum(levels_dbm + self._above_db, self._world.radio.floor_dbm)
+        is_decoded = levels_dbm >= self._decode_dbm
+        columns = zip(self._world.transmitters, read_dbm.tolist(), is_decoded.tolist(), strict=True)
+        cells = [ReceivedCell(cell, level, is_decoded=decoded) for cell, level, decoded in columns]
         return Air.of(cells, lambda: self._fix(now_s))
 
     def _fix(self, now_s: float) -> ModemFix | None:

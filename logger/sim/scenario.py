@@ -18,6 +18,8 @@ DEFAULT = "block"
 ORIGIN_LAT_DEG, ORIGIN_LON_DEG = 46.9480, 7.4474
 UTC_START = datetime(2024, 5, 14, 9, 0, tzinfo=UTC)
 COLD_START_S = 30.0
+APART_DB = 9.0
+"""Between two modems: 3GPP TS 45.008 8.1.2 allows each an error of 6 dB."""
 
 # A small transmitter between the streets that the walk takes, and rooftop cells around them. 001-01
 # is the test network of ITU-T E.212.
@@ -73,10 +75,23 @@ class Scenario:
     duration_s: float
     target: Transmitter
 
-    def modem(self, now_s: Callable[[], float], dialect: Dialect = SIM800) -> SimulatedModem:
-        """The modem on the walk; `now_s` is the time of the walk."""
-        rng = np.random.default_rng([self.seed, 1])
-        return SimulatedModem(dialect, self.world, self.walk, now_s, rng, utc_start=self.utc_start)
+    def modem(
+        self, now_s: Callable[[], float], dialect: Dialect = SIM800, number: int = 0
+    ) -> SimulatedModem:
+        """A modem on the walk; `now_s` is the time of the walk.
+
+        Each `number` has noise of its own and reads `APART_DB` lower than the one before.
+        """
+        rng = np.random.default_rng([self.seed, 1, number] if number else [self.seed, 1])
+        return SimulatedModem(
+            dialect,
+            self.world,
+            self.walk,
+            now_s,
+            rng,
+            utc_start=self.utc_start,
+            above_db=-APART_DB * number,
+        )
 
     def receiver(self, cold_start_s: float = COLD_START_S) -> SimulatedReceiver:
         """The receiver that is carried."""

@@ -6,7 +6,7 @@ tests of the pair.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter, itemgetter
 from pathlib import Path
@@ -38,7 +38,7 @@ from postproc.comparison.ground import (
     scale_db,
     variance_db2,
 )
-from postproc.multi_run import check_different, in_one_zone, modems_of
+from postproc.multi_run import check_different, in_one_zone, modems_of, of_one_modem
 from postproc.walk import observe_run
 
 # The likelihood of a change m of the mean is that of Student's t for each difference, and of its
@@ -480,7 +480,9 @@ def compare_runs(a: Run, b: Run) -> ComparedRuns:
     for run in observed:
         if run.observations is None:
             raise EstimationError(f"{run.run.path}: {run.warnings[0]}")
-        walks.append(run.observations)
+        # a level differs from another modem's by more than a station changes
+        cells = tuple(map(of_one_modem, run.observations.cells))
+        walks.append(replace(run.observations, cells=cells))
     numbers = modems_of([a, b])
     same_modem = numbers[0] == numbers[1]
     compared = compare(walks[0].cells, walks[1].cells, same_modem=same_modem)

@@ -63,7 +63,7 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
             known.add(run.digest)
             states[run.run_id] = [*(one for one in same if one is not earlier), run]
             batch.take(replace(walk, run=run))
-            remark = CONTRADICTION.format(others[0]) if others else ""
+            remark = CONTRADICTION.format(others[0]) if others else walk.remark
             yield Added(path, run.digest, len(walk), len(walk.cells), remark=remark)
             if batch.is_full:
                 number += 1

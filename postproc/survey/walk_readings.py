@@ -17,7 +17,7 @@ from logger.core.readings import Readings
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
 from postproc.baseline.walk_summary import content_digest, walk_digest
-from postproc.multi_run import modem_identity
+from postproc.multi_run import modem_identity, with_one_modem
 from postproc.scan_counts import scans_of
 from postproc.survey.rule_inputs import RuleInputs, rule_inputs
 from postproc.walk import observe_run
@@ -65,7 +65,7 @@ class WalkReadings:
 
     `cell` is the number in `cells`; `x_m, y_m` are in UTM zone `zone` (negative in the south),
     `t_ns` counts from the start of the run. `named_share` is NaN where it is unknown. `rules` is
-    what the rules of suspicion see.
+    what the rules of suspicion see, `remark` what was left out.
     """
 
     run: SurveyRun
@@ -81,6 +81,7 @@ class WalkReadings:
     ta: IntArray
     named_share: FloatArray
     rules: RuleInputs | None = None
+    remark: str = ""
 
     def __len__(self) -> int:
         return len(self.cell)
@@ -92,13 +93,14 @@ def pseudonym(identity: object, salt: str) -> str:
 
 
 def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
-    """The readings of a run; `logger` is the name of who recorded it.
+    """The readings of a run, of the modem with most of them; `logger` is who recorded it.
 
     Raises `RunFileError` for a damaged run and for one without a position.
     """
     if run.damage:
         raise RunFileError(f"it is damaged: {run.damage}")
-    observed = observe_run(run).observations
+    one = with_one_modem(run)
+    observed = observe_run(one).observations
     if observed is None:
         raise RunFileError("it has no position fix")
     series = sorted(observed.cells, key=lambda obs: obs.cell)
@@ -140,7 +142,8 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
         join(column("scan_seq")).astype(np.int64),
         join([np.full(len(o), -1) if o.ta is None else o.ta for o in series]).astype(np.int64),
         join([_named_share(o) for o in series]),
-        rule_inputs(run),
+        rule_inputs(one),
+        "" if one is run else "of its modems, the one with most readings counts",
     )
 
 

@@ -11,7 +11,7 @@ from itertools import groupby
 from pathlib import Path
 
 sys.path.insert(0, "/usr/lib/fieldlogger")
-NAME = re.compile(r"[\s#]*(?:\[(\w+)\]|(\w+) *=)")
+NAME = re.compile(r"[\s#]*(?:\[\[?(\w+)\]|(\w+) *=)")
 """A table or a key; keys that are commented out show their defaults."""
 
 
@@ -43,7 +43,9 @@ def _named(text: str) -> list[str]:
     for line in text.splitlines():
         if match := NAME.match(line):
             table = match[1] or table
-            settings += [f"[{table}] {match[2]}"] if match[2] else []
+            # what a [[source]] may have is no default of a configuration without one
+            is_default = match[2] and table != "source"
+            settings += [f"[{table}] {match[2]}"] if is_default else []
     return settings
 
 

@@ -8,18 +8,16 @@ import threading
 import time
 import tty
 from contextlib import contextmanager, suppress
-from functools import partial
 
 import pytest
 
-from logger.config import ModemSettings
+from logger.config import ModemSettings, NmeaSettings
 from logger.core.types import Fix, Note, RawBytes, Scan
-from logger.device import modem_link, scan_timeout
+from logger.device import modem_source, scan_timeout
 from logger.device.clock import SystemClock
-from logger.device.gnss_link import gnss_session
 from logger.device.link import Inbox, Link
-from logger.device.modem_link import modem_session
-from logger.device.saved_modes import SavedModes
+from logger.device.modem_source import ModemSource
+from logger.device.nmea_source import NmeaSource
 from logger.drivers.protocols.at import Command
 from logger.drivers.sim800 import Sim800
 from tests.kit import service
@@ -75,11 +73,11 @@ class Device:
 
 
 @contextmanager
-def link_to(session, path, source="modem"):
+def link_to(source, folder):
     """A link that is run until the end; gives the values that come, and stops it."""
     inbox, stop = Inbox(), threading.Event()
-    link = Link(source, path, 115200, SystemClock(), inbox, stop)
-    thread = threading.Thread(target=link.run, args=(session,))
+    link = Link(source, SystemClock(), inbox, stop)
+    thread = threading.Thread(target=link.run, args=(folder,))
     values = []
 
     def records_of(kind):
@@ -95,10 +93,9 @@ def link_to(session, path, source="modem"):
         thread.join()
 
 
-@pytest.fixture
-def session(tmp_path):
-    settings = ModemSettings(port="x", driver="sim800", poll_interval_s=0.05)
-    return partial(modem_session, settings=settings, modes=SavedModes(tmp_path))
+def _modem(device):
+    settings = ModemSettings(name="modem", port=device.path, driver="sim800", poll_interval_s=0.05)
+    return ModemSource(settings)
 
 
 def _levels(records_of):
@@ -107,9 +104,9 @@ def _levels(records_of):
 
 @pytest.mark.parametrize("n_rows", range(1, 5))
 @pytest.mark.parametrize("cut", [b"", b'+CENG: 5,"00', b'+CENG: 5,"0025,35,12,305a,262,01,1267"'])
-def test_rows_before_a_hang_up_are_readings(session, n_rows, cut):
+def test_rows_before_a_hang_up_are_readings(tmp_path, n_rows, cut):
     device = Device()
-    with link_to(session, device.path) as records_of:
+    with link_to(_modem(device), tmp_path) as records_of:
         service.wait_for(lambda: device.is_asked(b"AT+CENG?\r"))
         device.say(b"\r\n+CENG: 1,1\r\n\r\n" + b"".join(ROWS[:n_rows]) + cut)
         device.hang_up(records_of, ROWS[n_rows - 1])
@@ -119,9 +116,9 @@ def test_rows_before_a_hang_up_are_readings(session, n_rows, cut):
         assert "internal" not in [note.value.code for note in records_of(Note)]
 
 
-def test_rows_that_came_unasked_before_a_hang_up_are_readings(session):
+def test_rows_that_came_unasked_before_a_hang_up_are_readings(tmp_path):
     device = Device()
-    with link_to(session, device.path) as records_of:
+    with link_to(_modem(device), tmp_path) as records_of:
         service.wait_for(lambda: device.is_asked(b"AT+CENG?\r"))
         device.say(b"\r\nOK\r\n")
         device.say(b"".join(ROWS[:3]))
@@ -130,9 +127,9 @@ def test_rows_that_came_unasked_before_a_hang_up_are_readings(session):
         assert _levels(records_of) == sorted(LEVELS[:3])
 
 
-def test_the_epoch_before_a_hang_up_is_a_fix():
+def test_the_epoch_before_a_hang_up_is_a_fix(tmp_path):
     device = Device()
-    with link_to(gnss_session, device.path, "gnss") as records_of:
+    with link_to(NmeaSource(NmeaSettings(name="gnss", port=device.path)), tmp_path) as records_of:
         last_row = service.nmea_epochs(3).rpartition(b"$GNGGA")[
             0
         ]  # of the last one only the RMC has come
@@ -143,16 +140,18 @@ def test_the_epoch_before_a_hang_up_is_a_fix():
 
 
 @pytest.mark.parametrize("pause_s", [0.1, 0.7])
-def test_rows_of_a_slow_reply_have_the_time_in_which_they_were_heard(session, monkeypatch, pause_s):
+def test_rows_of_a_slow_reply_have_the_time_in_which_they_were_heard(
+    tmp_path, monkeypatch, pause_s
+):
     """Some come in time, some after the time-out, some into the next polls: none is told of a later
     time only.
     """
     monkeypatch.setattr(Sim800, "poll_commands", (Command("AT+CENG?", timeout_s=0.3),))
     monkeypatch.setattr(scan_timeout, "LATE_S", 0.2)
     # on a busy machine the rows come so late that the port would be opened again
-    monkeypatch.setattr(modem_link, "SILENT_POLLS", 1000)
+    monkeypatch.setattr(modem_source, "SILENT_POLLS", 1000)
     device = Device()
-    with link_to(session, device.path) as records_of:
+    with link_to(_modem(device), tmp_path) as records_of:
         service.wait_for(lambda: device.is_asked(b"AT+CENG?\r"))
         device.say(b"\r\n+CENG: 1,1\r\n\r\n")
         for row in ROWS:

@@ -7,6 +7,7 @@ from logger.core.types import LiveEstimate, Record, Scan
 from logger.device.live_view import (
     MOST_CELLS,
     MOST_SHOWN,
+    TREND_NS,
     CellTable,
     LiveView,
     SuspicionStatus,
@@ -48,6 +49,19 @@ def test_average_peak_and_trend():
     assert row.trend_db == 8.0  # warmer: -72 after -80
     (row,) = _rows(_table((1, reading(1, -60.0))))
     assert row.trend_db is None
+
+
+def test_levels_are_those_of_the_first_modem_until_it_hears_the_cell_no_more():
+    table = CellTable()
+    for t_s in range(1, 40):
+        if t_s < 20:
+            table.feed(Record(t_s * S, "first", Scan(0, (reading(1, -70.0),))))
+        table.feed(Record(t_s * S + 1, "second", Scan(0, (reading(1, -79.0),))))
+        (row,) = _rows(table)
+        at_first = t_s < 19 + TREND_NS // S
+        assert (row.modem, row.level_dbm) == (("first", -70.0) if at_first else ("second", -79.0))
+        assert row.trend_db in {None, 0.0}
+    assert row.peak_dbm == -79.0
 
 
 def test_timing_advance_is_a_distance_and_stays():

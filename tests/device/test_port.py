@@ -11,10 +11,12 @@ import serial
 import serial.rfc2217
 from serial.urlhandler import protocol_socket
 
+from logger.config import NmeaSettings
 from logger.core.errors import ConfigError, DeviceError
 from logger.core.types import RawBytes
 from logger.device.clock import SystemClock
 from logger.device.link import Inbox, Link
+from logger.device.nmea_source import NmeaSource
 from logger.device.port import Port
 from logger.device.port_url import check_url
 
@@ -106,7 +108,7 @@ def test_what_a_network_port_sends_at_once_is_read(monkeypatch):
 @pytest.mark.parametrize(
     "ends", [lambda link: None, lambda link: link.read(), DeviceError("no answer")]
 )
-def test_what_waits_in_a_port_that_is_left_is_recorded(ends):
+def test_what_waits_in_a_port_that_is_left_is_recorded(tmp_path, ends):
     """A session that ends by itself or by an error leaves nothing in the port, which forgets it
     when it is closed.
     """
@@ -114,15 +116,16 @@ def test_what_waits_in_a_port_that_is_left_is_recorded(ends):
     tty.setraw(slave)
     os.write(master, b"+CENG: 1,1\r\n" * 300)
     inbox, stop = Inbox(), threading.Event()
-    link = Link("modem", os.ttyname(slave), 115200, SystemClock(), inbox, stop)
 
-    def session(link):
-        stop.set()
-        if isinstance(ends, Exception):
-            raise ends
-        ends(link)
+    class EndingSource(NmeaSource):
+        def session(self, link, folder):
+            stop.set()
+            if isinstance(ends, Exception):
+                raise ends
+            ends(link)
 
-    link.run(session)
+    source = EndingSource(NmeaSettings(name="gnss", port=os.ttyname(slave)))
+    Link(source, SystemClock(), inbox, stop).run(tmp_path)
     values = []
     while (record := inbox.get(0.0)) is not None:
         values.append(record.value)

@@ -4,6 +4,7 @@ import errno
 import subprocess
 import sys
 
+import msgspec
 import pytest
 
 from logger.device.saved_modes import FILE, SavedMode, SavedModes
@@ -46,16 +47,34 @@ def _keep(card, **environment):
     )
 
 
+def test_two_modems_of_one_model_have_an_entry_each(tmp_path):
+    """The one that is set back first does not take the other's."""
+    modes = SavedModes(tmp_path)
+    first, second = (msgspec.structs.replace(OLD, source=name) for name in ("modem", "modem2"))
+    for entry in (first, second):
+        modes.save(entry)
+    assert (modes.of_source("modem"), modes.of_source("modem2")) == ((first,), (second,))
+    modes.drop(first)
+    assert modes.all() == (second,)
+
+
+def test_an_entry_of_an_earlier_version_is_of_any_modem(tmp_path):
+    modes = SavedModes(tmp_path)
+    modes.path.write_text(
+        '[{"driver":"sim7600","model":"SIMCOM_SIM7600E-H","asks":"AT+CNMP?","value":"2"}]'
+    )
+    assert modes.of_source("modem2") == (OLD,)
+
+
 def test_an_entry_for_each_model(tmp_path):
     modes = SavedModes(tmp_path)
     assert modes.all() == ()
     for entry in (OLD, OTHER, NEW):
         modes.save(entry)
     assert set(modes.all()) == {OTHER, NEW}
-    assert (modes.of("quectel", "EC25"), modes.of("quectel", "EC21")) == (OTHER, None)
-    modes.drop("sim7600", "SIMCOM_SIM7600E-H")
+    modes.drop(NEW)
     assert modes.all() == (OTHER,)
-    modes.drop("quectel", "EC25")
+    modes.drop(OTHER)
     assert not list(tmp_path.iterdir())
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from logger.check import Line
 from logger.cli import main
+from logger.device.check_line import Line
 from logger.device.saved_modes import SavedMode, SavedModes
 from logger.doctor.examination import overall
 from logger.doctor.machine import open_journal

@@ -37,7 +37,7 @@ class Walk:
         self.t_s = self.north_m = 0.0
         self.found = []
 
-    def scan(self, *readings, seconds=5.0, metres=6.0, times=1):
+    def scan(self, *readings, seconds=5.0, metres=6.0, times=1, modem="modem"):
         """The first reading is that of the serving cell."""
         for _ in range(times):
             self.t_s += seconds
@@ -49,7 +49,7 @@ class Walk:
                 replace(r, role="serving" if i == 0 else r.role) for i, r in enumerate(readings)
             )
             self.tracker.feed(Record(t_ns, "gnss", fix))
-            self.found += self.tracker.feed(Record(t_ns, "modem", Scan(t_ns, cells)))
+            self.found += self.tracker.feed(Record(t_ns, modem, Scan(t_ns, cells)))
         return self
 
     @property

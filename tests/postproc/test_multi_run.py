@@ -10,8 +10,17 @@ from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.cell_estimation import estimate_cell
 from postproc.cli import main
-from postproc.multi_run import in_one_zone, merge, modems_of, parts_by_cell, shares_of
+from postproc.multi_run import (
+    in_one_zone,
+    merge,
+    modems_of,
+    of_one_modem,
+    parts_by_cell,
+    shares_of,
+    with_one_modem,
+)
 from postproc.smoothing import smooth_runs
+from postproc.survey.walk_readings import readings_of
 from postproc.walk import observe_run
 from tests.kit import runs
 from tests.kit.runs import UTC0_NS
@@ -31,9 +40,22 @@ SHIFT_DB = 9.0
 
 
 def record_walk(
-    path, way, *, shift_db=0.0, seed=0, cid=1, run_id=None, at_deg=BORDER, truth=True, **meta
+    path,
+    way,
+    *,
+    shift_db=0.0,
+    seed=0,
+    cid=1,
+    run_id=None,
+    at_deg=BORDER,
+    truth=True,
+    second_db=None,
+    **meta,
 ):
-    """A run: a fix and a scan of one cell every two seconds along a way."""
+    """A run: a fix and a scan of one cell every two seconds along a way.
+
+    With `second_db` a second modem scans too, which reads so much higher.
+    """
     rng, zero = np.random.default_rng(seed), np.array(UTM.to_xy(*at_deg))
     known = (Truth(CELL, *UTM.to_latlon(*(zero + SOURCE_M))),) if truth else ()
     name = run_id or f"{path.stem:0>32}"
@@ -46,6 +68,9 @@ def record_walk(
         writer.append(Record(t_ns, "gnss", Fix(True, UTC0_NS + t_ns, a, b, acc_m=2.0)))
         reading = CellReading("serving", "GSM", "262", "01", 4711, cid, rssi_dbm=dbm)
         writer.append(Record(t_ns + 5, "modem", Scan(t_ns, (reading,), None)))
+        if second_db is not None:
+            heard = replace(reading, rssi_dbm=float(round(dbm + second_db + rng.normal(0, 2.5))))
+            writer.append(Record(t_ns + 6, "modem2", Scan(t_ns, (heard,), None)))
     writer.close(2 * len(lat) * 10**9, "test")
     return path.with_suffix(".journal")
 
@@ -65,6 +90,11 @@ def pair(tmp_path_factory):
 @pytest.fixture(scope="module")
 def both(pair):
     return smooth_runs([read_run(path) for path in pair])
+
+
+def _at_border(way):
+    zero = np.array(UTM.to_xy(*BORDER))
+    return way[0] + zero[0], way[1] + zero[1]
 
 
 def fails(capsys, *argv):
@@ -251,6 +281,46 @@ def test_a_modem_of_which_no_reading_counts_has_no_offset(pair):
     assert offsets == [0.0, None]
     of_the_first = merged.on_one_scale(np.zeros(1))  # of the second nothing is known
     np.testing.assert_array_equal(of_the_first.level_dbm, merged.level_dbm)
+
+
+def test_modems_of_one_run_are_kept_apart(tmp_path):
+    path = record_walk(tmp_path / "two.h5", BENT, second_db=-SHIFT_DB)
+    alone = record_walk(tmp_path / "one.h5", BENT, run_id="1" * 32)
+    (cell,) = smooth_runs([read_run(path)]).cells
+    first, second = cell.shares
+    assert [(share.run, share.n) for share in cell.shares] == [(0, 100), (0, 100)]
+    assert (first.offset_db, first.sigma_db) == (0.0, 0.0)
+    assert second.offset_db == pytest.approx(-SHIFT_DB, abs=3.0 * second.sigma_db)
+    assert any("several modems" in warning for warning in cell.warnings)
+    with_another = smooth_runs([read_run(path), read_run(alone)]).cells[0]
+    assert len(with_another.shares) == 3
+
+
+def test_a_comparison_and_a_survey_take_the_modem_with_most_readings(tmp_path):
+    run = read_run(record_walk(tmp_path / "two.h5", BENT, second_db=-SHIFT_DB))
+    (obs,) = observe_run(run).observations.cells
+    assert obs.n_modems == 2
+    one = of_one_modem(obs)
+    assert (len(one), one.modem, one.n_modems) == (100, None, 1)
+    assert set(with_one_modem(run).tables["scans"]["source"]) == {b"modem"}
+    assert readings_of(run, "salt").remark
+    assert len(readings_of(run, "salt")) == 100
+
+
+def test_scans_of_another_modem_make_a_cell_no_less_regular(tmp_path):
+    """The second modem names another cell alone."""
+    stream = []
+    for i, (lat, lon) in enumerate(zip(*UTM.to_latlon_arrays(*_at_border(BENT)), strict=True)):
+        t_ns = 2 * i * 10**9
+        stream.append(Record(t_ns, "gnss", Fix(True, UTC0_NS + t_ns, lat, lon, acc_m=2.0)))
+        for number, modem in enumerate(("modem", "modem2"), 1):
+            scan = Scan(t_ns, (runs.reading(number, -70.0), runs.reading(number + 2, -80.0)))
+            stream.append(Record(t_ns + number, modem, scan))
+    runs.write_journal(tmp_path / "a.journal", stream)
+    cells = observe_run(read_run(tmp_path / "a.journal")).observations.cells
+    assert len(cells) == 4
+    for obs in cells:
+        assert set(obs.named_share.tolist()) == {1.0}
 
 
 def test_of_very_many_modems_those_heard_most_are_used(tmp_path):

@@ -46,6 +46,12 @@ def test_every_setting_that_is_left_out_is_named_once(tmp_path):
     assert _upgrade(tmp_path, MINIMAL) == ""
 
 
+def test_the_example_of_a_second_modem_is_no_setting_that_is_missing(tmp_path):
+    assert "[source]" not in _upgrade(tmp_path, MINIMAL)
+    second = '[[source]]\nkind = "modem"\nport = "/n"\n'
+    assert "[source]" not in _upgrade(tmp_path, EXAMPLE.read_text() + second)
+
+
 def test_a_line_that_was_taken_out_is_named(tmp_path):
     text = re.sub("# streets = .*\n", "", EXAMPLE.read_text())
     assert "defaults:\n  [live] streets\n" in _upgrade(tmp_path, text)

@@ -21,6 +21,8 @@ _MOST_FOUND = 500
 class SuspicionTracker:
     """Follows the records of one run; `feed` them in recorded order.
 
+    Each modem has a memory of its own: another one reads higher or lower, hears other neighbours
+    and is served by another cell. A rule that holds for a cell in one of them counts once.
     `worst` is the cell with the worst word so far, None while all are "nothing unusual".
     `errors` has, by cell, the first error of a rule, which is one of this program: the other rules
     and cells go on. Without a cell it is under an empty name.
@@ -29,7 +31,7 @@ class SuspicionTracker:
     def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline = NO_BASELINE) -> None:
         self._baseline = baseline
         self._walker = Walker(max_fix_age_s)
-        self._memory = Memory(baseline)
+        self._memories: dict[str, Memory] = {}
         self._identities = Identities()
         self._findings: Latest[list[Finding]] = Latest(_MOST_FOUND)
         self._refutable: dict[str, None] = {}
@@ -45,7 +47,7 @@ class SuspicionTracker:
             case Fix() as fix:
                 self._walker.add(record.t_ns / 1e9, fix)
             case Scan() as scan:
-                return self._take_scan(record.t_ns, scan)
+                return self._take_scan(record.t_ns, scan, record.source)
         return []
 
     def assessment(self, cell: str) -> Assessment:
@@ -55,12 +57,14 @@ class SuspicionTracker:
     def technologies(self) -> dict[str, str]:
         """Technology of each cell of late, and of those with findings."""
         rats = {name: self._rat(name) for name in self._findings}
-        rats |= {name: cell.rat for name, cell in self._memory.cells.items()}
+        for memory in self._memories.values():
+            rats |= {name: cell.rat for name, cell in memory.cells.items()}
         return {name: rat for name, rat in rats.items() if rat is not None}
 
     def assessments(self) -> list[Assessment]:
         """The words of all cells of late, and of those with findings."""
-        known = [name for name in self._memory.cells if name in self._identities]
+        of_late = [name for memory in self._memories.values() for name in memory.cells]
+        known = [name for name in of_late if name in self._identities]
         return [self.assessment(name) for name in dict.fromkeys([*known, *self._findings])]
 
     def conspicuous(self) -> list[Assessment]:
@@ -68,25 +72,26 @@ class SuspicionTracker:
         known = by_word([self.assessment(name) for name in self._findings])
         return [one for one in known if one.word != WORDS[0]]
 
-    def _take_scan(self, t_ns: int, scan: Scan) -> list[Finding]:
+    def _take_scan(self, t_ns: int, scan: Scan, modem: str) -> list[Finding]:
         self._identities.add(scan)
         now = self._walker.at(t_ns, scan)
         self.capabilities.add(now)
-        self._memory.take(now)
+        memory = self._memories.setdefault(modem, Memory(self._baseline))
+        memory.take(now)
         for name in tuple(self._refutable):
-            self._withdraw(name)
-        return [finding for rule in RULES.values() for finding in self._ask(rule)]
+            self._withdraw(memory, name)
+        return [finding for rule in RULES.values() for finding in self._ask(memory, rule)]
 
-    def _ask(self, rule: Rule[Memory, Any]) -> list[Finding]:
+    def _ask(self, memory: Memory, rule: Rule[Memory, Any]) -> list[Finding]:
         """New findings of a rule; it goes on with the next cell where it raises."""
         new: list[Finding] = []
-        memory, check = self._memory, rule.check
+        check = rule.check
         try:
             for cell in rule.about(memory):
                 try:
                     evidence = check(memory, cell)
                     if evidence is not None:
-                        new += self._keep(rule, cell, evidence)
+                        new += self._keep(memory, rule, cell, evidence)
                 except Exception as error:  # noqa: BLE001 (recorded and shown)
                     self._fail(cell.name, error)
         except Exception as error:  # noqa: BLE001
@@ -97,15 +102,20 @@ class SuspicionTracker:
         if name not in self.errors:
             self.errors.put(name, error_place(error))
 
-    def _keep(self, rule: Rule[Memory, Any], cell: Any, evidence: Evidence) -> list[Finding]:
+    def _keep(
+        self, memory: Memory, rule: Rule[Memory, Any], cell: Any, evidence: Evidence
+    ) -> list[Finding]:
         """Keep the first finding of a rule for a cell, once two scans have named the cell."""
         before, rat = self._findings.get(cell.name, []), self._rat(cell.name)
         if rat is None or rat not in rule.rats or any(one.rule is rule for one in before):
             return []
         if self._baseline.trust_note(cell.name) is not None:
             return []
-        nats = rule.nats(rat) if rule.weigh is None else rule.weigh(self._memory, cell)
-        now, text = self._memory.now, rule.sentence.format(**evidence)
+        refuted_by = rule.refuted_by
+        if refuted_by and any(refuted_by(each, cell.name) for each in self._memories.values()):
+            return []  # another modem hears it
+        nats = rule.nats(rat) if rule.weigh is None else rule.weigh(memory, cell)
+        now, text = memory.now, rule.sentence.format(**evidence)
         at_deg = now.lat_deg, now.lon_deg
         finding = Finding(rule, cell.name, now.t_ns, *at_deg, text, evidence, nats)
         self._findings.put(cell.name, [*before, finding])
@@ -114,10 +124,10 @@ class SuspicionTracker:
         self._rank([name for name in (cell.name, self.worst) if name is not None])
         return [finding]
 
-    def _withdraw(self, name: str) -> None:
+    def _withdraw(self, memory: Memory, name: str) -> None:
         """Withdraw the findings of a cell that this scan refutes."""
         before = self._findings.get(name, [])
-        left = [one for one in before if not self._is_refuted(one)]
+        left = [one for one in before if not _is_refuted(one, memory)]
         if not any(one.rule.refuted_by for one in left):
             del self._refutable[name]
         if len(left) == len(before):
@@ -128,15 +138,11 @@ class SuspicionTracker:
         if name == self.worst:
             self._rank(self._findings)
 
-    def _is_refuted(self, finding: Finding) -> bool:
-        refuted_by = finding.rule.refuted_by
-        return refuted_by is not None and refuted_by(self._memory, finding.cell)
-
     def _rat(self, name: str) -> str | None:
         """Technology of a cell that two scans have named, of this walk or of earlier ones."""
-        cell = self._memory.cells.get(name)
-        if cell is not None:
-            return cell.rat if name in self._identities else None
+        for memory in self._memories.values():
+            if name in memory.cells:
+                return memory.cells[name].rat if name in self._identities else None
         known = self._baseline.cell(name)
         return None if known is None else known.rat
 
@@ -144,6 +150,11 @@ class SuspicionTracker:
         """The worst cell is the worst of these."""
         worst = next(iter(by_word([self.assessment(name) for name in names])), None)
         self.worst = None if worst is None or worst.word == WORDS[0] else worst.cell
+
+
+def _is_refuted(finding: Finding, memory: Memory) -> bool:
+    refuted_by = finding.rule.refuted_by
+    return refuted_by is not None and refuted_by(memory, finding.cell)
 
 
 class Capabilities:

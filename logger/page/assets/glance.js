@@ -17,7 +17,7 @@ export function glance(state, silentMs) {
     return ['trouble', `The recorder is silent for ${Math.round(state.silent_s)} s`,
       'It starts again by itself; if not, restart the Pi.'];
   }
-  if (status.state === 'error') return ['trouble', 'Trouble: this walk is not being recorded', status.text];
+  if (status.state === 'error') return ['trouble', trouble(status), status.text];
   if (status.state === 'no fix') {
     return ['no-fix', 'Recording, but there is no position', 'Stand under the open sky for a minute.'];
   }
@@ -26,6 +26,15 @@ export function glance(state, silentMs) {
   }
   if (status.state === 'suspicious') return ['suspicious', `Recording; a cell is suspicious${place(status)}`, advice(status)];
   return ['recording', `Recording${place(status)}`, advice(status)];
+}
+
+function trouble(status) {
+  const ports = Object.entries(status.ports ?? {});
+  const faulty = ports.filter(([, port]) => port.fault).map(([name]) => name);
+  if (ports.length < 3 || !faulty.length || faulty.length === ports.length) {
+    return 'Trouble: this walk is not being recorded';
+  }
+  return `Trouble with ${faulty.join(' and ')}; the others are being recorded`;
 }
 
 const isLocated = status => status.position?.verdict === 'located';

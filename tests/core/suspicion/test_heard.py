@@ -25,7 +25,7 @@ def test_a_code_that_is_not_printed_may_be_any(operator, other, is_same):
 
 def test_networks_that_come_late_are_not_those_of_the_log():
     walk = Walk().scan(*FIRST, *SECOND, times=2)
-    memory = walk.scan(*FIRST, gsm(90, mcc="001"), seconds=400.0).tracker._memory
+    memory = walk.scan(*FIRST, gsm(90, mcc="001"), seconds=400.0).tracker._memories["modem"]
     assert memory.are_apart("232-03", "232-01")
     assert not memory.are_apart("001-01", "232-01")
     assert not memory.are_apart("232-01", "232-01")

@@ -104,7 +104,7 @@ def test_memory_is_bounded():
     walk = Walk()
     for k in range(400):
         walk.scan(*(gsm(1000 + k * 5 + i) for i in range(5)), metres=30.0)
-    memory = walk.tracker._memory
+    memory = walk.tracker._memories["modem"]
     assert len(memory.cells) <= 128
     assert all(len(cell.spots) <= 49 for cell in memory.cells.values())
     assert sys.getsizeof(walk.tracker._findings) < 100_000

@@ -1,17 +1,27 @@
-"""The session with an NMEA receiver, which is only read."""
+"""An NMEA receiver at a serial port, which is only read."""
 
+import time
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Protocol
 
+from logger.config import NmeaSettings
 from logger.core.types import BY_HAND, DEAD_RECKONING, SIMULATED, Fix
 from logger.core.utc import EARLIEST_UTC_NS
-from logger.device.link import Link
+from logger.device.check_line import Line, port_line
+from logger.device.link import Device, Link, Source
+from logger.device.port import Port
+from logger.device.port_url import check_url
 from logger.drivers.protocols.line_noise import Garbage
-from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
+from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
 
 SILENT_S = 1.5
 """Longer than the pause between two epochs at 1 Hz: after it an epoch is complete."""
+PROBE_S = 1.3
+"""A receiver at 1 Hz has printed an epoch by then."""
+_SENTENCES = 2
+"""Right checksums that make a receiver: one may be noise."""
 
 _UNMEASURED = {
     DEAD_RECKONING: (
@@ -38,9 +48,33 @@ class Assembler(Protocol):
     def flush(self) -> Iterator[tuple[int, Fix]]: ...
 
 
-def gnss_session(link: Link) -> None:
-    """Read sentences and record one fix for each epoch, until stopped or the port is lost."""
-    record_fixes(link, NmeaFramer(), FixAssembler(), SILENT_S)
+class NmeaSource(Source[NmeaSettings]):
+    """Gives one fix for each epoch of a receiver."""
+
+    may_be_swapped = True
+
+    def open(self, read_timeout_s: float) -> Port:
+        return Port(self.port, self.settings.baud, read_timeout_s)
+
+    def session(self, link: Link, folder: Path) -> None:
+        del folder
+        record_fixes(link, NmeaFramer(), FixAssembler(), SILENT_S)
+
+    def validate(self) -> None:
+        check_url(self.port)
+
+    def check(self) -> Iterator[Line]:
+        yield port_line(self.name, self.port)
+
+    @classmethod
+    def probe(cls, port: Port) -> Device | None:
+        """A receiver sends sentences by itself."""
+        framer, n_sentences, end_s = NmeaFramer(), 0, time.monotonic() + PROBE_S
+        while time.monotonic() < end_s:
+            n_sentences += sum(isinstance(event, Sentence) for event in framer.feed(port.read()))
+            if n_sentences >= _SENTENCES:
+                return Device("gnss", "NMEA")
+        return None
 
 
 def record_fixes(link: Link, framer: Framer, assembler: Assembler, silent_s: float) -> None:

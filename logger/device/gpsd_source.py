@@ -1,12 +1,16 @@
-"""The session with a gpsd, `gpsd://host[:port][/device]`: one request, then reading only."""
+"""The receivers of a gpsd, `gpsd://host[:port][/device]`: one request, then reading only."""
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
+from pathlib import Path
 from urllib.parse import urlsplit
 
+from logger.config import GpsdSettings
 from logger.core.types import Fix
-from logger.device.gnss_link import gnss_session, record_fixes
-from logger.device.link import Link
+from logger.device.check_line import Line, port_line
+from logger.device.link import Link, Source
+from logger.device.nmea_source import record_fixes
+from logger.device.port import Port
+from logger.device.port_url import check_url
 from logger.drivers.protocols.gpsd import (
     Device,
     Devices,
@@ -22,16 +26,23 @@ PAUSE_S = 0.1
 """gpsd writes an epoch in one go: after a pause there is no more of it."""
 
 
-def receiver_session(url: str) -> Callable[[Link], None]:
-    """The session for a receiver's port: gpsd for its own scheme, NMEA for all others."""
-    parts = urlsplit(url)
-    return partial(gpsd_session, device=parts.path) if parts.scheme == "gpsd" else gnss_session
+class GpsdSource(Source[GpsdSettings]):
+    """Gives one fix for each epoch of one receiver of a gpsd, or of all if no device is named."""
 
+    def open(self, read_timeout_s: float) -> Port:
+        return Port(self.port, 0, read_timeout_s)
 
-def gpsd_session(link: Link, device: str) -> None:
-    """Record one fix for each epoch of one receiver of a gpsd, or of all if `device` is empty."""
-    link.write(watch(device))
-    record_fixes(link, GpsdFramer(), _FixesAndNotes(link, device), PAUSE_S)
+    def session(self, link: Link, folder: Path) -> None:
+        del folder
+        device = urlsplit(self.port).path
+        link.write(watch(device))
+        record_fixes(link, GpsdFramer(), _FixesAndNotes(link, device), PAUSE_S)
+
+    def validate(self) -> None:
+        check_url(self.port)
+
+    def check(self) -> Iterator[Line]:
+        yield port_line(self.name, self.port)
 
 
 class _FixesAndNotes(GpsdFixes):

@@ -1,47 +1,155 @@
-"""The session with a modem: set-up, polls and full scans, one command at a time."""
+"""An AT modem of any family: set-up, polls and full scans, one command at a time."""
+
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
 
 from logger.config import ModemSettings
 from logger.core.errors import DeviceError
+from logger.core.source_tables import GNSS, MODEM
 from logger.core.types import CellReading, Fix
-from logger.device.gnss_link import count_unmeasured, credible
-from logger.device.link import Link
+from logger.device.check_line import Line, port_line
+from logger.device.link import Device, Link, Source
 from logger.device.mode_switch import ModeSwitch
 from logger.device.modem_exchange import ModemExchange
+from logger.device.nmea_source import count_unmeasured, credible
+from logger.device.port import Port
+from logger.device.port_url import check_url
 from logger.device.saved_modes import SavedModes
 from logger.device.shutdown import AfterStop
-from logger.drivers.family import Family
+from logger.drivers.family import Family, wake
 from logger.drivers.generic import Generic
-from logger.drivers.protocols.at import Command, run_dialogue
+from logger.drivers.privacy.redaction import Redactor
+from logger.drivers.protocols.at import AtFramer, Command, Dialogue, Reply, run_dialogue
 from logger.drivers.reading.row_language import Operator
-from logger.drivers.registry import driver_of, identify
+from logger.drivers.registry import check_mode, driver_of, identify
+
+T = TypeVar("T")
 
 SILENT_POLLS = 3
 """Polls without an answer after which the port is closed and opened again."""
+SCAN_S, SURVEY_S = 60.0, 360.0
+"""A modem without a scan for this long has failed; the other is the time of a full scan."""
+PROBE_TRIES = 2
+RECEIVER_IS_OFF = (": 505", ": 516")
+"""+CME ERROR of a Quectel: its receiver is off, or has no fix yet."""
 
 
-def modem_session(
-    link: Link, settings: ModemSettings, modes: SavedModes, *, locates: bool = False
-) -> None:
-    """Set the modem up and poll it until stopped.
+class ModemSource(Source[ModemSettings]):
+    """Gives a scan for each poll of a modem; with `fixes`, those of its own receiver too."""
 
-    `modes` stores the mode that the modem had before it was set to GSM only. With `locates` the
-    modem's own receiver gives the fixes. Raises `DeviceError` when the modem falls silent or its
-    port is lost.
+    may_be_swapped = True
+
+    @property
+    def patience_s(self) -> float:
+        is_surveyed = self.settings.full_scan_interval_s > 0.0
+        return SCAN_S + 3.0 * self.settings.poll_interval_s + is_surveyed * SURVEY_S
+
+    def open(self, read_timeout_s: float) -> Port:
+        return Port(self.port, self.settings.baud, read_timeout_s)
+
+    def session(self, link: Link, folder: Path) -> None:
+        """Set the modem up and poll it; a silent modem is a `DeviceError`.
+
+        The mode that it had before it was set to GSM only is stored in the folder.
+        """
+        _Session(link, self.settings, SavedModes(folder)).run()
+
+    def validate(self) -> None:
+        check_url(self.port)
+        check_mode(self.settings.driver, self.settings.set_mode)
+
+    def check(self) -> Iterator[Line]:
+        yield port_line(self.name, self.port)
+        if not self.settings.fixes:
+            return
+        driver = driver_of(self.settings.driver)
+        if driver is None or driver.gnss_poll_commands:
+            yield Line("ok", GNSS, "the modem's own receiver")
+        else:
+            text = f"driver {driver.name} reads no receiver of the modem: name a port"
+            yield Line("fail", GNSS, text)
+
+    def examine(self) -> Iterator[Line]:
+        """The state of the SIM, which the modem does not need."""
+        try:
+            with self.open(0.1) as port:
+                state = converse(port, _sim_state())
+        except DeviceError as error:
+            yield Line("fail", self.name, str(error))
+            return
+        if state is None:
+            text = "gives no answer to AT: powered? right port and baud? see fieldlogger probe"
+            yield Line("fail", self.name, text)
+        else:
+            what = "SIM" if self.name == MODEM else f"SIM {self.name}"
+            yield Line("ok", what, f"{state} (recording needs none)")
+
+    @classmethod
+    def probe(cls, port: Port) -> Device | None:
+        """A modem answers OK to `AT`, the first of which sets the rate, and names itself."""
+        at = Command("AT", timeout_s=0.5)
+        if not any(_ask(port, AtFramer(), at).ok for _ in range(PROBE_TRIES)):
+            return None
+        identity = converse(port, identify())
+        if identity is None:
+            return None
+        driver, text = identity
+        return Device("modem", text, driver.name, converse(port, _has_receiver(driver)))
+
+
+def _sim_state() -> Dialogue[str | None]:
+    if not (yield from wake()):
+        return None
+    yield Command("AT+CMEE=2")
+    reply = yield Command("AT+CPIN?", timeout_s=5.0)
+    if reply.final is None:
+        return None
+    return " ".join(line.strip() for line in reply.lines) or reply.final
+
+
+def _has_receiver(driver: Family) -> Dialogue[bool]:
+    """Whether the modem has a receiver of its own, which is not switched on for it.
+
+    It has the command that asks for a fix, or the one that switches the receiver on: a test
+    command of the form AT+X=? is answered OK where AT+X= is known (ITU-T V.250 5.4.1).
     """
-    mode = ModeSwitch(link, modes, gsm_only=settings.set_mode == "gsm")
-    _Session(link, settings, mode, locates=locates).run()
+    tests = (Command(on.text.partition("=")[0] + "=?") for on in driver.gnss_start_commands)
+    yield Command("AT+CMEE=1")
+    for command in (*driver.gnss_poll_commands, *tests):
+        reply = yield command
+        if reply.ok or (reply.final or "").endswith(RECEIVER_IS_OFF):
+            return True
+    return False
+
+
+def converse(port: Port, dialogue: Dialogue[T]) -> T:
+    """Drive a dialogue over an open port that no link reads."""
+    return run_dialogue(dialogue, partial(_ask, port, AtFramer()))
+
+
+def _ask(port: Port, framer: AtFramer, command: Command) -> Reply:
+    framer.send(command.text)
+    port.write(command.text.encode("ascii") + b"\r")
+    redactor = Redactor()
+    redactor.send(command.text.encode("ascii"))
+    end_s = time.monotonic() + command.timeout_s
+    while time.monotonic() < end_s:
+        for event in framer.feed(redactor.feed(port.read())):
+            if isinstance(event, Reply):
+                return event
+    return framer.expire()
 
 
 class _Session:
     """From the opening of the port until it is lost."""
 
-    def __init__(
-        self, link: Link, settings: ModemSettings, mode: ModeSwitch, *, locates: bool
-    ) -> None:
+    def __init__(self, link: Link, settings: ModemSettings, modes: SavedModes) -> None:
         self._link = link
         self._settings = settings
-        self._mode = mode
-        self._locates = locates
+        self._mode = ModeSwitch(link, modes, gsm_only=settings.set_mode == "gsm")
         self._modem = ModemExchange(link, driver_of(settings.driver))
         self._echoes = False
         self._survey: list[Command] = []
@@ -84,7 +192,7 @@ class _Session:
         self._modem.is_set_up = accepted and not self._modem.is_restarted
         if self._modem.is_set_up:
             self._mode.renew()
-            if self._locates:
+            if self._settings.fixes:
                 self._modem.talk(self._modem.driver.ask(self._modem.driver.gnss_start_commands))
             if not self._modem.is_announced:
                 self._modem.is_announced = True
@@ -125,10 +233,10 @@ class _Session:
             self._modem.is_set_up = False
             return
         self._modem.emit_scan(start_ns, self._modem.wire.received_ns, rows)
-        if self._locates:
+        if self._settings.fixes:
             for row in self._modem.talk(driver.ask(driver.gnss_poll_commands)) or ():
                 if isinstance(row, Fix):
-                    self._link.emit(credible(row), self._modem.wire.received_ns, source="gnss")
+                    self._link.emit(credible(row), self._modem.wire.received_ns, source=GNSS)
                     count_unmeasured(self._link, row)
 
     def _continue_survey(self, driver: Family) -> None:

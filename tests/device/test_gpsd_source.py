@@ -4,16 +4,17 @@ import shutil
 import socket
 import subprocess
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from logger.config import parse_config
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
-from logger.device.gnss_link import gnss_session
-from logger.device.gpsd_link import gpsd_session, receiver_session
+from logger.device.gpsd_source import GpsdSource
+from logger.device.nmea_source import NmeaSource
+from logger.device.sources import source_of
 from logger.sim.ptys import PtyDevice
 from tests.kit import service
 from tests.kit.recorded_replies import NmeaPlayer
@@ -92,9 +93,16 @@ def test_a_real_log_through_a_real_gpsd(tmp_path):
     assert b"gpsd-version" in {*run.tables["notes"]["code"]}
 
 
-def test_the_scheme_chooses_the_session():
-    assert receiver_session("/dev/ttyUSB0") is gnss_session
-    assert receiver_session("socket://localhost:2947") is gnss_session
-    chosen = receiver_session("gpsd://somewhere:1234/dev/ttyACM0")
-    assert isinstance(chosen, partial)
-    assert (chosen.func, chosen.keywords) == (gpsd_session, {"device": "/dev/ttyACM0"})
+@pytest.mark.parametrize(
+    ("port", "kind"),
+    [
+        ("/dev/ttyUSB0", NmeaSource),
+        ("socket://localhost:2947", NmeaSource),
+        ("gpsd://somewhere:1234/dev/ttyACM0", GpsdSource),
+    ],
+)
+def test_the_scheme_chooses_the_kind(port, kind):
+    text = f'[run]\ndirectory = "r"\n[modem]\nport = "/a"\n[gnss]\nport = "{port}"\n'
+    source = source_of(parse_config(text, "site.toml").source[1])
+    assert type(source) is kind
+    assert (source.name, source.port) == ("gnss", port)
