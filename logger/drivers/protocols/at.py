@@ -23,8 +23,8 @@ from typing import TypeVar
 
 from logger.drivers.protocols.line_noise import Garbage, pieces
 
-# A driver yields Commands and is sent Replys; whoever drives the generator owns the port. A
-# timeout is a Reply with final None, so a driver treats it as data.
+# A driver yields commands and is sent replies; whoever drives the generator owns the port. A
+# timeout is a reply with final None, so a driver treats it as data.
 
 INTERRUPTION = "\x18"
 """Marks where a row may have been cut; CAN, which no framer passes on."""
