@@ -1,4 +1,4 @@
-"""What changed between two walks, cell by cell.
+"""What changed between two walks, cell by cell: levels, patterns, and cells that are new or gone.
 
 At most `FALSE_WORDS` of the pairs of walks between which nothing changed get a single word
 (`new`, `gone`, `moved`, `stronger`, `weaker`): each test gets that rate divided by the number of

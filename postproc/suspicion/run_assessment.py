@@ -1,4 +1,4 @@
-"""The words of all cells of runs, with reasons and what was not asked; results in their order."""
+"""The words of all cells of runs, with reasons and what was not asked, and as a document."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

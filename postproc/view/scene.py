@@ -1,4 +1,4 @@
-"""A view model as a recording for the rerun viewer."""
+"""A view model as a recording for the rerun viewer: its layout, its texts and all that it draws."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The rerun viewer as a child process that listens on this machine only and ends with us."""
+"""The rerun viewer, in a window or in a browser; it listens on this machine only."""
 
 import base64
 import hashlib

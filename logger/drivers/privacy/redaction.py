@@ -2,8 +2,8 @@
 
 Nothing here asks for IMSI, IMEI, SIM or telephone numbers or for messages, but modems volunteer
 them (ATI of a Sierra prints a serial number, +CLIP the caller, +CMT a message), each maker in forms
-of its own. So a line passes only where its form is known (`rows`, `receivers`) or where it answers
-a command that was sent (`rows`, `identity`); of all other lines the length and the name remain.
+of its own. So a line passes only where its form is known, of cells and levels or of a receiver, or
+where it answers a command that was sent; of all other lines the length and the name remain.
 Every port is redacted alike, since a modem may be behind any of them.
 """
 
@@ -18,7 +18,7 @@ from logger.drivers.registry import FAMILIES, IDENTITY
 
 # IMEI and IMSI have 15 digits, IMEISV 16 (3GPP TS 23.003), a SIM 18 to 22 (ITU-T E.118). Telephone
 # numbers are shorter: a plus, groups, quotes or their type show them (3GPP TS 27.007). This is the
-# second look at lines whose form is known (rows), and the only one at text of the program itself.
+# second look at lines whose form is known, and the only one at text of the program itself.
 
 # gpsd prints decimals to the last bit; 0x begins a mask; binary data has a byte many times over
 _LONG = rb"(?<![0-9]\.)(?<![0-9xX])(?!(?P<same>[0-9])(?P=same)*(?![0-9]))[0-9]{15,}"

@@ -10,7 +10,7 @@ doubtful:
 - it is what a more frequent number of the same column becomes when a digit is lost or doubled.
 
 A number that is printed twice is sure. An identity with a doubtful number keeps its value and is
-marked; a level or a channel without one of its digits is useless and is dropped. `cell_history`
+marked; a level or a channel without one of its digits is useless and is dropped. `CellHistory`
 compares whole names with those before. What a cell broadcasts is marked until the same is printed
 of it twice, and half as often as anything else.
 """
