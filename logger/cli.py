@@ -227,7 +227,7 @@ def parse(file: Path, driver_name: str, command: str | None, *, as_json: bool) -
     cls=NameOption,
     module="logger.sim.dialects",
     variable="DIALECTS",
-    help="Simulated modem (default: sim800); each one more reads 9 dB lower.",
+    help="Simulated modem (default: sim800), or several, 9 dB apart.",
 )
 @click.option(
     "--fault",
@@ -235,7 +235,7 @@ def parse(file: Path, driver_name: str, command: str | None, *, as_json: bool) -
     cls=NameOption,
     module="logger.sim.faults",
     variable="FAULTS",
-    help="A fault of the first modem between two times in seconds.",
+    help="A fault of the modem between two times in seconds.",
 )
 @click.option("--seed", type=SEED, default=1, show_default=True, metavar="N")
 @click.option(
