@@ -129,9 +129,9 @@ LATE = """
 import sys
 from logger.command_line import late_modules
 with late_modules():
-    from logger.core import geo
+    from logger.core import places
 assert "pyproj" not in sys.modules
-geo.Utm
+places.Utm
 assert "pyproj" in sys.modules
 from logger.core import ekf  # outside: as ever
 assert type(ekf) is type(sys)

@@ -122,9 +122,10 @@ def _peak_mb(folder, *modems):
     names = [option for name in modems for option in ("--modem", name)]
     command = [*service.FIELDLOGGER, "simulate", "--out", str(folder), "--scenario", "city-clean"]
     script = (
-        "import os, resource, sys; from logger.cli import main; from logger.device.memory import "
-        "give_back; give_back(); code = main(sys.argv[1:]); "
-        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024); os._exit(code)"
+        "import os, sys; from logger.cli import main; from logger.device.memory import give_back; "
+        "give_back(); code = main(sys.argv[1:]); "
+        "peak = next(l for l in open('/proc/self/status') if l.startswith('VmHWM')); "
+        "print(int(peak.split()[1]) // 1024); os._exit(code)"
     )
     arguments = [*command[3:], "--duration", "240", "--speed", "20", *names]
     done = subprocess.run(
