@@ -8,8 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from logger.core.readings import Readings
-
 from . import tree
 from .world import Place, Walk, World
 
@@ -65,7 +63,7 @@ def names(classes: str) -> tuple[tuple[str, str], ...]:
     return tuple((one.campaign, one.name) for one in traces() if one.geometry in classes)
 
 
-def observe(dataset: str, trace: str) -> tuple[Readings, Place]:
+def observe(dataset: str, trace: str) -> tuple[tree.Readings, Place]:
     """Readings of a measured walk as `postproc import FILE` has them, and the transmitter."""
     truth = _truth(dataset)
     about = truth["traces"][trace]

@@ -13,11 +13,16 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import LEVEL, highest_density
-from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run, read_run
 from postproc.interop.importing import import_walk
 
 from .answer import Squares
+
+try:
+    from logger.core.readings import Observations, Readings
+except ImportError:
+    from logger.core.observations import CellObservations as Readings
+    from logger.core.observations import Observations
 
 try:
     from logger.core.locator.pipeline import decide, locate
@@ -42,6 +47,7 @@ else:
 
 __all__ = [
     "Prior",
+    "Readings",
     "decide",
     "density",
     "locate",

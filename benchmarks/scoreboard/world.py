@@ -6,8 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.places import Places, Utm
-from logger.core.readings import Readings
+
+try:
+    from logger.core.places import Places, Utm
+    from logger.core.readings import Readings
+except ImportError:  # in an older tree only measured walks are read
+    from logger.core.geo import Utm
 
 Place = tuple[float, float]
 
@@ -130,7 +134,7 @@ class World:
         )
 
 
-def observations(world: World, walk: Walk) -> Readings:
+def observations(world: World, walk: Walk) -> "Readings":
     """A walk of a world as the locator wants it."""
     count = len(walk)
     t_s = np.arange(count, dtype=float) if world.t_s is None else world.t_s
