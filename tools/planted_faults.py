@@ -102,8 +102,8 @@ FAULTS = (
     Fault(
         "live",
         "walking during a scan adds nothing to the error of its position",
-        "hypot(A__.sigma_m, TIMING_S * A__.speed_mps)",
-        "A__.sigma_m",
+        "A__.less_sure(TIMING_S * B__.speed_mps)",
+        "A__",
         "tests/test_fixtures.py",
         ("test_a_run_replays_to_the_bit",),
     ),
