@@ -81,11 +81,12 @@ def _map() -> Line:
 
 
 def _site(config: SiteConfig) -> Iterator[Line]:  # noqa: C901 (one check after the other)
-    for settings in config.source:
-        source_of(settings).validate()
+    sources = [source_of(settings) for settings in config.source]
+    for source in sources:
+        source.validate()
     yield _folder(usable_folder(config.run.directory))
-    for settings in config.source:
-        yield from source_of(settings).check()
+    for source in sources:
+        yield from source.check()
     for library in ("tornado", "segno"):
         if config.page.listen and find_spec(library) is None:
             yield Line("fail", "page", missing_library(library))

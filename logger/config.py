@@ -12,7 +12,7 @@ import msgspec
 from logger.core.errors import ConfigError
 from logger.core.foreign import open_regular
 from logger.core.live_settings import LIMITS, LONGEST_TARGET_BYTES, LiveSettings
-from logger.core.source_tables import GNSS_OF_MODEM, GPSD, MODEM, NMEA, source_tables
+from logger.core.source_tables import GPSD, MODEM, NMEA, is_of_modem, source_tables
 
 PollInterval = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -200,7 +200,7 @@ def _labels_of_sources(site: Mapping[str, Any]) -> list[str]:
     """How errors call the tables of sources, in the order of `source_tables`."""
     labels = ["[modem]"] if "modem" in site else []
     gnss = site.get("gnss")
-    if gnss is not None and not (isinstance(gnss, dict) and gnss.get("port") == GNSS_OF_MODEM):
+    if gnss is not None and not is_of_modem(gnss):
         labels.append("[gnss]")
     more = site.get("source")
     for number, table in enumerate(more if isinstance(more, list) else (), 1):
@@ -210,11 +210,9 @@ def _labels_of_sources(site: Mapping[str, Any]) -> list[str]:
 
 
 def _unknown_of_own_receiver(site: Mapping[str, Any]) -> list[str]:
-    """Keys of a [gnss] that names the modem's own receiver; one rate was allowed there."""
+    """Unknown keys of a [gnss] of the modem."""
     gnss = site.get("gnss")
-    if not isinstance(gnss, dict) or gnss.get("port") != GNSS_OF_MODEM:
-        return []
-    return [key for key in gnss if key not in {"port", "baud"}]
+    return [key for key in gnss if key not in {"port", "baud"}] if is_of_modem(gnss) else []
 
 
 def _without_meaning(config: SiteConfig, labels: Sequence[str]) -> Iterator[str]:

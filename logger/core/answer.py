@@ -164,14 +164,12 @@ class Word:
     findings: "tuple[rule.Finding, ...]"
 
 
-class PathEnd(Struct, frozen=True, kw_only=True):
+class PathEnd(OnMap, frozen=True, kw_only=True):
     """The last state of an estimator after `n` readings; without bounds its ellipse says nothing.
 
     P0 is in dBm at 1 m, `drms_m` the root mean square distance from the position.
     """
 
-    lat: float
-    lon: float
     drms_m: float
     p0_dbm: float
     p0_sigma_db: float

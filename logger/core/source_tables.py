@@ -1,7 +1,7 @@
 """The sources that a site.toml names: `[[source]]`, and `[modem]` and `[gnss]` as short forms."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeGuard
 
 MODEM, NMEA, GPSD = "modem", "nmea", "gpsd"
 """Kinds of sources."""
@@ -19,13 +19,18 @@ def source_tables(site: Mapping[str, Any]) -> list[Any]:
     """
     modem, gnss, more = site.get("modem"), site.get("gnss"), site.get("source")
     tables = [] if modem is None else [_short(modem, MODEM)]
-    if isinstance(gnss, dict) and gnss.get("port") == GNSS_OF_MODEM:
+    if is_of_modem(gnss):
         tables = [one | {"fixes": True} if isinstance(one, dict) else one for one in tables]
     elif gnss is not None:
         tables.append(_receiver(gnss))
     tables += more if isinstance(more, list) else []
     taken = {one.get("name") for one in tables if isinstance(one, dict)}
     return [_with_name(one, taken) for one in tables]
+
+
+def is_of_modem(gnss: Any) -> TypeGuard[dict[str, Any]]:
+    """Whether `[gnss]` names the modem's own receiver."""
+    return isinstance(gnss, dict) and gnss.get("port") == GNSS_OF_MODEM
 
 
 def _short(table: Any, kind: str) -> Any:

@@ -6,11 +6,9 @@ from urllib.parse import urlsplit
 
 from logger.config import GpsdSettings
 from logger.core.types import Fix
-from logger.device.check_line import Line, port_line
 from logger.device.link import Link, Source
 from logger.device.nmea_source import record_fixes
 from logger.device.port import Port
-from logger.device.port_url import check_url
 from logger.drivers.protocols.gpsd import (
     Device,
     Devices,
@@ -37,12 +35,6 @@ class GpsdSource(Source[GpsdSettings]):
         device = urlsplit(self.port).path
         link.write(watch(device))
         record_fixes(link, GpsdFramer(), _FixesAndNotes(link, device), PAUSE_S)
-
-    def validate(self) -> None:
-        check_url(self.port)
-
-    def check(self) -> Iterator[Line]:
-        yield port_line(self.name, self.port)
 
 
 class _FixesAndNotes(GpsdFixes):

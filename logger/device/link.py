@@ -16,9 +16,10 @@ import msgspec
 from logger.config import SourceSettings
 from logger.core.errors import DeviceError, FieldLoggerError
 from logger.core.types import Level, Note, RawBytes, Record, Value
-from logger.device.check_line import Line
+from logger.device.check_line import Line, port_line
 from logger.device.clock import Clock
 from logger.device.port import Port
+from logger.device.port_url import check_url
 from logger.device.scan_timeout import SilenceLimits
 from logger.drivers.privacy.redaction import Redactor
 from logger.drivers.reading.recognition import NumberHistory
@@ -177,13 +178,13 @@ class Source(ABC, Generic[Settings]):
         What must survive a power cut may be stored in the folder of the runs.
         """
 
-    @abstractmethod
     def validate(self) -> None:
         """Raise `ConfigError` for what can never work; nothing is opened."""
+        check_url(self.port)
 
-    @abstractmethod
     def check(self) -> Iterator[Line]:
         """What can be known without opening it."""
+        yield port_line(self.name, self.port)
 
     def examine(self) -> Iterator[Line]:
         """What `fieldlogger doctor` asks it before a trial."""

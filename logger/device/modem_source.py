@@ -10,13 +10,12 @@ from logger.config import ModemSettings
 from logger.core.errors import DeviceError
 from logger.core.source_tables import GNSS, MODEM
 from logger.core.types import CellReading, Fix
-from logger.device.check_line import Line, port_line
+from logger.device.check_line import Line
 from logger.device.link import Device, Link, Source
 from logger.device.mode_switch import ModeSwitch
 from logger.device.modem_exchange import ModemExchange
 from logger.device.nmea_source import count_unmeasured, credible
 from logger.device.port import Port
-from logger.device.port_url import check_url
 from logger.device.saved_modes import SavedModes
 from logger.device.shutdown import AfterStop
 from logger.drivers.family import Family, wake
@@ -58,11 +57,11 @@ class ModemSource(Source[ModemSettings]):
         _Session(link, self.settings, SavedModes(folder)).run()
 
     def validate(self) -> None:
-        check_url(self.port)
+        super().validate()
         check_mode(self.settings.driver, self.settings.set_mode)
 
     def check(self) -> Iterator[Line]:
-        yield port_line(self.name, self.port)
+        yield from super().check()
         if not self.settings.fixes:
             return
         driver = driver_of(self.settings.driver)

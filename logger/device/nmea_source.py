@@ -9,10 +9,8 @@ from typing import Any, Protocol
 from logger.config import NmeaSettings
 from logger.core.types import BY_HAND, DEAD_RECKONING, SIMULATED, Fix
 from logger.core.utc import EARLIEST_UTC_NS
-from logger.device.check_line import Line, port_line
 from logger.device.link import Device, Link, Source
 from logger.device.port import Port
-from logger.device.port_url import check_url
 from logger.drivers.protocols.line_noise import Garbage
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
 
@@ -59,12 +57,6 @@ class NmeaSource(Source[NmeaSettings]):
     def session(self, link: Link, folder: Path) -> None:
         del folder
         record_fixes(link, NmeaFramer(), FixAssembler(), SILENT_S)
-
-    def validate(self) -> None:
-        check_url(self.port)
-
-    def check(self) -> Iterator[Line]:
-        yield port_line(self.name, self.port)
 
     @classmethod
     def probe(cls, port: Port) -> Device | None:
