@@ -37,9 +37,15 @@ def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) ->
     "--celldb", "celldb_path", type=INPUT, metavar="FILE",
     help="A database of cells, made by `postproc celldb import`.",
 )  # fmt: skip
+@click.option("-v", "--verbose", is_flag=True, help="Name the rules.")
 @json_option
 def suspect(
-    paths: Sequence[Path], baseline_path: Path | None, celldb_path: Path | None, *, as_json: bool
+    paths: Sequence[Path],
+    baseline_path: Path | None,
+    celldb_path: Path | None,
+    *,
+    verbose: bool,
+    as_json: bool,
 ) -> int:
     """Print which cells are suspicious, with the reasons.
 
@@ -58,5 +64,5 @@ def suspect(
             database,
             progress.with_progress,
         )
-    show(run_assessment.document_of(suspicions), as_json=as_json)
+    show(run_assessment.document_of(suspicions, details=verbose), as_json=as_json)
     return cell_work.exit_code(suspicions.failures.values())

@@ -85,6 +85,11 @@ def strongest_reasons(word: answer.Word) -> list[str]:
     return [finding.text for finding in strongest[:_MOST_REASONS]]
 
 
+def reason_line(cell: str, word: answer.Word) -> str:
+    """A cell, its word, and its strongest reasons in one sentence."""
+    return f"{cell} is {word.word}: {'; '.join(strongest_reasons(word))}"
+
+
 def by_word(assessments: Sequence[Assessment]) -> list[Assessment]:
     """The most suspicious first."""
     return sorted(assessments, key=lambda a: (-WORDS.index(a.word), -a.score_nats, a.cell))
