@@ -241,6 +241,12 @@ class CellTable:
                 cell.row(name, words.get(name), is_serving=name in serving)
                 for name, cell in self._cells.items()
             ]
+        position = view.position
+        if position is not None:  # of the walk so far, which says more than the latest estimate
+            rows = [
+                replace(row, verdict=position.verdict) if row.cell == position.cell else row
+                for row in rows
+            ]
         rows.sort(key=_importance)
         return replace(view, cells=tuple(rows[:MOST_SHOWN]))
 
