@@ -47,7 +47,7 @@ from postproc.view.cli import view
 with late_modules():
     from logger.core import document, runfile
     from logger.core.model import prior as priors
-    from postproc import cell_work, replay, result, results, summary
+    from postproc import cell_work, progress, replay, result, results, summary
     from postproc import info as description
     from postproc.suspicion import run_assessment
 
@@ -165,12 +165,12 @@ def smooth(
     run_now(summary)
     runs = [runfile.read_sound_run(path) for path in paths]
     estimated = estimate(runs, cells, result.Options(prior, loss, within_m))
-    summed = summary.summarise(run_assessment.conspicuous_first(estimated)[0])
+    with_words, _ = run_assessment.conspicuous_first(estimated, progress.with_progress)
+    summed = summary.summarise(with_words)
     # printed first: a run on a read-only card has an answer too
     said, failures = summary.document_of(summed, details=bool(cells or verbose))
     show(said, as_json=as_json)
-    beside = results.path_beside(paths[0], together=len(runs) > 1)
-    results.write(estimated, said.content, beside, cells)
+    results.write(estimated, said.content, results.path_beside(paths), cells)
     return cell_work.exit_code([*summed.rows, *failures])
 
 

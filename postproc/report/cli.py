@@ -82,7 +82,7 @@ def report(
     if len(runs) > 1 and (claim or claims):
         raise ConfigError("a claim is tested against one run: name only that run")
     result, conspicuous = run_assessment.conspicuous_first(
-        stored_or_estimated(runs, cells, options)
+        stored_or_estimated(runs, cells, options), progress.with_progress
     )
     page = rendering.make_report(
         result,
@@ -95,7 +95,10 @@ def report(
     if basemap is not None and page.cell_map is None:
         print(f"{basemap} is not drawn: no cell is located or ambiguous", file=sys.stderr)
     size = page.write(target)
-    pictures = list(page.write_figures(picture_folder)) if picture_folder else []
+    pictures = []
+    if picture_folder:
+        writing = page.write_figures(picture_folder)
+        pictures = list(progress.with_progress(writing, "writing pictures", page.n_pictures))
     took_s = perf_counter() - start_s
     more = f", {len(pictures)} pictures in {picture_folder}" if pictures else ""
     detailed = f"{wording.number_of(len(page.cells), 'cell')} in detail"

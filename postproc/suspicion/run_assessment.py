@@ -1,6 +1,6 @@
 """The words of all cells of runs, with reasons and what was not asked, and as a document."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import log
 from typing import Any, NamedTuple
@@ -169,8 +169,11 @@ def assess_runs(
     start_ns: dict[int, int] = {}
     not_asked: list[dict[str, tuple[str, ...]]] = []
     failures: dict[str, Failure] = {}
-    for run in runs:
-        tracker = track(run, baseline)
+    checked: Iterable[SuspicionTracker] = (track(run, baseline) for run in runs)
+    if progress is not None:
+        names = [run.path.name for run in runs]
+        checked = progress(checked, "checking", len(names), names)
+    for run, tracker in zip(runs, checked, strict=True):
         failures = failures_of(tracker) | failures
         if database is not None:
             tracker.capabilities.serve("cell database")
@@ -203,13 +206,15 @@ def failures_of(tracker: SuspicionTracker) -> dict[str, Failure]:
     }
 
 
-def conspicuous_first(result: Result) -> tuple[Result, tuple[str, ...]]:
+def conspicuous_first(
+    result: Result, progress: Progress | None = None
+) -> tuple[Result, tuple[str, ...]]:
     """The result with words, unusual cells first, and their reasons among the warnings.
 
     Beside it these cells, the most suspicious first.
     """
     there = {cell.cell for cell in result.cells}
-    suspicions = assess_runs([observed.run for observed in result.runs])
+    suspicions = assess_runs([observed.run for observed in result.runs], progress=progress)
     unusual = _conspicuous(suspicions, there)
     rank = {cell.cell: i for i, cell in enumerate(unusual)}
     failures = suspicions.failures
