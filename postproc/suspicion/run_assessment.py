@@ -18,6 +18,7 @@ from logger.core.suspicion.words import (
     by_word,
     false_alarms_per_hour,
     sentences,
+    strongest_reasons,
     word_rate_text,
 )
 from postproc.cell_work import Failure, failure
@@ -155,8 +156,6 @@ def findings_at_desk(rules: Iterable[Rule[Source, Any]], source: Source) -> Iter
 
 
 ALL_RULES: tuple[Rule[Any, Any], ...] = (*RULES.values(), *DATABASE_RULES, _in_several_places)
-_MOST_REASONS = 3
-"""For each cell in one sentence: `postproc suspect` prints all of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,8 +282,7 @@ def _conspicuous(suspicions: Suspicions, among: Collection[str]) -> list[Assessm
 
 def reason_line(cell: Assessment) -> str:
     """A cell, its word, and its strongest reasons in one sentence."""
-    strongest = sorted(sentences(cell.findings), key=lambda finding: -finding.nats)[:_MOST_REASONS]
-    return f"{cell.cell} is {cell.word}: {'; '.join(finding.text for finding in strongest)}"
+    return f"{cell.cell} is {cell.word}: {'; '.join(strongest_reasons(cell))}"
 
 
 _NEVER = (
