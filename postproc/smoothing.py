@@ -23,7 +23,7 @@ from postproc.multi_run import (
 )
 from postproc.processes import each
 from postproc.progress import Progress
-from postproc.result import CellResult, Options, Result, joint_warnings
+from postproc.result import CellResult, Options, Result, RunShare, joint_warnings
 from postproc.scan_counts import heard_utc_ns, observed_cells, scans_of, too_rarely
 from postproc.walk import observe_run
 
@@ -60,7 +60,7 @@ def smooth_runs(
     estimated = progress(results, "locating", len(names), names) if progress else results
     cells = list(estimated)
     cells += [
-        without_position(cell, n, n_scans[cell])
+        without_position(cell, n, n_scans[cell], runs)
         for cell, n in n_readings.items()
         if cell not in parts
     ]
@@ -87,13 +87,18 @@ def _of_place(
     )
 
 
-def without_position(cell: str, n: int, n_scans: int) -> CellResult:
+def without_position(cell: str, n: int, n_scans: int, runs: Sequence[Run]) -> CellResult:
     """Result of a cell that was observed too rarely, or without a position."""
     why = (
         too_rarely(n_scans)
         or f"none of its {n} reading{'s' * (n != 1)} has both a level and a position"
     )
-    return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans)
+    shares = [
+        RunShare(i, 0, None, None)
+        for i, run in enumerate(runs)
+        if len(runs) > 1 and np.any(run.tables["readings"]["cell"] == cell.encode())
+    ]
+    return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans, shares=tuple(shares))
 
 
 _WHAT = "its estimate"
@@ -111,7 +116,9 @@ def _cell_without_result(parts: Parts) -> CellResult:
 
 
 def _without_estimate(parts: Parts, why: Failure) -> CellResult:
-    return CellResult(why.cell, _n_readings(parts), None, "cannot tell", ()).after(why)
+    shares = tuple(RunShare(i, len(part), None, None) for i, part in parts.items())
+    n = _n_readings(parts)
+    return CellResult(why.cell, n, None, "cannot tell", (), shares=shares).after(why)
 
 
 def _n_readings(parts: Parts) -> int:
