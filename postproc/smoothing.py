@@ -23,7 +23,7 @@ from postproc.multi_run import (
 from postproc.processes import each
 from postproc.progress import Progress
 from postproc.result import CellResult, Options, Result, joint_warnings
-from postproc.scan_counts import observed_cells, scans_of, too_rarely
+from postproc.scan_counts import heard_utc_ns, observed_cells, scans_of, too_rarely
 from postproc.walk import observe_run
 
 
@@ -45,7 +45,7 @@ def smooth_runs(
     `GeoError` for runs that are too far apart.
     """
     check_different(runs)
-    n_readings, n_scans = observed_cells(runs, only), scans_of(runs)
+    n_readings, n_scans, utc_ns = observed_cells(runs, only), scans_of(runs), heard_utc_ns(runs)
     observed = in_one_zone([observe_run(run) for run in runs])
     certain = {cell for cell in n_readings if not too_rarely(n_scans[cell])}
     parts = parts_by_cell(observed, certain)
@@ -60,7 +60,10 @@ def smooth_runs(
     ]
     return Result(
         observed,
-        tuple(replace(cell, n_scans=n_scans[cell.cell]) for cell in cells),
+        tuple(
+            replace(cell, n_scans=n_scans[cell.cell], heard_utc_ns=utc_ns.get(cell.cell))
+            for cell in cells
+        ),
         joint_warnings(len(runs), cells),
         options,
     )
