@@ -11,7 +11,13 @@ import click
 from logger.command_line import FILE, INPUT, json_option, late_modules, number, show
 from logger.core.errors import ConfigError, RunFileError
 from postproc.interop.writers import names
-from postproc.options import cells_option, run_argument, runs_argument, stored_or_estimated
+from postproc.options import (
+    cells_option,
+    grouped_runs,
+    run_argument,
+    runs_argument,
+    stored_or_estimated,
+)
 
 with late_modules():
     from logger.core import answer, document, runfile
@@ -75,17 +81,23 @@ def export(
     name = exporting.format_of(format_name, output, with_estimates=has_estimates)
     if len(paths) > 1 and not has_estimates:
         raise ConfigError("levels are written one run a file: name one run, or use --estimates")
-    runs = [runfile.read_sound_run(path) for path in paths]
     atomic_write.check_output(output)
     answers: list[answer.Answer] = []
     if has_estimates:
-        result = stored_or_estimated(runs, cells)
-        results = [run_assessment.conspicuous_first(result)[0]]
-        exported, answers = exporting.write_answers(results, output, name, every=all_estimators)
+        groups = grouped_runs(paths, cells)
+        estimated = [
+            (stored_or_estimated(group.runs, own_cells), group.several)
+            for group, own_cells in groups
+        ]
+        with_words = [run_assessment.conspicuous_first(*one)[0] for one in estimated]
+        exported, answers = exporting.write_answers(with_words, output, name, every=all_estimators)
         counts = f"{exported.n_estimates} cell{'s' * (exported.n_estimates != 1)}"
+        if len(groups) > 1:
+            counts = f"{counts} of {len(groups)} places: {', '.join(g.name for g, _ in groups)}"
     else:
-        only = list(scan_counts.observed_cells(runs, cells)) if cells else None
-        exported = exporting.write_walk(exporting.walk_of_run(runs[0], only), output, name)
+        run = runfile.read_sound_run(paths[0])
+        only = list(scan_counts.observed_cells([run], cells)) if cells else None
+        exported = exporting.write_walk(exporting.walk_of_run(run, only), output, name)
         counts = f"{exported.n_levels} levels, {exported.n_fixes} fixes"
     said = document.Document(
         exported,

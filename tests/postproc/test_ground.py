@@ -16,7 +16,7 @@ from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
 from postproc.survey.location import EVERY_RUN
 from postproc.survey.parquet_batch import Batch
-from postproc.survey.places import Ground, Towns, places_of
+from postproc.ground import Ground, Towns, places_of
 from postproc.survey.tasks import compare_loggers, locate_cells, tasks_of
 from postproc.survey.walk_readings import HeardCell, SurveyRun, WalkReadings
 from tests.postproc.baseline.walks import cell, name, write_walk
