@@ -149,9 +149,11 @@ class CellResult:
 
     def answer(self, runs: Sequence[Run], word: Word | None = None) -> Answer:
         """The answer from the `runs` of the result, with the word of suspicion if it was asked."""
-        heard = [share.run for share in self.shares] or range(len(runs))
+        heard = [runs[share.run] for share in self.shares] or [
+            run for run in runs if np.any(run.tables["readings"]["cell"] == self.cell.encode())
+        ]
         paths = None if self.obs is None else self._paths(self.obs.utm)
-        names = tuple(runs[i].path.name for i in heard)
+        names = tuple(dict.fromkeys(run.path.name for run in heard))
         first_utc_ns, last_utc_ns = self.heard_utc_ns or (None, None)
         made_from = Provenance(self.n, first_utc_ns, last_utc_ns, self.n_scans, names, self.error)
         return answer_of(
