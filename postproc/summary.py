@@ -10,7 +10,7 @@ from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, 
 from logger.core.document import Column, Degrees, Document, Line, Measured, Table, Value, Word
 from logger.core.ellipse import RADII, Ellipse
 from logger.core.locator.alternatives import alternatives_text
-from logger.core.locator.region import HALF, LEVEL, area_m2
+from logger.core.locator.region import HALF, LEVEL
 from logger.core.locator.rivals import share_text
 from logger.core.places import Places
 from logger.core.runfile import Run
@@ -19,7 +19,6 @@ from logger.core.suspicion.words import strongest_reasons
 from logger.core.utc import utc_text
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.direction_check import AXES
-from postproc.estimators.region_outline import geojson
 from postproc.info import RunFacts, describe
 from postproc.result import (
     BACKWARD,
@@ -31,6 +30,7 @@ from postproc.result import (
     CellResult,
     ObservedRun,
     Result,
+    region_of,
 )
 from postproc.truth import TruthCheck, truth_of
 
@@ -400,16 +400,3 @@ def _utc(utc_ns: int | None) -> str | None:
 def _fields(part: object, names: Sequence[str]) -> dict[str, object]:
     """Some fields of a part of an answer; null where the answer lacks it."""
     return {name: getattr(part, name, None) for name in names}
-
-
-def region_of(cell: CellResult, level: float) -> Region:
-    """The region that holds so much of the probability, where its squares are known."""
-    posterior, obs = cell.posterior, cell.obs
-    if posterior is None or obs is None:
-        return Region()
-    if level != LEVEL and not posterior.is_strongest_inside:
-        return Region()
-    return Region(
-        area_m2=area_m2(posterior.squares, level),
-        geojson=geojson(posterior.squares, obs.utm, level),
-    )

@@ -210,6 +210,11 @@ class Answer:
     word: Word | None = None
     paths: Paths | None = None
 
+    @property
+    def error(self) -> str | None:
+        """That of the program which ended some of the work on the cell, None where none did."""
+        return self.provenance.error
+
 
 def answer_of(
     cell: str,
