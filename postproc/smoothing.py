@@ -48,7 +48,10 @@ def smooth_runs(
     """
     check_different(runs)
     n_readings, n_scans = observed_cells(runs, only), scans_of(runs)
-    observed = in_one_zone([observe_run(run) for run in runs])
+    walks = map(observe_run, runs)
+    paths = [run.path.name for run in runs]
+    tracks = progress(walks, "smoothing", len(runs), paths) if progress else walks
+    observed = in_one_zone(list(tracks))
     certain = {cell for cell in n_readings if not too_rarely(n_scans[cell])}
     parts = parts_by_cell(observed, certain)
     places = {cell: places_of(of_cell) for cell, of_cell in parts.items()}
