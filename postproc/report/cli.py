@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
@@ -92,8 +93,9 @@ def report(
             progress.with_progress,
             group.several,
         )
+        findings = [f"{cell} is {ground.several_text(at)}" for cell, at in group.several.items()]
         page = rendering.make_report(
-            result,
+            replace(result, warnings=(*findings, *result.warnings)),
             tested_claims(result, own_cells or [None], prior, p_fa, claim, claims),
             most=max(rendering.MOST_DETAILED, len(own_cells)),
             first=conspicuous,
