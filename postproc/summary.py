@@ -22,7 +22,7 @@ from logger.core.document import (
 )
 from logger.core.ellipse import RADII, Ellipse, metres, radius_m
 from logger.core.locator.alternatives import alternatives_text
-from logger.core.locator.region import HALF, LEVEL, area_m2
+from logger.core.locator.region import HALF, LEVEL
 from logger.core.locator.rivals import share_text
 from logger.core.locator.verdict import needed_radius
 from logger.core.model.prior import Prior
@@ -30,9 +30,9 @@ from logger.core.places import Places
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import WORDS
 from logger.core.suspicion.words import reason_line, strongest_reasons
+from logger.core.utc import utc_text
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.direction_check import AXES
-from postproc.estimators.region_outline import geojson
 from postproc.info import RunFacts, describe
 from postproc.result import (
     BACKWARD,
@@ -44,6 +44,7 @@ from postproc.result import (
     CellResult,
     ObservedRun,
     Result,
+    region_of,
 )
 from postproc.truth import TruthCheck, truth_of
 
@@ -443,6 +444,8 @@ def json_form(
         "cell": answer.cell,
         "n": made_from.n,
         "n_scans": made_from.n_scans,
+        "first_utc": _utc(made_from.first_utc_ns),
+        "last_utc": _utc(made_from.last_utc_ns),
         "verdict": answer.verdict,
         "best": _fields(place, _PLACE)
         | _fields(parameters, _PARAMETERS)
@@ -490,6 +493,7 @@ def json_form(
     if cell.timing is not None:
         form["timing"] = cell.timing._asdict()
     if len(runs) > 1:
+        form["runs"] = made_from.runs
         shares = [(runs[share.run].path, share) for share in cell.shares]
         form["offsets"] = [
             {"run": path} | _fields(share, ("n", "offset_db", "sigma_db")) for path, share in shares
@@ -511,19 +515,10 @@ def json_form(
     return form
 
 
+def _utc(utc_ns: int | None) -> str | None:
+    return None if utc_ns is None else utc_text(utc_ns)
+
+
 def _fields(part: object, names: Sequence[str]) -> dict[str, object]:
     """Some fields of a part of an answer; null where the answer lacks it."""
     return {name: getattr(part, name, None) for name in names}
-
-
-def region_of(cell: CellResult, level: float) -> Region:
-    """The region that holds so much of the probability, where its squares are known."""
-    posterior, obs = cell.posterior, cell.obs
-    if posterior is None or obs is None:
-        return Region()
-    if level != LEVEL and not posterior.is_strongest_inside:
-        return Region()
-    return Region(
-        area_m2=area_m2(posterior.squares, level),
-        geojson=geojson(posterior.squares, obs.utm, level),
-    )

@@ -38,7 +38,7 @@ from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.readings import Readings
 from postproc.atomic_write import whole_file
-from postproc.interop.estimates import DECIMALS
+from postproc.interop.outlines import DECIMALS
 from postproc.interop.writers.gpx import NAMESPACE
 from postproc.interop.xml_file import add, decimal, write
 
