@@ -68,7 +68,7 @@ class Event:
 
     @property
     def said(self) -> str:
-        """What a reader is told of it."""
+        """For readers."""
         return in_plain_words(self.text) or self.code
 
 

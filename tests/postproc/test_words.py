@@ -1,4 +1,4 @@
-"""What commands print by default is for people who know neither the rules nor the statistics."""
+"""What commands print by default needs no knowledge of rules and statistics."""
 
 import re
 import shutil
@@ -17,7 +17,6 @@ IDS = "|".join(rule.id for rule in ALL_RULES)
 FORBIDDEN = re.compile(
     rf"\bnats?\b|\[(?:{IDS})\]|\b(?:{IDS})\b,? \(no|: (?:{IDS}) |not asked|\d\.\d{{6}}"
 )
-"""Units of evidence, codes of rules, and more decimals than a position has."""
 COMMANDS = [
     "smooth rogue-sim800.h5 --cell 232-01-7777-4660",
     "smooth walk.h5 --cell 001-01-32001-6699",
