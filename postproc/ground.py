@@ -199,7 +199,7 @@ class HeardIn(OnMap, frozen=True, kw_only=True):
         """Place, runs and days in words."""
         few = ", ".join(self.runs[:_MOST_RUNS])
         more = f" and {len(self.runs) - _MOST_RUNS} more" if len(self.runs) > _MOST_RUNS else ""
-        return f"{place_name(self)} ({few}{more}{_days(self.first_utc, self.last_utc)})"
+        return f"{place_name(self)} ({few}{more}{days_text(self.first_utc, self.last_utc)})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +227,7 @@ class Group:
     def title(self) -> str:
         """The place with its runs and days."""
         n = len(self.runs)
-        days = _days(self.first_utc, self.last_utc)
+        days = days_text(self.first_utc, self.last_utc)
         return f"{self.name} ({n} run{'s' * (n != 1)}{days})"
 
     @property
@@ -272,7 +272,7 @@ def by_place(runs: Sequence[Run]) -> list[Group]:
     several = _heard_in_several(walks)
     lost = [run for run in runs if all(walk.run is not run for walk in walks)]
     if len(groups) < 2:
-        middle = _middle_of([walk.track for walk in walks]) if walks else None
+        middle = middle_of([walk.track for walk in walks]) if walks else None
         everywhere = {cell: tuple(one for _, one in at) for cell, at in several.items()}
         return [Group(tuple(runs), middle, several=everywhere)]
     found = []
@@ -286,7 +286,7 @@ def by_place(runs: Sequence[Run]) -> list[Group]:
         }
         times_ns = [at_ns for both in heard_utc_ns(own).values() for at_ns in both]
         ends = [utc_text(end(times_ns)) if times_ns else None for end in (min, max)]
-        middle = _middle_of([walk.track for walk in group])
+        middle = middle_of([walk.track for walk in group])
         found.append(Group(own, middle, ends[0], ends[1], where))
     return [*found, *([Group(tuple(lost), None)] if lost else [])]
 
@@ -461,7 +461,7 @@ def _n_scans(heard: tuple[_Walk, IntArray]) -> int:
 
 
 def _heard_in(heard: Sequence[tuple[_Walk, IntArray]]) -> HeardIn:
-    middle = _middle_of([walk.at.part(rows) for walk, rows in heard])
+    middle = middle_of([walk.at.part(rows) for walk, rows in heard])
     times_ns = []
     for walk, rows in heard:
         clock = utc_clock(walk.run.meta.origin, walk.run.tables["fixes"])
@@ -478,7 +478,7 @@ def _heard_in(heard: Sequence[tuple[_Walk, IntArray]]) -> HeardIn:
     )
 
 
-def _days(first_utc: str | None, last_utc: str | None) -> str:
+def days_text(first_utc: str | None, last_utc: str | None) -> str:
     """The first and the last day after a comma; nothing where they are unknown."""
     days = dict.fromkeys(utc[:10] for utc in (first_utc, last_utc) if utc)
     return f", {' to '.join(days)}" if days else ""
@@ -488,7 +488,7 @@ def _tiles_of(places: Places) -> IntArray:
     return _tiles(Ground(np.full(len(places), places.utm.zone), places.x_m, places.y_m))
 
 
-def _middle_of(parts: Sequence[Places]) -> OnMap:
+def middle_of(parts: Sequence[Places]) -> OnMap:
     """The middle of the medians of some places."""
     lat_lon_deg = [
         one.utm.to_latlon(float(np.median(one.x_m)), float(np.median(one.y_m))) for one in parts
