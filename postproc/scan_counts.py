@@ -19,7 +19,7 @@ def scans_of(runs: Sequence[Run]) -> dict[str, int]:
     """Scans of all runs in which each cell was identified without doubt; 0 where it never was."""
     counts_by_name: dict[str, int] = {}
     for run in runs:
-        readings = run.tables["readings"]
+        readings = run.named_readings
         names, which = numbered_texts(readings["cell"])
         sure = readings["identity_unsure"] == 0
         scan, cell = readings["seq"][sure], which[sure]
@@ -47,7 +47,7 @@ def observed_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str,
 
     Raises `ConfigError` for a name that was not observed.
     """
-    names, which = numbered_texts(np.concatenate([run.tables["readings"]["cell"] for run in runs]))
+    names, which = numbered_texts(np.concatenate([run.named_readings["cell"] for run in runs]))
     counts = np.bincount(which, minlength=len(names)).tolist()
     every = {name.decode(): n for name, n in zip(names, counts, strict=True) if name}
     if unknown := set(only or ()) - set(every):

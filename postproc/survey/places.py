@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.cell_names import REUSED_M, is_by_channel
 from logger.core.places import MAX_LATITUDE_DEG, Utm
 from logger.core.readings import Readings
 from postproc.multi_run import REACH_M, in_zone
@@ -58,7 +59,9 @@ def places_of(parts: Mapping[str, Readings]) -> list[dict[str, Readings]]:
     """
     tile = {digest: _tiles(ground_of(obs)) for digest, obs in parts.items()}
     tiles = np.unique(np.concatenate(list(tile.values()))) if tile else np.zeros(0, np.int64)
-    number = place_numbers(*tile_centres_deg(tiles), 2.0 * REACH_M)
+    is_reused = any(is_by_channel(obs.cell) for obs in parts.values())
+    apart_m = REUSED_M if is_reused else 2.0 * REACH_M
+    number = place_numbers(*tile_centres_deg(tiles), apart_m)
     places: list[dict[str, Readings]] = [{} for _ in range(np.max(number, initial=-1) + 1)]
     for digest, obs in parts.items():
         own = number[np.searchsorted(tiles, tile[digest])]
