@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from logger.core.cell_names import is_by_channel, why_no_name
 from logger.core.errors import ConfigError
 from logger.core.identities import FEWEST_SCANS
 from logger.core.rows import numbered_texts
@@ -35,6 +36,19 @@ def scans_of(runs: Sequence[Run]) -> dict[str, int]:
     return counts_by_name
 
 
+def joined_of(runs: Sequence[Run]) -> dict[str, int]:
+    """Readings of each cell that do not name it themselves: `logger.core.joined_names`."""
+    joined: dict[str, int] = {}
+    for run in runs:
+        is_nameless = run.tables["readings"]["cell"] == b""
+        names, which = numbered_texts(run.named_readings["cell"][is_nameless])
+        counts = np.bincount(which, minlength=len(names)).tolist()
+        for stored, count in zip(names.tolist(), counts, strict=True):
+            name = stored.decode("utf-8", "replace")
+            joined[name] = joined.get(name, 0) + count
+    return {name: n for name, n in joined.items() if name and not is_by_channel(name)}
+
+
 def too_rarely(n_scans: int) -> str | None:
     """Why a cell observed in so many scans is not reported; None where it is."""
     if n_scans >= FEWEST_SCANS:
@@ -51,6 +65,8 @@ def observed_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str,
     counts = np.bincount(which, minlength=len(names)).tolist()
     every = {name.decode(): n for name, n in zip(names, counts, strict=True) if name}
     if unknown := set(only or ()) - set(every):
+        if why := next(filter(None, map(why_no_name, sorted(unknown))), ""):
+            raise ConfigError(why)
         raise ConfigError(
             f"cell {', '.join(sorted(unknown))} was not observed; `postproc info` lists those that "
             "were"

@@ -1,11 +1,12 @@
 """Every estimator over every cell of one run or of several, side by side."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from logger.core.cell_names import is_by_channel
 from logger.core.locator.preparation import MOST_MODEMS
 from logger.core.runfile import Run
 from postproc.cell_estimation import estimate_cell, locate_cell
@@ -23,7 +24,7 @@ from postproc.multi_run import (
 from postproc.processes import each
 from postproc.progress import Progress
 from postproc.result import CellResult, Options, Result, joint_warnings
-from postproc.scan_counts import observed_cells, scans_of, too_rarely
+from postproc.scan_counts import joined_of, observed_cells, scans_of, too_rarely
 from postproc.walk import observe_run
 
 
@@ -60,10 +61,24 @@ def smooth_runs(
     ]
     return Result(
         observed,
-        tuple(replace(cell, n_scans=n_scans[cell.cell]) for cell in cells),
+        tuple(
+            replace(cell, n_scans=n_scans[cell.cell]) for cell in _with_name_remarks(cells, runs)
+        ),
         joint_warnings(len(runs), cells),
         options,
     )
+
+
+def _with_name_remarks(cells: Sequence[CellResult], runs: Sequence[Run]) -> Iterator[CellResult]:
+    """The results, each with what its name rests on where that is not an identity alone."""
+    joined = joined_of(runs)
+    for cell in cells:
+        remarks = cell.warnings
+        if is_by_channel(cell.cell):
+            remarks += ("known by channel and code alone, which another cell may have too",)
+        if n := joined.get(cell.cell):
+            remarks += (f"{n} readings without an identity are joined by their channel and code",)
+        yield replace(cell, warnings=remarks)
 
 
 def without_position(cell: str, n: int, n_scans: int) -> CellResult:

@@ -4,7 +4,7 @@ Where the run names one identity with the channel and the code near in time and 
 a reading is joined to it. It confirms nothing: it is marked as an unsure identity.
 """
 
-from collections.abc import Container, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from logger.core.arrays import BoolArray, IntArray
 from logger.core.cell_names import KINDS, SAME_CARRIER, channel_name
 from logger.core.column import UNKNOWN_ID
 from logger.core.errors import EstimationError, GeoError
-from logger.core.identities import FEWEST_SCANS
+from logger.core.identities import FEWEST_SCANS, Identities
 from logger.core.latest import Latest
 from logger.core.places import Places, track_of
 from logger.core.readings import places_of
@@ -150,7 +150,7 @@ class RecentNames:
     def __init__(self) -> None:
         self._witnesses: Latest[dict[str, _Witness]] = Latest(_MOST_PAIRS)
 
-    def take(self, t_ns: int, scan: Scan, place: Places | None, known: Container[str]) -> Scan:
+    def take(self, t_ns: int, scan: Scan, place: Places | None, known: Identities) -> Scan:
         """The scan with names; without a place its readings join no identity.
 
         Cells that are `known` bear witness of their channel and code.
