@@ -1,18 +1,18 @@
 """Readings without an identity get the name of their channel and code, or an identity near them.
 
-Where the run names one identity with the channel and the code near in time and place, and no other,
-a reading is joined to it. It confirms nothing: it is marked as an unsure identity.
+Where the run names one identity with both near in time and place, and no other, a reading is joined
+to it. That confirms nothing: the identity is marked as unsure.
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from logger.core.arrays import BoolArray, IntArray
-from logger.core.cell_names import KINDS, SAME_CARRIER, channel_name
+from logger.core.cell_names import CODES, HIGHEST, SAME_CARRIER, channel_name
 from logger.core.column import UNKNOWN_ID
 from logger.core.errors import EstimationError, GeoError
 from logger.core.identities import FEWEST_SCANS, Identities
@@ -24,7 +24,14 @@ from logger.core.types import CellReading, Scan
 
 JOIN_S = 300.0
 JOIN_M = 2000.0
-"""A reading belongs to an identity that the run names within this time and distance."""
+_JOIN_NS = round(JOIN_S * 1e9)
+_PARTS: Mapping[str, object] = MappingProxyType(
+    {"mcc": b"", "mnc": b"", "lac": UNKNOWN_ID, "tac": UNKNOWN_ID, "cid": UNKNOWN_ID}
+)
+"""Parts of an identity, and how a row says that one is unknown."""
+_CHANNEL_BITS, _CODE_BITS = 24, 12
+_AT_ONCE = 256
+_MOST_PAIRS = 1000
 
 
 def with_names(fixes: Rows, scans: Rows, readings: Rows, *, has_times: bool = True) -> Rows:
@@ -32,19 +39,19 @@ def with_names(fixes: Rows, scans: Rows, readings: Rows, *, has_times: bool = Tr
 
     A row without a place joins no identity, nor does one of a run without times.
     """
-    pair, kind = _pairs(readings)
+    pair, rat = _pairs(readings)
     is_nameless = (readings["cell"] == b"") & (pair >= 0)
     if not np.any(is_nameless):
         return readings
     named = readings.copy()
     rows = np.flatnonzero(is_nameless)
-    different, first, which = np.unique(pair[rows], return_index=True, return_inverse=True)
+    _, first, which = np.unique(pair[rows], return_index=True, return_inverse=True)
     names = [
-        f"{_NUMBERED[kind[row]]}-{readings['arfcn'][row]}-{value & _CODES}"
-        for row, value in zip(rows[first].tolist(), different.tolist(), strict=True)
+        f"{rat[row]}-{readings['arfcn'][row]}-{pair[row] % (1 << _CODE_BITS)}"
+        for row in rows[first].tolist()
     ]
     named["cell"][rows] = np.array([name.encode() for name in names])[which]
-    is_witness = _is_witness(readings) & np.isin(pair, different)
+    is_witness = _is_witness(readings) & np.isin(pair, pair[rows])
     if not has_times or not np.any(is_witness):
         return named
     try:
@@ -52,7 +59,7 @@ def with_names(fixes: Rows, scans: Rows, readings: Rows, *, has_times: bool = Tr
     except (EstimationError, GeoError):
         return named
     is_witness &= is_placed
-    for one in np.intersect1d(pair[is_witness], pair[is_nameless]).tolist():
+    for one in np.intersect1d(pair[is_witness], pair[rows]).tolist():
         waiting = np.flatnonzero(is_nameless & is_placed & (pair == one))
         joined, to = _join(readings, places, waiting, np.flatnonzero(is_witness & (pair == one)))
         named["cell"][joined] = readings["cell"][to]
@@ -60,29 +67,24 @@ def with_names(fixes: Rows, scans: Rows, readings: Rows, *, has_times: bool = Tr
     return named
 
 
-_NUMBERED = tuple(KINDS)
-_CODES = (1 << 12) - 1
-_CHANNEL_BITS = 24
-
-
-def _pairs(readings: Rows) -> tuple[IntArray, IntArray]:
-    """A number for technology, channel and code, -1 where one is unknown, and the technology."""
-    n = len(readings)
-    pair, number = np.full(n, -1, np.int64), np.zeros(n, np.int64)
+def _pairs(readings: Rows) -> tuple[IntArray, npt.NDArray[np.str_]]:
+    """A number for technology, channel and code of each row, -1 if unknown; the technology."""
+    pair = np.full(len(readings), -1, np.int64)
+    technology = np.full(len(readings), "", "U8")
     channel = readings["arfcn"].astype(np.int64)
-    for k, (rat, kind) in enumerate(KINDS.items()):
+    for number, (rat, column) in enumerate(CODES.items()):
+        code = readings[column].astype(np.int64)
+        highest_channel, highest_code = HIGHEST[rat]
         words = [rat, *(word for word, same in SAME_CARRIER.items() if same == rat)]
-        code = readings[kind.code].astype(np.int64)
         own = np.isin(readings["rat"], [word.encode() for word in words])
-        own &= (channel >= 0) & (channel <= kind.highest_channel)
-        own &= (code >= 0) & (code <= kind.highest_code)
-        number[own] = k
-        pair[own] = (((k << _CHANNEL_BITS) + channel[own]) << 12) + code[own]
-    return pair, number
+        own &= (channel >= 0) & (channel <= highest_channel) & (code >= 0) & (code <= highest_code)
+        technology[own] = rat
+        pair[own] = ((((number << _CHANNEL_BITS) + channel) << _CODE_BITS) + code)[own]
+    return pair, technology
 
 
 def _is_witness(readings: Rows) -> BoolArray:
-    """Rows that name a cell without doubt, of cells that exist: so many scans name them."""
+    """Rows that name a cell that exists without doubt."""
     is_sure = (readings["cell"] != b"") & (readings["identity_unsure"] == 0)
     names, cell = numbered_texts(readings["cell"])
     in_scans = np.unique(np.stack([cell[is_sure], readings["seq"][is_sure]]), axis=1)[0]
@@ -90,36 +92,30 @@ def _is_witness(readings: Rows) -> BoolArray:
     return np.asarray(is_sure & exists[cell], np.bool_)
 
 
-_AT_ONCE = 256
-_PARTS: Mapping[str, object] = MappingProxyType(
-    {"mcc": b"", "mnc": b"", "lac": UNKNOWN_ID, "tac": UNKNOWN_ID, "cid": UNKNOWN_ID}
-)
-"""Parts of an identity, and how a row says that one is unknown."""
-
-
 def _join(
     readings: Rows, places: Places, rows: IntArray, witnesses: IntArray
 ) -> tuple[IntArray, IntArray]:
-    """Which of the rows of a pair belong to an identity, and a row that names it; (k,) each."""
+    """Which rows of a pair belong to an identity, and for each a row that names it."""
     t_ns = places.t_ns
     rows = rows[np.argsort(t_ns[rows], kind="stable")]
     witnesses = witnesses[np.argsort(t_ns[witnesses], kind="stable")]
     identity = numbered_texts(readings["cell"][witnesses])[1]
-    reach_ns = round(JOIN_S * 1e9)
     joined, to = [rows[:0]], [rows[:0]]
     for begin in range(0, len(rows), _AT_ONCE):
         some = rows[begin : begin + _AT_ONCE]
-        first = np.searchsorted(t_ns[witnesses], t_ns[some[0]] - reach_ns, side="left")
-        end = np.searchsorted(t_ns[witnesses], t_ns[some[-1]] + reach_ns, side="right")
-        near = witnesses[first:end]
-        is_near = np.abs(t_ns[some][:, None] - t_ns[near]) <= reach_ns
+        between = t_ns[some[0]] - _JOIN_NS, t_ns[some[-1]] + _JOIN_NS
+        first = np.searchsorted(t_ns[witnesses], between[0], side="left")
+        end = np.searchsorted(t_ns[witnesses], between[1], side="right")
+        near, which = witnesses[first:end], identity[first:end]
+        if not len(near):
+            continue
+        is_near = np.abs(t_ns[some][:, None] - t_ns[near]) <= _JOIN_NS
         is_near &= places.part(some).distances_m(places.part(near)) <= JOIN_M
         is_near &= _may_be_same(readings[some], readings[near])
-        candidates = np.unique(identity[first:end])
-        found = [np.any(is_near[:, identity[first:end] == one], axis=1) for one in candidates]
-        only = np.sum(found, axis=0) == 1 if found else np.zeros(len(some), np.bool_)
+        n_identities = sum(np.any(is_near[:, which == one], axis=1) for one in np.unique(which))
+        only = n_identities == 1
         joined.append(some[only])
-        to.append(near[np.argmax(is_near, axis=1)][only] if len(near) else some[only])
+        to.append(near[np.argmax(is_near, axis=1)][only])
     return np.concatenate(joined), np.concatenate(to)
 
 
@@ -133,59 +129,42 @@ def _may_be_same(rows: Rows, others: Rows) -> BoolArray:
     return same
 
 
-class _Witness(NamedTuple):
-    """Where and when a scan named an identity last."""
-
-    t_ns: int
-    place: Places
-    reading: CellReading
-
-
-_MOST_PAIRS = 1000
-
-
 class RecentNames:
-    """Names of the readings of scans in their order: as `with_names`, from what came before."""
+    """As `with_names` for scans in their order, by what came before."""
 
     def __init__(self) -> None:
-        self._witnesses: Latest[dict[str, _Witness]] = Latest(_MOST_PAIRS)
+        # by channel name and identity: when, where and as what a scan named it last
+        self._witnesses: Latest[dict[str, tuple[int, Places, CellReading]]] = Latest(_MOST_PAIRS)
 
     def take(self, t_ns: int, scan: Scan, place: Places | None, known: Identities) -> Scan:
-        """The scan with names; without a place its readings join no identity.
-
-        Cells that are `known` bear witness of their channel and code.
-        """
-        names = [channel_name(one) for one in scan.readings]
+        """The scan with names; cells that are `known` bear witness of their channel and code."""
+        by_channel = [channel_name(one) for one in scan.readings]
         if place is not None:
-            for name, one in zip(names, scan.readings, strict=True):
-                if name is None or one.cell is None or one.identity_unsure or one.cell not in known:
-                    continue
-                of_pair = self._witnesses.get(name, {})
-                of_pair[one.cell] = _Witness(t_ns, place, one)
-                self._witnesses.put(name, of_pair)
-        if all(name is None or one.cell for name, one in zip(names, scan.readings, strict=True)):
-            return scan
-        named = [
-            one if name is None or one.cell else self._with_name(t_ns, name, one, place)
-            for name, one in zip(names, scan.readings, strict=True)
-        ]
-        return replace(scan, readings=tuple(named))
+            for name, one in zip(by_channel, scan.readings, strict=True):
+                cell = one.cell
+                if name and cell and cell in known and not one.identity_unsure:
+                    of_pair = self._witnesses.get(name, {})
+                    of_pair[cell] = t_ns, place, one
+                    self._witnesses.put(name, of_pair)
+        named = tuple(
+            one if one.cell or name is None else self._with_name(t_ns, name, one, place)
+            for name, one in zip(by_channel, scan.readings, strict=True)
+        )
+        return replace(scan, readings=named)
 
     def _with_name(
         self, t_ns: int, name: str, reading: CellReading, place: Places | None
     ) -> CellReading:
-        """The reading with the identity that it belongs to, or with its own name."""
         of_pair = self._witnesses.get(name, {})
-        for cell in [cell for cell, one in of_pair.items() if t_ns - one.t_ns > JOIN_S * 1e9]:
+        for cell in [cell for cell, seen in of_pair.items() if t_ns - seen[0] > _JOIN_NS]:
             del of_pair[cell]
-        if place is not None:
-            near = [
-                cell
-                for cell, one in of_pair.items()
-                if one.place.away_m(place) <= JOIN_M and _agree(one.reading, reading)
-            ]
-            if len(near) == 1:
-                return replace(reading, label=near[0], identity_unsure=True)
+        near = [
+            cell
+            for cell, (_, where, one) in of_pair.items()
+            if place is not None and where.away_m(place) <= JOIN_M and _agree(one, reading)
+        ]
+        if len(near) == 1:
+            return replace(reading, label=near[0], identity_unsure=True)
         return replace(reading, label=name)
 
 

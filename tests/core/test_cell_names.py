@@ -4,17 +4,15 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from logger.core.cell_names import KINDS, channel_name, is_by_channel, why_no_name
+from logger.core.cell_names import CODES, HIGHEST, channel_name, is_by_channel, why_no_name
 from logger.core.types import CellReading
 
 
 @st.composite
 def readings(draw):
-    rat = draw(st.sampled_from(sorted(KINDS)))
-    kind = KINDS[rat]
-    channel = draw(st.integers(0, kind.highest_channel))
-    code = {kind.code: draw(st.integers(0, kind.highest_code))}
-    return CellReading("neighbour", rat, arfcn=channel, **code)
+    rat = draw(st.sampled_from(sorted(CODES)))
+    channel, code = (draw(st.integers(0, highest)) for highest in HIGHEST[rat])
+    return CellReading("neighbour", rat, arfcn=channel, **{CODES[rat]: code})
 
 
 @given(readings())
@@ -24,7 +22,7 @@ def test_a_name_says_technology_channel_and_code(reading):
     assert not why_no_name(name)
     rat, channel, code = name.rsplit("-", 2)
     assert rat == reading.rat
-    assert (int(channel), int(code)) == (reading.arfcn, getattr(reading, KINDS[rat].code))
+    assert (int(channel), int(code)) == (reading.arfcn, getattr(reading, CODES[rat]))
 
 
 def test_the_names_of_the_manual():
@@ -55,7 +53,7 @@ def test_what_has_no_name(reading):
 def test_a_name_is_written_in_one_way(text):
     if is_by_channel(text):
         rat, channel, code = text.rsplit("-", 2)
-        again = CellReading("scan", rat, arfcn=int(channel), **{KINDS[rat].code: int(code)})
+        again = CellReading("scan", rat, arfcn=int(channel), **{CODES[rat]: int(code)})
         assert channel_name(again) == text
 
 

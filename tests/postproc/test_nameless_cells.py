@@ -181,7 +181,6 @@ def test_a_run_of_an_earlier_version_replays_without_such_cells():
 def test_a_run_replays_as_it_was_recorded(by_channel, tmp_path, capsys):
     settings = LiveSettings(by_channel=by_channel)
     tracker = LiveTracker(settings)
-    from logger.core.types import Record
 
     stream, seq = [], 0
     for record in alone():
