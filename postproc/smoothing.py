@@ -69,13 +69,19 @@ def smooth_runs(
     )
 
 
+_BY_CHANNEL = (
+    "known by channel and code alone, which another cell may have too; rules of suspicion need an "
+    "identity"
+)
+
+
 def _with_name_remarks(cells: Sequence[CellResult], runs: Sequence[Run]) -> Iterator[CellResult]:
     """The results, each with what its name rests on where that is not an identity alone."""
     joined = joined_of(runs)
     for cell in cells:
         remarks = cell.warnings
         if is_by_channel(cell.cell):
-            remarks += ("known by channel and code alone, which another cell may have too",)
+            remarks += (_BY_CHANNEL,)
         if n := joined.get(cell.cell):
             remarks += (f"{n} readings without an identity are joined by their channel and code",)
         yield replace(cell, warnings=remarks)

@@ -88,7 +88,7 @@ def test_it_is_located_under_its_name(path, capsys):
     )  # fmt: skip
     r95_m = cell["best"]["r95_m"]
     assert away_m(cell["best"]["lat"], cell["best"]["lon"], STATION_M) < r95_m < 150.0
-    assert "known by channel and code alone, which another cell may have too" in cell["warnings"]
+    assert any("known by channel and code alone" in text for text in cell["warnings"])
 
 
 def test_it_breaks_no_rule_of_identities(path, capsys):
