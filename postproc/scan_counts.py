@@ -1,11 +1,11 @@
-"""Number of scans that observed each cell, and whether it is enough to report the cell.
+"""Number of scans that observed each cell, whether it is enough to report the cell, and when.
 
 A damaged digit gives the name of a cell that does not exist. The first time no check of a reply
 detects it; later ones are marked as unsure. So a cell is reported when two scans have named it
 without doubt.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from logger.core.errors import ConfigError
 from logger.core.identities import FEWEST_SCANS
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
+from logger.core.timebase import utc_clock
 
 
 def scans_of(runs: Sequence[Run]) -> dict[str, int]:
@@ -49,6 +50,21 @@ def joined_of(runs: Sequence[Run]) -> dict[str, int]:
     return {name: n for name, n in joined.items() if name and not is_by_channel(name)}
 
 
+def heard_utc_ns(runs: Sequence[Run]) -> dict[str, tuple[int, int]]:
+    """UTC of the first and the last reading of each cell, in the runs that know UTC."""
+    times_ns: dict[str, list[int]] = {}
+    for run in runs:
+        clock, readings = utc_clock(run.meta.origin, run.tables["fixes"]), run.named_readings
+        names, which = numbered_texts(readings["cell"])
+        order = np.lexsort((readings["t_ns"], which))
+        t_ns, first = readings["t_ns"][order], np.searchsorted(which[order], np.arange(len(names)))
+        last = np.append(first, len(order))[1:] - 1
+        for name, *ends_ns in zip(names, t_ns[first].tolist(), t_ns[last].tolist(), strict=True):
+            utc_ns = [at_ns for at_ns in map(clock, ends_ns) if at_ns is not None]
+            times_ns.setdefault(name.decode("utf-8", "replace"), []).extend(utc_ns)
+    return {name: (min(utc_ns), max(utc_ns)) for name, utc_ns in times_ns.items() if utc_ns}
+
+
 def too_rarely(n_scans: int) -> str | None:
     """Why a cell observed in so many scans is not reported; None where it is."""
     if n_scans >= FEWEST_SCANS:
@@ -64,11 +80,17 @@ def observed_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str,
     names, which = numbered_texts(np.concatenate([run.named_readings["cell"] for run in runs]))
     counts = np.bincount(which, minlength=len(names)).tolist()
     every = {name.decode(): n for name, n in zip(names, counts, strict=True) if name}
-    if unknown := set(only or ()) - set(every):
-        if why := next(filter(None, map(why_no_name, sorted(unknown))), ""):
+    check_observed(set(only or ()) - set(every))
+    return {name: n for name, n in every.items() if not only or name in only}
+
+
+def check_observed(unknown: Collection[str]) -> None:
+    """Raise `ConfigError` for names that were not observed."""
+    for cell in sorted(unknown):
+        if why := why_no_name(cell):
             raise ConfigError(why)
+    if unknown:
         raise ConfigError(
             f"cell {', '.join(sorted(unknown))} was not observed; `postproc info` lists those that "
             "were"
         )
-    return {name: n for name, n in every.items() if not only or name in only}
