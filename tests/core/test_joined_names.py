@@ -24,7 +24,7 @@ def stream(*heard):
     ]
 
 
-def named(t_s, east_m=0.0, **changes):
+def naming(t_s, east_m=0.0, **changes):
     """An identity, in as many scans as a cell needs to exist, and in one more."""
     return [(t_s + k, east_m, serving(**changes)) for k in range(FEWEST_SCANS + 1)]
 
@@ -51,24 +51,24 @@ def live(given):
 JOINED, ALONE = (NAMED, True), (BY_CHANNEL, False)
 ASKED = neighbour()
 CASES = {
-    "one identity": ([*named(0), (100, 0.0, ASKED)], JOINED),
-    "in the same scan": ([*named(0), (100, 0.0, serving(), ASKED)], JOINED),
+    "one identity": ([*naming(0), (100, 0.0, ASKED)], JOINED),
+    "in the same scan": ([*naming(0), (100, 0.0, serving(), ASKED)], JOINED),
     "named once": ([(0, 0.0, serving()), (100, 0.0, ASKED)], ALONE),
-    "never without doubt": ([*named(0, identity_unsure=True), (100, 0.0, ASKED)], ALONE),
-    "two identities": ([*named(0), *named(10, cid=8), (100, 0.0, ASKED)], ALONE),
-    "the other one is far": ([*named(0), *named(10, 9000.0, cid=8), (100, 0.0, ASKED)], JOINED),
-    "in time": ([*named(0), (2 + int(JOIN_S), 0.0, ASKED)], JOINED),
-    "too late": ([*named(0), (3 + int(JOIN_S), 0.0, ASKED)], ALONE),
-    "near": ([*named(0), (100, JOIN_M - 20.0, ASKED)], JOINED),
-    "too far": ([*named(0), (100, JOIN_M + 20.0, ASKED)], ALONE),
-    "another area": ([*named(0), (100, 0.0, neighbour(tac=4712))], ALONE),
-    "the same area": ([*named(0), (100, 0.0, neighbour(tac=4711))], JOINED),
-    "another code": ([*named(0, pci=211), (100, 0.0, ASKED)], ALONE),
-    "another channel": ([*named(0, arfcn=5781), (100, 0.0, ASKED)], ALONE),
-    "another technology": ([*named(0, rat="NR"), (100, 0.0, ASKED)], ALONE),
-    "LTE-M is LTE": ([*named(0, rat="LTE-M"), (100, 0.0, ASKED)], JOINED),
+    "never without doubt": ([*naming(0, identity_unsure=True), (100, 0.0, ASKED)], ALONE),
+    "two identities": ([*naming(0), *naming(10, cid=8), (100, 0.0, ASKED)], ALONE),
+    "the other one is far": ([*naming(0), *naming(10, 9000.0, cid=8), (100, 0.0, ASKED)], JOINED),
+    "in time": ([*naming(0), (2 + int(JOIN_S), 0.0, ASKED)], JOINED),
+    "too late": ([*naming(0), (3 + int(JOIN_S), 0.0, ASKED)], ALONE),
+    "near": ([*naming(0), (100, JOIN_M - 20.0, ASKED)], JOINED),
+    "too far": ([*naming(0), (100, JOIN_M + 20.0, ASKED)], ALONE),
+    "another area": ([*naming(0), (100, 0.0, neighbour(tac=4712))], ALONE),
+    "the same area": ([*naming(0), (100, 0.0, neighbour(tac=4711))], JOINED),
+    "another code": ([*naming(0, pci=211), (100, 0.0, ASKED)], ALONE),
+    "another channel": ([*naming(0, arfcn=5781), (100, 0.0, ASKED)], ALONE),
+    "another technology": ([*naming(0, rat="NR"), (100, 0.0, ASKED)], ALONE),
+    "LTE-M is LTE": ([*naming(0, rat="LTE-M"), (100, 0.0, ASKED)], JOINED),
     "its own digits are damaged": (
-        [*named(0), (100, 0.0, neighbour(pci=212, identity_unsure=True))],
+        [*naming(0), (100, 0.0, neighbour(pci=212, identity_unsure=True))],
         ("LTE-5780-212", True),
     ),
 }
@@ -83,7 +83,7 @@ def test_one_identity_near_in_time_and_place(case, tmp_path):
 
 
 def test_the_desk_knows_what_comes_later(tmp_path):
-    given = stream((50, 0.0, ASKED), *named(100))
+    given = stream((50, 0.0, ASKED), *naming(100))
     assert at_desk(tmp_path, given)[0] == JOINED
     assert live(given)[0] == ALONE
 
@@ -91,13 +91,13 @@ def test_the_desk_knows_what_comes_later(tmp_path):
 def test_a_joined_reading_confirms_no_identity(tmp_path):
     """It is no witness: from place to place the name would wander away from its cell."""
     steps = [(100 + 30 * k, 1500.0 * k, ASKED) for k in range(4)]
-    given = stream(*named(0), *steps)
+    given = stream(*naming(0), *steps)
     assert at_desk(tmp_path, given)[-4:] == [JOINED, JOINED, ALONE, ALONE]
     assert live(given)[-4:] == [JOINED, JOINED, ALONE, ALONE]
 
 
 def test_without_a_position_there_is_no_near(tmp_path):
-    given = [record for record in stream(*named(0), (100, 0.0, ASKED)) if record.source == "modem"]
+    given = [record for record in stream(*naming(0), (100, 0.0, ASKED)) if record.source == "modem"]
     assert at_desk(tmp_path, given)[-1] == ALONE
     assert live(given)[-1] == ALONE
 
@@ -105,7 +105,7 @@ def test_without_a_position_there_is_no_near(tmp_path):
 def test_an_import_without_times_has_no_near(tmp_path):
     write_journal(
         tmp_path / "a.journal",
-        stream(*named(0), (100, 0.0, ASKED)),
+        stream(*naming(0), (100, 0.0, ASKED)),
         origin="import without times of a.csv",
     )
     rows = read_run(tmp_path / "a.journal").named_readings
@@ -114,7 +114,7 @@ def test_an_import_without_times_has_no_near(tmp_path):
 
 def test_a_run_keeps_what_was_recorded(tmp_path):
     """The names are added when it is read: table, records and digest are those of the modem."""
-    given = stream(*named(0), (100, 0.0, ASKED))
+    given = stream(*naming(0), (100, 0.0, ASKED))
     write_journal(tmp_path / "a.journal", given)
     run = read_run(tmp_path / "a.journal")
     assert run.named_readings["cell"][-1] == NAMED.encode()
@@ -124,7 +124,7 @@ def test_a_run_keeps_what_was_recorded(tmp_path):
 
 
 def test_a_run_without_such_readings_is_not_copied(tmp_path):
-    write_journal(tmp_path / "a.journal", stream(*named(0)))
+    write_journal(tmp_path / "a.journal", stream(*naming(0)))
     run = read_run(tmp_path / "a.journal")
     assert run.named_readings is run.tables["readings"]
 
