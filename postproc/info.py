@@ -210,7 +210,7 @@ def describe(run: Run) -> Info:
 
 def _cells(run: Run) -> tuple[CellCount, ...]:
     """In one pass over the readings, however many cells there are."""
-    readings = run.tables["readings"]
+    readings = run.named_readings
     names, which = numbered_texts(readings["cell"])
     first = np.zeros(len(names), np.int64)
     first[which[::-1]] = np.arange(len(which))[::-1]
