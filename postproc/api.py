@@ -18,7 +18,7 @@ from logger.core.errors import ConfigError, EstimationError
 from logger.core.locator.online import FEWEST_BLOCKS
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import prior_for
-from logger.core.places import Places, Utm
+from logger.core.places import NO_MAP, Places
 from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run, read_sound_run
 from postproc.atomic_write import check_output
@@ -36,8 +36,6 @@ from postproc.walk import observe_run
 
 RunOrPath = Run | Path | str
 
-_PLANE = Utm(31)
-"""Frame of bare arrays: any zone will do, since nothing is converted to degrees."""
 _DEGREES_WITHIN = 3.0
 """Degrees that a drive of a day spans; a walk within so few metres could not locate anything."""
 
@@ -270,7 +268,7 @@ def _bare(
             "converts them"
         )
     number = np.arange(len(x))
-    places = Places.of(x, y, sigma_m=sigma_m, t_ns=number * 10**9)
+    places = Places.of(x, y, utm=NO_MAP, sigma_m=sigma_m, t_ns=number * 10**9)
     return Readings("", rat, places, level, number)
 
 

@@ -7,12 +7,15 @@ light and on dark ground; ink is that of the notebook.
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from math import floor, log10
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from shapely import LineString
 
 from logger.core.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 REGIONS = {95: ("surely within (95 %)", 0.15), 50: ("most likely within (50 %)", 0.35)}
 """Name of each region by its percentage, and how opaque it is; the larger one below."""
@@ -21,7 +24,7 @@ _ORDINARY, _WALK = "#3c6ee6", "#7d7d87"
 _SIGNS = {"suspicious": "✕", "unusual": "◐"}
 _LEAST_WALK_M = 100.0
 """A walk on the spot is drawn as if it were this long, or the plan would show GPS noise alone."""
-_MOST_WALKS = 4.0
+_MOST_WALKS = 20.0
 """A region wider than this many walks extends outside: the walk would shrink to a dot."""
 _WIDTH, _LEAST_HEIGHT, _MOST_HEIGHT, _EDGE = 460.0, 180.0, 400.0, 22.0
 """Pixels."""
@@ -59,7 +62,7 @@ def svg(walks: Sequence[FloatArray], heard_m: FloatArray, cells: Sequence[OnPlan
     def pixels(points_m: FloatArray) -> FloatArray:
         return np.asarray((points_m - corner_m) * (scale, -scale), float)
 
-    text, tolerance = "", 0.5
+    text, tolerance = "", 0.7
     while not text or len(text.encode()) > _MOST_BYTES:
         shapes = "".join(_shapes(walks, heard_m, cells, pixels, tolerance))
         text = _whole(shapes, size, scale, cells)
@@ -68,7 +71,7 @@ def svg(walks: Sequence[FloatArray], heard_m: FloatArray, cells: Sequence[OnPlan
 
 
 def draw(
-    axes: Any, walks: Sequence[FloatArray], heard_m: FloatArray, cells: Sequence[OnPlan]
+    axes: "Axes", walks: Sequence[FloatArray], heard_m: FloatArray, cells: Sequence[OnPlan]
 ) -> None:
     """The same on axes of matplotlib, to scale in metres."""
     for i, walk in enumerate(walks):
@@ -90,7 +93,15 @@ def draw(
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="east (m)", ylabel="north (m)")
     axes.ticklabel_format(useOffset=False, style="plain")
-    axes.legend(fontsize="small")
+    place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
+    axes.legend(**place, ncols=2, frameon=False, fontsize="small")
+
+
+def new_axes() -> "Axes":
+    """Axes of a new figure of pyplot."""
+    from matplotlib import pyplot as plt  # noqa: PLC0415 (a second; only for those who draw)
+
+    return plt.subplots(layout="constrained")[1]
 
 
 def _frame(
@@ -117,11 +128,6 @@ def _shapes(
     walks: Sequence[FloatArray], heard_m: FloatArray, cells: Sequence[OnPlan],
     pixels: Any, tolerance: float,
 ) -> Iterator[str]:  # fmt: skip
-    lines = "".join(_line(pixels(walk), tolerance) for walk in walks)
-    dots = np.unique(np.rint(pixels(heard_m) / tolerance) * tolerance, axis=0)
-    lines += "".join(f"M{x:g} {y:g}h0" for x, y in dots)
-    style = f'fill="none" stroke="{_WALK}" stroke-linecap="round" stroke-linejoin="round"'
-    yield f'<path d="{lines}" {style} stroke-width="{3 if len(dots) else 1.5}"/>'
     for percent, (name, opacity) in REGIONS.items():
         for cell in cells:
             if rings := cell.regions.get(percent):
@@ -129,6 +135,11 @@ def _shapes(
                 fill = f'fill="{cell.colour}" fill-opacity="{opacity}" fill-rule="evenodd"'
                 title = f"<title>{escape(f'{cell.label}: {name}')}</title>"
                 yield f'<path d="{path}" {fill} stroke="{cell.colour}">{title}</path>'
+    lines = "".join(_line(pixels(walk), tolerance) for walk in walks)
+    dots = np.unique(np.rint(pixels(heard_m) / tolerance) * tolerance, axis=0)
+    lines += "".join(f"M{x:g} {y:g}h0" for x, y in dots)
+    style = f'fill="none" stroke="{_WALK}" stroke-linecap="round" stroke-linejoin="round"'
+    yield f'<path d="{lines}" {style} stroke-width="{3 if len(dots) else 1.5}"/>'
     for cell in reversed(cells):  # the first on top
         for i, (x, y) in enumerate(pixels(cell.places_m)):
             yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{3 if i else 5}" fill="{cell.colour}"/>'
@@ -145,9 +156,7 @@ def _line(points: FloatArray, tolerance: float) -> str:
     return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in corners)
 
 
-def _whole(
-    shapes: str, size: tuple[float, float], scale: float, cells: Sequence[OnPlan]
-) -> str:
+def _whole(shapes: str, size: tuple[float, float], scale: float, cells: Sequence[OnPlan]) -> str:
     """The shapes with a scale bar and an arrow to the north."""
     width, height = size
     power = 10.0 ** floor(log10(width / scale / 4.0))
@@ -158,7 +167,7 @@ def _whole(
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:.0f}" '
         f'width="{width:g}" style="max-width:100%;height:auto;color:inherit" role="img" '
-        f'aria-label="{escape(f"Plan of the walk and of {named or 'no cell'}")}" '
+        f'aria-label="Plan of the walk, north above: {escape(named)}" '
         f'font-family="sans-serif" font-size="12" fill="currentColor">{shapes}'
         f'<path d="{bar}" stroke="currentColor" stroke-width="2"/>'
         f'<text x="{right:g}" y="{below - 5:g}" text-anchor="end">{bar_m:,.0f} m</text>'
