@@ -28,8 +28,8 @@ from logger.core.readings import Readings
 from logger.core.readings import places_of as at_readings
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
-from logger.core.timebase import TimeBase, fit_run
 from logger.core.utc import utc_text
+from postproc.scan_counts import heard_utc_ns
 
 REACH_M = 120_000.0
 """No cell is heard farther away: 3GPP TS 45.010 has 120 km for GSM with extended timing advance,
@@ -183,9 +183,9 @@ def _middle(point_m: FloatArray) -> OnMap:
 
 
 class HeardIn(OnMap, frozen=True, kw_only=True):
-    """Where a group heard an identity: middle, runs, readings with a position, first and last day.
+    """Where a group heard an identity: middle, runs, readings with a position, first and last time.
 
-    The times are those of its runs; None unless all of these know UTC.
+    The times are those of the runs that know UTC.
     """
 
     runs: tuple[str, ...]
@@ -195,30 +195,38 @@ class HeardIn(OnMap, frozen=True, kw_only=True):
 
     @property
     def text(self) -> str:
-        """Place, day and runs in words."""
-        days = dict.fromkeys(utc[:10] for utc in (self.first_utc, self.last_utc) if utc)
-        when = f", {' to '.join(days)}" if days else ""
+        """Place, runs and days in words."""
         few = ", ".join(self.runs[:_MOST_RUNS])
         more = f" and {len(self.runs) - _MOST_RUNS} more" if len(self.runs) > _MOST_RUNS else ""
-        return f"{place_name(self)} ({few}{more}{when})"
+        return f"{place_name(self)} ({few}{more}{_days(self.first_utc, self.last_utc)})"
 
 
 @dataclass(frozen=True, slots=True)
 class Group:
     """Runs of one place: they share ground, or an identity that one transmitter may have sent.
 
-    `where` is the middle of their ground, None of runs without a position. `several` has, for each
-    identity that other groups name too, where these and this one heard it, this one first.
+    `where` is the middle of their ground, None of runs without a position. Where runs have several
+    places, `first_utc` and `last_utc` are their first and last reading, None where no run knows
+    UTC, and `several` has where each identity was heard that other groups name too, this one first.
     """
 
     runs: tuple[Run, ...]
     where: OnMap | None
+    first_utc: str | None = None
+    last_utc: str | None = None
     several: Mapping[str, tuple[HeardIn, ...]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
         """The place in words."""
         return "without a position" if self.where is None else place_name(self.where)
+
+    @property
+    def title(self) -> str:
+        """The place with its runs and days."""
+        n = len(self.runs)
+        days = _days(self.first_utc, self.last_utc)
+        return f"{self.name} ({n} run{'s' * (n != 1)}{days})"
 
     @property
     def file_name(self) -> str:
@@ -258,19 +266,28 @@ def by_place(runs: Sequence[Run]) -> list[Group]:
     the others are several.
     """
     walks = [walk for walk in map(_walk_of, runs) if walk is not None]
-    groups = _groups_of(walks)
+    groups = _groups_of(walks) if len(walks) > 1 else []
     if len(groups) < 2:
         return [Group(tuple(runs), _middle_of([walk.track for walk in walks]) if walks else None)]
-    several = _heard_in_several(groups)
-    found = [
-        Group(
-            tuple(walk.run for walk in group),
-            _middle_of([walk.track for walk in group]),
-            {cell: (where[k], *(where[i] for i in where if i != k))
-             for cell, where in several.items() if k in where},
+    utc_ns = [heard_utc_ns([walk.run for walk in group]) for group in groups]
+    several = _heard_in_several(groups, utc_ns)
+    found = []
+    for k, group in enumerate(groups):
+        where = {
+            cell: (at[k], *(one for i, one in at.items() if i != k))
+            for cell, at in several.items()
+            if k in at
+        }
+        times_ns = [at_ns for both in utc_ns[k].values() for at_ns in both]
+        found.append(
+            Group(
+                tuple(walk.run for walk in group),
+                _middle_of([walk.track for walk in group]),
+                utc_text(min(times_ns)) if times_ns else None,
+                utc_text(max(times_ns)) if times_ns else None,
+                where,
+            )
         )
-        for k, group in enumerate(groups)
-    ]  # fmt: skip
     placed = {id(walk.run) for walk in walks}
     lost = tuple(run for run in runs if id(run) not in placed)
     return [*found, *([Group(lost, None)] if lost else [])]
@@ -283,7 +300,8 @@ def check_one_place(runs: Sequence[Run]) -> None:
         names = "; ".join(group.name for group in groups)
         raise GeoError(
             f"{groups[1].runs[0].path} was walked far from {groups[0].runs[0].path}: these runs "
-            f"are of {len(groups)} places ({names}), which share neither a map nor a cell"
+            f"are of {len(groups)} places ({names}), which share neither a map nor a cell: "
+            "give those of one place"
         )
 
 
@@ -325,18 +343,20 @@ def document_of_groups(groups: Sequence[Group], documents: Sequence[Document]) -
                 "place": group.name,
                 "lat": group.where and group.where.lat,
                 "lon": group.where and group.where.lon,
+                "first_utc": group.first_utc,
+                "last_utc": group.last_utc,
                 **document.content,
             }
             for group, document in zip(groups, documents, strict=True)
         ],
     }
-    names = ", ".join(f"{group.name} ({_number_of_runs(group)})" for group in groups)
-    body: list[Part] = [f"{len(groups)} places: {names}"]
+    titles = ", ".join(group.title for group in groups)
+    body: list[Part] = [f"{len(groups)} places: {titles}"]
     for cell, where in sorted(found.items()):
         text = f"{cell} is {several_text(where)}. {_TWO}"
         body.append(Line(text, "yellow"))
     for group, document in zip(groups, documents, strict=True):
-        body += ["", Line(f"{group.name}: {_number_of_runs(group)}", "bold")]
+        body += ["", Line(group.title, "bold")]
         body += [document.title] if document.title else []
         body += [Line(warning, "yellow") for warning in document.warnings]
         body += document.body
@@ -368,10 +388,6 @@ def place_name(where: OnMap) -> str:
     """Latitude and longitude to a kilometre."""
     north, east = "N" if where.lat >= 0.0 else "S", "E" if where.lon >= 0.0 else "W"
     return f"{abs(where.lat):.2f}° {north}, {abs(where.lon):.2f}° {east}"
-
-
-def _number_of_runs(group: Group) -> str:
-    return f"{len(group.runs)} run{'s' * (len(group.runs) != 1)}"
 
 
 def _walk_of(run: Run) -> _Walk | None:
@@ -418,20 +434,16 @@ def _groups_of(walks: Sequence[_Walk]) -> list[list[_Walk]]:
     return list(groups.values())
 
 
-def _heard_in_several(groups: Sequence[Sequence[_Walk]]) -> dict[str, dict[int, HeardIn]]:
+def _heard_in_several(
+    groups: Sequence[Sequence[_Walk]], utc_ns: Sequence[Mapping[str, tuple[int, int]]]
+) -> dict[str, dict[int, HeardIn]]:
     """Where each identity was heard that several groups name, by the number of the group."""
-    n_groups = Counter(
-        cell for group in groups for cell in {c for walk in group for c in walk.heard}
-    )
+    names = [{cell for walk in group for cell in walk.heard} for group in groups]
+    n_groups = Counter(cell for some in names for cell in some)
     several = {}
-    clocks = {
-        walk.run.meta.run_id: fit_run(walk.run.meta.origin, walk.run.tables["fixes"])
-        for group in groups
-        for walk in group
-    }
     for cell in sorted(cell for cell, n in n_groups.items() if n > 1):
         where = {
-            k: _heard_in(cell, walks, clocks)
+            k: _heard_in(cell, walks, utc_ns[k].get(cell))
             for k, group in enumerate(groups)
             if (walks := [walk for walk in group if cell in walk.heard])
             and sum(_n_scans(walk, cell) for walk in walks) >= FEWEST_SCANS
@@ -445,23 +457,22 @@ def _n_scans(walk: _Walk, cell: str) -> int:
     return len(np.unique(walk.run.tables["readings"]["seq"][walk.heard[cell]]))
 
 
-def _heard_in(cell: str, walks: Sequence[_Walk], clocks: Mapping[str, TimeBase | None]) -> HeardIn:
+def _heard_in(cell: str, walks: Sequence[_Walk], utc_ns: tuple[int, int] | None) -> HeardIn:
     middle = _middle_of([walk.at.part(walk.heard[cell]) for walk in walks])
-    utc_ns: list[int] = []
-    for walk in walks:
-        timebase = clocks[walk.run.meta.run_id]
-        t_ns = walk.at.t_ns[walk.heard[cell]]
-        if timebase is not None:
-            utc_ns += [timebase.utc_ns(int(t_ns.min())), timebase.utc_ns(int(t_ns.max()))]
-    knows_utc = len(utc_ns) == 2 * len(walks)
     return HeardIn(
         lat=middle.lat,
         lon=middle.lon,
         runs=tuple(walk.run.path.name for walk in walks),
         n=sum(len(walk.heard[cell]) for walk in walks),
-        first_utc=utc_text(min(utc_ns)) if knows_utc else None,
-        last_utc=utc_text(max(utc_ns)) if knows_utc else None,
+        first_utc=utc_ns and utc_text(utc_ns[0]),
+        last_utc=utc_ns and utc_text(utc_ns[1]),
     )
+
+
+def _days(first_utc: str | None, last_utc: str | None) -> str:
+    """The first and the last day after a comma; nothing where they are unknown."""
+    days = dict.fromkeys(utc[:10] for utc in (first_utc, last_utc) if utc)
+    return f", {' to '.join(days)}" if days else ""
 
 
 def _tiles_of(places: Places) -> IntArray:

@@ -100,14 +100,14 @@ def report(
         )
         if basemap is not None and page.cell_map is None:
             print(f"{basemap} is not drawn: no cell is located or ambiguous", file=sys.stderr)
-        documents.append(_written(page, file, folder, start_s))
+        documents.append(_write_page(page, file, folder, start_s))
         codes.append(page.exit_code)
     said = ground.document_of_groups([group for group, _ in groups], documents)
     show(said, as_json=as_json)
     return max(codes)
 
 
-def _written(
+def _write_page(
     page: rendering.Report, target: Path, picture_folder: Path | None, start_s: float
 ) -> document.Document:
     """Write a page that was begun at `start_s`, and say so."""
