@@ -93,8 +93,8 @@ def draw(
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="east (m)", ylabel="north (m)")
     axes.ticklabel_format(useOffset=False, style="plain")
-    place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
-    axes.legend(**place, ncols=2, frameon=False, fontsize="small")
+    style: Any = {"bbox_to_anchor": (0.0, 1.0), "ncols": 2, "frameon": False, "fontsize": "small"}
+    axes.legend(loc="lower left", **style)  # above the axes, where it hides nothing
 
 
 def new_axes() -> "Axes":

@@ -362,10 +362,9 @@ class Result:
         more = f" and {len(names) - 3} more" if len(names) > 3 else ""
         words = Counter(self._word(cell) for cell in self.cells)
         n_located = sum(cell.verdict == "located" for cell in self.cells)
-        counts = [(words[word], word) for word in WORDS[:0:-1] if words[word]]
-        counts += [(n_located, "located")]
+        counts = [f"{words[word]} {word}" for word in WORDS[:0:-1] if words[word]]
         n_cells = f"{len(self.cells)} cell{'s' * (len(self.cells) != 1)}"
-        said = ", ".join([n_cells, *(f"{n} {word}" for n, word in counts)])
+        said = ", ".join([n_cells, *counts, f"{n_located} located"])
         return f"{', '.join(names[:3])}{more}: {said}"
 
     def _word(self, cell: CellResult) -> str:

@@ -241,6 +241,16 @@ class Answer:
         return f"{word}{self.verdict}{why}{'; likeliest at ' if where else ''}{where}"
 
     @property
+    def latitude_deg(self) -> float | None:
+        """Of the place; None without one."""
+        return None if self.place is None else self.place.lat
+
+    @property
+    def longitude_deg(self) -> float | None:
+        """Of the place; None without one."""
+        return None if self.place is None else self.place.lon
+
+    @property
     def error(self) -> str | None:
         """That of the program which ended some of the work on the cell, None where none did."""
         return self.provenance.error
