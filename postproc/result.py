@@ -206,11 +206,13 @@ class CellResult:
 
     def answer(self, runs: Sequence[Run], word: Word | None = None) -> Answer:
         """The answer from the `runs` of the result, with the word of suspicion if it was asked."""
-        heard = dict.fromkeys(share.run for share in self.shares) or range(len(runs))
+        heard = [runs[share.run] for share in self.shares] or [
+            run for run in runs if np.any(run.tables["readings"]["cell"] == self.cell.encode())
+        ]
         paths = None if self.obs is None else self._paths(self.obs.utm)
-        names = tuple(runs[i].path.name for i in heard)
-        first_ns, last_ns = self.heard_utc_ns or (None, None)
-        made_from = Provenance(self.n, first_ns, last_ns, self.n_scans, names, self.error)
+        names = tuple(dict.fromkeys(run.path.name for run in heard))
+        first_utc_ns, last_utc_ns = self.heard_utc_ns or (None, None)
+        made_from = Provenance(self.n, first_utc_ns, last_utc_ns, self.n_scans, names, self.error)
         return answer_of(
             self.cell, self.verdict, self.warnings, made_from, self.posterior, word, paths
         )
@@ -416,6 +418,6 @@ def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:
     """Warnings about the runs of these cells together."""
     if not cells:
         return ("no cell with an identity was observed",)
-    if n_runs > 1 and all(sum(share.n > 0 for share in cell.shares) < 2 for cell in cells):
+    if n_runs > 1 and all(len(cell.shares) < 2 for cell in cells):
         return ("no cell was observed in two of the runs: each answer is that of one run",)
     return ()

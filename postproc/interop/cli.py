@@ -21,7 +21,7 @@ from postproc.options import (
 
 with late_modules():
     from logger.core import answer, document, runfile
-    from postproc import atomic_write, cell_work, scan_counts
+    from postproc import atomic_write, cell_work, progress, scan_counts
     from postproc.interop import (
         decompression,
         exporting,
@@ -85,11 +85,12 @@ def export(
     answers: list[answer.Answer] = []
     if has_estimates:
         groups = grouped_runs(paths, cells)
-        estimated = [
-            (stored_or_estimated(group.runs, own_cells), group.several)
+        with_words = [
+            run_assessment.conspicuous_first(
+                stored_or_estimated(group.runs, own_cells), progress.with_progress, group.several
+            )[0]
             for group, own_cells in groups
         ]
-        with_words = [run_assessment.conspicuous_first(*one)[0] for one in estimated]
         exported, answers = exporting.write_answers(with_words, output, name, every=all_estimators)
         counts = f"{exported.n_estimates} cell{'s' * (exported.n_estimates != 1)}"
         if len(groups) > 1:

@@ -176,7 +176,7 @@ def test_the_test_for_two_transmitters(check, run, monkeypatch):
 
 @pytest.mark.parametrize("details", [False, True])
 def test_its_lines_on_the_terminal(details, run, capsys, monkeypatch):
-    step = "_estimator_rows" if details else "_cell_row"
+    step = "_estimator_rows" if details else "_cell_rows"
     fail_in(monkeypatch, f"postproc.summary.{step}")
     code, out, _ = outputs(capsys, "smooth", run, *["-v"] * details)
     assert code == SOMETHING_LOST
