@@ -165,9 +165,9 @@ def smooth(
     Readings of several runs are joined, with an unknown offset between the levels of different
     modems. `loss` is that of the least-squares fit. Located means that `within_m` holds 95 % of the
     probability. More than one of `processes` needs a main guard in the calling script. `progress`
-    is True for a line or bar on stderr, or a function as `tqdm`. `Result.cells` has a `CellResult`
-    per cell, conspicuous ones first, then most readings first; arrays of its estimators are shape
-    (n,) or (n, 4) with x, y (metres, UTM), P0 (dBm at 1 m) and eta.
+    is True, or a function as tqdm. `Result.cells` has a `CellResult` per cell, conspicuous ones
+    first, then most readings first; arrays of its estimators are shape (n,) or (n, 4) with x, y
+    (metres, UTM), P0 (dBm at 1 m) and eta.
 
     Raises `RunFileError` for a file that is no run, `ConfigError` for a cell that was not observed,
     an unknown environment or a run that appears twice, `GeoError` for runs of several places, which
@@ -191,9 +191,8 @@ def suspect(
 ) -> Suspicions:
     """Which cells of runs are suspicious, and why.
 
-    `cells` has for each its `word` (nothing unusual, unusual or suspicious) and `findings`, the
-    most suspicious first; places of findings are degrees (WGS84). Printed, it is what `postproc
-    suspect` says. `progress` as in `smooth`.
+    `cells` has the `word` and the `findings` of each, the most suspicious first; places are degrees
+    (WGS84). Printed, it is what `postproc suspect` says. `progress` as in `smooth`.
 
     Raises `RunFileError` for a file that is no run, `GeoError` for runs of several places.
     """
@@ -259,9 +258,8 @@ def export(
     """Write levels and track of a run, or the cells of results, complete or not at all.
 
     The format is `form` or the suffix of `path`: csv, kml, geojson, gpx, and for a run also wigle,
-    opencellid-csv, opencellid-json, parquet. Results of `smooth`, as the first argument or as
-    `result`, give one row or feature a cell (degrees, WGS84); with `all_estimators` the positions
-    of the EKF, the RTS smoother and least squares stand beside.
+    opencellid-csv, opencellid-json, parquet. Results, also as `result`, give one row or feature a
+    cell (degrees, WGS84); with `all_estimators` other estimators stand beside.
 
     Raises `ConfigError` for an unknown format, cells in a format that has none and a `path`
     that cannot be written, `EstimationError` for a run without a position fix, `RunFileError`

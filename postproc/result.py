@@ -324,7 +324,7 @@ class Result:
 
         Axes are east and north in metres (UTM). Raises `ConfigError` for a cell that is not there.
         """
-        drawn = self._drawn() if cell is None else [one for one in self.cells if one.cell == cell]
+        drawn = self._to_draw() if cell is None else [one for one in self.cells if one.cell == cell]
         if cell is not None and not drawn:
             raise ConfigError(f"cell {cell} is not in this result")
         axes = ax or new_axes()
@@ -340,7 +340,7 @@ class Result:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a plan, and a table of the first cells."""
-        drawn, shown = self._drawn(), self.cells[:_MOST_ROWS]
+        drawn, shown = self._to_draw(), self.cells[:_MOST_ROWS]
         shown = (*shown, *(cell for cell in drawn if all(cell is not one for one in shown)))
         on_plan = [
             part
@@ -373,7 +373,7 @@ class Result:
         word = self.words.get(cell.cell)
         return "" if word is None or word.word == WORDS[0] else word.word
 
-    def _drawn(self) -> list[CellResult]:
+    def _to_draw(self) -> list[CellResult]:
         """The conspicuous, located and ambiguous cells; without any the first that has a place."""
         placed = [cell for cell in self.cells if cell.posterior is not None]
         known = [cell for cell in placed if self._word(cell) or cell.verdict != "cannot tell"]

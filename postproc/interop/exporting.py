@@ -243,7 +243,9 @@ def write_answers(
     """
     form = writer(name)
     has_regions = getattr(form, "HAS_REGIONS", False)
-    answered = [_answered(result, cell, has_regions) for result in results for cell in result.cells]
+    answered = [
+        _as_exported(result, cell, has_regions) for result in results for cell in result.cells
+    ]
     answers = [answer for answer, _ in answered]
     with whole_file(target) as part:
         form.write_answers(answered, answer_table(answers, every=every), part)
@@ -256,7 +258,7 @@ def write_answers(
     return Exported(target, name, 0, 0, len(answers), has_utc, tuple(left_out)), answers
 
 
-def _answered(result: Result, cell: CellResult, has_regions: bool) -> Answered:
+def _as_exported(result: Result, cell: CellResult, has_regions: bool) -> Answered:
     """A cell as it is exported; where that fails, what is known beside the reason."""
 
     def with_regions() -> Answered:
