@@ -32,7 +32,7 @@ def picture_in(html):
     return ET.fromstring(html[html.index("<svg") : html.index("</svg>") + 6])
 
 
-def filled(picture):
+def opacities(picture):
     return [
         path.get("fill-opacity") for path in picture.iter(f"{SVG}path") if path.get("fill-opacity")
     ]
@@ -56,7 +56,7 @@ def test_a_result_shows_its_walk_and_both_regions(result):
     html = result._repr_html_()
     assert len(html.encode()) < MOST_BYTES
     picture = picture_in(html)
-    assert filled(picture) == ["0.15", "0.35"]
+    assert opacities(picture) == ["0.15", "0.35"]
     assert next(picture.iter(f"{SVG}text")).text == "✕ 1"  # never by colour alone
     assert len(list(picture.iter(f"{SVG}circle"))) == 2  # both places
     assert "suspicious</span>" in html
@@ -67,7 +67,7 @@ def test_a_result_shows_its_walk_and_both_regions(result):
 def test_a_cell_shows_where_it_was_heard(result):
     html = result.cells[0]._repr_html_()
     assert len(html.encode()) < MOST_BYTES
-    assert filled(picture_in(html)) == ["0.15", "0.35"]
+    assert opacities(picture_in(html)) == ["0.15", "0.35"]
     without = replace(result.cells[0], posterior=None, obs=None, verdict="cannot tell")
     assert "<svg" not in without._repr_html_()
 
