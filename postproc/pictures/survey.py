@@ -3,14 +3,15 @@
 Positions are metres east and north of the first fix.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import floor, log10
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from logger.core.answer import Word
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.censoring import levels_dbm
 from logger.core.locator.posterior import Mode
@@ -19,6 +20,7 @@ from logger.core.readings import times_ns
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit_run
 from logger.core.utc import utc_text
+from logger.sim.scenario import SCENARIOS, SIMULATED, scenario
 from postproc.result import Result
 
 
@@ -192,7 +194,7 @@ class Survey:
     """The walks of a result; `utm` is None where no run has a fix.
 
     Local positions are metres east and north of `origin_m`. `warnings` are about the runs, not
-    about a cell.
+    about a cell; `words` are those of the cells where suspicion was asked.
     """
 
     walks: tuple[Walk, ...]
@@ -200,6 +202,26 @@ class Survey:
     utm: Utm | None
     origin_m: tuple[float, float]
     warnings: tuple[str, ...]
+    words: Mapping[str, Word] = field(default_factory=dict)
+
+    def word(self, cell: str) -> str:
+        """The word of a cell; empty where suspicion was not asked."""
+        return self.words[cell].word if cell in self.words else ""
+
+    @property
+    def streets_m(self) -> list[FloatArray]:
+        """Streets of the world where the runs are simulated: lines (k, 2), each once."""
+        names = dict.fromkeys(
+            walk.run.meta.origin.removeprefix(SIMULATED)
+            for walk in self.walks
+            if walk.run.meta.truth and self.utm is not None
+        )
+        lines = (scenario(name).streets_deg() for name in names if name in SCENARIOS)
+        return [
+            np.array([self.position_m(*end_deg) for end_deg in street])
+            for streets in lines
+            for street in streets
+        ]
 
     @property
     def track_m(self) -> FloatArray:
@@ -250,6 +272,7 @@ def survey_of(result: Result) -> Survey:
         utm=tracks[0].utm if tracks else None,
         origin_m=origin_m,
         warnings=_warnings(result),
+        words=result.words,
     )
 
 
