@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from logger.core import answer as answers
 from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position, Region
 from logger.core.document import Column, Degrees, Document, Line, Measured, Table, Value, Word
 from logger.core.ellipse import RADII, Ellipse
@@ -16,6 +15,7 @@ from logger.core.locator.rivals import share_text
 from logger.core.places import Places
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import WORDS
+from logger.core.suspicion.words import strongest_reasons
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.direction_check import AXES
 from postproc.estimators.region_outline import geojson
@@ -280,12 +280,11 @@ def _axes(ellipse: Ellipse) -> str:
 
 def summarise(result: Result) -> Summary:
     """What is said of one run or of several."""
-    runs = [observed.run for observed in result.runs]
-    more = result.warnings if len(runs) == 1 else ()
+    more = result.warnings if len(result.runs) == 1 else ()
     return Summary(
         [_run(observed, more) for observed in result.runs],
         result.warnings,
-        [_row_or_why_not(cell, runs, result.words.get(cell.cell)) for cell in result.cells],
+        [_row_or_why_not(cell, result) for cell in result.cells],
     )
 
 
@@ -302,18 +301,15 @@ def _run(observed: ObservedRun, more: Sequence[str]) -> RunSummary:
     )
 
 
-def _row_or_why_not(cell: CellResult, runs: Sequence[Run], word: answers.Word | None) -> SummaryRow:
-    row = attempt(cell.cell, "its summary", lambda: _row(cell, runs, word))
-    if not isinstance(row, Failure):
-        return row
-    failed = cell.after(row)
-    answer = failed.answer(runs, word)
-    return SummaryRow(failed, answer, None, json_form(failed, answer, None, runs))
+def _row_or_why_not(cell: CellResult, result: Result) -> SummaryRow:
+    runs = [observed.run for observed in result.runs]
 
+    def row_of(cell: CellResult, truth: TruthCheck | None) -> SummaryRow:
+        answer = result.answer(cell)
+        return SummaryRow(cell, answer, truth, json_form(cell, answer, truth, runs))
 
-def _row(cell: CellResult, runs: Sequence[Run], word: answers.Word | None) -> SummaryRow:
-    answer, truth = cell.answer(runs, word), truth_of(cell, runs)
-    return SummaryRow(cell, answer, truth, json_form(cell, answer, truth, runs))
+    row = attempt(cell.cell, "its summary", lambda: row_of(cell, truth_of(cell, runs)))
+    return row_of(cell.after(row), None) if isinstance(row, Failure) else row
 
 
 def json_form(
@@ -386,6 +382,8 @@ def json_form(
             }
             for i, rest in cell.without.items()
         ]
+    if answer.word is not None:
+        form |= {"word": answer.word.word, "word_reasons": strongest_reasons(answer.word)}
     if made_from.error is not None:
         form["error"] = made_from.error
     return form

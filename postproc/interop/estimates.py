@@ -16,7 +16,6 @@ from logger.core.arrays import FloatArray
 from logger.core.ellipse import radii_text
 from logger.core.locator.region import HALF, LEVEL
 from logger.core.places import Utm
-from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
 from postproc.result import BATCH, EKF, RTS, CellResult, Result
 from postproc.summary import region_of
@@ -175,23 +174,22 @@ def estimates_of(result: Result, utm: Utm, *, every: bool = False) -> list[Estim
 
     With `every` the positions and ellipses of the other estimators besides.
     """
-    runs = [observed.run for observed in result.runs]
     found = []
     for cell in result.cells:
-        one = attempt(cell.cell, "its export", partial(_estimate, cell, runs, utm, every))
+        one = attempt(cell.cell, "its export", partial(_estimate, result, cell, utm, every))
         if isinstance(one, Failure):
-            answer = cell.after(one).answer(runs)
+            answer = result.answer(cell.after(one))
             one = Estimate(answer, (), {}, (f"the answer about {cell.cell}: {one.reason}",))
         found.append(one)
     return found
 
 
-def _estimate(cell: CellResult, runs: Sequence[Run], utm: Utm, every: bool) -> Estimate:
+def _estimate(result: Result, cell: CellResult, utm: Utm, every: bool) -> Estimate:
     regions = {}
     for percent, level in ((95, LEVEL), (50, HALF)):
         if outline := region_of(cell, level).geojson:
             regions[percent] = tuple(polygons(outline.coordinates))
-    return estimate_of(cell.answer(runs), regions, utm, every=every)
+    return estimate_of(result.answer(cell), regions, utm, every=every)
 
 
 def estimate_of(

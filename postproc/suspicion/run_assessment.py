@@ -17,6 +17,7 @@ from logger.core.suspicion.words import (
     by_word,
     false_alarms_per_hour,
     sentences,
+    strongest_reasons,
     word_rate_text,
 )
 from postproc.cell_work import Failure, failure
@@ -133,8 +134,6 @@ def database_findings(
 
 
 ALL_RULES: tuple[Rule[Any, Any], ...] = (*RULES.values(), *DATABASE_RULES)
-_MOST_REASONS = 3
-"""For each cell in one sentence: `postproc suspect` prints all of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,8 +242,7 @@ def _conspicuous(suspicions: Suspicions, among: Collection[str]) -> list[Assessm
 
 def reason_line(cell: Assessment) -> str:
     """A cell, its word, and its strongest reasons in one sentence."""
-    strongest = sorted(sentences(cell.findings), key=lambda finding: -finding.nats)[:_MOST_REASONS]
-    return f"{cell.cell} is {cell.word}: {'; '.join(finding.text for finding in strongest)}"
+    return f"{cell.cell} is {cell.word}: {'; '.join(strongest_reasons(cell))}"
 
 
 _NEVER = (

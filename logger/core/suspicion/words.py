@@ -18,6 +18,7 @@ times an hour (`WORD_RATES`)."""
 CONFIRMING: frozenset[Family] = frozenset({"area", "neighbours", "signal", "place", "technology"})
 """One of these must be among the families: a plan or a database alone is often wrong."""
 
+_MOST_REASONS = 3
 _LOGS = "62 runs of telephones, mostly in cars"
 WORD_RATES: Mapping[Word, Rate] = {
     "suspicious": Rate(1, 924, 38.5, _LOGS),
@@ -76,6 +77,12 @@ def sentences(findings: Sequence[Finding]) -> list[Finding]:
         if other is None or finding.nats > other.nats:
             strongest[finding.text] = finding
     return [finding for finding in findings if strongest[finding.text] is finding]
+
+
+def strongest_reasons(word: answer.Word) -> list[str]:
+    """The few sentences that weigh most: `postproc suspect` prints all of them."""
+    strongest = sorted(sentences(word.findings), key=lambda finding: -finding.nats)
+    return [finding.text for finding in strongest[:_MOST_REASONS]]
 
 
 def by_word(assessments: Sequence[Assessment]) -> list[Assessment]:

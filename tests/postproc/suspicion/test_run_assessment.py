@@ -34,5 +34,6 @@ def test_without_one_nothing_changes(tmp_path):
     assert conspicuous == ()
     assert [cell.cell for cell in after.cells] == [cell.cell for cell in before.cells]
     for cell in after.cells:
-        answer = cell.answer([one.run for one in after.runs], after.words[cell.cell])
-        assert (answer.word.word, answer.word.findings) == ("nothing unusual", ())
+        word = after.answer(cell).word
+        assert (word.word, word.findings) == ("nothing unusual", ())
+        assert before.answer(cell).word is None  # it was not asked
