@@ -35,9 +35,9 @@ class Walk:
 
     @property
     def streets(self) -> tuple[Waypoints, ...]:
-        """The streets that its legs follow, to `BLOCK_M` beyond the outermost corner."""
+        """The streets that its legs follow, to five blocks beyond the outermost corners."""
         corners = np.asarray(self.waypoints, float)
-        low_m, high_m = corners.min(axis=0) - BLOCK_M, corners.max(axis=0) + BLOCK_M
+        low_m, high_m = corners.min(axis=0) - 5 * BLOCK_M, corners.max(axis=0) + 5 * BLOCK_M
         streets: dict[Waypoints, None] = {}
         for (east_0, north_0), (east_1, north_1) in pairwise(self.waypoints):
             if east_0 == east_1:

@@ -49,9 +49,10 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     Bayes factors of two transmitters, at once or one after the other, against one; None where it
     was not tried. An identity that is heard farther apart than any cell reaches has a row for each
     of `n_places` places; `place` is the number, and the first has most readings. `region_wkb` is
-    the 95 % region in degrees. `word` is the worst word of suspicion
-    that a run gave the cell, by the rules `word_rules` in `word_runs` runs; None where no run could
-    be asked. `error` is that of the program which ended the estimate, None where none did.
+    the 95 % region in degrees. `word` is the worst word of suspicion that a run gave the cell, by
+    the rules `word_rules` in `word_runs` runs, with `word_reasons` as one of them gave them; None
+    where no run could be asked. `error` is that of the program which ended the estimate, None where
+    none did.
     """
 
     cell: str
@@ -86,6 +87,7 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     moved: float | None = None
     word: Word | None = None
     word_rules: tuple[str, ...] = ()
+    word_reasons: tuple[str, ...] = ()
     word_runs: int = 0
     offsets: tuple[ModemOffset, ...] = ()
     region_wkb: bytes = b""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from math import log
 from typing import Any, NamedTuple
 
+from logger.core import answer
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.document import Document, Line, Word
 from logger.core.runfile import Run
@@ -218,10 +219,17 @@ def conspicuous_first(result: Result) -> tuple[Result, tuple[str, ...]]:
         for cell in sorted(result.cells, key=lambda cell: rank.get(cell.cell, len(rank)))
     ]
     of_none = [failures[""].reason] if "" in failures else []
-    warnings = (*map(reason_line, unusual), *of_none, *result.warnings)
+    warnings = (*(reason_line(cell.cell, cell) for cell in unusual), *of_none, *result.warnings)
     words = {name: assess(name, ()) for name in there}
     words |= {cell.cell: cell for cell in suspicions.cells}
-    return replace(result, cells=tuple(cells), warnings=warnings, words=words), tuple(rank)
+    result = replace(
+        result,
+        cells=tuple(cells),
+        warnings=warnings,
+        words=words,
+        not_asked=suspicions.not_asked,
+    )
+    return result, tuple(rank)
 
 
 def _with_failure(cell: CellResult, why: Failure) -> CellResult:
@@ -240,9 +248,9 @@ def _conspicuous(suspicions: Suspicions, among: Collection[str]) -> list[Assessm
     ]
 
 
-def reason_line(cell: Assessment) -> str:
+def reason_line(cell: str, said: answer.Word) -> str:
     """A cell, its word, and its strongest reasons in one sentence."""
-    return f"{cell.cell} is {cell.word}: {'; '.join(strongest_reasons(cell))}"
+    return f"{cell} is {said.word}: {'; '.join(strongest_reasons(said))}"
 
 
 _NEVER = (
@@ -303,6 +311,26 @@ def not_asked_text(suspicions: Suspicions) -> str:
     for rule, needs in suspicions.not_asked.items():
         by_need.setdefault(", ".join(needs), []).append(rule)
     return "; ".join(f"{', '.join(rules)} (no {need})" for need, rules in by_need.items())
+
+
+_NEEDED = {
+    "timing advance": "timing advances",
+    "C1 and C2": "reselection offsets",
+    "second technology": "a second technology",
+    "cell database": "a database of cells",
+}
+"""Needs of rules as they stand in a sentence."""
+
+
+def unnoticed_text(not_asked: Mapping[str, Sequence[str]]) -> str:
+    """What no rule could see in runs that could not serve these."""
+    missing = dict.fromkeys(need for needs in not_asked.values() for need in needs)
+    needs = [_NEEDED.get(need, need) for need in missing]
+    unseen = "a cell that copies another in everything"
+    if needs:
+        listed = " or ".join(filter(None, (", ".join(needs[:-1]), needs[-1])))
+        unseen += f", and one that only {listed} would betray: this walk has none of them"
+    return f"Would have gone unnoticed: {unseen}."
 
 
 def reason_text(suspicions: Suspicions, finding: Finding) -> str:
