@@ -479,8 +479,8 @@ def _draw_tracks(axes: Axes, picture: Picture) -> None:
     for walk in picture.survey.walks:
         for strip in walk.strips_m:
             corners = strip[evenly_spaced(len(strip), _MOST_CORNERS)]
-            style = {"color": rgb(colours.QUIET), "linewidth": 1, "alpha": 0.6, "zorder": 2}
-            axes.plot(*corners.T, **style)
+            grey = rgb(colours.QUIET)
+            axes.plot(*corners.T, color=grey, linewidth=1, alpha=0.6, zorder=2)
 
 
 def draw_readings(axes: Axes, picture: Picture) -> ScalarMappable:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -123,7 +123,7 @@ def _place(survey: Survey, number: int, cell: CellResult) -> _Place | None:
         modes = relevant_modes(cell.posterior.modes)
         shares = tuple(share_text(mode.probability) if len(modes) > 1 else "" for mode in modes)
         outline = regions_of(cell.posterior, survey.origin_m)["95"]
-        what = "" if is_positioned else "its most likely position, not yet located"
+        what = "" if is_positioned else "not located yet"
         return _Place(*named, what, survey.modes_m(modes), shares, outline)
     if word in SIGNS and cell.obs is not None and len(cell.obs):
         strongest = int(np.argmax(cell.obs.level_dbm))
@@ -143,7 +143,7 @@ def _draw_ground(axes: Axes, box: Box, ground: Basemap | None) -> None:
 
 def _name_directly(axes: Axes, survey: Survey) -> None:
     """The ends of the only walk, and simulated streets, by texts on the plan: a legend is below."""
-    muted = {"color": rgb(colours.MUTED), "fontsize": SMALLEST_POINTS, "zorder": 6}
+    muted: dict[str, Any] = {"color": rgb(colours.MUTED), "fontsize": SMALLEST_POINTS, "zorder": 6}
     if survey.streets_m:
         text = axes.text(0.99, 0.99, "simulated streets", transform=axes.transAxes, **muted)
         text.set(ha="right", va="top")
@@ -182,7 +182,8 @@ def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> None:
     for i, (position_m, share) in enumerate(
         zip(place.positions_m.tolist(), place.shares, strict=True)
     ):
-        label = "_nolegend_" if i else f"{place.label}: {place.cell}"
+        what = f", {place.what}" if place.what else ""
+        label = "_nolegend_" if i else f"{place.label}: {place.cell}{what}"
         gid = f"{PLACE}{place.number}" if box and not i else None
         draw_cell_mark(axes, position_m, place.word, colour, label=label, gid=gid)
         if box is None:

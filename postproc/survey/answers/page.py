@@ -15,7 +15,7 @@ from logger.core.ellipse import metres
 from logger.core.errors import ConfigError
 from logger.core.places import Utm
 from logger.core.suspicion.rules import RULES
-from logger.core.suspicion.words import word_rate_text
+from logger.core.suspicion.words import WORD_RATES, word_rate_text
 from postproc.basemap.reading import read_basemap
 from postproc.html_page import page_environment
 from postproc.pictures.survey import Box, Clock, round_step
@@ -157,7 +157,7 @@ def html(
         most_odd=_MOST_ODD,
         most_labels=_MOST_LABELS,
         harmless=_harmless(numbered[odd[0]]) if odd else (),
-        rate=word_rate_text(numbered[odd[0]].word) if odd and numbered[odd[0]].word in ODD else "",
+        rate=_rate(numbered[odd[0]]) if odd else "",
         unnoticed=unnoticed_text({}),
         what_to_do=SEARCH,
         liars=[one for one in loggers if one.contradiction],
@@ -203,6 +203,10 @@ def _table(cells: Mapping[int, LocatedCell], label: str) -> Table:
         shown, *values = cell_row(cell)
         rows.append((number, shown, Word(word_of(cell)), *values))
     return Table([Column("no.", "d"), name, Column("word"), *others], rows, label, name_column=1)
+
+
+def _rate(cell: LocatedCell) -> str:
+    return word_rate_text(cell.word) if cell.word and cell.word in WORD_RATES else ""
 
 
 def _harmless(cell: LocatedCell) -> tuple[str, ...]:
