@@ -18,7 +18,7 @@ with late_modules():
     from logger.core import isolation, runfile
     from logger.core.locator import verdict
     from logger.core.model import prior as priors
-    from postproc import progress, results, smoothing
+    from postproc import ground, multi_run, progress, results, smoothing
     from postproc import result as estimation
 
 Command = Callable[..., int | None]
@@ -192,6 +192,15 @@ def only_one(options: Mapping[str, object], *, is_required: bool = False) -> Non
 def read_streets(path: Path | None) -> street_file.StreetLines | tuple[()]:
     """Lines of `--streets`."""
     return () if path is None else street_file.read_lines(path)
+
+
+def grouped_runs(
+    paths: Sequence[Path], cells: Sequence[str] = ()
+) -> list[tuple[ground.Group, list[str]]]:
+    """The runs of some files by place, each group with those of the `cells` that it names."""
+    runs = [runfile.read_sound_run(path) for path in paths]
+    multi_run.check_different(runs)
+    return list(ground.groups_with(ground.by_place(runs), cells))
 
 
 def estimate(

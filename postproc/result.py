@@ -104,7 +104,8 @@ class CellResult:
     backward with their comparison, the RTS smoother and the least-squares fit (`batch`) are for
     comparison. `residuals` are those at the posterior's best position. `timing` compares timing
     advances with the posterior; None where none was read. `failed` names the estimators that did
-    not converge; their values are dropped. `set_aside` are levels that the readings before and
+    not converge; their values are dropped. `heard_utc_ns` are the times of the first and the last
+    reading in UTC, None where unknown. `set_aside` are levels that the readings before and
     after contradict; only the reference EKF and `residuals` use them. `error` is that of the
     program which ended some of the work on the cell, None where none did.
 
@@ -130,6 +131,7 @@ class CellResult:
     failed: tuple[str, ...] = ()
     set_aside: tuple[SpikeLevel, ...] = ()
     n_scans: int | None = None
+    heard_utc_ns: tuple[int, int] | None = None
     run_index: IntArray | None = None
     shares: tuple[RunShare, ...] = ()
     without: Mapping[int, "CellResult"] = field(default_factory=dict)
@@ -144,13 +146,10 @@ class CellResult:
 
     def answer(self, runs: Sequence[Run], word: Word | None = None) -> Answer:
         """The answer from the `runs` of the result, with the word of suspicion if it was asked."""
-        heard = [share.run for share in self.shares] or range(len(runs))
-        first_ns = last_ns = paths = None
-        if self.obs is not None:
-            paths = self._paths(self.obs.utm)
-            if len(self.obs):
-                first_ns, last_ns = self.obs.t_ns[[0, -1]].tolist()
+        heard = dict.fromkeys(share.run for share in self.shares) or range(len(runs))
+        paths = None if self.obs is None else self._paths(self.obs.utm)
         names = tuple(runs[i].path.name for i in heard)
+        first_ns, last_ns = self.heard_utc_ns or (None, None)
         made_from = Provenance(self.n, first_ns, last_ns, self.n_scans, names, self.error)
         return answer_of(
             self.cell, self.verdict, self.warnings, made_from, self.posterior, word, paths
@@ -171,8 +170,9 @@ class CellResult:
         """The row of the cell where work on its result failed."""
         warnings = (why.reason, *self.warnings)
         return CellResult(
-            self.cell, self.n, None, "cannot tell", warnings, n_scans=self.n_scans, error=why.error
-        )
+            self.cell, self.n, None, "cannot tell", warnings, n_scans=self.n_scans,
+            heard_utc_ns=self.heard_utc_ns, shares=self.shares, error=why.error,
+        )  # fmt: skip
 
 
 def _end(x: FloatArray, p: FloatArray, utm: Utm, n: int, is_bounded: bool = True) -> PathEnd:
@@ -220,11 +220,15 @@ class Result:
         """The answer about one of the cells, with its word where suspicion was asked."""
         return cell.answer([observed.run for observed in self.runs], self.words.get(cell.cell))
 
+    def answer(self, cell: CellResult) -> Answer:
+        """The answer about one of the cells, with its word where suspicion was asked."""
+        return cell.answer([observed.run for observed in self.runs], self.words.get(cell.cell))
+
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:
     """Warnings about the runs of these cells together."""
     if not cells:
         return ("no cell with an identity was observed",)
-    if n_runs > 1 and all(len(cell.shares) < 2 for cell in cells):
+    if n_runs > 1 and all(sum(share.n > 0 for share in cell.shares) < 2 for cell in cells):
         return ("no cell was observed in two of the runs: each answer is that of one run",)
     return ()

@@ -10,6 +10,7 @@ from logger.core.locator.preparation import MOST_MODEMS
 from logger.core.runfile import Run
 from postproc.cell_estimation import estimate_cell, locate_cell
 from postproc.cell_work import PROCESS_ENDED, Failure, attempt, failure
+from postproc.ground import elsewhere_reasons, places_of
 from postproc.multi_run import (
     Parts,
     check_different,
@@ -22,8 +23,8 @@ from postproc.multi_run import (
 )
 from postproc.processes import each
 from postproc.progress import Progress
-from postproc.result import CellResult, Options, Result, joint_warnings
-from postproc.scan_counts import observed_cells, scans_of, too_rarely
+from postproc.result import CellResult, Options, Result, RunShare, joint_warnings
+from postproc.scan_counts import heard_utc_ns, observed_cells, scans_of, too_rarely
 from postproc.walk import observe_run
 
 
@@ -41,38 +42,63 @@ def smooth_runs(
     main guard. A run without fixes, or a cell with too few readings, is no error: the verdict is
     then "cannot tell", as it is for a cell whose estimate fails.
 
+    An identity that is heard farther apart than any cell reaches has a result for each place.
     Raises `ConfigError` for a run that appears twice and for a cell that was not observed,
-    `GeoError` for runs that are too far apart.
+    `GeoError` for runs of several places, which `postproc.ground.by_place` tells apart.
     """
     check_different(runs)
-    n_readings, n_scans = observed_cells(runs, only), scans_of(runs)
+    n_readings, n_scans, utc_ns = observed_cells(runs, only), scans_of(runs), heard_utc_ns(runs)
     observed = in_one_zone([observe_run(run) for run in runs])
     certain = {cell for cell in n_readings if not too_rarely(n_scans[cell])}
     parts = parts_by_cell(observed, certain)
-    names = sorted(parts, key=lambda cell: sum(map(len, parts[cell].values())), reverse=True)
+    places = {cell: places_of(of_cell) for cell, of_cell in parts.items()}
+    near = [part for of_cell in places.values() for part in of_cell]
+    near.sort(key=_n_readings, reverse=True)
     estimate = partial(_estimate, modems=modems_of(runs), options=options)
-    results = each(estimate, [parts[cell] for cell in names], processes, _cell_without_result)
-    cells = list(progress(results, "locating", len(names), names) if progress else results)
+    results = each(estimate, near, processes, _cell_without_result)
+    names = list(map(_name, near))
+    estimated = progress(results, "locating", len(names), names) if progress else results
+    cells = list(estimated)
     cells += [
-        without_position(cell, n, n_scans[cell])
+        without_position(cell, n, n_scans[cell], runs)
         for cell, n in n_readings.items()
         if cell not in parts
     ]
-    return Result(
-        observed,
-        tuple(replace(cell, n_scans=n_scans[cell.cell]) for cell in cells),
-        joint_warnings(len(runs), cells),
-        options,
+    cells = [
+        replace(cell, n_scans=n_scans[cell.cell], heard_utc_ns=utc_ns.get(cell.cell))
+        for cell in cells
+    ]
+    for k, part in enumerate(near):
+        if len(of_cell := places[cells[k].cell]) > 1:
+            cells[k] = _of_place(cells[k], part, of_cell, runs)
+    return Result(observed, tuple(cells), joint_warnings(len(runs), cells), options)
+
+
+def _of_place(
+    result: CellResult, parts: Parts, places: Sequence[Parts], runs: Sequence[Run]
+) -> CellResult:
+    """The result of an identity that is heard in several `places`, of which `parts` is one."""
+    there = sum(map(_n_readings, places)) - _n_readings(parts)
+    return replace(
+        result,
+        n_scans=sum(len(np.unique(part.scan_seq)) for part in parts.values()),
+        heard_utc_ns=heard_utc_ns([runs[i] for i in parts]).get(result.cell),
+        warnings=(*result.warnings, *elsewhere_reasons(len(places), there)),
     )
 
 
-def without_position(cell: str, n: int, n_scans: int) -> CellResult:
+def without_position(cell: str, n: int, n_scans: int, runs: Sequence[Run]) -> CellResult:
     """Result of a cell that was observed too rarely, or without a position."""
     why = (
         too_rarely(n_scans)
         or f"none of its {n} reading{'s' * (n != 1)} has both a level and a position"
     )
-    return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans)
+    shares = [
+        RunShare(i, 0, None, None)
+        for i, run in enumerate(runs)
+        if len(runs) > 1 and np.any(run.tables["readings"]["cell"] == cell.encode())
+    ]
+    return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans, shares=tuple(shares))
 
 
 _WHAT = "its estimate"
@@ -90,8 +116,13 @@ def _cell_without_result(parts: Parts) -> CellResult:
 
 
 def _without_estimate(parts: Parts, why: Failure) -> CellResult:
-    n = sum(map(len, parts.values()))
-    return CellResult(why.cell, n, None, "cannot tell", ()).after(why)
+    shares = tuple(RunShare(i, len(part), None, None) for i, part in parts.items())
+    n = _n_readings(parts)
+    return CellResult(why.cell, n, None, "cannot tell", (), shares=shares).after(why)
+
+
+def _n_readings(parts: Parts) -> int:
+    return sum(map(len, parts.values()))
 
 
 def _name(parts: Parts) -> str:

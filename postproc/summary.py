@@ -16,6 +16,7 @@ from logger.core.places import Places
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import WORDS
 from logger.core.suspicion.words import strongest_reasons
+from logger.core.utc import utc_text
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.direction_check import AXES
 from postproc.estimators.region_outline import geojson
@@ -321,6 +322,8 @@ def json_form(
         "cell": answer.cell,
         "n": made_from.n,
         "n_scans": made_from.n_scans,
+        "first_utc": _utc(made_from.first_utc_ns),
+        "last_utc": _utc(made_from.last_utc_ns),
         "verdict": answer.verdict,
         "best": _fields(place, _PLACE)
         | _fields(parameters, _PARAMETERS)
@@ -368,6 +371,7 @@ def json_form(
     if cell.timing is not None:
         form["timing"] = cell.timing._asdict()
     if len(runs) > 1:
+        form["runs"] = made_from.runs
         shares = [(runs[share.run].path, share) for share in cell.shares]
         form["offsets"] = [
             {"run": path} | _fields(share, ("n", "offset_db", "sigma_db")) for path, share in shares
@@ -387,6 +391,10 @@ def json_form(
     if made_from.error is not None:
         form["error"] = made_from.error
     return form
+
+
+def _utc(utc_ns: int | None) -> str | None:
+    return None if utc_ns is None else utc_text(utc_ns)
 
 
 def _fields(part: object, names: Sequence[str]) -> dict[str, object]:

@@ -142,14 +142,15 @@ class Parameters:
 class Provenance:
     """What the answer is made from: `n` readings with a position, of these `runs`.
 
-    `first_ns` and `last_ns` are the times of the first and the last reading, ns since boot of their
-    runs; None without one. `n_scans` identified the cell without doubt; None where nobody counted.
-    `error` is that of the program which ended some of the work; None where none did.
+    `first_utc_ns` and `last_utc_ns` are the times of the first and the last reading, also of those
+    without a position; None where no run knows UTC. `n_scans` identified the cell
+    without doubt; None where nobody counted. `error` is that of the program which ended some of the
+    work; None where none did.
     """
 
     n: int
-    first_ns: int | None = None
-    last_ns: int | None = None
+    first_utc_ns: int | None = None
+    last_utc_ns: int | None = None
     n_scans: int | None = None
     runs: tuple[str, ...] = ()
     error: str | None = None

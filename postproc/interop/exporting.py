@@ -18,11 +18,10 @@ from logger.core.arrays import IntArray
 from logger.core.censoring import levels_dbm
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.places import MAX_GAP_S, SIGMA_OF_RADIUS68, Utm
-from logger.core.provenance import is_import
 from logger.core.readings import Observations, observe
 from logger.core.rows import values_of
 from logger.core.runfile import Run
-from logger.core.timebase import fit_run
+from logger.core.timebase import utc_clock
 from logger.core.types import Broadcast, CellReading, Fix
 from postproc.atomic_write import whole_file
 from postproc.interop import writers
@@ -59,7 +58,7 @@ def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
     """Levels of all cells of a run, or of those named; raises `EstimationError` without a fix."""
     readings = run.tables["readings"]
     observed = observe(run.tables["fixes"], run.tables["scans"], readings)
-    clock = _clock(run)
+    clock = utc_clock(run.meta.origin, run.tables["fixes"])
     track = _track(run, clock)
     wanted = (readings["cell"] != b"") & np.isfinite(levels_dbm(readings))
     if only is not None:
@@ -76,21 +75,6 @@ def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
         n_without_identity=int(np.count_nonzero(readings["cell"] == b"")) if only is None else 0,
         n_without_position=int(np.count_nonzero(wanted)) - len(sightings),
     )
-
-
-def _clock(run: Run) -> Clock:
-    """UTC to the microsecond by time since boot, None where unknown; an import has it per fix."""
-    timebase = fit_run(run.meta.origin, run.tables["fixes"])
-    if timebase is not None:
-        return lambda t_ns: timebase.utc_ns(t_ns) // 1000 * 1000
-    if is_import(run.meta.origin):
-        utc_ns = {
-            record.t_ns: record.value.utc_ns
-            for _, record in run.records("fixes")
-            if isinstance(record.value, Fix)
-        }
-        return utc_ns.get
-    return lambda _: None
 
 
 def _track(run: Run, clock: Clock) -> tuple[Stretch, ...]:

@@ -72,7 +72,8 @@ class CellSection:
     """A cell in detail: its number, answer, warnings that the answer lacks, and figures.
 
     `word` is empty where suspicion was not asked. `reasons` and `harmless` causes, the weightiest
-    first, and the `rate` of the word stand beside a word that says more than "nothing unusual".
+    first, and the `rate` of the word stand beside a word that says more than "nothing unusual";
+    beside any other word the reasons are what rules only warn of.
     """
 
     number: int
@@ -162,9 +163,12 @@ def cell_section(
         runs=run_table(result, answer.provenance.runs),
         word=word,
     )
-    if answer.word is None or not section.is_odd:
+    if answer.word is None:
         return section
     findings = sorted(answer.word.findings, key=lambda finding: -finding.nats)
+    if not section.is_odd:
+        warns = (one.text for one in findings if one.rule.strength == "warns")
+        return replace(section, reasons=tuple(dict.fromkeys(warns)))
     harmless = ", ".join(finding.rule.harmless for finding in findings).split(", ")
     return replace(
         section,

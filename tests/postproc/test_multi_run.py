@@ -211,7 +211,7 @@ def test_a_run_without_a_fix_is_named(pair, tmp_path, capsys):
 def test_mistakes_are_one_line(pair, tmp_path, capsys):
     assert "are the same run" in fails(capsys, "smooth", pair[0], pair[1], pair[0])
     far = record_walk(tmp_path / "far.h5", STREET, at_deg=(48.0, 12.0))
-    assert "445 km" in fails(capsys, "smooth", pair[0], far)
+    assert "2 places" in fails(capsys, "compare", pair[0], far)
     assert "was not observed" in fails(capsys, "smooth", *pair, "--cell", OTHER)
     assert "no such file" in fails(capsys, "smooth", pair[0], tmp_path / "none.h5")
 

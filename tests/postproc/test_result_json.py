@@ -16,7 +16,19 @@ SCHEMA = Path(__file__).parents[2] / "docs" / "result.schema.json"
 
 STATE = ["lat", "lon", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "ellipse95", "n"]
 CELL = [
-    *("cell", "n", "n_scans", "verdict", "best", "modes", "region95", "region50", "prior"),
+    *(
+        "cell",
+        "n",
+        "n_scans",
+        "first_utc",
+        "last_utc",
+        "verdict",
+        "best",
+        "modes",
+        "region95",
+        "region50",
+        "prior",
+    ),
     "alternatives",
     *("noise", "reference_ekf", "ekf", "ekf_backward", "agreement", "rts", "batch", "residuals"),
     *("set_aside", "truth", "warnings"),
@@ -67,7 +79,7 @@ def test_keys_and_their_order(summaries):
     assert list(several) == ["runs", "warnings", "cells"]
     (located, *_) = one["cells"]
     assert list(located) == [*CELL, *WORD]
-    assert list(several["cells"][0]) == [*CELL, "offsets", "without", *WORD]
+    assert list(several["cells"][0]) == [*CELL, "runs", "offsets", "without", *WORD]
     assert list(located["ekf"]) == [*STATE, "converged"]
     more = ["sigma_db", "converged", "bounded", "correlation_inflation", "rivals"]
     assert list(located["batch"]) == STATE + more

@@ -17,6 +17,7 @@ from logger.core.places import Utm
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import WORD_RATES, word_rate_text
 from postproc.basemap.reading import read_basemap
+from postproc.ground import Towns
 from postproc.html_page import page_environment
 from postproc.pictures.survey import Box, Clock, round_step
 from postproc.pictures.survey import Survey as Frame
@@ -25,7 +26,6 @@ from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
 from postproc.survey.location import CELL_COLUMNS, cell_row
-from postproc.survey.places import Towns
 from postproc.survey.tasks import RunChoice, runs_of
 from postproc.suspicion.run_assessment import unnoticed_text
 
