@@ -220,10 +220,6 @@ class Result:
         """The answer about one of the cells, with its word where suspicion was asked."""
         return cell.answer([observed.run for observed in self.runs], self.words.get(cell.cell))
 
-    def answer(self, cell: CellResult) -> Answer:
-        """The answer about one of the cells, with its word where suspicion was asked."""
-        return cell.answer([observed.run for observed in self.runs], self.words.get(cell.cell))
-
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:
     """Warnings about the runs of these cells together."""

@@ -375,8 +375,8 @@ def draw_plan(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> Box |
     if inset is not None:
         enlarged = draw_inset(axes, inset, picture)
         draw_readings(enlarged, picture)
-        _draw_posterior(enlarged, picture, inset.shown)
-        _draw_truth(enlarged, picture, inset.shown)
+        _draw_posterior(enlarged, picture, inset[0])
+        _draw_truth(enlarged, picture, inset[0])
     legend_below(figure, axes)
     return box
 
@@ -389,7 +389,7 @@ def _draw_truth(axes: Axes, picture: Picture, box: Box) -> None:
 
 def draw_inset(axes: Axes, inset: Inset, picture: Picture) -> Axes:
     """Axes in a frame on the plan, with the streets and the tracks, and what they enlarge."""
-    shown, frame, ink = inset.shown, inset.frame, rgb(colours.INK)
+    (shown, frame), ink = inset, rgb(colours.INK)
     where = (frame.west, frame.south, frame.width, frame.height)
     enlarged = axes.inset_axes(where, transform=axes.transData, zorder=11)
     enlarged.set_xlim(shown.west, shown.east)

@@ -144,13 +144,8 @@ def plan_box(walked_m: FloatArray, extras_m: Iterable[FloatArray]) -> Box:
     return _at_least_half_as_wide(box.enlarge(_MARGIN * box.size))
 
 
-class Inset(NamedTuple):
-    """What is drawn larger, and the part of the plan that it takes for that."""
-
-    shown: Box
-    frame: Box
-
-
+Inset = tuple[Box, Box]
+"""What is drawn larger, and the part of the plan that it takes for that."""
 _INSET_AREA = 0.05
 """An answer that takes less of the plan is drawn larger, in an inset."""
 _INSET_SIDE = 0.38
@@ -188,10 +183,10 @@ def with_inset(
     ):
         hidden = [frame.contains(*point_m) for point_m in drawn_m.tolist()]
         if np.mean(hidden) <= _MOST_COVERED and frame.apart(shown):
-            return box, Inset(shown, frame)
+            return box, (shown, frame)
     south = box.south - side_m
     frame = Box(west, south, west + side_m, south + side_m)
-    return Box(box.west, south - gap_m, box.east, box.north), Inset(shown, frame)
+    return Box(box.west, south - gap_m, box.east, box.north), (shown, frame)
 
 
 def _at_least_half_as_wide(box: Box) -> Box:

@@ -106,7 +106,7 @@ def cell_map(
     if inset is not None:
         enlarged = draw_inset(axes, inset, picture)
         if ground is not None:
-            _draw_basemap(enlarged, ground, inset.shown)
+            _draw_basemap(enlarged, ground, inset[0])
         tries.each(places[:1], lambda one: one.cell, lambda one: _draw_place(enlarged, one))
     legend_below(figure, axes)
     legends = (legend.get_window_extent().height / figure.dpi for legend in figure.legends)
