@@ -1,11 +1,17 @@
 """The report in a real browser: it fits the screen, requests nothing and is accessible."""
 
+import os
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from logger.core.runfile import read_run
+from logger.simulate import simulate
 from postproc.report.rendering import make_report
+from postproc.smoothing import smooth_runs
+from postproc.suspicion.run_assessment import conspicuous_first
 from tests.kit import sample_results as kit
 from tests.kit.browser import axe_core, browser
 
@@ -209,3 +215,18 @@ def test_axe_finds_faults(chromium, tmp_path):
     assert {"image-alt", "color-contrast", "html-has-lang"} <= {
         violation["id"] for violation in chromium.accessibility_violations(axe)
     }
+
+
+@pytest.mark.skipif("CELLWALK_SCREENSHOTS" not in os.environ, reason="make screenshots")
+def test_screenshots(chromium, tmp_path):
+    """What the guide shows: the first screen of the demo's page."""
+    run = read_run(simulate(tmp_path, "block", 3, None, 40.0))
+    result, first = conspicuous_first(smooth_runs([run]))
+    path = tmp_path / "run.html"
+    make_report(result, first=first).write(path)
+    folder = Path(os.environ["CELLWALK_SCREENSHOTS"])
+    for device, width, height in (("phone", PHONE, 844), ("desktop", DESKTOP, 800)):
+        for scheme in ("light", "dark"):
+            chromium.open(path, width=width, dark=scheme == "dark", height=height)
+            picture = chromium.screenshot(whole=False)
+            (folder / f"report-{device}-{scheme}.png").write_bytes(picture)
