@@ -48,7 +48,7 @@ from postproc.view.cli import view
 with late_modules():
     from logger.core import document, runfile
     from logger.core.model import prior as priors
-    from postproc import cell_work, ground, replay, result, results, summary
+    from postproc import cell_work, ground, progress, replay, result, results, summary
     from postproc import info as description
     from postproc.suspicion import run_assessment
 
@@ -170,7 +170,9 @@ def smooth(
     rows: list[cell_work.Row] = []
     for group, own_cells in groups:
         estimated = estimate(group.runs, own_cells, result.Options(prior, loss, within_m))
-        with_words, _ = run_assessment.conspicuous_first(estimated, group.several)
+        with_words, _ = run_assessment.conspicuous_first(
+            estimated, progress.with_progress, group.several
+        )
         summed = summary.summarise(with_words)
         said, failures = summary.document_of(summed, details=bool(cells or verbose))
         estimates.append(estimated)
@@ -179,7 +181,7 @@ def smooth(
     # printed first: a run on a read-only card has an answer too
     show(ground.document_of_groups([group for group, _ in groups], documents), as_json=as_json)
     for (group, own_cells), estimated, said in zip(groups, estimates, documents, strict=True):
-        beside = results.path_beside(group.runs[0].path, together=len(group.runs) > 1)
+        beside = results.path_beside([run.path for run in group.runs])
         results.write(estimated, said.content, beside, own_cells)
     return cell_work.exit_code(rows)
 

@@ -28,6 +28,7 @@ from logger.core.readings import Readings
 from logger.core.readings import places_of as at_readings
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
+from logger.core.timebase import utc_clock
 from logger.core.utc import utc_text
 from postproc.scan_counts import heard_utc_ns
 
@@ -183,7 +184,7 @@ def _middle(point_m: FloatArray) -> OnMap:
 
 
 class HeardIn(OnMap, frozen=True, kw_only=True):
-    """Where a group heard an identity: middle, runs, readings with a position, first and last time.
+    """A place of an identity: middle, runs, readings with a position, first and last of these.
 
     The times are those of the runs that know UTC.
     """
@@ -205,9 +206,10 @@ class HeardIn(OnMap, frozen=True, kw_only=True):
 class Group:
     """Runs of one place: they share ground, or an identity that one transmitter may have sent.
 
-    `where` is the middle of their ground, None of runs without a position. Where runs have several
-    places, `first_utc` and `last_utc` are their first and last reading, None where no run knows
-    UTC, and `several` has where each identity was heard that other groups name too, this one first.
+    `where` is the middle of their ground, None of runs without a position. `several` has where each
+    identity was heard that is named farther apart than any cell reaches, the group's own place
+    first. Beside other groups, `first_utc` and `last_utc` are its first and last reading, None
+    where no run knows UTC.
     """
 
     runs: tuple[Run, ...]
@@ -255,7 +257,7 @@ class _Walk(NamedTuple):
 
     def tiles_of(self, cell: str) -> IntArray:
         """Where it heard an identity."""
-        return _tiles_of(self.at.part(self.heard[cell]))
+        return np.unique(_tiles_of(self.at.part(self.heard[cell])))
 
 
 def by_place(runs: Sequence[Run]) -> list[Group]:
@@ -266,31 +268,27 @@ def by_place(runs: Sequence[Run]) -> list[Group]:
     the others are several.
     """
     walks = [walk for walk in map(_walk_of, runs) if walk is not None]
-    groups = _groups_of(walks) if len(walks) > 1 else []
+    groups = _groups_of(walks) if len(walks) > 1 else [walks]
+    several = _heard_in_several(walks)
+    lost = [run for run in runs if all(walk.run is not run for walk in walks)]
     if len(groups) < 2:
-        return [Group(tuple(runs), _middle_of([walk.track for walk in walks]) if walks else None)]
-    utc_ns = [heard_utc_ns([walk.run for walk in group]) for group in groups]
-    several = _heard_in_several(groups, utc_ns)
+        middle = _middle_of([walk.track for walk in walks]) if walks else None
+        everywhere = {cell: tuple(one for _, one in at) for cell, at in several.items()}
+        return [Group(tuple(runs), middle, several=everywhere)]
     found = []
-    for k, group in enumerate(groups):
+    for group in groups:
+        own = tuple(walk.run for walk in group)
+        ids = {run.meta.run_id for run in own}
         where = {
-            cell: (at[k], *(one for i, one in at.items() if i != k))
+            cell: tuple(one for _, one in sorted(at, key=lambda place: ids.isdisjoint(place[0])))
             for cell, at in several.items()
-            if k in at
+            if not all(ids.isdisjoint(by) for by, _ in at)
         }
-        times_ns = [at_ns for both in utc_ns[k].values() for at_ns in both]
-        found.append(
-            Group(
-                tuple(walk.run for walk in group),
-                _middle_of([walk.track for walk in group]),
-                utc_text(min(times_ns)) if times_ns else None,
-                utc_text(max(times_ns)) if times_ns else None,
-                where,
-            )
-        )
-    placed = {id(walk.run) for walk in walks}
-    lost = tuple(run for run in runs if id(run) not in placed)
-    return [*found, *([Group(lost, None)] if lost else [])]
+        times_ns = [at_ns for both in heard_utc_ns(own).values() for at_ns in both]
+        ends = [utc_text(end(times_ns)) if times_ns else None for end in (min, max)]
+        middle = _middle_of([walk.track for walk in group])
+        found.append(Group(own, middle, ends[0], ends[1], where))
+    return [*found, *([Group(tuple(lost), None)] if lost else [])]
 
 
 def check_one_place(runs: Sequence[Run]) -> None:
@@ -331,13 +329,18 @@ def document_of_groups(groups: Sequence[Group], documents: Sequence[Document]) -
 
     In JSON each group has its place and what the command says of a single one.
     """
-    if len(groups) == 1:
-        return documents[0]
     found = {cell: where for group in reversed(groups) for cell, where in group.several.items()}
+    findings = [Line(f"{cell} is {several_text(found[cell])}. {_TWO}", "yellow")
+                for cell in sorted(found)]  # fmt: skip
+    several = [{"cell": cell, "places": found[cell]} for cell in sorted(found)]
+    if len(groups) == 1:
+        (only,) = documents
+        if not found:
+            return only
+        content = {**only.content, "several_places": several}
+        return replace(only, content=content, body=[*findings, *only.body])
     content = {
-        "several_places": [
-            {"cell": cell, "places": where} for cell, where in sorted(found.items())
-        ],
+        "several_places": several,
         "groups": [
             {
                 "place": group.name,
@@ -351,10 +354,7 @@ def document_of_groups(groups: Sequence[Group], documents: Sequence[Document]) -
         ],
     }
     titles = ", ".join(group.title for group in groups)
-    body: list[Part] = [f"{len(groups)} places: {titles}"]
-    for cell, where in sorted(found.items()):
-        text = f"{cell} is {several_text(where)}. {_TWO}"
-        body.append(Line(text, "yellow"))
+    body: list[Part] = [f"{len(groups)} places: {titles}", *findings]
     for group, document in zip(groups, documents, strict=True):
         body += ["", Line(group.title, "bold")]
         body += [document.title] if document.title else []
@@ -412,7 +412,7 @@ def _walk_of(run: Run) -> _Walk | None:
 
 def _groups_of(walks: Sequence[_Walk]) -> list[list[_Walk]]:
     """The walks that ground or an identity joins, in their order."""
-    shared = [(_APART_M, {k: _tiles_of(walk.track) for k, walk in enumerate(walks)})]
+    shared = [(_APART_M, {k: np.unique(_tiles_of(walk.track)) for k, walk in enumerate(walks)})]
     n_runs = Counter(cell for walk in walks for cell in walk.heard)
     for cell in (cell for cell, n in n_runs.items() if n > 1):
         tiles = {k: walk.tiles_of(cell) for k, walk in enumerate(walks) if cell in walk.heard}
@@ -434,38 +434,47 @@ def _groups_of(walks: Sequence[_Walk]) -> list[list[_Walk]]:
     return list(groups.values())
 
 
-def _heard_in_several(
-    groups: Sequence[Sequence[_Walk]], utc_ns: Sequence[Mapping[str, tuple[int, int]]]
-) -> dict[str, dict[int, HeardIn]]:
-    """Where each identity was heard that several groups name, by the number of the group."""
-    names = [{cell for walk in group for cell in walk.heard} for group in groups]
-    n_groups = Counter(cell for some in names for cell in some)
+def _heard_in_several(walks: Sequence[_Walk]) -> dict[str, list[tuple[list[str], HeardIn]]]:
+    """By which runs and where each identity was heard that two scans name in several places."""
     several = {}
-    for cell in sorted(cell for cell, n in n_groups.items() if n > 1):
-        where = {
-            k: _heard_in(cell, walks, utc_ns[k].get(cell))
-            for k, group in enumerate(groups)
-            if (walks := [walk for walk in group if cell in walk.heard])
-            and sum(_n_scans(walk, cell) for walk in walks) >= FEWEST_SCANS
-        }
-        if len(where) > 1:
-            several[cell] = where
+    for cell in sorted({cell for walk in walks for cell in walk.heard}):
+        heard = [(walk, walk.heard[cell]) for walk in walks if cell in walk.heard]
+        tiles = [_tiles_of(walk.at.part(rows)) for walk, rows in heard]
+        different = np.unique(np.concatenate(tiles))
+        number = place_numbers(*tile_centres_deg(different), 2.0 * REACH_M)
+        places = []
+        for place in dict.fromkeys(number.tolist()) if np.any(number) else ():
+            near = different[number == place]
+            own = [(walk, rows[np.isin(at, near)])
+                   for (walk, rows), at in zip(heard, tiles, strict=True)]  # fmt: skip
+            own = [(walk, rows) for walk, rows in own if len(rows)]
+            if sum(map(_n_scans, own)) >= FEWEST_SCANS:
+                places.append(([walk.run.meta.run_id for walk, _ in own], _heard_in(own)))
+        if len(places) > 1:
+            several[cell] = places
     return several
 
 
-def _n_scans(walk: _Walk, cell: str) -> int:
-    return len(np.unique(walk.run.tables["readings"]["seq"][walk.heard[cell]]))
+def _n_scans(heard: tuple[_Walk, IntArray]) -> int:
+    walk, rows = heard
+    return len(np.unique(walk.run.tables["readings"]["seq"][rows]))
 
 
-def _heard_in(cell: str, walks: Sequence[_Walk], utc_ns: tuple[int, int] | None) -> HeardIn:
-    middle = _middle_of([walk.at.part(walk.heard[cell]) for walk in walks])
+def _heard_in(heard: Sequence[tuple[_Walk, IntArray]]) -> HeardIn:
+    middle = _middle_of([walk.at.part(rows) for walk, rows in heard])
+    times_ns = []
+    for walk, rows in heard:
+        clock = utc_clock(walk.run.meta.origin, walk.run.tables["fixes"])
+        t_ns = walk.run.tables["readings"]["t_ns"][rows]
+        times_ns += [clock(int(t_ns.min())), clock(int(t_ns.max()))]
+    known_ns = [at_ns for at_ns in times_ns if at_ns is not None]
     return HeardIn(
         lat=middle.lat,
         lon=middle.lon,
-        runs=tuple(walk.run.path.name for walk in walks),
-        n=sum(len(walk.heard[cell]) for walk in walks),
-        first_utc=utc_ns and utc_text(utc_ns[0]),
-        last_utc=utc_ns and utc_text(utc_ns[1]),
+        runs=tuple(walk.run.path.name for walk, _ in heard),
+        n=sum(len(rows) for _, rows in heard),
+        first_utc=utc_text(min(known_ns)) if known_ns else None,
+        last_utc=utc_text(max(known_ns)) if known_ns else None,
     )
 
 
@@ -476,8 +485,7 @@ def _days(first_utc: str | None, last_utc: str | None) -> str:
 
 
 def _tiles_of(places: Places) -> IntArray:
-    ground = Ground(np.full(len(places), places.utm.zone), places.x_m, places.y_m)
-    return np.unique(_tiles(ground))
+    return _tiles(Ground(np.full(len(places), places.utm.zone), places.x_m, places.y_m))
 
 
 def _middle_of(parts: Sequence[Places]) -> OnMap:

@@ -227,7 +227,7 @@ def stored_result(
     runs: Sequence[runfile.Run], cells: Sequence[str], options: estimation.Options | None = None
 ) -> estimation.Result | None:
     """What `smooth` has stored beside the (first) run; a line on stderr where it is not used."""
-    path = results.path_beside(runs[0].path, together=len(runs) > 1)
+    path = results.path_beside([run.path for run in runs])
     try:
         result = results.read(path, runs, cells, options or estimation.Options())
     except results.NotStored as reason:

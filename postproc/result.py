@@ -17,6 +17,7 @@ from logger.core.answer import (
     Paths,
     Place,
     Provenance,
+    Region,
     Word,
     answer_of,
     place_of,
@@ -24,6 +25,7 @@ from logger.core.answer import (
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import ellipse95
 from logger.core.locator.posterior import Posterior
+from logger.core.locator.region import LEVEL, area_m2
 from logger.core.locator.timing_advance import TimingCheck
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import ENVIRONMENTS, Prior
@@ -35,6 +37,7 @@ from postproc.cell_work import Failure
 from postproc.estimators.direction_check import Comparison
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.least_squares import BatchFit, Loss
+from postproc.estimators.region_outline import geojson
 from postproc.estimators.residuals import Residuals
 
 
@@ -146,11 +149,13 @@ class CellResult:
 
     def answer(self, runs: Sequence[Run], word: Word | None = None) -> Answer:
         """The answer from the `runs` of the result, with the word of suspicion if it was asked."""
-        heard = dict.fromkeys(share.run for share in self.shares) or range(len(runs))
+        heard = [runs[share.run] for share in self.shares] or [
+            run for run in runs if np.any(run.tables["readings"]["cell"] == self.cell.encode())
+        ]
         paths = None if self.obs is None else self._paths(self.obs.utm)
-        names = tuple(runs[i].path.name for i in heard)
-        first_ns, last_ns = self.heard_utc_ns or (None, None)
-        made_from = Provenance(self.n, first_ns, last_ns, self.n_scans, names, self.error)
+        names = tuple(dict.fromkeys(run.path.name for run in heard))
+        first_utc_ns, last_utc_ns = self.heard_utc_ns or (None, None)
+        made_from = Provenance(self.n, first_utc_ns, last_utc_ns, self.n_scans, names, self.error)
         return answer_of(
             self.cell, self.verdict, self.warnings, made_from, self.posterior, word, paths
         )
@@ -171,8 +176,21 @@ class CellResult:
         warnings = (why.reason, *self.warnings)
         return CellResult(
             self.cell, self.n, None, "cannot tell", warnings, n_scans=self.n_scans,
-            heard_utc_ns=self.heard_utc_ns, shares=self.shares, error=why.error,
+            heard_utc_ns=self.heard_utc_ns, error=why.error,
         )  # fmt: skip
+
+
+def region_of(cell: CellResult, level: float) -> Region:
+    """The region that holds so much of the probability, where its squares are known."""
+    posterior, obs = cell.posterior, cell.obs
+    if posterior is None or obs is None:
+        return Region()
+    if level != LEVEL and not posterior.is_strongest_inside:
+        return Region()
+    return Region(
+        area_m2=area_m2(posterior.squares, level),
+        geojson=geojson(posterior.squares, obs.utm, level),
+    )
 
 
 def _end(x: FloatArray, p: FloatArray, utm: Utm, n: int, is_bounded: bool = True) -> PathEnd:
@@ -225,6 +243,6 @@ def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:
     """Warnings about the runs of these cells together."""
     if not cells:
         return ("no cell with an identity was observed",)
-    if n_runs > 1 and all(sum(share.n > 0 for share in cell.shares) < 2 for cell in cells):
+    if n_runs > 1 and all(len(cell.shares) < 2 for cell in cells):
         return ("no cell was observed in two of the runs: each answer is that of one run",)
     return ()

@@ -23,7 +23,7 @@ from postproc.multi_run import (
 )
 from postproc.processes import each
 from postproc.progress import Progress
-from postproc.result import CellResult, Options, Result, RunShare, joint_warnings
+from postproc.result import CellResult, Options, Result, joint_warnings
 from postproc.scan_counts import heard_utc_ns, observed_cells, scans_of, too_rarely
 from postproc.walk import observe_run
 
@@ -47,8 +47,11 @@ def smooth_runs(
     `GeoError` for runs of several places, which `postproc.ground.by_place` tells apart.
     """
     check_different(runs)
-    n_readings, n_scans, utc_ns = observed_cells(runs, only), scans_of(runs), heard_utc_ns(runs)
-    observed = in_one_zone([observe_run(run) for run in runs])
+    n_readings, n_scans = observed_cells(runs, only), scans_of(runs)
+    walks = map(observe_run, runs)
+    paths = [run.path.name for run in runs]
+    tracks = progress(walks, "smoothing", len(runs), paths) if progress else walks
+    observed = in_one_zone(list(tracks))
     certain = {cell for cell in n_readings if not too_rarely(n_scans[cell])}
     parts = parts_by_cell(observed, certain)
     places = {cell: places_of(of_cell) for cell, of_cell in parts.items()}
@@ -58,47 +61,46 @@ def smooth_runs(
     results = each(estimate, near, processes, _cell_without_result)
     names = list(map(_name, near))
     estimated = progress(results, "locating", len(names), names) if progress else results
-    cells = list(estimated)
+    cells = [
+        _with_counts(cell, part, places[cell.cell], n_scans[cell.cell], runs)
+        for cell, part in zip(estimated, near, strict=True)
+    ]
     cells += [
-        without_position(cell, n, n_scans[cell], runs)
+        without_position(cell, n, n_scans[cell])
         for cell, n in n_readings.items()
         if cell not in parts
     ]
+    utc_ns = heard_utc_ns(runs)
     cells = [
-        replace(cell, n_scans=n_scans[cell.cell], heard_utc_ns=utc_ns.get(cell.cell))
-        for cell in cells
+        replace(cell, heard_utc_ns=cell.heard_utc_ns or utc_ns.get(cell.cell)) for cell in cells
     ]
-    for k, part in enumerate(near):
-        if len(of_cell := places[cells[k].cell]) > 1:
-            cells[k] = _of_place(cells[k], part, of_cell, runs)
     return Result(observed, tuple(cells), joint_warnings(len(runs), cells), options)
 
 
-def _of_place(
-    result: CellResult, parts: Parts, places: Sequence[Parts], runs: Sequence[Run]
+def _with_counts(
+    result: CellResult,
+    parts: Parts,
+    places: Sequence[Parts],
+    n_scans: int,
+    runs: Sequence[Run],
 ) -> CellResult:
-    """The result of an identity that is heard in several `places`, of which `parts` is one."""
+    """The result with its scans, and with the finding that other `places` name the cell."""
+    utc_ns = None
+    if len(places) > 1:
+        n_scans = sum(len(np.unique(part.scan_seq)) for part in parts.values())
+        utc_ns = heard_utc_ns([runs[i] for i in parts]).get(result.cell)
     there = sum(map(_n_readings, places)) - _n_readings(parts)
-    return replace(
-        result,
-        n_scans=sum(len(np.unique(part.scan_seq)) for part in parts.values()),
-        heard_utc_ns=heard_utc_ns([runs[i] for i in parts]).get(result.cell),
-        warnings=(*result.warnings, *elsewhere_reasons(len(places), there)),
-    )
+    warnings = (*result.warnings, *elsewhere_reasons(len(places), there))
+    return replace(result, n_scans=n_scans, heard_utc_ns=utc_ns, warnings=warnings)
 
 
-def without_position(cell: str, n: int, n_scans: int, runs: Sequence[Run]) -> CellResult:
+def without_position(cell: str, n: int, n_scans: int) -> CellResult:
     """Result of a cell that was observed too rarely, or without a position."""
     why = (
         too_rarely(n_scans)
         or f"none of its {n} reading{'s' * (n != 1)} has both a level and a position"
     )
-    shares = [
-        RunShare(i, 0, None, None)
-        for i, run in enumerate(runs)
-        if len(runs) > 1 and np.any(run.tables["readings"]["cell"] == cell.encode())
-    ]
-    return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans, shares=tuple(shares))
+    return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans)
 
 
 _WHAT = "its estimate"
@@ -116,9 +118,7 @@ def _cell_without_result(parts: Parts) -> CellResult:
 
 
 def _without_estimate(parts: Parts, why: Failure) -> CellResult:
-    shares = tuple(RunShare(i, len(part), None, None) for i, part in parts.items())
-    n = _n_readings(parts)
-    return CellResult(why.cell, n, None, "cannot tell", (), shares=shares).after(why)
+    return CellResult(why.cell, _n_readings(parts), None, "cannot tell", ()).after(why)
 
 
 def _n_readings(parts: Parts) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
@@ -88,10 +89,13 @@ def report(
             file = target.with_stem(f"{target.stem}-{group.file_name}")
             folder = picture_folder and picture_folder / group.file_name
         result, conspicuous = run_assessment.conspicuous_first(
-            stored_or_estimated(group.runs, own_cells, options), group.several
+            stored_or_estimated(group.runs, own_cells, options),
+            progress.with_progress,
+            group.several,
         )
+        findings = [f"{cell} is {ground.several_text(at)}" for cell, at in group.several.items()]
         page = rendering.make_report(
-            result,
+            replace(result, warnings=(*findings, *result.warnings)),
             tested_claims(result, own_cells or [None], prior, p_fa, claim, claims),
             most=max(rendering.MOST_DETAILED, len(own_cells)),
             first=conspicuous,
@@ -112,7 +116,10 @@ def _write_page(
 ) -> document.Document:
     """Write a page that was begun at `start_s`, and say so."""
     size = page.write(target)
-    pictures = list(page.write_figures(picture_folder)) if picture_folder else []
+    pictures = []
+    if picture_folder:
+        writing = page.write_figures(picture_folder)
+        pictures = list(progress.with_progress(writing, "writing pictures", page.n_pictures))
     took_s = perf_counter() - start_s
     more = f", {len(pictures)} pictures in {picture_folder}" if pictures else ""
     detailed = f"{wording.number_of(len(page.cells), 'cell')} in detail"

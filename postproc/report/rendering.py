@@ -7,6 +7,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 
+from logger.core.suspicion.words import reason_line
 from postproc.atomic_write import whole_file
 from postproc.basemap.tiles import street_at
 from postproc.cell_work import Attempts, Failure, attempt, exit_code
@@ -25,7 +26,6 @@ from postproc.report.page import (
     section_without_details,
 )
 from postproc.result import CellResult, Result
-from postproc.suspicion.run_assessment import reason_line
 from postproc.verification.verdicts import Verified
 
 MOST_DETAILED = 8
@@ -47,6 +47,12 @@ class Report:
     overview: ReportFigure | None = None
     cell_map: ReportFigure | None = None
     exit_code: int = 0
+
+    @property
+    def n_pictures(self) -> int:
+        """Files that `write_figures` writes."""
+        others = (self.cell_map, self.overview)
+        return 2 * (sum(map(len, self.figures)) + sum(one is not None for one in others))
 
     def write(self, path: Path) -> int:
         """Write the page, complete or not at all, and return its bytes; raises `RunFileError`."""

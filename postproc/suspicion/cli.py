@@ -36,9 +36,15 @@ def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) ->
     "--celldb", "celldb_path", type=INPUT, metavar="FILE",
     help="A database of cells, made by `postproc celldb import`.",
 )  # fmt: skip
+@click.option("-v", "--verbose", is_flag=True, help="Name the rules.")
 @json_option
 def suspect(
-    paths: Sequence[Path], baseline_path: Path | None, celldb_path: Path | None, *, as_json: bool
+    paths: Sequence[Path],
+    baseline_path: Path | None,
+    celldb_path: Path | None,
+    *,
+    verbose: bool,
+    as_json: bool,
 ) -> int:
     """Print which cells are suspicious, with the reasons.
 
@@ -58,6 +64,6 @@ def suspect(
             )
             for group in groups
         ]
-    documents = [run_assessment.document_of(suspicions) for suspicions in assessed]
+    documents = [run_assessment.document_of(one, details=verbose) for one in assessed]
     show(ground.document_of_groups(groups, documents), as_json=as_json)
     return cell_work.exit_code([why for one in assessed for why in one.failures.values()])

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from math import log
 from typing import Any, Final, NamedTuple, TypeVar
 
-from logger.core import answer
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.document import Document, Line, Word
 from logger.core.identities import identity_of
@@ -18,8 +17,8 @@ from logger.core.suspicion.words import (
     assess,
     by_word,
     false_alarms_per_hour,
+    reason_line,
     sentences,
-    strongest_reasons,
     word_rate_text,
 )
 from postproc.cell_work import Failure, failure
@@ -196,8 +195,11 @@ def assess_runs(
     start_ns: dict[int, int] = {}
     not_asked: list[dict[str, tuple[str, ...]]] = []
     failures: dict[str, Failure] = {}
-    for run in runs:
-        tracker = track(run, baseline)
+    checked: Iterable[SuspicionTracker] = (track(run, baseline) for run in runs)
+    if progress is not None:
+        names = [run.path.name for run in runs]
+        checked = progress(checked, "checking", len(names), names)
+    for run, tracker in zip(runs, checked, strict=True):
         failures = failures_of(tracker) | failures
         if database is not None:
             tracker.capabilities.serve("cell database")
@@ -235,7 +237,7 @@ def failures_of(tracker: SuspicionTracker) -> dict[str, Failure]:
 
 
 def conspicuous_first(
-    result: Result, several: Several = NOWHERE_ELSE
+    result: Result, progress: Progress | None = None, several: Several = NOWHERE_ELSE
 ) -> tuple[Result, tuple[str, ...]]:
     """The result with words, unusual cells first, and their reasons among the warnings.
 
@@ -243,7 +245,8 @@ def conspicuous_first(
     suspicious first.
     """
     there = {cell.cell for cell in result.cells}
-    suspicions = assess_runs([observed.run for observed in result.runs], several=several)
+    runs = [observed.run for observed in result.runs]
+    suspicions = assess_runs(runs, progress=progress, several=several)
     unusual = _conspicuous(suspicions, there)
     first = [*(cell.cell for cell in unusual), *(cell for cell in several if cell in there)]
     rank = {cell: i for i, cell in enumerate(dict.fromkeys(first))}
@@ -253,7 +256,8 @@ def conspicuous_first(
         for cell in sorted(result.cells, key=lambda cell: rank.get(cell.cell, len(rank)))
     ]
     of_none = [failures[""].reason] if "" in failures else []
-    warnings = (*(reason_line(cell.cell, cell) for cell in unusual), *of_none, *result.warnings)
+    lines = [reason_line(cell.cell, cell) for cell in unusual]
+    warnings = (*lines, *of_none, *result.warnings)
     words = {name: assess(name, ()) for name in there}
     words |= {cell.cell: cell for cell in suspicions.cells}
     cells = [
@@ -288,19 +292,17 @@ def _conspicuous(suspicions: Suspicions, among: Collection[str]) -> list[Assessm
     ]
 
 
-def reason_line(cell: str, said: answer.Word) -> str:
-    """A cell, its word, and its strongest reasons in one sentence."""
-    return f"{cell} is {said.word}: {'; '.join(strongest_reasons(said))}"
-
-
 _NEVER = (
     "A word is no accusation: it is a reason to walk there. Telephones in cars gave the rates; a "
     "cell that copies another in everything stays unnoticed."
 )
 
 
-def document_of(suspicions: Suspicions) -> Document:
-    """Cells with a word or a warning and their reasons, then the others and what was not asked."""
+def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
+    """Cells with a word or a warning and their reasons, then the others and what was not asked.
+
+    With `details` the rules by their ids.
+    """
     errors = {cell: failed.error for cell, failed in suspicions.failures.items()}
     cells = [
         {
@@ -314,10 +316,10 @@ def document_of(suspicions: Suspicions) -> Document:
         for cell in suspicions.cells
     ]
     content = {"cells": cells, "not_asked": suspicions.not_asked, "errors": errors}
-    return Document(content, body=_lines(suspicions))
+    return Document(content, body=_lines(suspicions, details=details))
 
 
-def _lines(suspicions: Suspicions) -> Iterator[str | Line]:
+def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
     named = [cell for cell in suspicions.cells if cell.word != "nothing unusual"]
     warned = [
         cell
@@ -329,7 +331,8 @@ def _lines(suspicions: Suspicions) -> Iterator[str | Line]:
         if cell.word != "nothing unusual":
             yield Line(word_rate_text(cell.word), bullet="  ")
         for finding in sentences(cell.findings):
-            yield Line(reason_text(suspicions, finding), bullet="  - ")
+            rule = f" [{finding.rule.id}]" if details else ""
+            yield Line(f"{reason_text(suspicions, finding)}{rule}", bullet="  - ")
         yield ""
     others = len(suspicions.cells) - len(named) - len(warned)
     if others:
@@ -341,16 +344,20 @@ def _lines(suspicions: Suspicions) -> Iterator[str | Line]:
     if not suspicions.cells:
         yield "no cell was named by two scans"
     if suspicions.not_asked:
-        yield f"not asked: {not_asked_text(suspicions)}"
+        yield f"not checked, as these were missing: {not_asked_text(suspicions, details=details)}"
     yield _NEVER
 
 
-def not_asked_text(suspicions: Suspicions) -> str:
-    """Rules that were not asked, by what was missing."""
+def not_asked_text(suspicions: Suspicions, *, details: bool) -> str:
+    """What was missing, with `details` for which rules."""
     by_need: dict[str, list[str]] = {}
     for rule, needs in suspicions.not_asked.items():
         by_need.setdefault(", ".join(needs), []).append(rule)
-    return "; ".join(f"{', '.join(rules)} (no {need})" for need, rules in by_need.items())
+    if details:
+        return "; ".join(f"{need} ({', '.join(rules)})" for need, rules in by_need.items())
+    return ", ".join(
+        dict.fromkeys(need for needs in suspicions.not_asked.values() for need in needs)
+    )
 
 
 _NEEDED = {
@@ -379,10 +386,8 @@ def reason_text(suspicions: Suspicions, finding: Finding) -> str:
     where = "" if finding.lat_deg is None else f", {finding.lat_deg:.5f} {finding.lon_deg:.5f}"
     seconds = suspicions.seconds(finding)
     when = "" if seconds is None else f" ({seconds:.0f} s{where})"
-    return (
-        f"{finding.text}{when}. Also seen with: {rule.harmless}. "
-        f"{rule.rate_text(finding.nats)} [{rule.id}]"
-    )
+    also = f"Also seen with: {rule.harmless}"
+    return f"{finding.text}{when}. {also}. {rule.rate_text(finding.nats)}"
 
 
 def _content(suspicions: Suspicions, finding: Finding) -> Mapping[str, object]:

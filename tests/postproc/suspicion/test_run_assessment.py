@@ -25,7 +25,8 @@ def test_the_suspicious_cell_is_the_one_of_interest(tmp_path):
     (shown,) = select_cells(result, conspicuous[:1])
     assert shown.cell == conspicuous[0]
     lines = list(terminal_lines(document_of(summarise(result), details=True)[0]))
-    assert sum("suspicious" in line for line in lines if line.startswith("310-260-1201-99 ")) == 2
+    assert lines[0].startswith("310-260-1201-99 is suspicious: ")
+    assert sum(line.strip().startswith("suspicious; ") for line in lines) == 1
 
 
 def test_without_one_nothing_changes(tmp_path):
