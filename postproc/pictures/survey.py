@@ -328,7 +328,7 @@ def _simulated_streets(survey: Survey) -> list[FloatArray]:
 
 def levels_of(run: Run) -> tuple[Levels, ...]:
     """Levels of every identified cell, most readings first, dated to the middle of their scan."""
-    readings = run.tables["readings"]
+    readings = run.named_readings
     level, t_ns = levels_dbm(readings), times_ns(run.tables["scans"], readings)
     usable = np.isfinite(level) & (readings["cell"] != b"")
     names, which = np.unique(readings["cell"][usable], return_inverse=True)
