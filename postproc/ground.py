@@ -20,8 +20,9 @@ from scipy.spatial import cKDTree
 
 from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.cell_names import REUSED_M, is_by_channel
 from logger.core.document import Document, Line, Part
-from logger.core.errors import ConfigError, EstimationError, GeoError
+from logger.core.errors import EstimationError, GeoError
 from logger.core.identities import FEWEST_SCANS, identity_of
 from logger.core.places import MAX_LATITUDE_DEG, Places, Track, Utm, track_of
 from logger.core.readings import Readings
@@ -30,7 +31,7 @@ from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
 from logger.core.timebase import utc_clock
 from logger.core.utc import utc_text
-from postproc.scan_counts import heard_utc_ns
+from postproc.scan_counts import check_observed, heard_utc_ns
 
 REACH_M = 120_000.0
 """No cell is heard farther away: 3GPP TS 45.010 has 120 km for GSM with extended timing advance,
@@ -74,7 +75,9 @@ def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
     """
     tile = {digest: _tiles(ground_of(obs)) for digest, obs in parts.items()}
     tiles = np.unique(np.concatenate(list(tile.values()))) if tile else np.zeros(0, np.int64)
-    number = place_numbers(*tile_centres_deg(tiles), 2.0 * REACH_M)
+    is_reused = any(is_by_channel(obs.cell) for obs in parts.values())
+    apart_m = REUSED_M if is_reused else 2.0 * REACH_M
+    number = place_numbers(*tile_centres_deg(tiles), apart_m)
     places: list[dict[Key, Readings]] = [{} for _ in range(np.max(number, initial=-1) + 1)]
     for digest, obs in parts.items():
         own = number[np.searchsorted(tiles, tile[digest])]
@@ -86,11 +89,13 @@ def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
     return sorted(places, key=lambda place: -sum(map(len, place.values())))
 
 
-def elsewhere_reasons(n_places: int, n_readings: int) -> list[str]:
+def elsewhere_reasons(cell: str, n_places: int, n_readings: int) -> list[str]:
     """The finding that other places name an identity too, with `n_readings` there."""
     if n_places == 1:
         return []
     where = "another place" if n_places == 2 else f"{n_places - 1} other places"
+    if is_by_channel(cell):
+        return [f"heard in {where} too, with {n_readings} readings: networks use codes again"]
     how = f"with {n_readings} readings, farther away than any cell reaches"
     return [f"heard in {where} too, {how}: these are different transmitters"]
 
@@ -310,14 +315,10 @@ def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[tuple
     """
     named = [
         {name.decode("utf-8", "replace") for run in group.runs
-         for name in np.unique(run.tables["readings"]["cell"]).tolist()}
+         for name in np.unique(run.named_readings["cell"]).tolist()}
         for group in groups
     ]  # fmt: skip
-    if unknown := set(cells).difference(*named):
-        raise ConfigError(
-            f"cell {', '.join(sorted(unknown))} was not observed; `postproc info` lists those that "
-            "were"
-        )
+    check_observed(set(cells).difference(*named))
     for group, names in zip(groups, named, strict=True):
         own = [cell for cell in cells if cell in names]
         if own or not cells:

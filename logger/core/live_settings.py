@@ -58,7 +58,8 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     update. `environment` names the prior: any, open, suburban or urban. `antenna` is omni or
     sector, `reach` (the distance from the walk) near or far, `height_m` the antenna's height above
     the receiver; any, or None, lets the levels weigh them. `baseline` is the file of earlier walks,
-    empty for none.
+    empty for none. `by_channel`: neighbours without an identity are tracked too, by their channel
+    and code (`cell_names`); earlier versions did not.
     """
 
     target: str = STRONGEST
@@ -73,6 +74,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     height_m: float | None = None
     baseline: str = ""
     streets: str = ""
+    by_channel: bool = True
 
 
 def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:
@@ -82,4 +84,6 @@ def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:
     also stored infinite times, which never end. A height of null is any.
     """
     known = dict.fromkeys(LIMITS, math.inf) | {"height_m": None}
-    return {name: known.get(name) if value is None else value for name, value in recorded.items()}
+    return {"by_channel": False} | {
+        name: known.get(name) if value is None else value for name, value in recorded.items()
+    }

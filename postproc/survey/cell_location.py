@@ -125,7 +125,10 @@ def locate_cell_of(
             place=number,
             n_places=len(rows),
             heard_near=place_name(middle_of([obs.places for obs in near.values()])),
-            reasons=(*row.reasons, *elsewhere_reasons(len(rows), n_readings - row.n_readings)),
+            reasons=(
+                *row.reasons,
+                *elsewhere_reasons(heard.cell, len(rows), n_readings - row.n_readings),
+            ),
         )
         for number, (row, near) in enumerate(zip(rows, places, strict=True), 1)
     ]

@@ -55,4 +55,4 @@ def test_a_run_without_settings_has_the_defaults(tmp_path):
     del meta["live"]
     frame = encode(1, 0, Kind.META, msgspec.json.encode(meta), SCHEMA_VERSION)
     (tmp_path / "a.journal").write_bytes(frame)
-    assert read_run(tmp_path / "a.journal").meta.live == LiveSettings()
+    assert read_run(tmp_path / "a.journal").meta.live == LiveSettings(by_channel=False)
