@@ -44,7 +44,7 @@ def test_a_cell_named_as_a_formula(tmp_path, name):
         "scan", "GSM", mcc=name[:4], mnc=name[:4], band=name[:12], rssi_dbm=-77.5, c1=-3, label=name
     )
     heard = Sighting(2, -5, Fix(True, lat_deg=-33.0, lon_deg=-70.0, alt_m=-2.5), reading)
-    write_csv.write(export_of([heard]), (), tmp_path / "a.csv")
+    write_csv.write(export_of([heard]), tmp_path / "a.csv")
     with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
         for row in csv.DictReader(file):
             for column, value in row.items():

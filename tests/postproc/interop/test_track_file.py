@@ -60,9 +60,9 @@ def test_what_is_no_track_is_named(tmp_path, text, says):
 def test_our_own_track_gives_our_own_log_its_positions_back(tmp_path):
     """Levels and track leave in two files and are joined again by time."""
     _, walk, _ = around_a_square(tmp_path)
-    gpx.write(walk, [], tmp_path / "walk.gpx")
+    gpx.write(walk, tmp_path / "walk.gpx")
     writable = [one for one in walk.sightings if opencellid_csv.writable(one)]
-    opencellid_csv.write(export_of(writable), (), tmp_path / "levels.csv")
+    opencellid_csv.write(export_of(writable), tmp_path / "levels.csv")
     lines = (tmp_path / "levels.csv").read_text().splitlines()
     moved = [line.replace(f",{walk.sightings[0].lat_deg}", ",1.0") for line in lines]
     (tmp_path / "levels.csv").write_text("\n".join(moved) + "\n")

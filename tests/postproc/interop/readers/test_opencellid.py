@@ -172,13 +172,13 @@ def test_written_measurements_are_read_by_a_plain_reader_and_by_ours(tmp_path, f
     heard = [Sighting(0, fix.utc_ns, fix, cell) for cell in cells]
     path = tmp_path / f"m.{form}"
     if form == "csv":
-        opencellid_csv.write(export_of(heard), (), path)
+        opencellid_csv.write(export_of(heard), path)
         back = list(OPENCELLID_CSV.read(path))
         with path.open(newline="") as file:
             plain = list(csv.DictReader(file))
         assert tuple(plain[0]) == COLUMNS
     else:
-        opencellid_json.write(export_of(heard), (), path)
+        opencellid_json.write(export_of(heard), path)
         back = list(OPENCELLID_JSON.read(path))
         plain = json.loads(path.read_text())["measurements"]
         assert all(isinstance(row["mcc"], int) and isinstance(row["mnc"], int) for row in plain)

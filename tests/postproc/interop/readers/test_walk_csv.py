@@ -63,7 +63,7 @@ FIXES = st.builds(
 @settings(max_examples=60, deadline=None)
 def test_what_is_written_is_read_back_equal(heard):
     with tempfile.TemporaryDirectory() as folder:
-        write_csv.write(export_of(heard), (), Path(folder) / "walk.csv")
+        write_csv.write(export_of(heard), Path(folder) / "walk.csv")
         good, bad = read_walk(Path(folder) / "walk.csv")
     assert bad == []
     assert [(h.t_ns, h.fix, h.reading) for h in good] == [(h.t_ns, h.fix, h.reading) for h in heard]

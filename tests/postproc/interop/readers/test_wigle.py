@@ -83,7 +83,7 @@ def test_written_sightings_are_read_by_a_plain_reader_and_by_ours(tmp_path):
     ]
     heard = [Sighting(0, fix.utc_ns, fix, cell) for cell in cells]
     assert all(map(write_wigle.writable, heard))
-    write_wigle.write(export_of(heard), (), tmp_path / "w.csv")
+    write_wigle.write(export_of(heard), tmp_path / "w.csv")
     first, *rest = (tmp_path / "w.csv").read_text().splitlines()
     assert first.startswith("WigleWifi-1.6,")
     plain = list(csv.DictReader(rest))
