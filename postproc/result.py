@@ -297,7 +297,8 @@ class Result:
     """All cells of one or several runs, the cell with most readings first.
 
     `warnings` are about the runs together; those about one run are in `runs`. `version` is that of
-    the program that estimated. `words` are those of the cells where suspicion was asked.
+    the program that estimated. `words` are those of the cells where suspicion was asked, and
+    `not_asked` the rules that no run could serve, each with what was missing.
     """
 
     runs: tuple[ObservedRun, ...]
@@ -306,6 +307,7 @@ class Result:
     options: Options = Options()
     version: str = field(default_factory=program_version)
     words: Mapping[str, Word] = field(default_factory=dict)
+    not_asked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def answers(self) -> tuple[Answer, ...]:

@@ -282,7 +282,14 @@ def conspicuous_first(
         else cell
         for cell in cells
     ]
-    return replace(result, cells=tuple(cells), warnings=warnings, words=words), tuple(rank)
+    result = replace(
+        result,
+        cells=tuple(cells),
+        warnings=warnings,
+        words=words,
+        not_asked=suspicions.not_asked,
+    )
+    return result, tuple(rank)
 
 
 def _with_failure(cell: CellResult, why: Failure) -> CellResult:
@@ -367,6 +374,26 @@ def not_asked_text(suspicions: Suspicions, *, details: bool) -> str:
     return ", ".join(
         dict.fromkeys(need for needs in suspicions.not_asked.values() for need in needs)
     )
+
+
+_NEEDED = {
+    "timing advance": "timing advances",
+    "C1 and C2": "reselection offsets",
+    "second technology": "a second technology",
+    "cell database": "a database of cells",
+}
+"""Needs of rules as they stand in a sentence."""
+
+
+def unnoticed_text(not_asked: Mapping[str, Sequence[str]]) -> str:
+    """What no rule could see in runs that could not serve these."""
+    missing = dict.fromkeys(need for needs in not_asked.values() for need in needs)
+    needs = [_NEEDED.get(need, need) for need in missing]
+    unseen = "a cell that copies another in everything"
+    if needs:
+        listed = " or ".join(filter(None, (", ".join(needs[:-1]), needs[-1])))
+        unseen += f", and one that only {listed} would betray: this walk has none of them"
+    return f"Would have gone unnoticed: {unseen}."
 
 
 def reason_text(suspicions: Suspicions, finding: Finding) -> str:
