@@ -57,7 +57,7 @@ def svg(walks: Sequence[FloatArray], heard_m: FloatArray, cells: Sequence[OnPlan
     """The plan as SVG: `walks` (k, 2) as lines, `heard_m` (n, 2) as dots; empty without either."""
     if not len(heard_m) and not any(map(len, walks)):
         return ""
-    scale, corner_m, size = _frame(walks, heard_m, cells)
+    scale, corner_m, height = _frame(walks, heard_m, cells)
 
     def pixels(points_m: FloatArray) -> FloatArray:
         return np.asarray((points_m - corner_m) * (scale, -scale), float)
@@ -65,7 +65,7 @@ def svg(walks: Sequence[FloatArray], heard_m: FloatArray, cells: Sequence[OnPlan
     text, tolerance = "", 0.7
     while not text or len(text.encode()) > _MOST_BYTES:
         shapes = "".join(_shapes(walks, heard_m, cells, pixels, tolerance))
-        text = _whole(shapes, size, scale, cells)
+        text = _whole(shapes, height, scale, cells)
         tolerance *= 2.0
     return text
 
@@ -106,8 +106,8 @@ def new_axes() -> "Axes":
 
 def _frame(
     walks: Sequence[FloatArray], heard_m: FloatArray, cells: Sequence[OnPlan]
-) -> tuple[float, FloatArray, tuple[float, float]]:
-    """Pixels a metre, the north-west corner in metres, and width and height in pixels."""
+) -> tuple[float, FloatArray, float]:
+    """Pixels a metre, the north-west corner in metres, and the height in pixels."""
     walked_m = np.vstack([*walks, heard_m])
     low_m, high_m = walked_m.min(axis=0), walked_m.max(axis=0)
     walk_m = max(float(np.max(high_m - low_m)), _LEAST_WALK_M)
@@ -121,7 +121,7 @@ def _frame(
     scale = float(np.min(inside / extent_m))
     height = max(float(extent_m[1]) * scale + 2.0 * _EDGE, _LEAST_HEIGHT)
     middle_m, half_m = 0.5 * (low_m + high_m), 0.5 * np.array([_WIDTH, height]) / scale
-    return scale, middle_m + half_m * (-1.0, 1.0), (_WIDTH, height)
+    return scale, middle_m + half_m * (-1.0, 1.0), height
 
 
 def _shapes(
@@ -156,17 +156,17 @@ def _line(points: FloatArray, tolerance: float) -> str:
     return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in corners)
 
 
-def _whole(shapes: str, size: tuple[float, float], scale: float, cells: Sequence[OnPlan]) -> str:
+def _whole(shapes: str, height: float, scale: float, cells: Sequence[OnPlan]) -> str:
     """The shapes with a scale bar and an arrow to the north."""
-    width, height = size
-    power = 10.0 ** floor(log10(width / scale / 4.0))
-    bar_m = power * max(step for step in (1, 2, 5) if power * step <= width / scale / 4.0)
-    right, below = width - 10.0, height - 8.0
+    most_m = _WIDTH / scale / 4.0
+    power = 10.0 ** floor(log10(most_m))
+    bar_m = power * max(step for step in (1, 2, 5) if power * step <= most_m)
+    right, below = _WIDTH - 10.0, height - 8.0
     bar = f"M{right - bar_m * scale:.1f} {below}H{right}"
     named = ", ".join(": ".join(filter(None, (cell.label, cell.word))) for cell in cells)
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:.0f}" '
-        f'width="{width:g}" style="max-width:100%;height:auto;color:inherit" role="img" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH:g} {height:.0f}" '
+        f'width="{_WIDTH:g}" style="max-width:100%;height:auto;color:inherit" role="img" '
         f'aria-label="Plan of the walk, north above: {escape(named)}" '
         f'font-family="sans-serif" font-size="12" fill="currentColor">{shapes}'
         f'<path d="{bar}" stroke="currentColor" stroke-width="2"/>'

@@ -193,7 +193,7 @@ def test_estimates_are_computed_or_taken_from_beside_the_run(tmp_path, capsys):
     assert "a.csv: 1 cell (csv)" in output.out
     assert "estimates are those of" not in output.err
     found = kit.sample_result(run)
-    results.write(found, kit.json_of(found), results.path_beside(run.path))
+    results.write(found, kit.json_of(found), results.path_beside([run.path]))
     output = _main(capsys, "export", run.path, "-o", tmp_path / "b.csv", "--estimates")
     assert "estimates are those of" in output.err
     (mine,), (stored,) = (rows_of(tmp_path / name) for name in ("a.csv", "b.csv"))
