@@ -14,7 +14,7 @@ from logger.device.startup import begin_run
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import AnsweringDevice, PtyDevice, answering, talking
-from logger.sim.scenario import SCENARIOS, Scenario, scenario
+from logger.sim.scenario import SCENARIOS, SIMULATED, Scenario, scenario
 from logger.sim.walk import WalkTime
 
 _SITE = """\
@@ -82,7 +82,7 @@ def simulate(
         )
         text += "".join(_MODEM.format(port=port) for port in ports)
         config = parse_config(text, "simulated site.toml")
-        origin = f"simulated walk {name}"
+        origin = f"{SIMULATED}{name}"
         begun = begin_run(config, text, clock, origin=origin, truth=_truth(walk))
         service = Service(config, begun, clock, ended)
         service.start()

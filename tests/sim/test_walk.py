@@ -73,3 +73,15 @@ def test_random_walk_is_decided_by_its_generator():
 def test_unknown_shape_is_named():
     with pytest.raises(ValueError, match="'spiral'"):
         waypoints("spiral", 1.0, RNG)
+
+
+def test_every_leg_is_on_a_street_which_goes_on_beyond_the_walk():
+    walk = Walk(((0.0, 0.0), (0.0, 100.0), (200.0, 100.0), (200.0, 0.0), (0.0, 0.0), (30.0, 40.0)))
+    beyond_m = 5 * BLOCK_M
+    assert walk.streets == (
+        ((0.0, -beyond_m), (0.0, 100.0 + beyond_m)),
+        ((-beyond_m, 100.0), (200.0 + beyond_m, 100.0)),
+        ((200.0, -beyond_m), (200.0, 100.0 + beyond_m)),
+        ((-beyond_m, 0.0), (200.0 + beyond_m, 0.0)),
+        ((0.0, 0.0), (30.0, 40.0)),
+    )
