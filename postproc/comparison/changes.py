@@ -16,6 +16,7 @@ import numpy as np
 from scipy import stats
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.cell_names import is_by_channel
 from logger.core.errors import EstimationError
 from logger.core.model.blocks import squares
 from logger.core.places import Places, Utm
@@ -304,6 +305,8 @@ def compare(
     `same_modem` says that both were recorded with the same modem, whose offset is then small.
     """
     tries = Attempts("its comparison", progress, "comparing")
+    # a cell by channel and code may have its identity in the other walk: it is not new or gone
+    a, b = ((obs for obs in walk if not is_by_channel(obs.cell)) for walk in (a, b))
     grounds = grounds_of(a, b, tries)
     in_both = sorted(set(grounds[0].cells) & set(grounds[1].cells))
     differences = [

@@ -12,6 +12,7 @@ from logger.core.live_settings import LiveSettings
 from logger.core.runfile import read_run
 from logger.core.types import LiveEstimate, Record
 from postproc.cli import main
+from postproc.comparison.changes import compare_runs
 from postproc.scan_counts import joined_of, scans_of
 from postproc.smoothing import smooth_runs
 from tests.kit.nameless import (
@@ -203,3 +204,12 @@ def test_a_code_that_is_heard_again_far_away_is_another_cell():
     assert [one.n for one in estimates if one.cell == BY_CHANNEL][-1] < 250
     lat_lon = tracker.answer.place.lat, tracker.answer.place.lon
     assert away_m(*lat_lon, there) < tracker.answer.place.r95_m
+
+
+def test_a_name_by_channel_is_neither_new_nor_gone(path, tmp_path):
+    def heard(_i, place_m):
+        return [serving(level_dbm(place_m, OTHER_M), cid=8, pci=99)]
+
+    write_journal(tmp_path / "b.journal", records(square(), heard), run_id="1" * 32)
+    found = compare_runs(read_run(path), read_run(tmp_path / "b.journal"))
+    assert {change.cell for change in found.comparison.cells} == {OTHER}

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from logger.core.cell_names import is_by_channel
 from logger.core.identities import FEWEST_SCANS
 from logger.core.places import Places, Utm
 from logger.core.squares import squares_of
@@ -33,7 +34,7 @@ def add_walks(survey: Survey, store: BaselineStore) -> Iterator[bool]:
                 sure = {
                     cell: row
                     for cell, row in heard[digest].items()
-                    if row["n_scans"] and cell in known
+                    if row["n_scans"] and cell in known and not is_by_channel(cell)
                 }
                 walk = _summary(survey.runs[digest], sure, table.take(pa.array(rows)))
                 yield store.add(walk, {survey.runs[digest].replaces}.__contains__) is not None
