@@ -145,10 +145,11 @@ def cell_section(
     number: int,
     answer: Answer,
     result: CellResult,
+    run_names: Sequence[str],
     figures: Sequence[ReportFigure],
     streets: Streets = no_street,
 ) -> CellSection:
-    """A cell with its answer and its figures; the number identifies it on the page."""
+    """A cell of runs with its answer and figures; the number identifies it on the page."""
     word = answer.word.word if answer.word else ""
     said = wording.headline(result, word)
     answered = " ".join(map(str, said.body)).lower()
@@ -160,7 +161,7 @@ def cell_section(
         places=tuple(_places(result, streets)),
         figures=tuple(_page_figure(f"cell-{number}-{figure.name}", figure) for figure in figures),
         estimators=estimator_table(answer),
-        runs=run_table(result, answer.provenance.runs),
+        runs=run_table(result, run_names),
         word=word,
     )
     if answer.word is None:

@@ -1,6 +1,6 @@
 """The report of a result: its page, and its figures as files."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -81,7 +81,7 @@ def make_report(
     verified: Verified | None = None,
     *,
     most: int = MOST_DETAILED,
-    first: Collection[str] = (),
+    first: Sequence[str] = (),
     basemap: Path | None = None,
     progress: Progress | None = None,
 ) -> Report:
@@ -117,11 +117,18 @@ def make_report(
 
 
 def select_cells(
-    cells: Sequence[CellResult], most: int, first: Collection[str] = ()
+    cells: Sequence[CellResult], most: int, first: Sequence[str] = ()
 ) -> list[CellResult]:
-    """The cells to show in detail: those named, then located, ambiguous, by number of readings."""
-    shown = [cell for cell in cells if cell.obs is not None or cell.error]
-    shown.sort(key=lambda cell: (cell.cell not in first, _RANK.index(cell.verdict), -cell.n))
+    """Cells to show in detail: those named in their order, then located, ambiguous, by readings."""
+    named = {cell: number for number, cell in enumerate(first)}
+    shown = [cell for cell in cells if cell.obs is not None or cell.error or cell.cell in named]
+    shown.sort(
+        key=lambda cell: (
+            named.get(cell.cell, len(named)),
+            _RANK.index(cell.verdict),
+            -cell.n,
+        )
+    )
     return shown[:most]
 
 
@@ -142,7 +149,9 @@ def _detail(
         tests = verified.cells if verified else ()
         claims = [tested for tested in tests if tested.cell == cell.cell]
         figures = tuple(figures_of(picture_of(survey, cell), claims))
-        return cell_section(number, result.answer(cell), cell, figures, streets), figures
+        names = [walk.run.path.name for walk in survey.walks]
+        answer = result.answer(cell)
+        return cell_section(number, answer, cell, names, figures, streets), figures
 
     detail = attempt(cell.cell, "its part of the page", draw)
     if isinstance(detail, Failure):

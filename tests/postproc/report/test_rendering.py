@@ -90,7 +90,16 @@ def test_cells_in_detail_are_located_ones_first_then_by_readings(result):
     ]
     assert [cell.cell for cell in select_cells(cells, 2)] == [c.cell, b.cell]
     assert select_cells([replace(a, obs=None)], 2) == []
-    assert [cell.cell for cell in select_cells(cells, 2, {a.cell})] == [a.cell, c.cell]
+    assert [cell.cell for cell in select_cells(cells, 2, [a.cell])] == [a.cell, c.cell]
+    assert [cell.cell for cell in select_cells(cells, 3, [b.cell, c.cell])][:2] == [b.cell, c.cell]
+
+
+def test_a_suspicious_cell_without_a_position_leads_the_page(result):
+    nowhere = replace(result.cells[1], obs=None, posterior=None, warnings=("no position",))
+    odd = kit.with_word(replace(result, cells=(result.cells[0], nowhere)), 1)
+    top = Page(make_report(odd, first=(nowhere.cell,)).html).all("article")[0]
+    assert nowhere.cell in top.text
+    assert "No position yet. No position." in top.text
 
 
 def test_the_overview_is_written_as_well(report, result, tmp_path):
