@@ -135,11 +135,14 @@ function drawPlaces(g, at, status, colour) {
   g.fillStyle = g.strokeStyle = colour('ink');
   g.font = '13px system-ui';
   g.lineWidth = 2;
-  for (const mode of status?.position?.modes ?? []) {
+  const modes = status?.position?.modes ?? [];
+  const isOneOfSome = modes.filter(mode => mode.percent != null).length > 1;
+  for (const mode of modes) {
     const [x, y] = at(mode.lat, mode.lon);
     line(g, x - 7, y - 7, x + 7, y + 7);
     line(g, x - 7, y + 7, x + 7, y - 7);
-    g.fillText(`${Math.round(100 * mode.probability)} %`, x + 9, y + 4);
+    // "100 %" of a single place would be read as certainty, which only the region states
+    if (isOneOfSome && mode.percent != null) g.fillText(`${mode.percent} %`, x + 9, y + 4);
   }
   for (const [lat, lon] of track.marks) {
     const [x, y] = at(lat, lon);
