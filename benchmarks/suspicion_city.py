@@ -47,7 +47,8 @@ class SimulatedCity:
         drawn = city(self._rng)
         self.cells = (*drawn.cells, *more)
         self.new = drawn.new
-        self._world = World.build(self.cells, GRAZ.lat_deg, GRAZ.lon_deg, Radio(6.0, 30.0, 2.0), self._rng)
+        where = GRAZ.lat_deg, GRAZ.lon_deg
+        self._world = World.build(self.cells, *where, Radio(6.0, 30.0, 2.0), self._rng)
         self._has_card = bool(seed % 2)
 
     def walk(self, gain_db: float = 0.0, off_air: int | None = None) -> list[Record]:

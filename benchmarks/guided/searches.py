@@ -16,15 +16,18 @@ from logger.core.types import CellReading, Fix, Note, Record, Scan
 from logger.device.live_view import LiveView, live_view
 from logger.sim.city import CITIES, Place, city, with_lists
 from logger.sim.receiver import GnssNoise
+from logger.sim.scenario import SCENARIOS
 from logger.sim.walk import GuidedWalk
 from logger.sim.world import Air, Radio, ReceivedCell, Transmitter, World
 
 from .world import FARTHEST_M, LONGEST_M, NEAREST_M, SPEED_MPS
 
-LONGEST_S = LONGEST_M / SPEED_MPS
-_POLL_S = 3.0
+LONGEST_S = 240.0 + LONGEST_M / SPEED_MPS
+_POLL_S = 4.0
 _DECODED_DBM = -104.0
-_RADIO = Radio(shadowing_sigma_db=6.0, decorrelation_m=30.0)
+_ON_AIR_S = 240.0
+"""When the rogue is switched on: the walk has heard its surroundings before."""
+_OFF_DBM = -130.0
 
 
 class Search(NamedTuple):
@@ -46,7 +49,9 @@ class Search(NamedTuple):
     walked_s: float
 
 
-def search(seed: int, *, has_rogue: bool, longest_s: float = LONGEST_S) -> Search:
+def search(
+    seed: int, *, has_rogue: bool, radio: Radio = SCENARIOS["block"], longest_s: float = LONGEST_S
+) -> Search:
     """One search in a city that the seed draws; it ends where the rogue is located."""
     rng = np.random.default_rng([seed, 79])
     name = list(CITIES)[seed % len(CITIES)]
@@ -55,7 +60,8 @@ def search(seed: int, *, has_rogue: bool, longest_s: float = LONGEST_S) -> Searc
     rogue = _moved(place, rng) if has_rogue else None
     if rogue is not None:
         cells = (rogue, *cells)
-    walker = _Walker(World.build(cells, place.lat_deg, place.lon_deg, _RADIO, rng), place, rng)
+    world = World.build(cells, place.lat_deg, place.lon_deg, radio, rng)
+    walker = _Walker(world, place, rng, has_rogue=has_rogue)
     cell = rogue and f"{rogue.mcc}-{rogue.mnc}-{rogue.lac}-{rogue.cid}"
     named_s = located_s = error_m = None
     led_s, t_s = 0.0, 0.0
@@ -89,7 +95,9 @@ def _moved(place: Place, rng: np.random.Generator) -> Transmitter:
 class _Walker:
     """The tracker, and who walks with it."""
 
-    def __init__(self, world: World, place: Place, rng: np.random.Generator) -> None:
+    def __init__(
+        self, world: World, place: Place, rng: np.random.Generator, *, has_rogue: bool
+    ) -> None:
         self.world = world
         self._rng = rng
         self._tracker = LiveTracker(LiveSettings())
@@ -97,6 +105,7 @@ class _Walker:
         self._walk = GuidedWalk(place.walk, self._goal)
         self._noise = GnssNoise()
         self._error_m = rng.normal(0.0, self._noise.wander_sigma_m, 2)
+        self._has_rogue = has_rogue
         self._seq = 0
         self._scan_s = 0.0
         self.changes = 0
@@ -123,6 +132,8 @@ class _Walker:
 
     def _scan(self, t_s: float, here_m: FloatArray) -> Scan:
         levels_dbm = self.world.received_dbm(here_m[:1], here_m[1:], self._rng)[:, 0].tolist()
+        if self._has_rogue and t_s < _ON_AIR_S:
+            levels_dbm[0] = _OFF_DBM
         air = Air.of(
             [
                 ReceivedCell(cell, level_dbm, is_decoded=level_dbm >= _DECODED_DBM)

@@ -25,8 +25,8 @@ class State(msgspec.Struct, frozen=True):
     """One message to the phones.
 
     `silent_s` is for how long the recorder has said nothing; `status` is then its last one, None
-    without any. `kept` is the number of readings of a run that was closed in order, None of one that
-    was not. `minute` has age and level of the followed cell's readings.
+    without any. `kept` is the number of readings of a run that was closed in order, else None.
+    `minute` has age and level of the followed cell's readings.
     """
 
     silent_s: float

@@ -88,7 +88,7 @@ class GuidedWalk(Walk):
             while (len(self._steps_m) - 1) * step_m <= walked_m:
                 self._steps_m.append(self._step(step_m))
             steps_m = np.array(self._steps_m)
-        return steps_m, step_m * np.arange(len(steps_m))
+        return steps_m, step_m * np.arange(len(steps_m), dtype=float)
 
     def _step(self, step_m: float) -> FloatArray:
         before, here = self._steps_m[-2:]

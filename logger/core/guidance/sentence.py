@@ -65,7 +65,7 @@ def sentence(
     distance_m: float,
     mean_dbm: float,
 ) -> tuple[str, str]:
-    """Advice and reason of a plan; `mean_dbm` has been subtracted from the levels of the forecast."""
+    """Advice and reason of a plan; `mean_dbm` was subtracted from the levels of the forecast."""
     here = Places.of(*best.route.corner_m[0])
     way_m = best.route.corner_m[1] - best.route.corner_m[0]
     go = f"{turn(course_deg, azimuth_deg(way_m))}, {direction(way_m)}, "
@@ -103,9 +103,7 @@ def _two_places(
     )
 
 
-def _one_place(
-    sample: PositionSample, places: Sequence[Cluster], here: Places
-) -> tuple[str, str]:
+def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) -> tuple[str, str]:
     """Where it may be, and what the way is good for."""
     if not places:
         return "the position is open", _SAYS_MOST

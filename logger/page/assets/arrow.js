@@ -29,7 +29,7 @@ export function targetText(status) {
   const target = status?.target;
   if (!target) return 'No cell yet.';
   const word = wordOf(status, target.cell);
-  const what = word ? `${word} cell ${target.cell}` : target.cell;
+  const what = `${word ? `${word} cell ` : ''}${target.cell}`;
   if (isFound(status)) return `Found: ${what}, ${radii(status.position)}.`;
   if (target.over && target.over !== 'located') return `Given up: ${what}; ${target.over}.`;
   const why = word === 'suspicious' ? '' : status.followed === target.cell ? ', as you chose' : ', the strongest when chosen';
@@ -62,7 +62,7 @@ export function showArrow({status, isOld}) {
   byId('north').setAttribute('x', 82 * Math.sin(north));
   byId('north').setAttribute('y', -82 * Math.cos(north));
   byId('needle').toggleAttribute('hidden', !way || isThere);
-  set('why', way && !isFound(status) && status.next.why ? `${status.next.why}.` : '');
+  set('why', way && !isFound(status) && status.next.why ? `Why: ${status.next.why}.` : '');
   if (!way || isThere) {
     set('metres', isThere ? 'here' : '–');
     const none = status?.target?.over ? 'Nothing leads on.' : 'No advice yet: walk on.';

@@ -50,7 +50,9 @@ export function roundStep(least) {
   return [1, 2, 5, 10].map(n => n * power).find(step => step >= least);
 }
 
+const lengthText = m => m < 1000 ? `${Math.round(m)}\u00a0m` : `${(m / 1000).toFixed(1)}\u00a0km`;
+
 /** How far from the position the transmitter is: half of the probability, and 95 %. */
 export function radii({r50_m: r50, r95_m: r95}) {
-  return `most likely within ${Math.round(r50)}\u00a0m, surely within ${Math.round(r95)}\u00a0m`;
+  return `most likely within ${lengthText(r50)}, surely within ${lengthText(r95)}`;
 }
