@@ -4,7 +4,10 @@ The whole way of the product, without ports: scans of a modem with a card, the r
 the choice of the target, the live estimate, the advice.
 """
 
+import json
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -18,23 +21,23 @@ from logger.sim.city import CITIES, Place, city, with_lists
 from logger.sim.receiver import GnssNoise
 from logger.sim.scenario import SCENARIOS
 from logger.sim.walk import GuidedWalk
-from logger.sim.world import Air, Radio, ReceivedCell, Transmitter, World
+from logger.sim.world import Air, Radio, ReceivedCell, World
 
 from .world import FARTHEST_M, LONGEST_M, NEAREST_M, SPEED_MPS
 
-LONGEST_S = 240.0 + LONGEST_M / SPEED_MPS
+LONGEST_S = LONGEST_M / SPEED_MPS
 _POLL_S = 4.0
 _DECODED_DBM = -104.0
 _ON_AIR_S = 240.0
-"""When the rogue is switched on: the walk has heard its surroundings before."""
+"""When the rogue is switched on near the walker, who has heard the surroundings before."""
 _OFF_DBM = -130.0
 
 
 class Search(NamedTuple):
     """How a search ended; times in seconds from its begin, None for what did not happen.
 
-    `led_s` is how long an arrow led to a cell that is no rogue, `changes` how often the target was
-    another one.
+    `start_m` is how far off the rogue was switched on, `led_s` how long an arrow led to a cell that
+    is no rogue, `changes` how often another cell became the target.
     """
 
     city: str
@@ -57,39 +60,59 @@ def search(
     name = list(CITIES)[seed % len(CITIES)]
     place = CITIES[name]
     cells = with_lists(city(rng, place).cells)
-    rogue = _moved(place, rng) if has_rogue else None
-    if rogue is not None:
-        cells = (rogue, *cells)
+    if has_rogue:
+        cells = (place.rogue, *cells)
     world = World.build(cells, place.lat_deg, place.lon_deg, radio, rng)
     walker = _Walker(world, place, rng, has_rogue=has_rogue)
-    cell = rogue and f"{rogue.mcc}-{rogue.mnc}-{rogue.lac}-{rogue.cid}"
+    rogue = place.rogue
+    cell = f"{rogue.mcc}-{rogue.mnc}-{rogue.lac}-{rogue.cid}" if has_rogue else None
     named_s = located_s = error_m = None
     led_s, t_s = 0.0, 0.0
-    while t_s < longest_s and located_s is None:
+    end_s = longest_s + _ON_AIR_S if has_rogue else longest_s
+    while t_s < end_s and located_s is None:
         view = walker.step(t_s)
-        target = view.target and view.target.cell
-        led_s += view.next is not None and target != cell
-        if cell and named_s is None and view.suspicions and view.suspicions[0].cell == cell:
-            named_s = t_s if view.suspicions[0].word == "suspicious" else None
+        led_s += view.next is not None and view.target is not None and view.target.cell != cell
+        if cell and named_s is None:
+            words = {one.cell: one.word for one in view.suspicions}
+            named_s = t_s if words.get(cell) == "suspicious" else None
         position = view.position
         if cell and position and position.cell == cell and position.verdict == "located":
             located_s = t_s
-            east_m, north_m = walker.world.to_local(position.lat, position.lon)
-            error_m = float(np.hypot(east_m - cells[0].east_m, north_m - cells[0].north_m))
+            error_m = walker.away_m(walker.world.to_local(position.lat, position.lon))
         t_s += 1.0
-    start = np.asarray(place.walk[0])
-    start_m = rogue and float(np.hypot(*(start - [rogue.east_m, rogue.north_m])))
     return Search(
-        name, seed, has_rogue, start_m, named_s, located_s, error_m, walker.changes, led_s, t_s
+        name,
+        seed,
+        has_rogue,
+        walker.start_m,
+        named_s,
+        located_s,
+        error_m,
+        walker.changes,
+        led_s,
+        t_s,
     )
 
 
-def _moved(place: Place, rng: np.random.Generator) -> Transmitter:
-    """The rogue of a city, as far from the start as the worlds of `guided.world` have it."""
-    away_m, angle = rng.uniform(NEAREST_M, FARTHEST_M), rng.uniform(0.0, 2.0 * np.pi)
-    start_m = np.asarray(place.walk[0])
-    east_m, north_m = start_m + away_m * np.array([np.sin(angle), np.cos(angle)])
-    return replace(place.rogue, east_m=float(east_m), north_m=float(north_m))
+def print_searches(first: int, n: int, log: Path | None = None) -> None:
+    """Follow the arrow through cities with a rogue, and through clean ones."""
+    for has_rogue in (True, False):
+        each = []
+        for seed in range(first, first + n):
+            each.append(search(seed, has_rogue=has_rogue))
+            if log is not None:
+                with log.open("a") as file:
+                    print(json.dumps(each[-1]._asdict()), file=file)
+        led_min = max(one.led_s for one in each) / 60.0
+        print(f"{'rogue' if has_rogue else 'clean'}: led elsewhere for {led_min:.1f} min at most")
+        if has_rogue:
+            found = [one for one in each if one.located_s is not None]
+            worst_m = max((one.error_m or 0.0 for one in found), default=0.0)
+            changes = max(one.changes for one in each)
+            print(
+                f"located {len(found)} of {n}, at most {worst_m:.0f} m off; changes of target: "
+                f"at most {changes}"
+            )
 
 
 class _Walker:
@@ -109,10 +132,18 @@ class _Walker:
         self._seq = 0
         self._scan_s = 0.0
         self.changes = 0
+        self.start_m: float | None = None
+
+    def away_m(self, place_m: Sequence[float] | FloatArray) -> float:
+        """From the rogue."""
+        rogue = self.world.transmitters[0]
+        return float(np.hypot(*(np.asarray(place_m) - [rogue.east_m, rogue.north_m])))
 
     def step(self, t_s: float) -> LiveView:
         """A second of the walk."""
         here_m = np.array(self._walk.position(t_s))
+        if self._has_rogue and t_s == _ON_AIR_S:
+            self._place_rogue(here_m)
         kept = float(np.exp(-1.0 / self._noise.wander_time_s))
         drawn = self._rng.normal(0.0, self._noise.wander_sigma_m, 2)
         self._error_m = kept * self._error_m + np.sqrt(1.0 - kept**2) * drawn
@@ -124,6 +155,14 @@ class _Walker:
             self._feed(t_s, "modem", scan)
             self._view = live_view(self._tracker)
         return self._view
+
+    def _place_rogue(self, here_m: FloatArray) -> None:
+        """Put the rogue as far from here as the worlds of `guided.world` have a transmitter."""
+        self.start_m, angle = self._rng.uniform([NEAREST_M, 0.0], [FARTHEST_M, 2.0 * np.pi])
+        east_m, north_m = here_m + self.start_m * np.array([np.sin(angle), np.cos(angle)])
+        rogue, *cells = self.world.transmitters
+        rogue = replace(rogue, east_m=float(east_m), north_m=float(north_m))
+        self.world = replace(self.world, transmitters=(rogue, *cells))
 
     def _feed(self, t_s: float, source: str, value: Fix | Scan) -> None:
         for found in self._tracker.feed(self._seq, Record(round(t_s * 1e9), source, value)):

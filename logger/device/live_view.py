@@ -271,12 +271,12 @@ class CellTable:
                 for name, cell in self._cells.items()
             ]
         rows.sort(key=_importance)
-        known = view.position
-        cells = tuple(
-            replace(row, verdict=known.verdict) if known and row.cell == known.cell else row
-            for row in rows[:MOST_SHOWN]
-        )
-        return replace(view, cells=cells)
+        if (known := view.position) is not None:  # the whole region, where it is known
+            rows = [
+                replace(row, verdict=known.verdict) if row.cell == known.cell else row
+                for row in rows
+            ]
+        return replace(view, cells=tuple(rows[:MOST_SHOWN]))
 
     def _take(self, t_ns: int, scan: Scan, modem: str) -> None:
         for reading in scan.readings:

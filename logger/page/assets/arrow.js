@@ -32,8 +32,8 @@ export function targetText(status) {
   const what = `${word ? `${word} cell ` : ''}${target.cell}`;
   if (isFound(status)) return `Found: ${what}, ${radii(status.position)}.`;
   if (target.over && target.over !== 'located') return `Given up: ${what}; ${target.over}.`;
-  const why = word === 'suspicious' ? '' : status.followed === target.cell ? ', as you chose' : ', the strongest when chosen';
-  return `To ${word ? 'the ' : ''}${what}${why}.`;
+  const why = word === 'suspicious' ? '' : status.followed === target.cell ? ', as you chose' : ', the strongest cell when it was chosen';
+  return `To ${word ? `the ${what}` : `cell ${what}`}${why}.`;
 }
 
 function showChoice(status) {

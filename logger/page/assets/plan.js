@@ -150,14 +150,13 @@ function drawPlaces(g, at, status, colour) {
   g.font = '13px system-ui';
   g.lineWidth = 2;
   const modes = status?.position?.modes ?? [];
-  const isOneOfSome = modes.filter(mode => mode.percent != null).length > 1;
-  for (const mode of modes) {
+  modes.forEach((mode, i) => {
     const [x, y] = at(mode.lat, mode.lon);
     line(g, x - 7, y - 7, x + 7, y + 7);
     line(g, x - 7, y + 7, x + 7, y - 7);
-    // "100 %" of a single place would be read as certainty, which only the region states
-    if (isOneOfSome && mode.percent != null) g.fillText(`${mode.percent} %`, x + 9, y + 4);
-  }
+    // numbers, the likeliest first: a share of the places says nothing of how large the region is
+    if (modes.length > 1) g.fillText(`${i + 1}`, x + 9, y + 4);
+  });
   for (const [lat, lon] of track.marks) {
     const [x, y] = at(lat, lon);
     line(g, x, y, x, y - 14);
