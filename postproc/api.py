@@ -24,8 +24,7 @@ from logger.core.runfile import Run, read_sound_run
 from postproc.atomic_write import check_output
 from postproc.cell_estimation import locate_cell
 from postproc.estimators.least_squares import Loss
-from postproc.interop.estimates import estimates_of
-from postproc.interop.exporting import Exported, format_of, walk_of_run, write_export
+from postproc.interop.exporting import Exported, format_of, walk_of_run, write_answers, write_walk
 from postproc.interop.fields import LEVEL_RANGE_DBM
 from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import observed_cells
@@ -234,9 +233,10 @@ def export(
     target, observed = Path(path), _run(run)
     name = format_of(form, target, with_estimates=result is not None)
     check_output(target)
+    if result is not None:
+        return write_answers([result], target, name, every=all_estimators)[0]
     walk = walk_of_run(observed, list(observed_cells([observed], cells)) if cells else None)
-    stored = [] if result is None else estimates_of(result, walk.utm, every=all_estimators)
-    return write_export(walk, stored, target, name)
+    return write_walk(walk, target, name)
 
 
 def _run(run: RunOrPath) -> Run:

@@ -25,6 +25,7 @@ from logger.core.errors import (
     error_text,
 )
 from logger.core.printable import printable
+from postproc.progress import Progress
 
 PROCESS_ENDED = "its process ended: too little memory, or a library crashed"
 
@@ -72,10 +73,13 @@ def attempt_alone(cell: str, what: str, work: Callable[[], T]) -> T:
 
 
 class Attempts:
-    """Attempts at many cells in several steps: one that failed takes part in no further one."""
+    """Attempts at many cells in several steps: one that failed takes part in no further one.
 
-    def __init__(self, what: str) -> None:
-        self._what = what
+    `progress` shows each step as `doing`.
+    """
+
+    def __init__(self, what: str, progress: Progress | None = None, doing: str = "") -> None:
+        self._what, self._progress, self._doing = what, progress, doing
         self.failures: dict[str, Failure] = {}
 
     def each(
@@ -83,6 +87,9 @@ class Attempts:
     ) -> list[tuple[Item, T]]:
         """Each item of a cell that has not failed, with what `work` returns."""
         done: list[tuple[Item, T]] = []
+        if self._progress is not None:
+            items = list(items)
+            items = self._progress(items, self._doing, len(items), list(map(cell_of, items)))
         for item in items:
             cell = cell_of(item)
             if cell in self.failures:

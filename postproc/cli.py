@@ -31,6 +31,7 @@ from postproc.interop.cli import export, import_, share
 from postproc.options import (
     cells_option,
     estimate,
+    grouped_runs,
     prior_options,
     run_argument,
     runs_argument,
@@ -47,7 +48,7 @@ from postproc.view.cli import view
 with late_modules():
     from logger.core import document, runfile
     from logger.core.model import prior as priors
-    from postproc import cell_work, replay, result, results, summary
+    from postproc import cell_work, ground, progress, replay, result, results, summary
     from postproc import info as description
     from postproc.suspicion import run_assessment
 
@@ -160,18 +161,29 @@ def smooth(
 ) -> int:
     """Estimate the positions of cells with their uncertainty.
 
-    Several runs are estimated together. The exit code is 3 if the estimate of a cell failed.
+    Several runs of a place are estimated together. The exit code is 3 if the estimate of a cell
+    failed.
     """
     run_now(summary)
-    runs = [runfile.read_sound_run(path) for path in paths]
-    estimated = estimate(runs, cells, result.Options(prior, loss, within_m))
-    summed = summary.summarise(run_assessment.conspicuous_first(estimated)[0])
+    groups = grouped_runs(paths, cells)
+    estimates, documents = [], []
+    rows: list[cell_work.Row] = []
+    for group, own_cells in groups:
+        estimated = estimate(group.runs, own_cells, result.Options(prior, loss, within_m))
+        with_words, _ = run_assessment.conspicuous_first(
+            estimated, progress.with_progress, group.several
+        )
+        summed = summary.summarise(with_words)
+        said, failures = summary.document_of(summed, details=bool(cells or verbose))
+        estimates.append(estimated)
+        documents.append(said)
+        rows += [*summed.rows, *failures]
     # printed first: a run on a read-only card has an answer too
-    said, failures = summary.document_of(summed, details=bool(cells or verbose))
-    show(said, as_json=as_json)
-    beside = results.path_beside(paths[0], together=len(runs) > 1)
-    results.write(estimated, said.content, beside, cells)
-    return cell_work.exit_code([*summed.rows, *failures])
+    show(ground.document_of_groups([group for group, _ in groups], documents), as_json=as_json)
+    for (group, own_cells), estimated, said in zip(groups, estimates, documents, strict=True):
+        beside = results.path_beside([run.path for run in group.runs])
+        results.write(estimated, said.content, beside, own_cells)
+    return cell_work.exit_code(rows)
 
 
 @program.command

@@ -13,6 +13,7 @@ from logger.core.document import Column, Document, Line, Table, Word, facts
 from logger.core.errors import ConfigError
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run, Sealing, read_sealed_run
+from logger.core.suspicion.words import in_plain_words
 from logger.core.timebase import fit_run
 from logger.core.types import DEAD_RECKONING
 from logger.core.utc import utc_text
@@ -64,6 +65,11 @@ class Event:
     level: str
     code: str
     text: str
+
+    @property
+    def said(self) -> str:
+        """What a reader is told of it."""
+        return in_plain_words(self.text) or self.code
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +130,7 @@ def _parts(info: Info, *, details: bool) -> Iterator[Line | Table]:
     gravest = sorted(info.events, key=lambda event: _WEIGHT.get(event.level, 2))[:most]
     for event in sorted(gravest, key=lambda event: event.t_s):
         style = _STYLES.get(event.level, "dim")
-        yield Line(f"{event.source}: {event.text}", style, bullet=f"+{event.t_s:.0f} s  ")
+        yield Line(f"{event.source}: {event.said}", style, bullet=f"+{event.t_s:.0f} s  ")
     yield from _rest(len(info.events) - len(gravest), "events")
     yield from facts([("digest", info.digest)], len("readings"))
 

@@ -10,25 +10,17 @@ from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from pyproj import Geod
 
 from logger.core.arrays import IntArray
-from logger.core.errors import ConfigError, GeoError
+from logger.core.errors import ConfigError
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
-from logger.core.places import Places, Utm, join_places
+from logger.core.places import Utm, join_places
 from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run
 from logger.core.source_tables import MODEM, source_tables
+from postproc.ground import check_one_place
 from postproc.result import ObservedRun, RunShare
-
-FARTHEST_KM = 300.0
-"""Twice the range of GSM and some travel: beyond, no cell is common and UTM scale errors grow."""
-REACH_M = 120_000.0
-"""No cell is heard farther away: 3GPP TS 45.010 has 120 km for GSM with extended timing advance,
-TS 36.211 100 km for LTE. So two readings of one cell are at most twice as far from each other."""
-
-_GEOD = Geod(ellps="WGS84")
 
 Parts = Mapping[int, Readings]
 """Readings of one cell by index of the run."""
@@ -48,20 +40,13 @@ def check_different(runs: Sequence[Run]) -> None:
 def in_one_zone(runs: Sequence[ObservedRun]) -> tuple[ObservedRun, ...]:
     """The runs in the UTM zone of the first that has a position.
 
-    Raises `GeoError` for runs that are more than `FARTHEST_KM` apart.
+    Raises `GeoError` for runs of several places.
     """
-    placed = [(run.run, run.observations) for run in runs if run.observations]
+    check_one_place([run.run for run in runs])
+    placed = [run.observations for run in runs if run.observations]
     if not placed:
         return tuple(runs)
-    first, reference = placed[0]
-    for run, observations in placed:
-        apart_km = starts_apart_m(reference.track, observations.track) / 1000.0
-        if apart_km > FARTHEST_KM:
-            raise GeoError(
-                f"{run.path} was walked {apart_km:.0f} km from {first.path}: "
-                f"beyond {FARTHEST_KM:.0f} km runs share neither a map nor a cell"
-            )
-    utm = reference.track.utm
+    utm = placed[0].track.utm
     return tuple(
         replace(run, observations=run.observations and _observations_in(run.observations, utm))
         for run in runs
@@ -197,16 +182,6 @@ def modem_identity(run: Run) -> Hashable | None:
     return (*identity, run.meta.boot_id) if run.meta.boot_id else None
 
 
-def starts_apart_m(one: Places, other: Places) -> float:
-    """Distance between the first positions."""
-    return float(_GEOD.inv(*one.first_deg[::-1], *other.first_deg[::-1])[2])
-
-
 def _observations_in(observations: Observations, utm: Utm) -> Observations:
-    cells = tuple(in_zone(obs, utm) for obs in observations.cells)
+    cells = tuple(replace(obs, places=obs.places.in_zone(utm)) for obs in observations.cells)
     return replace(observations, track=observations.track.in_zone(utm), cells=cells)
-
-
-def in_zone(obs: Readings, utm: Utm) -> Readings:
-    """The same readings in another zone."""
-    return replace(obs, places=obs.places.in_zone(utm))

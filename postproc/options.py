@@ -18,7 +18,7 @@ with late_modules():
     from logger.core import isolation, runfile
     from logger.core.locator import verdict
     from logger.core.model import prior as priors
-    from postproc import progress, results, smoothing
+    from postproc import ground, multi_run, progress, results, smoothing
     from postproc import result as estimation
 
 Command = Callable[..., int | None]
@@ -194,6 +194,15 @@ def read_streets(path: Path | None) -> street_file.StreetLines | tuple[()]:
     return () if path is None else street_file.read_lines(path)
 
 
+def grouped_runs(
+    paths: Sequence[Path], cells: Sequence[str] = ()
+) -> list[tuple[ground.Group, list[str]]]:
+    """The runs of some files by place, each group with those of the `cells` that it names."""
+    runs = [runfile.read_sound_run(path) for path in paths]
+    multi_run.check_different(runs)
+    return list(ground.groups_with(ground.by_place(runs), cells))
+
+
 def estimate(
     runs: Sequence[runfile.Run], cells: Sequence[str], options: estimation.Options | None = None
 ) -> estimation.Result:
@@ -218,7 +227,7 @@ def stored_result(
     runs: Sequence[runfile.Run], cells: Sequence[str], options: estimation.Options | None = None
 ) -> estimation.Result | None:
     """What `smooth` has stored beside the (first) run; a line on stderr where it is not used."""
-    path = results.path_beside(runs[0].path, together=len(runs) > 1)
+    path = results.path_beside([run.path for run in runs])
     try:
         result = results.read(path, runs, cells, options or estimation.Options())
     except results.NotStored as reason:

@@ -1,6 +1,6 @@
 """A progress bar on the terminal: the current item, the count and the time left.
 
-Elsewhere a line is written now and then, so that nobody takes long work for one that hangs.
+Elsewhere a line says so now and then, so that nobody takes long work for one that hangs.
 """
 
 import sys
@@ -35,16 +35,19 @@ def with_progress(
     """Show a bar with the `names` of the items on stderr, or lines if it is no terminal."""
     if sys.stderr.isatty():
         return _with_bar(items, what, total, names)
-    return _with_lines(items, what, f" of {total}") if total else iter(items)
+    return _with_lines(items, what, total) if total else iter(items)
 
 
-def _with_lines(items: Iterable[Item], what: str, of_total: str = "") -> Iterator[Item]:
+def _with_lines(items: Iterable[Item], what: str, total: int = 0) -> Iterator[Item]:
     n_done, is_over, began_s = 0, Event(), time.monotonic()
 
     def write_lines() -> None:
         while not is_over.wait(_SILENCE_S):
-            passed_s = time.monotonic() - began_s
-            sys.stderr.write(f"{what}: {n_done:,}{of_total} after {passed_s:.0f} s\n")
+            passed_s, left = time.monotonic() - began_s, ""
+            if n_done and total:
+                left = f", about {passed_s / n_done * (total - n_done):.0f} s left"
+            count = f"{n_done:,} of {total:,}" if total else f"{n_done:,}"
+            sys.stderr.write(f"{what}: {count} after {passed_s:.0f} s{left}\n")
 
     lines = Thread(target=write_lines, name="progress", daemon=True)
     lines.start()

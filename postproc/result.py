@@ -17,6 +17,7 @@ from logger.core.answer import (
     Paths,
     Place,
     Provenance,
+    Region,
     Word,
     answer_of,
     place_of,
@@ -24,6 +25,7 @@ from logger.core.answer import (
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.ellipse import ellipse95
 from logger.core.locator.posterior import Posterior
+from logger.core.locator.region import LEVEL, area_m2
 from logger.core.locator.timing_advance import TimingCheck
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import ENVIRONMENTS, Prior
@@ -35,6 +37,7 @@ from postproc.cell_work import Failure
 from postproc.estimators.direction_check import Comparison
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.least_squares import BatchFit, Loss
+from postproc.estimators.region_outline import geojson
 from postproc.estimators.residuals import Residuals
 
 
@@ -104,7 +107,8 @@ class CellResult:
     backward with their comparison, the RTS smoother and the least-squares fit (`batch`) are for
     comparison. `residuals` are those at the posterior's best position. `timing` compares timing
     advances with the posterior; None where none was read. `failed` names the estimators that did
-    not converge; their values are dropped. `set_aside` are levels that the readings before and
+    not converge; their values are dropped. `heard_utc_ns` are the times of the first and the last
+    reading in UTC, None where unknown. `set_aside` are levels that the readings before and
     after contradict; only the reference EKF and `residuals` use them. `error` is that of the
     program which ended some of the work on the cell, None where none did.
 
@@ -130,6 +134,7 @@ class CellResult:
     failed: tuple[str, ...] = ()
     set_aside: tuple[SpikeLevel, ...] = ()
     n_scans: int | None = None
+    heard_utc_ns: tuple[int, int] | None = None
     run_index: IntArray | None = None
     shares: tuple[RunShare, ...] = ()
     without: Mapping[int, "CellResult"] = field(default_factory=dict)
@@ -144,14 +149,13 @@ class CellResult:
 
     def answer(self, runs: Sequence[Run], word: Word | None = None) -> Answer:
         """The answer from the `runs` of the result, with the word of suspicion if it was asked."""
-        heard = [share.run for share in self.shares] or range(len(runs))
-        first_ns = last_ns = paths = None
-        if self.obs is not None:
-            paths = self._paths(self.obs.utm)
-            if len(self.obs):
-                first_ns, last_ns = self.obs.t_ns[[0, -1]].tolist()
-        names = tuple(runs[i].path.name for i in heard)
-        made_from = Provenance(self.n, first_ns, last_ns, self.n_scans, names, self.error)
+        heard = [runs[share.run] for share in self.shares] or [
+            run for run in runs if np.any(run.tables["readings"]["cell"] == self.cell.encode())
+        ]
+        paths = None if self.obs is None else self._paths(self.obs.utm)
+        names = tuple(dict.fromkeys(run.path.name for run in heard))
+        first_utc_ns, last_utc_ns = self.heard_utc_ns or (None, None)
+        made_from = Provenance(self.n, first_utc_ns, last_utc_ns, self.n_scans, names, self.error)
         return answer_of(
             self.cell, self.verdict, self.warnings, made_from, self.posterior, word, paths
         )
@@ -171,8 +175,22 @@ class CellResult:
         """The row of the cell where work on its result failed."""
         warnings = (why.reason, *self.warnings)
         return CellResult(
-            self.cell, self.n, None, "cannot tell", warnings, n_scans=self.n_scans, error=why.error
-        )
+            self.cell, self.n, None, "cannot tell", warnings, n_scans=self.n_scans,
+            heard_utc_ns=self.heard_utc_ns, error=why.error,
+        )  # fmt: skip
+
+
+def region_of(cell: CellResult, level: float) -> Region:
+    """The region that holds so much of the probability, where its squares are known."""
+    posterior, obs = cell.posterior, cell.obs
+    if posterior is None or obs is None:
+        return Region()
+    if level != LEVEL and not posterior.is_strongest_inside:
+        return Region()
+    return Region(
+        area_m2=area_m2(posterior.squares, level),
+        geojson=geojson(posterior.squares, obs.utm, level),
+    )
 
 
 def _end(x: FloatArray, p: FloatArray, utm: Utm, n: int, is_bounded: bool = True) -> PathEnd:
@@ -213,6 +231,10 @@ class Result:
     options: Options = Options()
     version: str = field(default_factory=program_version)
     words: Mapping[str, Word] = field(default_factory=dict)
+
+    def answer(self, cell: CellResult) -> Answer:
+        """The answer about one of the cells, with its word where suspicion was asked."""
+        return cell.answer([observed.run for observed in self.runs], self.words.get(cell.cell))
 
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:

@@ -34,8 +34,9 @@ class Encoded(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    """An `ObservedRun` without its run."""
+    """An `ObservedRun` with the id of its run."""
 
+    run_id: str
     observations: Observations | None
     warnings: tuple[str, ...]
 
@@ -53,7 +54,7 @@ class _Document:
 
 def encode(result: Result) -> Encoded:
     """The values of a result, and its arrays; equal arrays are there once."""
-    runs = tuple(_Run(run.observations, run.warnings) for run in result.runs)
+    runs = tuple(_Run(run.run.meta.run_id, run.observations, run.warnings) for run in result.runs)
     document = _Document(runs, result.cells, result.warnings, result.options, result.version)
     arrays: dict[str, Array] = {}
     first_name: dict[tuple[str, tuple[int, ...], bytes], str] = {}
@@ -78,9 +79,9 @@ def encode(result: Result) -> Encoded:
 
 
 def decode(encoded: Encoded, runs: Sequence[Run]) -> Result:
-    """The result about these runs.
+    """The result about these runs, in whatever order they are given.
 
-    Raises ValueError for values that are none, or that name other arrays.
+    Raises ValueError for values that are none, or that name other arrays or runs.
     """
 
     def restore(_: Any, value: Any) -> Array:
@@ -93,9 +94,12 @@ def decode(encoded: Encoded, runs: Sequence[Run]) -> Result:
         document = msgspec.msgpack.decode(encoded.values, type=_Document, dec_hook=restore)
     except (msgspec.MsgspecError, KeyError, TypeError, RecursionError) as error:
         raise ValueError(f"the values are no result: {error}") from error
+    by_id = {run.meta.run_id: run for run in runs}
+    if by_id.keys() != {stored.run_id for stored in document.runs}:
+        raise ValueError("the values are of other runs")
     observed = (
-        ObservedRun(run, stored.observations, stored.warnings)
-        for run, stored in zip(runs, document.runs, strict=True)
+        ObservedRun(by_id[stored.run_id], stored.observations, stored.warnings)
+        for stored in document.runs
     )
     return Result(
         tuple(observed), document.cells, document.warnings, document.options, document.version

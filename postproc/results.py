@@ -31,7 +31,8 @@ _SOURCES = ("*.py", "estimators/*.py", "survey/*.py")
 class MadeFrom(msgspec.Struct, frozen=True):
     """What determines a result, besides the selection of cells.
 
-    `runs` are digests of the data, `program` is the version with a digest of the source code.
+    `runs` are digests of the data, whatever their order; `program` is the version with a digest of
+    the source code.
     """
 
     runs: tuple[str, ...]
@@ -43,9 +44,10 @@ class NotStored(Exception):  # noqa: N818 (no error: the result can be computed)
     """Why stored results cannot be used; empty where there are none."""
 
 
-def path_beside(run: Path, *, together: bool = False) -> Path:
-    """`run-x.h5` -> `run-x.post.h5`, or `run-x.together.post.h5` for the first of several runs."""
-    return run.with_suffix(".together.post.h5" if together else ".post.h5")
+def path_beside(runs: Sequence[Path]) -> Path:
+    """`run-x.h5` -> `run-x.post.h5`, or `run-x.together.post.h5` for the first name of several."""
+    first = min(runs, key=lambda path: (path.name, path))
+    return first.with_suffix(".together.post.h5" if len(runs) > 1 else ".post.h5")
 
 
 def write(result: Result, summary: object, path: Path, cells: Sequence[str] = ()) -> None:
@@ -82,6 +84,8 @@ def write(result: Result, summary: object, path: Path, cells: Sequence[str] = ()
 def read(path: Path, runs: Sequence[Run], only: Sequence[str] | None, options: Options) -> Result:
     """The result that `write` has stored, as it would be computed for these cells.
 
+    Its runs are in the order in which they were estimated.
+
     Raises `NotStored` where the file was made from something else, lacks a cell or is damaged,
     `ConfigError` for a cell that was not observed.
     """
@@ -112,7 +116,7 @@ def _select_cells(result: Result, wanted: dict[str, int]) -> Result:
 
 def _made_from_text(runs: Sequence[Run], options: Options) -> bytes:
     return msgspec.json.encode(
-        MadeFrom(tuple(map(_digest_of_run, runs)), options, program_digest())
+        MadeFrom(tuple(sorted(map(_digest_of_run, runs))), options, program_digest())
     )
 
 

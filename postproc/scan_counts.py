@@ -1,4 +1,4 @@
-"""Number of scans that observed each cell, and whether it is enough to report the cell.
+"""Number of scans that observed each cell, whether it is enough to report the cell, and when.
 
 A damaged digit gives the name of a cell that does not exist. The first time no check of a reply
 detects it; later ones are marked as unsure. So a cell is reported when two scans have named it
@@ -13,6 +13,7 @@ from logger.core.errors import ConfigError
 from logger.core.identities import FEWEST_SCANS
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
+from logger.core.timebase import utc_clock
 
 
 def scans_of(runs: Sequence[Run]) -> dict[str, int]:
@@ -33,6 +34,21 @@ def scans_of(runs: Sequence[Run]) -> dict[str, int]:
             counts_by_name[name] = counts_by_name.get(name, 0) + count
     counts_by_name.pop("", None)
     return counts_by_name
+
+
+def heard_utc_ns(runs: Sequence[Run]) -> dict[str, tuple[int, int]]:
+    """UTC of the first and the last reading of each cell, in the runs that know UTC."""
+    times_ns: dict[str, list[int]] = {}
+    for run in runs:
+        clock, readings = utc_clock(run.meta.origin, run.tables["fixes"]), run.tables["readings"]
+        names, which = numbered_texts(readings["cell"])
+        order = np.lexsort((readings["t_ns"], which))
+        t_ns, first = readings["t_ns"][order], np.searchsorted(which[order], np.arange(len(names)))
+        last = np.append(first, len(order))[1:] - 1
+        for name, *ends_ns in zip(names, t_ns[first].tolist(), t_ns[last].tolist(), strict=True):
+            utc_ns = [at_ns for at_ns in map(clock, ends_ns) if at_ns is not None]
+            times_ns.setdefault(name.decode("utf-8", "replace"), []).extend(utc_ns)
+    return {name: (min(utc_ns), max(utc_ns)) for name, utc_ns in times_ns.items() if utc_ns}
 
 
 def too_rarely(n_scans: int) -> str | None:

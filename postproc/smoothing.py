@@ -10,6 +10,7 @@ from logger.core.locator.preparation import MOST_MODEMS
 from logger.core.runfile import Run
 from postproc.cell_estimation import estimate_cell, locate_cell
 from postproc.cell_work import PROCESS_ENDED, Failure, attempt, failure
+from postproc.ground import elsewhere_reasons, places_of
 from postproc.multi_run import (
     Parts,
     check_different,
@@ -23,7 +24,7 @@ from postproc.multi_run import (
 from postproc.processes import each
 from postproc.progress import Progress
 from postproc.result import CellResult, Options, Result, joint_warnings
-from postproc.scan_counts import observed_cells, scans_of, too_rarely
+from postproc.scan_counts import heard_utc_ns, observed_cells, scans_of, too_rarely
 from postproc.walk import observe_run
 
 
@@ -41,29 +42,56 @@ def smooth_runs(
     main guard. A run without fixes, or a cell with too few readings, is no error: the verdict is
     then "cannot tell", as it is for a cell whose estimate fails.
 
+    An identity that is heard farther apart than any cell reaches has a result for each place.
     Raises `ConfigError` for a run that appears twice and for a cell that was not observed,
-    `GeoError` for runs that are too far apart.
+    `GeoError` for runs of several places, which `postproc.ground.by_place` tells apart.
     """
     check_different(runs)
     n_readings, n_scans = observed_cells(runs, only), scans_of(runs)
-    observed = in_one_zone([observe_run(run) for run in runs])
+    walks = map(observe_run, runs)
+    paths = [run.path.name for run in runs]
+    tracks = progress(walks, "smoothing", len(runs), paths) if progress else walks
+    observed = in_one_zone(list(tracks))
     certain = {cell for cell in n_readings if not too_rarely(n_scans[cell])}
     parts = parts_by_cell(observed, certain)
-    names = sorted(parts, key=lambda cell: sum(map(len, parts[cell].values())), reverse=True)
+    places = {cell: places_of(of_cell) for cell, of_cell in parts.items()}
+    near = [part for of_cell in places.values() for part in of_cell]
+    near.sort(key=_n_readings, reverse=True)
     estimate = partial(_estimate, modems=modems_of(runs), options=options)
-    results = each(estimate, [parts[cell] for cell in names], processes, _cell_without_result)
-    cells = list(progress(results, "locating", len(names), names) if progress else results)
+    results = each(estimate, near, processes, _cell_without_result)
+    names = list(map(_name, near))
+    estimated = progress(results, "locating", len(names), names) if progress else results
+    cells = [
+        _with_counts(cell, part, places[cell.cell], n_scans[cell.cell], runs)
+        for cell, part in zip(estimated, near, strict=True)
+    ]
     cells += [
         without_position(cell, n, n_scans[cell])
         for cell, n in n_readings.items()
         if cell not in parts
     ]
-    return Result(
-        observed,
-        tuple(replace(cell, n_scans=n_scans[cell.cell]) for cell in cells),
-        joint_warnings(len(runs), cells),
-        options,
-    )
+    utc_ns = heard_utc_ns(runs)
+    cells = [
+        replace(cell, heard_utc_ns=cell.heard_utc_ns or utc_ns.get(cell.cell)) for cell in cells
+    ]
+    return Result(observed, tuple(cells), joint_warnings(len(runs), cells), options)
+
+
+def _with_counts(
+    result: CellResult,
+    parts: Parts,
+    places: Sequence[Parts],
+    n_scans: int,
+    runs: Sequence[Run],
+) -> CellResult:
+    """The result with its scans, and with the finding that other `places` name the cell."""
+    utc_ns = None
+    if len(places) > 1:
+        n_scans = sum(len(np.unique(part.scan_seq)) for part in parts.values())
+        utc_ns = heard_utc_ns([runs[i] for i in parts]).get(result.cell)
+    there = sum(map(_n_readings, places)) - _n_readings(parts)
+    warnings = (*result.warnings, *elsewhere_reasons(len(places), there))
+    return replace(result, n_scans=n_scans, heard_utc_ns=utc_ns, warnings=warnings)
 
 
 def without_position(cell: str, n: int, n_scans: int) -> CellResult:
@@ -90,8 +118,11 @@ def _cell_without_result(parts: Parts) -> CellResult:
 
 
 def _without_estimate(parts: Parts, why: Failure) -> CellResult:
-    n = sum(map(len, parts.values()))
-    return CellResult(why.cell, n, None, "cannot tell", ()).after(why)
+    return CellResult(why.cell, _n_readings(parts), None, "cannot tell", ()).after(why)
+
+
+def _n_readings(parts: Parts) -> int:
+    return sum(map(len, parts.values()))
 
 
 def _name(parts: Parts) -> str:

@@ -1,24 +1,38 @@
 """What `postproc smooth` says of a `Result`: its JSON form, and lines and tables."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from logger.core import answer as answers
+import numpy as np
+
 from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position, Region
-from logger.core.document import Column, Degrees, Document, Line, Measured, Table, Value, Word
-from logger.core.ellipse import RADII, Ellipse
+from logger.core.document import (
+    Column,
+    Degrees,
+    Document,
+    Line,
+    Measured,
+    Table,
+    Value,
+    Word,
+    facts,
+)
+from logger.core.ellipse import RADII, Ellipse, metres, radius_m
 from logger.core.locator.alternatives import alternatives_text
-from logger.core.locator.region import HALF, LEVEL, area_m2
+from logger.core.locator.region import HALF, LEVEL
 from logger.core.locator.rivals import share_text
+from logger.core.locator.verdict import needed_radius
+from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import WORDS
+from logger.core.suspicion.words import reason_line, strongest_reasons
+from logger.core.utc import utc_text
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.direction_check import AXES
-from postproc.estimators.region_outline import geojson
 from postproc.info import RunFacts, describe
 from postproc.result import (
     BACKWARD,
@@ -30,6 +44,7 @@ from postproc.result import (
     CellResult,
     ObservedRun,
     Result,
+    region_of,
 )
 from postproc.truth import TruthCheck, truth_of
 
@@ -54,13 +69,15 @@ REFERENCE_NOTE = (
 )
 _CELL_COLUMNS = (
     Column("cell"),
-    Column("readings", "d"),
+    Column("word"),
     Column("verdict"),
     Column("position"),
     Column("likely", is_right=True),  # short for `RADII`, so that a line fits into 80 columns
     Column("surely", is_right=True),
+    Column("places", is_right=True),
 )
-_ERROR_COLUMN = Column("error", is_right=True)
+_MOST_ROWS = 12
+"""Of ordinary cells that cannot be located: more push the answer off the screen."""
 _ESTIMATOR_COLUMNS = (
     Column("estimator"),
     Column("position"),
@@ -89,12 +106,16 @@ class RunSummary(RunFacts):
 
 
 class SummaryRow(NamedTuple):
-    """A cell with its answer, and the truth of a simulated one; `form` is its JSON."""
+    """A cell with its answer, and the truth of a simulated one; `form` is its JSON.
+
+    `shown` is the position of the answer, or where readings that are too few say that it may be.
+    """
 
     result: CellResult
     answer: Answer
     truth: TruthCheck | None
     form: object
+    shown: Position | None
 
     @property
     def error(self) -> str | None:
@@ -111,27 +132,33 @@ class Summary(NamedTuple):
 
 
 def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Failure]]:
-    """One line for each cell, the located first; with `details` its reasons and estimators.
+    """Conspicuous cells with their reasons, then one line for each cell, and why it is not located.
 
-    Beside it stand the cells of which a part could not be said. `docs/result.schema.json` describes
-    the content: positions in degrees (WGS84), lengths in metres, levels in dBm, times in ns since
-    boot. A value that is unknown or not finite is null.
+    With `details` its reasons and estimators. Beside it stand the cells of which a part could not
+    be said. `docs/result.schema.json` describes the content: positions in degrees (WGS84), lengths
+    in metres, levels in dBm, times in ns since boot. A value that is unknown or not finite is null.
     """
     runs, forms = summary.runs, [row.form for row in summary.rows]
     content: object = {"runs": runs, "warnings": summary.warnings, "cells": forms}
     if len(runs) == 1:
         content = {"run": runs[0], "cells": forms}
-    rows = sorted(summary.rows, key=lambda row: _ORDER.index(row.answer.verdict))
-    parts: Parts = []
+    rows = sorted(summary.rows, key=_rank)
+    reasons = {
+        row.answer.cell: reason_line(row.answer.cell, row.answer.word)
+        for row in rows
+        if row.answer.word is not None and row.answer.is_conspicuous
+    }
+    parts: Parts = [*_words(rows, reasons)]
     if any(run.simulated for run in runs):
-        parts.append("This is a simulated run: the error to the known truth is shown.")
+        parts.append("This is a simulated run: the true positions are known.")
     parts += [
         Line(warning if len(runs) == 1 else f"{run.path}: {warning}", "red")
         for run in runs
         for warning in run.warnings
+        if warning not in reasons.values()
     ]
     if len(runs) > 1:
-        parts += [Line(warning, "yellow") for warning in summary.warnings]
+        parts += [Line(one, "yellow") for one in summary.warnings if one not in reasons.values()]
     failures: list[Failure] = []
     if details:
         names = [Path(run.path).name for run in runs]
@@ -145,50 +172,149 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
         if any(row.answer.paths and REFERENCE.key in row.answer.paths.ends for row in rows):
             parts += ["", REFERENCE_NOTE]
     elif rows:
-        table, failures = _cell_table(rows)
-        parts.append(table)
-        parts += [
-            _failure_line(Failure(row.answer.cell, reason, None))
-            for row in rows
-            for reason in (row.answer.reasons if row.error else ())
-        ]
-        parts += map(_failure_line, failures)
-        likely = f"likely: {RADII[0]} (50 %); surely: {RADII[1]} (95 %)"
-        more = "The reasons and all details of one cell: --cell NAME; of every cell: -v"
-        parts.append(Line(f"\n{likely}\n{more}", "dim"))
+        overview, failures = _overview(rows)
+        parts += overview
     return Document(content, body=parts), failures
+
+
+def _rank(row: SummaryRow) -> tuple[int, float, int, int]:
+    """Conspicuous cells first, then the located, then by the number of readings."""
+    answer = row.answer
+    word, is_conspicuous = answer.word, answer.is_conspicuous
+    verdict = 0 if is_conspicuous else _ORDER.index(answer.verdict)
+    n = 0 if is_conspicuous else -answer.provenance.n
+    if word is None or not is_conspicuous:
+        return 0, 0.0, verdict, n
+    return -WORDS.index(word.word), -word.score_nats, verdict, n
+
+
+def _words(rows: Sequence[SummaryRow], reasons: Mapping[str, str]) -> Iterator[Line]:
+    """The conspicuous cells, each with its reasons in a sentence."""
+    for row in rows:
+        answer = row.answer
+        if answer.word is not None and answer.cell in reasons:
+            before, word, after = reasons[answer.cell].partition(answer.word.word)
+            yield Line((Word(before, "bold"), Word(word), f"{after}."))
+    if rows and not reasons and all(row.answer.word for row in rows):
+        cells = "The cell is not" if len(rows) == 1 else f"None of {len(rows)} cells is"
+        yield Line(f"{cells} suspicious or unusual, by the rules that could be checked.")
 
 
 def _failure_line(failure: Failure) -> Line:
     return Line((f"{failure.cell}: ", Word(failure.reason, "red")))
 
 
-def _cell_table(rows: Sequence[SummaryRow]) -> tuple[Table, list[Failure]]:
-    lines = [attempt(row.answer.cell, "its line", partial(_cell_row, row)) for row in rows]
-    failures = [line for line in lines if isinstance(line, Failure)]
-    shown = [
-        _begin(row.answer) if isinstance(line, Failure) else line
-        for row, line in zip(rows, lines, strict=True)
+def _overview(rows: Sequence[SummaryRow]) -> tuple[Parts, list[Failure]]:
+    """A line for each cell, the reasons of those that are not located, and what the words mean."""
+    shown = [row for i, row in enumerate(rows) if i < _MOST_ROWS or not _is_dull(row)]
+    folded = [row for row in rows[_MOST_ROWS:] if _is_dull(row)]
+    tried = [(row, attempt(row.answer.cell, "its line", partial(_cell_rows, row))) for row in shown]
+    failures = [lines for _, lines in tried if isinstance(lines, Failure)]
+    table = Table(
+        _CELL_COLUMNS,
+        [
+            line
+            for row, lines in tried
+            for line in ([_begin(row.answer)] if isinstance(lines, Failure) else lines)
+        ],
+    )
+    parts: Parts = ["", table]
+    if folded:
+        n_few = sum(row.answer.place is None for row in folded)
+        few = f", {n_few} of them for want of readings" if n_few else ""
+        more = f"{len(folded)} more cells cannot be located{few}; none is unusual (-v shows them)"
+        parts.append(Line(more, "dim"))
+    parts += map(_failure_line, failures)
+    parts += [
+        _failure_line(Failure(row.answer.cell, reason, None))
+        for row in rows
+        for reason in (row.answer.reasons if row.error else ())
     ]
-    has_error = any(row.truth for row in rows)
-    return Table([*_CELL_COLUMNS, *[_ERROR_COLUMN][:has_error]], shown), failures
+    parts += _why_not([row.answer for row in shown if not row.error])
+    if truth := _truth_line(shown):
+        parts += ["", truth]
+    has_places = any(row.answer.verdict == "ambiguous" for row in shown)
+    parts += [
+        "",
+        Line(
+            f"likely: {RADII[0]} (50 %); surely: {RADII[1]} (95 %)"
+            f"{'; of a place: if it is that one' if has_places else ''}. "
+            "Details of one cell: --cell NAME; of every cell: -v; of the words: postproc suspect",
+            "dim",
+        ),
+    ]
+    return parts, failures
+
+
+def _is_dull(row: SummaryRow) -> bool:
+    """Whether a cell is ordinary and cannot be located."""
+    answer = row.answer
+    return answer.verdict == "cannot tell" and not answer.is_conspicuous and row.error is None
+
+
+def _why_not(answers: Sequence[Answer]) -> Parts:
+    """Why cells are not located; of several places, which are in the table, where to walk."""
+    wide: list[str] = []
+    others: list[tuple[str, str]] = []
+    for answer in answers:
+        if answer.verdict == "located" or not answer.reasons:
+            continue
+        if radius := needed_radius(answer.reasons[0]):
+            wide.append(radius)
+        else:
+            is_ambiguous = answer.verdict == "ambiguous" and len(answer.reasons) > 1
+            others.append((answer.cell, answer.reasons[is_ambiguous]))
+    parts: Parts = []
+    if wide:
+        cells = "1 cell is" if len(wide) == 1 else f"{len(wide)} cells are"
+        narrow = "Levels from other sides of the position, and nearer to it, narrow it."
+        text = f"{cells} not located because 95 % do not lie within {wide[0]}. {narrow}"
+        parts += ["", text]
+    return [*parts, *([""] if others else []), *facts(others)]
 
 
 def _begin(answer: Answer) -> tuple[Value, ...]:
-    return answer.cell, answer.provenance.n, Word(answer.verdict)
+    word = answer.word.word if answer.word is not None and answer.is_conspicuous else ""
+    return answer.cell, Word(word), Word(answer.verdict)
 
 
-def _cell_row(row: SummaryRow) -> tuple[Value, ...]:
-    begin, place = _begin(row.answer), row.answer.place
-    if row.answer.verdict == "located":
-        error = _metres(row.truth.error_m) if row.truth else ""
-        if place is None:
-            return (*begin, None, "", "", error)
-        radii = _metres(place.r50_m), _metres(place.r95_m)
-        return (*begin, _position(place), *radii, error)
-    if row.answer.verdict == "ambiguous":
-        return (*begin, f"{len(place.likely_modes) if place else 0} positions")
-    return begin
+def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
+    """The cell, and each place of an ambiguous one with the radii that hold if it is that one."""
+    begin, place, shown = _begin(row.answer), row.answer.place, row.shown
+    if shown is None:
+        return [(*begin, None)]
+    modes = () if place is None else place.likely_modes
+    radii = metres(shown.r50_m), metres(shown.r95_m)
+    rows: list[tuple[Value, ...]] = [
+        (*begin, shown.where, *radii, str(len(modes)) if modes else "")
+    ]
+    for i, mode in enumerate(modes if row.answer.verdict == "ambiguous" else (), 1):
+        size = mode.ellipse95
+        within_m = (radius_m(size, level) for level in (HALF, LEVEL))
+        at = mode.within(size.semi_major_m)
+        rows.append((f"  place {i}: {mode.percent} %", "", "", at, *map(metres, within_m)))
+    return rows
+
+
+def _position_of(cell: CellResult, answer: Answer, prior: Prior) -> Position | None:
+    """That of the answer; of too few readings where they are strongest, within any cell's reach."""
+    if answer.place is not None or cell.obs is None or not len(cell.obs):
+        return answer.place
+    lat, lon = cell.obs.places[int(np.argmax(cell.obs.level_dbm))].first_deg
+    return Position(lat=lat, lon=lon, r50_m=prior.radius_m(HALF), r95_m=prior.radius_m(LEVEL))
+
+
+def _truth_line(rows: Sequence[SummaryRow]) -> str:
+    """How far the positions of simulated cells are off."""
+    checks = [row.truth for row in rows if row.truth is not None and row.truth.error_m is not None]
+    if not checks:
+        return ""
+    errors_m = sorted(check.error_m for check in checks if check.error_m is not None)
+    held = sum(bool(check.inside_region95) for check in checks)
+    return (
+        f"Simulated: the positions are {metres(errors_m[0])} to {metres(errors_m[-1])} off; the "
+        f"95 % region holds the truth of {held} of {len(checks)} cells."
+    )
 
 
 def _cell_parts(row: SummaryRow, run_names: Sequence[str]) -> Parts:
@@ -196,11 +322,11 @@ def _cell_parts(row: SummaryRow, run_names: Sequence[str]) -> Parts:
     made_from, scans = answer.provenance, ""
     if made_from.n_scans is not None:
         scans = f", observed in {made_from.n_scans} scan{'s' * (made_from.n_scans != 1)}"
-    counts = f"  {made_from.n} readings{scans}  "
-    word = answer.word.word if answer.word else WORDS[0]
-    said = () if word == WORDS[0] else ("  ", Word(word))
-    parts: Parts = ["", Line((Word(answer.cell, "bold"), counts, Word(answer.verdict), *said))]
-    parts += [Line(warning, bullet="  - ") for warning in answer.reasons]
+    counts = f"  {made_from.n} readings{scans}"
+    parts: Parts = ["", Line((Word(answer.cell, "bold"), counts))]
+    parts.append(Line(answer.sentence, bullet="  "))
+    others = answer.reasons[answer.verdict != "located" :]
+    parts += [Line(warning, bullet="  - ") for warning in others]
     parts.append(estimator_table(answer))
     if answer.parameters is not None and answer.parameters.alternatives:
         parts.append(Line(alternatives_text(answer.parameters.alternatives), bullet="  "))
@@ -266,10 +392,6 @@ def _position(at: Position | Mode | PathEnd) -> Degrees:
     return Degrees(at.lat, at.lon)
 
 
-def _metres(m: float | None) -> str:
-    return "" if m is None else f"{m:.0f} m"
-
-
 def _radii(place: Place) -> str:
     return f"r {place.r50_m:.0f}; {place.r95_m:.0f}"
 
@@ -280,12 +402,11 @@ def _axes(ellipse: Ellipse) -> str:
 
 def summarise(result: Result) -> Summary:
     """What is said of one run or of several."""
-    runs = [observed.run for observed in result.runs]
-    more = result.warnings if len(runs) == 1 else ()
+    more = result.warnings if len(result.runs) == 1 else ()
     return Summary(
         [_run(observed, more) for observed in result.runs],
         result.warnings,
-        [_row_or_why_not(cell, runs, result.words.get(cell.cell)) for cell in result.cells],
+        [_row_or_why_not(cell, result) for cell in result.cells],
     )
 
 
@@ -302,18 +423,16 @@ def _run(observed: ObservedRun, more: Sequence[str]) -> RunSummary:
     )
 
 
-def _row_or_why_not(cell: CellResult, runs: Sequence[Run], word: answers.Word | None) -> SummaryRow:
-    row = attempt(cell.cell, "its summary", lambda: _row(cell, runs, word))
-    if not isinstance(row, Failure):
-        return row
-    failed = cell.after(row)
-    answer = failed.answer(runs, word)
-    return SummaryRow(failed, answer, None, json_form(failed, answer, None, runs))
+def _row_or_why_not(cell: CellResult, result: Result) -> SummaryRow:
+    runs = [observed.run for observed in result.runs]
 
+    def row_of(cell: CellResult, truth: TruthCheck | None) -> SummaryRow:
+        answer = result.answer(cell)
+        shown = _position_of(cell, answer, result.options.prior)
+        return SummaryRow(cell, answer, truth, json_form(cell, answer, truth, runs), shown)
 
-def _row(cell: CellResult, runs: Sequence[Run], word: answers.Word | None) -> SummaryRow:
-    answer, truth = cell.answer(runs, word), truth_of(cell, runs)
-    return SummaryRow(cell, answer, truth, json_form(cell, answer, truth, runs))
+    row = attempt(cell.cell, "its summary", lambda: row_of(cell, truth_of(cell, runs)))
+    return row_of(cell.after(row), None) if isinstance(row, Failure) else row
 
 
 def json_form(
@@ -325,6 +444,8 @@ def json_form(
         "cell": answer.cell,
         "n": made_from.n,
         "n_scans": made_from.n_scans,
+        "first_utc": _utc(made_from.first_utc_ns),
+        "last_utc": _utc(made_from.last_utc_ns),
         "verdict": answer.verdict,
         "best": _fields(place, _PLACE)
         | _fields(parameters, _PARAMETERS)
@@ -372,6 +493,7 @@ def json_form(
     if cell.timing is not None:
         form["timing"] = cell.timing._asdict()
     if len(runs) > 1:
+        form["runs"] = made_from.runs
         shares = [(runs[share.run].path, share) for share in cell.shares]
         form["offsets"] = [
             {"run": path} | _fields(share, ("n", "offset_db", "sigma_db")) for path, share in shares
@@ -386,24 +508,17 @@ def json_form(
             }
             for i, rest in cell.without.items()
         ]
+    if answer.word is not None:
+        form |= {"word": answer.word.word, "word_reasons": strongest_reasons(answer.word)}
     if made_from.error is not None:
         form["error"] = made_from.error
     return form
 
 
+def _utc(utc_ns: int | None) -> str | None:
+    return None if utc_ns is None else utc_text(utc_ns)
+
+
 def _fields(part: object, names: Sequence[str]) -> dict[str, object]:
     """Some fields of a part of an answer; null where the answer lacks it."""
     return {name: getattr(part, name, None) for name in names}
-
-
-def region_of(cell: CellResult, level: float) -> Region:
-    """The region that holds so much of the probability, where its squares are known."""
-    posterior, obs = cell.posterior, cell.obs
-    if posterior is None or obs is None:
-        return Region()
-    if level != LEVEL and not posterior.is_strongest_inside:
-        return Region()
-    return Region(
-        area_m2=area_m2(posterior.squares, level),
-        geojson=geojson(posterior.squares, obs.utm, level),
-    )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, Self
 from msgspec import Struct
 from msgspec.structs import replace
 
-from logger.core.ellipse import Ellipse
+from logger.core.ellipse import Ellipse, radii_text
 from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.types import Verdict
 
@@ -25,6 +25,8 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
 
 DEGREE_DECIMALS = 6
 """0.1 m."""
+_ROUGH_M = 1000.0
+"""A place that is less sure is told to 0.01 degree, which is a kilometre."""
 
 
 Ring = list[tuple[float, float]]
@@ -56,6 +58,12 @@ class OnMap(Struct, frozen=True, kw_only=True):
         lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (self.lat, self.lon))
         return replace(self, lat=lat, lon=lon)
 
+    def within(self, radius_m: float) -> str:
+        """Latitude and longitude as far as they are known within a radius."""
+        if radius_m > _ROUGH_M:
+            return f"about {self.lat:.2f} {self.lon:.2f}"
+        return f"{self.lat:.5f} {self.lon:.5f}"
+
 
 class StrongestReading(OnMap, frozen=True, kw_only=True):
     """Where the receiver was at the strongest reading."""
@@ -85,6 +93,11 @@ class Position(OnMap, frozen=True, kw_only=True):
     def position(self) -> "Position":
         """The position alone."""
         return Position(lat=self.lat, lon=self.lon, r95_m=self.r95_m, r50_m=self.r50_m)
+
+    @property
+    def where(self) -> str:
+        """Latitude and longitude as far as they are known."""
+        return self.within(self.r95_m)
 
     def in_short(self) -> Self:
         """With radii to 0.1 m."""
@@ -142,14 +155,15 @@ class Parameters:
 class Provenance:
     """What the answer is made from: `n` readings with a position, of these `runs`.
 
-    `first_ns` and `last_ns` are the times of the first and the last reading, ns since boot of their
-    runs; None without one. `n_scans` identified the cell without doubt; None where nobody counted.
-    `error` is that of the program which ended some of the work; None where none did.
+    `first_utc_ns` and `last_utc_ns` are the times of the first and the last reading, also of those
+    without a position; None where no run knows UTC. `n_scans` identified the cell
+    without doubt; None where nobody counted. `error` is that of the program which ended some of the
+    work; None where none did.
     """
 
     n: int
-    first_ns: int | None = None
-    last_ns: int | None = None
+    first_utc_ns: int | None = None
+    last_utc_ns: int | None = None
     n_scans: int | None = None
     runs: tuple[str, ...] = ()
     error: str | None = None
@@ -208,6 +222,28 @@ class Answer:
     parameters: Parameters | None = None
     word: Word | None = None
     paths: Paths | None = None
+
+    @property
+    def error(self) -> str | None:
+        """That of the program which ended some of the work on the cell, None where none did."""
+        return self.provenance.error
+
+    @property
+    def is_conspicuous(self) -> bool:
+        """Whether the cell is unusual or suspicious."""
+        return self.word is not None and self.word.word != "nothing unusual"
+
+    @property
+    def sentence(self) -> str:
+        """The word, the verdict, why, and where: live and at the desk the same."""
+        word = f"{self.word.word}; " if self.word is not None and self.is_conspicuous else ""
+        where = ""
+        if self.place is not None:
+            where = f"{self.place.where}, {radii_text(self.place.r50_m, self.place.r95_m)}"
+        if self.verdict == "located":
+            return f"{word}located at {where}"
+        why = f": {self.reasons[0]}" if self.reasons else ""
+        return f"{word}{self.verdict}{why}{'; likeliest at ' if where else ''}{where}"
 
 
 def answer_of(

@@ -302,7 +302,10 @@ def _table(table: Table, columns: int | None) -> Iterator[str]:
     widths = [
         max(width_of(word.text) for word in column if word) for column in zip_longest(titles, *rows)
     ]
-    if columns is not None and sum(widths) + len(_GAP) * (len(widths) - 1) > columns:
+    gap, n_gaps = _GAP, len(widths) - 1
+    if columns is not None and sum(widths) + len(gap) * n_gaps > columns:
+        gap = " "
+    if columns is not None and sum(widths) + n_gaps > columns:
         yield from _paragraph(Line(titles[table.name_column]), columns)
         for row in rows:
             name = row[table.name_column]
@@ -319,7 +322,7 @@ def _table(table: Table, columns: int | None) -> Iterator[str]:
             blank = " " * (width - width_of(word.text))
             shown = _with_codes(word.text, [word.terminal_style] * len(word.text))
             cells.append(blank + shown if column.ends_at_one_line else shown + blank)
-        yield _GAP.join(cells).rstrip()
+        yield gap.join(cells).rstrip()
 
 
 def _text(text: Text) -> str:

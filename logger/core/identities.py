@@ -35,3 +35,14 @@ class Identities:
             is_known = name in self._once or name in self._known
             self._once.pop(name, None)
             (self._known if is_known else self._once).put(name, None)
+
+
+def identity_of(name: str) -> tuple[int, int, int, int] | None:
+    """MCC, MNC, area and cell of a name, None where it is no identity."""
+    parts = name.split("-")
+    if len(parts) != 4 or not all(
+        part.isascii() and part.isdigit() and len(part) < 12 for part in parts
+    ):
+        return None
+    mcc, net, area, cell = map(int, parts)
+    return mcc, net, area, cell

@@ -5,6 +5,7 @@ week counter, by leap seconds it has not received yet. If its times contradict e
 unknown rather than wrong.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,6 +69,17 @@ def fit_run(origin: str, fixes: Rows) -> TimeBase | None:
     if not has_times(origin):
         return None
     return fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"], any_year=is_import(origin))
+
+
+def utc_clock(origin: str, fixes: Rows) -> Callable[[int], int | None]:
+    """UTC to the microsecond by time since boot, None where unknown; an import has it per fix."""
+    timebase = fit_run(origin, fixes)
+    if timebase is not None:
+        return lambda t_ns: timebase.utc_ns(t_ns) // 1000 * 1000
+    if not is_import(origin):
+        return lambda _: None
+    known = fixes[fixes["utc_ns"] != UNKNOWN_TIME]
+    return dict(zip(known["t_ns"].tolist(), known["utc_ns"].tolist(), strict=True)).get
 
 
 def fit(

@@ -57,6 +57,13 @@ def _rules_note() -> Note:
     return rules_note()
 
 
+def _in_plain_words(text: str) -> str:
+    """A note for people; the module has been imported with the tracker."""
+    from logger.core.suspicion.words import in_plain_words  # noqa: PLC0415
+
+    return in_plain_words(text)
+
+
 def _log_place(error: Exception) -> None:
     """The stack without the message, which may have what is private."""
     log.error("live estimate: %s\n%s", error_place(error), "".join(format_tb(error.__traceback__)))
@@ -201,4 +208,4 @@ class Estimator:
         for value in values:
             self._inbox.put(Record(record.t_ns, "live", value))
             if isinstance(value, Note):
-                log.info("live: %s", value.text)
+                log.info("live: %s", _in_plain_words(value.text))

@@ -110,12 +110,16 @@ class CellStatus(Struct, frozen=True):
 
 
 class PositionStatus(Place, frozen=True, kw_only=True):
-    """The answer about the cell that is followed: its place, 95 % region in squares, and word."""
+    """The answer about the cell that is followed: its place, 95 % region in squares, and word.
+
+    `text` is the answer in a sentence.
+    """
 
     cell: str
     verdict: Verdict
     region: MultiPolygon
     word: str = ""
+    text: str = ""
 
 
 class LiveView(Struct, frozen=True, kw_only=True):
@@ -238,6 +242,7 @@ def _position(answer: Answer | None, region: MultiPolygon | None) -> PositionSta
         verdict=answer.verdict,
         region=region,
         word="" if answer.word is None else answer.word.word,
+        text=answer.sentence,
         **asdict(answer.place.in_short()),
     )
 
@@ -269,6 +274,12 @@ class CellTable:
             rows = [
                 cell.row(name, words.get(name), is_serving=name in serving)
                 for name, cell in self._cells.items()
+            ]
+        position = view.position
+        if position is not None:  # of the walk so far, which says more than the latest estimate
+            rows = [
+                replace(row, verdict=position.verdict) if row.cell == position.cell else row
+                for row in rows
             ]
         rows.sort(key=_importance)
         if (known := view.position) is not None:  # the whole region, where it is known

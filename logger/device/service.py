@@ -195,6 +195,8 @@ class Service:
         if fix is not None and fix.valid and fix.quality == DEAD_RECKONING:
             text = f"{text}; the position is by dead reckoning"
         view = self.recorder.estimator.view
+        if view.position is not None and not view.no_estimate:
+            return f"{text}; {view.position.cell}: {view.position.text}"
         return f"{text}; {view.no_estimate or view.target or 'no target yet'}"
 
     @property

@@ -6,7 +6,6 @@ from pathlib import Path
 import msgspec
 
 from logger.core.document import Column, Document, Table
-from logger.core.ellipse import radii_text
 from logger.core.errors import ConfigError
 from logger.core.guidance.next_way import NextWay
 from logger.device.live_view import CellStatus, PositionStatus
@@ -89,9 +88,7 @@ def next_line(way: NextWay) -> str:
 
 def position_line(position: PositionStatus) -> str:
     """Where the followed cell is."""
-    place = f"{position.lat:.5f} {position.lon:.5f}, {radii_text(position.r50_m, position.r95_m)}"
-    word = "" if position.word in {"", "nothing unusual"} else f", {position.word}"
-    return f"{position.cell}: {position.verdict}{word}, {place}"
+    return f"{position.cell}: {position.text or position.verdict}"
 
 
 def _cell(row: CellStatus, status: Status, age_s: float) -> tuple[str | float | None, ...]:

@@ -10,10 +10,9 @@ from logger.core.errors import SOMETHING_LOST, ConfigError
 from postproc.options import runs_argument
 
 with late_modules():
-    from logger.core import document, utc
+    from logger.core import document, identities, utc
     from postproc import progress
     from postproc.baseline import store
-    from postproc.verification import parsing
 
 DEFAULT_NAME = "baseline.db"
 _DIGEST_SHOWN = 8
@@ -124,7 +123,7 @@ def trust(cell: str, note: str, target: Path, *, withdraw: bool, as_json: bool) 
 
     CELL is its name, mcc-mnc-area-cid. It stays trusted when walks are added or removed.
     """
-    if parsing.identity_of(cell) is None:
+    if identities.identity_of(cell) is None:
         raise ConfigError(f"{cell!r} is no cell: mcc-mnc-area-cid is wanted, like 262-01-801-86355")
     if withdraw == bool(note):
         raise ConfigError("give a note that says why the cell is trusted, or --withdraw")

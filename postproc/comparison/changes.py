@@ -39,6 +39,7 @@ from postproc.comparison.ground import (
     variance_db2,
 )
 from postproc.multi_run import check_different, in_one_zone, modems_of, of_one_modem
+from postproc.progress import Progress
 from postproc.walk import observe_run
 
 # The likelihood of a change m of the mean is that of Student's t for each difference, and of its
@@ -291,12 +292,18 @@ class _Tested:
     p_pattern: float
 
 
-def compare(a: Iterable[Readings], b: Iterable[Readings], *, same_modem: bool) -> Comparison:
+def compare(
+    a: Iterable[Readings],
+    b: Iterable[Readings],
+    *,
+    same_modem: bool,
+    progress: Progress | None = None,
+) -> Comparison:
     """Compare two walks by their readings, which are in one UTM zone.
 
     `same_modem` says that both were recorded with the same modem, whose offset is then small.
     """
-    tries = Attempts("its comparison")
+    tries = Attempts("its comparison", progress, "comparing")
     grounds = grounds_of(a, b, tries)
     in_both = sorted(set(grounds[0].cells) & set(grounds[1].cells))
     differences = [
@@ -468,7 +475,7 @@ class ComparedRuns:
     comparison: Comparison
 
 
-def compare_runs(a: Run, b: Run) -> ComparedRuns:
+def compare_runs(a: Run, b: Run, progress: Progress | None = None) -> ComparedRuns:
     """Compare two runs.
 
     Raises `ConfigError` for one run twice, `EstimationError` for a run without a position,
@@ -485,6 +492,6 @@ def compare_runs(a: Run, b: Run) -> ComparedRuns:
         walks.append(replace(run.observations, cells=cells))
     numbers = modems_of([a, b])
     same_modem = numbers[0] == numbers[1]
-    compared = compare(walks[0].cells, walks[1].cells, same_modem=same_modem)
+    compared = compare(walks[0].cells, walks[1].cells, same_modem=same_modem, progress=progress)
     warnings = tuple(f"{run.run.path}: {text}" for run in observed for text in run.warnings)
     return ComparedRuns(a.path, b.path, same_modem, warnings, walks[0].track.utm, compared)

@@ -9,7 +9,7 @@ from logger.core.errors import ConfigError
 
 with late_modules():
     from logger.core import runfile
-    from postproc import atomic_write, cell_work
+    from postproc import atomic_write, cell_work, progress
     from postproc.comparison import changes, report, scene
 
 
@@ -37,7 +37,8 @@ def compare(
     for path in (output, save):
         if path is not None:
             atomic_write.check_output(path)
-    compared = changes.compare_runs(runfile.read_sound_run(a), runfile.read_sound_run(b))
+    runs = runfile.read_sound_run(a), runfile.read_sound_run(b)
+    compared = changes.compare_runs(*runs, progress.with_progress)
     if output is not None:
         with atomic_write.whole_file(output) as part:
             part.write_bytes(report.html(compared).encode())

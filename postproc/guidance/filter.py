@@ -36,13 +36,17 @@ _RAT = "GSM"
 
 
 class GuideLine(msgspec.Struct, frozen=True, omit_defaults=False):
-    """What is known after a row, as a line of JSON; `error` says why the row was not used."""
+    """What is known after a row, as a line of JSON; `error` says why the row was not used.
+
+    `text` is the answer in a sentence.
+    """
 
     t_s: float | None
     verdict: str = "cannot tell"
     best: Position | None = None
     area_m2: float | None = None
     next: NextWay | None = None
+    text: str = ""
 
 
 class BadRow(GuideLine, frozen=True):
@@ -83,8 +87,8 @@ class GuideFilter:
             if place is not None:
                 self._take(t_s, place, level_dbm, row)
         except (ValueError, GeoError) as error:
-            known = self._answer_after_fix(t_s)
-            return BadRow(t_s, known.verdict, known.best, known.area_m2, known.next, str(error))
+            known = msgspec.structs.asdict(self._answer_after_fix(t_s))
+            return BadRow(**known, error=str(error))
         return self._answer_after_fix(t_s)
 
     def _take(
@@ -143,7 +147,8 @@ class GuideFilter:
     def _answer_after_fix(self, t_s: float | None) -> GuideLine:
         followed = self._followed
         if self.levels < _FEWEST_LEVELS:
-            return GuideLine(t_s)
+            counts = f"{self.levels} of at least {_FEWEST_LEVELS} levels with a position"
+            return GuideLine(t_s, text=f"cannot tell: {counts}")
         answer = None if followed is None else followed.answer
         if followed is None or answer is None or answer.place is None:
             return self._before_position(t_s)
@@ -153,18 +158,20 @@ class GuideFilter:
             best=answer.place.in_short().position,
             area_m2=round(answer.place.area_m2),
             next=followed.way,
+            text=answer.sentence,
         )
 
     def _before_position(self, t_s: float | None) -> GuideLine:
         """Before the first search: the strongest level, within the reach of the prior."""
+        why = "cannot tell: the walk is too short yet"
         if self._strongest is None:
-            return GuideLine(t_s)
+            return GuideLine(t_s, text=why)
         radius_m = self._prior.radius_m(0.95)
         lat, lon = self._strongest.places.first_deg
         best = Position(
             lat=lat, lon=lon, r95_m=radius_m, r50_m=self._prior.radius_m(0.5)
         ).in_short()
-        return GuideLine(t_s, best=best, area_m2=round(pi * radius_m**2))
+        return GuideLine(t_s, best=best, area_m2=round(pi * radius_m**2), text=why)
 
 
 def _rank(reading: Readings) -> list[float]:

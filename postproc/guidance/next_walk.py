@@ -17,7 +17,7 @@ from logger.core.answer import Answer, Provenance, answer_of
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.document import Column, Degrees, Document, Table
 from logger.core.document import Line as TextLine
-from logger.core.ellipse import radii_text
+from logger.core.ellipse import RADII, metres
 from logger.core.errors import ConfigError
 from logger.core.guidance.clusters import Cluster, clusters
 from logger.core.guidance.forecast import Forecast, Forecaster
@@ -38,7 +38,7 @@ from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.readings import Readings
 from postproc.atomic_write import whole_file
-from postproc.interop.estimates import DECIMALS
+from postproc.interop.outlines import DECIMALS
 from postproc.interop.writers.gpx import NAMESPACE
 from postproc.interop.xml_file import add, decimal, write
 
@@ -203,36 +203,32 @@ that the information is computed for."""
 _COLUMNS = (
     Column("route", "d"),
     Column("length", ".0f", "m"),
-    Column("nats", ".2f"),
-    Column("nats/km", ".2f"),
-    Column("r95 after", ".0f", "m"),
+    Column(f"{RADII[1]}, after it", is_right=True),
     Column("to"),
 )
 
 
 def document_of(walk: NextWalk) -> Document:
-    """The verdict today, the best route in a sentence, and the ranked routes."""
+    """The answer today, the best route in a sentence, and the ranked routes."""
     return Document(
-        content_of(walk), f"{walk.answer.cell}: {walk.answer.verdict}", body=parts_of(walk)
+        content_of(walk), f"{walk.answer.cell}: {walk.answer.sentence}", body=parts_of(walk)
     )
 
 
 def parts_of(walk: NextWalk) -> Iterator[str | TextLine | Table]:
-    """What follows the verdict."""
+    """What follows the answer."""
     yield walk.text
     rows = [
         (
             number,
             one.route.length_m,
-            one.nats,
-            one.nats_per_km,
-            one.r95_after_m,
+            metres(one.r95_after_m),
             Degrees(*_degrees(walk, one)[-1]),
         )
         for number, one in enumerate(walk.routes, 1)
     ]
     yield Table(_COLUMNS, rows)
-    yield f"now {radii_text(walk.posterior.r50_m, walk.posterior.r95_m)}. {OPTIMISTIC}"
+    yield OPTIMISTIC
 
 
 def content_of(walk: NextWalk) -> dict[str, Any]:
@@ -264,7 +260,8 @@ def write_gpx(walk: NextWalk, target: Path) -> None:
     for number, one in enumerate(walk.routes, 1):
         route = add(root, "rte")
         add(route, "name", f"{walk.answer.cell} {number}")
-        add(route, "desc", f"{one.route.length_m:.0f} m, {one.nats_per_km:.2f} nats/km")
+        after = f"{RADII[1]} {metres(one.r95_after_m)} after it"
+        add(route, "desc", f"{metres(one.route.length_m)}, {after}")
         for lat_deg, lon_deg in _degrees(walk, one):
             add(route, "rtept", lat=decimal(lat_deg, DECIMALS), lon=decimal(lon_deg, DECIMALS))
     with whole_file(target) as part:
@@ -280,7 +277,7 @@ def draw_map(walk: NextWalk, target: Path) -> None:
     half_m = max(_LEAST_MAP_M, float(np.max(np.abs(route_m))) + _MARGIN_M)
     east_m, north_m, nats = _information(walk, half_m)
     mesh = axes.pcolormesh(east_m, north_m, nats, shading="auto", cmap="viridis")
-    figure.colorbar(mesh, label="nats that one reading would say")
+    figure.colorbar(mesh, label="what one reading would say about the position")
     squares = walk.posterior.squares
     chosen = highest_density(squares)
     axes.plot(squares.x_m[chosen] - start[0], squares.y_m[chosen] - start[1], "s", color="white",

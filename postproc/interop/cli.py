@@ -11,27 +11,33 @@ import click
 from logger.command_line import FILE, INPUT, json_option, late_modules, number, show
 from logger.core.errors import ConfigError, RunFileError
 from postproc.interop.writers import names
-from postproc.options import cells_option, run_argument, stored_or_estimated
+from postproc.options import (
+    cells_option,
+    grouped_runs,
+    run_argument,
+    runs_argument,
+    stored_or_estimated,
+)
 
 with late_modules():
-    from logger.core import document, runfile
-    from postproc import atomic_write, cell_work, scan_counts
+    from logger.core import answer, document, runfile
+    from postproc import atomic_write, cell_work, progress, scan_counts
     from postproc.interop import (
         decompression,
-        estimates,
         exporting,
         importing,
         track_file,
     )
     from postproc.interop import share as sharing
     from postproc.interop.readers import named_columns
+    from postproc.suspicion import run_assessment
 
 _MOST_PRINTED = 20
 """Bad rows of an imported file: more would push the result off the screen."""
 
 
 @click.command
-@run_argument
+@runs_argument
 @click.option(
     "-o",
     "--output",
@@ -48,14 +54,17 @@ _MOST_PRINTED = 20
 )
 @cells_option
 @click.option(
-    "--estimates", "has_estimates", is_flag=True, help="Add the positions and regions of `smooth`."
+    "--estimates",
+    "has_estimates",
+    is_flag=True,
+    help="Write the cells of all runs instead.",
 )
 @click.option(
-    "--all-estimators", is_flag=True, help="Add the other estimators with their ellipses too."
+    "--all-estimators", is_flag=True, help="With the other estimators in further columns."
 )
 @json_option
 def export(
-    path: Path,
+    paths: Sequence[Path],
     output: Path,
     format_name: str | None,
     cells: Sequence[str],
@@ -64,35 +73,40 @@ def export(
     all_estimators: bool,
     as_json: bool,
 ) -> int:
-    """Write levels, track and estimates in another format.
+    """Write levels and track of a run, or cells, in another format.
 
     The exit code is 3 if the estimate of a cell failed.
     """
-    name = exporting.format_of(format_name, output)
-    if (has_estimates or all_estimators) and not exporting.has_estimates(name):
-        option = "--estimates" if has_estimates else "--all-estimators"
-        able = " or ".join(exporting.formats_with_estimates())
-        raise ConfigError(f"{name} stores measurements only; use {option} with {able}")
     has_estimates = has_estimates or all_estimators
-    run = runfile.read_sound_run(path)
+    name = exporting.format_of(format_name, output, with_estimates=has_estimates)
+    if len(paths) > 1 and not has_estimates:
+        raise ConfigError("levels are written one run a file: name one run, or use --estimates")
     atomic_write.check_output(output)
-    walk = exporting.walk_of_run(
-        run, list(scan_counts.observed_cells([run], cells)) if cells else None
-    )
-    found: list[estimates.Estimate] = []
+    answers: list[answer.Answer] = []
     if has_estimates:
-        result = stored_or_estimated([run], cells)
-        found = estimates.estimates_of(result, walk.utm, every=all_estimators)
-    exported = exporting.write_export(walk, found, output, name)
-    more = f", estimates of {exported.n_estimates} cells" if has_estimates else ""
-    counts = f"{exported.n_levels} levels, {exported.n_fixes} fixes{more}"
+        groups = grouped_runs(paths, cells)
+        with_words = [
+            run_assessment.conspicuous_first(
+                stored_or_estimated(group.runs, own_cells), progress.with_progress, group.several
+            )[0]
+            for group, own_cells in groups
+        ]
+        exported, answers = exporting.write_answers(with_words, output, name, every=all_estimators)
+        counts = f"{exported.n_estimates} cell{'s' * (exported.n_estimates != 1)}"
+        if len(groups) > 1:
+            counts = f"{counts} of {len(groups)} places: {', '.join(g.name for g, _ in groups)}"
+    else:
+        run = runfile.read_sound_run(paths[0])
+        only = list(scan_counts.observed_cells([run], cells)) if cells else None
+        exported = exporting.write_walk(exporting.walk_of_run(run, only), output, name)
+        counts = f"{exported.n_levels} levels, {exported.n_fixes} fixes"
     said = document.Document(
         exported,
         body=[f"{exported.path}: {counts} ({name})"],
         remarks=[f"{exported.path}: left out: {reason}" for reason in exported.left_out],
     )
     show(said, as_json=as_json)
-    return cell_work.exit_code(found)
+    return cell_work.exit_code(answers)
 
 
 @click.command("import")

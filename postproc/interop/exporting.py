@@ -14,25 +14,37 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from logger.core.answer import Answer
 from logger.core.arrays import IntArray
 from logger.core.censoring import levels_dbm
+from logger.core.ellipse import radii_text
 from logger.core.errors import ConfigError, RunFileError
-from logger.core.places import MAX_GAP_S, SIGMA_OF_RADIUS68, Utm
-from logger.core.provenance import is_import
+from logger.core.locator.region import HALF, LEVEL
+from logger.core.places import MAX_GAP_S, SIGMA_OF_RADIUS68
 from logger.core.readings import Observations, observe
 from logger.core.rows import values_of
 from logger.core.runfile import Run
-from logger.core.timebase import fit_run
+from logger.core.suspicion.rule import WORDS
+from logger.core.suspicion.words import strongest_reasons
+from logger.core.timebase import utc_clock
 from logger.core.types import Broadcast, CellReading, Fix
+from postproc.answer_table import answer_table
 from postproc.atomic_write import whole_file
+from postproc.cell_work import Failure, attempt
 from postproc.interop import writers
-from postproc.interop.estimates import Estimate
+from postproc.interop.outlines import Rings, polygons
 from postproc.interop.sighting import Sighting
+from postproc.result import CellResult, Result, region_of
 
 _DEGREE_DECIMALS = 8
 """A millimetre."""
 
 _CELL = [f.name for f in fields(CellReading) if f.name not in {"broadcast", "label", "more"}]
+
+Regions = Mapping[int, list[Rings]]
+"""Outlines of the regions of a cell by their percentage."""
+Answered = tuple[Answer, Regions]
+_LEVELS = {95: LEVEL, 50: HALF}
 
 Clock = Callable[[int], int | None]
 Stretch = tuple[tuple[int, Fix], ...]
@@ -48,7 +60,6 @@ class ExportWalk:
 
     sightings: tuple[Sighting, ...]
     track: tuple[Stretch, ...]
-    utm: Utm
     start_ns: int
     has_utc: bool
     n_without_identity: int
@@ -59,7 +70,7 @@ def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
     """Levels of all cells of a run, or of those named; raises `EstimationError` without a fix."""
     readings = run.tables["readings"]
     observed = observe(run.tables["fixes"], run.tables["scans"], readings)
-    clock = _clock(run)
+    clock = utc_clock(run.meta.origin, run.tables["fixes"])
     track = _track(run, clock)
     wanted = (readings["cell"] != b"") & np.isfinite(levels_dbm(readings))
     if only is not None:
@@ -70,27 +81,11 @@ def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
     return ExportWalk(
         sightings=tuple(sightings),
         track=track,
-        utm=observed.track.utm,
         start_ns=sightings[0].t_ns if sightings else track[0][0][0],
         has_utc=track[0][0][1].utc_ns is not None,
         n_without_identity=int(np.count_nonzero(readings["cell"] == b"")) if only is None else 0,
         n_without_position=int(np.count_nonzero(wanted)) - len(sightings),
     )
-
-
-def _clock(run: Run) -> Clock:
-    """UTC to the microsecond by time since boot, None where unknown; an import has it per fix."""
-    timebase = fit_run(run.meta.origin, run.tables["fixes"])
-    if timebase is not None:
-        return lambda t_ns: timebase.utc_ns(t_ns) // 1000 * 1000
-    if is_import(run.meta.origin):
-        utc_ns = {
-            record.t_ns: record.value.utc_ns
-            for _, record in run.records("fixes")
-            if isinstance(record.value, Fix)
-        }
-        return utc_ns.get
-    return lambda _: None
 
 
 def _track(run: Run, clock: Clock) -> tuple[Stretch, ...]:
@@ -189,16 +184,16 @@ def writer(name: str) -> ModuleType:
     return import_module(f"{writers.__name__}.{name.replace('-', '_')}")
 
 
-def has_estimates(name: str) -> bool:
-    """Whether a format has a place for positions of cells."""
-    return bool(getattr(writer(name), "HAS_ESTIMATES", False))
+def has_answers(name: str) -> bool:
+    """Whether a format has a place for cells."""
+    return hasattr(writer(name), "write_answers")
 
 
-def formats_with_estimates() -> list[str]:
+def formats_with_answers() -> list[str]:
     found = []
     for name in writers.names():
         with suppress(ModuleNotFoundError):  # parquet: pyarrow comes with rerun, or is missing
-            if has_estimates(name):
+            if has_answers(name):
                 found.append(name)
     return found
 
@@ -217,16 +212,14 @@ def format_of(name: str | None, target: Path, *, with_estimates: bool = False) -
             )
     if name not in known:
         raise ConfigError(f"format {name!r} is unknown: one of {', '.join(known)}")
-    if with_estimates and not has_estimates(name):
-        able = ", ".join(formats_with_estimates())
+    if with_estimates and not has_answers(name):
+        able = ", ".join(formats_with_answers())
         raise ConfigError(f"{name} contains measurements only; {able} can contain estimates")
     return name
 
 
-def write_export(
-    walk: ExportWalk, estimates: Sequence[Estimate], target: Path, name: str
-) -> Exported:
-    """Write a file, complete or not at all.
+def write_walk(walk: ExportWalk, target: Path, name: str) -> Exported:
+    """Write levels and track, complete or not at all.
 
     Raises `RunFileError` where the format can represent none of the levels.
     """
@@ -238,20 +231,63 @@ def write_export(
         raise RunFileError(f"nothing in the run can be written as {name}{why}")
     written = replace(walk, sightings=tuple(sightings), n_without_identity=0, n_without_position=0)
     with whole_file(target) as part:
-        form.write(written, estimates, part)
-    left_out = (
-        *_left_out(walk, len(sightings)),
-        *(why for estimate in estimates for why in estimate.left_out),
-    )
-    return Exported(
-        target,
-        name,
-        len(sightings),
-        sum(map(len, walk.track)),
-        len(estimates) if has_estimates(name) else 0,
-        walk.has_utc,
-        left_out,
-    )
+        form.write(written, part)
+    n_fixes, left_out = sum(map(len, walk.track)), _left_out(walk, len(sightings))
+    return Exported(target, name, len(sightings), n_fixes, 0, walk.has_utc, left_out)
+
+
+def write_answers(
+    results: Sequence[Result], target: Path, name: str, *, every: bool = False
+) -> tuple[Exported, list[Answer]]:
+    """Write a row or feature for each cell, complete or not at all; and what was written.
+
+    With `every` the positions of the other estimators stand in further columns.
+    """
+    form = writer(name)
+    has_regions = getattr(form, "HAS_REGIONS", False)
+    answered = [_answered(result, cell, has_regions) for result in results for cell in result.cells]
+    answers = [answer for answer, _ in answered]
+    with whole_file(target) as part:
+        form.write_answers(answered, answer_table(answers, every=every), part)
+    left_out = [
+        f"the answer about {answer.cell}: {answer.reasons[0]}"
+        for answer in answers
+        if answer.provenance.error
+    ]
+    has_utc = any(answer.provenance.first_utc_ns is not None for answer in answers)
+    return Exported(target, name, 0, 0, len(answers), has_utc, tuple(left_out)), answers
+
+
+def _answered(result: Result, cell: CellResult, has_regions: bool) -> Answered:
+    """A cell as it is exported; where that fails, what is known beside the reason."""
+
+    def with_regions() -> Answered:
+        regions = {}
+        for percent, level in _LEVELS.items() if has_regions else ():
+            if outline := region_of(cell, level).geojson:
+                regions[percent] = polygons(outline.coordinates)
+        return result.answer(cell), regions
+
+    found = attempt(cell.cell, "its export", with_regions)
+    return (result.answer(cell.after(found)), {}) if isinstance(found, Failure) else found
+
+
+def title_of(answer: Answer) -> str:
+    """The cell, and its word where it has one."""
+    has_word = answer.word is not None and answer.word.word != WORDS[0]
+    return f"{answer.cell}: {answer.word.word}" if answer.word and has_word else answer.cell
+
+
+def says_of(answer: Answer) -> str:
+    """Verdict and radii in a sentence, then why it has its word, and the decisive reason."""
+    place = answer.place
+    said: str = answer.verdict
+    if place is not None:
+        if answer.verdict == "ambiguous":
+            said = f"{said}, this is the likeliest of {len(place.likely_modes)} places"
+        said = f"{said}: {radii_text(place.r50_m, place.r95_m)}"
+    why = strongest_reasons(answer.word) if answer.word else []
+    return "; ".join([said, *why, *answer.reasons[:1]])
 
 
 def _left_out(walk: ExportWalk, n_written: int) -> tuple[str, ...]:

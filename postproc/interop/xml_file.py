@@ -89,7 +89,7 @@ def _refuse(*_: object) -> None:
     raise ValueError("a document type, which no log has")
 
 
-def add(parent: ET.Element, name: str, text: object = None, **attributes: str) -> ET.Element:
+def add(parent: ET.Element, name: str, text: object = None, /, **attributes: str) -> ET.Element:
     """A child with a text; nothing forbidden is left in it."""
     child = ET.SubElement(parent, name, attributes)
     if text is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
@@ -16,6 +17,7 @@ from postproc.options import (
     cells_option,
     claims_options,
     false_alarm_option,
+    grouped_runs,
     prior_options,
     runs_argument,
     stored_or_estimated,
@@ -24,9 +26,9 @@ from postproc.options import (
 from postproc.verification.cli import tested_claims
 
 with late_modules():
-    from logger.core import document, runfile
+    from logger.core import document
     from logger.core.model import prior as priors
-    from postproc import atomic_write, progress
+    from postproc import atomic_write, ground, progress
     from postproc import result as estimation
     from postproc.report import rendering, wording
     from postproc.suspicion import run_assessment
@@ -65,11 +67,10 @@ def report(
     *,
     as_json: bool,
 ) -> int:
-    """Write one page on a run, or on several together.
+    """Write one page on a run, or on the runs of each place together.
 
     The exit code is 3 if work on a cell failed.
     """
-    start_s = perf_counter()
     run_now(rendering)
     target = output or paths[0].with_suffix(".html")
     atomic_write.check_output(target)
@@ -77,25 +78,48 @@ def report(
         atomic_write.check_folder(picture_folder)
     if basemap is not None and not basemap.is_file():
         raise ConfigError(f"{basemap}: no such file")
-    runs = [runfile.read_sound_run(path) for path in paths]
     options = estimation.Options(prior, within_m=within_m)
-    if len(runs) > 1 and (claim or claims):
+    if len(paths) > 1 and (claim or claims):
         raise ConfigError("a claim is tested against one run: name only that run")
-    result, conspicuous = run_assessment.conspicuous_first(
-        stored_or_estimated(runs, cells, options)
-    )
-    page = rendering.make_report(
-        result,
-        tested_claims(result, cells or [None], prior, p_fa, claim, claims),
-        most=max(rendering.MOST_DETAILED, len(cells)),
-        first=conspicuous,
-        basemap=basemap,
-        progress=progress.with_progress,
-    )
-    if basemap is not None and page.cell_map is None:
-        print(f"{basemap} is not drawn: no cell is located or ambiguous", file=sys.stderr)
+    groups = grouped_runs(paths, cells)
+    codes, documents = [], []
+    for group, own_cells in groups:
+        start_s, file, folder = perf_counter(), target, picture_folder
+        if len(groups) > 1:
+            file = target.with_stem(f"{target.stem}-{group.file_name}")
+            folder = picture_folder and picture_folder / group.file_name
+        result, conspicuous = run_assessment.conspicuous_first(
+            stored_or_estimated(group.runs, own_cells, options),
+            progress.with_progress,
+            group.several,
+        )
+        findings = [f"{cell} is {ground.several_text(at)}" for cell, at in group.several.items()]
+        page = rendering.make_report(
+            replace(result, warnings=(*findings, *result.warnings)),
+            tested_claims(result, own_cells or [None], prior, p_fa, claim, claims),
+            most=max(rendering.MOST_DETAILED, len(own_cells)),
+            first=conspicuous,
+            basemap=basemap,
+            progress=progress.with_progress,
+        )
+        if basemap is not None and page.cell_map is None:
+            print(f"{basemap} is not drawn: no cell is located or ambiguous", file=sys.stderr)
+        documents.append(_write_page(page, file, folder, start_s))
+        codes.append(page.exit_code)
+    said = ground.document_of_groups([group for group, _ in groups], documents)
+    show(said, as_json=as_json)
+    return max(codes)
+
+
+def _write_page(
+    page: rendering.Report, target: Path, picture_folder: Path | None, start_s: float
+) -> document.Document:
+    """Write a page that was begun at `start_s`, and say so."""
     size = page.write(target)
-    pictures = list(page.write_figures(picture_folder)) if picture_folder else []
+    pictures = []
+    if picture_folder:
+        writing = page.write_figures(picture_folder)
+        pictures = list(progress.with_progress(writing, "writing pictures", page.n_pictures))
     took_s = perf_counter() - start_s
     more = f", {len(pictures)} pictures in {picture_folder}" if pictures else ""
     detailed = f"{wording.number_of(len(page.cells), 'cell')} in detail"
@@ -107,5 +131,4 @@ def report(
         "seconds": round(took_s, 2),
     }
     text = f"{target}: {detailed}, {size / 1e6:.2f} MB in {took_s:.1f} s{more}"
-    show(document.Document(content, body=[text]), as_json=as_json)
-    return page.exit_code
+    return document.Document(content, body=[text])

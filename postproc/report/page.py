@@ -110,7 +110,7 @@ class RunSection:
                 wording.time_text(event.t_s),
                 Word(event.level),
                 event.source,
-                event.text or event.code,
+                event.said,
             )
             for event in self.events
         ]

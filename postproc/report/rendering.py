@@ -47,6 +47,12 @@ class Report:
     cell_map: ReportFigure | None = None
     exit_code: int = 0
 
+    @property
+    def n_pictures(self) -> int:
+        """Files that `write_figures` writes."""
+        others = (self.cell_map, self.overview)
+        return 2 * (sum(map(len, self.figures)) + sum(one is not None for one in others))
+
     def write(self, path: Path) -> int:
         """Write the page, complete or not at all, and return its bytes; raises `RunFileError`."""
         content = self.html.encode()

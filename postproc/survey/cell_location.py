@@ -25,11 +25,11 @@ from logger.core.suspicion.rule import Word
 from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.region_outline import geojson
+from postproc.ground import elsewhere_reasons, places_of
 from postproc.multi_run import merge
 from postproc.result import Options
 from postproc.scan_counts import too_rarely
 from postproc.survey.alignment import Alignment, align
-from postproc.survey.places import places_of
 from postproc.survey.thinning import thin
 from postproc.survey.walk_readings import SurveyRun
 
@@ -119,7 +119,7 @@ def locate_cell_of(
             row,
             place=number,
             n_places=len(rows),
-            reasons=(*row.reasons, *_elsewhere(len(rows), n_readings - row.n_readings)),
+            reasons=(*row.reasons, *elsewhere_reasons(len(rows), n_readings - row.n_readings)),
         )
         for number, row in enumerate(rows, 1)
     ]
@@ -139,15 +139,6 @@ def _heard_in(near: Mapping[str, Readings], heard: CellRuns) -> CellRuns:
         for digest, part in near.items()
     }
     return heard._replace(parts=near, n_scans=n_scans)
-
-
-def _elsewhere(n_places: int, n_readings: int) -> list[str]:
-    """The finding that other places name this identity, with `n_readings` there."""
-    if n_places == 1:
-        return []
-    where = "another place" if n_places == 2 else f"{n_places - 1} other places"
-    how = f"with {n_readings} readings, farther away than any cell reaches"
-    return [f"heard in {where} too, {how}: these are different transmitters"]
 
 
 def _row_of_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options) -> LocatedCell:

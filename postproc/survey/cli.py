@@ -311,6 +311,6 @@ def next_command(
     content = [{"walker": walker} | next_walk.content_of(walk) for walker, walk in walks.items()]
     body: list[document.Part] = []
     for walker, walk in walks.items():
-        title = f"walker {walker}, {walk.answer.cell}: {walk.answer.verdict}"
+        title = f"walker {walker}, {walk.answer.cell}: {walk.answer.sentence}"
         body += [document.Line(title, "bold"), *next_walk.parts_of(walk)]
     show(document.Document({"walks": content}, body=body), as_json=as_json)

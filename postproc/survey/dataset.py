@@ -20,9 +20,9 @@ from logger.core.errors import ConfigError, RunFileError
 from logger.core.foreign import check_regular, open_regular
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings
+from postproc.ground import Ground
 from postproc.survey import layout
 from postproc.survey.parquet_batch import read_columns
-from postproc.survey.places import Ground
 from postproc.survey.rule_inputs import RuleColumn, RuleInputs
 from postproc.survey.walk_readings import SurveyRun
 

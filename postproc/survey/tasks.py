@@ -7,6 +7,7 @@ from itertools import groupby
 from pathlib import Path
 
 from postproc.cell_work import Failure, attempt
+from postproc.ground import places_of
 from postproc.processes import small_matrices
 from postproc.result import Options
 from postproc.survey.agreement import Agreement, agreements
@@ -17,7 +18,6 @@ from postproc.survey.cell_location import (
     locate_cell_of,
 )
 from postproc.survey.dataset import Survey, SurveyCell
-from postproc.survey.places import places_of
 from postproc.survey.walk_readings import SurveyRun
 
 _MOST_READINGS = 2_000_000

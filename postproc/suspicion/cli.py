@@ -7,12 +7,11 @@ from pathlib import Path
 import click
 
 from logger.command_line import INPUT, json_option, late_modules, show
-from postproc.options import runs_argument
+from postproc.options import grouped_runs, runs_argument
 
 with late_modules():
     from logger import baseline_file
-    from logger.core import runfile
-    from postproc import cell_work, progress
+    from postproc import cell_work, ground, progress
     from postproc.suspicion import run_assessment
     from postproc.verification import celldb
 
@@ -37,9 +36,15 @@ def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) ->
     "--celldb", "celldb_path", type=INPUT, metavar="FILE",
     help="A database of cells, made by `postproc celldb import`.",
 )  # fmt: skip
+@click.option("-v", "--verbose", is_flag=True, help="Name the rules.")
 @json_option
 def suspect(
-    paths: Sequence[Path], baseline_path: Path | None, celldb_path: Path | None, *, as_json: bool
+    paths: Sequence[Path],
+    baseline_path: Path | None,
+    celldb_path: Path | None,
+    *,
+    verbose: bool,
+    as_json: bool,
 ) -> int:
     """Print which cells are suspicious, with the reasons.
 
@@ -52,11 +57,13 @@ def suspect(
             baseline = stack.enter_context(closing(baseline_file.BaselineFile(baseline_path)))
         if celldb_path is not None:
             database = stack.enter_context(closing(celldb.CellDb(celldb_path)))
-        suspicions = run_assessment.assess_runs(
-            [runfile.read_sound_run(path) for path in paths],
-            baseline,
-            database,
-            progress.with_progress,
-        )
-    show(run_assessment.document_of(suspicions), as_json=as_json)
-    return cell_work.exit_code(suspicions.failures.values())
+        groups = [group for group, _ in grouped_runs(paths)]
+        assessed = [
+            run_assessment.assess_runs(
+                group.runs, baseline, database, progress.with_progress, group.several
+            )
+            for group in groups
+        ]
+    documents = [run_assessment.document_of(one, details=verbose) for one in assessed]
+    show(ground.document_of_groups(groups, documents), as_json=as_json)
+    return cell_work.exit_code([why for one in assessed for why in one.failures.values()])

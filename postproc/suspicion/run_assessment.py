@@ -1,12 +1,13 @@
 """The words of all cells of runs, with reasons and what was not asked, and as a document."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import log
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.document import Document, Line, Word
+from logger.core.identities import identity_of
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import Evidence, Finding, Rate, Rule
 from logger.core.suspicion.rules import RULES
@@ -16,16 +17,17 @@ from logger.core.suspicion.words import (
     assess,
     by_word,
     false_alarms_per_hour,
+    reason_line,
     sentences,
     word_rate_text,
 )
 from postproc.cell_work import Failure, failure
+from postproc.ground import SEVERAL, HeardIn, several_evidence, several_text
 from postproc.progress import Progress
 from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import observed_cells
 from postproc.verification.celldb import CellDb
 from postproc.verification.claims import away_m, claims_of
-from postproc.verification.parsing import identity_of
 
 # P3: the database does not have the cell. S10: the levels reject the position that it has.
 
@@ -35,6 +37,9 @@ _MOST_NATS = 2.0
 """Less than any word needs: absence is never an alarm by itself."""
 _P_FA = 0.01
 """Level of the test of a position: that at which its rate was measured."""
+
+
+Source = TypeVar("Source")
 
 
 class _Desk:
@@ -118,23 +123,39 @@ def _elsewhere(_desk: _Desk, cell: _Cell) -> Evidence | None:
 DATABASE_RULES = (_others_are_known, _elsewhere)
 
 
-def database_findings(
-    runs: Sequence[Run], names: Sequence[str], database: CellDb, progress: Progress | None = None
-) -> Iterator[Finding]:
-    """Findings about the cells of runs, each without a time or a place of its own."""
-    desk = _Desk(runs, names, database, progress)
-    for rule in DATABASE_RULES:
-        for cell in rule.about(desk):
-            evidence = rule.check(desk, cell)
+Several = Mapping[str, Sequence[HeardIn]]
+"""Where each identity is heard that runs of several places name (`postproc.ground.Group`)."""
+NOWHERE_ELSE: Final[Several] = {}
+
+
+@Rule[Several, str](
+    id="S11",
+    family="place",
+    needs=("identity", "position"),
+    gate="runs of several places name it, in two scans each",
+    sentence=SEVERAL,
+    harmless="test networks, whose identities are used anywhere, and altered logs",
+    about=lambda several: several,
+    detection=1.0,
+    strength="warns",
+)
+def _in_several_places(several: Several, cell: str) -> Evidence | None:
+    return several_evidence(several[cell])
+
+
+def findings_at_desk(rules: Iterable[Rule[Source, Any]], source: Source) -> Iterator[Finding]:
+    """Findings of rules about whole runs, each without a time or a place of its own."""
+    for rule in rules:
+        for cell in rule.about(source):
+            evidence = rule.check(source, cell)
             if evidence is not None:
-                nats = rule.nats("") if rule.weigh is None else rule.weigh(desk, cell)
+                nats = rule.nats("") if rule.weigh is None else rule.weigh(source, cell)
+                name = cell if isinstance(cell, str) else cell.name
                 text = rule.sentence.format(**evidence)
-                yield Finding(rule, cell.name, 0, None, None, text, evidence, nats)
+                yield Finding(rule, name, 0, None, None, text, evidence, nats)
 
 
-ALL_RULES: tuple[Rule[Any, Any], ...] = (*RULES.values(), *DATABASE_RULES)
-_MOST_REASONS = 3
-"""For each cell in one sentence: `postproc suspect` prints all of them."""
+ALL_RULES: tuple[Rule[Any, Any], ...] = (*RULES.values(), *DATABASE_RULES, _in_several_places)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,15 +184,22 @@ def assess_runs(
     baseline: Baseline | None = None,
     database: CellDb | None = None,
     progress: Progress | None = None,
+    several: Several = NOWHERE_ELSE,
 ) -> Suspicions:
-    """Apply all rules to each run; findings of one cell in several runs count together."""
+    """Apply all rules to each run; findings of one cell in several runs count together.
+
+    `several` are the identities that other places name too.
+    """
     baseline = baseline or NO_BASELINE
     findings: dict[str, list[Finding]] = {}
     start_ns: dict[int, int] = {}
     not_asked: list[dict[str, tuple[str, ...]]] = []
     failures: dict[str, Failure] = {}
-    for run in runs:
-        tracker = track(run, baseline)
+    checked: Iterable[SuspicionTracker] = (track(run, baseline) for run in runs)
+    if progress is not None:
+        names = [run.path.name for run in runs]
+        checked = progress(checked, "checking", len(names), names)
+    for run, tracker in zip(runs, checked, strict=True):
         failures = failures_of(tracker) | failures
         if database is not None:
             tracker.capabilities.serve("cell database")
@@ -179,8 +207,12 @@ def assess_runs(
             findings.setdefault(cell.cell, []).extend(cell.findings)
             start_ns |= {id(finding): run.meta.started_ns for finding in cell.findings}
         not_asked.append(tracker.capabilities.not_asked(ALL_RULES))
+    for finding in findings_at_desk([_in_several_places], several):
+        if finding.cell in findings:
+            findings[finding.cell].append(finding)
     if database is not None:
-        for finding in database_findings(runs, list(findings), database, progress):
+        desk = _Desk(runs, list(findings), database, progress)
+        for finding in findings_at_desk(DATABASE_RULES, desk):
             if finding.cell in findings and baseline.trust_note(finding.cell) is None:
                 findings[finding.cell].append(finding)
     cells = by_word([assess(name, found) for name, found in findings.items()])
@@ -204,24 +236,36 @@ def failures_of(tracker: SuspicionTracker) -> dict[str, Failure]:
     }
 
 
-def conspicuous_first(result: Result) -> tuple[Result, tuple[str, ...]]:
+def conspicuous_first(
+    result: Result, progress: Progress | None = None, several: Several = NOWHERE_ELSE
+) -> tuple[Result, tuple[str, ...]]:
     """The result with words, unusual cells first, and their reasons among the warnings.
 
-    Beside it these cells, the most suspicious first.
+    Then come the cells that are heard in `several` places. Beside it the names of both, the most
+    suspicious first.
     """
     there = {cell.cell for cell in result.cells}
-    suspicions = assess_runs([observed.run for observed in result.runs])
+    runs = [observed.run for observed in result.runs]
+    suspicions = assess_runs(runs, progress=progress, several=several)
     unusual = _conspicuous(suspicions, there)
-    rank = {cell.cell: i for i, cell in enumerate(unusual)}
+    first = [*(cell.cell for cell in unusual), *(cell for cell in several if cell in there)]
+    rank = {cell: i for i, cell in enumerate(dict.fromkeys(first))}
     failures = suspicions.failures
     cells = [
         _with_failure(cell, failures[cell.cell]) if cell.cell in failures else cell
         for cell in sorted(result.cells, key=lambda cell: rank.get(cell.cell, len(rank)))
     ]
     of_none = [failures[""].reason] if "" in failures else []
-    warnings = (*map(reason_line, unusual), *of_none, *result.warnings)
+    lines = [reason_line(cell.cell, cell) for cell in unusual]
+    warnings = (*lines, *of_none, *result.warnings)
     words = {name: assess(name, ()) for name in there}
     words |= {cell.cell: cell for cell in suspicions.cells}
+    cells = [
+        replace(cell, warnings=(*cell.warnings, several_text(several[cell.cell])))
+        if cell.cell in several
+        else cell
+        for cell in cells
+    ]
     return replace(result, cells=tuple(cells), warnings=warnings, words=words), tuple(rank)
 
 
@@ -241,20 +285,17 @@ def _conspicuous(suspicions: Suspicions, among: Collection[str]) -> list[Assessm
     ]
 
 
-def reason_line(cell: Assessment) -> str:
-    """A cell, its word, and its strongest reasons in one sentence."""
-    strongest = sorted(sentences(cell.findings), key=lambda finding: -finding.nats)[:_MOST_REASONS]
-    return f"{cell.cell} is {cell.word}: {'; '.join(finding.text for finding in strongest)}"
-
-
 _NEVER = (
     "A word is no accusation: it is a reason to walk there. Telephones in cars gave the rates; a "
     "cell that copies another in everything stays unnoticed."
 )
 
 
-def document_of(suspicions: Suspicions) -> Document:
-    """Cells with a word or a warning and their reasons, then the others and what was not asked."""
+def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
+    """Cells with a word or a warning and their reasons, then the others and what was not asked.
+
+    With `details` the rules by their ids.
+    """
     errors = {cell: failed.error for cell, failed in suspicions.failures.items()}
     cells = [
         {
@@ -268,10 +309,10 @@ def document_of(suspicions: Suspicions) -> Document:
         for cell in suspicions.cells
     ]
     content = {"cells": cells, "not_asked": suspicions.not_asked, "errors": errors}
-    return Document(content, body=_lines(suspicions))
+    return Document(content, body=_lines(suspicions, details=details))
 
 
-def _lines(suspicions: Suspicions) -> Iterator[str | Line]:
+def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
     named = [cell for cell in suspicions.cells if cell.word != "nothing unusual"]
     warned = [
         cell
@@ -283,7 +324,8 @@ def _lines(suspicions: Suspicions) -> Iterator[str | Line]:
         if cell.word != "nothing unusual":
             yield Line(word_rate_text(cell.word), bullet="  ")
         for finding in sentences(cell.findings):
-            yield Line(reason_text(suspicions, finding), bullet="  - ")
+            rule = f" [{finding.rule.id}]" if details else ""
+            yield Line(f"{reason_text(suspicions, finding)}{rule}", bullet="  - ")
         yield ""
     others = len(suspicions.cells) - len(named) - len(warned)
     if others:
@@ -295,16 +337,20 @@ def _lines(suspicions: Suspicions) -> Iterator[str | Line]:
     if not suspicions.cells:
         yield "no cell was named by two scans"
     if suspicions.not_asked:
-        yield f"not asked: {not_asked_text(suspicions)}"
+        yield f"not checked, as these were missing: {not_asked_text(suspicions, details=details)}"
     yield _NEVER
 
 
-def not_asked_text(suspicions: Suspicions) -> str:
-    """Rules that were not asked, by what was missing."""
+def not_asked_text(suspicions: Suspicions, *, details: bool) -> str:
+    """What was missing, with `details` for which rules."""
     by_need: dict[str, list[str]] = {}
     for rule, needs in suspicions.not_asked.items():
         by_need.setdefault(", ".join(needs), []).append(rule)
-    return "; ".join(f"{', '.join(rules)} (no {need})" for need, rules in by_need.items())
+    if details:
+        return "; ".join(f"{need} ({', '.join(rules)})" for need, rules in by_need.items())
+    return ", ".join(
+        dict.fromkeys(need for needs in suspicions.not_asked.values() for need in needs)
+    )
 
 
 def reason_text(suspicions: Suspicions, finding: Finding) -> str:
@@ -313,10 +359,8 @@ def reason_text(suspicions: Suspicions, finding: Finding) -> str:
     where = "" if finding.lat_deg is None else f", {finding.lat_deg:.5f} {finding.lon_deg:.5f}"
     seconds = suspicions.seconds(finding)
     when = "" if seconds is None else f" ({seconds:.0f} s{where})"
-    return (
-        f"{finding.text}{when}. Also seen with: {rule.harmless}. "
-        f"{rule.rate_text(finding.nats)} [{rule.id}]"
-    )
+    also = f"Also seen with: {rule.harmless}"
+    return f"{finding.text}{when}. {also}. {rule.rate_text(finding.nats)}"
 
 
 def _content(suspicions: Suspicions, finding: Finding) -> Mapping[str, object]:

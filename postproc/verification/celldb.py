@@ -18,9 +18,9 @@ import numpy as np
 from pyproj import Geod
 
 from logger.core.errors import ConfigError, GeoError, RunFileError
+from logger.core.identities import identity_of
 from logger.core.places import check_position
 from logger.sqlite_file import connect
-from postproc.verification.parsing import identity_of
 
 FARTHEST_M = 200_000.0
 

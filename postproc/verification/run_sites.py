@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import UNSET
 
+from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.core.identities import FEWEST_SCANS
@@ -33,7 +34,8 @@ from logger.core.readings import Readings
 from logger.core.runfile import Run
 from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
-from postproc.multi_run import FARTHEST_KM, in_zone, merge, modems_of, starts_apart_m
+from postproc.ground import REACH_M, apart_m
+from postproc.multi_run import merge, modems_of
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
 from postproc.verification.claim_test import PreparedWalk, calibrate, prepare_walk
 from postproc.verification.likelihood_grid import refine
@@ -221,21 +223,21 @@ def _sites_of(
     rng = np.random.default_rng(SEED)
     if other is None:
         return _within_one_walk(walks[0], prior, rng)
-    apart_m = starts_apart_m(*(obs.places for obs in walks))
-    if apart_m > FARTHEST_KM * 1000.0:
+    first_deg = [obs.places.first_deg for obs in walks]
+    far_m = apart_m([OnMap(lat=lat, lon=lon) for lat, lon in first_deg])
+    if far_m > 2.0 * REACH_M:
         raise ConfigError(
-            f"{cell} is heard {apart_m / 1000.0:.0f} km apart, farther than any cell reaches: "
+            f"{cell} is heard {far_m / 1000.0:.0f} km apart, farther than any cell reaches: "
             "these are two transmitters, and no test is needed"
         )
-    walks = [in_zone(obs, walks[0].utm) for obs in walks]
-    if apart_m > _FAR_M:
+    utm = walks[0].utm
+    walks = [replace(obs, places=obs.places.in_zone(utm)) for obs in walks]
+    if far_m > _FAR_M:
         return _within_one_walk(_as_one(walks, modems_of(runs), prior), prior, rng)
     first, second = (blocks_of(obs) for obs in walks)
     if min(len(first), len(second)) < FEWEST_BLOCKS:
         return None, f"fewer than {FEWEST_BLOCKS} locations with a level"
-    return between_two(
-        prepare_walk(first, prior), prepare_walk(second, prior), walks[0].utm, rng
-    ), None
+    return between_two(prepare_walk(first, prior), prepare_walk(second, prior), utm, rng), None
 
 
 def _readings(runs: list[Run], cell: str) -> list[Readings]:

@@ -21,6 +21,7 @@ STATUS = Status(
         drms_m=40.0, area_m2=20_000.0, modes=(),
         region=MultiPolygon(type="MultiPolygon", coordinates=[]),
         strongest=StrongestReading(lat=52.0, lon=13.0, level_dbm=-60.0), word="suspicious",
+        text="suspicious; ambiguous: two places fit",
     ),
     cells=(
         CellStatus("262-01-4711-1", is_serving=True, level_dbm=-60.0, heard_ns=8 * 10**9),
@@ -41,8 +42,7 @@ def test_the_lines_say_what_the_page_shows():
     lines = _lines(STATUS)
     assert lines[:2] == ["recording: 9 s", "durable 1.0 s ago in run-1.journal"]
     assert lines[2] == "go: NE (44 deg), 137 m: two places fit"
-    place = "262-01-4711-2: ambiguous, suspicious, 52.00000 13.00000"
-    assert lines[3] == f"{place}, most likely within 31 m, surely within 88 m"
+    assert lines[3] == "262-01-4711-2: suspicious; ambiguous: two places fit"
     assert "level (dBm)" in lines[4]
     assert lines[5].split() == ["262-01-4711-1", "+", "-60", "1"]
     assert lines[6].split()[:4] == ["262-01-4711-2", "*", "-70", "-3"]

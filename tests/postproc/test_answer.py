@@ -4,6 +4,7 @@ import msgspec
 import pytest
 
 from logger.core.answer import Position
+from postproc.cell_work import failure
 from tests.kit import sample_results as kit
 
 
@@ -39,11 +40,13 @@ def test_the_position_shown_is_that_of_the_first_mode(result):
 
 
 def test_an_answer_names_its_run_and_times(result):
-    cell = result.cells[0]
+    cell = replace(result.cells[0], heard_utc_ns=(1, 2))
     made_from = answer_in(result, cell).provenance
     assert made_from.runs == (result.runs[0].run.path.name,)
     assert made_from.n == cell.n
-    assert made_from.first_ns == cell.obs.t_ns[0] < made_from.last_ns == cell.obs.t_ns[-1]
+    assert (made_from.first_utc_ns, made_from.last_utc_ns) == (1, 2)
+    failed = cell.after(failure(cell.cell, "its work", "boom"))
+    assert answer_in(result, failed).provenance.last_utc_ns == 2
 
 
 def test_a_cell_without_a_posterior_has_an_answer_without_a_place(result):

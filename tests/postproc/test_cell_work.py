@@ -176,7 +176,7 @@ def test_the_test_for_two_transmitters(check, run, monkeypatch):
 
 @pytest.mark.parametrize("details", [False, True])
 def test_its_lines_on_the_terminal(details, run, capsys, monkeypatch):
-    step = "_estimator_rows" if details else "_cell_row"
+    step = "_estimator_rows" if details else "_cell_rows"
     fail_in(monkeypatch, f"postproc.summary.{step}")
     code, out, _ = outputs(capsys, "smooth", run, *["-v"] * details)
     assert code == SOMETHING_LOST
@@ -282,14 +282,13 @@ def test_its_part_of_the_view(step, run, tmp_path, capsys, monkeypatch):
 
 
 def test_its_answer_in_an_export(run, tmp_path, capsys, monkeypatch):
-    fail_in(monkeypatch, "postproc.interop.estimates.estimate_of")
-    for suffix in ("kml", "geojson"):
-        target = tmp_path / f"walk.{suffix}"
-        code, out, err = outputs(capsys, "export", run, "--estimates", "-o", target)
-        assert code == SOMETHING_LOST
-        assert "estimates of 2 cells" in out
-        assert "ZeroDivisionError: planted" in err
-        assert all(cell in target.read_text() for cell in (BAD, *GOOD))
+    fail_in(monkeypatch, "postproc.interop.exporting.region_of")
+    target = tmp_path / "cells.kml"
+    code, out, err = outputs(capsys, "export", run, "--estimates", "-o", target)
+    assert code == SOMETHING_LOST
+    assert "2 cells" in out
+    assert "ZeroDivisionError: planted" in err
+    assert all(cell in target.read_text() for cell in (BAD, *GOOD))
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,7 @@ BENT = (
 )
 STREET = np.full(80, 140.0), np.linspace(-60, 180, 80)
 SHIFT_DB = 9.0
+DAY_NS = 86_400 * 10**9
 
 
 def record_walk(
@@ -211,7 +212,7 @@ def test_a_run_without_a_fix_is_named(pair, tmp_path, capsys):
 def test_mistakes_are_one_line(pair, tmp_path, capsys):
     assert "are the same run" in fails(capsys, "smooth", pair[0], pair[1], pair[0])
     far = record_walk(tmp_path / "far.h5", STREET, at_deg=(48.0, 12.0))
-    assert "445 km" in fails(capsys, "smooth", pair[0], far)
+    assert "2 places" in fails(capsys, "compare", pair[0], far)
     assert "was not observed" in fails(capsys, "smooth", *pair, "--cell", OTHER)
     assert "no such file" in fails(capsys, "smooth", pair[0], tmp_path / "none.h5")
 
@@ -331,3 +332,50 @@ def test_of_very_many_modems_those_heard_most_are_used(tmp_path):
     assert sorted(share.run for share in cell.shares) == list(range(1, 21))
     assert (cell.n, len(cell.run_index)) == (180, 180)
     assert any("2 of 22 runs are left out" in warning for warning in cell.warnings)
+
+
+@pytest.fixture
+def travelled(tmp_path):
+    """One run of a recorder that went on 445 km farther, a day later, and heard the cell there."""
+    far = record_walk(tmp_path / "far.h5", BENT, at_deg=(48.0, 12.0), truth=False)
+    near = record_walk(tmp_path / "near.h5", BENT, truth=False)
+    stream = [record for _, record in read_run(near).records("fixes", "scans")]
+    for _, record in read_run(far).records("fixes", "scans"):
+        t_ns, value = record.t_ns + DAY_NS, record.value
+        if isinstance(value, Fix):
+            value = replace(value, utc_ns=value.utc_ns + DAY_NS)
+        else:
+            value = replace(value, t_start_ns=value.t_start_ns + DAY_NS)
+        stream.append(replace(record, t_ns=t_ns, value=value))
+    runs.write_journal(tmp_path / "travelled.journal", stream)
+    return tmp_path / "travelled.journal"
+
+
+def test_an_identity_in_two_places_of_one_run_has_two_answers(travelled, tmp_path, capsys):
+    result = smooth_runs([read_run(travelled)])
+    lats = []
+    for one in result.cells:
+        assert (one.cell, one.n, one.n_scans) == (CELL, 100, 100)
+        assert "heard in another place too, with 100 readings" in one.warnings[-1]
+        lats.append(one.place.lat)
+    assert sorted(lats) == pytest.approx([48.0, 52.0], abs=0.01)
+    assert main(["smooth", str(travelled), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    (several,) = found["several_places"]
+    assert [one["first_utc"][:10] for one in several["places"]] == ["2026-09-21", "2026-09-22"]
+    assert len(found["cells"]) == 2
+    assert main(["smooth", str(travelled)]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith(f"{CELL} is heard in 2 places, 445 km apart")
+
+
+def test_everything_made_of_a_result_knows_the_two_places_of_a_cell(travelled, tmp_path, capsys):
+    def run(*argv):
+        assert main([str(one) for one in argv]) == 0
+        return capsys.readouterr().out
+
+    run("report", travelled, "-o", tmp_path / "a.html")
+    assert (tmp_path / "a.html").read_text().count("heard in another place too") >= 2
+    run("export", travelled, "--estimates", "-o", tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").read_text().count(f"\n{CELL},") == 2
+    run("view", travelled, "--save", tmp_path / "a.rrd")

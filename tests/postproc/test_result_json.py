@@ -8,6 +8,7 @@ import pytest
 
 from logger.core.runfile import read_run
 from postproc.smoothing import smooth_runs
+from postproc.suspicion.run_assessment import conspicuous_first
 from tests.kit import runs
 from tests.kit import sample_results as kit
 
@@ -15,11 +16,24 @@ SCHEMA = Path(__file__).parents[2] / "docs" / "result.schema.json"
 
 STATE = ["lat", "lon", "drms_m", "p0_dbm", "p0_sigma_db", "eta", "eta_sigma", "ellipse95", "n"]
 CELL = [
-    *("cell", "n", "n_scans", "verdict", "best", "modes", "region95", "region50", "prior"),
+    *(
+        "cell",
+        "n",
+        "n_scans",
+        "first_utc",
+        "last_utc",
+        "verdict",
+        "best",
+        "modes",
+        "region95",
+        "region50",
+        "prior",
+    ),
     "alternatives",
     *("noise", "reference_ekf", "ekf", "ekf_backward", "agreement", "rts", "batch", "residuals"),
     *("set_aside", "truth", "warnings"),
 ]
+WORD = ["word", "word_reasons"]
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +51,7 @@ def summaries(tmp_path_factory):
     empty = [runs.Record(1, "modem", runs.Scan(0, ()))]
     runs.write_journal(folder / "lost.journal", empty, run_id="1" * 32)
     results = [smooth_runs(some) for some in ([run], [run, read_run(folder / "lost.journal")])]
-    return [kit.json_of(result) for result in results]
+    return [kit.json_of(conspicuous_first(result)[0]) for result in results]
 
 
 def test_the_published_schema_names_every_field(summaries, validator):
@@ -64,8 +78,8 @@ def test_keys_and_their_order(summaries):
     assert list(one) == ["run", "cells"]
     assert list(several) == ["runs", "warnings", "cells"]
     (located, *_) = one["cells"]
-    assert list(located) == CELL
-    assert list(several["cells"][0]) == [*CELL, "offsets", "without"]
+    assert list(located) == [*CELL, *WORD]
+    assert list(several["cells"][0]) == [*CELL, "runs", "offsets", "without", *WORD]
     assert list(located["ekf"]) == [*STATE, "converged"]
     more = ["sigma_db", "converged", "bounded", "correlation_inflation", "rivals"]
     assert list(located["batch"]) == STATE + more

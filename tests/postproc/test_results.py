@@ -25,7 +25,7 @@ def walk(tmp_path_factory):
     kit.write_run(folder / "walk.journal", seconds=SECONDS, cells=2)
     run = read_sound_run(folder / "walk.journal")
     result = smooth_runs([run])
-    path = results.path_beside(run.path)
+    path = results.path_beside([run.path])
     results.write(result, kit.json_of(result), path)
     return run, result, path
 
@@ -78,7 +78,10 @@ def test_several_runs(walk, tmp_path):
     result = smooth_runs(runs, [kit.cell_name(0)])
     assert result.cells[0].without
     results.write(result, kit.json_of(result), tmp_path / "x.h5", [kit.cell_name(0)])
-    assert_equal(results.read(tmp_path / "x.h5", runs, [kit.cell_name(0)], Options()), result)
+    for named in (runs, runs[::-1]):
+        stored = results.read(tmp_path / "x.h5", named, [kit.cell_name(0)], Options())
+        assert_equal(stored, result)
+        assert [one.run.path for one in stored.runs] == [run.path for run in runs]
     why = why_not(tmp_path / "x.h5", first)
     assert why == "it was made from other data"
     with pytest.raises(results.NotStored, match="lacks the cell"):
@@ -154,7 +157,7 @@ def test_a_damaged_file_is_not_trusted(walk, tmp_path, what):
 @pytest.mark.parametrize("link", ["external", "soft", "itself", "text", "no values"])
 def test_a_file_made_to_deceive_is_not_trusted(walk, copy, link):
     run, _, path = walk
-    target = results.path_beside(copy)
+    target = results.path_beside([copy])
     with h5py.File(target, "r+") as file:
         name = "values" if link == "no values" else "cells/0/residuals/residual_db"
         del file[name]
@@ -190,12 +193,25 @@ def test_commands_use_what_smooth_has_stored(copy, tmp_path, capsys, monkeypatch
         "postproc.smoothing.smooth_runs", lambda *_, **__: pytest.fail("estimated again")
     )
     assert _run(command, copy, tmp_path) == 0
-    assert f"estimates are those of {results.path_beside(copy)}" in capsys.readouterr().err
+    assert f"estimates are those of {results.path_beside([copy])}" in capsys.readouterr().err
+
+
+def test_the_order_of_runs_does_not_matter(copy, tmp_path, capsys, monkeypatch):
+    kit.write_run(tmp_path / "a.journal", seconds=SECONDS, cells=1, run_id="e" * 32)
+    named = [str(copy), str(tmp_path / "a.journal")]
+    assert main(["smooth", *named]) == 0
+    monkeypatch.setattr(
+        "postproc.smoothing.smooth_runs", lambda *_, **__: pytest.fail("estimated again")
+    )
+    for order in (named, named[::-1]):
+        capsys.readouterr()
+        assert main(["report", *order, "-o", str(tmp_path / "out.html")]) == 0
+        assert f"those of {tmp_path / 'a.together.post.h5'}" in capsys.readouterr().err
 
 
 def test_a_page_from_stored_results_is_the_same(copy, walk, tmp_path, capsys):
     assert _run("report", copy, tmp_path) == 0
-    results.path_beside(copy).rename(tmp_path / "away.h5")
+    results.path_beside([copy]).rename(tmp_path / "away.h5")
     (tmp_path / "out.html").rename(tmp_path / "stored.html")
     assert _run("report", copy, tmp_path) == 0
     assert (tmp_path / "out.html").read_bytes() == (tmp_path / "stored.html").read_bytes()
@@ -203,12 +219,12 @@ def test_a_page_from_stored_results_is_the_same(copy, walk, tmp_path, capsys):
 
 def test_a_command_tells_why_it_estimates_again(copy, tmp_path, capsys):
     argv = ["export", str(copy), "--estimates", "-o", str(tmp_path / "a.kml")]
-    with h5py.File(results.path_beside(copy), "r+") as file:
+    with h5py.File(results.path_beside([copy]), "r+") as file:
         file["values"][5] ^= 1
     assert main([*argv, "--cell", kit.cell_name(1)]) == 0
     output = capsys.readouterr().err.splitlines()
     assert [line for line in output if "post.h5" in line] == [
-        f"{results.path_beside(copy)} is not used: it is damaged"
+        f"{results.path_beside([copy])} is not used: it is damaged"
     ]
 
 

@@ -10,9 +10,9 @@ from logger.core.runfile import read_run
 from logger.core.types import Record, Scan
 from postproc.cli import main
 from postproc.info import describe
-from postproc.scan_counts import scans_of, too_rarely
+from postproc.scan_counts import heard_utc_ns, scans_of, too_rarely
 from postproc.smoothing import smooth_runs
-from tests.kit import runs
+from tests.kit import runs, sample_results
 from tests.kit.runs import reading
 
 REAL, FALSE, UNSURE, BOTH = (f"262-01-4711-{cid}" for cid in (1, 77, 88, 99))
@@ -135,3 +135,37 @@ def test_without_a_claim_it_is_no_finding(path, tmp_path, capsys):
     assert sorted(found["heard_once"]) == [FALSE, UNSURE]
     (sites,) = json_output(capsys, "verify", path, "--sites", "--cell", FALSE, "--json")["cells"]
     assert sites["why_not"] == "observed in one scan only"
+
+
+def test_times_are_utc_over_all_runs_of_a_recorder_and_of_an_import(tmp_path):
+    """In whatever order the runs are named; a run without UTC has none."""
+    day_ns = 86_400 * 10**9
+    first, later = (
+        sample_results.write_run(
+            tmp_path / f"{i}.journal",
+            seconds=60,
+            cells=1,
+            utc0_ns=runs.UTC0_NS + i * day_ns,
+            run_id=f"{i:032}",
+        )
+        for i in range(2)
+    )
+    begin_ns = runs.UTC0_NS + sample_results.START_NS + 200_000_000
+    expected = begin_ns, begin_ns + day_ns + 58 * 10**9
+    for named in ([first, later], [later, first]):
+        heard = heard_utc_ns(named)[sample_results.cell_name(0)]
+        assert heard == pytest.approx(expected, abs=1000)
+    silent = sample_results.write_run(tmp_path / "s.journal", seconds=60, cells=1, utc=False)
+    assert heard_utc_ns([silent]) == {}
+    table, back = tmp_path / "w.csv", tmp_path / "i.h5"
+    for argv in (("export", first.path, "-o", table), ("import", table, "-o", back)):
+        assert main([str(a) for a in argv]) == 0
+    imported = heard_utc_ns([read_run(back)])[sample_results.cell_name(0)]
+    # the time of a level in a table is the middle of its scan
+    assert imported[0] == pytest.approx(begin_ns - 100_000_000, abs=10**6)
+    result = smooth_runs([later, first], [sample_results.cell_name(0)])
+    (cell,) = result.cells
+    alone = replace(cell, cell="262-01-4711-999", shares=())
+    assert result.answer(cell).provenance.runs == ("1.journal", "0.journal")
+    assert result.answer(alone).provenance.runs == ()  # no run names it
+    assert cell.heard_utc_ns == pytest.approx(expected, abs=1000)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
+from logger.core.answer import Word
 from logger.core.document import terminal_lines
 from logger.core.runfile import read_run
 from postproc.info import describe
@@ -132,17 +133,51 @@ def test_a_real_terminal_gets_what_a_pipe_gets(run, columns):
         assert wrapped <= _numbers(output)
 
 
-def test_one_line_a_cell_and_the_located_first(tmp_path):
-    run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=33)
-    found = summarise(kit.sample_result(run))
+def _many(tmp_path, cells=33, **more):
+    run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=cells)
+    found = summarise(kit.sample_result(run, **more))
     found.rows.reverse()
-    lines = _lines_of(document_of(found, details=False)[0], 80).splitlines()
-    rows = [line for line in lines if line.startswith("262-01-4711-")]
-    assert len(rows) == 33
-    assert [line.split()[2] for line in rows][:2] == ["located", "cannot"]
-    assert len(lines) <= 33 + 6
+    return found
+
+
+def test_one_line_a_cell_and_the_located_first(tmp_path):
+    lines = _lines_of(document_of(_many(tmp_path), details=False)[0], 80).splitlines()
+    rows = [line for line in lines if line.startswith("262-01-4711-")][:12]
+    assert [line.split()[1] for line in rows] == ["located"] + 11 * ["cannot"]
+    assert "21 more cells cannot be located" in " ".join(lines)
+    assert all("52.5" in line for line in rows)  # each has a position
     jargon = ("EKF", "least squares", "P0", "eta", "posterior", "reference", "RTS")
     assert not [word for word in jargon if any(re.search(rf"\b{word}\b", line) for line in lines)]
+
+
+def test_no_cell_with_an_answer_or_a_word_is_folded(tmp_path):
+    found = _many(tmp_path)
+    for i, (verdict, word) in enumerate([("located", None), ("cannot tell", "unusual")]):
+        said = word and Word(word, 4.0, ())
+        answer = replace(found.rows[20 + i].answer, verdict=verdict, word=said)
+        found.rows[20 + i] = found.rows[20 + i]._replace(answer=answer)
+    text = _lines_of(document_of(found, details=False)[0], 80)
+    assert text.startswith(f"{found.rows[21].answer.cell} is unusual: ")
+    for row in found.rows[20:22]:
+        assert re.search(rf"^{row.answer.cell} ", text, re.MULTILINE)
+
+
+def test_the_places_of_an_ambiguous_cell_are_listed_with_their_sizes(tmp_path):
+    found = _many(tmp_path, 1, verdict="ambiguous", places=2)
+    text = _lines_of(document_of(found, details=False)[0], 80)
+    row = re.compile(r"^  place \d: \d+ % +52\.\d{5} 13\.\d{5} +(\d+) m +(\d+) m$", re.MULTILINE)
+    sizes = row.findall(text)
+    assert len(sizes) == 2
+    assert all(int(likely) < int(surely) for likely, surely in sizes)
+
+
+def test_a_position_is_as_exact_as_it_is_known(tmp_path):
+    found = _many(tmp_path, 1)
+    place = found.rows[0].answer.place
+    for r95_m, wanted in ((999.0, "52.5"), (1001.0, "about 52.5")):
+        wide = msgspec.structs.replace(place, r95_m=r95_m)
+        assert wide.where.startswith(wanted)
+        assert len(wide.where.split()[-1]) == (8 if r95_m < 1000.0 else 5)
 
 
 def test_at_most_ten_events_the_gravest_of_them(tmp_path):

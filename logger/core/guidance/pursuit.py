@@ -11,6 +11,7 @@ _SMALLER = 0.8
 _LEG_SHARE = 0.25
 """A leg is a block of houses; towards a place that is far off, this share of the 95 % radius."""
 
+_NO_SMALLER = "three legs of walking said nothing more about its place"
 _STEP_M = 10.0
 """A walker who stands moves by less: the errors of fixes."""
 
@@ -67,8 +68,10 @@ class Pursuit:
         leg_m = max(LEG_M, _LEG_SHARE * answer.place.r95_m)
         if not self._area_m2 or answer.place.area_m2 <= _SMALLER * self._area_m2:
             self._area_m2, self._walked_m = answer.place.area_m2, 0.0
+            if self.given_up == _NO_SMALLER:  # what came by itself: the search goes on
+                self.given_up = ""
         elif self._walked_m >= _LEGS * leg_m and not self.is_located:
-            self._give_up(f"{self._walked_m:.0f} m of walking said nothing more about its place")
+            self._give_up(_NO_SMALLER)
 
     def _give_up(self, why: str) -> None:
         if self._give_up_ns:

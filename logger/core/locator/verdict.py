@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logger.core.ellipse import metres
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
@@ -43,6 +44,14 @@ DESK_M = 150.0
 """A group of houses, which one more walk can search."""
 LIVE_M = 60.0
 """A house and its neighbours: a walker who stands there may look at the roofs and end the walk."""
+
+
+_IS_NEEDED = ", and a location needs "
+
+
+def needed_radius(reason: str) -> str:
+    """The radius in a reason that says of the region that it is too wide; of others empty."""
+    return reason.partition(_IS_NEEDED)[2]
 
 
 class Decision(NamedTuple):
@@ -95,8 +104,8 @@ def _small_span(case: _Case) -> str | None:
     if span_db >= _LEAST_SPAN_DB:
         return None
     return (
-        f"the level hardly changes along the walk: it spans {span_db:.0f} dB, "
-        f"and a location needs {_LEAST_SPAN_DB:.0f} dB"
+        f"the level hardly changes along the walk: it spans {span_db:.0f} of the "
+        f"{_LEAST_SPAN_DB:.0f} dB that a location needs"
     )
 
 
@@ -169,10 +178,10 @@ def _widest_m(modes: Sequence[Mode]) -> float:
 
 
 def _too_wide(case: _Case, radius_m: float, within_m: float) -> str:
-    radius = f"{radius_m:.0f} m, and a location needs {within_m:.0f} m"
+    radius = f"{metres(radius_m)}{_IS_NEEDED}{metres(within_m)}"
     if len(case.modes) == 1:
         return f"95 % lie within {radius}"
-    return f"the widest of {len(case.modes)} positions reaches over {radius}"
+    return f"the widest of {len(case.modes)} places reaches over {radius}"
 
 
 def _two_transmitters(division: Division) -> str:
@@ -197,7 +206,7 @@ def _shares(case: _Case, percents: Sequence[int]) -> str:
     ]
     rest = 100 - sum(percents)
     elsewhere = [f"{rest}% elsewhere"] if rest > 0 else []
-    return f"the levels fit several positions: {', '.join(names + elsewhere)}"
+    return f"the levels fit several places: {', '.join(names + elsewhere)}"
 
 
 def _advice(case: _Case) -> str:

@@ -4,6 +4,7 @@ The nats of findings add up over families, of each family the strongest one: new
 come together, and one cause would count three times.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ times an hour (`WORD_RATES`)."""
 CONFIRMING: frozenset[Family] = frozenset({"area", "neighbours", "signal", "place", "technology"})
 """One of these must be among the families: a plan or a database alone is often wrong."""
 
+_MOST_REASONS = 3
 _LOGS = "62 runs of telephones, mostly in cars"
 WORD_RATES: Mapping[Word, Rate] = {
     "suspicious": Rate(1, 924, 38.5, _LOGS),
@@ -27,6 +29,10 @@ WORD_RATES: Mapping[Word, Rate] = {
 
 FINDING_CODE, ERROR_CODE = "finding", "rule-failed"
 """Codes of the events of each finding, and of the error of a rule."""
+_WEIGHT = re.compile(rf"^(\S+: (?:{'|'.join(WORDS)})), \S+ nats: \w+ ")
+"""In what `finding_notes` writes."""
+_NAMES = re.compile(r"^(version \w+): [A-Z]\d+(?: [A-Z]\d+)*$")
+"""In what `rules_note` writes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +84,17 @@ def sentences(findings: Sequence[Finding]) -> list[Finding]:
     return [finding for finding in findings if strongest[finding.text] is finding]
 
 
+def strongest_reasons(word: answer.Word) -> list[str]:
+    """The few sentences that weigh most: `postproc suspect` prints all of them."""
+    strongest = sorted(sentences(word.findings), key=lambda finding: -finding.nats)
+    return [finding.text for finding in strongest[:_MOST_REASONS]]
+
+
+def reason_line(cell: str, word: answer.Word) -> str:
+    """A cell, its word, and its strongest reasons in one sentence."""
+    return f"{cell} is {word.word}: {'; '.join(strongest_reasons(word))}"
+
+
 def by_word(assessments: Sequence[Assessment]) -> list[Assessment]:
     """The most suspicious first."""
     return sorted(assessments, key=lambda a: (-WORDS.index(a.word), -a.score_nats, a.cell))
@@ -90,6 +107,11 @@ def finding_notes(findings: Iterable[Finding], of: Iterable[Assessment]) -> Iter
         score = f"{cell.word}, {cell.score_nats!r} nats"
         text = f"{finding.cell}: {score}: {finding.rule.id} {finding.text}"
         yield Note(level, FINDING_CODE, text)
+
+
+def in_plain_words(text: str) -> str:
+    """The text of an event of the rules without their names and weights; any other as it is."""
+    return _NAMES.sub(r"\1", _WEIGHT.sub(r"\1: ", text, count=1))
 
 
 def error_notes(errors: Iterable[tuple[str, str]]) -> Iterator[Note]:

@@ -1,6 +1,6 @@
 // The plan: track coloured by level, heading, region and places, over a plain grid.
 
-import {METRES_PER_DEG, course, metres, radii, roundStep} from './geometry.js';
+import {METRES_PER_DEG, course, metres, roundStep} from './geometry.js';
 import {prepared, stopOf} from './drawing.js';
 import {showGround} from './map.js';
 
@@ -189,8 +189,7 @@ function drawWalker(g, at, status, colour) {
 }
 
 function describe(position) {
-  const word = position?.word && position.word !== 'nothing unusual' ? `, ${position.word}` : '';
-  const text = position ? `${position.cell}: ${position.verdict}${word}, ${radii(position)}` : '';
+  const text = position ? `${position.cell}: ${position.text}` : '';
   byId('place').textContent = text;
   byId('plan').setAttribute('aria-label', `plan of the walk, north is up. ${text}`);
 }

@@ -1,8 +1,9 @@
 """Formats of `postproc export`: a module each, whose name is that of the format.
 
-A module has `write(walk, estimates, target)`. Where the format can represent only some levels it
-has `writable(sighting)`, and `HAS_ESTIMATES` where it has a place for positions of cells. A module
-is imported when its format is written.
+A module has `write(walk, target)`. Where the format can represent only some levels it has
+`writable(sighting)`, and where it has a place for cells `write_answers(table, regions, target)`:
+one row or feature for each row of `postproc.answer_table`; with `HAS_REGIONS` also the regions of
+each, which are empty for other formats. A module is imported when its format is written.
 """
 
 import pkgutil

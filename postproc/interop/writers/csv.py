@@ -1,13 +1,13 @@
-"""A walk as CSV, in the columns that `postproc.interop.readers.walk_csv` reads."""
+"""CSV: a walk in the columns that `postproc.interop.readers.walk_csv` reads, or a row a cell."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
+from logger.core.document import Table
 from logger.core.schema import list_text
 from logger.core.utc import utc_text
 from postproc.interop.csv_table import escape, line
-from postproc.interop.estimates import Estimate
-from postproc.interop.exporting import ExportWalk
+from postproc.interop.exporting import Answered, ExportWalk
 from postproc.interop.readers.walk_csv import BROADCAST, CELL, LEVELS, PLACE, READINGS
 from postproc.interop.sighting import Sighting
 
@@ -28,7 +28,7 @@ COLUMNS = (
 _TEXTS = {"role", "rat", *(name for name in CELL if READINGS[name].dtype.startswith("S"))}
 
 
-def write(walk: ExportWalk, _: Sequence[Estimate], target: Path) -> None:
+def write(walk: ExportWalk, target: Path) -> None:
     """Levels that `read` returns equal: seconds since the first, and UTC if known."""
     sightings, start_ns = walk.sightings, walk.start_ns
     used = [
@@ -39,6 +39,17 @@ def write(walk: ExportWalk, _: Sequence[Estimate], target: Path) -> None:
     with target.open("w", newline="", encoding="utf-8") as file:
         file.write(line(used))
         file.writelines(line(_value(one, name, start_ns) for name in used) for one in sightings)
+
+
+def write_answers(_: Sequence[Answered], table: Table, target: Path) -> None:
+    """A line of names and one for each cell; what is not known is empty."""
+    with target.open("w", newline="", encoding="utf-8") as file:
+        file.write(line(column.title for column in table.columns))
+        file.writelines(line(map(_cell, row)) for row in table.rows)
+
+
+def _cell(value: object) -> str:
+    return escape(value) if isinstance(value, str) else _text(value)
 
 
 def _value(sighting: Sighting, name: str, start_ns: int) -> str:

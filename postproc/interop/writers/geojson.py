@@ -1,37 +1,46 @@
-"""GeoJSON (RFC 7946): the walk, every level as a point, and the estimates; (lon, lat), WGS 84."""
+"""GeoJSON (RFC 7946): the walk and every level as a point, or the cells; (lon, lat), WGS 84."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from postproc.interop.estimates import DECIMALS, Estimate, Rings, lines
-from postproc.interop.exporting import ExportWalk
+from logger.core.document import Table
+from postproc.interop.exporting import Answered, ExportWalk
 from postproc.interop.fields import moment, seconds
+from postproc.interop.outlines import DECIMALS, lines
 from postproc.interop.sighting import Sighting
 
 Feature = dict[str, Any]
 
-HAS_ESTIMATES = True
+
+def write(walk: ExportWalk, target: Path) -> None:
+    """One feature collection; `kind` is walk or level."""
+    levels = (_level(one, walk.start_ns) for one in walk.sightings)
+    _write(chain([_walk(walk)], levels), target)
 
 
-def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None:
-    """One feature collection; `kind` is walk, level, region, place or ellipse95."""
+def write_answers(_: Sequence[Answered], table: Table, target: Path) -> None:
+    """A point for each cell; one without a place has no geometry (RFC 7946, 3.2)."""
+    names = [column.title for column in table.columns]
+    _write((_answer(dict(zip(names, row, strict=True))) for row in table.rows), target)
+
+
+def _write(features: Iterable[Feature], target: Path) -> None:
     with target.open("w", encoding="utf-8") as file:
         file.write('{"type": "FeatureCollection", "features": [')
-        for i, feature in enumerate(_features(walk, estimates)):
+        for i, feature in enumerate(features):
             file.write(
                 (",\n" if i else "\n") + json.dumps(feature, allow_nan=False, ensure_ascii=False)
             )
         file.write("\n]}\n")
 
 
-def _features(walk: ExportWalk, estimates: Sequence[Estimate]) -> Iterator[Feature]:
-    yield _walk(walk)
-    for one in walk.sightings:
-        yield _level(one, walk.start_ns)
-    for estimate in estimates:
-        yield from _estimate(estimate)
+def _answer(properties: Feature) -> Feature:
+    at = properties["longitude_deg"], properties["latitude_deg"]
+    geometry = None if None in at else _point(at)
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
 def _walk(walk: ExportWalk) -> Feature:
@@ -72,32 +81,6 @@ def _level(one: Sighting, start_ns: int) -> Feature:
         "geometry": _point(_place(one.lon_deg, one.lat_deg)),
         "properties": properties,
     }
-
-
-def _estimate(estimate: Estimate) -> Iterator[Feature]:
-    about: Feature = {"cell": estimate.answer.cell, "verdict": estimate.answer.verdict}
-    for level, outline in estimate.regions.items():
-        yield _area(outline, {"kind": "region", "level_percent": level, **about})
-    for position in estimate.positions:
-        named = {
-            "name": position.name,
-            "probability": position.probability,
-            "cell": estimate.answer.cell,
-            "verdict": position.verdict,
-        }
-        radii_m = dict(zip(("r50_m", "r95_m"), position.radii_m or (), strict=False))
-        yield {
-            "type": "Feature",
-            "geometry": _point(_place(*position.lon_lat)),
-            "properties": {"kind": "place", **named, **radii_m},
-        }
-        if position.ellipse95:
-            yield _area(position.ellipse95, {"kind": "ellipse95", **named})
-
-
-def _area(outline: Sequence[Rings], properties: Feature) -> Feature:
-    geometry = {"type": "MultiPolygon", "coordinates": outline}
-    return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
 def _point(lon_lat: tuple[float, float]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""GPX 1.1: the walk as a track with a segment for each stretch, positions of cells as waypoints.
+"""GPX 1.1: the walk as a track with a segment for each stretch, or cells as waypoints.
 
 The format allows only times in UTC, so times are left out where the receiver never reported UTC.
 """
@@ -7,32 +7,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+from logger.core.document import Table
 from logger.core.types import Fix
-from postproc.interop.estimates import DECIMALS, Estimate
-from postproc.interop.exporting import ExportWalk
+from postproc.interop.exporting import Answered, ExportWalk, says_of, title_of
 from postproc.interop.fields import moment
+from postproc.interop.outlines import DECIMALS
 from postproc.interop.xml_file import add, decimal
 from postproc.interop.xml_file import write as write_xml
 
 NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
-HAS_ESTIMATES = True
 
-
-def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None:
-    """Track and waypoints."""
-    root = ET.Element("gpx", {"xmlns": NAMESPACE, "version": "1.1", "creator": "cellwalk"})
-    for estimate in estimates:
-        for position in estimate.positions:
-            waypoint = add(root, "wpt", **_at(position.lon_lat[1], position.lon_lat[0]))
-            add(waypoint, "name", f"{estimate.answer.cell} {position.name}")
-            share = (
-                "" if position.probability is None else f", probability {position.probability:.2f}"
-            )
-            radii = f", {position.radii_text}" if position.radii_m else ""
-            about = position.verdict or "not the answer, for comparison"
-            add(waypoint, "desc", f"{about}{share}{radii}")
-            add(waypoint, "type", "estimate")
+def write(walk: ExportWalk, target: Path) -> None:
+    """The track."""
+    root = _root()
     track = add(root, "trk")
     add(track, "name", "walk")
     if not walk.has_utc:
@@ -42,6 +30,23 @@ def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None
         for _, fix in stretch:
             _point(segment, fix)
     write_xml(root, target)
+
+
+def write_answers(answered: Sequence[Answered], _: Table, target: Path) -> None:
+    """A waypoint for each cell that has a place."""
+    root = _root()
+    for answer, _regions in answered:
+        if answer.place is not None:
+            place = answer.place.in_short()
+            waypoint = add(root, "wpt", **_at(place.lat, place.lon))
+            add(waypoint, "name", title_of(answer))
+            add(waypoint, "desc", says_of(answer))
+            add(waypoint, "type", "cell")
+    write_xml(root, target)
+
+
+def _root() -> ET.Element:
+    return ET.Element("gpx", {"xmlns": NAMESPACE, "version": "1.1", "creator": "cellwalk"})
 
 
 def _point(segment: ET.Element, fix: Fix) -> None:

@@ -1,4 +1,4 @@
-"""KML 2.2 (OGC 07-147r2): for each cell its levels in classes of 10 dB, regions, positions.
+"""KML 2.2 (OGC 07-147r2): the levels of each cell in classes of 10 dB, or places and regions.
 
 Every stretch carries the time in which it was walked, so that the time slider of a globe shows the
 walk; without UTC there are no times.
@@ -10,11 +10,12 @@ from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from logger.core.locator.rivals import share_text
+from logger.core.answer import Answer
+from logger.core.document import Column, Table, Value
 from logger.core.places import MAX_GAP_S
-from postproc.interop.estimates import Estimate, Line, LonLat, Rings, lines
-from postproc.interop.exporting import ExportWalk
+from postproc.interop.exporting import Answered, ExportWalk, says_of, title_of
 from postproc.interop.fields import moment
+from postproc.interop.outlines import Line, LonLat, Rings, lines
 from postproc.interop.sighting import Sighting
 from postproc.interop.xml_file import add
 from postproc.interop.xml_file import write as write_xml
@@ -33,23 +34,20 @@ _CLASS_COLOURS = (
     "ff7d2848",
     "ff540144",
 )
-_AREA_COLOURS = {95: "40e68a00", 50: "70e68a00"}
-_LINE = "ffe68a00"
+_WORD_COLOURS = {"suspicious": "2828dc", "unusual": "0090e0", "nothing unusual": "e68a00"}
+"""Blue, green, red, as KML has them."""
+_REGIONS = {95: ("surely within (95 %)", "40"), 50: ("most likely within (50 %)", "70")}
+"""Name of the folder, and how opaque an area is."""
+HAS_REGIONS = True
 
-HAS_ESTIMATES = True
 
-
-def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None:
+def write(walk: ExportWalk, target: Path) -> None:
     """Folders: the walk, then one for each cell."""
-    root = ET.Element("kml", {"xmlns": NAMESPACE})
-    document = add(root, "Document")
-    add(document, "name", "cellwalk")
-    add(
-        document,
-        "description",
-        "times are UTC, from GPS" if walk.has_utc else "UTC is not known, so nothing has a time",
-    )
-    _styles(document)
+    says = "times are UTC, from GPS" if walk.has_utc else "UTC is not known, so nothing has a time"
+    root, document = _document(says)
+    _style(document, "walk", "ff808080", 2)
+    for i, colour in enumerate(_CLASS_COLOURS):
+        _style(document, f"level-{i}", colour, 5)
     folder = _folder(document, "walk", "track of the receiver")
     for stretch in walk.track:
         points = [
@@ -59,24 +57,65 @@ def write(walk: ExportWalk, estimates: Sequence[Estimate], target: Path) -> None
         ]
         ends = (stretch[0][1].utc_ns, stretch[-1][1].utc_ns)
         _placemark(folder, "walk", "walk", lines(points), ends, points[0])
-    by_cell: dict[str, list[Sighting]] = {estimate.answer.cell: [] for estimate in estimates}
+    by_cell: dict[str, list[Sighting]] = {}
     for one in walk.sightings:
         by_cell.setdefault(one.reading.cell or "", []).append(one)
-    estimate_of = {estimate.answer.cell: estimate for estimate in estimates}
     for cell, sightings in sorted(by_cell.items(), key=lambda entry: -len(entry[1])):
-        _cell(document, cell, sightings, estimate_of.get(cell))
+        _cell(document, cell, sightings)
     write_xml(root, target)
 
 
-def _styles(document: ET.Element) -> None:
-    _style(document, "walk", "ff808080", 2)
-    for i, colour in enumerate(_CLASS_COLOURS):
-        _style(document, f"level-{i}", colour, 5)
-    for level, colour in _AREA_COLOURS.items():
-        _style(document, f"region-{level}", _LINE, 1, fill=colour)
-    _style(document, "ellipse", _LINE, 2, fill="00ffffff")
-    icon = add(add(document, "Style", id="position"), "IconStyle")
-    add(icon, "color", _LINE)
+def write_answers(answered: Sequence[Answered], table: Table, target: Path) -> None:
+    """A folder of points and two of areas, with the columns of the table: a layer each.
+
+    A cell without a place is in the first without a geometry.
+    """
+    root, document = _document("a word is no accusation: it is a reason to walk there")
+    for word, colour in _WORD_COLOURS.items():
+        name = word.replace(" ", "-")
+        _style(document, name, f"ff{colour}", 1)
+        for percent, (_, opacity) in _REGIONS.items():
+            _style(document, f"{name}-{percent}", f"ff{colour}", 1, fill=f"{opacity}{colour}")
+    schema = add(document, "Schema", name="cell", id="cell")
+    for column in table.columns:
+        kind = "double" if column.title.endswith(("_m", "_deg")) else "string"
+        kind = "int" if column.title.startswith("n_") else kind
+        add(schema, "SimpleField", name=column.title, type=kind)
+    places = _folder(document, "cells", "the likeliest place of each")
+    areas = {percent: _folder(document, name, "") for percent, (name, _) in _REGIONS.items()}
+    for (answer, regions), row in zip(answered, table.rows, strict=True):
+        style = answer.word.word.replace(" ", "-") if answer.word else "nothing-unusual"
+        placemark = _answer(places, answer, style, table.columns, row)
+        if answer.place is not None:
+            at = answer.place.in_short()
+            add(add(placemark, "Point"), "coordinates", _coordinates([(at.lon, at.lat)]))
+        for percent, outline in regions.items():
+            placemark = _answer(areas[percent], answer, f"{style}-{percent}", table.columns, row)
+            _area(placemark, outline)
+    write_xml(root, target)
+
+
+def _answer(
+    parent: ET.Element, answer: Answer, style: str, columns: Sequence[Column], row: Sequence[Value]
+) -> ET.Element:
+    """A placemark with the values of a row, as yet without a geometry."""
+    placemark = add(parent, "Placemark")
+    add(placemark, "name", title_of(answer))
+    add(placemark, "description", escape(says_of(answer), quote=False))
+    add(placemark, "styleUrl", f"#{style}")
+    data = add(add(placemark, "ExtendedData"), "SchemaData", schemaUrl="#cell")
+    for column, value in zip(columns, row, strict=True):
+        if value is not None:
+            add(data, "SimpleData", value, name=column.title)
+    return placemark
+
+
+def _document(says: str) -> tuple[ET.Element, ET.Element]:
+    root = ET.Element("kml", {"xmlns": NAMESPACE})
+    document = add(root, "Document")
+    add(document, "name", "cellwalk")
+    add(document, "description", says)
+    return root, document
 
 
 def _style(
@@ -91,14 +130,9 @@ def _style(
         add(add(style, "PolyStyle"), "color", fill)
 
 
-def _cell(
-    document: ET.Element, cell: str, sightings: Sequence[Sighting], estimate: Estimate | None
-) -> None:
+def _cell(document: ET.Element, cell: str, sightings: Sequence[Sighting]) -> None:
     rat = next((one.reading.rat for one in sightings), None)
-    says = f"{len(sightings)} levels" + (f", {rat}" if rat else "")
-    if estimate is not None:
-        says = "; ".join([says, estimate.answer.verdict, *estimate.answer.reasons])
-    folder = _folder(document, cell, says)
+    folder = _folder(document, cell, f"{len(sightings)} levels" + (f", {rat}" if rat else ""))
     levels = _folder(folder, "levels", "dBm, in classes of 10 dB")
     for strip in strips(sightings):
         chosen, points = (
@@ -107,19 +141,6 @@ def _cell(
         )
         ends = (strip[0].fix.utc_ns, strip[-1].fix.utc_ns)
         _placemark(levels, class_name(chosen), f"level-{chosen}", lines(points), ends, points[0])
-    if estimate is not None:
-        for level, outline in estimate.regions.items():
-            _area(folder, f"{level} % region", f"region-{level}", outline)
-        for position in estimate.positions:
-            share = "" if position.probability is None else f" ({share_text(position.probability)})"
-            name = (
-                position.name
-                if position.verdict in {None, "located"}
-                else f"{position.name}: {position.verdict}"
-            )
-            title, about = f"{name}{share}", position.radii_text
-            _placemark(folder, title, "position", [], (None, None), position.lon_lat, about)
-            _area(folder, f"95 % ellipse of {position.name}", "ellipse", position.ellipse95)
 
 
 def level_class(level_dbm: float) -> int:
@@ -159,13 +180,10 @@ def _placemark(
     parts: Sequence[Line],
     utc_ns: tuple[int | None, int | None],
     at: LonLat,
-    about: str = "",
 ) -> None:
     """Lines, or a point where there is none."""
     placemark = add(parent, "Placemark")
     add(placemark, "name", name)
-    if about:
-        add(placemark, "description", about)
     if None not in utc_ns:
         span = add(placemark, "TimeSpan")
         add(span, "begin", moment(utc_ns[0]))
@@ -181,12 +199,7 @@ def _placemark(
         add(line, "coordinates", _coordinates(part))
 
 
-def _area(parent: ET.Element, name: str, style: str, outline: Sequence[Rings]) -> None:
-    if not outline:
-        return
-    placemark = add(parent, "Placemark")
-    add(placemark, "name", name)
-    add(placemark, "styleUrl", f"#{style}")
+def _area(placemark: ET.Element, outline: Sequence[Rings]) -> None:
     geometry = add(placemark, "MultiGeometry")
     for rings in outline:
         polygon = add(geometry, "Polygon")

@@ -4,11 +4,9 @@ Sources: wiki.opencellid.org/wiki/API; CsvExportFormatter.java of zamojski/Tower
 """
 
 import csv
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from postproc.interop.estimates import Estimate
 from postproc.interop.exporting import ExportWalk
 from postproc.interop.fields import is_plmn
 from postproc.interop.sighting import Sighting
@@ -32,7 +30,7 @@ def writable(sighting: Sighting) -> bool:
     )
 
 
-def write(walk: ExportWalk, _: Sequence[Estimate], target: Path) -> None:
+def write(walk: ExportWalk, target: Path) -> None:
     """Levels that are `writable`."""
     with target.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, _COLUMNS, restval="", lineterminator="\n")

@@ -1,17 +1,15 @@
 """OpenCelliD measurements as the API takes them (wiki.opencellid.org/wiki/API)."""
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
-from postproc.interop.estimates import Estimate
 from postproc.interop.exporting import ExportWalk
 from postproc.interop.writers.opencellid_csv import measurement, writable
 
 __all__ = ["writable", "write"]
 
 
-def write(walk: ExportWalk, _: Sequence[Estimate], target: Path) -> None:
+def write(walk: ExportWalk, target: Path) -> None:
     """Levels that are `writable`; codes are integers."""
     numbered = [
         one | {"mcc": int(one["mcc"]), "mnc": int(one["mnc"])}

@@ -1,6 +1,5 @@
 """Parquet: the levels as a table with typed columns, for pandas, DuckDB or Spark."""
 
-from collections.abc import Sequence
 from dataclasses import fields as fields_of
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import pyarrow.parquet as pq
 
 from logger.core.schema import TABLES
 from logger.core.types import Broadcast, CellReading
-from postproc.interop.estimates import Estimate
 from postproc.interop.exporting import ExportWalk
 from postproc.interop.sighting import Sighting
 
@@ -24,7 +22,7 @@ _PLACE = {
 }
 
 
-def write(walk: ExportWalk, _: Sequence[Estimate], target: Path) -> None:
+def write(walk: ExportWalk, target: Path) -> None:
     """One row for each level; the unit of a column is in its metadata, null is unknown."""
     sightings, start_ns = walk.sightings, walk.start_ns
     about = {

@@ -1,11 +1,9 @@
 """WiGLE CSV 1.6 (api.wigle.net/csvFormat.html); nothing in it identifies the device."""
 
 import csv
-from collections.abc import Sequence
 from pathlib import Path
 
 from logger.core.utc import utc_text
-from postproc.interop.estimates import Estimate
 from postproc.interop.exporting import ExportWalk
 from postproc.interop.fields import is_plmn
 from postproc.interop.readers.wigle import PREFIX
@@ -27,7 +25,7 @@ def writable(sighting: Sighting) -> bool:
     )
 
 
-def write(walk: ExportWalk, _: Sequence[Estimate], target: Path) -> None:
+def write(walk: ExportWalk, target: Path) -> None:
     """Levels that are `writable`."""
     with target.open("w", newline="", encoding="utf-8") as file:
         file.write(

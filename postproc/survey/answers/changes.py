@@ -10,11 +10,11 @@ from dataclasses import replace
 from logger.core.errors import ConfigError
 from logger.core.readings import Readings
 from postproc.comparison.changes import Comparison, compare
+from postproc.ground import Towns, ground_of
 from postproc.result import Options
 from postproc.survey.cell_location import joined_readings
 from postproc.survey.dataset import Survey
 from postproc.survey.location import EVERY_RUN, reports_of_loggers
-from postproc.survey.places import Towns, ground_of
 from postproc.survey.scheduling import Cluster
 from postproc.survey.tasks import RunChoice, runs_of, tasks_of
 

@@ -8,13 +8,13 @@ from logger.core.errors import ConfigError, EstimationError
 from logger.core.guidance.street_atlas import Line
 from logger.core.locator.pipeline import locate
 from logger.core.places import Places
+from postproc.ground import places_of
 from postproc.guidance.next_walk import NextWalk, next_walk
 from postproc.progress import with_progress
 from postproc.result import Options
 from postproc.survey.alignment import align
 from postproc.survey.cell_location import LocatedCell, joined_readings
 from postproc.survey.dataset import Survey
-from postproc.survey.places import places_of
 from postproc.survey.tasks import RunChoice, runs_of
 from postproc.survey.thinning import thin
 

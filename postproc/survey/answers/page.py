@@ -14,6 +14,7 @@ from logger.core.errors import ConfigError
 from logger.core.places import Utm
 from logger.core.suspicion.rule import WORDS
 from postproc.basemap.reading import read_basemap
+from postproc.ground import Towns
 from postproc.html_page import page_environment
 from postproc.pictures.survey import Box, Clock, round_step
 from postproc.pictures.survey import Survey as Frame
@@ -21,7 +22,6 @@ from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
 from postproc.survey.location import CELL_COLUMNS, cell_row, word_text
-from postproc.survey.places import Towns
 from postproc.survey.tasks import RunChoice, runs_of
 
 SQUARE_M = 50.0

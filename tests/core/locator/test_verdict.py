@@ -216,7 +216,7 @@ def test_several_wide_modes_are_no_answer():
     assert assess(two, obs, within_m=1.01 * semi_major_m).verdict == "ambiguous"
     outcome, (why, *_), _ = assess(two, obs, within_m=0.99 * semi_major_m)
     assert outcome == "cannot tell"
-    assert why.startswith("the widest of 2 positions reaches over ")
+    assert why.startswith("the widest of 2 places reaches over ")
 
 
 def test_the_reach_of_the_region_is_no_reason_of_its_own():
@@ -259,7 +259,7 @@ def test_a_span_between_modems_is_no_span():
     offsets = type("Offsets", (), {"mean_db": np.array([0.0, 20.0])})()
     outcome, (why, *_), _ = assess(replace(found, offsets=offsets), flat)
     assert outcome == "cannot tell"
-    assert "it spans 2 dB" in why
+    assert "it spans 2 of the 6 dB" in why
 
 
 def test_seven_readings_are_never_located():

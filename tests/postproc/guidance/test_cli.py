@@ -33,7 +33,8 @@ def test_each_row_is_answered_before_the_next_one_is_sent():
             guide.stdin.flush()
             answer = json.loads(guide.stdout.readline())
             assert answer["t_s"] == 3.0 * k
-            assert set(answer) == {"t_s", "verdict", "best", "area_m2", "next"}
+            assert set(answer) == {"t_s", "verdict", "best", "area_m2", "next", "text"}
+            assert answer["text"].startswith(answer["verdict"])
         guide.stdin.close()
     assert guide.returncode == 0
 

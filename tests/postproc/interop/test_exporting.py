@@ -1,14 +1,20 @@
+import csv
 import json
-from dataclasses import fields
+import subprocess
+from dataclasses import fields, replace
+from shutil import which
 
 import pyarrow.parquet as pq
 import pytest
 
+from logger.core import answer
 from logger.core.runfile import RunWriter, convert_journal, read_run
+from logger.core.suspicion.rule import Finding
+from logger.core.suspicion.rules import RULES
 from logger.core.types import Broadcast, CellReading, Fix, Record, Scan
 from postproc import results
 from postproc.cli import main
-from postproc.interop.exporting import walk_of_run
+from postproc.interop.exporting import walk_of_run, write_answers
 from postproc.interop.writers import names
 from tests.kit import sample_results as kit
 from tests.kit.runs import UTC0_NS, meta
@@ -165,7 +171,8 @@ def test_without_utc_a_format_that_needs_it_says_so(tmp_path, capsys, name):
     [
         (["-o", "a.xyz"], "--format"),
         (["-o", "a.json"], "--format"),
-        (["-o", "a.csv", "--estimates"], "measurements only"),
+        (["-o", "a.parquet", "--estimates"], "measurements only"),
+        (["walk.h5", "-o", "a.csv"], "one run a file"),
         (["-o", "none/a.csv"], "no such folder"),
         (["-o", "walk.h5", "--format", "csv"], "is a run"),
         (["-o", "a.csv", "--cell", "x"], "was not observed"),
@@ -182,23 +189,110 @@ def test_mistakes_are_one_line(tmp_path, run, capsys, monkeypatch, argv, says):
 
 def test_estimates_are_computed_or_taken_from_beside_the_run(tmp_path, capsys):
     run = kit.write_run(tmp_path / "walk.journal", seconds=60, cells=1)
-    output = _main(capsys, "export", run.path, "-o", tmp_path / "a.geojson", "--estimates")
-    assert "estimates of 1 cells" in output.out
+    output = _main(capsys, "export", run.path, "-o", tmp_path / "a.csv", "--estimates")
+    assert "a.csv: 1 cell (csv)" in output.out
     assert "estimates are those of" not in output.err
     found = kit.sample_result(run)
     results.write(found, kit.json_of(found), results.path_beside(run.path))
-    output = _main(capsys, "export", run.path, "-o", tmp_path / "b.geojson", "--estimates")
+    output = _main(capsys, "export", run.path, "-o", tmp_path / "b.csv", "--estimates")
     assert "estimates are those of" in output.err
-    places = [
-        [
-            f
-            for f in json.loads((tmp_path / n).read_text())["features"]
-            if f["properties"]["kind"] == "place"
-        ]
-        for n in ("a.geojson", "b.geojson")
-    ]
-    assert all(places)
-    assert places[0] != places[1]
+    (mine,), (stored,) = (rows_of(tmp_path / name) for name in ("a.csv", "b.csv"))
+    assert mine["cell"] == stored["cell"] == kit.cell_name(0)
+    assert mine["latitude_deg"] != stored["latitude_deg"]
+    assert mine["word"] == "nothing unusual"
+
+
+@pytest.fixture
+def cells(tmp_path):
+    """Cells with a place, without one, suspicious, and with names of which a spreadsheet must not
+    run anything; the walk stands elsewhere.
+    """
+    run = kit.write_run(tmp_path / "=walk.journal", seconds=120, cells=5)
+    result = kit.sample_result(run, verdict="ambiguous", places=2)
+    first, *rest = (replace(cell, heard_utc_ns=(UTC0_NS, UTC0_NS + 10**9)) for cell in result.cells)
+    names = ['=HYPERLINK("http://x")', "+1-2", "-2+3", "@SUM(1)"]
+    named = [replace(first, cell=name) for name in names]
+    rule = next(iter(RULES.values()))
+    finding = Finding(rule, first.cell, 0, None, None, '=1+1, "a\nb"', {}, 9.0)
+    words = {first.cell: answer.Word("suspicious", 9.0, (finding,))}
+    return replace(result, cells=(first, *named, *rest), words=words)
+
+
+def rows_of(path):
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_cells_come_back_from_csv(tmp_path, cells):
+    exported, answers = write_answers([cells], tmp_path / "cells.csv", "csv")
+    rows = rows_of(tmp_path / "cells.csv")
+    assert exported.n_estimates == len(answers) == len(rows) == len(cells.cells)
+    first, last = rows[0], rows[-1]
+    place = cells.cells[0].place
+    assert float(first["latitude_deg"]) == pytest.approx(place.lat, abs=1e-6)
+    assert float(first["longitude_deg"]) == pytest.approx(place.lon, abs=1e-6)
+    assert float(first["r50_m"]) == pytest.approx(place.r50_m, abs=0.05)
+    assert float(first["r95_m"]) == pytest.approx(place.r95_m, abs=0.05)
+    assert (first["word"], first["verdict"], first["n_places"]) == ("suspicious", "ambiguous", "2")
+    assert (first["first_utc"], first["last_utc"]) == (
+        "2026-09-21T14:13:20Z",
+        "2026-09-21T14:13:21Z",
+    )
+    assert (last["latitude_deg"], last["word"], last["n_places"]) == ("", "", "0")
+    walk = walk_of_run(cells.runs[0].run).sightings[0]
+    assert abs(float(first["latitude_deg"]) - walk.lat_deg) > 1e-4  # the cell's, not the walk's
+    # nothing that a spreadsheet would take for a formula
+    for value in (
+        value for row in rows for name, value in row.items() if not name.endswith("_deg")
+    ):
+        assert not value.startswith(("=", "+", "-", "@"))
+    assert [row["cell"] for row in rows[1:5]] == [f"'{cell.cell}" for cell in cells.cells[1:5]]
+
+
+def test_every_estimator_stands_in_columns_of_its_own(tmp_path, cells):
+    write_answers([cells], tmp_path / "cells.csv", "csv", every=True)
+    rows = rows_of(tmp_path / "cells.csv")
+    end = cells.answer(cells.cells[0]).paths.ends["ekf"]
+    assert float(rows[0]["ekf_latitude_deg"]) == end.lat
+    assert rows[-1]["ekf_latitude_deg"] == ""
+
+
+def test_cells_come_back_from_geopandas(tmp_path, cells):
+    geopandas = pytest.importorskip("geopandas", reason="GeoPandas comes with `survey`")
+    pyogrio = pytest.importorskip("pyogrio", reason="GeoPandas comes with `survey`")
+    kinds = {"geojson": {"Point"}, "kml": {"Point", "MultiPolygon"}, "gpx": {"Point"}}
+    for name, expected in kinds.items():
+        path = tmp_path / f"cells.{name}"
+        write_answers([cells], path, name)
+        seen = set()
+        for layer, _ in pyogrio.list_layers(path):
+            frame = geopandas.read_file(path, layer=layer)
+            kind = set(frame.geometry.dropna().geom_type)
+            assert len(kind) <= 1, (name, layer)
+            seen |= kind
+            if name != "gpx" and layer.startswith("cells"):
+                assert frame["cell"].iloc[0] == cells.cells[0].cell
+                assert frame["r95_m"].dtype == float
+                assert frame.crs == "EPSG:4326"
+                assert len(frame) == len(cells.cells)
+        assert seen == expected
+
+
+def test_cells_come_back_from_ogrinfo(tmp_path, cells):
+    if which("ogrinfo") is None:
+        pytest.skip("ogrinfo is not installed: apt-get install gdal-bin")
+    write_answers([cells], tmp_path / "cells.geojson", "geojson")
+    write_answers([cells], tmp_path / "cells.csv", "csv")
+    for name, says in (("geojson", "Geometry: Point"), ("csv", "longitude_deg")):
+        command = ["ogrinfo", "-so", "-al", tmp_path / f"cells.{name}"]
+        out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        assert says in out
+        assert f"Feature Count: {len(cells.cells)}" in out
+
+
+def test_cells_of_several_results_are_in_one_file(tmp_path, cells):
+    exported, _ = write_answers([cells, cells], tmp_path / "cells.csv", "csv")
+    assert exported.n_estimates == len(rows_of(tmp_path / "cells.csv")) == 2 * len(cells.cells)
 
 
 def test_a_run_without_a_fix_has_nothing_to_export(tmp_path, capsys):

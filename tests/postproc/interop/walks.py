@@ -2,7 +2,6 @@
 
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
-from postproc.interop.estimates import estimates_of
 from postproc.interop.exporting import ExportWalk, walk_of_run
 from postproc.interop.readers import walk_csv
 from postproc.interop.sighting import BadRow, Sighting
@@ -10,12 +9,10 @@ from tests.kit import sample_results as kit
 from tests.kit.runs import UTC0_NS, meta
 
 
-def around_a_square(tmp_path, *, verdict="ambiguous", every=False, **changes):
-    """Walk of two cells, and estimates of one."""
+def around_a_square(tmp_path, *, verdict="ambiguous", **changes):
+    """Walk of two cells, and the result about them: one has a posterior."""
     run = kit.write_run(tmp_path / "walk.journal", **{"seconds": 120, "cells": 2} | changes)
-    walk = walk_of_run(run)
-    result = kit.sample_result(run, verdict=verdict, places=2)
-    return run, walk, estimates_of(result, walk.utm, every=every)
+    return run, walk_of_run(run), kit.sample_result(run, verdict=verdict, places=2)
 
 
 def over_the_date_line(tmp_path):
@@ -33,7 +30,7 @@ def over_the_date_line(tmp_path):
 
 def export_of(sightings):
     """Sightings as an export has them."""
-    return ExportWalk(tuple(sightings), (), None, 0, True, 0, 0)
+    return ExportWalk(tuple(sightings), (), 0, True, 0, 0)
 
 
 def read_walk(source):

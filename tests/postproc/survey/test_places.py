@@ -10,13 +10,13 @@ from pyproj import Geod, Proj
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings, in_order
 from postproc.cli import main
+from postproc.ground import Ground, Towns, places_of
 from postproc.result import Options
 from postproc.survey.answers.page import html, walked_ground
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
 from postproc.survey.location import EVERY_RUN
 from postproc.survey.parquet_batch import Batch
-from postproc.survey.places import Ground, Towns, places_of
 from postproc.survey.tasks import compare_loggers, locate_cells, tasks_of
 from postproc.survey.walk_readings import HeardCell, SurveyRun, WalkReadings
 from tests.postproc.baseline.walks import cell, name, write_walk

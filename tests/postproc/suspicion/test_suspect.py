@@ -1,4 +1,5 @@
 import json
+import re
 
 import pytest
 
@@ -53,7 +54,10 @@ def test_the_text_has_reasons_rates_and_what_was_not_asked(tmp_path, capsys):
     assert text.startswith("310-260-1201-99: suspicious\n")
     assert "of United States of America, more than 40 km away" in text
     assert "Also seen with" in text
-    assert "not asked" in text
+    assert "not checked, as these were missing: " in text
+    assert not re.search(r"\b[A-Z]\d\]", text)
+    assert main(["suspect", "-v", str(tmp_path / "run.h5")]) == 0
+    assert re.search(r"; timing advance \(T1\)|\[L4\]", capsys.readouterr().out)
     assert "6 other cells: nothing unusual" in text
 
 
@@ -93,7 +97,7 @@ def test_a_cell_that_earlier_walks_always_heard_is_a_warning(tmp_path, capsys):
     text = " ".join(capsys.readouterr().out.split())
     assert text.startswith("232-01-1201-50: nothing unusual - 7 of 7 earlier walks heard it here")
     assert "6 other cells: nothing unusual" in text
-    assert "Not measured: it only warns. [B3]" in text
+    assert "Not measured: it only warns." in text
 
 
 def test_replay_repeats_the_findings(tmp_path, capsys):

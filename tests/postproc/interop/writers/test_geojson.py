@@ -1,14 +1,17 @@
 import json
+import re
 
 import pytest
 import shapely
 
+from postproc.answer_table import COLUMNS
+from postproc.interop.exporting import write_answers
 from postproc.interop.writers import geojson
 from tests.postproc.interop import walks
 
 
-def _write(tmp_path, walk, found=()):
-    geojson.write(walk, found, tmp_path / "w.geojson")
+def _write(tmp_path, walk):
+    geojson.write(walk, tmp_path / "w.geojson")
     return json.loads(
         (tmp_path / "w.geojson").read_text(encoding="utf-8"), parse_constant=pytest.fail
     )
@@ -34,9 +37,6 @@ def check_rfc7946(collection):
         for polygon in getattr(shape, "geoms", []) if shape.geom_type == "MultiPolygon" else []:
             assert polygon.exterior.is_ccw
             assert not any(ring.is_ccw for ring in polygon.interiors)
-    for feature in _of_kind(collection, "region") + _of_kind(collection, "ellipse95"):
-        for rings in feature["geometry"]["coordinates"]:
-            assert all(ring[0] == ring[-1] and len(ring) >= 4 for ring in rings)
 
 
 def test_the_checker_finds_what_is_wrong():
@@ -58,9 +58,9 @@ def test_the_checker_finds_what_is_wrong():
             check_rfc7946(area(wrong))
 
 
-def test_walk_levels_and_estimates(tmp_path):
-    run, walk, found = walks.around_a_square(tmp_path)
-    collection = _write(tmp_path, walk, found)
+def test_walk_and_levels(tmp_path):
+    run, walk, _ = walks.around_a_square(tmp_path)
+    collection = _write(tmp_path, walk)
     check_rfc7946(collection)
     levels = _of_kind(collection, "level")
     assert len(levels) == len(run.tables["readings"]) == 120
@@ -75,30 +75,18 @@ def test_walk_levels_and_estimates(tmp_path):
     )
     (track,) = _of_kind(collection, "walk")
     assert sum(map(len, track["geometry"]["coordinates"])) == 120
-    assert len(_of_kind(collection, "region")) == 2
-    assert [f["properties"]["probability"] for f in _of_kind(collection, "place")][:2] == [0.5, 0.5]
-    region95, region50 = (
-        shapely.geometry.shape(f["geometry"]) for f in _of_kind(collection, "region")
-    )
-    assert region95.buffer(1e-6).contains(region50)
-    place = shapely.geometry.shape(_of_kind(collection, "place")[0]["geometry"])
-    assert region50.contains(place)
-    assert _of_kind(collection, "ellipse95") == []
 
 
-def test_all_estimators_come_with_ellipses_and_without_the_verdict(tmp_path):
-    _, walk, found = walks.around_a_square(tmp_path, every=True, verdict="located")
-    collection = _write(tmp_path, walk, found)
-    check_rfc7946(collection)
-    places = _of_kind(collection, "place")
-    assert [f["properties"]["name"] for f in places if f["properties"]["verdict"]] == [
-        "best position"
-    ]
-    ellipse, place = _of_kind(collection, "ellipse95")[0], places[1]
-    assert ellipse["properties"]["name"] == place["properties"]["name"] == "posterior, position 1"
-    assert shapely.geometry.shape(ellipse["geometry"]).contains(
-        shapely.geometry.shape(place["geometry"])
-    )
+def test_a_cell_is_a_point_and_one_without_a_place_has_no_geometry(tmp_path):
+    _, _, result = walks.around_a_square(tmp_path)
+    write_answers([result], tmp_path / "w.geojson", "geojson")
+    first, second = json.loads((tmp_path / "w.geojson").read_text(encoding="utf-8"))["features"]
+    place = result.cells[0].place.in_short()
+    assert first["geometry"] == {"type": "Point", "coordinates": [place.lon, place.lat]}
+    assert second["geometry"] is None
+    assert list(first["properties"]) == list(second["properties"]) == list(COLUMNS)
+    assert first["properties"]["n_places"] == 2
+    assert re.fullmatch(r"50%: 52\.\d+ 13\.\d+", first["properties"]["other_places"])
 
 
 def test_without_utc_there_are_seconds_only(tmp_path):

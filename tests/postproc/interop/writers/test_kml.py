@@ -6,7 +6,8 @@ from xml.etree import ElementTree as ET
 import pytest
 import xmlschema
 
-from postproc.interop.exporting import ExportWalk
+from postproc.answer_table import COLUMNS
+from postproc.interop.exporting import ExportWalk, write_answers
 from postproc.interop.writers import kml
 from tests.postproc.interop import walks
 
@@ -20,8 +21,8 @@ def schema():
     return xmlschema.XMLSchema(Path(folder) / "schema" / "ogckml22.xsd")
 
 
-def _write(tmp_path, walk, found=()):
-    kml.write(walk, found, tmp_path / "w.kml")
+def _write(tmp_path, walk):
+    kml.write(walk, tmp_path / "w.kml")
     return ET.parse(tmp_path / "w.kml").getroot()
 
 
@@ -38,19 +39,11 @@ def _points(element):
     return [tuple(map(float, one.split(","))) for one in text.split()]
 
 
-def test_valid_with_levels_regions_ellipses_and_places(tmp_path, schema):
-    _, walk, found = walks.around_a_square(tmp_path, every=True)
-    root = _write(tmp_path, walk, found)
+def test_valid_with_every_level_at_its_place(tmp_path, schema):
+    _, walk, _ = walks.around_a_square(tmp_path)
+    root = _write(tmp_path, walk)
     schema.validate(tmp_path / "w.kml")
     cell = _folder(root, "262-01-4711-100")
-    names = [p.findtext("k:name", namespaces=KML) for p in cell.findall("k:Placemark", KML)]
-    assert names[:3] == ["95 % region", "50 % region", "possible position 1: ambiguous (50%)"]
-    (first,) = (p for p in cell.findall("k:Placemark", KML) if p.findtext("k:description", "", KML))
-    assert first.findtext("k:name", "", KML) == names[2]
-    radii = r"most likely within \d+ m, surely within \d+ m"
-    assert re.fullmatch(radii, first.findtext("k:description", "", KML))
-    assert {"EKF", "95 % ellipse of RTS", "least squares"} < set(names)
-    # every level stands in the file, at its place
     heard = {
         (round(h.lon_deg, 7), round(h.lat_deg, 7))
         for h in walk.sightings
@@ -58,6 +51,27 @@ def test_valid_with_levels_regions_ellipses_and_places(tmp_path, schema):
     }
     assert heard <= set(_points(_folder(cell, "levels")))
     assert len(_points(_folder(root, "walk"))) == 120
+
+
+def test_cells_are_valid_layers_of_one_geometry_with_their_columns(tmp_path, schema):
+    _, _, result = walks.around_a_square(tmp_path)
+    write_answers([result], tmp_path / "w.kml", "kml")
+    schema.validate(tmp_path / "w.kml")
+    root = ET.parse(tmp_path / "w.kml").getroot()
+    places = _folder(root, "cells").findall("k:Placemark", KML)
+    assert [len(place.findall("k:Point", KML)) for place in places] == [1, 0]
+    description = places[0].findtext("k:description", "", KML)
+    radii = r"most likely within \d+ m, surely within \d+ m"
+    assert re.match(f"ambiguous, this is the likeliest of 2 places: {radii}; ", description)
+    assert description.endswith("&lt;b&gt;not&lt;/b&gt; | markup")  # of a run, no markup of a globe
+    for name in ("most likely within (50 %)", "surely within (95 %)"):
+        (area,) = _folder(root, name).findall("k:Placemark", KML)
+        assert area.findall("k:MultiGeometry/k:Polygon", KML)
+    fields = {field.get("name") for field in root.iter(f"{{{kml.NAMESPACE}}}SimpleField")}
+    used = {data.get("name") for data in root.iter(f"{{{kml.NAMESPACE}}}SimpleData")}
+    assert used <= fields == set(COLUMNS)
+    styles = {f"#{style.get('id')}" for style in root.iter(f"{{{kml.NAMESPACE}}}Style")}
+    assert {url.text for url in root.iter(f"{{{kml.NAMESPACE}}}styleUrl")} <= styles
 
 
 def test_strips_have_the_class_and_the_time_of_their_levels(tmp_path):
@@ -96,14 +110,14 @@ def test_names_that_are_no_xml_are_written_all_the_same(tmp_path, schema):
     one = replace(
         walk.sightings[0], reading=replace(walk.sightings[0].reading, label="<b>&\x01\ud800 Café")
     )
-    kml.write(ExportWalk((one,), walk.track, walk.utm, 0, True, 0, 0), (), tmp_path / "w.kml")
+    kml.write(ExportWalk((one,), walk.track, 0, True, 0, 0), tmp_path / "w.kml")
     schema.validate(tmp_path / "w.kml")
     assert _folder(ET.parse(tmp_path / "w.kml").getroot(), "<b>& Café") is not None
 
 
 def test_the_schema_finds_what_is_wrong(tmp_path, schema):
     walk = walks.over_the_date_line(tmp_path)
-    kml.write(walk, (), tmp_path / "w.kml")
+    kml.write(walk, tmp_path / "w.kml")
     text = (tmp_path / "w.kml").read_text()
     for right, wrong in (
         ("<tessellate>1", "<tessellate>x"),

@@ -1,0 +1,75 @@
+"""Answers as one table, a row a cell: what is exported, and the frame of the Python interface."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from math import isfinite
+
+from logger.core.answer import Answer, PathEnd
+from logger.core.document import Column, Table, Value
+from logger.core.locator.rivals import share_text
+from logger.core.suspicion.words import strongest_reasons
+from logger.core.utc import utc_text
+
+COLUMNS = (
+    "cell",
+    "word",
+    "verdict",
+    "latitude_deg",
+    "longitude_deg",
+    "r50_m",
+    "r95_m",
+    "n_places",
+    "other_places",
+    "n_readings",
+    "runs",
+    "first_utc",
+    "last_utc",
+    "word_reasons",
+    "verdict_reasons",
+)
+"""Position: that of the cell, WGS 84. `r50_m` and `r95_m` about it hold 50 % and 95 % of the
+probability, also of `other_places`: latitude, longitude and share of each."""
+_BESIDE = ("ekf", "rts", "batch")
+"""Other estimators by their key; the ellipse of the reference EKF is wrong."""
+_WIDEST_M = 50_000.0
+"""GSM reaches 35 km: a wider ellipse contains no information."""
+
+
+def answer_table(answers: Iterable[Answer], *, every: bool = False) -> Table:
+    """One row for each answer, in their order; None is what is not known.
+
+    With `every` the positions of the other estimators besides, for comparison.
+    """
+    beside = _BESIDE if every else ()
+    more = (f"{key}_{angle}" for key in beside for angle in ("latitude_deg", "longitude_deg"))
+    columns = tuple(map(Column, (*COLUMNS, *more)))
+    return Table(columns, [tuple(_values(answer, beside)) for answer in answers])
+
+
+def _values(answer: Answer, beside: Sequence[str]) -> Iterator[Value]:
+    word, made_from = answer.word, answer.provenance
+    yield from (answer.cell, word.word if word else None, answer.verdict)
+    yield from _place(answer)
+    yield from (made_from.n, "; ".join(made_from.runs))
+    for utc_ns in (made_from.first_utc_ns, made_from.last_utc_ns):
+        yield None if utc_ns is None else utc_text(utc_ns)
+    yield "; ".join(strongest_reasons(word)) if word else None
+    yield "; ".join(answer.reasons)
+    for key in beside:
+        end = answer.paths.ends.get(key) if answer.paths else None
+        yield from (None, None) if end is None or not _is_bounded(end) else (end.lat, end.lon)
+
+
+def _place(answer: Answer) -> tuple[Value, ...]:
+    """The position with its radii, the number of places, and the others where it is ambiguous."""
+    if answer.place is None:
+        return None, None, None, None, 0, None
+    place = answer.place.in_short()
+    modes = place.modes if answer.verdict == "ambiguous" else place.modes[:1]
+    others = (f"{share_text(mode.probability)}: {mode.lat} {mode.lon}" for mode in modes[1:])
+    return place.lat, place.lon, place.r50_m, place.r95_m, len(modes), "; ".join(others) or None
+
+
+def _is_bounded(end: PathEnd) -> bool:
+    """Whether an estimator has a position to show."""
+    major_m = end.ellipse95.semi_major_m
+    return isfinite(end.lat) and end.is_bounded and major_m <= _WIDEST_M

@@ -1,0 +1,496 @@
+"""Ground far from other ground: groups of runs, towns of a survey, places of one identity.
+
+Readings are stored in the UTM zone of the first fix of their run. A town has one zone, that of its
+middle, in which all its readings are placed: ground on both sides of a border between zones is one
+ground, and none of it counts twice. Distances are through the Earth, so that no meridian, equator
+or pole is a border.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from math import asin, atan2, degrees, hypot
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from logger.core.answer import OnMap
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.document import Document, Line, Part
+from logger.core.errors import ConfigError, EstimationError, GeoError
+from logger.core.identities import FEWEST_SCANS, identity_of
+from logger.core.places import MAX_LATITUDE_DEG, Places, Track, Utm, track_of
+from logger.core.readings import Readings
+from logger.core.readings import places_of as at_readings
+from logger.core.rows import numbered_texts
+from logger.core.runfile import Run
+from logger.core.timebase import utc_clock
+from logger.core.utc import utc_text
+from postproc.scan_counts import heard_utc_ns
+
+REACH_M = 120_000.0
+"""No cell is heard farther away: 3GPP TS 45.010 has 120 km for GSM with extended timing advance,
+TS 36.211 100 km for LTE. So two readings of one cell are at most twice as far from each other."""
+_TILE_M = 5000.0
+"""Readings are first taken together in squares of their own zone: a city has some hundred."""
+_APART_M = 25_000.0
+"""Between two towns: one picture of both would show little but the way between them."""
+_LARGEST_M = 300_000.0
+"""Of a town: farther from its middle a zone distorts. What is larger is divided."""
+_EARTH_M = 6_371_000.0
+_OFFSET, _STRIDE = 1 << 19, 1 << 20
+Key = TypeVar("Key")
+
+
+class Ground(NamedTuple):
+    """Some positions (n,): east and north in a UTM zone each, negative in the south."""
+
+    zone: IntArray
+    x_m: FloatArray
+    y_m: FloatArray
+
+
+def place_numbers(lat_deg: FloatArray, lon_deg: FloatArray, apart_m: float) -> IntArray:
+    """Number of the place of each position (n,).
+
+    Positions that are nearer than `apart_m` to each other are in one place.
+    """
+    point_m = _points_m(lat_deg, lon_deg)
+    if not len(point_m):
+        return np.zeros(0, np.int64)
+    pairs = cKDTree(point_m).query_pairs(apart_m, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(point_m),) * 2)
+    return np.asarray(connected_components(links, directed=False)[1], np.int64)
+
+
+def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
+    """Readings of one identity by their run, where one transmitter may be heard.
+
+    The place with most readings comes first. Those of a place are in the zone of its first run.
+    """
+    tile = {digest: _tiles(ground_of(obs)) for digest, obs in parts.items()}
+    tiles = np.unique(np.concatenate(list(tile.values()))) if tile else np.zeros(0, np.int64)
+    number = place_numbers(*tile_centres_deg(tiles), 2.0 * REACH_M)
+    places: list[dict[Key, Readings]] = [{} for _ in range(np.max(number, initial=-1) + 1)]
+    for digest, obs in parts.items():
+        own = number[np.searchsorted(tiles, tile[digest])]
+        for place in np.unique(own).tolist():
+            whole = bool(np.all(own == place))
+            first = next(iter(places[place].values()), obs)
+            near = obs if whole else obs.part(own == place)
+            places[place][digest] = replace(near, places=near.places.in_zone(first.utm))
+    return sorted(places, key=lambda place: -sum(map(len, place.values())))
+
+
+def elsewhere_reasons(n_places: int, n_readings: int) -> list[str]:
+    """The finding that other places name an identity too, with `n_readings` there."""
+    if n_places == 1:
+        return []
+    where = "another place" if n_places == 2 else f"{n_places - 1} other places"
+    how = f"with {n_readings} readings, farther away than any cell reaches"
+    return [f"heard in {where} too, {how}: these are different transmitters"]
+
+
+def ground_of(obs: Readings) -> Ground:
+    """Where the readings of a cell are."""
+    return Ground(np.full(len(obs), obs.utm.zone), obs.x_m, obs.y_m)
+
+
+class Towns:
+    """The towns of some ground, the largest first; `zones` has the zone of each."""
+
+    def __init__(self, ground: Iterable[Ground]) -> None:
+        tiles = [np.unique(_tiles(part)) for part in ground]
+        self._tile = np.unique(np.concatenate(tiles)) if tiles else np.zeros(0, np.int64)
+        centre_deg = tile_centres_deg(self._tile)
+        number = _divide(place_numbers(*centre_deg, _APART_M), _points_m(*centre_deg))
+        rank = np.argsort(np.argsort(-np.bincount(number), kind="stable"))
+        self._town = rank[number]
+        self.zones = tuple(_zone_of(self._tile[self._town == town]) for town in range(len(rank)))
+
+    def place(self, ground: Ground) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Number of the town of each position (n,), with east and north in its zone."""
+        town = self._town[np.searchsorted(self._tile, _tiles(ground))]
+        x_m, y_m = ground.x_m.copy(), ground.y_m.copy()
+        target = np.array([utm.zone for utm in self.zones], np.int64)[town]
+        ways = np.stack([ground.zone, target])[:, ground.zone != target]
+        for zone, to in np.unique(ways, axis=1).T.tolist():
+            rows = (ground.zone == zone) & (target == to)
+            lat_lon_deg = Utm(zone).to_latlon_arrays(x_m[rows], y_m[rows])
+            x_m[rows], y_m[rows] = Utm(to).to_xy_arrays(*lat_lon_deg)
+        return town, x_m, y_m
+
+
+def _tiles(ground: Ground) -> IntArray:
+    """Number of the tile of each position (n,)."""
+    column = np.floor(ground.x_m / _TILE_M).astype(np.int64) + _OFFSET
+    row = np.floor(ground.y_m / _TILE_M).astype(np.int64) + _OFFSET
+    return (ground.zone.astype(np.int64) * _STRIDE + column) * _STRIDE + row
+
+
+def tile_centres_deg(tile: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Latitude and longitude of the middle of tiles (n,)."""
+    row, column = tile % _STRIDE - _OFFSET, tile // _STRIDE % _STRIDE - _OFFSET
+    zone = tile // _STRIDE // _STRIDE
+    lat_lon_deg = np.zeros((2, len(tile)))
+    for number in np.unique(zone).tolist():
+        own = zone == number
+        middle_m = ((values[own] + 0.5) * _TILE_M for values in (column, row))
+        lat_lon_deg[:, own] = Utm(number).to_latlon_arrays(*middle_m)
+    return lat_lon_deg[0], lat_lon_deg[1]
+
+
+def _points_m(lat_deg: FloatArray, lon_deg: FloatArray) -> FloatArray:
+    """On a sphere, shape (n, 3)."""
+    lat, lon = np.radians(lat_deg), np.radians(lon_deg)
+    axes = (np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat))
+    return np.asarray(_EARTH_M * np.stack(axes, axis=1), float)
+
+
+def _divide(number: IntArray, point_m: FloatArray) -> IntArray:
+    """Places (n,) of bounded size: those that are larger are cut in their middle."""
+    number = number.copy()
+    waiting = list(range(int(np.max(number, initial=-1)) + 1))
+    while waiting:
+        own = np.flatnonzero(number == waiting.pop())
+        axis = int(np.argmax(np.ptp(point_m[own], axis=0)))
+        along_m = point_m[own, axis]
+        if np.ptp(along_m) > _LARGEST_M:
+            new = int(np.max(number)) + 1
+            number[own[along_m > 0.5 * (along_m.min() + along_m.max())]] = new
+            waiting += [int(number[own[np.argmin(along_m)]]), new]
+    return number
+
+
+def _zone_of(tile: IntArray) -> Utm:
+    """The zone of a town: that of all its tiles, else of their middle."""
+    zones = np.unique(tile // _STRIDE // _STRIDE)
+    if len(zones) == 1:
+        return Utm(int(zones[0]))
+    middle = _middle(_points_m(*tile_centres_deg(tile)))
+    return Utm.at(min(max(middle.lat, -MAX_LATITUDE_DEG), MAX_LATITUDE_DEG), middle.lon)
+
+
+def _middle(point_m: FloatArray) -> OnMap:
+    x, y, z = np.mean(point_m, axis=0).tolist()
+    return OnMap(lat=degrees(atan2(z, hypot(x, y))), lon=degrees(atan2(y, x)))
+
+
+# --- groups of runs ---
+
+
+class HeardIn(OnMap, frozen=True, kw_only=True):
+    """A place of an identity: middle, runs, readings with a position, first and last of these.
+
+    The times are those of the runs that know UTC.
+    """
+
+    runs: tuple[str, ...]
+    n: int
+    first_utc: str | None
+    last_utc: str | None
+
+    @property
+    def text(self) -> str:
+        """Place, runs and days in words."""
+        few = ", ".join(self.runs[:_MOST_RUNS])
+        more = f" and {len(self.runs) - _MOST_RUNS} more" if len(self.runs) > _MOST_RUNS else ""
+        return f"{place_name(self)} ({few}{more}{_days(self.first_utc, self.last_utc)})"
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Runs of one place: they share ground, or an identity that one transmitter may have sent.
+
+    `where` is the middle of their ground, None of runs without a position. `several` has where each
+    identity was heard that is named farther apart than any cell reaches, the group's own place
+    first. Beside other groups, `first_utc` and `last_utc` are its first and last reading, None
+    where no run knows UTC.
+    """
+
+    runs: tuple[Run, ...]
+    where: OnMap | None
+    first_utc: str | None = None
+    last_utc: str | None = None
+    several: Mapping[str, tuple[HeardIn, ...]] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The place in words."""
+        return "without a position" if self.where is None else place_name(self.where)
+
+    @property
+    def title(self) -> str:
+        """The place with its runs and days."""
+        n = len(self.runs)
+        days = _days(self.first_utc, self.last_utc)
+        return f"{self.name} ({n} run{'s' * (n != 1)}{days})"
+
+    @property
+    def file_name(self) -> str:
+        """The place in the name of a file."""
+        return self.name.replace("° ", "").replace(", ", "-").replace(" ", "-")
+
+
+SEVERAL = "heard in {places} places, {apart_km} km apart, farther than any cell reaches: {where}"
+"""The finding that runs of several places name one identity."""
+_TWO = "Two transmitters have one identity, or one was carried from place to place"
+_MOST_RUNS = 3
+"""Of a sentence."""
+
+
+class _Walk(NamedTuple):
+    """A run that has a position: its fixes, and what it named where.
+
+    `heard` has, for each identity, the rows of the readings that name it without doubt, where the
+    walker was known to be, `at` where that was for each reading.
+    """
+
+    run: Run
+    track: Track
+    at: Places
+    heard: Mapping[str, IntArray]
+
+    def tiles_of(self, cell: str) -> IntArray:
+        """Where it heard an identity."""
+        return np.unique(_tiles_of(self.at.part(self.heard[cell])))
+
+
+def by_place(runs: Sequence[Run]) -> list[Group]:
+    """The runs in groups that have no ground and no cell in common, in the order of their runs.
+
+    Ground that is 25 km apart is not shared. An identity is one cell where readings of it are not
+    farther apart than twice `REACH_M`. Runs without a position are a group of their own only where
+    the others are several.
+    """
+    walks = [walk for walk in map(_walk_of, runs) if walk is not None]
+    groups = _groups_of(walks) if len(walks) > 1 else [walks]
+    several = _heard_in_several(walks)
+    lost = [run for run in runs if all(walk.run is not run for walk in walks)]
+    if len(groups) < 2:
+        middle = _middle_of([walk.track for walk in walks]) if walks else None
+        everywhere = {cell: tuple(one for _, one in at) for cell, at in several.items()}
+        return [Group(tuple(runs), middle, several=everywhere)]
+    found = []
+    for group in groups:
+        own = tuple(walk.run for walk in group)
+        ids = {run.meta.run_id for run in own}
+        where = {
+            cell: tuple(one for _, one in sorted(at, key=lambda place: ids.isdisjoint(place[0])))
+            for cell, at in several.items()
+            if not all(ids.isdisjoint(by) for by, _ in at)
+        }
+        times_ns = [at_ns for both in heard_utc_ns(own).values() for at_ns in both]
+        ends = [utc_text(end(times_ns)) if times_ns else None for end in (min, max)]
+        middle = _middle_of([walk.track for walk in group])
+        found.append(Group(own, middle, ends[0], ends[1], where))
+    return [*found, *([Group(tuple(lost), None)] if lost else [])]
+
+
+def check_one_place(runs: Sequence[Run]) -> None:
+    """Raise `GeoError` for runs that share neither a map nor a cell."""
+    groups = by_place(runs)
+    if len(groups) > 1:
+        names = "; ".join(group.name for group in groups)
+        raise GeoError(
+            f"{groups[1].runs[0].path} was walked far from {groups[0].runs[0].path}: these runs "
+            f"are of {len(groups)} places ({names}), which share neither a map nor a cell: "
+            "give those of one place"
+        )
+
+
+def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[tuple[Group, list[str]]]:
+    """Each group with those of the `cells` that it names; none is every cell, of every group.
+
+    Raises `ConfigError` for a cell that no group names.
+    """
+    named = [
+        {name.decode("utf-8", "replace") for run in group.runs
+         for name in np.unique(run.tables["readings"]["cell"]).tolist()}
+        for group in groups
+    ]  # fmt: skip
+    if unknown := set(cells).difference(*named):
+        raise ConfigError(
+            f"cell {', '.join(sorted(unknown))} was not observed; `postproc info` lists those that "
+            "were"
+        )
+    for group, names in zip(groups, named, strict=True):
+        own = [cell for cell in cells if cell in names]
+        if own or not cells:
+            yield group, own
+
+
+def document_of_groups(groups: Sequence[Group], documents: Sequence[Document]) -> Document:
+    """What a command says of each group, under a heading; of one group what it says of that.
+
+    In JSON each group has its place and what the command says of a single one.
+    """
+    found = {cell: where for group in reversed(groups) for cell, where in group.several.items()}
+    findings = [Line(f"{cell} is {several_text(found[cell])}. {_TWO}", "yellow")
+                for cell in sorted(found)]  # fmt: skip
+    several = [{"cell": cell, "places": found[cell]} for cell in sorted(found)]
+    if len(groups) == 1:
+        (only,) = documents
+        if not found:
+            return only
+        content = {**only.content, "several_places": several}
+        return replace(only, content=content, body=[*findings, *only.body])
+    content = {
+        "several_places": several,
+        "groups": [
+            {
+                "place": group.name,
+                "lat": group.where and group.where.lat,
+                "lon": group.where and group.where.lon,
+                "first_utc": group.first_utc,
+                "last_utc": group.last_utc,
+                **document.content,
+            }
+            for group, document in zip(groups, documents, strict=True)
+        ],
+    }
+    titles = ", ".join(group.title for group in groups)
+    body: list[Part] = [f"{len(groups)} places: {titles}", *findings]
+    for group, document in zip(groups, documents, strict=True):
+        body += ["", Line(group.title, "bold")]
+        body += [document.title] if document.title else []
+        body += [Line(warning, "yellow") for warning in document.warnings]
+        body += document.body
+    remarks = [remark for document in documents for remark in document.remarks]
+    return Document(content, body=body, remarks=remarks)
+
+
+def several_evidence(where: Sequence[HeardIn]) -> dict[str, int | str]:
+    """What `SEVERAL` says."""
+    places = "; ".join(one.text for one in where)
+    return {"places": len(where), "apart_km": round(apart_m(where) / 1000.0), "where": places}
+
+
+def several_text(where: Sequence[HeardIn]) -> str:
+    """The finding that an identity is heard in places that no cell reaches together."""
+    return SEVERAL.format(**several_evidence(where))
+
+
+def apart_m(where: Sequence[OnMap]) -> float:
+    """Largest distance between some places on the ground."""
+    point_m = _points_m(np.array([one.lat for one in where]), np.array([one.lon for one in where]))
+    through_m = max(
+        (float(np.linalg.norm(a - b)) for a, b in combinations(point_m, 2)), default=0.0
+    )
+    return 2.0 * _EARTH_M * asin(min(through_m / (2.0 * _EARTH_M), 1.0))
+
+
+def place_name(where: OnMap) -> str:
+    """Latitude and longitude to a kilometre."""
+    north, east = "N" if where.lat >= 0.0 else "S", "E" if where.lon >= 0.0 else "W"
+    return f"{abs(where.lat):.2f}° {north}, {abs(where.lon):.2f}° {east}"
+
+
+def _walk_of(run: Run) -> _Walk | None:
+    """What a run heard where; None without a position that can be mapped."""
+    readings = run.tables["readings"]
+    try:
+        track = track_of(run.tables["fixes"])
+    except (EstimationError, GeoError):
+        return None
+    at, is_known = at_readings(track, run.tables["scans"], readings)
+    names, which = numbered_texts(readings["cell"])
+    rows = np.flatnonzero(is_known & (readings["identity_unsure"] == 0))
+    rows = rows[np.argsort(which[rows], kind="stable")]
+    ends = np.searchsorted(which[rows], np.arange(len(names) + 1))
+    heard = {}
+    for k, stored in enumerate(names.tolist()):
+        name = stored.decode("utf-8", "replace")
+        if ends[k + 1] > ends[k] and identity_of(name) is not None:
+            heard[name] = rows[ends[k] : ends[k + 1]]
+    return _Walk(run, track, at, heard)
+
+
+def _groups_of(walks: Sequence[_Walk]) -> list[list[_Walk]]:
+    """The walks that ground or an identity joins, in their order."""
+    shared = [(_APART_M, {k: np.unique(_tiles_of(walk.track)) for k, walk in enumerate(walks)})]
+    n_runs = Counter(cell for walk in walks for cell in walk.heard)
+    for cell in (cell for cell, n in n_runs.items() if n > 1):
+        tiles = {k: walk.tiles_of(cell) for k, walk in enumerate(walks) if cell in walk.heard}
+        shared.append((2.0 * REACH_M, tiles))
+    first, second = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for apart_m, tiles in shared:
+        run = np.repeat(list(tiles), [len(own) for own in tiles.values()])
+        place = place_numbers(*tile_centres_deg(np.concatenate([*tiles.values()])), apart_m)
+        order = np.argsort(place, kind="stable")
+        same = np.flatnonzero(np.diff(place[order]) == 0)
+        first.append(run[order][same])
+        second.append(run[order][same + 1])
+    links = np.concatenate(first), np.concatenate(second)
+    matrix = coo_array((np.ones(len(links[0])), links), shape=(len(walks),) * 2)
+    number = connected_components(matrix, directed=False)[1].tolist()
+    groups: dict[int, list[_Walk]] = {}
+    for walk, group in zip(walks, number, strict=True):
+        groups.setdefault(group, []).append(walk)
+    return list(groups.values())
+
+
+def _heard_in_several(walks: Sequence[_Walk]) -> dict[str, list[tuple[list[str], HeardIn]]]:
+    """By which runs and where each identity was heard that two scans name in several places."""
+    several = {}
+    for cell in sorted({cell for walk in walks for cell in walk.heard}):
+        heard = [(walk, walk.heard[cell]) for walk in walks if cell in walk.heard]
+        tiles = [_tiles_of(walk.at.part(rows)) for walk, rows in heard]
+        different = np.unique(np.concatenate(tiles))
+        number = place_numbers(*tile_centres_deg(different), 2.0 * REACH_M)
+        places = []
+        for place in dict.fromkeys(number.tolist()) if np.any(number) else ():
+            near = different[number == place]
+            own = [(walk, rows[np.isin(at, near)])
+                   for (walk, rows), at in zip(heard, tiles, strict=True)]  # fmt: skip
+            own = [(walk, rows) for walk, rows in own if len(rows)]
+            if sum(map(_n_scans, own)) >= FEWEST_SCANS:
+                places.append(([walk.run.meta.run_id for walk, _ in own], _heard_in(own)))
+        if len(places) > 1:
+            several[cell] = places
+    return several
+
+
+def _n_scans(heard: tuple[_Walk, IntArray]) -> int:
+    walk, rows = heard
+    return len(np.unique(walk.run.tables["readings"]["seq"][rows]))
+
+
+def _heard_in(heard: Sequence[tuple[_Walk, IntArray]]) -> HeardIn:
+    middle = _middle_of([walk.at.part(rows) for walk, rows in heard])
+    times_ns = []
+    for walk, rows in heard:
+        clock = utc_clock(walk.run.meta.origin, walk.run.tables["fixes"])
+        t_ns = walk.run.tables["readings"]["t_ns"][rows]
+        times_ns += [clock(int(t_ns.min())), clock(int(t_ns.max()))]
+    known_ns = [at_ns for at_ns in times_ns if at_ns is not None]
+    return HeardIn(
+        lat=middle.lat,
+        lon=middle.lon,
+        runs=tuple(walk.run.path.name for walk, _ in heard),
+        n=sum(len(rows) for _, rows in heard),
+        first_utc=utc_text(min(known_ns)) if known_ns else None,
+        last_utc=utc_text(max(known_ns)) if known_ns else None,
+    )
+
+
+def _days(first_utc: str | None, last_utc: str | None) -> str:
+    """The first and the last day after a comma; nothing where they are unknown."""
+    days = dict.fromkeys(utc[:10] for utc in (first_utc, last_utc) if utc)
+    return f", {' to '.join(days)}" if days else ""
+
+
+def _tiles_of(places: Places) -> IntArray:
+    return _tiles(Ground(np.full(len(places), places.utm.zone), places.x_m, places.y_m))
+
+
+def _middle_of(parts: Sequence[Places]) -> OnMap:
+    """The middle of the medians of some places."""
+    lat_lon_deg = [
+        one.utm.to_latlon(float(np.median(one.x_m)), float(np.median(one.y_m))) for one in parts
+    ]
+    return _middle(_points_m(*np.array(lat_lon_deg, float).T))

@@ -1,0 +1,172 @@
+"""The journalist's task: runs of several cities, and one invented cell in two of them."""
+
+import contextlib
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+from logger.core.errors import ConfigError, GeoError
+from logger.core.runfile import RunWriter, Truth, read_run
+from logger.core.types import CellReading, Fix, Record, Scan
+from logger.sim.city import ROGUE, WALK, city
+from logger.sim.walk import Walk
+from logger.sim.world import Radio, World
+from postproc.cli import main
+from postproc.ground import by_place, groups_with
+from postproc.smoothing import smooth_runs
+from tests.kit.runs import UTC0_NS, meta
+
+CITIES = {
+    "graz": (47.0707, 15.4395),
+    "cork": (51.8980, -8.4706),
+    "surat": (21.1702, 72.8311),
+    "lima": (-12.0464, -77.0428),
+}
+ROGUE_IN = ("graz", "lima")
+ROGUE_NAME = f"{ROGUE.mcc}-{ROGUE.mnc}-{ROGUE.lac}-{ROGUE.cid}"
+DECODED_DBM = -100.0
+DAY_NS = 86_400 * 10**9
+SCHEMA = Path(__file__).parents[2] / "docs" / "result.schema.json"
+
+
+def walk_in(path, name, number, cells):
+    """A run through a simulated city: a fix and a scan every 14 s, day `number` of the journey."""
+    rng = np.random.default_rng(number)
+    world = World.build(cells, *CITIES[name], Radio(3.0, 30.0, 2.0), rng)
+    way = Walk(WALK[:6])
+    t_s = np.arange(0.0, way.duration_s, 14.0)
+    east_m, north_m = way.positions(t_s)
+    levels_dbm = world.received_dbm(east_m, north_m, rng)
+    truth = tuple(Truth(name_of(one), *world.to_latlon(one.east_m, one.north_m)) for one in cells)
+    writer = RunWriter(path, meta(run_id=f"{number:032x}", truth=truth, boot_id=f"boot {number}"))
+    for k, t in enumerate(t_s.tolist()):
+        t_ns = round(t * 1e9)
+        lat_deg, lon_deg = world.to_latlon(float(east_m[k]), float(north_m[k]))
+        utc_ns = UTC0_NS + number * DAY_NS + t_ns
+        seq = writer.append(Record(t_ns, "gnss", Fix(True, utc_ns, lat_deg, lon_deg, acc_m=3.0)))
+        readings = tuple(
+            CellReading("neighbour", "GSM", one.mcc, one.mnc, one.lac, one.cid, one.arfcn,
+                        bsic=one.bsic, rssi_dbm=float(level))
+            for one, level in zip(cells, levels_dbm[:, k], strict=True)
+            if level > DECODED_DBM
+        )  # fmt: skip
+        writer.append(Record(t_ns + 10**6, "modem", Scan(t_ns, readings, seq, seq)))
+    writer.close(round(t_s[-1] * 1e9) + 10**9, "test")
+
+
+def name_of(one):
+    return f"{one.mcc}-{one.mnc}-{one.lac}-{one.cid}"
+
+
+def own_cell(at):
+    """That of a city by its number, the nearest to the walk, loud enough for all of it."""
+    cells = city(np.random.default_rng(at)).cells
+    nearest = min(cells, key=lambda one: np.hypot(one.east_m, one.north_m))
+    return replace(nearest, cid=100 + at, p0_dbm=0.0)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Five runs in four cities, one cell of its own each; the second of Graz has the rogue only."""
+    folder, paths = tmp_path_factory.mktemp("cities"), []
+    for number, name in enumerate([*CITIES, "graz"]):
+        at = list(CITIES).index(name)
+        cells = (own_cell(at), ROGUE) if name in ROGUE_IN else (own_cell(at),)
+        cells = cells if number < len(CITIES) else (ROGUE,)
+        path = folder / f"{number}-{name}.journal"
+        walk_in(path, name, number, cells)
+        paths.append(path)
+    return paths
+
+
+@pytest.fixture(scope="module")
+def answer(files):
+    """What `smooth --json` prints."""
+    return run_json("smooth", *files)
+
+
+def run_json(*argv):
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert main([*map(str, argv), "--json"]) == 0
+    return json.loads(out.getvalue())
+
+
+def test_one_command_names_the_invented_cell_its_cities_and_its_days(answer):
+    (found,) = answer["several_places"]
+    assert found["cell"] == ROGUE_NAME
+    graz, lima = found["places"]
+    for place, name in ((graz, "graz"), (lima, "lima")):
+        assert (place["lat"], place["lon"]) == pytest.approx(CITIES[name], abs=0.01)
+    assert graz["runs"] == ["0-graz.journal", "4-graz.journal"]
+    assert lima["runs"] == ["3-lima.journal"]
+    assert (graz["first_utc"][:10], graz["last_utc"][:10]) == ("2026-09-21", "2026-09-25")
+    assert lima["first_utc"][:10] == lima["last_utc"][:10] == "2026-09-24"
+
+
+def test_each_city_has_its_own_answer(answer):
+    groups = answer["groups"]
+    assert [group["place"] for group in groups] == [
+        "47.07° N, 15.44° E", "51.90° N, 8.47° W", "21.17° N, 72.83° E", "12.05° S, 77.04° W",
+    ]  # fmt: skip
+    rows = {(k, row["cell"]): row for k, group in enumerate(groups) for row in group["cells"]}
+    assert sorted(k for k, name in rows if name == ROGUE_NAME) == [0, 3]
+    assert len(rows) == 6
+    for (k, name), row in rows.items():
+        lat, lon = list(CITIES.values())[k]
+        place = row["best"]
+        assert (place["lat"], place["lon"]) == pytest.approx((lat, lon), abs=0.05)
+        assert row["truth"]["inside_region95"]
+        assert any("heard in 2 places" in text for text in row["warnings"]) == (name == ROGUE_NAME)
+    assert rows[0, ROGUE_NAME]["runs"] == ["0-graz.journal", "4-graz.journal"]
+    assert rows[0, ROGUE_NAME]["n"] > rows[3, ROGUE_NAME]["n"]
+
+
+def test_several_groups_are_in_the_published_schema(answer):
+    jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text())).validate(answer)
+
+
+def test_the_terminal_has_a_heading_for_each_city(files, answer, capsys):
+    assert main(["suspect", *map(str, files)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("4 places: 47.07° N, 15.44° E (2 runs, 2026-09-21 to 2026-09-25)")
+    (finding,) = [line for line in lines if "one was carried" in line]
+    assert finding.startswith(f"{ROGUE_NAME} is heard in 2 places, 11")
+    assert "km apart, farther than any cell reaches: 47.07° N, 15.44° E (0-graz.journal" in finding
+    for group in answer["groups"]:
+        assert sum(line.startswith(f"{group['place']} (") for line in lines) == 1
+    said = run_json("suspect", *files)
+    for k, group in enumerate(said["groups"]):
+        rules = {cell["cell"]: [one["rule"] for one in cell["findings"]] for cell in group["cells"]}
+        assert ("S11" in rules.get(ROGUE_NAME, [])) == (k in {0, 3})
+
+
+def test_a_page_for_each_city_of_what_smooth_has_stored(files, answer, tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "postproc.smoothing.smooth_runs", lambda *_, **__: pytest.fail("estimated again")
+    )
+    said = run_json("report", *files, "--cell", ROGUE_NAME, "-o", tmp_path / "a.html")
+    pages = [Path(group["path"]) for group in said["groups"]]
+    assert [page.name for page in pages] == ["a-47.07N-15.44E.html", "a-12.05S-77.04W.html"]
+    for page in pages:
+        assert "heard in 2 places" in page.read_text()
+
+
+def test_a_cell_is_asked_in_the_cities_that_name_it(files):
+    groups = by_place([read_run(path) for path in files])
+    (alone,) = groups_with(groups, [name_of(own_cell(1))])
+    assert (alone[0].name, alone[1]) == ("51.90° N, 8.47° W", [name_of(own_cell(1))])
+    both = [name_of(own_cell(0)), ROGUE_NAME]
+    assert [own for _, own in groups_with(groups, both)] == [both, [ROGUE_NAME]]
+    assert [own for _, own in groups_with(groups, [])] == [[], [], [], []]
+    with pytest.raises(ConfigError, match="was not observed"):
+        list(groups_with(groups, ["1-1-1-1"]))
+
+
+def test_python_says_that_the_runs_are_of_several_places(files):
+    with pytest.raises(GeoError, match="4 places"):
+        smooth_runs([read_run(path) for path in files])
