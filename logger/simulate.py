@@ -7,7 +7,7 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,6 @@ from logger.device.service import Service
 from logger.device.signals import stop_signals
 from logger.device.startup import begin_run
 from logger.device.status import write_status
-from logger.page.token import page_url
 from logger.sim.city import CITIES
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
@@ -53,7 +52,7 @@ _PAGE = """\
 [page]
 listen = "{listen}"
 """
-_PAGE_WITHIN_S = 20.0
+_TRIES = 20
 
 
 def simulate(
@@ -155,7 +154,7 @@ def _page(site: str, show: Callable[[str], None]) -> Iterator[Path]:
         # a Ctrl-C ends the walk, and only then the page
         with subprocess.Popen(command, env=environ, start_new_session=True) as process:  # noqa: S603
             try:
-                show(_address(parse_config(site, str(file)).page.listen, state))
+                show(_address([*command, "--show"], environ))
                 yield status
             finally:
                 process.terminate()
@@ -165,14 +164,16 @@ def _page(site: str, show: Callable[[str], None]) -> Iterator[Path]:
                     os.environ["RUNTIME_DIRECTORY"] = here
 
 
-def _address(listen: str, state: Path) -> str:
+def _address(command: list[str], environ: Mapping[str, str]) -> str:
     """The address, once the page has made its token."""
-    for _ in range(round(10 * _PAGE_WITHIN_S)):
-        try:
-            return page_url(listen, state)
-        except ConfigError:
-            sleep(0.1)
-    return page_url(listen, state)
+    for _ in range(_TRIES):
+        said = subprocess.run(  # noqa: S603
+            command, env=environ, capture_output=True, text=True, check=False
+        )
+        if not said.returncode:
+            return said.stdout.splitlines()[0]
+        sleep(0.2)
+    raise ConfigError(f"the page has not started: {said.stderr.strip()}")
 
 
 def _free_port() -> int:
