@@ -79,7 +79,7 @@ class GuidedWalk(Walk):
         self._goal = goal
         self._next = 1
         self._lock = threading.Lock()
-        self._steps_m = [np.asarray(waypoints[0], float), np.asarray(waypoints[0], float)]
+        self._steps_m = [np.asarray(waypoints[0], float)]
         self._passed_m: FloatArray | None = None
 
     def _path(self, walked_m: float) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +91,7 @@ class GuidedWalk(Walk):
         return steps_m, step_m * np.arange(len(steps_m), dtype=float)
 
     def _step(self, step_m: float) -> FloatArray:
-        before, here = self._steps_m[-2:]
+        before, here = self._steps_m[-2:][0], self._steps_m[-1]
         goal = self._goal()
         if goal is None:
             aim = np.asarray(self.waypoints[self._next], float)
