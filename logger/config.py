@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
+from logger.core.cell_names import why_no_name
 from logger.core.errors import ConfigError
 from logger.core.foreign import open_regular
 from logger.core.live_settings import LIMITS, LONGEST_TARGET_BYTES, LiveSettings
@@ -234,6 +235,8 @@ def _without_meaning(config: SiteConfig, labels: Sequence[str]) -> Iterator[str]
         yield from _no_address(config.page.listen)
     if not 0 < len(config.live.target.encode()) <= LONGEST_TARGET_BYTES:
         yield f'[live] "target": the name of a cell has between 1 and {LONGEST_TARGET_BYTES} bytes'
+    if why := why_no_name(config.live.target):
+        yield f'[live] "target": {why}'
 
 
 def _of_sources(config: SiteConfig, labels: Sequence[str]) -> Iterator[str]:

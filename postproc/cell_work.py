@@ -73,10 +73,7 @@ def attempt_alone(cell: str, what: str, work: Callable[[], T]) -> T:
 
 
 class Attempts:
-    """Attempts at many cells in several steps: one that failed takes part in no further one.
-
-    `progress` shows each step as `doing`.
-    """
+    """Attempts at many cells in several steps: one that failed takes part in no further one."""
 
     def __init__(self, what: str, progress: Progress | None = None, doing: str = "") -> None:
         self._what, self._progress, self._doing = what, progress, doing

@@ -20,8 +20,9 @@ from scipy.spatial import cKDTree
 
 from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.cell_names import REUSED_M, is_by_channel
 from logger.core.document import Document, Line, Part
-from logger.core.errors import ConfigError, EstimationError, GeoError
+from logger.core.errors import EstimationError, GeoError
 from logger.core.identities import FEWEST_SCANS, identity_of
 from logger.core.places import MAX_LATITUDE_DEG, Places, Track, Utm, track_of
 from logger.core.readings import Readings
@@ -30,7 +31,7 @@ from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
 from logger.core.timebase import utc_clock
 from logger.core.utc import utc_text
-from postproc.scan_counts import heard_utc_ns
+from postproc.scan_counts import check_observed, heard_utc_ns
 
 REACH_M = 120_000.0
 """No cell is heard farther away: 3GPP TS 45.010 has 120 km for GSM with extended timing advance,
@@ -74,7 +75,9 @@ def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
     """
     tile = {digest: _tiles(ground_of(obs)) for digest, obs in parts.items()}
     tiles = np.unique(np.concatenate(list(tile.values()))) if tile else np.zeros(0, np.int64)
-    number = place_numbers(*tile_centres_deg(tiles), 2.0 * REACH_M)
+    is_reused = any(is_by_channel(obs.cell) for obs in parts.values())
+    apart_m = REUSED_M if is_reused else 2.0 * REACH_M
+    number = place_numbers(*tile_centres_deg(tiles), apart_m)
     places: list[dict[Key, Readings]] = [{} for _ in range(np.max(number, initial=-1) + 1)]
     for digest, obs in parts.items():
         own = number[np.searchsorted(tiles, tile[digest])]
@@ -86,11 +89,13 @@ def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
     return sorted(places, key=lambda place: -sum(map(len, place.values())))
 
 
-def elsewhere_reasons(n_places: int, n_readings: int) -> list[str]:
+def elsewhere_reasons(cell: str, n_places: int, n_readings: int) -> list[str]:
     """The finding that other places name an identity too, with `n_readings` there."""
     if n_places == 1:
         return []
     where = "another place" if n_places == 2 else f"{n_places - 1} other places"
+    if is_by_channel(cell):
+        return [f"heard in {where} too, with {n_readings} readings: networks use codes again"]
     how = f"with {n_readings} readings, farther away than any cell reaches"
     return [f"heard in {where} too, {how}: these are different transmitters"]
 
@@ -199,7 +204,7 @@ class HeardIn(OnMap, frozen=True, kw_only=True):
         """Place, runs and days in words."""
         few = ", ".join(self.runs[:_MOST_RUNS])
         more = f" and {len(self.runs) - _MOST_RUNS} more" if len(self.runs) > _MOST_RUNS else ""
-        return f"{place_name(self)} ({few}{more}{_days(self.first_utc, self.last_utc)})"
+        return f"{place_name(self)} ({few}{more}{days_text(self.first_utc, self.last_utc)})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +232,7 @@ class Group:
     def title(self) -> str:
         """The place with its runs and days."""
         n = len(self.runs)
-        days = _days(self.first_utc, self.last_utc)
+        days = days_text(self.first_utc, self.last_utc)
         return f"{self.name} ({n} run{'s' * (n != 1)}{days})"
 
     @property
@@ -272,7 +277,7 @@ def by_place(runs: Sequence[Run]) -> list[Group]:
     several = _heard_in_several(walks)
     lost = [run for run in runs if all(walk.run is not run for walk in walks)]
     if len(groups) < 2:
-        middle = _middle_of([walk.track for walk in walks]) if walks else None
+        middle = middle_of([walk.track for walk in walks]) if walks else None
         everywhere = {cell: tuple(one for _, one in at) for cell, at in several.items()}
         return [Group(tuple(runs), middle, several=everywhere)]
     found = []
@@ -286,7 +291,7 @@ def by_place(runs: Sequence[Run]) -> list[Group]:
         }
         times_ns = [at_ns for both in heard_utc_ns(own).values() for at_ns in both]
         ends = [utc_text(end(times_ns)) if times_ns else None for end in (min, max)]
-        middle = _middle_of([walk.track for walk in group])
+        middle = middle_of([walk.track for walk in group])
         found.append(Group(own, middle, ends[0], ends[1], where))
     return [*found, *([Group(tuple(lost), None)] if lost else [])]
 
@@ -310,14 +315,10 @@ def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[tuple
     """
     named = [
         {name.decode("utf-8", "replace") for run in group.runs
-         for name in np.unique(run.tables["readings"]["cell"]).tolist()}
+         for name in np.unique(run.named_readings["cell"]).tolist()}
         for group in groups
     ]  # fmt: skip
-    if unknown := set(cells).difference(*named):
-        raise ConfigError(
-            f"cell {', '.join(sorted(unknown))} was not observed; `postproc info` lists those that "
-            "were"
-        )
+    check_observed(set(cells).difference(*named))
     for group, names in zip(groups, named, strict=True):
         own = [cell for cell in cells if cell in names]
         if own or not cells:
@@ -461,7 +462,7 @@ def _n_scans(heard: tuple[_Walk, IntArray]) -> int:
 
 
 def _heard_in(heard: Sequence[tuple[_Walk, IntArray]]) -> HeardIn:
-    middle = _middle_of([walk.at.part(rows) for walk, rows in heard])
+    middle = middle_of([walk.at.part(rows) for walk, rows in heard])
     times_ns = []
     for walk, rows in heard:
         clock = utc_clock(walk.run.meta.origin, walk.run.tables["fixes"])
@@ -478,7 +479,7 @@ def _heard_in(heard: Sequence[tuple[_Walk, IntArray]]) -> HeardIn:
     )
 
 
-def _days(first_utc: str | None, last_utc: str | None) -> str:
+def days_text(first_utc: str | None, last_utc: str | None) -> str:
     """The first and the last day after a comma; nothing where they are unknown."""
     days = dict.fromkeys(utc[:10] for utc in (first_utc, last_utc) if utc)
     return f", {' to '.join(days)}" if days else ""
@@ -488,7 +489,7 @@ def _tiles_of(places: Places) -> IntArray:
     return _tiles(Ground(np.full(len(places), places.utm.zone), places.x_m, places.y_m))
 
 
-def _middle_of(parts: Sequence[Places]) -> OnMap:
+def middle_of(parts: Sequence[Places]) -> OnMap:
     """The middle of the medians of some places."""
     lat_lon_deg = [
         one.utm.to_latlon(float(np.median(one.x_m)), float(np.median(one.y_m))) for one in parts

@@ -67,8 +67,8 @@ class Event:
     text: str
 
     @property
-    def said(self) -> str:
-        """What a reader is told of it."""
+    def in_short(self) -> str:
+        """For readers."""
         return in_plain_words(self.text) or self.code
 
 
@@ -130,7 +130,7 @@ def _parts(info: Info, *, details: bool) -> Iterator[Line | Table]:
     gravest = sorted(info.events, key=lambda event: _WEIGHT.get(event.level, 2))[:most]
     for event in sorted(gravest, key=lambda event: event.t_s):
         style = _STYLES.get(event.level, "dim")
-        yield Line(f"{event.source}: {event.said}", style, bullet=f"+{event.t_s:.0f} s  ")
+        yield Line(f"{event.source}: {event.in_short}", style, bullet=f"+{event.t_s:.0f} s  ")
     yield from _rest(len(info.events) - len(gravest), "events")
     yield from facts([("digest", info.digest)], len("readings"))
 
@@ -210,7 +210,7 @@ def describe(run: Run) -> Info:
 
 def _cells(run: Run) -> tuple[CellCount, ...]:
     """In one pass over the readings, however many cells there are."""
-    readings = run.tables["readings"]
+    readings = run.named_readings
     names, which = numbered_texts(readings["cell"])
     first = np.zeros(len(names), np.int64)
     first[which[::-1]] = np.arange(len(which))[::-1]

@@ -198,7 +198,8 @@ def grouped_runs(
     paths: Sequence[Path], cells: Sequence[str] = ()
 ) -> list[tuple[ground.Group, list[str]]]:
     """The runs of some files by place, each group with those of the `cells` that it names."""
-    runs = [runfile.read_sound_run(path) for path in paths]
+    reading, names = map(runfile.read_sound_run, paths), [path.name for path in paths]
+    runs = list(progress.with_progress(reading, "reading", len(paths), names))
     multi_run.check_different(runs)
     return list(ground.groups_with(ground.by_place(runs), cells))
 

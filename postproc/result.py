@@ -150,7 +150,7 @@ class CellResult:
     def answer(self, runs: Sequence[Run], word: Word | None = None) -> Answer:
         """The answer from the `runs` of the result, with the word of suspicion if it was asked."""
         heard = [runs[share.run] for share in self.shares] or [
-            run for run in runs if np.any(run.tables["readings"]["cell"] == self.cell.encode())
+            run for run in runs if np.any(run.named_readings["cell"] == self.cell.encode())
         ]
         paths = None if self.obs is None else self._paths(self.obs.utm)
         names = tuple(dict.fromkeys(run.path.name for run in heard))

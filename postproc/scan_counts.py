@@ -5,10 +5,11 @@ detects it; later ones are marked as unsure. So a cell is reported when two scan
 without doubt.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
+from logger.core.cell_names import is_by_channel, why_no_name
 from logger.core.errors import ConfigError
 from logger.core.identities import FEWEST_SCANS
 from logger.core.rows import numbered_texts
@@ -20,7 +21,7 @@ def scans_of(runs: Sequence[Run]) -> dict[str, int]:
     """Scans of all runs in which each cell was identified without doubt; 0 where it never was."""
     counts_by_name: dict[str, int] = {}
     for run in runs:
-        readings = run.tables["readings"]
+        readings = run.named_readings
         names, which = numbered_texts(readings["cell"])
         sure = readings["identity_unsure"] == 0
         scan, cell = readings["seq"][sure], which[sure]
@@ -36,11 +37,24 @@ def scans_of(runs: Sequence[Run]) -> dict[str, int]:
     return counts_by_name
 
 
+def joined_of(runs: Sequence[Run]) -> dict[str, int]:
+    """Readings of each cell that do not name it themselves: `logger.core.joined_names`."""
+    joined: dict[str, int] = {}
+    for run in runs:
+        is_nameless = run.tables["readings"]["cell"] == b""
+        names, which = numbered_texts(run.named_readings["cell"][is_nameless])
+        counts = np.bincount(which, minlength=len(names)).tolist()
+        for stored, count in zip(names.tolist(), counts, strict=True):
+            name = stored.decode("utf-8", "replace")
+            joined[name] = joined.get(name, 0) + count
+    return {name: n for name, n in joined.items() if name and not is_by_channel(name)}
+
+
 def heard_utc_ns(runs: Sequence[Run]) -> dict[str, tuple[int, int]]:
     """UTC of the first and the last reading of each cell, in the runs that know UTC."""
     times_ns: dict[str, list[int]] = {}
     for run in runs:
-        clock, readings = utc_clock(run.meta.origin, run.tables["fixes"]), run.tables["readings"]
+        clock, readings = utc_clock(run.meta.origin, run.tables["fixes"]), run.named_readings
         names, which = numbered_texts(readings["cell"])
         order = np.lexsort((readings["t_ns"], which))
         t_ns, first = readings["t_ns"][order], np.searchsorted(which[order], np.arange(len(names)))
@@ -63,12 +77,20 @@ def observed_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str,
 
     Raises `ConfigError` for a name that was not observed.
     """
-    names, which = numbered_texts(np.concatenate([run.tables["readings"]["cell"] for run in runs]))
+    names, which = numbered_texts(np.concatenate([run.named_readings["cell"] for run in runs]))
     counts = np.bincount(which, minlength=len(names)).tolist()
     every = {name.decode(): n for name, n in zip(names, counts, strict=True) if name}
-    if unknown := set(only or ()) - set(every):
+    check_observed(set(only or ()) - set(every))
+    return {name: n for name, n in every.items() if not only or name in only}
+
+
+def check_observed(unknown: Collection[str]) -> None:
+    """Raise `ConfigError` for names that were not observed."""
+    for cell in sorted(unknown):
+        if why := why_no_name(cell):
+            raise ConfigError(why)
+    if unknown:
         raise ConfigError(
             f"cell {', '.join(sorted(unknown))} was not observed; `postproc info` lists those that "
             "were"
         )
-    return {name: n for name, n in every.items() if not only or name in only}

@@ -1,11 +1,12 @@
 """Every estimator over every cell of one run or of several, side by side."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from logger.core.cell_names import is_by_channel
 from logger.core.locator.preparation import MOST_MODEMS
 from logger.core.runfile import Run
 from postproc.cell_estimation import estimate_cell, locate_cell
@@ -24,7 +25,7 @@ from postproc.multi_run import (
 from postproc.processes import each
 from postproc.progress import Progress
 from postproc.result import CellResult, Options, Result, joint_warnings
-from postproc.scan_counts import heard_utc_ns, observed_cells, scans_of, too_rarely
+from postproc.scan_counts import heard_utc_ns, joined_of, observed_cells, scans_of, too_rarely
 from postproc.walk import observe_run
 
 
@@ -72,7 +73,8 @@ def smooth_runs(
     ]
     utc_ns = heard_utc_ns(runs)
     cells = [
-        replace(cell, heard_utc_ns=cell.heard_utc_ns or utc_ns.get(cell.cell)) for cell in cells
+        replace(cell, heard_utc_ns=cell.heard_utc_ns or utc_ns.get(cell.cell))
+        for cell in _with_name_remarks(cells, runs)
     ]
     return Result(observed, tuple(cells), joint_warnings(len(runs), cells), options)
 
@@ -90,8 +92,26 @@ def _with_counts(
         n_scans = sum(len(np.unique(part.scan_seq)) for part in parts.values())
         utc_ns = heard_utc_ns([runs[i] for i in parts]).get(result.cell)
     there = sum(map(_n_readings, places)) - _n_readings(parts)
-    warnings = (*result.warnings, *elsewhere_reasons(len(places), there))
+    warnings = (*result.warnings, *elsewhere_reasons(result.cell, len(places), there))
     return replace(result, n_scans=n_scans, heard_utc_ns=utc_ns, warnings=warnings)
+
+
+_BY_CHANNEL = (
+    "known by channel and code alone, which another cell may have too; rules of suspicion need an "
+    "identity"
+)
+
+
+def _with_name_remarks(cells: Sequence[CellResult], runs: Sequence[Run]) -> Iterator[CellResult]:
+    """The results, each with what its name rests on where that is not an identity alone."""
+    joined = joined_of(runs)
+    for cell in cells:
+        remarks = cell.warnings
+        if is_by_channel(cell.cell):
+            remarks += (_BY_CHANNEL,)
+        if n := joined.get(cell.cell):
+            remarks += (f"{n} readings without an identity are joined by their channel and code",)
+        yield replace(cell, warnings=remarks)
 
 
 def without_position(cell: str, n: int, n_scans: int) -> CellResult:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logger.core import answer as answers
 from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position, Region
 from logger.core.document import (
     Column,
@@ -77,7 +78,7 @@ _CELL_COLUMNS = (
     Column("places", is_right=True),
 )
 _MOST_ROWS = 12
-"""Of ordinary cells that cannot be located: more push the answer off the screen."""
+"""More cells that are ordinary and not located push the answer off the screen."""
 _ESTIMATOR_COLUMNS = (
     Column("estimator"),
     Column("position"),
@@ -108,7 +109,7 @@ class RunSummary(RunFacts):
 class SummaryRow(NamedTuple):
     """A cell with its answer, and the truth of a simulated one; `form` is its JSON.
 
-    `shown` is the position of the answer, or where readings that are too few say that it may be.
+    `shown` is its position, or where too few readings say that it may be.
     """
 
     result: CellResult
@@ -132,9 +133,9 @@ class Summary(NamedTuple):
 
 
 def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Failure]]:
-    """Conspicuous cells with their reasons, then one line for each cell, and why it is not located.
+    """Reasons of conspicuous cells, a line for each cell, and why it is not located.
 
-    With `details` its reasons and estimators. Beside it stand the cells of which a part could not
+    With `details` all reasons and estimators. Beside it stand the cells of which a part could not
     be said. `docs/result.schema.json` describes the content: positions in degrees (WGS84), lengths
     in metres, levels in dBm, times in ns since boot. A value that is unknown or not finite is null.
     """
@@ -142,23 +143,25 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
     content: object = {"runs": runs, "warnings": summary.warnings, "cells": forms}
     if len(runs) == 1:
         content = {"run": runs[0], "cells": forms}
-    rows = sorted(summary.rows, key=_rank)
-    reasons = {
-        row.answer.cell: reason_line(row.answer.cell, row.answer.word)
+    rows = _in_order(summary.rows)
+    conspicuous = {
+        row.answer.cell: row.answer.word
         for row in rows
         if row.answer.word is not None and row.answer.is_conspicuous
     }
-    parts: Parts = [*_words(rows, reasons)]
+    # they are among the warnings, where JSON has them
+    said_above = {reason_line(cell, word) for cell, word in conspicuous.items()}
+    parts: Parts = [*_words(conspicuous, rows)]
     if any(run.simulated for run in runs):
         parts.append("This is a simulated run: the true positions are known.")
     parts += [
         Line(warning if len(runs) == 1 else f"{run.path}: {warning}", "red")
         for run in runs
         for warning in run.warnings
-        if warning not in reasons.values()
+        if warning not in said_above
     ]
     if len(runs) > 1:
-        parts += [Line(one, "yellow") for one in summary.warnings if one not in reasons.values()]
+        parts += [Line(one, "yellow") for one in summary.warnings if one not in said_above]
     failures: list[Failure] = []
     if details:
         names = [Path(run.path).name for run in runs]
@@ -177,25 +180,26 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
     return Document(content, body=parts), failures
 
 
-def _rank(row: SummaryRow) -> tuple[int, float, int, int]:
-    """Conspicuous cells first, then the located, then by the number of readings."""
-    answer = row.answer
-    word, is_conspicuous = answer.word, answer.is_conspicuous
-    verdict = 0 if is_conspicuous else _ORDER.index(answer.verdict)
-    n = 0 if is_conspicuous else -answer.provenance.n
-    if word is None or not is_conspicuous:
-        return 0, 0.0, verdict, n
-    return -WORDS.index(word.word), -word.score_nats, verdict, n
+def _in_order(rows: Sequence[SummaryRow]) -> list[SummaryRow]:
+    """Conspicuous cells first, then the located, then by readings."""
+    by_size = sorted(rows, key=lambda row: -row.answer.provenance.n)
+    by_verdict = sorted(by_size, key=lambda row: _ORDER.index(row.answer.verdict))
+    return sorted(by_verdict, key=_suspicion, reverse=True)
 
 
-def _words(rows: Sequence[SummaryRow], reasons: Mapping[str, str]) -> Iterator[Line]:
-    """The conspicuous cells, each with its reasons in a sentence."""
-    for row in rows:
-        answer = row.answer
-        if answer.word is not None and answer.cell in reasons:
-            before, word, after = reasons[answer.cell].partition(answer.word.word)
-            yield Line((Word(before, "bold"), Word(word), f"{after}."))
-    if rows and not reasons and all(row.answer.word for row in rows):
+def _suspicion(row: SummaryRow) -> tuple[int, float]:
+    word = row.answer.word
+    if word is None or not row.answer.is_conspicuous:
+        return 0, 0.0
+    return WORDS.index(word.word), word.score_nats
+
+
+def _words(conspicuous: Mapping[str, answers.Word], rows: Sequence[SummaryRow]) -> Iterator[Line]:
+    """Each conspicuous cell in a sentence."""
+    for cell, word in conspicuous.items():
+        why = "; ".join(strongest_reasons(word))
+        yield Line((Word(cell, "bold"), " is ", Word(word.word), f": {why}."))
+    if rows and not conspicuous and all(row.answer.word for row in rows):
         cells = "The cell is not" if len(rows) == 1 else f"None of {len(rows)} cells is"
         yield Line(f"{cells} suspicious or unusual, by the rules that could be checked.")
 
@@ -205,7 +209,7 @@ def _failure_line(failure: Failure) -> Line:
 
 
 def _overview(rows: Sequence[SummaryRow]) -> tuple[Parts, list[Failure]]:
-    """A line for each cell, the reasons of those that are not located, and what the words mean."""
+    """A line for each cell, the reasons of the others, and a legend."""
     shown = [row for i, row in enumerate(rows) if i < _MOST_ROWS or not _is_dull(row)]
     folded = [row for row in rows[_MOST_ROWS:] if _is_dull(row)]
     tried = [(row, attempt(row.answer.cell, "its line", partial(_cell_rows, row))) for row in shown]
@@ -221,8 +225,10 @@ def _overview(rows: Sequence[SummaryRow]) -> tuple[Parts, list[Failure]]:
     parts: Parts = ["", table]
     if folded:
         n_few = sum(row.answer.place is None for row in folded)
-        few = f", {n_few} of them for want of readings" if n_few else ""
-        more = f"{len(folded)} more cells cannot be located{few}; none is unusual (-v shows them)"
+        how_many = "all" if n_few == len(folded) else n_few
+        few = f", {how_many} for want of readings" if n_few else ""
+        ordinary = "; none is unusual" if all(row.answer.word for row in folded) else ""
+        more = f"{len(folded)} more cells cannot be located{few}{ordinary} (-v shows them)"
         parts.append(Line(more, "dim"))
     parts += map(_failure_line, failures)
     parts += [
@@ -267,7 +273,7 @@ def _why_not(answers: Sequence[Answer]) -> Parts:
     parts: Parts = []
     if wide:
         cells = "1 cell is" if len(wide) == 1 else f"{len(wide)} cells are"
-        narrow = "Levels from other sides of the position, and nearer to it, narrow it."
+        narrow = "Levels from other sides, and nearer to the position, would tell more."
         text = f"{cells} not located because 95 % do not lie within {wide[0]}. {narrow}"
         parts += ["", text]
     return [*parts, *([""] if others else []), *facts(others)]
@@ -279,7 +285,7 @@ def _begin(answer: Answer) -> tuple[Value, ...]:
 
 
 def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
-    """The cell, and each place of an ambiguous one with the radii that hold if it is that one."""
+    """The cell, and each place of an ambiguous one."""
     begin, place, shown = _begin(row.answer), row.answer.place, row.shown
     if shown is None:
         return [(*begin, None)]
@@ -297,7 +303,7 @@ def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
 
 
 def _position_of(cell: CellResult, answer: Answer, prior: Prior) -> Position | None:
-    """That of the answer; of too few readings where they are strongest, within any cell's reach."""
+    """That of the answer; else the strongest reading, within any cell's reach."""
     if answer.place is not None or cell.obs is None or not len(cell.obs):
         return answer.place
     lat, lon = cell.obs.places[int(np.argmax(cell.obs.level_dbm))].first_deg
@@ -312,8 +318,8 @@ def _truth_line(rows: Sequence[SummaryRow]) -> str:
     errors_m = sorted(check.error_m for check in checks if check.error_m is not None)
     held = sum(bool(check.inside_region95) for check in checks)
     return (
-        f"Simulated: the positions are {metres(errors_m[0])} to {metres(errors_m[-1])} off; the "
-        f"95 % region holds the truth of {held} of {len(checks)} cells."
+        f"In truth the positions are {metres(errors_m[0])} to {metres(errors_m[-1])} off; the "
+        f"95 % region holds that of {held} of {len(checks)} cells."
     )
 
 

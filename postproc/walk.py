@@ -125,7 +125,7 @@ def observe_run(run: Run) -> ObservedRun:
     observations.
     """
     try:
-        observations = observe(run.tables["fixes"], run.tables["scans"], run.tables["readings"])
+        observations = observe(run.tables["fixes"], run.tables["scans"], run.named_readings)
     except EstimationError as error:
         return ObservedRun(run, None, (str(error),))
     if not has_times(run.meta.origin):
@@ -141,9 +141,7 @@ def observe_run(run: Run) -> ObservedRun:
     if is_import(run.meta.origin) and (why := track_plausibility.too_many_apart(track)):
         warning = f"{why}: no position is smoothed, and each counts as less certain"
         return ObservedRun(run, _as_written(observations), (warning,))
-    placed = with_named_shares(
-        _place_readings(run.tables, observations, track), run.tables["readings"]
-    )
+    placed = with_named_shares(_place_readings(run.tables, observations, track), run.named_readings)
     return ObservedRun(run, placed, tuple(_describe_moved_fixes(track)))
 
 

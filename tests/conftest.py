@@ -33,3 +33,9 @@ def corpus() -> Path:
 def traces() -> Path:
     """Measured walks with surveyed transmitters (not part of the repository)."""
     return _folder("traces")
+
+
+@pytest.fixture(scope="session")
+def cells() -> Path:
+    """Logs of legitimate networks in four cities (not part of the repository)."""
+    return _folder("cells")

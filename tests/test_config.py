@@ -333,3 +333,16 @@ def test_a_number_without_a_meaning_is_one_line_that_names_the_option(
 ):
     assert main([*command, f"{option}={value}"]) == 2
     assert option in _message_of(capsys)
+
+
+def test_a_target_of_channel_and_code_is_checked():
+    def text(target):
+        return "\n".join(
+            f"[{table}]\n" + "\n".join(f"{key} = {_toml(value)}" for key, value in values.items())
+            for table, values in (WELL | {"live": {"target": target}}).items()
+        )
+
+    assert parse_config(text("LTE-5780-210"), "site.toml").live.target == "LTE-5780-210"
+    with pytest.raises(ConfigError, match="the PCI at most 503") as error:
+        parse_config(text("LTE-5780-504"), "site.toml")
+    assert "\n" not in str(error.value)

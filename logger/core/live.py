@@ -9,11 +9,13 @@ from dataclasses import replace
 
 from logger.core.answer import Answer
 from logger.core.baseline import NO_BASELINE, Baseline
+from logger.core.cell_names import REUSED_M, is_by_channel
 from logger.core.censoring import limit_of
 from logger.core.guidance.followed_cell import FollowedCell
 from logger.core.guidance.pursuit import Pursuit
 from logger.core.guidance.street_atlas import StreetAtlas, Streets
 from logger.core.identities import Identities
+from logger.core.joined_names import RecentNames
 from logger.core.latest import Latest
 from logger.core.live_cell import LiveCell
 from logger.core.live_receiver import Receiver, ReceiverTrack
@@ -51,6 +53,7 @@ class LiveTracker:
         self._reference = LiveReference(settings)
         self._gives_up = settings.give_up_s > 0.0
         self._identities = Identities()
+        self._names = RecentNames() if settings.by_channel else None
         self._once: Latest[tuple[str, Readings]] = Latest(_MOST_ONCE)
         self._cells: Latest[LiveCell] = Latest(settings.most_cells)
         self.suspicion = SuspicionTracker(settings.max_fix_age_s, baseline)
@@ -107,9 +110,12 @@ class LiveTracker:
         return [*finding_notes(findings, words), *error_notes(new)]
 
     def _take_scan(self, seq: int, record: Record, scan: Scan) -> list[Note | LiveEstimate]:
-        self._identities.add(scan)
         modem = record.source
         receiver = self._track.at_scan(record.t_ns, scan)
+        if self._names is not None:
+            place = None if receiver is None else receiver.place
+            scan = self._names.take(record.t_ns, scan, place, self._identities)
+        self._identities.add(scan)
         if receiver is None:
             return []
         results = self._step_reference(seq, record, scan, receiver.place)
@@ -145,7 +151,9 @@ class LiveTracker:
     def _take_reading(
         self, seq: int, name: str, modem: str, located: Readings
     ) -> list[Note | LiveEstimate]:
-        cell = self._cells.get(name) or LiveCell(self._prior)
+        cell = self._cells.get(name)
+        if cell is None or (is_by_channel(name) and cell.away_m(located.places) > REUSED_M):
+            cell = LiveCell(self._prior)
         self._cells.put(name, cell)
         first = self._once.pop(name, None)
         if first is not None:

@@ -20,6 +20,7 @@ from logger.core.locator.online import OnlineLocator
 from logger.core.locator.posterior import Mode
 from logger.core.model.path_loss import level_gradient
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 from logger.core.readings import Readings, in_order
 from logger.core.repeated_levels import CacheTest
 from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
@@ -71,6 +72,10 @@ class LiveCell:
     def stale(self) -> float:
         """As `OnlineLocator.stale`."""
         return self._locator.stale
+
+    def away_m(self, place: Places) -> float:
+        """Distance of a place from where the cell was heard last; 0 before that."""
+        return self._recent[-1].places.away_m(place) if self._recent else 0.0
 
     @property
     def locator(self) -> OnlineLocator:

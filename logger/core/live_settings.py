@@ -60,7 +60,8 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     update. `environment` names the prior: any, open, suburban or urban. `antenna` is omni or
     sector, `reach` (the distance from the walk) near or far, `height_m` the antenna's height above
     the receiver; any, or None, lets the levels weigh them. `baseline` is the file of earlier walks,
-    empty for none.
+    empty for none. `by_channel`: neighbours without an identity are tracked too, by their channel
+    and code (`cell_names`); earlier versions did not.
     """
 
     target: str = SUSPICIOUS
@@ -76,6 +77,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     height_m: float | None = None
     baseline: str = ""
     streets: str = ""
+    by_channel: bool = True
 
 
 def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:
@@ -85,7 +87,7 @@ def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:
     did with times. A height of null is any. What a run does not have is as it was before.
     """
     known = dict.fromkeys(LIMITS, math.inf) | {"height_m": None}
-    before = {"target": STRONGEST, "give_up_s": 0.0}
+    before = {"target": STRONGEST, "give_up_s": 0.0, "by_channel": False}
     return before | {
         name: known.get(name) if value is None else value for name, value in recorded.items()
     }

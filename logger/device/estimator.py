@@ -58,7 +58,7 @@ def _rules_note() -> Note:
 
 
 def _in_plain_words(text: str) -> str:
-    """A note for people; the module has been imported with the tracker."""
+    """A note for people."""
     from logger.core.suspicion.words import in_plain_words  # noqa: PLC0415
 
     return in_plain_words(text)

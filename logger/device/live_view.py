@@ -16,6 +16,7 @@ from msgspec import Meta, Struct
 from msgspec.structs import asdict, replace
 
 from logger.core.answer import DEGREE_DECIMALS, Answer, MultiPolygon, OnMap, Place
+from logger.core.cell_names import channel_name
 from logger.core.ellipse import Ellipse, ellipse95, radii_text, radius_m
 from logger.core.guidance.next_way import NextWay
 from logger.core.latest import Latest
@@ -291,7 +292,7 @@ class CellTable:
 
     def _take(self, t_ns: int, scan: Scan, modem: str) -> None:
         for reading in scan.readings:
-            name = reading.cell
+            name = reading.cell or channel_name(reading)
             if name is None or reading.identity_unsure or reading.level_dbm is None:
                 continue
             if reading.role == "serving":

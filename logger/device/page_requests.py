@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from logger.core.cell_names import why_no_name
 from logger.core.foreign import decode_json, open_regular
 from logger.core.live_settings import FOLLOW, MARK
 from logger.core.printable import printable
@@ -36,6 +37,10 @@ class PageRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     do: Literal["follow", "mark"]
     text: Annotated[str, msgspec.Meta(max_length=LONGEST_TEXT)] = ""
     id: Annotated[str, msgspec.Meta(max_length=16)] = ""
+
+    def __post_init__(self) -> None:
+        if self.do == FOLLOW and (why := why_no_name(self.text)):
+            raise ValueError(why)
 
 
 class PageRequests:

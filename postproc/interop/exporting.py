@@ -68,7 +68,7 @@ class ExportWalk:
 
 def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
     """Levels of all cells of a run, or of those named; raises `EstimationError` without a fix."""
-    readings = run.tables["readings"]
+    readings = run.named_readings
     observed = observe(run.tables["fixes"], run.tables["scans"], readings)
     clock = utc_clock(run.meta.origin, run.tables["fixes"])
     track = _track(run, clock)
@@ -138,7 +138,7 @@ def _sightings(
                 course_deg=nearest.course_deg,
             ),
         )
-    rows = run.tables["readings"]
+    rows = run.named_readings
     chosen = wanted & np.isin(rows["seq"], scans)
     in_scan = (np.arange(len(rows)) - np.searchsorted(rows["seq"], rows["seq"]))[chosen].tolist()
     broadcasts = run.broadcasts()

@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from zoneinfo import ZoneInfo
 
+from logger.core.cell_names import channel_name
 from logger.core.errors import FieldLoggerError, GeoError, RunFileError
 from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
 from logger.core.reportable import range_dbm, reportable
@@ -299,7 +300,7 @@ class _Left:
                 return NoCell(row.line, why)
             if reading.level_dbm is None:
                 self._no_level[why] += 1
-        self.n_unnamed += reading.cell is None
+        self.n_unnamed += (reading.cell or channel_name(reading)) is None
         return row if reading is row.reading else replace(row, reading=reading)
 
     def take(self, row: BadRow | NoCell | Remark) -> None:

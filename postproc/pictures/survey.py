@@ -255,7 +255,7 @@ def survey_of(result: Result) -> Survey:
 
 def levels_of(run: Run) -> tuple[Levels, ...]:
     """Levels of every identified cell, most readings first, dated to the middle of their scan."""
-    readings = run.tables["readings"]
+    readings = run.named_readings
     level, t_ns = levels_dbm(readings), times_ns(run.tables["scans"], readings)
     usable = np.isfinite(level) & (readings["cell"] != b"")
     names, which = np.unique(readings["cell"][usable], return_inverse=True)

@@ -110,7 +110,7 @@ class RunSection:
                 wording.time_text(event.t_s),
                 Word(event.level),
                 event.source,
-                event.said,
+                event.in_short,
             )
             for event in self.events
         ]

@@ -25,7 +25,7 @@ from logger.core.suspicion.rule import Word
 from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.region_outline import geojson
-from postproc.ground import elsewhere_reasons, places_of
+from postproc.ground import elsewhere_reasons, middle_of, place_name, places_of
 from postproc.multi_run import merge
 from postproc.result import Options
 from postproc.scan_counts import too_rarely
@@ -48,10 +48,11 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     Positions are degrees (WGS 84) and metres in UTM zone `zone`. `two_sources` and `moved` are log
     Bayes factors of two transmitters, at once or one after the other, against one; None where it
     was not tried. An identity that is heard farther apart than any cell reaches has a row for each
-    of `n_places` places; `place` is the number, and the first has most readings. `region_wkb` is
-    the 95 % region in degrees. `word` is the worst word of suspicion
-    that a run gave the cell, by the rules `word_rules` in `word_runs` runs; None where no run could
-    be asked. `error` is that of the program which ended the estimate, None where none did.
+    of `n_places` places; `place` is the number, and the first has most readings; `heard_near` is
+    the place in words. `runs` are the digests of those that heard it there. `region_wkb` is the
+    95 % region in degrees. `word` is the worst word of suspicion that one of these runs gave the
+    cell, by the rules `word_rules` in `word_runs` runs; None where no run could be asked. `error`
+    is that of the program which ended the estimate, None where none did.
     """
 
     cell: str
@@ -67,6 +68,8 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     last_utc_ns: int | None
     place: int = 1
     n_places: int = 1
+    heard_near: str = ""
+    runs: tuple[str, ...] = ()
     n_used: int = 0
     lat_deg: float | None = None
     lon_deg: float | None = None
@@ -114,14 +117,20 @@ def locate_cell_of(
     places = places_of(heard.parts) or [{}]
     rows = [_row_of_place(_heard_in(near, heard), runs, options) for near in places]
     n_readings = sum(row.n_readings for row in rows)
+    if len(rows) == 1:
+        return rows
     return [
         msgspec.structs.replace(
             row,
             place=number,
             n_places=len(rows),
-            reasons=(*row.reasons, *elsewhere_reasons(len(rows), n_readings - row.n_readings)),
+            heard_near=place_name(middle_of([obs.places for obs in near.values()])),
+            reasons=(
+                *row.reasons,
+                *elsewhere_reasons(heard.cell, len(rows), n_readings - row.n_readings),
+            ),
         )
-        for number, row in enumerate(rows, 1)
+        for number, (row, near) in enumerate(zip(rows, places, strict=True), 1)
     ]
 
 
@@ -211,6 +220,7 @@ def _without_position(heard: CellRuns, own: Sequence[SurveyRun]) -> LocatedCell:
         n_readings=sum(map(len, heard.parts.values())),
         n_scans=sum(heard.n_scans.values()),
         n_runs=len(own),
+        runs=tuple(run.digest for run in own),
         n_modems=len({run.modem for run in own}),
         first_utc_ns=min(times, default=None),
         last_utc_ns=max(times, default=None),

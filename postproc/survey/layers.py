@@ -20,7 +20,9 @@ _WGS84 = "EPSG:4326"
 
 _TIMES = {"first_utc_ns": "first_utc", "last_utc_ns": "last_utc"}
 _COLUMNS = [
-    _TIMES.get(name, name) for name in LocatedCell.__struct_fields__ if name != "region_wkb"
+    _TIMES.get(name, name)
+    for name in LocatedCell.__struct_fields__
+    if name not in {"region_wkb", "runs"}
 ]
 
 
@@ -70,7 +72,7 @@ def _write_package(frame: gpd.GeoDataFrame, loggers: Sequence[LoggerReport], tar
 def _row(cell: LocatedCell) -> Mapping[str, Any]:
     """Columns of a cell: texts and numbers, lists as JSON."""
     row = msgspec.structs.asdict(cell)
-    del row["region_wkb"]
+    del row["region_wkb"], row["runs"]
     row["reasons"] = "; ".join(cell.reasons)
     row["word_rules"] = " ".join(cell.word_rules)
     row["offsets"] = msgspec.json.encode(cell.offsets).decode()

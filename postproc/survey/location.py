@@ -12,7 +12,9 @@ from logger.core.document import Column, Degrees, Document, Line, Table, Value, 
 from logger.core.ellipse import RADII
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
+from logger.core.utc import utc_text
 from postproc.cell_work import PROCESS_ENDED, failure
+from postproc.ground import days_text
 from postproc.progress import with_progress
 from postproc.result import Options
 from postproc.survey.agreement import FEWEST_LOGGERS, Agreement, LoggerReport, liars, report
@@ -161,7 +163,7 @@ def document_of(location: Location, files: Sequence[Path]) -> Document:
     """Located cells first, the most certain at the top, and the loggers that are left out."""
     cells = [msgspec.structs.asdict(cell) for cell in location.cells]
     for cell in cells:  # regions are in the files
-        del cell["region_wkb"]
+        del cell["region_wkb"], cell["runs"]
     loggers = [one._asdict() for one in location.loggers]
     ordered = sorted(
         location.cells, key=lambda cell: (_ORDER.index(cell.verdict), cell.r95_m or 0.0, cell.cell)
@@ -189,14 +191,23 @@ def _parts(location: Location, cells: Sequence[LocatedCell]) -> Iterator[str | L
     for cell in cells:
         if cell.error:
             yield Line(f"{cell.cell}: {cell.reasons[0]}", "red")
-    for cell in cells:
-        if cell.n_places > 1 and cell.place == 1:
-            places = f"is heard in {cell.n_places} places, farther apart than a cell reaches"
-            yield Line(f"{cell.cell} {places}", bullet="unusual: ")
+    for one in cells:
+        if one.n_places > 1 and one.place == 1:
+            own = [cell for cell in location.cells if cell.cell == one.cell]
+            where = "; ".join(map(_where, own))
+            far = f"is heard in {one.n_places} places, farther apart than a cell reaches"
+            yield Line(f"{one.cell} {far}: {where}", bullet="unusual: ")
     named = [cell for cell in cells if cell.word not in {None, WORDS[0]}]
     named.sort(key=lambda cell: (-WORDS.index(cell.word or WORDS[0]), -cell.word_runs, cell.cell))
     for words in dict.fromkeys(f"{cell.cell} is {word_text(cell)}" for cell in named):
         yield Line(words, bullet="unusual: ")
+
+
+def _where(cell: LocatedCell) -> str:
+    """One of the places of an identity, with its runs and days."""
+    times_ns = cell.first_utc_ns, cell.last_utc_ns
+    days = days_text(*(None if at_ns is None else utc_text(at_ns) for at_ns in times_ns))
+    return f"{cell.heard_near} ({cell.n_runs} run{'s' * (cell.n_runs != 1)}{days})"
 
 
 def cell_row(cell: LocatedCell) -> tuple[Value, ...]:

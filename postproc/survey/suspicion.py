@@ -79,15 +79,22 @@ def ask_runs(task: WordsTask) -> list[RunWords]:
 def with_words(
     survey: Survey, cells: Sequence[LocatedCell], runs: Sequence[RunWords]
 ) -> tuple[LocatedCell, ...]:
-    """Cells with their worst word over all runs, its rules, and the runs that say it."""
+    """Cells with their worst word over the runs that heard them there, its rules and these runs."""
     asked = {cell.cell for cell in survey.cells([run.run for run in runs])} if runs else set()
-    said: dict[str, list[CellWord]] = {}
+    said: dict[str, dict[str, CellWord]] = {}
     for run in runs:
         for one in run.cells:
-            said.setdefault(one.cell, []).append(one)
+            said.setdefault(one.cell, {})[run.run] = one
     return tuple(
-        _with_word(cell, said.get(cell.cell, [])) if cell.cell in asked else cell for cell in cells
-    )
+        _with_word(
+            cell,
+            [one for run, one in said.get(cell.cell, {}).items()
+             if cell.n_places == 1 or run in cell.runs],
+        )
+        if cell.cell in asked
+        else cell
+        for cell in cells
+    )  # fmt: skip
 
 
 def _with_word(cell: LocatedCell, said: Sequence[CellWord]) -> LocatedCell:

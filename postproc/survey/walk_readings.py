@@ -161,7 +161,7 @@ def _devices(run: Run, salt: str, logger: str | None, digest: str) -> tuple[str,
 
 def _channels(run: Run) -> dict[str, tuple[tuple[int, int], ...]]:
     """Channel number and code of each cell, as a baseline keeps them."""
-    rows = run.tables["readings"]
+    rows = run.named_readings
     code = np.full(len(rows), UNKNOWN_ID, np.int64)
     for column in ("pci", "psc", "bsic"):  # a technology has one of them
         code = np.where(rows[column] == UNKNOWN_ID, code, rows[column])

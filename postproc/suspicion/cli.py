@@ -48,8 +48,8 @@ def suspect(
 ) -> int:
     """Print which cells are suspicious, with the reasons.
 
-    Each cell gets one of three words: nothing unusual, unusual or suspicious. With each word stands
-    how often legitimate cells earn it. The exit code is 3 if a rule failed.
+    Each cell gets one of three words: nothing unusual, unusual or suspicious. The exit
+    code is 3 if a rule failed.
     """
     with ExitStack() as stack:
         baseline = database = None

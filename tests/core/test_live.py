@@ -8,6 +8,7 @@ from logger.core.live import ADVICE, LiveTracker
 from logger.core.live_settings import FOLLOW, STRONGEST, SUSPICIOUS, LiveSettings
 from logger.core.places import Places, Utm
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
+from logger.device.live_view import live_view
 from tests.kit.runs import reading
 
 S = 10**9
@@ -269,6 +270,7 @@ def test_the_target_has_advice_and_a_position():
     assert followed.answer.place.r95_m < 500.0
     assert followed.answer.word is None
     assert tracker.answer.word.word == "nothing unusual"
+    assert live_view(tracker).position.text == tracker.answer.sentence == followed.answer.sentence
 
 
 def test_another_target_is_followed_anew():

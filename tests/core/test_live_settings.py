@@ -57,5 +57,5 @@ def test_what_an_earlier_run_does_not_say_is_as_it_was_then(tmp_path, recorded):
     meta |= {} if recorded is None else {"live": recorded}
     frame = encode(1, 0, Kind.META, msgspec.json.encode(meta), SCHEMA_VERSION)
     (tmp_path / "a.journal").write_bytes(frame)
-    then = {"target": "strongest", "give_up_s": 0.0}
+    then = {"target": "strongest", "give_up_s": 0.0, "by_channel": False}
     assert read_run(tmp_path / "a.journal").meta.live == LiveSettings(**then | (recorded or {}))

@@ -1,6 +1,7 @@
 """The journalist's task: runs of several cities, and one invented cell in two of them."""
 
 import contextlib
+import gzip
 import io
 import json
 from dataclasses import replace
@@ -170,3 +171,38 @@ def test_a_cell_is_asked_in_the_cities_that_name_it(files):
 def test_python_says_that_the_runs_are_of_several_places(files):
     with pytest.raises(GeoError, match="4 places"):
         smooth_runs([read_run(path) for path in files])
+
+
+@pytest.fixture(scope="module")
+def drives(cells, tmp_path_factory):
+    """Imported drive tests of four cities, with an invented cell in Ottawa and in Cork."""
+    folder, paths = tmp_path_factory.mktemp("drives"), []
+    logs = "cork_driving_2019.11.21_10", "india_umts", "losangeles_att", "ottawa_lacolyoc_2020083"
+    for name in logs:
+        log = min(cells.glob(f"{name}*.csv.gz"), key=lambda path: path.stat().st_size)
+        lines = gzip.decompress(log.read_bytes()).decode().splitlines()
+        if name.startswith(("cork", "ottawa")):
+            for k in range(len(lines) - 1, 0, -4):
+                where = lines[k].split(",")[:3]
+                lines.insert(k + 1, ",".join([*where, "LTE,302,720,999,4242,,77,-95,0,"]))
+        (folder / f"{name}.csv").write_text("\n".join(lines))
+        paths.append(folder / f"{name}.h5")
+        assert main(["import", str(folder / f"{name}.csv"), "-o", str(paths[-1])]) == 0
+    return paths
+
+
+def test_real_logs_of_four_cities(drives, capsys):
+    said = run_json("suspect", *drives)
+    (found,) = said["several_places"]
+    cork, ottawa = found["places"]
+    assert found["cell"] == "302-720-999-4242"
+    assert (cork["first_utc"][:10], ottawa["first_utc"][:10]) == ("2019-11-21", "2020-08-30")
+    assert (cork["runs"], ottawa["runs"]) == ([drives[0].name], [drives[3].name])
+    assert [group["place"].split(".")[0] for group in said["groups"]] == ["51", "22", "34", "45"]
+    assert {"S11"} <= {
+        finding["rule"]
+        for group in said["groups"]
+        for cell in group["cells"]
+        if cell["cell"] == found["cell"]
+        for finding in cell["findings"]
+    }

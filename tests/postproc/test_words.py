@@ -1,4 +1,4 @@
-"""What commands print by default is for people who know neither the rules nor the statistics."""
+"""What commands print by default needs no knowledge of rules and statistics."""
 
 import re
 import shutil
@@ -17,7 +17,6 @@ IDS = "|".join(rule.id for rule in ALL_RULES)
 FORBIDDEN = re.compile(
     rf"\bnats?\b|\[(?:{IDS})\]|\b(?:{IDS})\b,? \(no|: (?:{IDS}) |not asked|\d\.\d{{6}}"
 )
-"""Units of evidence, codes of rules, and more decimals than a position has."""
 COMMANDS = [
     "smooth rogue-sim800.h5 --cell 232-01-7777-4660",
     "smooth walk.h5 --cell 001-01-32001-6699",
@@ -37,7 +36,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def _printed(folder, command, monkeypatch, capsys):
+def _output_of(folder, command, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     capsys.readouterr()
     assert main(command.split()) == 0
@@ -46,13 +45,13 @@ def _printed(folder, command, monkeypatch, capsys):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_no_nats_and_no_codes_of_rules(folder, command, monkeypatch, capsys):
-    text = _printed(folder, command, monkeypatch, capsys)
+    text = _output_of(folder, command, monkeypatch, capsys)
     assert len(text.splitlines()) > 3
     assert FORBIDDEN.findall(text) == []
 
 
 def test_nor_on_the_page(folder, monkeypatch, capsys):
-    _printed(folder, "report rogue-sim800.h5 --cell 232-01-7777-4660", monkeypatch, capsys)
+    _output_of(folder, "report rogue-sim800.h5 --cell 232-01-7777-4660", monkeypatch, capsys)
     page = (folder / "rogue-sim800.html").read_text()
     text = unescape(re.sub(r"<svg.*?</svg>|<style.*?</style>|<[^>]*>", " ", page, flags=re.DOTALL))
     assert "232-01-7777-4660: suspicious" in text
@@ -67,7 +66,7 @@ def test_nor_in_the_sentences_of_guide():
 
 
 def test_each_cell_that_is_not_located_has_its_reason(folder, monkeypatch, capsys):
-    text = _printed(folder, "smooth rogue-sim800.h5", monkeypatch, capsys)
+    text = _output_of(folder, "smooth rogue-sim800.h5", monkeypatch, capsys)
     assert FORBIDDEN.findall(text) == []
     answer = make.stored_summary(folder / "rogue-sim800.post.h5")
     (wide,) = re.findall(r"^(\d+) cells are not located because", text, re.MULTILINE)

@@ -50,7 +50,7 @@ _IS_NEEDED = ", and a location needs "
 
 
 def needed_radius(reason: str) -> str:
-    """The radius in a reason that says of the region that it is too wide; of others empty."""
+    """The radius in the reason that a region is too wide; of others empty."""
     return reason.partition(_IS_NEEDED)[2]
 
 

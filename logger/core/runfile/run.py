@@ -3,6 +3,7 @@
 import stat
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,8 @@ import numpy.typing as npt
 
 from logger.core.errors import RunFileError
 from logger.core.isolation import Outcome, run_isolated
+from logger.core.joined_names import with_names
+from logger.core.provenance import has_times
 from logger.core.rows import (
     DTYPES,
     ROWS_AT_ONCE,
@@ -46,7 +49,7 @@ HDF5_READER = "logger.core.runfile.hdf5_reader"
 """The module of the tasks that read HDF5, which only the other process imports (`isolation`)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots: `named_readings` is kept
 class Run:
     """Tables of a run as structured arrays (columns in `schema`).
 
@@ -71,6 +74,12 @@ class Run:
     def is_complete(self) -> bool:
         """Whether it was stopped, and no frame of it is missing."""
         return self.end is not None and not self.damage.missing_frames
+
+    @cached_property
+    def named_readings(self) -> Rows:
+        """The table `readings` with names where a row has no identity: `joined_names`."""
+        fixes, scans, readings = (self.tables[name] for name in ("fixes", "scans", "readings"))
+        return with_names(fixes, scans, readings, has_times=has_times(self.meta.origin))
 
     def records(self, *tables: str) -> Iterator[tuple[int, Record]]:
         """Records in recorded order with their numbers; all, or those of the tables named."""

@@ -85,7 +85,7 @@ def sentences(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def strongest_reasons(word: answer.Word) -> list[str]:
-    """The few sentences that weigh most: `postproc suspect` prints all of them."""
+    """The sentences that weigh most."""
     strongest = sorted(sentences(word.findings), key=lambda finding: -finding.nats)
     return [finding.text for finding in strongest[:_MOST_REASONS]]
 

@@ -5,11 +5,11 @@ CellMapper CSV has one row for each level, without times, so only the order of t
 code of UMTS or the physical identity of LTE; files with and without the header line occur. Source:
 docs.cellmapper.net, page CellMapper CSV.
 
-Logs of drive tests have one row for each cell of a scan: `t_s` (seconds), `lat`, `lon` (WGS 84
-degrees), `rat`, `mcc`, `mnc`, `lac_tac`, `cid`, `arfcn`, `pci_bsic`, `level_dbm` (GSM RxLev, UMTS
-RSCP, LTE RSRP), `serving` (1 or 0), `ta`. Empty is unknown; rows with the same `t_s` are one scan.
-A cell without its network code is named with a question mark in its place, since many logs of
-telephones leave it out.
+Logs of drive tests have one row for each cell of a scan: `t_s` (seconds; of ten digits since 1970),
+`lat`, `lon` (WGS 84 degrees), `rat`, `mcc`, `mnc`, `lac_tac`, `cid`, `arfcn`, `pci_bsic`,
+`level_dbm` (GSM RxLev, UMTS RSCP, LTE RSRP), `serving` (1 or 0), `ta`. Empty is unknown; rows with
+the same `t_s` are one scan. A cell without its network code is named with a question mark in its
+place, since many logs of telephones leave it out.
 
 OpenCelliD measurements, CSV and JSON, are also what Tower Collector exports. The order of columns
 differs between programs, and so does that of latitude and longitude. `measured_at` is Unix time in
@@ -46,6 +46,7 @@ _CELLMAPPER_HEADER = (
     "arfcn", "psc",
 )  # fmt: skip
 _CELLMAPPER_TYPES = frozenset({*RATS, "CDMA"})
+_SINCE_1970_S = 1e9
 _CODE = ("psc", "pci", "psc or pci")
 _CELLMAPPER = Columns(
     rat=("type",),
@@ -73,8 +74,13 @@ def _read_cellmapper(source: Path) -> Iterator[Row]:
     yield from parse_rows(csv_table.rows(source, header=header), _CELLMAPPER.sighting)
 
 
+def _drive_moment(_: int, fields: Fields) -> Moment:
+    t_s = number(fields, "t_s")
+    return Moment(round(t_s * 1e9), is_utc=t_s >= _SINCE_1970_S)
+
+
 _DRIVE_LOG = Columns(
-    when=lambda _, fields: Moment(round(number(fields, "t_s") * 1e9), is_utc=False),
+    when=_drive_moment,
     level_dbm=lambda fields, _: maybe(fields, "level_dbm", LEVEL_RANGE_DBM),
     role=lambda fields: "serving" if text(fields, "serving") == "1" else "neighbour",
     area=("lac_tac",),

@@ -330,7 +330,7 @@ def test_nothing_but_fillers_is_no_walk(tmp_path, capsys):
 
 
 def test_a_cell_of_marks_is_no_cell(tmp_path, capsys):
-    rows = [f"{i},52,{13 + i * 1e-5},GSM,262,01,0,0,62,3,-70,1,\n" for i in range(9)]
+    rows = [f"{i},52,{13 + i * 1e-5},GSM,262,01,0,0,62,,-70,1,\n" for i in range(9)]
     source = _write(tmp_path, DRIVE + "".join(rows))
     assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 0
     assert "9 readings name no cell, so no cell can be located" in capsys.readouterr().err

@@ -200,6 +200,18 @@ def test_one_run_in_two_places():
     assert [list(place) for place in places] == [["a", "b"], ["a"]]
 
 
+def test_a_name_by_channel_is_used_again_nearer():
+    here, there = _observations(51.5, 11.9, 32), _observations(51.5, 12.1, 32)  # 14 km
+    by_channel = [replace(obs, cell="LTE-5780-210") for obs in (here, there)]
+    assert len(places_of({"a": here, "b": there})) == 1
+    assert [list(place) for place in places_of(dict(zip("ab", by_channel, strict=True)))] == [
+        ["a"],
+        ["b"],
+    ]
+    (place,) = places_of({"a": by_channel[0], "b": by_channel[0]})
+    assert list(place) == ["a", "b"]
+
+
 def _observations(lat_deg, lon_deg, zone, n=40):
     x_m, y_m = Utm(zone).to_xy(lat_deg, lon_deg)
     return Readings(

@@ -91,6 +91,30 @@ def test_worst_word_over_all_runs(files, folder, scheduler, capsys):
     assert f"{FOREIGN} is suspicious in 2 runs (" in " ".join(capsys.readouterr().out.split())
 
 
+def test_each_place_of_an_identity_has_its_own_word(files, folder, scheduler, capsys):
+    """What is foreign in Berlin is at home in New York: two rows, of which one is suspicious."""
+
+    def at_home(k):
+        return [
+            replace(cell(cid, -70.0 - k % 3, lac=9, channel=cid), mcc="310", mnc="260")
+            for cid in range(77, 81)
+        ]
+
+    file = write_walk(files[0].parent, 9, at_home, n=30, lat_deg=40.7, lon_deg=-74.0)
+    list(add_files(Survey.open(folder), [file], "one"))
+    argv = ["survey", "locate", str(folder), "--scheduler", scheduler, "--cell", FOREIGN]
+    assert main([*argv, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["cells"]
+    assert [(row["place"], row["n_runs"], row["word"], row["word_runs"]) for row in rows] == [
+        (1, 2, "suspicious", 2),
+        (2, 1, "nothing unusual", 0),
+    ]
+    assert main(argv) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    places = "52.50° N, 13.40° E (2 runs, 2026-09-21); 40.70° N, 74.00° W (1 run, 2026-09-21)"
+    assert f"{FOREIGN} is heard in 2 places, farther apart than a cell reaches: {places}" in said
+
+
 def test_words_of_other_rules_are_asked_again(folder, scheduler, capsys, monkeypatch):
     cells = _locate(capsys, folder, scheduler)
     kept = folder / "words.jsonl"

@@ -1,3 +1,5 @@
+import pytest
+
 from logger.core.runfile import read_run
 from logger.core.types import Scan
 from postproc.cli import main
@@ -46,3 +48,12 @@ def test_rows_of_one_time_are_one_scan(tmp_path, capsys):
     assert (neighbour.cell, neighbour.arfcn, neighbour.rssi_dbm) == (None, 78, -77.0)
     assert lte.readings[0].cell == "272-?-40122-124546051"  # the network code is unknown
     assert (lte.readings[0].tac, lte.readings[0].rsrp_dbm) == (40122, -79.0)
+
+
+@pytest.mark.parametrize(("zero_s", "utc_ns"), [(0, None), (1_574_331_500, 1_574_331_600 * 10**9)])
+def test_seconds_of_ten_digits_are_utc(tmp_path, zero_s, utc_ns):
+    row = "272,01,40122,1,,,-79,1,"
+    (tmp_path / "log.csv").write_text(f"{HEADER}{zero_s + 100}.0,51.9,-8.5,LTE,{row}\n")
+    assert main(["import", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run.h5")]) == 0
+    (fix,) = [record.value for _, record in read_run(tmp_path / "run.h5").records("fixes")]
+    assert fix.utc_ns == utc_ns

@@ -1,0 +1,40 @@
+"""The answer in a sentence, which is the same on the walk and at the desk."""
+
+from dataclasses import replace
+
+import msgspec
+import pytest
+
+from logger.core.answer import Answer, Mode, Place, Provenance, StrongestReading, Word
+from logger.core.ellipse import Ellipse
+
+MODE = Mode(lat=52.5, lon=13.4, probability=1.0, percent=100, ellipse95=Ellipse(46.0, 30.0, 0.0))
+PLACE = Place(
+    lat=52.5, lon=13.4, r50_m=20.4, r95_m=45.6, drms_m=25.0, area_m2=6000.0, modes=(MODE,),
+    strongest=StrongestReading(lat=52.5, lon=13.4, level_dbm=-60.0),
+)  # fmt: skip
+LOCATED = Answer("262-01-1-1", "located", ("one position holds 100%",), Provenance(20), PLACE)
+RADII = "most likely within 20 m, surely within 46 m"
+
+
+def test_a_located_cell():
+    assert LOCATED.sentence == f"located at 52.50000 13.40000, {RADII}"
+
+
+@pytest.mark.parametrize("verdict", ["ambiguous", "cannot tell"])
+def test_the_reason_stands_with_every_other_verdict(verdict):
+    answer = replace(LOCATED, verdict=verdict, reasons=("why", "more"))
+    assert answer.sentence == f"{verdict}: why; likeliest at 52.50000 13.40000, {RADII}"
+    assert replace(answer, place=None).sentence == f"{verdict}: why"
+
+
+def test_a_wide_region_has_no_exact_middle():
+    place = msgspec.structs.replace(PLACE, r95_m=1001.0)
+    wide = replace(LOCATED, verdict="cannot tell", place=place)
+    assert "; likeliest at about 52.50 13.40, most likely within 20 m, " in wide.sentence
+
+
+@pytest.mark.parametrize("word", ["unusual", "suspicious"])
+def test_the_word_of_a_conspicuous_cell_comes_first(word):
+    assert replace(LOCATED, word=Word(word, 6.0, ())).sentence == f"{word}; {LOCATED.sentence}"
+    assert replace(LOCATED, word=Word("nothing unusual", 0.0, ())).sentence == LOCATED.sentence
