@@ -14,7 +14,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.live import LiveTracker
-from logger.core.live_settings import LiveSettings
+from logger.core.live_settings import FOLLOW, LiveSettings
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from logger.device.live_view import LiveView, live_view
 from logger.sim.city import CITIES, Place, city, with_lists
@@ -55,7 +55,10 @@ class Search(NamedTuple):
 def search(
     seed: int, *, has_rogue: bool, radio: Radio = SCENARIOS["block"], longest_s: float = LONGEST_S
 ) -> Search:
-    """One search in a city that the seed draws; it ends where the rogue is located."""
+    """One search in a city that the seed draws; it ends where the rogue is located.
+
+    The walker follows the arrow, and takes an unusual cell that is offered where there is none.
+    """
     rng = np.random.default_rng([seed, 79])
     name = list(CITIES)[seed % len(CITIES)]
     place = CITIES[name]
@@ -154,6 +157,7 @@ class _Walker:
             scan = self._scan(t_s, here_m)
             self._feed(t_s, "modem", scan)
             self._view = live_view(self._tracker)
+            self._choose(t_s)
         return self._view
 
     def _place_rogue(self, here_m: FloatArray) -> None:
@@ -164,7 +168,14 @@ class _Walker:
         rogue = replace(rogue, east_m=float(east_m), north_m=float(north_m))
         self.world = replace(self.world, transmitters=(rogue, *cells))
 
-    def _feed(self, t_s: float, source: str, value: Fix | Scan) -> None:
+    def _choose(self, t_s: float) -> None:
+        """Take the cell that is offered, if it has a word, where nothing leads on."""
+        view = self._view
+        words = {one.cell for one in view.suspicions}
+        if view.target is not None and view.target.over and view.offer in words:
+            self._feed(t_s, "page", Note("info", FOLLOW, str(view.offer)))
+
+    def _feed(self, t_s: float, source: str, value: Fix | Scan | Note) -> None:
         for found in self._tracker.feed(self._seq, Record(round(t_s * 1e9), source, value)):
             self.changes += isinstance(found, Note) and found.code == "target-changed"
         self._seq += 1
