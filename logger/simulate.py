@@ -74,9 +74,9 @@ def simulate(
     seconds. With `is_led` the walker follows the advice. `show_page` is told the address of the
     page, which stays after the walk until a signal comes.
     """
-    _known("scenario", [name], SCENARIOS)
-    _known("city", [city_name], CITIES)
-    _known("simulated modem", modem_names, DIALECTS)
+    _check_names("scenario", [name], SCENARIOS)
+    _check_names("city", [city_name], CITIES)
+    _check_names("simulated modem", modem_names, DIALECTS)
     misbehaviour = None if fault is None else _fault(fault)
     walk = scenario(name, seed, duration_s, city_name)
     view = LiveView()
@@ -126,7 +126,7 @@ def simulate(
         return run
 
 
-def _known(kind: str, names: Sequence[str], known: Collection[str]) -> None:
+def _check_names(kind: str, names: Sequence[str], known: Collection[str]) -> None:
     for name in names:
         if name not in known:
             raise ConfigError(f"no {kind} is called {name!r}; known are: {', '.join(known)}")

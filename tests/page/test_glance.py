@@ -40,6 +40,17 @@ def test_a_located_cell_is_the_first_thing_said(phone):
         assert todo == "Go and look, as the arrow shows; what to do stands below it."
 
 
+def _shown(phone, status):
+    """What the first part of the page shows, None of what is hidden; before the next news."""
+    ids = "['target', 'geo', 'found', 'metres', 'why', 'frame', 'offer', 'auto']"
+    text = "id => [id, of(id).hidden ? null : of(id).textContent]"
+    link = "['href', document.getElementById('geo').getAttribute('href')]"
+    of = "const of = id => document.getElementById(id)"
+    shown = f"m.showArrow({{status: {status}}}); return [...{ids}.map({text}), {link}]"
+    expression = f"(() => {{{of}; {shown}}})()"
+    return dict(phone.result_of("arrow.js", expression))
+
+
 def test_a_found_cell_has_coordinates_a_link_for_maps_and_what_to_do(phone):
     suspicions = "[{cell: 'a', word: 'suspicious'}]"
     status = (
@@ -47,19 +58,14 @@ def test_a_found_cell_has_coordinates_a_link_for_maps_and_what_to_do(phone):
         "next: {azimuth_deg: 9, distance_m: 99, lat: 1, lon: 1, why: 'so'}, "
         "fix: {valid: true, lat_deg: 52.501, lon_deg: 13.4}}"
     )
-    phone.result_of("arrow.js", f"m.showArrow({{status: {status}}})")
-    assert phone.text("target") == (
+    shown = _shown(phone, status)
+    assert shown["target"] == (
         "Found: suspicious cell a, most likely within 20\u00a0m, surely within 46\u00a0m."
     )
-    shown = "return [getComputedStyle(document.getElementById('found')).display, "
-    display, text, link = phone.chromium.evaluate(
-        f"{shown} document.getElementById('geo').textContent, "
-        "document.getElementById('geo').getAttribute('href')]"
-    )
-    assert (display, text, link) == ("block", "52.50000, 13.40000", "geo:52.50000,13.40000;u=46")
-    assert "what to do" in phone.text("found")
-    assert (phone.text("metres"), phone.text("why")) == ("111 m", "")  # to the place, nothing else
-    assert phone.text("frame").startswith("south;")
+    assert (shown["geo"], shown["href"]) == ("52.50000, 13.40000", "geo:52.50000,13.40000;u=46")
+    assert "what to do" in shown["found"]
+    assert (shown["metres"], shown["why"]) == ("111 m", "")  # to the place, and nothing else
+    assert shown["frame"].startswith("south;")
 
 
 def test_a_search_that_was_given_up_says_why_and_offers_the_next_cell(phone):
@@ -67,12 +73,10 @@ def test_a_search_that_was_given_up_says_why_and_offers_the_next_cell(phone):
         "{target: {cell: 'a', over: 'not heard for 10 min'}, offer: 'b', followed: 'a', "
         "suspicions: [{cell: 'b', word: 'unusual'}]}"
     )
-    phone.result_of("arrow.js", f"m.showArrow({{status: {status}}})")
-    assert phone.text("target") == "Given up: a; not heard for 10 min."
-    assert phone.text("offer") == "Search for unusual b"
-    hidden = "return ['offer', 'auto'].map(id => document.getElementById(id).hidden)"
-    assert phone.chromium.evaluate(hidden) == [False, False]
-    assert phone.text("metres") == "–"
+    shown = _shown(phone, status)
+    assert shown["target"] == "Given up: a; not heard for 10 min."
+    assert (shown["offer"], shown["auto"]) == ("Search for unusual b", "Let the program choose")
+    assert (shown["found"], shown["metres"]) == (None, "–")
 
 
 def test_a_run_that_was_closed_in_order_is_no_trouble(phone):
