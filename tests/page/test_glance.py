@@ -108,9 +108,9 @@ def test_the_cell_that_is_offered_is_one_tap_away(phone):
         offer="262-01-1-7",
     )
     with kit.recording(phone.page.requests.parents[1], status) as notes:
-        shown = "return document.getElementById('{}').hidden"
-        service.wait_for(lambda: not phone.chromium.evaluate(shown.format("offer")), 10)
-        assert phone.text("target") == "To cell 262-01-1-9, as you chose."
+        told = "To cell 262-01-1-9, as you chose."
+        service.wait_for(lambda: phone.text("target") == told, 10)
+        assert not phone.chromium.evaluate("return document.getElementById('offer').hidden")
         phone.tap("#offer")
         service.wait_for(lambda: notes, 10)
         phone.tap("#auto")
