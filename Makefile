@@ -106,9 +106,9 @@ test-view: .venv/dev.stamp
 	test -e $(AXE) || npm install --silent --no-fund --prefix .venv/axe axe-core@4.14.1 || true
 	CELLWALK_AXE=$(AXE) $(BIN)/pytest tests/view tests/page
 
-# the pictures of docs/guide/page.md: the page on a phone during a simulated walk
+# the pictures of the guide: the page on a phone during a simulated walk, the report and the survey
 screenshots: .venv/dev.stamp
-	CELLWALK_SCREENSHOTS=docs/page $(BIN)/pytest tests/page/test_phone.py -k screenshots
+	CELLWALK_SCREENSHOTS=docs/page $(BIN)/pytest tests/page/test_phone.py tests/view -k screenshots
 
 # a day of records at full speed, bytes written in an hour, and the service for two hours in real time
 soak: .venv/dev.stamp

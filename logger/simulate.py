@@ -30,7 +30,7 @@ from logger.sim.city import CITIES
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import AnsweringDevice, PtyDevice, answering, talking
-from logger.sim.scenario import SCENARIOS, Scenario, scenario
+from logger.sim.scenario import SCENARIOS, SIMULATED, Scenario, scenario
 from logger.sim.walk import GuidedWalk, WalkTime
 
 _SITE = """\
@@ -108,7 +108,7 @@ def simulate(
             text += _PAGE.format(listen=f"127.0.0.1:{_free_port()}")
             status = opened.enter_context(_page(text, show_page))
         config = parse_config(text, "simulated site.toml")
-        origin = f"simulated walk {name}"
+        origin = f"{SIMULATED}{name}"
         begun = begin_run(config, text, clock, origin=origin, truth=_truth(walk))
         service = Service(config, begun, clock, ended)
 

@@ -9,10 +9,20 @@ estimators take seconds to import and most commands need few of them.
 """
 
 from importlib import import_module
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from postproc.api import export, locate, observations, read_run, smooth, verify
+    from postproc.api import (
+        by_place,
+        export,
+        locate,
+        observations,
+        read_run,
+        smooth,
+        suspect,
+        verify,
+    )
     from postproc.result import CellResult, ObservedRun, Options, Result
     from postproc.verification.claims import Claim
 
@@ -22,16 +32,20 @@ __all__ = [
     "ObservedRun",
     "Options",
     "Result",
+    "by_place",
     "export",
     "locate",
     "observations",
     "read_run",
     "smooth",
+    "suspect",
     "verify",
 ]
 
+__version__: str
+
 _MODULE_OF = {
-    **dict.fromkeys(("export", "locate", "observations", "read_run", "smooth", "verify"), "api"),
+    **dict.fromkeys((name for name in __all__ if name.islower()), "api"),
     **dict.fromkeys(("CellResult", "ObservedRun", "Options", "Result"), "result"),
     "Claim": "verification.claims",
 }
@@ -39,6 +53,8 @@ _MODULE_OF = {
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used (PEP 562)."""
+    if name == "__version__":
+        return version("cellwalk")
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)

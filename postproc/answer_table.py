@@ -2,12 +2,17 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from math import isfinite
+from typing import TYPE_CHECKING
 
 from logger.core.answer import Answer, PathEnd
 from logger.core.document import Column, Table, Value
+from logger.core.errors import ConfigError
 from logger.core.locator.rivals import share_text
 from logger.core.suspicion.words import strongest_reasons
 from logger.core.utc import utc_text
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COLUMNS = (
     "cell",
@@ -43,6 +48,19 @@ def answer_table(answers: Iterable[Answer], *, every: bool = False) -> Table:
     more = (f"{key}_{angle}" for key in beside for angle in ("latitude_deg", "longitude_deg"))
     columns = tuple(map(Column, (*COLUMNS, *more)))
     return Table(columns, [tuple(_values(answer, beside)) for answer in answers])
+
+
+def frame_of(table: Table) -> "pd.DataFrame":
+    """The table as a frame of pandas, times as such; raises `ConfigError` without pandas."""
+    try:
+        import pandas as pd  # noqa: PLC0415 (optional, and takes a second)
+    except ImportError:
+        raise ConfigError(
+            "a frame needs pandas, which is not installed: pip install pandas"
+        ) from None
+    frame = pd.DataFrame(list(table.rows), columns=[column.title for column in table.columns])
+    times = {name: pd.to_datetime(frame[name], utc=True) for name in ("first_utc", "last_utc")}
+    return frame.assign(**times)
 
 
 def _values(answer: Answer, beside: Sequence[str]) -> Iterator[Value]:

@@ -18,17 +18,21 @@ from logger.core.errors import ConfigError, EstimationError
 from logger.core.locator.online import FEWEST_BLOCKS
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import prior_for
-from logger.core.places import Places, Utm
+from logger.core.places import NO_MAP, Places
 from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run, read_sound_run
 from postproc.atomic_write import check_output
 from postproc.cell_estimation import locate_cell
 from postproc.estimators.least_squares import Loss
+from postproc.ground import Group, check_one_place
+from postproc.ground import by_place as groups_of
 from postproc.interop.exporting import Exported, format_of, walk_of_run, write_answers, write_walk
 from postproc.interop.fields import LEVEL_RANGE_DBM
+from postproc.progress import Progress, with_progress
 from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import observed_cells
 from postproc.smoothing import smooth_runs
+from postproc.suspicion.run_assessment import Suspicions, assess_runs, conspicuous_first
 from postproc.verification.claims import Claim, read_claims
 from postproc.verification.run_claims import verify_claims
 from postproc.verification.verdicts import Verified
@@ -36,8 +40,6 @@ from postproc.walk import observe_run
 
 RunOrPath = Run | Path | str
 
-_PLANE = Utm(31)
-"""Frame of bare arrays: any zone will do, since nothing is converted to degrees."""
 _DEGREES_WITHIN = 3.0
 """Degrees that a drive of a day spans; a walk within so few metres could not locate anything."""
 
@@ -147,7 +149,7 @@ def locate(
 
 def smooth(
     runs: RunOrPath | Sequence[RunOrPath],
-    cells: Sequence[str] | None = None,
+    cells: str | Sequence[str] | None = None,
     *,
     environment: str = "any",
     height_m: float | None = None,
@@ -156,46 +158,79 @@ def smooth(
     loss: Loss = "linear",
     within_m: float = DESK_M,
     processes: int = 1,
+    progress: Progress | bool = False,
 ) -> Result:
     """Every estimator over every cell of one run or of several, or over `cells` only.
 
     Readings of several runs are joined, with an unknown offset between the levels of different
     modems. `loss` is that of the least-squares fit. Located means that `within_m` holds 95 % of the
-    probability. More than one of `processes` needs a main guard
-    in the calling script. `Result.cells` has a `CellResult` per cell, most readings first; arrays
-    of its estimators are shape (n,) or (n, 4) with x, y (metres, UTM), P0 (dBm at 1 m) and eta.
+    probability. More than one of `processes` needs a main guard in the calling script. `progress`
+    is True, or a function as tqdm. `Result.cells` has a `CellResult` per cell, conspicuous ones
+    first, then most readings first; arrays of its estimators are shape (n,) or (n, 4) with x, y
+    (metres, UTM), P0 (dBm at 1 m) and eta.
 
     Raises `RunFileError` for a file that is no run, `ConfigError` for a cell that was not observed,
-    an unknown environment or a run that appears twice, `GeoError` for runs too far apart.
+    an unknown environment or a run that appears twice, `GeoError` for runs of several places, which
+    `by_place` tells apart.
     """
-    every = [runs] if isinstance(runs, RunOrPath) else runs
     options = Options(
         prior_for(environment, height_m=height_m, antenna=antenna, reach=reach), loss, within_m
     )
-    return smooth_runs([_run(run) for run in every], cells, options=options, processes=processes)
+    result = smooth_runs(
+        _runs(runs),
+        _names(cells),
+        options=options,
+        progress=_progress(progress),
+        processes=processes,
+    )
+    return conspicuous_first(result)[0]
+
+
+def suspect(
+    runs: RunOrPath | Sequence[RunOrPath], *, progress: Progress | bool = False
+) -> Suspicions:
+    """Which cells of runs are suspicious, and why.
+
+    `cells` has the `word` and the `findings` of each, the most suspicious first; places are degrees
+    (WGS84). Printed, it is what `postproc suspect` says. `progress` as in `smooth`.
+
+    Raises `RunFileError` for a file that is no run, `GeoError` for runs of several places.
+    """
+    every = _runs(runs)
+    check_one_place(every)
+    return assess_runs(every, progress=_progress(progress))
+
+
+def by_place(runs: RunOrPath | Sequence[RunOrPath]) -> list[Group]:
+    """Runs in groups that share ground or a cell; each has its `runs`, and `where` in degrees.
+
+    Raises `RunFileError` for a file that is no run.
+    """
+    return groups_of(_runs(runs))
 
 
 def verify(
     run: RunOrPath,
     claims: Claim | Sequence[Claim] | Path | str,
-    cells: Sequence[str] | None = None,
+    cells: str | Sequence[str] | None = None,
     *,
     p_fa: float = 0.05,
     environment: str = "any",
     height_m: float | None = None,
     antenna: str = "any",
     reach: str = "any",
+    progress: Progress | bool = False,
 ) -> Verified:
     """Test claimed positions of cells against a run: consistent, rejected or cannot tell.
 
     `claims` are `Claim`s (degrees WGS84, `sigma_m` in metres per axis) or a file: CSV with cell,
     lat, lon[, sigma_m], a cell export or a cell database. Of the claims rejected at most the share
-    `p_fa` is rejected wrongly, on average (Benjamini and Hochberg 1995).
+    `p_fa` is rejected wrongly, on average (Benjamini and Hochberg 1995). `progress` as in `smooth`.
 
     Raises `ConfigError` for a cell that was not observed or a rate outside 0 to 0.5, `RunFileError`
     for a file that cannot be read.
     """
-    observed = _run(run)
+    observed, cells = _run(run), _names(cells)
     if isinstance(claims, Claim):
         claims = [claims]
     elif isinstance(claims, (Path, str)):
@@ -207,40 +242,57 @@ def verify(
         prior_for(environment, height_m=height_m, antenna=antenna, reach=reach),
         cells,
         is_simulated=bool(observed.meta.truth),
+        progress=_progress(progress),
     )
 
 
 def export(
-    run: RunOrPath,
+    run: RunOrPath | Result | Sequence[Result],
     path: Path | str,
     *,
     form: str | None = None,
     result: Result | None = None,
     all_estimators: bool = False,
-    cells: Sequence[str] | None = None,
+    cells: str | Sequence[str] | None = None,
 ) -> Exported:
-    """Write levels and track of a run in another format, complete or not at all.
+    """Write levels and track of a run, or the cells of results, complete or not at all.
 
-    The format is `form` or the suffix of `path`: kml, geojson, gpx, csv, wigle, opencellid-csv,
-    opencellid-json, parquet. With `result`, that of `smooth` for this run, the estimates are
-    written too (kml, geojson, gpx), with `all_estimators` those of the EKF, the RTS smoother and
-    least squares besides.
+    The format is `form` or the suffix of `path`: csv, kml, geojson, gpx, and for a run also wigle,
+    opencellid-csv, opencellid-json, parquet. Results, also as `result`, give one row or feature a
+    cell (degrees, WGS84); with `all_estimators` other estimators stand beside.
 
-    Raises `ConfigError` for an unknown format, estimates in a format that has none and a `path`
+    Raises `ConfigError` for an unknown format, cells in a format that has none and a `path`
     that cannot be written, `EstimationError` for a run without a position fix, `RunFileError`
     where nothing can be written.
     """
-    target, observed = Path(path), _run(run)
-    name = format_of(form, target, with_estimates=result is not None)
+    target = Path(path)
+    results = [result] if result is not None else [run] if isinstance(run, Result) else None
+    if not isinstance(run, (Run, Path, str, Result)):
+        results = list(run)
+    name = format_of(form, target, with_estimates=results is not None)
     check_output(target)
-    if result is not None:
-        return write_answers([result], target, name, every=all_estimators)[0]
-    walk = walk_of_run(observed, list(observed_cells([observed], cells)) if cells else None)
+    if results is not None:
+        return write_answers(results, target, name, every=all_estimators)[0]
+    assert isinstance(run, (Run, Path, str))
+    observed, wanted = _run(run), _names(cells)
+    walk = walk_of_run(observed, list(observed_cells([observed], wanted)) if wanted else None)
     return write_walk(walk, target, name)
 
 
 def _run(run: RunOrPath) -> Run:
     return run if isinstance(run, Run) else read_run(run)
+
+
+def _runs(runs: RunOrPath | Sequence[RunOrPath]) -> list[Run]:
+    return list(map(_run, [runs] if isinstance(runs, RunOrPath) else runs))
+
+
+def _names(cells: str | Sequence[str] | None) -> Sequence[str] | None:
+    return [cells] if isinstance(cells, str) else cells
+
+
+def _progress(progress: Progress | bool) -> Progress | None:
+    return (with_progress if progress else None) if isinstance(progress, bool) else progress
 
 
 def _bare(
@@ -270,7 +322,7 @@ def _bare(
             "converts them"
         )
     number = np.arange(len(x))
-    places = Places.of(x, y, sigma_m=sigma_m, t_ns=number * 10**9)
+    places = Places.of(x, y, utm=NO_MAP, sigma_m=sigma_m, t_ns=number * 10**9)
     return Readings("", rat, places, level, number)
 
 

@@ -4,9 +4,10 @@ One run is several with n = 1. Tables, report, view, exports and JSON are made o
 nothing else; positions are UTM, times nanoseconds (conventions: `logger.core`).
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -23,22 +24,41 @@ from logger.core.answer import (
     place_of,
 )
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.ellipse import ellipse95
+from logger.core.document import (
+    Column,
+    Document,
+    Table,
+    Value,
+    html_table,
+    html_text,
+    terminal_lines,
+)
+from logger.core.document import Word as Mark
+from logger.core.ellipse import RADII, ellipse95, metres, radii_text
+from logger.core.errors import ConfigError
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.region import LEVEL, area_m2
+from logger.core.locator.region import HALF, LEVEL, area_m2
+from logger.core.locator.rivals import relevant_modes
 from logger.core.locator.timing_advance import TimingCheck
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import ENVIRONMENTS, Prior
-from logger.core.places import Places, Utm
+from logger.core.places import MAX_GAP_S, NO_MAP, Places, Utm
 from logger.core.readings import Observations, Readings, SpikeLevel
 from logger.core.runfile import Run
+from logger.core.suspicion.rule import WORDS
 from logger.core.types import Verdict
+from postproc.answer_table import answer_table, frame_of
 from postproc.cell_work import Failure
 from postproc.estimators.direction_check import Comparison
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.least_squares import BatchFit, Loss
-from postproc.estimators.region_outline import geojson
+from postproc.estimators.region_outline import geojson, outline
 from postproc.estimators.residuals import Residuals
+from postproc.plan import OnPlan, draw, new_axes, svg
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,10 +162,47 @@ class CellResult:
 
     @property
     def place(self) -> Place | None:
-        """The posterior in degrees; None without one."""
-        if self.posterior is None or self.obs is None:
+        """The posterior in degrees; None without one, and of bare arrays, which are on no map."""
+        if self.posterior is None or self.obs is None or self.obs.utm == NO_MAP:
             return None
         return place_of(self.posterior)
+
+    @property
+    def latitude_deg(self) -> float | None:
+        """Of the likeliest place, WGS 84; None where `place` is."""
+        return None if self.place is None else self.place.lat
+
+    @property
+    def longitude_deg(self) -> float | None:
+        """As `latitude_deg`."""
+        return None if self.place is None else self.place.lon
+
+    def __repr__(self) -> str:
+        return f"{self.cell or 'cell'}, {self.n} readings: {self._sentence()}"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the answer, and a plan of where the cell was heard."""
+        head = f"<p><b>{html_text(self.cell)}</b>, {self.n} readings: "
+        plan = "" if self.obs is None else svg([], self._heard_m(), _on_plan(self))
+        caption = _CAPTION.format("heard here") if plan else ""
+        return f"{head}{html_text(self._sentence())}</p>{plan}{caption}"
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw where the cell was heard, its places and both regions, in metres (UTM)."""
+        axes = ax or new_axes()
+        draw(axes, [], self._heard_m(), _on_plan(self))
+        return axes
+
+    def _sentence(self) -> str:
+        posterior = self.posterior
+        if posterior is not None and self.place is None:
+            at = f"x {posterior.x_m:.0f} m, y {posterior.y_m:.0f} m"
+            return f"{self.verdict}, {at}, {radii_text(posterior.r50_m, posterior.r95_m)}"
+        made_from = Provenance(self.n)
+        return Answer(self.cell, self.verdict, self.warnings, made_from, self.place).sentence
+
+    def _heard_m(self) -> FloatArray:
+        return np.empty((0, 2)) if self.obs is None else self.obs.places.xy_m.T
 
     def answer(self, runs: Sequence[Run], word: Word | None = None) -> Answer:
         """The answer from the `runs` of the result, with the word of suspicion if it was asked."""
@@ -178,6 +235,24 @@ class CellResult:
             self.cell, self.n, None, "cannot tell", warnings, n_scans=self.n_scans,
             heard_utc_ns=self.heard_utc_ns, error=why.error,
         )  # fmt: skip
+
+
+def _on_plan(cell: CellResult, label: str = "", word: str = "") -> list[OnPlan]:
+    """As it is drawn; none without a posterior."""
+    if cell.posterior is None:
+        return []
+    modes = relevant_modes(cell.posterior.modes) if cell.verdict == "ambiguous" else ()
+    places_m = [(mode.x_m, mode.y_m) for mode in modes or cell.posterior.modes[:1]]
+    levels = {95: LEVEL, 50: HALF} if cell.posterior.is_strongest_inside else {95: LEVEL}
+    regions = {
+        percent: [
+            np.asarray(ring.coords, float)
+            for polygon in outline(cell.posterior.squares, level)
+            for ring in (polygon.exterior, *polygon.interiors)
+        ]
+        for percent, level in levels.items()
+    }
+    return [OnPlan(label or cell.cell, word, np.array(places_m), regions)]
 
 
 def region_of(cell: CellResult, level: float) -> Region:
@@ -222,7 +297,8 @@ class Result:
     """All cells of one or several runs, the cell with most readings first.
 
     `warnings` are about the runs together; those about one run are in `runs`. `version` is that of
-    the program that estimated. `words` are those of the cells where suspicion was asked.
+    the program that estimated. `words` are those of the cells where suspicion was asked, and
+    `not_asked` the rules that no run could serve, each with what was missing.
     """
 
     runs: tuple[ObservedRun, ...]
@@ -231,10 +307,113 @@ class Result:
     options: Options = Options()
     version: str = field(default_factory=program_version)
     words: Mapping[str, Word] = field(default_factory=dict)
+    not_asked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def answers(self) -> tuple[Answer, ...]:
+        """The answers about all cells."""
+        return tuple(map(self.answer, self.cells))
+
+    def to_frame(self) -> "pd.DataFrame":
+        """The answers as a frame of pandas, a row each; `docs/api.md` lists the columns.
+
+        Raises `ConfigError` where pandas is not installed.
+        """
+        return frame_of(answer_table(self.answers))
+
+    def plot(self, cell: str | None = None, ax: "Axes | None" = None) -> "Axes":
+        """Draw the walks, and places and regions of `cell`, or of what is known best.
+
+        Axes are east and north in metres (UTM). Raises `ConfigError` for a cell that is not there.
+        """
+        drawn = self._to_draw() if cell is None else [one for one in self.cells if one.cell == cell]
+        if cell is not None and not drawn:
+            raise ConfigError(f"cell {cell} is not in this result")
+        axes = ax or new_axes()
+        on_plan = [part for one in drawn for part in _on_plan(one, "", self._word(one))]
+        draw(axes, self._strips_m(), np.empty((0, 2)), on_plan)
+        return axes
+
+    def __repr__(self) -> str:
+        more = len(self.cells) - _MOST_LINES
+        after = [f"and {more} more: .to_frame() has all"] * (more > 0)
+        said = Document(None, body=[self._title(), self._table(self.cells[:_MOST_LINES]), *after])
+        return "\n".join(terminal_lines(said))
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a plan, and a table of the first cells."""
+        drawn, shown = self._to_draw(), self.cells[:_MOST_ROWS]
+        shown = (*shown, *(cell for cell in drawn if all(cell is not one for one in shown)))
+        on_plan = [
+            part
+            for i, cell in enumerate(shown, 1)
+            if any(cell is one for one in drawn)
+            for part in _on_plan(cell, f"{i}", self._word(cell))
+        ]
+        plan = svg(self._strips_m(), np.empty((0, 2)), on_plan)
+        more = len(self.cells) - len(shown)
+        after = f"<p>and {more} more: <code>.to_frame()</code> has all</p>" if more else ""
+        title = f"<p><b>{html_text(self._title())}</b></p>"
+        caption = _CAPTION.format("the walk") if plan else ""
+        return f"{title}{plan}{caption}{html_table(self._table(shown))}{after}"
+
+    def _table(self, cells: Sequence[CellResult]) -> Table:
+        rows = [_row(i, self.answer(cell)) for i, cell in enumerate(cells, 1)]
+        return Table(_NOTEBOOK_COLUMNS, rows, "Cells", name_column=1)
+
+    def _title(self) -> str:
+        names = [observed.run.path.name for observed in self.runs]
+        more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+        words = Counter(self._word(cell) for cell in self.cells)
+        n_located = sum(cell.verdict == "located" for cell in self.cells)
+        counts = [f"{words[word]} {word}" for word in WORDS[:0:-1] if words[word]]
+        n_cells = f"{len(self.cells)} cell{'s' * (len(self.cells) != 1)}"
+        said = ", ".join([n_cells, *counts, f"{n_located} located"])
+        return f"{', '.join(names[:3])}{more}: {said}"
+
+    def _word(self, cell: CellResult) -> str:
+        word = self.words.get(cell.cell)
+        return "" if word is None or word.word == WORDS[0] else word.word
+
+    def _to_draw(self) -> list[CellResult]:
+        """The conspicuous, located and ambiguous cells; without any the first that has a place."""
+        placed = [cell for cell in self.cells if cell.posterior is not None]
+        known = [cell for cell in placed if self._word(cell) or cell.verdict != "cannot tell"]
+        return known[:_MOST_DRAWN] or placed[:1]
+
+    def _strips_m(self) -> list[FloatArray]:
+        """The walks, cut where the receiver was silent."""
+        strips = []
+        for observed in self.runs:
+            if observed.observations is not None:
+                track = observed.observations.track
+                gaps = np.flatnonzero(np.diff(track.t_ns) > MAX_GAP_S * 1e9) + 1
+                strips += np.split(track.xy_m.T, gaps)
+        return strips
 
     def answer(self, cell: CellResult) -> Answer:
         """The answer about one of the cells, with its word where suspicion was asked."""
         return cell.answer([observed.run for observed in self.runs], self.words.get(cell.cell))
+
+
+_MOST_LINES, _MOST_ROWS, _MOST_DRAWN = 7, 12, 6
+_CAPTION = "<p>Grey: {}. Darker: most likely there (50 %). Lighter: surely there (95 %).</p>"
+_NOTEBOOK_COLUMNS = (
+    Column("no.", "d"),
+    Column("cell"),
+    Column("word"),
+    Column("verdict"),
+    Column("likeliest place"),
+    *(Column(name, is_right=True) for name in RADII),
+    Column("readings", "d"),
+)
+
+
+def _row(number: int, answer: Answer) -> tuple[Value, ...]:
+    word = Mark(answer.word.word) if answer.word and answer.is_conspicuous else ""
+    begin, place = (number, answer.cell, word, Mark(answer.verdict)), answer.place
+    at = (place.where, metres(place.r50_m), metres(place.r95_m)) if place else (None, None, None)
+    return (*begin, *at, answer.provenance.n)
 
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:

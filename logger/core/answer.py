@@ -224,11 +224,6 @@ class Answer:
     paths: Paths | None = None
 
     @property
-    def error(self) -> str | None:
-        """That of the program which ended some of the work on the cell, None where none did."""
-        return self.provenance.error
-
-    @property
     def is_conspicuous(self) -> bool:
         """Whether the cell is unusual or suspicious."""
         return self.word is not None and self.word.word != "nothing unusual"
@@ -244,6 +239,21 @@ class Answer:
             return f"{word}located at {where}"
         why = f": {self.reasons[0]}" if self.reasons else ""
         return f"{word}{self.verdict}{why}{'; likeliest at ' if where else ''}{where}"
+
+    @property
+    def latitude_deg(self) -> float | None:
+        """Of the place; None without one."""
+        return None if self.place is None else self.place.lat
+
+    @property
+    def longitude_deg(self) -> float | None:
+        """Of the place; None without one."""
+        return None if self.place is None else self.place.lon
+
+    @property
+    def error(self) -> str | None:
+        """That of the program which ended some of the work on the cell, None where none did."""
+        return self.provenance.error
 
 
 def answer_of(

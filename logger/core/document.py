@@ -40,7 +40,7 @@ _LOOKS = {
     "consistent": ("green", "●"),
     "rejected": ("red", "✕"),
     "suspicious": ("bold red", "✕"),
-    "unusual": ("yellow", "◐"),
+    "unusual": ("yellow", "◆"),
     "holds": ("green", "●"),
     "does not hold": ("yellow", "◐"),
     "claim is wrong": ("magenta", "○"),

@@ -120,6 +120,8 @@ def _proj(zone: int) -> Proj:
 
 PLANE = Utm(31)
 """Frame of places given without one: any zone is a plane."""
+NO_MAP = Utm(0)
+"""Frame of arrays in a plane of the user's own: no zone, so nothing is converted to degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +166,9 @@ class Places:
         lat, lon = (np.atleast_1d(np.asarray(deg, float)) for deg in (lat_deg, lon_deg))
         utm = utm or Utm.at(float(lat[0]), float(lon[0]))
         return cls.of(*utm.to_xy_arrays(lat, lon), utm=utm)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({len(self)}, UTM zone {self.utm.zone})"
 
     def __len__(self) -> int:
         return len(self.x_m)
@@ -271,7 +276,7 @@ class Places:
         return np.asarray(t_ns - self.t_ns[0], float) / 1e9
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Track(Places):
     """The fixes of a run that have a position; `seq` (n,) are the numbers of their records."""
 

@@ -97,6 +97,9 @@ class Readings:
         """Standard deviation of the receiver's position per axis."""
         return self.places.sigma_m
 
+    def __repr__(self) -> str:
+        return f"Readings({self.cell}, {len(self)} of {self.rat or 'unknown technology'})"
+
     def __len__(self) -> int:
         return len(self.places)
 
@@ -224,6 +227,9 @@ class Observations:
     n_without_position: int
     n_without_identity: int
     n_without_level: int
+
+    def __repr__(self) -> str:
+        return f"Observations({len(self.cells)} cells, {self.n_readings} readings, {self.track})"
 
 
 def observe(fixes: Rows, scans: Rows, readings: Rows) -> Observations:

@@ -15,6 +15,8 @@ from logger.sim.walk import Walk
 from logger.sim.world import Radio, Transmitter, World
 
 DEFAULT = "block"
+SIMULATED = "simulated walk "
+"""What the origin of a simulated run begins with; the name of the scenario follows."""
 ORIGIN_LAT_DEG, ORIGIN_LON_DEG = 46.9480, 7.4474
 UTC_START = datetime(2024, 5, 14, 9, 0, tzinfo=UTC)
 COLD_START_S = 30.0
@@ -74,6 +76,15 @@ class Scenario:
     utc_start: datetime
     duration_s: float
     target: Transmitter
+
+    def streets_deg(self) -> tuple[tuple[tuple[float, float], ...], ...]:
+        """Streets of the world, latitude and longitude of their ends: they bound its blocks.
+
+        They are those that the walk takes, from one edge of the quarter to the other.
+        """
+        return tuple(
+            tuple(self.world.to_latlon(*end_m) for end_m in street) for street in self.walk.streets
+        )
 
     def modem(
         self, now_s: Callable[[], float], dialect: Dialect = SIM800, number: int = 0

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -33,6 +34,21 @@ class Walk:
     @property
     def duration_s(self) -> float:
         return self.length_m / self.speed_mps
+
+    @property
+    def streets(self) -> tuple[Waypoints, ...]:
+        """The streets that its legs follow, to five blocks beyond the outermost corners."""
+        corners = np.asarray(self.waypoints, float)
+        low_m, high_m = corners.min(axis=0) - 5 * BLOCK_M, corners.max(axis=0) + 5 * BLOCK_M
+        streets: dict[Waypoints, None] = {}
+        for (east_0, north_0), (east_1, north_1) in pairwise(self.waypoints):
+            if east_0 == east_1:
+                streets[(east_0, float(low_m[1])), (east_0, float(high_m[1]))] = None
+            elif north_0 == north_1:
+                streets[(float(low_m[0]), north_0), (float(high_m[0]), north_0)] = None
+            else:
+                streets[(east_0, north_0), (east_1, north_1)] = None
+        return tuple(streets)
 
     def position(self, t_s: float) -> tuple[float, float]:
         """East and north in metres."""

@@ -17,14 +17,12 @@ import numpy.typing as npt
 from logger.core.answer import Answer
 from logger.core.arrays import IntArray
 from logger.core.censoring import levels_dbm
-from logger.core.ellipse import radii_text
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.locator.region import HALF, LEVEL
 from logger.core.places import MAX_GAP_S, SIGMA_OF_RADIUS68
 from logger.core.readings import Observations, observe
 from logger.core.rows import values_of
 from logger.core.runfile import Run
-from logger.core.suspicion.rule import WORDS
 from logger.core.suspicion.words import strongest_reasons
 from logger.core.timebase import utc_clock
 from logger.core.types import Broadcast, CellReading, Fix
@@ -245,7 +243,9 @@ def write_answers(
     """
     form = writer(name)
     has_regions = getattr(form, "HAS_REGIONS", False)
-    answered = [_answered(result, cell, has_regions) for result in results for cell in result.cells]
+    answered = [
+        _as_exported(result, cell, has_regions) for result in results for cell in result.cells
+    ]
     answers = [answer for answer, _ in answered]
     with whole_file(target) as part:
         form.write_answers(answered, answer_table(answers, every=every), part)
@@ -258,7 +258,7 @@ def write_answers(
     return Exported(target, name, 0, 0, len(answers), has_utc, tuple(left_out)), answers
 
 
-def _answered(result: Result, cell: CellResult, has_regions: bool) -> Answered:
+def _as_exported(result: Result, cell: CellResult, has_regions: bool) -> Answered:
     """A cell as it is exported; where that fails, what is known beside the reason."""
 
     def with_regions() -> Answered:
@@ -273,21 +273,16 @@ def _answered(result: Result, cell: CellResult, has_regions: bool) -> Answered:
 
 
 def title_of(answer: Answer) -> str:
-    """The cell, and its word where it has one."""
-    has_word = answer.word is not None and answer.word.word != WORDS[0]
-    return f"{answer.cell}: {answer.word.word}" if answer.word and has_word else answer.cell
+    """The cell, and its word where it is conspicuous."""
+    if answer.word is None or not answer.is_conspicuous:
+        return answer.cell
+    return f"{answer.cell}: {answer.word.word}"
 
 
 def says_of(answer: Answer) -> str:
-    """Verdict and radii in a sentence, then why it has its word, and the decisive reason."""
-    place = answer.place
-    said: str = answer.verdict
-    if place is not None:
-        if answer.verdict == "ambiguous":
-            said = f"{said}, this is the likeliest of {len(place.likely_modes)} places"
-        said = f"{said}: {radii_text(place.r50_m, place.r95_m)}"
-    why = strongest_reasons(answer.word) if answer.word else []
-    return "; ".join([said, *why, *answer.reasons[:1]])
+    """The answer in a sentence, and why the cell is conspicuous."""
+    why = strongest_reasons(answer.word) if answer.word and answer.is_conspicuous else []
+    return "; ".join([answer.sentence, *why])
 
 
 def _left_out(walk: ExportWalk, n_written: int) -> tuple[str, ...]:

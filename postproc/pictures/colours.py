@@ -15,7 +15,7 @@ Colour = tuple[int, int, int]
 
 EKF: Final = (235, 130, 20)
 RTS: Final = (0, 160, 150)
-BATCH: Final = (214, 40, 57)
+BATCH: Final = (150, 84, 40)
 POSTERIOR: Final = (60, 110, 230)
 REFERENCE: Final = (130, 130, 130)
 TRUTH: Final = (150, 90, 230)
@@ -60,20 +60,23 @@ _VERDICTS: dict[str, Colour] = {
     "rejected": (225, 85, 165),
 }
 
+AMBER: Final = (176, 118, 14)
+
+_WORDS: dict[str, Colour] = {"suspicious": RED, "unusual": AMBER}
+
 _SCALE = np.array(
     [
-        (66, 75, 181),
-        (66, 148, 255),
-        (26, 212, 208),
-        (74, 248, 128),
-        (169, 251, 57),
-        (235, 211, 57),
-        (254, 147, 42),
-        (228, 69, 10),
-        (169, 22, 1),
+        (88, 78, 168),
+        (70, 105, 180),
+        (52, 132, 184),
+        (40, 158, 172),
+        (60, 182, 146),
+        (120, 200, 105),
+        (178, 208, 66),
+        (238, 202, 44),
     ],
     float,
-)  # turbo (A. Mikhailov, 2019) without its dark ends
+)  # viridis (S. van der Walt, N. Smith, 2015) without its dark end: nothing of it is a warning
 
 
 def verdict_colour(verdict: str) -> Colour:
@@ -81,8 +84,13 @@ def verdict_colour(verdict: str) -> Colour:
     return _VERDICTS.get(verdict, QUIET)
 
 
+def word_colour(word: str) -> Colour:
+    """Red for suspicious, amber for unusual, grey for any other word and for none."""
+    return _WORDS.get(word, QUIET)
+
+
 def level_colours(level_dbm: FloatArray, weakest_dbm: float, strongest_dbm: float) -> Bytes:
-    """Colours (n, 3) of levels (n,): blue is weak, red is strong, grey is NaN."""
+    """Colours (n, 3) of levels (n,): violet is weak, yellow is strong, grey is NaN."""
     span_db = max(strongest_dbm - weakest_dbm, 1e-9)  # two equal limits make no division by zero
     position = np.clip((level_dbm - weakest_dbm) / span_db, 0.0, 1.0) * (len(_SCALE) - 1)
     finite = np.isfinite(position)

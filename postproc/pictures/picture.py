@@ -12,6 +12,7 @@ from logger.core.locator.region import HALF, LEVEL, Squares
 from logger.core.locator.rivals import share_text
 from logger.core.model import path_loss
 from logger.core.model.path_loss import log_distance_db
+from logger.core.suspicion.rule import WORDS
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.region_outline import outline
@@ -205,8 +206,13 @@ def picture_of(survey: Survey, focus: CellResult | None) -> Picture:
 
 
 def focus_of(result: Result) -> CellResult | None:
-    """The cell to show unless one is named: located ones first, then the one with most readings."""
-    return max(result.cells, key=lambda cell: (cell.verdict == "located", cell.n), default=None)
+    """The cell to show unless one is named: suspicious ones first, then located, most readings."""
+
+    def rank(cell: CellResult) -> tuple[int, bool, int]:
+        word = result.words.get(cell.cell)
+        return WORDS.index(word.word) if word else 0, cell.verdict == "located", cell.n
+
+    return max(result.cells, key=rank, default=None)
 
 
 def headline(result: CellResult) -> str:

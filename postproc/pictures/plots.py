@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
+import shapely
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -15,7 +16,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.patches import Ellipse, PathPatch
+from matplotlib.patches import Ellipse, PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
@@ -39,7 +40,17 @@ from postproc.pictures.picture import (
     mode_label,
     picture_of,
 )
-from postproc.pictures.survey import Box, Clock, Levels, evenly_spaced, round_step, survey_of
+from postproc.pictures.survey import (
+    Box,
+    Clock,
+    Inset,
+    Levels,
+    Survey,
+    evenly_spaced,
+    round_step,
+    survey_of,
+    with_inset,
+)
 from postproc.result import RTS, Result
 
 MOST_VECTORS = 400
@@ -65,6 +76,7 @@ def verbatim(text: str) -> str:
     return "".join(printable).replace("$", r"\$")
 
 
+SMALLEST_POINTS = 9.5
 STYLE: Any = {
     "font.size": 10.0,
     "text.color": rgb(colours.INK),
@@ -85,9 +97,9 @@ STYLE: Any = {
     "ytick.color": rgb(colours.MUTED),
     "xtick.labelcolor": rgb(colours.INK),
     "ytick.labelcolor": rgb(colours.INK),
-    "xtick.labelsize": 9.5,
-    "ytick.labelsize": 9.5,
-    "legend.fontsize": 9.5,
+    "xtick.labelsize": SMALLEST_POINTS,
+    "ytick.labelsize": SMALLEST_POINTS,
+    "legend.fontsize": SMALLEST_POINTS,
     "legend.frameon": False,
     "svg.hashsalt": "cellwalk",
 }
@@ -337,25 +349,77 @@ _MOST_CORNERS = 5000
 """Of a strip of the track: more cannot be distinguished on paper."""
 _SCALE_PARTS = 5
 """The scale bar is the shortest round length of which at most this many fit on the plan."""
+_STREET_POINTS = 5.0
 _FAR_M = 10_000.0
 """Distances beyond this are not printed in metres."""
 
 
-def draw_plan(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
-    """The walk, the regions, and the transmitter's position by each estimator."""
+def draw_plan(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> Box | None:
+    """The walk, the regions, and the transmitter's position by each estimator.
+
+    A small answer is drawn larger in an inset, which may need room: returned is what the plan
+    shows; None without a fix.
+    """
     if picture.box is None:
         draw_message(axes, "no position fix")
-        return
-    draw_ground(axes, picture.box)
+        return None
+    answer_m = np.vstack(picture.regions["95"]) if picture.regions else None
+    box, inset = with_inset(picture.box, answer_m, picture.survey.track_m)
+    draw_ground(axes, box)
     draw_walks(figure, axes, picture)
-    _draw_posterior(axes, picture, picture.box)
+    _draw_posterior(axes, picture, box)
     for estimate in picture.estimates:
         if estimate.estimator != RTS:  # of a transmitter at rest it is the EKF's last state
-            _draw_estimate(axes, estimate, picture.box)
-    if picture.truth_m is not None:
-        label = "truth (simulated)" + outside_note(picture.box, *picture.truth_m)
-        draw_marks(axes, *picture.truth_m, "*", colours.TRUTH, 13, label=label, zorder=9)
+            _draw_estimate(axes, estimate, box)
+    _draw_truth(axes, picture, box)
+    if inset is not None:
+        enlarged = draw_inset(axes, inset, picture)
+        draw_readings(enlarged, picture)
+        _draw_posterior(enlarged, picture, inset[0])
+        _draw_truth(enlarged, picture, inset[0])
     legend_below(figure, axes)
+    return box
+
+
+def _draw_truth(axes: Axes, picture: Picture, box: Box) -> None:
+    if picture.truth_m is not None:
+        label = "truth (simulated)" + outside_note(box, *picture.truth_m)
+        draw_marks(axes, *picture.truth_m, "*", colours.TRUTH, 13, label=label, zorder=9)
+
+
+def draw_inset(axes: Axes, inset: Inset, picture: Picture) -> Axes:
+    """Axes in a frame on the plan, with the streets and the tracks, and what they enlarge."""
+    (shown, frame), ink = inset, rgb(colours.INK)
+    where = (frame.west, frame.south, frame.width, frame.height)
+    enlarged = axes.inset_axes(where, transform=axes.transData, zorder=11)
+    enlarged.set_xlim(shown.west, shown.east)
+    enlarged.set_ylim(shown.south, shown.north)
+    enlarged.set(xticks=[], yticks=[], facecolor=rgb(colours.PAPER))
+    enlarged.spines[:].set(visible=True, color=ink, linewidth=1.0)
+    draw_streets(enlarged, picture.survey)
+    _draw_tracks(enlarged, picture)
+    _draw_scale_bar(enlarged, shown)
+    corner = (shown.west, shown.south)
+    square = Rectangle(corner, shown.width, shown.height, fill=False, edgecolor=ink, linewidth=0.8)
+    axes.add_patch(square).set_zorder(6)
+    ends = ([frame.west, shown.west], [frame.east, shown.east])
+    north = frame.north if frame.north < shown.south else frame.south
+    edge = shown.south if frame.north < shown.south else shown.north
+    for ends_x in ends:
+        axes.plot(ends_x, [north, edge], color=ink, linewidth=0.5, alpha=0.6, zorder=6)
+    return enlarged
+
+
+def draw_streets(axes: Axes, survey: Survey) -> None:
+    """The streets of a simulated world as far as the axes show them, labelled as such."""
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    style: dict[str, Any] = {"color": rgb(colours.GRID), "linewidth": _STREET_POINTS}
+    style |= {"solid_capstyle": "butt", "zorder": 1}
+    for i, street_m in enumerate(survey.streets_m):
+        seen = shapely.clip_by_rect(shapely.LineString(street_m), west, south, east, north)
+        label = "_nolegend_" if i else "streets of the simulation"
+        axes.plot(*shapely.get_coordinates(seen).T, label=label, **style)
+        axes.grid(visible=False)
 
 
 def outside_note(box: Box, east_m: float, north_m: float) -> str:
@@ -391,61 +455,94 @@ def _draw_scale_bar(axes: Axes, box: Box) -> None:
     axes.plot(*ends, color=rgb(colours.INK), linewidth=2.5, solid_capstyle="butt", zorder=10)
     middle = (west + length_m / 2, south)
     label = axes.annotate(f"{length_m:.0f} m", middle, (0, 4), textcoords="offset points")
-    label.set(ha="center", fontsize=9, zorder=10)
+    label.set(ha="center", fontsize=SMALLEST_POINTS, zorder=10)
 
 
 def draw_walks(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None:
-    """The tracks in grey, cut where there was no fix, and the readings coloured by their level."""
-    grey, ink = rgb(colours.QUIET), rgb(colours.INK)
+    """The tracks on their streets, their ends, and the readings coloured by their level."""
+    draw_streets(axes, picture.survey)
+    _draw_tracks(axes, picture)
+    ink = rgb(colours.INK)
     for walk in picture.survey.walks:
-        for strip in walk.strips_m:
-            corners = strip[evenly_spaced(len(strip), _MOST_CORNERS)]
-            axes.plot(*corners.T, color=grey, linewidth=1, alpha=0.6, zorder=2)
         for which, row, marker in (("start", 0, "o"), ("end", -1, "s")):
             if len(walk.track_m):
                 x_m, y_m = walk.track_m[row]
                 style = {"markeredgecolor": ink, "label": f"{which} of the walk", "zorder": 5}
                 draw_marks(axes, x_m, y_m, marker, colours.PAPER, 5, **style)
     if len(picture.readings_m):
-        levels = axes.scatter(
-            picture.readings_m[:, 0],
-            picture.readings_m[:, 1],
-            c=picture.level_dbm,
-            s=7,
-            linewidths=0,
-            zorder=3,
-            rasterized=True,
-            **level_colours(picture.level_range_dbm),
-        )
+        levels = draw_readings(axes, picture)
         level_bar(figure, axes, levels, 6, location="top", aspect=40)
+
+
+def _draw_tracks(axes: Axes, picture: Picture) -> None:
+    """In grey, cut where there was no fix."""
+    for walk in picture.survey.walks:
+        for strip in walk.strips_m:
+            corners = strip[evenly_spaced(len(strip), _MOST_CORNERS)]
+            grey = rgb(colours.QUIET)
+            axes.plot(*corners.T, color=grey, linewidth=1, alpha=0.6, zorder=2)
+
+
+def draw_readings(axes: Axes, picture: Picture) -> ScalarMappable:
+    """Readings as dots in the colours of their levels."""
+    return axes.scatter(
+        picture.readings_m[:, 0],
+        picture.readings_m[:, 1],
+        c=picture.level_dbm,
+        s=7,
+        linewidths=0,
+        zorder=3,
+        rasterized=True,
+        **level_colours(picture.level_range_dbm),
+    )
+
+
+SIGNS = {"suspicious": "x", "unusual": "_"}
+"""Marker in the mark of a cell of each word: its meaning does not hang on a colour."""
+_MARKS = {"suspicious": ("o", 14.0), "unusual": ("D", 10.0)}
+
+
+def draw_cell_mark(
+    axes: Axes, position_m: tuple[float, float], word: str, colour: Colour, **style: Any
+) -> None:
+    """Where a cell is, in a shape and with the sign of its word; a dot without one."""
+    marker, size = _MARKS.get(word, ("o", 7.0))
+    white = rgb(colours.PAPER)
+    draw_marks(axes, *position_m, marker, colour, size, markeredgecolor=white, zorder=8, **style)
+    if sign := SIGNS.get(word):
+        within = {"markeredgewidth": 2.0, "zorder": 8.5}
+        draw_marks(axes, *position_m, sign, colours.PAPER, 0.45 * size, **within)
 
 
 def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
     """Regions of 95 % and 50 % of the probability, and the modes of the posterior."""
-    posterior = picture.focus.posterior if picture.focus else None
-    if posterior is None:
+    focus = picture.focus
+    posterior = focus.posterior if focus else None
+    if focus is None or posterior is None:
         return
-    blue, white = rgb(colours.POSTERIOR), rgb(colours.PAPER)
+    word = picture.survey.word(focus.cell)
+    colour = colours.word_colour(word) if word in SIGNS else colours.POSTERIOR
+    ink = rgb(colour)
     for name, alpha in (("95", 0.12), ("50", 0.25)):
         if rings := picture.regions[name]:
             inside = all(box.contains(*corner) for ring in rings for corner in ring.tolist())
             label = f"{name} % region" + ("" if inside else " (extends outside)")
             # holes run the other way round and stay empty
             path = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
-            style = {"facecolor": (*blue, alpha), "edgecolor": blue, "zorder": 4}
+            style = {"facecolor": (*ink, alpha), "edgecolor": ink, "zorder": 4}
             axes.add_patch(PathPatch(path, label=label, **style))
     several = len(posterior.modes) > 1
     name = "likely positions" if several else "most likely position"
+    name += f": {word}" if word in SIGNS else ""
     positions_m = picture.survey.modes_m(posterior.modes)
     for i, (mode, (east_m, north_m)) in enumerate(
         zip(posterior.modes, positions_m.tolist(), strict=True)
     ):
         label = "_nolegend_" if i else name + outside_note(box, east_m, north_m)
-        style = {"markeredgecolor": white, "label": label, "zorder": 8}
-        draw_marks(axes, east_m, north_m, "o", colours.POSTERIOR, 7, **style)
+        draw_cell_mark(axes, (east_m, north_m), word, colour, label=label)
         text = mode_label(posterior, mode)
         share = axes.annotate(text, (east_m, north_m), (7, 7), textcoords="offset points")
-        share.set(fontsize=9, fontweight="bold", zorder=9, annotation_clip=True)
+        share.set(fontweight="bold", zorder=9, annotation_clip=True)
 
 
 def _draw_estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
@@ -516,7 +613,8 @@ def _title(picture: Picture) -> str:
     kind = "SIMULATED run" if survey.is_simulated else "run"
     files = ", ".join(walk.run.path.name for walk in survey.walks)
     lines = [f"{cell} - {kind} {files}"]
-    lines += [headline(focus)] if focus else []
+    word = survey.word(focus.cell) if focus else ""
+    lines += [f"{word}; {headline(focus)}" if word else headline(focus)] if focus else []
     if focus is not None and focus.posterior is not None and focus.verdict == "cannot tell":
         radii = radii_text(focus.posterior.r50_m, focus.posterior.r95_m)
         lines.append(f"{radii} of the best position")

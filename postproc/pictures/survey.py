@@ -3,14 +3,15 @@
 Positions are metres east and north of the first fix.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import floor, log10
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from logger.core.answer import Word
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.censoring import levels_dbm
 from logger.core.locator.posterior import Mode
@@ -19,6 +20,7 @@ from logger.core.readings import times_ns
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit_run
 from logger.core.utc import utc_text
+from logger.sim.scenario import SCENARIOS, SIMULATED, scenario
 from postproc.result import Result
 
 
@@ -120,6 +122,11 @@ class Box(NamedTuple):
             self.north + margin_y_m,
         )
 
+    def apart(self, other: "Box") -> bool:
+        """Whether two rectangles share nothing."""
+        beside = self.east < other.west or other.east < self.west
+        return beside or self.north < other.south or other.north < self.south
+
     def contains(self, x_m: float, y_m: float) -> bool:
         """Whether a point lies inside."""
         return self.west <= x_m <= self.east and self.south <= y_m <= self.north
@@ -135,6 +142,51 @@ def plan_box(walked_m: FloatArray, extras_m: Iterable[FloatArray]) -> Box:
         if larger.size <= _MOST_WALKS * walk_m:
             box = larger
     return _at_least_half_as_wide(box.enlarge(_MARGIN * box.size))
+
+
+Inset = tuple[Box, Box]
+"""What is drawn larger, and the part of the plan that it takes for that."""
+_INSET_AREA = 0.05
+"""An answer that takes less of the plan is drawn larger, in an inset."""
+_INSET_SIDE = 0.38
+"""Side of an inset, as a share of the shorter side of the plan."""
+_LEAST_INSET_M = 30.0
+_MOST_COVERED = 0.01
+"""Of what is drawn: a corner with more than that is not free."""
+
+
+def with_inset(
+    box: Box, answer_m: FloatArray | None, drawn_m: FloatArray
+) -> tuple[Box, Inset | None]:
+    """The plan with an inset in a free corner, or in room of its own, where the answer is small.
+
+    `answer_m` (k, 2) is shown larger; an inset must not hide `drawn_m` (n, 2).
+    """
+    around = None if answer_m is None or not len(answer_m) else Box.around(answer_m)
+    is_outside = around is None or not (
+        box.contains(around.west, around.south) and box.contains(around.east, around.north)
+    )
+    if around is None or is_outside:
+        return box, None
+    if around.width * around.height >= _INSET_AREA * box.width * box.height:
+        return box, None
+    half_m = max(0.75 * around.size, 0.5 * _LEAST_INSET_M)
+    middle_m = 0.5 * (around.west + around.east), 0.5 * (around.south + around.north)
+    shown = Box(*middle_m, *middle_m).enlarge(half_m)
+    side_m = _INSET_SIDE * min(box.width, box.height)
+    gap_m = 0.015 * box.size
+    west, south = box.west + gap_m, box.south + gap_m
+    east, north = box.east - gap_m, box.north - gap_m
+    for frame in (
+        Box(west, south, west + side_m, south + side_m),
+        Box(east - side_m, north - side_m, east, north),
+    ):
+        hidden = [frame.contains(*point_m) for point_m in drawn_m.tolist()]
+        if np.mean(hidden) <= _MOST_COVERED and frame.apart(shown):
+            return box, (shown, frame)
+    south = box.south - side_m
+    frame = Box(west, south, west + side_m, south + side_m)
+    return Box(box.west, south - gap_m, box.east, box.north), (shown, frame)
 
 
 def _at_least_half_as_wide(box: Box) -> Box:
@@ -192,7 +244,8 @@ class Survey:
     """The walks of a result; `utm` is None where no run has a fix.
 
     Local positions are metres east and north of `origin_m`. `warnings` are about the runs, not
-    about a cell.
+    about a cell; `words` are those of the cells where suspicion was asked. `streets_m` are the
+    streets of a simulated world, lines (k, 2).
     """
 
     walks: tuple[Walk, ...]
@@ -200,6 +253,12 @@ class Survey:
     utm: Utm | None
     origin_m: tuple[float, float]
     warnings: tuple[str, ...]
+    words: Mapping[str, Word] = field(default_factory=dict)
+    streets_m: Sequence[FloatArray] = ()
+
+    def word(self, cell: str) -> str:
+        """The word of a cell; empty where suspicion was not asked."""
+        return self.words[cell].word if cell in self.words else ""
 
     @property
     def track_m(self) -> FloatArray:
@@ -244,13 +303,27 @@ def survey_of(result: Result) -> Survey:
             track = observed.observations.track
             t_ns, track_m = track.t_ns, np.column_stack([track.x_m, track.y_m]) - origin_m
         walks.append(Walk(name, observed.run, levels_of(observed.run), t_ns, track_m))
-    return Survey(
+    survey = Survey(
         walks=tuple(walks),
         clock=clock_of(runs),
         utm=tracks[0].utm if tracks else None,
         origin_m=origin_m,
         warnings=_warnings(result),
+        words=result.words,
     )
+    return replace(survey, streets_m=_simulated_streets(survey)) if survey.utm else survey
+
+
+def _simulated_streets(survey: Survey) -> list[FloatArray]:
+    """Those of the worlds in which the runs were simulated, each once."""
+    origins = [walk.run.meta.origin for walk in survey.walks if walk.run.meta.truth]
+    names = [name.removeprefix(SIMULATED) for name in dict.fromkeys(origins)]
+    return [
+        np.array([survey.position_m(*end_deg) for end_deg in street])
+        for name in names
+        if name in SCENARIOS
+        for street in scenario(name).streets_deg()
+    ]
 
 
 def levels_of(run: Run) -> tuple[Levels, ...]:

@@ -1,8 +1,9 @@
-"""One plan of all cells: the walks, each position that is known, and a picture of the ground."""
+"""One plan of all cells: the walks, where each cell is, and a picture of the ground."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,19 +17,23 @@ from postproc.cell_work import Attempts
 from postproc.pictures import colours
 from postproc.pictures.picture import Rings, picture_of, regions_of
 from postproc.pictures.plots import (
+    DASHED,
+    SIGNS,
+    SMALLEST_POINTS,
+    draw_cell_mark,
     draw_ground,
-    draw_marks,
+    draw_inset,
     draw_walks,
     figure_of_size,
     legend_below,
     rgb,
 )
-from postproc.pictures.survey import Survey, plan_box
-from postproc.report.figures import ReportFigure
+from postproc.pictures.survey import Box, Survey, plan_box, with_inset
+from postproc.report.figures import WIDTH_INCH, ReportFigure
+from postproc.report.svg import PLACE
 from postproc.result import CellResult
 
-_WIDTH_INCH, _BESIDE_INCH, _ABOVE_INCH = 4.6, 0.8, 1.0
-"""As narrow as the pictures of a cell, for a telephone."""
+_BESIDE_INCH, _ABOVE_INCH = 0.2, 0.3
 _TALLEST_INCH = 6.0
 """A walk from north to south leaves room for others on a sheet of paper."""
 _MOST_PIXELS = 1200
@@ -38,13 +43,28 @@ _POSITIONED = ("located", "ambiguous")
 
 
 class _Place(NamedTuple):
-    """A cell with a position: its number in the table, its positions (n, 2) and its region."""
+    """A cell on the plan: its number, its word, its positions (n, 2) and its region.
+
+    `what` says what the position is, where it is not that of a verdict.
+    """
 
     number: int
-    result: CellResult
+    cell: str
+    word: str
+    what: str
     positions_m: FloatArray
     shares: tuple[str, ...]
     outline: Rings
+
+    @property
+    def extent_m(self) -> FloatArray:
+        """What the plan has to show, shape (n, 2): a region only where a verdict stands for it."""
+        return np.vstack([self.positions_m, *([] if self.what else self.outline)])
+
+    @property
+    def label(self) -> str:
+        """Number and word."""
+        return f"{self.number} {self.word}" if self.word in SIGNS else str(self.number)
 
 
 def cell_map(
@@ -53,9 +73,11 @@ def cell_map(
     basemap: FilePath | None,
     tries: Attempts | None = None,
 ) -> ReportFigure | None:
-    """The plan; None where no cell has a position, or where it would be that of the only cell.
+    """The plan; None where no cell has a place on it.
 
-    `basemap` is a file with a picture of the ground; `tries` gets the cells that cannot be drawn.
+    A cell with a word has one also where no verdict gives a position: the best one, or where it was
+    strongest. What is small about the first of them is drawn larger. `basemap` is a file with a
+    picture of the ground; `tries` gets the cells that cannot be drawn.
 
     Raises `ConfigError` where the file cannot be read, or does not cover the plan.
     """
@@ -63,67 +85,125 @@ def cell_map(
     numbered = enumerate(cells, 1)
     found = tries.each(numbered, lambda one: one[1].cell, lambda one: _place(survey, *one))
     places = [place for _, place in found if place is not None]
-    if survey.utm is None or not places or (len(cells) < 2 and basemap is None):
+    if survey.utm is None or not places:
         return None
-    extras = [np.vstack([place.positions_m, *place.outline]) for place in places]
-    box = plan_box(survey.track_m, extras)
+    extents = [place.extent_m for place in places]
+    box = plan_box(survey.track_m, extents)
+    drawn_m = np.vstack([survey.track_m, *(place.positions_m for place in places)])
+    first = places[0]
+    box, inset = with_inset(box, None if first.what else first.extent_m, drawn_m)
     ground = read_basemap(basemap, survey, box, _MOST_PIXELS) if basemap else None
-    height_inch = (_WIDTH_INCH - _BESIDE_INCH) * box.height / box.width + _ABOVE_INCH
-    figure = figure_of_size(_WIDTH_INCH, min(height_inch, _TALLEST_INCH))
-    axes = figure.subplots()
     if ground is not None:
-        _draw_basemap(axes, ground)
-    draw_ground(axes, box)
-    draw_walks(figure, axes, picture_of(survey, None))
-    tries.each(places, lambda place: place.result.cell, lambda place: _draw_place(axes, place))
+        survey = replace(survey, streets_m=())
+    height_inch = (WIDTH_INCH - _BESIDE_INCH) * box.height / box.width + _ABOVE_INCH
+    figure = figure_of_size(WIDTH_INCH, min(height_inch, _TALLEST_INCH))
+    axes = figure.subplots()
+    picture = picture_of(survey, None)
+    _draw_ground(axes, box, ground)
+    draw_walks(figure, axes, picture)
+    _name_directly(axes, picture.survey)
+    tries.each(places, lambda place: place.cell, lambda place: _draw_place(axes, place, box))
+    if inset is not None:
+        enlarged = draw_inset(axes, inset, picture)
+        if ground is not None:
+            _draw_basemap(enlarged, ground, inset[0])
+        tries.each(places[:1], lambda one: one.cell, lambda one: _draw_place(enlarged, one))
     legend_below(figure, axes)
+    legends = (legend.get_window_extent().height / figure.dpi for legend in figure.legends)
+    figure.set_size_inches(WIDTH_INCH, min(height_inch + sum(legends), _TALLEST_INCH))
     return ReportFigure("map", "All cells on one plan", figure, _alt_text(places, len(cells)))
 
 
 def _place(survey: Survey, number: int, cell: CellResult) -> _Place | None:
-    """A cell with its number in the table of all cells; None where its position is not known."""
-    if cell.posterior is None or cell.verdict not in _POSITIONED:
-        return None
-    modes = relevant_modes(cell.posterior.modes)
-    shares = tuple(share_text(mode.probability) if len(modes) > 1 else "" for mode in modes)
-    outline = regions_of(cell.posterior, survey.origin_m)["95"]
-    return _Place(number, cell, survey.modes_m(modes), shares, outline)
+    """A cell with its number; None where it has no place on the plan."""
+    word = survey.word(cell.cell)
+    named = number, cell.cell, word
+    is_positioned = cell.verdict in _POSITIONED
+    if cell.posterior is not None and (is_positioned or word in SIGNS):
+        modes = relevant_modes(cell.posterior.modes)
+        shares = tuple(share_text(mode.probability) if len(modes) > 1 else "" for mode in modes)
+        outline = regions_of(cell.posterior, survey.origin_m)["95"]
+        what = "" if is_positioned else "not located yet"
+        return _Place(*named, what, survey.modes_m(modes), shares, outline)
+    if word in SIGNS and cell.obs is not None and len(cell.obs):
+        strongest = int(np.argmax(cell.obs.level_dbm))
+        where_m = survey.local(cell.obs.x_m, cell.obs.y_m)[[strongest]]
+        return _Place(*named, "where it was strongest", where_m, ("",), [])
+    return None
 
 
-def _draw_basemap(axes: Axes, basemap: Basemap) -> None:
+def _draw_ground(axes: Axes, box: Box, ground: Basemap | None) -> None:
+    """Without a scale along the sides: numbers of metres help nobody to find a place."""
+    draw_ground(axes, box)
+    axes.set(xticks=[], yticks=[], xlabel="", ylabel="")
+    axes.spines[:].set_visible(False)
+    if ground is not None:
+        _draw_basemap(axes, ground, box)
+
+
+def _name_directly(axes: Axes, survey: Survey) -> None:
+    """The ends of the only walk, and simulated streets, by texts on the plan: a legend is below."""
+    muted: dict[str, Any] = {"color": rgb(colours.MUTED), "fontsize": SMALLEST_POINTS, "zorder": 6}
+    if survey.streets_m:
+        text = axes.text(0.99, 0.99, "simulated streets", transform=axes.transAxes, **muted)
+        text.set(ha="right", va="top")
+    tracks = [walk.track_m for walk in survey.walks if len(walk.track_m)]
+    for track_m in tracks if len(tracks) == 1 else ():
+        for name, end_m in (("start", track_m[0]), ("end", track_m[-1])):
+            axes.annotate(name, end_m, (6, -11), textcoords="offset points", **muted)
+    named = ("streets", *(("start", "end") if len(tracks) == 1 else ()))
+    for line in axes.lines:
+        if str(line.get_label()).startswith(named):
+            line.set_label("_nolegend_")
+
+
+def _draw_basemap(axes: Axes, basemap: Basemap, shown: Box) -> None:
     alpha = _OPACITY * basemap.pixels[..., 3:] / 255.0
     paper = np.array(colours.PAPER)
     pixels = np.rint(basemap.pixels[..., :3] * alpha + paper * (1.0 - alpha)).astype(np.uint8)
     box = basemap.box
     extent = (box.west, box.east, box.south, box.north)
     axes.imshow(pixels, extent=extent, interpolation="none", zorder=0)
+    axes.set_xlim(shown.west, shown.east)
+    axes.set_ylim(shown.south, shown.north)
     axes.grid(visible=False)
 
 
-def _draw_place(axes: Axes, place: _Place) -> None:
-    colour = colours.verdict_colour(place.result.verdict)
+def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> None:
+    """Region and marks, with their names on the plan that shows `box`."""
+    colour = colours.word_colour(place.word)
     if place.outline:
         path = Path.make_compound_path(*(Path(ring, closed=True) for ring in place.outline))
-        style = {"facecolor": (*rgb(colour), 0.18), "edgecolor": rgb(colour), "zorder": 4}
-        axes.add_patch(PathPatch(path, **style))
-    for i, ((east_m, north_m), share) in enumerate(
+        style = {"edgecolor": rgb(colour), "zorder": 4}
+        if place.what:
+            axes.add_patch(PathPatch(path, facecolor="none", linestyle=DASHED, **style))
+        else:
+            axes.add_patch(PathPatch(path, facecolor=(*rgb(colour), 0.18), **style))
+    for i, (position_m, share) in enumerate(
         zip(place.positions_m.tolist(), place.shares, strict=True)
     ):
-        label = (
-            "_nolegend_" if i else f"{place.number}: {place.result.cell}, {place.result.verdict}"
-        )
-        style = {"markeredgecolor": rgb(colours.PAPER), "label": label, "zorder": 8}
-        draw_marks(axes, east_m, north_m, "o", colour, 8, **style)
-        text = f"{place.number}" + (f" ({share})" if share else "")
-        note = axes.annotate(text, (east_m, north_m), (7, 7), textcoords="offset points")
+        what = f", {place.what}" if place.what else ""
+        label = "_nolegend_" if i else f"{place.label}: {place.cell}{what}"
+        gid = f"{PLACE}{place.number}" if box and not i else None
+        draw_cell_mark(axes, position_m, place.word, colour, label=label, gid=gid)
+        if box is None:
+            continue
+        text = place.label + (f" ({share})" if share else "")
+        is_east = position_m[0] > 0.5 * (box.west + box.east)
+        beside = {"ha": "right", "xytext": (-9, 6)} if is_east else {"xytext": (9, 6)}
+        note = axes.annotate(text, position_m, textcoords="offset points", **beside)
         note.set(fontsize=10, fontweight="bold", zorder=9, annotation_clip=True)
+        note.set_bbox({"facecolor": rgb(colours.PAPER), "alpha": 0.8, "linewidth": 0, "pad": 1})
 
 
 def _alt_text(places: Sequence[_Place], n_cells: int) -> str:
-    named = [f"{place.number} is {place.result.cell}, {place.result.verdict}" for place in places]
+    named = [
+        f"{place.number} is {place.cell}" + "".join(f", {t}" for t in (place.word, place.what) if t)
+        for place in places
+    ]
     text = (
-        "The walk, and for each cell with a position its number in the table, its most likely "
-        f"positions and the region that holds 95 % of its probability: {'; '.join(named)}."
+        "The walk, and for each cell with a position its number, its most likely positions and "
+        f"the region that holds 95 % of its probability: {'; '.join(named)}."
     )
     left = n_cells - len(places)
     return text + (f" The other {left} have no position to show." if left else "")

@@ -48,12 +48,12 @@ def coordinates(lat_deg: float, lon_deg: float, r95_m: float | None = None) -> C
 
 
 def _dms(value_deg: float, letters: str) -> str:
-    """Degrees, minutes and seconds to a tenth, which is 3 m."""
-    tenths = round(abs(value_deg) * 36_000)
-    degrees, rest = divmod(tenths, 36_000)
-    minutes, tenths = divmod(rest, 600)
+    """Degrees, minutes and seconds to a hundredth, which is 0.3 m: a tenth is another place."""
+    hundredths = round(abs(value_deg) * 360_000)
+    degrees, rest = divmod(hundredths, 360_000)
+    minutes, rest = divmod(rest, 6_000)
     letter = letters[0] if value_deg >= 0.0 else letters[1]
-    return f"{degrees}°{minutes:02d}'{tenths // 10:02d}.{tenths % 10}\"{letter}"
+    return f"{degrees}°{minutes:02d}'{rest / 100:05.2f}\"{letter}"
 
 
 def _standard_utm(lat_deg: float, lon_deg: float) -> tuple[int, float, float] | None:

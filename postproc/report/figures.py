@@ -32,8 +32,8 @@ from postproc.pictures.survey import Box, Clock, Levels
 from postproc.report import alt_text
 from postproc.verification.verdicts import CellVerdict
 
-_WIDTH_INCH = 4.6
-"""Narrow, so that texts are legible on a telephone as well."""
+WIDTH_INCH = 4.0
+"""Narrow, so that texts have 11 pixels or more on a telephone of 390."""
 _BESIDE_INCH = 0.85
 _ABOVE_INCH = 1.5
 """Space for the labels beside a plan, and for those above and below it."""
@@ -74,22 +74,22 @@ def overview(rows: Sequence[Levels | None], clock: Clock) -> ReportFigure | None
     strips = strips_of(rows, clock)
     if strips is None:
         return None
-    figure = figure_of_size(2.0 * _WIDTH_INCH, 1.3 + 0.2 * len(rows))
+    figure = figure_of_size(2.0 * WIDTH_INCH, 1.3 + 0.2 * len(rows))
     draw_strips(figure, figure.subplots(), strips)
     title, text = "Levels of all cells over time", alt_text.strips(strips)
     return ReportFigure("overview", title, figure, text)
 
 
 def _plan(picture: Picture, box: Box, claims: Sequence[CellVerdict]) -> Figure:
-    figure = figure_of_size(_WIDTH_INCH, _WIDTH_INCH)
+    figure = figure_of_size(WIDTH_INCH, WIDTH_INCH)
     axes = figure.subplots()
     for claim in claims:
         _draw_claim(axes, picture, box, claim)
-    draw_plan(figure, axes, picture)
+    box = draw_plan(figure, axes, picture) or box
     # the plan is to scale, so the walk determines its height
-    plan_inch = (_WIDTH_INCH - _BESIDE_INCH) * box.height / box.width
+    plan_inch = (WIDTH_INCH - _BESIDE_INCH) * box.height / box.width
     legends = (legend.get_window_extent().height / figure.dpi for legend in figure.legends)
-    figure.set_size_inches(_WIDTH_INCH, plan_inch + _ABOVE_INCH + sum(legends))
+    figure.set_size_inches(WIDTH_INCH, plan_inch + _ABOVE_INCH + sum(legends))
     return figure
 
 
@@ -110,7 +110,7 @@ def _draw_claim(axes: Axes, picture: Picture, box: Box, tested: CellVerdict) -> 
 
 
 def _distance(fit: Fit) -> Figure:
-    figure = figure_of_size(_WIDTH_INCH, 4.6)
+    figure = figure_of_size(WIDTH_INCH, 4.6)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     draw_distance(above, fit)
     draw_residuals(below, fit)
@@ -120,7 +120,7 @@ def _distance(fit: Fit) -> Figure:
 
 
 def _levels(picture: Picture) -> Figure:
-    figure = figure_of_size(_WIDTH_INCH, 2.9)
+    figure = figure_of_size(WIDTH_INCH, 2.9)
     axes = figure.subplots()
     draw_levels(axes, picture, most_others=0)
     axes.set_title("")
@@ -128,7 +128,7 @@ def _levels(picture: Picture) -> Figure:
 
 
 def _path_loss(picture: Picture) -> Figure:
-    figure = figure_of_size(_WIDTH_INCH, 4.2)
+    figure = figure_of_size(WIDTH_INCH, 4.2)
     above, below = figure.subplots(2, 1, sharex=True)
     draw_parameter(above, picture, P0)
     draw_parameter(below, picture, ETA)
@@ -142,7 +142,7 @@ def _consistency(clock: Clock, ekf: FilterPath) -> Iterator[ReportFigure]:
     tested = ekf.consistency or consistency(ekf.innovation_db, ekf.innovation_var_db2)
     if not tested.autocorrelation:
         return
-    figure = figure_of_size(_WIDTH_INCH, 4.6)
+    figure = figure_of_size(WIDTH_INCH, 4.6)
     above, below = figure.subplots(2, 1)
     draw_nis(above, clock, ekf)
     draw_autocorrelation(below, tested)

@@ -1,18 +1,20 @@
 """The page from its parts, by the template in `templates`."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import inf
 
 from jinja2 import Template
 from markupsafe import Markup
 
-from logger.core.document import Column, Degrees, Document, Measured, Table, Value, Word
+from logger.core.answer import Answer
+from logger.core.document import Column, Degrees, Document, Table, Value, Word
 from logger.core.ellipse import RADII, metres
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.rivals import share_text
 from logger.core.runfile import Run
+from logger.core.suspicion.words import strongest_reasons, word_rate_text
 from postproc.html_page import page_environment
 from postproc.info import CellCount, Event, Gap, Info, describe
 from postproc.report import wording
@@ -21,12 +23,15 @@ from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.summary import estimator_table, run_table
+from postproc.suspicion.run_assessment import unnoticed_text
 from postproc.verification.verdicts import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
 _NO_TABLE = Table((), ())
 _MOST_PLACES = 4
-_MOST_EVENTS = 150
+_MOST_ROWS = 12
+"""Of a table that does not scroll by itself."""
+_MOST_EVENTS = 100
 _MOST_GAPS = 60
 """Of a run: a recorder that fails for hours writes more than anybody reads."""
 
@@ -64,9 +69,14 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class CellSection:
-    """A cell in detail: its answer, warnings that the answer does not repeat, and figures."""
+    """A cell in detail: its number, answer, warnings that the answer lacks, and figures.
 
-    key: str
+    `word` is empty where suspicion was not asked. `reasons` and `harmless` causes, the weightiest
+    first, and the `rate` of the word stand beside a word that says more than "nothing unusual";
+    beside any other word the reasons are what rules only warn of.
+    """
+
+    number: int
     result: CellResult
     answer: Document
     findings: tuple[str, ...]
@@ -74,6 +84,20 @@ class CellSection:
     figures: tuple[PageFigure, ...]
     estimators: Table
     runs: Table
+    word: str = ""
+    reasons: tuple[str, ...] = ()
+    harmless: tuple[str, ...] = ()
+    rate: str = ""
+
+    @property
+    def key(self) -> str:
+        """Its identifier on the page."""
+        return f"cell-{self.number}"
+
+    @property
+    def is_odd(self) -> bool:
+        """Whether the page speaks of it first."""
+        return self.word in wording.ODD
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,31 +143,45 @@ class RunSection:
 
 def cell_section(
     number: int,
+    answer: Answer,
     result: CellResult,
-    runs: Sequence[Run],
     figures: Sequence[ReportFigure],
     streets: Streets = no_street,
 ) -> CellSection:
-    """A cell of runs with its figures; the number identifies it on the page."""
-    key = f"cell-{number}"
-    answer = wording.headline(result)
-    answered = " ".join(map(str, answer.body)).lower()
-    return CellSection(
-        key=key,
+    """A cell with its answer and its figures; the number identifies it on the page."""
+    word = answer.word.word if answer.word else ""
+    said = wording.headline(result, word)
+    answered = " ".join(map(str, said.body)).lower()
+    section = CellSection(
+        number=number,
         result=result,
-        answer=answer,
+        answer=said,
         findings=tuple(text for text in result.warnings if text.lower() not in answered),
         places=tuple(_places(result, streets)),
-        figures=tuple(_page_figure(f"{key}-{figure.name}", figure) for figure in figures),
-        estimators=estimator_table(result.answer(runs)),
-        runs=run_table(result, [run.path.name for run in runs]),
+        figures=tuple(_page_figure(f"cell-{number}-{figure.name}", figure) for figure in figures),
+        estimators=estimator_table(answer),
+        runs=run_table(result, answer.provenance.runs),
+        word=word,
+    )
+    if answer.word is None:
+        return section
+    findings = sorted(answer.word.findings, key=lambda finding: -finding.nats)
+    if not section.is_odd:
+        warns = (one.text for one in findings if one.rule.strength == "warns")
+        return replace(section, reasons=tuple(dict.fromkeys(warns)))
+    harmless = ", ".join(finding.rule.harmless for finding in findings).split(", ")
+    return replace(
+        section,
+        reasons=tuple(strongest_reasons(answer.word)),
+        harmless=tuple(dict.fromkeys(harmless)),
+        rate=word_rate_text(answer.word.word),
     )
 
 
 def section_without_details(number: int, result: CellResult) -> CellSection:
     """A cell whose details could not be made: the reason."""
     answer = Document(result, "No details", body=[result.warnings[0]])
-    return CellSection(f"cell-{number}", result, answer, (), (), (), _NO_TABLE, _NO_TABLE)
+    return CellSection(number, result, answer, (), (), (), _NO_TABLE, _NO_TABLE)
 
 
 def _places(result: CellResult, streets: Streets) -> Iterator[Spot]:
@@ -180,12 +218,16 @@ def html(
     """The page; the same input gives the same text."""
     runs = [run_section(observed) for observed in result.runs]
     return _template("report.html").render(
-        heading=wording.heading(result.cells, [cell.answer for cell in cells]),
+        heading=wording.heading(result),
+        located=wording.located_text(result.cells),
+        top=cells[0] if cells and cells[0].is_odd else None,
+        unnoticed=unnoticed_text(result.not_asked) if result.words else "",
+        has_suspicious=any(word.word == "suspicious" for word in result.words.values()),
         details=cells,
         cells=result.cells,
         warnings=[text for run in runs for text in run.warnings] + list(result.warnings),
         prior=next((cell.posterior.prior for cell in result.cells if cell.posterior), None),
-        cell_table=_cell_table(result.cells, _strongest_counts(runs)),
+        cell_table=_cell_table(result, _strongest_counts(runs)),
         claim_table=_claim_table(verified or _NO_CLAIMS),
         overview=_page_figure(overview.name, overview) if overview else None,
         cell_map=_page_figure(cell_map.name, cell_map) if cell_map else None,
@@ -213,46 +255,44 @@ def _template(name: str) -> Template:
     environment.filters |= {
         "alternatives": alternatives_text,
         "metres": metres,
+        "sentence": wording.sentence,
+        "minute": lambda utc: f"{utc[:16].replace('T', ' ')} UTC",
         "of": wording.number_of,
         "time": wording.time_text,
         "duration": wording.duration_text,
     }
+    environment.globals["MOST_RUNS"] = 2
     return environment.get_template(name)
 
 
 _POSITION = Column("latitude and longitude")
 _RADII = tuple(Column(radius, ".0f", "m") for radius in RADII)
-_PARAMETERS = (Column("P0", ".1f", "dBm"), Column("eta", ".2f"))
 
 
-def _cell_table(cells: Sequence[CellResult], counts: Mapping[str, CellCount]) -> Table:
+def _cell_table(result: Result, counts: Mapping[str, CellCount]) -> Table:
     columns = (
         Column("no.", "d"),
         Column("cell"),
+        Column("word"),
         Column("verdict"),
         Column("type"),
         Column("readings used", "d"),
         Column("highest level", ".0f", "dBm"),
         _POSITION,
         *_RADII,
-        *_PARAMETERS,
     )
     rows = []
-    for number, cell in enumerate(cells, 1):
-        count, place, best = counts.get(cell.cell), cell.place, cell.posterior
-        shown: tuple[Value, ...] = (None,) * 5
-        if place is not None and best is not None:
-            shown = (
-                Degrees(place.lat, place.lon),
-                place.r50_m,
-                place.r95_m,
-                Measured(best.p0_dbm, best.p0_sigma_db),
-                Measured(best.eta, best.eta_sigma),
-            )
+    for number, cell in enumerate(result.cells, 1):
+        word = result.words.get(cell.cell)
+        count, place = counts.get(cell.cell), cell.place
+        shown: tuple[Value, ...] = (None, None, None)
+        if place is not None:
+            shown = (Degrees(place.lat, place.lon), place.r50_m, place.r95_m)
         rows.append(
             (
                 number,
                 cell.cell,
+                Word(word.word) if word else None,
                 Word(cell.verdict),
                 count.rat if count else None,
                 cell.n,
@@ -260,7 +300,8 @@ def _cell_table(cells: Sequence[CellResult], counts: Mapping[str, CellCount]) ->
                 *shown,
             )
         )
-    return Table(columns, rows, "Table of all cells", name_column=1)
+    scrolls = len(rows) > _MOST_ROWS
+    return Table(columns, rows, "Table of all cells", name_column=1, scrolls=scrolls)
 
 
 def _claim_table(verified: Verified) -> Table:

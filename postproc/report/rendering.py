@@ -7,6 +7,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 
+from logger.core.suspicion.words import reason_line
 from postproc.atomic_write import whole_file
 from postproc.basemap.tiles import street_at
 from postproc.cell_work import Attempts, Failure, attempt, exit_code
@@ -89,9 +90,14 @@ def make_report(
     `basemap` is a file with a picture of the ground. Raises `ConfigError` where it is unusable.
     """
     cells = select_cells(result.cells, most, first)
+    # a cell has one number everywhere: that of its card
+    others = (cell for cell in result.cells if not any(cell is one for one in cells))
+    result = replace(result, cells=(*cells, *others))
     survey = survey_of(result)
     streets = partial(street_at, basemap) if basemap else no_street
-    detailed = (_detail(n, survey, cell, verified, streets) for n, cell in enumerate(cells, 1))
+    detailed = (
+        _detail(n, result, survey, cell, verified, streets) for n, cell in enumerate(cells, 1)
+    )
     names = [cell.cell for cell in cells]
     tries = Attempts("its place on the map")
     with mpl.rc_context(STYLE):
@@ -100,9 +106,10 @@ def make_report(
         plan = cell_map(survey, result.cells, basemap, tries)
     sections = [section for section, _ in details]
     rows = (*result.cells, *(section.result for section in sections))
+    said = {reason_line(cell, word) for cell, word in result.words.items()}
     reasons = [f"{cell.cell}: {text}" for cell in rows if cell.error for text in cell.warnings]
     reasons += [f"{why.cell}: {why.reason}" for why in tries.failures.values()]
-    warnings = (*result.warnings, *dict.fromkeys(reasons))
+    warnings = (*(text for text in result.warnings if text not in said), *dict.fromkeys(reasons))
     page = html(replace(result, warnings=warnings), sections, verified, summary, plan)
     figures = tuple(figures for _, figures in details)
     code = exit_code((*rows, *tries.failures.values()))
@@ -122,7 +129,12 @@ _Detail = tuple[CellSection, tuple[ReportFigure, ...]]
 
 
 def _detail(
-    number: int, survey: Survey, cell: CellResult, verified: Verified | None, streets: Streets
+    number: int,
+    result: Result,
+    survey: Survey,
+    cell: CellResult,
+    verified: Verified | None,
+    streets: Streets,
 ) -> _Detail:
     """A cell in detail, or a section with why there are no details."""
 
@@ -130,8 +142,7 @@ def _detail(
         tests = verified.cells if verified else ()
         claims = [tested for tested in tests if tested.cell == cell.cell]
         figures = tuple(figures_of(picture_of(survey, cell), claims))
-        runs = [walk.run for walk in survey.walks]
-        return cell_section(number, cell, runs, figures, streets), figures
+        return cell_section(number, result.answer(cell), cell, figures, streets), figures
 
     detail = attempt(cell.cell, "its part of the page", draw)
     if isinstance(detail, Failure):

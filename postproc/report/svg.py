@@ -18,9 +18,13 @@ _PAGE_COLOURS = {
     "muted": colours.MUTED,
     "grid": colours.GRID,
     "paper": colours.PAPER,
+    "bad": colours.RED,
+    "doubt": colours.AMBER,
 }
 """Colours of a picture that the page chooses, by the name of its custom property."""
 
+PLACE = "place-"
+"""What the name of a cell's mark begins with: the page keeps it."""
 _SVG = "{http://www.w3.org/2000/svg}"
 _NUMERIC = ("d", "x", "y", "width", "height", "transform", "viewBox")
 _DECIMALS = re.compile(r"(\.\d\d)\d+")
@@ -102,7 +106,8 @@ def _page_attributes(attributes: dict[str, str], name: str, referenced: set[str]
     changed: dict[str, str] = {}
     for key, value in attributes.items():
         if key == "id":
-            changed |= {key: f"{name}-{value}"} if value in referenced else {}
+            is_named = value in referenced or value.startswith(PLACE)
+            changed |= {key: f"{name}-{value}"} if is_named else {}
         elif key.endswith("href"):
             is_local = value.startswith("#")
             changed["href"] = f"#{name}-{value[1:]}" if is_local else _lean_picture(value)

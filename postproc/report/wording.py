@@ -7,26 +7,31 @@ from logger.core.answer import Mode, Place
 from logger.core.document import Document
 from logger.core.ellipse import metres, radii_text
 from logger.core.guidance.sentence import direction
-from logger.core.locator.rivals import area_text
-from postproc.result import CellResult
+from postproc.result import CellResult, Result
 
 _MOST_POSITIONS = 4
 """Positions of an ambiguous cell that its answer lists; the plan shows all."""
+ODD = ("suspicious", "unusual")
+"""Words of which a page speaks first."""
+SEARCH = "Go there and look, from afar. Walk by on another day: two walks that agree are a finding."
+"""What to do about a cell with such a word that is located."""
 _LONGEST_WALK_M = 5000.0
 """An hour's walk: towards a position less certain than this no walk is advised."""
 
 
-def headline(cell: CellResult) -> Document:
-    """What the walk shows about a cell: title, a sentence, and advice where a walk is needed."""
+def headline(cell: CellResult, word: str = "") -> Document:
+    """What the walk shows about a cell: title, a sentence, and what to do where there is more.
+
+    A cell with the word *suspicious* or *unusual* is searched once it is located.
+    """
     place = cell.place
     if place is None or cell.verdict == "cannot tell":
         reason = cell.warnings[0] if cell.warnings else "the readings do not determine a position"
-        return _headline(cell, "No position yet", _sentence(reason), _advice(cell))
+        return _headline(cell, "No position yet", sentence(reason), _advice(cell))
     if cell.verdict == "located":
-        area, radii = area_text(place.area_m2), radii_text(place.r50_m, place.r95_m)
-        position = degrees_text(place)
-        text = f"With a probability of 95 %, it is in a region of {area} around {position}."
-        return _headline(cell, f"Located: {radii}", text)
+        radii = radii_text(place.r50_m, place.r95_m)
+        text = f"Around {degrees_text(place)}."
+        return _headline(cell, f"Located: {radii}", text, SEARCH if word in ODD else None)
     modes = place.likely_modes
     shares = [f"{mode.percent}% at {degrees_text(mode)}" for mode in modes]
     more = len(modes) - _MOST_POSITIONS
@@ -39,13 +44,24 @@ def _headline(cell: CellResult, title: str, text: str, advice: str | None = None
     return Document(cell, title, body=[text, *filter(None, [advice])])
 
 
-def heading(cells: Sequence[CellResult], answers: Sequence[Document]) -> str:
-    """The verdicts of all cells in one line, or the answer of a single one."""
-    if not cells:
+def heading(result: Result) -> str:
+    """Which cell is suspicious, or that none is."""
+    if not result.cells:
         return "No cell was observed"
-    if len(cells) == len(answers) == 1:
-        title = str(answers[0].title)
-        return f"Cell {cells[0].cell}: {title[:1].lower()}{title[1:]}"
+    if not result.words:
+        return located_text(result.cells)
+    counts = Counter(word.word for word in result.words.values())
+    if counts["suspicious"] > 1:
+        return f"{counts['suspicious']} cells are suspicious"
+    if counts["suspicious"]:
+        return "One cell is suspicious"
+    if n_unusual := counts["unusual"]:
+        return f"No cell is suspicious, {n_unusual} {'is' if n_unusual == 1 else 'are'} unusual"
+    return "No cell is suspicious"
+
+
+def located_text(cells: Sequence[CellResult]) -> str:
+    """The verdicts of all cells in one line."""
     counts = Counter(cell.verdict for cell in cells)
     parts = [f"{counts['located']} of {number_of(len(cells), 'cell')} located"]
     if n_ambiguous := counts["ambiguous"]:
@@ -61,8 +77,8 @@ def number_of(count: int, noun: str) -> str:
 
 
 def degrees_text(place: Place | Mode) -> str:
-    """Latitude and longitude to a metre."""
-    return f"{place.lat:.5f} {place.lon:.5f}"
+    """Latitude and longitude to a metre, on one line."""
+    return f"{place.lat:.5f}\N{NO-BREAK SPACE}{place.lon:.5f}"
 
 
 def time_text(seconds: float) -> str:
@@ -82,7 +98,7 @@ def duration_text(seconds: float) -> str:
 def _advice(cell: CellResult) -> str | None:
     """The locator's advice where several positions fit, else the most informative walk."""
     if cell.verdict == "ambiguous":
-        return _sentence(cell.warnings[1]) if len(cell.warnings) > 1 else None
+        return sentence(cell.warnings[1]) if len(cell.warnings) > 1 else None
     posterior, place, obs = cell.posterior, cell.place, cell.obs
     if posterior is None or place is None or obs is None or not len(obs):
         return "Walk where this cell is received, with a position fix, and turn a corner or two."
@@ -92,10 +108,11 @@ def _advice(cell: CellResult) -> str | None:
     way_m = shown.xy_m[:, 0] - last.xy_m[:, 0]
     way = f"{metres(shown.away_m(last))} {direction(way_m)}"
     return (
-        f"Walk around the most likely position, {degrees_text(place)}. It is {way} of the last "
-        "reading of this cell. Levels from more than one side are the most informative."
+        f"Walk around the most likely position, {degrees_text(place)}, {way} of the last reading "
+        "of this cell."
     )
 
 
-def _sentence(text: str) -> str:
+def sentence(text: str) -> str:
+    """With a capital letter and a full stop."""
     return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"

@@ -51,8 +51,9 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     of `n_places` places; `place` is the number, and the first has most readings; `heard_near` is
     the place in words. `runs` are the digests of those that heard it there. `region_wkb` is the
     95 % region in degrees. `word` is the worst word of suspicion that one of these runs gave the
-    cell, by the rules `word_rules` in `word_runs` runs; None where no run could be asked. `error`
-    is that of the program which ended the estimate, None where none did.
+    cell, by the rules `word_rules` in `word_runs` runs, with `word_reasons` as one of them gave
+    them; None where no run could be asked. `error` is that of the program which ended the estimate,
+    None where none did.
     """
 
     cell: str
@@ -89,6 +90,7 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     moved: float | None = None
     word: Word | None = None
     word_rules: tuple[str, ...] = ()
+    word_reasons: tuple[str, ...] = ()
     word_runs: int = 0
     offsets: tuple[ModemOffset, ...] = ()
     region_wkb: bytes = b""

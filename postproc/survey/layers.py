@@ -74,6 +74,7 @@ def _row(cell: LocatedCell) -> Mapping[str, Any]:
     row = msgspec.structs.asdict(cell)
     del row["region_wkb"], row["runs"]
     row["reasons"] = "; ".join(cell.reasons)
+    row["word_reasons"] = "; ".join(cell.word_reasons)
     row["word_rules"] = " ".join(cell.word_rules)
     row["offsets"] = msgspec.json.encode(cell.offsets).decode()
     for name_ns, name in _TIMES.items():

@@ -13,6 +13,7 @@ import msgspec
 from logger.core.suspicion.rule import WORDS, Word
 from logger.core.suspicion.rules import rules_version
 from logger.core.suspicion.tracker import SuspicionTracker
+from logger.core.suspicion.words import strongest_reasons
 from postproc.progress import with_progress
 from postproc.survey import layout
 from postproc.survey.cell_location import LocatedCell
@@ -27,11 +28,15 @@ _RUNS_AT_ONCE = 16
 
 
 class CellWord(msgspec.Struct, frozen=True):
-    """A word that is not "nothing unusual", and the rules that gave it, the weightiest first."""
+    """A word that is not "nothing unusual", its rules and its reasons, the weightiest first.
+
+    A line of an earlier program, without reasons, is not read.
+    """
 
     cell: str
     word: Word
     rules: tuple[str, ...]
+    reasons: tuple[str, ...]
 
 
 class RunWords(msgspec.Struct, frozen=True):
@@ -101,7 +106,10 @@ def _with_word(cell: LocatedCell, said: Sequence[CellWord]) -> LocatedCell:
     worst = max((one.word for one in said), key=WORDS.index, default=WORDS[0])
     of_word = [one for one in said if one.word == worst]
     rules = tuple(dict.fromkeys(rule for one in of_word for rule in one.rules))
-    return msgspec.structs.replace(cell, word=worst, word_rules=rules, word_runs=len(of_word))
+    reasons = max((one.reasons for one in of_word), key=len, default=())
+    return msgspec.structs.replace(
+        cell, word=worst, word_rules=rules, word_reasons=reasons, word_runs=len(of_word)
+    )
 
 
 def _tasks(survey: Survey, waiting: set[str]) -> Iterator[WordsTask]:
@@ -123,5 +131,5 @@ def _ask(run: str, inputs: RuleInputs) -> RunWords:
         if one.word != WORDS[0]:
             strongest = sorted(one.findings, key=lambda finding: -finding.nats)
             rules = tuple(dict.fromkeys(finding.rule.id for finding in strongest))
-            cells.append(CellWord(one.cell, one.word, rules))
+            cells.append(CellWord(one.cell, one.word, rules, tuple(strongest_reasons(one))))
     return RunWords(run, rules_version(), tuple(cells))

@@ -6,10 +6,10 @@ from math import log
 from typing import Any, Final, NamedTuple, TypeVar
 
 from logger.core.baseline import NO_BASELINE, Baseline
-from logger.core.document import Document, Line, Word
+from logger.core.document import Document, Line, Word, html_text, terminal_lines
 from logger.core.identities import identity_of
 from logger.core.runfile import Run
-from logger.core.suspicion.rule import Evidence, Finding, Rate, Rule
+from logger.core.suspicion.rule import WORDS, Evidence, Finding, Rate, Rule
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import (
@@ -158,6 +158,9 @@ def findings_at_desk(rules: Iterable[Rule[Source, Any]], source: Source) -> Iter
 ALL_RULES: tuple[Rule[Any, Any], ...] = (*RULES.values(), *DATABASE_RULES, _in_several_places)
 
 
+_MOST_NAMED = 8
+
+
 @dataclass(frozen=True, slots=True)
 class Suspicions:
     """The most suspicious cell first.
@@ -171,6 +174,19 @@ class Suspicions:
     start_ns: dict[int, int]
     not_asked: dict[str, tuple[str, ...]]
     failures: dict[str, Failure]
+
+    def __repr__(self) -> str:
+        said = [f"{cell.cell} is {cell.word}" for cell in self.cells if cell.word != WORDS[0]]
+        named, more = said[:_MOST_NAMED], len(said) - _MOST_NAMED
+        lines = [f"{len(self.cells)} cells, {len(said)} conspicuous; print it for the reasons"]
+        return "\n".join([*lines, *named, *[f"and {more} more"] * (more > 0)])
+
+    def __str__(self) -> str:
+        return "\n".join(terminal_lines(document_of(self)))
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: all that `postproc suspect` prints."""
+        return f'<pre style="white-space:pre-wrap">{html_text(str(self))}</pre>'
 
     def seconds(self, finding: Finding) -> float | None:
         """Time of a finding since its run began; None for one about the whole run."""
@@ -266,7 +282,14 @@ def conspicuous_first(
         else cell
         for cell in cells
     ]
-    return replace(result, cells=tuple(cells), warnings=warnings, words=words), tuple(rank)
+    result = replace(
+        result,
+        cells=tuple(cells),
+        warnings=warnings,
+        words=words,
+        not_asked=suspicions.not_asked,
+    )
+    return result, tuple(rank)
 
 
 def _with_failure(cell: CellResult, why: Failure) -> CellResult:
@@ -351,6 +374,26 @@ def not_asked_text(suspicions: Suspicions, *, details: bool) -> str:
     return ", ".join(
         dict.fromkeys(need for needs in suspicions.not_asked.values() for need in needs)
     )
+
+
+_NEEDED = {
+    "timing advance": "timing advances",
+    "C1 and C2": "reselection offsets",
+    "second technology": "a second technology",
+    "cell database": "a database of cells",
+}
+"""Needs of rules as they stand in a sentence."""
+
+
+def unnoticed_text(not_asked: Mapping[str, Sequence[str]]) -> str:
+    """What no rule could see in runs that could not serve these."""
+    missing = dict.fromkeys(need for needs in not_asked.values() for need in needs)
+    needs = [_NEEDED.get(need, need) for need in missing]
+    unseen = "a cell that copies another in everything"
+    if needs:
+        listed = " or ".join(filter(None, (", ".join(needs[:-1]), needs[-1])))
+        unseen += f", and one that only {listed} would betray: this walk has none of them"
+    return f"Would have gone unnoticed: {unseen}."
 
 
 def reason_text(suspicions: Suspicions, finding: Finding) -> str:

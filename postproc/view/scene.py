@@ -191,8 +191,8 @@ def _all_time() -> rrb.TimeAxis:
 
 _COLOURS = (
     "Blue: posterior (thin outline 95 % region, thick outline 50 % region, glow density). "
-    "Orange: EKF. Teal: RTS. Red: least squares. Grey: reference EKF. Violet: truth of a "
-    "simulation. The track is coloured by level, from blue (weak) to red (strong). "
+    "Orange: EKF. Teal: RTS. Brown: least squares. Grey: reference EKF. Violet: truth of a "
+    "simulation. The track is coloured by level, from violet (weak) to yellow (strong). "
     "Move the time cursor below to see the answer develop."
 )
 

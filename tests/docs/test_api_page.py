@@ -7,6 +7,7 @@ import re
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 
 import postproc
 from logger.core import readings as core_readings
@@ -34,12 +35,20 @@ def runs(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_the_page_runs(runs, capsys):
+@pytest.fixture
+def without_screen(monkeypatch):
+    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
+    yield
+    plt.close("all")
+
+
+def test_the_page_runs(runs, capsys, without_screen):
     names = {}
     for block in BLOCKS.findall((ROOT / "docs/api.md").read_text("utf-8")):
         exec(block, names)
     assert names["alone"].posterior is not None
     assert (runs / "walk.geojson").exists()
+    assert list(names["frame"]["cell"]) == [cell.cell for cell in names["result"].cells]
     assert "262-01-4711-100" in capsys.readouterr().out
 
 
@@ -52,24 +61,43 @@ def test_the_page_describes_every_function():
     assert set(FUNCTIONS) <= set(re.findall(r"`(\w+)`", page))
 
 
-def test_the_notebook_runs(capsys, monkeypatch):
-    """Cell by cell in one namespace, as a kernel does, without a kernel's server and sockets."""
-    monkeypatch.setitem(mpl.rcParams, "backend", "agg")
-    notebook = json.loads((ROOT / "examples/locate.ipynb").read_text("utf-8"))
+def code_of(name):
+    """The cells of a notebook, which has no outputs."""
+    notebook = json.loads((ROOT / "examples" / name).read_text("utf-8"))
     assert (notebook["nbformat"], {cell["cell_type"] for cell in notebook["cells"]}) == (
         4,
         {"code", "markdown"},
     )
+    code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert all(cell["outputs"] == [] for cell in code)
+    return ["".join(cell["source"]) for cell in code]
+
+
+def test_the_notebook_runs(capsys, without_screen):
+    """Cell by cell in one namespace, as a kernel does, without a kernel's server and sockets."""
     names = {}
-    for cell in notebook["cells"]:
-        if cell["cell_type"] == "code":
-            assert cell["outputs"] == []
-            exec("".join(cell["source"]), names)
-    names["plt"].close("all")
+    for code in code_of("locate.ipynb"):
+        exec(code, names)
     assert names["cell"].verdict == "located"
     assert names["error_m"] < names["cell"].posterior.r95_m
     assert names["mirrored"].verdict != "located"
     assert "most likely within" in capsys.readouterr().out
+
+
+def test_the_notebook_of_several_runs_finds_the_rogue(tmp_path, monkeypatch, without_screen):
+    folder = tmp_path / "examples"
+    folder.mkdir()
+    (tmp_path / "tests").symlink_to(ROOT / "tests")
+    monkeypatch.chdir(folder)
+    names = {}
+    for code in code_of("runs.ipynb"):
+        exec(code, names)
+    first = names["answer"]
+    assert (first.cell, first.word.word) == ("232-01-7777-4660", "suspicious")
+    assert first.provenance.runs == ("rogue-sim7600.h5", "rogue-sim800.h5")
+    assert list(names["frame"]["cell"]) == [cell.cell for cell in names["result"].cells]
+    (feature,) = json.loads((folder / "cells.geojson").read_text())["features"]
+    assert feature["properties"]["word"] == "suspicious"
 
 
 def test_the_published_type_is_the_returned_one(runs):

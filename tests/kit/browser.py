@@ -21,6 +21,20 @@ for (const e of document.body.querySelectorAll('*')) {
 }
 return names;
 """
+_SMALLEST_TEXT = """
+let least = [1e9, ''];
+const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+while (texts.nextNode()) {
+  const text = texts.currentNode, parent = text.parentElement;
+  const box = parent.getBoundingClientRect();
+  if (!text.data.trim() || box.width < 2 || parent.closest('title, .unseen')) continue;
+  const m = parent.getScreenCTM ? parent.getScreenCTM() : null;
+  const scale = m ? Math.hypot(m.a, m.b) : 1;
+  const size = parseFloat(getComputedStyle(parent).fontSize) * scale;
+  if (size < least[0]) least = [size, text.data.trim()];
+}
+return least;
+"""
 _AXE = """
 const done = arguments[arguments.length - 1];
 const summary = v => ({
@@ -38,11 +52,12 @@ class Browser:
     def __init__(self, driver) -> None:
         self._driver = driver
 
-    def open(self, path: Path, *, width: int, dark: bool) -> None:
+    def open(self, path: Path, *, width: int, dark: bool, height: int = 900) -> None:
         """Show a file and clear the logs of the console and the network."""
         feature = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        self._driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
-        screen = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600}
+        media = {"media": "", "features": [feature]}
+        self._driver.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+        screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
         self._driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
         for log in ("browser", "performance"):
             self._driver.get_log(log)
@@ -89,13 +104,38 @@ class Browser:
         assert isinstance(violations, list), violations
         return [v for v in violations if v["impact"] in {"moderate", "serious", "critical"}]
 
-    def screenshot(self) -> bytes:
-        """The complete page as PNG."""
-        return base64.b64decode(
-            self._driver.execute_cdp_cmd("Page.captureScreenshot", {"captureBeyondViewport": True})[
-                "data"
-            ]
-        )
+    def screenshot(self, *, whole: bool = True) -> bytes:
+        """The complete page as PNG, or what the screen shows of it."""
+        how = {"captureBeyondViewport": whole}
+        return base64.b64decode(self._driver.execute_cdp_cmd("Page.captureScreenshot", how)["data"])
+
+    def box(self, selector: str) -> dict[str, float]:
+        """Where an element is on the screen."""
+        rect = f"document.querySelector('{selector}').getBoundingClientRect()"
+        return self.evaluate(f"return {rect}.toJSON()")
+
+    def hidden(self, selectors) -> list[str]:
+        """Those of some elements that are not wholly on the screen, or have no size."""
+        width, height = self.evaluate("return [innerWidth, innerHeight]")
+        boxes = {selector: self.box(selector) for selector in selectors}
+        return [
+            selector
+            for selector, box in boxes.items()
+            if box["top"] < 0 or box["left"] < 0 or box["right"] > width + 1
+            or box["bottom"] > height or not box["width"] * box["height"]
+        ]  # fmt: skip
+
+    def open_all(self) -> None:
+        """Open everything that is folded."""
+        self.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+
+    def smallest_text(self) -> tuple[float, str]:
+        """Pixels of the smallest text that has a size, in HTML and in pictures, and the text."""
+        return tuple(self.evaluate(_SMALLEST_TEXT))
+
+    def show_as_printed(self) -> None:
+        """Use the style sheet of print on the screen, until a page is opened."""
+        self._driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
 
     def pdf(self) -> bytes:
         """The page as PDF."""

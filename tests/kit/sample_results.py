@@ -16,6 +16,9 @@ from logger.core.model.prior import Hypothesis, Prior
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings, observe
 from logger.core.runfile import Run, RunWriter, Truth, read_run
+from logger.core.suspicion.rule import Finding, Word
+from logger.core.suspicion.rules import RULES
+from logger.core.suspicion.words import Assessment, assess
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath, reference_ekf
@@ -118,6 +121,21 @@ def sample_result(run: Run, *, verdict="located", places=1) -> Result:
     )
     observed = ObservedRun(run, observations, ("about the run",))
     return Result((observed,), (first, *(cell for cell in rest if cell.cell != obs.cell)))
+
+
+def with_word(result: Result, number: int = 0, word: Word = "suspicious") -> Result:
+    """The result after suspicion was asked: one cell has a word, with two findings."""
+    named = result.cells[number].cell
+    rules = {"L1": "area 9 is that of none of the others", "S3": "appears with -60 dBm"}
+    findings = [
+        Finding(RULES[rule], named, 0, None, None, text, {}, 4.0 - i)
+        for i, (rule, text) in enumerate(rules.items())
+    ]
+    words = {cell.cell: assess(cell.cell, ()) for cell in result.cells}
+    if word != "nothing unusual":
+        words[named] = Assessment(word, 7.0, tuple(findings), named)
+    not_asked = {"B1": ("earlier walks",), "T1": ("timing advance",)}
+    return dataclasses.replace(result, words=words, not_asked=not_asked)
 
 
 def sample_posterior(obs: Readings, places=1, sigma_m=12.0) -> Posterior:

@@ -6,18 +6,23 @@ import pkgutil
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import postproc
-from logger.core.errors import ConfigError, EstimationError, RunFileError
+from logger.core.errors import ConfigError, EstimationError, GeoError, RunFileError
+from logger.core.types import Fix
 from postproc import Claim, locate
 from tests.kit import runs
 from tests.kit.sample_results import ETA, P0_DBM, cell_name, json_of, write_run
 
-FUNCTIONS = ("export", "locate", "observations", "read_run", "smooth", "verify")
+FUNCTIONS = (
+    "by_place", "export", "locate", "observations", "read_run", "smooth", "suspect", "verify",
+)  # fmt: skip
 SOURCE_M = (40.0, 60.0)
 
 
@@ -143,18 +148,74 @@ def test_claims_are_verified(path):
     assert len(postproc.verify(run, path.parent / "claims.csv").cells) == 1
 
 
-def test_a_run_is_exported_with_its_estimates(path):
-    result = postproc.smooth(path, [cell_name(0)])
-    target = path.parent / "walk.geojson"
-    exported_file = postproc.export(path, target, result=result)
-    assert (exported_file.format, exported_file.n_estimates) == ("geojson", 1)
+def test_a_run_and_its_result_are_exported(path):
+    result = postproc.smooth(path, cell_name(0))
+    target = path.parent / "cells.geojson"
+    by_result, by_run = (
+        postproc.export(result, target),
+        postproc.export(path, target, result=result),  # as in earlier versions
+    )
+    assert by_result == by_run
+    assert (by_result.format, by_result.n_estimates) == ("geojson", 1)
+    assert postproc.export([result, result], target).n_estimates == 2
     best = json_of(result)["cells"][0]["best"]
-    assert f"{best['lat']:.4f}"[:7] in target.read_text()
-    assert postproc.export(path, path.parent / "walk.csv", cells=[cell_name(1)]).n_levels == 120
+    assert f"{best['lat']:.6f}" in target.read_text()
+    assert postproc.export(path, path.parent / "walk.csv", cells=cell_name(1)).n_levels == 120
     with pytest.raises(ConfigError, match="can contain estimates"):
-        postproc.export(path, path.parent / "walk.csv", result=result)
+        postproc.export(result, path.parent / "cells.wigle", form="wigle")
     with pytest.raises(ConfigError, match="format 'shp'"):
         postproc.export(path, path.parent / "walk.shp", form="shp")
+
+
+def test_every_answer_has_its_word_and_its_place(path):
+    result = postproc.smooth(path)
+    assert [answer.word.word for answer in result.answers] == ["nothing unusual"] * 2
+    truth = postproc.read_run(path).meta.truth[0]
+    by_name = {answer.cell: answer for answer in result.answers}
+    answer = by_name[truth.cell]
+    assert (answer.latitude_deg, answer.longitude_deg) == pytest.approx(
+        (truth.lat_deg, truth.lon_deg), abs=5e-4
+    )
+    (cell,) = (cell for cell in result.cells if cell.cell == truth.cell)
+    assert (cell.latitude_deg, cell.longitude_deg) == (answer.latitude_deg, answer.longitude_deg)
+    x, y, level = walk()
+    assert locate(x, y, level).latitude_deg is None  # the plane is on no map
+    suspicions = postproc.suspect([path])
+    assert {cell.cell for cell in suspicions.cells} == set(by_name)
+    assert "nothing unusual" in str(suspicions)
+
+
+def test_runs_of_two_cities_are_a_result_each(path):
+    other = path.with_name("other.journal")
+    moved = []
+    for _, record in postproc.read_run(path).records("fixes", "scans"):
+        value = record.value
+        if isinstance(value, Fix):
+            value = replace(value, lat_deg=value.lat_deg - 5.0)
+        moved.append(replace(record, value=value))
+    runs.write_journal(other, moved, run_id="2" * 32)
+    groups = postproc.by_place([path, other])
+    assert [[run.path for run in group.runs] for group in groups] == [[path], [other]]
+    for refused in (postproc.smooth, postproc.suspect):
+        with pytest.raises(GeoError, match="2 places"):
+            refused([path, other])
+
+
+def test_progress_is_shown_by_the_callers_own_bar(path):
+    seen = []
+
+    def bar(items, what, total, names=()):
+        for item in items:
+            seen.append((what, total))
+            yield item
+
+    postproc.smooth(path, cell_name(1), progress=bar)
+    assert seen == [("locating", 1)]
+    postproc.smooth(path, cell_name(1), progress=True)
+
+
+def test_the_version_is_that_of_the_package():
+    assert postproc.__version__ == version("cellwalk")
 
 
 LINE = np.arange(40) * 10.0

@@ -85,3 +85,15 @@ def test_a_walk_that_is_led_goes_to_the_goal_and_else_along_its_waypoints():
     assert walk.motion(36.0)[0] == 1.3
     assert walk.position(15.0) == pytest.approx((6.5, 13.0))  # what was, stays
     assert walk.position(200.0)[1] > 200.0  # past the goal it goes straight on
+
+
+def test_every_leg_is_on_a_street_which_goes_on_beyond_the_walk():
+    walk = Walk(((0.0, 0.0), (0.0, 100.0), (200.0, 100.0), (200.0, 0.0), (0.0, 0.0), (30.0, 40.0)))
+    beyond_m = 5 * BLOCK_M
+    assert walk.streets == (
+        ((0.0, -beyond_m), (0.0, 100.0 + beyond_m)),
+        ((-beyond_m, 100.0), (200.0 + beyond_m, 100.0)),
+        ((200.0, -beyond_m), (200.0, 100.0 + beyond_m)),
+        ((-beyond_m, 0.0), (200.0 + beyond_m, 0.0)),
+        ((0.0, 0.0), (30.0, 40.0)),
+    )

@@ -1,17 +1,27 @@
 """The report in a real browser: it fits the screen, requests nothing and is accessible."""
 
+import os
 import re
 from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
 
 import pytest
+from PIL import Image
 
+from logger.core.runfile import read_run
+from logger.simulate import simulate
 from postproc.report.rendering import make_report
+from postproc.smoothing import smooth_runs
+from postproc.suspicion.run_assessment import conspicuous_first
 from tests.kit import sample_results as kit
 from tests.kit.browser import axe_core, browser
 
 pytestmark = pytest.mark.slow
 
 PHONE, DESKTOP = 390, 1280
+_PALETTE = 96
+"""Colours of a picture that is kept: a third of the bytes."""
 VIEWS = [(PHONE, False), (PHONE, True), (DESKTOP, False), (DESKTOP, True)]
 NAMES = ["light phone", "dark phone", "light desktop", "dark desktop"]
 
@@ -41,6 +51,19 @@ def page(tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module")
+def six_cells(tmp_path_factory):
+    """A page of six cells for each word that one of them has."""
+    folder = tmp_path_factory.mktemp("six")
+    result = kit.sample_result(kit.write_run(folder / "six.journal", seconds=600, cells=6))
+    pages = {}
+    for word in ("suspicious", "unusual", "nothing unusual"):
+        pages[word] = folder / f"{word}.html"
+        report = make_report(kit.with_word(result, word=word), first=(kit.cell_name(0),))
+        report.write(pages[word])
+    return pages
+
+
 @pytest.fixture(params=VIEWS, ids=NAMES)
 def open_page(request, chromium, page):
     width, dark = request.param
@@ -62,6 +85,16 @@ def test_axe_finds_no_violation(chromium, page):
     for width, dark in VIEWS:
         chromium.open(page, width=width, dark=dark)
         assert chromium.accessibility_violations(axe) == [], (width, dark)
+        chromium.open_all()
+        assert chromium.accessibility_violations(axe) == [], (width, dark)
+
+
+def test_axe_finds_no_violation_on_a_suspicious_page(chromium, six_cells):
+    axe = axe_core()
+    for path in six_cells.values():
+        for width, dark in VIEWS:
+            chromium.open(path, width=width, dark=dark)
+            assert chromium.accessibility_violations(axe) == [], (path, width, dark)
 
 
 def test_pictures_follow_the_colour_scheme(chromium, page):
@@ -72,7 +105,7 @@ def test_pictures_follow_the_colour_scheme(chromium, page):
 
     def ground_and_text(*, dark):
         chromium.open(page, width=DESKTOP, dark=dark)
-        return brightness("html", "backgroundColor"), brightness(".picture text", "fill")
+        return brightness("html", "backgroundColor"), brightness(".detail .picture text", "fill")
 
     light_ground, dark_text = ground_and_text(dark=False)
     dark_ground, light_text = ground_and_text(dark=True)
@@ -80,13 +113,58 @@ def test_pictures_follow_the_colour_scheme(chromium, page):
     assert max(dark_ground, dark_text) < 150
 
 
-def test_text_in_pictures_is_legible_on_a_phone(chromium, page):
-    chromium.open(page, width=PHONE, dark=False)
-    script = """return [...document.querySelectorAll('.picture text')].map(text => {
-      const {a, b} = text.getScreenCTM();
-      return parseFloat(getComputedStyle(text).fontSize) * Math.hypot(a, b);
-    })"""
-    assert min(chromium.evaluate(script)) > 9.0
+def test_no_text_is_small_on_a_phone(chromium, page, six_cells):
+    for path in (page, six_cells["suspicious"]):
+        chromium.open(path, width=PHONE, dark=False)
+        chromium.open_all()
+        assert chromium.smallest_text() >= (11.0,)
+
+
+@pytest.mark.parametrize(("width", "height"), [(PHONE, 844), (DESKTOP, 800)])
+@pytest.mark.parametrize("word", ["suspicious", "unusual", "nothing unusual"])
+def test_the_first_screen_is_the_answer(chromium, six_cells, word, width, height):
+    """Which cell, its word, why, where, what to do; else that none is suspicious, and the blind."""
+    chromium.open(six_cells[word], width=width, dark=False, height=height)
+    ids = ["#answer"]
+    if word != "nothing unusual":
+        ids += ["#top-cell", "#top-cell .badge", "#top-reason", "#top-place", "#top-do"]
+        ids += ["#map-place-1"]
+    if word != "suspicious":
+        ids += ["#unnoticed"]
+    assert chromium.hidden(ids) == []
+
+
+@pytest.mark.parametrize(("width", "height", "most"), [(PHONE, 844, 8), (DESKTOP, 800, 4)])
+def test_six_cells_are_a_short_page_before_anything_is_opened(
+    chromium, six_cells, width, height, most
+):
+    chromium.open(six_cells["suspicious"], width=width, dark=False, height=height)
+    assert chromium.evaluate("return document.querySelectorAll('details[open]').length") == 0
+    assert chromium.evaluate("return document.documentElement.scrollHeight") <= most * height
+
+
+def test_printing_opens_all(chromium, six_cells):
+    script = """return [...document.querySelectorAll('details > :not(summary)')].map(
+      part => part.checkVisibility())"""
+    chromium.open(six_cells["suspicious"], width=DESKTOP, dark=False)
+    assert not any(chromium.evaluate(script))
+    chromium.show_as_printed()
+    shown = chromium.evaluate(script)
+    assert len(shown) > 20
+    assert all(shown)
+
+
+def test_a_word_is_never_said_by_a_colour_alone(chromium, six_cells):
+    chromium.open(six_cells["suspicious"], width=DESKTOP, dark=False)
+    chromium.open_all()
+    script = """return [...document.querySelectorAll('.badge.suspicious')].map(e => e.innerText)"""
+    badges = chromium.evaluate(script)
+    assert len(badges) == 3  # card, table, details
+    assert set(badges) == {"✕ suspicious"}
+    script = "return [...document.querySelectorAll('svg text')].map(e => e.textContent)"
+    said = [text for text in chromium.evaluate(script) if "suspicious" in text]
+    # on the plan of all cells, in its legend, and in that of the cell's own plan
+    assert len(said) == 3
 
 
 def test_an_hour_of_eight_cells_stays_below_three_megabytes(tmp_path):
@@ -141,3 +219,19 @@ def test_axe_finds_faults(chromium, tmp_path):
     assert {"image-alt", "color-contrast", "html-has-lang"} <= {
         violation["id"] for violation in chromium.accessibility_violations(axe)
     }
+
+
+@pytest.mark.skipif("CELLWALK_SCREENSHOTS" not in os.environ, reason="make screenshots")
+def test_screenshots(chromium, tmp_path):
+    """What the guide shows: the first screen of the demo's page."""
+    run = read_run(simulate(tmp_path, "block", 3, None, 40.0))
+    result, first = conspicuous_first(smooth_runs([run]))
+    path = tmp_path / "run.html"
+    make_report(result, first=first).write(path)
+    folder = Path(os.environ["CELLWALK_SCREENSHOTS"])
+    for device, width, height in (("phone", PHONE, 844), ("desktop", DESKTOP, 800)):
+        for scheme in ("light", "dark"):
+            chromium.open(path, width=width, dark=scheme == "dark", height=height)
+            picture = Image.open(BytesIO(chromium.screenshot(whole=False))).convert("RGB")
+            file = folder / f"report-{device}-{scheme}.png"
+            picture.quantize(_PALETTE).save(file, optimize=True)

@@ -13,6 +13,7 @@ from tests.postproc.survey.cities import write_city
 pytestmark = pytest.mark.slow
 
 PHONE, DESKTOP = 390, 1280
+REASONS = ("area 7 is that of none of the others", "appears with -60 dBm")
 VIEWS = [(PHONE, False), (PHONE, True), (DESKTOP, False), (DESKTOP, True)]
 
 
@@ -33,36 +34,57 @@ def page(tmp_path_factory):
     cells = (
         replace(first, verdict="located"),
         replace(second, verdict="ambiguous", cell="x" * 200),
-        replace(third, word="suspicious", word_rules=("P1", "S3"), word_runs=2),
+        replace(
+            third, word="suspicious", word_rules=("P1", "S3"), word_reasons=REASONS, word_runs=2
+        ),
     )
     path = folder / "survey.html"
     path.write_text(html(survey, cells, found.loggers, EVERY_RUN, None))
+    few = replace(first, lat_deg=None, lon_deg=None, n_used=0, verdict="cannot tell")
+    city = [
+        replace(first if i % 5 else few, cell=f"262-01-801-{2000 + i}", word="nothing unusual")
+        for i in range(246)
+    ]
+    odd = [replace(one, word="unusual", word_reasons=REASONS[:1]) for one in city[:4]]
+    large = html(survey, (*city, *cells, *odd), found.loggers, EVERY_RUN, None)
+    (folder / "large.html").write_text(large)
     return path
 
 
 @pytest.mark.parametrize(("width", "dark"), VIEWS)
 def test_it_fits_the_screen_and_requests_nothing(chromium, page, width, dark):
     chromium.open(page, width=width, dark=dark)
-    # the picture cuts off regions that reach beyond it
-    wide = [name for name in chromium.overflowing_elements() if not name.startswith("path")]
+    # the picture cuts off what reaches beyond it
+    wide = [name for name in chromium.overflowing_elements() if "SVG" not in name]
     assert wide == []
-    clip = "return getComputedStyle(document.querySelector('svg')).overflowX"
+    clip = "return getComputedStyle(document.querySelector('svg.plan')).overflowX"
     assert chromium.evaluate(clip) in {"hidden", "clip"}
     assert chromium.requested_urls() == []
     assert chromium.console_messages() == []
 
 
-def test_unusual_cells_and_the_plan_are_shown(chromium, page):
-    chromium.open(page, width=DESKTOP, dark=False)
-    unusual = chromium.evaluate("return document.querySelector('ul').innerText")
-    assert "suspicious in 2 runs (P1, S3)" in unusual
-    assert chromium.evaluate("return document.querySelectorAll('circle.odd').length") == 1
-    plan = "return document.querySelector('svg').getBoundingClientRect().width"
-    assert chromium.evaluate(plan) > 600
+@pytest.mark.parametrize(("width", "height"), [(PHONE, 844), (DESKTOP, 800)])
+def test_the_first_screen_is_the_answer(chromium, page, width, height):
+    chromium.open(page, width=width, dark=False, height=height)
+    ids = ["#answer", "#top-cell", "#top-reason", "#top-place", "#top-do", "#place-1"]
+    assert chromium.hidden(ids) == []
+    said = chromium.evaluate("return document.querySelector('.lead').innerText")
+    assert "Why: Area 7 is that of none of the others. 2 runs say so." in said
+    assert "✕ suspicious" in said
+
+
+def test_a_city_is_a_short_page_on_a_phone(chromium, page):
+    chromium.open(page.with_name("large.html"), width=PHONE, dark=False, height=844)
+    assert chromium.evaluate("return document.documentElement.scrollHeight") <= 15 * 844
+    rows = "return document.querySelectorAll('tbody tr').length"
+    assert chromium.evaluate(rows) == 253
+    chromium.open_all()
+    assert chromium.smallest_text() >= (11.0,)
 
 
 def test_axe_finds_no_violation(chromium, page):
     axe = axe_core()
     for width, dark in VIEWS:
-        chromium.open(page, width=width, dark=dark)
-        assert chromium.accessibility_violations(axe) == [], (width, dark)
+        for path in (page, page.with_name("large.html")):
+            chromium.open(path, width=width, dark=dark)
+            assert chromium.accessibility_violations(axe) == [], (path, width, dark)

@@ -89,6 +89,11 @@ class Posterior:
     offsets: Offsets | None = None
     alternatives: tuple[Alternative, ...] = ()
 
+    def __repr__(self) -> str:
+        at = f"x_m={self.x_m:.1f}, y_m={self.y_m:.1f}"
+        within = f"r50_m={self.r50_m:.1f}, r95_m={self.r95_m:.1f}"
+        return f"Posterior({at}, {within}, {len(self.modes)} modes, {len(self.squares)} squares)"
+
     @property
     def x_m(self) -> float:
         """East of `place`."""

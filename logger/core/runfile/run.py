@@ -75,6 +75,11 @@ class Run:
         """Whether it was stopped, and no frame of it is missing."""
         return self.end is not None and not self.damage.missing_frames
 
+    def __repr__(self) -> str:
+        counts = (f"{len(self.tables[name])} {name}" for name in ("fixes", "scans", "readings"))
+        end = "" if self.end is not None else ", cut"
+        return f"Run({self.path.name}: {', '.join(counts)}{end})"
+
     @cached_property
     def named_readings(self) -> Rows:
         """The table `readings` with names where a row has no identity: `joined_names`."""

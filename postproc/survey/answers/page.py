@@ -1,6 +1,7 @@
 """The survey on one page that needs no network: coverage, cells, regions, and the unusual ones."""
 
 from base64 import b64encode
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -9,20 +10,24 @@ import numpy as np
 import shapely
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.document import Column, Table
+from logger.core.document import Column, Table, Word
+from logger.core.ellipse import metres
 from logger.core.errors import ConfigError
 from logger.core.places import Utm
-from logger.core.suspicion.rule import WORDS
+from logger.core.suspicion.rules import RULES
+from logger.core.suspicion.words import WORD_RATES, word_rate_text
 from postproc.basemap.reading import read_basemap
 from postproc.ground import Towns
 from postproc.html_page import page_environment
 from postproc.pictures.survey import Box, Clock, round_step
 from postproc.pictures.survey import Survey as Frame
+from postproc.report.wording import ODD, SEARCH, sentence
 from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
-from postproc.survey.location import CELL_COLUMNS, cell_row, word_text
+from postproc.survey.location import CELL_COLUMNS, cell_row
 from postproc.survey.tasks import RunChoice, runs_of
+from postproc.suspicion.run_assessment import unnoticed_text
 
 SQUARE_M = 50.0
 """Of the coverage: a side of a block of houses."""
@@ -35,7 +40,14 @@ _SCALE_PARTS = 8
 """The scale bar is about one of so many of the width."""
 _UNUSUAL_LOG_FACTOR = 4.0
 """Two transmitters this much likelier than one, as the verdict has it."""
-_CLASSES = {"located": "located", "ambiguous": "ambiguous", "cannot tell": "unsure"}
+_INSET_AREA = 0.05
+"""A region that takes less of the plan is drawn larger beside it."""
+_LEAST_INSET_M = 60.0
+_MOST_LABELS = 40
+"""Cells without a word on a plan that has their numbers too."""
+_MOST_ODD = 8
+"""Cells with a word that a page shows before they are folded."""
+_ORDER = ("located", "ambiguous", "cannot tell")
 
 
 class Shape(NamedTuple):
@@ -80,7 +92,10 @@ class Walked(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """The picture of a town; `height` and `bar` are in its units, `ground` is a JPEG as base64."""
+    """The picture of a town; `height` and `bar` are in its units, `ground` is a JPEG as base64.
+
+    `inset` is west, north and side of what is drawn larger, None where nothing is.
+    """
 
     walked: Walked
     coverage: str
@@ -89,6 +104,12 @@ class Plan(NamedTuple):
     ground: str
     bar_m: float
     bar: float
+    inset: tuple[float, float, float] | None
+
+    @property
+    def inset_m(self) -> float:
+        """Side of the inset on the ground."""
+        return 0.0 if self.inset is None else self.inset[2] * self.walked.box.width / _WIDTH
 
 
 def html(
@@ -101,29 +122,96 @@ def html(
     """The page; all text from runs is escaped. Raises `ConfigError` as `read_basemap`."""
     towns = walked_ground(survey, choice)
     grounds = _grounds(basemap, towns)
-    numbered = dict(enumerate(cells, 1))
+    ordered = sorted(cells, key=_rank)
+    numbered = dict(enumerate(ordered, 1))
     plans = [_plan(town, numbered, ground) for town, ground in zip(towns, grounds, strict=True)]
+    plans.sort(key=lambda plan: min((shape.number for shape in plan.shapes), default=len(cells)))
     drawn = {shape.number for plan in plans for shape in plan.shapes}
-    template = page_environment("postproc.survey.answers").get_template("survey.html")
+    odd = [number for number, cell in numbered.items() if word_of(cell)]
+    counts = Counter(map(word_of, ordered))
+    environment = page_environment("postproc.survey.answers")
+    environment.filters |= {"metres": metres, "sentence": sentence}
+    environment.globals |= {"word_of": word_of, "reasons_of": reasons_of}
+    template = environment.get_template("survey.html")
+    shown, few, unsure = (
+        _table(dict(group), label)
+        for group, label in (
+            ([one for one in numbered.items() if not _is_few(one[1]) and not _is_unsure(one[1])],
+             "Cells with a position"),
+            ([one for one in numbered.items() if _is_few(one[1])], "Cells of few readings"),
+            ([one for one in numbered.items() if _is_unsure(one[1])], "Cells that stay open"),
+        )
+    )  # fmt: skip
     return template.render(
         n_runs=len(runs_of(survey, choice)),
+        heading=_heading(counts),
+        asked=any(cell.word for cell in cells),
+        counts=Counter(cell.verdict for cell in cells),
         n_cells=len(cells),
-        table=Table(
-            [Column("no.", "d"), *CELL_COLUMNS],
-            [(number, *cell_row(cell)) for number, cell in numbered.items()],
-            "All cells",
-            name_column=1,
-        ),
+        tables=(shown, unsure, few),
         plans=plans,
         beyond=[n for n, cell in numbered.items() if cell.lat_deg is not None and n not in drawn],
         has_basemap=basemap is not None,
-        unusual=[cell for cell in cells if unusual(cell)],
-        why=unusual,
+        cells=numbered,
+        odd=odd,
+        most_odd=_MOST_ODD,
+        most_labels=_MOST_LABELS,
+        harmless=_harmless(numbered[odd[0]]) if odd else (),
+        rate=_rate(numbered[odd[0]]) if odd else "",
+        unnoticed=unnoticed_text({}),
+        what_to_do=SEARCH,
         liars=[one for one in loggers if one.contradiction],
         noted=[one for one in loggers if one.remark],
         km2=sum(town.km2 for town in towns),
         width=_WIDTH,
     )
+
+
+def _heading(counts: Mapping[str, int]) -> str:
+    named = [
+        f"{counts[word]} {'cell is' if counts[word] == 1 else 'cells are'} {word}"
+        for word in ODD
+        if counts[word]
+    ]
+    if not counts["suspicious"]:
+        named.insert(0, "No cell is suspicious")
+    return ", ".join(named)
+
+
+def _rank(cell: LocatedCell) -> tuple[int, int, int, bool, float, str]:
+    """Suspicious cells first, those that most runs call so; then by verdict and radius."""
+    word = word_of(cell)
+    by_word = ODD.index(word) if word else len(ODD)
+    radius_m = cell.r95_m or 0.0
+    return by_word, -cell.word_runs, _ORDER.index(cell.verdict), _is_few(cell), radius_m, cell.cell
+
+
+def _is_few(cell: LocatedCell) -> bool:
+    """Whether so little was heard of it that nothing was computed, and nothing is odd about it."""
+    return not cell.n_used and not word_of(cell)
+
+
+def _is_unsure(cell: LocatedCell) -> bool:
+    """Whether more walks are needed to locate it, and nothing is odd about it."""
+    return bool(cell.n_used) and cell.verdict == "cannot tell" and not word_of(cell)
+
+
+def _table(cells: Mapping[int, LocatedCell], label: str) -> Table:
+    name, *others = CELL_COLUMNS
+    rows = []
+    for number, cell in cells.items():
+        shown, *values = cell_row(cell)
+        rows.append((number, shown, Word(word_of(cell)), *values))
+    return Table([Column("no.", "d"), name, Column("word"), *others], rows, label, name_column=1)
+
+
+def _rate(cell: LocatedCell) -> str:
+    return word_rate_text(cell.word) if cell.word and cell.word in WORD_RATES else ""
+
+
+def _harmless(cell: LocatedCell) -> tuple[str, ...]:
+    causes = ", ".join(RULES[rule].harmless for rule in cell.word_rules if rule in RULES)
+    return tuple(dict.fromkeys(filter(None, causes.split(", "))))
 
 
 def _plan(walked: Walked, cells: Mapping[int, LocatedCell], ground: str) -> Plan:
@@ -139,18 +227,43 @@ def _plan(walked: Walked, cells: Mapping[int, LocatedCell], ground: str) -> Plan
         ground,
         bar_m,
         bar_m * scale,
+        _inset([shape for shape in shapes if shape is not None], box, scale),
     )
 
 
-def unusual(cell: LocatedCell) -> str:
-    """Why a cell is worth a look; empty where nothing is."""
-    if cell.two_sources is not None and cell.two_sources > _UNUSUAL_LOG_FACTOR:
-        return "two transmitters explain its levels better than one"
-    if cell.moved is not None and cell.moved > _UNUSUAL_LOG_FACTOR:
-        return "its transmitter seems to have moved"
+def _inset(shapes: Sequence[Shape], box: Box, scale: float) -> tuple[float, float, float] | None:
+    """West, north and side of a square around the region of the first cell with a word."""
+    first = min((shape for shape in shapes if shape.kind), default=None)
+    if first is None or first.cell.r95_m is None or first.cell.verdict == "cannot tell":
+        return None
+    diameter_m = 2.0 * first.cell.r95_m
+    if diameter_m**2 >= _INSET_AREA * box.width * box.height:
+        return None
+    side = max(1.6 * diameter_m, _LEAST_INSET_M) * scale
+    return first.x - 0.5 * side, first.y - 0.5 * side, side
+
+
+def reasons_of(cell: LocatedCell) -> tuple[str, ...]:
+    """Why a cell is worth a look; none where nothing is."""
+    reasons = list(cell.word_reasons) if cell.word in ODD else []
+    if cell.word in ODD and not reasons:
+        reasons = [f"rules {', '.join(cell.word_rules)}"]
     if cell.n_places > 1:
-        return f"its identity is heard in {cell.n_places} places, farther apart than a cell reaches"
-    return "" if cell.word in {None, WORDS[0]} else word_text(cell)
+        reasons.append(
+            f"its identity is heard in {cell.n_places} places, farther apart than a cell reaches"
+        )
+    if cell.two_sources is not None and cell.two_sources > _UNUSUAL_LOG_FACTOR:
+        reasons.append("two transmitters explain its levels better than one")
+    if cell.moved is not None and cell.moved > _UNUSUAL_LOG_FACTOR:
+        reasons.append("its transmitter seems to have moved")
+    return tuple(reasons)
+
+
+def word_of(cell: LocatedCell) -> str:
+    """Its word, empty for a cell about which nothing is unusual."""
+    if cell.word in ODD:
+        return str(cell.word)
+    return "unusual" if reasons_of(cell) else ""
 
 
 def walked_ground(survey: Survey, choice: RunChoice) -> list[Walked]:
@@ -191,7 +304,7 @@ def _shape(number: int, cell: LocatedCell, utm: Utm, box: Box, scale: float) -> 
     x_m, y_m = utm.to_xy(cell.lat_deg, cell.lon_deg)
     if not (box.west <= x_m <= box.east and box.south <= y_m <= box.north):
         return None
-    kind = "odd" if unusual(cell) else _CLASSES[cell.verdict]
+    kind = word_of(cell)
     path = ""
     if cell.verdict != "cannot tell":
         path = " ".join(

@@ -135,10 +135,15 @@ def test_a_folder_of_the_same_name_is_one_line(result, tmp_path):
 def test_colours_of_levels():
     rgb = colours.level_colours(np.array([-110.0, -80.0, -50.0, -40.0, np.nan]), -110.0, -50.0)
     assert rgb.shape == (5, 3)
-    assert rgb[0].tolist() == [66, 75, 181]
-    assert rgb[2].tolist() == rgb[3].tolist() == [169, 22, 1]
-    assert rgb[1].tolist() == [169, 251, 57]
+    assert rgb[0].tolist() == [88, 78, 168]
+    assert rgb[2].tolist() == rgb[3].tolist() == [238, 202, 44]
+    assert rgb[1].tolist() == [50, 170, 159]
     assert rgb[4].tolist() == list(colours.QUIET)
+
+
+def test_no_level_has_the_colour_of_a_suspicious_cell():
+    scale = colours.level_scale(256).astype(int)
+    assert np.abs(scale - colours.word_colour("suspicious")).max(axis=1).min() > 60
 
 
 CLOCK = Clock(np.array([10**9]), (None,))

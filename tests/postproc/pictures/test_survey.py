@@ -11,6 +11,7 @@ from postproc.pictures.survey import (
     round_step,
     split_at_gaps,
     survey_of,
+    with_inset,
 )
 from tests.kit import sample_results as kit
 
@@ -113,3 +114,29 @@ def test_a_selection_keeps_the_first_and_the_last(count, most):
     if count:
         assert (chosen[0], chosen[-1]) == (0, count - 1)
         assert np.all(np.diff(chosen) > 0)
+
+
+PLAN = Box(0.0, 0.0, 400.0, 400.0)
+SMALL_M = np.array([(190.0, 190.0), (210.0, 210.0)])
+
+
+def test_a_small_answer_has_an_inset_in_a_free_corner():
+    box, inset = with_inset(PLAN, SMALL_M, np.array([(200.0, 350.0), (390.0, 20.0)]))
+    shown, frame = inset
+    assert box == PLAN
+    assert all(shown.contains(*point) for point in SMALL_M.tolist())
+    assert frame.apart(shown)
+    assert frame.contains(20.0, 20.0)
+
+
+def test_an_inset_hides_no_walk_but_gets_room():
+    walk_m = np.column_stack([np.linspace(0.0, 400.0, 100)] * 2)
+    box, (_, frame) = with_inset(PLAN, SMALL_M, walk_m)
+    assert box.height > PLAN.height
+    assert not any(frame.contains(*point) for point in walk_m[1:].tolist())
+
+
+@pytest.mark.parametrize("answer_m", [None, SMALL_M * 5.0 - 800.0, SMALL_M + 300.0])
+def test_a_large_an_unknown_or_a_distant_answer_has_none(answer_m):
+    """The second takes a sixteenth of the plan, the last is outside."""
+    assert with_inset(PLAN, answer_m, SMALL_M) == (PLAN, None)

@@ -7,14 +7,19 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+from msgspec import structs
 from PIL import Image
 from pmtiles.tile import TileType
 
 from logger.core.errors import ConfigError
+from logger.sim.scenario import scenario
 from postproc.pictures.survey import survey_of
 from postproc.report.cell_map import cell_map
 from postproc.report.rendering import make_report
+from tests.kit.sample_results import with_word
 from tests.kit.vector_tiles import feature, layer, tile_at, write_pmtiles
+
+ORIGIN = "simulated walk block"
 
 
 def _photograph(path, result):
@@ -35,13 +40,39 @@ def test_positions_have_the_numbers_of_the_table(result):
     assert any(re.fullmatch(r"\d+ m", text) for text in texts)
     numbers = [i for i, cell in enumerate(result.cells, 1) if cell.verdict != "cannot tell"]
     assert {text for text in texts if text.isdecimal()} == set(map(str, numbers))
-    assert f"{numbers[0]} is {result.cells[numbers[0] - 1].cell}, located" in figure.alt_text
+    assert f"{numbers[0]} is {result.cells[numbers[0] - 1].cell}" in figure.alt_text
 
 
-def test_without_a_position_or_of_one_cell_there_is_none(result):
+def test_a_cell_with_a_word_is_marked_in_shape_and_word(result):
+    plain, odd = (cell_map(survey_of(one), one.cells, None) for one in (result, with_word(result)))
+    texts = [text.get_text() for text in odd.figure.axes[0].texts]
+    assert "1 suspicious" in texts
+    assert f"1 is {result.cells[0].cell}, suspicious" in odd.alt_text
+    marks, odd_marks = (
+        {line.get_marker() for line in one.figure.axes[0].lines} for one in (plain, odd)
+    )
+    assert odd_marks - marks == {"x"}
+
+
+def test_an_unusual_cell_without_a_position_is_where_it_was_strongest(result):
+    unusual = with_word(result, 1, "unusual")
+    texts = cell_map(survey_of(unusual), unusual.cells, None).alt_text
+    assert f"2 is {result.cells[1].cell}, unusual, where it was strongest" in texts
+
+
+def test_streets_of_the_simulation_are_on_the_plan_and_named(result):
+    observed = result.runs[0]
+    simulated = replace(observed.run, meta=structs.replace(observed.run.meta, origin=ORIGIN))
+    result = replace(result, runs=(replace(observed, run=simulated),))
+    survey = survey_of(result)
+    assert len(survey.streets_m) == len(scenario("block").walk.streets) == 11
+    texts = [text.get_text() for text in cell_map(survey, result.cells, None).figure.axes[0].texts]
+    assert "simulated streets" in texts
+
+
+def test_without_a_position_there_is_none(result):
     unknown = [replace(cell, verdict="cannot tell") for cell in result.cells]
     assert cell_map(survey_of(result), unknown, None) is None
-    assert cell_map(survey_of(result), result.cells[:1], None) is None
 
 
 def test_the_ground_is_in_the_page_as_jpeg(result, tmp_path):

@@ -24,7 +24,7 @@ def test_grids_with_the_wide_zones_of_norway(lat, lon, utm, mgrs):
 def test_links_and_degrees():
     at = coordinates(52.50029, -13.40102, 11.4)
     assert at.decimal == "52.50029, -13.40102"
-    assert at.degrees == "52°30'01.0\"N 13°24'03.7\"W"
+    assert at.degrees == "52°30'01.04\"N 13°24'03.67\"W"
     assert at.geo == "geo:52.50029,-13.40102;u=11"
     assert at.osm == (
         "https://www.openstreetmap.org/?mlat=52.50029&mlon=-13.40102#map=18/52.50029/-13.40102"
@@ -32,4 +32,4 @@ def test_links_and_degrees():
 
 
 def test_a_full_minute_is_carried_over():
-    assert coordinates(9.99999999, 0.0).degrees == "10°00'00.0\"N 0°00'00.0\"E"
+    assert coordinates(9.99999999, 0.0).degrees == "10°00'00.00\"N 0°00'00.00\"E"

@@ -62,11 +62,64 @@ def test_a_screen_reader_finds_the_structure(page):
 def test_the_verdict_comes_first(page, result):
     assert page.all("h1")[0].text == "1 of 3 cells located, 2 without a position"
     first = page.all("article")[0]
-    assert "located" in first.text
-    assert "most likely within 14 m, surely within 29 m" in first.text
-    assert "a probability of 95 %" in first.text
+    assert "Located: most likely within 14 m, surely within 29 m" in first.text
     assert result.cells[0].cell in first.text
     assert "simulated run" in page.all("header")[0].text
+
+
+def test_a_suspicious_cell_comes_before_all(result):
+    """Its word, why, where, what to do, what else explains it, and how often the word is wrong."""
+    odd = kit.with_word(result, 1)
+    page = Page(make_report(odd, first=(odd.cells[1].cell,)).html)
+    assert page.all("h1")[0].text == "One cell is suspicious"
+    top = page.all("article")[0]
+    assert top.get("class") == "top"
+    assert f"1 {odd.cells[1].cell} ✕ suspicious" in top.text
+    assert page.by_id("top-reason").text == "Why: Area 9 is that of none of the others."
+    assert page.by_id("top-do").text.startswith("What to do: ")
+    (more,) = (one for one in page.all("div") if one.get("class") == "more")
+    assert "Harmless causes: The border of two areas, a legitimate cell switched on" in more.text
+    assert "0.03 times an hour (0.00 to 0.14, 95 %) in 38.5 h of 62 runs" in more.text
+    assert "one that only earlier walks or timing advances would betray" in more.text
+    row = next(one for one in page.all("tr") if odd.cells[1].cell in one.text)
+    assert "✕ suspicious" in row.text
+
+
+def test_a_cell_has_one_number_everywhere(result):
+    odd = kit.with_word(result, 2)
+    report = make_report(odd, first=(odd.cells[2].cell,))
+    page = Page(report.html)
+    cards = [one.text.split()[:2] for one in page.all("article")]
+    assert cards == [[str(n), cell] for n, cell in enumerate(report.cells, 1)]
+    marks = [one.get("id") for one in page.all("g") if "place-" in one.get("id")]
+    on_plan = {f"{mark.rpartition('-')[2]}" for mark in marks}
+    assert on_plan == {"1", "2"}
+    assert "1 is " + report.cells[0] in page.by_id("map-text").text
+    rows = re.findall(r"(\d+)\s*(262-01-4711-\d+)", " ".join(one.text for one in page.all("tr")))
+    assert [list(row) for row in rows] == cards
+
+
+def test_a_place_has_one_coordinate(result):
+    """In every notation the page has of it: within a metre."""
+    odd = kit.with_word(result)
+    page = Page(make_report(odd, most=1).html)
+    place = result.cells[0].place
+    at = f"{place.lat:.5f}", f"{place.lon:.5f}"
+    known = re.findall(r"(52\.50\d{3}),?\s(13\.40\d{3})", page.all("main")[0].text)
+    cell = kit.json_of(result)["cells"][0]
+    others = [cell[name] for name in ("ekf", "rts", "batch", "reference_ekf")]
+    assert known.count(at) >= 4
+    assert set(known) - {at} <= {(f"{one['lat']:.5f}", f"{one['lon']:.5f}") for one in others}
+    (dms,) = set(re.findall(r"(\d+)°(\d\d)'([\d.]+)\"N", page.text))
+    lat_deg = int(dms[0]) + int(dms[1]) / 60 + float(dms[2]) / 3600
+    assert abs(lat_deg - place.lat) < 1e-5
+
+
+def test_without_a_suspicious_cell_the_page_says_what_it_cannot_see(result):
+    page = Page(make_report(kit.with_word(result, word="nothing unusual"), most=1).html)
+    assert page.all("h1")[0].text == "No cell is suspicious"
+    said = page.by_id("unnoticed").text
+    assert said.startswith("Would have gone unnoticed: a cell that copies another in everything")
 
 
 def test_values_are_those_of_the_summary(page, result):

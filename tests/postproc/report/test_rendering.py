@@ -72,7 +72,7 @@ def test_an_ambiguous_cell_has_advice(tmp_path):
     (cell,) = result.cells
     assert cell.verdict == "ambiguous"
     page = Page(make_report(result).html)
-    assert page.all("h1")[0].text == "Cell 262-01-1-7: 2 positions fit"
+    assert page.all("h1")[0].text == "0 of 1 cell located, 1 ambiguous"
     article = page.all("article")[0].text
     assert "2 positions fit" in article
     (advice,) = [one.text for one in page.all("p") if one.get("class") == "advice"]
@@ -114,7 +114,7 @@ def test_several_runs_on_one_page(result, tmp_path):
     walks = (replace(result.runs[0], warnings=()), ObservedRun(other, None, ("of two",)))
     together = Result(walks, (merged,), ("about both",))
     page = Page(make_report(together).html)
-    assert len(page.all("svg")) == 2  # plan and distance: each run has its clock
+    assert len(page.all("svg")) == 3  # the map, plan and distance: each run has its clock
     assert "second.journal" in page.text
     assert {"2.5", "1.0"} <= {one.get("value") for one in page.all("data")}
     assert "about both" in page.text

@@ -56,8 +56,12 @@ def test_a_located_cell_needs_no_further_walk(result):
         "Located: most likely within 14 m, surely within 29 m",
         None,
     )
-    expected = r"With a probability of 95 %, it is in a region of .* m² around 52\.50\d+ 13\.40"
-    assert re.match(expected, located.body[0])
+    assert re.match(r"Around 52\.50\d+\s13\.40", located.body[0])
+
+
+def test_a_suspicious_cell_that_is_located_is_searched(result):
+    located = wording.headline(result.cells[0], "suspicious")
+    assert advice(located).startswith("Go there and look")
 
 
 def test_an_ambiguous_cell_has_the_locators_advice(result):
@@ -79,14 +83,14 @@ def test_a_cell_without_a_position_has_a_reason_and_advice(result):
     assert headline(result, verdict="cannot tell", posterior=None, obs=None, warnings=()).body[0]
 
 
-def test_the_heading_counts_verdicts(result):
+def test_the_heading_says_which_cells_are_suspicious_or_counts_verdicts(result):
     a, b = result.cells
-    answers = [headline(result)]
-    assert wording.heading([], []) == "No cell was observed"
-    assert (
-        wording.heading([a], answers)
-        == f"Cell {a.cell}: located: most likely within 14 m, surely within 29 m"
-    )
-    assert wording.heading([a, b], answers) == "1 of 2 cells located, 1 without a position"
+    assert wording.heading(replace(result, cells=())) == "No cell was observed"
+    assert wording.heading(result) == "1 of 2 cells located, 1 without a position"
     both = [a, replace(b, verdict="ambiguous")]
-    assert wording.heading(both, answers) == "1 of 2 cells located, 1 ambiguous"
+    assert wording.located_text(both) == "1 of 2 cells located, 1 ambiguous"
+    assert wording.heading(kit.with_word(result)) == "One cell is suspicious"
+    unusual = kit.with_word(result, word="unusual")
+    assert wording.heading(unusual) == "No cell is suspicious, 1 is unusual"
+    none = kit.with_word(result, word="nothing unusual")
+    assert wording.heading(none) == "No cell is suspicious"

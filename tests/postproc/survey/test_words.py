@@ -8,8 +8,10 @@ import pytest
 from logger.core.runfile import read_sound_run
 from logger.core.suspicion.rules import RULES, rules_version
 from logger.core.suspicion.tracker import SuspicionTracker
+from logger.core.suspicion.words import strongest_reasons
 from logger.core.types import Broadcast
 from postproc.cli import main
+from postproc.report.wording import sentence
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
 from postproc.survey.rule_inputs import records_of, rule_inputs
@@ -125,25 +127,27 @@ def test_words_of_other_rules_are_asked_again(folder, scheduler, capsys, monkeyp
     # a rule and nothing else
     monkeypatch.setitem(RULES, "X1", replace(RULES["S2"], id="X1"))
     assert _locate(capsys, folder, scheduler) == cells
-    assert len(kept.read_bytes().split()) > 6
-    assert {json.loads(line)["version"] for line in kept.read_bytes().split()[-3:]} == {
-        rules_version()
-    }
+    lines = kept.read_bytes().splitlines()
+    assert len(lines) > 6
+    assert {json.loads(line)["version"] for line in lines[-3:]} == {rules_version()}
 
 
 def test_words_of_a_version_that_was_a_number_are_asked_again(folder, scheduler, capsys):
     cells = _locate(capsys, folder, scheduler)
     kept = folder / "words.jsonl"
-    lines = [json.loads(line) for line in kept.read_bytes().split()]
+    lines = [json.loads(line) for line in kept.read_bytes().splitlines()]
     old = [line | {"version": 6, "cells": []} for line in lines]
     kept.write_text("".join(f"{json.dumps(line)}\n" for line in old))
     assert _locate(capsys, folder, scheduler) == cells
     assert [json.loads(line) for line in kept.read_text().splitlines() if line] == old + lines
 
 
-def test_the_map_shows_unusual_cells(folder, scheduler, capsys):
+def test_the_map_begins_with_the_suspicious_cell_and_its_reasons(files, folder, scheduler, capsys):
     assert main(["survey", "map", str(folder), "--scheduler", scheduler]) == 0
-    page = (folder / "survey.html").read_text()
-    unusual = page.split("Unusual cells")[1].split("All cells")[0]
-    assert f"<bdi>{FOREIGN}</bdi>: suspicious in 2 runs" in unusual
-    assert unusual.count("<li>") == 1
+    lead, others = (folder / "survey.html").read_text().split("All cells</h2>")
+    assert "1 cell is suspicious" in lead
+    assert f'<span class="no">1</span> <bdi class="cell">{FOREIGN}</bdi>' in lead
+    (word,) = (one for one in assess_runs([read_sound_run(files[0])]).cells if one.cell == FOREIGN)
+    assert sentence(strongest_reasons(word)[0]) in lead
+    assert "2 runs say so" in lead
+    assert others.count(FOREIGN) == 1
