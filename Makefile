@@ -140,6 +140,7 @@ truth: .venv/dev.stamp
 # closed loops of guidance and of its peers, 100 worlds of each noise: some hours
 guidance: .venv/dev.stamp
 	$(BIN)/python benchmarks/guidance.py
+	$(BIN)/python benchmarks/guidance.py --searches 20
 
 # a synthetic city: cost of a survey, coverage, loggers that lie; some minutes
 city: .venv/dev.stamp

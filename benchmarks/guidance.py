@@ -2,13 +2,14 @@
 
 python benchmarks/guidance.py [--worlds N] [--noise NAME ...] [--policy NAME ...] [--trap NAME]
                               [--near] [--on] [--first SEED] [--json FILE] [--read FILE ...]
-                              [--measured STARTS]
+                              [--measured STARTS] [--searches N]
 
 Every policy walks the same worlds (`guided.world`): open ground, streets and irregular streets in
 turn, 3 km at most. Under white noise, and with a trap, a walk ends where the cell is located,
 unless `--on`. `--near` puts the transmitter within 300 m. `--read` prints the tables of outcomes
 that were written before. With `--measured` the worlds are legs of measured walks
-(`guided.measured_legs`), 2 km from so many starts past each receiver.
+(`guided.measured_legs`), 2 km from so many starts past each receiver. `--searches` instead follows
+the phone's arrow through N simulated cities with a rogue and N without (`guided.searches`).
 """
 
 import argparse
@@ -26,6 +27,7 @@ import numpy as np
 from guided.loop import Loop, Outcome, Surroundings
 from guided.measured_legs import measured_worlds
 from guided.policies import GUIDED, POLICIES
+from guided.searches import print_searches
 from guided.world import GROUNDS, NOISES, TRAPS, World
 from scoreboard.traces import FOLDER
 
@@ -37,6 +39,9 @@ _DRAWS = 2000
 
 def main() -> None:
     options = _options()
+    if options.searches:
+        print_searches(options.first, options.searches, options.json)
+        return
     outcomes = [_outcome(line) for path in options.read for line in path.open()]
     if not options.read:
         outcomes = _walks(options)
@@ -57,6 +62,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--speed", type=float, default=0.5, help="of the trap `moving`, m/s")
     parser.add_argument("--measured", type=int, metavar="STARTS", default=0)
     parser.add_argument("--set", default="", help="of measured walks: Leuven or Powder")
+    parser.add_argument("--searches", type=int, metavar="N", default=0)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--read", type=Path, nargs="+", default=[])
     return parser.parse_args()

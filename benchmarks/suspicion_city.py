@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.suspicion_logs import Log, hours_of
 from logger.core.arrays import FloatArray
 from logger.core.types import CellReading, Fix, Record, Scan
-from logger.sim.city import LAT_DEG, LON_DEG, OPERATORS, WALK, city
+from logger.sim.city import GRAZ, city
 from logger.sim.walk import Walk
 from logger.sim.world import Radio, Transmitter, World
 
@@ -47,12 +47,13 @@ class SimulatedCity:
         drawn = city(self._rng)
         self.cells = (*drawn.cells, *more)
         self.new = drawn.new
-        self._world = World.build(self.cells, LAT_DEG, LON_DEG, Radio(6.0, 30.0, 2.0), self._rng)
+        where = GRAZ.lat_deg, GRAZ.lon_deg
+        self._world = World.build(self.cells, *where, Radio(6.0, 30.0, 2.0), self._rng)
         self._has_card = bool(seed % 2)
 
     def walk(self, gain_db: float = 0.0, off_air: int | None = None) -> list[Record]:
         """Records of a walk with an antenna of this gain, without the cell of this number."""
-        way = Walk(WALK)
+        way = Walk(GRAZ.walk)
         t_s = np.arange(0.0, way.duration_s, _POLL_S)
         east_m, north_m = way.positions(t_s)
         levels_dbm = self._world.received_dbm(east_m, north_m, self._rng) + gain_db
@@ -79,7 +80,7 @@ class SimulatedCity:
         heard = [i for i in np.argsort(-level_dbm).tolist() if level_dbm[i] >= _DECODED_DBM]
         if not self._has_card:
             return heard
-        home = OPERATORS[0][:2]
+        home = GRAZ.operators[0][:2]
         return [i for i in heard if (self.cells[i].mcc, self.cells[i].mnc) == home]
 
     def _scan(self, t_ns: int, serving: int, heard: list[int], level_dbm: FloatArray) -> Scan:

@@ -219,6 +219,16 @@ def parse(file: Path, driver_name: str, command: str | None, *, as_json: bool) -
     help="Simulated walk (default: block).",
 )
 @click.option(
+    "--city",
+    "city_name",
+    default="graz",
+    metavar="NAME",
+    cls=NameOption,
+    module="logger.sim.city",
+    variable="CITIES",
+    help="City of the walks city-clean and city-rogue (default: graz).",
+)
+@click.option(
     "--modem",
     "modems",
     default=("sim800",),
@@ -248,28 +258,42 @@ def parse(file: Path, driver_name: str, command: str | None, *, as_json: bool) -
 @click.option(
     "--speed",
     type=number(float, 0, FASTEST, open_below=True),
-    default=20.0,
-    show_default=True,
     metavar="X",
-    help="Simulated seconds in a second.",
+    help="Simulated seconds in a second (default: 20; with --page 5).",
 )
+@click.option("--follow", "is_led", is_flag=True, help="Walk as the advice says.")
+@click.option("--page", "has_page", is_flag=True, help="Serve the phone's page until Ctrl-C.")
 @json_option
 def simulate(
     folder: Path,
     scenario: str,
+    city_name: str,
     modems: tuple[str, ...],
     fault: str | None,
     seed: int,
     duration_s: float | None,
-    speed: float,
+    speed: float | None,
     *,
+    is_led: bool,
+    has_page: bool,
     as_json: bool,
 ) -> None:
     """Record a simulated walk; no hardware is needed.
 
     Modem and receiver are simulated behind pseudo-terminals.
     """
-    path = simulation.simulate(folder, scenario, seed, duration_s, speed, modems, fault)
+    path = simulation.simulate(
+        folder,
+        scenario,
+        seed,
+        duration_s,
+        speed or (5.0 if has_page else 20.0),
+        modems,
+        fault,
+        city_name=city_name,
+        is_led=is_led,
+        show_page=(lambda url: print(f"the page: {url}", file=sys.stderr)) if has_page else None,
+    )
     show(document.Document({"run": path}, body=[str(path)]), as_json=as_json)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from serial.tools import list_ports
 
 from logger.core.errors import DeviceError
+from logger.core.live_settings import SUSPICIOUS
 from logger.core.source_tables import GNSS_OF_MODEM
 from logger.device.port import Port
 from logger.device.sources import SOURCES
@@ -104,7 +105,8 @@ def propose_config(found: Iterable[PortReport], folder: Path | None = None) -> P
     run = ["[run]", f"directory = {_text(str(folder or usual_folder()))}"]
     if busy:
         run = [*(f"# {_comment(text)}" for text in busy), *run]
-    parts = (run, *(table.lines for table in tables), *map(_further_modem, more))
+    live = ["[live]", f"target = {_text(SUSPICIOUS)}"]
+    parts = (run, *(table.lines for table in tables), *map(_further_modem, more), live)
     text = "\n\n".join("\n".join(lines) for lines in parts)
     return Proposal(text + "\n", "; ".join([*missing, *busy]))
 

@@ -1,21 +1,37 @@
-"""`fieldlogger simulate`: the real service on a simulated walk, the devices behind real ptys."""
+"""`fieldlogger simulate`: the real service on a simulated walk, the devices behind real ptys.
 
-from collections.abc import Sequence
-from contextlib import ExitStack
+With the page there is a second process, as on a Pi, and the folders that systemd would make.
+"""
+
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import sleep
+
+import numpy as np
 
 from logger.config import parse_config
+from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.core.runfile import Truth
 from logger.device.clock import ScaledClock
+from logger.device.live_view import LiveView
 from logger.device.service import Service
 from logger.device.signals import stop_signals
 from logger.device.startup import begin_run
+from logger.device.status import write_status
+from logger.sim.city import CITIES
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import AnsweringDevice, PtyDevice, answering, talking
 from logger.sim.scenario import SCENARIOS, SIMULATED, Scenario, scenario
-from logger.sim.walk import WalkTime
+from logger.sim.walk import GuidedWalk, WalkTime
 
 _SITE = """\
 # made by `fieldlogger simulate`
@@ -32,6 +48,11 @@ kind = "modem"
 port = "{port}"
 poll_interval_s = 2.0
 """
+_PAGE = """\
+[page]
+listen = "{listen}"
+"""
+_TRIES = 20
 
 
 def simulate(
@@ -42,30 +63,31 @@ def simulate(
     speed: float,
     modem_names: Sequence[str] = ("sim800",),
     fault: str | None = None,
+    *,
+    city_name: str = "graz",
+    is_led: bool = False,
+    show_page: Callable[[str], None] | None = None,
 ) -> Path:
     """Record a walk `speed` times faster than real; return the run, with its true positions.
 
     `fault` is NAME:FROM:TO, a misbehaviour of the first modem between two times of the walk in
-    seconds.
+    seconds. With `is_led` the walker follows the advice. `show_page` is told the address of the
+    page, which stays after the walk until a signal comes.
     """
-    if name not in SCENARIOS:
-        raise ConfigError(f"no scenario is called {name!r}; known are: {', '.join(SCENARIOS)}")
-    for modem_name in modem_names:
-        if modem_name not in DIALECTS:
-            raise ConfigError(
-                f"no simulated modem is called {modem_name!r}; known are: {', '.join(DIALECTS)}"
-            )
+    _check_names("scenario", [name], SCENARIOS)
+    _check_names("city", [city_name], CITIES)
+    _check_names("simulated modem", modem_names, DIALECTS)
     misbehaviour = None if fault is None else _fault(fault)
-    walk = scenario(name, seed, duration_s)
+    walk = scenario(name, seed, duration_s, city_name)
+    view = LiveView()
+    if is_led:
+        walk = replace(walk, walk=GuidedWalk(walk.walk.waypoints, lambda: _goal(walk, view)))
     clock = ScaledClock(speed)
     time = WalkTime(clock)
-    modems: list[AnsweringDevice] = []
-    for number, modem_name in enumerate(modem_names):
-        well = walk.modem(time.now_s, DIALECTS[modem_name], number)
-        if misbehaviour is not None and not number:
-            modems.append(Misbehaving(well, *misbehaviour, time.now_s, seed))
-        else:
-            modems.append(well)
+    well = [walk.modem(time.now_s, DIALECTS[each], k) for k, each in enumerate(modem_names)]
+    modems: list[AnsweringDevice] = [*well]
+    if misbehaviour is not None:
+        modems[0] = Misbehaving(well[0], *misbehaviour, time.now_s, seed)
     receiver = talking(walk.receiver(), time)
     with (
         ExitStack() as opened,
@@ -81,13 +103,82 @@ def simulate(
             max_fix_age_s=3.0 + 0.1 * speed,
         )
         text += "".join(_MODEM.format(port=port) for port in ports)
+        status = None
+        if show_page is not None:
+            text += _PAGE.format(listen=f"127.0.0.1:{_free_port()}")
+            status = opened.enter_context(_page(text, show_page))
         config = parse_config(text, "simulated site.toml")
         origin = f"{SIMULATED}{name}"
         begun = begin_run(config, text, clock, origin=origin, truth=_truth(walk))
         service = Service(config, begun, clock, ended)
+
+        def publish() -> None:
+            nonlocal view
+            view = service.recorder.estimator.view
+            if status is not None:
+                write_status(status, service.snapshot())
+
         service.start()
-        service.wait(walk.duration_s)
-        return service.stop(signals[0] if signals else "end of the simulated walk")
+        service.wait(walk.duration_s, publish)
+        run = service.stop(signals[0] if signals else "end of the simulated walk")
+        if status is not None:
+            ended.wait()
+        return run
+
+
+def _check_names(kind: str, names: Sequence[str], known: Collection[str]) -> None:
+    for name in names:
+        if name not in known:
+            raise ConfigError(f"no {kind} is called {name!r}; known are: {', '.join(known)}")
+
+
+def _goal(walk: Scenario, view: LiveView) -> FloatArray | None:
+    """Where the arrow points, in metres of the simulated world."""
+    goal = view.goal
+    return None if goal is None else np.array(walk.world.to_local(goal.lat, goal.lon))
+
+
+@contextmanager
+def _page(site: str, show: Callable[[str], None]) -> Iterator[Path]:
+    """The page in a process of its own; yields the folder of the status, which it reads."""
+    with TemporaryDirectory(prefix="cellwalk-") as name:
+        status, runtime, state = (Path(name) / one for one in ("status", "status-page", "state"))
+        for one in (status, runtime, state):
+            one.mkdir()
+        file = Path(name) / "site.toml"
+        file.write_text(site)
+        here = os.environ.get("RUNTIME_DIRECTORY")
+        os.environ["RUNTIME_DIRECTORY"] = str(status)  # the service finds the requests beside it
+        environ = os.environ | {"RUNTIME_DIRECTORY": str(runtime), "STATE_DIRECTORY": str(state)}
+        command = [sys.executable, "-m", "logger.cli", "page", "--config", str(file)]
+        # a Ctrl-C ends the walk, and only then the page
+        with subprocess.Popen(command, env=environ, start_new_session=True) as process:  # noqa: S603
+            try:
+                show(_address([*command, "--show"], environ))
+                yield status
+            finally:
+                process.terminate()
+                if here is None:
+                    del os.environ["RUNTIME_DIRECTORY"]
+                else:
+                    os.environ["RUNTIME_DIRECTORY"] = here
+
+
+def _address(command: list[str], environ: Mapping[str, str]) -> str:
+    """The address, once the page has made its token."""
+    for _ in range(_TRIES):
+        said = subprocess.run(  # noqa: S603
+            command, env=environ, capture_output=True, text=True, check=False
+        )
+        if not said.returncode:
+            return said.stdout.splitlines()[0]
+        sleep(0.2)
+    raise ConfigError(f"the page has not started: {said.stderr.strip()}")
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return int(probe.getsockname()[1])
 
 
 def _fault(text: str) -> tuple[str, float, float]:

@@ -37,6 +37,7 @@ KEYS = {
         "target",
         "hysteresis_db",
         "lost_s",
+        "give_up_s",
         "max_fix_age_s",
         "joseph",
         "most_cells",
@@ -154,7 +155,7 @@ def test_a_height_in_words_is_refused_with_what_toml_has():
 NO_MEANING = [
     *(
         ("live", key, value)
-        for key in ("lost_s", "max_fix_age_s", "height_m")
+        for key in ("lost_s", "give_up_s", "max_fix_age_s", "height_m")
         for value in ("inf", "nan", "-1.0", "1e300")
     ),
     *(("live", "hysteresis_db", value) for value in ("nan", "-1.0", "-inf")),

@@ -12,6 +12,7 @@ from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.cell_names import REUSED_M, is_by_channel
 from logger.core.censoring import limit_of
 from logger.core.guidance.followed_cell import FollowedCell
+from logger.core.guidance.pursuit import Pursuit
 from logger.core.guidance.street_atlas import StreetAtlas, Streets
 from logger.core.identities import Identities
 from logger.core.joined_names import RecentNames
@@ -50,6 +51,7 @@ class LiveTracker:
         self._prior = live_prior(settings)
         self._track = ReceiverTrack(settings.max_fix_age_s)
         self._reference = LiveReference(settings)
+        self._gives_up = settings.give_up_s > 0.0
         self._identities = Identities()
         self._names = RecentNames() if settings.by_channel else None
         self._once: Latest[tuple[str, Readings]] = Latest(_MOST_ONCE)
@@ -71,6 +73,16 @@ class LiveTracker:
         return replace(answer, word=self.suspicion.assessment(answer.cell))
 
     @property
+    def pursuit(self) -> Pursuit | None:
+        """How the search for the target goes."""
+        return self._reference.pursuit
+
+    @property
+    def offer(self) -> str | None:
+        """The cell that a person may choose next: suspicious, else unusual, else the strongest."""
+        return self._reference.offer(one.cell for one in self.suspicion.conspicuous())
+
+    @property
     def latest(self) -> LiveEstimate | None:
         """The newest estimate of the target, without the reference filter's."""
         cell = None if self.target is None else self._cells.get(self.target)
@@ -81,7 +93,7 @@ class LiveTracker:
         notes = self._check_rules(record)
         match record.value:
             case Fix() as fix:
-                return [*notes, *self._track.add(record.t_ns, fix), *self._guide()]
+                return [*notes, *self._track.add(record.t_ns, fix), *self._guide(record.t_ns)]
             case Scan() as scan:
                 return [*notes, *self._take_scan(seq, record, scan)]
             case Note(code=code, text=cell) if code == FOLLOW:
@@ -121,10 +133,20 @@ class LiveTracker:
     ) -> list[Note | LiveEstimate]:
         known = tuple(r for r in scan.readings if r.cell in self._identities)
         known_scan = replace(scan, readings=known)
-        suspect = self.suspicion.worst
-        change = self._reference.choose(record, known_scan, place, suspect)
+        change = self._reference.choose(record, known_scan, place, self._suspects())
         estimate = self._reference.step(seq, record.source, known_scan, place)
         return [one for one in (change, estimate) if one]
+
+    def _suspects(self) -> list[str]:
+        """Cells that may become the target for their word, the worst first."""
+        worst = self.suspicion.worst
+        if worst is None:
+            return []
+        if not self._gives_up:  # as it was before there were pursuits: any word counted
+            return [worst]
+        if self.suspicion.assessment(worst).word != "suspicious":
+            return []
+        return [one.cell for one in self.suspicion.conspicuous() if one.word == "suspicious"]
 
     def _take_reading(
         self, seq: int, name: str, modem: str, located: Readings
@@ -141,20 +163,26 @@ class LiveTracker:
         notes = [Note("info", code, f"{name}: {text}") for code, text in cell.news]
         return [*notes] if estimate is None else [*notes, estimate]
 
-    def _guide(self) -> list[Note]:
-        """The advice for the target, if there is a new one."""
-        receiver, target = self._track.latest, self.target
-        if receiver is None or target is None or target not in self._cells:
+    def _guide(self, t_ns: int) -> list[Note]:
+        """The advice for the target, if there is a new one, and the end of the search for it."""
+        receiver, pursuit = self._track.latest, self.pursuit
+        if receiver is None or pursuit is None or pursuit.cell not in self._cells:
             return []
-        here = receiver.place
+        here, target, before_end = receiver.place, pursuit.cell, pursuit.over
         if self.followed is None or self.followed.cell != target:
             self.followed = FollowedCell(target, self._streets.near(here))
         before = self.followed.advice
-        self.followed.update(here, self._cells[target].locator)
+        word = self.suspicion.assessment(target).word
+        pursuit.walk(t_ns, here, is_suspicious=word == "suspicious")
+        if self.followed.update(here, self._cells[target].locator) and self.followed.answer:
+            pursuit.judge(self.followed.answer)
+        notes = []
         advice = self.followed.advice
-        if advice is None or advice is before:
-            return []
-        return [Note("info", ADVICE, f"{target}: {advice.text}")]
+        if advice is not None and advice is not before:
+            notes.append(Note("info", ADVICE, f"{target}: {advice.text}"))
+        if self._gives_up and pursuit.over not in {"", before_end}:
+            notes.append(Note("info", "target-over", f"{target}: {pursuit.over}"))
+        return notes
 
     def _search(self) -> None:
         cell = max(self._cells.values(), key=lambda cell: cell.stale, default=None)

@@ -13,6 +13,7 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
         "hysteresis_db": (0.0, math.inf),  # infinite: the target never changes for a stronger cell
         "lost_s": (0.0, 1e9),  # thirty years, which fit into 64 bits as nanoseconds
+        "give_up_s": (0.0, 1e9),
         "max_fix_age_s": (0.0, 1e9),
         "most_cells": (
             1,
@@ -49,11 +50,12 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the live estimate chooses its cells, its fix and its prior.
 
     Every cell named by two scans is tracked, up to `most_cells` at once: the one not received for
-    longest gives way. `target` is "strongest", "suspicious" or the name of a cell, for the
-    reference filter and the default view; it is one that two scans have named. The target changes
-    when another cell is `hysteresis_db` stronger in the same scan, or strongest after the target
-    was not received for `lost_s`. "suspicious" is the cell with the worst word, once one is more
-    than "nothing unusual" and is received; until then the strongest. A fix older than
+    longest gives way. `target` is "suspicious", "strongest" or the name of a cell, for the
+    reference filter and the way to go; it is one that two scans have named. "suspicious" is a cell
+    with that word, else the strongest when one is chosen; it stays until it is located or given up:
+    not received for `give_up_s` (0: never given up, and any word counts), or three legs without a
+    smaller region. "strongest" changes when another cell is `hysteresis_db` stronger in the same
+    scan, or strongest after the target was not received for `lost_s`. A fix older than
     `max_fix_age_s` is not used. `joseph` chooses the form of the reference filter's covariance
     update. `environment` names the prior: any, open, suburban or urban. `antenna` is omni or
     sector, `reach` (the distance from the walk) near or far, `height_m` the antenna's height above
@@ -62,9 +64,10 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     and code (`cell_names`); earlier versions did not.
     """
 
-    target: str = STRONGEST
+    target: str = SUSPICIOUS
     hysteresis_db: float = 6.0
     lost_s: float = 30.0
+    give_up_s: float = 600.0
     max_fix_age_s: float = 3.0
     joseph: bool = False
     most_cells: int = 64
@@ -80,10 +83,11 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:
     """Settings as a run stores them, with each null as the value that it stands for.
 
-    JSON has neither infinity nor NaN. An infinite hysteresis is stored as null. Earlier versions
-    also stored infinite times, which never end. A height of null is any.
+    JSON has neither infinity nor NaN: an infinite hysteresis is stored as null, as earlier versions
+    did with times. A height of null is any. What a run does not have is as it was before.
     """
     known = dict.fromkeys(LIMITS, math.inf) | {"height_m": None}
-    return {"by_channel": False} | {
+    before = {"target": STRONGEST, "give_up_s": 0.0, "by_channel": False}
+    return before | {
         name: known.get(name) if value is None else value for name, value in recorded.items()
     }

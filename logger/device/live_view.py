@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 from msgspec import Meta, Struct
 from msgspec.structs import asdict, replace
 
-from logger.core.answer import DEGREE_DECIMALS, Answer, MultiPolygon, Place
+from logger.core.answer import DEGREE_DECIMALS, Answer, MultiPolygon, OnMap, Place
 from logger.core.cell_names import channel_name
 from logger.core.ellipse import Ellipse, ellipse95, radii_text, radius_m
 from logger.core.guidance.next_way import NextWay
@@ -48,10 +48,9 @@ class TargetStatus(Struct, frozen=True):
     """The target and its best position so far, with the 95 % ellipse and its azimuth.
 
     `r50_m` and `r95_m` are the radii that hold half and 95 % of all probability; null where the
-    position has less.
-
-    `verdict` is "one close place", "one place", "several places" or "cannot tell": less
-    than that of the desktop program, which uses the complete walk.
+    position has less. `verdict` is that of the answer where there is one, else "one close place",
+    "several places" or "cannot tell". `over` is why nothing leads to it any more: "located", or why
+    it was given up; empty while the search goes on.
     """
 
     cell: str
@@ -65,13 +64,14 @@ class TargetStatus(Struct, frozen=True):
     azimuth_deg: float | None = None
     r50_m: float | None = None
     r95_m: float | None = None
+    over: str = ""
 
     def __str__(self) -> str:
         if self.lat_deg is None:
             return f"target {self.cell}: {self.verdict}"
         position = f"{self.lat_deg:.5f} {self.lon_deg:.5f}"
         radii = radii_text(self.r50_m, self.r95_m)
-        parts = [f"target {self.cell}: {self.verdict} ({self.probability:.2f})", position, radii]
+        parts = [f"target {self.cell}: {self.verdict}", position, radii]
         return ", ".join(filter(None, parts))
 
 
@@ -126,9 +126,10 @@ class PositionStatus(Place, frozen=True, kw_only=True):
 class LiveView(Struct, frozen=True, kw_only=True):
     """What is known while walking.
 
-    `target` is the cell of the default view. `suspicions` has the most suspicious cell first; it
-    never changes what is recorded. `next` and `position` are of the cell that is followed; `cells`
-    has the serving cell first, then the others by level. `no_estimate` is why there is no live
+    `target` is the cell that is searched for, `offer` the one that a person may choose next.
+    `suspicions` has the most suspicious cell first. `next`, None once the search is over, and
+    `position` are of the target; `cells` has the serving cell first, then the others by level.
+    `no_estimate` is why there is no live
     estimate now, empty while it is made; `left_out` says which files it does not use, and why.
     """
 
@@ -139,13 +140,25 @@ class LiveView(Struct, frozen=True, kw_only=True):
     cells: tuple[CellStatus, ...] = ()
     no_estimate: str = ""
     left_out: tuple[str, ...] = ()
+    offer: str | None = None
+
+    @property
+    def goal(self) -> OnMap | None:
+        """What the arrow points at: the place that was found, else the end of the next way."""
+        if self.position is not None and self.position.verdict == "located":
+            return self.position
+        return None if self.next is None else OnMap(lat=self.next.lat, lon=self.next.lon)
 
 
 def live_view(tracker: "LiveTracker") -> LiveView:
     """What the tracker knows after its latest record."""
-    followed = tracker.followed
+    followed, pursuit = tracker.followed, tracker.pursuit
+    if followed is not None and followed.cell != tracker.target:
+        followed = None  # it was until this scan
+    position = None if followed is None else _position(tracker.answer, followed.region)
+    over = "" if pursuit is None else pursuit.over
     return LiveView(
-        target=target_status(tracker.target, tracker.latest),
+        target=target_status(tracker.target, tracker.latest, position, over),
         suspicions=tuple(
             SuspicionStatus(
                 one.cell,
@@ -155,14 +168,35 @@ def live_view(tracker: "LiveTracker") -> LiveView:
             )
             for one in tracker.suspicion.conspicuous()[:_MOST_SUSPICIONS]
         ),
-        next=None if followed is None else followed.way,
-        position=None if followed is None else _position(tracker.answer, followed.region),
+        next=None if followed is None or over else followed.way,
+        position=position,
+        offer=tracker.offer,
+    )
+
+
+def target_status(
+    cell: str | None,
+    latest: LiveEstimate | None,
+    position: PositionStatus | None = None,
+    over: str = "",
+) -> TargetStatus | None:
+    """The target with its latest estimate, as sure of its place as the answer is."""
+    status = _of_estimate(cell, latest)
+    if status is None or position is None:
+        return status
+    return replace(
+        status,
+        verdict=position.verdict,
+        lat_deg=position.lat,
+        lon_deg=position.lon,
+        r50_m=position.r50_m,
+        r95_m=position.r95_m,
+        over=over,
     )
 
 
 @lru_cache(maxsize=1)  # fixes come ten times a second, estimates once
-def target_status(cell: str | None, latest: LiveEstimate | None) -> TargetStatus | None:
-    """The target and, once there is one, the latest estimate of it."""
+def _of_estimate(cell: str | None, latest: LiveEstimate | None) -> TargetStatus | None:
     if cell is None:
         return None
     if latest is None:
@@ -195,10 +229,10 @@ def _radius_m(ellipse: Ellipse, level: float, probability: float) -> float | Non
 
 
 def _certainty(latest: LiveEstimate) -> str:
-    """How sure the live estimate is of its position."""
+    """How sure the live estimate is of its position: the mode alone, not the whole region."""
     if latest.stage == EKF:
         return "one close place"
-    return "one place" if latest.probability >= ONE_MODE else "several places"
+    return "cannot tell" if latest.probability >= ONE_MODE else "several places"
 
 
 def _position(answer: Answer | None, region: MultiPolygon | None) -> PositionStatus | None:
@@ -249,6 +283,11 @@ class CellTable:
                 for row in rows
             ]
         rows.sort(key=_importance)
+        if (known := view.position) is not None:  # the whole region, where it is known
+            rows = [
+                replace(row, verdict=known.verdict) if row.cell == known.cell else row
+                for row in rows
+            ]
         return replace(view, cells=tuple(rows[:MOST_SHOWN]))
 
     def _take(self, t_ns: int, scan: Scan, modem: str) -> None:

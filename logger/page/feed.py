@@ -25,7 +25,8 @@ class State(msgspec.Struct, frozen=True):
     """One message to the phones.
 
     `silent_s` is for how long the recorder has said nothing; `status` is then its last one, None
-    without any. `minute` has age and level of the followed cell's readings.
+    without any. `kept` is the number of readings of a run that was closed in order, else None.
+    `minute` has age and level of the followed cell's readings.
     """
 
     silent_s: float
@@ -35,6 +36,7 @@ class State(msgspec.Struct, frozen=True):
     machine: Machine
     cell: str | None
     has_map: bool
+    kept: int | None
 
 
 class Feed:
@@ -89,10 +91,10 @@ class Feed:
     def look(self) -> None:
         """Renew the text where there is anything new, or a second has passed."""
         now_s = time.monotonic()
-        has_news = self._read_status(now_s)
-        if has_news or self._is_behind:
+        has_news, is_due = self._read_status(now_s), now_s - self._beat_s >= BEAT_S
+        if has_news or self._is_behind or is_due:  # a run is closed after its last status
             self._read_journal()
-        if not has_news and now_s - self._beat_s < BEAT_S:
+        if not has_news and not is_due:
             return
         self._beat_s = now_s
         if now_s - self._machine_s > MACHINE_S or not self.text:
@@ -146,6 +148,7 @@ class Feed:
             machine=self._machine,
             cell=self.cell,
             has_map=self._has_map,
+            kept=self.walk.n_readings if self._tail and self._tail.is_sealed else None,
         )
 
     def track(self, from_point: int, from_level: int) -> dict[str, Any]:

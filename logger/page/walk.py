@@ -32,7 +32,10 @@ Row = dict[str, Any]
 
 
 class JournalTail:
-    """Follows the files of one journal; `rows` are those that are new."""
+    """Follows the files of one journal; `rows` are those that are new.
+
+    `is_sealed` says that the recorder has closed it in order.
+    """
 
     def __init__(self, journal: Path, tables: frozenset[str]) -> None:
         self.journal = journal
@@ -40,6 +43,7 @@ class JournalTail:
         self._part = 1
         self._position = 0
         self._portion = _PORTION
+        self.is_sealed = False
 
     def rows(self) -> Iterator[tuple[str, Row]]:
         """Rows of the next portion with the names of their tables; values as they are stored."""
@@ -48,6 +52,7 @@ class JournalTail:
         for frame in scan(data):
             if isinstance(frame, Frame):
                 end = frame.start + frame.length + _CRC_BYTES
+                self.is_sealed |= frame.kind == Kind.END
                 yield from self._rows_in(frame, data)
         self._position += end
         if end:
@@ -94,7 +99,7 @@ _METRES_PER_DEG = 111_320.0
 class Walk:
     """One run so far; `take` its rows in their order.
 
-    `n_marks` grows with each mark that is on the card.
+    `n_marks` grows with each mark that is on the card, `n_readings` with each reading.
     """
 
     def __init__(self) -> None:
@@ -102,14 +107,16 @@ class Walk:
         self._cells: Latest[_Levels] = Latest(MOST_CELLS)
         self._marks: deque[tuple[float, float, str]] = deque(maxlen=MOST_MARKS)
         self._here: tuple[float, float] | None = None
-        self.n_marks = 0
+        self.n_marks = self.n_readings = 0
 
     def take(self, table: str, row: Row) -> None:
         """Take a row of the run."""
         if table == "fixes" and row["valid"]:
             self._add_point(row["t_ns"], row["lat_deg"], row["lon_deg"])
-        elif table == "readings" and row["cell"] and not row["identity_unsure"]:
-            self._add_level(row)
+        elif table == "readings":
+            self.n_readings += 1
+            if row["cell"] and not row["identity_unsure"]:
+                self._add_level(row)
         elif table == "notes" and _text(row["code"]) == MARK:
             self.n_marks += 1
             if self._here is not None:

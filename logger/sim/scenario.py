@@ -112,16 +112,22 @@ class Scenario:
         )
 
 
-def scenario(name: str = DEFAULT, seed: int = 1, duration_s: float | None = None) -> Scenario:
-    """A named scenario; it lasts as long as its walk unless `duration_s` is given."""
+def scenario(
+    name: str = DEFAULT, seed: int = 1, duration_s: float | None = None, city_name: str = "graz"
+) -> Scenario:
+    """A named scenario; it lasts as long as its walk unless `duration_s` is given.
+
+    `city_name` is that of `city.CITIES` where the scenario is a city.
+    """
     if name not in SCENARIOS:
         raise ValueError(f"no scenario {name!r}; there are {', '.join(SCENARIOS)}")
     radio = SCENARIOS[name]
     rng = np.random.default_rng([seed, 0])
     if name.startswith("city"):
-        walk, where = Walk(city.WALK), (city.LAT_DEG, city.LON_DEG)
-        cells = city.with_lists(city.city(rng).cells)
-        cells = (city.ROGUE, *cells) if name == "city-rogue" else cells
+        place = city.CITIES[city_name]
+        walk, where = Walk(place.walk), (place.lat_deg, place.lon_deg)
+        cells = city.with_lists(city.city(rng, place).cells)
+        cells = (place.rogue, *cells) if name == "city-rogue" else cells
     else:
         walk, where = Walk(BLOCK), (ORIGIN_LAT_DEG, ORIGIN_LON_DEG)
         cells = with_neighbours((ROGUE, *CELLS))

@@ -15,10 +15,12 @@ Waypoints = tuple[tuple[float, float], ...]
 WALKING_MPS = 1.3
 BLOCK_M = 80.0
 """Distance between the streets of a random walk."""
+_STEP_S = 1.0
+"""How often a led walker looks at the arrow."""
 CIRCLE_CORNERS = 72  # 0.1 % shorter than the circle
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Walk:
     """From waypoint to waypoint (east, north in metres) without a stop."""
 
@@ -55,25 +57,72 @@ class Walk:
 
     def positions(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """East and north in metres, shape as given."""
-        corners = np.asarray(self.waypoints, float)
         walked_m = np.asarray(t_s, float) * self.speed_mps
-        distances_m = self._distances_m()
+        corners, distances_m = self._path(float(np.max(walked_m)))
         return np.interp(walked_m, distances_m, corners[:, 0]), np.interp(
             walked_m, distances_m, corners[:, 1]
         )
 
     def motion(self, t_s: float) -> tuple[float, float]:
         """Speed in m/s, zero outside the walk, and course in degrees from north of the leg."""
-        leg = int(np.searchsorted(self._distances_m(), t_s * self.speed_mps, side="right"))
-        leg = min(max(leg, 1), len(self.waypoints) - 1)
-        (east_0, north_0), (east_1, north_1) = self.waypoints[leg - 1 : leg + 1]
-        course_deg = float(np.degrees(np.arctan2(east_1 - east_0, north_1 - north_0))) % 360.0
-        return (self.speed_mps if 0.0 <= t_s < self.duration_s else 0.0), course_deg
+        walked_m = t_s * self.speed_mps
+        corners, distances_m = self._path(walked_m)
+        leg = int(np.searchsorted(distances_m, walked_m, side="right"))
+        leg = min(max(leg, 1), len(corners) - 1)
+        east_m, north_m = corners[leg] - corners[leg - 1]
+        course_deg = float(np.degrees(np.arctan2(east_m, north_m))) % 360.0
+        return (self.speed_mps if 0.0 <= walked_m < distances_m[-1] else 0.0), course_deg
+
+    def _path(self, _walked_m: float) -> tuple[FloatArray, FloatArray]:
+        """Corners (k, 2), at least up to a distance, and the distance walked at each of them."""
+        return np.asarray(self.waypoints, float), self._distances_m()
 
     def _distances_m(self) -> FloatArray:
         """Walked distance at each waypoint."""
         legs = np.diff(np.asarray(self.waypoints, float), axis=0)
         return np.concatenate([[0.0], np.cumsum(np.hypot(legs[:, 0], legs[:, 1]))])
+
+
+class GuidedWalk(Walk):
+    """A walk that is led: `goal` is the place (2,) that the arrow points at now, None without one.
+
+    Without an arrow it goes from one waypoint to the next, and from the last one to the first. Past
+    a goal it goes straight on until there is another.
+    """
+
+    def __init__(self, waypoints: Waypoints, goal: Callable[[], FloatArray | None]) -> None:
+        super().__init__(waypoints)
+        self._goal = goal
+        self._next = 1
+        self._lock = threading.Lock()
+        self._steps_m = [np.asarray(waypoints[0], float)]
+        self._passed_m: FloatArray | None = None
+
+    def _path(self, walked_m: float) -> tuple[FloatArray, FloatArray]:
+        step_m = self.speed_mps * _STEP_S
+        with self._lock:
+            while (len(self._steps_m) - 1) * step_m <= walked_m:
+                self._steps_m.append(self._step(step_m))
+            steps_m = np.array(self._steps_m)
+        return steps_m, step_m * np.arange(len(steps_m), dtype=float)
+
+    def _step(self, step_m: float) -> FloatArray:
+        before, here = self._steps_m[-2:][0], self._steps_m[-1]
+        goal = self._goal()
+        if goal is None:
+            aim = np.asarray(self.waypoints[self._next], float)
+            if np.hypot(*(aim - here)) <= step_m:
+                self._next = (self._next + 1) % len(self.waypoints)
+                return aim
+        elif self._passed_m is not None and np.array_equal(goal, self._passed_m):
+            aim = here + (here - before)
+        else:
+            aim = goal
+            if np.hypot(*(aim - here)) <= step_m:
+                self._passed_m = aim
+                return aim
+        way_m = aim - here
+        return np.asarray(here + step_m * way_m / max(float(np.hypot(*way_m)), 1e-9), float)
 
 
 def waypoints(shape: str, size_m: float, rng: np.random.Generator) -> Waypoints:

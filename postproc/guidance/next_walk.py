@@ -110,7 +110,7 @@ def next_walk(
         start,
         posterior,
         tuple(_rank(one, sample) for one in _different([best, *others])),
-        sentence(best, sample, places, None, distance_m, task.mean_dbm),
+        sentence(best, sample, places, None, distance_m, task.mean_dbm)[0],
         forecaster,
         everywhere.places,
     )

@@ -9,7 +9,7 @@ from benchmarks.suspicion_injection import detect, inject
 from benchmarks.suspicion_logs import LOGS, read_logs
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import WORD_RATES
-from logger.sim.city import ROGUE
+from logger.sim.city import GRAZ
 
 needs_logs = pytest.mark.skipif(not LOGS.is_dir(), reason=f"there are no logs in {LOGS}")
 
@@ -48,7 +48,7 @@ def test_a_baseline_of_seven_walks_adds_no_suspicious_cell():
 def test_a_clean_city_has_no_suspicious_cell_and_its_rogue_has():
     clean, rogue = Counts(), Counts()
     clean.add(city_log(1))
-    rogue.add(city_log(1, (ROGUE,)))
+    rogue.add(city_log(1, (GRAZ.rogue,)))
     assert not clean.suspicious
     assert [text.split()[2] for text in rogue.suspicious] == ["232-01-7777-4660"]
 

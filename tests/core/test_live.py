@@ -5,7 +5,7 @@ import pytest
 
 from logger.core import ekf
 from logger.core.live import ADVICE, LiveTracker
-from logger.core.live_settings import FOLLOW, LiveSettings
+from logger.core.live_settings import FOLLOW, STRONGEST, SUSPICIOUS, LiveSettings
 from logger.core.places import Places, Utm
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 from logger.device.live_view import live_view
@@ -66,7 +66,7 @@ def test_locks_on_the_strongest_and_steps_the_reference_filter():
 
 
 def test_target_changes_only_beyond_the_hysteresis_and_starts_again():
-    tracker = _knowing(LiveSettings(hysteresis_db=6.0), 1, 2)
+    tracker = _knowing(LiveSettings(target=STRONGEST, hysteresis_db=6.0), 1, 2)
     found = _feed(
         tracker,
         _fix(1),
@@ -113,7 +113,8 @@ def test_a_followed_cell_that_nobody_hears_changes_nothing():
 
 
 def test_a_target_not_received_for_a_while_gives_way():
-    tracker = _knowing(LiveSettings(lost_s=10.0, max_fix_age_s=100.0), 1, 2)
+    settings = LiveSettings(target=STRONGEST, lost_s=10.0, max_fix_age_s=100.0)
+    tracker = _knowing(settings, 1, 2)
     records = [
         _fix(1),
         _scan(1, reading(1, -60.0)),
@@ -131,12 +132,12 @@ def test_a_wished_target_is_kept():
     assert [v.cell for v in found if isinstance(v, LiveEstimate)] == ["262-01-4711-1"]
 
 
-def _receives_a_foreign_cell(target):
+def _receives_a_foreign_cell(target, settings=None):
     """Six scans with a foreign cell that is weaker than the cells of this country."""
     home = [reading(cid, -60.0 - cid) for cid in range(1, 5)]
     foreign = CellReading("neighbour", "GSM", "310", "260", 1, 9, 30, rssi_dbm=-80.0)
     records = [record for t in range(2, 40, 5) for record in (_fix(t), _scan(t, *home, foreign))]
-    tracker = LiveTracker(LiveSettings(target=target))
+    tracker = LiveTracker(settings or LiveSettings(target=target))
     return tracker, _feed(tracker, *records)
 
 
@@ -283,3 +284,73 @@ def test_another_target_is_followed_anew():
     assert tracker.target == "262-01-4711-2"
     assert tracker.followed.cell == "262-01-4711-2"
     assert tracker.followed.advice is None
+
+
+def _targets(settings, *records):
+    """The target after each record, by the number of its cell."""
+    tracker = _knowing(settings, 1, 2, 3)
+    targets = []
+    for seq, record in enumerate(records):
+        tracker.feed(seq, record)
+        targets.append(tracker.target and tracker.target[-1])
+    return tracker, targets
+
+
+def test_the_target_stays_although_another_cell_is_louder_or_it_is_not_heard():
+    louder = [_scan(t, reading(1, -90.0), reading(2, -50.0)) for t in range(2, 50)]
+    gone = [_scan(t, reading(2, -50.0)) for t in range(50, 100)]
+    settings = LiveSettings(max_fix_age_s=1e6)
+    tracker, targets = _targets(settings, _fix(1), _scan(1, reading(1, -60.0)), *louder, *gone)
+    assert set(targets[1:]) == {"1"}
+    assert not tracker.pursuit.over
+
+
+def test_a_target_not_heard_for_ten_minutes_is_given_up_and_the_next_is_offered():
+    heard = [_scan(1, reading(1, -60.0), reading(2, -90.0), reading(3, -80.0))]
+    others = [
+        record
+        for t in range(2, 600, 20)
+        for record in (_fix(t), _scan(t, reading(2, -90.0), reading(3, -80.0)))
+    ]
+    settings = LiveSettings(max_fix_age_s=100.0)
+    tracker, targets = _targets(settings, _fix(1), *heard, *others)
+    assert not tracker.pursuit.over
+    notes = [value for value in tracker.feed(900, _fix(602)) if isinstance(value, Note)]
+    assert [note.code for note in notes] == ["target-over"]
+    assert tracker.pursuit.over == "not heard for 10 min"
+    assert set(targets[1:]) == {"1"}
+    assert tracker.offer == "262-01-4711-3"  # the strongest of the others
+    tracker.feed(901, _follow(603, tracker.offer))
+    tracker.feed(902, _scan(603, reading(3, -80.0)))
+    assert tracker.target == "262-01-4711-3"
+    assert tracker.pursuit.is_asked
+    assert not tracker.pursuit.over
+
+
+def test_a_suspicious_cell_takes_over_and_an_unusual_one_is_offered():
+    tracker, found = _receives_a_foreign_cell(SUSPICIOUS)
+    (word,) = {one.word for one in tracker.suspicion.conspicuous()}
+    assert tracker.target == ("310-260-1-9" if word == "suspicious" else "262-01-4711-1")
+    assert tracker.offer == (None if word == "suspicious" else "310-260-1-9")
+    codes = [value.code for value in found if isinstance(value, Note)]
+    assert codes.count("target-changed") == (word == "suspicious")
+
+
+def test_a_run_from_before_the_target_stayed_is_followed_as_then():
+    old = LiveSettings(target=SUSPICIOUS, give_up_s=0.0)
+    tracker, _ = _receives_a_foreign_cell(SUSPICIOUS, old)
+    assert tracker.target == "310-260-1-9"  # of any word
+
+
+def test_the_program_chooses_anew_once_it_may():
+    both = reading(1, -60.0), reading(2, -90.0)
+    _, targets = _targets(
+        LiveSettings(),
+        _fix(1),
+        _scan(1, *both),
+        _follow(1, "262-01-4711-2"),
+        _scan(2, *both),
+        _follow(2, SUSPICIOUS),
+        _scan(3, *both),
+    )
+    assert targets == [None, "1", "1", "2", "2", "1"]

@@ -50,9 +50,12 @@ def test_by_default_the_levels_weigh_reach_antenna_and_height():
     assert live_prior(LiveSettings()) == prior_for("any", reach="any", antenna="any")
 
 
-def test_a_run_without_settings_has_the_defaults(tmp_path):
+@pytest.mark.parametrize("recorded", [None, {"target": "suspicious"}, {"lost_s": 20.0}])
+def test_what_an_earlier_run_does_not_say_is_as_it_was_then(tmp_path, recorded):
     meta = msgspec.json.decode(msgspec.json.encode(runs.meta()))
     del meta["live"]
+    meta |= {} if recorded is None else {"live": recorded}
     frame = encode(1, 0, Kind.META, msgspec.json.encode(meta), SCHEMA_VERSION)
     (tmp_path / "a.journal").write_bytes(frame)
-    assert read_run(tmp_path / "a.journal").meta.live == LiveSettings(by_channel=False)
+    then = {"target": "strongest", "give_up_s": 0.0, "by_channel": False}
+    assert read_run(tmp_path / "a.journal").meta.live == LiveSettings(**then | (recorded or {}))

@@ -122,7 +122,7 @@ def recorded_page(folder: Path, monkeypatch, rate=20.0, ground="") -> Iterator[t
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(status))
     with simulated_devices(rate=rate) as (modem, gnss, _):
         table = f'[page]\nlisten = "127.0.0.1:{port}"\nmap = "{ground}"\n'
-        table += "[live]\nmax_fix_age_s = 100.0\n"
+        table += '[live]\nmax_fix_age_s = 100.0\ntarget = "strongest"\n'
         config = service.site_toml(folder, modem.path, gnss.path, table)
         with page_server(folder, config, port) as page:
             yield page, lambda: service.running_service(config)

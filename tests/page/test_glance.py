@@ -3,7 +3,7 @@
 import pytest
 
 from logger.core.live_settings import FOLLOW
-from logger.device.live_view import SuspicionStatus
+from logger.device.live_view import SuspicionStatus, TargetStatus
 from logger.device.status import Status
 from tests.kit import page as kit
 from tests.kit import service
@@ -27,15 +27,63 @@ def phone(tmp_path_factory):
         yield phone
 
 
+LOCATED = "{cell: 'a', verdict: 'located', lat: 52.5, lon: 13.4, r50_m: 19.6, r95_m: 46.4}"
+
+
 def test_a_located_cell_is_the_first_thing_said(phone):
-    located = "{verdict: 'located', r50_m: 19.6, r95_m: 46.4}"
     for state, begin in (("recording", "Recording"), ("suspicious", "Recording; a cell is ")):
-        status = f"{{state: '{state}', position: {located}}}"
+        status = f"{{state: '{state}', position: {LOCATED}}}"
         sign, sentence, todo = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")
         assert sign == state
         assert sentence.startswith(begin)
-        assert sentence.endswith("; located, most likely within 20\u00a0m, surely within 46\u00a0m")
-        assert todo == "You may end here."
+        assert sentence.endswith("; located")
+        assert todo == "Go and look, as the arrow shows; what to do stands below it."
+
+
+def _shown(phone, status):
+    """What the first part of the page shows, None of what is hidden; before the next news."""
+    ids = "['target', 'geo', 'found', 'metres', 'why', 'frame', 'offer', 'auto']"
+    text = "id => [id, of(id).hidden ? null : of(id).textContent]"
+    link = "['href', document.getElementById('geo').getAttribute('href')]"
+    of = "const of = id => document.getElementById(id)"
+    shown = f"m.showArrow({{status: {status}}}); return [...{ids}.map({text}), {link}]"
+    expression = f"(() => {{{of}; {shown}}})()"
+    return dict(phone.result_of("arrow.js", expression))
+
+
+def test_a_found_cell_has_coordinates_a_link_for_maps_and_what_to_do(phone):
+    suspicions = "[{cell: 'a', word: 'suspicious'}]"
+    status = (
+        f"{{target: {{cell: 'a', over: 'located'}}, position: {LOCATED}, suspicions: {suspicions}, "
+        "next: {azimuth_deg: 9, distance_m: 99, lat: 1, lon: 1, why: 'so'}, "
+        "fix: {valid: true, lat_deg: 52.501, lon_deg: 13.4}}"
+    )
+    shown = _shown(phone, status)
+    assert shown["target"] == (
+        "Found: suspicious cell a, most likely within 20\u00a0m, surely within 46\u00a0m."
+    )
+    assert (shown["geo"], shown["href"]) == ("52.50000, 13.40000", "geo:52.50000,13.40000;u=46")
+    assert "what to do" in shown["found"]
+    assert (shown["metres"], shown["why"]) == ("111 m", "")  # to the place, and nothing else
+    assert shown["frame"].startswith("south;")
+
+
+def test_a_search_that_was_given_up_says_why_and_offers_the_next_cell(phone):
+    status = (
+        "{target: {cell: 'a', over: 'not heard for 10 min'}, offer: 'b', followed: 'a', "
+        "suspicions: [{cell: 'b', word: 'unusual'}]}"
+    )
+    shown = _shown(phone, status)
+    assert shown["target"] == "Given up: a; not heard for 10 min."
+    assert (shown["offer"], shown["auto"]) == ("Search for unusual b", "Let the program choose")
+    assert (shown["found"], shown["metres"]) == (None, "–")
+
+
+def test_a_run_that_was_closed_in_order_is_no_trouble(phone):
+    said = phone.result_of("glance.js", "m.glance({status: {}, silent_s: 4, kept: 5232}, 0)")
+    assert said[:2] == ["stopped", "Stopped in order, 5\u00a0232 readings kept"]
+    silent = phone.result_of("glance.js", "m.glance({status: {}, silent_s: 4, kept: null}, 0)")
+    assert silent[:2] == ["trouble", "The recorder is silent for 4 s"]
 
 
 def test_without_a_live_estimate_the_walk_is_recorded(phone):
@@ -51,34 +99,33 @@ def test_places_that_fit_are_counted_at_the_top(phone):
     assert sentence == "Recording; 2 places fit"
 
 
-def test_a_suspicious_cell_that_is_not_followed_is_one_tap_away(phone):
-    suspicions = "[{cell: '262-01-1-7', word: 'suspicious'}]"
-    for cell, is_hidden in (("262-01-1-9", False), ("262-01-1-7", True)):
-        state = f"{{cell: '{cell}', minute: [], status: {{cells: [], suspicions: {suspicions}}}}}"
-        phone.result_of("finder.js", f"m.showFinder({state})")
-        assert phone.chromium.evaluate("return document.getElementById('suspect').hidden") == (
-            is_hidden
-        )
+def test_the_cell_that_is_offered_is_one_tap_away(phone):
     status = Status(
         *("suspicious", "", "run-000002.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, {}),
         followed="262-01-1-9",
         suspicions=(SuspicionStatus("262-01-1-7", "suspicious", 5.0, ()),),
+        target=TargetStatus("262-01-1-9", "cannot tell"),
+        offer="262-01-1-7",
     )
     with kit.recording(phone.page.requests.parents[1], status) as notes:
-        shown = "return document.getElementById('suspect').hidden"
-        service.wait_for(lambda: not phone.chromium.evaluate(shown), 10)
-        phone.tap("#suspect")
+        told = "To cell 262-01-1-9, as you chose."
+        service.wait_for(lambda: phone.text("target") == told, 10)
+        assert not phone.chromium.evaluate("return document.getElementById('offer').hidden")
+        phone.tap("#offer")
         service.wait_for(lambda: notes, 10)
-    assert [(note.code, note.text) for note in notes] == [(FOLLOW, "262-01-1-7")]
+        phone.tap("#auto")
+        service.wait_for(lambda: len(notes) > 1, 10)
+    assert [(note.code, note.text) for note in notes] == [
+        (FOLLOW, "262-01-1-7"),
+        (FOLLOW, "suspicious"),
+    ]
 
 
-def test_what_to_do_is_said_again_only_every_ten_metres(phone):
-    said = set()
-    for metres in range(87, 94):
-        way = f"{{azimuth_deg: 0, distance_m: {metres}, lat: 0, lon: 0}}"
-        status = f"{{state: 'recording', fix: null, next: {way}}}"
-        said.add(phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[2])
-    assert said == {"Walk 90 m as the arrow shows."}
+def test_one_distance_is_said_beside_the_arrow_alone(phone):
+    way = "{azimuth_deg: 0, distance_m: 87, lat: 0, lon: 0}"
+    status = f"{{state: 'recording', fix: null, next: {way}}}"
+    todo = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[2]
+    assert todo == "Walk as the arrow shows."
 
 
 def test_the_arrow_leads_from_where_the_walker_is_now(phone):

@@ -86,11 +86,14 @@ def test_the_page_shows_the_walk_and_calls_nobody_else(recorded_walk, phone, tmp
         time.sleep(2.0)
         service.stop_service(logger)
     service.wait_for(lambda: "run-000001.h5" in phone.text("runs"), 40)
+    service.wait_for(lambda: phone.sign == "stopped", 20)
     (run,) = (read_run(path) for path in (tmp_path / "runs").glob("*.h5"))
     notes = [(row["code"], row["text"].decode()) for row in run.tables["notes"]]
     assert (b"mark", "a door") in notes
     assert b"follow" in [code for code, _ in notes]
     assert replay(run).equal
+    kept = f"{len(run.tables['readings']):_}".replace("_", "\u00a0")
+    assert phone.text("state") == f"Stopped in order, {kept} readings kept"
 
 
 def _marks_and_follows(phone):
@@ -180,7 +183,7 @@ def test_axe_finds_nothing_in_any_colours(recorded_walk, phone):
             phone.choose(theme)
             assert phone.chromium.accessibility_violations(axe_core()) == []
         service.stop_service(logger)
-    service.wait_for(lambda: phone.sign == "trouble", 20)
+    service.wait_for(lambda: phone.sign == "stopped", 20)
     assert phone.chromium.accessibility_violations(axe_core()) == []
 
 

@@ -1,23 +1,29 @@
 import numpy as np
+import pytest
 
 from logger.core.suspicion.countries import countries
-from logger.sim.city import LAT_DEG, LON_DEG, ROGUE, city, with_lists
+from logger.sim.city import CITIES, HALF_M, city, with_lists
 from logger.sim.scenario import scenario
 
 
-def test_a_city_has_40_cells_with_networks_of_the_place():
-    cells = with_lists(city(np.random.default_rng(1)).cells)
+@pytest.mark.parametrize("name", CITIES)
+def test_a_city_has_40_cells_with_networks_of_the_place(name):
+    place = CITIES[name]
+    cells = with_lists(city(np.random.default_rng(1), place).cells)
     assert len(cells) == 40
     assert len({(c.mcc, c.mnc, c.lac, c.cid) for c in cells}) == 40
     plan = countries()
-    near = plan.near(LAT_DEG, LON_DEG)
+    near = plan.near(place.lat_deg, place.lon_deg)
     assert all(set(plan.countries_of(c.mcc)) & set(near) for c in cells)
     assert all(plan.is_listed(c.mcc, c.mnc) for c in cells)
     assert sum(plan.is_railway(c.mcc, c.mnc) for c in cells) == 1
 
 
-def test_the_rogue_is_only_in_its_scenario():
-    clean, rogue = scenario("city-clean"), scenario("city-rogue")
-    assert rogue.target == ROGUE
-    assert set(rogue.world.transmitters) - set(clean.world.transmitters) == {ROGUE}
-    assert not ROGUE.broadcast.neighbour_arfcns
+@pytest.mark.parametrize("name", CITIES)
+def test_the_rogue_is_only_in_its_scenario(name):
+    rogue = CITIES[name].rogue
+    clean, walk = (scenario(f"city-{kind}", city_name=name) for kind in ("clean", "rogue"))
+    assert walk.target == rogue
+    assert set(walk.world.transmitters) - set(clean.world.transmitters) == {rogue}
+    assert not rogue.broadcast.neighbour_arfcns
+    assert np.max(np.abs(walk.walk.waypoints)) <= HALF_M / 2

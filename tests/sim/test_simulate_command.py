@@ -1,10 +1,17 @@
 """`fieldlogger simulate` with another modem, and with one that misbehaves."""
 
+import json
+import signal
+import subprocess
+import sys
+import urllib.request
+
 import numpy as np
 import pytest
 
 from logger.cli import main
 from logger.core.runfile import read_run
+from logger.sim.city import CITIES
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS
 from logger.sim.scenario import SCENARIOS
@@ -45,10 +52,36 @@ def test_a_mistake_is_one_line(tmp_path, capsys, wrong, says):
 def test_the_help_lists_every_name_in_one_piece(capsys):
     assert main(["simulate", "--help"]) == 0
     words = capsys.readouterr().out.replace(",", " ").replace(". ", " ").replace(".\n", " ").split()
-    assert {*SCENARIOS, *DIALECTS, *FAULTS} <= set(words)
+    assert {*SCENARIOS, *CITIES, *DIALECTS, *FAULTS} <= set(words)
 
 
 def test_a_fault_without_times_names_the_faults(tmp_path, capsys):
     assert main(["simulate", "--out", str(tmp_path), "--fault", "storm"]) == 2
     error = capsys.readouterr().err
     assert all(name in error for name in FAULTS)
+
+
+def test_the_page_of_a_walk_that_is_led_is_served_until_the_signal(tmp_path):
+    command = [sys.executable, "-m", "logger.cli", "simulate", "--out", str(tmp_path)]
+    options = "--scenario city-rogue --city brno --page --follow --speed 20 --duration 60"
+    with subprocess.Popen(
+        [*command, *options.split()], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        address = next(line.split()[-1] for line in process.stderr if line.startswith("the page"))
+        with urllib.request.urlopen(address + "live") as news:
+            texts = (json.loads(line[5:]) for line in news if line.startswith(b"data:"))
+            assert (
+                next(text for text in texts if text["status"] is not None)["status"]["fixes"] >= 0
+            )
+            kept = next(text["kept"] for text in texts if text["kept"] is not None)
+        process.send_signal(signal.SIGINT)
+        path = process.stdout.read().strip()
+        assert process.wait(60) == 0
+    run = read_run(path)
+    assert len(run.tables["readings"]) == kept
+    assert run.meta.live.target == "suspicious"
+
+
+def test_an_unknown_city_is_one_line(tmp_path, capsys):
+    assert main(["simulate", "--out", str(tmp_path), "--city", "paris"]) == 2
+    assert "known are: graz, leipzig, brno" in capsys.readouterr().err

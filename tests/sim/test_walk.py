@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.sim.walk import BLOCK_M, SHAPES, Walk, waypoints
+from logger.sim.walk import BLOCK_M, SHAPES, GuidedWalk, Walk, waypoints
 
 RNG = np.random.default_rng(0)
 LENGTHS_M = {
@@ -73,6 +73,18 @@ def test_random_walk_is_decided_by_its_generator():
 def test_unknown_shape_is_named():
     with pytest.raises(ValueError, match="'spiral'"):
         waypoints("spiral", 1.0, RNG)
+
+
+def test_a_walk_that_is_led_goes_to_the_goal_and_else_along_its_waypoints():
+    goals = {"now": None}
+    walk = GuidedWalk(((0.0, 0.0), (0.0, 13.0), (13.0, 13.0)), lambda: goals["now"])
+    assert walk.position(5.0) == pytest.approx((0.0, 6.5))
+    assert walk.position(15.0) == pytest.approx((6.5, 13.0))  # round the corner
+    goals["now"] = np.array([6.5, 113.0])
+    assert walk.position(36.0)[1] == pytest.approx(39.0, abs=2.7)
+    assert walk.motion(36.0)[0] == 1.3
+    assert walk.position(15.0) == pytest.approx((6.5, 13.0))  # what was, stays
+    assert walk.position(200.0)[1] > 200.0  # past the goal it goes straight on
 
 
 def test_every_leg_is_on_a_street_which_goes_on_beyond_the_walk():

@@ -36,12 +36,13 @@ _LIKELY = 0.5
 
 
 class Advice(NamedTuple):
-    """Walk from `start` to `end`; the reason is part of `text`."""
+    """Walk from `start` to `end`; `why` is the reason, which is part of `text`."""
 
     start: Places
     end: Places
     nats_per_km: float
     text: str
+    why: str
 
 
 class Guide:
@@ -98,11 +99,12 @@ class Guide:
         first = best.route.corner_m[0]
         target = first_turn(best.route)
         distance_m = float(np.hypot(*(target - first)))
-        text = sentence(best, sample, places, course.azimuth_deg, distance_m, task.mean_dbm)
+        text, why = sentence(best, sample, places, course.azimuth_deg, distance_m, task.mean_dbm)
         if says_little:  # the position is open, so the search has to go on
-            text += "; no way near here says much"
+            why = "no way near here says much"
+            text += f"; {why}"
         start, end = (Places.of(*corner, utm=here.utm) for corner in (first, target))
-        self.advice = Advice(start, end, best.nats_per_km, text)
+        self.advice = Advice(start, end, best.nats_per_km, text, why)
 
     def _course(self, here: Places) -> Course:
         track = join_places([*self._track, here]).xy_m.T

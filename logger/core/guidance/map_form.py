@@ -24,8 +24,8 @@ def next_way(advice: Advice | None) -> NextWay | None:
     lat, lon = (round(angle, DEGREE_DECIMALS) for angle in advice.end.first_deg)
     distance_m = advice.end.away_m(advice.start)
     azimuth_deg = true_azimuth_deg(advice.start, advice.end)
-    nats_per_km = round(advice.nats_per_km, 2)
-    return NextWay(azimuth_deg, round(distance_m, 1), lat, lon, nats_per_km, advice.text)
+    nats = round(advice.nats_per_km, 2)
+    return NextWay(azimuth_deg, round(distance_m, 1), lat, lon, nats, advice.text, advice.why)
 
 
 def true_azimuth_deg(start: Places, end: Places) -> float:

@@ -4,7 +4,10 @@ import msgspec
 
 
 class NextWay(msgspec.Struct, frozen=True):
-    """Where to walk next: `azimuth_deg` from true north, to `lat, lon` (WGS 84), and why."""
+    """Where to walk next: `azimuth_deg` from true north, to `lat, lon` (WGS 84).
+
+    `text` says all of it and the reason, `why` the reason alone.
+    """
 
     azimuth_deg: float
     distance_m: float
@@ -12,3 +15,4 @@ class NextWay(msgspec.Struct, frozen=True):
     lon: float
     nats_per_km: float
     text: str
+    why: str = ""

@@ -1,4 +1,7 @@
-"""The advice in one sentence: the turn, the direction, the distance, and the reason."""
+"""The advice in one sentence: the turn, the direction, the distance, and the reason.
+
+Beside it is the reason alone, without distances: beside an arrow that has its own.
+"""
 
 from collections.abc import Sequence
 
@@ -39,6 +42,7 @@ _CLOSE_M = 120.0
 """Within a block of the likeliest place the sentence speaks of its other sides."""
 _OPEN_M = 500.0
 """Farther than this around the likeliest place nobody searches."""
+_PASSING, _SAYS_MOST = "passing it says most", "this way says most about it"
 
 
 def direction(way_m: FloatArray) -> str:
@@ -60,16 +64,19 @@ def sentence(
     course_deg: float | None,
     distance_m: float,
     mean_dbm: float,
-) -> str:
-    """The advice for a plan; `mean_dbm` has been subtracted from the levels of the forecast."""
+) -> tuple[str, str]:
+    """Advice and reason of a plan; `mean_dbm` was subtracted from the levels of the forecast."""
     here = Places.of(*best.route.corner_m[0])
     way_m = best.route.corner_m[1] - best.route.corner_m[0]
     go = f"{turn(course_deg, azimuth_deg(way_m))}, {direction(way_m)}, "
     go += f"{distance_m:.0f} m"
     named = [place for place in places if place.probability >= _LEAST_PLACE]
     if len(named) > 1:
-        return f"{go}: {_two_places(best, sample, named, mean_dbm)}"
-    return f"{go}: {_one_place(sample, named or places, here)}"
+        fit = f"{_count(len(named))} places fit"
+        return f"{go}: {fit}, {_two_places(best, sample, named, mean_dbm)}", fit
+    where, why = _one_place(sample, named or places, here)
+    it = "passing the likeliest place says most" if why == _PASSING else why
+    return f"{go}: {where}; {why}", it
 
 
 def _two_places(
@@ -78,8 +85,7 @@ def _two_places(
     """The levels that decide between the two likeliest places, where the way tells them apart."""
     one, other = places[:2]
     apart_m = one.place.away_m(other.place)
-    fit = f"{_count(len(places))} places fit, "
-    fit += f"{apart_m:.0f} m apart" if len(places) == 2 else f"the likeliest {apart_m:.0f} m apart"
+    fit = f"{apart_m:.0f} m apart" if len(places) == 2 else f"the likeliest {apart_m:.0f} m apart"
     to_one_m, to_other_m = (_away_m(sample, place) for place in (one, other))
     at_one = to_one_m < to_other_m
     if at_one.all() or not at_one.any():
@@ -97,18 +103,19 @@ def _two_places(
     )
 
 
-def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) -> str:
+def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) -> tuple[str, str]:
+    """Where it may be, and what the way is good for."""
     if not places:
-        return "the position is open; this way says most about it"
+        return "the position is open", _SAYS_MOST
     place = places[0]
     away_m = place.place.away_m(here)
     spread_m = _spread_m(sample, place)
     where = f"{away_m:.0f} m {direction(place.place.xy_m[:, 0] - here.xy_m[:, 0])}"
     if away_m < _CLOSE_M and spread_m < _CLOSE_M:
-        return f"it is within {spread_m:.0f} m of a place {where}; hear it from another side"
+        return f"it is within {spread_m:.0f} m of a place {where}", "hear it from another side"
     if spread_m < _OPEN_M:
-        return f"the likeliest place is {where}, known to {spread_m:.0f} m; passing it says most"
-    return f"the position is open, likeliest {where}; this way says most about it"
+        return f"the likeliest place is {where}, known to {spread_m:.0f} m", _PASSING
+    return f"the position is open, likeliest {where}", _SAYS_MOST
 
 
 def _spread_m(sample: PositionSample, place: Cluster) -> float:

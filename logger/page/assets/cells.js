@@ -26,7 +26,7 @@ function facts(cell, nowNs) {
   const ageS = Math.round((nowNs - cell.heard_ns) / 1e9);
   return [cell.rat, cell.channel == null ? '' : `channel ${cell.channel}`,
     cell.level_dbm == null ? '' : `${Math.round(cell.level_dbm)} dBm`,
-    cell.ta_m == null ? '' : `TA ${Math.round(cell.ta_m)} m`, cell.verdict ?? '',
+    cell.ta_m == null ? '' : `TA ${Math.round(cell.ta_m)} m`, cell.verdict === 'cannot tell' ? '' : cell.verdict ?? '',
     ageS > 5 ? `${ageS} s ago` : ''].filter(Boolean).join(' · ');
 }
 

@@ -1,6 +1,5 @@
 // One cell: level, average, peak, the last minute, warmer or colder, and its sound.
 
-import {ask} from './marks.js';
 import {soundLevel} from './sound.js';
 import {prepared} from './drawing.js';
 
@@ -10,21 +9,12 @@ const SPAN_DBM = [-113, -45];
 const byId = id => document.getElementById(id);
 const dbm = value => value == null ? '–' : `${Math.round(value)}`;
 
-let suspect = null;
-
-byId('suspect').addEventListener('click', () => ask('follow', suspect));
-byId('strongest').addEventListener('click', () => ask('follow', 'strongest'));
-
 export function showFinder(state) {
   const {status, cell} = state;
   const row = status?.cells.find(one => one.cell === cell);
   const ageS = row ? (status.now_ns - row.heard_ns) / 1e9 : 0;
   const isOld = state.isOld || ageS > OLD_S;
   byId('cell').textContent = !cell ? 'no cell yet' : `${cell}${ageS > OLD_S ? `, not heard for ${Math.round(ageS)} s` : ''}`;
-  // the way to go may be that of a stronger cell that is not suspicious
-  suspect = status?.suspicions.find(one => one.word === 'suspicious' && one.cell !== cell)?.cell ?? null;
-  byId('suspect').hidden = suspect === null;
-  byId('strongest').hidden = !status?.followed;
   byId('level').textContent = row && !isOld ? dbm(row.level_dbm) : '–';
   byId('average').textContent = isOld ? '–' : dbm(row?.average_dbm);
   byId('peak').textContent = dbm(row?.peak_dbm);

@@ -25,17 +25,22 @@ export function metres(from, lat, lon) {
   return [(lon - from.lon) * east, (lat - from.lat) * METRES_PER_DEG];
 }
 
+/** Whether the target is located: the arrow then points at its place. */
+export const isFound = status => status?.position?.verdict === 'located';
+
 /**
- * Way to the end of the advice from where the walker is now: a new one comes only after 25 m. Close to its
- * end the direction is that of the advice, since the errors of the fix would turn the arrow about.
+ * Way from where the walker is now to the place that was found, else to the end of the advice: a new one
+ * comes only after 25 m. Close to its end the direction is that of the advice, since the errors of the fix
+ * would turn the arrow about.
  */
 export function wayOf(status) {
-  const next = status?.next, fix = status?.fix;
+  const next = isFound(status) ? status.position : status?.next, fix = status?.fix;
   if (!next) return null;
-  if (!fix?.valid) return {azimuthDeg: next.azimuth_deg, metres: next.distance_m};
+  if (!fix?.valid) return next.azimuth_deg == null ? null : {azimuthDeg: next.azimuth_deg, metres: next.distance_m};
   const [east, north] = metres({lat: fix.lat_deg, lon: fix.lon_deg}, next.lat, next.lon);
   const left = Math.hypot(east, north);
-  const azimuthDeg = left < NEAR_M ? next.azimuth_deg : (Math.atan2(east, north) * 180 / Math.PI + 360) % 360;
+  const isNear = left < NEAR_M && next.azimuth_deg != null;
+  const azimuthDeg = isNear ? next.azimuth_deg : (Math.atan2(east, north) * 180 / Math.PI + 360) % 360;
   return {azimuthDeg, metres: left};
 }
 
@@ -45,7 +50,9 @@ export function roundStep(least) {
   return [1, 2, 5, 10].map(n => n * power).find(step => step >= least);
 }
 
+const lengthText = m => m < 1000 ? `${Math.round(m)}\u00a0m` : `${(m / 1000).toFixed(1)}\u00a0km`;
+
 /** How far from the position the transmitter is: half of the probability, and 95 %. */
 export function radii({r50_m: r50, r95_m: r95}) {
-  return `most likely within ${Math.round(r50)}\u00a0m, surely within ${Math.round(r95)}\u00a0m`;
+  return `most likely within ${lengthText(r50)}, surely within ${lengthText(r95)}`;
 }

@@ -1,8 +1,8 @@
 // State of the recording at one glance: colour, pattern, sign, sentence.
 
-import {radii, wayOf} from './geometry.js';
+import {isFound, wayOf} from './geometry.js';
 
-const SIGNS = {recording: '●', suspicious: '◆', 'no-fix': '▲', trouble: '✕'};
+const SIGNS = {recording: '●', suspicious: '◆', 'no-fix': '▲', trouble: '✕', stopped: '■'};
 const byId = id => document.getElementById(id);
 
 /** Sign, sentence and what to do now. */
@@ -13,6 +13,10 @@ export function glance(state, silentMs) {
   }
   const status = state?.status;
   if (!status) return ['trouble', 'Nothing is being recorded', 'The service is not running.'];
+  if (state.silent_s && state.kept != null) {
+    const kept = String(state.kept).replace(/\B(?=(\d{3})+$)/g, '\u00a0');
+    return ['stopped', `Stopped in order, ${kept} readings kept`, 'The run is among the closed runs below.'];
+  }
   if (state.silent_s) {
     return ['trouble', `The recorder is silent for ${Math.round(state.silent_s)} s`,
       'It starts again by itself; if not, restart the Pi.'];
@@ -37,24 +41,19 @@ function trouble(status) {
   return `Trouble with ${faulty.join(' and ')}; the others are being recorded`;
 }
 
-const isLocated = status => status.position?.verdict === 'located';
-
 const LEAST_PLACE = 0.1; // less likely places are not counted
 
 function place(status) {
-  if (isLocated(status)) return `; located, ${radii(status.position)}`;
+  if (isFound(status)) return '; located';
   const likely = (status.position?.modes ?? []).filter(mode => mode.probability >= LEAST_PLACE);
   return likely.length > 1 ? `; ${likely.length} places fit` : '';
 }
 
-// in steps, since a screen reader says each change of this sentence
-const tens = metres => Math.max(10, 10 * Math.round(metres / 10));
-
+/** The one thing to do now; where and how far is said by the arrow. */
 function advice(status) {
-  const way = wayOf(status);
-  if (way && isLocated(status)) return `You may end here, or walk ${tens(way.metres)} m as the arrow shows.`;
-  if (way) return `Walk ${tens(way.metres)} m as the arrow shows.`;
-  if (isLocated(status)) return 'You may end here.';
+  if (isFound(status)) return 'Go and look, as the arrow shows; what to do stands below it.';
+  if (wayOf(status)) return 'Walk as the arrow shows.';
+  if (status.target?.over) return status.offer ? 'Walk where you like, or choose the next cell below.' : 'Walk where you like.';
   return 'Walk on; change direction at the next crossing.';
 }
 

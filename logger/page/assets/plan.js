@@ -1,10 +1,11 @@
 // The plan: track coloured by level, heading, region and places, over a plain grid.
 
-import {course, metres, roundStep} from './geometry.js';
+import {METRES_PER_DEG, course, metres, roundStep} from './geometry.js';
 import {prepared, stopOf} from './drawing.js';
 import {showGround} from './map.js';
 
 const NEAR_M = 120;
+const BEYOND_M = 400;
 const FETCH_MS = 1000;
 const byId = id => document.getElementById(id);
 let track = {run: '', cell: '', points: [], levels: [], marks: []};
@@ -39,17 +40,30 @@ const ringsOf = region => region ? region.coordinates.flat() : [];
 function places(status, isNear) {
   const fix = status?.fix?.valid ? [[status.fix.lat_deg, status.fix.lon_deg]] : [];
   const position = status?.position;
-  const region = ringsOf(position?.region).flat().map(([lon, lat]) => [lat, lon]);
   if (isNear && fix.length) return fix;
   const next = status?.next?.lat != null ? [[status.next.lat, status.next.lon]] : [];
   const modes = (position?.modes ?? []).map(mode => [mode.lat, mode.lon]);
-  return [...fix, ...track.points, ...region, ...modes, ...next];
+  const walked = [...fix, ...track.points, ...next];
+  return [...walked, ...near([...modes, ...ringsOf(position?.region).flat().map(([lon, lat]) => [lat, lon])], walked)];
 }
+
+/** Places moved to within `BEYOND_M` of the walk: of a larger region the walk would be a dot. */
+function near(places, walked) {
+  if (!walked.length) return places;
+  const [lats, lons] = [0, 1].map(k => walked.map(place => place[k]));
+  const marginN = BEYOND_M / METRES_PER_DEG, marginE = marginN / Math.cos(lats[0] * Math.PI / 180);
+  const within = (value, values, margin) => {
+    const [low, high] = span(values);
+    return Math.max(low - margin, Math.min(high + margin, value));
+  };
+  return places.map(([lat, lon]) => [within(lat, lats, marginN), within(lon, lons, marginE)]);
+}
+
+const span = values => values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
 
 /** Projection that shows all places in a box, in metres of the same length in both directions. */
 function projection(all, width, height, leastM) {
   const lats = all.map(place => place[0]), lons = all.map(place => place[1]);
-  const span = values => values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
   const [[south, north], [west, east]] = [span(lats), span(lons)];
   const centre = {lat: (south + north) / 2, lon: (west + east) / 2};
   const [halfE, halfN] = metres(centre, north, east);
@@ -135,12 +149,14 @@ function drawPlaces(g, at, status, colour) {
   g.fillStyle = g.strokeStyle = colour('ink');
   g.font = '13px system-ui';
   g.lineWidth = 2;
-  for (const mode of status?.position?.modes ?? []) {
+  const modes = status?.position?.modes ?? [];
+  modes.forEach((mode, i) => {
     const [x, y] = at(mode.lat, mode.lon);
     line(g, x - 7, y - 7, x + 7, y + 7);
     line(g, x - 7, y + 7, x + 7, y - 7);
-    g.fillText(`${Math.round(100 * mode.probability)} %`, x + 9, y + 4);
-  }
+    // numbers, the likeliest first: a share of the places says nothing of how large the region is
+    if (modes.length > 1) g.fillText(`${i + 1}`, x + 9, y + 4);
+  });
   for (const [lat, lon] of track.marks) {
     const [x, y] = at(lat, lon);
     line(g, x, y, x, y - 14);

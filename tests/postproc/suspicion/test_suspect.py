@@ -5,7 +5,7 @@ import pytest
 
 from logger.core.runfile import convert_journal
 from logger.core.types import Fix, Note, Record, Scan
-from logger.sim.city import LAT_DEG, LON_DEG
+from logger.sim.city import GRAZ
 from postproc.cli import main
 from tests.kit import runs
 from tests.kit.suspicion_walks import gsm
@@ -18,8 +18,8 @@ def _run(tmp_path, *cells, name="run", start_ns=0, step_deg=0.0):
     records = []
     for k in range(20):
         t_ns = start_ns + (k + 1) * 5 * 10**9
-        lat_deg = LAT_DEG + k * step_deg
-        records.append(Record(t_ns, "gnss", Fix(True, lat_deg=lat_deg, lon_deg=LON_DEG)))
+        lat_deg = GRAZ.lat_deg + k * step_deg
+        records.append(Record(t_ns, "gnss", Fix(True, lat_deg=lat_deg, lon_deg=GRAZ.lon_deg)))
         records.append(Record(t_ns, "modem", Scan(t_ns, tuple(cells))))
     run_id = name.encode().hex().ljust(32, "0")
     runs.write_journal(tmp_path / f"{name}.journal", records, run_id=run_id)
@@ -42,7 +42,7 @@ def test_the_rogue_comes_first_with_its_reasons(tmp_path, capsys):
     assert {finding["rule"] for finding in first["findings"]} >= {"P1", "L4"}
     finding = first["findings"][0]
     assert set(finding) == {"rule", "family", "text", "t_s", "lat", "lon", "evidence"}
-    assert finding["lat"] == pytest.approx(LAT_DEG)
+    assert finding["lat"] == pytest.approx(GRAZ.lat_deg)
     assert 0.0 < finding["t_s"] <= 100.0
     assert {cell["word"] for cell in others} == {"nothing unusual"}
     assert {"T1", "B1", "P3"} <= set(result["not_asked"])
@@ -110,7 +110,7 @@ def test_replay_repeats_the_findings(tmp_path, capsys):
     for k in range(20):
         t_ns = (k + 1) * 5 * 10**9
         for record in (
-            Record(t_ns, "gnss", Fix(True, lat_deg=LAT_DEG, lon_deg=LON_DEG)),
+            Record(t_ns, "gnss", Fix(True, lat_deg=GRAZ.lat_deg, lon_deg=GRAZ.lon_deg)),
             Record(t_ns, "modem", Scan(t_ns, (*HOME, ROGUE))),
         ):
             records.append(record)
