@@ -78,13 +78,13 @@ def _values(answer: Answer, beside: Sequence[str]) -> Iterator[Value]:
 
 
 def _place(answer: Answer) -> tuple[Value, ...]:
-    """The position with its radii, the number of places, and the others where it is ambiguous."""
+    """The position with its radii, the number of places, and the others."""
     if answer.place is None:
         return None, None, None, None, 0, None
     place = answer.place.in_short()
-    modes = place.modes if answer.verdict == "ambiguous" else place.modes[:1]
-    others = (f"{share_text(mode.probability)}: {mode.lat} {mode.lon}" for mode in modes[1:])
-    return place.lat, place.lon, place.r50_m, place.r95_m, len(modes), "; ".join(others) or None
+    others = (f"{share_text(one.probability)}: {one.lat} {one.lon}" for one in place.modes[1:])
+    radii_m = place.r50_m, place.r95_m
+    return place.lat, place.lon, *radii_m, len(place.modes), "; ".join(others) or None
 
 
 def _is_bounded(end: PathEnd) -> bool:

@@ -295,10 +295,8 @@ def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
         (*begin, shown.where, *radii, str(len(modes)) if modes else "")
     ]
     for i, mode in enumerate(modes if row.answer.verdict == "ambiguous" else (), 1):
-        size = mode.ellipse95
-        within_m = (radius_m(size, level) for level in (HALF, LEVEL))
-        at = mode.within(size.semi_major_m)
-        rows.append((f"  place {i}: {mode.percent} %", "", "", at, *map(metres, within_m)))
+        within_m = (radius_m(mode.ellipse95, level) for level in (HALF, LEVEL))
+        rows.append((f"  place {i}: {mode.percent} %", "", "", mode.where, *map(metres, within_m)))
     return rows
 
 

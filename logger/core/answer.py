@@ -78,6 +78,11 @@ class Mode(OnMap, frozen=True, kw_only=True):
     percent: int | None
     ellipse95: Ellipse
 
+    @property
+    def where(self) -> str:
+        """Latitude and longitude as far as they are known, if it is this one."""
+        return self.within(self.ellipse95.semi_major_m)
+
     def in_short(self) -> Self:
         """With a probability of three digits."""
         return replace(super().in_short(), probability=round(self.probability, 3))

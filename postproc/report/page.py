@@ -288,7 +288,7 @@ def _cell_table(result: Result, counts: Mapping[str, CellCount]) -> Table:
         count, place = counts.get(cell.cell), cell.place
         shown: tuple[Value, ...] = (None, None, None)
         if place is not None:
-            shown = (Degrees(place.lat, place.lon), place.r50_m, place.r95_m)
+            shown = (place.where, place.r50_m, place.r95_m)
         rows.append(
             (
                 number,

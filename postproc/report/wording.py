@@ -30,10 +30,10 @@ def headline(cell: CellResult, word: str = "") -> Document:
         return _headline(cell, "No position yet", sentence(reason), _advice(cell))
     if cell.verdict == "located":
         radii = radii_text(place.r50_m, place.r95_m)
-        text = f"Around {degrees_text(place)}."
+        text = f"Around {where_text(place)}."
         return _headline(cell, f"Located: {radii}", text, SEARCH if word in ODD else None)
     modes = place.likely_modes
-    shares = [f"{mode.percent}% at {degrees_text(mode)}" for mode in modes]
+    shares = [f"{mode.percent}% at {where_text(mode)}" for mode in modes]
     more = len(modes) - _MOST_POSITIONS
     listed = ", ".join(shares[:_MOST_POSITIONS]) + (f" and {more} more" if more > 0 else "")
     text = f"The levels fit several positions: {listed}."
@@ -76,9 +76,9 @@ def number_of(count: int, noun: str) -> str:
     return f"{count} {noun}{'s' * (count != 1)}"
 
 
-def degrees_text(place: Place | Mode) -> str:
-    """Latitude and longitude to a metre, on one line."""
-    return f"{place.lat:.5f}\N{NO-BREAK SPACE}{place.lon:.5f}"
+def where_text(place: Place | Mode) -> str:
+    """Latitude and longitude as far as they are known, on one line."""
+    return place.where.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def time_text(seconds: float) -> str:
@@ -108,7 +108,7 @@ def _advice(cell: CellResult) -> str | None:
     way_m = shown.xy_m[:, 0] - last.xy_m[:, 0]
     way = f"{metres(shown.away_m(last))} {direction(way_m)}"
     return (
-        f"Walk around the most likely position, {degrees_text(place)}, {way} of the last reading "
+        f"Walk around the most likely position, {where_text(place)}, {way} of the last reading "
         "of this cell."
     )
 
