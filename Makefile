@@ -5,7 +5,7 @@ DEMO := demo-out
 # The tests start hundreds of Python processes; without this each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-oldest lint house test-faults planted-faults test-boot test-view screenshots fuzz soak bench scoreboard truth guidance deb card-debs dist docs page-map clean
+.PHONY: demo page test test-oldest lint house test-faults planted-faults test-boot test-view screenshots fuzz soak bench scoreboard truth guidance deb card-debs dist docs page-map clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -19,6 +19,10 @@ demo: .venv/post.stamp
 	$(BIN)/postproc report $(DEMO)/run.h5
 	@echo "== done: open $(DEMO)/run.html in a browser,"
 	@echo "   or the walk in the viewer: $(BIN)/postproc view $(DEMO)/run.rrd"
+
+# the page on the phone without a Pi: a simulated walker follows its advice; Ctrl-C ends it
+page: .venv/post.stamp
+	$(BIN)/fieldlogger simulate --scenario city-rogue --page --follow --out $(DEMO)/page
 
 # Four processes for two processors, because many tests wait for a service in real time; WORKERS=0
 # runs the tests one after another, for a debugger.

@@ -114,7 +114,7 @@ class Browser:
         rect = f"document.querySelector('{selector}').getBoundingClientRect()"
         return self.evaluate(f"return {rect}.toJSON()")
 
-    def hidden(self, selectors) -> list[str]:
+    def off_screen(self, selectors) -> list[str]:
         """Those of some elements that are not wholly on the screen, or have no size."""
         width, height = self.evaluate("return [innerWidth, innerHeight]")
         boxes = {selector: self.box(selector) for selector in selectors}

@@ -205,6 +205,7 @@ def _recorded_run(folder: Path) -> tuple[Path, str]:
             f'[run]\ndirectory = "{folder}"\n[modem]\nport = "{modem_port.path}"\n'
             f"poll_interval_s = {POLL_S}\n"
             f'[gnss]\nport = "{gnss_port.path}"\n[live]\nmax_fix_age_s = 20.0\n'
+            'target = "strongest"\n'  # the falling cell is the target to begin with
         )
         config = parse_config(text, "site.toml")
         service = Service(config, begin_run(config, text, clock), clock, threading.Event())

@@ -40,7 +40,7 @@ def test_a_located_cell_is_the_first_thing_said(phone):
         assert todo == "Go and look, as the arrow shows; what to do stands below it."
 
 
-def _shown(phone, status):
+def _screen_of(phone, status):
     """What the first part of the page shows, None of what is hidden; before the next news."""
     ids = "['target', 'geo', 'found', 'metres', 'why', 'frame', 'offer', 'auto']"
     text = "id => [id, of(id).hidden ? null : of(id).textContent]"
@@ -58,7 +58,7 @@ def test_a_found_cell_has_coordinates_a_link_for_maps_and_what_to_do(phone):
         "next: {azimuth_deg: 9, distance_m: 99, lat: 1, lon: 1, why: 'so'}, "
         "fix: {valid: true, lat_deg: 52.501, lon_deg: 13.4}}"
     )
-    shown = _shown(phone, status)
+    shown = _screen_of(phone, status)
     assert shown["target"] == (
         "Found: suspicious cell a, most likely within 20\u00a0m, surely within 46\u00a0m."
     )
@@ -73,7 +73,7 @@ def test_a_search_that_was_given_up_says_why_and_offers_the_next_cell(phone):
         "{target: {cell: 'a', over: 'not heard for 10 min'}, offer: 'b', followed: 'a', "
         "suspicions: [{cell: 'b', word: 'unusual'}]}"
     )
-    shown = _shown(phone, status)
+    shown = _screen_of(phone, status)
     assert shown["target"] == "Given up: a; not heard for 10 min."
     assert (shown["offer"], shown["auto"]) == ("Search for unusual b", "Let the program choose")
     assert (shown["found"], shown["metres"]) == (None, "–")

@@ -185,6 +185,17 @@ def test_every_answer_has_its_word_and_its_place(path):
     assert "nothing unusual" in str(suspicions)
 
 
+def test_the_reasons_of_bare_arrays_have_metres_and_no_degrees():
+    x = np.repeat(
+        np.linspace(0.0, 300.0, 100), 2
+    )  # a straight street: the mirror image fits as well
+    level = -30.0 - 30.0 * np.log10(np.hypot(x - 150.0, 60.0))
+    noise = np.random.default_rng(3).normal(0.0, 1.0, len(x))
+    result = locate(x, np.zeros(len(x)), level + noise)
+    assert result.verdict == "ambiguous"
+    assert " at x 1" in result.warnings[0]
+
+
 def test_runs_of_two_cities_are_a_result_each(path):
     other = path.with_name("other.journal")
     moved = []

@@ -335,7 +335,7 @@ def test_of_very_many_modems_those_heard_most_are_used(tmp_path):
 
 
 @pytest.fixture
-def travelled(tmp_path):
+def far_run(tmp_path):
     """One run of a recorder that went on 445 km farther, a day later, and heard the cell there."""
     far = record_walk(tmp_path / "far.h5", BENT, at_deg=(48.0, 12.0), truth=False)
     near = record_walk(tmp_path / "near.h5", BENT, truth=False)
@@ -347,35 +347,35 @@ def travelled(tmp_path):
         else:
             value = replace(value, t_start_ns=value.t_start_ns + DAY_NS)
         stream.append(replace(record, t_ns=t_ns, value=value))
-    runs.write_journal(tmp_path / "travelled.journal", stream)
-    return tmp_path / "travelled.journal"
+    runs.write_journal(tmp_path / "far_run.journal", stream)
+    return tmp_path / "far_run.journal"
 
 
-def test_an_identity_in_two_places_of_one_run_has_two_answers(travelled, tmp_path, capsys):
-    result = smooth_runs([read_run(travelled)])
+def test_an_identity_in_two_places_of_one_run_has_two_answers(far_run, tmp_path, capsys):
+    result = smooth_runs([read_run(far_run)])
     lats = []
     for one in result.cells:
         assert (one.cell, one.n, one.n_scans) == (CELL, 100, 100)
         assert "heard in another place too, with 100 readings" in one.warnings[-1]
         lats.append(one.place.lat)
     assert sorted(lats) == pytest.approx([48.0, 52.0], abs=0.01)
-    assert main(["smooth", str(travelled), "--json"]) == 0
+    assert main(["smooth", str(far_run), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     (several,) = found["several_places"]
     assert [one["first_utc"][:10] for one in several["places"]] == ["2026-09-21", "2026-09-22"]
     assert len(found["cells"]) == 2
-    assert main(["smooth", str(travelled)]) == 0
+    assert main(["smooth", str(far_run)]) == 0
     first = capsys.readouterr().out.splitlines()[0]
     assert first.startswith(f"{CELL} is heard in 2 places, 445 km apart")
 
 
-def test_everything_made_of_a_result_knows_the_two_places_of_a_cell(travelled, tmp_path, capsys):
+def test_everything_made_of_a_result_knows_the_two_places_of_a_cell(far_run, tmp_path, capsys):
     def run(*argv):
         assert main([str(one) for one in argv]) == 0
         return capsys.readouterr().out
 
-    run("report", travelled, "-o", tmp_path / "a.html")
+    run("report", far_run, "-o", tmp_path / "a.html")
     assert (tmp_path / "a.html").read_text().count("heard in another place too") >= 2
-    run("export", travelled, "--estimates", "-o", tmp_path / "a.csv")
+    run("export", far_run, "--estimates", "-o", tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_text().count(f"\n{CELL},") == 2
-    run("view", travelled, "--save", tmp_path / "a.rrd")
+    run("view", far_run, "--save", tmp_path / "a.rrd")

@@ -131,7 +131,7 @@ def test_the_first_screen_is_the_answer(chromium, six_cells, word, width, height
         ids += ["#map-place-1"]
     if word != "suspicious":
         ids += ["#unnoticed"]
-    assert chromium.hidden(ids) == []
+    assert chromium.off_screen(ids) == []
 
 
 @pytest.mark.parametrize(("width", "height", "most"), [(PHONE, 844, 8), (DESKTOP, 800, 4)])

@@ -67,7 +67,7 @@ def test_it_fits_the_screen_and_requests_nothing(chromium, page, width, dark):
 def test_the_first_screen_is_the_answer(chromium, page, width, height):
     chromium.open(page, width=width, dark=False, height=height)
     ids = ["#answer", "#top-cell", "#top-reason", "#top-place", "#top-do", "#place-1"]
-    assert chromium.hidden(ids) == []
+    assert chromium.off_screen(ids) == []
     said = chromium.evaluate("return document.querySelector('.lead').innerText")
     assert "Why: Area 7 is that of none of the others. 2 runs say so." in said
     assert "✕ suspicious" in said

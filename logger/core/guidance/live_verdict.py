@@ -14,7 +14,7 @@ from logger.core.locator.two_source_test import (
     divide,
     divide_in_time,
 )
-from logger.core.locator.verdict import LIVE_M, Decision, assess, degrees_text
+from logger.core.locator.verdict import LIVE_M, Decision, assess, place_text
 from logger.core.readings import Readings
 
 CONFIRMED_AFTER = 4
@@ -69,7 +69,7 @@ class LiveVerdict:
 
 
 def _may_move(moves: Division) -> str:
-    one, other = map(degrees_text, (moves.one, moves.other))
+    one, other = map(place_text, (moves.one, moves.other))
     return (
         "the levels also fit a transmitter that moves, "
         f"from near {one} to near {other}: come back after some minutes"

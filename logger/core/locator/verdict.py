@@ -22,7 +22,7 @@ from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.rivals import relevant_modes, whole_percents
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
 from logger.core.model.path_loss import level_dbm, log_distance_db
-from logger.core.places import Places
+from logger.core.places import NO_MAP, Places
 from logger.core.readings import Readings
 from logger.core.types import Verdict
 
@@ -185,8 +185,8 @@ def _too_wide(case: _Case, radius_m: float, within_m: float) -> str:
 
 
 def _two_transmitters(division: Division) -> str:
-    first = degrees_text(division.one)
-    second = degrees_text(division.other)
+    first = place_text(division.one)
+    second = place_text(division.other)
     if division.is_in_time:
         return (
             "one position does not explain the data: the transmitter seems to have moved, "
@@ -201,7 +201,7 @@ def _two_transmitters(division: Division) -> str:
 
 def _shares(case: _Case, percents: Sequence[int]) -> str:
     names = [
-        f"{percent}% at {degrees_text(mode.place)}"
+        f"{percent}% at {place_text(mode.place)}"
         for percent, mode in zip(percents, case.modes, strict=True)
     ]
     rest = 100 - sum(percents)
@@ -217,7 +217,7 @@ def _advice(case: _Case) -> str:
     if_near_dbm = _expected_dbm(case, near, _PASSING_M)
     if_far_dbm = _expected_dbm(case, far, apart_m)
     return (
-        f"to decide, walk past {degrees_text(near.place)}, "
+        f"to decide, walk past {place_text(near.place)}, "
         f"{way_m:.0f} m from where this walk ended: about {if_near_dbm:.0f} dBm there "
         f"if it is this position, {if_far_dbm:.0f} dBm if it is the one {apart_m:.0f} m away"
     )
@@ -231,7 +231,9 @@ def _expected_dbm(case: _Case, mode: Mode, distance_m: float) -> float:
     return float(level_dbm(p0_dbm, eta, distance_db))
 
 
-def degrees_text(place: Places) -> str:
-    """Latitude and longitude of a place, as reasons name it."""
+def place_text(place: Places) -> str:
+    """Latitude and longitude of a place, as reasons name it; of one on no map x and y in metres."""
+    if place.utm == NO_MAP:
+        return f"x {place.x_m.item():.0f} m, y {place.y_m.item():.0f} m"
     lat_deg, lon_deg = place.first_deg
     return f"{lat_deg:.5f} {lon_deg:.5f}"
