@@ -14,9 +14,6 @@ from math import asin, atan2, degrees, hypot
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray, IntArray
@@ -61,11 +58,20 @@ def place_numbers(lat_deg: FloatArray, lon_deg: FloatArray, apart_m: float) -> I
     Positions that are nearer than `apart_m` to each other are in one place.
     """
     point_m = _points_m(lat_deg, lon_deg)
-    if not len(point_m):
-        return np.zeros(0, np.int64)
+    if not len(point_m) or np.linalg.norm(np.ptp(point_m, axis=0)) < apart_m:
+        return np.zeros(len(point_m), np.int64)
+    from scipy.spatial import cKDTree  # noqa: PLC0415 (0.2 s; for far places only)
+
     pairs = cKDTree(point_m).query_pairs(apart_m, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(point_m),) * 2)
-    return np.asarray(connected_components(links, directed=False)[1], np.int64)
+    return _joined(pairs.T, len(point_m))
+
+
+def _joined(links: IntArray, n: int) -> IntArray:
+    """Number of the component of each of `n` things, which links (2, m) join."""
+    from scipy.sparse import coo_array, csgraph  # noqa: PLC0415 (as above)
+
+    matrix = coo_array((np.ones(links.shape[1]), links), shape=(n, n))
+    return np.asarray(csgraph.connected_components(matrix, directed=False)[1], np.int64)
 
 
 def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
@@ -426,9 +432,7 @@ def _groups_of(walks: Sequence[_Walk]) -> list[list[_Walk]]:
         same = np.flatnonzero(np.diff(place[order]) == 0)
         first.append(run[order][same])
         second.append(run[order][same + 1])
-    links = np.concatenate(first), np.concatenate(second)
-    matrix = coo_array((np.ones(len(links[0])), links), shape=(len(walks),) * 2)
-    number = connected_components(matrix, directed=False)[1].tolist()
+    number = _joined(np.stack([np.concatenate(first), np.concatenate(second)]), len(walks)).tolist()
     groups: dict[int, list[_Walk]] = {}
     for walk, group in zip(walks, number, strict=True):
         groups.setdefault(group, []).append(walk)
