@@ -63,10 +63,10 @@ def place_numbers(lat_deg: FloatArray, lon_deg: FloatArray, apart_m: float) -> I
     from scipy.spatial import cKDTree  # noqa: PLC0415 (0.2 s; for far places only)
 
     pairs = cKDTree(point_m).query_pairs(apart_m, output_type="ndarray")
-    return _joined(pairs.T, len(point_m))
+    return _components(pairs.T, len(point_m))
 
 
-def _joined(links: IntArray, n: int) -> IntArray:
+def _components(links: IntArray, n: int) -> IntArray:
     """Number of the component of each of `n` things, which links (2, m) join."""
     from scipy.sparse import coo_array, csgraph  # noqa: PLC0415 (as above)
 
@@ -432,7 +432,7 @@ def _groups_of(walks: Sequence[_Walk]) -> list[list[_Walk]]:
         same = np.flatnonzero(np.diff(place[order]) == 0)
         first.append(run[order][same])
         second.append(run[order][same + 1])
-    number = _joined(np.stack([np.concatenate(first), np.concatenate(second)]), len(walks)).tolist()
+    number = _components(np.stack([np.concatenate(first), np.concatenate(second)]), len(walks)).tolist()
     groups: dict[int, list[_Walk]] = {}
     for walk, group in zip(walks, number, strict=True):
         groups.setdefault(group, []).append(walk)
