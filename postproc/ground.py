@@ -432,9 +432,9 @@ def _groups_of(walks: Sequence[_Walk]) -> list[list[_Walk]]:
         same = np.flatnonzero(np.diff(place[order]) == 0)
         first.append(run[order][same])
         second.append(run[order][same + 1])
-    number = _components(np.stack([np.concatenate(first), np.concatenate(second)]), len(walks)).tolist()
+    links = np.stack([np.concatenate(first), np.concatenate(second)])
     groups: dict[int, list[_Walk]] = {}
-    for walk, group in zip(walks, number, strict=True):
+    for walk, group in zip(walks, _components(links, len(walks)).tolist(), strict=True):
         groups.setdefault(group, []).append(walk)
     return list(groups.values())
 
