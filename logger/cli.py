@@ -292,7 +292,8 @@ def simulate(
         fault,
         city_name=city_name,
         is_led=is_led,
-        show_page=(lambda url: print(f"the page: {url}", file=sys.stderr)) if has_page else None,
+        page_command=[sys.executable, "-m", "logger.cli", "page"] if has_page else (),
+        show_page=lambda url: print(f"the page: {url}", file=sys.stderr),
     )
     show(document.Document({"run": path}, body=[str(path)]), as_json=as_json)
 

@@ -10,12 +10,11 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial, wraps
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec, PathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from importlib.util import LazyLoader
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TextIO, TypeVar
+from typing import Any, NoReturn, TextIO, TypeVar
 
 import click
 from click.shell_completion import shell_complete
@@ -24,18 +23,32 @@ from logger.core.errors import SOMETHING_LOST, FieldLoggerError
 from logger.core.printable import plain_streams, printable
 
 
-class _LateFinder(MetaPathFinder):
+class _LateLoader(SourceFileLoader):
     """Finds our own modules, which then run at their first use."""
 
+    @classmethod
     def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+        cls, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         if not fullname.startswith(("logger.", "postproc.")):
             return None
         spec = PathFinder.find_spec(fullname, path, target)
-        if spec is not None and spec.loader is not None:
-            spec.loader = LazyLoader(spec.loader)
+        if spec is not None and isinstance(spec.loader, SourceFileLoader):
+            spec.loader = LazyLoader(cls(fullname, spec.loader.path))
         return spec
+
+    def exec_module(self, module: ModuleType) -> None:
+        try:
+            super().exec_module(module)
+        except ImportError as error:
+            # where `from module import name` is the first use, Python drops the error of the run
+            # and asks the half-made module for the name
+            module.__dict__["__getattr__"] = partial(_raise, error)
+            raise
+
+
+def _raise(error: ImportError, _: str) -> NoReturn:
+    raise error
 
 
 @contextmanager
@@ -45,12 +58,11 @@ def late_modules() -> Iterator[None]:
     So a command's help imports no library, and no command those of another. A name of a module
     (`from module import name`) is a use.
     """
-    finder = _LateFinder()
-    sys.meta_path.insert(0, finder)
+    sys.meta_path.insert(0, _LateLoader)
     try:
         yield
     finally:
-        sys.meta_path.remove(finder)
+        sys.meta_path.remove(_LateLoader)
 
 
 def run_now(*modules: ModuleType) -> None:

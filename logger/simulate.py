@@ -6,7 +6,6 @@ With the page there is a second process, as on a Pi, and the folders that system
 import os
 import socket
 import subprocess
-import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -66,13 +65,14 @@ def simulate(
     *,
     city_name: str = "graz",
     is_led: bool = False,
-    show_page: Callable[[str], None] | None = None,
+    page_command: Sequence[str] = (),
+    show_page: Callable[[str], None] = print,
 ) -> Path:
     """Record a walk `speed` times faster than real; return the run, with its true positions.
 
     `fault` is NAME:FROM:TO, a misbehaviour of the first modem between two times of the walk in
-    seconds. With `is_led` the walker follows the advice. `show_page` is told the address of the
-    page, which stays after the walk until a signal comes.
+    seconds. With `is_led` the walker follows the advice. `page_command` serves the page, which
+    stays after the walk until a signal comes; `show_page` is told its address.
     """
     _check_names("scenario", [name], SCENARIOS)
     _check_names("city", [city_name], CITIES)
@@ -104,9 +104,9 @@ def simulate(
         )
         text += "".join(_MODEM.format(port=port) for port in ports)
         status = None
-        if show_page is not None:
+        if page_command:
             text += _PAGE.format(listen=f"127.0.0.1:{_free_port()}")
-            status = opened.enter_context(_page(text, show_page))
+            status = opened.enter_context(_page(text, page_command, show_page))
         config = parse_config(text, "simulated site.toml")
         origin = f"{SIMULATED}{name}"
         begun = begin_run(config, text, clock, origin=origin, truth=_truth(walk))
@@ -139,7 +139,7 @@ def _goal(walk: Scenario, view: LiveView) -> FloatArray | None:
 
 
 @contextmanager
-def _page(site: str, show: Callable[[str], None]) -> Iterator[Path]:
+def _page(site: str, program: Sequence[str], show: Callable[[str], None]) -> Iterator[Path]:
     """The page in a process of its own; yields the folder of the status, which it reads."""
     with TemporaryDirectory(prefix="cellwalk-") as name:
         status, runtime, state = (Path(name) / one for one in ("status", "status-page", "state"))
@@ -150,7 +150,7 @@ def _page(site: str, show: Callable[[str], None]) -> Iterator[Path]:
         here = os.environ.get("RUNTIME_DIRECTORY")
         os.environ["RUNTIME_DIRECTORY"] = str(status)  # the service finds the requests beside it
         environ = os.environ | {"RUNTIME_DIRECTORY": str(runtime), "STATE_DIRECTORY": str(state)}
-        command = [sys.executable, "-m", "logger.cli", "page", "--config", str(file)]
+        command = [*program, "--config", str(file)]
         # a Ctrl-C ends the walk, and only then the page
         with subprocess.Popen(command, env=environ, start_new_session=True) as process:  # noqa: S603
             try:

@@ -14,10 +14,6 @@ from math import atan2, degrees, hypot
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from pyproj import Geod
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray, IntArray
@@ -45,7 +41,6 @@ _LARGEST_M = 300_000.0
 """Of a town: farther from its middle a zone distorts. What is larger is divided."""
 _EARTH_M = 6_371_000.0
 """Of a sphere: true to 0.6 %, enough to tell which positions are in one place."""
-_GEOD = Geod(ellps="WGS84")
 _OFFSET, _STRIDE = 1 << 19, 1 << 20
 Key = TypeVar("Key")
 
@@ -64,11 +59,20 @@ def place_numbers(lat_deg: FloatArray, lon_deg: FloatArray, apart_m: float) -> I
     Positions that are nearer than `apart_m` to each other are in one place.
     """
     point_m = _points_m(lat_deg, lon_deg)
-    if not len(point_m):
-        return np.zeros(0, np.int64)
+    if not len(point_m) or np.linalg.norm(np.ptp(point_m, axis=0)) < apart_m:
+        return np.zeros(len(point_m), np.int64)
+    from scipy.spatial import cKDTree  # noqa: PLC0415 (0.2 s; for far places only)
+
     pairs = cKDTree(point_m).query_pairs(apart_m, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(point_m),) * 2)
-    return np.asarray(connected_components(links, directed=False)[1], np.int64)
+    return _joined(pairs.T, len(point_m))
+
+
+def _joined(links: IntArray, n: int) -> IntArray:
+    """Number of the component of each of `n` things, which links (2, m) join."""
+    from scipy.sparse import coo_array, csgraph  # noqa: PLC0415 (as above)
+
+    matrix = coo_array((np.ones(links.shape[1]), links), shape=(n, n))
+    return np.asarray(csgraph.connected_components(matrix, directed=False)[1], np.int64)
 
 
 def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
@@ -381,8 +385,11 @@ def several_text(where: Sequence[HeardIn]) -> str:
 
 def apart_m(where: Sequence[OnMap]) -> float:
     """Largest distance between some places on the ground."""
+    from pyproj import Geod  # noqa: PLC0415 (as above)
+
+    between = Geod(ellps="WGS84").inv
     return max(
-        (float(_GEOD.inv(a.lon, a.lat, b.lon, b.lat)[2]) for a, b in combinations(where, 2)),
+        (float(between(a.lon, a.lat, b.lon, b.lat)[2]) for a, b in combinations(where, 2)),
         default=0.0,
     )
 
@@ -428,9 +435,7 @@ def _groups_of(walks: Sequence[_Walk]) -> list[list[_Walk]]:
         same = np.flatnonzero(np.diff(place[order]) == 0)
         first.append(run[order][same])
         second.append(run[order][same + 1])
-    links = np.concatenate(first), np.concatenate(second)
-    matrix = coo_array((np.ones(len(links[0])), links), shape=(len(walks),) * 2)
-    number = connected_components(matrix, directed=False)[1].tolist()
+    number = _joined(np.stack([np.concatenate(first), np.concatenate(second)]), len(walks)).tolist()
     groups: dict[int, list[_Walk]] = {}
     for walk, group in zip(walks, number, strict=True):
         groups.setdefault(group, []).append(walk)

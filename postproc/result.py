@@ -38,12 +38,12 @@ from logger.core.ellipse import RADII, ellipse95, metres, radii_text
 from logger.core.errors import ConfigError
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import HALF, LEVEL, area_m2
-from logger.core.locator.rivals import relevant_modes
 from logger.core.locator.timing_advance import TimingCheck
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import ENVIRONMENTS, Prior
 from logger.core.places import MAX_GAP_S, NO_MAP, Places, Utm
 from logger.core.readings import Observations, Readings, SpikeLevel
+from logger.core.rivals import relevant_modes
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import WORDS
 from logger.core.types import Verdict

@@ -24,10 +24,10 @@ from logger.core.document import (
 from logger.core.ellipse import RADII, Ellipse, metres, radius_m
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.region import HALF, LEVEL
-from logger.core.locator.rivals import share_text
 from logger.core.locator.verdict import needed_radius
 from logger.core.model.prior import Prior
 from logger.core.places import Places
+from logger.core.rivals import share_text
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import WORDS
 from logger.core.suspicion.words import reason_line, strongest_reasons

@@ -142,6 +142,26 @@ def test_a_late_module_runs_at_its_first_use():
     subprocess.run([sys.executable, "-c", LATE], check=True)
 
 
+WITHOUT = """
+import sys
+from logger.command_line import late_modules
+sys.modules["pyproj"] = None
+with late_modules():
+    from logger.core import places
+for _ in range(2):
+    try:
+        from logger.core.places import Utm
+    except ModuleNotFoundError as error:
+        assert error.name == "pyproj"
+    else:
+        raise AssertionError
+"""
+
+
+def test_a_late_module_tells_at_each_use_which_library_is_missing():
+    subprocess.run([sys.executable, "-c", WITHOUT], check=True)
+
+
 def test_help_of_a_command_is_that_of_its_option(capsys):
     assert postproc(["help", "survey", "add"]) == 0
     by_name = capsys.readouterr().out

@@ -8,7 +8,7 @@ import shapely
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import metres
 from logger.core.guidance.sentence import direction
-from logger.core.locator.rivals import area_text, share_text
+from logger.core.rivals import area_text, share_text
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
 from postproc.pictures.picture import ETA, P0, Fit, Picture

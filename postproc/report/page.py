@@ -12,7 +12,7 @@ from logger.core.answer import Answer
 from logger.core.document import Column, Degrees, Document, Table, Value, Word
 from logger.core.ellipse import RADII, metres
 from logger.core.locator.alternatives import alternatives_text
-from logger.core.locator.rivals import share_text
+from logger.core.rivals import share_text
 from logger.core.runfile import Run
 from logger.core.suspicion.words import strongest_reasons, word_rate_text
 from postproc.html_page import page_environment

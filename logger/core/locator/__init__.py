@@ -24,7 +24,6 @@ Signal Process. 53(7), 2005). `pipeline` names the steps in their order; begin t
     summary           step 4: tree -> posterior
     posterior         the result
     region            highest-density regions and modes
-    rivals            which modes are relevant, and their shares in percent
     verdict           step 5: located, ambiguous or cannot tell
     two_source_test   whether two transmitters share the identity
     online            the same reading by reading, for the device

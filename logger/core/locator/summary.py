@@ -21,10 +21,10 @@ from logger.core.locator.region import (
     highest_density,
     mode_regions,
 )
-from logger.core.locator.rivals import LEAST_PEAK
 from logger.core.model.evidence import Evidence
 from logger.core.model.prior import Prior
 from logger.core.places import Places, Utm
+from logger.core.rivals import LEAST_PEAK
 
 BIAS_SHARE = 1.0
 """Share of the variance of the receiver's position that lasts for the walk and moves the result."""

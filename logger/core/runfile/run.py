@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from logger.core.errors import RunFileError
 from logger.core.isolation import Outcome, run_isolated
-from logger.core.joined_names import with_names
 from logger.core.provenance import has_times
 from logger.core.rows import (
     DTYPES,
@@ -84,6 +83,10 @@ class Run:
     def named_readings(self) -> Rows:
         """The table `readings` with names where a row has no identity: `joined_names`."""
         fixes, scans, readings = (self.tables[name] for name in ("fixes", "scans", "readings"))
+        if np.all(readings["cell"] != b""):
+            return readings
+        from logger.core.joined_names import with_names  # noqa: PLC0415 (PROJ; most runs need none)
+
         return with_names(fixes, scans, readings, has_times=has_times(self.meta.origin))
 
     def records(self, *tables: str) -> Iterator[tuple[int, Record]]:
