@@ -28,6 +28,8 @@ _MOST_WALKS = 20.0
 """A region wider than this many walks extends outside: the walk would shrink to a dot."""
 _WIDTH, _LEAST_HEIGHT, _MOST_HEIGHT, _EDGE = 460.0, 180.0, 400.0, 22.0
 """Pixels."""
+_SCALE_PARTS = 8
+"""The scale bar is about one of so many of the width."""
 _MOST_BYTES = 40_000
 
 
@@ -97,6 +99,15 @@ def draw(
     axes.legend(loc="lower left", **style)  # above the axes, where it hides nothing
 
 
+def round_step(span: float, most: int) -> float:
+    """A step of 1, 2 or 5 times a power of ten that divides `span` into at most `most` parts."""
+    if span <= 0.0:
+        return 1.0
+    power = 10.0 ** floor(log10(span / most))
+    steps = (power, 2 * power, 5 * power, 10 * power)
+    return next(step for step in steps if span / step <= most + 1e-9)
+
+
 def new_axes() -> "Axes":
     """Axes of a new figure of pyplot."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 (a second; only for those who draw)
@@ -158,9 +169,7 @@ def _line(points: FloatArray, tolerance: float) -> str:
 
 def _whole(shapes: str, height: float, scale: float, cells: Sequence[OnPlan]) -> str:
     """The shapes with a scale bar and an arrow to the north."""
-    most_m = _WIDTH / scale / 4.0
-    power = 10.0 ** floor(log10(most_m))
-    bar_m = power * max(step for step in (1, 2, 5) if power * step <= most_m)
+    bar_m = round_step(_WIDTH / scale, _SCALE_PARTS)
     right, below = _WIDTH - 10.0, height - 8.0
     bar = f"M{right - bar_m * scale:.1f} {below}H{right}"
     named = ", ".join(": ".join(filter(None, (cell.label, cell.word))) for cell in cells)

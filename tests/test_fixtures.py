@@ -173,4 +173,4 @@ def test_stored_results_open(here):
     except results.NotStored as error:
         reason = str(error)
     assert reason in {"", "it is of another version of the program"}
-    check("smooth-result", make.stored_summary(path))
+    check("stored-result", make.stored_summary(path))

@@ -32,7 +32,7 @@ from postproc.cell_work import Failure, attempt
 from postproc.interop import writers
 from postproc.interop.outlines import Rings, polygons
 from postproc.interop.sighting import Sighting
-from postproc.result import CellResult, Result, region_of
+from postproc.result import ESTIMATORS, CellResult, Result, region_of
 
 _DEGREE_DECIMALS = 8
 """A millimetre."""
@@ -243,16 +243,22 @@ def write_answers(
     """
     form = writer(name)
     has_regions = getattr(form, "HAS_REGIONS", False)
-    answered = [
+    exported = [
         _as_exported(result, cell, has_regions) for result in results for cell in result.cells
     ]
-    answers = [answer for answer, _ in answered]
+    answers = [answer for answer, _ in exported]
     with whole_file(target) as part:
-        form.write_answers(answered, answer_table(answers, every=every), part)
+        form.write_answers(exported, answer_table(answers, every=every), part)
     left_out = [
         f"the answer about {answer.cell}: {answer.reasons[0]}"
         for answer in answers
         if answer.provenance.error
+    ]
+    left_out += [
+        f"{estimator.name} of {answer.cell}: it did not converge"
+        for answer in answers
+        for estimator in ESTIMATORS
+        if every and answer.paths and estimator.key in answer.paths.failed
     ]
     has_utc = any(answer.provenance.first_utc_ns is not None for answer in answers)
     return Exported(target, name, 0, 0, len(answers), has_utc, tuple(left_out)), answers

@@ -47,10 +47,10 @@ from postproc.pictures.survey import (
     Levels,
     Survey,
     evenly_spaced,
-    round_step,
     survey_of,
     with_inset,
 )
+from postproc.plan import round_step
 from postproc.result import RTS, Result
 
 MOST_VECTORS = 400

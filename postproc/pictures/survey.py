@@ -5,7 +5,6 @@ Positions are metres east and north of the first fix.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import floor, log10
 from pathlib import Path
 from typing import NamedTuple
 
@@ -204,15 +203,6 @@ def split_at_gaps(t_ns: IntArray, points_m: FloatArray) -> list[FloatArray]:
 def evenly_spaced(count: int, most: int) -> IntArray:
     """At most `most` indices out of `count`, evenly spaced, the first and the last among them."""
     return np.unique(np.linspace(0, max(count - 1, 0), min(count, most)).astype(np.int64))
-
-
-def round_step(span: float, most: int) -> float:
-    """A step of 1, 2 or 5 times a power of ten that divides `span` into at most `most` parts."""
-    if span <= 0.0:
-        return 1.0
-    power = 10.0 ** floor(log10(span / most))
-    steps = (power, 2 * power, 5 * power, 10 * power)
-    return next(step for step in steps if span / step <= most + 1e-9)
 
 
 class Levels(NamedTuple):

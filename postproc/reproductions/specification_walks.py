@@ -23,7 +23,7 @@ from logger.core.arrays import FloatArray
 from logger.core.censoring import GSM_FLOOR_DBM
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.live import LiveTracker
-from logger.core.live_settings import LiveSettings
+from logger.core.live_settings import STRONGEST, LiveSettings
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import highest_density
@@ -132,7 +132,7 @@ def track(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> list[Note 
     A scan before the first fix makes the cells known, so that the first reading of the walk is
     used.
     """
-    tracker = LiveTracker(LiveSettings())
+    tracker = LiveTracker(LiveSettings(target=STRONGEST))
     cells = tuple(_gsm_reading(cid, GSM_FLOOR_DBM) for cid in range(1, len(level_dbm) + 1))
     tracker.feed(0, Record(0, "modem", Scan(0, cells)))
     return [output for record in records(x_m, y_m, level_dbm) for output in tracker.feed(*record)]

@@ -19,7 +19,8 @@ from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import Estimate, legend_of, mode_label, region_rings
-from postproc.pictures.survey import Box, Walk, evenly_spaced, round_step
+from postproc.pictures.survey import Box, Walk, evenly_spaced
+from postproc.plan import round_step
 from postproc.result import BATCH, RTS
 from postproc.view.surface import (
     FARTHEST_M,

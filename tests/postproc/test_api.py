@@ -221,7 +221,7 @@ def test_progress_is_shown_by_the_callers_own_bar(path):
             yield item
 
     postproc.smooth(path, cell_name(1), progress=bar)
-    assert seen == [("locating", 1)]
+    assert seen == [("smoothing", 1), ("locating", 1)]
     postproc.smooth(path, cell_name(1), progress=True)
 
 

@@ -14,7 +14,7 @@ import pytest
 from logger.core.errors import ConfigError, GeoError
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
-from logger.sim.city import ROGUE, WALK, city
+from logger.sim.city import GRAZ, city
 from logger.sim.walk import Walk
 from logger.sim.world import Radio, World
 from postproc.cli import main
@@ -28,7 +28,7 @@ CITIES = {
     "surat": (21.1702, 72.8311),
     "lima": (-12.0464, -77.0428),
 }
-ROGUE_IN = ("graz", "lima")
+ROGUE, ROGUE_IN = GRAZ.rogue, ("graz", "lima")
 ROGUE_NAME = f"{ROGUE.mcc}-{ROGUE.mnc}-{ROGUE.lac}-{ROGUE.cid}"
 DECODED_DBM = -100.0
 DAY_NS = 86_400 * 10**9
@@ -39,7 +39,7 @@ def walk_in(path, name, number, cells):
     """A run through a simulated city: a fix and a scan every 14 s, day `number` of the journey."""
     rng = np.random.default_rng(number)
     world = World.build(cells, *CITIES[name], Radio(3.0, 30.0, 2.0), rng)
-    way = Walk(WALK[:6])
+    way = Walk(GRAZ.walk[:6])
     t_s = np.arange(0.0, way.duration_s, 14.0)
     east_m, north_m = way.positions(t_s)
     levels_dbm = world.received_dbm(east_m, north_m, rng)

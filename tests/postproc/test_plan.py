@@ -12,7 +12,7 @@ from matplotlib import pyplot as plt
 import postproc
 from logger.core import answer
 from logger.core.errors import ConfigError
-from postproc.plan import OnPlan, svg
+from postproc.plan import OnPlan, round_step, svg
 from tests.kit import sample_results as kit
 
 MOST_BYTES = 60_000
@@ -115,3 +115,10 @@ def test_a_frame_has_a_row_a_cell(result, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ConfigError, match="pip install pandas"):
         result.to_frame()
+
+
+@pytest.mark.parametrize(
+    ("span", "most", "step"), [(950, 12, 100), (120, 12, 10), (0, 5, 1), (2401, 12, 500)]
+)
+def test_steps_are_round(span, most, step):
+    assert round_step(span, most) == step

@@ -19,8 +19,9 @@ from logger.core.suspicion.words import WORD_RATES, word_rate_text
 from postproc.basemap.reading import read_basemap
 from postproc.ground import Towns
 from postproc.html_page import page_environment
-from postproc.pictures.survey import Box, Clock, round_step
+from postproc.pictures.survey import Box, Clock
 from postproc.pictures.survey import Survey as Frame
+from postproc.plan import round_step
 from postproc.report.wording import ODD, SEARCH, sentence
 from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
@@ -94,7 +95,7 @@ class Walked(NamedTuple):
 class Plan(NamedTuple):
     """The picture of a town; `height` and `bar` are in its units, `ground` is a JPEG as base64.
 
-    `inset` is west, north and side of what is drawn larger, None where nothing is.
+    `inset` is what is drawn larger, None where nothing is.
     """
 
     walked: Walked
@@ -104,12 +105,16 @@ class Plan(NamedTuple):
     ground: str
     bar_m: float
     bar: float
-    inset: tuple[float, float, float] | None
+    inset: Box | None
 
     @property
-    def inset_m(self) -> float:
-        """Side of the inset on the ground."""
-        return 0.0 if self.inset is None else self.inset[2] * self.walked.box.width / _WIDTH
+    def inset_view(self) -> str:
+        """The inset as a view box of the picture."""
+        if self.inset is None:
+            return ""
+        box, inset = self.walked.box, self.inset
+        view_m = inset.west - box.west, box.north - inset.north, inset.width, inset.height
+        return " ".join(f"{part_m * _WIDTH / box.width:.2f}" for part_m in view_m)
 
 
 def html(
@@ -231,16 +236,17 @@ def _plan(walked: Walked, cells: Mapping[int, LocatedCell], ground: str) -> Plan
     )
 
 
-def _inset(shapes: Sequence[Shape], box: Box, scale: float) -> tuple[float, float, float] | None:
-    """West, north and side of a square around the region of the first cell with a word."""
+def _inset(shapes: Sequence[Shape], box: Box, scale: float) -> Box | None:
+    """A square around the region of the first cell with a word."""
     first = min((shape for shape in shapes if shape.kind), default=None)
     if first is None or first.cell.r95_m is None or first.cell.verdict == "cannot tell":
         return None
     diameter_m = 2.0 * first.cell.r95_m
     if diameter_m**2 >= _INSET_AREA * box.width * box.height:
         return None
-    side = max(1.6 * diameter_m, _LEAST_INSET_M) * scale
-    return first.x - 0.5 * side, first.y - 0.5 * side, side
+    x_m, y_m = box.west + first.x / scale, box.north - first.y / scale
+    half_m = 0.5 * max(1.6 * diameter_m, _LEAST_INSET_M)
+    return Box(x_m, y_m, x_m, y_m).enlarge(half_m)
 
 
 def reasons_of(cell: LocatedCell) -> tuple[str, ...]:

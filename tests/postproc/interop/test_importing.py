@@ -401,7 +401,7 @@ IMPORTS = (
 )
 """,
     "writers": """
-def write(walk, estimates, target):
+def write(walk, target):
     target.write_text(f"{len(walk.sightings)} levels")
 """,
 }

@@ -8,7 +8,6 @@ from postproc.pictures.survey import (
     Box,
     evenly_spaced,
     plan_box,
-    round_step,
     split_at_gaps,
     survey_of,
     with_inset,
@@ -69,13 +68,6 @@ def test_without_a_fix_there_is_no_track(result):
 
 
 WALK_M = np.array([(0.0, 0.0), (200.0, 100.0)])
-
-
-@pytest.mark.parametrize(
-    ("span", "most", "step"), [(950, 12, 100), (120, 12, 10), (0, 5, 1), (2401, 12, 500)]
-)
-def test_steps_are_round(span, most, step):
-    assert round_step(span, most) == step
 
 
 def test_a_region_near_the_walk_enlarges_the_plan():
