@@ -127,9 +127,10 @@ def test_straight_walk_leaves_two_mirror_images():
         found = locate(obs)
         assert len(found.modes) >= 2
         assert found.modes[1].peak == pytest.approx(found.modes[0].peak, rel=0.02)
-        assert found.modes[1].probability == pytest.approx(found.modes[0].probability, abs=0.25)
+        # one of them has the squares between both; which, and how many, rounding decides
+        assert found.modes[1].probability == pytest.approx(found.modes[0].probability, abs=0.3)
         assert region_contains(found, (x, y), 10.0) == region_contains(found, (x, -y), 10.0)
-        best = found.modes[0]  # one of them has the squares between both, which move its mean
+        best = found.modes[0]  # the squares between both move its mean
         assert nearest_mode_m(found, (best.x_m, -best.y_m)) < best.ellipse.semi_major_m
         assert assess(found, obs).verdict != "located"
 
