@@ -190,10 +190,17 @@ def test_a_walk_with_failures_is_recorded_whole_and_replayed(tmp_path, monkeypat
         with monkeypatch.context() as patched:
             patched.setattr(LiveTracker, "feed", failing)
             under_way.start()
-            trouble = []
-            record_until(
-                under_way, clock, lambda run: trouble.append(under_way.status()) or len(seen) > 450
-            )
+            trouble, ended = [], threading.Event()
+
+            def watch():  # an interruption is over within a second
+                while not ended.wait(0.01):
+                    trouble.append(under_way.status())
+
+            watcher = threading.Thread(target=watch)
+            watcher.start()
+            record_until(under_way, clock, lambda _: len(seen) > 450)
+            ended.set()
+            watcher.join()
             run = read_run(under_way.stop("end of the test"))
     assert any("no live estimate: MemoryError" in text for text in trouble)
     notes = [record.value for _, record in run.records("notes")]
