@@ -72,7 +72,7 @@ def simulate(
 
     `fault` is NAME:FROM:TO, a misbehaviour of the first modem between two times of the walk in
     seconds. With `is_led` the walker follows the advice. `page_command` serves the page, which
-    stays after the walk until a signal comes; `show_page` is told its address.
+    stays after the walk until a signal; `show_page` receives its address.
     """
     _check_names("scenario", [name], SCENARIOS)
     _check_names("city", [city_name], CITIES)
@@ -191,15 +191,13 @@ def _fault(text: str) -> tuple[str, float, float]:
             f"{text!r} is no fault; it is given as NAME:FROM:TO, times in seconds, "
             f"and NAME is one of {', '.join(FAULTS)}"
         ) from None
-    if name not in FAULTS:
-        raise ConfigError(f"no fault is called {name!r}; known are: {', '.join(FAULTS)}")
+    _check_names("fault", [name], FAULTS)
     return name, start_s, end_s
 
 
 def _truth(walk: Scenario) -> tuple[Truth, ...]:
     return tuple(
-        Truth(f"{t.mcc}-{t.mnc}-{t.lac}-{t.cid}", *walk.world.to_latlon(t.east_m, t.north_m))
-        for t in walk.world.transmitters
+        Truth(t.name, *walk.world.to_latlon(t.east_m, t.north_m)) for t in walk.world.transmitters
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.live import LiveTracker
 from logger.core.live_settings import FOLLOW, LiveSettings
-from logger.core.types import CellReading, Fix, Note, Record, Scan
+from logger.core.types import CellReading, Fix, Note, Record, Role, Scan
 from logger.device.live_view import LiveView, live_view
 from logger.sim.city import CITIES, Place, city, with_lists
 from logger.sim.receiver import GnssNoise
@@ -67,8 +67,7 @@ def search(
         cells = (place.rogue, *cells)
     world = World.build(cells, place.lat_deg, place.lon_deg, radio, rng)
     walker = _Walker(world, place, rng, has_rogue=has_rogue)
-    rogue = place.rogue
-    cell = f"{rogue.mcc}-{rogue.mnc}-{rogue.lac}-{rogue.cid}" if has_rogue else None
+    cell = place.rogue.name if has_rogue else None
     named_s = located_s = error_m = None
     led_s, t_s = 0.0, 0.0
     end_s = longest_s + _ON_AIR_S if has_rogue else longest_s
@@ -201,10 +200,10 @@ class _Walker:
         return None if goal is None else np.array(self.world.to_local(goal.lat, goal.lon))
 
 
-def _reading(one: ReceivedCell, role: str) -> CellReading:
+def _reading(one: ReceivedCell, role: Role) -> CellReading:
     """A cell as a modem prints it."""
     cell = one.cell
     return CellReading(
-        role, "GSM", cell.mcc, cell.mnc, cell.lac, cell.cid, cell.arfcn, bsic=cell.bsic,  # type: ignore[arg-type]
+        role, "GSM", cell.mcc, cell.mnc, cell.lac, cell.cid, cell.arfcn, bsic=cell.bsic,
         rssi_dbm=float(one.dbm), c1=one.c1, c2=one.c2, broadcast=cell.broadcast,
     )  # fmt: skip

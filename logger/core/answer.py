@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
 DEGREE_DECIMALS = 6
 """0.1 m."""
 _ROUGH_M = 1000.0
-"""A place that is less sure is told to 0.01 degree, which is a kilometre."""
+"""A place that is less sure is given to 0.01 degree, which is a kilometre."""
 
 
 Ring = list[tuple[float, float]]

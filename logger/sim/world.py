@@ -78,6 +78,11 @@ class Transmitter:
     height_m: float = 0.0
     broadcast: Broadcast | None = None
 
+    @property
+    def name(self) -> str:
+        """Its identity."""
+        return f"{self.mcc}-{self.mnc}-{self.lac}-{self.cid}"
+
 
 @dataclass(frozen=True, slots=True)
 class Radio:

@@ -108,8 +108,8 @@ def test_the_cell_that_is_offered_is_one_tap_away(phone):
         offer="262-01-1-7",
     )
     with kit.recording(phone.page.requests.parents[1], status) as notes:
-        told = "To cell 262-01-1-9, as you chose."
-        service.wait_for(lambda: phone.text("target") == told, 10)
+        shown = "To cell 262-01-1-9, as you chose."
+        service.wait_for(lambda: phone.text("target") == shown, 10)
         assert not phone.chromium.evaluate("return document.getElementById('offer').hidden")
         phone.tap("#offer")
         service.wait_for(lambda: notes, 10)
