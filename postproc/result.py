@@ -373,7 +373,7 @@ class Result:
 
     def _word(self, cell: CellResult) -> str:
         word = self.words.get(cell.cell)
-        return "" if word is None or word.word == WORDS[0] else word.word
+        return word.word if word is not None and word.is_conspicuous else ""
 
     def _to_draw(self) -> list[CellResult]:
         """The conspicuous, located and ambiguous cells; without any the first that has a place."""

@@ -182,6 +182,11 @@ class Word:
     score_nats: float
     findings: "tuple[rule.Finding, ...]"
 
+    @property
+    def is_conspicuous(self) -> bool:
+        """Unusual or suspicious."""
+        return self.word != "nothing unusual"
+
 
 class PathEnd(OnMap, frozen=True, kw_only=True):
     """The last state of an estimator after `n` readings; without bounds its ellipse says nothing.
@@ -230,8 +235,8 @@ class Answer:
 
     @property
     def is_conspicuous(self) -> bool:
-        """Whether the cell is unusual or suspicious."""
-        return self.word is not None and self.word.word != "nothing unusual"
+        """Of the word."""
+        return self.word is not None and self.word.is_conspicuous
 
     @property
     def sentence(self) -> str:

@@ -128,7 +128,7 @@ def _ask(run: str, inputs: RuleInputs) -> RunWords:
     failures_of(tracker)  # logged, as the words of the other cells and rules stand
     cells = []
     for one in tracker.assessments():
-        if one.word != WORDS[0]:
+        if one.is_conspicuous:
             strongest = sorted(one.findings, key=lambda finding: -finding.nats)
             rules = tuple(dict.fromkeys(finding.rule.id for finding in strongest))
             cells.append(CellWord(one.cell, one.word, rules, tuple(strongest_reasons(one))))

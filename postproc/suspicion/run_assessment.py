@@ -9,7 +9,7 @@ from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.document import Document, Line, Word, html_text, terminal_lines
 from logger.core.identities import identity_of
 from logger.core.runfile import Run
-from logger.core.suspicion.rule import WORDS, Evidence, Finding, Rate, Rule
+from logger.core.suspicion.rule import Evidence, Finding, Rate, Rule
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import (
@@ -176,7 +176,7 @@ class Suspicions:
     failures: dict[str, Failure]
 
     def __repr__(self) -> str:
-        said = [f"{cell.cell} is {cell.word}" for cell in self.cells if cell.word != WORDS[0]]
+        said = [f"{cell.cell} is {cell.word}" for cell in self.cells if cell.is_conspicuous]
         named, more = said[:_MOST_NAMED], len(said) - _MOST_NAMED
         lines = [f"{len(self.cells)} cells, {len(said)} conspicuous; print it for the reasons"]
         return "\n".join([*lines, *named, *[f"and {more} more"] * (more > 0)])
@@ -303,9 +303,7 @@ def conspicuous_cells(runs: Sequence[Run], among: Collection[str]) -> list[Asses
 
 
 def _conspicuous(suspicions: Suspicions, among: Collection[str]) -> list[Assessment]:
-    return [
-        cell for cell in suspicions.cells if cell.word != "nothing unusual" and cell.cell in among
-    ]
+    return [cell for cell in suspicions.cells if cell.is_conspicuous and cell.cell in among]
 
 
 _NEVER = (
@@ -336,7 +334,7 @@ def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
 
 
 def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
-    named = [cell for cell in suspicions.cells if cell.word != "nothing unusual"]
+    named = [cell for cell in suspicions.cells if cell.is_conspicuous]
     warned = [
         cell
         for cell in suspicions.cells
@@ -344,7 +342,7 @@ def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
     ]
     for cell in (*named, *warned):
         yield Line((f"{cell.cell}: ", Word(cell.word)))
-        if cell.word != "nothing unusual":
+        if cell.is_conspicuous:
             yield Line(word_rate_text(cell.word), bullet="  ")
         for finding in sentences(cell.findings):
             rule = f" [{finding.rule.id}]" if details else ""

@@ -9,7 +9,7 @@ from logger.core.errors import error_place
 from logger.core.identities import Identities
 from logger.core.latest import Latest
 from logger.core.suspicion.heard import Heard, Memory, Moment, Walker
-from logger.core.suspicion.rule import WORDS, Evidence, Finding, Need, Rule
+from logger.core.suspicion.rule import Evidence, Finding, Need, Rule
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import Assessment, assess, by_word
 from logger.core.types import Fix, Record, Scan
@@ -70,7 +70,7 @@ class SuspicionTracker:
     def conspicuous(self) -> list[Assessment]:
         """The words of unusual and suspicious cells, the most suspicious first."""
         known = by_word([self.assessment(name) for name in self._findings])
-        return [one for one in known if one.word != WORDS[0]]
+        return [one for one in known if one.is_conspicuous]
 
     def _take_scan(self, t_ns: int, scan: Scan, modem: str) -> list[Finding]:
         self._identities.add(scan)
@@ -149,7 +149,7 @@ class SuspicionTracker:
     def _rank(self, names: Iterable[str]) -> None:
         """The worst cell is the worst of these."""
         worst = next(iter(by_word([self.assessment(name) for name in names])), None)
-        self.worst = None if worst is None or worst.word == WORDS[0] else worst.cell
+        self.worst = None if worst is None or not worst.is_conspicuous else worst.cell
 
 
 def _is_refuted(finding: Finding, memory: Memory) -> bool:
