@@ -23,9 +23,9 @@ _MOST_REASONS = 3
 _LOGS = "62 runs of telephones, mostly in cars"
 WORD_RATES: Mapping[Word, Rate] = {
     "suspicious": Rate(1, 924, 38.5, _LOGS),
-    "unusual": Rate(16, 924, 38.5, _LOGS),
+    "unusual": Rate(4, 924, 38.5, _LOGS),
 }
-"""Legitimate cells that earned each word: `benchmarks/suspicion.py rates`."""
+"""Legitimate cells that earned each word: `make suspicion`."""
 
 FINDING_CODE, ERROR_CODE = "finding", "rule-failed"
 """Codes of the events of each finding, and of the error of a rule."""
