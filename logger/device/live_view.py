@@ -110,7 +110,7 @@ class CellStatus(Struct, frozen=True):
     modem: str = ""
 
 
-class PositionStatus(Place, frozen=True, kw_only=True):
+class PositionStatus(Place, frozen=True, kw_only=True, omit_defaults=False):
     """The answer about the cell that is followed: its place, 95 % region in squares, and word.
 
     `text` is the answer in a sentence.

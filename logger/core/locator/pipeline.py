@@ -35,6 +35,11 @@ def locate(
     modem's scale.
     """
     task = prepare(obs, prior, effort)
+    if task.prior.area is not None:
+        everywhere = task.everywhere()
+        squares = summarise(everywhere, search(everywhere)).squares
+        inside = task.prior.area.share(squares.coordinates) @ squares.probability
+        task = task._replace(outside_share=1.0 - float(inside))
     return summarise(task, search(task))
 
 

@@ -96,6 +96,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         prior=task.prior,
         offsets=_offsets(task, tree, mixed, regions[0]),
         alternatives=_alternatives(walk.prior, tree, mixed, reach, squares),
+        outside_share=task.outside_share,
     )
 
 

@@ -1,0 +1,143 @@
+"""Where a transmitter can stand: within some metres of the walk, or inside polygons of a map."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import inf, sqrt
+
+import numpy as np
+
+from logger.core.arrays import BoolArray, FloatArray
+from logger.core.errors import ConfigError
+from logger.core.places import Places, Utm
+
+Ring = tuple[tuple[float, float], ...]
+"""Corners of a polygon or of a hole in it; the last is joined to the first."""
+Polygon = tuple[Ring, ...]
+"""The outer ring, then those of holes."""
+
+_FARTHEST_M = 30_000.0
+"""The reach of the prior: nothing farther from the walk is searched."""
+_PARTS = 8.0
+"""Squares on the border of an area have at most one part in so many of its extent."""
+_HALF_DIAGONAL = 0.7072
+_CHUNK = 256
+"""Positions at a time: a border of a city has thousands of corners."""
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A mask over positions, which the prior of the position is multiplied by.
+
+    `text` says where, as it is printed. It is `polygons` widened by `wider_m`: in metres of the
+    zone `utm`, or before `at` in degrees (longitude, latitude). Without polygons it is the hull of
+    the walk that `at` is told.
+    """
+
+    text: str
+    wider_m: float = 0.0
+    polygons: tuple[Polygon, ...] = ()
+    utm: Utm | None = None
+
+    @classmethod
+    def within_walk(cls, metres: float) -> "Area":
+        """The convex hull of the walk, widened."""
+        return cls(f"within {metres:g} m of the walk", metres)
+
+    def at(self, walks: Sequence[Places]) -> "Area":
+        """The area in metres, for some walks in one zone; one that is in metres stays as it is.
+
+        Raises `ConfigError` where no walk is near the polygons.
+        """
+        if self.utm is not None:
+            return self
+        utm = walks[0].utm
+        hulls = tuple((hull(walk.x_m, walk.y_m),) for walk in walks if len(walk))
+        if not self.polygons:
+            return replace(self, polygons=hulls, utm=utm)
+        polygons = tuple(
+            tuple(_in_metres(ring, utm) for ring in polygon) for polygon in self.polygons
+        )
+        corners = np.concatenate([np.array(ring) for (ring,) in hulls])
+        placed = replace(self, polygons=polygons, utm=utm)
+        nearest_m = float(np.min(placed.beyond_m(*corners.T)))
+        if nearest_m > _FARTHEST_M:
+            away = f"{nearest_m / 1e3:.0f} km away"
+            raise ConfigError(f"no walk is near the area {self.text}: the nearest is {away}")
+        return placed
+
+    def beyond_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+        """Distance of positions (h,) from the area, negative inside; shape (h,)."""
+        nearest_m = np.full(len(x_m), inf)
+        for polygon in self.polygons:
+            for first in range(0, len(x_m), _CHUNK):
+                some = slice(first, first + _CHUNK)
+                outside_m = _beyond_polygon_m(polygon, x_m[some], y_m[some])
+                nearest_m[some] = np.minimum(nearest_m[some], outside_m)
+        return np.asarray(nearest_m - self.wider_m, float)
+
+    def share(self, square: FloatArray) -> FloatArray:
+        """About which part of each square (3, h) is inside; shape (h,)."""
+        x_m, y_m, side_m = square
+        return np.asarray(np.clip(0.5 - self.beyond_m(x_m, y_m) / side_m, 0.0, 1.0), float)
+
+    def is_coarse(self, square: FloatArray) -> BoolArray:
+        """Whether squares (3, h) on its border are too large to show it; shape (h,)."""
+        x_m, y_m, side_m = square
+        is_large = side_m > self._least_extent_m / _PARTS
+        found = np.zeros(len(x_m), np.bool_)
+        away_m = np.abs(self.beyond_m(x_m[is_large], y_m[is_large]))
+        found[is_large] = away_m < _HALF_DIAGONAL * side_m[is_large]
+        return found
+
+    @property
+    def _least_extent_m(self) -> float:
+        """Of the smallest polygon."""
+        extents_m = []
+        for outer, *_ in self.polygons:
+            width_m, length_m = np.ptp(np.array(outer), axis=0) + 2.0 * self.wider_m
+            extents_m.append(sqrt(width_m * length_m))
+        return min(extents_m)
+
+
+def hull(x_m: FloatArray, y_m: FloatArray) -> Ring:
+    """Corners of the convex hull, counterclockwise (Andrew, Inf. Proc. Letters 9(5), 1979)."""
+    points = sorted(set(zip(x_m.tolist(), y_m.tolist(), strict=True)))
+    if len(points) < 3:
+        return tuple(points)
+    half = []
+    for way in (points, points[::-1]):
+        chain: list[tuple[float, float]] = []
+        for x, y in way:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], (x, y)) <= 0.0:
+                chain.pop()
+            chain.append((x, y))
+        half.append(chain[:-1])
+    return tuple(half[0] + half[1])
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    """Positive where the way from a over b to c turns left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _in_metres(ring: Ring, utm: Utm) -> Ring:
+    lon_deg, lat_deg = np.array(ring).T
+    x_m, y_m = utm.to_xy_arrays(lat_deg, lon_deg)
+    return tuple(zip(x_m.tolist(), y_m.tolist(), strict=True))
+
+
+def _beyond_polygon_m(polygon: Polygon, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    """Distance of positions (h,) from a polygon, negative inside; shape (h,)."""
+    start = np.concatenate([np.array(ring) for ring in polygon])
+    end = np.concatenate([np.roll(np.array(ring), -1, axis=0) for ring in polygon])
+    (x0, y0), (east, north) = start.T, (end - start).T
+    dx, dy = x_m[:, None] - x0, y_m[:, None] - y0
+    length2 = np.maximum(east**2 + north**2, 1e-12)
+    along = np.clip((dx * east + dy * north) / length2, 0.0, 1.0)
+    away_m = np.sqrt(np.min((dx - along * east) ** 2 + (dy - along * north) ** 2, axis=1))
+    # a ray to the east crosses the border an odd number of times from inside
+    crosses = (y0 > y_m[:, None]) != (end[:, 1] > y_m[:, None])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        is_east = dx < dy * east / north
+    is_inside = np.count_nonzero(crosses & is_east, axis=1) % 2 == 1
+    return np.asarray(np.where(is_inside, -away_m, away_m), float)
