@@ -131,6 +131,7 @@ class LiveView(Struct, frozen=True, kw_only=True):
     `position` are of the target; `cells` has the serving cell first, then the others by level.
     `no_estimate` is why there is no live
     estimate now, empty while it is made; `left_out` says which files it does not use, and why.
+    Cells are looked for `within_walk_m` of the walk, None: anywhere.
     """
 
     target: TargetStatus | None = None
@@ -141,6 +142,7 @@ class LiveView(Struct, frozen=True, kw_only=True):
     no_estimate: str = ""
     left_out: tuple[str, ...] = ()
     offer: str | None = None
+    within_walk_m: float | None = None
 
     @property
     def goal(self) -> OnMap | None:
@@ -171,6 +173,7 @@ def live_view(tracker: "LiveTracker") -> LiveView:
         next=None if followed is None or over else followed.way,
         position=position,
         offer=tracker.offer,
+        within_walk_m=tracker.walk_area.within_m,
     )
 
 

@@ -48,7 +48,8 @@ class LocatorInput(NamedTuple):
 
     def everywhere(self) -> "LocatorInput":
         """The same without the area, in which the transmitter is said to stand."""
-        prior, walk_prior = (replace(one, area=None) for one in (self.prior, self.walk.prior))
+        prior = replace(self.prior, area=None)
+        walk_prior = replace(self.walk.prior, area=None)
         return self._replace(prior=prior, walk=self.walk._replace(prior=walk_prior))
 
 

@@ -36,11 +36,6 @@ class Squares:
         return len(self.x_m)
 
     @property
-    def coordinates(self) -> FloatArray:
-        """Rows x, y, side; shape (3, n)."""
-        return np.stack([self.x_m, self.y_m, self.size_m])
-
-    @property
     def density(self) -> FloatArray:
         """Probability per square metre, shape (n,)."""
         return self.probability / self.size_m**2

@@ -100,6 +100,14 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
     )
 
 
+def outside_share(task: LocatorInput, everywhere: Tree) -> float | None:
+    """Probability outside of the prior's area, by a tree that was searched without it."""
+    if task.prior.area is None:
+        return None
+    mixed = pool(everywhere.mixture(task.walk.prior), everywhere.squares, task.seen)
+    return 1.0 - float(task.prior.area.share(everywhere.squares) @ mixed.probability)
+
+
 def moments_over(
     square: FloatArray, evidence: Evidence, share: FloatArray, indices: IntArray, mass: FloatArray
 ) -> tuple[FloatArray, FloatArray]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf, sqrt
+from math import hypot, inf, sqrt
 
 import numpy as np
 
@@ -17,6 +17,10 @@ Polygon = tuple[Ring, ...]
 
 _FARTHEST_M = 30_000.0
 """The reach of the prior: nothing farther from the walk is searched."""
+_GROWN = 0.25
+"""Of its width: so much farther a walk that goes on is searched again."""
+_LEAST_M = 1.0
+"""A place so close to the hull of a walk does not change it: fixes of one who stands do not."""
 _PARTS = 8.0
 """Squares on the border of an area have at most one part in so many of its extent."""
 _HALF_DIAGONAL = 0.7072
@@ -97,6 +101,54 @@ class Area:
             width_m, length_m = np.ptp(np.array(outer), axis=0) + 2.0 * self.wider_m
             extents_m.append(sqrt(width_m * length_m))
         return min(extents_m)
+
+
+class WalkArea:
+    """The area within some metres of a walk that goes on; with None anywhere."""
+
+    def __init__(self, within_m: float | None) -> None:
+        self._hull: Ring = ()
+        self._utm: Utm | None = None
+        self.widen(within_m)
+
+    def widen(self, within_m: float | None) -> None:
+        """Take another distance."""
+        self.within_m = within_m
+        self._renew()
+
+    def add(self, place: Places) -> None:
+        """Take the next place of the walker."""
+        x_m, y_m = place.x_m.item(), place.y_m.item()
+        if self._utm is None or _is_beyond(self._hull, x_m, y_m):
+            corners = np.array([*self._hull, (x_m, y_m)])
+            self._hull, self._utm = hull(*corners.T), place.utm
+            self._renew()
+
+    def _renew(self) -> None:
+        self.area: Area | None = None
+        if self.within_m is not None and self._utm is not None:
+            area = Area.within_walk(self.within_m)
+            self.area = replace(area, polygons=((self._hull,),), utm=self._utm)
+
+    def has_outgrown(self, searched: Area | None) -> bool:
+        """Whether the walk has left what was searched by a part of its width."""
+        now = self.area
+        if now is searched:
+            return False
+        if now is None or searched is None or now.wider_m != searched.wider_m:
+            return True
+        grown_m = np.max(searched.beyond_m(*np.array(self._hull).T)) + searched.wider_m
+        return bool(grown_m > _GROWN * now.wider_m)
+
+
+def _is_beyond(ring: Ring, x_m: float, y_m: float) -> bool:
+    """Whether a place is clearly outside of a hull."""
+    if len(ring) < 3:
+        return all(hypot(x_m - x, y_m - y) > _LEAST_M for x, y in ring)
+    return any(
+        _turn(a, b, (x_m, y_m)) < -_LEAST_M * hypot(b[0] - a[0], b[1] - a[1])
+        for a, b in zip(ring, (*ring[1:], ring[0]), strict=True)
+    )
 
 
 def hull(x_m: FloatArray, y_m: FloatArray) -> Ring:
