@@ -126,6 +126,17 @@ class FrameReader:
             yield from self._records_of(data, after, end)
 
 
+def is_stream(head: bytes) -> bool:
+    """Whether bytes from a file's begin hold a frame with a log record, whatever its code."""
+    frames = (_unescaped(raw) for raw in head.split(_END))
+    return any(
+        packet[at : at + 1] == bytes([_LOG]) and _size(packet, at) == len(packet)
+        for packet in frames
+        if _is_right(packet)
+        for at in (0, _RADIO_HEADER.size)
+    )
+
+
 def _unescaped(raw: bytes) -> bytes:
     if _ESCAPE not in raw:
         return raw
