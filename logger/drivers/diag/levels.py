@@ -32,7 +32,8 @@ class Observation(NamedTuple):
     """What a record says of one cell; None is what it does not say.
 
     `channel` is ARFCN, UARFCN or EARFCN and `code` BSIC, PSC or PCI. `ta_16ts` counts steps of
-    78.07 m. `neighbours` are the channels of a GSM cell's neighbour list.
+    78.07 m. `neighbours` are the channels of a GSM cell's neighbour list. `is_reported`: the modem
+    filtered the level and rounded it to 1 dB, for the network.
     """
 
     time_ns: int
@@ -45,6 +46,7 @@ class Observation(NamedTuple):
     identity: Identity | None = None
     ta_16ts: int | None = None
     neighbours: tuple[int, ...] | None = None
+    is_reported: bool = False
 
 
 class _RefusedError(Exception):
@@ -98,6 +100,8 @@ class _Cells(NamedTuple):
     has_code: _Bits | None = None
 
 
+_MOST_RADIO_ID = 15
+"""Of a receiver: modems have two, and more would be held in memory."""
 _RSRP_0_DBM = -180.0
 _PCI = _Bits(0, 9)
 _ARFCN = _Bits(0, 12)
@@ -400,6 +404,8 @@ def _parts(record: LogRecord) -> Iterator[tuple[int, bytes]]:
     """Version and bytes of what is read of a record."""
     code, body = record.code, record.body
     head = _Bits(0, 8).of(body)
+    if record.radio_id > _MOST_RADIO_ID:
+        raise _RefusedError
     if code not in _SUBPACKETS:
         version = {0x4: head >> 6, 0xB: head}.get(code >> 12, 0) if code in _VERSIONS else 0
         if version not in _VERSIONS.get(code, {0}):
