@@ -19,7 +19,7 @@ from logger.core.runfile import read_sound_run
 from logger.core.suspicion.earlier_walks import FEWEST_WALKS
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.types import Record
-from postproc.baseline.walk_summary import WalkSummary, summarise_walk
+from logger.walk_summary import WalkSummary, summarise_walk
 from tests.kit.runs import write_journal
 
 _GAIN_SIGMA_DB = 3.0

@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.document import Document, Line, Word, html_text, terminal_lines
 from logger.core.identities import identity_of
+from logger.core.noted_baseline import baseline_of
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import Evidence, Finding, Rate, Rule
 from logger.core.suspicion.rules import RULES
@@ -204,14 +205,15 @@ def assess_runs(
 ) -> Suspicions:
     """Apply all rules to each run; findings of one cell in several runs count together.
 
-    `several` are the identities that other places name too.
+    Without a `baseline` each run is compared with what was known of earlier walks as it was
+    recorded. `several` are the identities that other places name too.
     """
-    baseline = baseline or NO_BASELINE
+    told = {id(run): baseline or baseline_of(run) for run in runs}
     findings: dict[str, list[Finding]] = {}
     start_ns: dict[int, int] = {}
     not_asked: list[dict[str, tuple[str, ...]]] = []
     failures: dict[str, Failure] = {}
-    checked: Iterable[SuspicionTracker] = (track(run, baseline) for run in runs)
+    checked: Iterable[SuspicionTracker] = (track(run, told[id(run)]) for run in runs)
     if progress is not None:
         names = [run.path.name for run in runs]
         checked = progress(checked, "checking", len(names), names)
@@ -229,7 +231,8 @@ def assess_runs(
     if database is not None:
         desk = _Desk(runs, list(findings), database, progress)
         for finding in findings_at_desk(DATABASE_RULES, desk):
-            if finding.cell in findings and baseline.trust_note(finding.cell) is None:
+            is_trusted = any(one.trust_note(finding.cell) is not None for one in told.values())
+            if finding.cell in findings and not is_trusted:
                 findings[finding.cell].append(finding)
     cells = by_word([assess(name, found) for name, found in findings.items()])
     everywhere = set(not_asked[0]).intersection(*not_asked)

@@ -31,6 +31,7 @@ FINDING_CODE, ERROR_CODE = "finding", "rule-failed"
 """Codes of the events of each finding, and of the error of a rule."""
 _WEIGHT = re.compile(rf"^(\S+: (?:{'|'.join(WORDS)})), \S+ nats: \w+ ")
 """In what `finding_notes` writes."""
+_CONSPICUOUS = re.compile(rf"(\S+): (?:{'|'.join(WORDS[1:])}), ")
 _NAMES = re.compile(r"^(version \w+): [A-Z]\d+(?: [A-Z]\d+)*$")
 """In what `rules_note` writes."""
 
@@ -107,6 +108,12 @@ def finding_notes(findings: Iterable[Finding], of: Iterable[Assessment]) -> Iter
         score = f"{cell.word}, {cell.score_nats!r} nats"
         text = f"{finding.cell}: {score}: {finding.rule.id} {finding.text}"
         yield Note(level, FINDING_CODE, text)
+
+
+def conspicuous_in(notes: Iterable[Note]) -> set[str]:
+    """Cells that the events of findings call unusual or suspicious."""
+    texts = (_CONSPICUOUS.match(note.text) for note in notes if note.code == FINDING_CODE)
+    return {text[1] for text in texts if text}
 
 
 def in_plain_words(text: str) -> str:

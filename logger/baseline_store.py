@@ -15,8 +15,7 @@ from typing import Any, Self
 from logger.baseline_file import APPLICATION_ID, VERSION, check_head, parts_of
 from logger.core.errors import ConfigError, FieldLoggerError, RunFileError
 from logger.core.runfile import sealing_of
-from postproc.baseline.walk_summary import WalkSummary, summarise_walk
-from postproc.read_ahead import read_ahead
+from logger.walk_summary import WalkSummary
 
 # heard, visit and heard_channel have what each walk contributes, so that a walk can be removed
 # again; square_cell, square_rat, cell and cell_channel have the sums over all walks, from
@@ -377,16 +376,8 @@ class Added:
     remark: str = ""
 
 
-def add_runs(store: BaselineStore, paths: Sequence[Path]) -> Iterator[Added]:
-    """Add each run that is not in the baseline, and yield what became of it, in order.
-
-    Each run is durable when it is yielded. A run that cannot be read does not stop the others.
-    """
-    for path, outcome in read_ahead(paths, summarise_walk):
-        yield _add(store, path, outcome)
-
-
-def _add(store: BaselineStore, path: Path, outcome: WalkSummary | FieldLoggerError) -> Added:
+def add_walk(store: BaselineStore, path: Path, outcome: WalkSummary | FieldLoggerError) -> Added:
+    """Add the walk of a run, or say why there is none; durable on return."""
     try:
         if isinstance(outcome, FieldLoggerError):
             raise outcome
