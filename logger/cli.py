@@ -5,7 +5,6 @@ import os
 import re
 import sys
 import textwrap
-from collections.abc import Iterator
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -150,22 +149,14 @@ def _own_folder(config_path: Path) -> Path:
 @config_option
 @json_option
 def learn(config_path: Path, *, as_json: bool) -> None:
-    """Add finished runs to the device's baseline, when nothing else computes.
-
-    What runs that are gone have taught is removed. The service does this by itself.
-    """
+    """Make the device's baseline follow its runs, as the service does by itself."""
     own_baseline.give_way()
     site, _ = site_file.load_config(config_path)
     folder = startup.usable_folder(site.run.directory)
-    results: list[own_baseline.Learnt] = []
-
-    def lines() -> Iterator[str]:
-        for result in own_baseline.learn(folder, adds=site.live.baseline == live_settings.OWN):
-            results.append(result)
-            yield str(result)
-
-    body = list(lines()) if as_json else lines()  # as they come
-    show(document.Document(results, body=body), as_json=as_json)
+    changes = own_baseline.learn(folder, adds=site.live.baseline == live_settings.OWN)
+    content = dict(changes)
+    body = [f"{run}: {what}" for run, what in content.items()]
+    show(document.Document(content, body=body), as_json=as_json)
 
 
 @program.command
@@ -173,10 +164,7 @@ def learn(config_path: Path, *, as_json: bool) -> None:
 @config_option
 @json_option
 def forget(run: str, config_path: Path, *, as_json: bool) -> None:
-    """Remove what a run, or all, taught the device's baseline.
-
-    The run itself stays, and teaches nothing again.
-    """
+    """Remove for good what a run has taught the device's baseline."""
     n_runs = own_baseline.forget(_own_folder(config_path), run)
     text = f"{n_runs} run{'s' * (n_runs != 1)} forgotten"
     show(document.Document({"forgotten": n_runs}, body=[text]), as_json=as_json)

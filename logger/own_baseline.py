@@ -13,35 +13,33 @@ import shutil
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from logger.baseline_file import OWN_FILE
-from logger.baseline_store import BaselineStore, add_walk
+from logger.baseline_store import BaselineStore, WalkSummary, add_walk, summarise_walk
+from logger.core.baseline import baseline_of
 from logger.core.errors import ConfigError, FieldLoggerError, RunFileError, error_text
 from logger.core.live_settings import BEHIND, FAILED
-from logger.core.noted_baseline import baseline_of
 from logger.core.runfile import FLOOR_BYTES, Run, free_bytes, read_unaltered_run
 from logger.core.runfile.journal import sync_folder
 from logger.core.suspicion.rules import RULES_CODE
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import conspicuous_in
 from logger.core.types import Note
-from logger.walk_summary import WalkSummary, summarise_walk
 
 MOST_BYTES = 50_000_000
-"""Of the file; the oldest runs give way."""
+# Of the file; the oldest runs give way.
 WALK = "walk"
-"""Origin of the runs that count: simulated and imported ones are no walks of this device."""
+# Origin of the runs that count: simulated and imported ones are no walks of this device.
 
 _COPY, _TRYING = f"{OWN_FILE}.new", f"{OWN_FILE}.trying"
 _PIECE_BYTES = 1 << 20
-"""Made durable at once: the recorder's own write waits for no more."""
+# Made durable at once: the recorder's own write waits for no more.
 _AT_ONCE = 10
-"""Runs for each copy of the file."""
+# Runs for each copy of the file.
 _MOST_TRIES = 5
-"""A run that ended the program as often, for want of memory, is left out."""
+# A run that ended the program as often, for want of memory, is left out.
 _DAY_NS = 86_400 * 10**9
 _RUN = re.compile(r"(run-\d{6})(?:\.h5|\.journal)?")
 
@@ -53,31 +51,13 @@ _TABLES = (
 )
 
 
-class _Stamp(NamedTuple):
-    """By which a file is known without being read."""
-
-    size: int
-    mtime_ns: int
+_Stamp = tuple[int, int]  # size and time of the last change: by these a file is known unread
 
 
-@dataclass(frozen=True, slots=True)
-class Learnt:
-    """What became of a run: learnt, left out (`why`), or gone with what it had taught."""
+def learn(folder: Path, *, adds: bool = True) -> Iterator[tuple[str, str]]:
+    """Make the baseline follow the runs of a folder; yields each with what became of it.
 
-    run: str
-    why: str = ""
-    is_gone: bool = False
-
-    def __str__(self) -> str:
-        if self.is_gone:
-            return f"{self.run}: removed, as the run is"
-        return f"{self.run}: {f'not learnt, {self.why}' if self.why else 'learnt'}"
-
-
-def learn(folder: Path, *, adds: bool = True) -> Iterator[Learnt]:
-    """Make the baseline follow the runs of a folder; yields what changed once it is durable.
-
-    Without `adds` runs that are gone are removed and none is added. Raises `RunFileError`, OSError.
+    Without `adds` none is added. Raises `RunFileError`, OSError.
     """
     with _alone(folder):
         while True:
@@ -91,7 +71,7 @@ def learn(folder: Path, *, adds: bool = True) -> Iterator[Learnt]:
             if not _has_room(folder):
                 raise RunFileError(f"{folder}: the card is too full for a baseline")
             with _change(folder) as store:
-                changes = [Learnt(name, is_gone=True) for name in gone if name not in stamps]
+                changes = [(name, "removed, as the run is") for name in gone if name not in stamps]
                 store.remove_runs(gone)
                 changes += [_take(store, folder / f"{name}.h5", stamps[name]) for name in new]
                 store.fit()
@@ -100,17 +80,17 @@ def learn(folder: Path, *, adds: bool = True) -> Iterator[Learnt]:
 
 
 def give_way() -> None:
-    """Let this process compute and write only while no other one wants to; it may be so already."""
-    with suppress(OSError):
+    """Let this process compute and write only while no other one wants to."""
+    with suppress(OSError):  # the unit has done it, and allows neither
         os.nice(19)
     with suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))  # the card follows it
 
 
 def forget(folder: Path, name: str) -> int:
-    """Remove what one run, or "all", has taught, for good; returns the number of runs.
+    """Remove what a run, or "all", has taught, for good; returns the number of runs.
 
-    With "all" go also what is trusted and which cells were conspicuous. Raises `ConfigError`.
+    With "all" also what is trusted. Raises `ConfigError`.
     """
     match = _RUN.fullmatch(Path(name).name)
     if name != "all" and match is None:
@@ -125,18 +105,17 @@ def forget(folder: Path, name: str) -> int:
         with _change(folder) as store:
             store.remove_runs(names)
             for run in names:
-                store.note(run, stamps.get(run, _Stamp(0, 0)), None, "forgotten")
+                store.note(run, stamps.get(run, (0, 0)), None, "forgotten")
         return len(names)
 
 
 def trust(folder: Path, cell: str, note: str) -> None:
-    """Trust a cell, so that later runs teach it; raises `ConfigError`."""
     with _alone(folder), _change(folder) as store:
         store.trust(cell, note)
 
 
 class _Store(BaselineStore):
-    """A baseline that also knows what became of each run, and which cells were conspicuous."""
+    """A baseline that also knows what became of each run, and whom it doubts."""
 
     def _prepare(self) -> None:
         super()._prepare()
@@ -145,14 +124,13 @@ class _Store(BaselineStore):
             self._db.execute(statement)
 
     def note(self, run: str, stamp: _Stamp, walk: int | None, why: str) -> None:
-        """Keep what became of a run."""
         with self._change():
             self._db.execute(
                 "INSERT OR REPLACE INTO seen VALUES (?, ?, ?, ?, ?)", (run, *stamp, walk, why)
             )
 
     def doubt(self, cells: Sequence[str]) -> set[str]:
-        """Keep that cells were conspicuous; returns all that ever were and are not trusted."""
+        """Keep that cells were conspicuous; returns all that were and are not trusted."""
         with self._change():
             rows = [(cell,) for cell in cells]
             self._db.executemany("INSERT OR IGNORE INTO doubted VALUES (?)", rows)
@@ -164,7 +142,7 @@ class _Store(BaselineStore):
             }
 
     def remove_runs(self, runs: Sequence[str]) -> None:
-        """Remove runs, and take others of the same days anew, which may have counted with them."""
+        """Remove runs; others of the same days, which counted with them, are taken anew."""
         with self._change():
             for run in runs:
                 same_day = self._rows(
@@ -206,7 +184,6 @@ class _Store(BaselineStore):
         )
 
     def fit(self) -> None:
-        """Remove the oldest walks until the file is small enough."""
         while self._n_bytes() > MOST_BYTES and (walks := self.walks()):
             with self._change():
                 for walk in walks[: max(len(walks) // 20, 1)]:
@@ -225,8 +202,7 @@ class _Store(BaselineStore):
         return int((n_pages - n_free) * page)
 
 
-def _take(store: _Store, path: Path, stamp: _Stamp) -> Learnt:
-    """Add a run to the copy, or keep why not."""
+def _take(store: _Store, path: Path, stamp: _Stamp) -> tuple[str, str]:
     run, why, walk = path.stem, "", None
     if _n_tries(path) > _MOST_TRIES:
         why = "reading it has ended the program"
@@ -241,11 +217,11 @@ def _take(store: _Store, path: Path, stamp: _Stamp) -> Learnt:
         except Exception as error:  # noqa: BLE001 (one run must not keep the others)
             why = error_text(error)
     store.note(run, stamp, walk, why)
-    return Learnt(run, why)
+    return run, f"not learnt: {why}" if why else "learnt"
 
 
 def _walk_of(store: _Store, path: Path) -> WalkSummary:
-    """What a run teaches: without cells that were ever conspicuous, each square once a day."""
+    """What a run teaches: no cell that was ever conspicuous, each square once a day."""
     run = read_unaltered_run(path)
     if run.meta.origin != WALK:
         raise RunFileError(f"it is no walk of this device ({run.meta.origin})")
@@ -261,7 +237,7 @@ def _walk_of(store: _Store, path: Path) -> WalkSummary:
 
 
 def conspicuous_cells(run: Run) -> set[str]:
-    """Cells that were unusual or suspicious at any time of a run, as recorded or as found now."""
+    """Cells that were unusual or suspicious at any time of a run."""
     notes = [record.value for _, record in run.records("notes") if isinstance(record.value, Note)]
     cells = conspicuous_in(notes)
     codes = {note.code for note in notes}
@@ -276,14 +252,13 @@ def conspicuous_cells(run: Run) -> set[str]:
 
 
 def _tried(folder: Path) -> tuple[str, int]:
-    """The run that was being read when the program ended, and how often it was."""
+    """The run whose reading ended the program, and how often."""
     file = folder / _TRYING
     name, _, count = (file.read_text(errors="replace") if file.exists() else "").partition(" ")
     return name, int(count) if count.isdecimal() else 0
 
 
 def _n_tries(path: Path) -> int:
-    """How often a run is now being read without an end."""
     name, n = _tried(path.parent)
     n = n + 1 if name == path.stem else 1
     path.with_name(_TRYING).write_text(f"{path.stem} {n}")
@@ -295,12 +270,12 @@ def _sealed_runs(folder: Path) -> dict[str, _Stamp]:
     for path in folder.glob("run-*.h5"):
         if _RUN.fullmatch(path.name) and path.is_file():
             status = path.stat()
-            runs[path.stem] = _Stamp(status.st_size, status.st_mtime_ns)
+            runs[path.stem] = (status.st_size, status.st_mtime_ns)
     return runs
 
 
 def _seen(folder: Path) -> dict[str, _Stamp]:
-    """Runs that were looked at; none where there is no baseline, or none that can be read."""
+    """Runs that were looked at; none without a baseline that can be read."""
     path = folder / OWN_FILE
     if not path.is_file():
         return {}
@@ -309,7 +284,7 @@ def _seen(folder: Path) -> dict[str, _Stamp]:
             rows = store._rows("SELECT run, size, mtime_ns FROM seen")  # noqa: SLF001
     except (RunFileError, sqlite3.Error):
         return {}
-    return {run: _Stamp(size, mtime_ns) for run, size, mtime_ns in rows}
+    return {run: (size, mtime_ns) for run, size, mtime_ns in rows}
 
 
 def _has_room(folder: Path) -> bool:
@@ -320,7 +295,6 @@ def _has_room(folder: Path) -> bool:
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Let one program at a time change the baseline of a folder."""
     fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(fd, fcntl.LOCK_EX)
@@ -333,7 +307,7 @@ def _alone(folder: Path) -> Iterator[None]:
 def _change(folder: Path) -> Iterator[_Store]:
     """A copy to be changed, which takes the place of the baseline at the end.
 
-    A damaged file is put aside, and made anew of the runs.
+    A damaged file is put aside.
     """
     path, copy = folder / OWN_FILE, folder / _COPY
     for left in (copy, copy.with_name(f"{_COPY}-journal")):
@@ -358,7 +332,6 @@ def _change(folder: Path) -> Iterator[_Store]:
 
 
 def _copy(path: Path, copy: Path) -> None:
-    """Copy in pieces that are made durable one by one."""
     with path.open("rb") as source, copy.open("wb") as target:
         while piece := source.read(_PIECE_BYTES):
             target.write(piece)

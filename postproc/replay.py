@@ -8,10 +8,10 @@ from importlib.metadata import version
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from logger.core.baseline import baseline_of, has_whole_baseline
 from logger.core.errors import EstimationError, error_place
 from logger.core.live import ADVICE, LiveTracker
 from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED, SUSPICIOUS
-from logger.core.noted_baseline import baseline_of, has_whole_baseline
 from logger.core.runfile import Run
 from logger.core.suspicion.rules import RULES_CODE, rules_note
 from logger.core.suspicion.words import FINDING_CODE

@@ -2,7 +2,7 @@
 
 A file that is missing or damaged is one line in the log and one event in the run. From then on
 nothing is known of earlier walks, and rules that need them are not asked. What it is asked is
-recorded (`logger.core.noted_baseline`).
+recorded (`NotedBaseline`).
 """
 
 import logging
@@ -11,10 +11,22 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from logger.baseline_file import BaselineFile, bound_heap, configured_file
-from logger.core.baseline import Baseline, KnownCell, NoBaseline, SquareHistory
+from logger.core.baseline import (
+    CELL,
+    CHANNELS,
+    FILE,
+    READ,
+    SQUARE,
+    TRUST,
+    UNREADABLE,
+    Baseline,
+    KnownCell,
+    NotedBaseline,
+    SquareHistory,
+    noted,
+)
 from logger.core.errors import RunFileError, error_place
 from logger.core.latest import Latest
-from logger.core.noted_baseline import READ, UNREADABLE, line_of_answer, line_of_file
 from logger.core.types import Note
 
 log = logging.getLogger(__name__)
@@ -36,7 +48,7 @@ class LiveBaseline:
         self._notes: list[Note] = []
         self._lines = b""
         self._noted: Latest[None] = Latest(_MOST_NOTED)
-        self._baseline: Baseline = NoBaseline()
+        self._baseline: Baseline = NotedBaseline()
         if (path := configured_file(name, folder)) is not None:
             self._open(path)
 
@@ -61,17 +73,17 @@ class LiveBaseline:
         return lines
 
     def square(self, square: int) -> SquareHistory:
-        return self._ask("square", square, lambda baseline: baseline.square(square))
+        return self._ask(SQUARE, square, lambda baseline: baseline.square(square))
 
     def cell(self, name: str) -> KnownCell | None:
-        return self._ask("cell", name, lambda baseline: baseline.cell(name))
+        return self._ask(CELL, name, lambda baseline: baseline.cell(name))
 
     def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
         key = (mcc, mnc, rat)
-        return self._ask("channels", key, lambda baseline: baseline.channels(*key))
+        return self._ask(CHANNELS, key, lambda baseline: baseline.channels(*key))
 
     def trust_note(self, name: str) -> str | None:
-        return self._ask("trust_note", name, lambda baseline: baseline.trust_note(name))
+        return self._ask(TRUST, name, lambda baseline: baseline.trust_note(name))
 
     def _open(self, path: Path) -> None:
         try:
@@ -82,21 +94,21 @@ class LiveBaseline:
             return
         text = f"{path}: {self.n_walks} earlier walks, fingerprint {self.fingerprint}"
         self._notes.append(Note("info", READ, text))
-        self._lines += line_of_file(self._baseline)
+        self._lines += noted(FILE, self.fingerprint, self.n_walks)
 
-    def _ask(self, kind: str, key: Any, question: Callable[[Baseline], Answer]) -> Answer:
+    def _ask(self, kind: str, key: Any, ask: Callable[[Baseline], Answer]) -> Answer:
         try:
-            answer = question(self._baseline)
+            answer = ask(self._baseline)
         except Exception as error:  # noqa: BLE001
             self._give_up(error)
-            return question(self._baseline)
-        if (noted := f"{kind} {key}") not in self._noted and self.n_walks:
-            self._noted.put(noted, None)
-            self._lines += line_of_answer(kind, key, answer)
+            return ask(self._baseline)
+        if (question := f"{kind} {key}") not in self._noted and self.n_walks:
+            self._noted.put(question, None)
+            self._lines += noted(kind, key, answer)
         return answer
 
     def _give_up(self, error: Exception) -> None:
-        self._baseline = NoBaseline()
+        self._baseline = NotedBaseline()
         why = str(error) if isinstance(error, RunFileError) else error_place(error)
         text = f"{why}; nothing is known of earlier walks"
         self._notes.append(Note("warning", UNREADABLE, text))

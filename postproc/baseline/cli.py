@@ -10,7 +10,7 @@ from logger.core.errors import SOMETHING_LOST, ConfigError
 from postproc.options import runs_argument
 
 with late_modules():
-    from logger import baseline_store, walk_summary
+    from logger import baseline_store
     from logger.core import document, identities, utc
     from postproc import progress, read_ahead
 
@@ -37,7 +37,7 @@ def add_runs(
 
     Each run is durable when it is yielded. A run that cannot be read does not stop the others.
     """
-    for path, outcome in read_ahead.read_ahead(paths, walk_summary.summarise_walk):
+    for path, outcome in read_ahead.read_ahead(paths, baseline_store.summarise_walk):
         yield baseline_store.add_walk(store, path, outcome)
 
 

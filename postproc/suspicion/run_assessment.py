@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 from math import log
 from typing import Any, Final, NamedTuple, TypeVar
 
-from logger.core.baseline import NO_BASELINE, Baseline
+from logger.core.baseline import NO_BASELINE, Baseline, baseline_of
 from logger.core.document import Document, Line, Word, html_text, terminal_lines
 from logger.core.identities import identity_of
-from logger.core.noted_baseline import baseline_of
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import Evidence, Finding, Rate, Rule
 from logger.core.suspicion.rules import RULES

@@ -36,7 +36,7 @@ with BaselineStore(Path(sys.argv[1]), create=True) as store:
 
 def synthetic_walk(number):
     """A walk of 40 squares and 10 cells, of which others share most."""
-    from logger.walk_summary import HeardRow, WalkSummary
+    from logger.baseline_store import HeardRow, WalkSummary
 
     cells = {f"262-01-1-{number % 7 + k}": "GSM" for k in range(10)}
     heard = [

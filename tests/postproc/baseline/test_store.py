@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from logger.baseline_file import BaselineFile
-from logger.baseline_store import BaselineStore
+from logger.baseline_store import BaselineStore, summarise_walk
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import read_sound_run
 from logger.core.squares import square_of
-from logger.walk_summary import summarise_walk
 from postproc.baseline.cli import add_runs
 from tests.postproc.baseline.walks import STEP_DEG, cell, name, two_cells, write_walk
 
