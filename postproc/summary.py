@@ -130,6 +130,7 @@ class Summary(NamedTuple):
     runs: list[RunSummary]
     warnings: tuple[str, ...]
     rows: list[SummaryRow]
+    unnoticed: str
 
 
 def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Failure]]:
@@ -177,6 +178,8 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
     elif rows:
         overview, failures = _overview(rows)
         parts += overview
+    if summary.unnoticed:
+        parts += ["", summary.unnoticed]
     return Document(content, body=parts), failures
 
 
@@ -411,6 +414,7 @@ def summarise(result: Result) -> Summary:
         [_run(observed, more) for observed in result.runs],
         result.warnings,
         [_row_or_why_not(cell, result) for cell in result.cells],
+        result.unnoticed,
     )
 
 
