@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import hypot, inf, sqrt
+from math import dist, inf, sqrt
 
 import numpy as np
 
@@ -10,7 +10,9 @@ from logger.core.arrays import BoolArray, FloatArray
 from logger.core.errors import ConfigError
 from logger.core.places import Places, Utm
 
-Ring = tuple[tuple[float, float], ...]
+Corner = tuple[float, float]
+"""In metres or, of a file, in degrees."""
+Ring = tuple[Corner, ...]
 """Corners of a polygon or of a hole in it; the last is joined to the first."""
 Polygon = tuple[Ring, ...]
 """The outer ring, then those of holes."""
@@ -55,7 +57,7 @@ class Area:
         if self.utm is not None:
             return self
         utm = walks[0].utm
-        hulls = tuple((hull(walk.x_m, walk.y_m),) for walk in walks if len(walk))
+        hulls = tuple((hull(walk),) for walk in walks if len(walk))
         if not self.polygons:
             return replace(self, polygons=hulls, utm=utm)
         polygons = tuple(
@@ -63,34 +65,32 @@ class Area:
         )
         corners = np.concatenate([np.array(ring) for (ring,) in hulls])
         placed = replace(self, polygons=polygons, utm=utm)
-        nearest_m = float(np.min(placed.beyond_m(*corners.T)))
+        nearest_m = float(np.min(placed.beyond_m(Places.of(*corners.T))))
         if nearest_m > _FARTHEST_M:
             away = f"{nearest_m / 1e3:.0f} km away"
             raise ConfigError(f"no walk is near the area {self.text}: the nearest is {away}")
         return placed
 
-    def beyond_m(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    def beyond_m(self, positions: Places) -> FloatArray:
         """Distance of positions (h,) from the area, negative inside; shape (h,)."""
-        nearest_m = np.full(len(x_m), inf)
+        nearest_m = np.full(len(positions), inf)
         for polygon in self.polygons:
-            for first in range(0, len(x_m), _CHUNK):
+            for first in range(0, len(positions), _CHUNK):
                 some = slice(first, first + _CHUNK)
-                outside_m = _beyond_polygon_m(polygon, x_m[some], y_m[some])
+                outside_m = _beyond_polygon_m(polygon, positions.part(some))
                 nearest_m[some] = np.minimum(nearest_m[some], outside_m)
         return np.asarray(nearest_m - self.wider_m, float)
 
     def share(self, square: FloatArray) -> FloatArray:
         """About which part of each square (3, h) is inside; shape (h,)."""
-        x_m, y_m, side_m = square
-        return np.asarray(np.clip(0.5 - self.beyond_m(x_m, y_m) / side_m, 0.0, 1.0), float)
+        beyond_m = self.beyond_m(Places.of(*square[:2]))
+        return np.asarray(np.clip(0.5 - beyond_m / square[2], 0.0, 1.0), float)
 
     def is_coarse(self, square: FloatArray) -> BoolArray:
         """Whether squares (3, h) on its border are too large to show it; shape (h,)."""
-        x_m, y_m, side_m = square
-        is_large = side_m > self._least_extent_m / _PARTS
-        found = np.zeros(len(x_m), np.bool_)
-        away_m = np.abs(self.beyond_m(x_m[is_large], y_m[is_large]))
-        found[is_large] = away_m < _HALF_DIAGONAL * side_m[is_large]
+        found = square[2] > self._least_extent_m / _PARTS
+        large = square[:, found]
+        found[found] = np.abs(self.beyond_m(Places.of(*large[:2]))) < _HALF_DIAGONAL * large[2]
         return found
 
     @property
@@ -119,9 +119,9 @@ class WalkArea:
     def add(self, place: Places) -> None:
         """Take the next place of the walker."""
         x_m, y_m = place.x_m.item(), place.y_m.item()
-        if self._utm is None or _is_beyond(self._hull, x_m, y_m):
+        if self._utm is None or _is_beyond(self._hull, (x_m, y_m)):
             corners = np.array([*self._hull, (x_m, y_m)])
-            self._hull, self._utm = hull(*corners.T), place.utm
+            self._hull, self._utm = hull(Places.of(*corners.T)), place.utm
             self._renew()
 
     def _renew(self) -> None:
@@ -137,28 +137,29 @@ class WalkArea:
             return False
         if now is None or searched is None or now.wider_m != searched.wider_m:
             return True
-        grown_m = np.max(searched.beyond_m(*np.array(self._hull).T)) + searched.wider_m
+        corners = Places.of(*np.array(self._hull).T)
+        grown_m = np.max(searched.beyond_m(corners)) + searched.wider_m
         return bool(grown_m > _GROWN * now.wider_m)
 
 
-def _is_beyond(ring: Ring, x_m: float, y_m: float) -> bool:
+def _is_beyond(ring: Ring, place: Corner) -> bool:
     """Whether a place is clearly outside of a hull."""
     if len(ring) < 3:
-        return all(hypot(x_m - x, y_m - y) > _LEAST_M for x, y in ring)
+        return all(dist(place, corner) > _LEAST_M for corner in ring)
     return any(
-        _turn(a, b, (x_m, y_m)) < -_LEAST_M * hypot(b[0] - a[0], b[1] - a[1])
+        _turn(a, b, place) < -_LEAST_M * dist(a, b)
         for a, b in zip(ring, (*ring[1:], ring[0]), strict=True)
     )
 
 
-def hull(x_m: FloatArray, y_m: FloatArray) -> Ring:
+def hull(places: Places) -> Ring:
     """Corners of the convex hull, counterclockwise (Andrew, Inf. Proc. Letters 9(5), 1979)."""
-    points = sorted(set(zip(x_m.tolist(), y_m.tolist(), strict=True)))
+    points = sorted(set(zip(places.x_m.tolist(), places.y_m.tolist(), strict=True)))
     if len(points) < 3:
         return tuple(points)
     half = []
     for way in (points, points[::-1]):
-        chain: list[tuple[float, float]] = []
+        chain: list[Corner] = []
         for x, y in way:
             while len(chain) > 1 and _turn(chain[-2], chain[-1], (x, y)) <= 0.0:
                 chain.pop()
@@ -167,7 +168,7 @@ def hull(x_m: FloatArray, y_m: FloatArray) -> Ring:
     return tuple(half[0] + half[1])
 
 
-def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+def _turn(a: Corner, b: Corner, c: Corner) -> float:
     """Positive where the way from a over b to c turns left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
@@ -178,17 +179,18 @@ def _in_metres(ring: Ring, utm: Utm) -> Ring:
     return tuple(zip(x_m.tolist(), y_m.tolist(), strict=True))
 
 
-def _beyond_polygon_m(polygon: Polygon, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+def _beyond_polygon_m(polygon: Polygon, positions: Places) -> FloatArray:
     """Distance of positions (h,) from a polygon, negative inside; shape (h,)."""
     start = np.concatenate([np.array(ring) for ring in polygon])
     end = np.concatenate([np.roll(np.array(ring), -1, axis=0) for ring in polygon])
     (x0, y0), (east, north) = start.T, (end - start).T
-    dx, dy = x_m[:, None] - x0, y_m[:, None] - y0
+    x_m, y_m = positions.x_m[:, None], positions.y_m[:, None]
+    dx, dy = x_m - x0, y_m - y0
     length2 = np.maximum(east**2 + north**2, 1e-12)
     along = np.clip((dx * east + dy * north) / length2, 0.0, 1.0)
     away_m = np.sqrt(np.min((dx - along * east) ** 2 + (dy - along * north) ** 2, axis=1))
     # a ray to the east crosses the border an odd number of times from inside
-    crosses = (y0 > y_m[:, None]) != (end[:, 1] > y_m[:, None])
+    crosses = (y0 > y_m) != (end[:, 1] > y_m)
     with np.errstate(divide="ignore", invalid="ignore"):
         is_east = dx < dy * east / north
     is_inside = np.count_nonzero(crosses & is_east, axis=1) % 2 == 1

@@ -65,7 +65,7 @@ def test_a_small_polygon_far_from_the_walk_is_found(obs):
     ring = ((5000.0, 9000.0), (5050.0, 9000.0), (5050.0, 9060.0), (5000.0, 9060.0))
     far = Area("there", polygons=((ring,),), utm=obs.utm)
     posterior = locate(obs, replace(Prior(), area=far), EFFORT)
-    assert far.beyond_m(np.array([posterior.x_m]), np.array([posterior.y_m])) < 0.0
+    assert far.beyond_m(posterior.place) < 0.0
     region = highest_density(posterior.squares)
     assert np.sum(posterior.squares.size_m[region] ** 2) < 2.0 * 50.0 * 60.0
     verdict, reasons, _ = decide(posterior, obs)

@@ -11,7 +11,7 @@ HOLE = ((40.0, 40.0), (60.0, 40.0), (60.0, 60.0), (40.0, 60.0))
 
 
 def beyond_m(area, *points):
-    return area.beyond_m(*np.array(points, float).T)
+    return area.beyond_m(Places.of(*np.array(points, float).T))
 
 
 def test_distances_from_a_polygon_with_a_hole_are_negative_inside():
@@ -30,7 +30,7 @@ def test_a_hull_has_the_outer_corners_alone():
     rng = np.random.default_rng(1)
     inner = rng.uniform(1.0, 99.0, (2, 200))
     x_m, y_m = np.concatenate([np.array(RING).T, inner, np.array(RING).T], axis=1)
-    assert set(hull(x_m, y_m)) == set(RING)
+    assert set(hull(Places.of(x_m, y_m))) == set(RING)
 
 
 @pytest.mark.parametrize("points", [[(0, 0)], [(0, 0), (60, 80)], [(0, 0), (30, 40), (60, 80)]])
