@@ -21,13 +21,8 @@ from typing import TYPE_CHECKING, Self
 from msgspec.structs import replace
 
 from logger.core.errors import error_place
-<<<<<<< HEAD
 from logger.core.live_settings import FAILED, RESTARTED, LiveSettings
-from logger.core.types import Level, Note, Record
-=======
-from logger.core.live_settings import FAILED, FOLLOW, RESTARTED, LiveSettings
 from logger.core.types import Level, Note, RawBytes, Record
->>>>>>> main
 from logger.device.link import Inbox
 from logger.device.live_view import LiveView, live_view
 

@@ -106,19 +106,14 @@ class OnlineLocator:
     `level_sigma_db` is the standard deviation of a level with the latest `strongest_mode`.
     """
 
-<<<<<<< HEAD
     def __init__(
         self,
         prior: Prior,
         spikes: SpikeFilter[Readings] | None = None,
         where: WalkArea | None = None,
     ) -> None:
-        self._prior = replace(prior, stations=_few_heights(prior.stations))
-        self._where = where or WalkArea(None)
-=======
-    def __init__(self, prior: Prior, spikes: SpikeFilter[Readings] | None = None) -> None:
         self._prior = prior.of_few_heights()
->>>>>>> main
+        self._where = where or WalkArea(None)
         self._spikes = spikes or SpikeFilter[Readings]()
         self._white = np.array([h.white_share for h in prior.hypotheses])
         self._apart_m = np.array([h.decorrelation_m for h in prior.hypotheses])

@@ -164,25 +164,21 @@ def assess(
     is_wide = radius_m > within_m
     if is_wide:
         reasons.insert(0, _too_wide(case, radius_m, within_m))
-    outside = _outside_text(posterior)
-    if _contradicts_area(posterior):
+    outside, is_contradicted = _outside_text(posterior), _contradicts_area(posterior)
+    if is_contradicted:
         reasons.insert(0, f"the readings contradict the area: {outside}")
+    needed_m = within_m if is_wide and not is_contradicted else None
     if reasons:
         reasons += [hint for rule in HINTS if (hint := rule(case))]
-<<<<<<< HEAD
         verdict: Verdict = "cannot tell"
     elif is_single:
-=======
-        return Decision("cannot tell", reasons, division, within_m if is_wide else None)
-    if is_single:
->>>>>>> main
         radius = f"95 % lie within {posterior.r95_m:.0f} m of it"
         verdict, reasons = "located", [f"one position holds {percents[0]}%; {radius}"]
     else:
         verdict, reasons = "ambiguous", [_shares(case, percents), _advice(case)]
-    if outside and not _contradicts_area(posterior):
+    if outside and not is_contradicted:
         reasons.append(outside)
-    return Decision(verdict, reasons, division)
+    return Decision(verdict, reasons, division, needed_m)
 
 
 def _contradicts_area(posterior: Posterior) -> bool:
