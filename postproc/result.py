@@ -297,7 +297,8 @@ class Result:
 
     `warnings` are about the runs together; those about one run are in `runs`. `version` is that of
     the program that estimated. `words` are those of the cells where suspicion was asked, and
-    `not_asked` the rules that no run could serve, each with what was missing.
+    `not_asked` the rules that no run could serve, each with what was missing; `unnoticed` says what
+    none could see.
     """
 
     runs: tuple[ObservedRun, ...]
@@ -307,6 +308,7 @@ class Result:
     version: str = field(default_factory=program_version)
     words: Mapping[str, Word] = field(default_factory=dict)
     not_asked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    unnoticed: str = ""
 
     @property
     def answers(self) -> tuple[Answer, ...]:

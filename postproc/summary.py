@@ -129,6 +129,7 @@ class Summary(NamedTuple):
     runs: list[RunSummary]
     warnings: tuple[str, ...]
     rows: list[SummaryRow]
+    unnoticed: str
 
 
 def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Failure]]:
@@ -176,6 +177,8 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
     elif rows:
         overview, failures = _overview(rows)
         parts += overview
+    if summary.unnoticed:
+        parts += ["", summary.unnoticed]
     return Document(content, body=parts), failures
 
 
@@ -412,6 +415,7 @@ def summarise(result: Result) -> Summary:
         [_run(observed, more) for observed in result.runs],
         result.warnings,
         [_row_or_why_not(cell, result) for cell in result.cells],
+        result.unnoticed,
     )
 
 

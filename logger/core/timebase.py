@@ -68,12 +68,15 @@ class TimeBase:
 def fit_run(origin: str, fixes: Rows) -> TimeBase | None:
     """As `fit` for the table `fixes` of a run; `origin` is the one in its description.
 
-    Times of an import are those of another program, of any year: the week counter does not apply.
+    Times of an import are those of another program, of any year and also without a position: the
+    week counter does not apply.
     An import without times has no UTC.
     """
     if not has_times(origin):
         return None
-    return fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"], any_year=is_import(origin))
+    is_of_program = is_import(origin)
+    valid = None if is_of_program else fixes["valid"]
+    return fit(fixes["t_ns"], fixes["utc_ns"], valid, any_year=is_of_program)
 
 
 def utc_clock(origin: str, fixes: Rows) -> Callable[[int], int | None]:

@@ -23,7 +23,6 @@ from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.summary import estimator_table, run_table
-from postproc.suspicion.run_assessment import unnoticed_text
 from postproc.verification.verdicts import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
@@ -224,7 +223,7 @@ def html(
         heading=wording.heading(result),
         located=wording.located_text(result.cells),
         top=cells[0] if cells and cells[0].is_odd else None,
-        unnoticed=unnoticed_text(result.not_asked) if result.words else "",
+        unnoticed=result.unnoticed,
         has_suspicious=any(word.word == "suspicious" for word in result.words.values()),
         details=cells,
         cells=result.cells,

@@ -18,7 +18,7 @@ from logger.core.readings import Readings, observe
 from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.suspicion.rule import Finding, Word
 from logger.core.suspicion.rules import RULES
-from logger.core.suspicion.words import Assessment, assess
+from logger.core.suspicion.words import Assessment, assess, unnoticed_text
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath, reference_ekf
@@ -141,7 +141,8 @@ def with_word(result: Result, number: int = 0, word: Word = "suspicious") -> Res
     if word != "nothing unusual":
         words[named] = Assessment(word, 7.0, tuple(findings), named)
     not_asked = {"B1": ("earlier walks",), "T1": ("timing advance",)}
-    return dataclasses.replace(result, words=words, not_asked=not_asked)
+    unnoticed = unnoticed_text(not_asked, 0)
+    return dataclasses.replace(result, words=words, not_asked=not_asked, unnoticed=unnoticed)
 
 
 def sample_posterior(obs: Readings, places=1, sigma_m=12.0) -> Posterior:
