@@ -71,6 +71,8 @@ def _not_read(frames: FrameReader, decoder: Decoder) -> Iterator[NoCell]:
         yield NoCell(0, f"0x{code:04X} version {version}", n)
     for code, n in sorted(decoder.refused.items()):
         yield NoCell(0, f"0x{code:04X} with a length or a value that cannot be", n)
+    if n := frames.skipped.total() + frames.n_other:
+        yield NoCell(0, "frames without levels", n)
 
 
 IMPORTS = (
