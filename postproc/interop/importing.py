@@ -207,6 +207,8 @@ def import_walk(
     right, or to spare data.
     """
     reading = reading or Reading(times)
+    if member is None and len(sizes := members(source)) > 1 and len(walks := walks_in(sizes)) == 1:
+        member = next(iter(walks))
     spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
     name = source if member is None else Path(f"{source}/{member}")
     with closing(_sighting_file(target)) as sightings, ExitStack() as files:

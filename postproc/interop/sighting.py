@@ -188,7 +188,7 @@ class SightingFile:
         return True
 
     def track(self) -> Track:
-        """Positions of those that all have one, once at a time; raises `GeoError` outside of UTM."""
+        """Positions, which all have, each once at a time; raises `GeoError` outside of UTM."""
         order = self._order_of_rows()
         t_ns = np.frombuffer(self._t_ns, np.int64)[order]
         place = np.frombuffer(self._place).reshape(-1, 3)[order]

@@ -65,7 +65,7 @@ def serving_identity(earfcn, pci, identity):
     """Body of B0C2 version 3; `identity` is (mcc, mnc, tac, cell identity)."""
     mcc, mnc, tac, cid = identity
     numbers = struct.pack("<BHIIBBI", 3, pci, earfcn, earfcn + 18_000, 50, 50, cid)
-    return numbers + struct.pack("<HIHBH", tac, 3, int(mcc), len(mnc), int(mnc))
+    return numbers + struct.pack("<HIHBHB", tac, 3, int(mcc), len(mnc), int(mnc), 0)
 
 
 def gps_line(packet_ns, system_ns, lat_deg, lon_deg):
