@@ -8,6 +8,7 @@ from importlib.metadata import version
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from logger.core.baseline import baseline_of, has_whole_baseline
 from logger.core.errors import EstimationError, error_place
 from logger.core.live import ADVICE, LiveTracker
 from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED, SUSPICIOUS
@@ -103,7 +104,7 @@ def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
 
 
 def _tracker(run: Run, targets: Mapping[int, Record] | None) -> LiveTracker:
-    tracker = LiveTracker(run.meta.live)
+    tracker = LiveTracker(run.meta.live, baseline_of(run))
     if targets is not None:
         tracker.feed(0, Record(0, "replay", Note("info", FOLLOW, "")))  # no cell before the first
     return tracker
@@ -188,12 +189,8 @@ def _findings_differ(run: Run, recorded: list[str], replayed: list[str]) -> bool
 
 
 def _has_same_words(run: Run) -> bool:
-    """Whether a run has the words of these rules, without earlier walks, or none.
-
-    The file of a baseline is not part of the run, so its findings cannot be repeated.
-    """
-    has_baseline = bool(np.any(run.tables["notes"]["code"] == b"baseline"))
-    return not has_baseline and not _are_of_others(_findings(_values(run, "notes")))
+    """Whether a run has the words of these rules, with all they used of earlier walks, or none."""
+    return has_whole_baseline(run) and not _are_of_others(_findings(_values(run, "notes")))
 
 
 def _are_of_others(findings: Sequence[str]) -> bool:

@@ -28,6 +28,8 @@ LONGEST_TARGET_BYTES = 64
 
 LOCATOR, EKF, REFERENCE = "locator", "ekf", "reference-ekf"
 """Stages of the estimates: those of every cell, and those of the reference filter."""
+OWN, OFF = "own", "off"
+"""Values of `LiveSettings.baseline` that are no name of a file."""
 ONE_MODE = 0.98
 """A mode with this probability counts as the only one."""
 
@@ -60,8 +62,8 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     update. `environment` names the prior: any, open, suburban or urban. `antenna` is omni or
     sector, `reach` (the distance from the walk) near or far, `height_m` the antenna's height above
     the receiver; any, or None, lets the levels weigh them. `baseline` is the file of earlier walks,
-    empty for none. `by_channel`: neighbours without an identity are tracked too, by their channel
-    and code (`cell_names`); earlier versions did not.
+    "own" for that of the device, empty or "off" for none. `by_channel`: neighbours without an
+    identity are tracked too, by their channel and code (`cell_names`); earlier versions did not.
     """
 
     target: str = SUSPICIOUS

@@ -14,6 +14,7 @@ import queue
 import threading
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from traceback import format_tb
 from typing import TYPE_CHECKING, Self
 
@@ -21,7 +22,7 @@ from msgspec.structs import replace
 
 from logger.core.errors import error_place
 from logger.core.live_settings import FAILED, FOLLOW, RESTARTED, LiveSettings
-from logger.core.types import Level, Note, Record
+from logger.core.types import Level, Note, RawBytes, Record
 from logger.device.link import Inbox
 from logger.device.live_view import LiveView, live_view
 
@@ -72,13 +73,19 @@ def _log_place(error: Exception) -> None:
 class Estimator:
     """Feeds records to the tracker that `make` returns, until `finish`.
 
-    `make` is called in the thread of the estimate, in which the files `baseline` and `streets` are
-    read too.
+    `make` is called in the thread of the estimate, in which the files that `settings` name are read
+    too; `folder` is that of the runs.
     """
 
-    def __init__(self, make: "Make", inbox: Inbox, baseline: str = "", streets: str = "") -> None:
+    def __init__(
+        self,
+        make: "Make",
+        inbox: Inbox,
+        settings: LiveSettings = LiveSettings(),  # noqa: B008 (frozen)
+        folder: Path = Path(),
+    ) -> None:
         self._make = make
-        self._baseline_name, self._streets_name = baseline, streets
+        self._settings, self._folder = settings, folder
         self._tracker: LiveTracker | None = None
         self._inbox = inbox
         self._waiting: queue.Queue[tuple[int, Record] | None] = queue.Queue(MOST_WAITING)
@@ -92,9 +99,9 @@ class Estimator:
         self._view = LiveView()
 
     @classmethod
-    def of(cls, settings: LiveSettings, inbox: Inbox) -> Self:
+    def of(cls, settings: LiveSettings, inbox: Inbox, folder: Path = Path()) -> Self:
         """The live estimate as it is configured."""
-        return cls(partial(live_tracker, settings), inbox, settings.baseline, settings.streets)
+        return cls(partial(live_tracker, settings), inbox, settings, folder)
 
     @property
     def view(self) -> LiveView:
@@ -144,7 +151,8 @@ class Estimator:
         from logger.device.live_baseline import LiveBaseline  # noqa: PLC0415 (numpy)
         from logger.device.live_streets import LiveStreets  # noqa: PLC0415 (numpy)
 
-        return LiveBaseline(self._baseline_name), LiveStreets(self._streets_name)
+        baseline = LiveBaseline(self._settings.baseline, self._folder)
+        return baseline, LiveStreets(self._settings.streets)
 
     def _made_ahead(self, baseline: "LiveBaseline", streets: "LiveStreets") -> "LiveTracker | None":
         """The first tracker, before there is a record; what fails here is tried again with one."""
@@ -172,6 +180,8 @@ class Estimator:
             if note.level == "warning":
                 self._left_out = (*self._left_out, note.text)
             self._inbox.put(Record(record.t_ns, "live", note))
+        if lines := baseline.take_lines():
+            self._inbox.put(Record(record.t_ns, "live", RawBytes(lines)))
 
     def _begin(
         self, seq: int, record: Record, baseline: "LiveBaseline", streets: "LiveStreets"

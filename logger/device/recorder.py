@@ -54,7 +54,7 @@ class Recorder:
         delete_oldest: bool = False,
     ) -> None:
         self._writer = writer
-        self.estimator = Estimator.of(settings, inbox)
+        self.estimator = Estimator.of(settings, inbox, writer.path.parent)
         self._fixes = SampleHold[int](settings.max_fix_age_s)
         self._behind = False
         self._inbox = inbox
