@@ -273,7 +273,8 @@ def _capture(
             except RunFileError as error:
                 why = why or str(error)
                 reading = replace(reading, no_track=why)
-    return reading, _on_one_clock(rows, reading.track and reading.track.undated_shift_ns)
+    track = reading.track
+    return reading, _on_one_clock(rows, track.undated_shift_ns if track else None)
 
 
 def _on_one_clock(rows: Iterable[Row], shift_ns: int | None) -> Iterator[Row]:
