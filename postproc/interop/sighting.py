@@ -68,11 +68,15 @@ class NoCell:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What another program noticed at a time, for example a warning; it has no level."""
+    """What another program noticed at a time, for example a warning; it has no level.
+
+    With a `code` it is a note of that kind, for information.
+    """
 
     line: int
     utc_ns: int
     text: str
+    code: str = ""
 
 
 Row = Sighting | BadRow | NoCell | Remark
