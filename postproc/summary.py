@@ -24,7 +24,6 @@ from logger.core.document import (
 from logger.core.ellipse import RADII, Ellipse, metres, radius_m
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.region import HALF, LEVEL
-from logger.core.locator.verdict import needed_radius
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.rivals import share_text
@@ -198,10 +197,11 @@ def _suspicion(row: SummaryRow) -> tuple[int, float]:
 
 
 def _words(conspicuous: Mapping[str, answers.Word], rows: Sequence[SummaryRow]) -> Iterator[Line]:
-    """Each conspicuous cell in a sentence."""
+    """Each conspicuous cell in a sentence, and what to do about those that are located."""
     for cell, word in conspicuous.items():
         why = "; ".join(strongest_reasons(word))
         yield Line((Word(cell, "bold"), " is ", Word(word.word), f": {why}."))
+    yield from map(Line, dict.fromkeys(row.answer.to_do for row in rows if row.answer.to_do))
     if rows and not conspicuous and all(row.answer.word for row in rows):
         cells = "The cell is not" if len(rows) == 1 else f"None of {len(rows)} cells is"
         yield Line(f"{cells} suspicious or unusual, by the rules that could be checked.")
@@ -239,7 +239,7 @@ def _overview(rows: Sequence[SummaryRow]) -> tuple[Parts, list[Failure]]:
         for row in rows
         for reason in (row.answer.reasons if row.error else ())
     ]
-    parts += _why_not([row.answer for row in shown if not row.error])
+    parts += _why_not([row for row in shown if not row.error])
     if truth := _truth_line(shown):
         parts += ["", truth]
     has_places = any(row.answer.verdict == "ambiguous" for row in shown)
@@ -261,15 +261,16 @@ def _is_dull(row: SummaryRow) -> bool:
     return answer.verdict == "cannot tell" and not answer.is_conspicuous and row.error is None
 
 
-def _why_not(answers: Sequence[Answer]) -> Parts:
+def _why_not(rows: Sequence[SummaryRow]) -> Parts:
     """Why cells are not located; of several places, which are in the table, where to walk."""
-    wide: list[str] = []
+    wide: list[float] = []
     others: list[tuple[str, str]] = []
-    for answer in answers:
+    for row in rows:
+        answer, needed_m = row.answer, row.result.needed_m
         if answer.verdict == "located" or not answer.reasons:
             continue
-        if radius := needed_radius(answer.reasons[0]):
-            wide.append(radius)
+        if needed_m is not None:
+            wide.append(needed_m)
         else:
             is_ambiguous = answer.verdict == "ambiguous" and len(answer.reasons) > 1
             others.append((answer.cell, answer.reasons[is_ambiguous]))
@@ -277,7 +278,7 @@ def _why_not(answers: Sequence[Answer]) -> Parts:
     if wide:
         cells = "1 cell is" if len(wide) == 1 else f"{len(wide)} cells are"
         narrow = "Levels from other sides, and nearer to the position, would tell more."
-        text = f"{cells} not located because 95 % do not lie within {wide[0]}. {narrow}"
+        text = f"{cells} not located because 95 % do not lie within {metres(wide[0])}. {narrow}"
         parts += ["", text]
     return [*parts, *([""] if others else []), *facts(others)]
 
@@ -502,7 +503,7 @@ def json_form(
         form["timing"] = cell.timing._asdict()
     if len(runs) > 1:
         form["runs"] = made_from.runs
-        shares = [(runs[share.run].path, share) for share in cell.shares]
+        shares = [(runs[share.run].path, share) for share in cell.shares if share.n]
         form["offsets"] = [
             {"run": path} | _fields(share, ("n", "offset_db", "sigma_db")) for path, share in shares
         ]

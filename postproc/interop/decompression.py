@@ -9,10 +9,10 @@ from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
-from typing import IO
 
 from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
+from logger.drivers.diag.frames import is_stream
 from postproc.foreign_file import MOST_MEMBERS, most_unpacked_bytes
 from postproc.progress import with_count
 
@@ -81,8 +81,9 @@ def _files_of(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
 def plain_file(source: Path, member: str | None = None) -> Iterator[Path]:
     """The file itself, or a temporary copy of what is in a gzip file or of one file of a zip.
 
-    Without `member` the zip has to contain one file. Raises `RunFileError` for what cannot be read
-    or unpacked; errors raised meanwhile name the file and not the copy.
+    Without `member` the zip has to contain one file. Of a recording of a modem that was cut while
+    it was packed the begin counts. Raises `RunFileError` for what cannot be read or unpacked;
+    errors raised meanwhile name the file and not the copy.
     """
     head = _head(source)
     if not head.startswith((_GZIP, _ZIP)):
@@ -95,7 +96,8 @@ def plain_file(source: Path, member: str | None = None) -> Iterator[Path]:
                 for chunk in with_count(_chunks(packed, source), f"{source.name}: unpacking MB"):
                     plain.write(chunk)
         except (OSError, *_DAMAGE) as error:
-            raise _not_unpacked(source, error) from error
+            if not (isinstance(error, EOFError) and is_stream(_head(copy, _CHUNK))):
+                raise _not_unpacked(source, error) from error
         try:
             yield copy
         except RunFileError as error:
@@ -109,10 +111,10 @@ def _not_unpacked(source: Path, error: Exception) -> RunFileError:
     return RunFileError(f"{source} cannot be unpacked: {reason}")
 
 
-def _head(source: Path) -> bytes:
+def _head(source: Path, n_bytes: int = 4) -> bytes:
     try:
         with open_regular(source) as file:
-            return file.read(4)
+            return file.read(n_bytes)
     except OSError as error:
         raise RunFileError(f"{source}: {error.strerror}") from error
 
@@ -120,7 +122,7 @@ def _head(source: Path) -> bytes:
 @contextmanager
 def _open_archive(
     source: Path, head: bytes, member: str | None
-) -> Iterator[IO[bytes] | gzip.GzipFile]:
+) -> Iterator[zipfile.ZipExtFile | gzip.GzipFile]:
     if head.startswith(_GZIP):
         with open_regular(source) as packed, gzip.GzipFile(fileobj=packed) as file:
             yield file
@@ -136,9 +138,9 @@ def _open_archive(
             yield file
 
 
-def _chunks(packed: IO[bytes] | gzip.GzipFile, source: Path) -> Iterator[bytes]:
+def _chunks(packed: zipfile.ZipExtFile | gzip.GzipFile, source: Path) -> Iterator[bytes]:
     size, most = 0, most_unpacked_bytes(source.stat().st_size)
-    while chunk := packed.read(_CHUNK):
+    while chunk := packed.read1(_CHUNK):
         size += len(chunk)
         if size > most:
             raise RunFileError(

@@ -76,17 +76,6 @@ class _Searched(NamedTuple):
     prior: Prior
 
 
-def _few_heights(stations: tuple[Station, ...]) -> tuple[Station, ...]:
-    """Of each pattern every third height, with the probability of all: a reading costs less."""
-    kept = []
-    for pattern in dict.fromkeys(one.antenna_db for one in stations):
-        alike = [one for one in stations if one.antenna_db == pattern]
-        few = alike[::3]
-        total = sum(one.probability for one in alike)
-        kept += [one._replace(probability=total / len(few)) for one in few]
-    return tuple(kept)
-
-
 class ReadingsInOrder:
     """Readings of a walk in their order; when there are too many, every second one is dropped."""
 
@@ -116,7 +105,7 @@ class OnlineLocator:
     """
 
     def __init__(self, prior: Prior, spikes: SpikeFilter[Readings] | None = None) -> None:
-        self._prior = replace(prior, stations=_few_heights(prior.stations))
+        self._prior = prior.of_few_heights()
         self._spikes = spikes or SpikeFilter[Readings]()
         self._white = np.array([h.white_share for h in prior.hypotheses])
         self._apart_m = np.array([h.decorrelation_m for h in prior.hypotheses])

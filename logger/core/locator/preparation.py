@@ -83,7 +83,7 @@ def of_most_heard_modems(obs: Readings) -> Readings:
 def _in_blocks(obs: Readings, prior: Prior, effort: Effort) -> Walk:
     fine = blocks(obs, effort.most_blocks)
     coarse = blocks(obs, COARSE_BLOCKS) if len(fine) > COARSE_BLOCKS else fine
-    shifted = tuple(blocks(obs, COARSE_BLOCKS, origin) for origin in ORIGINS)
+    shifted = tuple(blocks(obs, COARSE_BLOCKS, origin) for origin in ORIGINS[: effort.more_grids])
     return Walk(fine, coarse, prior, effort, shifted=shifted)
 
 

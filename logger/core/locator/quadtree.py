@@ -30,7 +30,7 @@ class Effort(NamedTuple):
     readings are censored, hypotheses are compared at `samples` positions of each of the two
     likeliest, and at one position only with 0. The `densest` squares are split even if they hold
     little: a narrow peak beside a broad one, such as the mirror image inside a round walk, hides
-    between the centres of squares.
+    between the centres of squares. Coarse blocks are of `more_grids` besides the usual one.
     """
 
     most_squares: int = 6000
@@ -40,6 +40,7 @@ class Effort(NamedTuple):
     most_blocks: int = 300
     samples: int = 4
     densest: int = 50
+    more_grids: int = 3
 
 
 class Tree(NamedTuple):

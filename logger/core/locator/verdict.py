@@ -46,20 +46,17 @@ LIVE_M = 60.0
 """A house and its neighbours: a walker who stands there may look at the roofs and end the walk."""
 
 
-_IS_NEEDED = ", and a location needs "
-
-
-def needed_radius(reason: str) -> str:
-    """The radius in the reason that a region is too wide; of others empty."""
-    return reason.partition(_IS_NEEDED)[2]
-
-
 class Decision(NamedTuple):
-    """The verdict, its reasons, and the two transmitters that were tried instead of one."""
+    """The verdict, its reasons, and the two transmitters that were tried instead of one.
+
+    `needed_m` is the radius that a location needs where the first reason is that the region is
+    wider; else None.
+    """
 
     verdict: Verdict
     reasons: list[str]
     division: Division | None = None
+    needed_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -162,11 +159,12 @@ def assess(
     is_single = len(case.modes) == 1
     radius_m = posterior.r95_m if is_single else _widest_m(case.modes)
     reasons = [why for rule in GUARDS if (why := rule(case))]
-    if radius_m > within_m:
+    is_wide = radius_m > within_m
+    if is_wide:
         reasons.insert(0, _too_wide(case, radius_m, within_m))
     if reasons:
         reasons += [hint for rule in HINTS if (hint := rule(case))]
-        return Decision("cannot tell", reasons, division)
+        return Decision("cannot tell", reasons, division, within_m if is_wide else None)
     if is_single:
         radius = f"95 % lie within {posterior.r95_m:.0f} m of it"
         return Decision("located", [f"one position holds {percents[0]}%; {radius}"], division)
@@ -178,7 +176,7 @@ def _widest_m(modes: Sequence[Mode]) -> float:
 
 
 def _too_wide(case: _Case, radius_m: float, within_m: float) -> str:
-    radius = f"{metres(radius_m)}{_IS_NEEDED}{metres(within_m)}"
+    radius = f"{metres(radius_m)}, and a location needs {metres(within_m)}"
     if len(case.modes) == 1:
         return f"95 % lie within {radius}"
     return f"the widest of {len(case.modes)} places reaches over {radius}"

@@ -214,6 +214,19 @@ class Prior:
         """The prior where this is the only station."""
         return replace(self, stations=(station,))
 
+    def of_few_heights(self) -> "Prior":
+        """The prior with every third height of each pattern, which has the probability of all.
+
+        Work with it takes half as long.
+        """
+        kept = []
+        for pattern in dict.fromkeys(one.antenna_db for one in self.stations):
+            alike = [one for one in self.stations if one.antenna_db == pattern]
+            few = alike[::3]
+            total = sum(one.probability for one in alike)
+            kept += [one._replace(probability=total / len(few)) for one in few]
+        return replace(self, stations=tuple(kept))
+
     def radius_m(self, level: float) -> float:
         """Radius around a single reading that holds `level` of the positions; no reach has an end.
 

@@ -62,7 +62,9 @@ def test_a_screen_reader_finds_the_structure(page):
 def test_the_verdict_comes_first(page, result):
     assert page.all("h1")[0].text == "1 of 3 cells located, 2 without a position"
     first = page.all("article")[0]
-    assert "Located: most likely within 14 m, surely within 29 m" in first.text
+    said = result.answers[0].sentence
+    assert said.endswith("most likely within 14 m, surely within 29 m")
+    assert f"L{said[1:]}." in first.text
     assert result.cells[0].cell in first.text
     assert "simulated run" in page.all("header")[0].text
 
