@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import os
 import sys
@@ -18,7 +19,7 @@ with late_modules():
     from logger.core import isolation, runfile
     from logger.core.locator import verdict
     from logger.core.model import prior as priors
-    from postproc import ground, multi_run, progress, results, smoothing
+    from postproc import area_file, ground, multi_run, progress, results, smoothing
     from postproc import result as estimation
 
 Command = Callable[..., int | None]
@@ -137,6 +138,33 @@ def _height_m(text: str) -> float | None:
     """Metres, or None for any height."""
     metres = number(float, 0, _HIGHEST_M, unit="m, or any")
     return None if text == "any" else metres(text)
+
+
+def area_options(command: Command) -> Command:
+    """Add `--within-walk` and `--area`, and pass them in `prior`, with other options or without."""
+
+    @click.option(
+        "--within-walk",
+        "within_walk_m",
+        type=number(float, 1, _FARTHEST_M, unit="m"),
+        metavar="M",
+        help="It stands within M metres of the walk.",
+    )
+    @click.option("--area", type=INPUT, metavar="FILE", help="It stands in polygons of GeoJSON.")
+    @functools.wraps(command)
+    def with_area(
+        *arguments: Any,
+        within_walk_m: float | None,
+        area: Path | None,
+        prior: priors.Prior | None = None,
+        **options: Any,
+    ) -> int | None:
+        only_one({"--within-walk": within_walk_m, "--area": area})
+        found = area_file.area_of(within_walk_m, area)
+        prior = dataclasses.replace(prior or priors.Prior(), area=found)
+        return command(*arguments, prior=prior, **options)
+
+    return with_area
 
 
 def within_option(command: Command) -> Command:
