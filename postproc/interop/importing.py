@@ -207,6 +207,8 @@ def import_walk(
     right, or to spare data.
     """
     reading = reading or Reading(times)
+    if member is None and len(sizes := members(source)) > 1 and len(walks := walks_in(sizes)) == 1:
+        member = next(iter(walks))
     spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
     name = source if member is None else Path(f"{source}/{member}")
     with closing(_sighting_file(target)) as sightings, ExitStack() as files:
@@ -271,7 +273,8 @@ def _capture(
             except RunFileError as error:
                 why = why or str(error)
                 reading = replace(reading, no_track=why)
-    return reading, _on_one_clock(rows, reading.track and reading.track.undated_shift_ns)
+    track = reading.track
+    return reading, _on_one_clock(rows, track.undated_shift_ns if track else None)
 
 
 def _on_one_clock(rows: Iterable[Row], shift_ns: int | None) -> Iterator[Row]:
@@ -331,6 +334,8 @@ def _write(
         if n_undated := sightings.leave_out_before(CLOCK_SET_NS):
             left.take(NoCell(0, "readings of before the modem's clock was set", n_undated))
         track, no_track = _part_of_track(sightings, reading)
+        if sightings and sightings.span_ns()[0] >= CLOCK_SET_NS:
+            left.leave_out_remarks(CLOCK_SET_NS)
     elif has_times and sightings:
         no_clock = _why_no_clock(name, form, sightings)
     has_times = has_times and no_clock is None
@@ -427,6 +432,14 @@ class _Left:
             if len(self.bad) < MOST_BAD_ROWS:
                 self.bad.append(row)
 
+    def leave_out_remarks(self, before_ns: int) -> None:
+        """Leave out those of before a time, which would begin the walk."""
+        early = [one for one in self.remarks if one.utc_ns < before_ns]
+        self.remarks = [one for one in self.remarks if one.utc_ns >= before_ns]
+        if early:
+            why = "remarks and signals of before the modem's clock was set"
+            self._other[why] += len(early)
+
     @property
     def other(self) -> tuple[tuple[str, int], ...]:
         return tuple(self._other.most_common())
@@ -511,7 +524,7 @@ def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
     for note in _notes(imported):
         append(Record(0, "import", note))
     for remark in walk.remarks:
-        note = Note("warning", "remark", _with_place(remark, walk.track))
+        note = _note_of(remark, walk.track)
         append(Record(remark.utc_ns - start_ns, "import", note))
     if not first:
         return _fill_track(append, walk, start_ns)
@@ -538,7 +551,7 @@ def _fill_capture(append: Append, walk: _Walk, imported: Imported) -> int:
     for note in _notes(imported):
         append(Record(0, "import", note))
     for remark in walk.remarks:
-        note = Note("warning", "remark", _with_place(remark, walk.track))
+        note = _note_of(remark, walk.track)
         append(Record(max(remark.utc_ns - start_ns, 0), "import", note))
     fixes.reverse()
     latest: tuple[int, int] | None = None
@@ -570,6 +583,12 @@ def _fill_track(append: Append, walk: _Walk, start_ns: int) -> int:
         end_ns = max(end_ns, fix.utc_ns or 0)
         append(Record((fix.utc_ns or 0) - start_ns, "import", fix))
     return end_ns - start_ns
+
+
+def _note_of(remark: Remark, track: GpsTrack | None) -> Note:
+    if remark.code:
+        return Note("info", remark.code, remark.text)
+    return Note("warning", "remark", _with_place(remark, track))
 
 
 def _with_place(remark: Remark, track: GpsTrack | None) -> str:
