@@ -94,21 +94,21 @@ def prior_options(command: Command) -> Command:
         default="any",
         show_default=True,
         metavar="NAME",
-        help="Prior of the path loss: any, open, suburban or urban.",
+        help="Path loss: any, open, suburban or urban.",
     )
     @click.option(
         "--antenna",
         default="any",
         show_default=True,
         metavar="NAME",
-        help="Antenna: any weighs both, omni, or sector for a beam of unknown azimuth.",
+        help="Antenna: any, omni, or sector for a beam of unknown azimuth.",
     )
     @click.option(
         "--reach",
         default="any",
         show_default=True,
         metavar="NAME",
-        help="Distance from the walk: any weighs both, near, or far as masts stand.",
+        help="Distance from the walk: any, near, or far as masts stand.",
     )
     @click.option(
         "--height",
@@ -175,7 +175,7 @@ def within_option(command: Command) -> Command:
         "radius_m",
         type=number(float, 1, _FARTHEST_M, unit="m"),
         metavar="M",
-        help="Radius that has to hold 95 % for a location (default: 150 m).",
+        help="Radius that holds 95 % of a location (default: 150 m).",
     )
     @functools.wraps(command)
     def with_radius(*arguments: Any, radius_m: float | None, **options: Any) -> int | None:
