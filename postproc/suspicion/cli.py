@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import click
 
@@ -10,7 +11,7 @@ from logger.command_line import INPUT, json_option, late_modules, show
 from postproc.options import grouped_runs, runs_argument
 
 with late_modules():
-    from logger import baseline_file
+    from logger import baseline_file, baseline_store
     from postproc import cell_work, ground, progress
     from postproc.suspicion import run_assessment
     from postproc.verification import celldb
@@ -53,17 +54,20 @@ def suspect(
     """
     with ExitStack() as stack:
         baseline = database = None
+        groups = grouped_runs(paths)
         if baseline_path is not None:
-            baseline = stack.enter_context(closing(baseline_file.BaselineFile(baseline_path)))
+            folder = Path(stack.enter_context(TemporaryDirectory()))
+            runs = [run for group, _ in groups for run in group.runs]
+            others = baseline_store.without_runs(baseline_path, runs, folder)
+            baseline = stack.enter_context(closing(baseline_file.BaselineFile(others)))
         if celldb_path is not None:
             database = stack.enter_context(closing(celldb.CellDb(celldb_path)))
-        groups = [group for group, _ in grouped_runs(paths)]
         assessed = [
             run_assessment.assess_runs(
                 group.runs, baseline, database, progress.with_progress, group.several
             )
-            for group in groups
+            for group, _ in groups
         ]
     documents = [run_assessment.document_of(one, details=verbose) for one in assessed]
-    show(ground.document_of_groups(groups, documents), as_json=as_json)
+    show(ground.document_of_groups([group for group, _ in groups], documents), as_json=as_json)
     return cell_work.exit_code([why for one in assessed for why in one.failures.values()])
