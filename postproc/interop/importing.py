@@ -37,7 +37,15 @@ from postproc.interop.decompression import members, plain_file
 from postproc.interop.fields import RATS
 from postproc.interop.readers import named_columns, rayhunter
 from postproc.interop.readers.rayhunter import CLOCK_SET_NS
-from postproc.interop.sighting import BadRow, NoCell, Remark, Row, Sighting, SightingFile
+from postproc.interop.sighting import (
+    REMARK,
+    BadRow,
+    NoCell,
+    Remark,
+    Row,
+    Sighting,
+    SightingFile,
+)
 from postproc.interop.track_file import (
     MOST_APART_S,
     GpsTrack,
@@ -322,7 +330,8 @@ def _write(
 ) -> Imported:
     has_something = left.n_levels or (left.remarks and reading.track) or (sha256 and sightings)
     if not has_something:
-        raise RunFileError(f"{name} has no usable row{left.reason}")
+        what = "no cell that its records name, and no level" if sha256 else "no usable row"
+        raise RunFileError(f"{name} has {what}{left.reason}")
     n_read = len(sightings)
     if not form.unrepeated:
         sightings.leave_out_repeated()
@@ -333,6 +342,7 @@ def _write(
     if form.capture:
         if n_undated := sightings.leave_out_before(CLOCK_SET_NS):
             left.take(NoCell(0, "readings of before the modem's clock was set", n_undated))
+            left.remarks = [one for one in left.remarks if one.utc_ns >= CLOCK_SET_NS]
         track, no_track = _part_of_track(sightings, reading)
     elif has_times and sightings:
         no_clock = _why_no_clock(name, form, sightings)
@@ -514,7 +524,7 @@ def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
     for note in _notes(imported):
         append(Record(0, "import", note))
     for remark in walk.remarks:
-        note = Note("warning", "remark", _with_place(remark, walk.track))
+        note = Note("warning", REMARK, _with_place(remark, walk.track))
         append(Record(remark.utc_ns - start_ns, "import", note))
     if not first:
         return _fill_track(append, walk, start_ns)
@@ -541,7 +551,9 @@ def _fill_capture(append: Append, walk: _Walk, imported: Imported) -> int:
     for note in _notes(imported):
         append(Record(0, "import", note))
     for remark in walk.remarks:
-        note = Note("warning", "remark", _with_place(remark, walk.track))
+        note = Note("info", remark.code, remark.text)
+        if remark.code == REMARK:
+            note = Note("warning", remark.code, _with_place(remark, walk.track))
         append(Record(max(remark.utc_ns - start_ns, 0), "import", note))
     fixes.reverse()
     latest: tuple[int, int] | None = None

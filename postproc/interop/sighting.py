@@ -18,6 +18,8 @@ from logger.core.places import Places, Track, fix_sigma_m
 from logger.core.types import Broadcast, CellReading, Fix
 
 Fields = TypeVar("Fields")
+REMARK = "remark"
+"""Code of the note of a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +70,15 @@ class NoCell:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What another program noticed at a time, for example a warning; it has no level."""
+    """What another program noticed at a time, for example a warning; it has no level.
+
+    `code` is that of its note.
+    """
 
     line: int
     utc_ns: int
     text: str
+    code: str = REMARK
 
 
 Row = Sighting | BadRow | NoCell | Remark

@@ -1,7 +1,7 @@
 """Qualcomm's diagnostic stream in a file: .qmdl of Rayhunter, SCAT and QCSuper, .mi2log.
 
-Only codes that carry levels, identities or timing advance leave their frame. The times are the
-modem's: of 1980 until a network set its clock.
+Only codes that carry levels, identities, timing advance or signalling leave their frame. The times
+are the modem's: of 1980 until a network set its clock.
 """
 
 from collections.abc import Iterable, Iterator
@@ -13,25 +13,52 @@ from logger.core.types import Fix
 from logger.drivers.diag.frames import FrameReader
 from logger.drivers.diag.levels import ALLOWED_CODES, Decoder, Observation
 from logger.drivers.diag.seconds import Second, Seconds
+from postproc.interop import diag_messages
 from postproc.interop.contents import Format
 from postproc.interop.readers.rayhunter import CLOCK_SET_NS
-from postproc.interop.sighting import NoCell, Row, Sighting
+from postproc.interop.sighting import NoCell, Remark, Row, Sighting
 from postproc.progress import with_progress
+from postproc.suspicion.signalling import CODE, Signal
 
 _CHUNK = 1 << 20
 
 
 def read(source: Path) -> Iterator[Row]:
-    """A row for each second and cell, then what was not read; raises `RunFileError`."""
-    frames, decoder = FrameReader(ALLOWED_CODES), Decoder()
-    yield from rows_of(
-        one
-        for chunk in _chunks(source)
-        for record in frames.feed(chunk)
-        for one in decoder.feed(record)
-    )
+    """A row for each second and cell, remarks of signalling, and then what was not read.
+
+    Raises `RunFileError`.
+    """
+    frames, decoder = FrameReader(ALLOWED_CODES | diag_messages.CODES), Decoder()
+    messages = diag_messages.Messages()
+    signals = list[Signal]()
+    n_messages = 0
+
+    def observations() -> Iterator[Observation]:
+        nonlocal n_messages
+        for chunk in _chunks(source):
+            for record in frames.feed(chunk):
+                for observation in decoder.feed(record):
+                    yield messages.named(observation)
+                for one in messages.feed(record):
+                    if isinstance(one, Signal):
+                        signals.append(one)
+                    else:
+                        yield one
+                n_messages += record.code == diag_messages.RRC
+
+    for row in rows_of(observations()):
+        yield row
+        yield from map(_remark, signals)
+        signals.clear()
+    yield from map(_remark, [*signals, *messages.end()])
     frames.end()
-    yield from _not_read(frames, decoder)
+    yield from _not_read(frames, decoder, messages)
+    if n_messages and not messages.is_decoding:
+        yield NoCell(0, diag_messages.NO_PYCRATE, n_messages)
+
+
+def _remark(signal: Signal) -> Remark:
+    return Remark(0, signal.time_ns, signal.text, CODE)
 
 
 def rows_of(observations: Iterable[Observation]) -> Iterator[Row]:
@@ -64,13 +91,17 @@ def _chunks(source: Path) -> Iterator[bytes]:
         raise RunFileError(f"{source}: {error.strerror or error}") from error
 
 
-def _not_read(frames: FrameReader, decoder: Decoder) -> Iterator[NoCell]:
+def _not_read(
+    frames: FrameReader, decoder: Decoder, messages: diag_messages.Messages
+) -> Iterator[NoCell]:
     for why, n in sorted(frames.damaged.items()):
         yield NoCell(0, f"damaged frames, {why}", n)
-    for (code, version), n in sorted(decoder.unknown.items()):
+    for (code, version), n in sorted((decoder.unknown + messages.unknown).items()):
         yield NoCell(0, f"0x{code:04X} version {version}", n)
-    for code, n in sorted(decoder.refused.items()):
+    for code, n in sorted((decoder.refused + messages.refused).items()):
         yield NoCell(0, f"0x{code:04X} with a length or a value that cannot be", n)
+    if n := messages.n_unnamed:
+        yield NoCell(0, "reported neighbours on an unknown channel", n)
     if n := frames.skipped.total() + frames.n_other:
         yield NoCell(0, "frames without levels", n)
 
