@@ -24,6 +24,7 @@ from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.verdict import assess
 from logger.core.model import path_loss
+from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.readings import Readings
 from logger.core.shadow_ekf import ShadowNoise
@@ -36,6 +37,8 @@ ONE_MODE = 0.95
 _FEWEST = 8  # readings of a prefix: twice the unknowns
 _BISECTIONS = 4  # each costs a posterior; the start is known to 1/32 of the walk then
 _FINE = 1.0 / 32.0
+_ROUGH = EFFORT._replace(more_grids=0)
+"""Of a prefix that is only tried; on fewer blocks a start is found less often."""
 _PREFIXES = 200  # lengths tried by the filter alone, which is quick
 _PRIOR_M = 1000.0  # before the first reading; wide beside any walk
 _LITTLE_SHADOW = 0.15
@@ -134,15 +137,16 @@ def _find_start(
             f"{CLOSE:.0%} of its distance from the rest"
         )
 
-    def locate_prefix(count: int, effort: Effort) -> Posterior | None:
-        return _locate_prefix(obs, count, full, effort, noise.height_m)
+    def locate_prefix(count: int, prior: Prior, effort: Effort) -> Posterior | None:
+        return _locate_prefix(obs, count, prior, effort, noise.height_m)
 
-    count = _bisect(shortest, end, lambda count: locate_prefix(count, EFFORT) is not None)
+    rough = full.prior.of_few_heights()
+    count = _bisect(shortest, end, lambda count: locate_prefix(count, rough, _ROUGH) is not None)
     if count is None:
         return NoRun("only the complete walk locates the transmitter: no reading is left to filter")
     # a rough search may miss one of two modes
     for candidate in sorted({count, (count + end) // 2}):
-        if posterior := locate_prefix(candidate, Effort()):
+        if posterior := locate_prefix(candidate, full.prior, Effort()):
             return candidate, posterior
     return NoRun(
         "a closer look at the parts that seemed to locate the transmitter does not bear them out"
@@ -163,12 +167,12 @@ def _bisect(low: int, end: int, is_located: Callable[[int], bool]) -> int | None
 
 
 def _locate_prefix(
-    obs: Readings, count: int, full: Posterior, effort: Effort, height_m: float
+    obs: Readings, count: int, prior: Prior, effort: Effort, height_m: float
 ) -> Posterior | None:
     """Posterior of the first readings, if it is close to Gaussian for the others."""
     prefix, rest = obs.part(slice(count)), obs.part(slice(count, None))
     try:
-        posterior = locate(prefix, full.prior, effort)
+        posterior = locate(prefix, prior, effort)
     except EstimationError:  # all of them at the modem's limit
         return None
     best = posterior.modes[0]

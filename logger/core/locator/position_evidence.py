@@ -15,7 +15,7 @@ from logger.core.model.evidence import (
     join_positions,
     mix_stations,
 )
-from logger.core.model.marginal import marginal, walk_sums
+from logger.core.model.marginal import SharedSums, marginal, walk_sums
 from logger.core.model.noise import Whitener, matrices_of
 from logger.core.model.prior import Prior
 from logger.core.places import Places
@@ -87,46 +87,55 @@ class BlocksEvidence(NamedTuple):
         Far from the walk the height does not matter: there, stations with the pattern of the first
         one have its evidence. So has one that a hypothesis of the noise excludes, everywhere.
         """
-        first, *others = prior.stations
-        every_row, everywhere = np.arange(len(self.whiteners)), np.arange(position.shape[1])
-        of_first = self._of_station(
-            prior.of_station(first), nodes, position, near, every_row, everywhere
-        )
-        if not others:
-            return self.shift_evidence(of_first)
-        away_m = nearest_m(self.blocks, Places.of(*position))
+        positions, every_row = Places.of(*position), np.arange(len(self.whiteners))
         log_odds = prior.station_log_odds[:, self.numbers]
+        shared = SharedSums.of(prior, np.isfinite(log_odds))
+        alone = [prior.of_station(one) for one in prior.stations]
+        total = walk_sums(self.blocks, self.matrices[shared.rest], alone[0], positions)
+        of_patterned = total
+        if len(shared.rows):
+            matrices = self.matrices[shared.rows]
+            of_patterned = walk_sums(self.blocks, matrices, alone[shared.patterned], positions)
+            total = shared.join(total, of_patterned)
+        of_first = self._of_sums(total, alone[0], nodes, positions, near, every_row)
+        if len(alone) == 1:
+            return self.shift_evidence(of_first)
+        first, away_m = prior.stations[0], nearest_m(self.blocks, positions)
         parts = [of_first]
-        for station, odds in zip(others, log_odds[1:], strict=True):
-            rows, chosen = np.flatnonzero(np.isfinite(odds)), everywhere
+        for k, station in enumerate(prior.stations[1:], 1):
+            rows, chosen = np.flatnonzero(np.isfinite(log_odds[k])), np.arange(len(positions))
             if station.antenna_db == first.antenna_db:
                 tall_m = max(station.height_m, first.height_m)
                 chosen = np.flatnonzero(away_m < _NEAR_HEIGHTS * tall_m)
             parts.append(of_first)
             if len(rows) and len(chosen):
-                alone = prior.of_station(station)
-                found = self._of_station(alone, nodes, position, near, rows, chosen)
+                at = positions.part(chosen)
+                total = (
+                    of_patterned
+                    if k == shared.patterned
+                    else walk_sums(self.blocks, self.matrices[rows], alone[k], at)
+                )
+                begin = near and near.at_positions(chosen)
+                found = self._of_sums(total, alone[k], nodes, at, begin, rows)
                 parts[-1] = of_first.replace(rows, chosen, found)
         return self.shift_evidence(mix_stations(parts, log_odds))
 
-    def _of_station(
+    def _of_sums(
         self,
+        total: FloatArray,
         prior: Prior,
         nodes: int,
-        position: FloatArray,
+        positions: Places,
         near: Evidence | None,
         rows: IntArray,
-        chosen: IntArray,
     ) -> Evidence:
-        """Evidence of the only station of a prior: hypotheses `rows` at the `chosen` positions."""
-        positions = Places.of(*position[:, chosen])
-        sums = walk_sums(self.blocks, self.matrices[rows], prior, positions)
+        """Evidence of the only station of a prior under the hypotheses `rows`, from its sums."""
         log_det = np.array([noise.log_det for noise in self.whiteners])[rows, None]
         if not self.conditionals:
-            return marginal(sums, len(self.blocks), log_det, prior, nodes)
+            return marginal(total, len(self.blocks), log_det, prior, nodes)
         conditionals = [self.conditionals[row] for row in rows]
-        begin = near and near.of_hypotheses(rows).at_positions(chosen)
-        return tobit_evidence(sums, log_det, self.blocks, conditionals, prior, positions, begin)
+        begin = near and near.of_hypotheses(rows)
+        return tobit_evidence(total, log_det, self.blocks, conditionals, prior, positions, begin)
 
 
 class PositionEvidence(NamedTuple):

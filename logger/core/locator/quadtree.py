@@ -30,7 +30,7 @@ class Effort(NamedTuple):
     readings are censored, hypotheses are compared at `samples` positions of each of the two
     likeliest, and at one position only with 0. The `densest` squares are split even if they hold
     little: a narrow peak beside a broad one, such as the mirror image inside a round walk, hides
-    between the centres of squares.
+    between the centres of squares. Coarse blocks are of `more_grids` besides the usual one.
     """
 
     most_squares: int = 6000
@@ -40,6 +40,7 @@ class Effort(NamedTuple):
     most_blocks: int = 300
     samples: int = 4
     densest: int = 50
+    more_grids: int = 3
 
 
 class Tree(NamedTuple):
@@ -135,8 +136,12 @@ class PositionPrior:
         return np.asarray(np.stack(each) + self._log_odds[:, None], float)
 
     def log_density(self, square: FloatArray) -> FloatArray:
-        """Log density at squares (3, h), up to a constant; shape (h,)."""
-        return log_sum(self.log_by_reach(square).T)
+        """Log density at squares (3, h), up to a constant, -inf outside of the area; shape (h,)."""
+        log_density = log_sum(self.log_by_reach(square).T)
+        if self._prior.area is None:
+            return log_density
+        with np.errstate(divide="ignore"):
+            return log_density + np.log(self._prior.area.share(square))
 
 
 def first_squares(
@@ -155,6 +160,8 @@ def first_squares(
         is_large = side_m > np.maximum(finest_m, share * nearest_m(blocks, Places.of(*square[:2])))
         if timing is not None:
             is_large |= (side_m > STEP_M) & timing.near(square)
+        if prior.area is not None:
+            is_large |= prior.area.is_coarse(square)
         leaves.append(square[:, ~is_large])
         square = children(square[:, is_large])
     return np.concatenate(leaves, axis=1)

@@ -79,7 +79,11 @@ class Blocks:
         """Weighted means over the points of each block, (n, k), of rows for each point (m, k)."""
         if self.of_one_point:
             return of_points
-        return np.asarray(np.add.reduceat(self.weight[:, None] * of_points, self.first), float)
+        means = np.empty((len(self), of_points.shape[1]))
+        ends = [*self.first[1:].tolist(), len(self.weight)]
+        for k, (first, end) in enumerate(zip(self.first.tolist(), ends, strict=True)):
+            np.matmul(self.weight[first:end], of_points[first:end], out=means[k])
+        return means
 
     def part(self, chosen: BoolArray) -> "Blocks":
         """The chosen blocks (n,), each with its middle as the only point, without censored ones."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.core.model.blocks import Blocks, Censored
-from logger.core.model.path_loss import distance_m, receiver_error_db
+from logger.core.model.path_loss import distance_m, receiver_error_db2
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 
@@ -50,11 +50,14 @@ def _harmonics(
     points: Places, positions: Places, distance_db: FloatArray, orders: int
 ) -> list[FloatArray]:
     """Cos kb and sin kb for k = 1 to `orders`, fading to zero right below the antenna."""
-    dx_m = points.x_m[:, None] - positions.x_m
-    dy_m = points.y_m[:, None] - positions.y_m
-    direction = (dx_m + 1j * dy_m) / distance_m(distance_db)
-    powers = [direction**k for k in range(1, orders + 1)]
-    return [part for power in powers for part in (power.real, power.imag)]
+    away_m = distance_m(distance_db)
+    east = (points.x_m[:, None] - positions.x_m) / away_m
+    north = (points.y_m[:, None] - positions.y_m) / away_m
+    found, cosine, sine = [east, north], east, north
+    for _ in range(1, orders):  # the next power of east + i north
+        cosine, sine = cosine * east - sine * north, cosine * north + sine * east
+        found += [cosine, sine]
+    return found
 
 
 def receiver_variance(blocks: Blocks, prior: Prior, distance_db: FloatArray) -> FloatArray | None:
@@ -64,5 +67,5 @@ def receiver_variance(blocks: Blocks, prior: Prior, distance_db: FloatArray) -> 
     """
     if not np.any(blocks.places.sigma_m):
         return None
-    error_db = receiver_error_db(prior.eta, blocks.places.sigma_m[:, None], distance_db)
-    return np.asarray((error_db / prior.sigma_db) ** 2, float)
+    sigma_m = blocks.places.sigma_m[:, None] / prior.sigma_db
+    return receiver_error_db2(prior.eta, sigma_m, distance_db)

@@ -15,13 +15,21 @@ Appl. Statist. 31(3), 1982), or by Laplace's method.
 
 from functools import cache, cached_property, lru_cache
 from math import log, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import FloatArray, IntArray
+from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.model.blocks import Blocks
 from logger.core.model.columns import receiver_variance, varying_columns
-from logger.core.model.elimination import eliminate, inverse, log_determinant, side, solution
+from logger.core.model.elimination import (
+    eliminate,
+    inverse,
+    log_determinant,
+    packed_index,
+    side,
+    solution,
+)
 from logger.core.model.evidence import PAIRS, Evidence
 from logger.core.model.prior import Prior
 from logger.core.places import Places
@@ -34,6 +42,7 @@ _LARGEST_STEP = 0.5  # of log sigma, so that Newton's method does not leave the 
 _LEAST_SIGMA_DB = 0.05
 """Below it, as where all levels are equal, residuals are rounding errors of either sign."""
 _SMALL_STEP = 0.05  # of log sigma: log p changes by its slope, within 1e-3 nats
+_AT_ONCE = 16  # weights multiplied before their logarithm is taken: each is above 1e-19
 _STRIP = 64  # rows of a whitener multiplied at once
 _IN_CACHE = 65_536  # entries of a whitened column, of all hypotheses: half a megabyte
 
@@ -75,13 +84,43 @@ def walk_sums(blocks: Blocks, matrices: FloatArray, prior: Prior, positions: Pla
     columns = varying_columns(blocks, prior, positions)
     extra = receiver_variance(blocks, prior, -columns[0])
     fixed = np.stack([blocks.level_dbm, np.ones(len(blocks))])
-    at_once = max(_IN_CACHE // (len(matrices) * len(blocks)), 1)
+    at_once = max(_IN_CACHE // (max(len(matrices), 1) * len(blocks)), 1)
     parts = []
     for first in range(0, len(positions), at_once):
         some = slice(first, first + at_once)
         of_some = None if extra is None else extra[:, some]
         parts.append(sums(matrices, fixed, [column[:, some] for column in columns], of_some))
     return np.concatenate(parts, axis=-1)
+
+
+class SharedSums(NamedTuple):
+    """Which sums of the first station of a prior are part of another's.
+
+    A station with a pattern, as high as a first one without, has all sums of that one under the
+    hypotheses `rows` that it is possible under; `rest` are the others. `patterned` is its number, 0
+    where there is none.
+    """
+
+    patterned: int
+    rows: IntArray
+    rest: IntArray
+
+    @classmethod
+    def of(cls, prior: Prior, is_possible: BoolArray) -> "SharedSums":
+        """`is_possible` (s, c): whether each station is, under some hypotheses."""
+        first = prior.stations[0]
+        for k, one in enumerate(prior.stations):
+            if one.antenna_db and not first.antenna_db and one.height_m == first.height_m:
+                return cls(k, np.flatnonzero(is_possible[k]), np.flatnonzero(~is_possible[k]))
+        return cls(0, np.array([], np.int64), np.arange(is_possible.shape[1]))
+
+    def join(self, of_rest: FloatArray, of_patterned: FloatArray) -> FloatArray:
+        """Sums (m + 1, c, h) of the first station; the harmonics come last in packed sums."""
+        count = packed_index(3, 0)  # levels, P0 and eta
+        total = np.empty((count + 1, len(self.rows) + len(self.rest), of_rest.shape[-1]))
+        total[:, self.rest] = of_rest
+        total[:count, self.rows], total[-1, self.rows] = of_patterned[:count], of_patterned[-1]
+        return total
 
 
 def sums(
@@ -116,7 +155,7 @@ def products(fixed: FloatArray, varying: list[FloatArray], weight: FloatArray | 
     else:
         rows = [pairs @ weight]
         weighted = [weight * column for column in varying]
-        log_weight = 0.5 * np.sum(np.log(weight), axis=-2, keepdims=True)
+        log_weight = 0.5 * _log_of_product(weight)
     for k, column in enumerate(weighted):
         rows.append(fixed @ column)
         rows += [
@@ -124,6 +163,13 @@ def products(fixed: FloatArray, varying: list[FloatArray], weight: FloatArray | 
             for other in varying[: k + 1]
         ]
     return np.moveaxis(np.concatenate([*rows, log_weight], axis=-2), -2, 0)
+
+
+def _log_of_product(weight: FloatArray) -> FloatArray:
+    """Log of the products of weights (..., n, h) over the rows, (..., 1, h), without underflow."""
+    first = range(0, weight.shape[-2], _AT_ONCE)
+    parts = [np.prod(weight[..., i : i + _AT_ONCE, :], axis=-2, keepdims=True) for i in first]
+    return np.asarray(sum(map(np.log, parts)), float)
 
 
 @cache
@@ -135,7 +181,9 @@ def _lower_triangle(count: int) -> tuple[IntArray, IntArray]:
 def row_weights(whitener: FloatArray, extra: FloatArray) -> FloatArray:
     """Weights (..., n, h) of rows of W (..., n, n), their blocks having `extra` variance (n, h)."""
     diagonal = np.diagonal(whitener, axis1=-2, axis2=-1)
-    return np.asarray(1.0 / (1.0 + diagonal[..., None] ** 2 * extra), float)
+    weight = np.asarray(diagonal[..., None] ** 2 * extra, float)
+    weight += 1.0
+    return np.reciprocal(weight, out=weight)
 
 
 def whiten(whitener: FloatArray, column: FloatArray) -> FloatArray:

@@ -27,13 +27,17 @@ def log_distance_db(
     dx_m: _Metres, dy_m: _Metres, height_m: _Metres = 0.0, sigma_m: _Metres = 0.0
 ) -> FloatArray:
     """L = 10 log10 d in dB for horizontal offsets, shape of the broadcast arguments."""
-    squared_m2 = _squared_m2(dx_m, dy_m, height_m, sigma_m)
-    return np.asarray(5.0 * np.log10(np.maximum(squared_m2, MIN_DISTANCE_M**2)), float)
+    beyond_m2 = np.square(height_m) + 2.0 * np.square(sigma_m)
+    squared_m2 = np.asarray(np.square(dx_m) + np.square(dy_m) + beyond_m2, float)
+    np.maximum(squared_m2, MIN_DISTANCE_M**2, out=squared_m2)
+    distance_db = np.log10(squared_m2, out=squared_m2)
+    distance_db *= 5.0
+    return distance_db
 
 
 def distance_m(distance_db: FloatArray) -> FloatArray:
     """Distance d of a given L."""
-    return np.asarray(10.0 ** (0.1 * distance_db), float)
+    return np.asarray(np.exp(distance_db / DB_PER_E_FOLD), float)  # quicker than a power
 
 
 def level_dbm(p0_dbm: _Metres, eta: _Metres, distance_db: _Metres) -> FloatArray:
@@ -66,9 +70,11 @@ def position_slopes(
     return np.column_stack([slope * dx_m, slope * dy_m])
 
 
-def receiver_error_db(eta: float, sigma_m: FloatArray, distance_db: FloatArray) -> FloatArray:
-    """Standard deviation of the level that the receiver's position error causes, at a given L."""
-    return np.asarray(DB_PER_E_FOLD * eta * sigma_m * 10.0 ** (-0.1 * distance_db), float)
+def receiver_error_db2(eta: float, sigma_m: FloatArray, distance_db: FloatArray) -> FloatArray:
+    """Variance of the level that the receiver's position error causes, at a given L."""
+    by_square_m2 = np.exp((-2.0 / DB_PER_E_FOLD) * distance_db)  # 1 / d^2: a power takes longer
+    by_square_m2 *= np.square(DB_PER_E_FOLD * eta * sigma_m)
+    return np.asarray(by_square_m2, float)
 
 
 def log_distance(squared_m2: float) -> float:
@@ -88,8 +94,3 @@ def level_gradient(
     squared_m2 = max(dx_m * dx_m + dy_m * dy_m + beyond_m2, 1.0)
     slope = -DB_PER_E_FOLD * eta / squared_m2
     return slope * dx_m, slope * dy_m, -5.0 * log10(squared_m2), slope * slope * squared_m2
-
-
-def _squared_m2(dx_m: _Metres, dy_m: _Metres, height_m: _Metres, sigma_m: _Metres) -> FloatArray:
-    squared_m2 = np.square(dx_m) + np.square(dy_m) + np.square(height_m) + 2.0 * np.square(sigma_m)
-    return np.asarray(squared_m2, float)

@@ -4,7 +4,7 @@ from types import MappingProxyType
 
 import pytest
 
-from logger.core.baseline import HeardInSquare, KnownCell, NoBaseline, SquareHistory
+from logger.core.baseline import HeardInSquare, KnownCell, NotedBaseline, SquareHistory
 from logger.core.suspicion.rules import RULES
 from tests.kit.suspicion_walks import Walk, gsm
 
@@ -12,10 +12,11 @@ HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]
 GONE = gsm(50)
 
 
-class Earlier(NoBaseline):
+class Earlier(NotedBaseline):
     """Walks that heard the same cells in every square, `GONE` as often and as strong as said."""
 
     def __init__(self, n_walks=8, heard=8, gone_dbm=-65.0, home_dbm=0.0):
+        super().__init__()
         self.n_walks = n_walks
         cells = {reading.cell: reading.rssi_dbm + home_dbm for reading in HOME}
         self.cells = {
