@@ -19,10 +19,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from logger.baseline_file import BaselineFile
+from logger.baseline_store import BaselineStore
 from logger.core.runfile import RunWriter, convert_journal
 from logger.core.runfile.meta import RunMeta
 from logger.core.types import CellReading, Fix, Record, Scan
-from postproc.baseline.store import BaselineStore, add_runs
+from postproc.baseline.cli import add_runs
 
 N_SCANS, STEP_DEG = 300, 2.5e-5
 """Ten minutes at 1.4 m/s along a meridian, a scan each 2 s."""

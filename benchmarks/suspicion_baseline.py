@@ -7,10 +7,9 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.suspicion_logs import Log, read_log
 from logger.baseline_file import BaselineFile
+from logger.baseline_store import BaselineStore, WalkSummary, summarise_walk
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_sound_run
-from postproc.baseline.store import BaselineStore
-from postproc.baseline.walk_summary import WalkSummary, summarise_walk
 from postproc.interop.importing import import_walk
 
 ROUTES = ("ottawa_lacolyoc", "cork_driving", "cork_static")

@@ -14,12 +14,12 @@ import numpy as np
 
 from benchmarks.suspicion_baseline import baseline_of
 from benchmarks.suspicion_city import SimulatedCity, reading_of
+from logger.baseline_store import WalkSummary, summarise_walk
 from logger.core.baseline import Baseline
 from logger.core.runfile import read_sound_run
 from logger.core.suspicion.earlier_walks import FEWEST_WALKS
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.types import Record
-from postproc.baseline.walk_summary import WalkSummary, summarise_walk
 from tests.kit.runs import write_journal
 
 _GAIN_SIGMA_DB = 3.0

@@ -18,6 +18,7 @@ from logger.core.baseline import HeardInSquare, KnownCell, SquareHistory
 from logger.core.errors import RunFileError
 from logger.core.identities import FEWEST_SCANS
 from logger.core.latest import Latest
+from logger.core.live_settings import OFF, OWN
 from logger.sqlite_file import connect
 
 APPLICATION_ID = 0x43574241
@@ -27,6 +28,9 @@ UNKNOWN = -1
 """A channel number or code that no modem printed; NULL cannot be part of a key."""
 SCALE = 100
 """Sums of levels are stored in hundredths of a dB: integers do not depend on their order."""
+
+OWN_FILE = "own-baseline.db"
+"""Of the device itself, in the folder of its runs (`logger.own_baseline`)."""
 
 _MOST_KEPT = 128
 """Answers of each kind: the cells and squares around a walker."""
@@ -38,6 +42,17 @@ _HEAP_BYTES, _LONGEST_BYTES = 16 << 20, 64 << 10
 """What SQLite may use in the recorder, which has little memory, and of a value."""
 
 Answer = TypeVar("Answer")
+
+
+def configured_file(name: str, folder: Path) -> Path | None:
+    """The file of `LiveSettings.baseline`, with runs in `folder`; None for none.
+
+    The device's own begins with the end of its first run.
+    """
+    if name == OWN:
+        path = folder / OWN_FILE
+        return path if path.exists() else None
+    return None if name in {"", OFF} else Path(name)
 
 
 def bound_heap() -> None:
@@ -60,9 +75,13 @@ class BaselineFile:
         self._channels: Latest[Mapping[int, int]] = Latest(_MOST_KEPT)
         trust = self._all_rows("SELECT cell, note FROM trust ORDER BY cell")
         self._trust: dict[str, str] = dict(trust)
-        digests = [str(row[0]) for row in self._all_rows("SELECT digest FROM walk ORDER BY digest")]
-        self.n_walks = len(digests)
-        self.fingerprint = sha256(repr((digests, list(self._trust.items()))).encode()).hexdigest()
+        self.digests = [
+            str(row[0]) for row in self._all_rows("SELECT digest FROM walk ORDER BY digest")
+        ]
+        self.n_walks = len(self.digests)
+        self.fingerprint = sha256(
+            repr((self.digests, list(self._trust.items()))).encode()
+        ).hexdigest()
 
     def close(self) -> None:
         """Release the file."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pyproj.exceptions import ProjError
 
-from logger.baseline_file import BaselineFile, bound_heap
+from logger.baseline_file import BaselineFile, bound_heap, configured_file
 from logger.command_line import missing_library
 from logger.config import SiteConfig, load_config
 from logger.core.document import Document, Word, facts
@@ -90,8 +90,9 @@ def _site(config: SiteConfig) -> Iterator[Line]:  # noqa: C901 (one check after 
     for library in ("tornado", "segno"):
         if config.page.listen and find_spec(library) is None:
             yield Line("fail", "page", missing_library(library))
-    if config.live.baseline:
-        yield _baseline(Path(config.live.baseline))
+    path = configured_file(config.live.baseline, Path(config.run.directory).expanduser())
+    if path is not None:
+        yield _baseline(path)
     if config.live.streets:
         yield _streets(Path(config.live.streets))
     if config.live.most_cells > MOST_CELLS:

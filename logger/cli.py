@@ -17,6 +17,7 @@ from logger.command_line import (
     INPUT,
     PATH,
     SEED,
+    SITE_TOML,
     Program,
     json_option,
     late_modules,
@@ -32,9 +33,10 @@ from logger.page.cli import page, status
 
 with late_modules():
     from logger import config as site_file
+    from logger import own_baseline
     from logger import probe as probing
     from logger import simulate as simulation
-    from logger.core import document
+    from logger.core import document, identities, live_settings
     from logger.device import battery, clock, memory, notify, run_service, signals, startup
     from logger.drivers import registry, transcript
     from logger.drivers.reading import row_language as reading_rows
@@ -79,6 +81,7 @@ _SECTIONS = {
     "Prepare": ("probe", "check", "doctor"),
     "Record": ("run", "status", "page"),
     "Files": ("recover", "parse"),
+    "Earlier walks": ("learn", "forget", "trust"),
     "Try without hardware": ("simulate",),
 }
 
@@ -120,7 +123,65 @@ def run(config: Path, duration_s: float | None) -> None:
         begun = startup.begin_run(site, text, system_clock)  # before run_service, which is slow
         if begun.writer.is_durable:
             manager.alive()
-        print(run_service.run_service(site, begun, manager, system_clock, stop, duration_s))
+        learning = [sys.executable, "-m", "logger.cli", "learn", "--config", str(config)]
+        path = run_service.run_service(
+            site, begun, manager, system_clock, stop, duration_s, learning
+        )
+        print(path)
+
+
+config_option = click.option(
+    "--config",
+    "config_path",
+    type=PATH,
+    default=SITE_TOML,
+    show_default=True,
+    metavar="SITE.TOML",
+)
+
+
+def _own_folder(config_path: Path) -> Path:
+    """The folder whose runs teach the device."""
+    return startup.usable_folder(site_file.load_config(config_path)[0].run.directory)
+
+
+@program.command
+@config_option
+@json_option
+def learn(config_path: Path, *, as_json: bool) -> None:
+    """Make the device's baseline follow its runs, as the service does by itself."""
+    own_baseline.give_way()
+    site, _ = site_file.load_config(config_path)
+    folder = startup.usable_folder(site.run.directory)
+    changes = own_baseline.learn(folder, adds=site.live.baseline == live_settings.OWN)
+    content = dict(changes)
+    body = [f"{run}: {what}" for run, what in content.items()]
+    show(document.Document(content, body=body), as_json=as_json)
+
+
+@program.command
+@click.argument("run", metavar="RUN|all")
+@config_option
+@json_option
+def forget(run: str, config_path: Path, *, as_json: bool) -> None:
+    """Remove for good what a run has taught the device's baseline."""
+    n_runs = own_baseline.forget(_own_folder(config_path), run)
+    text = f"{n_runs} run{'s' * (n_runs != 1)} forgotten"
+    show(document.Document({"forgotten": n_runs}, body=[text]), as_json=as_json)
+
+
+@program.command
+@click.argument("cell", metavar="CELL")
+@click.argument("note", metavar="NOTE")
+@config_option
+@json_option
+def trust(cell: str, note: str, config_path: Path, *, as_json: bool) -> None:
+    """Trust a cell in the device's baseline, with a NOTE that says why."""
+    if identities.identity_of(cell) is None:
+        raise ConfigError(f"{cell!r} is no cell: mcc-mnc-area-cid is wanted, like 262-01-801-86355")
+    own_baseline.trust(_own_folder(config_path), cell, note)
+    content = {"cell": cell, "note": note}
+    show(document.Document(content, body=[f"{cell} is trusted: {note}"]), as_json=as_json)
 
 
 @program.command

@@ -10,7 +10,7 @@ from pathlib import Path
 from serial.tools import list_ports
 
 from logger.core.errors import DeviceError
-from logger.core.live_settings import SUSPICIOUS
+from logger.core.live_settings import OWN, SUSPICIOUS
 from logger.core.source_tables import GNSS_OF_MODEM
 from logger.device.port import Port
 from logger.device.sources import SOURCES
@@ -105,7 +105,7 @@ def propose_config(found: Iterable[PortReport], folder: Path | None = None) -> P
     run = ["[run]", f"directory = {_text(str(folder or usual_folder()))}"]
     if busy:
         run = [*(f"# {_comment(text)}" for text in busy), *run]
-    live = ["[live]", f"target = {_text(SUSPICIOUS)}"]
+    live = ["[live]", f"target = {_text(SUSPICIOUS)}", f"baseline = {_text(OWN)}"]
     parts = (run, *(table.lines for table in tables), *map(_further_modem, more), live)
     text = "\n\n".join("\n".join(lines) for lines in parts)
     return Proposal(text + "\n", "; ".join([*missing, *busy]))

@@ -13,10 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import sleep
 
-import numpy as np
-
 from logger.config import parse_config
-from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError
 from logger.core.runfile import Truth
 from logger.device.clock import ScaledClock
@@ -81,7 +78,8 @@ def simulate(
     walk = scenario(name, seed, duration_s, city_name)
     view = LiveView()
     if is_led:
-        walk = replace(walk, walk=GuidedWalk(walk.walk.waypoints, lambda: _goal(walk, view)))
+        led = GuidedWalk(walk.walk.waypoints, walk.world, lambda: view.goal)
+        walk = replace(walk, walk=led)
     clock = ScaledClock(speed)
     time = WalkTime(clock)
     well = [walk.modem(time.now_s, DIALECTS[each], k) for k, each in enumerate(modem_names)]
@@ -130,12 +128,6 @@ def _check_names(kind: str, names: Sequence[str], known: Collection[str]) -> Non
     for name in names:
         if name not in known:
             raise ConfigError(f"no {kind} is called {name!r}; known are: {', '.join(known)}")
-
-
-def _goal(walk: Scenario, view: LiveView) -> FloatArray | None:
-    """Where the arrow points, in metres of the simulated world."""
-    goal = view.goal
-    return None if goal is None else np.array(walk.world.to_local(goal.lat, goal.lon))
 
 
 @contextmanager

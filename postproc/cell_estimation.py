@@ -79,7 +79,8 @@ def _without_impossible_slope(located: CellResult, fit: BatchFit) -> CellResult:
         "the levels alone do not show a distance: least squares does not converge, "
         f"at a path loss exponent of {eta:.1f}"
     )
-    return replace(located, verdict="cannot tell", warnings=(why, *located.warnings))
+    reasons = (why, *located.warnings)
+    return replace(located, verdict="cannot tell", warnings=reasons, needed_m=None)
 
 
 def _converged_only(result: CellResult) -> CellResult:
@@ -132,7 +133,7 @@ def locate_cell(obs: Readings, prior: Prior, within_m: float = DESK_M) -> CellRe
     if why := too_few(obs, usable):
         return CellResult(obs.cell, len(obs), obs, "cannot tell", (why, *remarks), set_aside=spikes)
     posterior = locate(usable, prior)
-    verdict, reasons, _ = decide(posterior, usable, within_m=within_m)
+    verdict, reasons, _, needed_m = decide(posterior, usable, within_m=within_m)
     timing = timing_of(usable, prior.height_m)
     timing_check = None if timing is None else timing.check(posterior.squares)
     if timing_check and timing_check.warning:
@@ -146,6 +147,7 @@ def locate_cell(obs: Readings, prior: Prior, within_m: float = DESK_M) -> CellRe
         posterior=posterior,
         timing=timing_check,
         set_aside=spikes,
+        needed_m=needed_m,
     )
 
 

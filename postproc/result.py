@@ -54,7 +54,7 @@ from postproc.estimators.filters import FilterPath
 from postproc.estimators.least_squares import BatchFit, Loss
 from postproc.estimators.region_outline import geojson, outline
 from postproc.estimators.residuals import Residuals
-from postproc.plan import OnPlan, draw, new_axes, svg
+from postproc.notebook_plan import OnPlan, draw, new_axes, svg
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,7 +89,7 @@ class ObservedRun:
 
 @dataclass(frozen=True, slots=True)
 class RunShare:
-    """What a run contributes to a cell: `n` readings, and the offset of its modem.
+    """What a run contributes to a cell: `n` readings with a position, the offset of its modem.
 
     `run` is the index in `Result.runs`. `offset_db` is how much higher its modem reads than that of
     the first run that observed the cell; None where it could not be estimated.
@@ -130,11 +130,12 @@ class CellResult:
     not converge; their values are dropped. `heard_utc_ns` are the times of the first and the last
     reading in UTC, None where unknown. `set_aside` are levels that the readings before and
     after contradict; only the reference EKF and `residuals` use them. `error` is that of the
-    program which ended some of the work on the cell, None where none did.
+    program which ended some of the work on the cell, `needed_m` the radius that a location needs
+    where the region is wider; None otherwise.
 
-    Of several runs, `run_index` (n,) is the index in `Result.runs` of each reading of `obs`,
-    `shares` what each run contributed, and `without` the answer without one run, by its index;
-    empty unless two or more runs observed the cell.
+    `shares` is what each run contributed, `run_index` (n,) the index in `Result.runs` of each
+    reading of `obs`, and `without` the answer without one run, by its index; empty unless two or
+    more runs observed the cell.
     """
 
     cell: str
@@ -159,6 +160,7 @@ class CellResult:
     shares: tuple[RunShare, ...] = ()
     without: Mapping[int, "CellResult"] = field(default_factory=dict)
     error: str | None = None
+    needed_m: float | None = None
 
     @property
     def place(self) -> Place | None:
@@ -206,11 +208,8 @@ class CellResult:
 
     def answer(self, runs: Sequence[Run], word: Word | None = None) -> Answer:
         """The answer from the `runs` of the result, with the word of suspicion if it was asked."""
-        heard = [runs[share.run] for share in self.shares] or [
-            run for run in runs if np.any(run.named_readings["cell"] == self.cell.encode())
-        ]
         paths = None if self.obs is None else self._paths(self.obs.utm)
-        names = tuple(dict.fromkeys(run.path.name for run in heard))
+        names = tuple(dict.fromkeys(runs[share.run].path.name for share in self.shares))
         first_utc_ns, last_utc_ns = self.heard_utc_ns or (None, None)
         made_from = Provenance(self.n, first_utc_ns, last_utc_ns, self.n_scans, names, self.error)
         return answer_of(
@@ -233,7 +232,7 @@ class CellResult:
         warnings = (why.reason, *self.warnings)
         return CellResult(
             self.cell, self.n, None, "cannot tell", warnings, n_scans=self.n_scans,
-            heard_utc_ns=self.heard_utc_ns, error=why.error,
+            heard_utc_ns=self.heard_utc_ns, shares=self.shares, error=why.error,
         )  # fmt: skip
 
 
@@ -298,7 +297,8 @@ class Result:
 
     `warnings` are about the runs together; those about one run are in `runs`. `version` is that of
     the program that estimated. `words` are those of the cells where suspicion was asked, and
-    `not_asked` the rules that no run could serve, each with what was missing.
+    `not_asked` the rules that no run could serve, each with what was missing; `unnoticed` says what
+    none could see.
     """
 
     runs: tuple[ObservedRun, ...]
@@ -308,6 +308,7 @@ class Result:
     version: str = field(default_factory=program_version)
     words: Mapping[str, Word] = field(default_factory=dict)
     not_asked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    unnoticed: str = ""
 
     @property
     def answers(self) -> tuple[Answer, ...]:
@@ -397,7 +398,7 @@ class Result:
 
 
 _MOST_LINES, _MOST_ROWS, _MOST_DRAWN = 7, 12, 6
-_CAPTION = "<p>Grey: {}. Darker: most likely there (50 %). Lighter: surely there (95 %).</p>"
+_CAPTION = "<p>Grey: {}. Strong colour: most likely there (50 %). Faint: surely there (95 %).</p>"
 _NOTEBOOK_COLUMNS = (
     Column("no.", "d"),
     Column("cell"),
@@ -420,6 +421,6 @@ def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:
     """Warnings about the runs of these cells together."""
     if not cells:
         return ("no cell with an identity was observed",)
-    if n_runs > 1 and all(len(cell.shares) < 2 for cell in cells):
+    if n_runs > 1 and all(len({one.run for one in cell.shares if one.n}) < 2 for cell in cells):
         return ("no cell was observed in two of the runs: each answer is that of one run",)
     return ()

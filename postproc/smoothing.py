@@ -24,7 +24,7 @@ from postproc.multi_run import (
 )
 from postproc.processes import each
 from postproc.progress import Progress
-from postproc.result import CellResult, Options, Result, joint_warnings
+from postproc.result import CellResult, Options, Result, RunShare, joint_warnings
 from postproc.scan_counts import heard_utc_ns, joined_of, observed_cells, scans_of, too_rarely
 from postproc.walk import observe_run
 
@@ -48,11 +48,16 @@ def smooth_runs(
     `GeoError` for runs of several places, which `postproc.ground.by_place` tells apart.
     """
     check_different(runs)
+    asked = options
     n_readings, n_scans = observed_cells(runs, only), scans_of(runs)
     walks = map(observe_run, runs)
     paths = [run.path.name for run in runs]
     tracks = progress(walks, "smoothing", len(runs), paths) if progress else walks
     observed = in_one_zone(list(tracks))
+    walks_on_map = [one.observations.track for one in observed if one.observations]
+    if options.prior.area is not None and walks_on_map:
+        prior = replace(options.prior, area=options.prior.area.at(walks_on_map))
+        options = replace(options, prior=prior)
     certain = {cell for cell in n_readings if not too_rarely(n_scans[cell])}
     parts = parts_by_cell(observed, certain)
     places = {cell: places_of(of_cell) for cell, of_cell in parts.items()}
@@ -66,8 +71,9 @@ def smooth_runs(
         _with_counts(cell, part, places[cell.cell], n_scans[cell.cell], runs)
         for cell, part in zip(estimated, near, strict=True)
     ]
+    heard = [observed_cells([run], None) for run in runs]
     cells += [
-        without_position(cell, n, n_scans[cell])
+        without_position(cell, n, n_scans[cell], [i for i, own in enumerate(heard) if cell in own])
         for cell, n in n_readings.items()
         if cell not in parts
     ]
@@ -76,7 +82,7 @@ def smooth_runs(
         replace(cell, heard_utc_ns=cell.heard_utc_ns or utc_ns.get(cell.cell))
         for cell in _with_name_remarks(cells, runs)
     ]
-    return Result(observed, tuple(cells), joint_warnings(len(runs), cells), options)
+    return Result(observed, tuple(cells), joint_warnings(len(runs), cells), asked)
 
 
 def _with_counts(
@@ -114,13 +120,14 @@ def _with_name_remarks(cells: Sequence[CellResult], runs: Sequence[Run]) -> Iter
         yield replace(cell, warnings=remarks)
 
 
-def without_position(cell: str, n: int, n_scans: int) -> CellResult:
-    """Result of a cell that was observed too rarely, or without a position."""
+def without_position(cell: str, n: int, n_scans: int, heard: Sequence[int]) -> CellResult:
+    """Result of a cell that the runs `heard` too rarely, or without a position."""
     why = (
         too_rarely(n_scans)
         or f"none of its {n} reading{'s' * (n != 1)} has both a level and a position"
     )
-    return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans)
+    shares = tuple(RunShare(run, 0, None, None) for run in heard)
+    return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans, shares=shares)
 
 
 _WHAT = "its estimate"
@@ -138,7 +145,9 @@ def _cell_without_result(parts: Parts) -> CellResult:
 
 
 def _without_estimate(parts: Parts, why: Failure) -> CellResult:
-    return CellResult(why.cell, _n_readings(parts), None, "cannot tell", ()).after(why)
+    shares = tuple(RunShare(run, len(part), None, None) for run, part in parts.items())
+    n = _n_readings(parts)
+    return CellResult(why.cell, n, None, "cannot tell", (), shares=shares).after(why)
 
 
 def _n_readings(parts: Parts) -> int:

@@ -24,7 +24,6 @@ from logger.core.document import (
 from logger.core.ellipse import RADII, Ellipse, metres, radius_m
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.region import HALF, LEVEL
-from logger.core.locator.verdict import needed_radius
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.rivals import share_text
@@ -52,6 +51,7 @@ from postproc.truth import TruthCheck, truth_of
 _PLACE = ("lat", "lon", "r95_m", "r50_m", "drms_m")
 _PARAMETERS = ("p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
 _END = ("lat", "lon", "drms_m", *_PARAMETERS, "ellipse95")
+_PRIOR = tuple(one.name for one in fields(Prior) if one.name != "area")
 _NOISE = ("sigma_db", "decorrelation_m", "white_share")
 _STATISTICS = (
     "sigma_db",
@@ -130,6 +130,7 @@ class Summary(NamedTuple):
     runs: list[RunSummary]
     warnings: tuple[str, ...]
     rows: list[SummaryRow]
+    unnoticed: str
 
 
 def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Failure]]:
@@ -177,6 +178,8 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
     elif rows:
         overview, failures = _overview(rows)
         parts += overview
+    if summary.unnoticed:
+        parts += ["", summary.unnoticed]
     return Document(content, body=parts), failures
 
 
@@ -195,10 +198,11 @@ def _suspicion(row: SummaryRow) -> tuple[int, float]:
 
 
 def _words(conspicuous: Mapping[str, answers.Word], rows: Sequence[SummaryRow]) -> Iterator[Line]:
-    """Each conspicuous cell in a sentence."""
+    """Each conspicuous cell in a sentence, and what to do about those that are located."""
     for cell, word in conspicuous.items():
         why = "; ".join(strongest_reasons(word))
         yield Line((Word(cell, "bold"), " is ", Word(word.word), f": {why}."))
+    yield from map(Line, dict.fromkeys(row.answer.to_do for row in rows if row.answer.to_do))
     if rows and not conspicuous and all(row.answer.word for row in rows):
         cells = "The cell is not" if len(rows) == 1 else f"None of {len(rows)} cells is"
         yield Line(f"{cells} suspicious or unusual, by the rules that could be checked.")
@@ -236,7 +240,7 @@ def _overview(rows: Sequence[SummaryRow]) -> tuple[Parts, list[Failure]]:
         for row in rows
         for reason in (row.answer.reasons if row.error else ())
     ]
-    parts += _why_not([row.answer for row in shown if not row.error])
+    parts += _why_not([row for row in shown if not row.error])
     if truth := _truth_line(shown):
         parts += ["", truth]
     has_places = any(row.answer.verdict == "ambiguous" for row in shown)
@@ -258,15 +262,16 @@ def _is_dull(row: SummaryRow) -> bool:
     return answer.verdict == "cannot tell" and not answer.is_conspicuous and row.error is None
 
 
-def _why_not(answers: Sequence[Answer]) -> Parts:
+def _why_not(rows: Sequence[SummaryRow]) -> Parts:
     """Why cells are not located; of several places, which are in the table, where to walk."""
-    wide: list[str] = []
+    wide: list[float] = []
     others: list[tuple[str, str]] = []
-    for answer in answers:
+    for row in rows:
+        answer, needed_m = row.answer, row.result.needed_m
         if answer.verdict == "located" or not answer.reasons:
             continue
-        if radius := needed_radius(answer.reasons[0]):
-            wide.append(radius)
+        if needed_m is not None:
+            wide.append(needed_m)
         else:
             is_ambiguous = answer.verdict == "ambiguous" and len(answer.reasons) > 1
             others.append((answer.cell, answer.reasons[is_ambiguous]))
@@ -274,7 +279,7 @@ def _why_not(answers: Sequence[Answer]) -> Parts:
     if wide:
         cells = "1 cell is" if len(wide) == 1 else f"{len(wide)} cells are"
         narrow = "Levels from other sides, and nearer to the position, would tell more."
-        text = f"{cells} not located because 95 % do not lie within {wide[0]}. {narrow}"
+        text = f"{cells} not located because 95 % do not lie within {metres(wide[0])}. {narrow}"
         parts += ["", text]
     return [*parts, *([""] if others else []), *facts(others)]
 
@@ -411,6 +416,7 @@ def summarise(result: Result) -> Summary:
         [_run(observed, more) for observed in result.runs],
         result.warnings,
         [_row_or_why_not(cell, result) for cell in result.cells],
+        result.unnoticed,
     )
 
 
@@ -457,9 +463,11 @@ def json_form(
         "modes": place.modes if place else (),
         "region95": region_of(cell, LEVEL) if place else Region(),
         "region50": region_of(cell, HALF) if place else Region(),
-        **_fields(parameters, ("prior",)),
+        "prior": parameters and _fields(parameters.prior, _PRIOR),
         "alternatives": parameters.alternatives if parameters else (),
     }
+    if place is not None and place.area:
+        form["area"] = {"text": place.area, "outside_share": place.outside_share}
     if parameters is not None:
         form["noise"] = _fields(parameters, _NOISE)
     paths, ends = answer.paths or Paths({}, ()), {}
@@ -498,7 +506,7 @@ def json_form(
         form["timing"] = cell.timing._asdict()
     if len(runs) > 1:
         form["runs"] = made_from.runs
-        shares = [(runs[share.run].path, share) for share in cell.shares]
+        shares = [(runs[share.run].path, share) for share in cell.shares if share.n]
         form["offsets"] = [
             {"run": path} | _fields(share, ("n", "offset_db", "sigma_db")) for path, share in shares
         ]

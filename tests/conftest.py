@@ -6,12 +6,17 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from postproc import progress
+
 # set before numpy is imported: the matrices are small, so threads of BLAS would only wait
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # a slow example on a busy machine is not an error
 settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("unhurried")
+
+# short work stays silent however busy the machine is; tests compare what is written on stderr
+progress._SILENCE_S = 3600.0
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

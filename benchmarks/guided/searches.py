@@ -127,7 +127,7 @@ class _Walker:
         self._rng = rng
         self._tracker = LiveTracker(LiveSettings())
         self._view = LiveView()
-        self._walk = GuidedWalk(place.walk, self._goal)
+        self._walk = GuidedWalk(place.walk, world, lambda: self._view.goal)
         self._noise = GnssNoise()
         self._error_m = rng.normal(0.0, self._noise.wander_sigma_m, 2)
         self._has_rogue = has_rogue
@@ -194,10 +194,6 @@ class _Walker:
         readings = [_reading(air.serving, "serving")]
         readings += [_reading(one, "neighbour") for one in air.decoded_neighbours]
         return Scan(round(t_s * 1e9), tuple(readings))
-
-    def _goal(self) -> FloatArray | None:
-        goal = self._view.goal
-        return None if goal is None else np.array(self.world.to_local(goal.lat, goal.lon))
 
 
 def _reading(one: ReceivedCell, role: Role) -> CellReading:

@@ -78,7 +78,7 @@ def answer(world: World, walk: Walk, prior: Prior = PRIOR) -> Answer:
     """The locator's answer for a walk; raises `EstimationError`."""
     obs = observations(world, walk)
     found = locate(obs, prior)
-    verdict_text, _, division = decide(found, obs)
+    verdict_text, _, division, _ = decide(found, obs)
     return Answer(
         x_m=found.x_m,
         y_m=found.y_m,

@@ -29,6 +29,9 @@ _ROUGH_M = 1000.0
 """A place that is less sure is given to 0.01 degree, which is a kilometre."""
 
 
+CONSPICUOUS = ("suspicious", "unusual")
+"""Words of which an output speaks first, the worse first."""
+
 Ring = list[tuple[float, float]]
 """Longitude and latitude of each corner; the first is repeated at the end (RFC 7946)."""
 
@@ -110,17 +113,21 @@ class Position(OnMap, frozen=True, kw_only=True):
         return replace(super().in_short(), **radii)
 
 
-class Place(Position, frozen=True, kw_only=True):
+class Place(Position, frozen=True, kw_only=True, omit_defaults=True):
     """Where the transmitter may stand; the position shown is that of the first of the `modes`.
 
     The likeliest mode is first. `drms_m` is the root mean square distance from the position,
-    `area_m2` that of the smallest region with 95 %, `strongest` the strongest reading.
+    `area_m2` that of the smallest region with 95 %, `strongest` the strongest reading. All is true
+    only if the transmitter is in the `area`, where there is one; without it `outside_share` of the
+    probability is elsewhere.
     """
 
     drms_m: float
     area_m2: float
     modes: tuple[Mode, ...]
     strongest: StrongestReading
+    area: str = ""
+    outside_share: float | None = None
 
     @property
     def likely_modes(self) -> tuple[Mode, ...]:
@@ -185,7 +192,7 @@ class Word:
     @property
     def is_conspicuous(self) -> bool:
         """Unusual or suspicious."""
-        return self.word != "nothing unusual"
+        return self.word in CONSPICUOUS
 
 
 class PathEnd(OnMap, frozen=True, kw_only=True):
@@ -240,15 +247,27 @@ class Answer:
 
     @property
     def sentence(self) -> str:
-        """The word, the verdict, why, and where: live and at the desk the same."""
+        """The word and `verdict_sentence`: live and at the desk the same."""
         word = f"{self.word.word}; " if self.word is not None and self.is_conspicuous else ""
+        return f"{word}{self.verdict_sentence}"
+
+    @property
+    def verdict_sentence(self) -> str:
+        """The verdict, why, and where."""
         where = ""
         if self.place is not None:
             where = f"{self.place.where}, {radii_text(self.place.r50_m, self.place.r95_m)}"
+            where += f", if it is {self.place.area}" if self.place.area else ""
         if self.verdict == "located":
-            return f"{word}located at {where}"
+            return f"located at {where}"
         why = f": {self.reasons[0]}" if self.reasons else ""
-        return f"{word}{self.verdict}{why}{'; likeliest at ' if where else ''}{where}"
+        return f"{self.verdict}{why}{'; likeliest at ' if where else ''}{where}"
+
+    @property
+    def to_do(self) -> str:
+        """As `to_do_about`."""
+        word = "" if self.word is None else self.word.word
+        return to_do_about(self.verdict, word)
 
     @property
     def latitude_deg(self) -> float | None:
@@ -264,6 +283,14 @@ class Answer:
     def error(self) -> str | None:
         """That of the program which ended some of the work on the cell, None where none did."""
         return self.provenance.error
+
+
+def to_do_about(verdict: str, word: str) -> str:
+    """What to do about a cell with this word; empty unless it is conspicuous and located."""
+    if verdict != "located" or word not in CONSPICUOUS:
+        return ""
+    again = "Walk by on another day: two walks that agree are a finding."
+    return f"Go there and look, from afar. {again}"
 
 
 def answer_of(
@@ -312,6 +339,8 @@ def place_of(posterior: "Posterior") -> Place:
         strongest=StrongestReading(
             lat=strongest_lat, lon=strongest_lon, level_dbm=strongest.level_dbm.item()
         ),
+        area="" if posterior.prior.area is None else posterior.prior.area.text,
+        outside_share=posterior.outside_share,
     )
 
 

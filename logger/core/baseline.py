@@ -4,8 +4,9 @@ A `Baseline` answers from earlier walks: who was heard in a square of 300 m (`sq
 known of one cell (`cell`), which channels an operator uses (`channels`), and which cells the user
 trusts (`trust_note`). It answers the same for the same file, so what is derived live can be derived
 again.
-`logger.baseline_file` reads one from SQLite, `postproc.baseline` makes it; `NoBaseline` is that of
-a device without one.
+`logger.baseline_file` reads one from SQLite, `logger.baseline_store` makes it. A baseline changes
+with each run, so the live estimate records what it was told, as bytes of the source "live": its
+words can be repeated without the file.
 
 Levels are those of `CellReading.level_dbm`, as each modem printed them: two modems may differ by
 several dB. A level at the limit of the modem's scale counts as that level.
@@ -14,9 +15,20 @@ several dB. A level at the limit of the modem's scale counts as that level.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
+
+import msgspec
+import numpy as np
 
 from logger.core.squares import squares_within
+
+if TYPE_CHECKING:
+    from logger.core.runfile import Run
+
+READ, UNREADABLE = "baseline", "baseline-unreadable"
+"""Codes of the events: a baseline is read, and none is from now on."""
+FILE, SQUARE, CELL, CHANNELS, TRUST = "file", "square", "cell", "channels", "trust"
+"""Kinds of answers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +82,11 @@ class KnownCell:
     channels: frozenset[tuple[int | None, int | None]]
 
 
+_ANSWERS: Mapping[str, Any] = MappingProxyType(
+    {FILE: int, SQUARE: SquareHistory, CELL: KnownCell, CHANNELS: dict[int, int], TRUST: str}
+)
+
+
 class Baseline(Protocol):
     """Earlier walks. A cell that was named by one scan only is unknown, as on a walk."""
 
@@ -94,26 +111,64 @@ class Baseline(Protocol):
         """The user's note about a cell that is trusted; None if it is not."""
 
 
-class NoBaseline:
-    """Nothing is known: no baseline is configured, or it could not be read."""
+class NotedBaseline:
+    """What a live estimate was told, in lines as `noted` makes them; without lines nothing."""
 
-    n_walks = 0
-    fingerprint = ""
+    def __init__(self, text: bytes = b"") -> None:
+        self._answers: dict[str, dict[Any, Any]] = {kind: {} for kind in _ANSWERS}
+        for line in text.splitlines():
+            kind, key, answer = msgspec.json.decode(line)
+            known = self._answers[kind]  # a list is no key
+            known[tuple(key) if kind == CHANNELS else key] = msgspec.convert(
+                answer, _ANSWERS[kind], str_keys=True
+            )
+        ((self.fingerprint, self.n_walks),) = self._answers[FILE].items() or [("", 0)]
 
     def square(self, square: int) -> SquareHistory:
-        return SquareHistory(square)
+        return self._answers[SQUARE].get(square) or SquareHistory(square)
 
-    def cell(self, name: str) -> KnownCell | None:  # noqa: ARG002
-        return None
+    def cell(self, name: str) -> KnownCell | None:
+        return self._answers[CELL].get(name)
 
-    def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:  # noqa: ARG002
-        return MappingProxyType({})
+    def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
+        return self._answers[CHANNELS].get((mcc, mnc, rat), MappingProxyType({}))
 
-    def trust_note(self, name: str) -> str | None:  # noqa: ARG002
-        return None
+    def trust_note(self, name: str) -> str | None:
+        return self._answers[TRUST].get(name)
 
 
-NO_BASELINE = NoBaseline()
+NO_BASELINE = NotedBaseline()
+
+
+def noted(kind: str, key: Any, answer: Any) -> bytes:
+    """An answer as a line of JSON; empty for one that says nothing."""
+    is_empty = kind != FILE and not (answer.n_walks if kind == SQUARE else answer)
+    return b"" if is_empty else msgspec.json.encode((kind, key, answer), enc_hook=dict) + b"\n"
+
+
+def baseline_of(run: "Run") -> Baseline:
+    """The baseline as the live estimate of a run was told of it."""
+    try:
+        return NotedBaseline(_noted_in(run))
+    except (msgspec.MsgspecError, LookupError, TypeError, ValueError):  # no recorder of ours
+        return NO_BASELINE
+
+
+def has_whole_baseline(run: "Run") -> bool:
+    """Whether `baseline_of` answers as on the walk.
+
+    Not where the file failed on the way, nor for runs of versions that recorded no answers.
+    """
+    codes = run.tables["notes"]["code"]
+    is_read, has_failed = (bool(np.any(codes == code.encode())) for code in (READ, UNREADABLE))
+    return not is_read or (not has_failed and bool(_noted_in(run)))
+
+
+def _noted_in(run: "Run") -> bytes:
+    raw = run.tables["raw"]
+    rows = raw[raw["source"] == b"live"] if len(run.raw_bytes) else raw[:0]
+    spans = zip(rows["offset"].tolist(), rows["length"].tolist(), strict=True)
+    return b"".join(run.raw_bytes[start : start + n].tobytes() for start, n in spans)
 
 
 def squares_around(

@@ -18,7 +18,7 @@ from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME, Column
 from logger.core.column import columns_of as _stored
 from logger.core.types import Broadcast, CellReading, Fix, LiveEstimate, Note, Record, Scan, Value
 
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 OLDEST_DESCRIBED = 2
 """Oldest version whose rows are understood if a journal has lost its description."""
 
@@ -73,6 +73,7 @@ _TABLE_OF = {Fix: "fixes", Note: "notes", LiveEstimate: "live"}
 _ADDED_IN: Mapping[int, Mapping[str, frozenset[str]]] = {
     3: {"readings": frozenset({"identity_unsure"})},
     4: {"broadcasts": frozenset(column.name for column in TABLES["broadcasts"])},
+    5: {"readings": frozenset({"ta_16ts", "level_sd_db", "n_levels"})},
 }
 """Columns by the version that added them."""
 

@@ -33,6 +33,11 @@ _BINS = 24
 """Of a run, for its drift: each has the promptest sentences of some minutes."""
 _PROMPT = 90.0
 """Percentile of UTC minus arrival that stands for no delay: sentences come late, never early."""
+_LATE_S = 10.0
+"""A busy machine reads sentences late, most of all of a walk that is simulated faster than real;
+leap seconds are 18."""
+_IN_BIN = 10
+"""Pairs of which one came without delay, at the load of eight programs a core."""
 _MIDNIGHT_S = 3.0
 """A leap second happens at midnight UTC; so close to it a step may be real."""
 _DAY_S = 86_400
@@ -63,12 +68,15 @@ class TimeBase:
 def fit_run(origin: str, fixes: Rows) -> TimeBase | None:
     """As `fit` for the table `fixes` of a run; `origin` is the one in its description.
 
-    Times of an import are those of another program, of any year: the week counter does not apply.
+    Times of an import are those of another program, of any year and also without a position: the
+    week counter does not apply.
     An import without times has no UTC.
     """
     if not has_times(origin):
         return None
-    return fit(fixes["t_ns"], fixes["utc_ns"], fixes["valid"], any_year=is_import(origin))
+    is_of_program = is_import(origin)
+    valid = None if is_of_program else fixes["valid"]
+    return fit(fixes["t_ns"], fixes["utc_ns"], valid, any_year=is_of_program)
 
 
 def utc_clock(origin: str, fixes: Rows) -> Callable[[int], int | None]:
@@ -130,6 +138,8 @@ def _agreeing_pairs(
     if group is None or len(group) < AGREE_SHARE * len(thin):
         group = _group_after_leap(groups, thin_early_s, utc_ns[thin])
     if group is None:
+        group = _prompt_pairs(elapsed_s[thin], thin_early_s)
+    if group is None:
         return None
     line_s = np.interp(elapsed_s, elapsed_s[thin][group], thin_early_s[group])
     return np.asarray(np.abs(early_s - line_s) <= STEP_S)
@@ -162,6 +172,21 @@ def _group_after_leap(
     if is_most and is_long and is_after and not _is_midnight(int(utc_ns[begin])):
         return last
     return None
+
+
+def _prompt_pairs(elapsed_s: FloatArray, early_s: FloatArray) -> list[int] | None:
+    """The promptest pair of each part of a run, if they agree and the others only came late.
+
+    The parts are so short that any lasting step fills one.
+    """
+    if len(early_s) < _BINS * _IN_BIN:
+        return None
+    parts = np.array_split(np.arange(len(early_s)), _BINS)
+    prompt = [int(part[np.argmax(early_s[part])]) for part in parts]
+    drift_s = DRIFT_MOST * float(elapsed_s[-1] - elapsed_s[0])
+    agree = float(np.ptp(early_s[prompt])) <= STEP_S + drift_s
+    is_late = np.max(early_s) - early_s <= _LATE_S + drift_s
+    return prompt if agree and np.mean(is_late) >= AGREE_SHARE else None
 
 
 def _is_midnight(utc_ns: int) -> bool:

@@ -129,6 +129,13 @@ class CellReading:
     identity_unsure: Annotated[Flag, 0, "1 where a byte of the identity may be lost or doubled"] = (
         False
     )
+    ta_16ts: Annotated[Count, "timing advance of LTE, steps of 78.07 m"] = field(
+        default=None, kw_only=True
+    )
+    level_sd_db: Annotated[Real, "dB, scatter of the levels whose median this is"] = field(
+        default=None, kw_only=True
+    )
+    n_levels: Annotated[Count, "levels whose median this is"] = field(default=None, kw_only=True)
     broadcast: Broadcast | None = None
     more: Mapping[str, int | str | None] = field(default_factory=dict, hash=False)
 

@@ -14,14 +14,15 @@ import queue
 import threading
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from traceback import format_tb
 from typing import TYPE_CHECKING, Self
 
 from msgspec.structs import replace
 
 from logger.core.errors import error_place
-from logger.core.live_settings import FAILED, FOLLOW, RESTARTED, LiveSettings
-from logger.core.types import Level, Note, Record
+from logger.core.live_settings import FAILED, RESTARTED, LiveSettings
+from logger.core.types import Level, Note, RawBytes, Record
 from logger.device.link import Inbox
 from logger.device.live_view import LiveView, live_view
 
@@ -72,13 +73,19 @@ def _log_place(error: Exception) -> None:
 class Estimator:
     """Feeds records to the tracker that `make` returns, until `finish`.
 
-    `make` is called in the thread of the estimate, in which the files `baseline` and `streets` are
-    read too.
+    `make` is called in the thread of the estimate, in which the files that `settings` name are read
+    too; `folder` is that of the runs.
     """
 
-    def __init__(self, make: "Make", inbox: Inbox, baseline: str = "", streets: str = "") -> None:
+    def __init__(
+        self,
+        make: "Make",
+        inbox: Inbox,
+        settings: LiveSettings = LiveSettings(),  # noqa: B008 (frozen)
+        folder: Path = Path(),
+    ) -> None:
         self._make = make
-        self._baseline_name, self._streets_name = baseline, streets
+        self._settings, self._folder = settings, folder
         self._tracker: LiveTracker | None = None
         self._inbox = inbox
         self._waiting: queue.Queue[tuple[int, Record] | None] = queue.Queue(MOST_WAITING)
@@ -86,15 +93,15 @@ class Estimator:
         self._has_started = False
         self._n_failures, self._again_ns = 0, 0
         self._failure = ""
-        self._follow: tuple[int, Record] | None = None
+        self._asked: dict[str, tuple[int, Record]] = {}
         self._thread = threading.Thread(target=self._run, name="estimate", daemon=True)
         self._left_out: tuple[str, ...] = ()
         self._view = LiveView()
 
     @classmethod
-    def of(cls, settings: LiveSettings, inbox: Inbox) -> Self:
+    def of(cls, settings: LiveSettings, inbox: Inbox, folder: Path = Path()) -> Self:
         """The live estimate as it is configured."""
-        return cls(partial(live_tracker, settings), inbox, settings.baseline, settings.streets)
+        return cls(partial(live_tracker, settings), inbox, settings, folder)
 
     @property
     def view(self) -> LiveView:
@@ -144,7 +151,8 @@ class Estimator:
         from logger.device.live_baseline import LiveBaseline  # noqa: PLC0415 (numpy)
         from logger.device.live_streets import LiveStreets  # noqa: PLC0415 (numpy)
 
-        return LiveBaseline(self._baseline_name), LiveStreets(self._streets_name)
+        baseline = LiveBaseline(self._settings.baseline, self._folder)
+        return baseline, LiveStreets(self._settings.streets)
 
     def _made_ahead(self, baseline: "LiveBaseline", streets: "LiveStreets") -> "LiveTracker | None":
         """The first tracker, before there is a record; what fails here is tried again with one."""
@@ -158,8 +166,8 @@ class Estimator:
         self, seq: int, record: Record, baseline: "LiveBaseline", streets: "LiveStreets"
     ) -> None:
         """Estimate; after an exception not before the pause is over."""
-        if isinstance(record.value, Note) and record.value.code == FOLLOW:
-            self._follow = seq, record
+        if isinstance(record.value, Note):
+            self._asked[record.value.code] = seq, record
         if self._tracker is None and record.t_ns < self._again_ns:
             return
         try:
@@ -172,15 +180,18 @@ class Estimator:
             if note.level == "warning":
                 self._left_out = (*self._left_out, note.text)
             self._inbox.put(Record(record.t_ns, "live", note))
+        if lines := baseline.take_lines():
+            self._inbox.put(Record(record.t_ns, "live", RawBytes(lines)))
 
     def _begin(
         self, seq: int, record: Record, baseline: "LiveBaseline", streets: "LiveStreets"
     ) -> "LiveTracker":
-        """A new tracker, which knows what the walker follows."""
+        """A new tracker, which knows what the walker asked for."""
         tracker = self._make(baseline, streets)
         if self._failure:
-            if self._follow is not None and self._follow[0] != seq:
-                tracker.feed(*self._follow)
+            for earlier in self._asked.values():
+                if earlier[0] != seq:
+                    tracker.feed(*earlier)
             self._note(seq, record, "info", RESTARTED, "the live estimate has started again")
             self._failure = ""
         return tracker

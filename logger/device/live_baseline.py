@@ -1,39 +1,56 @@
 """The baseline on the device: it is only read, and an error never stops the recording.
 
 A file that is missing or damaged is one line in the log and one event in the run. From then on
-nothing is known of earlier walks, and rules that need them are not asked.
+nothing is known of earlier walks, and rules that need them are not asked. What it is asked is
+recorded (`NotedBaseline`).
 """
 
 import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from logger.baseline_file import BaselineFile, bound_heap
-from logger.core.baseline import Baseline, KnownCell, NoBaseline, SquareHistory
+from logger.baseline_file import BaselineFile, bound_heap, configured_file
+from logger.core.baseline import (
+    CELL,
+    CHANNELS,
+    FILE,
+    READ,
+    SQUARE,
+    TRUST,
+    UNREADABLE,
+    Baseline,
+    KnownCell,
+    NotedBaseline,
+    SquareHistory,
+    noted,
+)
 from logger.core.errors import RunFileError, error_place
+from logger.core.latest import Latest
 from logger.core.types import Note
 
 log = logging.getLogger(__name__)
 
-READ, UNREADABLE = "baseline", "baseline-unreadable"
-"""Codes of the events."""
+_MOST_NOTED = 10_000
+"""Questions of a walk; what is asked again after so many others is recorded again."""
 
 Answer = TypeVar("Answer")
 
 
 class LiveBaseline:
-    """A `Baseline` that answers whatever happens; `take_notes` has what is to be recorded.
+    """A `Baseline` that answers whatever happens; `take_notes` and `take_lines` are to be recorded.
 
-    Used in one thread, in which it must be made: that of the live estimate. An empty `name` is no
-    baseline.
+    Used in one thread, in which it must be made: that of the live estimate. `name` is that of
+    `LiveSettings.baseline`, and `folder` that of the runs.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, folder: Path = Path()) -> None:
         self._notes: list[Note] = []
-        self._baseline: Baseline = NoBaseline()
-        if name:
-            self._open(Path(name))
+        self._lines = b""
+        self._noted: Latest[None] = Latest(_MOST_NOTED)
+        self._baseline: Baseline = NotedBaseline()
+        if (path := configured_file(name, folder)) is not None:
+            self._open(path)
 
     @property
     def n_walks(self) -> int:
@@ -50,17 +67,23 @@ class LiveBaseline:
         notes, self._notes = self._notes, []
         return notes
 
+    def take_lines(self) -> bytes:
+        """Answers since the last call that were not given before."""
+        lines, self._lines = self._lines, b""
+        return lines
+
     def square(self, square: int) -> SquareHistory:
-        return self._ask(lambda baseline: baseline.square(square))
+        return self._ask(SQUARE, square, lambda baseline: baseline.square(square))
 
     def cell(self, name: str) -> KnownCell | None:
-        return self._ask(lambda baseline: baseline.cell(name))
+        return self._ask(CELL, name, lambda baseline: baseline.cell(name))
 
     def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
-        return self._ask(lambda baseline: baseline.channels(mcc, mnc, rat))
+        key = (mcc, mnc, rat)
+        return self._ask(CHANNELS, key, lambda baseline: baseline.channels(*key))
 
     def trust_note(self, name: str) -> str | None:
-        return self._ask(lambda baseline: baseline.trust_note(name))
+        return self._ask(TRUST, name, lambda baseline: baseline.trust_note(name))
 
     def _open(self, path: Path) -> None:
         try:
@@ -71,16 +94,21 @@ class LiveBaseline:
             return
         text = f"{path}: {self.n_walks} earlier walks, fingerprint {self.fingerprint}"
         self._notes.append(Note("info", READ, text))
+        self._lines += noted(FILE, self.fingerprint, self.n_walks)
 
-    def _ask(self, question: Callable[[Baseline], Answer]) -> Answer:
+    def _ask(self, kind: str, key: Any, ask: Callable[[Baseline], Answer]) -> Answer:
         try:
-            return question(self._baseline)
+            answer = ask(self._baseline)
         except Exception as error:  # noqa: BLE001
             self._give_up(error)
-            return question(self._baseline)
+            return ask(self._baseline)
+        if (question := f"{kind} {key}") not in self._noted and self.n_walks:
+            self._noted.put(question, None)
+            self._lines += noted(kind, key, answer)
+        return answer
 
     def _give_up(self, error: Exception) -> None:
-        self._baseline = NoBaseline()
+        self._baseline = NotedBaseline()
         why = str(error) if isinstance(error, RunFileError) else error_place(error)
         text = f"{why}; nothing is known of earlier walks"
         self._notes.append(Note("warning", UNREADABLE, text))

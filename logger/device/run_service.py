@@ -1,11 +1,14 @@
 """One run of the service: recorded with all outputs of its status, then finished."""
 
 import logging
+import subprocess
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from time import monotonic
 
 from logger.config import SiteConfig
+from logger.core.live_settings import OWN
 from logger.device.battery import BatteryWatch
 from logger.device.clock import Clock
 from logger.device.memory import give_back
@@ -24,11 +27,13 @@ def run_service(
     clock: Clock,
     stop: tuple[threading.Event, list[str]],
     duration_s: float | None,
+    learning: Sequence[str] = (),
 ) -> Path:
     """Record until a signal of `stop` or the end of the duration, and return the finished run.
 
     The watchdog is fed by this thread, and only while the recorder works. Under systemd another
-    unit recovers earlier runs, with a low priority; otherwise this does.
+    unit recovers earlier runs, with a low priority, and teaches them to the device; otherwise this
+    does, with the command `learning` in a process of its own.
     """
     give_back()
     ended, signals = stop
@@ -36,7 +41,10 @@ def run_service(
         battery = BatteryWatch(config.power, monotonic)
         service = Service(config, begun, clock, ended, battery=battery)
         service.start()
-        recovery = threading.Thread(target=recover_folder, args=(service.folder,), name="recovery")
+        teacher = list(learning) if config.live.baseline == OWN and not manager.is_present else []
+        recovery = threading.Thread(
+            target=_recover_and_learn, args=(service.folder, teacher), name="recovery"
+        )
         if not manager.is_present:
             recovery.start()
 
@@ -56,7 +64,25 @@ def run_service(
             run = service.stop(reason)
         if not manager.is_present:
             recovery.join()
+            _learn(teacher)
     return run
+
+
+def _recover_and_learn(folder: Path, learning: list[str]) -> None:
+    recover_folder(folder)
+    _learn(learning)
+
+
+def _learn(learning: list[str]) -> None:
+    """Teach finished runs to the device; what keeps it from that is for the log."""
+    if not learning:
+        return
+    # a Ctrl-C is for the recording; what it leaves undone the next start does
+    done = subprocess.run(  # noqa: S603
+        learning, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False
+    )
+    if done.returncode:
+        log.warning("the baseline is as it was: %s", done.stderr.strip()[-200:])
 
 
 def recover_folder(folder: Path) -> None:

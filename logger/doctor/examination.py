@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from logger.baseline_file import BaselineFile
+from logger.baseline_file import BaselineFile, configured_file
 from logger.check import check, site_config
 from logger.config import ModemSettings, SiteConfig
 from logger.core.errors import RunFileError
@@ -135,16 +135,17 @@ def _tests(
 
 
 def _run_lines(config: SiteConfig, run: Run) -> Iterator[Line]:
-    with closing_baseline(config.live.baseline) as baseline:
+    folder = Path(config.run.directory).expanduser()
+    with closing_baseline(configured_file(config.live.baseline, folder)) as baseline:
         yield from run_lines(run, sources=config.source, baseline=baseline)
     yield clock_line(run, wall_minus_boot_ns())
 
 
 @contextmanager
-def closing_baseline(path: str) -> Iterator[BaselineFile | None]:
+def closing_baseline(path: Path | None) -> Iterator[BaselineFile | None]:
     """Earlier walks, None without a readable file of them: `check` has a line about that."""
     try:
-        baseline = BaselineFile(Path(path)) if path else None
+        baseline = BaselineFile(path) if path else None
     except RunFileError:
         baseline = None
     try:

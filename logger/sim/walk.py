@@ -8,7 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
+from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray
+from logger.sim.world import World
 
 Waypoints = tuple[tuple[float, float], ...]
 
@@ -84,15 +86,17 @@ class Walk:
 
 
 class GuidedWalk(Walk):
-    """A walk that is led: `goal` is the place (2,) that the arrow points at now, None without one.
+    """A walk in a `world` that is led: `goal` is what the arrow points at now, None without one.
 
     Without an arrow it goes from one waypoint to the next, and from the last one to the first. Past
     a goal it goes straight on until there is another.
     """
 
-    def __init__(self, waypoints: Waypoints, goal: Callable[[], FloatArray | None]) -> None:
+    def __init__(
+        self, waypoints: Waypoints, world: World, goal: Callable[[], OnMap | None]
+    ) -> None:
         super().__init__(waypoints)
-        self._goal = goal
+        self._world, self._goal = world, goal
         self._next = 1
         self._lock = threading.Lock()
         self._steps_m = [np.asarray(waypoints[0], float)]
@@ -108,7 +112,8 @@ class GuidedWalk(Walk):
 
     def _step(self, step_m: float) -> FloatArray:
         before, here = self._steps_m[-2:][0], self._steps_m[-1]
-        goal = self._goal()
+        on_map = self._goal()
+        goal = None if on_map is None else np.array(self._world.to_local(on_map.lat, on_map.lon))
         if goal is None:
             aim = np.asarray(self.waypoints[self._next], float)
             if np.hypot(*(aim - here)) <= step_m:

@@ -1,6 +1,6 @@
 """The commands `postproc baseline ...`."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -10,9 +10,9 @@ from logger.core.errors import SOMETHING_LOST, ConfigError
 from postproc.options import runs_argument
 
 with late_modules():
+    from logger import baseline_store
     from logger.core import document, identities, utc
-    from postproc import progress
-    from postproc.baseline import store
+    from postproc import progress, read_ahead
 
 DEFAULT_NAME = "baseline.db"
 _DIGEST_SHOWN = 8
@@ -28,6 +28,17 @@ baseline_option: Callable[..., Callable[..., int | None]] = click.option(
     metavar="FILE",
     help="The baseline.",
 )
+
+
+def add_runs(
+    store: "baseline_store.BaselineStore", paths: Sequence[Path]
+) -> "Iterator[baseline_store.Added]":
+    """Add each run that is not in the baseline, and yield what became of it, in order.
+
+    Each run is durable when it is yielded. A run that cannot be read does not stop the others.
+    """
+    for path, outcome in read_ahead.read_ahead(paths, baseline_store.summarise_walk):
+        yield baseline_store.add_walk(store, path, outcome)
 
 
 @click.group(no_args_is_help=False)
@@ -48,8 +59,8 @@ def add(paths: Sequence[Path], target: Path, *, as_json: bool) -> int:
     A run that is in the baseline is not added again. One that was altered since it was sealed is
     not added. The exit code is 3 if a run could not be added.
     """
-    with store.BaselineStore(target, create=True) as kept:
-        work = store.add_runs(kept, paths)
+    with baseline_store.BaselineStore(target, create=True) as kept:
+        work = add_runs(kept, paths)
         names = [path.name for path in paths]
         results = list(progress.with_progress(work, "adding", len(paths), names))
         n_walks, n_cells = len(kept.walks()), kept.n_cells()
@@ -76,7 +87,7 @@ def add(paths: Sequence[Path], target: Path, *, as_json: bool) -> int:
 @json_option
 def list_walks(target: Path, *, as_json: bool) -> None:
     """Print the walks and the trusted cells."""
-    with store.BaselineStore(target) as kept:
+    with baseline_store.BaselineStore(target) as kept:
         walks, trust, n_cells = kept.walks(), kept.trusted_cells(), kept.n_cells()
     trusted = [{"cell": cell, "note": note} for cell, note in trust.items()]
     content = {"baseline": target, "cells": n_cells, "walks": walks, "trusted": trusted}
@@ -127,7 +138,7 @@ def trust(cell: str, note: str, target: Path, *, withdraw: bool, as_json: bool) 
         raise ConfigError(f"{cell!r} is no cell: mcc-mnc-area-cid is wanted, like 262-01-801-86355")
     if withdraw == bool(note):
         raise ConfigError("give a note that says why the cell is trusted, or --withdraw")
-    with store.BaselineStore(target) as kept:
+    with baseline_store.BaselineStore(target) as kept:
         if not withdraw:
             kept.trust(cell, note)
         elif not kept.distrust(cell):
@@ -146,7 +157,7 @@ def remove(walks: Sequence[str], target: Path, *, as_json: bool) -> None:
 
     WALK is a number or the beginning of a digest, as `list` prints them. Trusted cells stay.
     """
-    with store.BaselineStore(target) as kept:
+    with baseline_store.BaselineStore(target) as kept:
         chosen = {walk.id: walk for walk in map(kept.walk_of, walks)}
         kept.remove(list(chosen))
         n_left = len(kept.walks())

@@ -104,7 +104,7 @@ def next_walk(
     course = Course(None, np.zeros((0, 2)))
     best, *others = plans(forecaster, routes, course, has_map=True)
     distance_m = float(np.hypot(*(first_turn(best.route) - best.route.corner_m[0])))
-    verdict, reasons, _ = assess(posterior, obs, within_m=DESK_M)
+    verdict, reasons, *_ = assess(posterior, obs, within_m=DESK_M)
     return NextWalk(
         answer_of(obs.cell, verdict, reasons, Provenance(len(obs)), posterior),
         start,

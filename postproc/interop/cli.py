@@ -127,11 +127,12 @@ def export(
 @click.option(
     "--track",
     type=INPUT,
-    metavar="FILE.GPX",
-    help="Take the positions from this track, by time.",
+    metavar="FILE",
+    help="Take the positions from this GPX track, or from Rayhunter's file of positions, by time.",
 )
 @click.option("--zone", metavar="ZONE", help="Zone of local times, for example Europe/Berlin.")
 @click.option("--member", metavar="NAME", help="Only this file of a zip.")
+@click.option("--keep-name", is_flag=True, help="The run of a capture names the file.")
 @json_option
 def import_(
     source: Path,
@@ -142,13 +143,15 @@ def import_(
     zone: str | None,
     member: str | None,
     *,
+    keep_name: bool,
     as_json: bool,
 ) -> None:
     """Make a run from a recording of another program.
 
     FILE is recognised by its content; docs/guide/formats.md lists the formats. It may be
     compressed (.gz, .zip); of a zip with several files each becomes a run of its own, named after
-    it. Each level needs a position: its own, or that of --track at its time.
+    it. Each level needs a position: its own, or that of --track at its time. A capture of a modem
+    needs none, but then no cell is located.
     """
     atomic_write.check_writable(output)
     reading = importing.Reading(
@@ -156,13 +159,14 @@ def import_(
         columns=named_columns.columns_of(columns) if columns else {},
         track=track_file.read_track(track) if track else None,
         zone=track_file.zone_named(zone) if zone else None,
+        keep_name=keep_name,
     )
     sizes = decompression.members(source)
     if member is not None and member not in sizes:
         inside = f"it has {', '.join(list(sizes)[:5])}" if sizes else "it is no zip"
         raise ConfigError(f"{source} has no file {member!r}: {inside}")
-    if len(sizes) > 1 and member is None:
-        _import_all(source, output, sizes, reading, as_json=as_json)
+    if member is None and len(walks := importing.walks_in(sizes)) > 1:
+        _import_all(source, output, walks, reading, as_json=as_json)
         return
     imported = importing.import_walk(source, output, reading=reading, member=member)
     said = document.Document(
@@ -214,7 +218,10 @@ def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
     if imported.was_sorted:
         yield f"{source}: rows were out of order and have been sorted by time"
     for why, n in imported.other:
-        yield f"{imported.path}: left out: {n} rows, {why}"
+        what = f"{why}: {n} not read" if imported.sha256 else f"left out: {n} rows, {why}"
+        yield f"{imported.path}: {what}"
+    if imported.no_track:
+        yield f"{imported.path}: no positions: {imported.no_track}"
     for why, n in imported.no_level:
         yield f"{imported.path}: left out: {n} levels, {why}"
     if imported.n_unnamed:

@@ -9,12 +9,13 @@ from typing import Literal
 
 from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
+from logger.drivers.diag.frames import is_stream
 from logger.sqlite_file import SQLITE_MAGIC, open_database
 from postproc.interop import csv_table
 from postproc.interop.fields import Columns
 from postproc.interop.sighting import Row, parse_rows
 
-Kind = Literal["tables", "xml", "json", "text"]
+Kind = Literal["tables", "xml", "json", "text", "diag", "packets"]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _KINDS = {
@@ -28,6 +29,8 @@ _KINDS = {
     b"\xff\xfe": "text in UTF-16 (save it in UTF-8)",
     b"\xfe\xff": "text in UTF-16 (save it in UTF-8)",
 }
+PACKETS = (b"\x0a\x0d\x0d\x0a", b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1")
+"""How pcapng begins, then pcap with little and big-endian numbers and with nanoseconds."""
 _HEAD_BYTES = 65_536
 """Holds the first objects of any JSON and the root of any XML."""
 _KEY = re.compile(r'"(\w{1,60})"\s*:')
@@ -59,7 +62,8 @@ class Format:
 
     Without a name of times only the order of the rows counts. With `has_scans`, rows that follow
     each other at one time are one scan. What `is_general` comes after all others. Apps repeat
-    measurements when they export again, but for those that are `unrepeated`.
+    measurements when they export again, but for those that are `unrepeated`. Rows of a `capture` of
+    a modem have its clock and need no position.
     """
 
     name: str
@@ -69,6 +73,7 @@ class Format:
     has_scans: bool = False
     is_general: bool = False
     unrepeated: bool = False
+    capture: bool = False
 
 
 def of_columns(
@@ -110,6 +115,10 @@ def look_at(source: Path) -> Contents:
         return _tables(source)
     if head.startswith(_HDF5):
         raise RunFileError(f"{source} is HDF5: a run needs no import")
+    if head.startswith(PACKETS):
+        return Contents("packets", frozenset(), "", "network packets")
+    if is_stream(head):
+        return Contents("diag", frozenset(), "", "Qualcomm's diagnostic stream")
     start = head.lstrip(b"\xef\xbb\xbf \r\n\t")
     if not start or b"\0" in head or start.startswith(tuple(_KINDS)):
         raise unknown_format(source, _kind_of(start))

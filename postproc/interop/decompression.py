@@ -4,15 +4,15 @@ import errno
 import gzip
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
-from typing import IO
 
 from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
+from logger.drivers.diag.frames import is_stream
 from postproc.foreign_file import MOST_MEMBERS, most_unpacked_bytes
 from postproc.progress import with_count
 
@@ -81,8 +81,9 @@ def _files_of(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
 def plain_file(source: Path, member: str | None = None) -> Iterator[Path]:
     """The file itself, or a temporary copy of what is in a gzip file or of one file of a zip.
 
-    Without `member` the zip has to contain one file. Raises `RunFileError` for what cannot be read
-    or unpacked; errors raised meanwhile name the file and not the copy.
+    Without `member` the zip has to contain one file. Of a recording of a modem that was cut while
+    it was packed the begin counts. Raises `RunFileError` for what cannot be read or unpacked;
+    errors raised meanwhile name the file and not the copy.
     """
     head = _head(source)
     if not head.startswith((_GZIP, _ZIP)):
@@ -91,11 +92,12 @@ def plain_file(source: Path, member: str | None = None) -> Iterator[Path]:
     with TemporaryDirectory() as folder:
         copy = Path(folder) / source.name
         try:
-            with _open_archive(source, head, member) as packed, copy.open("wb") as plain:
-                for chunk in with_count(_chunks(packed, source), f"{source.name}: unpacking MB"):
+            with _open_archive(source, head, member) as read, copy.open("wb") as plain:
+                for chunk in with_count(_chunks(read, source), f"{source.name}: unpacking MB"):
                     plain.write(chunk)
         except (OSError, *_DAMAGE) as error:
-            raise _not_unpacked(source, error) from error
+            if not (isinstance(error, EOFError) and is_stream(_head(copy, _CHUNK))):
+                raise _not_unpacked(source, error) from error
         try:
             yield copy
         except RunFileError as error:
@@ -109,10 +111,10 @@ def _not_unpacked(source: Path, error: Exception) -> RunFileError:
     return RunFileError(f"{source} cannot be unpacked: {reason}")
 
 
-def _head(source: Path) -> bytes:
+def _head(source: Path, n_bytes: int = 4) -> bytes:
     try:
         with open_regular(source) as file:
-            return file.read(4)
+            return file.read(n_bytes)
     except OSError as error:
         raise RunFileError(f"{source}: {error.strerror}") from error
 
@@ -120,10 +122,10 @@ def _head(source: Path) -> bytes:
 @contextmanager
 def _open_archive(
     source: Path, head: bytes, member: str | None
-) -> Iterator[IO[bytes] | gzip.GzipFile]:
+) -> Iterator[Callable[[int], bytes]]:
     if head.startswith(_GZIP):
         with open_regular(source) as packed, gzip.GzipFile(fileobj=packed) as file:
-            yield file
+            yield file.read1  # of a file that was cut it gives what there is
         return
     with _open_zip(source) as archive:
         files = _files_of(archive)
@@ -132,13 +134,13 @@ def _open_archive(
         chosen = files[0] if member is None else archive.getinfo(member)
         if chosen.compress_type not in _PACKINGS:
             raise RunFileError(f"{source} is not packed by deflate: unpack it")
-        with archive.open(chosen) as file:
-            yield file
+        with archive.open(chosen) as member_file:
+            yield member_file.read
 
 
-def _chunks(packed: IO[bytes] | gzip.GzipFile, source: Path) -> Iterator[bytes]:
+def _chunks(read: Callable[[int], bytes], source: Path) -> Iterator[bytes]:
     size, most = 0, most_unpacked_bytes(source.stat().st_size)
-    while chunk := packed.read(_CHUNK):
+    while chunk := read(_CHUNK):
         size += len(chunk)
         if size > most:
             raise RunFileError(

@@ -1,11 +1,12 @@
 """A walk recorded by another program, made into a run."""
 
+import hashlib
 import pkgutil
 import re
 import secrets
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from importlib.metadata import version
@@ -16,6 +17,7 @@ from zoneinfo import ZoneInfo
 
 from logger.core.cell_names import channel_name
 from logger.core.errors import FieldLoggerError, GeoError, RunFileError
+from logger.core.foreign import open_regular
 from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
 from logger.core.reportable import range_dbm, reportable
 from logger.core.runfile import RunMeta, RunWriter, convert_journal, read_sound_run
@@ -31,11 +33,27 @@ from postproc.foreign_file import (
 )
 from postproc.interop import readers
 from postproc.interop.contents import Contents, Format, look_at, unknown_format
-from postproc.interop.decompression import plain_file
+from postproc.interop.decompression import members, plain_file
 from postproc.interop.fields import RATS
-from postproc.interop.readers import named_columns
-from postproc.interop.sighting import BadRow, NoCell, Remark, Row, Sighting, SightingFile
-from postproc.interop.track_file import GpsTrack, in_zone, on_track, with_position
+from postproc.interop.readers import named_columns, rayhunter
+from postproc.interop.readers.rayhunter import CLOCK_SET_NS
+from postproc.interop.sighting import (
+    REMARK,
+    BadRow,
+    NoCell,
+    Remark,
+    Row,
+    Sighting,
+    SightingFile,
+)
+from postproc.interop.track_file import (
+    MOST_APART_S,
+    GpsTrack,
+    in_zone,
+    on_track,
+    read_track,
+    with_position,
+)
 from postproc.progress import with_progress
 
 _SYNC_EVERY = 50_000
@@ -132,6 +150,8 @@ def _is_cell_list(seen: Contents) -> bool:
 
 _ROW_NS = 10**9
 """From row to row where only their order is known."""
+_CURRENT_NS = 10 * 10**9
+"""An older fix is not current at a scan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,6 +179,8 @@ class Imported:
     no_level: tuple[tuple[str, int], ...] = ()
     n_unnamed: int = 0
     no_clock: str | None = None
+    sha256: str | None = None
+    no_track: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,13 +188,16 @@ class Reading:
     """How to read a file: without `times` only the order of the rows counts.
 
     `columns` maps our names to those of a table, `track` gives positions by time, and `zone` is
-    that of a clock whose zone the file does not name.
+    that of a clock whose zone the file does not name. A capture loses its name, in which programs
+    write the number of a telephone, unless `keep_name`; `no_track` states why it has no positions.
     """
 
     times: bool = True
     columns: Mapping[str, str] = field(default_factory=dict)
     track: GpsTrack | None = None
     zone: ZoneInfo | None = None
+    keep_name: bool = False
+    no_track: str | None = None
 
 
 def import_walk(
@@ -190,24 +215,94 @@ def import_walk(
     right, or to spare data.
     """
     reading = reading or Reading(times)
+    if member is None and len(sizes := members(source)) > 1 and len(walks := walks_in(sizes)) == 1:
+        member = next(iter(walks))
     spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
     name = source if member is None else Path(f"{source}/{member}")
-    with closing(_sighting_file(target)) as sightings:
+    with closing(_sighting_file(target)) as sightings, ExitStack() as files:
         left = _Left()
-        with plain_file(source, member) as plain:
-            form = recognise(plain, reading.columns)
-            for read in _with_places(with_limit(form.read(plain), plain, "rows"), reading):
-                row = left.in_range(read)
-                if not isinstance(row, Sighting):
-                    left.take(row)
-                elif len(sightings) < MOST_READINGS:
-                    _append(sightings, row, target)
-                else:
-                    raise RunFileError(
-                        f"{name} has more than {MOST_READINGS:,} readings, the last in line "
-                        f"{row.line:,}: divide it into several files"
-                    )
-        return _write(name, target, form, sightings, left, reading)
+        plain = files.enter_context(plain_file(source, member))
+        if member is not None and member.endswith(_PACKED):
+            plain = files.enter_context(plain_file(plain))
+        form = recognise(plain, reading.columns)
+        rows: Iterable[Row]
+        if form.capture:
+            reading, rows = _capture(form.read(plain), source, member, reading, files)
+        else:
+            rows = _with_places(with_limit(form.read(plain), plain, "rows"), reading)
+        for read in rows:
+            row = left.in_range(read)
+            if not isinstance(row, Sighting):
+                left.take(row)
+            elif len(sightings) < MOST_READINGS:
+                _append(sightings, row, target)
+            else:
+                raise RunFileError(
+                    f"{name} has more than {MOST_READINGS:,} readings, the last in line "
+                    f"{row.line:,}: divide it into several files"
+                )
+        sha256 = _sha256(source) if form.capture else None
+        return _write(name, target, form, sightings, left, reading, sha256)
+
+
+_CAPTURE, _PACKED = (".qmdl", ".qmdl.gz"), ".gz"
+_ANALYSIS, *_POSITIONS = ".ndjson", "-gps.ndjson", ".pcapng"
+"""What Rayhunter's zip of a recording has beside it: its warnings; its positions, best first."""
+
+
+def _beside(names: Iterable[str], capture: str) -> dict[str, str]:
+    """Files of a zip that belong to a recording, by the end of their name."""
+    stem = capture.removesuffix(_PACKED).removesuffix(_CAPTURE[0])
+    ends = {f"{stem}{end}": end for end in (_ANALYSIS, *_POSITIONS)}
+    return {ends[name]: name for name in names if name in ends}
+
+
+def walks_in(sizes: Mapping[str, int]) -> dict[str, int]:
+    """Of the files in a zip, by their sizes, those that become a run each."""
+    captures = [name for name in sizes if name.endswith(_CAPTURE)]
+    beside = {name for one in captures for name in _beside(sizes, one).values()}
+    return {name: size for name, size in sizes.items() if name not in beside}
+
+
+def _capture(
+    rows: Iterable[Row], source: Path, member: str | None, reading: Reading, files: ExitStack
+) -> tuple[Reading, Iterator[Row]]:
+    """How to read a capture with what a zip has beside it, and its rows on one clock."""
+    beside = _beside(members(source), member) if member is not None else {}
+    if (analysis := beside.get(_ANALYSIS)) is not None:
+        warnings = rayhunter.read(files.enter_context(plain_file(source, analysis)))
+        rows = chain(rows, (row for row in warnings if isinstance(row, Remark)))
+    why = None
+    for end in _POSITIONS if reading.track is None else ():
+        if end in beside:
+            try:
+                reading = replace(reading, track=read_track(source, beside[end]), no_track=None)
+                break
+            except RunFileError as error:
+                why = why or str(error)
+                reading = replace(reading, no_track=why)
+    track = reading.track
+    return reading, _on_one_clock(rows, track.undated_shift_ns if track else None)
+
+
+def _on_one_clock(rows: Iterable[Row], shift_ns: int | None) -> Iterator[Row]:
+    """The same rows; those of before the modem's clock was set are moved to after it."""
+    for row in rows:
+        if shift_ns is not None and isinstance(row, Sighting) and row.fix.utc_ns is None:
+            t_ns = row.t_ns + shift_ns
+            yield replace(row, t_ns=t_ns, fix=replace(row.fix, utc_ns=t_ns))
+        elif shift_ns is not None and isinstance(row, Remark) and row.utc_ns < CLOCK_SET_NS:
+            yield replace(row, utc_ns=row.utc_ns + shift_ns)
+        else:
+            yield row
+
+
+def _sha256(source: Path) -> str:
+    try:
+        with open_regular(source) as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise RunFileError(f"{source}: {error.strerror}") from error
 
 
 def _sighting_file(target: Path) -> SightingFile:
@@ -231,22 +326,38 @@ def _write(
     sightings: SightingFile,
     left: "_Left",
     reading: Reading,
+    sha256: str | None,
 ) -> Imported:
-    if not left.n_levels and not (left.remarks and reading.track):
-        raise RunFileError(f"{name} has no usable row{left.reason}")
+    has_something = left.n_levels or (left.remarks and reading.track) or (sha256 and sightings)
+    if not has_something:
+        what = "no cell that its records name, and no level" if sha256 else "no usable row"
+        raise RunFileError(f"{name} has {what}{left.reason}")
     n_read = len(sightings)
     if not form.unrepeated:
         sightings.leave_out_repeated()
+    n_repeated = n_read - len(sightings)
     has_times = reading.times and bool(form.times)
-    was_sorted = has_times and sightings.sort_by_time()
-    no_clock = _why_no_clock(name, form, sightings) if has_times and sightings else None
+    was_sorted = has_times and sightings.sort_by_time() and not form.capture
+    no_clock, track, no_track = None, reading.track, None
+    if form.capture:
+        if n_undated := sightings.leave_out_before(CLOCK_SET_NS):
+            left.take(NoCell(0, "readings of before the modem's clock was set", n_undated))
+        if sightings and sightings.span_ns()[0] >= CLOCK_SET_NS:
+            dated = [one for one in left.remarks if one.utc_ns >= CLOCK_SET_NS]
+            if n_undated := len(left.remarks) - len(dated):
+                left.remarks = dated
+                why = "remarks and signals of before the modem's clock was set"
+                left.take(NoCell(0, why, n_undated))
+        track, no_track = _part_of_track(sightings, reading)
+    elif has_times and sightings:
+        no_clock = _why_no_clock(name, form, sightings)
     has_times = has_times and no_clock is None
     imported = Imported(
         target,
         form.name,
         len(sightings),
         left.n_other,
-        n_read - len(sightings),
+        n_repeated,
         tuple(left.bad),
         was_sorted,
         has_times,
@@ -256,15 +367,33 @@ def _write(
         left.no_level,
         left.n_unnamed,
         no_clock,
+        sha256,
+        no_track,
     )
-    origin = f"{IMPORT if has_times else IMPORT_WITHOUT_TIMES} {name.name}"
+    what = name.name
+    if sha256 is not None:
+        what = f"{what if reading.keep_name else 'a capture'}, SHA-256 {sha256}"
+    origin = f"{IMPORT if has_times else IMPORT_WITHOUT_TIMES} {what}"
     rows = with_progress(
         sightings if has_times else _without_times(sightings), "writing", len(sightings)
     )
     scans = scans_of(rows) if form.has_scans and has_times else ([row] for row in rows)
-    walk = _Walk(scans, left.remarks, reading.track)
-    write_run(target, meta_of(origin), lambda append: _fill(append, walk, imported), "imported")
+    walk = _Walk(scans, left.remarks, track)
+    fill = _fill_capture if form.capture and has_times else _fill
+    write_run(target, meta_of(origin), lambda append: fill(append, walk, imported), "imported")
     return imported
+
+
+def _part_of_track(sightings: SightingFile, reading: Reading) -> tuple[GpsTrack | None, str | None]:
+    """The track around the readings of a capture, or why it has none."""
+    if reading.track is None:
+        return None, reading.no_track or "it has none; --track adds those of a walk"
+    first_ns, last_ns = sightings.span_ns()
+    if last_ns < CLOCK_SET_NS:
+        return None, "the modem's clock was never set, so that no position has its time"
+    if (track := reading.track.part(first_ns, last_ns)) is None:
+        return None, f"the track has no points within {MOST_APART_S:.0f} s of it"
+    return track, None
 
 
 def _with_places(rows: Iterable[Row], reading: Reading) -> Iterator[Row]:
@@ -306,7 +435,7 @@ class _Left:
     def take(self, row: BadRow | NoCell | Remark) -> None:
         """Count a row; raises `RunFileError` for more remarks than a walk has."""
         if isinstance(row, NoCell):
-            self._other[row.why] += 1
+            self._other[row.why] += row.n
         elif isinstance(row, Remark):
             if len(self.remarks) == MOST_REMARKS:
                 raise RunFileError(f"line {row.line} is the {MOST_REMARKS:,}th with a remark")
@@ -382,14 +511,15 @@ def _why_no_clock(source: Path, form: Format, sightings: SightingFile) -> str | 
 
 def scans_of(sightings: Iterable[Sighting]) -> Iterator[list[Sighting]]:
     """Rows of each scan; of a cell that a scan has twice, the last one."""
-    for _, rows in groupby(sightings, key=lambda row: row.t_ns):
+    for _, rows in groupby(sightings, key=lambda row: (row.t_ns, row.receiver)):
         cells = {_cell_of(row): row for row in rows}
         yield list(cells.values())
 
 
 def _cell_of(row: Sighting) -> tuple[object, ...]:
     reading = row.reading
-    return reading.role, reading.rat, reading.cell, reading.arfcn, reading.bsic
+    codes = reading.bsic, reading.psc, reading.pci
+    return reading.role, reading.rat, reading.cell, reading.arfcn, *codes
 
 
 def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
@@ -399,7 +529,7 @@ def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
     for note in _notes(imported):
         append(Record(0, "import", note))
     for remark in walk.remarks:
-        note = Note("warning", "remark", _with_place(remark, walk.track))
+        note = Note("warning", REMARK, _with_place(remark, walk.track))
         append(Record(remark.utc_ns - start_ns, "import", note))
     if not first:
         return _fill_track(append, walk, start_ns)
@@ -412,6 +542,44 @@ def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
             last = (row.t_ns, row.fix)
             fix_seq = append(Record(t_ns, "import", row.fix))
         append(Record(t_ns, "import", Scan(t_ns, tuple(r.reading for r in rows), fix_seq, fix_seq)))
+    return t_ns
+
+
+def _fill_capture(append: Append, walk: _Walk, imported: Imported) -> int:
+    """As `_fill`, the fixes as a receiver beside the modem gave them; their time alone without one.
+
+    Between fixes the smoother knows how far a walker may be from the straight line.
+    """
+    first = next(walk.scans, [])
+    fixes = list(walk.track.fixes) if walk.track else []
+    start_ns = min([walk.start_ns(first), *((fix.utc_ns or 0) for fix in fixes[:1])])
+    for note in _notes(imported):
+        append(Record(0, "import", note))
+    for remark in walk.remarks:
+        note = Note("info", remark.code, remark.text)
+        if remark.code == REMARK:
+            note = Note("warning", remark.code, _with_place(remark, walk.track))
+        append(Record(max(remark.utc_ns - start_ns, 0), "import", note))
+    fixes.reverse()
+    latest: tuple[int, int] | None = None
+    t_ns = 0
+    for rows in chain([first] if first else [], walk.scans):
+        at_ns = rows[0].t_ns
+        t_ns = at_ns - start_ns
+        while fixes and (fixes[-1].utc_ns or 0) <= at_ns:
+            fix = fixes.pop()
+            utc_ns = fix.utc_ns or 0
+            latest = utc_ns, append(Record(utc_ns - start_ns, "import", fix))
+        if walk.track is None and rows[0].fix.utc_ns is not None:
+            append(Record(t_ns, "import", rows[0].fix))
+        is_current = latest is not None and at_ns - latest[0] <= _CURRENT_NS
+        fix_seq = latest[1] if latest is not None and is_current else None
+        scan = Scan(t_ns, tuple(row.reading for row in rows), fix_seq, fix_seq)
+        receiver = rows[0].receiver
+        append(Record(t_ns, f"import-{receiver}" if receiver else "import", scan))
+    for fix in reversed(fixes):
+        t_ns = (fix.utc_ns or 0) - start_ns
+        append(Record(t_ns, "import", fix))
     return t_ns
 
 
@@ -438,9 +606,12 @@ def _notes(imported: Imported) -> Iterator[Note]:
     if imported.was_sorted:
         yield Note("warning", "sorted", "rows were out of order and have been sorted by time")
     for why, n in imported.other:
-        yield Note("info", "no-cells", f"{n} rows were passed over: {why}")
+        what = f"{why}: {n} not read" if imported.sha256 else f"{n} rows were passed over: {why}"
+        yield Note("info", "no-cells", what)
     for why, n in imported.no_level:
         yield Note("info", "no-level", f"{n} levels were not read: {why}")
+    if imported.no_track:
+        yield Note("warning", "no-positions", f"no positions: {imported.no_track}")
     if imported.n_repeated:
         yield Note(
             "info", "repeated", f"{imported.n_repeated} rows repeat others and were left out"
@@ -466,6 +637,8 @@ def summary(imported: Imported) -> dict[str, object]:
         "sorted": imported.was_sorted,
         "times": imported.has_times,
         "no_clock": imported.no_clock,
+        "sha256": imported.sha256,
+        "no_positions": imported.no_track,
         "n_bad_rows": imported.n_bad,
         "bad_rows": [{"line": bad.line, "why": bad.why} for bad in imported.bad_rows],
     }

@@ -18,6 +18,8 @@ from logger.core.places import Places, Track, fix_sigma_m
 from logger.core.types import Broadcast, CellReading, Fix
 
 Fields = TypeVar("Fields")
+REMARK = "remark"
+"""Code of the note of a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,13 +27,15 @@ class Sighting:
     """One cell received at one position.
 
     `line` is the number of the line, row or record. `t_ns` gives the order in time; `fix.utc_ns` is
-    None where the file has no UTC, and `fix.valid` is False where it has no position.
+    None where the file has no UTC, and `fix.valid` is False where it has no position. `receiver`
+    tells the receivers of one modem apart.
     """
 
     line: int
     t_ns: int
     fix: Fix
     reading: CellReading
+    receiver: int = 0
 
     @property
     def lat_deg(self) -> float:
@@ -57,19 +61,24 @@ class BadRow:
 
 @dataclass(frozen=True, slots=True)
 class NoCell:
-    """A row about something else: Wi-Fi, Bluetooth, a technology without a 3GPP cell identity."""
+    """Rows about something else: Wi-Fi, Bluetooth, a technology without a 3GPP cell identity."""
 
     line: int
     why: str = "no cell"
+    n: int = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What another program noticed at a time, for example a warning; it has no level."""
+    """What another program noticed at a time, for example a warning; it has no level.
+
+    `code` is that of its note.
+    """
 
     line: int
     utc_ns: int
     text: str
+    code: str = REMARK
 
 
 Row = Sighting | BadRow | NoCell | Remark
@@ -130,13 +139,14 @@ class SightingFile:
         fix, reading = one.fix, one.reading
         broadcast = _VALUES_OF[Broadcast](reading.broadcast) if reading.broadcast else None
         known = _VALUES_OF[Fix](fix), _VALUES_OF[CellReading](reading), broadcast
-        data = marshal.dumps((one.line, one.t_ns, *known))
+        data = marshal.dumps((one.line, one.t_ns, *known, one.receiver))
         self._file.write(data)
         self._at.append(self._at[-1] + len(data))
         self._t_ns.append(one.t_ns)
         self._hashes.append(hash((one.t_ns, fix, reading)))
-        sigma_m = fix_sigma_m(fix.acc_m, fix.hdop, fix.quality)
-        self._place.extend((one.lat_deg, one.lon_deg, sigma_m))
+        if fix.valid:
+            sigma_m = fix_sigma_m(fix.acc_m, fix.hdop, fix.quality)
+            self._place.extend((one.lat_deg, one.lon_deg, sigma_m))
 
     def __len__(self) -> int:
         return len(self._t_ns if self._order is None else self._order)
@@ -160,6 +170,20 @@ class SightingFile:
                 keep[by_hash[i]] = False
         self._order = order[keep]
 
+    def leave_out_before(self, t_ns: int) -> int:
+        """Leave out those before a time if there are any after it; how many were left out."""
+        order = self._order_of_rows()
+        is_after = np.frombuffer(self._t_ns, np.int64)[order] >= t_ns
+        if not np.any(is_after):
+            return 0
+        self._order = order[is_after]
+        return int(np.count_nonzero(~is_after))
+
+    def span_ns(self) -> tuple[int, int]:
+        """First and last time of those that are left, at least one."""
+        t_ns = np.frombuffer(self._t_ns, np.int64)[self._order_of_rows()]
+        return int(t_ns.min()), int(t_ns.max())
+
     def sort_by_time(self) -> bool:
         """Sort them, those of one time as they came; whether they were out of order."""
         order = self._order_of_rows()
@@ -170,7 +194,7 @@ class SightingFile:
         return True
 
     def track(self) -> Track:
-        """Their positions, each once at a time; raises `GeoError` outside of UTM."""
+        """Positions, which all have, each once at a time; raises `GeoError` outside of UTM."""
         order = self._order_of_rows()
         t_ns = np.frombuffer(self._t_ns, np.int64)[order]
         place = np.frombuffer(self._place).reshape(-1, 3)[order]
@@ -193,8 +217,8 @@ class SightingFile:
     def _read(self, i: int) -> Sighting:
         self._file.seek(self._at[i])
         data = self._file.read(self._at[i + 1] - self._at[i])
-        line, t_ns, fix, reading, broadcast = marshal.loads(data)  # noqa: S302 (written above)
+        line, t_ns, fix, reading, broadcast, receiver = marshal.loads(data)  # noqa: S302 (written above)
         more = dict(zip(_READING, reading, strict=True))
         if broadcast is not None:
             more["broadcast"] = Broadcast(*broadcast)
-        return Sighting(line, t_ns, Fix(*fix), CellReading(**more))
+        return Sighting(line, t_ns, Fix(*fix), CellReading(**more), receiver)

@@ -1,4 +1,4 @@
-"""GPX tracks that give another log its positions.
+"""Tracks that give another log its positions: GPX, or what Rayhunter keeps beside a recording.
 
 Source: www.topografix.com/GPX/1/1.
 """
@@ -7,32 +7,42 @@ from bisect import bisect_left
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from itertools import pairwise
 from math import cos, hypot, radians
 from pathlib import Path
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from logger.core.errors import ConfigError, GeoError, RunFileError
+from logger.core.places import SIGMA_OF_RADIUS68, UNKNOWN_SIGMA_M
 from logger.core.types import Fix
 from postproc.foreign_file import MOST_READINGS, with_limit
 from postproc.interop import xml_file
 from postproc.interop.contents import look_at, unknown_format
 from postproc.interop.decompression import plain_file
 from postproc.interop.fields import fix_of, maybe, utc_ns_of
+from postproc.interop.readers import gsmtap, rayhunter
 from postproc.interop.sighting import BadRow, Row, Sighting
 
 MOST_APART_S = 60.0
 """Between points farther apart in time, a walker may have been anywhere in a block of houses."""
+_MOST_APART_NS = round(MOST_APART_S * 1e9)
 _DENSE_S = 10.0
 """Within this time a walker goes straight on, to the accuracy of a receiver."""
 _DETOUR = 0.25
 """Share of the distance between two points that their straight line may be wrong by."""
 _DEGREE_M = 111_200.0
+_CLOCK_SIGMA_S = 0.5
+"""Of a time that was joined with another clock by whole seconds."""
 
 
 class GpsTrack:
-    """Positions by UTC, of at least two points."""
+    """Positions by UTC, of at least two points.
 
-    def __init__(self, fixes: list[Fix]) -> None:
+    `undated_shift_ns` makes UTC of the times of a modem whose clock was not set, None if unknown.
+    """
+
+    def __init__(self, fixes: list[Fix], undated_shift_ns: int | None = None) -> None:
+        self.undated_shift_ns = undated_shift_ns
         self.fixes = sorted(
             (fix for fix in fixes if fix.utc_ns is not None), key=lambda fix: fix.utc_ns or 0
         )
@@ -50,21 +60,51 @@ class GpsTrack:
         share = (utc_ns - self._utc_ns[after - 1]) / 1e9 / gap_s
         return None if gap_s > MOST_APART_S else _between(first, last, share, utc_ns, gap_s)
 
+    def part(self, first_ns: int, last_ns: int) -> "GpsTrack | None":
+        """What of it is near a stretch of time; None if nothing is."""
+        begin = bisect_left(self._utc_ns, first_ns - _MOST_APART_NS)
+        end = bisect_left(self._utc_ns, last_ns + _MOST_APART_NS)
+        return GpsTrack(self.fixes[begin:end], self.undated_shift_ns) if end > begin else None
 
-def read_track(source: Path) -> GpsTrack:
-    """Track of a GPX file, also compressed.
 
-    Raises `RunFileError` for another file and for one without two points with a time.
+def read_track(source: Path, member: str | None = None) -> GpsTrack:
+    """Track of a GPX file, of the positions or of the packets of Rayhunter, also compressed.
+
+    Raises `RunFileError` for another file, for one without two points with a time, and for a place
+    that a person typed in.
     """
-    with plain_file(source) as plain:
+    with plain_file(source, member) as plain:
         seen = look_at(plain)
-        if not (seen.kind == "xml" and seen.has("gpx")):
+        shift_ns = None
+        if seen.kind == "xml" and seen.has("gpx"):
+            fixes = list(with_limit(_gpx_fixes(plain), plain, "points", MOST_READINGS))
+        elif seen.kind == "json" and seen.has("latest_packet_timestamp", "system_time"):
+            fixes, shift_ns = rayhunter.positions(plain)
+            fixes = _less_sure(fixes)
+        elif seen.kind == "packets":
+            fixes = _less_sure(gsmtap.positions(plain))
+        else:
             raise unknown_format(source, f"{seen.words}, which is no GPX track")
-        fixes = list(with_limit(_gpx_fixes(plain), plain, "points", MOST_READINGS))
-    track = GpsTrack(fixes)
+    track = GpsTrack(fixes, shift_ns)
     if len(track.fixes) < 2:
         raise RunFileError(f"{source} has no track: fewer than two points have a time")
+    if len({(fix.lat_deg, fix.lon_deg) for fix in track.fixes}) == 1:
+        raise RunFileError(f"{source} has one fixed position, which is no walk")
     return track
+
+
+def _less_sure(fixes: list[Fix]) -> list[Fix]:
+    """Fixes whose accuracy nobody states, less sure by what is walked in the error of a clock."""
+    fixes = sorted(fixes, key=lambda fix: fix.utc_ns or 0)
+    most_m = [0.0] * len(fixes)
+    for i, (one, other) in enumerate(pairwise(fixes)):
+        apart_s = ((other.utc_ns or 0) - (one.utc_ns or 0)) / 1e9
+        way_m = _distance_m(one, other) * min(_CLOCK_SIGMA_S / max(apart_s, 1.0), 1.0)
+        most_m[i], most_m[i + 1] = max(most_m[i], way_m), way_m
+    return [
+        replace(fix, acc_m=hypot(UNKNOWN_SIGMA_M, way_m) / SIGMA_OF_RADIUS68)
+        for fix, way_m in zip(fixes, most_m, strict=True)
+    ]
 
 
 def _gpx_fixes(source: Path) -> Iterator[Fix]:

@@ -25,6 +25,7 @@ from logger.core.ellipse import radii_text
 from postproc.atomic_write import kind_of, whole_file
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
+from postproc.notebook_plan import round_step
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import (
@@ -50,7 +51,6 @@ from postproc.pictures.survey import (
     survey_of,
     with_inset,
 )
-from postproc.plan import round_step
 from postproc.result import RTS, Result
 
 MOST_VECTORS = 400

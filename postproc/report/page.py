@@ -8,8 +8,8 @@ from math import inf
 from jinja2 import Template
 from markupsafe import Markup
 
-from logger.core.answer import Answer
-from logger.core.document import Column, Degrees, Document, Table, Value, Word
+from logger.core.answer import CONSPICUOUS, Answer
+from logger.core.document import Column, Degrees, Table, Value, Word
 from logger.core.ellipse import RADII, metres
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.rivals import share_text
@@ -23,7 +23,7 @@ from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.summary import estimator_table, run_table
-from postproc.suspicion.run_assessment import unnoticed_text
+from postproc.suspicion.signalling import signals_of, signals_table
 from postproc.verification.verdicts import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
@@ -69,7 +69,7 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class CellSection:
-    """A cell in detail: its number, answer, warnings that the answer lacks, and figures.
+    """A cell in detail: its number, answer, advice, warnings beside the answer, and figures.
 
     `word` is empty where suspicion was not asked. `reasons` and `harmless` causes, the weightiest
     first, and the `rate` of the word stand beside a word that says more than "nothing unusual";
@@ -78,7 +78,8 @@ class CellSection:
 
     number: int
     result: CellResult
-    answer: Document
+    sentence: str
+    advice: str
     findings: tuple[str, ...]
     places: tuple[Spot, ...]
     figures: tuple[PageFigure, ...]
@@ -97,7 +98,7 @@ class CellSection:
     @property
     def is_odd(self) -> bool:
         """Whether the page speaks of it first."""
-        return self.word in wording.ODD
+        return self.word in CONSPICUOUS
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,12 +152,13 @@ def cell_section(
 ) -> CellSection:
     """A cell of runs with its answer and figures; the number identifies it on the page."""
     word = answer.word.word if answer.word else ""
-    said = wording.headline(result, word)
-    answered = " ".join(map(str, said.body)).lower()
+    said, advice = wording.sentence(answer.verdict_sentence), wording.advice(answer, result)
+    answered = f"{said} {advice}".lower()
     section = CellSection(
         number=number,
         result=result,
-        answer=said,
+        sentence=said,
+        advice=advice,
         findings=tuple(text for text in result.warnings if text.lower() not in answered),
         places=tuple(_places(result, streets)),
         figures=tuple(_page_figure(f"cell-{number}-{figure.name}", figure) for figure in figures),
@@ -181,8 +183,8 @@ def cell_section(
 
 def section_without_details(number: int, result: CellResult) -> CellSection:
     """A cell whose details could not be made: the reason."""
-    answer = Document(result, "No details", body=[result.warnings[0]])
-    return CellSection(number, result, answer, (), (), (), _NO_TABLE, _NO_TABLE)
+    why = wording.sentence(f"no details: {result.warnings[0]}")
+    return CellSection(number, result, why, "", (), (), (), _NO_TABLE, _NO_TABLE)
 
 
 def _places(result: CellResult, streets: Streets) -> Iterator[Spot]:
@@ -222,7 +224,7 @@ def html(
         heading=wording.heading(result),
         located=wording.located_text(result.cells),
         top=cells[0] if cells and cells[0].is_odd else None,
-        unnoticed=unnoticed_text(result.not_asked) if result.words else "",
+        unnoticed=result.unnoticed,
         has_suspicious=any(word.word == "suspicious" for word in result.words.values()),
         details=cells,
         cells=result.cells,
@@ -234,8 +236,14 @@ def html(
         cell_map=_page_figure(cell_map.name, cell_map) if cell_map else None,
         runs=runs,
         claims=verified or _NO_CLAIMS,
+        signalling=_signalling(result),
         program=f"cellwalk {result.version}",
     )
+
+
+def _signalling(result: Result) -> Table | None:
+    listed = signals_of([observed.run for observed in result.runs])
+    return signals_table(listed) if listed else None
 
 
 def _strongest_counts(runs: Sequence[RunSection]) -> dict[str, CellCount]:

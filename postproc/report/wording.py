@@ -3,45 +3,36 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from logger.core.answer import Mode, Place
-from logger.core.document import Document
-from logger.core.ellipse import metres, radii_text
+from logger.core.answer import Answer, Mode, Place
+from logger.core.ellipse import metres
 from logger.core.guidance.sentence import direction
 from postproc.result import CellResult, Result
 
-_MOST_POSITIONS = 4
-"""Positions of an ambiguous cell that its answer lists; the plan shows all."""
-ODD = ("suspicious", "unusual")
-"""Words of which a page speaks first."""
-SEARCH = "Go there and look, from afar. Walk by on another day: two walks that agree are a finding."
-"""What to do about a cell with such a word that is located."""
 _LONGEST_WALK_M = 5000.0
 """An hour's walk: towards a position less certain than this no walk is advised."""
 
 
-def headline(cell: CellResult, word: str = "") -> Document:
-    """What the walk shows about a cell: title, a sentence, and what to do where there is more.
+def advice(answer: Answer, cell: CellResult) -> str:
+    """What to do: the locator's advice where several positions fit, else the likeliest walk.
 
-    A cell with the word *suspicious* or *unusual* is searched once it is located.
+    About a located cell what `Answer.to_do` says, which may be nothing.
     """
-    place = cell.place
-    if place is None or cell.verdict == "cannot tell":
-        reason = cell.warnings[0] if cell.warnings else "the readings do not determine a position"
-        return _headline(cell, "No position yet", sentence(reason), _advice(cell))
-    if cell.verdict == "located":
-        radii = radii_text(place.r50_m, place.r95_m)
-        text = f"Around {where_text(place)}."
-        return _headline(cell, f"Located: {radii}", text, SEARCH if word in ODD else None)
-    modes = place.likely_modes
-    shares = [f"{mode.percent}% at {where_text(mode)}" for mode in modes]
-    more = len(modes) - _MOST_POSITIONS
-    listed = ", ".join(shares[:_MOST_POSITIONS]) + (f" and {more} more" if more > 0 else "")
-    text = f"The levels fit several positions: {listed}."
-    return _headline(cell, f"{len(modes)} positions fit", text, _advice(cell))
-
-
-def _headline(cell: CellResult, title: str, text: str, advice: str | None = None) -> Document:
-    return Document(cell, title, body=[text, *filter(None, [advice])])
+    if answer.verdict == "located":
+        return answer.to_do
+    if answer.verdict == "ambiguous":
+        return sentence(cell.warnings[1]) if len(cell.warnings) > 1 else ""
+    posterior, place, obs = cell.posterior, cell.place, cell.obs
+    if posterior is None or place is None or obs is None or not len(obs):
+        return "Walk where this cell is received, with a position fix, and turn a corner or two."
+    if posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
+        return "The levels do not show the distance yet: walk to where they are clearly higher."
+    last, shown = obs.places[-1], posterior.place
+    way_m = shown.xy_m[:, 0] - last.xy_m[:, 0]
+    way = f"{metres(shown.away_m(last))} {direction(way_m)}"
+    return (
+        f"Walk around the most likely position, {where_text(place)}, {way} of the last reading "
+        "of this cell."
+    )
 
 
 def heading(result: Result) -> str:
@@ -93,24 +84,6 @@ def duration_text(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
     return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60:02} min"
-
-
-def _advice(cell: CellResult) -> str | None:
-    """The locator's advice where several positions fit, else the most informative walk."""
-    if cell.verdict == "ambiguous":
-        return sentence(cell.warnings[1]) if len(cell.warnings) > 1 else None
-    posterior, place, obs = cell.posterior, cell.place, cell.obs
-    if posterior is None or place is None or obs is None or not len(obs):
-        return "Walk where this cell is received, with a position fix, and turn a corner or two."
-    if posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
-        return "The levels do not show the distance yet: walk to where they are clearly higher."
-    last, shown = obs.places[-1], posterior.place
-    way_m = shown.xy_m[:, 0] - last.xy_m[:, 0]
-    way = f"{metres(shown.away_m(last))} {direction(way_m)}"
-    return (
-        f"Walk around the most likely position, {where_text(place)}, {way} of the last reading "
-        "of this cell."
-    )
 
 
 def sentence(text: str) -> str:

@@ -24,11 +24,11 @@ from postproc.options import (
 )
 
 with late_modules():
+    from logger import baseline_store as store
     from logger.core import document, places
     from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, progress
     from postproc import result as estimation
-    from postproc.baseline import store
     from postproc.comparison import report as comparing
     from postproc.guidance import next_walk
     from postproc.survey import dataset, intake, layers, location, scheduling, tasks

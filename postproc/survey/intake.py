@@ -6,9 +6,9 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from logger.baseline_store import CONTRADICTION
 from logger.core.errors import FieldLoggerError, RunFileError
 from logger.core.runfile import Run, read_sound_run, sealing_of
-from postproc.baseline.store import CONTRADICTION
 from postproc.interop.importing import import_walk
 from postproc.read_ahead import outcome_of, read_ahead
 from postproc.survey.dataset import Survey

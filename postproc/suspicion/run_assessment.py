@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 from math import log
 from typing import Any, Final, NamedTuple, TypeVar
 
-from logger.core.baseline import NO_BASELINE, Baseline
-from logger.core.document import Document, Line, Word, html_text, terminal_lines
+from logger.core.baseline import NO_BASELINE, Baseline, baseline_of
+from logger.core.document import Column, Document, Line, Table, Word, html_text, terminal_lines
 from logger.core.identities import identity_of
 from logger.core.runfile import Run
-from logger.core.suspicion.rule import Evidence, Finding, Rate, Rule
+from logger.core.suspicion.rule import Evidence, Finding, Need, Rate, Rule
 from logger.core.suspicion.rules import RULES
-from logger.core.suspicion.tracker import SuspicionTracker
+from logger.core.suspicion.tracker import Capabilities, SuspicionTracker
 from logger.core.suspicion.words import (
     Assessment,
     assess,
@@ -19,8 +19,11 @@ from logger.core.suspicion.words import (
     false_alarms_per_hour,
     reason_line,
     sentences,
+    unnoticed_text,
     word_rate_text,
 )
+from logger.drivers.family import having
+from logger.drivers.registry import FAMILIES
 from postproc.cell_work import Failure, failure
 from postproc.ground import SEVERAL, HeardIn, several_evidence, several_text
 from postproc.progress import Progress
@@ -166,7 +169,8 @@ class Suspicions:
     """The most suspicious cell first.
 
     `start_ns` is when the run of a finding began, by its `id`. `not_asked` has each rule that no
-    run could serve, with what was missing. `failures` are the cells for which a rule failed, each
+    run could serve, with what was missing, `earlier_walks` their number on the ground of the run
+    with the fewest. `failures` are the cells for which a rule failed, each
     once; without a cell the name is empty.
     """
 
@@ -174,6 +178,12 @@ class Suspicions:
     start_ns: dict[int, int]
     not_asked: dict[str, tuple[str, ...]]
     failures: dict[str, Failure]
+    earlier_walks: int = 0
+
+    @property
+    def unnoticed(self) -> str:
+        """What no rule could see."""
+        return unnoticed_text(self.not_asked, self.earlier_walks)
 
     def __repr__(self) -> str:
         said = [f"{cell.cell} is {cell.word}" for cell in self.cells if cell.is_conspicuous]
@@ -204,14 +214,16 @@ def assess_runs(
 ) -> Suspicions:
     """Apply all rules to each run; findings of one cell in several runs count together.
 
-    `several` are the identities that other places name too.
+    Without a `baseline` each run is compared with what was known of earlier walks as it was
+    recorded. `several` are the identities that other places name too.
     """
-    baseline = baseline or NO_BASELINE
+    told = {id(run): baseline or baseline_of(run) for run in runs}
     findings: dict[str, list[Finding]] = {}
     start_ns: dict[int, int] = {}
     not_asked: list[dict[str, tuple[str, ...]]] = []
+    earlier_walks: list[int] = []
     failures: dict[str, Failure] = {}
-    checked: Iterable[SuspicionTracker] = (track(run, baseline) for run in runs)
+    checked: Iterable[SuspicionTracker] = (track(run, told[id(run)]) for run in runs)
     if progress is not None:
         names = [run.path.name for run in runs]
         checked = progress(checked, "checking", len(names), names)
@@ -223,18 +235,20 @@ def assess_runs(
             findings.setdefault(cell.cell, []).extend(cell.findings)
             start_ns |= {id(finding): run.meta.started_ns for finding in cell.findings}
         not_asked.append(tracker.capabilities.not_asked(ALL_RULES))
+        earlier_walks.append(tracker.earlier_walks)
     for finding in findings_at_desk([_in_several_places], several):
         if finding.cell in findings:
             findings[finding.cell].append(finding)
     if database is not None:
         desk = _Desk(runs, list(findings), database, progress)
         for finding in findings_at_desk(DATABASE_RULES, desk):
-            if finding.cell in findings and baseline.trust_note(finding.cell) is None:
+            is_trusted = any(one.trust_note(finding.cell) is not None for one in told.values())
+            if finding.cell in findings and not is_trusted:
                 findings[finding.cell].append(finding)
     cells = by_word([assess(name, found) for name, found in findings.items()])
     everywhere = set(not_asked[0]).intersection(*not_asked)
     missing = {rule: needs for rule, needs in not_asked[0].items() if rule in everywhere}
-    return Suspicions(tuple(cells), start_ns, missing, failures)
+    return Suspicions(tuple(cells), start_ns, missing, failures, min(earlier_walks))
 
 
 def track(run: Run, baseline: Baseline = NO_BASELINE) -> SuspicionTracker:
@@ -288,6 +302,7 @@ def conspicuous_first(
         warnings=warnings,
         words=words,
         not_asked=suspicions.not_asked,
+        unnoticed=suspicions.unnoticed,
     )
     return result, tuple(rank)
 
@@ -306,10 +321,7 @@ def _conspicuous(suspicions: Suspicions, among: Collection[str]) -> list[Assessm
     return [cell for cell in suspicions.cells if cell.is_conspicuous and cell.cell in among]
 
 
-_NEVER = (
-    "A word is no accusation: it is a reason to walk there. Telephones in cars gave the rates; a "
-    "cell that copies another in everything stays unnoticed."
-)
+_NEVER = "A word is no accusation: it is a reason to walk there."
 
 
 def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
@@ -329,7 +341,13 @@ def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
         }
         for cell in suspicions.cells
     ]
-    content = {"cells": cells, "not_asked": suspicions.not_asked, "errors": errors}
+    content = {
+        "cells": cells,
+        "not_asked": suspicions.not_asked,
+        "earlier_walks": suspicions.earlier_walks,
+        "unnoticed": suspicions.unnoticed,
+        "errors": errors,
+    }
     return Document(content, body=_lines(suspicions, details=details))
 
 
@@ -359,6 +377,7 @@ def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
         yield "no cell was named by two scans"
     if suspicions.not_asked:
         yield f"not checked, as these were missing: {not_asked_text(suspicions, details=details)}"
+    yield suspicions.unnoticed
     yield _NEVER
 
 
@@ -372,26 +391,6 @@ def not_asked_text(suspicions: Suspicions, *, details: bool) -> str:
     return ", ".join(
         dict.fromkeys(need for needs in suspicions.not_asked.values() for need in needs)
     )
-
-
-_NEEDED = {
-    "timing advance": "timing advances",
-    "C1 and C2": "reselection offsets",
-    "second technology": "a second technology",
-    "cell database": "a database of cells",
-}
-"""Needs of rules as they stand in a sentence."""
-
-
-def unnoticed_text(not_asked: Mapping[str, Sequence[str]]) -> str:
-    """What no rule could see in runs that could not serve these."""
-    missing = dict.fromkeys(need for needs in not_asked.values() for need in needs)
-    needs = [_NEEDED.get(need, need) for need in missing]
-    unseen = "a cell that copies another in everything"
-    if needs:
-        listed = " or ".join(filter(None, (", ".join(needs[:-1]), needs[-1])))
-        unseen += f", and one that only {listed} would betray: this walk has none of them"
-    return f"Would have gone unnoticed: {unseen}."
 
 
 def reason_text(suspicions: Suspicions, finding: Finding) -> str:
@@ -419,6 +418,42 @@ def _content(suspicions: Suspicions, finding: Finding) -> Mapping[str, object]:
 
 
 def document_of_rules() -> Document:
-    """All rules with their needs and rates."""
+    """All rules with their needs and rates, and what each family of modems lets them ask."""
     texts = [rule.text for rule in ALL_RULES]
-    return Document(texts, body=[Line(text, bullet="  - ") for text in texts])
+    return Document(
+        texts,
+        body=[*(Line(text, bullet="  - ") for text in texts), "", *table_of_sources()],
+    )
+
+
+_OF_USER: tuple[Need, ...] = ("position", "earlier walks", "cell database")
+"""What comes from a receiver or from files."""
+_GENERATIONS = {"GSM": "2", "WCDMA": "3", "NR": "5"}
+"""By technology; of others it is 4."""
+FILE = "csv"
+"""The source that is a file: `docs/guide/formats.md`."""
+
+
+def table_of_sources() -> tuple[str | Table, ...]:
+    """Which rules can be asked of cells of which generations, by driver and of an imported file."""
+    of_file = having("neighbours", "neighbour lists", "timing advance")
+    gives = {name: family.gives for name, family in FAMILIES.items()} | {
+        FILE: dict.fromkeys(("GSM", "WCDMA", "LTE", "NR"), of_file)
+    }
+    sources = {name: Capabilities(given) for name, given in gives.items()}
+    for source in sources.values():
+        for need in _OF_USER:
+            source.serve(need)
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for rule in ALL_RULES:
+        asked = (source.technologies(rule) for source in sources.values())
+        cells = ("".join(sorted({_GENERATIONS.get(rat, "4") for rat in rats})) for rats in asked)
+        rows.setdefault(tuple(cells), []).append(rule.id)
+    names = [name.replace("_", " ") for name in sources]
+    table = Table(
+        [Column("rules"), *map(Column, names)],
+        [(" ".join(rules), *cells) for cells, rules in rows.items()],
+    )
+    unfed = [" ".join(rules) for cells, rules in rows.items() if not any(cells)]
+    said = "Generations (2 to 5) of cells of which each rule can be asked, by the modem's driver"
+    return f"{said}:", table, *(f"No source serves {rules}." for rules in unfed)

@@ -16,11 +16,11 @@ from logger.core.locator.region import LEVEL, Squares
 from logger.core.places import MAX_GAP_S
 from postproc.basemap.reading import Basemap
 from postproc.estimators.filters import FilterPath
+from postproc.notebook_plan import round_step
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import Estimate, legend_of, mode_label, region_rings
 from postproc.pictures.survey import Box, Walk, evenly_spaced
-from postproc.plan import round_step
 from postproc.result import BATCH, RTS
 from postproc.view.surface import (
     FARTHEST_M,

@@ -2,7 +2,7 @@
 
 from logger.core.baseline import (
     HeardInSquare,
-    NoBaseline,
+    NotedBaseline,
     SquareHistory,
     best_dbm,
     squares_around,
@@ -11,7 +11,7 @@ from logger.core.squares import squares_within
 
 
 def test_without_a_baseline_nothing_is_known():
-    baseline = NoBaseline()
+    baseline = NotedBaseline()
     assert baseline.n_walks == 0
     assert baseline.cell("262-01-1-1") is None
     assert baseline.trust_note("262-01-1-1") is None

@@ -111,6 +111,31 @@ def test_leap_seconds_received_late_are_corrected_backwards():
     assert _error_s(fit(t_ns + late_ns, told_ns, valid), t_ns, utc_ns) < 0.2
 
 
+def _read_late(late_ns, scale_s=1.0):
+    """Half of the sentences come late, as those of a simulation on a busy machine do."""
+    rng = np.random.default_rng(3)
+    is_late = rng.random(len(late_ns)) < 0.5
+    delay_s = np.where(is_late, rng.exponential(scale_s, len(late_ns)), 0.0)
+    return late_ns + np.round(delay_s * 1e9).astype(np.int64)
+
+
+def test_sentences_that_a_busy_machine_reads_late_leave_the_date_right():
+    t_ns, utc_ns, late_ns, valid = _walk()
+    timebase = fit(t_ns + _read_late(late_ns, 2.0), utc_ns, valid)
+    assert _error_s(timebase, t_ns, utc_ns) < 0.3
+    assert fit(t_ns + _read_late(late_ns, 30.0), utc_ns, valid) is None
+
+
+@pytest.mark.parametrize("jump_s", [HOUR, -HOUR, 18.0, -2.0])
+def test_a_receiver_that_jumps_is_not_taken_for_one_that_is_read_late(jump_s):
+    t_ns, utc_ns, late_ns, valid = _walk()
+    for wrong in (slice(0, 700), slice(len(t_ns) - 220, None), slice(None, None, 2)):
+        told_ns = utc_ns.copy()
+        told_ns[wrong] += round(jump_s * 1e9)
+        timebase = fit(t_ns + _read_late(late_ns, 0.5), told_ns, valid)
+        assert timebase is None or _error_s(timebase, t_ns, utc_ns) < 0.5
+
+
 def test_a_leap_second_that_happens_leaves_utc_unknown():
     t_ns, utc_ns, late_ns, valid = _walk()
     midnight_ns = -(-UTC0 // (86_400 * 10**9)) * 86_400 * 10**9

@@ -6,6 +6,7 @@ from contextlib import closing
 import pytest
 
 from logger.baseline_file import BaselineFile
+from logger.baseline_store import BaselineStore, summarise_walk
 from logger.core.live_settings import LiveSettings
 from logger.core.runfile import read_sound_run
 from logger.core.squares import square_of
@@ -13,8 +14,6 @@ from logger.core.types import Note
 from logger.device.estimator import Estimator
 from logger.device.link import Inbox
 from logger.device.live_baseline import READ, UNREADABLE, LiveBaseline
-from postproc.baseline.store import BaselineStore
-from postproc.baseline.walk_summary import summarise_walk
 from tests.device.test_estimator import next_values, walk
 from tests.kit.service import LIMIT_S
 from tests.postproc.baseline.walks import name, two_cells, write_walk

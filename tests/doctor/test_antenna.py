@@ -1,6 +1,6 @@
 import pytest
 
-from logger.core.baseline import HeardInSquare, NoBaseline, SquareHistory
+from logger.core.baseline import HeardInSquare, NotedBaseline, SquareHistory
 from logger.core.runfile import read_run
 from logger.core.squares import square_of
 from logger.core.types import CellReading, Fix, Record, Scan
@@ -10,7 +10,7 @@ from tests.kit import runs
 S = 10**9
 
 
-class Earlier(NoBaseline):
+class Earlier(NotedBaseline):
     """Each cell had -70 dBm here."""
 
     def square(self, square):
@@ -55,7 +55,7 @@ def test_20_db_below_what_this_place_gave_before(tmp_path):
     ],
 )
 def test_without_earlier_walks_the_strongest_cell_counts(tmp_path, rat, level, state):
-    assert _line(tmp_path, [level], NoBaseline(), rat).state == state
+    assert _line(tmp_path, [level], NotedBaseline(), rat).state == state
 
 
 def test_without_a_level_there_is_nothing_to_say(tmp_path):

@@ -18,11 +18,11 @@ from logger.core.readings import Readings, observe
 from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.suspicion.rule import Finding, Word
 from logger.core.suspicion.rules import RULES
-from logger.core.suspicion.words import Assessment, assess
+from logger.core.suspicion.words import Assessment, assess, unnoticed_text
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath, reference_ekf
-from postproc.result import CellResult, ObservedRun, Result
+from postproc.result import CellResult, ObservedRun, Result, RunShare
 from postproc.summary import document_of, summarise
 from postproc.verification.claims import Claim
 from postproc.verification.verdicts import CellVerdict, Verified
@@ -99,7 +99,7 @@ def sample_result(run: Run, *, verdict="located", places=1) -> Result:
     observations = observe(run.tables["fixes"], run.tables["scans"], run.tables["readings"])
     by_name = {obs.cell: obs for obs in observations.cells}
     rest = [
-        CellResult(name, len(obs), obs, "cannot tell", ("not asked",))
+        CellResult(name, len(obs), obs, "cannot tell", ("not asked",), shares=_whole(obs))
         for name, obs in by_name.items()
     ]
     obs = by_name[cell_name(0)]
@@ -118,9 +118,15 @@ def sample_result(run: Run, *, verdict="located", places=1) -> Result:
         filtered,
         rts,
         fitted,
+        shares=_whole(obs),
     )
     observed = ObservedRun(run, observations, ("about the run",))
     return Result((observed,), (first, *(cell for cell in rest if cell.cell != obs.cell)))
+
+
+def _whole(obs: Readings) -> tuple[RunShare, ...]:
+    """All readings are of the only run."""
+    return (RunShare(0, len(obs), 0.0, 0.0),)
 
 
 def with_word(result: Result, number: int = 0, word: Word = "suspicious") -> Result:
@@ -135,7 +141,8 @@ def with_word(result: Result, number: int = 0, word: Word = "suspicious") -> Res
     if word != "nothing unusual":
         words[named] = Assessment(word, 7.0, tuple(findings), named)
     not_asked = {"B1": ("earlier walks",), "T1": ("timing advance",)}
-    return dataclasses.replace(result, words=words, not_asked=not_asked)
+    unnoticed = unnoticed_text(not_asked, 0)
+    return dataclasses.replace(result, words=words, not_asked=not_asked, unnoticed=unnoticed)
 
 
 def sample_posterior(obs: Readings, places=1, sigma_m=12.0) -> Posterior:

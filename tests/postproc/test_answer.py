@@ -46,7 +46,8 @@ def test_an_answer_names_its_run_and_times(result):
     assert made_from.n == cell.n
     assert (made_from.first_utc_ns, made_from.last_utc_ns) == (1, 2)
     failed = cell.after(failure(cell.cell, "its work", "boom"))
-    assert answer_in(result, failed).provenance.last_utc_ns == 2
+    made_from = answer_in(result, failed).provenance
+    assert (made_from.runs, made_from.last_utc_ns) == ((result.runs[0].run.path.name,), 2)
 
 
 def test_a_cell_without_a_posterior_has_an_answer_without_a_place(result):

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from logger.baseline_store import BaselineStore
 from logger.core.runfile import (
     RunWriter,
     convert_journal,
@@ -21,7 +22,6 @@ from logger.core.runfile import (
 )
 from logger.core.runfile.frames import Kind, encode, scan
 from logger.core.types import Scan
-from postproc.baseline.store import BaselineStore
 from postproc.cli import main
 from postproc.info import verify
 from postproc.survey.dataset import Survey

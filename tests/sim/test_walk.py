@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
+from logger.core.answer import OnMap
 from logger.sim.walk import BLOCK_M, SHAPES, GuidedWalk, Walk, waypoints
+from logger.sim.world import Radio, World
 
 RNG = np.random.default_rng(0)
 LENGTHS_M = {
@@ -77,10 +79,13 @@ def test_unknown_shape_is_named():
 
 def test_a_walk_that_is_led_goes_to_the_goal_and_else_along_its_waypoints():
     goals = {"now": None}
-    walk = GuidedWalk(((0.0, 0.0), (0.0, 13.0), (13.0, 13.0)), lambda: goals["now"])
+    corners = ((0.0, 0.0), (0.0, 13.0), (13.0, 13.0))
+    world = World((), 47.0, 15.0, Radio(), ())
+    walk = GuidedWalk(corners, world, lambda: goals["now"])
     assert walk.position(5.0) == pytest.approx((0.0, 6.5))
     assert walk.position(15.0) == pytest.approx((6.5, 13.0))  # round the corner
-    goals["now"] = np.array([6.5, 113.0])
+    lat_deg, lon_deg = world.to_latlon(6.5, 113.0)
+    goals["now"] = OnMap(lat=lat_deg, lon=lon_deg)
     assert walk.position(36.0)[1] == pytest.approx(39.0, abs=2.7)
     assert walk.motion(36.0)[0] == 1.3
     assert walk.position(15.0) == pytest.approx((6.5, 13.0))  # what was, stays

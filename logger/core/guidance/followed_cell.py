@@ -41,7 +41,7 @@ class FollowedCell:
             return False
         posterior = summarise(*last)
         obs = locator.readings.readings()
-        verdict, reasons, _ = self._verdict.update(posterior, obs)
+        verdict, reasons, *_ = self._verdict.update(posterior, obs)
         made_from = Provenance(len(obs))
         self.region = squares_of_region(posterior)
         self.answer = answer_of(self.cell, verdict, reasons, made_from, posterior)

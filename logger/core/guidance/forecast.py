@@ -75,6 +75,12 @@ class Forecaster:
         level = level_dbm(sample.p0_dbm[:, None], sample.eta[:, None], away_db)
         return Forecast(level + self._residual_db @ known.T, covariance, sample.weight)
 
+    def nearer_m(self, start: FloatArray, end: FloatArray) -> float:
+        """How much nearer the transmitter is at `end` (2,) than at `start`, on average."""
+        there_m = self._places.xy_m.T
+        by_m = np.hypot(*(there_m - start).T) - np.hypot(*(there_m - end).T)
+        return float(self._sample.weight @ by_m)
+
     def _of_coefficients(self, known: FloatArray, away_db: FloatArray) -> FloatArray:
         """What the uncertainty of P0 and eta adds, the same for all positions: (m, m)."""
         by_p0 = 1.0 - np.sum(known, axis=1)

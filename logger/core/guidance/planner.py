@@ -1,4 +1,4 @@
-"""Routes by what they say about the position for each metre walked."""
+"""Routes by what they say about the position for each metre walked, and whether they lead to it."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -21,8 +21,15 @@ compared: people do not like to turn back."""
 _BACK_UNMAPPED_M_DEG = 300.0, 100.0
 """The same where no street map is known. To an arrow that points behind the walker, the street just
 walked is nearest, so he would walk it again and again where no other street leads to the place."""
-_KEPT = 1.1
+_KEPT = 1.3
 """Another way has to be worth this many times the one straight on."""
+_NATS_PER_NEARER_M = 0.01
+"""Added where a route brings the walker nearer to the transmitter, on average over its positions.
+
+Far off all ways say as little about the position as any other, and what says most is close to it:
+without this a walker who hears it from 800 m wanders. Guided searches of a rogue that was 590 to
+800 m off took 1136 and 1460 s instead of 1997 s and more than 2308 s.
+"""
 _WALKED_BEFORE = 0.4
 """Share of the best value that a way walked before costs where no street map is known."""
 _SAME_WAY_M = 30.0
@@ -65,7 +72,11 @@ def plans(
     value = nats / length_m
     turns = [_turn(route, course) for route in routes]
     back_m, back_deg = _BACK_M_DEG if has_map else _BACK_UNMAPPED_M_DEG
-    score = nats / (length_m + [back_m if abs(turn) > back_deg else 0.0 for turn in turns])
+    nearer_m = np.array(
+        [max(forecaster.nearer_m(*route.corner_m[[0, -1]]), 0.0) for route in routes]
+    )
+    worth = nats + _NATS_PER_NEARER_M * nearer_m
+    score = worth / (length_m + [back_m if abs(turn) > back_deg else 0.0 for turn in turns])
     if not has_map:
         score -= (
             _WALKED_BEFORE * np.max(score) * np.array([_share_walked(r, course) for r in routes])

@@ -7,7 +7,12 @@ from logger.core.places import Places
 FOUND = "located"
 _LEGS = 3
 _SMALLER = 0.8
-"""The region has to shrink by a fifth within `_LEGS` legs, or walking on is of no use."""
+"""The region has to shrink by a fifth within `_LEGS` legs, or walking on is of no use.
+
+What it is compared with is the widest one so far: a few readings have a narrower one, by the prior.
+"""
+_LOUDER_DB = 3.0
+"""A walker who hears so much more than before comes nearer, while the region may still be wide."""
 _LEG_SHARE = 0.25
 """A leg is a block of houses; towards a place that is far off, this share of the 95 % radius."""
 
@@ -31,7 +36,7 @@ class Pursuit:
         self._is_suspicious = False
         self._here: Places | None = None
         self._walked_m = 0.0
-        self._area_m2 = 0.0
+        self._area_m2, self._loudest_dbm = 0.0, 0.0
         self.is_located = False
         self.given_up = ""
 
@@ -66,12 +71,15 @@ class Pursuit:
         if answer.place is None:
             return
         leg_m = max(LEG_M, _LEG_SHARE * answer.place.r95_m)
-        if not self._area_m2 or answer.place.area_m2 <= _SMALLER * self._area_m2:
-            self._area_m2, self._walked_m = answer.place.area_m2, 0.0
+        area_m2, level_dbm = answer.place.area_m2, answer.place.strongest.level_dbm
+        is_smaller = area_m2 <= _SMALLER * self._area_m2
+        if not self._area_m2 or is_smaller or level_dbm >= self._loudest_dbm + _LOUDER_DB:
+            self._area_m2, self._loudest_dbm, self._walked_m = area_m2, level_dbm, 0.0
             if self.given_up == _NO_SMALLER:  # what came by itself: the search goes on
                 self.given_up = ""
         elif self._walked_m >= _LEGS * leg_m and not self.is_located:
             self._give_up(_NO_SMALLER)
+        self._area_m2 = max(self._area_m2, area_m2)
 
     def _give_up(self, why: str) -> None:
         if self._give_up_ns:

@@ -23,7 +23,7 @@ from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.places import NO_MAP, Places
 from logger.core.readings import Readings
-from logger.core.rivals import relevant_modes, whole_percents
+from logger.core.rivals import relevant_modes, share_text, whole_percents
 from logger.core.types import Verdict
 
 _FEWEST_READINGS = 8
@@ -40,26 +40,25 @@ _ONE_SIDED_DEG = 90.0
 """A walk that covers less than a quarter around the position cannot bound its distance."""
 _PASSING_M = 20.0
 """Distance at which the advice states levels: walking past, not through, a building."""
+_MOST_OUTSIDE = 0.9
+"""Of the probability without the area: with more outside of it the area is doubtful."""
 DESK_M = 150.0
 """A group of houses, which one more walk can search."""
 LIVE_M = 60.0
 """A house and its neighbours: a walker who stands there may look at the roofs and end the walk."""
 
 
-_IS_NEEDED = ", and a location needs "
-
-
-def needed_radius(reason: str) -> str:
-    """The radius in the reason that a region is too wide; of others empty."""
-    return reason.partition(_IS_NEEDED)[2]
-
-
 class Decision(NamedTuple):
-    """The verdict, its reasons, and the two transmitters that were tried instead of one."""
+    """The verdict, its reasons, and the two transmitters that were tried instead of one.
+
+    `needed_m` is the radius that a location needs where the first reason is that the region is
+    wider; else None.
+    """
 
     verdict: Verdict
     reasons: list[str]
     division: Division | None = None
+    needed_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -162,15 +161,36 @@ def assess(
     is_single = len(case.modes) == 1
     radius_m = posterior.r95_m if is_single else _widest_m(case.modes)
     reasons = [why for rule in GUARDS if (why := rule(case))]
-    if radius_m > within_m:
+    is_wide = radius_m > within_m
+    if is_wide:
         reasons.insert(0, _too_wide(case, radius_m, within_m))
+    outside, is_contradicted = _outside_text(posterior), _contradicts_area(posterior)
+    if is_contradicted:
+        reasons.insert(0, f"the readings contradict the area: {outside}")
+    needed_m = within_m if is_wide and not is_contradicted else None
     if reasons:
         reasons += [hint for rule in HINTS if (hint := rule(case))]
-        return Decision("cannot tell", reasons, division)
-    if is_single:
+        verdict: Verdict = "cannot tell"
+    elif is_single:
         radius = f"95 % lie within {posterior.r95_m:.0f} m of it"
-        return Decision("located", [f"one position holds {percents[0]}%; {radius}"], division)
-    return Decision("ambiguous", [_shares(case, percents), _advice(case)], division)
+        verdict, reasons = "located", [f"one position holds {percents[0]}%; {radius}"]
+    else:
+        verdict, reasons = "ambiguous", [_shares(case, percents), _advice(case)]
+    if outside and not is_contradicted:
+        reasons.append(outside)
+    return Decision(verdict, reasons, division, needed_m)
+
+
+def _contradicts_area(posterior: Posterior) -> bool:
+    return (posterior.outside_share or 0.0) > _MOST_OUTSIDE
+
+
+def _outside_text(posterior: Posterior) -> str:
+    """How much the area of the prior has excluded; empty without one."""
+    area, outside = posterior.prior.area, posterior.outside_share
+    if area is None or outside is None:
+        return ""
+    return f"without the area, {share_text(outside)} is outside of it ({area.text})"
 
 
 def _widest_m(modes: Sequence[Mode]) -> float:
@@ -178,7 +198,7 @@ def _widest_m(modes: Sequence[Mode]) -> float:
 
 
 def _too_wide(case: _Case, radius_m: float, within_m: float) -> str:
-    radius = f"{metres(radius_m)}{_IS_NEEDED}{metres(within_m)}"
+    radius = f"{metres(radius_m)}, and a location needs {metres(within_m)}"
     if len(case.modes) == 1:
         return f"95 % lie within {radius}"
     return f"the widest of {len(case.modes)} places reaches over {radius}"

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from math import exp, log
+from math import exp, isclose, log
 from typing import Any, Generic, Literal, TypeVar
 
 from logger.core.suspicion.heard import HeardCell, Memory, cells_of_scan
@@ -93,7 +93,8 @@ def on_telephones(**by_rat: tuple[int, int, float]) -> Mapping[str, Rate]:
     62 runs, 38.5 h, mostly in cars: GSM 2 h in calls, UMTS, LTE. Upper bounds for a modem that is
     carried on foot.
     """
-    return {rat: Rate(*counts, "62 runs of telephones") for rat, counts in by_rat.items()}
+    where = "62 runs of telephones, mostly in cars"
+    return {rat: Rate(*counts, where) for rat, counts in by_rat.items()}
 
 
 Source = TypeVar("Source")
@@ -151,7 +152,7 @@ class Rule(Generic[Source, Cell]):
         alarms = sum(rate.alarms for rate in self.measured.values())
         cells = sum(rate.cells for rate in self.measured.values())
         hours = sum(rate.hours for rate in self.measured.values())
-        pooled = Rate(alarms, cells, hours, "all technologies")
+        pooled = Rate(alarms, cells, hours, next(iter(self.measured.values())).where)
         if own is not None and own.alarms and own.per_cell > pooled.per_cell:
             return own
         return pooled
@@ -183,6 +184,10 @@ class Rule(Generic[Source, Cell]):
         """How often legitimate cells break it, as that entered a finding of `nats`."""
         if self.strength == "warns":
             return "Not measured: it only warns."
+        rates = filter(None, map(self.rate, ("", *self.measured)))
+        known = (rate for rate in rates if isclose(log(self.detection / rate.per_cell), nats))
+        if (rate := next(known, None)) is not None:
+            return f"On legitimate networks: {rate.text}, in {rate.where}."
         share = min(self.detection / exp(nats), 1.0) if nats > 0.0 else 1.0
         if share >= 0.3:
             return "Rate not measured here."

@@ -2,18 +2,21 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.errors import error_place
 from logger.core.identities import Identities
 from logger.core.latest import Latest
+from logger.core.squares import square_of
 from logger.core.suspicion.heard import Heard, Memory, Moment, Walker
 from logger.core.suspicion.rule import Evidence, Finding, Need, Rule
 from logger.core.suspicion.rules import RULES
-from logger.core.suspicion.words import Assessment, assess, by_word
+from logger.core.suspicion.words import Assessment, assess, by_word, unnoticed_text
 from logger.core.types import Fix, Record, Scan
 
+_MOST_SQUARES = 10_000
 _MOST_FOUND = 500
 """Cells with findings that are remembered: beyond, the log itself is broken."""
 
@@ -24,7 +27,8 @@ class SuspicionTracker:
     Each modem has a memory of its own: another one reads higher or lower, hears other neighbours
     and is served by another cell. A rule that holds for a cell in one of them counts once.
     `worst` is the cell with the worst word so far, None while all are "nothing unusual".
-    `errors` has, by cell, the first error of a rule, which is one of this program: the other rules
+    `unnoticed` says what the rules could not see so far, "" before the first scan. `errors` has, by
+    cell, the first error of a rule, which is one of this program: the other rules
     and cells go on. Without a cell it is under an empty name.
     """
 
@@ -38,6 +42,8 @@ class SuspicionTracker:
         self.worst: str | None = None
         self.errors: Latest[str] = Latest(_MOST_FOUND)
         self.capabilities = Capabilities()
+        self._walks_by_square: Latest[int] = Latest(_MOST_SQUARES)
+        self._unnoticed: str | None = ""
         if baseline.n_walks:
             self.capabilities.serve("earlier walks")
 
@@ -53,6 +59,19 @@ class SuspicionTracker:
     def assessment(self, cell: str) -> Assessment:
         """The word of a cell so far."""
         return assess(cell, self._findings.get(cell, ()))
+
+    @property
+    def earlier_walks(self) -> int:
+        """Earlier walks, with a technology heard today, of half of this ground or more."""
+        by_square = sorted(self._walks_by_square.values())
+        return by_square[(len(by_square) - 1) // 2] if by_square else 0
+
+    @property
+    def unnoticed(self) -> str:
+        if self._unnoticed is None:
+            not_asked = self.capabilities.not_asked(RULES.values())
+            self._unnoticed = unnoticed_text(not_asked, self.earlier_walks)
+        return self._unnoticed
 
     def technologies(self) -> dict[str, str]:
         """Technology of each cell of late, and of those with findings."""
@@ -78,9 +97,20 @@ class SuspicionTracker:
         self.capabilities.add(now)
         memory = self._memories.setdefault(modem, Memory(self._baseline))
         memory.take(now)
+        self._count_walks(now)
         for name in tuple(self._refutable):
             self._withdraw(memory, name)
         return [finding for rule in RULES.values() for finding in self._ask(memory, rule)]
+
+    def _count_walks(self, now: Moment) -> None:
+        self._unnoticed = None
+        if not self._baseline.n_walks or now.lat_deg is None or now.lon_deg is None:
+            return
+        square = square_of(now.lat_deg, now.lon_deg)
+        n_walks = self._baseline.square(square).n_walks
+        heard = [n_walks.get(cell.rat, 0) for cell in now.cells]
+        known = self._walks_by_square.get(str(square), 0)
+        self._walks_by_square.put(str(square), max([known, *heard]))
 
     def _ask(self, memory: Memory, rule: Rule[Memory, Any]) -> list[Finding]:
         """New findings of a rule; it goes on with the next cell where it raises."""
@@ -160,9 +190,9 @@ def _is_refuted(finding: Finding, memory: Memory) -> bool:
 class Capabilities:
     """Needs of rules that some scan has served: without them a rule is "not asked", not "fine"."""
 
-    def __init__(self) -> None:
-        self._always: set[Need] = set()
-        self._served: dict[str, set[Need]] = {}
+    def __init__(self, served: Mapping[str, Iterable[Need]] = MappingProxyType({})) -> None:
+        self._served = {rat: set(needs) for rat, needs in served.items()}
+        self._always: set[Need] = {"second technology"} if len(self._served) > 1 else set()
 
     def serve(self, need: Need) -> None:
         """Take what does not come from the modem."""
@@ -190,6 +220,10 @@ class Capabilities:
     def is_asked(self, rule: Rule[Any, Any], rat: str) -> bool:
         """Whether a rule is applied to cells of a technology."""
         return rat in rule.rats and not self.missing(rule, rat)
+
+    def technologies(self, rule: Rule[Any, Any]) -> list[str]:
+        """Technologies to whose cells a rule is applied."""
+        return [rat for rat in self._served if self.is_asked(rule, rat)]
 
     def not_asked(self, rules: Iterable[Rule[Any, Any]]) -> dict[str, tuple[str, ...]]:
         """Rules that no technology heard could serve, with what was missing for the best one."""

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from logger.core import answer
+from logger.core.suspicion.earlier_walks import FEWEST_WALKS
 from logger.core.suspicion.rule import WORDS, Family, Finding, Rate, Word
 from logger.core.types import Level, Note
 
@@ -27,10 +28,21 @@ WORD_RATES: Mapping[Word, Rate] = {
 }
 """Legitimate cells that earned each word: `benchmarks/suspicion.py rates`."""
 
+_OF_A_NEW_STATION = frozenset({"P1", "L1", "L2", "L4"})
+"""Rules one of which a strong station of an invented network or area most likely breaks."""
+_NEEDED = {
+    "timing advance": "timing advances",
+    "C1 and C2": "reselection offsets",
+    "second technology": "a second technology",
+    "cell database": "a database of cells",
+}
+"""Needs of rules as they stand in a sentence."""
+
 FINDING_CODE, ERROR_CODE = "finding", "rule-failed"
 """Codes of the events of each finding, and of the error of a rule."""
 _WEIGHT = re.compile(rf"^(\S+: (?:{'|'.join(WORDS)})), \S+ nats: \w+ ")
 """In what `finding_notes` writes."""
+_CONSPICUOUS = re.compile(rf"(\S+): (?:{'|'.join(WORDS[1:])}), ")
 _NAMES = re.compile(r"^(version \w+): [A-Z]\d+(?: [A-Z]\d+)*$")
 """In what `rules_note` writes."""
 
@@ -74,6 +86,31 @@ def word_rate_text(word: Word) -> str:
     )
 
 
+def unnoticed_text(not_asked: Mapping[str, Sequence[str]], n_walks: int | None) -> str:
+    """What would have been noticed, and what not, where these rules were not asked.
+
+    `n_walks` is the number of earlier walks of the ground, None where that differs.
+    """
+    missing = dict.fromkeys(need for needs in not_asked.values() for need in needs)
+    needs = [_NEEDED.get(need, need) for need in missing if need != "earlier walks"]
+    can_see_new = not not_asked.keys() >= _OF_A_NEW_STATION
+    unseen = ["a weak one"] if can_see_new else []
+    if n_walks is None or n_walks < FEWEST_WALKS:
+        unseen.append(f"{'one' if can_see_new else 'a cell'} with a plausible identity")
+    unseen.append("a copy of a cell beside it")
+    if needs:
+        listed = " or ".join(filter(None, (", ".join(needs[:-1]), needs[-1])))
+        unseen.append(f"one that only {listed} would betray")
+    seen = "a strong new station would most likely have been" if can_see_new else "nothing was"
+    text = f"Here {seen} noticed; {', '.join(unseen[:-1])} or {unseen[-1]} would not"
+    if n_walks is None:
+        return f"{text}."
+    text += f": {n_walks} earlier walk{'s' * (n_walks != 1)} of this ground"
+    if n_walks < FEWEST_WALKS:
+        text += f" (from {FEWEST_WALKS} on, a strong one with a plausible identity is noticed too)"
+    return f"{text}."
+
+
 def sentences(findings: Sequence[Finding]) -> list[Finding]:
     """Findings to print: of those with one sentence, as S5 and S9, the strongest."""
     strongest: dict[str, Finding] = {}
@@ -107,6 +144,12 @@ def finding_notes(findings: Iterable[Finding], of: Iterable[Assessment]) -> Iter
         score = f"{cell.word}, {cell.score_nats!r} nats"
         text = f"{finding.cell}: {score}: {finding.rule.id} {finding.text}"
         yield Note(level, FINDING_CODE, text)
+
+
+def conspicuous_in(notes: Iterable[Note]) -> set[str]:
+    """Cells that the events of findings call unusual or suspicious."""
+    texts = (_CONSPICUOUS.match(note.text) for note in notes if note.code == FINDING_CODE)
+    return {text[1] for text in texts if text}
 
 
 def in_plain_words(text: str) -> str:

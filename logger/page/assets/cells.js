@@ -63,6 +63,7 @@ export function showCells({status}) {
     if (!rows.has(cell.cell)) rows.set(cell.cell, newRow(cell.cell));
     fill(rows.get(cell.cell), cell, status);
   }
+  document.getElementById('unnoticed').textContent = status?.unnoticed ?? '';
   const wantedRows = shown.map(cell => rows.get(cell.cell).li);
   // moved only where the order is another: a moved button loses its tap
   if (wantedRows.length !== list.children.length || wantedRows.some((li, i) => li !== list.children[i])) {

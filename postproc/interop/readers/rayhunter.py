@@ -1,21 +1,29 @@
-"""Rayhunter: its analysis of a recording, NDJSON with a line for each message of the network.
+"""Rayhunter: its analysis of a recording and its positions, NDJSON.
 
-Source: analyzer.rs of EFForg/rayhunter, report versions 1 and 2. A line has no cell and no level:
-its warnings become notes of a run, whose positions come from the GPX track that is joined with it
-(`--track`). The packets themselves are in another file and are not read.
+Source: analyzer.rs and gps.rs of EFForg/rayhunter, report versions 1 and 2. A line of the analysis
+has no cell and no level: its warnings become notes of a run. The recording itself is read by
+`diag`; the zip of a recording holds all of it.
 """
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from logger.core.errors import GeoError
+from logger.core.types import Fix
 from postproc.interop import json_lines
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import moment_of, text
-from postproc.interop.sighting import NoCell, Remark, Row
+from postproc.interop.fields import fix_of, moment_of, number, text
+from postproc.interop.sighting import BadRow, NoCell, Remark, Row
 
+CLOCK_SET_NS = 631_152_000 * 10**9
+"""1990: a clock before it was never set. A modem's begins in 1980, that of a hotspot in 1970."""
 _MOST_CHARACTERS = 300
 """A note of the run file holds 400 bytes."""
+_NUMBER = re.compile(r"\d{8,}")
+"""As long as a TMSI in decimals; an IMSI and a telephone number are longer."""
+_SECONDS = (0.0, 4e9)
 
 
 def is_it(seen: Contents) -> bool:
@@ -25,6 +33,48 @@ def is_it(seen: Contents) -> bool:
 def read(source: Path) -> Iterator[Row]:
     """Warnings as remarks; raises `RunFileError` for a file that is no JSON."""
     yield from json_lines.parse_objects(source, _remarks)
+
+
+def positions(source: Path) -> tuple[list[Fix], int | None]:
+    """Positions by the clock of the modem, and what makes one of its times of 1980 a true one.
+
+    A line has the time of the hotspot and that of the last packet, in whole seconds. The packet may
+    be old, so the least difference of both clocks counts; each clock may be set on the way.
+    """
+    rows = [row for row in map(_position, json_lines.objects(source)) if row is not None]
+    ahead_ns: dict[tuple[bool, bool], int] = {}
+    for system_ns, packet_ns, _ in rows:
+        if packet_ns is not None:
+            clocks = system_ns >= CLOCK_SET_NS, packet_ns >= CLOCK_SET_NS
+            difference_ns = system_ns - packet_ns
+            ahead_ns[clocks] = min(difference_ns, ahead_ns.get(clocks, difference_ns))
+    ahead_ns.setdefault((True, True), 0)
+    fixes = []
+    for system_ns, _, place in rows:
+        if (system_ahead_ns := ahead_ns.get((system_ns >= CLOCK_SET_NS, True))) is not None:
+            utc_ns = system_ns - system_ahead_ns
+            fixes.append(fix_of(place, "lat", "lon", utc_ns))
+    shifts_ns = [
+        ahead_ns[is_set, False] - ahead_ns[is_set, True]
+        for is_set in (True, False)
+        if {(is_set, False), (is_set, True)} <= ahead_ns.keys()
+    ]
+    return fixes, shifts_ns[0] if shifts_ns else None
+
+
+def _position(entry: json_lines.Object | BadRow) -> tuple[int, int | None, dict[str, Any]] | None:
+    """Times of the hotspot and of the last packet, and the line; None for one without."""
+    if isinstance(entry, BadRow):
+        return None
+    line = entry[1]
+    try:
+        fix_of(line, "lat", "lon", None)
+        system_s = number(line, "system_time", _SECONDS)
+        packet = line.get("latest_packet_timestamp")
+        packet_s = None if packet is None else number(line, "latest_packet_timestamp", _SECONDS)
+    except (ValueError, GeoError):
+        return None
+    return int(system_s) * 10**9, None if packet_s is None else int(packet_s) * 10**9, line
 
 
 def _remarks(line: int, row: dict[str, Any]) -> list[Row]:
@@ -43,7 +93,7 @@ def _warnings(line: int, part: dict[str, Any]) -> Iterator[Row]:
         severity = _severity(event)
         if severity:
             when = moment_of(text(part, "packet_timestamp", "timestamp"), "packet_timestamp")
-            words = f"Rayhunter, {severity}: {text(event, 'message')}"
+            words = f"Rayhunter, {severity}: {_NUMBER.sub('...', text(event, 'message'))}"
             yield Remark(line, when.t_ns, words[:_MOST_CHARACTERS])
 
 

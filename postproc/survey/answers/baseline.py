@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from logger.baseline_store import FARTHEST_SIGMA_M, BaselineStore, WalkSummary, rows_by_square
 from logger.core.cell_names import is_by_channel
 from logger.core.identities import FEWEST_SCANS
 from logger.core.places import Places, Utm
 from logger.core.squares import squares_of
-from postproc.baseline.store import BaselineStore
-from postproc.baseline.walk_summary import FARTHEST_SIGMA_M, WalkSummary, rows_by_square
 from postproc.survey.dataset import Survey
 from postproc.survey.walk_readings import SurveyRun
 

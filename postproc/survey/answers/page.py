@@ -9,26 +9,26 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from logger.core.answer import CONSPICUOUS, to_do_about
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.document import Column, Table, Word
 from logger.core.ellipse import metres
 from logger.core.errors import ConfigError
 from logger.core.places import Utm
 from logger.core.suspicion.rules import RULES
-from logger.core.suspicion.words import WORD_RATES, word_rate_text
+from logger.core.suspicion.words import WORD_RATES, unnoticed_text, word_rate_text
 from postproc.basemap.reading import read_basemap
 from postproc.ground import Towns
 from postproc.html_page import page_environment
+from postproc.notebook_plan import round_step
 from postproc.pictures.survey import Box, Clock
 from postproc.pictures.survey import Survey as Frame
-from postproc.plan import round_step
-from postproc.report.wording import ODD, SEARCH, sentence
+from postproc.report.wording import sentence
 from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
 from postproc.survey.location import CELL_COLUMNS, cell_row
 from postproc.survey.tasks import RunChoice, runs_of
-from postproc.suspicion.run_assessment import unnoticed_text
 
 SQUARE_M = 50.0
 """Of the coverage: a side of a block of houses."""
@@ -163,8 +163,8 @@ def html(
         most_labels=_MOST_LABELS,
         harmless=_harmless(numbered[odd[0]]) if odd else (),
         rate=_rate(numbered[odd[0]]) if odd else "",
-        unnoticed=unnoticed_text({}),
-        what_to_do=SEARCH,
+        unnoticed=unnoticed_text({}, None),
+        to_do_about=to_do_about,
         liars=[one for one in loggers if one.contradiction],
         noted=[one for one in loggers if one.remark],
         km2=sum(town.km2 for town in towns),
@@ -175,7 +175,7 @@ def html(
 def _heading(counts: Mapping[str, int]) -> str:
     named = [
         f"{counts[word]} {'cell is' if counts[word] == 1 else 'cells are'} {word}"
-        for word in ODD
+        for word in CONSPICUOUS
         if counts[word]
     ]
     if not counts["suspicious"]:
@@ -186,7 +186,7 @@ def _heading(counts: Mapping[str, int]) -> str:
 def _rank(cell: LocatedCell) -> tuple[int, int, int, bool, float, str]:
     """Suspicious cells first, those that most runs call so; then by verdict and radius."""
     word = word_of(cell)
-    by_word = ODD.index(word) if word else len(ODD)
+    by_word = CONSPICUOUS.index(word) if word else len(CONSPICUOUS)
     radius_m = cell.r95_m or 0.0
     return by_word, -cell.word_runs, _ORDER.index(cell.verdict), _is_few(cell), radius_m, cell.cell
 
@@ -251,8 +251,8 @@ def _inset(shapes: Sequence[Shape], box: Box, scale: float) -> Box | None:
 
 def reasons_of(cell: LocatedCell) -> tuple[str, ...]:
     """Why a cell is worth a look; none where nothing is."""
-    reasons = list(cell.word_reasons) if cell.word in ODD else []
-    if cell.word in ODD and not reasons:
+    reasons = list(cell.word_reasons) if cell.word in CONSPICUOUS else []
+    if cell.word in CONSPICUOUS and not reasons:
         reasons = [f"rules {', '.join(cell.word_rules)}"]
     if cell.n_places > 1:
         reasons.append(
@@ -267,7 +267,7 @@ def reasons_of(cell: LocatedCell) -> tuple[str, ...]:
 
 def word_of(cell: LocatedCell) -> str:
     """Its word, empty for a cell about which nothing is unusual."""
-    if cell.word in ODD:
+    if cell.word in CONSPICUOUS:
         return str(cell.word)
     return "unusual" if reasons_of(cell) else ""
 

@@ -248,7 +248,7 @@ def test_mass_at_the_end_of_the_search_is_reported(power):
     )
     assert found.limit_share > 0.02
     assert found.at_limit
-    outcome, reasons, _ = assess(found, obs)
+    outcome, reasons, *_ = assess(found, obs)
     assert outcome == "cannot tell"
     assert any("farther than the searched 3 km" in reason for reason in reasons)
 

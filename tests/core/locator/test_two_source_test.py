@@ -22,7 +22,7 @@ def test_two_transmitters_are_told():
     assert division.log_factor > LEAST_LOG_FACTOR
     for source in sources:  # or its mirror image: each part of the walk may be straight
         assert min(p.away_m(Places.of(*source)) for p in (division.one, division.other)) < 120.0
-    outcome, (reason, *_), _ = assess(posterior, obs, division)
+    outcome, (reason, *_), *_ = assess(posterior, obs, division)
     assert outcome == "cannot tell"
     assert "one position does not explain the data" in reason
 

@@ -20,7 +20,7 @@ def clear():
 
 
 def reasons(obs, **prior):
-    outcome, why, _ = assess(locate(obs, Prior(**prior)), obs)
+    outcome, why, *_ = assess(locate(obs, Prior(**prior)), obs)
     assert outcome == "cannot tell"
     return " / ".join(why)
 
@@ -45,7 +45,7 @@ def some(obs, chosen):
 
 def test_located():
     obs, found = clear()
-    outcome, (why,), _ = assess(found, obs)
+    outcome, (why,), *_ = assess(found, obs)
     assert outcome == "located"
     share = f"{found.modes[0].probability:.0%}"
     assert why == f"one position holds {share}; 95 % lie within {found.r95_m:.0f} m of it"
@@ -55,7 +55,7 @@ def test_located():
 def test_a_mode_that_would_be_printed_as_0_percent_is_no_rival_however_sharp(probability):
     obs, found = clear()
     best = replace(found.modes[0], probability=1.0 - probability)
-    outcome, why, _ = assess(
+    outcome, why, *_ = assess(
         replace(found, modes=(best, beside(best, 300.0, probability, 1.0))), obs
     )
     assert outcome == "located"
@@ -77,7 +77,7 @@ def test_shares_of_modes_add_up_and_none_is_0_or_100(shares):
     obs, found = clear()
     best = replace(found.modes[0], probability=shares[0])
     others = (beside(best, 300.0 * i, share, 0.5) for i, share in enumerate(shares[1:], 1))
-    outcome, why, _ = assess(replace(found, modes=(best, *others)), obs)
+    outcome, why, *_ = assess(replace(found, modes=(best, *others)), obs)
     assert outcome == "ambiguous"
     percents = [int(percent) for percent in re.findall(r"(\d+)%", why[0])]
     assert sum(percents) == 100
@@ -89,7 +89,7 @@ def test_the_advice_names_a_listed_mode():
     obs, found = clear()
     best = replace(found.modes[0], probability=0.6)
     rest = (beside(best, 5.0, 0.002, 1.0), beside(best, 400.0, 0.398, 0.9))
-    _, (named, advice), _ = assess(replace(found, modes=(best, *rest)), obs)
+    _, (named, advice), *_ = assess(replace(found, modes=(best, *rest)), obs)
     place = re.search(r"walk past (\S+ \S+),", advice)[1]
     assert f"at {place}" in named
 
@@ -105,7 +105,7 @@ def test_the_advice_expects_the_levels_of_the_model_with_height_and_fix_error(he
     posterior = replace(
         found, modes=(best, other), prior=found.prior.of_station(Station(1.0, height_m))
     )
-    _, (_, advice), _ = assess(posterior, obs)
+    _, (_, advice), *_ = assess(posterior, obs)
     *_, p0_dbm, eta = best.state.tolist()
     for flat_m, text in ((20.0, r"about (-?\d+) dBm there"), (400.0, r", (-?\d+) dBm if")):
         distance_m = math.sqrt(flat_m**2 + height_m**2 + 2.0 * sigma_m**2)
@@ -127,7 +127,7 @@ def test_an_irrelevant_second_mode_changes_nothing():
 def test_two_modes():
     obs, _ = simulate(np.random.default_rng(25), "straight", white_db=2.0, count=150, step=5.6)
     found = locate(obs)
-    outcome, why, _ = assess(found, obs)
+    outcome, why, *_ = assess(found, obs)
     assert outcome == "ambiguous"
     assert len(why) == 2
     for mode in found.modes:
@@ -203,7 +203,7 @@ def test_the_radius_decides_whatever_the_extent_of_the_walk():
     obs, found = clear()
     r95_m = found.r95_m
     assert decide(found, obs, within_m=1.01 * r95_m).verdict == "located"
-    outcome, (why, *_), _ = decide(found, obs, within_m=0.99 * r95_m)
+    outcome, (why, *_), *_ = decide(found, obs, within_m=0.99 * r95_m)
     assert outcome == "cannot tell"
     assert why == f"95 % lie within {r95_m:.0f} m, and a location needs {0.99 * r95_m:.0f} m"
 
@@ -214,7 +214,7 @@ def test_several_wide_modes_are_no_answer():
     two = replace(found, modes=(best, beside(best, 400.0, 0.39, 0.9)))
     semi_major_m = best.ellipse.semi_major_m
     assert assess(two, obs, within_m=1.01 * semi_major_m).verdict == "ambiguous"
-    outcome, (why, *_), _ = assess(two, obs, within_m=0.99 * semi_major_m)
+    outcome, (why, *_), *_ = assess(two, obs, within_m=0.99 * semi_major_m)
     assert outcome == "cannot tell"
     assert why.startswith("the widest of 2 places reaches over ")
 
@@ -236,7 +236,7 @@ def test_an_exponent_that_no_walk_has_is_never_located(eta):
     best = found.modes[0]
     state = best.state.copy()
     state[3] = eta
-    outcome, (why, *_), _ = assess(replace(found, modes=(replace(best, state=state),)), obs)
+    outcome, (why, *_), *_ = assess(replace(found, modes=(replace(best, state=state),)), obs)
     assert outcome == "cannot tell"
     assert f"exponent of {eta:.1f}" in why
 
@@ -246,7 +246,7 @@ def test_levels_within_6_db_are_never_located(span_db, verdict):
     obs, found = clear()
     level_dbm = obs.level_dbm - np.min(obs.level_dbm)
     level_dbm = -80.0 + span_db * level_dbm / np.max(level_dbm)
-    outcome, (why, *_), _ = assess(found, replace(obs, level_dbm=level_dbm))
+    outcome, (why, *_), *_ = assess(found, replace(obs, level_dbm=level_dbm))
     assert outcome == verdict
     assert "6 dB" in why
 
@@ -257,7 +257,7 @@ def test_a_span_between_modems_is_no_span():
     modem = np.arange(len(obs)) % 2
     flat = replace(obs, modem=modem, level_dbm=-80.0 + 20.0 * modem + (np.arange(len(obs)) % 3))
     offsets = type("Offsets", (), {"mean_db": np.array([0.0, 20.0])})()
-    outcome, (why, *_), _ = assess(replace(found, offsets=offsets), flat)
+    outcome, (why, *_), *_ = assess(replace(found, offsets=offsets), flat)
     assert outcome == "cannot tell"
     assert "it spans 2 of the 6 dB" in why
 

@@ -1,10 +1,10 @@
-"""B3: a cell that all earlier walks heard here, and what its gate is there for."""
+"""Earlier walks: B1, a cell that they did not hear, and B3, one that they all heard."""
 
 from types import MappingProxyType
 
 import pytest
 
-from logger.core.baseline import HeardInSquare, KnownCell, NoBaseline, SquareHistory
+from logger.core.baseline import HeardInSquare, KnownCell, NotedBaseline, SquareHistory
 from logger.core.suspicion.rules import RULES
 from tests.kit.suspicion_walks import Walk, gsm
 
@@ -12,10 +12,11 @@ HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]
 GONE = gsm(50)
 
 
-class Earlier(NoBaseline):
+class Earlier(NotedBaseline):
     """Walks that heard the same cells in every square, `GONE` as often and as strong as said."""
 
     def __init__(self, n_walks=8, heard=8, gone_dbm=-65.0, home_dbm=0.0):
+        super().__init__()
         self.n_walks = n_walks
         cells = {reading.cell: reading.rssi_dbm + home_dbm for reading in HOME}
         self.cells = {
@@ -103,3 +104,21 @@ def test_a_cell_that_is_heard_later_was_not_gone():
     walk.scan(*HOME, GONE, metres=20.0, times=2)
     assert not walk.tracker.assessment(GONE.cell).findings
     assert GONE.cell in {cell.cell for cell in walk.tracker.assessments()}
+
+
+@pytest.mark.parametrize(
+    ("n_walks", "word"),
+    [(6, "nothing unusual"), (7, "unusual"), (14, "unusual"), (15, "suspicious")],
+)
+def test_b1_weighs_by_the_number_of_earlier_walks(n_walks, word):
+    earlier = Earlier(n_walks=n_walks, heard=0)
+    new = gsm(99, -85)
+    assert Walk(baseline=earlier).scan(*HOME, new, times=4).word(new.cell) == word
+
+
+def test_b1_wants_three_readings_of_its_level():
+    earlier = Earlier(n_walks=15, heard=0)
+    weak = gsm(99, -96)
+    walk = Walk(baseline=earlier).scan(*HOME, weak, times=4).scan(*HOME, gsm(99, -85), times=2)
+    assert walk.word(weak.cell) == "nothing unusual"
+    assert walk.scan(*HOME, gsm(99, -85)).word(weak.cell) == "suspicious"

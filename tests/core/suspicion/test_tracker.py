@@ -4,7 +4,7 @@ from math import log10
 
 import pytest
 
-from logger.core.baseline import NoBaseline
+from logger.core.baseline import NotedBaseline
 from logger.core.suspicion.rule import Rate, ScanRule
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.sources import compare_sources
@@ -43,7 +43,7 @@ def test_rules_that_the_modem_cannot_serve_are_not_asked():
 
 
 def test_trusted_cells_are_not_accused():
-    class Trusting(NoBaseline):
+    class Trusting(NotedBaseline):
         def trust_note(self, name):
             return "mine" if name.endswith("-99") else None
 

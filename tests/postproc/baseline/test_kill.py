@@ -11,7 +11,7 @@ from contextlib import closing
 from pathlib import Path
 
 from logger.baseline_file import BaselineFile
-from postproc.baseline.store import BaselineStore
+from logger.baseline_store import BaselineStore
 from tests.kit.card_trace import read_trace
 from tests.kit.faulty_card import Card, build_preload_library
 from tests.postproc.baseline.test_store import contents
@@ -23,7 +23,7 @@ N_WALKS = 2000
 ADDER = """
 import sys
 from pathlib import Path
-from postproc.baseline.store import BaselineStore
+from logger.baseline_store import BaselineStore
 from tests.postproc.baseline.test_kill import synthetic_walk
 
 with BaselineStore(Path(sys.argv[1]), create=True) as store:
@@ -36,7 +36,7 @@ with BaselineStore(Path(sys.argv[1]), create=True) as store:
 
 def synthetic_walk(number):
     """A walk of 40 squares and 10 cells, of which others share most."""
-    from postproc.baseline.walk_summary import HeardRow, WalkSummary
+    from logger.baseline_store import HeardRow, WalkSummary
 
     cells = {f"262-01-1-{number % 7 + k}": "GSM" for k in range(10)}
     heard = [

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from logger.baseline_file import BaselineFile
+from logger.baseline_store import BaselineStore, summarise_walk
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import read_sound_run
 from logger.core.squares import square_of
-from postproc.baseline.store import BaselineStore, add_runs
-from postproc.baseline.walk_summary import summarise_walk
+from postproc.baseline.cli import add_runs
 from tests.postproc.baseline.walks import STEP_DEG, cell, name, two_cells, write_walk
 
 SUMS = ("square_cell", "square_rat", "cell_channel")
@@ -194,7 +194,7 @@ def test_a_walk_is_named_by_number_or_digest(store, summaries):
 
 def test_two_programs_change_a_baseline_one_after_the_other(tmp_path, summaries, monkeypatch):
     path = tmp_path / "baseline.db"
-    monkeypatch.setattr("postproc.baseline.store._PATIENCE_S", 0.1)
+    monkeypatch.setattr("logger.baseline_store._PATIENCE_S", 0.1)
     with BaselineStore(path, create=True) as store, closing(sqlite3.connect(path)) as other:
         other.execute("BEGIN IMMEDIATE")
         with pytest.raises(RunFileError, match="another program"):

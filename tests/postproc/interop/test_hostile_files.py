@@ -19,7 +19,9 @@ LOG = HEADER + "0,52,13,-70\n1,52,13,-71\n"
 MORE_MB = 250
 LIMITED = """
 import resource, sys
+from postproc import progress
 from postproc.cli import main
+progress._SILENCE_S = 3600.0
 import postproc.interop.importing
 def mb(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
 before = mb()

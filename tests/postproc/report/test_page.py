@@ -62,7 +62,9 @@ def test_a_screen_reader_finds_the_structure(page):
 def test_the_verdict_comes_first(page, result):
     assert page.all("h1")[0].text == "1 of 3 cells located, 2 without a position"
     first = page.all("article")[0]
-    assert "Located: most likely within 14 m, surely within 29 m" in first.text
+    said = result.answers[0].sentence
+    assert said.endswith("most likely within 14 m, surely within 29 m")
+    assert f"L{said[1:]}." in first.text
     assert result.cells[0].cell in first.text
     assert "simulated run" in page.all("header")[0].text
 
@@ -80,7 +82,7 @@ def test_a_suspicious_cell_comes_before_all(result):
     (more,) = (one for one in page.all("div") if one.get("class") == "more")
     assert "Harmless causes: The border of two areas, a legitimate cell switched on" in more.text
     assert "0.03 times an hour (0.00 to 0.14, 95 %) in 38.5 h of 62 runs" in more.text
-    assert "one that only earlier walks or timing advances would betray" in more.text
+    assert "one that only timing advances would betray would not: 0 earlier walks" in more.text
     row = next(one for one in page.all("tr") if odd.cells[1].cell in one.text)
     assert "✕ suspicious" in row.text
 
@@ -119,7 +121,7 @@ def test_without_a_suspicious_cell_the_page_says_what_it_cannot_see(result):
     page = Page(make_report(kit.with_word(result, word="nothing unusual"), most=1).html)
     assert page.all("h1")[0].text == "No cell is suspicious"
     said = page.by_id("unnoticed").text
-    assert said.startswith("Would have gone unnoticed: a cell that copies another in everything")
+    assert said.startswith("Here a strong new station would most likely have been noticed; a weak")
 
 
 def test_values_are_those_of_the_summary(page, result):

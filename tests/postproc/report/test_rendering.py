@@ -74,7 +74,7 @@ def test_an_ambiguous_cell_has_advice(tmp_path):
     page = Page(make_report(result).html)
     assert page.all("h1")[0].text == "0 of 1 cell located, 1 ambiguous"
     article = page.all("article")[0].text
-    assert "2 positions fit" in article
+    assert "Ambiguous: the levels fit several places: " in article
     (advice,) = [one.text for one in page.all("p") if one.get("class") == "advice"]
     best = kit.json_of(result)["cells"][0]["modes"]
     assert any(f"walk past {mode['lat']:.5f} {mode['lon']:.5f}" in advice for mode in best)
@@ -99,7 +99,7 @@ def test_a_suspicious_cell_without_a_position_leads_the_page(result):
     odd = kit.with_word(replace(result, cells=(result.cells[0], nowhere)), 1)
     top = Page(make_report(odd, first=(nowhere.cell,)).html).all("article")[0]
     assert nowhere.cell in top.text
-    assert "No position yet. No position." in top.text
+    assert "Cannot tell: no position." in top.text
 
 
 def test_the_overview_is_written_as_well(report, result, tmp_path):

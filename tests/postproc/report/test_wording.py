@@ -1,4 +1,3 @@
-import re
 from dataclasses import replace
 
 import pytest
@@ -42,45 +41,31 @@ def test_times():
     assert [wording.number_of(n, "cell") for n in (0, 1, 2)] == ["0 cells", "1 cell", "2 cells"]
 
 
-def headline(result, **changes):
-    return wording.headline(replace(result.cells[0], **changes))
+def advice(result, **changes):
+    cell = replace(result.cells[0], **changes)
+    return wording.advice(result.answer(cell), cell)
 
 
-def advice(said):
-    return said.body[1] if said.body[1:] else None
-
-
-def test_a_located_cell_needs_no_further_walk(result):
-    located = headline(result)
-    assert (located.title, advice(located)) == (
-        "Located: most likely within 14 m, surely within 29 m",
-        None,
-    )
-    assert re.match(r"Around 52\.50\d+\s13\.40", located.body[0])
-
-
-def test_a_suspicious_cell_that_is_located_is_searched(result):
-    located = wording.headline(result.cells[0], "suspicious")
-    assert advice(located).startswith("Go there and look")
+def test_a_located_cell_needs_no_further_walk_and_a_conspicuous_one_is_searched(result):
+    assert not advice(result)
+    for word in ("suspicious", "unusual"):
+        assert advice(kit.with_word(result, word=word)).startswith("Go there and look")
+    assert not advice(kit.with_word(result, word="nothing unusual"))
 
 
 def test_an_ambiguous_cell_has_the_locators_advice(result):
-    ambiguous = headline(result, verdict="ambiguous", warnings=("why", "to decide walk there"))
-    assert advice(ambiguous) == "To decide walk there."
-    assert ambiguous.body[0].startswith("The levels fit several positions: 100% at 52.50")
-    assert advice(headline(result, verdict="ambiguous", warnings=("why",))) is None
+    said = advice(result, verdict="ambiguous", warnings=("why", "to decide walk there"))
+    assert said == "To decide walk there."
+    assert not advice(result, verdict="ambiguous", warnings=("why",))
 
 
-def test_a_cell_without_a_position_has_a_reason_and_advice(result):
-    undecided = headline(result, verdict="cannot tell", warnings=("one-sided walk",))
-    assert undecided.body[0] == "One-sided walk."
-    assert "Walk around the most likely position, 52.50" in advice(undecided)
+def test_a_cell_without_a_position_has_advice(result):
+    assert "Walk around the most likely position, 52.50" in advice(result, verdict="cannot tell")
     at_limit = replace(result.cells[0].posterior, limit_share=0.5)
-    far = headline(result, verdict="cannot tell", posterior=at_limit)
-    assert "do not show the distance yet" in advice(far)
-    unknown = headline(result, verdict="cannot tell", posterior=None)
-    assert "Walk where this cell is received" in advice(unknown)
-    assert headline(result, verdict="cannot tell", posterior=None, obs=None, warnings=()).body[0]
+    far = advice(result, verdict="cannot tell", posterior=at_limit)
+    assert "do not show the distance yet" in far
+    unknown = advice(result, verdict="cannot tell", posterior=None)
+    assert "Walk where this cell is received" in unknown
 
 
 def test_the_heading_says_which_cells_are_suspicious_or_counts_verdicts(result):

@@ -12,7 +12,7 @@ from matplotlib import pyplot as plt
 import postproc
 from logger.core import answer
 from logger.core.errors import ConfigError
-from postproc.plan import OnPlan, round_step, svg
+from postproc.notebook_plan import OnPlan, round_step, svg
 from tests.kit import sample_results as kit
 
 MOST_BYTES = 60_000

@@ -1,0 +1,1 @@
+"""Qualcomm's diagnostic stream: frames, levels and identities."""

@@ -1,0 +1,437 @@
+"""Messages between modem and network in the diagnostic stream: cells, levels and evidence.
+
+Of messages to and from a subscriber only the kind, an algorithm, a cause or the kind of identity
+asked for is read, by the position of its bits; nothing of them is kept. What cells send to
+everybody, how a modem shall measure, and what it reported is decoded with pycrate, if installed.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any, NamedTuple, TypeVar
+
+from logger.core.cell_names import HIGHEST
+from logger.core.latest import Latest
+from logger.drivers.diag.frames import LogRecord
+from logger.drivers.diag.levels import Identity, Observation
+from postproc.suspicion.signalling import UNKNOWN, Signal
+
+T = TypeVar("T")
+
+RRC, NAS_DOWN, NAS_UP = 0xB0C0, 0xB0EC, 0xB0ED
+CODES = frozenset({RRC, NAS_DOWN, NAS_UP})
+"""Codes of messages that are read."""
+NO_PYCRATE = "messages that need pycrate (pip install 'cellwalk[diag]')"
+
+_HEADS: Mapping[range, tuple[int, int, int, int]] = {
+    range(6, 8): (4, 6, 2, 10),
+    range(8, 25): (4, 6, 4, 12),
+    range(25, 30): (6, 8, 4, 14),
+}
+"""Where PCI and EARFCN of a message lie, bytes of the EARFCN, and where its channel lies."""
+_CHANNELS: Mapping[tuple[int, ...], tuple[int, ...]] = {
+    (6, 7, 8, 13, 22): (2, 5, 6, 8),
+    (9, 12): (9, 12, 13, 15),
+    (14, 15, 16, 20, 24, 25): (2, 6, 7, 9),
+    (19, 26, 27, 29): (3, 8, 9, 11),
+}
+"""Numbers of BCCH-DL-SCH, DL-CCCH, DL-DCCH and UL-DCCH by version; no other is read."""
+_VERSIONS = {
+    version: (*head, channels)
+    for head_versions, head in _HEADS.items()
+    for versions, channels in _CHANNELS.items()
+    for version in versions
+    if version in head_versions
+}
+_MOST = 4096
+"""Cells and messages that are remembered."""
+_ANSWER_NS = 10 * 10**9
+_IDENTITIES = {1: "IMSI", 2: "IMEI", 3: "IMEISV", 4: "TMSI"}  # 3GPP TS 24.301 9.9.3.17
+_IDENTITY_REQUEST, _IDENTITY_RESPONSE, _SECURITY_MODE = 0x55, 0x56, 0x5D
+_AUTHENTICATION_REJECT = 0x54
+_REJECTS = {
+    0x44: "attach",
+    0x4B: "tracking area update",
+    0x4E: "service",
+    _AUTHENTICATION_REJECT: "authentication",
+}
+_TARGETS = ("LTE", "GERAN", "UTRA", "UTRA", "CDMA2000", "CDMA2000")
+"""Of a redirection (3GPP TS 36.331 6.2.2, RRCConnectionRelease)."""
+_REJECTED, _CONNECTED = 2, 3
+_RECONFIGURATION, _RELEASE, _SECURITY = 4, 5, 6
+_REPORT = 1
+_REPORT_0_DBM = -140.5
+"""Of the middle of step 0 of RSRP in a report (3GPP TS 36.133 9.1.4)."""
+_CARRIERS = {
+    "sib5": ("interFreqCarrierFreqList",),
+    "sib6": ("carrierFreqListUTRA-FDD", "carrierFreqListUTRA-TDD"),
+    "sib7": ("carrierFreqsInfoList",),
+}
+"""Lists of carriers in the blocks of LTE, UTRA and GERAN."""
+_MOST_RECEIVERS = 16
+_PLAIN_EMM = 0x07
+
+
+class _RefusedError(Exception):
+    """A length does not fit, or a value or a message is impossible."""
+
+
+class _Message(NamedTuple):
+    """A message of RRC: when, by which receiver, of which cell, and its bytes."""
+
+    time_ns: int
+    radio_id: int
+    channel: int
+    code: int
+    body: bytes
+
+    @property
+    def cell(self) -> str:
+        return f"LTE-{self.channel}-{self.code}"
+
+    def bits(self, first: int, n: int) -> int:
+        """Some bits as a number; the first of a byte is its highest."""
+        end = first + n
+        if end > 8 * len(self.body):
+            raise _RefusedError
+        whole = int.from_bytes(self.body[: (end + 7) // 8], "big")
+        return whole >> (-end % 8) & ((1 << n) - 1)
+
+
+class _Measurements:
+    """Which carrier each measurement of a receiver is of (3GPP TS 36.331 5.5.2)."""
+
+    def __init__(self) -> None:
+        self.carriers: dict[int, int | None] = {}
+        self.objects: dict[int, int] = {}
+
+    def channel(self, number: int) -> int | None:
+        """EARFCN that a measurement is of."""
+        return self.carriers.get(self.objects.get(number, 0))
+
+    def hand_over(self, source: int, target: int) -> None:
+        """Exchange the measurements of two carriers (36.331 5.5.6.1)."""
+        by_carrier = {carrier: one for one, carrier in self.carriers.items()}
+        old, new = by_carrier.get(source, 0), by_carrier.get(target)
+        if new is None:
+            self.objects = {one: obj for one, obj in self.objects.items() if obj != old}
+        else:
+            swap = {old: new, new: old}
+            self.objects = {one: swap.get(obj, obj) for one, obj in self.objects.items()}
+
+    def change(self, config: Mapping[str, Any]) -> None:
+        """Take a new configuration."""
+        for one in config.get("measObjectToRemoveList", ()):
+            self.carriers.pop(one, None)
+        for one in config.get("measObjectToAddModList", ()):
+            kind, what = one["measObject"]
+            is_lte = kind == "measObjectEUTRA"
+            self.carriers[one["measObjectId"]] = _carrier(what) if is_lte else None
+        for one in config.get("measIdToRemoveList", ()):
+            self.objects.pop(one, None)
+        for one in config.get("measIdToAddModList", ()):
+            self.objects[one["measId"]] = one["measObjectId"]
+
+
+def _carrier(config: Mapping[str, Any]) -> int | None:
+    channel = config.get("carrierFreq-v9e0", config.get("carrierFreq"))
+    return channel if isinstance(channel, int) and channel < 0xFFFF else None
+
+
+class Messages:
+    """Cells, levels and evidence of messages in their order.
+
+    `unknown` and `refused` are as those of `Decoder`. `n_unnamed` reported neighbours are of a
+    carrier that the capture does not name; `n_undecoded` messages need pycrate, which is missing.
+    """
+
+    def __init__(self) -> None:
+        self.unknown: Counter[tuple[int, int]] = Counter()
+        self.refused: Counter[int] = Counter()
+        self.n_unnamed = self.n_undecoded = 0
+        self._has_pycrate = find_spec("pycrate_asn1dir") is not None
+        # by receiver: the cell of its last message, its measurements, and what it was asked for
+        self._cells: dict[int, str] = {}
+        self._measurements: dict[int, _Measurements] = {}
+        self._asked: dict[int, Signal] = {}
+        # by cell: operator and own priority; what each told last of the priorities of others
+        self._operators: Latest[str] = Latest(_MOST)
+        self._own: Latest[int] = Latest(_MOST)
+        self._told: Latest[str] = Latest(_MOST)
+        # by any identity of a shared cell the first one; by their bytes what messages say
+        self._first: Latest[Identity] = Latest(_MOST)
+        self._decoded: Latest[Any] = Latest(_MOST)
+
+    def feed(self, record: LogRecord) -> list[Observation | Signal]:
+        """What a record says; nothing if its code is not of messages."""
+        if record.code not in CODES:
+            return []
+        read = self._rrc if record.code == RRC else self._nas
+        try:
+            return [*self._unanswered(record.time_ns), *read(record)]
+        except _RefusedError:
+            self.refused[record.code] += 1
+            return []
+
+    def end(self) -> list[Signal]:
+        """What still waits for an answer."""
+        return [self._answer(radio_id, "not answered") for radio_id in tuple(self._asked)]
+
+    def named(self, one: Observation) -> Observation:
+        """An observation with the first identity of a cell that several operators share."""
+        if one.identity is None or one.rat != "LTE":
+            return one
+        identity = self._first.get(str(one.identity), one.identity)
+        operator = f"{identity.mcc}-{identity.mnc}"
+        self._operators.put(f"LTE-{one.channel}-{one.code}", operator)
+        return one._replace(identity=identity)
+
+    def _signal(self, time_ns: int, kind: str, value: str, cell: str) -> Signal:
+        return Signal(time_ns, kind, value, cell, self._operators.get(cell, UNKNOWN))
+
+    def _unanswered(self, time_ns: int) -> Iterator[Signal]:
+        for radio_id, asked in tuple(self._asked.items()):
+            if not 0 <= time_ns - asked.time_ns <= _ANSWER_NS:
+                yield self._answer(radio_id, "not answered")
+
+    def _answer(self, radio_id: int, how: str) -> Signal:
+        asked = self._asked.pop(radio_id)
+        return asked._replace(value=f"{asked.value}, {how}")
+
+    def _nas(self, record: LogRecord) -> Iterator[Signal]:
+        """Kind and one more byte of a message that is not encrypted."""
+        message = record.body[4:7]
+        if record.body[:1] != b"\x01":
+            self.unknown[record.code, record.body[0] if record.body else 0] += 1
+            return
+        if len(message) < 2 or message[0] != _PLAIN_EMM:
+            return
+        radio_id, kind = record.radio_id, message[1]
+        detail = message[2] if len(message) > 2 else 0
+        cell = self._cells.get(radio_id, UNKNOWN)
+        if record.code == NAS_UP:
+            if kind == _IDENTITY_RESPONSE and radio_id in self._asked:
+                yield self._answer(radio_id, "answered")
+            return
+        if kind == _IDENTITY_REQUEST and radio_id < _MOST_RECEIVERS:
+            if radio_id in self._asked:
+                yield self._answer(radio_id, "not answered")
+            name = _IDENTITIES.get(detail & 7, "another identity")
+            asked = self._signal(record.time_ns, "identity request", name, cell)
+            self._asked[radio_id] = asked
+        elif kind == _SECURITY_MODE:
+            value = f"EEA{detail >> 4 & 7} EIA{detail & 7}"
+            yield self._signal(record.time_ns, "NAS security", value, cell)
+        elif kind in _REJECTS:
+            cause = "" if kind == _AUTHENTICATION_REJECT else f", cause {detail}"
+            yield self._signal(record.time_ns, "reject", f"{_REJECTS[kind]}{cause}", cell)
+
+    def _rrc(self, record: LogRecord) -> Iterator[Observation | Signal]:
+        body = record.body
+        version = body[0] if body else 0
+        if version not in _VERSIONS:
+            self.unknown[record.code, version] += 1
+            return
+        code_at, channel_at, n_bytes, kind_at, kinds = _VERSIONS[version]
+        start = kind_at + 7
+        code, channel = (
+            int.from_bytes(body[at : at + n], "little")
+            for at, n in ((code_at, 2), (channel_at, n_bytes))
+        )
+        highest_channel, highest_code = HIGHEST["LTE"]
+        length = int.from_bytes(body[start - 2 : start], "little")
+        if len(body) < start or length != len(body) - start:
+            raise _RefusedError
+        if channel > highest_channel or code > highest_code or record.radio_id >= _MOST_RECEIVERS:
+            raise _RefusedError
+        if body[kind_at] not in kinds:
+            return
+        kind = kinds.index(body[kind_at])
+        message = _Message(record.time_ns, record.radio_id, channel, code, body[start:])
+        self._cells[record.radio_id] = message.cell
+        read = (self._broadcast, self._setup, self._downlink, self._uplink)[kind]
+        yield from read(message)
+
+    def _broadcast(self, message: _Message) -> Iterator[Observation | Signal]:
+        """SIB1, and what SIB3, 5, 6 and 7 tell of priorities, of each once."""
+        if not self._can_decode():
+            return
+        key = message.body.hex()
+        told = self._decoded.get(key)
+        if told is None:
+            told = _decode("BCCH_DL_SCH_Message", message.body, _told_by)
+        self._decoded.put(key, told)
+        identities, priorities = told
+        if identities:
+            first = identities[0]
+            for other in identities[1:]:
+                self._first.put(str(other), first)
+            yield self.named(
+                Observation(
+                    message.time_ns, message.radio_id, "LTE", message.channel, message.code,
+                    "neighbour", identity=first,
+                )
+            )  # fmt: skip
+        cell = message.cell
+        own = priorities.get("LTE")
+        if own is not None:
+            self._own.put(cell, own)
+        for sib, highest in priorities.items():
+            if sib == "LTE":
+                continue
+            own = self._own.get(cell)
+            value = f"highest {highest}, own {'unknown' if own is None else own}"
+            name = f"{sib} of {cell}"
+            if self._told.get(name) != value:
+                yield self._signal(message.time_ns, f"{sib} priority", value, cell)
+            self._told.put(name, value)
+
+    def _can_decode(self) -> bool:
+        self.n_undecoded += not self._has_pycrate
+        return self._has_pycrate
+
+    def _setup(self, message: _Message) -> Iterator[Signal]:
+        kind = message.bits(0, 3)
+        if kind == _CONNECTED:
+            self._measurements.pop(message.radio_id, None)
+        elif kind == _REJECTED:
+            yield self._signal(message.time_ns, "reject", "RRC connection", message.cell)
+
+    def _downlink(self, message: _Message) -> Iterator[Signal]:
+        """Release, security and measurements: bits as in 3GPP TS 36.331 6.2.2."""
+        if message.bits(0, 1):
+            return
+        kind = message.bits(1, 4)
+        if kind == _RELEASE and not message.bits(7, 3):
+            self._measurements.pop(message.radio_id, None)
+            value = "no redirection"
+            if message.bits(10, 1) and not message.bits(15, 1):
+                target = message.bits(16, 3)
+                value = f"to {_TARGETS[target]}" if target < len(_TARGETS) else "to another kind"
+            yield self._signal(message.time_ns, "release", value, message.cell)
+        elif kind == _SECURITY and not message.bits(7, 3):
+            if not message.bits(12, 1) and not message.bits(16, 1):
+                value = f"EEA{message.bits(13, 3)} EIA{message.bits(17, 3)}"
+                yield self._signal(message.time_ns, "RRC security", value, message.cell)
+        elif kind == _RECONFIGURATION and self._can_decode():
+            yield from self._reconfigure(message)
+
+    def _reconfigure(self, message: _Message) -> Iterator[Signal]:
+        config = _decode("DL_DCCH_Message", message.body, _configuration)
+        measurements = self._measurements.setdefault(message.radio_id, _Measurements())
+        mobility = config.get("mobilityControlInfo")
+        if mobility is not None:
+            target = mobility.get("carrierFreq", {}).get("dl-CarrierFreq", message.channel)
+            if target != message.channel:
+                measurements.hand_over(message.channel, target)
+        measurements.change(config.get("measConfig", {}))
+        _, handover = config.get("securityConfigHO", {}).get("handoverType", ("", {}))
+        if algorithms := handover.get("securityAlgorithmConfig"):
+            cipher, integrity = (
+                algorithms[one].upper()[:4]
+                for one in ("cipheringAlgorithm", "integrityProtAlgorithm")
+            )
+            value = f"{cipher} {integrity}"
+            yield self._signal(message.time_ns, "handover security", value, message.cell)
+
+    def _uplink(self, message: _Message) -> Iterator[Observation]:
+        """Levels that a modem reported, of the serving cell and of neighbours on one carrier."""
+        if message.bits(0, 5) != _REPORT or not self._can_decode():
+            return
+        results = _decode("UL_DCCH_Message", message.body, _report)
+        at = Observation(
+            message.time_ns, message.radio_id, "LTE", message.channel, message.code, "serving",
+            is_reported=True,
+        )  # fmt: skip
+        yield at._replace(level_dbm=_reported_dbm(results["measResultPCell"]))
+        kind, cells = results.get("measResultNeighCells", ("", ()))
+        if kind != "measResultListEUTRA":
+            return
+        measurements = self._measurements.get(message.radio_id)
+        channel = measurements.channel(results["measId"]) if measurements else None
+        self.n_unnamed += len(cells) if channel is None else 0
+        for cell in cells:
+            identity = None
+            info = cell.get("cgi-Info")
+            if info and channel is not None and "mcc" in info["cellGlobalId"]["plmn-Identity"]:
+                place, area = info["cellGlobalId"], info["trackingAreaCode"][0]
+                identity = _identity(place["plmn-Identity"], area, place["cellIdentity"][0])
+            yield self.named(
+                at._replace(
+                    channel=channel,
+                    code=cell["physCellId"],
+                    role="neighbour",
+                    level_dbm=_reported_dbm(cell["measResult"]),
+                    identity=identity,
+                )
+            )
+
+
+def _decode(kind: str, body: bytes, take: Callable[[Any], T]) -> T:
+    """What is taken of a message; pycrate has dictionaries, and pairs of a choice and its value."""
+    form = getattr(import_module("pycrate_asn1dir.RRCLTE").EUTRA_RRC_Definitions, kind)
+    try:
+        form.from_uper(body)
+        return take(form.get_val()["message"])
+    except Exception as error:
+        # pycrate has no class of its own for bytes that are no message, or one of another form
+        raise _RefusedError from error
+
+
+def _of_release(message: Any, release: str) -> Mapping[str, Any]:
+    """Content of a message, through the choices of its kind and release."""
+    _, (_, content) = message
+    _, (choice, content) = content["criticalExtensions"]
+    if choice != release:
+        raise _RefusedError
+    return dict(content)
+
+
+def _configuration(message: Any) -> Mapping[str, Any]:
+    return _of_release(message, "rrcConnectionReconfiguration-r8")
+
+
+def _report(message: Any) -> Mapping[str, Any]:
+    return dict(_of_release(message, "measurementReport-r8")["measResults"])
+
+
+def _told_by(message: Any) -> tuple[list[Identity], dict[str, int]]:
+    """Identities of a cell, and the highest priority in each of its blocks; "LTE" is its own."""
+    _, (kind, content) = message
+    if kind == "systemInformationBlockType1":
+        access = content["cellAccessRelatedInfo"]
+        area, cell_id = access["trackingAreaCode"][0], access["cellIdentity"][0]
+        plmns: list[Mapping[str, Any]] = []
+        for one in access["plmn-IdentityList"]:
+            plmn = one["plmn-Identity"]
+            # the country of an operator is that of the one before, unless it is given
+            plmns.append(plmn if "mcc" in plmn else {**plmn, "mcc": plmns[-1]["mcc"]})
+        return [_identity(plmn, area, cell_id) for plmn in plmns], {}
+    priorities: dict[str, int] = {}
+    if kind == "systemInformation":
+        _, information = content["criticalExtensions"]
+        for block, told in information.get("sib-TypeAndInfo", ()):
+            if block == "sib3":
+                serving = told["cellReselectionServingFreqInfo"]
+                priorities["LTE"] = serving["cellReselectionPriority"]
+            elif block in _CARRIERS:
+                others = [
+                    one.get("commonInfo", one).get("cellReselectionPriority", -1)
+                    for carriers in _CARRIERS[block]
+                    for one in told.get(carriers, ())
+                ]
+                if max(others, default=-1) >= 0:
+                    priorities[block.upper()] = max(others)
+    return [], priorities
+
+
+def _identity(plmn: Mapping[str, Any], area: int, cell_id: int) -> Identity:
+    mcc, mnc = ("".join(map(str, plmn[part])) for part in ("mcc", "mnc"))
+    return Identity(mcc, mnc, area, cell_id)
+
+
+def _reported_dbm(result: Mapping[str, int]) -> float | None:
+    """A level in steps of 1 dB; the first and the last step have only one limit."""
+    step = result.get("rsrpResult", 0)
+    return step + _REPORT_0_DBM if 0 < step < 97 else None

@@ -1,0 +1,246 @@
+"""Packet captures (pcapng, pcap) of GSMTAP: levels of its version 3, places of Rayhunter.
+
+Sources: the pcapng specification (IETF draft), the writer of SCAT 2.1 for the tags of version 3,
+pcap.rs of EFForg/rayhunter for the place in the comment of a packet. Of a packet only channel, code
+and level are read: keys have tags too. Version 2 has no level, and of LTE neither whole channel
+nor code.
+"""
+
+import json
+import struct
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import MappingProxyType
+from typing import IO, NamedTuple
+
+from logger.core.cell_names import HIGHEST
+from logger.core.errors import GeoError, RunFileError
+from logger.core.foreign import open_regular
+from logger.core.types import Fix, Rat
+from logger.drivers.diag.levels import Observation
+from postproc.interop.contents import PACKETS, Format
+from postproc.interop.fields import fix_of, number
+from postproc.interop.readers import diag
+from postproc.interop.sighting import NoCell, Row
+from postproc.progress import with_count
+
+_PORT = 4729
+_SECTION, _INTERFACE, _PACKET = 0x0A0D0D0A, 1, 6
+_MOST_BYTES = 1 << 20
+"""Of a block; a packet has 64 kB."""
+_COMMENT, _RESOLUTION = 1, 9
+_IP_AT: Mapping[int, int] = MappingProxyType({0: 4, 1: 14, 101: 0, 113: 16, 228: 0, 276: 20})
+"""Where IPv4 begins in a packet, by link type."""
+_UDP = 17
+_CHANNEL, _CODE, _END = 2, 5, 0xFFFE
+_RATS: Mapping[int, tuple[Rat, tuple[int, ...]]] = MappingProxyType(
+    {
+        2: ("GSM", (0x0100, 0x0101)),
+        3: ("WCDMA", (0x0104,)),
+        4: ("LTE", (0x0106,)),
+    }
+)
+"""Technology by the upper byte of a packet's type, and the tags of the level of its cells."""
+_LEVELS_DBM = (-160.0, -20.0)
+
+
+class Packet(NamedTuple):
+    """A packet of the capture: Unix time, link type, bytes, comment."""
+
+    time_ns: int
+    link: int
+    data: bytes
+    comment: bytes
+
+
+class _Counts:
+    """What was in a capture besides levels."""
+
+    def __init__(self) -> None:
+        self.versions: Counter[int] = Counter()
+        self.n_other = self.n_without_level = 0
+        self.is_cut = False
+
+
+def read(source: Path) -> Iterator[Row]:
+    """A row for each second and cell; raises `RunFileError` for a capture without levels."""
+    counts = _Counts()
+    yield from diag.rows_of(_observations(source, counts))
+    if 3 not in counts.versions and counts.versions:
+        version = max(counts.versions)
+        raise RunFileError(
+            f"{source} has GSMTAP version {version}, which has no levels: import the recording "
+            "itself (.qmdl); its places count with --track"
+        )
+    left = {
+        f"GSMTAP version {version}": n for version, n in counts.versions.items() if version != 3
+    }
+    left |= {
+        "packets without a level": counts.n_without_level,
+        "packets that are no GSMTAP": counts.n_other,
+        "damaged packets, cut": int(counts.is_cut),
+    }
+    yield from (NoCell(0, why, n) for why, n in left.items() if n)
+
+
+def positions(source: Path) -> list[Fix]:
+    """Places in comments of packets, each once, by the clock of the modem."""
+    by_time: dict[int, Fix] = {}
+    for packet in _packets(source, _Counts()):
+        if not packet.comment:
+            continue
+        with suppress(ValueError, GeoError, RecursionError):
+            place = json.loads(packet.comment)
+            utc_ns = int(number(place, "unix_ts", (0.0, 4e9))) * 10**9
+            # a place that has the time of an earlier one came later: its packet was old
+            by_time.setdefault(utc_ns, fix_of(place, "lat", "lon", utc_ns))
+    return list(by_time.values())
+
+
+def _observations(source: Path, counts: _Counts) -> Iterator[Observation]:
+    for packet in _packets(source, counts):
+        gsmtap = _gsmtap(packet)
+        if not gsmtap:
+            counts.n_other += 1
+            continue
+        counts.versions[gsmtap[0]] += 1
+        if gsmtap[0] == 3:
+            observation = _observation(packet.time_ns, gsmtap)
+            if observation is None:
+                counts.n_without_level += 1
+            else:
+                yield observation
+
+
+def _observation(time_ns: int, gsmtap: bytes) -> Observation | None:
+    """Level of the cell that a packet came from."""
+    if len(gsmtap) < 8 or gsmtap[4] not in _RATS:
+        return None
+    rat, levels = _RATS[gsmtap[4]]
+    found = _tags(gsmtap, {_CHANNEL, _CODE, *levels})
+    if not {_CHANNEL, _CODE} <= found.keys():
+        return None
+    channel, code = (int.from_bytes(found[tag], "big") for tag in (_CHANNEL, _CODE))
+    level = next((found[tag] for tag in levels if len(found.get(tag, b"")) == 4), None)
+    if level is None or channel > HIGHEST[rat][0] or code > HIGHEST[rat][1]:
+        return None
+    (level_dbm,) = struct.unpack(">f", level)
+    if not _LEVELS_DBM[0] <= level_dbm <= _LEVELS_DBM[1]:
+        return None
+    return Observation(time_ns, 0, rat, channel, code, "neighbour", level_dbm)
+
+
+def _tags(gsmtap: bytes, wanted: set[int]) -> dict[int, bytes]:
+    found: dict[int, bytes] = {}
+    at = 8
+    while at + 4 <= len(gsmtap):
+        tag, length = struct.unpack_from(">HH", gsmtap, at)
+        if tag == _END or at + 4 + length > len(gsmtap):
+            break
+        if tag in wanted and length <= 4:
+            found[tag] = gsmtap[at + 4 : at + 4 + length]
+        at += 4 + length
+    return found
+
+
+def _gsmtap(packet: Packet) -> bytes:
+    """The payload of a packet to or from the port of GSMTAP, empty for another."""
+    at, data = _IP_AT.get(packet.link, -1), packet.data
+    if at < 0 or len(data) < at + 28 or data[at] >> 4 != 4 or data[at + 9] != _UDP:
+        return b""
+    udp = at + 4 * (data[at] & 15)
+    ports = data[udp : udp + 4]
+    if _PORT not in (int.from_bytes(ports[:2], "big"), int.from_bytes(ports[2:], "big")):
+        return b""
+    return data[udp + 8 :]
+
+
+def _packets(source: Path, counts: _Counts) -> Iterator[Packet]:
+    try:
+        with open_regular(source) as file:
+            begin = file.read(4)
+            read = _of_pcapng if begin == PACKETS[0] else _of_pcap
+            packets = read(file, begin, counts)
+            yield from with_count(packets, f"{source.name}: packets")
+    except OSError as error:
+        raise RunFileError(f"{source}: {error.strerror or error}") from error
+
+
+def _of_pcap(file: IO[bytes], begin: bytes, counts: _Counts) -> Iterator[Packet]:
+    order = ">" if begin == PACKETS[2] else "<"
+    unit_ns = 1 if begin == PACKETS[3] else 1000
+    header = file.read(20)
+    if len(header) < 20:
+        counts.is_cut = True
+        return
+    link = struct.unpack_from(f"{order}I", header, 16)[0] & 0xFFFF
+    while head := file.read(16):
+        size = 0
+        if len(head) == 16:
+            seconds, parts, size, _ = struct.unpack(f"{order}IIII", head)
+        data = file.read(size) if 0 < size <= _MOST_BYTES else b""
+        if not data or len(data) < size:
+            counts.is_cut = True
+            return
+        yield Packet(seconds * 10**9 + parts * unit_ns, link, data, b"")
+
+
+def _of_pcapng(file: IO[bytes], begin: bytes, counts: _Counts) -> Iterator[Packet]:
+    order, links = "<", list[tuple[int, int]]()
+    head = begin + file.read(4)
+    while head:
+        if head[:4] == PACKETS[0]:
+            magic = file.read(4)
+            order, links = ("<" if magic == b"\x4d\x3c\x2b\x1a" else ">"), []
+            head += magic
+        kind, size = struct.unpack_from(f"{order}II", head) if len(head) >= 8 else (0, 0)
+        body = head[8:] + file.read(max(0, min(size, _MOST_BYTES) - len(head)))
+        if not 12 <= size <= _MOST_BYTES or size % 4 or len(body) != size - 8:
+            counts.is_cut = True
+            return
+        if kind == _INTERFACE and len(body) >= 12 and len(links) < 1000:
+            link = int(struct.unpack_from(f"{order}H", body)[0])
+            links.append((link, _per_second(_option(order, body[8:-4], _RESOLUTION))))
+        elif kind == _PACKET and len(body) >= 24:
+            interface, high, low, length, _ = struct.unpack_from(f"{order}5I", body)
+            padded = length + -length % 4
+            if interface < len(links) and 20 + padded <= len(body) - 4:
+                link, per_second = links[interface]
+                time_ns = ((high << 32) + low) * 10**9 // per_second
+                comment = _option(order, body[20 + padded : -4], _COMMENT)
+                if time_ns < 1 << 62:
+                    yield Packet(time_ns, link, body[20 : 20 + length], comment)
+        head = file.read(8)
+
+
+def _per_second(resolution: bytes) -> int:
+    """Units of a second: a power of ten, or of two with the highest bit set."""
+    exponent = resolution[0] if resolution else 6
+    return int(2 ** min(exponent & 127, 63)) if exponent & 128 else int(10 ** min(exponent, 18))
+
+
+def _option(order: str, options: bytes, wanted: int) -> bytes:
+    at = 0
+    while at + 4 <= len(options):
+        kind, length = struct.unpack_from(f"{order}HH", options, at)
+        if kind == wanted:
+            return options[at + 4 : at + 4 + length]
+        if kind == 0:
+            break
+        at += 4 + length + -length % 4
+    return b""
+
+
+IMPORTS = (
+    Format(
+        "GSMTAP packets",
+        read,
+        "time of the packets",
+        lambda seen: seen.kind == "packets",
+        has_scans=True,
+        unrepeated=True,
+        capture=True,
+    ),
+)
