@@ -162,12 +162,10 @@ def import_(
         keep_name=keep_name,
     )
     sizes = decompression.members(source)
-    if sizes and member is None and len(walks := importing.walks_in(sizes)) == 1:
-        member = next(iter(walks))
     if member is not None and member not in sizes:
         inside = f"it has {', '.join(list(sizes)[:5])}" if sizes else "it is no zip"
         raise ConfigError(f"{source} has no file {member!r}: {inside}")
-    if len(sizes) > 1 and member is None:
+    if member is None and len(walks := importing.walks_in(sizes)) > 1:
         _import_all(source, output, walks, reading, as_json=as_json)
         return
     imported = importing.import_walk(source, output, reading=reading, member=member)

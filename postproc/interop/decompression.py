@@ -4,7 +4,7 @@ import errno
 import gzip
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
@@ -92,8 +92,8 @@ def plain_file(source: Path, member: str | None = None) -> Iterator[Path]:
     with TemporaryDirectory() as folder:
         copy = Path(folder) / source.name
         try:
-            with _open_archive(source, head, member) as packed, copy.open("wb") as plain:
-                for chunk in with_count(_chunks(packed, source), f"{source.name}: unpacking MB"):
+            with _open_archive(source, head, member) as read, copy.open("wb") as plain:
+                for chunk in with_count(_chunks(read, source), f"{source.name}: unpacking MB"):
                     plain.write(chunk)
         except (OSError, *_DAMAGE) as error:
             if not (isinstance(error, EOFError) and is_stream(_head(copy, _CHUNK))):
@@ -122,10 +122,10 @@ def _head(source: Path, n_bytes: int = 4) -> bytes:
 @contextmanager
 def _open_archive(
     source: Path, head: bytes, member: str | None
-) -> Iterator[zipfile.ZipExtFile | gzip.GzipFile]:
+) -> Iterator[Callable[[int], bytes]]:
     if head.startswith(_GZIP):
         with open_regular(source) as packed, gzip.GzipFile(fileobj=packed) as file:
-            yield file
+            yield file.read1  # of a file that was cut it gives what there is
         return
     with _open_zip(source) as archive:
         files = _files_of(archive)
@@ -134,13 +134,13 @@ def _open_archive(
         chosen = files[0] if member is None else archive.getinfo(member)
         if chosen.compress_type not in _PACKINGS:
             raise RunFileError(f"{source} is not packed by deflate: unpack it")
-        with archive.open(chosen) as file:
-            yield file
+        with archive.open(chosen) as member_file:
+            yield member_file.read
 
 
-def _chunks(packed: zipfile.ZipExtFile | gzip.GzipFile, source: Path) -> Iterator[bytes]:
+def _chunks(read: Callable[[int], bytes], source: Path) -> Iterator[bytes]:
     size, most = 0, most_unpacked_bytes(source.stat().st_size)
-    while chunk := packed.read1(_CHUNK):
+    while chunk := read(_CHUNK):
         size += len(chunk)
         if size > most:
             raise RunFileError(

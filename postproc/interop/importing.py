@@ -37,7 +37,15 @@ from postproc.interop.decompression import members, plain_file
 from postproc.interop.fields import RATS
 from postproc.interop.readers import named_columns, rayhunter
 from postproc.interop.readers.rayhunter import CLOCK_SET_NS
-from postproc.interop.sighting import BadRow, NoCell, Remark, Row, Sighting, SightingFile
+from postproc.interop.sighting import (
+    REMARK,
+    BadRow,
+    NoCell,
+    Remark,
+    Row,
+    Sighting,
+    SightingFile,
+)
 from postproc.interop.track_file import (
     MOST_APART_S,
     GpsTrack,
@@ -207,6 +215,8 @@ def import_walk(
     right, or to spare data.
     """
     reading = reading or Reading(times)
+    if member is None and len(sizes := members(source)) > 1 and len(walks := walks_in(sizes)) == 1:
+        member = next(iter(walks))
     spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
     name = source if member is None else Path(f"{source}/{member}")
     with closing(_sighting_file(target)) as sightings, ExitStack() as files:
@@ -271,7 +281,8 @@ def _capture(
             except RunFileError as error:
                 why = why or str(error)
                 reading = replace(reading, no_track=why)
-    return reading, _on_one_clock(rows, reading.track and reading.track.undated_shift_ns)
+    track = reading.track
+    return reading, _on_one_clock(rows, track.undated_shift_ns if track else None)
 
 
 def _on_one_clock(rows: Iterable[Row], shift_ns: int | None) -> Iterator[Row]:
@@ -319,7 +330,8 @@ def _write(
 ) -> Imported:
     has_something = left.n_levels or (left.remarks and reading.track) or (sha256 and sightings)
     if not has_something:
-        raise RunFileError(f"{name} has no usable row{left.reason}")
+        what = "no cell that its records name, and no level" if sha256 else "no usable row"
+        raise RunFileError(f"{name} has {what}{left.reason}")
     n_read = len(sightings)
     if not form.unrepeated:
         sightings.leave_out_repeated()
@@ -330,6 +342,12 @@ def _write(
     if form.capture:
         if n_undated := sightings.leave_out_before(CLOCK_SET_NS):
             left.take(NoCell(0, "readings of before the modem's clock was set", n_undated))
+        if sightings and sightings.span_ns()[0] >= CLOCK_SET_NS:
+            dated = [one for one in left.remarks if one.utc_ns >= CLOCK_SET_NS]
+            if n_undated := len(left.remarks) - len(dated):
+                left.remarks = dated
+                why = "remarks and signals of before the modem's clock was set"
+                left.take(NoCell(0, why, n_undated))
         track, no_track = _part_of_track(sightings, reading)
     elif has_times and sightings:
         no_clock = _why_no_clock(name, form, sightings)
@@ -511,7 +529,7 @@ def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
     for note in _notes(imported):
         append(Record(0, "import", note))
     for remark in walk.remarks:
-        note = Note("warning", "remark", _with_place(remark, walk.track))
+        note = Note("warning", REMARK, _with_place(remark, walk.track))
         append(Record(remark.utc_ns - start_ns, "import", note))
     if not first:
         return _fill_track(append, walk, start_ns)
@@ -538,7 +556,9 @@ def _fill_capture(append: Append, walk: _Walk, imported: Imported) -> int:
     for note in _notes(imported):
         append(Record(0, "import", note))
     for remark in walk.remarks:
-        note = Note("warning", "remark", _with_place(remark, walk.track))
+        note = Note("info", remark.code, remark.text)
+        if remark.code == REMARK:
+            note = Note("warning", remark.code, _with_place(remark, walk.track))
         append(Record(max(remark.utc_ns - start_ns, 0), "import", note))
     fixes.reverse()
     latest: tuple[int, int] | None = None

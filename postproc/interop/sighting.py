@@ -18,6 +18,8 @@ from logger.core.places import Places, Track, fix_sigma_m
 from logger.core.types import Broadcast, CellReading, Fix
 
 Fields = TypeVar("Fields")
+REMARK = "remark"
+"""Code of the note of a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +70,15 @@ class NoCell:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What another program noticed at a time, for example a warning; it has no level."""
+    """What another program noticed at a time, for example a warning; it has no level.
+
+    `code` is that of its note.
+    """
 
     line: int
     utc_ns: int
     text: str
+    code: str = REMARK
 
 
 Row = Sighting | BadRow | NoCell | Remark
@@ -188,7 +194,7 @@ class SightingFile:
         return True
 
     def track(self) -> Track:
-        """Their positions, if all have one, each once at a time; raises `GeoError` outside of UTM."""
+        """Positions, which all have, each once at a time; raises `GeoError` outside of UTM."""
         order = self._order_of_rows()
         t_ns = np.frombuffer(self._t_ns, np.int64)[order]
         place = np.frombuffer(self._place).reshape(-1, 3)[order]

@@ -1,0 +1,355 @@
+"""Captures of the diagnostic stream become runs: containers, clocks, positions, names."""
+
+import gzip
+import hashlib
+import json
+import zipfile
+
+import numpy as np
+import pytest
+
+from logger.core.runfile import RunWriter, read_run
+from logger.core.types import CellReading, Fix, Record, Scan
+from logger.sim.world import Radio, Transmitter, World
+from postproc.cli import main
+from postproc.interop.importing import Reading, import_walk
+from postproc.interop.track_file import read_track
+from postproc.smoothing import smooth_runs
+from tests.kit import diag_capture as diag
+from tests.kit.runs import meta
+
+T0_NS = 1_790_028_000 * 10**9
+"""2026-09-21."""
+EARFCN, PCI, OTHER_PCI = 1300, 17, 18
+IDENTITY = ("262", "01", 4711, 26_214_401)
+NAME = "262-01-4711-26214401"
+LAT, LON = 47.07, 15.44
+AHEAD_NS = 7 * 10**9
+"""Of the clock of the hotspot before that of the modem."""
+
+
+def stream(seconds, t0_ns=T0_NS, shift=lambda second: 0):
+    """Two cells heard each second, the serving one with its identity every 20 s."""
+    data = b""
+    for second in seconds:
+        t_ns = t0_ns + second * 10**9 + shift(second)
+        if second % 20 == 0:
+            body = diag.serving_identity(EARFCN, PCI, IDENTITY)
+            data += diag.log_frame(0xB0C2, t_ns, body)
+        for part in range(3):
+            at_ns = t_ns + part * 300_000_000
+            level_dbm = -80.0 - second % 30 + part / 16
+            data += diag.log_frame(0xB17F, at_ns, diag.serving_cell(EARFCN, PCI, level_dbm))
+            body = diag.neighbour_cells(EARFCN, [(OTHER_PCI, level_dbm - 9.0)])
+            data += diag.log_frame(0xB180, at_ns, body)
+    return data
+
+
+def place(second):
+    return LAT + second * 1.2e-5, LON
+
+
+def lines(seconds, packet_ns=lambda second: T0_NS + second * 10**9):
+    return [diag.gps_line(packet_ns(s), T0_NS + s * 10**9 + AHEAD_NS, *place(s)) for s in seconds]
+
+
+def imported(source, tmp_path, **reading):
+    result = import_walk(source, tmp_path / "run.h5", **reading)
+    return result, read_run(tmp_path / "run.h5")
+
+
+def fixes_of(run):
+    fixes = run.tables["fixes"]
+    return fixes[fixes["valid"] == 1]
+
+
+def test_a_rayhunter_zip_is_one_run_with_its_positions(tmp_path, capsys):
+    warning = {"packet_timestamp": "2026-09-21T00:00:30Z"}
+    event = {"event_type": {"type": "QualitativeWarning", "severity": "High"}}
+    event["message"] = "IMSI 262011234567890 was asked for"
+    analysis = json.dumps({"analyzers": []}) + "\n" + json.dumps(warning | {"events": [event]})
+    source = diag.rayhunter_zip(
+        tmp_path / "IMEI-356938035643809.zip",
+        stream(range(60)),
+        lines(range(0, 61, 5)),
+        ndjson=analysis,
+        pcapng=b"not read",
+    )
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 0
+    run = read_run(tmp_path / "run.h5")
+    assert "run.h5: 120 readings, 1 remarks, 0 bad rows" in capsys.readouterr().out
+    sha256 = hashlib.sha256(source.read_bytes()).hexdigest()
+    assert run.meta.origin == f"import of a capture, SHA-256 {sha256}"
+    assert len(run.tables["scans"]) == 60
+    levels = run.tables["readings"]
+    serving = levels[levels["pci"] == PCI]
+    assert serving["rsrp_dbm"][3] == -82.9375  # the median of three
+    assert serving["n_levels"][3] == 3
+    assert set(levels["cell"]) == {NAME.encode(), b""}
+    assert set(run.named_readings["cell"]) == {NAME.encode(), f"LTE-{EARFCN}-{OTHER_PCI}".encode()}
+    fixes = fixes_of(run)
+    assert fixes["utc_ns"].tolist() == [T0_NS + s * 10**9 for s in range(0, 61, 5)]
+    notes = run.tables["notes"]["text"].tolist()
+    assert any(
+        b"High: IMSI ... was asked for" in text or b"high: IMSI ..." in text for text in notes
+    )
+    content = (tmp_path / "run.h5").read_bytes()
+    assert b"356938035643809" not in content
+    assert b"262011234567890" not in content
+
+
+def test_the_name_of_a_capture_is_kept_on_request(tmp_path):
+    (tmp_path / "street.qmdl").write_bytes(stream(range(9)))
+    command = ["import", str(tmp_path / "street.qmdl"), "-o", str(tmp_path / "run.h5")]
+    assert main([*command, "--keep-name"]) == 0
+    assert read_run(tmp_path / "run.h5").meta.origin.startswith("import of street.qmdl, SHA-256 ")
+
+
+def test_without_positions_cells_have_names_dates_and_levels(tmp_path, capsys):
+    source = tmp_path / "walk.qmdl"
+    source.write_bytes(stream(range(40)))
+    target = str(tmp_path / "run.h5")
+    assert main(["import", str(source), "-o", target]) == 0
+    assert "no positions: it has none; --track adds" in capsys.readouterr().err
+    assert main(["info", target]) == 0
+    text = capsys.readouterr().out
+    assert "2026-09-21T" in text
+    assert NAME in text
+    assert main(["suspect", target]) == 0
+
+
+def test_a_track_gives_the_positions(tmp_path):
+    (tmp_path / "walk.qmdl").write_bytes(stream(range(60)))
+    (tmp_path / "gps.ndjson").write_text("".join(lines(range(0, 61, 5))))
+    reading = Reading(track=read_track(tmp_path / "gps.ndjson"))
+    result, run = imported(tmp_path / "walk.qmdl", tmp_path, reading=reading)
+    assert result.no_track is None
+    assert len(fixes_of(run)) == 13
+    late = Reading(track=read_track(tmp_path / "gps.ndjson"))
+    (tmp_path / "walk.qmdl").write_bytes(stream(range(60), T0_NS + 10**13))
+    result, run = imported(tmp_path / "walk.qmdl", tmp_path, reading=late)
+    assert "no points within 60 s" in result.no_track
+    assert not len(fixes_of(run))
+
+
+def jump(second):
+    """The modem's clock is of 1980 for 20 s; it then ticks 5 s behind what it was."""
+    return diag.UNIX_OF_1980_NS + 31 * 10**9 - T0_NS if second < 20 else 0
+
+
+def test_a_clock_that_begins_in_1980_is_one_clock(tmp_path):
+    packets = lines(range(0, 61, 5), lambda s: T0_NS + s * 10**9 + jump(s))
+    source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(60), shift=jump), packets)
+    result, run = imported(source, tmp_path)
+    assert result.n_rows == 120
+    scans = run.tables["scans"]["t_ns"]
+    assert np.all(np.abs(np.diff(scans) - 10**9) < 10)
+    assert fixes_of(run)["utc_ns"].tolist() == [T0_NS + s * 10**9 for s in range(0, 61, 5)]
+
+
+def test_rows_that_nothing_dates_are_left_out_and_counted(tmp_path):
+    source = tmp_path / "walk.qmdl"
+    source.write_bytes(stream(range(60), shift=jump))
+    result, run = imported(source, tmp_path)
+    assert result.n_rows == 80
+    assert ("readings of before the modem's clock was set", 40) in result.other
+    assert len(run.tables["scans"]) == 40
+
+
+def test_a_clock_that_was_never_set_still_orders_the_readings(tmp_path):
+    source = tmp_path / "walk.qmdl"
+    source.write_bytes(stream(range(30), diag.UNIX_OF_1980_NS))
+    (tmp_path / "gps.ndjson").write_text("".join(lines(range(0, 61, 5))))
+    result, run = imported(source, tmp_path)
+    assert (result.n_rows, len(run.tables["scans"])) == (60, 30)
+    assert not len(run.tables["fixes"])
+    track = read_track(tmp_path / "gps.ndjson")
+    assert "never set" in imported(source, tmp_path, reading=Reading(track=track))[0].no_track
+
+
+def test_a_packed_recording_may_lack_its_end(tmp_path):
+    packed = gzip.compress(stream(range(60)))
+    source = tmp_path / "walk.qmdl.gz"
+    source.write_bytes(packed)
+    assert imported(source, tmp_path)[0].n_rows == 120
+    source.write_bytes(packed[: len(packed) * 2 // 3])
+    result, _ = imported(source, tmp_path)
+    assert 60 < result.n_rows < 120
+    assert ("damaged frames, cut", 1) in result.other
+
+
+def test_damage_and_unknown_versions_are_counted(tmp_path, capsys):
+    data = bytearray(stream(range(30)))
+    data[200] ^= 1
+    body = bytes([1, 1, 0, 0, 25, 47, 8, 0, 1, 2, 3, 4])
+    data += diag.log_frame(0xB193, T0_NS, body) * 312 + diag.log_frame(0x11EB, T0_NS, b"packet")
+    (tmp_path / "walk.qmdl").write_bytes(data)
+    target = tmp_path / "run.h5"
+    assert main(["import", str(tmp_path / "walk.qmdl"), "-o", str(target)]) == 0
+    text = capsys.readouterr().err
+    assert "0xB193 version 47: 312 not read" in text
+    assert "damaged frames, CRC: 1 not read" in text
+    assert "frames without levels: 1 not read" in text
+
+
+def comment(second):
+    lat_deg, lon_deg = place(second)
+    time_s = T0_NS // 10**9 + second // 5 * 5
+    return json.dumps({"unix_ts": time_s, "lat": lat_deg, "lon": lon_deg})
+
+
+@pytest.mark.parametrize("order", [">", "<"])
+def test_places_in_rayhunters_packets(tmp_path, order):
+    packets = [
+        (T0_NS + s * 10**9, 228, diag.udp_packet(b"\2\4\x0d" + bytes(13)), comment(s))
+        for s in range(60)
+    ]
+    source = tmp_path / "walk.pcapng"
+    source.write_bytes(diag.pcapng(packets, order))
+    fixes = read_track(source).fixes
+    assert [fix.utc_ns for fix in fixes] == [T0_NS + s * 10**9 for s in range(0, 60, 5)]
+    assert [fix.lat_deg for fix in fixes] == pytest.approx([place(s)[0] for s in range(0, 60, 5)])
+    beside = diag.rayhunter_zip(
+        tmp_path / "a.zip", stream(range(60)), [], pcapng=source.read_bytes()
+    )
+    assert len(fixes_of(imported(beside, tmp_path)[1])) == 12
+
+
+def test_version_2_of_gsmtap_is_no_walk(tmp_path, capsys):
+    packet = (T0_NS, 228, diag.udp_packet(b"\2\4\x0d" + bytes(13)), "")
+    (tmp_path / "a.pcapng").write_bytes(diag.pcapng([packet]))
+    assert main(["import", str(tmp_path / "a.pcapng"), "-o", str(tmp_path / "run.h5")]) == 2
+    assert "GSMTAP version 2, which has no levels" in capsys.readouterr().err
+
+
+def test_levels_of_gsmtap_version_3(tmp_path):
+    key = (0x0200, b"secretsecretkey!")
+    packets = []
+    for s in range(20):
+        level = np.array([-90.0 - s], ">f4").tobytes()
+        tags = [(2, EARFCN.to_bytes(4)), (5, PCI.to_bytes(2)), key, (0x0106, level)]
+        packets.append((T0_NS + s * 10**9, 228, diag.udp_packet(diag.gsmtap3(0x0403, tags)), ""))
+    packets.append((T0_NS, 228, diag.udp_packet(diag.gsmtap3(0x0403, [key])), ""))
+    (tmp_path / "a.pcapng").write_bytes(diag.pcapng(packets))
+    result, run = imported(tmp_path / "a.pcapng", tmp_path)
+    assert run.tables["readings"]["rsrp_dbm"].tolist() == [-90.0 - s for s in range(20)]
+    assert result.other == (("packets without a level", 1),)
+    assert b"secretsecret" not in (tmp_path / "run.h5").read_bytes()
+
+
+def test_a_typed_position_is_no_walk(tmp_path):
+    fixed = [diag.gps_line(T0_NS + s * 10**9, T0_NS + s * 10**9, LAT, LON) for s in range(9)]
+    source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(9)), fixed)
+    result, run = imported(source, tmp_path)
+    assert "one fixed position, which is no walk" in result.no_track
+    assert not len(fixes_of(run))
+
+
+def test_recordings_of_one_zip_become_runs_of_their_own(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        for number in "12":
+            archive.writestr(f"{number}.qmdl", stream(range(9)))
+            archive.writestr(f"{number}-gps.ndjson", "".join(lines(range(0, 11, 5))))
+    assert main(["import", str(tmp_path / "a.zip"), "-o", str(tmp_path / "walk.h5")]) == 0
+    for number in "12":
+        assert len(fixes_of(read_run(tmp_path / f"walk-{number}.h5"))) == 3
+    assert len(list(tmp_path.glob("*.h5"))) == 2
+
+
+class Walk:
+    """A walker who passes an LTE cell at a corner, heard each second beside another one."""
+
+    SECONDS = 900
+
+    def __init__(self, seed):
+        rng = np.random.default_rng(seed)
+        radio = Radio(floor_dbm=-140.0, step_db=0.0)
+        cells = (
+            Transmitter(235.0, 240.0, -25.0, 3.2, "262", "01", 4711, 26_214_401, EARFCN, 0, 20.0),
+            Transmitter(-260.0, 40.0, -25.0, 3.2, "262", "01", 4711, 26_214_402, EARFCN, 0, 20.0),
+        )
+        self.world = World.build(cells, LAT, LON, radio, rng)
+        s = np.arange(self.SECONDS) * 1.4
+        corners_m = np.array([0, 210, 420, 630, 730, 930, 1130, 1330])
+        self.east_m = np.interp(s, corners_m, [0, 210, 210, 420, 420, 220, 220, 20])
+        self.north_m = np.interp(s, corners_m, [0, 0, 210, 210, 310, 310, 110, 110])
+        self.level_dbm = self.world.received_dbm(self.east_m, self.north_m, rng)
+        error_m = rng.normal(0.0, 3.0, (2, self.SECONDS))
+        at = np.stack([self.east_m, self.north_m]) + error_m
+        self.place = [self.world.to_latlon(x, y) for x, y in at.T.tolist()]
+        self.jitter_db = rng.normal(0.0, 0.3, (2, self.SECONDS, 4))
+
+    def as_zip(self, path):
+        """Four records of each cell a second, a place every 5 s."""
+        data = b""
+        for second in range(self.SECONDS):
+            t_ns = T0_NS + second * 10**9
+            if second % 30 == 0:
+                data += diag.log_frame(0xB0C2, t_ns, diag.serving_identity(EARFCN, PCI, IDENTITY))
+            levels = self.level_dbm[:, second, None] + self.jitter_db[:, second]
+            for part, (own_dbm, other_dbm) in enumerate(levels.T.tolist()):
+                at_ns = t_ns + part * 200_000_000
+                data += diag.log_frame(0xB17F, at_ns, diag.serving_cell(EARFCN, PCI, own_dbm))
+                body = diag.neighbour_cells(EARFCN, [(OTHER_PCI, other_dbm)])
+                data += diag.log_frame(0xB180, at_ns, body)
+        gps = [
+            diag.gps_line(T0_NS + s * 10**9, T0_NS + s * 10**9 + AHEAD_NS, *self.place[s])
+            for s in range(0, self.SECONDS, 5)
+        ]
+        return diag.rayhunter_zip(path, data, gps)
+
+    def as_at(self, path):
+        """A scan every 3 s in steps of 1 dB, a fix each second."""
+        writer = RunWriter(path, meta())
+        fix_seq = None
+        for second, (lat_deg, lon_deg) in enumerate(self.place):
+            t_ns = second * 10**9
+            fix_seq = writer.append(Record(t_ns, "gnss", Fix(True, T0_NS + t_ns, lat_deg, lon_deg)))
+            if second % 3 == 0:
+                mcc, mnc, tac, cid = IDENTITY
+                own_dbm = float(np.round(self.level_dbm[0, second]))
+                reading = CellReading(
+                    "serving",
+                    "LTE",
+                    mcc,
+                    mnc,
+                    tac=tac,
+                    cid=cid,
+                    arfcn=EARFCN,
+                    pci=PCI,
+                    rsrp_dbm=own_dbm,
+                )
+                writer.append(Record(t_ns, "modem", Scan(t_ns, (reading,), fix_seq, fix_seq)))
+        writer.close(self.SECONDS * 10**9, "test")
+        return read_run(path)
+
+    def error_m(self, run):
+        """Distance of the cell from where the run places it."""
+        (cell,) = smooth_runs([run], [NAME]).cells
+        east_m, north_m = self.world.to_local(cell.latitude_deg, cell.longitude_deg)
+        own = self.world.transmitters[0]
+        return float(np.hypot(east_m - own.east_m, north_m - own.north_m))
+
+
+def side_by_side(seeds, folder):
+    """Errors of a capture and of AT on the same walks; printed."""
+    rows = []
+    for seed in seeds:
+        walk = Walk(seed)
+        import_walk(walk.as_zip(folder / f"{seed}.zip"), folder / f"{seed}.h5")
+        capture_m = walk.error_m(read_run(folder / f"{seed}.h5"))
+        at_m = walk.error_m(walk.as_at(folder / f"{seed}.journal"))
+        print(f"walk {seed}: capture {capture_m:.0f} m, AT {at_m:.0f} m")
+        rows.append((capture_m, at_m))
+    return np.array(rows)
+
+
+def test_a_capture_locates_as_well_as_at(tmp_path):
+    capture_m, at_m = side_by_side([1], tmp_path).T
+    assert capture_m <= at_m + 15.0
+
+
+@pytest.mark.slow
+def test_captures_locate_as_well_as_at(tmp_path):
+    capture_m, at_m = side_by_side(range(8), tmp_path).T
+    assert np.median(capture_m) <= np.median(at_m) + 3.0
