@@ -22,7 +22,7 @@ from logger.core.suspicion.words import (
     unnoticed_text,
     word_rate_text,
 )
-from logger.drivers.family import having
+from logger.drivers.family import cells_with
 from logger.drivers.registry import FAMILIES
 from postproc.cell_work import Failure, failure
 from postproc.ground import SEVERAL, HeardIn, several_evidence, several_text
@@ -436,7 +436,7 @@ FILE = "csv"
 
 def table_of_sources() -> tuple[str | Table, ...]:
     """Which rules can be asked of cells of which generations, by driver and of an imported file."""
-    of_file = having("neighbours", "neighbour lists", "timing advance")
+    of_file = cells_with("neighbours", "neighbour lists", "timing advance")
     gives = {name: family.gives for name, family in FAMILIES.items()} | {
         FILE: dict.fromkeys(("GSM", "WCDMA", "LTE", "NR"), of_file)
     }
