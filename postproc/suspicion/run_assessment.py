@@ -181,7 +181,7 @@ class Suspicions:
     earlier_walks: int = 0
 
     @property
-    def unnoticed(self) -> str:
+    def unnoticed_text(self) -> str:
         """What no rule could see."""
         return unnoticed_text(self.not_asked, self.earlier_walks)
 
@@ -302,7 +302,7 @@ def conspicuous_first(
         warnings=warnings,
         words=words,
         not_asked=suspicions.not_asked,
-        unnoticed=suspicions.unnoticed,
+        unnoticed=suspicions.unnoticed_text,
     )
     return result, tuple(rank)
 
@@ -345,7 +345,7 @@ def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
         "cells": cells,
         "not_asked": suspicions.not_asked,
         "earlier_walks": suspicions.earlier_walks,
-        "unnoticed": suspicions.unnoticed,
+        "unnoticed": suspicions.unnoticed_text,
         "errors": errors,
     }
     return Document(content, body=_lines(suspicions, details=details))
@@ -377,7 +377,7 @@ def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
         yield "no cell was named by two scans"
     if suspicions.not_asked:
         yield f"not checked, as these were missing: {not_asked_text(suspicions, details=details)}"
-    yield suspicions.unnoticed
+    yield suspicions.unnoticed_text
     yield _NEVER
 
 
