@@ -37,7 +37,15 @@ from postproc.interop.decompression import members, plain_file
 from postproc.interop.fields import RATS
 from postproc.interop.readers import named_columns, rayhunter
 from postproc.interop.readers.rayhunter import CLOCK_SET_NS
-from postproc.interop.sighting import BadRow, NoCell, Remark, Row, Sighting, SightingFile
+from postproc.interop.sighting import (
+    REMARK,
+    BadRow,
+    NoCell,
+    Remark,
+    Row,
+    Sighting,
+    SightingFile,
+)
 from postproc.interop.track_file import (
     MOST_APART_S,
     GpsTrack,
@@ -322,7 +330,8 @@ def _write(
 ) -> Imported:
     has_something = left.n_levels or (left.remarks and reading.track) or (sha256 and sightings)
     if not has_something:
-        raise RunFileError(f"{name} has no usable row{left.reason}")
+        what = "no cell that its records name, and no level" if sha256 else "no usable row"
+        raise RunFileError(f"{name} has {what}{left.reason}")
     n_read = len(sightings)
     if not form.unrepeated:
         sightings.leave_out_repeated()
@@ -333,9 +342,13 @@ def _write(
     if form.capture:
         if n_undated := sightings.leave_out_before(CLOCK_SET_NS):
             left.take(NoCell(0, "readings of before the modem's clock was set", n_undated))
-        track, no_track = _part_of_track(sightings, reading)
         if sightings and sightings.span_ns()[0] >= CLOCK_SET_NS:
-            left.leave_out_remarks(CLOCK_SET_NS)
+            dated = [one for one in left.remarks if one.utc_ns >= CLOCK_SET_NS]
+            if n_undated := len(left.remarks) - len(dated):
+                left.remarks = dated
+                why = "remarks and signals of before the modem's clock was set"
+                left.take(NoCell(0, why, n_undated))
+        track, no_track = _part_of_track(sightings, reading)
     elif has_times and sightings:
         no_clock = _why_no_clock(name, form, sightings)
     has_times = has_times and no_clock is None
@@ -432,14 +445,6 @@ class _Left:
             if len(self.bad) < MOST_BAD_ROWS:
                 self.bad.append(row)
 
-    def leave_out_remarks(self, before_ns: int) -> None:
-        """Leave out those of before a time, which would begin the walk."""
-        early = [one for one in self.remarks if one.utc_ns < before_ns]
-        self.remarks = [one for one in self.remarks if one.utc_ns >= before_ns]
-        if early:
-            why = "remarks and signals of before the modem's clock was set"
-            self._other[why] += len(early)
-
     @property
     def other(self) -> tuple[tuple[str, int], ...]:
         return tuple(self._other.most_common())
@@ -524,7 +529,7 @@ def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
     for note in _notes(imported):
         append(Record(0, "import", note))
     for remark in walk.remarks:
-        note = _note_of(remark, walk.track)
+        note = Note("warning", REMARK, _with_place(remark, walk.track))
         append(Record(remark.utc_ns - start_ns, "import", note))
     if not first:
         return _fill_track(append, walk, start_ns)
@@ -551,7 +556,9 @@ def _fill_capture(append: Append, walk: _Walk, imported: Imported) -> int:
     for note in _notes(imported):
         append(Record(0, "import", note))
     for remark in walk.remarks:
-        note = _note_of(remark, walk.track)
+        note = Note("info", remark.code, remark.text)
+        if remark.code == REMARK:
+            note = Note("warning", remark.code, _with_place(remark, walk.track))
         append(Record(max(remark.utc_ns - start_ns, 0), "import", note))
     fixes.reverse()
     latest: tuple[int, int] | None = None
@@ -583,12 +590,6 @@ def _fill_track(append: Append, walk: _Walk, start_ns: int) -> int:
         end_ns = max(end_ns, fix.utc_ns or 0)
         append(Record((fix.utc_ns or 0) - start_ns, "import", fix))
     return end_ns - start_ns
-
-
-def _note_of(remark: Remark, track: GpsTrack | None) -> Note:
-    if remark.code:
-        return Note("info", remark.code, remark.text)
-    return Note("warning", "remark", _with_place(remark, track))
 
 
 def _with_place(remark: Remark, track: GpsTrack | None) -> str:

@@ -18,6 +18,8 @@ from logger.core.places import Places, Track, fix_sigma_m
 from logger.core.types import Broadcast, CellReading, Fix
 
 Fields = TypeVar("Fields")
+REMARK = "remark"
+"""Code of the note of a warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,13 +72,13 @@ class NoCell:
 class Remark:
     """What another program noticed at a time, for example a warning; it has no level.
 
-    With a `code` it is a note of that kind, for information.
+    `code` is that of its note.
     """
 
     line: int
     utc_ns: int
     text: str
-    code: str = ""
+    code: str = REMARK
 
 
 Row = Sighting | BadRow | NoCell | Remark

@@ -194,13 +194,13 @@ CLAIM = f"{LAT},{LON},50"
 @pytest.mark.parametrize(
     "step",
     [
-        "postproc.verification.run_claims.around",
+        "postproc.verification.run_claims.verify_cell",
         "postproc.verification.run_claims.locate",
         "postproc.verification.run_claims._geodesic",
     ],
 )
 def test_a_claim_about_it(step, check, run):
-    text = step.endswith("around")
+    text = step.endswith("verify_cell")
     joint = ("q",)
     check(step, "verify", run, "--claim", CLAIM, reasons="reasons", text=text, common=joint)
 

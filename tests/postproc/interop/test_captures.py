@@ -257,23 +257,22 @@ def test_recordings_of_one_zip_become_runs_of_their_own(tmp_path):
 
 
 class Walk:
-    """A walker round the block of one LTE cell, heard each second beside another one."""
+    """A walker who passes an LTE cell at a corner, heard each second beside another one."""
 
-    SECONDS = 600
+    SECONDS = 900
 
     def __init__(self, seed):
         rng = np.random.default_rng(seed)
         radio = Radio(floor_dbm=-140.0, step_db=0.0)
         cells = (
-            Transmitter(150.0, 90.0, -25.0, 3.2, "262", "01", 4711, 26_214_401, EARFCN, 0, 20.0),
+            Transmitter(235.0, 240.0, -25.0, 3.2, "262", "01", 4711, 26_214_401, EARFCN, 0, 20.0),
             Transmitter(-260.0, 40.0, -25.0, 3.2, "262", "01", 4711, 26_214_402, EARFCN, 0, 20.0),
         )
         self.world = World.build(cells, LAT, LON, radio, rng)
-        side_m = 210.0
-        s = np.arange(self.SECONDS) * 1.4 % (4 * side_m)
-        corners = np.arange(5) * side_m
-        self.east_m = np.interp(s, corners, [0, side_m, side_m, 0, 0])
-        self.north_m = np.interp(s, corners, [0, 0, side_m, side_m, 0])
+        s = np.arange(self.SECONDS) * 1.4
+        corners_m = np.array([0, 210, 420, 630, 730, 930, 1130, 1330])
+        self.east_m = np.interp(s, corners_m, [0, 210, 210, 420, 420, 220, 220, 20])
+        self.north_m = np.interp(s, corners_m, [0, 0, 210, 210, 310, 310, 110, 110])
         self.level_dbm = self.world.received_dbm(self.east_m, self.north_m, rng)
         error_m = rng.normal(0.0, 3.0, (2, self.SECONDS))
         at = np.stack([self.east_m, self.north_m]) + error_m
