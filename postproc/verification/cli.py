@@ -108,10 +108,10 @@ def verify(
     sites: bool,
     as_json: bool,
 ) -> int:
-    """Test claimed positions of cells, against one run or several together.
+    """Test claimed positions of cells.
 
-    Each is consistent, rejected or cannot be decided; what the walk would notice is printed first.
-    The exit code is 3 if the test of a cell failed.
+    Each is consistent, rejected or cannot be decided, by all runs together; what they would notice
+    is printed first. The exit code is 3 if the test of a cell failed.
     """
     only_one({"--claim": claim, "--claims": claims_path, "--sites": sites}, is_required=True)
     runs, only = list(map(runfile.read_sound_run, paths)), [cell] if cell else None
