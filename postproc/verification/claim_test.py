@@ -31,7 +31,8 @@ _APART_M = 6.0
 _FEWEST_PLACES = 32
 _MOST_PLACES = 256
 _GOLDEN_RAD = np.pi * (3.0 - 5.0**0.5)
-_SHARES = np.geomspace(0.25, 20.0, 16)  # displacements tried, of the distance to the walk
+_LEAST_M, _FARTHEST_M, _TRIED = 10.0, 30_000.0, 25
+"""Displacements tried, up to the reach of the prior."""
 _DRAWS = 300
 """Positions of the transmitter that the power is a mean over."""
 _NEARLY = 0.9
@@ -62,18 +63,12 @@ class ClaimTest:
         is_rejected = (p_value(tails) <= p_fa).reshape(at.shape[1:])
         return np.asarray(np.mean(is_rejected, axis=-1), float)
 
-    def detectable(
-        self, p_fa: float, distance_m: float
-    ) -> tuple[float | None, tuple[Detectable, ...]]:
-        """Displacements that are detected: in any direction together, and for each azimuth.
-
-        They are tried up to 20 times the claim's distance from the walk.
-        """
-        radius_m = distance_m * _SHARES
+    def detectable(self, p_fa: float) -> tuple[float | None, tuple[Detectable, ...]]:
+        """Displacements that are detected: whatever their direction, and for each azimuth."""
+        radius_m = np.geomspace(_LEAST_M, _FARTHEST_M, _TRIED)
         shares = self.power(radius_m, p_fa)
-        limit_m = float(radius_m[-1])
         directions = tuple(
-            Detectable(deg, *_crossing(radius_m, row), limit_m)
+            Detectable(deg, *_crossing(radius_m, row), _FARTHEST_M)
             for deg, row in zip(BEARINGS_DEG, shares, strict=True)
         )
         return _crossing(radius_m, np.mean(shares, axis=0))[0], directions

@@ -37,8 +37,10 @@ from postproc.verification.claims import Claim, away_m, swap_hint
 from postproc.verification.verdicts import CellVerdict, Verdict, Verified
 from postproc.walk import observe_run
 
-_LEAST_DISTANCE_M = 25.0
-"""Displacements are tried in parts of the distance, as if the walk had not passed closer."""
+_LEAST_DISTANCE_M, _MOST_DISTANCES = 25.0, 20.0
+"""A walk that notices nothing within so many times the claim's distance from it confirms nothing;
+it counts as if it had not passed closer.
+"""
 
 
 def verify_cell(
@@ -58,7 +60,7 @@ def verify_cell(
     test = ClaimTest(posterior.squares, around(place, float(np.hypot(claim.sigma_m, lasting_m))))
     tail, distance_m = test.tail(), float(np.min(usable.places.distances_m(place)))
     p = float(p_value(np.array(tail)))
-    notices_m, power = test.detectable(p_fa, max(distance_m, _LEAST_DISTANCE_M))
+    notices_m, power = test.detectable(p_fa)
     return CellVerdict(
         obs.cell,
         len(obs),
@@ -196,13 +198,16 @@ def _adjust(verdicts: Sequence[CellVerdict], p_fa: float) -> tuple[CellVerdict, 
 
 def _decide(undecided_yet: CellVerdict, q: float, p_fa: float) -> CellVerdict:
     """The verdict by the adjusted p-value and the power of the test."""
-    notices_m, power = undecided_yet.notices_m, undecided_yet.power
-    verdict: Verdict = "cannot tell" if notices_m is None else "consistent"
-    why = f"this walk would notice no claim that is up to {metres(power[0].limit_m)} off"
+    notices_m, distance_m = undecided_yet.notices_m, undecided_yet.distance_m or 0.0
+    why = "this walk would notice no claim, however far off"
     if notices_m is not None:
         why = f"this walk would notice a claim that is {metres(notices_m)} off"
     reasons = [why, *undecided_yet.reasons]
+    verdict: Verdict = "cannot tell"
     if q <= p_fa:
         verdict = "rejected"
         reasons.append(f"so unlikely a place is the true one in {undecided_yet.p:.2g} of all walks")
+    elif notices_m is not None:
+        is_sharp = notices_m <= _MOST_DISTANCES * max(distance_m, _LEAST_DISTANCE_M)
+        verdict = "consistent" if is_sharp else "cannot tell"
     return replace(undecided_yet, verdict=verdict, q=q, reasons=tuple(reasons))
