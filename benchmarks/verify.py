@@ -33,7 +33,7 @@ from logger.core.places import Places
 from logger.core.readings import Readings
 from postproc.area_file import area_of
 from postproc.cell_estimation import too_few
-from postproc.verification.claim_test import ClaimTest, around, p_value
+from postproc.verification.claim_test import ClaimTest, around
 
 SHAPES = ("L", "square", "random")
 NOISES = {"white 3 dB": Noise(3.0), "6 dB over 15 m + 1 dB": Noise(1.0, 6.0, 15.0, step_db=1.0)}
@@ -111,7 +111,7 @@ def _walk(rng: np.random.Generator, k: int, noise: Noise) -> tuple[World, Readin
 
 def _p(posterior: Posterior, claim: FloatArray) -> float:
     """Of a claim of equally likely positions (2, k)."""
-    return float(p_value(np.array(ClaimTest(posterior.squares, claim).tail())))
+    return ClaimTest(posterior.squares, claim, posterior.prior.area is not None).p
 
 
 def alarms(options: argparse.Namespace) -> Json:
@@ -173,9 +173,10 @@ def _rejected_and_predicted(
     off_m = share * max(float(np.min(obs.places.distances_m(true))), LEAST_M)
     angle = rng.uniform(0.0, 2.0 * np.pi)
     claim = true.xy_m[:, 0] + off_m * np.array([np.cos(angle), np.sin(angle)])
-    test = ClaimTest(posterior.squares, around(Places.of(*claim), sigma_m))
+    claimed = around(Places.of(*claim), sigma_m)
+    test = ClaimTest(posterior.squares, claimed, posterior.prior.area is not None)
     power = float(np.mean(test.power(np.array([off_m]), RATES[0])))
-    return float(p_value(np.array(test.tail()))) <= RATES[0], power
+    return test.p <= RATES[0], power
 
 
 def measured_walks(options: argparse.Namespace) -> Json:

@@ -32,7 +32,7 @@ from postproc.multi_run import (
 from postproc.progress import Progress
 from postproc.result import Result
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
-from postproc.verification.claim_test import ClaimTest, around, p_value
+from postproc.verification.claim_test import ClaimTest, around
 from postproc.verification.claims import Claim, away_m, swap_hint
 from postproc.verification.verdicts import CellVerdict, Verdict, Verified
 from postproc.walk import observe_run
@@ -57,9 +57,9 @@ def verify_cell(
     place = Places.of_degrees(claim.lat_deg, claim.lon_deg, utm=obs.utm)
     # the lasting part of the receiver's error displaces a true claim as well
     lasting_m = float(np.median(usable.places.sigma_m))
-    test = ClaimTest(posterior.squares, around(place, float(np.hypot(claim.sigma_m, lasting_m))))
-    tail, distance_m = test.tail(), float(np.min(usable.places.distances_m(place)))
-    p = float(p_value(np.array(tail)))
+    claimed = around(place, float(np.hypot(claim.sigma_m, lasting_m)))
+    test = ClaimTest(posterior.squares, claimed, posterior.prior.area is not None)
+    distance_m, p = float(np.min(usable.places.distances_m(place))), test.p
     notices_m, power = test.detectable(p_fa)
     return CellVerdict(
         obs.cell,
@@ -70,7 +70,7 @@ def verify_cell(
         followed="indirect",
         p=p,
         p_indirect=p,
-        level=1.0 - tail,
+        level=1.0 - test.tail(),
         distance_m=distance_m,
         best_deg=obs.utm.to_latlon(posterior.x_m, posterior.y_m),
         power=power,
