@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from importlib.util import find_spec
+from logging import getLogger
 from typing import Any, NamedTuple, TypeVar
 
 from logger.core.cell_names import HIGHEST
@@ -22,7 +23,7 @@ T = TypeVar("T")
 RRC, NAS_DOWN, NAS_UP = 0xB0C0, 0xB0EC, 0xB0ED
 CODES = frozenset({RRC, NAS_DOWN, NAS_UP})
 """Codes of messages that are read."""
-NO_PYCRATE = "messages of cells were not read, as pycrate is missing: pip install 'cellwalk[diag]'"
+NO_PYCRATE = "messages that need pycrate (pip install 'cellwalk[diag]')"
 
 _HEADS: Mapping[range, tuple[int, int, int, int]] = {
     range(6, 8): (4, 6, 2, 10),
@@ -142,15 +143,15 @@ def _carrier(config: Mapping[str, Any]) -> int | None:
 class Messages:
     """Cells, levels and evidence of messages in their order.
 
-    Without pycrate `is_decoding` is False. `unknown` and `refused` are as those of `Decoder`.
-    `n_unnamed` reported neighbours are of a carrier that the capture does not name.
+    `unknown` and `refused` are as those of `Decoder`. `n_unnamed` reported neighbours are of a
+    carrier that the capture does not name; `n_undecoded` messages need pycrate, which is missing.
     """
 
     def __init__(self) -> None:
         self.unknown: Counter[tuple[int, int]] = Counter()
         self.refused: Counter[int] = Counter()
-        self.n_unnamed = 0
-        self.is_decoding = find_spec("pycrate_asn1dir") is not None
+        self.n_unnamed = self.n_undecoded = 0
+        self._has_pycrate = find_spec("pycrate_asn1dir") is not None
         # by receiver: the cell of its last message, its measurements, and what it was asked for
         self._cells: dict[int, str] = {}
         self._measurements: dict[int, _Measurements] = {}
@@ -255,7 +256,7 @@ class Messages:
 
     def _broadcast(self, message: _Message) -> Iterator[Observation | Signal]:
         """SIB1, and what SIB3, 5, 6 and 7 tell of priorities, of each once."""
-        if not self.is_decoding:
+        if not self._can_decode():
             return
         key = message.body.hex()
         told = self._decoded.get(key)
@@ -287,6 +288,10 @@ class Messages:
                 yield self._signal(message.time_ns, f"{sib} priority", value, cell)
             self._told.put(name, value)
 
+    def _can_decode(self) -> bool:
+        self.n_undecoded += not self._has_pycrate
+        return self._has_pycrate
+
     def _setup(self, message: _Message) -> Iterator[Signal]:
         kind = message.bits(0, 3)
         if kind == _CONNECTED:
@@ -310,7 +315,7 @@ class Messages:
             if not message.bits(12, 1) and not message.bits(16, 1):
                 value = f"EEA{message.bits(13, 3)} EIA{message.bits(17, 3)}"
                 yield self._signal(message.time_ns, "RRC security", value, message.cell)
-        elif kind == _RECONFIGURATION and self.is_decoding:
+        elif kind == _RECONFIGURATION and self._can_decode():
             yield from self._reconfigure(message)
 
     def _reconfigure(self, message: _Message) -> Iterator[Signal]:
@@ -333,7 +338,7 @@ class Messages:
 
     def _uplink(self, message: _Message) -> Iterator[Observation]:
         """Levels that a modem reported, of the serving cell and of neighbours on one carrier."""
-        if not self.is_decoding or message.bits(0, 5) != _REPORT:
+        if message.bits(0, 5) != _REPORT or not self._can_decode():
             return
         results = _decode("UL_DCCH_Message", message.body, _report)
         at = Observation(
@@ -365,7 +370,8 @@ class Messages:
 
 
 def _decode(kind: str, body: bytes, take: Callable[[Any], T]) -> T:
-    """What is taken of a message, which pycrate makes of dictionaries and pairs of choice, value."""
+    """What is taken of a message; pycrate has dictionaries, and pairs of a choice and its value."""
+    getLogger("pycrate").propagate = False  # what it says of a message quotes it
     form = getattr(import_module("pycrate_asn1dir.RRCLTE").EUTRA_RRC_Definitions, kind)
     try:
         form.from_uper(body)

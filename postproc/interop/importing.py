@@ -342,7 +342,12 @@ def _write(
     if form.capture:
         if n_undated := sightings.leave_out_before(CLOCK_SET_NS):
             left.take(NoCell(0, "readings of before the modem's clock was set", n_undated))
-            left.remarks = [one for one in left.remarks if one.utc_ns >= CLOCK_SET_NS]
+        if sightings and sightings.span_ns()[0] >= CLOCK_SET_NS:
+            dated = [one for one in left.remarks if one.utc_ns >= CLOCK_SET_NS]
+            if n_undated := len(left.remarks) - len(dated):
+                left.remarks = dated
+                why = "remarks and signals of before the modem's clock was set"
+                left.take(NoCell(0, why, n_undated))
         track, no_track = _part_of_track(sightings, reading)
     elif has_times and sightings:
         no_clock = _why_no_clock(name, form, sightings)

@@ -23,6 +23,7 @@ from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.summary import estimator_table, run_table
+from postproc.suspicion.signalling import signals_of, signals_table
 from postproc.verification.verdicts import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
@@ -235,8 +236,14 @@ def html(
         cell_map=_page_figure(cell_map.name, cell_map) if cell_map else None,
         runs=runs,
         claims=verified or _NO_CLAIMS,
+        signalling=_signalling(result),
         program=f"cellwalk {result.version}",
     )
+
+
+def _signalling(result: Result) -> Table | None:
+    listed = signals_of([observed.run for observed in result.runs])
+    return signals_table(listed) if listed else None
 
 
 def _strongest_counts(runs: Sequence[RunSection]) -> dict[str, CellCount]:

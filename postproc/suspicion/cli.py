@@ -12,7 +12,7 @@ from postproc.options import grouped_runs, runs_argument
 with late_modules():
     from logger import baseline_file
     from postproc import cell_work, ground, progress
-    from postproc.suspicion import run_assessment
+    from postproc.suspicion import run_assessment, signalling
     from postproc.verification import celldb
 
 
@@ -36,6 +36,10 @@ def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) ->
     "--celldb", "celldb_path", type=INPUT, metavar="FILE",
     help="A database of cells, made by `postproc celldb import`.",
 )  # fmt: skip
+@click.option(
+    "--signalling", "is_signalling", is_flag=True,
+    help="List what networks did in signalling instead; it gives no word.",
+)  # fmt: skip
 @click.option("-v", "--verbose", is_flag=True, help="Name the rules.")
 @json_option
 def suspect(
@@ -43,6 +47,7 @@ def suspect(
     baseline_path: Path | None,
     celldb_path: Path | None,
     *,
+    is_signalling: bool,
     verbose: bool,
     as_json: bool,
 ) -> int:
@@ -58,6 +63,10 @@ def suspect(
         if celldb_path is not None:
             database = stack.enter_context(closing(celldb.CellDb(celldb_path)))
         groups = [group for group, _ in grouped_runs(paths)]
+        if is_signalling:
+            listed = [signalling.document_of(signalling.signals_of(one.runs)) for one in groups]
+            show(ground.document_of_groups(groups, listed), as_json=as_json)
+            return 0
         assessed = [
             run_assessment.assess_runs(
                 group.runs, baseline, database, progress.with_progress, group.several

@@ -1,6 +1,6 @@
 """Qualcomm's diagnostic stream in a file: .qmdl of Rayhunter, SCAT and QCSuper, .mi2log.
 
-Only codes that carry levels, identities, timing advance or signalling leave their frame. The times
+Only codes that carry levels, identities, timing advance or evidence leave their frame. The times
 are the modem's: of 1980 until a network set its clock.
 """
 
@@ -10,11 +10,11 @@ from pathlib import Path
 from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
 from logger.core.types import Fix
-from logger.drivers.diag.frames import FrameReader
+from logger.drivers.diag.frames import FrameReader, LogRecord
 from logger.drivers.diag.levels import ALLOWED_CODES, Decoder, Observation
 from logger.drivers.diag.seconds import Second, Seconds
-from postproc.interop import diag_messages
 from postproc.interop.contents import Format
+from postproc.interop.diag_messages import CODES, NO_PYCRATE, Messages
 from postproc.interop.readers.rayhunter import CLOCK_SET_NS
 from postproc.interop.sighting import NoCell, Remark, Row, Sighting
 from postproc.progress import with_progress
@@ -24,48 +24,31 @@ _CHUNK = 1 << 20
 
 
 def read(source: Path) -> Iterator[Row]:
-    """A row for each second and cell, remarks of signalling, and then what was not read.
-
-    Raises `RunFileError`.
-    """
-    frames, decoder = FrameReader(ALLOWED_CODES | diag_messages.CODES), Decoder()
-    messages = diag_messages.Messages()
-    signals = list[Signal]()
-    n_messages = 0
-
-    def observations() -> Iterator[Observation]:
-        nonlocal n_messages
-        for chunk in _chunks(source):
-            for record in frames.feed(chunk):
-                for observation in decoder.feed(record):
-                    yield messages.named(observation)
-                for one in messages.feed(record):
-                    if isinstance(one, Signal):
-                        signals.append(one)
-                    else:
-                        yield one
-                n_messages += record.code == diag_messages.RRC
-
-    for row in rows_of(observations()):
-        yield row
-        yield from map(_remark, signals)
-        signals.clear()
-    yield from map(_remark, [*signals, *messages.end()])
+    """A row for each second and cell, or signal; then what was not read; raises `RunFileError`."""
+    frames, decoder, messages = FrameReader(ALLOWED_CODES | CODES), Decoder(), Messages()
+    records = (record for chunk in _chunks(source) for record in frames.feed(chunk))
+    yield from rows_of(_heard(records, decoder, messages))
     frames.end()
     yield from _not_read(frames, decoder, messages)
-    if n_messages and not messages.is_decoding:
-        yield NoCell(0, diag_messages.NO_PYCRATE, n_messages)
 
 
-def _remark(signal: Signal) -> Remark:
-    return Remark(0, signal.time_ns, signal.text, CODE)
+def _heard(
+    records: Iterable[LogRecord], decoder: Decoder, messages: Messages
+) -> Iterator[Observation | Signal]:
+    for record in records:
+        yield from map(messages.named, decoder.feed(record))
+        yield from messages.feed(record)
+    yield from messages.end()
 
 
-def rows_of(observations: Iterable[Observation]) -> Iterator[Row]:
-    """Readings of each second, without a position; numbered by the second."""
+def rows_of(heard: Iterable[Observation | Signal]) -> Iterator[Row]:
+    """Readings of each second, without a position, and signals; numbered by the second."""
     seconds = Seconds()
     number = 0
-    for one in observations:
+    for one in heard:
+        if isinstance(one, Signal):
+            yield Remark(number, one.time_ns, one.text, CODE)
+            continue
         for second in seconds.feed(one):
             number += 1
             yield from _sightings(number, second)
@@ -91,17 +74,17 @@ def _chunks(source: Path) -> Iterator[bytes]:
         raise RunFileError(f"{source}: {error.strerror or error}") from error
 
 
-def _not_read(
-    frames: FrameReader, decoder: Decoder, messages: diag_messages.Messages
-) -> Iterator[NoCell]:
+def _not_read(frames: FrameReader, decoder: Decoder, messages: Messages) -> Iterator[NoCell]:
     for why, n in sorted(frames.damaged.items()):
         yield NoCell(0, f"damaged frames, {why}", n)
     for (code, version), n in sorted((decoder.unknown + messages.unknown).items()):
         yield NoCell(0, f"0x{code:04X} version {version}", n)
     for code, n in sorted((decoder.refused + messages.refused).items()):
         yield NoCell(0, f"0x{code:04X} with a length or a value that cannot be", n)
-    if n := messages.n_unnamed:
-        yield NoCell(0, "reported neighbours on an unknown channel", n)
+    if messages.n_unnamed:
+        yield NoCell(0, "reported neighbours on a carrier that is not named", messages.n_unnamed)
+    if messages.n_undecoded:
+        yield NoCell(0, NO_PYCRATE, messages.n_undecoded)
     if n := frames.skipped.total() + frames.n_other:
         yield NoCell(0, "frames without levels", n)
 
