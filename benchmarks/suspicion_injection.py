@@ -8,16 +8,18 @@ fading. The modem serves the station where it is 4 dB stronger than the serving 
 where it is weaker it is reported as a neighbour, if the log has neighbours.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import cos, hypot, log10, radians
+from math import cos, hypot, inf, log10, radians
 
 import numpy as np
 
 from benchmarks.suspicion_logs import Log
 from benchmarks.suspicion_patterns import COPIES, KINDS, pattern_of
+from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.suspicion.rule import Word
 from logger.core.suspicion.tracker import SuspicionTracker
+from logger.core.suspicion.words import Assessment
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.sim.world import Shadowing
 
@@ -50,18 +52,18 @@ class Injection:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The words of the station within the limits and at the end, and when it was suspicious."""
+    """The word of the station within the limits, all at the end, and when it was suspicious."""
 
     kind: str
     in_time: Word
-    at_end: Word
+    at_end: Assessment
     seconds: float | None
     metres: float | None
     set_name: str
     is_passed: bool
 
 
-def inject(log: Log, kind: str, strong: bool, seed: int) -> Injection | None:
+def inject(log: Log, kind: str, strong: bool, seed: int, on_air_s: float = inf) -> Injection | None:
     """Put a station into a run; None where the run has no room or no cell for this kind."""
     rng = np.random.default_rng([seed, KINDS.index(kind), strong])
     track = _track(log.records)
@@ -82,7 +84,7 @@ def inject(log: Log, kind: str, strong: bool, seed: int) -> Injection | None:
     peak_dbm = -50.0 if strong else -85.0
     level_1m = peak_dbm + 10.0 * _ETA * log10(_NEAR_M if strong else max(closest_m, _NEAR_M))
     air = _Air(level_1m, Shadowing.draw(6.0, 40.0, rng), rng)
-    records, first = _with_station(log, kind, pattern.reading, start_s, place, track, air)
+    records, first = _with_station(log, kind, pattern.reading, start_s, place, track, air, on_air_s)
     if first is None:
         return None
     is_passed = pattern.best_dbm >= _PASSED_DBM
@@ -102,9 +104,9 @@ class _Air:
         return float(round(min(level, -40.0)))
 
 
-def detect(injection: Injection, set_name: str = "") -> Outcome:
+def detect(injection: Injection, set_name: str = "", baseline: Baseline = NO_BASELINE) -> Outcome:
     """Words within the limits after the first reception, and at the end of the run."""
-    tracker = SuspicionTracker()
+    tracker = SuspicionTracker(baseline=baseline)
     at = injection.records[injection.first]
     last: tuple[float, float] | None = None
     metres, named_s, named_m = 0.0, None, None
@@ -123,7 +125,7 @@ def detect(injection: Injection, set_name: str = "") -> Outcome:
             named_s, named_m = seconds, metres
         if seconds <= WITHIN_S or metres <= WITHIN_M:
             in_time = tracker.assessment(injection.cell).word
-    at_end = tracker.assessment(injection.cell).word
+    at_end = tracker.assessment(injection.cell)
     passed = injection.is_passed
     return Outcome(injection.kind, in_time, at_end, named_s, named_m, set_name, passed)
 
@@ -173,7 +175,7 @@ def _away_from(
 
 def _with_station(
     log: Log, kind: str, reading: CellReading, start_s: float, place: tuple[float, float],
-    track: np.ndarray, air: _Air,
+    track: np.ndarray, air: _Air, on_air_s: float,
 ) -> tuple[list[Record], int | None]:  # fmt: skip
     """Records with the station in every scan that hears it, and the first of these."""
     records: list[Record] = []
@@ -183,7 +185,8 @@ def _with_station(
     held_s = -1e9
     for record in log.records:
         value, t_s = record.value, record.t_ns / 1e9
-        if isinstance(value, Scan) and t_s >= start_s:
+        is_off = first is not None and t_s > records[first].t_ns / 1e9 + on_air_s
+        if isinstance(value, Scan) and t_s >= start_s and not is_off:
             i = min(int(np.searchsorted(track[:, 0], t_s)), len(track) - 1)
             x_m, y_m = track[i, 1:]
             at = _drive(place, t_s - start_s) if kind == "moving" else place
@@ -233,10 +236,16 @@ def _add_station(
     return replace(scan, readings=(station, *rest)), True
 
 
-def outcomes(logs: Sequence[Log], kind: str, strong: bool, seeds: int) -> Iterator[Outcome]:
+def outcomes(
+    logs: Iterable[tuple[Log, Baseline]],
+    kind: str,
+    strong: bool,
+    seeds: int,
+    on_air_s: float = inf,
+) -> Iterator[Outcome]:
     """Outcomes of a station in each of the runs."""
-    for log in logs:
+    for log, baseline in logs:
         for seed in range(seeds):
-            injection = inject(log, kind, strong, seed)
+            injection = inject(log, kind, strong, seed, on_air_s)
             if injection is not None:
-                yield detect(injection, log.set_name)
+                yield detect(injection, log.set_name, baseline)

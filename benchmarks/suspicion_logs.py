@@ -2,11 +2,13 @@
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
-from logger.core.types import Record, Scan
+from logger.core.cell_names import channel_name
+from logger.core.reportable import reportable
+from logger.core.types import CellReading, Record, Scan
 from postproc.interop.decompression import plain_file
 from postproc.interop.importing import recognise, scans_of
 from postproc.interop.sighting import Sighting
@@ -18,6 +20,8 @@ LOGS = Path(
 _LONGEST_PAUSE_S = 30.0
 """Of a longer gap only this much counts as time in which a rule could have been broken."""
 _SETS = ("cork_driving", "cork_static", "india_gsm", "india_umts", "losangeles", "ottawa")
+_CODES = 1024
+"""More than there are colour codes of a technology."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +35,17 @@ class Log:
     @property
     def set_name(self) -> str:
         return next((name for name in _SETS if self.name.startswith(name)), "simulated")
+
+    @property
+    def by_channel(self) -> "Log":
+        """The log with channel and code as the identity of each cell that has no other."""
+        records = [
+            replace(r, value=replace(r.value, readings=tuple(map(_named, r.value.readings))))
+            if isinstance(r.value, Scan)
+            else r
+            for r in self.records
+        ]
+        return Log(f"{self.name} by channel", records, self.hours)
 
 
 def read_logs(folder: Path = LOGS) -> Iterator[Log]:
@@ -48,9 +63,16 @@ def read_log(path: Path) -> Log:
     for scan in scans_of(rows):
         t_ns = scan[0].t_ns - rows[0].t_ns
         records.append(Record(t_ns, "import", scan[0].fix))
-        readings = tuple(row.reading for row in scan)
+        readings = tuple(reportable(row.reading) for row in scan)
         records.append(Record(t_ns, "import", Scan(t_ns, readings)))
     return Log(path.name.removesuffix(".csv.gz"), records, hours_of(records))
+
+
+def _named(reading: CellReading) -> CellReading:
+    if reading.cell is not None or reading.arfcn is None or reading.pci is None:
+        return reading
+    name, cid = channel_name(reading), reading.arfcn * _CODES + reading.pci
+    return replace(reading, label=name, cid=cid)
 
 
 def hours_of(records: Sequence[Record]) -> float:

@@ -11,7 +11,12 @@ from postproc.interop.fields import reading_of
 
 CLONES = frozenset({"clone on its channel", "clone on another channel"})
 COPIES = CLONES | {"perfect copy"}
-KINDS = ("invented identity", "new area", "downgrade", *sorted(CLONES), "moving", "perfect copy")
+ORDINARY = "ordinary catcher"
+"""The network and an area in use, and an identity that is free."""
+KINDS = (
+    *("invented identity", "new area", "downgrade", ORDINARY),
+    *(*sorted(CLONES), "moving", "perfect copy"),
+)
 _OFTEN = 20
 """Readings of a cell that can be copied."""
 
@@ -51,6 +56,7 @@ def pattern_of(records: Sequence[Record], kind: str, track: np.ndarray) -> Patte
         "invented identity": ("001", 1, 10),
         "new area": (model.mcc, area + 7000, 4711),
         "moving": (model.mcc, area, 4711),
+        ORDINARY: (model.mcc, area, 4711),
         "downgrade": (model.mcc, 7000, 4711),
     }[kind]
     return Pattern(_reading_with(model, *identity))

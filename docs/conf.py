@@ -7,8 +7,10 @@ import click
 from sphinx.application import Sphinx
 
 from logger.cli import program as fieldlogger
+from logger.core.document import Table, markdown_table
 from logger.core.schema import tables_text
 from postproc.cli import program as postproc
+from postproc.suspicion.run_assessment import table_of_sources
 
 project = "cellwalk"
 extensions = ["myst_parser"]
@@ -41,13 +43,15 @@ def setup(app: Sphinx) -> None:
 
 
 def write_generated(_: Sphinx) -> None:
-    """Write the columns of a run file and the help of every command."""
+    """Write the columns of a run file, the help of every command, and the rules by modem."""
     GENERATED.mkdir(exist_ok=True)
     tables = f"# Tables of the run file\n\n{tables_text()}\n"
     (GENERATED / "tables.md").write_text(tables, "utf-8")
     pages = [*help_pages("fieldlogger", fieldlogger), *help_pages("postproc", postproc)]
     commands = "\n\n".join(["# Commands", *pages])
     (GENERATED / "commands.md").write_text(f"{commands}\n", "utf-8")
+    rules = [markdown_table(one) if isinstance(one, Table) else one for one in table_of_sources()]
+    (GENERATED / "rules.md").write_text("\n\n".join(["# Rules by modem", *rules, ""]), "utf-8")
 
 
 def help_pages(name: str, command: click.Command) -> Iterator[str]:

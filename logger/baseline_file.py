@@ -29,7 +29,7 @@ UNKNOWN = -1
 SCALE = 100
 """Sums of levels are stored in hundredths of a dB: integers do not depend on their order."""
 
-OWN_FILE = "baseline.db"
+OWN_FILE = "own-baseline.db"
 """Of the device itself, in the folder of its runs (`logger.own_baseline`)."""
 
 _MOST_KEPT = 128
@@ -75,9 +75,13 @@ class BaselineFile:
         self._channels: Latest[Mapping[int, int]] = Latest(_MOST_KEPT)
         trust = self._all_rows("SELECT cell, note FROM trust ORDER BY cell")
         self._trust: dict[str, str] = dict(trust)
-        digests = [str(row[0]) for row in self._all_rows("SELECT digest FROM walk ORDER BY digest")]
-        self.n_walks = len(digests)
-        self.fingerprint = sha256(repr((digests, list(self._trust.items()))).encode()).hexdigest()
+        self.digests = [
+            str(row[0]) for row in self._all_rows("SELECT digest FROM walk ORDER BY digest")
+        ]
+        self.n_walks = len(self.digests)
+        self.fingerprint = sha256(
+            repr((self.digests, list(self._trust.items()))).encode()
+        ).hexdigest()
 
     def close(self) -> None:
         """Release the file."""

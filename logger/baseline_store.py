@@ -5,9 +5,10 @@ a power cut, leaves the baseline before the change or after it. The file has no 
 can be copied to the device as one file.
 """
 
+import shutil
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -15,7 +16,15 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from logger.baseline_file import APPLICATION_ID, SCALE, UNKNOWN, VERSION, check_head, parts_of
+from logger.baseline_file import (
+    APPLICATION_ID,
+    SCALE,
+    UNKNOWN,
+    VERSION,
+    BaselineFile,
+    check_head,
+    parts_of,
+)
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.censoring import levels_dbm
 from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
@@ -515,6 +524,22 @@ class BaselineStore:
             raise RunFileError(f"{self.path}: {error}") from error
         except UnicodeDecodeError as error:
             raise RunFileError(f"{self.path} is damaged: {error}") from error
+
+
+def without_runs(path: Path, runs: Sequence[Run], folder: Path) -> Path:
+    """The baseline, or where it has some of the runs a copy without them in a folder.
+
+    A run that is compared with itself has nothing new.
+    """
+    tables = [(run.tables["fixes"], run.tables["readings"]) for run in runs]
+    same = {*map(walk_digest, runs), *(content_digest(*pair) for pair in tables)}
+    with closing(BaselineFile(path)) as file:
+        if same.isdisjoint(file.digests):
+            return path
+    copy = Path(shutil.copy(path, folder / "others.db"))
+    with BaselineStore(copy) as store:
+        store.remove([walk.id for walk in store.walks() if walk.digest in same])
+    return copy
 
 
 CONTRADICTION = (

@@ -21,6 +21,7 @@ from logger.core.model.prior import prior_for
 from logger.core.places import NO_MAP, Places
 from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run, read_sound_run
+from postproc.area_file import area_of
 from postproc.atomic_write import check_output
 from postproc.cell_estimation import locate_cell
 from postproc.estimators.least_squares import Loss
@@ -80,6 +81,8 @@ def locate(
     height_m: float | None = None,
     antenna: str = "any",
     reach: str = "any",
+    within_walk_m: float | None = None,
+    area: Path | str | None = None,
     within_m: float = DESK_M,
 ) -> CellResult: ...
 
@@ -96,6 +99,8 @@ def locate(
     height_m: float | None = None,
     antenna: str = "any",
     reach: str = "any",
+    within_walk_m: float | None = None,
+    area: Path | str | None = None,
     within_m: float = DESK_M,
 ) -> CellResult: ...
 
@@ -111,6 +116,8 @@ def locate(
     height_m: float | None = None,
     antenna: str = "any",
     reach: str = "any",
+    within_walk_m: float | None = None,
+    area: Path | str | None = None,
     within_m: float = DESK_M,
 ) -> CellResult:
     """Posterior of a transmitter's position and the verdict, from the readings of one cell.
@@ -122,7 +129,9 @@ def locate(
     are censored. `environment` (any, open, suburban, urban) chooses the prior of P0 and eta. The
     levels weigh the hypotheses of `height_m`, the antenna above the receiver, of `antenna` (omni,
     sector) and of `reach` (near, far), the distance from the walk, unless one is fixed. Located
-    means that `within_m` holds 95 % of the probability.
+    means that `within_m` holds 95 % of the probability. The answer may suppose that the transmitter
+    stands within `within_walk_m` of the hull of these positions, or inside the polygons of `area`,
+    a GeoJSON file.
 
     The result has `verdict` ("located", "ambiguous", "cannot tell"), `warnings` with the reasons,
     and `posterior`, None for too few readings: `x_m`, `y_m`, `r50_m`, `r95_m` in metres, `p0_dbm`
@@ -133,7 +142,15 @@ def locate(
     environment.
     Source: `logger.core.locator.pipeline`, where the steps of the algorithm are listed.
     """
-    prior = prior_for(environment, height_m=height_m, antenna=antenna, reach=reach)
+    prior = prior_for(
+        environment,
+        height_m=height_m,
+        antenna=antenna,
+        reach=reach,
+        area=area_of(within_walk_m, area),
+    )
+    if area is not None and not isinstance(x_m, Readings):
+        raise ConfigError("bare arrays are on no map: use within_walk_m, or give Readings")
     if isinstance(x_m, Readings):
         if not (y_m is None and level_dbm is None and rat is None) or np.any(position_sigma_m):
             raise ConfigError("observations have their own y_m, level_dbm, position_sigma_m, rat")
@@ -155,6 +172,8 @@ def smooth(
     height_m: float | None = None,
     antenna: str = "any",
     reach: str = "any",
+    within_walk_m: float | None = None,
+    area: Path | str | None = None,
     loss: Loss = "linear",
     within_m: float = DESK_M,
     processes: int = 1,
@@ -163,19 +182,25 @@ def smooth(
     """Every estimator over every cell of one run or of several, or over `cells` only.
 
     Readings of several runs are joined, with an unknown offset between the levels of different
-    modems. `loss` is that of the least-squares fit. Located means that `within_m` holds 95 % of the
-    probability. More than one of `processes` needs a main guard in the calling script. `progress`
-    is True, or a function as tqdm. `Result.cells` has a `CellResult` per cell, conspicuous ones
-    first, then most readings first; arrays of its estimators are shape (n,) or (n, 4) with x, y
-    (metres, UTM), P0 (dBm at 1 m) and eta.
+    modems. `within_walk_m` and `area` as in `locate`, around the whole walks. `loss` is that of the
+    least-squares fit. Located means that `within_m` holds 95 % of the probability. More than one of
+    `processes` needs a main guard in the calling script. `progress` is True, or a function as tqdm.
+    `Result.cells` has a `CellResult` per cell, conspicuous ones first, then most readings first;
+    arrays of its estimators are shape (n,) or (n, 4) with x, y (metres, UTM), P0 (dBm at 1 m) and
+    eta.
 
     Raises `RunFileError` for a file that is no run, `ConfigError` for a cell that was not observed,
     an unknown environment or a run that appears twice, `GeoError` for runs of several places, which
     `by_place` tells apart.
     """
-    options = Options(
-        prior_for(environment, height_m=height_m, antenna=antenna, reach=reach), loss, within_m
+    prior = prior_for(
+        environment,
+        height_m=height_m,
+        antenna=antenna,
+        reach=reach,
+        area=area_of(within_walk_m, area),
     )
+    options = Options(prior, loss, within_m)
     result = smooth_runs(
         _runs(runs),
         _names(cells),

@@ -29,6 +29,7 @@ from postproc.comparison.cli import compare
 from postproc.guidance.cli import guide, next_command
 from postproc.interop.cli import export, import_, share
 from postproc.options import (
+    area_options,
     cells_option,
     estimate,
     grouped_runs,
@@ -139,6 +140,7 @@ def replay_command(path: Path, *, as_json: bool) -> int:
 @runs_argument
 @cells_option
 @prior_options
+@area_options
 @click.option(
     "--loss",
     type=click.Choice(["linear", "soft_l1", "huber", "cauchy"]),

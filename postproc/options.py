@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import os
 import sys
@@ -18,7 +19,7 @@ with late_modules():
     from logger.core import isolation, runfile
     from logger.core.locator import verdict
     from logger.core.model import prior as priors
-    from postproc import ground, multi_run, progress, results, smoothing
+    from postproc import area_file, ground, multi_run, progress, results, smoothing
     from postproc import result as estimation
 
 Command = Callable[..., int | None]
@@ -93,21 +94,21 @@ def prior_options(command: Command) -> Command:
         default="any",
         show_default=True,
         metavar="NAME",
-        help="Prior of the path loss: any, open, suburban or urban.",
+        help="Path loss: any, open, suburban or urban.",
     )
     @click.option(
         "--antenna",
         default="any",
         show_default=True,
         metavar="NAME",
-        help="Antenna: any weighs both, omni, or sector for a beam of unknown azimuth.",
+        help="Antenna: any, omni, or sector for a beam of unknown azimuth.",
     )
     @click.option(
         "--reach",
         default="any",
         show_default=True,
         metavar="NAME",
-        help="Distance from the walk: any weighs both, near, or far as masts stand.",
+        help="Distance from the walk: any, near, or far as masts stand.",
     )
     @click.option(
         "--height",
@@ -139,6 +140,33 @@ def _height_m(text: str) -> float | None:
     return None if text == "any" else metres(text)
 
 
+def area_options(command: Command) -> Command:
+    """Add `--within-walk` and `--area`, and pass them in `prior`, with other options or without."""
+
+    @click.option(
+        "--within-walk",
+        "within_walk_m",
+        type=number(float, 1, _FARTHEST_M, unit="m"),
+        metavar="M",
+        help="It stands within M metres of the walk.",
+    )
+    @click.option("--area", type=INPUT, metavar="FILE", help="It stands in polygons of GeoJSON.")
+    @functools.wraps(command)
+    def with_area(
+        *arguments: Any,
+        within_walk_m: float | None,
+        area: Path | None,
+        prior: priors.Prior | None = None,
+        **options: Any,
+    ) -> int | None:
+        only_one({"--within-walk": within_walk_m, "--area": area})
+        found = area_file.area_of(within_walk_m, area)
+        prior = dataclasses.replace(prior or priors.Prior(), area=found)
+        return command(*arguments, prior=prior, **options)
+
+    return with_area
+
+
 def within_option(command: Command) -> Command:
     """Add `--within`, the radius that holds 95 % where a cell is located, as `within_m`."""
 
@@ -147,7 +175,7 @@ def within_option(command: Command) -> Command:
         "radius_m",
         type=number(float, 1, _FARTHEST_M, unit="m"),
         metavar="M",
-        help="Radius that has to hold 95 % for a location (default: 150 m).",
+        help="Radius that holds 95 % of a location (default: 150 m).",
     )
     @functools.wraps(command)
     def with_radius(*arguments: Any, radius_m: float | None, **options: Any) -> int | None:

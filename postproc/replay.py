@@ -1,4 +1,4 @@
-"""The live estimate once more, from recorded fixes, scans and what the walker followed."""
+"""The live estimate once more, from recorded fixes, scans and what the walker asked for."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from logger.core.baseline import baseline_of, has_whole_baseline
 from logger.core.errors import EstimationError, error_place
 from logger.core.live import ADVICE, LiveTracker
-from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED, SUSPICIOUS
+from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED, SUSPICIOUS, WITHIN
 from logger.core.runfile import Run
 from logger.core.suspicion.rules import RULES_CODE, rules_note
 from logger.core.suspicion.words import FINDING_CODE
@@ -78,20 +78,19 @@ def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
     failed, restarted = _numbers(run, FAILED), _numbers(run, RESTARTED)
     targets = _targets(run)
     tracker: LiveTracker | None = _tracker(run, targets)
-    follow: tuple[int, Record] | None = None
+    asked: dict[str, tuple[int, Record]] = {}
     with threadpool_limits(1):  # as on the device: several threads of BLAS add in another order
         for seq, record in run.records("fixes", "scans", "notes"):
             if isinstance(record.value, Note):
-                if record.value.code != FOLLOW:
+                if record.value.code not in {FOLLOW, WITHIN}:
                     continue
-                follow = seq, record
+                asked[record.value.code] = seq, record
             if seq in failed:
                 tracker = None
             elif tracker is None and seq in restarted:
                 tracker = _tracker(run, targets)
-                if follow is not None and follow[0] != seq and targets is None:
-                    tracker.feed(*follow)
-            if tracker is None or (targets is not None and isinstance(record.value, Note)):
+                _ask_again(tracker, [one for one in asked.values() if one[0] != seq], targets)
+            if tracker is None or _is_replaced(record, targets):
                 continue
             try:
                 if targets and isinstance(record.value, Scan) and record.t_ns in targets:
@@ -101,6 +100,23 @@ def live_values(run: Run) -> Iterator[LiveEstimate | Note]:
                 text = f"{run.path}: the live estimate fails at record {seq}: {error_place(error)}"
                 raise EstimationError(text) from error
             yield from values
+
+
+def _ask_again(
+    tracker: LiveTracker,
+    asked: Iterable[tuple[int, Record]],
+    targets: Mapping[int, Record] | None,
+) -> None:
+    """Feed what the walker asked of the tracker that failed."""
+    for seq, record in asked:
+        if not _is_replaced(record, targets):
+            tracker.feed(seq, record)
+
+
+def _is_replaced(record: Record, targets: Mapping[int, Record] | None) -> bool:
+    """Whether a record is a choice of a cell, and the targets are those of the run."""
+    is_choice = isinstance(record.value, Note) and record.value.code == FOLLOW
+    return targets is not None and is_choice
 
 
 def _tracker(run: Run, targets: Mapping[int, Record] | None) -> LiveTracker:

@@ -398,7 +398,7 @@ class Result:
 
 
 _MOST_LINES, _MOST_ROWS, _MOST_DRAWN = 7, 12, 6
-_CAPTION = "<p>Grey: {}. Darker: most likely there (50 %). Lighter: surely there (95 %).</p>"
+_CAPTION = "<p>Grey: {}. Strong colour: most likely there (50 %). Faint: surely there (95 %).</p>"
 _NOTEBOOK_COLUMNS = (
     Column("no.", "d"),
     Column("cell"),

@@ -48,11 +48,16 @@ def smooth_runs(
     `GeoError` for runs of several places, which `postproc.ground.by_place` tells apart.
     """
     check_different(runs)
+    asked = options
     n_readings, n_scans = observed_cells(runs, only), scans_of(runs)
     walks = map(observe_run, runs)
     paths = [run.path.name for run in runs]
     tracks = progress(walks, "smoothing", len(runs), paths) if progress else walks
     observed = in_one_zone(list(tracks))
+    walks_on_map = [one.observations.track for one in observed if one.observations]
+    if options.prior.area is not None and walks_on_map:
+        prior = replace(options.prior, area=options.prior.area.at(walks_on_map))
+        options = replace(options, prior=prior)
     certain = {cell for cell in n_readings if not too_rarely(n_scans[cell])}
     parts = parts_by_cell(observed, certain)
     places = {cell: places_of(of_cell) for cell, of_cell in parts.items()}
@@ -77,7 +82,7 @@ def smooth_runs(
         replace(cell, heard_utc_ns=cell.heard_utc_ns or utc_ns.get(cell.cell))
         for cell in _with_name_remarks(cells, runs)
     ]
-    return Result(observed, tuple(cells), joint_warnings(len(runs), cells), options)
+    return Result(observed, tuple(cells), joint_warnings(len(runs), cells), asked)
 
 
 def _with_counts(

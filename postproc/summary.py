@@ -51,6 +51,7 @@ from postproc.truth import TruthCheck, truth_of
 _PLACE = ("lat", "lon", "r95_m", "r50_m", "drms_m")
 _PARAMETERS = ("p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
 _END = ("lat", "lon", "drms_m", *_PARAMETERS, "ellipse95")
+_PRIOR = tuple(one.name for one in fields(Prior) if one.name != "area")
 _NOISE = ("sigma_db", "decorrelation_m", "white_share")
 _STATISTICS = (
     "sigma_db",
@@ -462,9 +463,11 @@ def json_form(
         "modes": place.modes if place else (),
         "region95": region_of(cell, LEVEL) if place else Region(),
         "region50": region_of(cell, HALF) if place else Region(),
-        **_fields(parameters, ("prior",)),
+        "prior": parameters and _fields(parameters.prior, _PRIOR),
         "alternatives": parameters.alternatives if parameters else (),
     }
+    if place is not None and place.area:
+        form["area"] = {"text": place.area, "outside_share": place.outside_share}
     if parameters is not None:
         form["noise"] = _fields(parameters, _NOISE)
     paths, ends = answer.paths or Paths({}, ()), {}

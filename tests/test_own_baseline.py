@@ -100,10 +100,11 @@ def test_a_cell_that_ever_was_conspicuous_is_learnt_only_once_it_is_trusted(tmp_
 
 def test_without_a_whole_live_estimate_the_words_are_found_now(tmp_path):
     """A network that nobody has, heard again and again at one place."""
-    foreign = replace(cell(7, -50.0), mcc="001")
-    path = write_run(tmp_path, 1, lambda _: [*two_cells()(0), foreign], notes=())
+    home = [cell(cid, -80.0 - cid, channel=20 + cid) for cid in range(1, 7)]
+    foreign = replace(cell(7, -60.0, lac=1201), mcc="310", mnc="260")
+    path = write_run(tmp_path, 1, lambda _: [*home, foreign], notes=())
     doubted = own_baseline.conspicuous_cells(read_sound_run(path))
-    assert doubted
+    assert doubted == {"310-260-1201-7"}
     learn(tmp_path)
     assert not doubted & set(walks_here(tmp_path).cells)
 

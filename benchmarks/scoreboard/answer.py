@@ -25,6 +25,9 @@ class Region(Protocol):
     def holds(self, place: Place, slack_m: float) -> bool:
         """Whether a place is in it or no further than `slack_m` from it."""
 
+    def radius_m(self, place: Place) -> float:
+        """Distance of its farthest point from a place."""
+
 
 @dataclass(frozen=True, slots=True)
 class Ellipse95:
@@ -36,6 +39,10 @@ class Ellipse95:
     @property
     def area_m2(self) -> float:
         return float(np.pi * CHI2_95_2DOF * np.sqrt(np.linalg.det(self.covariance)))
+
+    def radius_m(self, place: Place) -> float:
+        off_m = float(np.hypot(*np.subtract(place, self.centre)))
+        return off_m + float(np.sqrt(CHI2_95_2DOF * np.max(np.linalg.eigvalsh(self.covariance))))
 
     def holds(self, place: Place, slack_m: float) -> bool:
         off = np.subtract(place, self.centre)
@@ -51,6 +58,24 @@ class Ellipse95:
 
 
 @dataclass(frozen=True, slots=True)
+class Disc:
+    """All within a radius of a place."""
+
+    centre: Place
+    within_m: float
+
+    @property
+    def area_m2(self) -> float:
+        return float(np.pi * self.within_m**2)
+
+    def radius_m(self, place: Place) -> float:
+        return self.within_m + float(np.hypot(*np.subtract(place, self.centre)))
+
+    def holds(self, place: Place, slack_m: float) -> bool:
+        return float(np.hypot(*np.subtract(place, self.centre))) <= self.within_m + slack_m
+
+
+@dataclass(frozen=True, slots=True)
 class Squares:
     """A highest-density set: centres and sides of square cells, shape (n,)."""
 
@@ -61,6 +86,10 @@ class Squares:
     @property
     def area_m2(self) -> float:
         return float(np.sum(self.size_m**2))
+
+    def radius_m(self, place: Place) -> float:
+        off_m = np.hypot(self.x_m - place[0], self.y_m - place[1])
+        return float(np.max(off_m + self.size_m / np.sqrt(2.0)))
 
     def holds(self, place: Place, slack_m: float) -> bool:
         east_m = np.maximum(np.abs(self.x_m - place[0]) - 0.5 * self.size_m, 0.0)

@@ -12,6 +12,7 @@ from .filters import FILTERS
 from .score import (
     BOUND,
     CENTROID,
+    DISC,
     EXACT,
     EXACT_CLIPPED,
     LEAST_SQUARES,
@@ -216,7 +217,7 @@ def _measured_cases() -> list[Case]:
         count = len(traces.names(classes))
         title = f"other methods on measured walks of class {', '.join(classes)}: {what}"
         world = partial(_measured_world, classes)
-        cases.append(Case(f"real-{classes}", title, world, count, PEERS, most=count))
+        cases.append(Case(f"real-{classes}", title, world, count, (*PEERS, DISC), most=count))
     return cases
 
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import hypot, log, pi, sqrt
 from multiprocessing import Pool
@@ -41,7 +41,8 @@ class WalkScore:
     `held` tells for each of `LEVELS` whether the region holds the truth, `area_m2` its area;
     `curve_held` and `curve_area_m2` are the same for `CURVE`, empty where they were not kept.
     `log_density` is the log of the mean probability per km2 within the error of the survey.
-    `variant` names the prior that was used.
+    `variant` names the prior that was used. Where it has an area, `beyond_m` is how far outside of
+    it the truth stands, negative inside, and `is_contradicted` whether the readings contradict it.
     """
 
     trace: Trace
@@ -57,6 +58,8 @@ class WalkScore:
     seconds: float
     curve_held: tuple[bool, ...] = ()
     curve_area_m2: tuple[float, ...] = ()
+    beyond_m: float | None = None
+    is_contradicted: bool = False
 
     @property
     def is_covered(self) -> bool:
@@ -96,7 +99,7 @@ def _score(
 ) -> WalkScore:
     start = process_time()
     posterior = tree.locate(obs, prior)
-    verdict = tree.decide(posterior, obs)[0] if decide else ""
+    verdict, reasons = tree.decide(posterior, obs)[:2] if decide else ("", [])
     seconds = process_time() - start
     regions = [tree.region(posterior, level) for level in LEVELS]
     curve = [tree.region(posterior, level) for level in CURVE]
@@ -115,7 +118,25 @@ def _score(
         seconds=seconds,
         curve_held=tuple(region.holds(source, SURVEY_SLACK_M) for region in curve),
         curve_area_m2=tuple(region.area_m2 for region in curve),
+        beyond_m=_beyond_m(posterior, source),
+        is_contradicted=any("contradict the area" in reason for reason in reasons),
     )
+
+
+def prior_within(metres: float) -> Prior:
+    """The default prior within some metres of the hull of the walk."""
+    from logger.core.model.area import Area  # noqa: PLC0415 (earlier trees have none)
+
+    return replace(Prior(), area=Area.within_walk(metres))
+
+
+def _beyond_m(posterior: tree.Posterior, source: Place) -> float | None:
+    area = getattr(posterior.prior, "area", None)
+    if area is None:
+        return None
+    from logger.core.places import Places  # noqa: PLC0415 (earlier trees have none)
+
+    return float(area.beyond_m(Places.of(*source))[0])
 
 
 def _off_m(one: Place, other: Place) -> float:

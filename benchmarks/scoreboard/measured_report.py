@@ -60,6 +60,7 @@ _TRANSMITTERS = (
     "log density, mean of walks",
 )
 _ERRORS = ("measured walks", "walks", "error m", "strongest reading m", "ratio", "r95 m")
+_AREA = ("measured walks", "walks", "r95 m", "located", "coverage (95 %)", "contradicted")
 _VERDICTS = ("measured walks", "small region", "located", "ambiguous", "cannot tell")
 
 
@@ -89,6 +90,34 @@ def tables(scores: Sequence[WalkScore]) -> list[Table | str]:
         ),
         LEGEND,
     ]
+
+
+def area_tables(everywhere: Sequence[WalkScore], within: Sequence[WalkScore]) -> list[Table | str]:
+    """What an area around the walk changes where the truth is inside of it, and where it is not."""
+    before = {(one.trace.campaign, one.trace.name): one for one in everywhere}
+    rows = []
+    for name, is_inside in (("inside", True), ("outside", False)):
+        some = [one for one in within if ((one.beyond_m or 0.0) <= 0.0) == is_inside]
+        if some:
+            same = [before[one.trace.campaign, one.trace.name] for one in some]
+            rows.append((f"truth {name}", *_area_row(same, some)))
+    legend = (
+        "Everywhere -> within metres of the walk's hull. Contradicted: the readings speak against "
+        "the area, and the answer says so; none of these is located."
+    )
+    return [Table("measured walks: looked for within metres of the walk", _AREA, rows), legend]
+
+
+def _area_row(before: Sequence[WalkScore], now: Sequence[WalkScore]) -> tuple[str, ...]:
+    r95_m = [float(np.median([one.r95_m for one in some])) for some in (before, now)]
+    located = [[one for one in some if one.verdict == "located"] for some in (before, now)]
+    return (
+        str(len(now)),
+        " -> ".join(map(three_digits, r95_m)),
+        " -> ".join(_count_text(*count_wrong(some)) for some in located),
+        f"{coverage(now):.3f}",
+        str(sum(one.is_contradicted for one in now)),
+    )
 
 
 def _coverage_row(row: Stratum) -> tuple[str, ...]:

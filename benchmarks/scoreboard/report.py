@@ -14,6 +14,7 @@ from . import measured_report
 from .cases import CASES
 from .claims import Claim, claims
 from .measured import WalkScore
+from .peer_table import peer_table
 from .run import Scores
 from .score import BOUND, EXACT, LEAST_SQUARES, OURS
 from .summary import Row, VerdictCount, rows_of, verdicts_of
@@ -74,6 +75,7 @@ def markdown(found: Board) -> str:
 def _parts(found: Board) -> list[Table | str]:
     """Measured walks, targets, the specification's table, and a table for each case."""
     parts = measured_report.tables(found.measured) if found.measured else []
+    parts += peer_table(found.measured, found.scores)
     if found.targets:
         parts.append(Table("targets", TARGET_HEADINGS, _target_lines(found.targets)))
     if found.claims:

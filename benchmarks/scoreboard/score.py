@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import inf
+from math import hypot, inf, nan
 from time import process_time
 
 import numpy as np
@@ -17,7 +17,7 @@ from .clipped import ClippedLikelihood
 from .facts import facts_of
 from .filters import FILTERS
 from .model_free import strongest_sample, weighted_centroid
-from .peers import least_squares_fit
+from .peers import disc_of_observables, least_squares_fit
 from .world import World
 
 OURS, OURS_KNOWN_NOISE, OURS_UNCENSORED, OURS_SECTOR = (
@@ -29,6 +29,7 @@ OURS, OURS_KNOWN_NOISE, OURS_UNCENSORED, OURS_SECTOR = (
 EXACT, BOUND = "exact posterior", "Cramer-Rao bound"
 EXACT_CLIPPED = "exact posterior, clipped"
 LEAST_SQUARES, CENTROID, STRONGEST = "least squares", "weighted centroid", "strongest sample"
+DISC = "disc of the observables"
 
 _DIVERGED_M = 1e6
 
@@ -41,7 +42,8 @@ class Score:
     region. NEES takes the mean of the strongest mode and that mode's own covariance, so a run whose
     truth is in another mode counts in full. A failure has the error inf, and its region, had the
     method one, does not hold the truth. For the bound `error_m` is the median error of a Gaussian
-    that reaches it.
+    that reaches it. `r95_m` is the radius of the region about the position, `extent_m` the diagonal
+    of the box around the walk.
     """
 
     method: str
@@ -56,6 +58,8 @@ class Score:
     failure: str | None = None
     facts: dict[str, bool] = field(default_factory=dict)
     world: str = ""
+    r95_m: float | None = None
+    extent_m: float = nan
 
 
 def _exact(world: World) -> Answer:
@@ -87,6 +91,7 @@ ANSWERS: dict[str, Callable[[World], Answer]] = {
     **FILTERS,
     CENTROID: lambda world: weighted_centroid(world.walk),
     STRONGEST: lambda world: strongest_sample(world.walk),
+    DISC: disc_of_observables,
 }
 METHODS = (
     OURS,
@@ -100,6 +105,7 @@ METHODS = (
     *FILTERS,
     CENTROID,
     STRONGEST,
+    DISC,
 )
 WITHOUT_REGION = (CENTROID, STRONGEST)
 
@@ -123,12 +129,21 @@ def score(world: World, method: str, run: int) -> Score:
             covered,
             seconds=process_time() - start,
             failure=f"{type(error).__name__}: {error}",
+            world=world.name,
+            extent_m=_extent_m(world),
         )
 
 
 def published_scores(world: World, run: int) -> list[Score]:
     """Errors that others have reached on this world."""
-    return [Score(method, run, error_m) for method, error_m in world.published_scores.items()]
+    return [
+        Score(method, run, error_m, world=world.name)
+        for method, error_m in world.published_scores.items()
+    ]
+
+
+def _extent_m(world: World) -> float:
+    return hypot(np.ptp(world.walk.x_m), np.ptp(world.walk.y_m))
 
 
 def _score(world: World, method: str, run: int, found: Answer, seconds: float) -> Score:
@@ -150,6 +165,8 @@ def _score(world: World, method: str, run: int, found: Answer, seconds: float) -
         verdict=found.verdict,
         facts=facts_of(world, found),
         world=world.name,
+        r95_m=region.radius_m((found.x_m, found.y_m)) if region else None,
+        extent_m=_extent_m(world),
     )
 
 

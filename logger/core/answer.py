@@ -113,17 +113,21 @@ class Position(OnMap, frozen=True, kw_only=True):
         return replace(super().in_short(), **radii)
 
 
-class Place(Position, frozen=True, kw_only=True):
+class Place(Position, frozen=True, kw_only=True, omit_defaults=True):
     """Where the transmitter may stand; the position shown is that of the first of the `modes`.
 
     The likeliest mode is first. `drms_m` is the root mean square distance from the position,
-    `area_m2` that of the smallest region with 95 %, `strongest` the strongest reading.
+    `area_m2` that of the smallest region with 95 %, `strongest` the strongest reading. All is true
+    only if the transmitter is in the `area`, where there is one; without it `outside_share` of the
+    probability is elsewhere.
     """
 
     drms_m: float
     area_m2: float
     modes: tuple[Mode, ...]
     strongest: StrongestReading
+    area: str = ""
+    outside_share: float | None = None
 
     @property
     def likely_modes(self) -> tuple[Mode, ...]:
@@ -253,6 +257,7 @@ class Answer:
         where = ""
         if self.place is not None:
             where = f"{self.place.where}, {radii_text(self.place.r50_m, self.place.r95_m)}"
+            where += f", if it is {self.place.area}" if self.place.area else ""
         if self.verdict == "located":
             return f"located at {where}"
         why = f": {self.reasons[0]}" if self.reasons else ""
@@ -334,6 +339,8 @@ def place_of(posterior: "Posterior") -> Place:
         strongest=StrongestReading(
             lat=strongest_lat, lon=strongest_lon, level_dbm=strongest.level_dbm.item()
         ),
+        area="" if posterior.prior.area is None else posterior.prior.area.text,
+        outside_share=posterior.outside_share,
     )
 
 

@@ -20,7 +20,8 @@ from logger.core.latest import Latest
 from logger.core.live_cell import LiveCell
 from logger.core.live_receiver import Receiver, ReceiverTrack
 from logger.core.live_reference import LiveReference
-from logger.core.live_settings import FOLLOW, LiveSettings
+from logger.core.live_settings import FOLLOW, WITHIN, LiveSettings, within_of
+from logger.core.model.area import WalkArea
 from logger.core.model.prior import Prior, prior_for
 from logger.core.places import TIMING_S, Places
 from logger.core.readings import Readings
@@ -38,6 +39,7 @@ class LiveTracker:
     """Follows the records of one run; `feed` them in recorded order.
 
     `baseline` has what earlier walks heard, `streets` those that may be walked.
+    `walk_area` is where cells are looked for.
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class LiveTracker:
         self._gives_up = settings.give_up_s > 0.0
         self._identities = Identities()
         self._names = RecentNames() if settings.by_channel else None
+        self.walk_area = WalkArea(settings.within_walk_m)
         self._once: Latest[tuple[str, Readings]] = Latest(_MOST_ONCE)
         self._cells: Latest[LiveCell] = Latest(settings.most_cells)
         self.suspicion = SuspicionTracker(settings.max_fix_age_s, baseline)
@@ -93,11 +96,16 @@ class LiveTracker:
         notes = self._check_rules(record)
         match record.value:
             case Fix() as fix:
-                return [*notes, *self._track.add(record.t_ns, fix), *self._guide(record.t_ns)]
+                notes += self._track.add(record.t_ns, fix)
+                if self._track.latest is not None:
+                    self.walk_area.add(self._track.latest.place)
+                return [*notes, *self._guide(record.t_ns)]
             case Scan() as scan:
                 return [*notes, *self._take_scan(seq, record, scan)]
             case Note(code=code, text=cell) if code == FOLLOW:
                 self._reference.follow(cell)
+            case Note(code=code, text=metres) if code == WITHIN:
+                self.walk_area.widen(within_of(metres))
         return [*notes]
 
     def _check_rules(self, record: Record) -> list[Note]:
@@ -153,7 +161,7 @@ class LiveTracker:
     ) -> list[Note | LiveEstimate]:
         cell = self._cells.get(name)
         if cell is None or (is_by_channel(name) and cell.away_m(located.places) > REUSED_M):
-            cell = LiveCell(self._prior)
+            cell = LiveCell(self._prior, where=self.walk_area)
         self._cells.put(name, cell)
         first = self._once.pop(name, None)
         if first is not None:

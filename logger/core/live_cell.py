@@ -18,6 +18,7 @@ from logger.core.live_scale import LiveScale
 from logger.core.live_settings import EKF, LOCATOR, ONE_MODE
 from logger.core.locator.online import OnlineLocator
 from logger.core.locator.posterior import Mode
+from logger.core.model.area import WalkArea
 from logger.core.model.path_loss import level_gradient
 from logger.core.model.prior import Prior
 from logger.core.places import Places
@@ -54,9 +55,14 @@ class LiveCell:
     that heard it first (`live_scale`).
     """
 
-    def __init__(self, prior: Prior, spikes: SpikeFilter[Readings] | None = None) -> None:
-        self._prior = prior
-        self._locator = OnlineLocator(prior)
+    def __init__(
+        self,
+        prior: Prior,
+        spikes: SpikeFilter[Readings] | None = None,
+        where: WalkArea | None = None,
+    ) -> None:
+        self._prior, self._where = prior, where
+        self._locator = OnlineLocator(prior, where=where)
         self._first_spikes = spikes
         self._modems: dict[str, _Modem] = {}
         self._scale = LiveScale()
@@ -125,7 +131,8 @@ class LiveCell:
         if waiting := self._scale.waiting(modem, self.n):
             text = f"begun anew with {modem}, which cannot be compared with {self._scale.first}"
             self.news.append(("modem-changed", text))
-            self._locator, self._scale = OnlineLocator(self._prior), LiveScale()
+            self._locator = OnlineLocator(self._prior, where=self._where)
+            self._scale = LiveScale()
             self._recent.clear()
             self._ekf, self._may_start, self.n = None, True, 0
             for one in waiting[:-1]:

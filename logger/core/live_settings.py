@@ -20,6 +20,7 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
             10_000,
         ),  # each has an estimate of its own; a Pi keeps up with some hundred
         "height_m": (0.0, 10_000.0),  # mountains end below
+        "within_walk_m": (1.0, 30_000.0),  # nothing farther is searched
     }
 )
 """Smallest and largest value of each setting; runs of earlier versions may have others."""
@@ -41,11 +42,23 @@ FAILED, RESTARTED = "estimate-failed", "estimate-restarted"
 first one names nor of those up to the one that the second names, with which a new one begins."""
 
 
-FOLLOW, MARK = "follow", "mark"
-"""Codes of the Notes that the walker makes: a cell to follow, and a place to remember.
+FOLLOW, MARK, WITHIN = "follow", "mark", "within"
+"""Codes of the Notes that the walker makes: a cell to follow, a place to remember, and how far from
+the walk the transmitter can be.
 
-The text of the first is the name of a cell, or another value of `LiveSettings.target`.
+The text of the first is the name of a cell, or another value of `LiveSettings.target`; that of the
+last is another `within_walk_m`, empty for none.
 """
+
+
+def within_of(text: str) -> float | None:
+    """Metres of a Note `WITHIN`; raises ValueError for a text that is neither empty nor metres."""
+    if not text:
+        return None
+    metres, (least, most) = float(text), LIMITS["within_walk_m"]
+    if not least <= metres <= most:
+        raise ValueError(f"a transmitter is within {least:g} to {most:g} m of the walk")
+    return metres
 
 
 class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -61,9 +74,11 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `max_fix_age_s` is not used. `joseph` chooses the form of the reference filter's covariance
     update. `environment` names the prior: any, open, suburban or urban. `antenna` is omni or
     sector, `reach` (the distance from the walk) near or far, `height_m` the antenna's height above
-    the receiver; any, or None, lets the levels weigh them. `baseline` is the file of earlier walks,
-    "own" for that of the device, empty or "off" for none. `by_channel`: neighbours without an
-    identity are tracked too, by their channel and code (`cell_names`); earlier versions did not.
+    the receiver; any, or None, lets the levels weigh them. Cells are looked for only within
+    `within_walk_m` of the hull of the walk so far; None: anywhere. `baseline` is the file of
+    earlier walks, "own" for that of the device, empty or "off" for none. `by_channel`: neighbours
+    without an identity are tracked too, by their channel and code (`cell_names`); earlier versions
+    did not.
     """
 
     target: str = SUSPICIOUS
@@ -77,6 +92,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     antenna: Literal["any", "omni", "sector"] = "any"
     reach: Literal["any", "near", "far"] = "any"
     height_m: float | None = None
+    within_walk_m: float | None = None
     baseline: str = ""
     streets: str = ""
     by_channel: bool = True
@@ -88,7 +104,7 @@ def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:
     JSON has neither infinity nor NaN: an infinite hysteresis is stored as null, as earlier versions
     did with times. A height of null is any. What a run does not have is as it was before.
     """
-    known = dict.fromkeys(LIMITS, math.inf) | {"height_m": None}
+    known = dict.fromkeys(LIMITS, math.inf) | {"height_m": None, "within_walk_m": None}
     before = {"target": STRONGEST, "give_up_s": 0.0, "by_channel": False}
     return before | {
         name: known.get(name) if value is None else value for name, value in recorded.items()

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Self
 from msgspec.structs import replace
 
 from logger.core.errors import error_place
-from logger.core.live_settings import FAILED, FOLLOW, RESTARTED, LiveSettings
+from logger.core.live_settings import FAILED, RESTARTED, LiveSettings
 from logger.core.types import Level, Note, RawBytes, Record
 from logger.device.link import Inbox
 from logger.device.live_view import LiveView, live_view
@@ -93,7 +93,7 @@ class Estimator:
         self._has_started = False
         self._n_failures, self._again_ns = 0, 0
         self._failure = ""
-        self._follow: tuple[int, Record] | None = None
+        self._asked: dict[str, tuple[int, Record]] = {}
         self._thread = threading.Thread(target=self._run, name="estimate", daemon=True)
         self._left_out: tuple[str, ...] = ()
         self._view = LiveView()
@@ -166,8 +166,8 @@ class Estimator:
         self, seq: int, record: Record, baseline: "LiveBaseline", streets: "LiveStreets"
     ) -> None:
         """Estimate; after an exception not before the pause is over."""
-        if isinstance(record.value, Note) and record.value.code == FOLLOW:
-            self._follow = seq, record
+        if isinstance(record.value, Note):
+            self._asked[record.value.code] = seq, record
         if self._tracker is None and record.t_ns < self._again_ns:
             return
         try:
@@ -186,11 +186,12 @@ class Estimator:
     def _begin(
         self, seq: int, record: Record, baseline: "LiveBaseline", streets: "LiveStreets"
     ) -> "LiveTracker":
-        """A new tracker, which knows what the walker follows."""
+        """A new tracker, which knows what the walker asked for."""
         tracker = self._make(baseline, streets)
         if self._failure:
-            if self._follow is not None and self._follow[0] != seq:
-                tracker.feed(*self._follow)
+            for earlier in self._asked.values():
+                if earlier[0] != seq:
+                    tracker.feed(*earlier)
             self._note(seq, record, "info", RESTARTED, "the live estimate has started again")
             self._failure = ""
         return tracker

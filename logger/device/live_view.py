@@ -110,7 +110,7 @@ class CellStatus(Struct, frozen=True):
     modem: str = ""
 
 
-class PositionStatus(Place, frozen=True, kw_only=True):
+class PositionStatus(Place, frozen=True, kw_only=True, omit_defaults=False):
     """The answer about the cell that is followed: its place, 95 % region in squares, and word.
 
     `text` is the answer in a sentence.
@@ -130,7 +130,8 @@ class LiveView(Struct, frozen=True, kw_only=True):
     `suspicions` has the most suspicious cell first. `next`, None once the search is over, and
     `position` are of the target; `cells` has the serving cell first, then the others by level.
     `no_estimate` is why there is no live estimate now, empty while it is made. `left_out` says
-    which files it does not use, and why, `unnoticed` what the rules of suspicion cannot see.
+    which files it does not use, and why, `unnoticed` what the rules of suspicion cannot see. Cells
+    are looked for `within_walk_m` of the walk, None: anywhere.
     """
 
     target: TargetStatus | None = None
@@ -141,6 +142,7 @@ class LiveView(Struct, frozen=True, kw_only=True):
     no_estimate: str = ""
     left_out: tuple[str, ...] = ()
     offer: str | None = None
+    within_walk_m: float | None = None
     unnoticed: str = ""
 
     @property
@@ -172,6 +174,7 @@ def live_view(tracker: "LiveTracker") -> LiveView:
         next=None if followed is None or over else followed.way,
         position=position,
         offer=tracker.offer,
+        within_walk_m=tracker.walk_area.within_m,
         unnoticed=tracker.suspicion.unnoticed,
     )
 

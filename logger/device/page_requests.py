@@ -16,7 +16,7 @@ import msgspec
 
 from logger.core.cell_names import why_no_name
 from logger.core.foreign import decode_json, open_regular
-from logger.core.live_settings import FOLLOW, MARK
+from logger.core.live_settings import FOLLOW, WITHIN, within_of
 from logger.core.printable import printable
 from logger.core.types import Note
 
@@ -29,18 +29,20 @@ _LONGEST_LINE = 1024
 
 
 class PageRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One line of the file: "follow" with the name of a cell, or "mark" with a text.
+    """One line of the file: "follow" with a cell's name, "mark" with a text, "within" with metres.
 
     The status repeats `id` when the request is on the card.
     """
 
-    do: Literal["follow", "mark"]
+    do: Literal["follow", "mark", "within"]
     text: Annotated[str, msgspec.Meta(max_length=LONGEST_TEXT)] = ""
     id: Annotated[str, msgspec.Meta(max_length=16)] = ""
 
     def __post_init__(self) -> None:
         if self.do == FOLLOW and (why := why_no_name(self.text)):
             raise ValueError(why)
+        if self.do == WITHIN:
+            within_of(self.text)
 
 
 class PageRequests:
@@ -155,5 +157,4 @@ def _parse(line: bytes) -> PageRequest | None:
 
 
 def _note(request: PageRequest) -> Note:
-    code = FOLLOW if request.do == "follow" else MARK
-    return Note("info", code, printable(request.text))
+    return Note("info", request.do, printable(request.text))

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
-from logger.core.live_settings import BEHIND, FOLLOW, LiveSettings
+from logger.core.live_settings import BEHIND, FOLLOW, WITHIN, LiveSettings
 from logger.core.runfile import FLOOR_BYTES, RunWriter
 from logger.core.sample_hold import SampleHold
 from logger.core.types import Fix, Level, Note, Record, Scan
@@ -203,5 +203,5 @@ def _is_for_estimate(record: Record) -> bool:
         case Fix() | Scan():
             return True
         case Note(code=code):
-            return code == FOLLOW
+            return code in {FOLLOW, WITHIN}
     return False

@@ -24,11 +24,12 @@ V05.00 p186, TC63 V00.490 p194, EHS6 V03.001 8.12 (firmware_notes/cinterion.md).
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family
+from logger.drivers.family import Claim, Family, having
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
@@ -159,6 +160,13 @@ class Cinterion(Family):
     """The serving cell and six neighbours, by the command that the modem has."""
 
     name = "cinterion"
+    gives = MappingProxyType(
+        {
+            "GSM": having("neighbours", "timing advance", "C1 and C2"),
+            "WCDMA": having("neighbours"),
+            "LTE": having("neighbours"),
+        }
+    )
     claim = Claim(maker=r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b")
     setup_commands = Generic.setup_commands
     ways = (

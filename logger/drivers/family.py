@@ -3,7 +3,8 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar
 
 from logger.core.reportable import reportable
 from logger.core.types import CellReading, Role
@@ -11,6 +12,9 @@ from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import Row
 from logger.drivers.reading.standard_replies import drop_cut_values, names_of, standard_rows
+
+if TYPE_CHECKING:
+    from logger.core.suspicion.rule import Need  # with numpy, which drivers do not need
 
 AUTOBAUD_TRIES = 5
 """With AT+IPR=0 the first characters after power-up are lost while the modem finds the rate."""
@@ -26,6 +30,15 @@ _RESTARTED = re.compile(
 
 
 _FLAGS = re.IGNORECASE | re.DOTALL
+
+_OF_A_CELL: "frozenset[Need]" = frozenset(
+    {"identity", "country code", "area code", "channel", "colour code", "level"}
+)
+
+
+def having(*more: "Need", without: "Iterable[Need]" = ()) -> "frozenset[Need]":
+    """What rules find in replies about cells: the usual, and `more`."""
+    return (_OF_A_CELL | frozenset(more)) - frozenset(without)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +82,8 @@ class Family:
     """The modem's own receiver, used if configured."""
     mode_commands: ClassVar[tuple[ModeCommand, ...]] = ()
     """What restricts the modem to GSM, used if configured; a modem has one."""
+    gives: "ClassVar[Mapping[str, frozenset[Need]]]" = MappingProxyType({})
+    """What its replies have for the rules of suspicion, by technology."""
     unnamed_rows: ClassVar[Mapping[str, str]] = {}
     """Words of the rows without a name, by the name of the command that they answer.
 

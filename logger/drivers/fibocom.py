@@ -21,11 +21,12 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 from logger.core.types import Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family
+from logger.drivers.family import Claim, Family, having
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
@@ -150,6 +151,12 @@ class Fibocom(Family):
     """Serving cell and neighbours by AT+GTCCINFO?, which takes 25 ms and needs no SIM."""
 
     name = "fibocom"
+    gives = MappingProxyType(
+        {
+            "LTE": having("neighbours"),
+            "WCDMA": having(),
+        }
+    )
     claim = Claim(maker=r"\bFIBOCOM\b", series=r"\bL8[1356]0-GL\b")
     setup_commands = Generic.setup_commands
     poll_commands = (

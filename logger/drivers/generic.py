@@ -14,8 +14,9 @@ Sources: 3GPP TS 27.007 7.2, 7.3, 8.5 and 8.69; a measured reply (github
 """
 
 from collections.abc import Sequence
+from types import MappingProxyType
 
-from logger.drivers.family import Family
+from logger.drivers.family import Family, having
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import Row
 from logger.drivers.reading.standard_replies import with_serving_cell
@@ -25,6 +26,13 @@ class Generic(Family):
     """The serving cell of a modem that no other driver claims."""
 
     name = "generic"
+    gives = MappingProxyType(
+        {
+            "GSM": having(without=("channel", "colour code")),
+            "WCDMA": having(without=("channel", "colour code")),
+            "LTE": having(without=("channel", "colour code")),
+        }
+    )
     setup_commands = (
         Command("AT+CREG=2"),
         Command("AT+CGREG=2"),

@@ -22,12 +22,13 @@ layer published with the HiSilicon kernel sources; ModemManager's tests (firmwar
 import re
 from collections.abc import Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
 from logger.drivers.cinterion import grouped_cells
-from logger.drivers.family import Claim, Family
+from logger.drivers.family import Claim, Family, having
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
@@ -97,6 +98,14 @@ class Huawei(Family):
     """Cells by ^MONSC and ^MONNC, by ^SMOND of the GSM modules, else by the standard commands."""
 
     name = "huawei"
+    gives = MappingProxyType(
+        {
+            "GSM": having("neighbours"),
+            "WCDMA": having("neighbours"),
+            "LTE": having(),
+            "NR": having("neighbours"),
+        }
+    )
     claim = Claim(maker=r"\bHUAWEI\b|\bTD[ -]?TECH\b", series=r"\bMT5700")
     setup_commands = Generic.setup_commands
     poll_commands = (

@@ -22,11 +22,12 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from typing import ClassVar
 
 from logger.core.types import Rat
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family
+from logger.drivers.family import Claim, Family, having
 from logger.drivers.protocols.at import Command
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
@@ -168,6 +169,16 @@ class Quectel(Family):
     """Cells by `AT+QENG`; all cells by `AT+QOPS` (2G, 3G, 4G) or `AT+QSCAN` (5G modules)."""
 
     name = "quectel"
+    gives = MappingProxyType(
+        {
+            "GSM": having("C1 and C2"),
+            "WCDMA": having("neighbours"),
+            "LTE": having("neighbours"),
+            "LTE-M": having(),
+            "NB-IoT": having("neighbours"),
+            "NR": having("neighbours"),
+        }
+    )
     claim = Claim(
         series=r"Quectel.*?(?<![A-Z0-9-])(?:EC|EG|EM|EP|BG|RM|RG|RX|AG|AF|AN|UC|UG|SC|SG)\d"
     )

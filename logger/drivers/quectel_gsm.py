@@ -21,8 +21,9 @@ other public code, since no GSM manual could be had; manuals of BC26 and BC660K 
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from types import MappingProxyType
 
-from logger.drivers.family import Claim, Family
+from logger.drivers.family import Claim, Family, having
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.quectel import KINDS
 from logger.drivers.reading.row_language import NoCell, Row, decimal, first_cell, form, split
@@ -54,6 +55,12 @@ class QuectelGsm(Family):
     """Cells by `AT+QENG?` in engineering mode; NB-IoT modems know `AT+QENG=0` only."""
 
     name = "quectel_gsm"
+    gives = MappingProxyType(
+        {
+            "GSM": having("neighbours", "C1 and C2"),
+            "NB-IoT": having(without=("identity", "country code")),
+        }
+    )
     claim = Claim(
         series=r"Quectel.*?(?<![A-Z0-9-])(?:M(?:10|12|20|23|25|26|27|35|50|56|66|72|80|85|89|90|95)"
         r"|MC(?:20|25|60|65|90)|BC(?:20|25|26|30|32|65|66))(?!\d\d)"

@@ -26,11 +26,12 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family
+from logger.drivers.family import Claim, Family, having
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
     EIGHT,
@@ -145,6 +146,12 @@ class Sierra(Family):
     """The serving cell of all technologies, neighbours on LTE; not the HL and SL modules."""
 
     name = "sierra"
+    gives = MappingProxyType(
+        {
+            "LTE": having("neighbours"),
+            "WCDMA": having(without=("identity", "country code", "colour code")),
+        }
+    )
     claim = Claim(maker=r"\A(?!.*\b(?:HL|SL|Q2)\d)(?:.*\bSIERRA WIRELESS\b|.*\bAIRPRIME\b)")
     setup_commands = (Command("AT+COPS=3,2"),)  # the form of the answer; it chooses none
     poll_commands = (

@@ -19,10 +19,11 @@ Sources: measured replies in public code (firmware_notes/simcom.md).
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family
+from logger.drivers.family import Claim, Family, having
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
@@ -84,6 +85,15 @@ class Sim7000(Family):
     """Cells by `AT+CENG?`; `AT+CPSI?` adds band, C1, C2 and the level of a GSM cell in dBm."""
 
     name = "sim7000"
+    gives = MappingProxyType(
+        {
+            "GSM": having("neighbours", "C1 and C2"),
+            "WCDMA": having(),
+            "LTE": having(),
+            "LTE-M": having("neighbours"),
+            "NB-IoT": having(),
+        }
+    )
     claim = Claim(series=r"SIM70(?:00|70|80|90)(?!\d)")
     setup_commands = (ENGINEERING_ON,)
     poll_commands = (Command("AT+CENG?"), Command("AT+CPSI?"))

@@ -27,11 +27,12 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family
+from logger.drivers.family import Claim, Family, having
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
@@ -179,6 +180,14 @@ class Sim7600(Family):
     """The serving cell by AT+CPSI, neighbours by AT+CCINFO (GSM, WCDMA) and AT+CMGRMI (LTE)."""
 
     name = "sim7600"
+    gives = MappingProxyType(
+        {
+            "GSM": having("neighbours", "timing advance", "C1 and C2", without=("colour code",)),
+            "WCDMA": having("neighbours"),
+            "LTE": having("neighbours"),
+            "NR": having(),
+        }
+    )
     claim = Claim(series=r"SIM(?:5\d|7[1-9]|8[23])\d\d(?!\d)|(?<![0-9A-Z])A7[69]\d\d(?!\d)")
     poll_commands = (
         Command("AT+CPSI?"),

@@ -17,10 +17,11 @@ manual V1.09 p161-163 and p197-198 (firmware_notes/simcom.md).
 
 import re
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Role
-from logger.drivers.family import Claim, Family
+from logger.drivers.family import Claim, Family, having
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
@@ -103,6 +104,11 @@ class Sim800(Family):
     """Cells by `AT+CENG?`, all networks by `AT+CNETSCAN`."""
 
     name = "sim800"
+    gives = MappingProxyType(
+        {
+            "GSM": having("neighbours", "timing advance", "C1 and C2"),
+        }
+    )
     claim = Claim(series=r"SIM(?:COM_SIM)?[89]\d\d(?!\d)")
     setup_commands = (
         Command("AT+CNETSCAN=1"),  # with area and BSIC

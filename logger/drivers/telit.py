@@ -33,11 +33,12 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import ClassVar
 
 from logger.core.types import HIGHEST_ARFCN, MOST_NEIGHBOURS, Broadcast, CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family
+from logger.drivers.family import Claim, Family, having
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
     VALUES,
@@ -245,6 +246,12 @@ class Telit(Family):
     """Serving cell and neighbours by `AT#MONI`; all carriers by `AT#CSURV`, a slice at a time."""
 
     name = "telit"
+    gives = MappingProxyType(
+        {
+            "GSM": having("neighbours", "timing advance", "C1 and C2", "neighbour lists"),
+            "LTE": having("neighbours"),
+        }
+    )
     claim = Claim(
         maker=r"\btelit\b(?! cinterion)",
         series=r"\b(?:G[CELMT]86\d|UC864|U[EL]86\d|HE86\d|[CDGHLMU]E9[124]0"

@@ -28,11 +28,12 @@ apps/system/ubmodem/ubmodem_cell_environment.c (firmware_notes/ublox.md).
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family
+from logger.drivers.family import Claim, Family, having
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
@@ -216,6 +217,13 @@ class Ublox(Family):
     """Cells by the first of three commands that a model has, else by the standard ones."""
 
     name = "ublox"
+    gives = MappingProxyType(
+        {
+            "GSM": having("neighbours", "C1 and C2", without=("colour code",)),
+            "WCDMA": having("neighbours", without=("level",)),
+            "LTE": having(),
+        }
+    )
     claim = Claim(maker=r"\bu-?blox\b", series=r"\b(?:SARA|LISA|LARA|TOBY|LENA|LEON|LUCY)-[A-Z]?\d")
     setup_commands = (
         *Generic.setup_commands,

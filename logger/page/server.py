@@ -473,7 +473,7 @@ class MapHandler(Guarded):
 
 
 class RequestHandlerOf(Guarded):
-    """A mark, or a cell to follow, for the recorder."""
+    """A mark, a cell to follow, or where to look for it, for the recorder."""
 
     async def post(self, _token: str, do: str) -> None:
         if self.request.headers.get("Content-Type") != "application/json":
@@ -631,7 +631,7 @@ def application(site: Site) -> Application:
             (r"/([^/]+)/map", MapHandler, one),
             (r"/([^/]+)/runs", RunsHandler, one),
             (r"/([^/]+)/runs/([^/]+)", RunHandler, one),
-            (r"/([^/]+)/(follow|mark)", RequestHandlerOf, one),
+            (r"/([^/]+)/(follow|mark|within)", RequestHandlerOf, one),
             (r"/([^/]+)/([a-z0-9.-]*)", AssetHandler, one),
         ],
         default_handler_class=Refused,

@@ -11,7 +11,8 @@ from typing import Any, get_args
 from logger.core.errors import RunFileError
 from logger.core.places import check_position
 from logger.core.reportable import area_marks, identity_bits, identity_marks
-from logger.core.types import CellReading, Fix, Rat, Role
+from logger.core.rows import channels_of
+from logger.core.types import Broadcast, CellReading, Fix, Rat, Role
 from logger.core.utc import utc_text
 from postproc.interop.sighting import NoCell, Sighting
 
@@ -330,6 +331,19 @@ CODES: Mapping[Rat, str] = {"GSM": "bsic", "WCDMA": "psc", "LTE": "pci", "NR": "
 def in_order(line: int, _: Fields) -> Moment:
     """The number of a row, where a file has no times."""
     return Moment(line * ROW_NS, is_utc=False)
+
+
+def broadcast_of(fields: Fields) -> Broadcast | None:
+    """What the cell broadcasts; None where the row has nothing of it."""
+    channels = channels_of(text(fields, "neighbour_arfcns") or None)
+    if channels is None and text(fields, "neighbour_arfcns"):
+        raise ValueError("neighbour_arfcns is no list of GSM channels")
+    cro_db, penalty_time, t3212_raw = (
+        integer(fields, name) for name in ("cro_db", "penalty_time", "t3212_raw")
+    )
+    unsure = bool(integer(fields, "broadcast_unsure"))
+    found = Broadcast(channels, cro_db, penalty_time, t3212_raw, unsure)
+    return None if found == Broadcast(broadcast_unsure=unsure) else found
 
 
 def level_in(name: str) -> Callable[[Fields, Rat | None], float]:

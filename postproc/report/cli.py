@@ -13,6 +13,7 @@ import click
 from logger.command_line import FILE, PATH, json_option, late_modules, run_now, show
 from logger.core.errors import ConfigError
 from postproc.options import (
+    area_options,
     basemap_option,
     cells_option,
     claims_options,
@@ -51,6 +52,7 @@ with late_modules():
 @claims_options
 @false_alarm_option
 @prior_options
+@area_options
 @within_option
 @json_option
 def report(

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import click
 
@@ -10,7 +11,7 @@ from logger.command_line import INPUT, json_option, late_modules, show
 from postproc.options import grouped_runs, runs_argument
 
 with late_modules():
-    from logger import baseline_file
+    from logger import baseline_file, baseline_store
     from postproc import cell_work, ground, progress
     from postproc.suspicion import run_assessment, signalling
     from postproc.verification import celldb
@@ -58,15 +59,18 @@ def suspect(
     """
     with ExitStack() as stack:
         baseline = database = None
-        if baseline_path is not None:
-            baseline = stack.enter_context(closing(baseline_file.BaselineFile(baseline_path)))
-        if celldb_path is not None:
-            database = stack.enter_context(closing(celldb.CellDb(celldb_path)))
         groups = [group for group, _ in grouped_runs(paths)]
         if is_signalling:
             listed = [signalling.document_of(signalling.signals_of(one.runs)) for one in groups]
             show(ground.document_of_groups(groups, listed), as_json=as_json)
             return 0
+        if baseline_path is not None:
+            folder = Path(stack.enter_context(TemporaryDirectory()))
+            runs = [run for group in groups for run in group.runs]
+            others = baseline_store.without_runs(baseline_path, runs, folder)
+            baseline = stack.enter_context(closing(baseline_file.BaselineFile(others)))
+        if celldb_path is not None:
+            database = stack.enter_context(closing(celldb.CellDb(celldb_path)))
         assessed = [
             run_assessment.assess_runs(
                 group.runs, baseline, database, progress.with_progress, group.several

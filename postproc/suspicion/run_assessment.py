@@ -6,12 +6,12 @@ from math import log
 from typing import Any, Final, NamedTuple, TypeVar
 
 from logger.core.baseline import NO_BASELINE, Baseline, baseline_of
-from logger.core.document import Document, Line, Word, html_text, terminal_lines
+from logger.core.document import Column, Document, Line, Table, Word, html_text, terminal_lines
 from logger.core.identities import identity_of
 from logger.core.runfile import Run
-from logger.core.suspicion.rule import Evidence, Finding, Rate, Rule
+from logger.core.suspicion.rule import Evidence, Finding, Need, Rate, Rule
 from logger.core.suspicion.rules import RULES
-from logger.core.suspicion.tracker import SuspicionTracker
+from logger.core.suspicion.tracker import Capabilities, SuspicionTracker
 from logger.core.suspicion.words import (
     Assessment,
     assess,
@@ -22,6 +22,8 @@ from logger.core.suspicion.words import (
     unnoticed_text,
     word_rate_text,
 )
+from logger.drivers.family import having
+from logger.drivers.registry import FAMILIES
 from postproc.cell_work import Failure, failure
 from postproc.ground import SEVERAL, HeardIn, several_evidence, several_text
 from postproc.progress import Progress
@@ -416,6 +418,42 @@ def _content(suspicions: Suspicions, finding: Finding) -> Mapping[str, object]:
 
 
 def document_of_rules() -> Document:
-    """All rules with their needs and rates."""
+    """All rules with their needs and rates, and what each family of modems lets them ask."""
     texts = [rule.text for rule in ALL_RULES]
-    return Document(texts, body=[Line(text, bullet="  - ") for text in texts])
+    return Document(
+        texts,
+        body=[*(Line(text, bullet="  - ") for text in texts), "", *table_of_sources()],
+    )
+
+
+_OF_USER: tuple[Need, ...] = ("position", "earlier walks", "cell database")
+"""What comes from a receiver or from files."""
+_GENERATIONS = {"GSM": "2", "WCDMA": "3", "NR": "5"}
+"""By technology; of others it is 4."""
+FILE = "csv"
+"""The source that is a file: `docs/guide/formats.md`."""
+
+
+def table_of_sources() -> tuple[str | Table, ...]:
+    """Which rules can be asked of cells of which generations, by driver and of an imported file."""
+    of_file = having("neighbours", "neighbour lists", "timing advance")
+    gives = {name: family.gives for name, family in FAMILIES.items()} | {
+        FILE: dict.fromkeys(("GSM", "WCDMA", "LTE", "NR"), of_file)
+    }
+    sources = {name: Capabilities(given) for name, given in gives.items()}
+    for source in sources.values():
+        for need in _OF_USER:
+            source.serve(need)
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for rule in ALL_RULES:
+        asked = (source.technologies(rule) for source in sources.values())
+        cells = ("".join(sorted({_GENERATIONS.get(rat, "4") for rat in rats})) for rats in asked)
+        rows.setdefault(tuple(cells), []).append(rule.id)
+    names = [name.replace("_", " ") for name in sources]
+    table = Table(
+        [Column("rules"), *map(Column, names)],
+        [(" ".join(rules), *cells) for cells, rules in rows.items()],
+    )
+    unfed = [" ".join(rules) for cells, rules in rows.items() if not any(cells)]
+    said = "Generations (2 to 5) of cells of which each rule can be asked, by the modem's driver"
+    return f"{said}:", table, *(f"No source serves {rules}." for rules in unfed)

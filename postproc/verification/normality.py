@@ -7,7 +7,6 @@ Assoc. 62(318), 1967).
 from math import erf, exp, pi, sqrt
 
 import numpy as np
-from scipy.special import ndtr
 
 from logger.core.arrays import FloatArray
 from postproc.verification.verdicts import Normality
@@ -50,6 +49,8 @@ def _distance(values: FloatArray, low: float, high: float) -> float:
     mean, sigma = float(np.mean(values)), max(float(np.std(values, ddof=1)), 1e-300)
     if np.isfinite(low):
         sigma *= _untrimmed_sigma((high - low) / (2.0 * sigma))
+    from scipy.special import ndtr  # noqa: PLC0415 (0.5 s, of all who import `postproc.api`)
+
     below, above = ndtr((low - mean) / sigma), ndtr((high - mean) / sigma)
     model = (ndtr((np.sort(values) - mean) / sigma) - below) / (above - below)
     step = np.arange(len(values)) / len(values)

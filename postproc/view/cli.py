@@ -11,6 +11,7 @@ import click
 from logger.command_line import FILE, json_option, late_modules, number, run_now, show
 from logger.core.errors import ConfigError
 from postproc.options import (
+    area_options,
     basemap_option,
     claims_options,
     estimate,
@@ -23,6 +24,7 @@ from postproc.verification.cli import tested_claims
 
 with late_modules():
     from logger.core import document, runfile
+    from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, progress
     from postproc import result as estimation
     from postproc.basemap import reading
@@ -45,6 +47,7 @@ _P_FA = 0.05
     metavar="NAME",
     help="Cell to show in detail (may be repeated).",
 )
+@area_options
 @basemap_option
 @click.option(
     "--save",
@@ -67,6 +70,7 @@ def view(
     claim: Sequence[str],
     claims: Path | None,
     cells: Sequence[str],
+    prior: priors.Prior,
     basemap: Path | None,
     save: Path | None,
     port: int | None,
@@ -78,7 +82,14 @@ def view(
 
     The exit code of --save is 3 if work on a cell failed.
     """
-    of_a_run = {"save": save, "claim": claim, "claims": claims, "cell": cells, "basemap": basemap}
+    of_a_run = {
+        "save": save,
+        "claim": claim,
+        "claims": claims,
+        "cell": cells,
+        "basemap": basemap,
+        "area": prior.area,
+    }
     only_one({"--save": save, "--web": is_served})
     if port is not None and not is_served:
         raise ConfigError("--port goes with --web")
@@ -98,7 +109,7 @@ def view(
 
     def write(path: Path) -> int:
         """Estimate and draw, after it is known that the result can be shown."""
-        model = _view_model(runs, cells, claim, claims)
+        model = _view_model(runs, cells, estimation.Options(prior), claim, claims)
         ground = reading.read_basemap(basemap, model.survey, model.box) if basemap else None
         if basemap and ground is None:
             print(f"{basemap} is not drawn: the walk has no position", file=sys.stderr)
@@ -138,16 +149,20 @@ def _check(save: Path | None, basemap: Path | None, claim: Sequence[str]) -> Non
 
 
 def _view_model(
-    runs: Sequence[runfile.Run], names: Sequence[str], claim: Sequence[str], claims: Path | None
+    runs: Sequence[runfile.Run],
+    names: Sequence[str],
+    options: estimation.Options,
+    claim: Sequence[str],
+    claims: Path | None,
 ) -> view_model.ViewModel:
     if len(runs) > 1:  # their times are changed, so they are not those of a stored result
-        result = estimate(view_model.end_to_end(runs), names)
+        result = estimate(view_model.end_to_end(runs), names, options)
     else:
-        result = stored_or_estimated(runs, names)
+        result = stored_or_estimated(runs, names, options)
     result, conspicuous = run_assessment.conspicuous_first(result)
     cells = view_model.select_cells(result, names or conspicuous[:1])
     detailed = [cell.cell for cell in cells]
-    verified = tested_claims(result, detailed, estimation.Options().prior, _P_FA, claim, claims)
+    verified = tested_claims(result, detailed, options.prior, _P_FA, claim, claims)
     if verified is not None and not verified.cells:
         about = ", ".join(detailed) or "any cell"
         raise ConfigError(f"{claims} claims nothing about {about}; see --cell")
@@ -155,7 +170,8 @@ def _view_model(
     survey = surveys.survey_of(result)
 
     def view_of(cell: estimation.CellResult) -> view_model.CellView:
-        steps = view_model.answer_steps(cell, estimation.Options().prior, processors())
+        prior = cell.posterior.prior if cell.posterior else options.prior
+        steps = view_model.answer_steps(cell, prior, processors())
         steps_shown = progress.with_progress(
             steps, f"answer for {cell.cell} step by step", view_model.MOST_STEPS
         )

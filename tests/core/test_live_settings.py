@@ -28,7 +28,7 @@ def test_runs_of_earlier_versions_with_a_null_are_read(tmp_path, name, value):
     runs.write_journal(tmp_path / "a.journal", runs.records(3), live=LiveSettings(**{name: value}))
     assert b'"%s":null' % name.encode() in msgspec.json.encode(LiveSettings(**{name: value}))
     found = getattr(read_run(tmp_path / "a.journal").meta.live, name)
-    assert found == (None if name == "height_m" else math.inf)
+    assert found == (None if name in {"height_m", "within_walk_m"} else math.inf)
 
 
 @pytest.mark.parametrize(

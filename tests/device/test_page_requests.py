@@ -46,6 +46,8 @@ def test_what_stood_there_before_is_not_for_this_run_but_a_new_file_is(tmp_path)
         b'{"do":"shutdown"}',
         b'{"do":"mark","text":1}',
         b'{"do":"follow","text":"LTE-5780-504"}',
+        b'{"do":"within","text":"0.5"}',
+        b'{"do":"within","text":"nan"}',
         b'{"do":"mark","text":"%s"}' % (b"x" * 121),
         b'{"do":"mark","text":"a","run":"b"}',
         b"{" * 1000,

@@ -94,11 +94,14 @@ def _fields(status):
     return {name: getattr(status, name) for name in status.__struct_fields__}
 
 
-def test_a_mark_and_a_cell_to_follow_reach_the_recorder(page, tmp_path):
+def test_what_the_walker_asks_reaches_the_recorder(page, tmp_path):
     with kit.recording(tmp_path, STATUS) as notes:
         assert page.post("mark", "here! Grüße")[0] == 202
         assert page.post("follow", "262-01-4711-2")[0] == 202
-    assert notes == [Note("info", "mark", "here! Grüße"), Note("info", "follow", "262-01-4711-2")]
+        assert page.post("within", "300")[0] == 202
+        assert page.post("within", "far")[0] == 400
+    asked = [("mark", "here! Grüße"), ("follow", "262-01-4711-2"), ("within", "300")]
+    assert notes == [Note("info", *one) for one in asked]
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import json
 import pkgutil
 import subprocess
 import sys
@@ -254,3 +255,33 @@ def test_bare_arrays_that_cannot_be_a_walk_are_refused(x, y, level, sigma_m, say
 
 def test_a_receiver_that_stands_is_a_walk():
     assert locate(np.full(40, 7.0), np.full(40, 3.0), -60 - LINE % 30 / 10).verdict == "cannot tell"
+
+
+def test_an_area_narrows_the_answer_and_is_named_in_it(path, tmp_path):
+    free, within = locate(*walk()), locate(*walk(), within_walk_m=30.0)
+    assert within.posterior.outside_share < 0.5
+    assert within.posterior.region_area_m2 <= free.posterior.region_area_m2
+    run = postproc.read_run(path)
+    lat_deg, lon_deg = postproc.observations(run).track.lat_lon_deg[:, 0]
+    ring = [
+        [lon_deg + 0.01 * east, lat_deg + 0.01 * north]
+        for east, north in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
+    file = tmp_path / "block.geojson"
+    file.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    cell, *_ = postproc.smooth(run, area=file).answers
+    assert cell.place.area == "inside block.geojson"
+    assert cell.sentence.endswith(", if it is inside block.geojson")
+    assert any("without the area" in reason for reason in cell.reasons)
+
+
+def test_an_area_that_cannot_be_used_is_refused(path, tmp_path):
+    file = tmp_path / "far.geojson"
+    ring = [[100.0, 10.0], [100.1, 10.0], [100.1, 10.1]]
+    file.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    with pytest.raises(ConfigError, match="bare arrays are on no map"):
+        locate(*walk(), area=file)
+    with pytest.raises(ConfigError, match="no walk is near the area inside far.geojson"):
+        postproc.smooth(path, area=file)
+    with pytest.raises(ConfigError, match="not allowed"):
+        postproc.smooth(path, area=file, within_walk_m=100.0)

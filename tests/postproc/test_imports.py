@@ -57,6 +57,12 @@ def test_help_of_a_command_imports_no_library(command):
     assert not _modules_after(command, "--help") & LIBRARIES
 
 
+def test_the_python_interface_imports_what_it_needs_at_once_alone():
+    code = "import json, sys, postproc.api; print(json.dumps(sorted(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert not set(json.loads(done.stdout)) & (HEAVY - {"shapely", "pyproj"})
+
+
 @pytest.mark.parametrize("more", [(), ("-v",), ("--json",), ("--verify",)])
 def test_info_imports_what_it_shows_and_nothing_more(run, more):
     loaded = _modules_after("info", run, *more)

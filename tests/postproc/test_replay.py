@@ -5,7 +5,7 @@ import pytest
 
 from logger.core.errors import EstimationError
 from logger.core.live import ADVICE, LiveTracker
-from logger.core.live_settings import FAILED, FOLLOW, REFERENCE, RESTARTED, LiveSettings
+from logger.core.live_settings import FAILED, FOLLOW, REFERENCE, RESTARTED, WITHIN, LiveSettings
 from logger.core.runfile import read_run
 from logger.core.suspicion.rule import Rate
 from logger.core.suspicion.rules import RULES, RULES_CODE, rules_note
@@ -99,6 +99,19 @@ def test_a_far_reach_is_recorded_and_replayed(tmp_path):
     runs.write_journal(tmp_path / "a.journal", records, live=far)
     run = read_run(tmp_path / "a.journal")
     assert run.meta.live == far
+    assert replay(run).equal
+
+
+def test_an_area_is_recorded_and_replayed(tmp_path):
+    within = LiveSettings(within_walk_m=100.0)
+    asked = Record(runs.records(100)[-1].t_ns, "page", Note("info", WITHIN, "40"))
+    walk = runs.records(200)
+    middle = next(k for k, one in enumerate(walk) if one.t_ns >= asked.t_ns)
+    records = _record_walk([*walk[:middle], asked, *walk[middle:]], settings=within)
+    assert _live(records) != _live(_record_walk(walk, settings=within))
+    runs.write_journal(tmp_path / "a.journal", records, live=within)
+    run = read_run(tmp_path / "a.journal")
+    assert run.meta.live == within
     assert replay(run).equal
 
 

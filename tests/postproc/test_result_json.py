@@ -1,12 +1,16 @@
 """The JSON of `smooth` keeps its contract, which `docs/result.schema.json` states."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
 import pytest
 
+from logger.core.model.area import Area
+from logger.core.model.prior import Prior
 from logger.core.runfile import read_run
+from postproc.result import Options
 from postproc.smoothing import smooth_runs
 from postproc.suspicion.run_assessment import conspicuous_first
 from tests.kit import runs
@@ -86,6 +90,18 @@ def test_keys_and_their_order(summaries):
     assert list(located["best"]) == ["lat", "lon", "r95_m", "r50_m", *STATE[2:7], "strongest"]
     assert list(located["modes"][0]) == ["lat", "lon", "probability", "percent", "ellipse95"]
     assert list(one["run"])[-2:] == ["n_readings_without_position", "warnings"]
+
+
+def test_an_area_stands_beside_the_prior(tmp_path, validator):
+    run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=1)
+    prior = replace(Prior(), area=Area.within_walk(200.0))
+    summary = kit.json_of(smooth_runs([run], options=Options(prior)))
+    validator.validate(summary)
+    (cell,) = summary["cells"]
+    assert list(cell) == [*CELL[:12], "area", *CELL[12:]]
+    assert cell["area"]["text"] == "within 200 m of the walk"
+    assert 0.0 <= cell["area"]["outside_share"] <= 1.0
+    assert "area" not in cell["prior"]
 
 
 def test_what_was_not_estimated_is_null(tmp_path):

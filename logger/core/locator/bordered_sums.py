@@ -10,8 +10,14 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.blocks import NOTHING_CENSORED, Blocks, single
 from logger.core.model.columns import receiver_variance, varying_columns
 from logger.core.model.elimination import packed_index
-from logger.core.model.marginal import walk_sums
-from logger.core.model.noise import independent_variance, matrices_of, shadowing, whiteners
+from logger.core.model.marginal import SharedSums, walk_sums
+from logger.core.model.noise import (
+    correlation,
+    independent_variance,
+    matrices_of,
+    shares,
+    whiteners,
+)
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 
@@ -38,16 +44,20 @@ class BorderedSums:
         matrices = matrices_of(noises)
         rows = len(closed)
         self._prior, self._rows = prior, rows
-        self._hypotheses = hypotheses
+        self._scales_m = sorted({scale_m for h in hypotheses for _, scale_m in shares(h)})
+        self._share = np.zeros((len(numbers), len(self._scales_m)))
+        for i, hypothesis in enumerate(hypotheses):
+            for share, scale_m in shares(hypothesis):
+                self._share[i, self._scales_m.index(scale_m)] += share
         self._white_share = np.array([h.white_share for h in hypotheses])
         self._whitener = np.zeros((len(numbers), most, most))
         self._whitener[:, :rows, :rows] = matrices
         self._log_det = np.array([noise.log_det for noise in noises])
+        self._shared = SharedSums.of(prior, np.isfinite(prior.station_log_odds[:, numbers]))
+        rows_of = [self._shared.rest, *station_rows(prior, numbers)[1:]]
         self._stations = [
             _StationSums(prior.of_station(one), closed, matrices, positions, most, rows_of_station)
-            for one, rows_of_station in zip(
-                prior.stations, station_rows(prior, numbers), strict=True
-            )
+            for one, rows_of_station in zip(prior.stations, rows_of, strict=True)
         ]
 
     def over(self, walk: FloatArray) -> tuple[list[FloatArray], FloatArray]:
@@ -67,6 +77,8 @@ class BorderedSums:
         row, variance = self._conditional(walk)
         log_det = self._log_det + np.log(variance)
         totals = [station.total + station.of_last(row, walk) for station in self._stations]
+        if len(self._shared.rows):
+            totals[0] = self._shared.join(totals[0], totals[self._shared.patterned])
         return totals, log_det[:, None]
 
     def _conditional(self, walk: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -74,7 +86,8 @@ class BorderedSums:
         x, y, _, _, readings = walk
         before = self._whitener[:, : len(x) - 1, : len(x) - 1]
         apart_m = np.hypot(x[:-1] - x[-1], y[:-1] - y[-1])
-        between = np.stack([shadowing(apart_m, h) for h in self._hypotheses])
+        each = [correlation(apart_m, scale_m) for scale_m in self._scales_m]
+        between = self._share @ np.reshape(each, (len(each), len(apart_m)))
         known = np.matmul(before, between[..., None])[..., 0]
         alone = independent_variance(readings[-1], self._white_share, self._prior.sigma_db)
         variance = 1.0 - self._white_share + alone - np.sum(known**2, axis=1)

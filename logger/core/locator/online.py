@@ -23,8 +23,9 @@ from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Effort, Tree
 from logger.core.locator.region import Squares, mode_regions
 from logger.core.locator.search import Walk, search_once
-from logger.core.locator.summary import BIAS_SHARE, moments_over
+from logger.core.locator.summary import BIAS_SHARE, moments_over, outside_share
 from logger.core.locator.symmetry import Curve, fit_curve
+from logger.core.model.area import WalkArea
 from logger.core.model.blocks import (
     FINEST_BLOCK_M,
     NOTHING_CENSORED,
@@ -101,11 +102,18 @@ class ReadingsInOrder:
 class OnlineLocator:
     """Posterior of one transmitter after each reading; call `search` when `stale` exceeds 1.
 
+    Positions are searched in the area `where`, which grows with the walk.
     `level_sigma_db` is the standard deviation of a level with the latest `strongest_mode`.
     """
 
-    def __init__(self, prior: Prior, spikes: SpikeFilter[Readings] | None = None) -> None:
+    def __init__(
+        self,
+        prior: Prior,
+        spikes: SpikeFilter[Readings] | None = None,
+        where: WalkArea | None = None,
+    ) -> None:
         self._prior = prior.of_few_heights()
+        self._where = where or WalkArea(None)
         self._spikes = spikes or SpikeFilter[Readings]()
         self._white = np.array([h.white_share for h in prior.hypotheses])
         self._apart_m = np.array([h.decorrelation_m for h in prior.hypotheses])
@@ -126,6 +134,7 @@ class OnlineLocator:
         self._mode: Mode | None = None
         self.level_sigma_db = prior.sigma_db
         self._lost = False
+        self._outside_share: float | None = None
         self._strongest: Readings | None = None
         self.readings = ReadingsInOrder()
         self._n_readings = self._n_evaluated = 0
@@ -140,6 +149,8 @@ class OnlineLocator:
         if self._lost or (
             self._curve is not None and not self._curve.holds(self._block[:2, : self._n])
         ):
+            return _TURNED
+        if self._where.has_outgrown(self._prior.area):
             return _TURNED
         return self._n / max(_GROWN * self._n_searched, 1.0)
 
@@ -186,6 +197,8 @@ class OnlineLocator:
         """Search the positions again with all blocks so far."""
         if self._n < FEWEST_BLOCKS:
             return
+        self._prior = replace(self._prior, area=self._where.area)
+        self._outside_share = None
         self._lost = False
         point_m, variance_m2 = self._block[:2, : self._n], self._block[3, : self._n]
         self._curve = fit_curve(point_m, np.sqrt(variance_m2))
@@ -258,7 +271,11 @@ class OnlineLocator:
             x_m, y_m = self._curve.project(obs.places.xy_m)
             obs = replace(obs, places=replace(obs.places, x_m=x_m, y_m=y_m))
         seen = observables(obs)
-        return LocatorInput(given, found.prior, 0.0, 1, self._strongest, seen), tree
+        task = LocatorInput(given, found.prior, 0.0, 1, self._strongest, seen)
+        if found.prior.area is not None and self._outside_share is None:
+            everywhere = search_once(walk, replace(self._prior, area=None), EFFORT)
+            self._outside_share = outside_share(task, everywhere)
+        return task._replace(outside_share=self._outside_share), tree
 
     def strongest_mode(self) -> Mode | None:
         """The mode with most probability at its mean, None before the first search."""

@@ -15,7 +15,7 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import LocatorInput, prepare
 from logger.core.locator.quadtree import Effort, Tree
 from logger.core.locator.search import coarse_search, refine, weigh_noise
-from logger.core.locator.summary import summarise
+from logger.core.locator.summary import outside_share, summarise
 from logger.core.locator.two_source_test import divide
 from logger.core.locator.verdict import DESK_M, Decision, assess
 from logger.core.model.prior import Prior
@@ -35,6 +35,8 @@ def locate(
     modem's scale.
     """
     task = prepare(obs, prior, effort)
+    if task.prior.area is not None:
+        task = task._replace(outside_share=outside_share(task, search(task.everywhere())))
     return summarise(task, search(task))
 
 

@@ -66,6 +66,7 @@ class Posterior:
     with timing advances it is that of the levels given those, and `prior` reaches as far as they.
     `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the
     first. `alternatives` are what single hypotheses of reach, antenna and height would say.
+    `outside_share` is the probability outside of the prior's area without that area.
     """
 
     squares: Squares
@@ -88,6 +89,7 @@ class Posterior:
     prior: Prior
     offsets: Offsets | None = None
     alternatives: tuple[Alternative, ...] = ()
+    outside_share: float | None = None
 
     def __repr__(self) -> str:
         at = f"x_m={self.x_m:.1f}, y_m={self.y_m:.1f}"

@@ -35,7 +35,7 @@ class LocatorInput(NamedTuple):
 
     `prior` reaches as far as the timing advances; that of `walk` is `mean_dbm` lower, as the
     levels are, and has offsets of modems in its own units (`offsets.first_look`). `seen` is what
-    the levels show without a model.
+    the levels show without a model, `outside_share` as in `Posterior`.
     """
 
     walk: Walk
@@ -44,6 +44,13 @@ class LocatorInput(NamedTuple):
     n_modems: int
     strongest: Readings
     seen: Observables
+    outside_share: float | None = None
+
+    def everywhere(self) -> "LocatorInput":
+        """The same without the area, in which the transmitter is said to stand."""
+        prior = replace(self.prior, area=None)
+        walk_prior = replace(self.walk.prior, area=None)
+        return self._replace(prior=prior, walk=self.walk._replace(prior=walk_prior))
 
 
 def prepare(obs: Readings, prior: Prior, effort: Effort) -> LocatorInput:
@@ -52,6 +59,8 @@ def prepare(obs: Readings, prior: Prior, effort: Effort) -> LocatorInput:
     Raises `EstimationError` without a single level inside the modem's scale.
     """
     n_modems = obs.n_modems
+    if prior.area is not None:
+        prior = replace(prior, area=prior.area.at([obs.places]))
     obs = of_most_heard_modems(obs.usable())
     limit = obs.limit
     if not np.any(limit == 0):

@@ -136,8 +136,12 @@ class PositionPrior:
         return np.asarray(np.stack(each) + self._log_odds[:, None], float)
 
     def log_density(self, square: FloatArray) -> FloatArray:
-        """Log density at squares (3, h), up to a constant; shape (h,)."""
-        return log_sum(self.log_by_reach(square).T)
+        """Log density at squares (3, h), up to a constant, -inf outside of the area; shape (h,)."""
+        log_density = log_sum(self.log_by_reach(square).T)
+        if self._prior.area is None:
+            return log_density
+        with np.errstate(divide="ignore"):
+            return log_density + np.log(self._prior.area.share(square))
 
 
 def first_squares(
@@ -156,6 +160,8 @@ def first_squares(
         is_large = side_m > np.maximum(finest_m, share * nearest_m(blocks, Places.of(*square[:2])))
         if timing is not None:
             is_large |= (side_m > STEP_M) & timing.near(square)
+        if prior.area is not None:
+            is_large |= prior.area.is_coarse(square)
         leaves.append(square[:, ~is_large])
         square = children(square[:, is_large])
     return np.concatenate(leaves, axis=1)

@@ -96,7 +96,16 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         prior=task.prior,
         offsets=_offsets(task, tree, mixed, regions[0]),
         alternatives=_alternatives(walk.prior, tree, mixed, reach, squares),
+        outside_share=task.outside_share,
     )
+
+
+def outside_share(task: LocatorInput, everywhere: Tree) -> float | None:
+    """Probability outside of the prior's area, by a tree that was searched without it."""
+    if task.prior.area is None:
+        return None
+    mixed = pool(everywhere.mixture(task.walk.prior), everywhere.squares, task.seen)
+    return 1.0 - float(task.prior.area.share(everywhere.squares) @ mixed.probability)
 
 
 def moments_over(

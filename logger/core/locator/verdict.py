@@ -23,7 +23,7 @@ from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.places import NO_MAP, Places
 from logger.core.readings import Readings
-from logger.core.rivals import relevant_modes, whole_percents
+from logger.core.rivals import relevant_modes, share_text, whole_percents
 from logger.core.types import Verdict
 
 _FEWEST_READINGS = 8
@@ -40,6 +40,8 @@ _ONE_SIDED_DEG = 90.0
 """A walk that covers less than a quarter around the position cannot bound its distance."""
 _PASSING_M = 20.0
 """Distance at which the advice states levels: walking past, not through, a building."""
+_MOST_OUTSIDE = 0.9
+"""Of the probability without the area: with more outside of it the area is doubtful."""
 DESK_M = 150.0
 """A group of houses, which one more walk can search."""
 LIVE_M = 60.0
@@ -162,13 +164,33 @@ def assess(
     is_wide = radius_m > within_m
     if is_wide:
         reasons.insert(0, _too_wide(case, radius_m, within_m))
+    outside, is_contradicted = _outside_text(posterior), _contradicts_area(posterior)
+    if is_contradicted:
+        reasons.insert(0, f"the readings contradict the area: {outside}")
+    needed_m = within_m if is_wide and not is_contradicted else None
     if reasons:
         reasons += [hint for rule in HINTS if (hint := rule(case))]
-        return Decision("cannot tell", reasons, division, within_m if is_wide else None)
-    if is_single:
+        verdict: Verdict = "cannot tell"
+    elif is_single:
         radius = f"95 % lie within {posterior.r95_m:.0f} m of it"
-        return Decision("located", [f"one position holds {percents[0]}%; {radius}"], division)
-    return Decision("ambiguous", [_shares(case, percents), _advice(case)], division)
+        verdict, reasons = "located", [f"one position holds {percents[0]}%; {radius}"]
+    else:
+        verdict, reasons = "ambiguous", [_shares(case, percents), _advice(case)]
+    if outside and not is_contradicted:
+        reasons.append(outside)
+    return Decision(verdict, reasons, division, needed_m)
+
+
+def _contradicts_area(posterior: Posterior) -> bool:
+    return (posterior.outside_share or 0.0) > _MOST_OUTSIDE
+
+
+def _outside_text(posterior: Posterior) -> str:
+    """How much the area of the prior has excluded; empty without one."""
+    area, outside = posterior.prior.area, posterior.outside_share
+    if area is None or outside is None:
+        return ""
+    return f"without the area, {share_text(outside)} is outside of it ({area.text})"
 
 
 def _widest_m(modes: Sequence[Mode]) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.errors import ConfigError
+from logger.core.model.area import Area
 
 
 class Reach(NamedTuple):
@@ -183,8 +184,8 @@ class Prior:
     P0 and eta are normal, sigma is log-normal. The groups of `noise` are equally probable, as are
     the hypotheses within a group. `reaches` are hypotheses of the distance from the walk, up to
     `reach_m`, and `stations` those of the antenna; the first station stands for all where one is
-    needed (`height_m`, `antenna_db`). Modems read too high or too low by `offset_sigma_db`: 3GPP TS
-    45.008, 8.1.2, allows 6 dB.
+    needed (`height_m`, `antenna_db`). Nothing outside of an `area` is possible. Modems read too
+    high or too low by `offset_sigma_db`: 3GPP TS 45.008, 8.1.2, allows 6 dB.
     """
 
     environment: str = "any"
@@ -199,6 +200,7 @@ class Prior:
     stations: tuple[Station, ...] = _any(None)
     reach_m: float = 30_000.0
     offset_sigma_db: float = 6.0
+    area: Area | None = None
 
     @property
     def height_m(self) -> float:
@@ -325,7 +327,12 @@ the usual tables (Rappaport, Wireless Communications, 2nd ed., table 4.2: free s
 
 
 def prior_for(
-    environment: str, *, height_m: float | None = None, antenna: str = "any", reach: str = "any"
+    environment: str,
+    *,
+    height_m: float | None = None,
+    antenna: str = "any",
+    reach: str = "any",
+    area: Area | None = None,
 ) -> Prior:
     """Prior by the names of surroundings, antenna and reach; without a height all are possible.
 
@@ -339,5 +346,8 @@ def prior_for(
         if name not in choices:
             raise ConfigError(f"{kind} {name!r} is unknown: one of {', '.join(choices)}")
     return replace(
-        ENVIRONMENTS[environment], reaches=REACHES[reach], stations=ANTENNAS[antenna](height_m)
+        ENVIRONMENTS[environment],
+        reaches=REACHES[reach],
+        stations=ANTENNAS[antenna](height_m),
+        area=area,
     )

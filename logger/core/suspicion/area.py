@@ -61,6 +61,7 @@ def _single(memory: Memory, cell: HeardCell) -> Evidence | None:
     detection=0.8,
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(1, 84, 9.8)),
     elsewhere=Rate(0, 197, 0.0, "full scans of 197 cells"),
+    strength="suffices",
 )
 def _unlike_neighbours(memory: Memory, cell: HeardCell) -> Evidence | None:
     now, level_dbm = memory.now, cell.heard.level_dbm

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from logger.core.baseline import NO_BASELINE, Baseline
@@ -189,9 +190,9 @@ def _is_refuted(finding: Finding, memory: Memory) -> bool:
 class Capabilities:
     """Needs of rules that some scan has served: without them a rule is "not asked", not "fine"."""
 
-    def __init__(self) -> None:
-        self._always: set[Need] = set()
-        self._served: dict[str, set[Need]] = {}
+    def __init__(self, served: Mapping[str, Iterable[Need]] = MappingProxyType({})) -> None:
+        self._served = {rat: set(needs) for rat, needs in served.items()}
+        self._always: set[Need] = {"second technology"} if len(self._served) > 1 else set()
 
     def serve(self, need: Need) -> None:
         """Take what does not come from the modem."""
@@ -219,6 +220,10 @@ class Capabilities:
     def is_asked(self, rule: Rule[Any, Any], rat: str) -> bool:
         """Whether a rule is applied to cells of a technology."""
         return rat in rule.rats and not self.missing(rule, rat)
+
+    def technologies(self, rule: Rule[Any, Any]) -> list[str]:
+        """Technologies to whose cells a rule is applied."""
+        return [rat for rat in self._served if self.is_asked(rule, rat)]
 
     def not_asked(self, rules: Iterable[Rule[Any, Any]]) -> dict[str, tuple[str, ...]]:
         """Rules that no technology heard could serve, with what was missing for the best one."""

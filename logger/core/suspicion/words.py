@@ -97,7 +97,7 @@ def unnoticed_text(not_asked: Mapping[str, Sequence[str]], n_walks: int | None) 
     unseen = ["a weak one"] if can_see_new else []
     if n_walks is None or n_walks < FEWEST_WALKS:
         unseen.append(f"{'one' if can_see_new else 'a cell'} with a plausible identity")
-    unseen.append("a cell that copies another in everything")
+    unseen.append("a copy of a cell beside it")
     if needs:
         listed = " or ".join(filter(None, (", ".join(needs[:-1]), needs[-1])))
         unseen.append(f"one that only {listed} would betray")

@@ -5,10 +5,13 @@ import {ask} from './marks.js';
 
 const THERE_M = 15; // closer than this the errors of the fixes point the arrow
 const byId = id => document.getElementById(id);
+const WITHIN_M = 300;
 let offered = null;
+let withinM = null;
 
 byId('offer').addEventListener('click', () => ask('follow', offered));
 byId('auto').addEventListener('click', () => ask('follow', 'suspicious'));
+byId('within').addEventListener('click', () => ask('within', withinM === null ? `${WITHIN_M}` : ''));
 byId('copy').addEventListener('click', async () => {
   const box = document.createRange();
   box.selectNodeContents(byId('geo'));
@@ -37,6 +40,9 @@ export function targetText(status) {
 }
 
 function showChoice(status) {
+  withinM = status?.within_walk_m ?? null;
+  byId('within').setAttribute('aria-pressed', withinM !== null);
+  set('within', `Within ${withinM ?? WITHIN_M} m of where I walk`);
   offered = status?.offer ?? null;
   byId('offer').hidden = !offered;
   if (offered) set('offer', `Search for ${[wordOf(status, offered), offered].filter(Boolean).join(' ')}`);

@@ -7,8 +7,9 @@ docs.cellmapper.net, page CellMapper CSV.
 
 Logs of drive tests have one row for each cell of a scan: `t_s` (seconds; of ten digits since 1970),
 `lat`, `lon` (WGS 84 degrees), `rat`, `mcc`, `mnc`, `lac_tac`, `cid`, `arfcn`, `pci_bsic`,
-`level_dbm` (GSM RxLev, UMTS RSCP, LTE RSRP), `serving` (1 or 0), `ta`. Empty is unknown; rows with
-the same `t_s` are one scan. A cell without its network code is named with a question mark in its
+`level_dbm` (GSM RxLev, UMTS RSCP, LTE RSRP), `serving` (1 or 0), `ta`, `neighbour_arfcns` (the
+broadcast list: channels with blanks between, or none). Empty is unknown; rows with the same `t_s`
+are one scan. A cell without its network code is named with a question mark in its
 place, since many logs of telephones leave it out.
 
 OpenCelliD measurements, CSV and JSON, are also what Tower Collector exports. The order of columns
@@ -31,6 +32,7 @@ from postproc.interop.fields import (
     Columns,
     Fields,
     Moment,
+    broadcast_of,
     by_flag,
     level_in,
     level_of,
@@ -86,6 +88,7 @@ _DRIVE_LOG = Columns(
     area=("lac_tac",),
     codes=dict.fromkeys(CODES, ("pci_bsic",)),
     ta=("ta",),
+    more=lambda fields, _: {"broadcast": broadcast_of(fields)},
     half_networks=True,
 )
 

@@ -17,7 +17,6 @@ from typing import Any
 
 from logger.core.column import UNKNOWN_SIGNED
 from logger.core.places import check_position
-from logger.core.rows import channels_of
 from logger.core.schema import TABLES
 from logger.core.types import Broadcast, CellReading, Fix
 from postproc.interop import csv_table
@@ -27,6 +26,7 @@ from postproc.interop.fields import (
     RATS,
     Fields,
     Transmitters,
+    broadcast_of,
     cell_identity,
     integer,
     maybe,
@@ -91,7 +91,7 @@ def _reading(fields: Fields, transmitters: Transmitters) -> CellReading:
     role = next((role for role in _ROLES if role == text(fields, "role")), "scan")
     levels = {name: maybe(fields, name, LEVEL_RANGE_DBM) for name in LEVELS}
     named: dict[str, Any] = {name: _cell_value(fields, name) for name in CELL}
-    named["broadcast"] = _broadcast(fields)
+    named["broadcast"] = broadcast_of(fields)
     if all(levels[name] is None for name in LEVELS[1:]) and named["rxlev_raw"] is None:
         levels["rssi_dbm"] = number(fields, "rssi_dbm", LEVEL_RANGE_DBM)
     rat = RATS.get(text(fields, "rat").upper())
@@ -105,19 +105,6 @@ def _reading(fields: Fields, transmitters: Transmitters) -> CellReading:
     if len(cell.encode()) > _CELL_BYTES:
         raise ValueError(f"the cell's name is longer than {_CELL_BYTES} bytes")
     return reading if reading.cell == cell else replace(reading, label=cell)
-
-
-def _broadcast(fields: Fields) -> Broadcast | None:
-    """What the cell broadcasts; None where the row has nothing of it."""
-    channels = channels_of(text(fields, "neighbour_arfcns") or None)
-    if channels is None and text(fields, "neighbour_arfcns"):
-        raise ValueError("neighbour_arfcns is no list of GSM channels")
-    cro_db, penalty_time, t3212_raw = (
-        integer(fields, name) for name in ("cro_db", "penalty_time", "t3212_raw")
-    )
-    unsure = bool(integer(fields, "broadcast_unsure"))
-    found = Broadcast(channels, cro_db, penalty_time, t3212_raw, unsure)
-    return None if found == Broadcast(broadcast_unsure=unsure) else found
 
 
 def _cell_value(fields: Fields, name: str) -> float | int | str | None:

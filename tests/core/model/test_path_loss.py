@@ -51,8 +51,8 @@ def test_plain_floats_give_the_same_as_arrays():
         slopes = level_slopes(np.array([dx_m]), np.array([dy_m]), 2.7, 5.0, 3.0)
         assert (by_x, by_y, 1.0, by_eta) == pytest.approx(tuple(slopes[0]), rel=1e-12)
         assert log_distance(dx_m**2 + dy_m**2 + beyond_m2) == pytest.approx(-by_eta, rel=1e-12)
-        error_db = receiver_error_db2(2.7, np.array(3.0), np.array(-by_eta))
-        assert 3.0 * per_m2**0.5 == pytest.approx(float(error_db), rel=1e-12)
+        error_db2 = receiver_error_db2(2.7, np.array(3.0), np.array(-by_eta))
+        assert 3.0**2 * per_m2 == pytest.approx(float(error_db2), rel=1e-12)
 
 
 def test_within_one_metre_the_level_is_that_at_one_metre():

@@ -1,4 +1,4 @@
-"""B3: a cell that all earlier walks heard here, and what its gate is there for."""
+"""Earlier walks: B1, a cell that they did not hear, and B3, one that they all heard."""
 
 from types import MappingProxyType
 
@@ -104,3 +104,21 @@ def test_a_cell_that_is_heard_later_was_not_gone():
     walk.scan(*HOME, GONE, metres=20.0, times=2)
     assert not walk.tracker.assessment(GONE.cell).findings
     assert GONE.cell in {cell.cell for cell in walk.tracker.assessments()}
+
+
+@pytest.mark.parametrize(
+    ("n_walks", "word"),
+    [(6, "nothing unusual"), (7, "unusual"), (14, "unusual"), (15, "suspicious")],
+)
+def test_b1_weighs_by_the_number_of_earlier_walks(n_walks, word):
+    earlier = Earlier(n_walks=n_walks, heard=0)
+    new = gsm(99, -85)
+    assert Walk(baseline=earlier).scan(*HOME, new, times=4).word(new.cell) == word
+
+
+def test_b1_wants_three_readings_of_its_level():
+    earlier = Earlier(n_walks=15, heard=0)
+    weak = gsm(99, -96)
+    walk = Walk(baseline=earlier).scan(*HOME, weak, times=4).scan(*HOME, gsm(99, -85), times=2)
+    assert walk.word(weak.cell) == "nothing unusual"
+    assert walk.scan(*HOME, gsm(99, -85)).word(weak.cell) == "suspicious"

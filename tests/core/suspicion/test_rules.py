@@ -192,6 +192,7 @@ def test_lists_printed_once_accuse_nobody():
 def test_c2_a_modem_that_leaves_a_good_cell_for_a_weak_one():
     walk = Walk().scan(gsm(10, -70), times=4).scan(gsm(99, -90), times=4)
     assert ("C2", 99) in walk.rules
+    assert walk.word("232-01-1201-99") == "nothing unusual"  # most words that it gave were false
     walk = Walk().scan(gsm(10, -70), times=4).scan(gsm(99, -74), times=4)
     assert ("C2", 99) not in walk.rules
 
@@ -203,11 +204,32 @@ def test_s3_a_full_list_of_several_networks_could_name_another():
     assert ("S3", 99) in walk.rules
 
 
+LTE = CellReading("serving", "LTE", "232", "01", tac=7, cid=9, rsrp_dbm=-90.0)
+UMTS = CellReading("serving", "WCDMA", "232", "01", lac=7, cid=90000, rscp_dbm=-90.0)
+
+
+def test_r1_a_good_cell_of_4g_left_for_2g_is_enough():
+    walk = Walk().scan(LTE, times=4).scan(gsm(10), times=4)
+    assert walk.rules == {("R1", 10)}
+    assert walk.word("232-01-1201-10") == "suspicious"
+    short = Walk().scan(LTE, times=4).scan(gsm(10), times=2).scan(LTE, times=4)
+    assert short.rules == set()
+
+
+def test_r1_counts_a_change_once_and_not_one_by_way_of_3g():
+    walk = Walk().scan(LTE, times=4).scan(gsm(10), times=4).scan(gsm(11), times=4)
+    assert walk.rules == {("R1", 10)}
+    assert walk.scan(LTE, times=4).scan(gsm(11), times=4).rules == {("R1", 10), ("R1", 11)}
+    by_3g = Walk().scan(LTE, times=4).scan(UMTS, times=3).scan(gsm(10), times=4)
+    assert by_3g.rules == set()
+    named_late = replace(gsm(10), cid=None)
+    walk = Walk().scan(LTE, times=4).scan(named_late, times=3).scan(gsm(10), times=2)
+    assert walk.rules == {("R1", 10)}
+
+
 def test_r1_is_about_one_network():
-    lte = CellReading("serving", "LTE", "232", "01", tac=7, cid=9, rsrp_dbm=-90.0)
-    assert ("R1", 10) in Walk().scan(lte, times=4).scan(gsm(10), times=9).rules
     other = gsm(10, mnc="03", lac=4301)
-    assert ("R1", 10) not in Walk().scan(lte, times=4).scan(other, times=9).rules
+    assert ("R1", 10) not in Walk().scan(LTE, times=4).scan(other, times=9).rules
 
 
 @pytest.mark.parametrize(("metres", "is_accused"), [(6.0, False), (40.0, True), (0.0, True)])

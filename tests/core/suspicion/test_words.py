@@ -1,6 +1,7 @@
 from logger.core.suspicion.rule import Finding
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import (
+    SUSPICIOUS_NATS,
     assess,
     by_word,
     false_alarms_per_hour,
@@ -29,6 +30,12 @@ def test_two_families_are_needed_and_one_of_them_confirms():
 
 def test_levels_that_no_place_explains_are_enough():
     assert assess("c", [_finding("S5", 6.0)]).word == "suspicious"
+
+
+def test_an_area_code_of_no_other_cell_is_enough_where_its_rate_is_known():
+    assert RULES["L1"].nats("LTE") > 6.0 > SUSPICIOUS_NATS > RULES["L1"].nats("GSM")
+    assert assess("c", [_finding("L1", RULES["L1"].nats("LTE"))]).word == "suspicious"
+    assert assess("c", [_finding("L1", RULES["L1"].nats("GSM"))]).word == "unusual"
 
 
 def test_less_evidence_for_two_places_needs_a_second_family():

@@ -2,9 +2,10 @@
 
 from logger.core.document import terminal_lines
 from logger.core.runfile import read_run
+from logger.drivers.registry import FAMILIES
 from postproc.smoothing import smooth_runs
 from postproc.summary import document_of, summarise
-from postproc.suspicion.run_assessment import conspicuous_first
+from postproc.suspicion.run_assessment import ALL_RULES, conspicuous_first, table_of_sources
 from postproc.view.view_model import select_cells
 from tests.kit.suspicion_walks import gsm, write_walk
 
@@ -38,3 +39,17 @@ def test_without_one_nothing_changes(tmp_path):
         word = after.answer(cell).word
         assert (word.word, word.findings) == ("nothing unusual", ())
         assert before.answer(cell).word is None  # it was not asked
+
+
+def test_the_table_of_rules_has_each_rule_once_and_each_family():
+    said, table, *unfed = table_of_sources()
+    assert said.startswith("Generations")
+    assert not unfed
+    titles = [column.title for column in table.columns]
+    assert titles == ["rules", *(name.replace("_", " ") for name in FAMILIES), "csv"]
+    rows = {
+        rule: dict(zip(titles, row, strict=True)) for row in table.rows for rule in row[0].split()
+    }
+    assert sorted(rows) == sorted(rule.id for rule in ALL_RULES)
+    assert rows["N2"] | {"rules": ""} == dict.fromkeys(titles, "") | {"telit": "2", "csv": "2"}
+    assert (rows["T1"]["sim800"], rows["T1"]["sierra"], rows["R1"]["sim800"]) == ("2", "", "")

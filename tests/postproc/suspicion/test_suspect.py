@@ -133,3 +133,17 @@ def test_replay_repeats_the_findings(tmp_path, capsys):
     convert_journal(tmp_path / "b.journal", tmp_path / "b.h5")
     assert main(["replay", str(tmp_path / "b.h5"), "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["findings_differ"]
+
+
+def test_a_run_is_not_compared_with_itself(tmp_path, capsys):
+    """Eight walks, one with a new cell, all in the baseline: the cell is new nevertheless."""
+    days = range(8)
+    others = [_run(tmp_path, *HOME, name=f"o{day}", start_ns=day * 10**12) for day in days]
+    run = _run(tmp_path, *HOME, gsm(50, -70), start_ns=9 * 10**12)
+    assert main(["baseline", "add", *map(str, [*others, run]), "-b", str(tmp_path / "b.db")]) == 0
+    capsys.readouterr()
+    result = _json(capsys, run, "--baseline", tmp_path / "b.db")
+    rules = {one["rule"] for cell in result["cells"] for one in cell["findings"]}
+    assert "B1" in rules
+    assert result["earlier_walks"] == 8
+    assert result["unnoticed"].endswith("8 earlier walks of this ground.")

@@ -1,3 +1,5 @@
+import json
+
 import pytest
 
 from logger.core.runfile import read_run
@@ -57,3 +59,40 @@ def test_seconds_of_ten_digits_are_utc(tmp_path, zero_s, utc_ns):
     assert main(["import", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run.h5")]) == 0
     (fix,) = [record.value for _, record in read_run(tmp_path / "run.h5").records("fixes")]
     assert fix.utc_ns == utc_ns
+
+
+def test_broadcast_lists_let_the_rules_of_neighbours_speak(tmp_path, capsys):
+    """Eight cells list each other; one lists nobody that is heard, and is listed by nobody."""
+    header = HEADER.replace("ta\n", "ta,neighbour_arfcns\n")
+    channels = range(10, 18)
+    lists = {channel: " ".join(str(c) for c in channels if c != channel) for channel in channels}
+    rows = [
+        f"{k * 5},52.5{k:02d},13.4,GSM,262,01,801,{channel},{channel},16,-70,0,,{listed}"
+        for k in range(6)
+        for channel, listed in (lists | {99: "120 121 122"}).items()
+    ]
+    (tmp_path / "log.csv").write_text(header + "\n".join(rows) + "\n")
+    run = tmp_path / "run.h5"
+    assert main(["import", str(tmp_path / "log.csv"), "-o", str(run)]) == 0
+    capsys.readouterr()
+    assert _rules_of("262-01-801-99", run, capsys) >= {"N2", "N3"}
+    # what is exported is read with its lists
+    assert main(["export", str(run), "-o", str(tmp_path / "out.csv")]) == 0
+    again = tmp_path / "again.h5"
+    assert main(["import", str(tmp_path / "out.csv"), "-o", str(again)]) == 0
+    capsys.readouterr()
+    assert _rules_of("262-01-801-99", again, capsys) >= {"N2", "N3"}
+
+
+def _rules_of(cell, run, capsys):
+    assert main(["suspect", str(run), "--json"]) == 0
+    cells = json.loads(capsys.readouterr().out)["cells"]
+    return {finding["rule"] for one in cells if one["cell"] == cell for finding in one["findings"]}
+
+
+def test_a_list_that_is_none_is_an_error_of_its_line(tmp_path, capsys):
+    row = "1,52.5,13.4,GSM,262,01,801,1,20,16,-70,0,"
+    header = HEADER.replace("ta\n", "ta,neighbour_arfcns\n")
+    (tmp_path / "log.csv").write_text(f"{header}{row},12;13\n{row},none\n")
+    assert main(["import", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run.h5")]) == 0
+    assert "line 2: neighbour_arfcns is no list of GSM channels" in capsys.readouterr().err
