@@ -53,7 +53,7 @@ def lines(seconds, packet_ns=lambda second: T0_NS + second * 10**9):
     return [diag.gps_line(packet_ns(s), T0_NS + s * 10**9 + AHEAD_NS, *place(s)) for s in seconds]
 
 
-def imported(source, tmp_path, **reading):
+def import_file(source, tmp_path, **reading):
     result = import_walk(source, tmp_path / "run.h5", **reading)
     return result, read_run(tmp_path / "run.h5")
 
@@ -122,12 +122,12 @@ def test_a_track_gives_the_positions(tmp_path):
     (tmp_path / "walk.qmdl").write_bytes(stream(range(60)))
     (tmp_path / "gps.ndjson").write_text("".join(lines(range(0, 61, 5))))
     reading = Reading(track=read_track(tmp_path / "gps.ndjson"))
-    result, run = imported(tmp_path / "walk.qmdl", tmp_path, reading=reading)
+    result, run = import_file(tmp_path / "walk.qmdl", tmp_path, reading=reading)
     assert result.no_track is None
     assert len(fixes_of(run)) == 13
     late = Reading(track=read_track(tmp_path / "gps.ndjson"))
     (tmp_path / "walk.qmdl").write_bytes(stream(range(60), T0_NS + 10**13))
-    result, run = imported(tmp_path / "walk.qmdl", tmp_path, reading=late)
+    result, run = import_file(tmp_path / "walk.qmdl", tmp_path, reading=late)
     assert "no points within 60 s" in result.no_track
     assert not len(fixes_of(run))
 
@@ -140,7 +140,7 @@ def jump(second):
 def test_a_clock_that_begins_in_1980_is_one_clock(tmp_path):
     packets = lines(range(0, 61, 5), lambda s: T0_NS + s * 10**9 + jump(s))
     source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(60), shift=jump), packets)
-    result, run = imported(source, tmp_path)
+    result, run = import_file(source, tmp_path)
     assert result.n_rows == 120
     scans = run.tables["scans"]["t_ns"]
     assert np.all(np.abs(np.diff(scans) - 10**9) < 10)
@@ -150,7 +150,7 @@ def test_a_clock_that_begins_in_1980_is_one_clock(tmp_path):
 def test_rows_that_nothing_dates_are_left_out_and_counted(tmp_path):
     source = tmp_path / "walk.qmdl"
     source.write_bytes(stream(range(60), shift=jump))
-    result, run = imported(source, tmp_path)
+    result, run = import_file(source, tmp_path)
     assert result.n_rows == 80
     assert ("readings of before the modem's clock was set", 40) in result.other
     assert len(run.tables["scans"]) == 40
@@ -160,20 +160,20 @@ def test_a_clock_that_was_never_set_still_orders_the_readings(tmp_path):
     source = tmp_path / "walk.qmdl"
     source.write_bytes(stream(range(30), diag.UNIX_OF_1980_NS))
     (tmp_path / "gps.ndjson").write_text("".join(lines(range(0, 61, 5))))
-    result, run = imported(source, tmp_path)
+    result, run = import_file(source, tmp_path)
     assert (result.n_rows, len(run.tables["scans"])) == (60, 30)
     assert not len(run.tables["fixes"])
     track = read_track(tmp_path / "gps.ndjson")
-    assert "never set" in imported(source, tmp_path, reading=Reading(track=track))[0].no_track
+    assert "never set" in import_file(source, tmp_path, reading=Reading(track=track))[0].no_track
 
 
 def test_a_packed_recording_may_lack_its_end(tmp_path):
     packed = gzip.compress(stream(range(60)))
     source = tmp_path / "walk.qmdl.gz"
     source.write_bytes(packed)
-    assert imported(source, tmp_path)[0].n_rows == 120
+    assert import_file(source, tmp_path)[0].n_rows == 120
     source.write_bytes(packed[: len(packed) * 2 // 3])
-    result, _ = imported(source, tmp_path)
+    result, _ = import_file(source, tmp_path)
     assert 60 < result.n_rows < 120
     assert ("damaged frames, cut", 1) in result.other
 
@@ -212,7 +212,7 @@ def test_places_in_rayhunters_packets(tmp_path, order):
     beside = diag.rayhunter_zip(
         tmp_path / "a.zip", stream(range(60)), [], pcapng=source.read_bytes()
     )
-    assert len(fixes_of(imported(beside, tmp_path)[1])) == 12
+    assert len(fixes_of(import_file(beside, tmp_path)[1])) == 12
 
 
 def test_version_2_of_gsmtap_is_no_walk(tmp_path, capsys):
@@ -231,7 +231,7 @@ def test_levels_of_gsmtap_version_3(tmp_path):
         packets.append((T0_NS + s * 10**9, 228, diag.udp_packet(diag.gsmtap3(0x0403, tags)), ""))
     packets.append((T0_NS, 228, diag.udp_packet(diag.gsmtap3(0x0403, [key])), ""))
     (tmp_path / "a.pcapng").write_bytes(diag.pcapng(packets))
-    result, run = imported(tmp_path / "a.pcapng", tmp_path)
+    result, run = import_file(tmp_path / "a.pcapng", tmp_path)
     assert run.tables["readings"]["rsrp_dbm"].tolist() == [-90.0 - s for s in range(20)]
     assert result.other == (("packets without a level", 1),)
     assert b"secretsecret" not in (tmp_path / "run.h5").read_bytes()
@@ -240,7 +240,7 @@ def test_levels_of_gsmtap_version_3(tmp_path):
 def test_a_typed_position_is_no_walk(tmp_path):
     fixed = [diag.gps_line(T0_NS + s * 10**9, T0_NS + s * 10**9, LAT, LON) for s in range(9)]
     source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(9)), fixed)
-    result, run = imported(source, tmp_path)
+    result, run = import_file(source, tmp_path)
     assert "one fixed position, which is no walk" in result.no_track
     assert not len(fixes_of(run))
 
