@@ -37,6 +37,7 @@ def run_of(tmp_path, signals, *, step_deg=1e-5):
         for one in signals[k : k + 1]:
             note = Note("info", CODE, one.text)
             records.append(Record(t_ns + SECOND_NS // 2, "import", note))
+    tmp_path.mkdir(exist_ok=True)
     runs.write_journal(tmp_path / "run.journal", records)
     convert_journal(tmp_path / "run.journal", tmp_path / "run.h5")
     return tmp_path / "run.h5"
@@ -72,18 +73,19 @@ def test_the_command_lists_them(tmp_path, capsys):
 
 
 def test_signalling_gives_no_word(tmp_path, capsys):
-    path = str(run_of(tmp_path, SIGNALS))
-    assert main(["suspect", path, "--json"]) == 0
-    assert {one["word"] for one in json.loads(capsys.readouterr().out)["cells"]} == {
-        "nothing unusual"
-    }
+    said = []
+    for name, signals in (("with", SIGNALS), ("without", [*[HARMLESS] * len(SIGNALS)])):
+        assert main(["suspect", str(run_of(tmp_path / name, signals)), "--json"]) == 0
+        said.append(json.loads(capsys.readouterr().out))
+    assert said[0] == said[1]
+    assert said[0]["cells"]
 
 
 def test_a_run_without_fixes_or_signals(tmp_path, capsys):
-    (one,) = signals_of([read_run(run_of(tmp_path, [NULL], step_deg=0.0))])
+    (one,) = signals_of([read_run(run_of(tmp_path / "nowhere", [NULL], step_deg=0.0))])
     assert one.lat_deg is None
     assert one.lon_deg is None
-    assert main(["suspect", str(run_of(tmp_path, [])), "--signalling"]) == 0
+    assert main(["suspect", str(run_of(tmp_path / "quiet", [])), "--signalling"]) == 0
     assert "no signalling was recorded" in capsys.readouterr().out
 
 
