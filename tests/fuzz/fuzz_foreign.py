@@ -125,7 +125,7 @@ def sources(folder: Path) -> list[tuple[Path, Use]]:
     frames = stream(range(9))  # type: ignore[no-untyped-call]
     (folder / "capture.qmdl").write_bytes(frames)
     lines = gps_lines(range(0, 11, 5))  # type: ignore[no-untyped-call]
-    rayhunter_zip(folder / "capture.zip", frames, lines)  # type: ignore[no-untyped-call]
+    rayhunter_zip(folder / "capture.zip", frames, lines)
     comment = '{"unix_ts": 1790028000, "lat": 52, "lon": 13}'
     packet = udp_packet(bytes([3]) * 40)  # type: ignore[no-untyped-call]
     packets = [(T0_NS + i * 10**9, 228, packet, comment) for i in range(9)]
