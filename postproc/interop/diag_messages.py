@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from importlib.util import find_spec
+from logging import getLogger
 from typing import Any, NamedTuple, TypeVar
 
 from logger.core.cell_names import HIGHEST
@@ -370,6 +371,7 @@ class Messages:
 
 def _decode(kind: str, body: bytes, take: Callable[[Any], T]) -> T:
     """What is taken of a message; pycrate has dictionaries, and pairs of a choice and its value."""
+    getLogger("pycrate").propagate = False  # what it says of a message quotes it
     form = getattr(import_module("pycrate_asn1dir.RRCLTE").EUTRA_RRC_Definitions, kind)
     try:
         form.from_uper(body)

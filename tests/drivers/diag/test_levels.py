@@ -420,6 +420,12 @@ def test_serving_cells_of_gsm_and_wcdma_are_those_that_scat_reads():
         assert_as_scat([LogRecord(code, 0, T_NS, body) for code, body in parts])
 
 
+def test_nothing_on_the_pi_needs_a_library_for_messages():
+    files = [*Path("logger").rglob("*.py")]
+    assert files
+    assert not [path for path in files if "pycrate" in path.read_text()]
+
+
 def test_each_code_that_is_allowed_is_read():
     """Codes of messages between modem and network are not among them."""
     assert Counter(code >> 12 for code in ALLOWED_CODES) == {0xB: 9, 5: 12, 4: 2}
