@@ -15,15 +15,12 @@ several dB. A level at the limit of the modem's scale counts as that level.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
 
 from logger.core.squares import squares_within
-
-if TYPE_CHECKING:
-    from logger.core.runfile import Run
 
 READ, UNREADABLE = "baseline", "baseline-unreadable"
 """Codes of the events: a baseline is read, and none is from now on."""
@@ -149,7 +146,7 @@ def answer_line(kind: str, key: Any, answer: Any) -> bytes:
     return b"" if is_empty else msgspec.json.encode((kind, key, answer), enc_hook=dict) + b"\n"
 
 
-def baseline_of(run: "Run") -> Baseline:
+def baseline_of(run: Any) -> Baseline:
     """The baseline as the live estimate of a run was told of it."""
     try:
         return NotedBaseline(_noted_in(run))
@@ -157,7 +154,7 @@ def baseline_of(run: "Run") -> Baseline:
         return NO_BASELINE
 
 
-def has_whole_baseline(run: "Run") -> bool:
+def has_whole_baseline(run: Any) -> bool:
     """Whether `baseline_of` answers as on the walk.
 
     Not where the file failed on the way, nor for runs of versions that recorded no answers.
@@ -167,7 +164,7 @@ def has_whole_baseline(run: "Run") -> bool:
     return not is_read or (not has_failed and bool(_noted_in(run)))
 
 
-def _noted_in(run: "Run") -> bytes:
+def _noted_in(run: Any) -> bytes:
     raw = run.tables["raw"]
     rows = raw[raw["source"] == b"live"] if len(run.raw_bytes) else raw[:0]
     spans = zip(rows["offset"].tolist(), rows["length"].tolist(), strict=True)
