@@ -170,7 +170,7 @@ class Messages:
             return []
         read = self._rrc if record.code == RRC else self._nas
         try:
-            return [*self._unanswered(record.time_ns), *read(record)]
+            return [*self._give_up(record.time_ns), *read(record)]
         except _RefusedError:
             self.refused[record.code] += 1
             return []
@@ -191,7 +191,7 @@ class Messages:
     def _signal(self, time_ns: int, kind: str, value: str, cell: str) -> Signal:
         return Signal(time_ns, kind, value, cell, self._operators.get(cell, UNKNOWN))
 
-    def _unanswered(self, time_ns: int) -> Iterator[Signal]:
+    def _give_up(self, time_ns: int) -> Iterator[Signal]:
         for radio_id, asked in tuple(self._asked.items()):
             if not 0 <= time_ns - asked.time_ns <= _ANSWER_NS:
                 yield self._answer(radio_id, "not answered")
