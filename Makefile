@@ -5,7 +5,7 @@ DEMO := demo-out
 # The tests start hundreds of Python processes; without this each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo page test test-oldest lint house test-faults planted-faults test-boot test-view screenshots fuzz soak bench scoreboard truth guidance deb card-debs dist docs page-map clean
+.PHONY: demo page test test-oldest lint house test-faults planted-faults test-boot test-view screenshots fuzz soak bench scoreboard truth suspicion guidance deb card-debs dist docs page-map clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -142,6 +142,10 @@ truth: .venv/dev.stamp
 	$(BIN)/python benchmarks/height.py
 	$(BIN)/python benchmarks/stability.py --stride 3
 	$(BIN)/python benchmarks/agreement.py
+
+# false alarms and detection of the rules of suspicion, on ../shared/cells and ../shared/corpus: half an hour
+suspicion: .venv/dev.stamp
+	PYTHONPATH=. $(BIN)/python benchmarks/suspicion.py tables --cities 24
 
 # closed loops of guidance and of its peers, 100 worlds of each noise: some hours
 guidance: .venv/dev.stamp

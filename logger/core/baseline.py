@@ -112,7 +112,7 @@ class Baseline(Protocol):
 
 
 class NotedBaseline:
-    """What a live estimate was told, in lines as `noted` makes them; without lines nothing."""
+    """What a live estimate was told, in lines of `answer_line`; without lines nothing."""
 
     def __init__(self, text: bytes = b"") -> None:
         self._answers: dict[str, dict[Any, Any]] = {kind: {} for kind in _ANSWERS}
@@ -122,7 +122,9 @@ class NotedBaseline:
             known[tuple(key) if kind == CHANNELS else key] = msgspec.convert(
                 answer, _ANSWERS[kind], str_keys=True
             )
-        ((self.fingerprint, self.n_walks),) = self._answers[FILE].items() or [("", 0)]
+        ((fingerprint, n_walks),) = self._answers[FILE].items() or [("", 0)]
+        self.fingerprint: str = fingerprint
+        self.n_walks: int = n_walks
 
     def square(self, square: int) -> SquareHistory:
         return self._answers[SQUARE].get(square) or SquareHistory(square)
@@ -131,7 +133,8 @@ class NotedBaseline:
         return self._answers[CELL].get(name)
 
     def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
-        return self._answers[CHANNELS].get((mcc, mnc, rat), MappingProxyType({}))
+        known: Mapping[int, int] = self._answers[CHANNELS].get((mcc, mnc, rat), {})
+        return known
 
     def trust_note(self, name: str) -> str | None:
         return self._answers[TRUST].get(name)
@@ -140,7 +143,7 @@ class NotedBaseline:
 NO_BASELINE = NotedBaseline()
 
 
-def noted(kind: str, key: Any, answer: Any) -> bytes:
+def answer_line(kind: str, key: Any, answer: Any) -> bytes:
     """An answer as a line of JSON; empty for one that says nothing."""
     is_empty = kind != FILE and not (answer.n_walks if kind == SQUARE else answer)
     return b"" if is_empty else msgspec.json.encode((kind, key, answer), enc_hook=dict) + b"\n"

@@ -122,11 +122,14 @@ def sources(folder: Path) -> list[tuple[Path, Use]]:
     (folder / "log.csv.gz").write_bytes(gzip.compress(CSV.encode()))
     with zipfile.ZipFile(folder / "log.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("log.csv", CSV)
-    (folder / "capture.qmdl").write_bytes(stream(range(9)))
-    rayhunter_zip(folder / "capture.zip", stream(range(9)), gps_lines(range(0, 11, 5)))
+    frames = stream(range(9))  # type: ignore[no-untyped-call]
+    (folder / "capture.qmdl").write_bytes(frames)
+    lines = gps_lines(range(0, 11, 5))  # type: ignore[no-untyped-call]
+    rayhunter_zip(folder / "capture.zip", frames, lines)
     comment = '{"unix_ts": 1790028000, "lat": 52, "lon": 13}'
-    packets = [(T0_NS + i * 10**9, 228, udp_packet(bytes([3]) * 40), comment) for i in range(9)]
-    (folder / "capture.pcapng").write_bytes(pcapng(packets))
+    packet = udp_packet(bytes([3]) * 40)  # type: ignore[no-untyped-call]
+    packets = [(T0_NS + i * 10**9, 228, packet, comment) for i in range(9)]
+    (folder / "capture.pcapng").write_bytes(pcapng(packets))  # type: ignore[no-untyped-call]
     (folder / "log.json").write_text(json.dumps({"measurements": [OPENCELLID] * 9}))
     points = "".join(map(POINT.format, range(9)))
     (folder / "log.gpx").write_text(f'<gpx creator="Tower Collector">{points}</gpx>')

@@ -106,6 +106,13 @@ def test_without_positions_cells_have_names_dates_and_levels(tmp_path, capsys):
     assert main(["suspect", target]) == 0
 
 
+def test_a_capture_has_times(tmp_path, capsys):
+    (tmp_path / "walk.qmdl").write_bytes(stream(range(9)))
+    command = ["import", str(tmp_path / "walk.qmdl"), "-o", str(tmp_path / "run.h5")]
+    assert main([*command, "--times", "none"]) == 2
+    assert "leave out --times none" in capsys.readouterr().err
+
+
 def test_a_track_gives_the_positions(tmp_path):
     (tmp_path / "walk.qmdl").write_bytes(stream(range(60)))
     (tmp_path / "gps.ndjson").write_text("".join(lines(range(0, 61, 5))))
