@@ -30,7 +30,7 @@ def test_one(data: bytes) -> None:
     for record in records:
         for one in [*decoder.feed(record), *messages.feed(record)]:
             if not isinstance(one, Signal):
-                found += seconds.feed(messages.named(one))
+                found += seconds.feed(messages.with_first_name(one))
     messages.end()
     for second in [*found, *seconds.end()]:
         for reading in second.readings:
