@@ -252,8 +252,8 @@ def verify(
 
     `claims` are `Claim`s (degrees WGS84, `sigma_m` in metres per axis) or a file: CSV with cell,
     lat, lon[, sigma_m], a cell export or a cell database. Of the claims rejected at most the share
-    `p_fa` is rejected wrongly, on average (Benjamini and Hochberg 1995). Areas and `progress` are
-    as in `smooth`.
+    `p_fa` is rejected wrongly, on average (Benjamini and Hochberg 1995). `within_walk_m`, `area`
+    and `progress` are as in `smooth`.
 
     Raises `ConfigError` for a cell that was not observed or a rate outside 0 to 0.5, `RunFileError`
     for a file that cannot be read.
