@@ -91,10 +91,12 @@ dist: .venv/dev.stamp page-map
 FUZZ_S ?= 3600
 fuzz: .venv/dev.stamp
 	$(BIN)/pip install --disable-pip-version-check atheris
-	mkdir -p .venv/fuzz/at .venv/fuzz/nmea .venv/fuzz/journal
+	mkdir -p .venv/fuzz/at .venv/fuzz/nmea .venv/fuzz/journal .venv/fuzz/diag .venv/fuzz/diag_records
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_at.py -max_total_time=$(FUZZ_S) .venv/fuzz/at
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_nmea.py -max_total_time=$(FUZZ_S) .venv/fuzz/nmea
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_journal.py -max_total_time=$(FUZZ_S) -max_len=2048 -len_control=0 .venv/fuzz/journal
+	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_diag.py -max_total_time=$(FUZZ_S) .venv/fuzz/diag
+	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_diag_records.py -max_total_time=$(FUZZ_S) .venv/fuzz/diag_records
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_hdf5.py -max_total_time=$(FUZZ_S)
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_foreign.py -max_total_time=$(FUZZ_S)
 

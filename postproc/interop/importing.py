@@ -222,11 +222,13 @@ def import_walk(
     with closing(_sighting_file(target)) as sightings, ExitStack() as files:
         left = _Left()
         plain = files.enter_context(plain_file(source, member))
-        if member is not None and member.endswith(_PACKED):
+        if member is not None and member.endswith(_CAPTURES[1]):
             plain = files.enter_context(plain_file(plain))
         form = recognise(plain, reading.columns)
         rows: Iterable[Row]
         if form.capture:
+            if not reading.times:
+                raise RunFileError(f"{name} has the times of a modem: leave out --times none")
             reading, rows = _capture(form.read(plain), source, member, reading, files)
         else:
             rows = _with_places(with_limit(form.read(plain), plain, "rows"), reading)
@@ -245,21 +247,21 @@ def import_walk(
         return _write(name, target, form, sightings, left, reading, sha256)
 
 
-_CAPTURE, _PACKED = (".qmdl", ".qmdl.gz"), ".gz"
+_CAPTURES = (".qmdl", ".qmdl.gz")
 _ANALYSIS, *_POSITIONS = ".ndjson", "-gps.ndjson", ".pcapng"
 """What Rayhunter's zip of a recording has beside it: its warnings; its positions, best first."""
 
 
 def _beside(names: Iterable[str], capture: str) -> dict[str, str]:
     """Files of a zip that belong to a recording, by the end of their name."""
-    stem = capture.removesuffix(_PACKED).removesuffix(_CAPTURE[0])
+    stem = capture.removesuffix(".gz").removesuffix(".qmdl")
     ends = {f"{stem}{end}": end for end in (_ANALYSIS, *_POSITIONS)}
     return {ends[name]: name for name in names if name in ends}
 
 
 def walks_in(sizes: Mapping[str, int]) -> dict[str, int]:
     """Of the files in a zip, by their sizes, those that become a run each."""
-    captures = [name for name in sizes if name.endswith(_CAPTURE)]
+    captures = [name for name in sizes if name.endswith(_CAPTURES)]
     beside = {name for one in captures for name in _beside(sizes, one).values()}
     return {name: size for name, size in sizes.items() if name not in beside}
 
@@ -379,7 +381,7 @@ def _write(
     )
     scans = scans_of(rows) if form.has_scans and has_times else ([row] for row in rows)
     walk = _Walk(scans, left.remarks, track)
-    fill = _fill_capture if form.capture and has_times else _fill
+    fill = _fill_capture if form.capture else _fill
     write_run(target, meta_of(origin), lambda append: fill(append, walk, imported), "imported")
     return imported
 

@@ -113,12 +113,9 @@ def _places(run: Run, signals: Sequence[Signal]) -> list[tuple[float | None, flo
     except (EstimationError, GeoError):
         return [(None, None)] * len(signals)
     t_ns = np.array([one.time_ns for one in signals], np.int64)
-    is_known = track.covers(t_ns).tolist()
-    degrees = track.at(t_ns).lat_lon_deg.round(6).tolist()
-    return [
-        (lat, lon) if known else (None, None)
-        for known, (lat, lon) in zip(is_known, degrees, strict=True)
-    ]
+    is_known = track.covers(t_ns)
+    degrees = np.where(is_known, track.at(t_ns).lat_lon_deg.round(6), np.nan)
+    return [(None, None) if np.isnan(lat) else (lat, lon) for lat, lon in degrees.T.tolist()]
 
 
 def document_of(listed: Sequence[Listed]) -> Document:

@@ -13,6 +13,7 @@ from logger.core.runfile import finish_journal
 from postproc.verification.cell_export import COLUMNS
 from tests.docs import commands, known_names
 from tests.docs.pages import PAGES, ROOT, name_of, shell_lines
+from tests.kit.diag_capture import gps_lines, rayhunter_zip, stream
 from tests.kit.sample_results import LAT, LON, write_run
 
 NOT_RUN = {
@@ -63,6 +64,9 @@ def files(tmp_path_factory):
                             "--format", form)[0] == 0  # fmt: skip
     added = ["survey", "add", str(run), "-o", str(folder / "survey")]
     assert commands.run("postproc", *added)[0] == 0
+    for name in ("walk.qmdl", "walk.mi2log"):
+        (folder / name).write_bytes(stream(range(20)))
+    rayhunter_zip(folder / "recording.zip", stream(range(20)), gps_lines(range(0, 21, 5)))
     (folder / "TABLE").write_text(f"y,x,power,when\n{LAT},{LON},-70,12:00:00\n")
     return folder
 

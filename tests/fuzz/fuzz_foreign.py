@@ -28,6 +28,8 @@ from postproc.basemap.tiles import Area, street_at
 from postproc.interop.importing import import_walk
 from postproc.survey.dataset import Survey
 from postproc.verification.claims import read_claims
+from tests.kit.diag_capture import T0_NS, gps_lines, pcapng, rayhunter_zip, stream, udp_packet
+from tests.kit.foreign_files import damage
 from tests.kit.vector_tiles import feature, layer, tile_at, write_pmtiles
 from tests.postproc.survey.cities import write_city
 
@@ -120,6 +122,14 @@ def sources(folder: Path) -> list[tuple[Path, Use]]:
     (folder / "log.csv.gz").write_bytes(gzip.compress(CSV.encode()))
     with zipfile.ZipFile(folder / "log.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("log.csv", CSV)
+    frames = stream(range(9))  # type: ignore[no-untyped-call]
+    (folder / "capture.qmdl").write_bytes(frames)
+    lines = gps_lines(range(0, 11, 5))  # type: ignore[no-untyped-call]
+    rayhunter_zip(folder / "capture.zip", frames, lines)
+    comment = '{"unix_ts": 1790028000, "lat": 52, "lon": 13}'
+    packet = udp_packet(bytes([3]) * 40)  # type: ignore[no-untyped-call]
+    packets = [(T0_NS + i * 10**9, 228, packet, comment) for i in range(9)]
+    (folder / "capture.pcapng").write_bytes(pcapng(packets))  # type: ignore[no-untyped-call]
     (folder / "log.json").write_text(json.dumps({"measurements": [OPENCELLID] * 9}))
     points = "".join(map(POINT.format, range(9)))
     (folder / "log.gpx").write_text(f'<gpx creator="Tower Collector">{points}</gpx>')
@@ -134,28 +144,6 @@ def sources(folder: Path) -> list[tuple[Path, Use]]:
         for path in files
         if path.is_file() and path.name not in {"survey.json", ".lock"}
     ]
-
-
-def damage(data: bytes, rng: random.Random) -> bytes:
-    """Some bytes otherwise; heads and ends, which hold counts and offsets, as often as the rest."""
-    changed = bytearray(data)
-    for _ in range(rng.choice([1, 1, 2, 5, 20])):
-        end = min(len(changed), rng.choice([16, 128, 1024, len(changed)]))
-        at = rng.randrange(end) if rng.random() < 0.7 else len(changed) - 1 - rng.randrange(end)
-        length = rng.choice([1, 2, 8, 60])
-        match rng.randrange(5):
-            case 0:
-                changed[at] ^= 1 << rng.randrange(8)
-            case 1:
-                changed[at : at + length] = rng.randbytes(length)
-            case 2:
-                changed[at : at + length] = bytes([rng.choice([0, 127, 128, 255])]) * length
-            case 3:
-                changed[at:at] = changed[at : at + length]
-            case _:
-                del changed[at : at + length]
-        changed = changed or bytearray(1)
-    return bytes(changed)
 
 
 def check(path: Path, use: Use, data: bytes, rng: random.Random) -> str:

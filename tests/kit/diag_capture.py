@@ -9,6 +9,14 @@ import zipfile
 from pathlib import Path
 
 UNIX_OF_1980_NS = 315_964_800 * 10**9
+T0_NS = 1_790_028_000 * 10**9
+"""2026-09-21."""
+EARFCN, PCI, OTHER_PCI = 1300, 17, 18
+IDENTITY = ("262", "01", 4711, 26_214_401)
+NAME = "262-01-4711-26214401"
+LAT, LON = 47.07, 15.44
+AHEAD_NS = 7 * 10**9
+"""Of the clock of the hotspot before that of the modem."""
 
 
 def crc16(data):
@@ -77,6 +85,31 @@ def gps_line(packet_ns, system_ns, lat_deg, lon_deg):
         "lon": lon_deg,
     }
     return json.dumps(line) + "\n"
+
+
+def place(second):
+    return LAT + second * 1.2e-5, LON
+
+
+def gps_lines(seconds, packet_ns=lambda second: T0_NS + second * 10**9):
+    """A walk to the north, as Rayhunter has it."""
+    return [gps_line(packet_ns(s), T0_NS + s * 10**9 + AHEAD_NS, *place(s)) for s in seconds]
+
+
+def stream(seconds, t0_ns=T0_NS, shift=lambda second: 0):
+    """Two cells heard each second, the serving one with its identity every 20 s."""
+    data = b""
+    for second in seconds:
+        t_ns = t0_ns + second * 10**9 + shift(second)
+        if second % 20 == 0:
+            data += log_frame(0xB0C2, t_ns, serving_identity(EARFCN, PCI, IDENTITY))
+        for part in range(3):
+            at_ns = t_ns + part * 300_000_000
+            level_dbm = -80.0 - second % 30 + part / 16
+            data += log_frame(0xB17F, at_ns, serving_cell(EARFCN, PCI, level_dbm))
+            body = neighbour_cells(EARFCN, [(OTHER_PCI, level_dbm - 9.0)])
+            data += log_frame(0xB180, at_ns, body)
+    return data
 
 
 def rayhunter_zip(path: Path, stream, gps_lines, number="1790028000", **more):

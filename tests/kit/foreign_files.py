@@ -1,6 +1,7 @@
 """Files and texts that no program of ours writes, for every reader of what others wrote."""
 
 import os
+import random
 import stat
 from pathlib import Path
 
@@ -62,3 +63,25 @@ def attempt(read, *allowed: type[Exception]) -> object:
     service.assert_ends(run, 10.0)
     assert outcome, "ended with another error"
     return outcome[0]
+
+
+def damage(data: bytes, rng: random.Random) -> bytes:
+    """Some bytes otherwise; heads and ends, which hold counts and offsets, as often as the rest."""
+    changed = bytearray(data)
+    for _ in range(rng.choice([1, 1, 2, 5, 20])):
+        end = min(len(changed), rng.choice([16, 128, 1024, len(changed)]))
+        at = rng.randrange(end) if rng.random() < 0.7 else len(changed) - 1 - rng.randrange(end)
+        length = rng.choice([1, 2, 8, 60])
+        match rng.randrange(5):
+            case 0:
+                changed[at] ^= 1 << rng.randrange(8)
+            case 1:
+                changed[at : at + length] = rng.randbytes(length)
+            case 2:
+                changed[at : at + length] = bytes([rng.choice([0, 127, 128, 255])]) * length
+            case 3:
+                changed[at:at] = changed[at : at + length]
+            case _:
+                del changed[at : at + length]
+        changed = changed or bytearray(1)
+    return bytes(changed)

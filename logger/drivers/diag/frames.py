@@ -98,7 +98,7 @@ class FrameReader:
 
     def _records_of(self, data: bytes, start: int, end: int) -> Iterator[LogRecord]:
         """The record of a frame; two if the 7E between them was damaged."""
-        head = _unescaped(data[start : min(end, start + _HEAD_BYTES)])
+        head = _unescape(data[start : min(end, start + _HEAD_BYTES)])
         at = _RADIO_HEADER.size if head[:1] == bytes([_RADIO]) else 0
         if head[at : at + 1] != bytes([_LOG]):
             self.n_other += 1
@@ -108,7 +108,7 @@ class FrameReader:
             self.skipped[code] += 1
             return
         raw = data[start:end]
-        packet = _unescaped(raw)
+        packet = _unescape(raw)
         if _is_right(packet) and raw.count(_ESCAPE) == len(raw) - len(packet):
             if (record := _record(packet, at)) is None:
                 self.damaged["lengths"] += 1
@@ -121,14 +121,14 @@ class FrameReader:
             return
         if (record := _record(packet[:size], at)) is not None:
             yield record
-        after = start + len(_escaped(packet[:size])) + 1
+        after = start + len(_escape(packet[:size])) + 1
         if after < end:
             yield from self._records_of(data, after, end)
 
 
 def is_stream(head: bytes) -> bool:
     """Whether bytes from a file's begin hold a frame with a log record, whatever its code."""
-    frames = (_unescaped(raw) for raw in head.split(_END))
+    frames = (_unescape(raw) for raw in head.split(_END))
     return any(
         packet[at : at + 1] == bytes([_LOG]) and _size(packet, at) == len(packet)
         for packet in frames
@@ -137,13 +137,13 @@ def is_stream(head: bytes) -> bool:
     )
 
 
-def _unescaped(raw: bytes) -> bytes:
+def _unescape(raw: bytes) -> bytes:
     if _ESCAPE not in raw:
         return raw
     return raw.replace(b"\x7d\x5e", b"\x7e").replace(b"\x7d\x5d", b"\x7d")
 
 
-def _escaped(packet: bytes) -> bytes:
+def _escape(packet: bytes) -> bytes:
     return packet.replace(b"\x7d", b"\x7d\x5d").replace(b"\x7e", b"\x7d\x5e")
 
 

@@ -20,6 +20,7 @@ from logger.core.errors import GeoError, RunFileError
 from logger.core.foreign import open_regular
 from logger.core.types import Fix, Rat
 from logger.drivers.diag.levels import Observation
+from postproc.foreign_file import MOST_READINGS
 from postproc.interop.contents import PACKETS, Format
 from postproc.interop.fields import fix_of, number
 from postproc.interop.readers import diag
@@ -96,6 +97,8 @@ def positions(source: Path) -> list[Fix]:
             utc_ns = int(number(place, "unix_ts", (0.0, 4e9))) * 10**9
             # a place that has the time of an earlier one came later: its packet was old
             by_time.setdefault(utc_ns, fix_of(place, "lat", "lon", utc_ns))
+        if len(by_time) > MOST_READINGS:
+            raise RunFileError(f"{source} has more than {MOST_READINGS:,} positions")
     return list(by_time.values())
 
 

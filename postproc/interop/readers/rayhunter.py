@@ -7,11 +7,13 @@ has no cell and no level: its warnings become notes of a run. The recording itse
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from logger.core.errors import GeoError
 from logger.core.types import Fix
+from postproc.foreign_file import MOST_READINGS, with_limit
 from postproc.interop import json_lines
 from postproc.interop.contents import Contents, Format
 from postproc.interop.fields import fix_of, moment_of, number, text
@@ -41,7 +43,8 @@ def positions(source: Path) -> tuple[list[Fix], int | None]:
     A line has the time of the hotspot and that of the last packet, in whole seconds. The packet may
     be old, so the least difference of both clocks counts; each clock may be set on the way.
     """
-    rows = [row for row in map(_position, json_lines.objects(source)) if row is not None]
+    lines = with_limit(json_lines.objects(source), source, "positions", MOST_READINGS)
+    rows = [row for row in map(_position, lines) if row is not None]
     ahead_ns: dict[tuple[bool, bool], int] = {}
     for system_ns, packet_ns, _ in rows:
         if packet_ns is not None:
@@ -50,10 +53,9 @@ def positions(source: Path) -> tuple[list[Fix], int | None]:
             ahead_ns[clocks] = min(difference_ns, ahead_ns.get(clocks, difference_ns))
     ahead_ns.setdefault((True, True), 0)
     fixes = []
-    for system_ns, _, place in rows:
+    for system_ns, _, fix in rows:
         if (system_ahead_ns := ahead_ns.get((system_ns >= CLOCK_SET_NS, True))) is not None:
-            utc_ns = system_ns - system_ahead_ns
-            fixes.append(fix_of(place, "lat", "lon", utc_ns))
+            fixes.append(replace(fix, utc_ns=system_ns - system_ahead_ns))
     shifts_ns = [
         ahead_ns[is_set, False] - ahead_ns[is_set, True]
         for is_set in (True, False)
@@ -62,19 +64,19 @@ def positions(source: Path) -> tuple[list[Fix], int | None]:
     return fixes, shifts_ns[0] if shifts_ns else None
 
 
-def _position(entry: json_lines.Object | BadRow) -> tuple[int, int | None, dict[str, Any]] | None:
-    """Times of the hotspot and of the last packet, and the line; None for one without."""
+def _position(entry: json_lines.Object | BadRow) -> tuple[int, int | None, Fix] | None:
+    """Times of the hotspot and of the last packet, and the place; None for a line without."""
     if isinstance(entry, BadRow):
         return None
     line = entry[1]
     try:
-        fix_of(line, "lat", "lon", None)
+        fix = fix_of(line, "lat", "lon", None)
         system_s = number(line, "system_time", _SECONDS)
         packet = line.get("latest_packet_timestamp")
         packet_s = None if packet is None else number(line, "latest_packet_timestamp", _SECONDS)
     except (ValueError, GeoError):
         return None
-    return int(system_s) * 10**9, None if packet_s is None else int(packet_s) * 10**9, line
+    return int(system_s) * 10**9, None if packet_s is None else int(packet_s) * 10**9, fix
 
 
 def _remarks(line: int, row: dict[str, Any]) -> list[Row]:

@@ -65,7 +65,7 @@ def test_bytes_one_by_one():
     assert [one for byte in stream_of(some, rng)[0] for one in reader.feed(bytes([byte]))] == some
 
 
-def damaged(n, seed):
+def most_lost(n, seed):
     """How many records one damaged byte or bit cost at most; fails for one that is believed."""
     rng = random.Random(seed)
     some = list(records(60, rng))
@@ -91,14 +91,14 @@ def damaged(n, seed):
 
 
 def test_a_damaged_byte_costs_at_most_one_record():
-    kept, lost, more = damaged(2_000, 4)
+    kept, lost, more = most_lost(2_000, 4)
     assert more == 0
     assert lost > kept
 
 
 @pytest.mark.slow
 def test_100_000_damaged_bytes():
-    assert damaged(100_000, 5)[2] == 0
+    assert most_lost(100_000, 5)[2] == 0
 
 
 def test_other_codes_stay_where_they_are():

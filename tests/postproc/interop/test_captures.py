@@ -3,57 +3,45 @@
 import gzip
 import hashlib
 import json
+import random
+import subprocess
+import sys
 import zipfile
 
 import numpy as np
 import pytest
 
+from logger.core.errors import FieldLoggerError
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.sim.world import Radio, Transmitter, World
 from postproc.cli import main
-from postproc.interop.importing import Reading, import_walk
+from postproc.interop.decompression import members, plain_file
+from postproc.interop.importing import Reading, import_walk, walks_in
+from postproc.interop.readers import diag as diag_reader
+from postproc.interop.readers import gsmtap, rayhunter
 from postproc.interop.track_file import read_track
 from postproc.smoothing import smooth_runs
 from tests.kit import diag_capture as diag
+from tests.kit.diag_capture import (
+    AHEAD_NS,
+    EARFCN,
+    IDENTITY,
+    LAT,
+    LON,
+    NAME,
+    OTHER_PCI,
+    PCI,
+    T0_NS,
+    place,
+    stream,
+)
+from tests.kit.diag_capture import gps_lines as lines
+from tests.kit.foreign_files import damage
 from tests.kit.runs import meta
 
-T0_NS = 1_790_028_000 * 10**9
-"""2026-09-21."""
-EARFCN, PCI, OTHER_PCI = 1300, 17, 18
-IDENTITY = ("262", "01", 4711, 26_214_401)
-NAME = "262-01-4711-26214401"
-LAT, LON = 47.07, 15.44
-AHEAD_NS = 7 * 10**9
-"""Of the clock of the hotspot before that of the modem."""
 
-
-def stream(seconds, t0_ns=T0_NS, shift=lambda second: 0):
-    """Two cells heard each second, the serving one with its identity every 20 s."""
-    data = b""
-    for second in seconds:
-        t_ns = t0_ns + second * 10**9 + shift(second)
-        if second % 20 == 0:
-            body = diag.serving_identity(EARFCN, PCI, IDENTITY)
-            data += diag.log_frame(0xB0C2, t_ns, body)
-        for part in range(3):
-            at_ns = t_ns + part * 300_000_000
-            level_dbm = -80.0 - second % 30 + part / 16
-            data += diag.log_frame(0xB17F, at_ns, diag.serving_cell(EARFCN, PCI, level_dbm))
-            body = diag.neighbour_cells(EARFCN, [(OTHER_PCI, level_dbm - 9.0)])
-            data += diag.log_frame(0xB180, at_ns, body)
-    return data
-
-
-def place(second):
-    return LAT + second * 1.2e-5, LON
-
-
-def lines(seconds, packet_ns=lambda second: T0_NS + second * 10**9):
-    return [diag.gps_line(packet_ns(s), T0_NS + s * 10**9 + AHEAD_NS, *place(s)) for s in seconds]
-
-
-def imported(source, tmp_path, **reading):
+def import_file(source, tmp_path, **reading):
     result = import_walk(source, tmp_path / "run.h5", **reading)
     return result, read_run(tmp_path / "run.h5")
 
@@ -118,16 +106,23 @@ def test_without_positions_cells_have_names_dates_and_levels(tmp_path, capsys):
     assert main(["suspect", target]) == 0
 
 
+def test_a_capture_has_times(tmp_path, capsys):
+    (tmp_path / "walk.qmdl").write_bytes(stream(range(9)))
+    command = ["import", str(tmp_path / "walk.qmdl"), "-o", str(tmp_path / "run.h5")]
+    assert main([*command, "--times", "none"]) == 2
+    assert "leave out --times none" in capsys.readouterr().err
+
+
 def test_a_track_gives_the_positions(tmp_path):
     (tmp_path / "walk.qmdl").write_bytes(stream(range(60)))
     (tmp_path / "gps.ndjson").write_text("".join(lines(range(0, 61, 5))))
     reading = Reading(track=read_track(tmp_path / "gps.ndjson"))
-    result, run = imported(tmp_path / "walk.qmdl", tmp_path, reading=reading)
+    result, run = import_file(tmp_path / "walk.qmdl", tmp_path, reading=reading)
     assert result.no_track is None
     assert len(fixes_of(run)) == 13
     late = Reading(track=read_track(tmp_path / "gps.ndjson"))
     (tmp_path / "walk.qmdl").write_bytes(stream(range(60), T0_NS + 10**13))
-    result, run = imported(tmp_path / "walk.qmdl", tmp_path, reading=late)
+    result, run = import_file(tmp_path / "walk.qmdl", tmp_path, reading=late)
     assert "no points within 60 s" in result.no_track
     assert not len(fixes_of(run))
 
@@ -140,7 +135,7 @@ def jump(second):
 def test_a_clock_that_begins_in_1980_is_one_clock(tmp_path):
     packets = lines(range(0, 61, 5), lambda s: T0_NS + s * 10**9 + jump(s))
     source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(60), shift=jump), packets)
-    result, run = imported(source, tmp_path)
+    result, run = import_file(source, tmp_path)
     assert result.n_rows == 120
     scans = run.tables["scans"]["t_ns"]
     assert np.all(np.abs(np.diff(scans) - 10**9) < 10)
@@ -150,7 +145,7 @@ def test_a_clock_that_begins_in_1980_is_one_clock(tmp_path):
 def test_rows_that_nothing_dates_are_left_out_and_counted(tmp_path):
     source = tmp_path / "walk.qmdl"
     source.write_bytes(stream(range(60), shift=jump))
-    result, run = imported(source, tmp_path)
+    result, run = import_file(source, tmp_path)
     assert result.n_rows == 80
     assert ("readings of before the modem's clock was set", 40) in result.other
     assert len(run.tables["scans"]) == 40
@@ -160,20 +155,20 @@ def test_a_clock_that_was_never_set_still_orders_the_readings(tmp_path):
     source = tmp_path / "walk.qmdl"
     source.write_bytes(stream(range(30), diag.UNIX_OF_1980_NS))
     (tmp_path / "gps.ndjson").write_text("".join(lines(range(0, 61, 5))))
-    result, run = imported(source, tmp_path)
+    result, run = import_file(source, tmp_path)
     assert (result.n_rows, len(run.tables["scans"])) == (60, 30)
     assert not len(run.tables["fixes"])
     track = read_track(tmp_path / "gps.ndjson")
-    assert "never set" in imported(source, tmp_path, reading=Reading(track=track))[0].no_track
+    assert "never set" in import_file(source, tmp_path, reading=Reading(track=track))[0].no_track
 
 
 def test_a_packed_recording_may_lack_its_end(tmp_path):
     packed = gzip.compress(stream(range(60)))
     source = tmp_path / "walk.qmdl.gz"
     source.write_bytes(packed)
-    assert imported(source, tmp_path)[0].n_rows == 120
+    assert import_file(source, tmp_path)[0].n_rows == 120
     source.write_bytes(packed[: len(packed) * 2 // 3])
-    result, _ = imported(source, tmp_path)
+    result, _ = import_file(source, tmp_path)
     assert 60 < result.n_rows < 120
     assert ("damaged frames, cut", 1) in result.other
 
@@ -212,7 +207,7 @@ def test_places_in_rayhunters_packets(tmp_path, order):
     beside = diag.rayhunter_zip(
         tmp_path / "a.zip", stream(range(60)), [], pcapng=source.read_bytes()
     )
-    assert len(fixes_of(imported(beside, tmp_path)[1])) == 12
+    assert len(fixes_of(import_file(beside, tmp_path)[1])) == 12
 
 
 def test_version_2_of_gsmtap_is_no_walk(tmp_path, capsys):
@@ -231,7 +226,7 @@ def test_levels_of_gsmtap_version_3(tmp_path):
         packets.append((T0_NS + s * 10**9, 228, diag.udp_packet(diag.gsmtap3(0x0403, tags)), ""))
     packets.append((T0_NS, 228, diag.udp_packet(diag.gsmtap3(0x0403, [key])), ""))
     (tmp_path / "a.pcapng").write_bytes(diag.pcapng(packets))
-    result, run = imported(tmp_path / "a.pcapng", tmp_path)
+    result, run = import_file(tmp_path / "a.pcapng", tmp_path)
     assert run.tables["readings"]["rsrp_dbm"].tolist() == [-90.0 - s for s in range(20)]
     assert result.other == (("packets without a level", 1),)
     assert b"secretsecret" not in (tmp_path / "run.h5").read_bytes()
@@ -240,7 +235,7 @@ def test_levels_of_gsmtap_version_3(tmp_path):
 def test_a_typed_position_is_no_walk(tmp_path):
     fixed = [diag.gps_line(T0_NS + s * 10**9, T0_NS + s * 10**9, LAT, LON) for s in range(9)]
     source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(9)), fixed)
-    result, run = imported(source, tmp_path)
+    result, run = import_file(source, tmp_path)
     assert "one fixed position, which is no walk" in result.no_track
     assert not len(fixes_of(run))
 
@@ -353,3 +348,85 @@ def test_a_capture_locates_as_well_as_at(tmp_path):
 def test_captures_locate_as_well_as_at(tmp_path):
     capture_m, at_m = side_by_side(range(8), tmp_path).T
     assert np.median(capture_m) <= np.median(at_m) + 3.0
+
+
+def fuzz(sources, n, seed, tmp_path):
+    """Damaged files are read or refused by an error of ours."""
+    rng = random.Random(seed)
+    n_read = 0
+    for i in range(n):
+        name, data = sources[i % len(sources)]
+        path = tmp_path / name
+        path.write_bytes(damage(data, rng))
+        try:
+            if name.endswith(".pcapng"):
+                n_read += bool(list(gsmtap.read(path))) or bool(gsmtap.positions(path))
+            elif name.endswith(".ndjson"):
+                n_read += bool(rayhunter.positions(path)[0])
+            elif name.endswith(".zip"):
+                sizes = walks_in(members(path))
+                with plain_file(path, next(iter(sizes), "none")) as plain:
+                    n_read += bool(list(diag_reader.read(plain)))
+            else:
+                n_read += bool(list(diag_reader.read(path)))
+        except FieldLoggerError:
+            continue
+    return n_read
+
+
+@pytest.fixture
+def sources(tmp_path):
+    """A small file of each kind."""
+    level = np.array([-90.0], ">f4").tobytes()
+    tags = [(2, EARFCN.to_bytes(4)), (5, PCI.to_bytes(2)), (0x0106, level)]
+    packets = [
+        (T0_NS, 228, diag.udp_packet(diag.gsmtap3(0x0403, tags)), comment(s)) for s in range(3)
+    ]
+    path = diag.rayhunter_zip(tmp_path / "small.zip", stream(range(2)), lines(range(0, 11, 5)))
+    return [
+        ("a.pcapng", diag.pcapng(packets)),
+        ("b.zip", path.read_bytes()),
+        ("c.qmdl", stream(range(2))),
+        ("d-gps.ndjson", "".join(lines(range(0, 11, 5))).encode()),
+    ]
+
+
+def test_damaged_files(sources, tmp_path):
+    assert fuzz(sources, 1_000, 1, tmp_path) > 100
+
+
+@pytest.mark.slow
+def test_a_million_damaged_files(sources, tmp_path):
+    fuzz(sources, 1_000_000, 2, tmp_path)
+
+
+MORE_MB = """
+import resource, sys
+from pathlib import Path
+from postproc.interop.importing import import_walk
+def mb(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
+import_walk(Path(sys.argv[1]), Path(sys.argv[3]))
+before = mb()
+import_walk(Path(sys.argv[2]), Path(sys.argv[3]))
+print(mb() - before)
+"""
+
+
+def more_mb(small, large, tmp_path):
+    """Memory that a large file takes beyond a small one, in MB."""
+    arguments = [sys.executable, "-c", MORE_MB, small, large, tmp_path / "run.h5"]
+    done = subprocess.run(arguments, capture_output=True, text=True, check=True)
+    return int(done.stdout)
+
+
+@pytest.mark.parametrize(
+    "n_mb", [20, pytest.param(1000, marks=pytest.mark.slow)], ids=["20 MB", "1 GB"]
+)
+def test_a_large_capture_is_read_as_a_stream(tmp_path, n_mb):
+    small, large = tmp_path / "small.qmdl", tmp_path / "large.qmdl"
+    part = stream(range(60)) + diag.log_frame(0x11EB, T0_NS, bytes(1500)) * 600
+    small.write_bytes(part)
+    with large.open("wb") as file:
+        for _ in range(n_mb * 1_000_000 // len(part)):
+            file.write(part)
+    assert more_mb(small, large, tmp_path) < 64
