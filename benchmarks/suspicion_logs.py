@@ -47,7 +47,9 @@ class Log:
     def by_channel(self) -> "Log":
         """The log with channel and code as the identity of each cell that has no other."""
         records = [
-            replace(r, value=replace(r.value, readings=tuple(map(_named, r.value.readings))))
+            replace(
+                r, value=replace(r.value, readings=tuple(map(_with_channel_name, r.value.readings)))
+            )
             if isinstance(r.value, Scan)
             else r
             for r in self.records
@@ -75,7 +77,7 @@ def read_log(path: Path) -> Log:
     return Log(path.name.removesuffix(".csv.gz"), records, hours_of(records))
 
 
-def _named(reading: CellReading) -> CellReading:
+def _with_channel_name(reading: CellReading) -> CellReading:
     if reading.cell is not None or reading.arfcn is None or reading.pci is None:
         return reading
     name, cid = channel_name(reading), reading.arfcn * _CODES + reading.pci

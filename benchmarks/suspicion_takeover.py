@@ -87,13 +87,15 @@ def takeovers(scans: list[tuple[CellReading, ...]]) -> Iterator[Takeover]:
                     name = rogue.cell or ""
                     n_after = max(_LATEST_SCANS, int(_LATEST_S // period_s))
                     after = [*cells[:k], rogue, *cells[k + 1 :]]
-                    heard = _tracked(period_s, rng, cells, after, n_after).assessment(name).word
-                    clean = _tracked(period_s, rng, cells, list(cells), n_after).conspicuous()
+                    heard = (
+                        _tracker_after(period_s, rng, cells, after, n_after).assessment(name).word
+                    )
+                    clean = _tracker_after(period_s, rng, cells, list(cells), n_after).conspicuous()
                     worst: Word = clean[0].word if clean else "nothing unusual"
                     yield Takeover(period_s, is_same, heard, worst)
 
 
-def _tracked(
+def _tracker_after(
     period_s: float,
     rng: np.random.Generator,
     before: tuple[CellReading, ...],
@@ -107,13 +109,13 @@ def _tracked(
     for i in range(_BEFORE + n_after):
         t_ns = round(i * period_s * 1e9)
         cells = before if i < _BEFORE else after
-        heard = tuple(_faded(cell, rng) for cell in cells)
+        heard = tuple(_with_fading(cell, rng) for cell in cells)
         tracker.feed(Record(t_ns, "gnss", fix))
         tracker.feed(Record(t_ns, "modem", Scan(t_ns, heard)))
     return tracker
 
 
-def _faded(cell: CellReading, rng: np.random.Generator) -> CellReading:
+def _with_fading(cell: CellReading, rng: np.random.Generator) -> CellReading:
     level_dbm = round((cell.level_dbm or 0.0) + rng.normal(0.0, _FADING_DB))
     return replace(cell, rxlev_raw=None, rssi_dbm=float(level_dbm))
 
