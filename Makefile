@@ -5,7 +5,7 @@ DEMO := demo-out
 # The tests start hundreds of Python processes; without this each would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo page test test-oldest lint house test-faults planted-faults test-boot test-view screenshots fuzz soak bench scoreboard truth guidance deb card-debs dist docs page-map clean
+.PHONY: demo page test test-oldest lint house test-faults planted-faults test-boot test-view screenshots fuzz soak bench scoreboard truth suspicion guidance deb card-debs dist docs page-map clean
 
 demo: .venv/post.stamp
 	rm -rf $(DEMO)
@@ -91,11 +91,12 @@ dist: .venv/dev.stamp page-map
 FUZZ_S ?= 3600
 fuzz: .venv/dev.stamp
 	$(BIN)/pip install --disable-pip-version-check atheris
-	mkdir -p .venv/fuzz/at .venv/fuzz/diag .venv/fuzz/nmea .venv/fuzz/journal
+	mkdir -p .venv/fuzz/at .venv/fuzz/nmea .venv/fuzz/journal .venv/fuzz/diag .venv/fuzz/diag_records
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_at.py -max_total_time=$(FUZZ_S) .venv/fuzz/at
-	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_diag.py -max_total_time=$(FUZZ_S) .venv/fuzz/diag
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_nmea.py -max_total_time=$(FUZZ_S) .venv/fuzz/nmea
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_journal.py -max_total_time=$(FUZZ_S) -max_len=2048 -len_control=0 .venv/fuzz/journal
+	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_diag.py -max_total_time=$(FUZZ_S) .venv/fuzz/diag
+	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_diag_records.py -max_total_time=$(FUZZ_S) .venv/fuzz/diag_records
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_hdf5.py -max_total_time=$(FUZZ_S)
 	PYTHONPATH=. $(BIN)/python tests/fuzz/fuzz_foreign.py -max_total_time=$(FUZZ_S)
 
@@ -141,6 +142,10 @@ truth: .venv/dev.stamp
 	$(BIN)/python benchmarks/height.py
 	$(BIN)/python benchmarks/stability.py --stride 3
 	$(BIN)/python benchmarks/agreement.py
+
+# false alarms and detection of the rules of suspicion, on ../shared/cells and ../shared/corpus: half an hour
+suspicion: .venv/dev.stamp
+	PYTHONPATH=. $(BIN)/python benchmarks/suspicion.py tables --cities 24
 
 # closed loops of guidance and of its peers, 100 worlds of each noise: some hours
 guidance: .venv/dev.stamp

@@ -19,19 +19,25 @@ ROUTES = ("ottawa_lacolyoc", "cork_driving", "cork_static")
 def logs_with_baseline(
     folder: Path, n_walks: int, routes: Sequence[str] = ROUTES
 ) -> Iterator[tuple[Log, BaselineFile]]:
-    """Each log that has so many earlier ones of its route, with a baseline of the last of these."""
+    """Each log with a baseline of the walks of its route nearest to it in time, itself left out.
+
+    A route with a fifth fewer walks than `n_walks` has all of them.
+    """
     with TemporaryDirectory() as scratch:
         for route in routes:
-            walks: list[WalkSummary] = []
-            for path in sorted(folder.glob(f"{route}*.csv.gz")):
-                summary = _summary(path, Path(scratch))
-                if summary is None:
-                    continue
-                if len(walks) >= n_walks:
-                    target = Path(scratch) / f"{route}-{len(walks)}.db"
-                    with closing(baseline_of(target, walks[-n_walks:])) as baseline:
-                        yield read_log(path), baseline
-                walks.append(summary)
+            summaries = {
+                path: summary
+                for path in sorted(folder.glob(f"{route}*.csv.gz"))
+                if (summary := _summary(path, Path(scratch))) is not None
+            }
+            if len(summaries) <= 0.8 * n_walks:
+                continue
+            walks = list(summaries.values())
+            for i, path in enumerate(summaries):
+                others = sorted(range(len(walks)), key=lambda k: abs(k - i))[1 : n_walks + 1]
+                target = Path(scratch) / f"{route}-{i}.db"
+                with closing(baseline_of(target, [walks[k] for k in others])) as baseline:
+                    yield read_log(path), baseline
 
 
 def baseline_of(path: Path, walks: Sequence[WalkSummary]) -> BaselineFile:

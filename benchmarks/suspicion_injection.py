@@ -48,6 +48,7 @@ class Injection:
     records: Sequence[Record]
     first: int
     is_passed: bool
+    is_strong: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +62,7 @@ class Outcome:
     metres: float | None
     set_name: str
     is_passed: bool
+    is_strong: bool
 
 
 def inject(log: Log, kind: str, strong: bool, seed: int, on_air_s: float = inf) -> Injection | None:
@@ -88,7 +90,7 @@ def inject(log: Log, kind: str, strong: bool, seed: int, on_air_s: float = inf) 
     if first is None:
         return None
     is_passed = pattern.best_dbm >= _PASSED_DBM
-    return Injection(kind, pattern.reading.cell or "", records, first, is_passed)
+    return Injection(kind, pattern.reading.cell or "", records, first, is_passed, strong)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +128,8 @@ def detect(injection: Injection, set_name: str = "", baseline: Baseline = NO_BAS
         if seconds <= WITHIN_S or metres <= WITHIN_M:
             in_time = tracker.assessment(injection.cell).word
     at_end = tracker.assessment(injection.cell)
-    passed = injection.is_passed
-    return Outcome(injection.kind, in_time, at_end, named_s, named_m, set_name, passed)
+    of = injection.is_passed, injection.is_strong
+    return Outcome(injection.kind, in_time, at_end, named_s, named_m, set_name, *of)
 
 
 def _apart_m(a: tuple[float, float], b: tuple[float, float]) -> float:

@@ -1,14 +1,19 @@
 """Logs of legitimate networks as records, for `suspicion.py`."""
 
 import os
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import cos, radians
 from pathlib import Path
+
+import numpy as np
+from scipy.signal import find_peaks
 
 from logger.core.cell_names import channel_name
 from logger.core.reportable import reportable
-from logger.core.types import CellReading, Record, Scan
+from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.interop.decompression import plain_file
 from postproc.interop.importing import recognise, scans_of
 from postproc.interop.sighting import Sighting
@@ -20,6 +25,8 @@ LOGS = Path(
 _LONGEST_PAUSE_S = 30.0
 """Of a longer gap only this much counts as time in which a rule could have been broken."""
 _SETS = ("cork_driving", "cork_static", "india_gsm", "india_umts", "losangeles", "ottawa")
+_MEAN_S, _PEAK_DB, _SILENT_DBM, _ONE_PLACE_M = 10.0, 10.0, -125.0, 300.0
+_METRES_PER_DEG = 111_320.0
 _CODES = 1024
 """More than there are colour codes of a technology."""
 
@@ -73,6 +80,37 @@ def _named(reading: CellReading) -> CellReading:
         return reading
     name, cid = channel_name(reading), reading.arfcn * _CODES + reading.pci
     return replace(reading, label=name, cid=cid)
+
+
+def cells_with_one_peak(log: Log) -> set[str]:
+    """Cells whose level rises and falls once, or at one place: the others may be two of one code.
+
+    A peak is 10 dB above the levels on both sides, in means over 10 s.
+    """
+    heard: dict[str, list[tuple[float, float, float, float]]] = defaultdict(list)
+    east_m = north_m = 0.0
+    for record in log.records:
+        if isinstance(record.value, Fix):
+            lat_deg, lon_deg = record.value.lat_deg or 0.0, record.value.lon_deg or 0.0
+            north_m = lat_deg * _METRES_PER_DEG
+            east_m = lon_deg * _METRES_PER_DEG * cos(radians(lat_deg))
+        elif isinstance(record.value, Scan):
+            for reading in record.value.readings:
+                if reading.cell and reading.level_dbm is not None:
+                    level = record.t_ns / 1e9, east_m, north_m, reading.level_dbm
+                    heard[reading.cell].append(level)
+    return {cell for cell, levels in heard.items() if _has_one_peak(np.array(levels))}
+
+
+def _has_one_peak(levels: np.ndarray) -> bool:
+    """By time in s, east and north in m, and level in dBm; shape (n, 4)."""
+    interval = (levels[:, 0] // _MEAN_S).astype(int)
+    means = np.full((int(np.ptp(interval)) + 3, 3), (np.nan, np.nan, _SILENT_DBM))
+    for k in np.unique(interval):
+        means[k - interval.min() + 1] = levels[interval == k, 1:].mean(axis=0)
+    peaks, _ = find_peaks(means[:, 2], prominence=_PEAK_DB)
+    best = means[np.argmax(means[:, 2]), :2]
+    return all(float(np.hypot(*(means[k, :2] - best))) < _ONE_PLACE_M for k in peaks)
 
 
 def hours_of(records: Sequence[Record]) -> float:

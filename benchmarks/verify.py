@@ -1,7 +1,7 @@
 """False alarms and power of the tests of claimed positions, and speed of the cell database.
 
 python benchmarks/verify.py [alarms|power|measured|database ...] [--minutes M] [--walks N]
-                            [--rows N] [--json FILE]
+                            [--rows N] [--within-walk M] [--json FILE]
 
 alarms    false-alarm rate of the test on simulated walks past the claimed place
 power     share of displaced claims rejected, beside what each walk's own test predicts
@@ -15,6 +15,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,17 +26,21 @@ from scoreboard.world import Noise, World, observations
 from scoreboard.worlds import plain
 
 from logger.core.arrays import FloatArray
+from logger.core.locator.pipeline import locate
+from logger.core.locator.posterior import Posterior
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.readings import Readings
+from postproc.area_file import area_of
 from postproc.cell_estimation import too_few
-from postproc.verification.claim_test import PreparedWalk, around, claim_test, prepare_walk
-from postproc.verification.run_claims import blocks_of
+from postproc.verification.claim_test import ClaimTest, around
 
 SHAPES = ("L", "square", "random")
 NOISES = {"white 3 dB": Noise(3.0), "6 dB over 15 m + 1 dB": Noise(1.0, 6.0, 15.0, step_db=1.0)}
 RATES = (0.05, 0.01)
 DISPLACED = (0.5, 1.0, 2.0, 5.0)
+LEAST_M = 10.0
+"""Of the distance to the walk: the errors of survey and receiver."""
 PRIOR = Prior()
 
 CELLGUARD_M = 75_000.0
@@ -76,6 +81,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--more", type=int, default=1, metavar="N", help="how often, for lookups in a larger file"
     )
+    parser.add_argument(
+        "--within-walk", type=float, metavar="M", help="of the hull of measured walks"
+    )
     parser.add_argument("--seed", type=int, default=1, metavar="S")
     parser.add_argument("--json", type=Path, metavar="FILE")
     return parser
@@ -95,9 +103,15 @@ def _within(seconds: float, most: int) -> Iterator[int]:
         yield k
 
 
-def _walk(rng: np.random.Generator, k: int, noise: Noise) -> tuple[World, PreparedWalk]:
+def _walk(rng: np.random.Generator, k: int, noise: Noise) -> tuple[World, Readings, Posterior]:
     world = plain(rng, SHAPES[k % len(SHAPES)], noise)
-    return world, prepare_walk(blocks_of(observations(world, world.walk)), PRIOR)
+    obs = observations(world, world.walk).usable()
+    return world, obs, locate(obs, PRIOR)
+
+
+def _p(posterior: Posterior, claim: FloatArray) -> float:
+    """Of a claim of equally likely positions (2, k)."""
+    return ClaimTest(posterior.squares, claim, posterior.prior.area is not None).p
 
 
 def alarms(options: argparse.Namespace) -> Json:
@@ -107,9 +121,8 @@ def alarms(options: argparse.Namespace) -> Json:
         p = []
         for k in _within(60.0 * options.minutes / len(NOISES), options.walks):
             rng = np.random.default_rng([options.seed, k])
-            world, walk = _walk(rng, k, noise)
-            test = claim_test(walk, np.array(world.sources[0])[:, None], rng)
-            p.append(test.p_values(walk.level_dbm[:, None], trusting=True)[0])
+            world, _, posterior = _walk(rng, k, noise)
+            p.append(_p(posterior, np.array(world.sources[0])[:, None]))
         shares = {rate: float(np.mean(np.array(p) <= rate)) for rate in RATES}
         figures[name] = {
             "walks": len(p),
@@ -131,13 +144,9 @@ def powers(options: argparse.Namespace) -> Json:
         rows = []
         for k in _within(60.0 * options.minutes / len(NOISES), options.walks):
             rng = np.random.default_rng([options.seed + 1, k])
-            world, walk = _walk(rng, k, noise)
+            world, obs, posterior = _walk(rng, k, noise)
             share = DISPLACED[(k // len(SHAPES)) % len(DISPLACED)]
-            true_m = np.array(world.sources[0])
-            test = claim_test(walk, _displace(walk, true_m, share, rng)[:, None], rng)
-            (predicted,) = test.power(Places.of(*true_m), RATES[0], 48, rng, trusting=True)
-            p = test.p_values(walk.level_dbm[:, None], trusting=True)[0]
-            rows.append((share, float(p <= RATES[0]), float(predicted)))
+            rows.append((share, *_rejected_and_predicted(obs, posterior, world, share, 0.0, rng)))
         table = np.array(rows)
         for share in (*DISPLACED, None):
             chosen = table if share is None else table[table[:, 0] == share]
@@ -151,16 +160,23 @@ def powers(options: argparse.Namespace) -> Json:
     return figures
 
 
-def _displace(
-    walk: PreparedWalk, place_m: FloatArray, share: float, rng: np.random.Generator
-) -> FloatArray:
-    away_m = float(
-        np.min(np.hypot(walk.blocks.places.x_m - place_m[0], walk.blocks.places.y_m - place_m[1]))
-    )
+def _rejected_and_predicted(
+    obs: Readings,
+    posterior: Posterior,
+    world: World,
+    share: float,
+    sigma_m: float,
+    rng: np.random.Generator,
+) -> tuple[bool, float]:
+    """Whether a claim displaced by this share of the distance is rejected, and how often it is."""
+    true = Places.of(*world.sources[0])
+    off_m = share * max(float(np.min(obs.places.distances_m(true))), LEAST_M)
     angle = rng.uniform(0.0, 2.0 * np.pi)
-    return np.asarray(
-        place_m + share * max(away_m, 10.0) * np.array([np.cos(angle), np.sin(angle)]), float
-    )
+    claim = true.xy_m[:, 0] + off_m * np.array([np.cos(angle), np.sin(angle)])
+    claimed = around(Places.of(*claim), sigma_m)
+    test = ClaimTest(posterior.squares, claimed, posterior.prior.area is not None)
+    power = float(np.mean(test.power(np.array([off_m]), RATES[0])))
+    return test.p <= RATES[0], power
 
 
 def measured_walks(options: argparse.Namespace) -> Json:
@@ -168,30 +184,36 @@ def measured_walks(options: argparse.Namespace) -> Json:
     rng = np.random.default_rng(options.seed)
     names = list(traces.names("ABCDE"))
     rng.shuffle(names)  # if time runs out, the walks done are a random sample
-    rows: dict[float, list[tuple[bool, ...]]] = {0.0: [], **{share: [] for share in DISPLACED}}
+    prior = replace(PRIOR, area=area_of(options.within_walk, None))
+    rows: dict[float, list[tuple[float, ...]]] = {0.0: [], **{share: [] for share in DISPLACED}}
     for k in _within(60.0 * options.minutes, len(names)):
         world = traces.world_of(*names[k])
         obs = observations(world, world.walk)
-        gathered = blocks_of(obs)
         if too_few(obs, obs.usable()):
             continue
-        walk = prepare_walk(gathered, PRIOR)
-        for share, outcomes in rows.items():
-            claim = _displace(walk, np.array(world.sources[0]), share, rng)
-            sigma_m = float(np.hypot(world.slack_m / 2.0, np.median(world.position_sigma_m)))
-            test = claim_test(walk, around(Places.of(*claim), sigma_m), rng)
-            p = float(test.p_values(walk.level_dbm[:, None], trusting=False)[0])
-            rules = cellguard(obs, claim), crocodile_hunter(obs, claim)
-            outcomes.append((*(p <= rate for rate in RATES), *rules))
+        posterior = locate(obs.usable(), prior)
+        sigma_m = float(np.hypot(world.slack_m / 2.0, np.median(world.position_sigma_m)))
+        true = around(Places.of(*world.sources[0]), sigma_m)
+        p = _p(posterior, true)
+        rules = cellguard(obs, true), crocodile_hunter(obs, true)
+        rows[0.0].append((p <= RATES[0], p <= RATES[1], *rules))
+        for share in DISPLACED:
+            case = obs.usable(), posterior, world, share, sigma_m
+            rows[share].append(_rejected_and_predicted(*case, rng))
     result: Json = {}
     for share, outcomes in rows.items():
         if outcomes:
             mean = np.mean(np.array(outcomes, float), axis=0).tolist()
             result[str(share)] = {"walks": len(outcomes), "rejected": mean}
+            what = (
+                f"predicted {mean[1]:.3f}"
+                if share
+                else f"at {RATES[1]}: {mean[1]:.3f}; "
+                f"CellGuard {mean[2]:.3f}, Crocodile Hunter {mean[3]:.3f}"
+            )
             print(
                 f"measured  displaced by {share:g} x distance, {len(outcomes)} walks, "
-                f"at {RATES[0]} / {RATES[1]}: {mean[0]:.3f} / {mean[1]:.3f}; "
-                f"CellGuard {mean[2]:.3f}, Crocodile Hunter {mean[3]:.3f}"
+                f"at {RATES[0]}: {mean[0]:.3f}; {what}"
             )
     if not names:
         print("measured  skipped: the measured walks are not beside this repository")
@@ -203,15 +225,14 @@ def cellguard(obs: Readings, claim_m: FloatArray) -> bool:
 
     Its margins for accuracy and speed are left out, since a walker is slow.
     """
-    return bool(np.max(np.hypot(obs.x_m - claim_m[0], obs.y_m - claim_m[1])) > CELLGUARD_M)
+    x_m, y_m = np.mean(claim_m, axis=1)
+    return bool(np.max(np.hypot(obs.x_m - x_m, obs.y_m - y_m)) > CELLGUARD_M)
 
 
 def crocodile_hunter(obs: Readings, claim_m: FloatArray) -> bool:
     """Outside the box of one standard deviation about the mean of all sightings."""
-    x, y = obs.x_m, obs.y_m
-    return bool(
-        abs(claim_m[0] - np.mean(x)) > np.std(x) or abs(claim_m[1] - np.mean(y)) > np.std(y)
-    )
+    off_m = np.mean(claim_m, axis=1) - np.mean(obs.places.xy_m, axis=1)
+    return bool(np.any(np.abs(off_m) > np.std(obs.places.xy_m, axis=1)))
 
 
 if __name__ == "__main__":

@@ -62,10 +62,10 @@ def learn(folder: Path, *, adds: bool = True) -> Iterator[tuple[str, str]]:
     with _alone(folder):
         while True:
             stamps = _sealed_runs(folder)
-            known = _seen(folder)
+            known = _known_runs(folder)
             gone = [name for name, stamp in known.items() if stamps.get(name) != stamp]
             new = sorted(stamps.keys() - (known.keys() - set(gone))) if adds else []
-            new = [name for name in new if name == _tried(folder)[0]] or new[:_AT_ONCE]
+            new = [name for name in new if name == _last_try(folder)[0]] or new[:_AT_ONCE]
             if not gone and not new:
                 return
             if not _has_room(folder):
@@ -97,7 +97,7 @@ def forget(folder: Path, name: str) -> int:
         raise ConfigError(f"{name!r} is no run: run-000017 is wanted, or all")
     with _alone(folder):
         stamps = _sealed_runs(folder)
-        if match is not None and match[1] not in stamps.keys() | _seen(folder).keys():
+        if match is not None and match[1] not in stamps.keys() | _known_runs(folder).keys():
             raise ConfigError(f"{folder} has no finished run {match[1]}")
         names = list(stamps) if match is None else [match[1]]
         if match is None:
@@ -251,7 +251,7 @@ def conspicuous_cells(run: Run) -> set[str]:
     return cells
 
 
-def _tried(folder: Path) -> tuple[str, int]:
+def _last_try(folder: Path) -> tuple[str, int]:
     """The run whose reading ended the program, and how often."""
     file = folder / _TRYING
     name, _, count = (file.read_text(errors="replace") if file.exists() else "").partition(" ")
@@ -259,7 +259,7 @@ def _tried(folder: Path) -> tuple[str, int]:
 
 
 def _n_tries(path: Path) -> int:
-    name, n = _tried(path.parent)
+    name, n = _last_try(path.parent)
     n = n + 1 if name == path.stem else 1
     path.with_name(_TRYING).write_text(f"{path.stem} {n}")
     return n
@@ -274,7 +274,7 @@ def _sealed_runs(folder: Path) -> dict[str, _Stamp]:
     return runs
 
 
-def _seen(folder: Path) -> dict[str, _Stamp]:
+def _known_runs(folder: Path) -> dict[str, _Stamp]:
     """Runs that were looked at; none without a baseline that can be read."""
     path = folder / OWN_FILE
     if not path.is_file():

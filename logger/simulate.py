@@ -15,6 +15,7 @@ from time import sleep
 
 from logger.config import parse_config
 from logger.core.errors import ConfigError
+from logger.core.provenance import SIMULATED
 from logger.core.runfile import Truth
 from logger.device.clock import ScaledClock
 from logger.device.live_view import LiveView
@@ -26,7 +27,7 @@ from logger.sim.city import CITIES
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import AnsweringDevice, PtyDevice, answering, talking
-from logger.sim.scenario import SCENARIOS, SIMULATED, Scenario, scenario
+from logger.sim.scenario import SCENARIOS, Scenario, scenario
 from logger.sim.walk import GuidedWalk, WalkTime
 
 _SITE = """\

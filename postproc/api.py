@@ -235,7 +235,7 @@ def by_place(runs: RunOrPath | Sequence[RunOrPath]) -> list[Group]:
 
 
 def verify(
-    run: RunOrPath,
+    runs: RunOrPath | Sequence[RunOrPath],
     claims: Claim | Sequence[Claim] | Path | str,
     cells: str | Sequence[str] | None = None,
     *,
@@ -244,29 +244,37 @@ def verify(
     height_m: float | None = None,
     antenna: str = "any",
     reach: str = "any",
+    within_walk_m: float | None = None,
+    area: Path | str | None = None,
     progress: Progress | bool = False,
 ) -> Verified:
-    """Test claimed positions of cells against a run: consistent, rejected or cannot tell.
+    """Test claimed positions of cells against runs: consistent, rejected or cannot tell.
 
     `claims` are `Claim`s (degrees WGS84, `sigma_m` in metres per axis) or a file: CSV with cell,
     lat, lon[, sigma_m], a cell export or a cell database. Of the claims rejected at most the share
-    `p_fa` is rejected wrongly, on average (Benjamini and Hochberg 1995). `progress` as in `smooth`.
+    `p_fa` is rejected wrongly, on average (Benjamini and Hochberg 1995). `within_walk_m`, `area`
+    and `progress` are as in `smooth`.
 
     Raises `ConfigError` for a cell that was not observed or a rate outside 0 to 0.5, `RunFileError`
     for a file that cannot be read.
     """
-    observed, cells = _run(run), _names(cells)
+    every, cells = _runs(runs), _names(cells)
     if isinstance(claims, Claim):
         claims = [claims]
     elif isinstance(claims, (Path, str)):
-        claims = read_claims(Path(claims), list(observed_cells([observed], cells)))
+        claims = read_claims(Path(claims), list(observed_cells(every, cells)))
     return verify_claims(
-        observed,
+        every,
         claims,
         p_fa,
-        prior_for(environment, height_m=height_m, antenna=antenna, reach=reach),
+        prior_for(
+            environment,
+            height_m=height_m,
+            antenna=antenna,
+            reach=reach,
+            area=area_of(within_walk_m, area),
+        ),
         cells,
-        is_simulated=bool(observed.meta.truth),
         progress=_progress(progress),
     )
 

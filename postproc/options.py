@@ -175,7 +175,7 @@ def within_option(command: Command) -> Command:
         "radius_m",
         type=number(float, 1, _FARTHEST_M, unit="m"),
         metavar="M",
-        help="Radius that holds 95 % of a location (default: 150 m).",
+        help="Radius that holds 95 % where located (default: 150 m).",
     )
     @functools.wraps(command)
     def with_radius(*arguments: Any, radius_m: float | None, **options: Any) -> int | None:

@@ -63,7 +63,7 @@ def walks_here(folder):
         return baseline.square(SQUARE)
 
 
-def found(cell_name, word):
+def finding_note(cell_name, word):
     return Note("info", FINDING_CODE, f"{cell_name}: {word}, 4.0 nats: P1 of nowhere")
 
 
@@ -88,7 +88,7 @@ def test_a_cell_that_only_the_second_walk_of_a_day_heard_is_learnt(tmp_path):
 
 @pytest.mark.parametrize("word", ["unusual", "suspicious"])
 def test_a_cell_that_ever_was_conspicuous_is_learnt_only_once_it_is_trusted(tmp_path, word):
-    write_run(tmp_path, 1, notes=(RULES, found(name(2), word)))
+    write_run(tmp_path, 1, notes=(RULES, finding_note(name(2), word)))
     write_run(tmp_path, 2, day=1)
     learn(tmp_path)
     assert set(walks_here(tmp_path).cells) == {name(1)}

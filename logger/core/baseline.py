@@ -15,15 +15,12 @@ several dB. A level at the limit of the modem's scale counts as that level.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
 
 from logger.core.squares import squares_within
-
-if TYPE_CHECKING:
-    from logger.core.runfile import Run
 
 READ, UNREADABLE = "baseline", "baseline-unreadable"
 """Codes of the events: a baseline is read, and none is from now on."""
@@ -112,7 +109,7 @@ class Baseline(Protocol):
 
 
 class NotedBaseline:
-    """What a live estimate was told, in lines as `noted` makes them; without lines nothing."""
+    """What a live estimate was told, in lines of `answer_line`; without lines nothing."""
 
     def __init__(self, text: bytes = b"") -> None:
         self._answers: dict[str, dict[Any, Any]] = {kind: {} for kind in _ANSWERS}
@@ -122,7 +119,9 @@ class NotedBaseline:
             known[tuple(key) if kind == CHANNELS else key] = msgspec.convert(
                 answer, _ANSWERS[kind], str_keys=True
             )
-        ((self.fingerprint, self.n_walks),) = self._answers[FILE].items() or [("", 0)]
+        ((fingerprint, n_walks),) = self._answers[FILE].items() or [("", 0)]
+        self.fingerprint: str = fingerprint
+        self.n_walks: int = n_walks
 
     def square(self, square: int) -> SquareHistory:
         return self._answers[SQUARE].get(square) or SquareHistory(square)
@@ -131,7 +130,8 @@ class NotedBaseline:
         return self._answers[CELL].get(name)
 
     def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
-        return self._answers[CHANNELS].get((mcc, mnc, rat), MappingProxyType({}))
+        known: Mapping[int, int] = self._answers[CHANNELS].get((mcc, mnc, rat), {})
+        return known
 
     def trust_note(self, name: str) -> str | None:
         return self._answers[TRUST].get(name)
@@ -140,13 +140,13 @@ class NotedBaseline:
 NO_BASELINE = NotedBaseline()
 
 
-def noted(kind: str, key: Any, answer: Any) -> bytes:
+def answer_line(kind: str, key: Any, answer: Any) -> bytes:
     """An answer as a line of JSON; empty for one that says nothing."""
     is_empty = kind != FILE and not (answer.n_walks if kind == SQUARE else answer)
     return b"" if is_empty else msgspec.json.encode((kind, key, answer), enc_hook=dict) + b"\n"
 
 
-def baseline_of(run: "Run") -> Baseline:
+def baseline_of(run: Any) -> Baseline:
     """The baseline as the live estimate of a run was told of it."""
     try:
         return NotedBaseline(_noted_in(run))
@@ -154,7 +154,7 @@ def baseline_of(run: "Run") -> Baseline:
         return NO_BASELINE
 
 
-def has_whole_baseline(run: "Run") -> bool:
+def has_whole_baseline(run: Any) -> bool:
     """Whether `baseline_of` answers as on the walk.
 
     Not where the file failed on the way, nor for runs of versions that recorded no answers.
@@ -164,7 +164,7 @@ def has_whole_baseline(run: "Run") -> bool:
     return not is_read or (not has_failed and bool(_noted_in(run)))
 
 
-def _noted_in(run: "Run") -> bytes:
+def _noted_in(run: Any) -> bytes:
     raw = run.tables["raw"]
     rows = raw[raw["source"] == b"live"] if len(run.raw_bytes) else raw[:0]
     spans = zip(rows["offset"].tolist(), rows["length"].tolist(), strict=True)

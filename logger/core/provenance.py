@@ -6,6 +6,8 @@ A run is recorded, simulated, imported, or a shared copy of such a run.
 IMPORT = "import of"
 IMPORT_WITHOUT_TIMES = "import without times of"
 SHARED = "shared copy"
+SIMULATED = "simulated walk "
+"""The name of the scenario follows."""
 
 _IMPORTS = (IMPORT, IMPORT_WITHOUT_TIMES, f"{SHARED} of an import")
 _WITHOUT_TIMES = (IMPORT_WITHOUT_TIMES, f"{SHARED} of an import without times")
@@ -19,6 +21,11 @@ def is_import(origin: str) -> bool:
 def has_times(origin: str) -> bool:
     """Whether the times of a run are times, and not only the order of its records."""
     return not origin.startswith(_WITHOUT_TIMES)
+
+
+def is_simulated(origin: str) -> bool:
+    """Whether the simulator recorded it, perhaps faster than real: its receiver is never wrong."""
+    return origin.startswith(SIMULATED)
 
 
 def origin_of_copy(origin: str) -> str:

@@ -34,6 +34,7 @@ _EQUAL_IF_CACHED = 0.95
 _MEASURED_AS_WELL = 1000.0
 """Odds above which levels are taken for cached: equal ones over 150 m, of 10 m between readings."""
 _STEP_DB = 1.0
+_ROUNDING = 1e-6  # of a sum of steps
 
 _LEAST = log(_MEASURED_AS_WELL)
 _MOST = 2.0 * _LEAST  # so that a cache that has ended is soon forgotten
@@ -90,8 +91,8 @@ def repeats_along(places: Places, level_dbm: FloatArray, limit: IntArray) -> lis
 
     These are all equal levels since the odds rose from 0, up to where the test was sure last.
     """
-    if np.count_nonzero(np.diff(level_dbm) == 0.0) * _EQUAL <= _LEAST:
-        return []
+    if _most_equal(places, level_dbm, limit) * _EQUAL <= _LEAST:
+        return []  # 100 000 readings one by one take a third of a second
     test, repeats = CacheTest(), list[int]()
     equal, n_sure = list[int](), 0
     every = places.x_m, places.y_m, places.sigma_m, level_dbm, limit
@@ -105,3 +106,18 @@ def repeats_along(places: Places, level_dbm: FloatArray, limit: IntArray) -> lis
         if test.is_cached:
             n_sure = len(equal)
     return repeats + equal[:n_sure]
+
+
+def _most_equal(places: Places, level_dbm: FloatArray, limit: IntArray) -> float:
+    """Largest number of comparisons that can find a level unchanged.
+
+    In a run of equal levels the receiver has to move on before each.
+    """
+    is_equal = np.diff(level_dbm) == 0.0
+    step_m = np.hypot(np.diff(places.x_m), np.diff(places.y_m))
+    run = np.cumsum(~is_equal)
+    way_m, count = (
+        np.bincount(run, step_m * is_equal),
+        np.bincount(run, is_equal & (limit[1:] == 0)),
+    )
+    return float(np.sum(np.minimum(np.floor(way_m / _MOVED_M + _ROUNDING), count)))

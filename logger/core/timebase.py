@@ -33,9 +33,11 @@ _BINS = 24
 """Of a run, for its drift: each has the promptest sentences of some minutes."""
 _PROMPT = 90.0
 """Percentile of UTC minus arrival that stands for no delay: sentences come late, never early."""
-_LATE_S = 10.0
+_LATE_S, _LATE_SIMULATED_S = 10.0, 120.0
 """A busy machine reads sentences late, most of all of a walk that is simulated faster than real;
-leap seconds are 18."""
+leap seconds, which a simulated receiver has not, are 18."""
+_PROMPT_SIMULATED = 0.5
+"""Share of the parts of a simulated run that have a prompt sentence; of others all have."""
 _IN_BIN = 10
 """Pairs of which one came without delay, at the load of eight programs a core."""
 _MIDNIGHT_S = 3.0
@@ -96,12 +98,14 @@ def fit(
     valid: npt.NDArray[np.integer] | None = None,
     *,
     any_year: bool = False,
+    simulated: bool = False,
 ) -> TimeBase | None:
     """Fit the pairs (time since boot, UTC by GPS), shape (n,); None if UTC remains unknown.
 
     `utc_ns` is `UNKNOWN_TIME` without a time. `valid` (n,) is 0 if the receiver had no position: it
     then has the time from its own clock at best, and the pair is not used. With `any_year` a time
-    may also be where a receiver with a rollover error would put it.
+    may also be where a receiver with a rollover error would put it; `simulated` times may be read
+    very late.
     """
     has_utc = utc_ns != UNKNOWN_TIME
     usable = has_utc if any_year else (utc_ns >= EARLIEST_UTC_NS) & (utc_ns < LATEST_UTC_NS)
@@ -112,7 +116,7 @@ def fit(
     order = np.argsort(t_ns[usable], kind="stable")
     t, utc = t_ns[usable][order], utc_ns[usable][order]
     elapsed_s, early_s = (t - t[0]) / 1e9, ((utc - utc[-1]) - (t - t[-1])) / 1e9
-    agrees = _agreeing_pairs(elapsed_s, early_s, utc)
+    agrees = _agreeing_pairs(elapsed_s, early_s, utc, simulated=simulated)
     if agrees is None:
         return None
     drift, residual_s = _line(elapsed_s[agrees], early_s[agrees])
@@ -128,7 +132,7 @@ def fit(
 
 
 def _agreeing_pairs(
-    elapsed_s: FloatArray, early_s: FloatArray, utc_ns: IntArray
+    elapsed_s: FloatArray, early_s: FloatArray, utc_ns: IntArray, *, simulated: bool
 ) -> BoolArray | None:
     """Which pairs have the right time, shape (n,); None if they contradict each other."""
     thin = np.unique(np.linspace(0, len(elapsed_s) - 1, _MOST_PAIRS).astype(int))
@@ -138,7 +142,7 @@ def _agreeing_pairs(
     if group is None or len(group) < AGREE_SHARE * len(thin):
         group = _group_after_leap(groups, thin_early_s, utc_ns[thin])
     if group is None:
-        group = _prompt_pairs(elapsed_s[thin], thin_early_s)
+        group = _prompt_pairs(elapsed_s[thin], thin_early_s, simulated=simulated)
     if group is None:
         return None
     line_s = np.interp(elapsed_s, elapsed_s[thin][group], thin_early_s[group])
@@ -174,7 +178,9 @@ def _group_after_leap(
     return None
 
 
-def _prompt_pairs(elapsed_s: FloatArray, early_s: FloatArray) -> list[int] | None:
+def _prompt_pairs(
+    elapsed_s: FloatArray, early_s: FloatArray, *, simulated: bool
+) -> list[int] | None:
     """The promptest pair of each part of a run, if they agree and the others only came late.
 
     The parts are so short that any lasting step fills one.
@@ -182,11 +188,15 @@ def _prompt_pairs(elapsed_s: FloatArray, early_s: FloatArray) -> list[int] | Non
     if len(early_s) < _BINS * _IN_BIN:
         return None
     parts = np.array_split(np.arange(len(early_s)), _BINS)
-    prompt = [int(part[np.argmax(early_s[part])]) for part in parts]
+    promptest = np.array([part[np.argmax(early_s[part])] for part in parts])
     drift_s = DRIFT_MOST * float(elapsed_s[-1] - elapsed_s[0])
-    agree = float(np.ptp(early_s[prompt])) <= STEP_S + drift_s
-    is_late = np.max(early_s) - early_s <= _LATE_S + drift_s
-    return prompt if agree and np.mean(is_late) >= AGREE_SHARE else None
+    late_s = np.max(early_s) - early_s
+    prompt = promptest[late_s[promptest] <= STEP_S + drift_s]
+    least = _PROMPT_SIMULATED if simulated else 1.0
+    is_late = late_s <= (_LATE_SIMULATED_S if simulated else _LATE_S) + drift_s
+    if len(prompt) < least * _BINS or np.mean(is_late) < AGREE_SHARE:
+        return None
+    return [int(one) for one in prompt]
 
 
 def _is_midnight(utc_ns: int) -> bool:

@@ -23,7 +23,7 @@ from logger.core.baseline import (
     KnownCell,
     NotedBaseline,
     SquareHistory,
-    noted,
+    answer_line,
 )
 from logger.core.errors import RunFileError, error_place
 from logger.core.latest import Latest
@@ -94,7 +94,7 @@ class LiveBaseline:
             return
         text = f"{path}: {self.n_walks} earlier walks, fingerprint {self.fingerprint}"
         self._notes.append(Note("info", READ, text))
-        self._lines += noted(FILE, self.fingerprint, self.n_walks)
+        self._lines += answer_line(FILE, self.fingerprint, self.n_walks)
 
     def _ask(self, kind: str, key: Any, ask: Callable[[Baseline], Answer]) -> Answer:
         try:
@@ -104,7 +104,7 @@ class LiveBaseline:
             return ask(self._baseline)
         if (question := f"{kind} {key}") not in self._noted and self.n_walks:
             self._noted.put(question, None)
-            self._lines += noted(kind, key, answer)
+            self._lines += answer_line(kind, key, answer)
         return answer
 
     def _give_up(self, error: Exception) -> None:

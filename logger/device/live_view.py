@@ -175,7 +175,7 @@ def live_view(tracker: "LiveTracker") -> LiveView:
         position=position,
         offer=tracker.offer,
         within_walk_m=tracker.walk_area.within_m,
-        unnoticed=tracker.suspicion.unnoticed,
+        unnoticed=tracker.suspicion.unnoticed_text,
     )
 
 

@@ -29,7 +29,7 @@ from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family, having
+from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
@@ -162,9 +162,9 @@ class Cinterion(Family):
     name = "cinterion"
     gives = MappingProxyType(
         {
-            "GSM": having("neighbours", "timing advance", "C1 and C2"),
-            "WCDMA": having("neighbours"),
-            "LTE": having("neighbours"),
+            "GSM": cells_with("neighbours", "timing advance", "C1 and C2"),
+            "WCDMA": cells_with("neighbours"),
+            "LTE": cells_with("neighbours"),
         }
     )
     claim = Claim(maker=r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b")

@@ -36,7 +36,7 @@ _OF_A_CELL: "frozenset[Need]" = frozenset(
 )
 
 
-def having(*more: "Need", without: "Iterable[Need]" = ()) -> "frozenset[Need]":
+def cells_with(*more: "Need", without: "Iterable[Need]" = ()) -> "frozenset[Need]":
     """What rules find in replies about cells: the usual, and `more`."""
     return (_OF_A_CELL | frozenset(more)) - frozenset(without)
 

@@ -26,7 +26,7 @@ from typing import Any, ClassVar
 
 from logger.core.types import Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family, having
+from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
@@ -153,8 +153,8 @@ class Fibocom(Family):
     name = "fibocom"
     gives = MappingProxyType(
         {
-            "LTE": having("neighbours"),
-            "WCDMA": having(),
+            "LTE": cells_with("neighbours"),
+            "WCDMA": cells_with(),
         }
     )
     claim = Claim(maker=r"\bFIBOCOM\b", series=r"\bL8[1356]0-GL\b")

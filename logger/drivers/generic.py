@@ -16,7 +16,7 @@ Sources: 3GPP TS 27.007 7.2, 7.3, 8.5 and 8.69; a measured reply (github
 from collections.abc import Sequence
 from types import MappingProxyType
 
-from logger.drivers.family import Family, having
+from logger.drivers.family import Family, cells_with
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import Row
 from logger.drivers.reading.standard_replies import with_serving_cell
@@ -28,9 +28,9 @@ class Generic(Family):
     name = "generic"
     gives = MappingProxyType(
         {
-            "GSM": having(without=("channel", "colour code")),
-            "WCDMA": having(without=("channel", "colour code")),
-            "LTE": having(without=("channel", "colour code")),
+            "GSM": cells_with(without=("channel", "colour code")),
+            "WCDMA": cells_with(without=("channel", "colour code")),
+            "LTE": cells_with(without=("channel", "colour code")),
         }
     )
     setup_commands = (

@@ -28,7 +28,7 @@ from typing import Any
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
 from logger.drivers.cinterion import grouped_cells
-from logger.drivers.family import Claim, Family, having
+from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
@@ -100,10 +100,10 @@ class Huawei(Family):
     name = "huawei"
     gives = MappingProxyType(
         {
-            "GSM": having("neighbours"),
-            "WCDMA": having("neighbours"),
-            "LTE": having(),
-            "NR": having("neighbours"),
+            "GSM": cells_with("neighbours"),
+            "WCDMA": cells_with("neighbours"),
+            "LTE": cells_with(),
+            "NR": cells_with("neighbours"),
         }
     )
     claim = Claim(maker=r"\bHUAWEI\b|\bTD[ -]?TECH\b", series=r"\bMT5700")

@@ -27,7 +27,7 @@ from typing import ClassVar
 
 from logger.core.types import Rat
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family, having
+from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.protocols.at import Command
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
@@ -171,12 +171,12 @@ class Quectel(Family):
     name = "quectel"
     gives = MappingProxyType(
         {
-            "GSM": having("C1 and C2"),
-            "WCDMA": having("neighbours"),
-            "LTE": having("neighbours"),
-            "LTE-M": having(),
-            "NB-IoT": having("neighbours"),
-            "NR": having("neighbours"),
+            "GSM": cells_with("C1 and C2"),
+            "WCDMA": cells_with("neighbours"),
+            "LTE": cells_with("neighbours"),
+            "LTE-M": cells_with(),
+            "NB-IoT": cells_with("neighbours"),
+            "NR": cells_with("neighbours"),
         }
     )
     claim = Claim(

@@ -23,7 +23,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from types import MappingProxyType
 
-from logger.drivers.family import Claim, Family, having
+from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.quectel import KINDS
 from logger.drivers.reading.row_language import NoCell, Row, decimal, first_cell, form, split
@@ -57,8 +57,8 @@ class QuectelGsm(Family):
     name = "quectel_gsm"
     gives = MappingProxyType(
         {
-            "GSM": having("neighbours", "C1 and C2"),
-            "NB-IoT": having(without=("identity", "country code")),
+            "GSM": cells_with("neighbours", "C1 and C2"),
+            "NB-IoT": cells_with(without=("identity", "country code")),
         }
     )
     claim = Claim(

@@ -31,7 +31,7 @@ from typing import ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family, having
+from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
     EIGHT,
@@ -148,8 +148,8 @@ class Sierra(Family):
     name = "sierra"
     gives = MappingProxyType(
         {
-            "LTE": having("neighbours"),
-            "WCDMA": having(without=("identity", "country code", "colour code")),
+            "LTE": cells_with("neighbours"),
+            "WCDMA": cells_with(without=("identity", "country code", "colour code")),
         }
     )
     claim = Claim(maker=r"\A(?!.*\b(?:HL|SL|Q2)\d)(?:.*\bSIERRA WIRELESS\b|.*\bAIRPRIME\b)")

@@ -23,7 +23,7 @@ from types import MappingProxyType
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family, having
+from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
@@ -87,11 +87,11 @@ class Sim7000(Family):
     name = "sim7000"
     gives = MappingProxyType(
         {
-            "GSM": having("neighbours", "C1 and C2"),
-            "WCDMA": having(),
-            "LTE": having(),
-            "LTE-M": having("neighbours"),
-            "NB-IoT": having(),
+            "GSM": cells_with("neighbours", "C1 and C2"),
+            "WCDMA": cells_with(),
+            "LTE": cells_with(),
+            "LTE-M": cells_with("neighbours"),
+            "NB-IoT": cells_with(),
         }
     )
     claim = Claim(series=r"SIM70(?:00|70|80|90)(?!\d)")

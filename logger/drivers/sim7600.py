@@ -32,7 +32,7 @@ from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family, having
+from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
@@ -182,10 +182,12 @@ class Sim7600(Family):
     name = "sim7600"
     gives = MappingProxyType(
         {
-            "GSM": having("neighbours", "timing advance", "C1 and C2", without=("colour code",)),
-            "WCDMA": having("neighbours"),
-            "LTE": having("neighbours"),
-            "NR": having(),
+            "GSM": cells_with(
+                "neighbours", "timing advance", "C1 and C2", without=("colour code",)
+            ),
+            "WCDMA": cells_with("neighbours"),
+            "LTE": cells_with("neighbours"),
+            "NR": cells_with(),
         }
     )
     claim = Claim(series=r"SIM(?:5\d|7[1-9]|8[23])\d\d(?!\d)|(?<![0-9A-Z])A7[69]\d\d(?!\d)")

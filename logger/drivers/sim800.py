@@ -21,7 +21,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Role
-from logger.drivers.family import Claim, Family, having
+from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
@@ -106,7 +106,7 @@ class Sim800(Family):
     name = "sim800"
     gives = MappingProxyType(
         {
-            "GSM": having("neighbours", "timing advance", "C1 and C2"),
+            "GSM": cells_with("neighbours", "timing advance", "C1 and C2"),
         }
     )
     claim = Claim(series=r"SIM(?:COM_SIM)?[89]\d\d(?!\d)")

@@ -38,7 +38,7 @@ from typing import ClassVar
 
 from logger.core.types import HIGHEST_ARFCN, MOST_NEIGHBOURS, Broadcast, CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family, having
+from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
     VALUES,
@@ -248,8 +248,8 @@ class Telit(Family):
     name = "telit"
     gives = MappingProxyType(
         {
-            "GSM": having("neighbours", "timing advance", "C1 and C2", "neighbour lists"),
-            "LTE": having("neighbours"),
+            "GSM": cells_with("neighbours", "timing advance", "C1 and C2", "neighbour lists"),
+            "LTE": cells_with("neighbours"),
         }
     )
     claim = Claim(

@@ -33,7 +33,7 @@ from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
-from logger.drivers.family import Claim, Family, having
+from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import (
@@ -219,9 +219,9 @@ class Ublox(Family):
     name = "ublox"
     gives = MappingProxyType(
         {
-            "GSM": having("neighbours", "C1 and C2", without=("colour code",)),
-            "WCDMA": having("neighbours", without=("level",)),
-            "LTE": having(),
+            "GSM": cells_with("neighbours", "C1 and C2", without=("colour code",)),
+            "WCDMA": cells_with("neighbours", without=("level",)),
+            "LTE": cells_with(),
         }
     )
     claim = Claim(maker=r"\bu-?blox\b", series=r"\b(?:SARA|LISA|LARA|TOBY|LENA|LEON|LUCY)-[A-Z]?\d")

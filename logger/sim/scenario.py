@@ -15,8 +15,6 @@ from logger.sim.walk import Walk
 from logger.sim.world import Radio, Transmitter, World
 
 DEFAULT = "block"
-SIMULATED = "simulated walk "
-"""What the origin of a simulated run begins with; the name of the scenario follows."""
 ORIGIN_LAT_DEG, ORIGIN_LON_DEG = 46.9480, 7.4474
 UTC_START = datetime(2024, 5, 14, 9, 0, tzinfo=UTC)
 COLD_START_S = 30.0

@@ -170,7 +170,7 @@ class Messages:
             return []
         read = self._rrc if record.code == RRC else self._nas
         try:
-            return [*self._unanswered(record.time_ns), *read(record)]
+            return [*self._give_up(record.time_ns), *read(record)]
         except _RefusedError:
             self.refused[record.code] += 1
             return []
@@ -179,7 +179,7 @@ class Messages:
         """What still waits for an answer."""
         return [self._answer(radio_id, "not answered") for radio_id in tuple(self._asked)]
 
-    def named(self, one: Observation) -> Observation:
+    def with_first_name(self, one: Observation) -> Observation:
         """An observation with the first identity of a cell that several operators share."""
         if one.identity is None or one.rat != "LTE":
             return one
@@ -191,7 +191,7 @@ class Messages:
     def _signal(self, time_ns: int, kind: str, value: str, cell: str) -> Signal:
         return Signal(time_ns, kind, value, cell, self._operators.get(cell, UNKNOWN))
 
-    def _unanswered(self, time_ns: int) -> Iterator[Signal]:
+    def _give_up(self, time_ns: int) -> Iterator[Signal]:
         for radio_id, asked in tuple(self._asked.items()):
             if not 0 <= time_ns - asked.time_ns <= _ANSWER_NS:
                 yield self._answer(radio_id, "not answered")
@@ -268,7 +268,7 @@ class Messages:
             first = identities[0]
             for other in identities[1:]:
                 self._first.put(str(other), first)
-            yield self.named(
+            yield self.with_first_name(
                 Observation(
                     message.time_ns, message.radio_id, "LTE", message.channel, message.code,
                     "neighbour", identity=first,
@@ -358,7 +358,7 @@ class Messages:
             if info and channel is not None and "mcc" in info["cellGlobalId"]["plmn-Identity"]:
                 place, area = info["cellGlobalId"], info["trackingAreaCode"][0]
                 identity = _identity(place["plmn-Identity"], area, place["cellIdentity"][0])
-            yield self.named(
+            yield self.with_first_name(
                 at._replace(
                     channel=channel,
                     code=cell["physCellId"],

@@ -81,8 +81,6 @@ def report(
     if basemap is not None and not basemap.is_file():
         raise ConfigError(f"{basemap}: no such file")
     options = estimation.Options(prior, within_m=within_m)
-    if len(paths) > 1 and (claim or claims):
-        raise ConfigError("a claim is tested against one run: name only that run")
     groups = grouped_runs(paths, cells)
     codes, documents = [], []
     for group, own_cells in groups:

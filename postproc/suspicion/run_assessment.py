@@ -22,7 +22,7 @@ from logger.core.suspicion.words import (
     unnoticed_text,
     word_rate_text,
 )
-from logger.drivers.family import having
+from logger.drivers.family import cells_with
 from logger.drivers.registry import FAMILIES
 from postproc.cell_work import Failure, failure
 from postproc.ground import SEVERAL, HeardIn, several_evidence, several_text
@@ -181,7 +181,7 @@ class Suspicions:
     earlier_walks: int = 0
 
     @property
-    def unnoticed(self) -> str:
+    def unnoticed_text(self) -> str:
         """What no rule could see."""
         return unnoticed_text(self.not_asked, self.earlier_walks)
 
@@ -302,7 +302,7 @@ def conspicuous_first(
         warnings=warnings,
         words=words,
         not_asked=suspicions.not_asked,
-        unnoticed=suspicions.unnoticed,
+        unnoticed=suspicions.unnoticed_text,
     )
     return result, tuple(rank)
 
@@ -345,7 +345,7 @@ def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
         "cells": cells,
         "not_asked": suspicions.not_asked,
         "earlier_walks": suspicions.earlier_walks,
-        "unnoticed": suspicions.unnoticed,
+        "unnoticed": suspicions.unnoticed_text,
         "errors": errors,
     }
     return Document(content, body=_lines(suspicions, details=details))
@@ -377,7 +377,7 @@ def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
         yield "no cell was named by two scans"
     if suspicions.not_asked:
         yield f"not checked, as these were missing: {not_asked_text(suspicions, details=details)}"
-    yield suspicions.unnoticed
+    yield suspicions.unnoticed_text
     yield _NEVER
 
 
@@ -436,7 +436,7 @@ FILE = "csv"
 
 def table_of_sources() -> tuple[str | Table, ...]:
     """Which rules can be asked of cells of which generations, by driver and of an imported file."""
-    of_file = having("neighbours", "neighbour lists", "timing advance")
+    of_file = cells_with("neighbours", "neighbour lists", "timing advance")
     gives = {name: family.gives for name, family in FAMILIES.items()} | {
         FILE: dict.fromkeys(("GSM", "WCDMA", "LTE", "NR"), of_file)
     }

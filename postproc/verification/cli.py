@@ -10,17 +10,18 @@ import click
 from logger.command_line import FILE, INPUT, json_option, late_modules, show
 from logger.core.errors import ConfigError
 from postproc.options import (
+    area_options,
     false_alarm_option,
     only_one,
     prior_options,
-    run_argument,
+    runs_argument,
     stored_result,
 )
 
 with late_modules():
     from logger.core import document, runfile
     from logger.core.model import prior as priors
-    from postproc import atomic_write, cell_work, progress, scan_counts
+    from postproc import atomic_write, cell_work, multi_run, progress, scan_counts
     from postproc import result as estimation
     from postproc.verification import celldb as databases
     from postproc.verification import (
@@ -48,15 +49,15 @@ def tested_claims(
     """
     if not texts and path is None:
         return None
-    run, only = result.runs[0].run, [cell for cell in cells if cell] or None
+    runs, only = [one.run for one in result.runs], [cell for cell in cells if cell] or None
     claimed = [claims.parse_claim(text, cell) for text in texts for cell in cells]
     if path is not None:
-        claimed += claims.read_claims(path, list(scan_counts.observed_cells([run], only)))
-    return _test(run, claimed, p_fa, prior, only, result)
+        claimed += claims.read_claims(path, list(scan_counts.observed_cells(runs, only)))
+    return _test(runs, claimed, p_fa, prior, only, result)
 
 
 def _test(
-    run: runfile.Run,
+    runs: Sequence[runfile.Run],
     claimed: Sequence[claims.Claim],
     p_fa: float,
     prior: priors.Prior,
@@ -64,19 +65,18 @@ def _test(
     result: estimation.Result | None,
 ) -> verdicts.Verified:
     return run_claims.verify_claims(
-        run,
+        runs,
         claimed,
         p_fa,
         prior,
         only,
-        is_simulated=bool(run.meta.truth),
         result=result,
         progress=progress.with_progress,
     )
 
 
 @click.command
-@run_argument
+@runs_argument
 @click.option(
     "--claim", metavar="LAT,LON[,SIGMA_M]", help="Claimed position of --cell or of every cell."
 )
@@ -94,9 +94,10 @@ def _test(
 )
 @false_alarm_option
 @prior_options
+@area_options
 @json_option
 def verify(
-    path: Path,
+    paths: Sequence[Path],
     claim: str | None,
     claims_path: Path | None,
     cell: str | None,
@@ -109,23 +110,26 @@ def verify(
 ) -> int:
     """Test claimed positions of cells.
 
-    Each is consistent, rejected or cannot be decided; the power of the test is printed too. The
-    exit code is 3 if the test of a cell failed.
+    Each is consistent, rejected or cannot be decided, by all runs together; what they would notice
+    is printed first. The exit code is 3 if the test of a cell failed.
     """
     only_one({"--claim": claim, "--claims": claims_path, "--sites": sites}, is_required=True)
-    run, only = runfile.read_sound_run(path), [cell] if cell else None
+    runs, only = list(map(runfile.read_sound_run, paths)), [cell] if cell else None
+    multi_run.check_different(runs)
     if sites:
+        if len(runs) > 1:
+            raise ConfigError("--sites tests one run; a second one goes with --against")
         other = runfile.read_sound_run(against) if against is not None else None
-        return _verify_sites(run, other, only, p_fa, prior, as_json=as_json)
+        return _verify_sites(runs[0], other, only, p_fa, prior, as_json=as_json)
     if against is not None:
         raise ConfigError("--against goes with --sites")
-    observed = scan_counts.observed_cells([run], only)
+    observed = scan_counts.observed_cells(runs, only)
     if claim is not None:
         claimed = [claims.parse_claim(claim, cell)]
     elif claims_path is not None:
         claimed = claims.read_claims(claims_path, list(observed))
-    result = stored_result([run], only or [], estimation.Options(prior))
-    verified = _test(run, claimed, p_fa, prior, only, result)
+    result = stored_result(runs, only or [], estimation.Options(prior))
+    verified = _test(runs, claimed, p_fa, prior, only, result)
     show(report.document_of(verified), as_json=as_json)
     return cell_work.exit_code(verified.cells)
 

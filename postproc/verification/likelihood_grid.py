@@ -20,10 +20,10 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.mixture import log_sum, rows_of_groups
 from logger.core.locator.quadtree import PositionPrior, children, first_squares
 from logger.core.model.blocks import Blocks
-from logger.core.model.columns import receiver_variance, varying_columns
+from logger.core.model.columns import distances_db, receiver_variance, varying_columns
 from logger.core.model.elimination import eliminate, packed_index, pivots, reduce_columns, side
 from logger.core.model.marginal import fit, prior_sums, products, row_weights, sums, whiten
-from logger.core.model.noise import Whitener
+from logger.core.model.noise import Whitener, covariances, whiteners_of
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 
@@ -39,6 +39,11 @@ _SIGMA_SHAPE = 1.7
 _LEAST_WEIGHT = 0.003  # of a hypothesis that is not ruled out
 _MOST_HYPOTHESES = 6
 _LEAST_SIDE_M = 1.0  # of a square that is split: far below what a walk can resolve
+_COARSE = 550  # squares: of the walk's posterior to be refined
+_FINE = 1600  # where the noise is estimated
+_LIKELY = 1e-4
+_TAIL = 16
+_LEAST = 1e-300
 
 
 class _Projections(NamedTuple):
@@ -246,3 +251,120 @@ def refine(
 def coarse_squares(blocks: Blocks, prior: Prior) -> Squares:
     """Where a search begins."""
     return first_squares(blocks, prior, 1.2)
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """A `root` (n, n) of the noise's covariance by the likeliest hypothesis, and what goes with it.
+
+    That is, for places (m,), their probability, sigma, and mean and variance of eta.
+    """
+
+    blocks: Blocks
+    prior: Prior
+    root: FloatArray
+    probability: FloatArray
+    sigma_db: FloatArray
+    eta: FloatArray
+    eta_variance: FloatArray
+
+    @property
+    def mean_sigma_db(self) -> float:
+        """Noise that the walk shows."""
+        return float(self.probability @ self.sigma_db)
+
+    def walks(self, positions: Places, rng: np.random.Generator) -> FloatArray:
+        """Levels of one walk for each place (b,) of the transmitter, shape (n, b)."""
+        m = rng.choice(len(self.probability), len(positions), p=self.probability)
+        eta = self.eta[m] + np.sqrt(self.eta_variance[m]) * rng.normal(size=len(m))
+        sigma_db = self.sigma_db[m]
+        at_db = distances_db(self.blocks, self.prior.height_m, positions)
+        noise = self.root @ rng.normal(size=at_db.shape)
+        extra = receiver_variance(self.blocks, self.prior, at_db)
+        if extra is not None:
+            noise += np.sqrt(extra) * rng.normal(size=extra.shape)
+        levels_dbm = sigma_db * noise - eta * at_db
+        if self.prior.antenna_db:
+            size = sigma_db / self.prior.sigma_db
+            levels_dbm += antenna_patterns(self.blocks, self.prior, positions, size, rng)
+        return np.asarray(levels_dbm, float)
+
+
+def antenna_patterns(
+    blocks: Blocks,
+    prior: Prior,
+    positions: Places,
+    size: FloatArray,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Random antenna patterns in dB at positions (b,), `size` (b,) times the prior's: (n, b)."""
+    _, *harmonics = varying_columns(blocks, prior, positions)
+    sigma_db = np.repeat(prior.antenna_db, 2)[:, None] * size
+    walks = sigma_db * rng.normal(size=(len(harmonics), len(size)))
+    return np.asarray(np.einsum("knb,kb->nb", np.stack(harmonics), walks), float)
+
+
+def nuisances(field: LikelihoodGrid, level_dbm: FloatArray, k: FloatArray) -> Nuisances:
+    """Of a walk (n,), with the covariance `k` (c, n, n) by every hypothesis of the prior."""
+    log_p, variance = field.evaluate(level_dbm[:, None])
+    best = int(np.argmax(field.weights(log_p)[:, 0]))
+    eta, inverse = field.exponents(level_dbm)
+    joint = log_p[best, :, 0] + field.log_mass
+    p = np.exp(joint - np.max(joint))
+    likely = p > _LIKELY
+    of_noise = variance[best, likely, 0]
+    return Nuisances(
+        field.blocks,
+        field.prior,
+        np.asarray(np.linalg.cholesky(k[field.numbers[best]]), float),
+        p[likely] / np.sum(p[likely]),
+        np.sqrt(of_noise),
+        eta[best, likely],
+        of_noise * inverse[best, likely],
+    )
+
+
+@dataclass(frozen=True)
+class PreparedWalk:
+    """A walk ready for tests of claims: blocks with levels about zero, and estimated noise.
+
+    `covariances` (c, n, n) are those of every hypothesis of the prior. `field` has few places, to
+    be refined for a claim, `fine` those at which the noise is estimated.
+    """
+
+    blocks: Blocks
+    prior: Prior
+    level_dbm: FloatArray
+    covariances: FloatArray
+    field: LikelihoodGrid
+    fine: LikelihoodGrid
+    noise: Nuisances
+
+
+def prepare_walk(blocks: Blocks, prior: Prior) -> PreparedWalk:
+    """Learn from a walk what does not depend on the claim."""
+    level_dbm = blocks.level_dbm - float(np.mean(blocks.level_dbm))
+    k, coarse = covariances(blocks, prior), coarse_squares(blocks, prior)
+    every = whiteners_of(k)
+    # each hypothesis has its own peak: places too coarse for the sharpest would rule that one out
+    searched = refine(likelihood_grid(blocks, prior, coarse, every[::6]), level_dbm[:, None], _FINE)
+    fine = likelihood_grid(blocks, prior, searched.squares, every).plausible(level_dbm)
+    field = refine(
+        likelihood_grid(blocks, prior, coarse, fine.whiteners), level_dbm[:, None], _COARSE
+    )
+    return PreparedWalk(blocks, prior, level_dbm, k, field, fine, nuisances(fine, level_dbm, k))
+
+
+def calibrate(calm: FloatArray, statistics: FloatArray) -> FloatArray:
+    """Share of the sorted `calm` (d,) at or below each of `statistics`.
+
+    In the tail, where few are, it follows a power law through the least of them.
+    """
+    calm, statistics = np.maximum(calm, _LEAST), np.maximum(statistics, _LEAST)
+    count = np.searchsorted(calm, statistics, side="right")
+    edge = calm[_TAIL]
+    steep = float(
+        np.clip((_TAIL - 1.0) / max(float(np.sum(np.log(edge / calm[:_TAIL]))), 1e-9), 0.2, 5.0)
+    )
+    beyond = (_TAIL + 0.5) / (len(calm) + 1.0) * (np.minimum(statistics, edge) / edge) ** steep
+    return np.asarray(np.where(statistics < edge, beyond, (count + 0.5) / (len(calm) + 1.0)), float)

@@ -5,15 +5,29 @@ Assoc. 62(318), 1967).
 """
 
 from math import erf, exp, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from postproc.verification.verdicts import Normality
 
 _SAMPLES = 200  # resolves p to 0.005
 _FEWEST = 8  # with fewer values the test rejects next to nothing
 _SIGMA_PER_MAD = 1.4826  # of a normal law
+
+
+class Normality(NamedTuple):
+    """Distance to the normal law with the sample's mean and sigma, and its p-value.
+
+    `limit_sigmas` is where outliers were cut (None: nowhere), `n` how many values were left,
+    `n_cut` how many were cut.
+    """
+
+    limit_sigmas: float | None
+    n: int
+    n_cut: int
+    distance: float
+    p: float
 
 
 def normality(

@@ -26,6 +26,7 @@ from logger.core.locator.mixture import log_sum
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.two_source_test import divide
+from logger.core.model.blocks import Blocks, blocks
 from logger.core.model.noise import independent_variance, shadowing
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.model.prior import Prior
@@ -37,15 +38,25 @@ from postproc.cell_work import Failure, attempt
 from postproc.ground import REACH_M, apart_m
 from postproc.multi_run import merge, modems_of
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
-from postproc.verification.claim_test import PreparedWalk, calibrate, prepare_walk
-from postproc.verification.likelihood_grid import refine
-from postproc.verification.run_claims import FEWEST_BLOCKS, SEED, blocks_of
+from postproc.verification.likelihood_grid import (
+    PreparedWalk,
+    calibrate,
+    prepare_walk,
+    refine,
+)
 from postproc.verification.verdicts import SiteVerdict
 from postproc.walk import observe_run
 
 DRAWS = 39
 """Walks simulated past one transmitter for one run: p can then be as small as 0.025."""
 
+_FEWEST_BLOCKS = 16
+"""Fewer blocks leave too few residuals to estimate the noise beside the claim's displacement."""
+
+_MOST_BLOCKS = 80
+"""The tests draw thousands of walks over the blocks: more cost time and gain no power."""
+_SEED = 20_143_774
+"""Of the random numbers: the same run and claims give the same verdicts."""
 _ENOUGH = 4
 """So many walks with a factor as large decide that it is not significant."""
 _PAIRS = 240
@@ -220,7 +231,7 @@ def _sites_of(
     walks = _readings(runs, cell)
     if len(walks) < len(runs):
         return None, "the cell was not received where the position of the walker is known"
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(_SEED)
     if other is None:
         return _within_one_walk(walks[0], prior, rng)
     first_deg = [obs.places.first_deg for obs in walks]
@@ -234,9 +245,9 @@ def _sites_of(
     walks = [replace(obs, places=obs.places.in_zone(utm)) for obs in walks]
     if far_m > _FAR_M:
         return _within_one_walk(_as_one(walks, modems_of(runs), prior), prior, rng)
-    first, second = (blocks_of(obs) for obs in walks)
-    if min(len(first), len(second)) < FEWEST_BLOCKS:
-        return None, f"fewer than {FEWEST_BLOCKS} locations with a level"
+    first, second = (_blocks_of(obs) for obs in walks)
+    if min(len(first), len(second)) < _FEWEST_BLOCKS:
+        return None, f"fewer than {_FEWEST_BLOCKS} locations with a level"
     return between_two(prepare_walk(first, prior), prepare_walk(second, prior), utm, rng), None
 
 
@@ -262,3 +273,12 @@ def _within_one_walk(
         return None, why
     sites = within_one(obs, locate(obs, prior), rng)
     return sites, None if sites else "one place leaves no more unexplained than shadowing does"
+
+
+def _blocks_of(obs: Readings) -> Blocks:
+    """Blocks of readings, without those censored or near a censored one.
+
+    There only the high levels are left, which bias the tests.
+    """
+    gathered = blocks(obs.usable(), _MOST_BLOCKS)
+    return gathered.clear_of_censored() if len(gathered.censored.places) else gathered

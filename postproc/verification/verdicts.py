@@ -1,7 +1,7 @@
 """Verdicts on claimed positions: what `verify` returns."""
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from msgspec import UNSET, Struct, UnsetType
 
@@ -9,20 +9,6 @@ from postproc.verification.claims import Claim
 
 Verdict = Literal["consistent", "rejected", "cannot tell"]
 Followed = Literal["indirect"]
-
-
-class Normality(NamedTuple):
-    """Distance to the normal law with the sample's mean and sigma, and its p-value.
-
-    `limit_sigmas` is where outliers were cut (None: nowhere), `n` how many values were left,
-    `n_cut` how many were cut.
-    """
-
-    limit_sigmas: float | None
-    n: int
-    n_cut: int
-    distance: float
-    p: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +34,12 @@ class CellVerdict:
     """One claim about one cell; values are None where they cannot be computed, `reasons` say why.
 
     `p` is the p-value of the claim in the posterior, also named `p_indirect` (Verma et al.: the
-    test that `followed` names), and `q` the same adjusted for the number of claims.
-    `p_indirect_model` trusts the noise to be stationary, as that of a simulated run is, where both
-    are the same; `p_direct` and `p_direct_model` are of a test that is no longer made. `level` is
-    that of the smallest highest-density region of the posterior that contains the claim,
-    `distance_m` the claim's from the walk, `best_deg` the posterior's best position (latitude,
-    longitude), `normality` that of the whitened residuals at the claim, of all and of those within
-    3 sigma. `error` is that of the program which ended the test, None where none did.
+    test that `followed` names), and `q` the same adjusted for the number of claims. `level` is that
+    of the smallest highest-density region of the posterior that contains the claim, `distance_m`
+    the claim's from the walk, `best_deg` the posterior's best position (latitude, longitude).
+    `notices_m` is the least displacement that is rejected with 95 %, whatever its direction.
+    `p_direct`, `p_direct_model`, `p_indirect_model` and `normality` are of tests that are no longer
+    made. `error` is that of the program which ended the test, None where none did.
     """
 
     cell: str
@@ -68,12 +53,13 @@ class CellVerdict:
     p_direct: None = None
     p_indirect: float | None = None
     p_direct_model: None = None
-    p_indirect_model: float | None = None
+    p_indirect_model: None = None
     level: float | None = None
     distance_m: float | None = None
     best_deg: tuple[float, float] | None = None
     power: tuple[Detectable, ...] = ()
-    normality: tuple[Normality, ...] = ()
+    notices_m: float | None = None
+    normality: tuple[()] = ()
     error: str | None = None
 
     @property

@@ -57,6 +57,20 @@ def test_honest_levels_all_count(step_m, noise_db, quantum_db):
         assert repeats(*walk) == []
 
 
+@pytest.mark.parametrize("step_m", [1.4, 9.9999, 10.0, 25.0])
+@pytest.mark.parametrize("n_held", range(14, 22))
+def test_what_cannot_be_cached_is_told_without_looking_at_each_reading(n_held, step_m):
+    """The device, which looks at each, becomes sure with as many equal levels."""
+    per_step = max(round(10.0 / step_m), 1)
+    level_dbm = np.repeat([-80.0, *[-90.0] * n_held, -70.0], per_step)
+    x_m = step_m * np.arange(len(level_dbm))
+    test, was_sure = CacheTest(), False
+    for x, dbm in zip(x_m, level_dbm, strict=True):
+        test.take(Places.of(x, 0.0, sigma_m=np.full(1, 4.0)), float(dbm), 0)
+        was_sure |= test.is_cached
+    assert bool(repeats(x_m, level_dbm)) == was_sure
+
+
 def test_levels_at_rest_all_count():
     """The receiver's error wanders by some metres, and the level is what it is."""
     rng = np.random.default_rng(3)

@@ -16,7 +16,7 @@ from tests.kit.drivers import own_replies
 CORPUS = Path(__file__).parents[3] / "shared" / "corpus" / "modem"
 
 
-def _served(driver, texts):
+def _needs_served(driver, texts):
     """Needs that the cells of some replies serve, by technology."""
     served = defaultdict(set)
     for text in texts:
@@ -30,7 +30,7 @@ def _served(driver, texts):
     return served
 
 
-def _recorded():
+def _recorded_texts():
     """Texts of the corpus, each once for the driver that reads most of it."""
     texts = defaultdict(list)
     for entry in json.loads((CORPUS / "expected.json").read_text()):
@@ -42,17 +42,17 @@ def _recorded():
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_nothing_is_read_that_is_not_declared(name):
-    for rat, needs in _served(FAMILIES[name], own_replies(name)).items():
+    for rat, needs in _needs_served(FAMILIES[name], own_replies(name)).items():
         assert needs <= FAMILIES[name].gives.get(rat, set()), rat
 
 
 @pytest.mark.skipif(not CORPUS.is_dir(), reason="no recorded replies here")
 def test_nothing_is_declared_that_no_reply_has():
-    recorded = _recorded()
+    recorded = _recorded_texts()
     for name, driver in FAMILIES.items():
         if name == "generic":  # its cell is made of several replies
             continue
-        read = _served(driver, [*own_replies(name), *recorded[name]])
+        read = _needs_served(driver, [*own_replies(name), *recorded[name]])
         for rat, needs in driver.gives.items():
             assert needs <= read[rat], (name, rat, needs - read[rat])
 

@@ -90,6 +90,7 @@ def test_the_page_shows_the_walk_and_calls_nobody_else(recorded_walk, phone, tmp
     (run,) = (read_run(path) for path in (tmp_path / "runs").glob("*.h5"))
     notes = [(row["code"], row["text"].decode()) for row in run.tables["notes"]]
     assert (b"mark", "a door") in notes
+    assert (b"within", "300") in notes
     assert b"follow" in [code for code, _ in notes]
     assert replay(run).equal
     kept = f"{len(run.tables['readings']):_}".replace("_", "\u00a0")
@@ -105,6 +106,9 @@ def _marks_and_follows(phone):
     )
     phone.chromium.evaluate("document.querySelectorAll('#cells .follow')[2].click()")
     service.wait_for(lambda: phone.text("cell").startswith(weaker), 30)
+    phone.chromium.evaluate("document.getElementById('within').click()")
+    within = "return document.getElementById('within').ariaPressed"
+    service.wait_for(lambda: phone.chromium.evaluate(within) == "true", 30)
     # browsers want a real tap for sound
     phone.chromium.evaluate("document.getElementById('sound').scrollIntoView({block: 'center'})")
     phone.driver.find_element("id", "sound").click()

@@ -194,13 +194,13 @@ CLAIM = f"{LAT},{LON},50"
 @pytest.mark.parametrize(
     "step",
     [
-        "postproc.verification.run_claims._claim_test",
+        "postproc.verification.run_claims.verify_cell",
         "postproc.verification.run_claims.locate",
         "postproc.verification.run_claims._geodesic",
     ],
 )
 def test_a_claim_about_it(step, check, run):
-    text = step.endswith("_claim_test")
+    text = step.endswith("verify_cell")
     joint = ("q",)
     check(step, "verify", run, "--claim", CLAIM, reasons="reasons", text=text, common=joint)
 

@@ -3,11 +3,9 @@
 import os
 import re
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 
 import pytest
-from PIL import Image
 
 from logger.core.runfile import read_run
 from logger.simulate import simulate
@@ -20,8 +18,6 @@ from tests.kit.browser import axe_core, browser
 pytestmark = pytest.mark.slow
 
 PHONE, DESKTOP = 390, 1280
-_PALETTE = 96
-"""Colours of a picture that is kept: a third of the bytes."""
 VIEWS = [(PHONE, False), (PHONE, True), (DESKTOP, False), (DESKTOP, True)]
 NAMES = ["light phone", "dark phone", "light desktop", "dark desktop"]
 
@@ -232,6 +228,4 @@ def test_screenshots(chromium, tmp_path):
     for device, width, height in (("phone", PHONE, 844), ("desktop", DESKTOP, 800)):
         for scheme in ("light", "dark"):
             chromium.open(path, width=width, dark=scheme == "dark", height=height)
-            picture = Image.open(BytesIO(chromium.screenshot(whole=False))).convert("RGB")
-            file = folder / f"report-{device}-{scheme}.png"
-            picture.quantize(_PALETTE).save(file, optimize=True)
+            chromium.keep_screen(folder / f"report-{device}-{scheme}.png")

@@ -40,8 +40,15 @@ _ONE_SIDED_DEG = 90.0
 """A walk that covers less than a quarter around the position cannot bound its distance."""
 _PASSING_M = 20.0
 """Distance at which the advice states levels: walking past, not through, a building."""
-_MOST_OUTSIDE = 0.9
-"""Of the probability without the area: with more outside of it the area is doubtful."""
+_CONTRADICTION, _MOST_OUTSIDE = 0.6, 0.2
+"""Of the probability without the area, what is outside of it: where the readings contradict it, and
+most of it where a location is one by the readings too.
+
+Of 131 measured walks, searched within 100 m, those with the transmitter there had more than the
+first in 7 of 57, the others in 49 of 74. A small area has 95 % within a few steps whatever the
+readings: by the area alone 18 of those 74 were located where nothing is, with the second bound 2,
+and of the 57 with the transmitter there 24 and 16.
+"""
 DESK_M = 150.0
 """A group of houses, which one more walk can search."""
 LIVE_M = 60.0
@@ -164,9 +171,13 @@ def assess(
     is_wide = radius_m > within_m
     if is_wide:
         reasons.insert(0, _too_wide(case, radius_m, within_m))
-    outside, is_contradicted = _outside_text(posterior), _contradicts_area(posterior)
+    outside, outside_share = _outside_text(posterior), posterior.outside_share or 0.0
+    is_contradicted = outside_share > _CONTRADICTION
     if is_contradicted:
         reasons.insert(0, f"the readings contradict the area: {outside}")
+    elif outside_share > _MOST_OUTSIDE:
+        needed = f"{outside}, and a location needs at most {_MOST_OUTSIDE:.0%}"
+        reasons.append(f"the readings do not show that it is in the area: {needed}")
     needed_m = within_m if is_wide and not is_contradicted else None
     if reasons:
         reasons += [hint for rule in HINTS if (hint := rule(case))]
@@ -176,21 +187,17 @@ def assess(
         verdict, reasons = "located", [f"one position holds {percents[0]}%; {radius}"]
     else:
         verdict, reasons = "ambiguous", [_shares(case, percents), _advice(case)]
-    if outside and not is_contradicted:
+    if outside and outside_share <= _MOST_OUTSIDE:
         reasons.append(outside)
     return Decision(verdict, reasons, division, needed_m)
 
 
-def _contradicts_area(posterior: Posterior) -> bool:
-    return (posterior.outside_share or 0.0) > _MOST_OUTSIDE
-
-
 def _outside_text(posterior: Posterior) -> str:
-    """How much the area of the prior has excluded; empty without one."""
+    """How much the area of the prior has left out; empty without one."""
     area, outside = posterior.prior.area, posterior.outside_share
     if area is None or outside is None:
         return ""
-    return f"without the area, {share_text(outside)} is outside of it ({area.text})"
+    return f"without the area, {share_text(outside)} is not {area.text}"
 
 
 def _widest_m(modes: Sequence[Mode]) -> float:

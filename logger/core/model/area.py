@@ -91,7 +91,7 @@ class Area:
         found = square[2] > self._least_extent_m / _PARTS
         large = square[:, found]
         found[found] = np.abs(self.beyond_m(Places.of(*large[:2]))) < _HALF_DIAGONAL * large[2]
-        return found
+        return np.asarray(found, np.bool_)
 
     @property
     def _least_extent_m(self) -> float:

@@ -183,7 +183,8 @@ def row_weights(whitener: FloatArray, extra: FloatArray) -> FloatArray:
     diagonal = np.diagonal(whitener, axis1=-2, axis2=-1)
     weight = np.asarray(diagonal[..., None] ** 2 * extra, float)
     weight += 1.0
-    return np.reciprocal(weight, out=weight)
+    np.reciprocal(weight, out=weight)
+    return weight
 
 
 def whiten(whitener: FloatArray, column: FloatArray) -> FloatArray:

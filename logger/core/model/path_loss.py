@@ -30,7 +30,7 @@ def log_distance_db(
     beyond_m2 = np.square(height_m) + 2.0 * np.square(sigma_m)
     squared_m2 = np.asarray(np.square(dx_m) + np.square(dy_m) + beyond_m2, float)
     np.maximum(squared_m2, MIN_DISTANCE_M**2, out=squared_m2)
-    distance_db = np.log10(squared_m2, out=squared_m2)
+    distance_db: FloatArray = np.log10(squared_m2, out=squared_m2)
     distance_db *= 5.0
     return distance_db
 

@@ -36,7 +36,7 @@ _HEARD_DBM = -105.0
     sentence="network {operator} has no other cell here, after {seconds} s",
     harmless="a ship or an aircraft, a private network",
     detection=0.8,
-    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
     elsewhere=Rate(0, 85, 0.0, "88 cells at one place, railways left out"),
 )
 def _single(memory: Memory, cell: HeardCell) -> Evidence | None:
@@ -59,7 +59,7 @@ def _single(memory: Memory, cell: HeardCell) -> Evidence | None:
     sentence="area {area} is that of none of the {neighbours} other cells heard with it",
     harmless="the border of two areas",
     detection=0.8,
-    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(1, 84, 9.8)),
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(1, 83, 9.8)),
     elsewhere=Rate(0, 197, 0.0, "full scans of 197 cells"),
     strength="suffices",
 )
@@ -100,7 +100,7 @@ def _is_past_border(now: Moment, cell: HeardCell) -> bool:
     sentence="area {area} has this cell alone, of {cells} cells of the operator",
     harmless="the border of two areas, an indoor cell",
     detection=0.8,
-    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
     elsewhere=Rate(1, 194, 0.0, "full scans of 197 cells, railways left out"),
 )
 def _alone(memory: Memory, cell: HeardCell) -> Evidence | None:
@@ -149,7 +149,7 @@ class _ServingAreas:
     sentence="the area changed from {other_area} to {area} after {still_s} s of standing",
     harmless="the border of two areas, a cell switched off",
     detection=0.4,
-    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
 )
 def _change(memory: Memory, cell: HeardCell) -> Evidence | None:
     now, areas = memory.now, memory.of(_ServingAreas)

@@ -65,7 +65,7 @@ class _Networks:
     sentence="network {operator}: {why}",
     harmless="borders, ships and aircraft, private networks",
     detection=0.9,
-    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
     elsewhere=Rate(0, 85, 0.0, "88 cells at one place, railways left out"),
 )
 def _foreign(memory: Memory, cell: HeardCell) -> Evidence | None:
@@ -109,7 +109,7 @@ def _others(names_of: Latest[list[str]], key: str, name: str) -> list[str]:
     sentence="cell identity {cid} is heard in area {area} and in area {other_area}",
     harmless="an operator has renumbered, or two areas meet and use the number twice",
     detection=0.8,
-    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 84, 9.8)),
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
 )
 def _two_areas(memory: Memory, cell: HeardCell) -> Evidence | None:
     if cell.area is None or cell.longest_s < _HELD_S:

@@ -29,12 +29,19 @@ _STRONG_DBM = -70.0
 _ABOVE_OTHERS_DB = 6.0
 """As S3, weak by itself: with 10 and 20 dB, more cells were unusual and fewer stations found."""
 _LATE_S = 300.0
+_STOOD_S = 30.0
+"""A modem that scans each second has moved cars around it between two readings: S2 is for it."""
+_TAKEN_DBM = -75.0
+"""A station beside the walker; at the end of the scale telephones print levels that jump."""
+_STAYS_DB = 10.0
+"""As of S7: the walker has not turned or covered the antenna."""
 
 
 class _Before(NamedTuple):
     """What could have been heard in an earlier scan: a new cell at this level was not there.
 
     `operators` are the networks of its cells: a scan of one network alone says nothing of another.
+    `is_full` of a list of cells.
     """
 
     t_s: float
@@ -43,6 +50,7 @@ class _Before(NamedTuple):
     rat: str
     limit_dbm: float
     operators: frozenset[str]
+    is_full: bool
 
     def could_name(self, memory: Memory, cell: HeardCell) -> bool:
         """Whether the scan had named a cell of this network if it had heard it."""
@@ -65,7 +73,7 @@ def _steady_dbm(cell: HeardCell) -> float | None:
     sentence="the level rose by {rise_db} dB within {seconds} s while the walker hardly moved",
     harmless="a door, a car or a street corner between",
     detection=0.4,
-    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(0, 88, 10.1)),
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(0, 87, 10.1)),
 )
 def _jump(_memory: Memory, cell: HeardCell) -> Evidence | None:
     recent, weakest_dbm = cell.recent, _steady_dbm(cell)
@@ -98,14 +106,15 @@ def _new_cells(memory: Memory) -> Iterator[HeardCell]:
     for rat in dict.fromkeys([heard.rat for heard in now.cells]):
         of_rat = [h for h in now.cells if h.level_dbm is not None and h.rat == rat]
         levels = [h.level_dbm for h in of_rat if h.level_dbm is not None]
-        if len(levels) >= FULL_LIST:
+        is_full = len(levels) >= FULL_LIST
+        if is_full:
             limit_dbm = min(levels)
         elif serving is not None and serving.rat == rat and serving.level_dbm is not None:
             of_rat, limit_dbm = [serving], serving.level_dbm
         else:
             continue
         operators = frozenset([heard.operator for heard in of_rat])
-        before = _Before(now.t_s, now.x_m, now.y_m, rat, limit_dbm, operators)
+        before = _Before(now.t_s, now.x_m, now.y_m, rat, limit_dbm, operators, is_full)
         memory.of(_SCANS).append(before)
 
 
@@ -120,7 +129,7 @@ def _new_cells(memory: Memory) -> Iterator[HeardCell]:
     harmless="a legitimate cell switched on, the exit of a tunnel",
     about=_new_cells,
     detection=0.5,
-    measured=on_telephones(GSM=(13, 23, 2.7), LTE=(13, 814, 36.1), WCDMA=(2, 88, 10.1)),
+    measured=on_telephones(GSM=(13, 23, 2.7), LTE=(13, 814, 36.1), WCDMA=(2, 87, 10.1)),
 )
 def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
     weakest_dbm = _steady_dbm(cell)
@@ -141,6 +150,52 @@ def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
 
 
 @ScanRule(
+    id="S12",
+    family="signal",
+    needs=("identity", "level", "position", "neighbours"),
+    gate="the walker has stood for 5 scans over 30 s; 3 readings of at least -75 dBm, 20 dB above "
+    "the 2 before or what 2 scans of its network could have missed; 3 others stay within 10 dB",
+    sentence="{level_dbm} dBm, where it had at most {before_dbm} dBm {seconds} s before, while the "
+    "walker stood and {cells} other cells stayed",
+    harmless="a cell switched on or repaired, a door, a vehicle that was before the antenna",
+    detection=0.9,
+    elsewhere=Rate(1, 247, 3.7, "drives with all neighbours while they stood, a scan every 10 s"),
+    strength="suffices",
+)
+def _rises_while_others_stay(memory: Memory, cell: HeardCell) -> Evidence | None:
+    now, weakest_dbm = memory.now, _steady_dbm(cell)
+    if weakest_dbm is None or now.x_m is None:
+        return None
+    since_s, first_s = now.t_s - now.still_s, cell.recent[-STEADY].t_s
+    before = [(level.t_s, level.level_dbm) for level in list(cell.recent)[:-STEADY]]
+    before = [(t_s, dbm) for t_s, dbm in before if t_s >= since_s]
+    if not before:
+        scans = [b for b in memory.of(_SCANS) if since_s <= b.t_s < first_s]
+        before = [(b.t_s, b.limit_dbm) for b in scans if b.is_full and b.could_name(memory, cell)]
+    before = before[-2:]
+    if len(before) < 2 or now.t_s - before[0][0] < _STOOD_S or weakest_dbm < _TAKEN_DBM:
+        return None
+    if weakest_dbm < max(dbm for _, dbm in before) + _JUMP_DB:
+        return None
+    n_steady = sum(_stays(other, before[0][0]) for other in memory.taken if other is not cell)
+    if n_steady < STEADY:
+        return None
+    return {
+        "level_dbm": round(weakest_dbm),
+        "before_dbm": round(max(dbm for _, dbm in before)),
+        "seconds": round(first_s - before[-1][0]),
+        "cells": n_steady,
+    }
+
+
+def _stays(cell: HeardCell, since_s: float) -> bool:
+    """Whether the levels of a cell before and after a time, all of late, are near each other."""
+    levels_dbm = [level.level_dbm for level in cell.recent]
+    is_known = len(levels_dbm) >= STEADY + 1 and cell.recent[0].t_s <= since_s
+    return is_known and max(levels_dbm) - min(levels_dbm) <= _STAYS_DB
+
+
+@ScanRule(
     id="S4",
     family="signal",
     needs=("identity", "level", "position"),
@@ -148,7 +203,7 @@ def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
     sentence="{level_dbm} dBm, where it had at most {best_dbm} dBm before",
     harmless="an antenna was turned, another height or building",
     detection=0.6,
-    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 88, 10.1)),
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 87, 10.1)),
     elsewhere=Rate(5, 161, 0.0, "161 surveyed cells"),
 )
 def _above_best(memory: Memory, cell: HeardCell) -> Evidence | None:
@@ -194,7 +249,7 @@ def _above_earlier_walks(memory: Memory, cell: HeardCell) -> Evidence | None:
     sentence="{level_dbm} dBm, where the best of {cells} other cells had {best_dbm} dBm",
     harmless="a walk past the mast of a legitimate cell",
     detection=0.6,
-    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(28, 814, 36.1), WCDMA=(3, 88, 10.1)),
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(28, 814, 36.1), WCDMA=(3, 87, 10.1)),
 )
 def _above_others(memory: Memory, cell: HeardCell) -> Evidence | None:
     t_s, weakest_dbm = memory.now.t_s, _steady_dbm(cell)

@@ -27,9 +27,9 @@ class SuspicionTracker:
     Each modem has a memory of its own: another one reads higher or lower, hears other neighbours
     and is served by another cell. A rule that holds for a cell in one of them counts once.
     `worst` is the cell with the worst word so far, None while all are "nothing unusual".
-    `unnoticed` says what the rules could not see so far, "" before the first scan. `errors` has, by
-    cell, the first error of a rule, which is one of this program: the other rules
-    and cells go on. Without a cell it is under an empty name.
+    `unnoticed_text` says what the rules could not see so far, "" before the first scan. `errors`
+    has, by cell, the first error of a rule, which is one of this program: the other rules and cells
+    go on. Without a cell it is under an empty name.
     """
 
     def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline = NO_BASELINE) -> None:
@@ -67,7 +67,7 @@ class SuspicionTracker:
         return by_square[(len(by_square) - 1) // 2] if by_square else 0
 
     @property
-    def unnoticed(self) -> str:
+    def unnoticed_text(self) -> str:
         if self._unnoticed is None:
             not_asked = self.capabilities.not_asked(RULES.values())
             self._unnoticed = unnoticed_text(not_asked, self.earlier_walks)

@@ -24,9 +24,9 @@ _MOST_REASONS = 3
 _LOGS = "62 runs of telephones, mostly in cars"
 WORD_RATES: Mapping[Word, Rate] = {
     "suspicious": Rate(1, 924, 38.5, _LOGS),
-    "unusual": Rate(16, 924, 38.5, _LOGS),
+    "unusual": Rate(4, 924, 38.5, _LOGS),
 }
-"""Legitimate cells that earned each word: `benchmarks/suspicion.py rates`."""
+"""Legitimate cells that earned each word: `make suspicion`."""
 
 _OF_A_NEW_STATION = frozenset({"P1", "L1", "L2", "L4"})
 """Rules one of which a strong station of an invented network or area most likely breaks."""

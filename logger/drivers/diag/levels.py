@@ -276,7 +276,7 @@ class Decoder:
         self.n_read += 1
         for one in tuple(observations):
             if one.role == "serving" and one.channel is not None:
-                observations += self._arrived(one)
+                observations += self._settle_access(one)
                 self._serving[one.radio_id, one.rat] = one
         return observations
 
@@ -297,7 +297,7 @@ class Decoder:
             case 0x4127:
                 yield _wcdma_cell(record, body)
             case 0x4005:
-                yield from self._ranked(record, version, body)
+                yield from self._ranks(record, version, body)
             case code:
                 for cells in _CELLS[code][version]:
                     yield from _cells_of(record, cells, body)
@@ -319,7 +319,7 @@ class Decoder:
                 time_ns=record.time_ns, level_dbm=None, identity=None, ta_16ts=ta_16ts
             )
 
-    def _arrived(self, serving: Observation) -> list[Observation]:
+    def _settle_access(self, serving: Observation) -> list[Observation]:
         """A timing advance, once the cell is the same after the access; a handover has another."""
         if serving.rat != "LTE" or (access := self._access.get(serving.radio_id)) is None:
             return []
@@ -377,7 +377,7 @@ class Decoder:
             neighbours=listed if before == identity else None,
         )
 
-    def _ranked(self, record: LogRecord, version: int, body: bytes) -> Iterator[Observation]:
+    def _ranks(self, record: LogRecord, version: int, body: bytes) -> Iterator[Observation]:
         """Levels of WCDMA cells; those of GSM cells beside them are of an unknown scale."""
         first, step = _RANKED[version]
         number = body[0] & 0x3F

@@ -27,16 +27,16 @@ def read(source: Path) -> Iterator[Row]:
     """A row for each second and cell, or signal; then what was not read; raises `RunFileError`."""
     frames, decoder, messages = FrameReader(ALLOWED_CODES | CODES), Decoder(), Messages()
     records = (record for chunk in _chunks(source) for record in frames.feed(chunk))
-    yield from rows_of(_heard(records, decoder, messages))
+    yield from rows_of(_read_all(records, decoder, messages))
     frames.end()
     yield from _not_read(frames, decoder, messages)
 
 
-def _heard(
+def _read_all(
     records: Iterable[LogRecord], decoder: Decoder, messages: Messages
 ) -> Iterator[Observation | Signal]:
     for record in records:
-        yield from map(messages.named, decoder.feed(record))
+        yield from map(messages.with_first_name, decoder.feed(record))
         yield from messages.feed(record)
     yield from messages.end()
 

@@ -131,7 +131,7 @@ def html(
     numbered = dict(enumerate(ordered, 1))
     plans = [_plan(town, numbered, ground) for town, ground in zip(towns, grounds, strict=True)]
     plans.sort(key=lambda plan: min((shape.number for shape in plan.shapes), default=len(cells)))
-    drawn = {shape.number for plan in plans for shape in plan.shapes}
+    plan_of = {shape.number: k for k, plan in enumerate(plans, 1) for shape in plan.shapes}
     odd = [number for number, cell in numbered.items() if word_of(cell)]
     counts = Counter(map(word_of, ordered))
     environment = page_environment("postproc.survey.answers")
@@ -155,7 +155,8 @@ def html(
         n_cells=len(cells),
         tables=(shown, unsure, few),
         plans=plans,
-        beyond=[n for n, cell in numbered.items() if cell.lat_deg is not None and n not in drawn],
+        plan_of=plan_of,
+        beyond=[n for n, cell in numbered.items() if cell.lat_deg is not None and n not in plan_of],
         has_basemap=basemap is not None,
         cells=numbered,
         odd=odd,

@@ -68,9 +68,9 @@ def test_a_small_polygon_far_from_the_walk_is_found(obs):
     assert far.beyond_m(posterior.place) < 0.0
     region = highest_density(posterior.squares)
     assert np.sum(posterior.squares.size_m[region] ** 2) < 2.0 * 50.0 * 60.0
-    verdict, reasons, _ = decide(posterior, obs)
+    verdict, (reason, *_), *_ = decide(posterior, obs)
     assert verdict == "cannot tell"
-    assert reasons[0].startswith("the readings contradict the area: without the area, over 99% is")
+    assert reason.startswith("the readings contradict the area: without the area, over 99% is not")
 
 
 def test_the_device_says_what_the_desktop_says(obs, within):
@@ -89,3 +89,19 @@ def test_the_device_says_what_the_desktop_says(obs, within):
     assert online.stale > 1.0
     online.search()
     assert summarise(*online.last_search()).outside_share is None
+
+
+@pytest.mark.parametrize(
+    ("outside_share", "verdict", "reason"),
+    [
+        (0.1, "ambiguous", "without the area, 10% is not within 150 m of the walk"),
+        (0.3, "cannot tell", "the readings do not show that it is in the area"),
+        (0.7, "cannot tell", "the readings contradict the area"),
+    ],
+)
+def test_a_location_is_one_by_the_readings_too(obs, within, outside_share, verdict, reason):
+    posterior = replace(within, outside_share=outside_share)
+    decision = decide(posterior, obs, within_m=1000.0)
+    assert decision.verdict == verdict
+    assert any(one.startswith(reason) for one in decision.reasons)
+    assert (decision.reasons[0].startswith(reason)) == (verdict == "cannot tell")

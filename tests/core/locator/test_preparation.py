@@ -26,6 +26,14 @@ def test_a_walk_in_few_blocks_is_searched_once_whatever_the_modems(count, n_mode
     assert walk.is_searched_twice == (count > COARSE_BLOCKS)
 
 
+@pytest.mark.parametrize("more", [0, 3])
+def test_the_coarse_blocks_are_of_as_many_grids_as_the_effort_says(more):
+    x = 10.0 * np.arange(100)
+    obs = observations(x, 0.0 * x, -70.0 - 0.1 * np.arange(100))
+    walk = prepare(obs, Prior(), Effort(more_grids=more)).walk
+    assert len(walk.shifted) == more
+
+
 @pytest.mark.parametrize("spike_db", [30.0, -30.0])
 @pytest.mark.parametrize("seed", [3, 5, 6])
 def test_one_gross_error_moves_nothing(seed, spike_db):

@@ -4,9 +4,9 @@ import scipy.integrate
 import scipy.stats
 
 from logger.core.model.blocks import blocks
-from logger.core.model.marginal import NODES, marginal, walk_sums
+from logger.core.model.marginal import NODES, SharedSums, marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
-from logger.core.model.prior import Hypothesis, Prior, Station
+from logger.core.model.prior import Hypothesis, Prior, Station, prior_for
 from logger.core.places import Places
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, simulate
@@ -148,6 +148,28 @@ def test_harmonics_of_an_antenna_are_integrated_as_well(row):
         assert ours.log_p[row, h] == pytest.approx(log_p, abs=1e-6, rel=0)
         mean = share @ [oracle.theta(s)[0] for s in sigma]
         np.testing.assert_allclose(ours.theta[:, row, h], mean, rtol=1e-5)
+
+
+def test_sums_of_a_sector_antenna_contain_those_of_an_omnidirectional_one():
+    prior = Prior()
+    track, numbers = bent_walk(position_sigma=5.0), range(len(prior.hypotheses))
+    matrices = matrices_of(whiteners(track, prior, numbers))
+    shared = SharedSums.of(prior, np.isfinite(prior.station_log_odds))
+    assert prior.stations[shared.patterned].antenna_db
+    assert shared.rows.tolist() == np.flatnonzero(prior.noise_table.is_long).tolist()
+    first, patterned = (prior.of_station(prior.stations[k]) for k in (0, shared.patterned))
+    alone = walk_sums(track, matrices, first, Places.of(*PLACES))
+    joined = shared.join(
+        walk_sums(track, matrices[shared.rest], first, Places.of(*PLACES)),
+        walk_sums(track, matrices[shared.rows], patterned, Places.of(*PLACES)),
+    )
+    np.testing.assert_allclose(joined, alone, rtol=1e-12)
+
+
+def test_without_a_pattern_no_sums_are_shared():
+    prior = prior_for("any", antenna="omni")
+    shared = SharedSums.of(prior, np.isfinite(prior.station_log_odds))
+    assert (len(shared.rows), len(shared.rest)) == (0, len(prior.hypotheses))
 
 
 def test_wide_columns_do_not_change_what_a_narrow_prior_says():

@@ -128,6 +128,30 @@ def test_s2_s3_levels_that_jump_while_the_walker_hardly_moves():
     assert ("S3", 99) in new.rules
 
 
+def _standing(*after, seconds=30.0, metres=0.0):
+    """Rules after scans of a channel that is taken over, and the word of the one who took it."""
+    walk = Walk().scan(*HOME, metres=metres, seconds=seconds, times=5)
+    walk.scan(*after, metres=metres, seconds=seconds, times=3)
+    return {rule for rule, _ in walk.rules}, walk.word(after[-1].cell)
+
+
+@pytest.mark.parametrize("cid", [15, 99])
+@pytest.mark.parametrize("seconds", [10.0, 60.0])
+def test_s12_a_channel_is_taken_over_beside_a_walker_who_stands(cid, seconds):
+    rules, word = _standing(*HOME[:5], gsm(cid, -50, arfcn=16), seconds=seconds)
+    assert "S12" in rules
+    assert word == "suspicious"
+
+
+def test_s12_is_silent_about_walkers_and_about_what_changes_all_levels():
+    louder = gsm(15, -50)
+    assert "S12" not in _standing(*HOME[:5], louder, metres=40.0)[0]
+    assert "S12" not in _standing(*HOME[:5], louder, seconds=1.0)[0]
+    turned = [gsm(cid, -95 - cid % 7) for cid in range(10, 15)]
+    assert "S12" not in _standing(*turned, louder)[0]
+    assert "S12" not in _standing(*HOME[:5], gsm(15, -76))[0]  # not beside the walker
+
+
 def test_s4_stronger_than_on_the_first_visit():
     walk = Walk().scan(*HOME, metres=8.0, times=10).scan(*HOME, metres=-8.0, times=10)
     assert ("S4", 15) not in walk.rules

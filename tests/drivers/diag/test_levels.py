@@ -75,14 +75,14 @@ def b062(ta_16ts, version=3, result=0, messages=7):
     return subpacket(6, version, content.ljust(52, b"\0"))
 
 
-def found(observations):
+def cells_of(observations):
     return [(o.channel, o.code, o.role, o.level_dbm) for o in observations]
 
 
 @pytest.mark.parametrize("version", [19, 22, 36])
 def test_serving_cells_and_others_of_one_record(version):
     cells = [(73, 0, 1, -98.5625), (220, 0, 0, -111.125), (185, 1, 1, -107.0)]
-    assert found(decode(0xB193, b193(version, cells))) == [
+    assert cells_of(decode(0xB193, b193(version, cells))) == [
         (1825, 73, "serving", -98.5625),
         (1825, 220, "neighbour", -111.125),
         (1825, 185, "neighbour", -107.0),  # of another carrier that is aggregated
@@ -91,18 +91,18 @@ def test_serving_cells_and_others_of_one_record(version):
 
 def test_neighbours_and_the_serving_cell_while_connected():
     neighbours = [(210, -119.3125), (68, -123.5)]
-    assert found(decode(0xB195, b195(neighbours))) == [
+    assert cells_of(decode(0xB195, b195(neighbours))) == [
         (5780, 210, "neighbour", -119.3125),
         (5780, 68, "neighbour", -123.5),
     ]
-    assert found(decode(0xB192, b195(neighbours, number=27))) == found(
+    assert cells_of(decode(0xB192, b195(neighbours, number=27))) == cells_of(
         decode(0xB195, b195(neighbours))
     )
     body = b179((5780, 185, -109.375), neighbours)
-    assert found(decode(0xB179, body))[0] == (5780, 185, "serving", -109.375)
-    assert found(decode(0xB179, body))[1:] == found(decode(0xB195, b195(neighbours)))
+    assert cells_of(decode(0xB179, body))[0] == (5780, 185, "serving", -109.375)
+    assert cells_of(decode(0xB179, body))[1:] == cells_of(decode(0xB195, b195(neighbours)))
     other = b179((700, 185, -107.0), [], carrier=1)
-    assert found(decode(0xB179, other)) == [(700, 185, "neighbour", -107.0)]
+    assert cells_of(decode(0xB179, other)) == [(700, 185, "neighbour", -107.0)]
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_levels_of_wcdma_cells():
     ranked = struct.pack("<BB5x", 0x82, 0)
     for psc, rscp in ((397, -95), (49, -98)):
         ranked += struct.pack("<HHbhbhbhhb", 10663, psc, rscp + 21, 0, -15, 0, 0, 0, 0, 0)
-    assert found(decode(0x4005, ranked, decoder)) == [
+    assert cells_of(decode(0x4005, ranked, decoder)) == [
         (10663, 397, "serving", -95.0),
         (10663, 49, "neighbour", -98.0),
     ]
@@ -373,7 +373,7 @@ def gsm_cells(rng, n):
     return [(rng.randrange(1024) | 8 << 12, rng.randrange(-115 * 16, -47 * 16)) for _ in range(n)]
 
 
-def drawn(code, rng):
+def random_body(code, rng):
     """A body of a layout of which there is no capture."""
     level_dbm = rng.randrange(-140 * 16, -44 * 16) / 16
     if code == 0xB17F:
@@ -402,7 +402,7 @@ def drawn(code, rng):
 @pytest.mark.parametrize("code", [0xB17F, 0xB180, 0x5071, 0x507B, 0x4005])
 def test_levels_are_those_that_scat_reads(code):
     rng = random.Random(code)
-    assert_as_scat([LogRecord(code, 0, T_NS, drawn(code, rng)) for _ in range(300)])
+    assert_as_scat([LogRecord(code, 0, T_NS, random_body(code, rng)) for _ in range(300)])
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from logger.core.locator.online import EFFORT
-from logger.core.locator.pipeline import locate
+from logger.core.locator.pipeline import locate, search
 from logger.core.locator.posterior import Mode
+from logger.core.locator.preparation import prepare
+from logger.core.locator.quadtree import Effort
 from logger.core.model.prior import Hypothesis, Prior, Station
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings
@@ -147,6 +149,19 @@ def test_noise_is_split_as_the_levels_ask_for():
         assert noise.white_db == pytest.approx(2.0, rel=0.35)
         assert noise.decorrelation_m == 30.0
         assert np.hypot(noise.white_db, noise.shadow_db) == pytest.approx(whole.sigma_db)
+
+
+def test_a_try_of_a_prefix_is_a_fraction_of_a_search(walk):
+    """Squares times stations, and grids of blocks: a busy machine changes neither."""
+    prior, work = Prior(), []
+    rough = ekf_initialisation._ROUGH
+    for of_search, effort in ((prior, Effort()), (prior.of_few_heights(), rough)):
+        task = prepare(walk[0], of_search, effort)
+        tree = search(task)
+        work.append((len(tree.x_m) * len(of_search.stations), len(task.walk.shifted)))
+    (full, _), (tried, more_grids) = work
+    assert tried < 0.3 * full
+    assert more_grids == 0
 
 
 def test_straight_walk_gives_a_reason(walk):

@@ -34,7 +34,7 @@ def rrc_body(channel, message, earfcn=EARFCN, pci=PCI, version=20):
     return head + message
 
 
-def encoded(kind, message):
+def encode(kind, message):
     from pycrate_asn1dir import RRCLTE
 
     form = getattr(RRCLTE.EUTRA_RRC_Definitions, kind)
@@ -62,12 +62,12 @@ def sib1(plmns, area=4711, cell_id=26_214_401):
             {"si-Periodicity": "rf8", "sib-MappingInfo": ["sibType3"]}
         ], "si-WindowLength": "ms10", "systemInfoValueTag": 1,
     }  # fmt: skip
-    return encoded("BCCH_DL_SCH_Message", ("c1", ("systemInformationBlockType1", content)))
+    return encode("BCCH_DL_SCH_Message", ("c1", ("systemInformationBlockType1", content)))
 
 
 def information(*blocks):
     content = {"criticalExtensions": ("systemInformation-r8", {"sib-TypeAndInfo": list(blocks)})}
-    return encoded("BCCH_DL_SCH_Message", ("c1", ("systemInformation", content)))
+    return encode("BCCH_DL_SCH_Message", ("c1", ("systemInformation", content)))
 
 
 def sib3(priority):
@@ -96,7 +96,7 @@ def sib6(*priorities):
 
 def downlink(kind, release, content):
     parts = {"rrc-TransactionIdentifier": 0, "criticalExtensions": ("c1", (release, content))}
-    return encoded("DL_DCCH_Message", ("c1", (kind, parts)))
+    return encode("DL_DCCH_Message", ("c1", (kind, parts)))
 
 
 def configuration(**content):
@@ -127,7 +127,7 @@ def report(number, serving, neighbours):
         "measResultNeighCells": ("measResultListEUTRA", cells),
     }  # fmt: skip
     parts = {"criticalExtensions": ("c1", ("measurementReport-r8", {"measResults": results}))}
-    return encoded("UL_DCCH_Message", ("c1", ("measurementReport", parts)))
+    return encode("UL_DCCH_Message", ("c1", ("measurementReport", parts)))
 
 
 def release(target=None):
@@ -183,7 +183,7 @@ def test_a_shared_cell_has_one_name():
     body = diag.serving_identity(EARFCN, PCI, ("262", "01", 4711, 26_214_401))
     (serving,) = Decoder().feed(LogRecord(0xB0C2, 0, T_NS, body))
     assert serving.identity.mnc == "01"
-    assert messages.named(serving).identity == first
+    assert messages.with_first_name(serving).identity == first
     heard, _ = feed([(DL_DCCH, release())], messages)
     assert heard[0].operator == "262-02"
 
@@ -332,7 +332,7 @@ def test_without_pycrate_the_rest_is_read(monkeypatch, tmp_path, capsys):
 def read(name):
     frames, decoder, messages = FrameReader(ALLOWED_CODES | CODES), Decoder(), Messages()
     records = frames.feed((CAPTURES / name).read_bytes())
-    return records, list(reader._heard(records, decoder, messages)), messages
+    return records, list(reader._read_all(records, decoder, messages)), messages
 
 
 def reported_by_bits(message):
@@ -453,7 +453,7 @@ IMSI, IMEI, NUMBER = "262017654321098", "358917264935716", "4917698765432"
 TMSI, KEY, ADDRESS, TEXT = 0xC0FFEE42, 0x9D3BA7C15EF20846, "10.47.201.83", "Treffpunkt Bahnhof"
 
 
-def swapped(digits):
+def semi_octets(digits):
     """Semi-octets, as in NAS, a SIM and an SMS."""
     digits += "F" * (len(digits) % 2)
     return bytes.fromhex("".join(digits[i + 1] + digits[i] for i in range(0, len(digits), 2)))
@@ -461,13 +461,13 @@ def swapped(digits):
 
 def mobile_identity(digits, kind=1):
     """3GPP TS 24.008 10.5.1.4: the first digit shares its byte with the kind."""
-    return bytes([int(digits[0]) << 4 | 8 | kind]) + swapped(digits[1:])
+    return bytes([int(digits[0]) << 4 | 8 | kind]) + semi_octets(digits[1:])
 
 
 def forms(digits):
     """A number in all the ways in which a message may have it."""
     return (
-        swapped(digits), mobile_identity(digits), digits.encode(),
+        semi_octets(digits), mobile_identity(digits), digits.encode(),
         digits.encode().hex().encode(), digits.encode("utf-16-le"), digits.encode("utf-16-be"),
         bytes(map(int, digits)),
     )  # fmt: skip
@@ -497,7 +497,7 @@ def in_every_place(secret):
     yield RRC, rrc_body(DL_DCCH, configuration(**config))
     yield (
         RRC,
-        rrc_body(UL_DCCH, encoded("UL_DCCH_Message", ("c1", ("ulInformationTransfer", uplink)))),
+        rrc_body(UL_DCCH, encode("UL_DCCH_Message", ("c1", ("ulInformationTransfer", uplink)))),
     )
     for channel in range(1, 11):
         yield RRC, rrc_body(channel, secret)
