@@ -15,12 +15,12 @@ def feature(geometry):
 
 @pytest.fixture
 def write(tmp_path):
-    def written(content):
+    def write_block(content):
         text = content if isinstance(content, str) else json.dumps(content)
         (tmp_path / "block.geojson").write_text(text)
         return tmp_path / "block.geojson"
 
-    return written
+    return write_block
 
 
 @pytest.mark.parametrize(
