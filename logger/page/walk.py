@@ -17,15 +17,16 @@ from logger.core.runfile.run_names import part_path
 from logger.core.schema import SCHEMA_VERSION, columns_of, packing_of
 from logger.core.types import CellReading
 
-# Only a journal of this version of the program is read: it is the one that is being recorded.
-
 _CRC_BYTES = 4
 _PORTION = 1 << 16
 _LARGEST_PORTION = 1 << 22
 """Frames of a second are far smaller; only a flush after a full card makes larger ones."""
-_PACKING = packing_of(SCHEMA_VERSION)
+_OLDEST = 3
+"""Version of the rows that are read; before it `identity_unsure` is missing."""
+_PACKING = {version: packing_of(version) for version in range(_OLDEST, SCHEMA_VERSION + 1)}
 _NAMES = {
-    table: [name for name, _ in columns] for table, columns in columns_of(SCHEMA_VERSION).items()
+    version: {table: [name for name, _ in of] for table, of in columns_of(version).items()}
+    for version in _PACKING
 }
 
 Row = dict[str, Any]
@@ -70,17 +71,18 @@ class JournalTail:
             return b""
 
     def _rows_in(self, frame: Frame, data: bytes) -> Iterator[tuple[str, Row]]:
-        if frame.kind != Kind.ROWS or frame.schema != SCHEMA_VERSION:
+        if frame.kind != Kind.ROWS or frame.schema not in _PACKING:
             return
+        packing, names = _PACKING[frame.schema], _NAMES[frame.schema]
         payload = payload_of(data[frame.start : frame.start + frame.length], frame.version)
         if not payload:
             return
         table = payload[1 : 1 + payload[0]].decode("ascii", "replace")
         body = payload[1 + payload[0] :]
-        if table not in self._tables or len(body) % _PACKING[table].size:
+        if table not in self._tables or len(body) % packing[table].size:
             return
-        for values in _PACKING[table].iter_unpack(body):
-            yield table, dict(zip(_NAMES[table], values, strict=True))
+        for values in packing[table].iter_unpack(body):
+            yield table, dict(zip(names[table], values, strict=True))
 
 
 TABLES = frozenset({"fixes", "readings", "notes"})
