@@ -28,18 +28,13 @@ from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import conspicuous_in
 from logger.core.types import Note
 
-MOST_BYTES = 50_000_000
-# Of the file; the oldest runs give way.
-WALK = "walk"
-# Origin of the runs that count: simulated and imported ones are no walks of this device.
+MOST_BYTES = 50_000_000  # of the file; the oldest runs give way
+WALK = "walk"  # origin of the runs that count: simulated and imported ones are of no device
 
 _COPY, _TRYING = f"{OWN_FILE}.new", f"{OWN_FILE}.trying"
-_PIECE_BYTES = 1 << 20
-# Made durable at once: the recorder's own write waits for no more.
-_AT_ONCE = 10
-# Runs for each copy of the file.
-_MOST_TRIES = 5
-# A run that ended the program as often, for want of memory, is left out.
+_PIECE_BYTES = 1 << 20  # made durable at once: the recorder's own write waits for no more
+_AT_ONCE = 10  # runs for each copy of the file
+_MOST_TRIES = 5  # a run that ended the program as often, for want of memory, is left out
 _DAY_NS = 86_400 * 10**9
 _RUN = re.compile(r"(run-\d{6})(?:\.h5|\.journal)?")
 

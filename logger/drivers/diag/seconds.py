@@ -122,9 +122,9 @@ class Seconds:
 
     def _close(self, radio_id: int, second: int) -> Second | None:
         times_ns, cells = self._open[radio_id].pop(second)
-        readings = [heard.reading(cell) for cell, heard in cells.items()]
-        told = tuple(r for r in readings if r.n_levels or r.cell or r.ta_16ts is not None)
-        return Second(int(median(times_ns)), radio_id, told) if told else None
+        every = [heard.reading(cell) for cell, heard in cells.items()]
+        readings = tuple(r for r in every if r.n_levels or r.cell or r.ta_16ts is not None)
+        return Second(int(median(times_ns)), radio_id, readings) if readings else None
 
 
 def _sd_db(levels_dbm: list[float]) -> float | None:
