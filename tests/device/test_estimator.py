@@ -9,7 +9,7 @@ from logger.core.live import LiveTracker
 from logger.core.live_settings import BEHIND, FAILED, RESTARTED, LiveSettings
 from logger.core.runfile import read_run
 from logger.core.suspicion.rules import rules_note
-from logger.core.types import Fix, LiveEstimate, Note, Record, Scan
+from logger.core.types import LiveEstimate, Note
 from logger.device import estimator
 from logger.device.clock import ScaledClock
 from logger.device.estimator import Estimator
@@ -20,24 +20,12 @@ from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
 from logger.sim.walk import WalkTime
 from postproc.replay import replay
-from tests.kit import runs, service
+from tests.kit import service
+from tests.kit.live import next_values, walk
 from tests.kit.recorded_runs import record_until
 from tests.kit.service import LIMIT_S, assert_ends
 
 S = 10**9
-
-
-def walk(n):
-    for t in range(n):
-        yield 2 * t, Record(t * S, "gnss", Fix(True, None, 52.0, 13.0 + 2e-5 * t, hdop=1.0))
-        yield 2 * t + 1, Record(t * S + 1, "modem", Scan(t * S, (runs.reading(1, -70.0 - t % 7),)))
-
-
-def next_values(inbox):
-    values = []
-    while (record := inbox.get(0.0)) is not None:
-        values.append(record.value)
-    return [v for v in values if v != rules_note()]
 
 
 class Slow(LiveTracker):
@@ -175,6 +163,12 @@ def test_a_walk_with_failures_is_recorded_whole_and_replayed(tmp_path, monkeypat
             raise MemoryError
         return feed(tracker, seq, record)
 
+    fail, trouble = Estimator._fail, []
+
+    def noticed(beside, *args):
+        fail(beside, *args)
+        trouble.append(beside.view.no_estimate)
+
     speed = 20.0
     scene, clock = scenario("block", 1, 600.0), ScaledClock(speed)
     time = WalkTime(clock)
@@ -189,20 +183,11 @@ def test_a_walk_with_failures_is_recorded_whole_and_replayed(tmp_path, monkeypat
         under_way = Service(config, begin_run(config, text, clock), clock, threading.Event())
         with monkeypatch.context() as patched:
             patched.setattr(LiveTracker, "feed", failing)
+            patched.setattr(Estimator, "_fail", noticed)
             under_way.start()
-            trouble, ended = [], threading.Event()
-
-            def watch():  # an interruption is over within a second
-                while not ended.wait(0.01):
-                    trouble.append(under_way.status())
-
-            watcher = threading.Thread(target=watch)
-            watcher.start()
             record_until(under_way, clock, lambda _: len(seen) > 450)
-            ended.set()
-            watcher.join()
             run = read_run(under_way.stop("end of the test"))
-    assert any("no live estimate: MemoryError" in text for text in trouble)
+    assert [text.split(" (")[0] for text in trouble] == ["no live estimate: MemoryError"] * 2
     notes = [record.value for _, record in run.records("notes")]
     assert [len(_notes(notes, code)) for code in (FAILED, RESTARTED)] == [2, 2]
     last = int(_notes(notes, RESTARTED)[-1].text.split()[1].strip(":"))

@@ -14,7 +14,7 @@ from logger.core.types import Note
 from logger.device.estimator import Estimator
 from logger.device.link import Inbox
 from logger.device.live_baseline import READ, UNREADABLE, LiveBaseline
-from tests.device.test_estimator import next_values, walk
+from tests.kit.live import next_values, walk
 from tests.kit.service import LIMIT_S
 from tests.postproc.baseline.walks import name, two_cells, write_walk
 

@@ -10,7 +10,6 @@ from io import BytesIO
 from pathlib import Path
 
 import pytest
-from PIL import Image
 
 _OVERFLOWING = """
 const width = document.documentElement.clientWidth, names = [];
@@ -113,6 +112,8 @@ class Browser:
 
     def keep_screen(self, path: Path) -> None:
         """Write what the screen shows, in few colours: a third of the bytes."""
+        from PIL import Image
+
         picture = Image.open(BytesIO(self.screenshot(whole=False))).convert("RGB")
         picture.quantize(96).save(path, optimize=True)
 
