@@ -27,7 +27,8 @@ suppress_warnings = [
 ACCESSIBLE = {
     'class="caption" role="heading"': 'class="caption" role="heading" aria-level="2"',
     '<aside class="sidebar-drawer">': '<aside class="sidebar-drawer" aria-label="Pages">',
-    "<pre>": '<pre tabindex="0">',  # a wide block is scrolled by keys as well
+    "<pre>": '<pre tabindex="0">',  # a wide block is scrolled by keys as well, and so is a table
+    '<div class="table-wrapper': '<div tabindex="0" class="table-wrapper',
 }
 """What axe-core misses in the pages of Sphinx and its theme, and what stands there instead."""
 
