@@ -86,8 +86,8 @@ FAULTS = (
     Fault(
         "model",
         "the weight of uncertain positions is not normalised",
-        "0.5 * np.sum(np.log(A__), axis=-2, keepdims=True)",
-        "0.0 * np.sum(np.log(A__), axis=-2, keepdims=True)",
+        "np.asarray(sum(map(np.log, A__)), float)",
+        "np.asarray(0.0 * sum(map(np.log, A__)), float)",
         "tests/core/model",
         ("test_log_evidence_is_the_integral_over_p0_eta_and_sigma",),
     ),
@@ -159,7 +159,7 @@ FAULTS = (
     Fault(
         "import",
         "each row is a scan of its own",
-        "groupby(A__, key=lambda row: row.t_ns)",
+        "groupby(A__, key=lambda row: (row.t_ns, row.receiver))",
         "groupby(A__, key=id)",
         "tests/postproc/interop",
         ("test_rows_of_one_time_are_one_scan",),
