@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.column import UNKNOWN_TIME
-from logger.core.provenance import has_times, is_import
+from logger.core.provenance import has_times, is_import, is_simulated
 from logger.core.rows import Rows
 from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS
 
@@ -71,14 +71,19 @@ def fit_run(origin: str, fixes: Rows) -> TimeBase | None:
     """As `fit` for the table `fixes` of a run; `origin` is the one in its description.
 
     Times of an import are those of another program, of any year and also without a position: the
-    week counter does not apply.
-    An import without times has no UTC.
+    week counter does not apply. An import without times has no UTC.
     """
     if not has_times(origin):
         return None
     is_of_program = is_import(origin)
     valid = None if is_of_program else fixes["valid"]
-    return fit(fixes["t_ns"], fixes["utc_ns"], valid, any_year=is_of_program)
+    return fit(
+        fixes["t_ns"],
+        fixes["utc_ns"],
+        valid,
+        any_year=is_of_program,
+        simulated=is_simulated(origin),
+    )
 
 
 def utc_clock(origin: str, fixes: Rows) -> Callable[[int], int | None]:

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from logger.core.column import UNKNOWN_TIME
-from logger.core.timebase import fit
+from logger.core.provenance import SIMULATED
+from logger.core.timebase import fit, fit_run
 from logger.core.utc import utc_text
 
 UTC0 = 1_790_000_000 * 10**9
@@ -126,6 +127,13 @@ def test_sentences_that_a_busy_machine_reads_late_leave_the_date_right():
     later_ns = t_ns + _read_late(late_ns, 30.0)
     assert fit(later_ns, utc_ns, valid) is None
     assert _error_s(fit(later_ns, utc_ns, valid, simulated=True), t_ns, utc_ns) < 0.5
+
+
+def test_only_of_a_simulated_run_may_sentences_be_read_that_late():
+    t_ns, utc_ns, late_ns, valid = _walk()
+    fixes = {"t_ns": t_ns + _read_late(late_ns, 30.0), "utc_ns": utc_ns, "valid": valid}
+    assert fit_run("walk", fixes) is None
+    assert _error_s(fit_run(f"{SIMULATED}block", fixes), t_ns, utc_ns) < 0.5
 
 
 @pytest.mark.parametrize("jump_s", [HOUR, -HOUR, 18.0, -2.0])
