@@ -69,10 +69,13 @@ class _ZipSource(BufferedReader):
 
 
 def _files_of(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
-    """What is no folder and no note of macOS about a file."""
+    """What is no folder and no note of macOS about a file; raises `BadZipFile` without a name."""
+    entries = archive.infolist()
+    if not all(one.filename for one in entries):
+        raise zipfile.BadZipFile("one of its files has no name")
     return [
         one
-        for one in archive.infolist()
+        for one in entries
         if not one.is_dir() and not one.filename.startswith("__MACOSX/")
     ]
 

@@ -104,6 +104,7 @@ REFUSED = {
     "overlapping": _overlapping,
     "table of contents": lambda: _zip(*((f"{i}.csv", "") for i in range(30_000))),
     "two of one name": lambda: _zip(("a.csv", LOG), ("b.csv", LOG)).replace(b"b.csv", b"a.csv"),
+    "no name": lambda: _zip(("a.csv", LOG)).replace(b"a.csv", b"\0.csv"),
     "a zip in a zip": lambda: _zip(("a.zip", _zip(("a.csv", LOG)))),
     "encrypted": _encrypt,
     "cut": lambda: _zip(("a.csv", LOG))[:-30],
