@@ -165,7 +165,7 @@ def test_a_walk_with_failures_is_recorded_whole_and_replayed(tmp_path, monkeypat
 
     fail, trouble = Estimator._fail, []
 
-    def noticed(beside, *args):
+    def fail_and_note(beside, *args):
         fail(beside, *args)
         trouble.append(beside.view.no_estimate)
 
@@ -183,7 +183,7 @@ def test_a_walk_with_failures_is_recorded_whole_and_replayed(tmp_path, monkeypat
         under_way = Service(config, begin_run(config, text, clock), clock, threading.Event())
         with monkeypatch.context() as patched:
             patched.setattr(LiveTracker, "feed", failing)
-            patched.setattr(Estimator, "_fail", noticed)
+            patched.setattr(Estimator, "_fail", fail_and_note)
             under_way.start()
             record_until(under_way, clock, lambda _: len(seen) > 450)
             run = read_run(under_way.stop("end of the test"))
