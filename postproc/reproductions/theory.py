@@ -44,7 +44,7 @@ from logger.core.arrays import BoolArray, FloatArray
 from logger.core.errors import ConfigError
 from logger.core.model.path_loss import DB_PER_E_FOLD
 from postproc.reproductions.checks import Check, Json, theirs, under
-from postproc.verification.normality import normality
+from postproc.reproductions.normality import normality
 
 _MOST_STEPS = 60  # Gauss-Newton converges in some 5; the rest is for poor geometry
 _CONVERGED = 1e-6  # of the smallest sigma
