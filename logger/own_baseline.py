@@ -118,6 +118,11 @@ class _Store(BaselineStore):
         for statement in _TABLES:
             self._db.execute(statement)
 
+    def known_runs(self) -> dict[str, _Stamp]:
+        """Runs that were looked at."""
+        rows = self._rows("SELECT run, size, mtime_ns FROM seen")
+        return {run: (size, mtime_ns) for run, size, mtime_ns in rows}
+
     def note(self, run: str, stamp: _Stamp, walk: int | None, why: str) -> None:
         with self._change():
             self._db.execute(
@@ -276,10 +281,9 @@ def _known_runs(folder: Path) -> dict[str, _Stamp]:
         return {}
     try:
         with _Store(path) as store:
-            rows = store._rows("SELECT run, size, mtime_ns FROM seen")  # noqa: SLF001
+            return store.known_runs()
     except (RunFileError, sqlite3.Error):
         return {}
-    return {run: (size, mtime_ns) for run, size, mtime_ns in rows}
 
 
 def _has_room(folder: Path) -> bool:

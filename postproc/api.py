@@ -17,7 +17,7 @@ from logger.core.arrays import FloatArray
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.locator.online import FEWEST_BLOCKS
 from logger.core.locator.verdict import DESK_M
-from logger.core.model.prior import prior_for
+from logger.core.model.prior import Prior, prior_for
 from logger.core.places import NO_MAP, Places
 from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run, read_sound_run
@@ -142,13 +142,7 @@ def locate(
     environment.
     Source: `logger.core.locator.pipeline`, where the steps of the algorithm are listed.
     """
-    prior = prior_for(
-        environment,
-        height_m=height_m,
-        antenna=antenna,
-        reach=reach,
-        area=area_of(within_walk_m, area),
-    )
+    prior = _prior(environment, height_m, antenna, reach, within_walk_m, area)
     if area is not None and not isinstance(x_m, Readings):
         raise ConfigError("bare arrays are on no map: use within_walk_m, or give Readings")
     if isinstance(x_m, Readings):
@@ -193,13 +187,7 @@ def smooth(
     an unknown environment or a run that appears twice, `GeoError` for runs of several places, which
     `by_place` tells apart.
     """
-    prior = prior_for(
-        environment,
-        height_m=height_m,
-        antenna=antenna,
-        reach=reach,
-        area=area_of(within_walk_m, area),
-    )
+    prior = _prior(environment, height_m, antenna, reach, within_walk_m, area)
     options = Options(prior, loss, within_m)
     result = smooth_runs(
         _runs(runs),
@@ -267,13 +255,7 @@ def verify(
         every,
         claims,
         p_fa,
-        prior_for(
-            environment,
-            height_m=height_m,
-            antenna=antenna,
-            reach=reach,
-            area=area_of(within_walk_m, area),
-        ),
+        _prior(environment, height_m, antenna, reach, within_walk_m, area),
         cells,
         progress=_progress(progress),
     )
@@ -310,6 +292,18 @@ def export(
     observed, wanted = _run(run), _names(cells)
     walk = walk_of_run(observed, list(observed_cells([observed], wanted)) if wanted else None)
     return write_walk(walk, target, name)
+
+
+def _prior(
+    environment: str,
+    height_m: float | None,
+    antenna: str,
+    reach: str,
+    within_walk_m: float | None,
+    area: Path | str | None,
+) -> Prior:
+    where = area_of(within_walk_m, area)
+    return prior_for(environment, height_m=height_m, antenna=antenna, reach=reach, area=where)
 
 
 def _run(run: RunOrPath) -> Run:

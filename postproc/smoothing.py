@@ -71,12 +71,11 @@ def smooth_runs(
         _with_counts(cell, part, places[cell.cell], n_scans[cell.cell], runs)
         for cell, part in zip(estimated, near, strict=True)
     ]
-    heard = [observed_cells([run], None) for run in runs]
-    cells += [
-        without_position(cell, n, n_scans[cell], [i for i, own in enumerate(heard) if cell in own])
-        for cell, n in n_readings.items()
-        if cell not in parts
-    ]
+    nowhere = [cell for cell in n_readings if cell not in parts]
+    heard = [observed_cells([run], None) for run in runs] if nowhere else []
+    for cell in nowhere:
+        of_runs = [i for i, own in enumerate(heard) if cell in own]
+        cells.append(without_position(cell, n_readings[cell], n_scans[cell], of_runs))
     utc_ns = heard_utc_ns(runs)
     cells = [
         replace(cell, heard_utc_ns=cell.heard_utc_ns or utc_ns.get(cell.cell))

@@ -5,8 +5,8 @@ known of one cell (`cell`), which channels an operator uses (`channels`), and wh
 trusts (`trust_note`). It answers the same for the same file, so what is derived live can be derived
 again.
 `logger.baseline_file` reads one from SQLite, `logger.baseline_store` makes it. A baseline changes
-with each run, so the live estimate records what it was told, as bytes of the source "live": its
-words can be repeated without the file.
+with each run, so the live estimate records the answers it received, as bytes of the source
+"live": its words can be repeated without the file.
 
 Levels are those of `CellReading.level_dbm`, as each modem printed them: two modems may differ by
 several dB. A level at the limit of the modem's scale counts as that level.
@@ -109,7 +109,7 @@ class Baseline(Protocol):
 
 
 class NotedBaseline:
-    """What a live estimate was told, in lines of `answer_line`; without lines nothing."""
+    """What a live estimate received, in lines of `answer_line`; without lines nothing."""
 
     def __init__(self, text: bytes = b"") -> None:
         self._answers: dict[str, dict[Any, Any]] = {kind: {} for kind in _ANSWERS}
@@ -147,7 +147,7 @@ def answer_line(kind: str, key: Any, answer: Any) -> bytes:
 
 
 def baseline_of(run: Any) -> Baseline:
-    """The baseline as the live estimate of a run was told of it."""
+    """The baseline by its answers to the live estimate of a run."""
     try:
         return NotedBaseline(_noted_in(run))
     except (msgspec.MsgspecError, LookupError, TypeError, ValueError):  # no recorder of ours

@@ -69,15 +69,11 @@ class _ZipSource(BufferedReader):
 
 
 def _files_of(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
-    """What is no folder and no note of macOS about a file; raises `BadZipFile` without a name."""
+    """What is no folder and no note of macOS about a file."""
     entries = archive.infolist()
     if not all(one.filename for one in entries):
         raise zipfile.BadZipFile("one of its files has no name")
-    return [
-        one
-        for one in entries
-        if not one.is_dir() and not one.filename.startswith("__MACOSX/")
-    ]
+    return [one for one in entries if not one.is_dir() and not one.filename.startswith("__MACOSX/")]
 
 
 @contextmanager

@@ -156,10 +156,10 @@ class Messages:
         self._cells: dict[int, str] = {}
         self._measurements: dict[int, _Measurements] = {}
         self._asked: dict[int, Signal] = {}
-        # by cell: operator and own priority; what each told last of the priorities of others
+        # by cell: operator and own priority; what each broadcast last of the priorities of others
         self._operators: Latest[str] = Latest(_MOST)
         self._own: Latest[int] = Latest(_MOST)
-        self._told: Latest[str] = Latest(_MOST)
+        self._priorities: Latest[str] = Latest(_MOST)
         # by any identity of a shared cell the first one; by their bytes what messages say
         self._first: Latest[Identity] = Latest(_MOST)
         self._decoded: Latest[Any] = Latest(_MOST)
@@ -259,11 +259,11 @@ class Messages:
         if not self._can_decode():
             return
         key = message.body.hex()
-        told = self._decoded.get(key)
-        if told is None:
-            told = _decode("BCCH_DL_SCH_Message", message.body, _told_by)
-        self._decoded.put(key, told)
-        identities, priorities = told
+        broadcast = self._decoded.get(key)
+        if broadcast is None:
+            broadcast = _decode("BCCH_DL_SCH_Message", message.body, _broadcast_by)
+        self._decoded.put(key, broadcast)
+        identities, priorities = broadcast
         if identities:
             first = identities[0]
             for other in identities[1:]:
@@ -284,9 +284,9 @@ class Messages:
             own = self._own.get(cell)
             value = f"highest {highest}, own {'unknown' if own is None else own}"
             name = f"{sib} of {cell}"
-            if self._told.get(name) != value:
+            if self._priorities.get(name) != value:
                 yield self._signal(message.time_ns, f"{sib} priority", value, cell)
-            self._told.put(name, value)
+            self._priorities.put(name, value)
 
     def _can_decode(self) -> bool:
         self.n_undecoded += not self._has_pycrate
@@ -398,7 +398,7 @@ def _report(message: Any) -> Mapping[str, Any]:
     return dict(_of_release(message, "measurementReport-r8")["measResults"])
 
 
-def _told_by(message: Any) -> tuple[list[Identity], dict[str, int]]:
+def _broadcast_by(message: Any) -> tuple[list[Identity], dict[str, int]]:
     """Identities of a cell, and the highest priority in each of its blocks; "LTE" is its own."""
     _, (kind, content) = message
     if kind == "systemInformationBlockType1":
@@ -413,18 +413,18 @@ def _told_by(message: Any) -> tuple[list[Identity], dict[str, int]]:
     priorities: dict[str, int] = {}
     if kind == "systemInformation":
         _, information = content["criticalExtensions"]
-        for block, told in information.get("sib-TypeAndInfo", ()):
-            if block == "sib3":
-                serving = told["cellReselectionServingFreqInfo"]
+        for name, block in information.get("sib-TypeAndInfo", ()):
+            if name == "sib3":
+                serving = block["cellReselectionServingFreqInfo"]
                 priorities["LTE"] = serving["cellReselectionPriority"]
-            elif block in _CARRIERS:
+            elif name in _CARRIERS:
                 others = [
                     one.get("commonInfo", one).get("cellReselectionPriority", -1)
-                    for carriers in _CARRIERS[block]
-                    for one in told.get(carriers, ())
+                    for carriers in _CARRIERS[name]
+                    for one in block.get(carriers, ())
                 ]
                 if max(others, default=-1) >= 0:
-                    priorities[block.upper()] = max(others)
+                    priorities[name.upper()] = max(others)
     return [], priorities
 
 

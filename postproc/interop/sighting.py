@@ -217,7 +217,8 @@ class SightingFile:
     def _read(self, i: int) -> Sighting:
         self._file.seek(self._at[i])
         data = self._file.read(self._at[i + 1] - self._at[i])
-        line, t_ns, fix, reading, broadcast, receiver = marshal.loads(data)  # noqa: S302 (written above)
+        values = marshal.loads(data)  # noqa: S302 (written above)
+        line, t_ns, fix, reading, broadcast, receiver = values
         more = dict(zip(_READING, reading, strict=True))
         if broadcast is not None:
             more["broadcast"] = Broadcast(*broadcast)

@@ -217,13 +217,13 @@ def assess_runs(
     Without a `baseline` each run is compared with what was known of earlier walks as it was
     recorded. `several` are the identities that other places name too.
     """
-    told = {id(run): baseline or baseline_of(run) for run in runs}
+    baselines = {id(run): baseline or baseline_of(run) for run in runs}
     findings: dict[str, list[Finding]] = {}
     start_ns: dict[int, int] = {}
     not_asked: list[dict[str, tuple[str, ...]]] = []
     earlier_walks: list[int] = []
     failures: dict[str, Failure] = {}
-    checked: Iterable[SuspicionTracker] = (track(run, told[id(run)]) for run in runs)
+    checked: Iterable[SuspicionTracker] = (track(run, baselines[id(run)]) for run in runs)
     if progress is not None:
         names = [run.path.name for run in runs]
         checked = progress(checked, "checking", len(names), names)
@@ -242,7 +242,7 @@ def assess_runs(
     if database is not None:
         desk = _Desk(runs, list(findings), database, progress)
         for finding in findings_at_desk(DATABASE_RULES, desk):
-            is_trusted = any(one.trust_note(finding.cell) is not None for one in told.values())
+            is_trusted = any(one.trust_note(finding.cell) is not None for one in baselines.values())
             if finding.cell in findings and not is_trusted:
                 findings[finding.cell].append(finding)
     cells = by_word([assess(name, found) for name, found in findings.items()])

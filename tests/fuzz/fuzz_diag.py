@@ -27,7 +27,8 @@ def test_one(data: bytes) -> None:
         body = source.ConsumeBytes(source.ConsumeIntInRange(0, 200))
         match source.ConsumeIntInRange(0, 2):  # a right sum, which a fuzzer would seldom hit
             case 0:
-                stream += log_frame(CODES[source.ConsumeIntInRange(0, len(CODES) - 1)], T0_NS, body)  # type: ignore[no-untyped-call]
+                code = CODES[source.ConsumeIntInRange(0, len(CODES) - 1)]
+                stream += log_frame(code, T0_NS, body)  # type: ignore[no-untyped-call]
             case 1:
                 stream += frame(body)  # type: ignore[no-untyped-call]
             case _:

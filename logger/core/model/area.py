@@ -36,7 +36,7 @@ class Area:
 
     `text` says where, as it is printed. It is `polygons` widened by `wider_m`: in metres of the
     zone `utm`, or before `at` in degrees (longitude, latitude). Without polygons it is the hull of
-    the walk that `at` is told.
+    the walks given to `at`.
     """
 
     text: str

@@ -110,7 +110,6 @@ _mib = partial(_lte, "neighbour", code=_Bits(1, 16), level=None)  # of any cell,
 _b17f = partial(_lte, "serving")
 _b180 = partial(_lte, "neighbour", code=_PCI, level=_Bits(0, 12, 20), step=32)
 _b179 = partial(_lte, "neighbour", channel=_Bits(8, 32))
-_b193_one = partial(_lte, "neighbour", level=_Bits(8, 12, 12))
 _b193 = partial(
     _lte,
     "neighbour",
@@ -134,6 +133,20 @@ _gsm = partial(
     own_channels=True,
 )
 
+
+def _b193_one(size: int, words: int) -> _Cells:
+    """The cell of an early B193: bytes of its EARFCN, and where levels begin."""
+    return _lte(
+        "neighbour",
+        _Bits(0, 8 * size),
+        _Bits(size, 9),
+        _Bits(words + 8, 12, 12),
+        step=words + 12,
+        receivers=(_Bits(words, 12, 10), _Bits(words + 4, 12, 12)),
+        is_serving=(_Bits(size, 3, 9), 0),
+    )
+
+
 _CELLS: Mapping[int, Mapping[int, tuple[_Cells, ...]]] = {
     0xB0C1: {1: (_mib(_Bits(3, 16), step=9),), 2: (_mib(_Bits(3, 32), step=11),)},
     0xB17F: {
@@ -151,28 +164,8 @@ _CELLS: Mapping[int, Mapping[int, tuple[_Cells, ...]]] = {
         ),
     },
     0xB193: {
-        4: (
-            _lte(
-                "neighbour",
-                _Bits(0, 16),
-                _Bits(2, 9),
-                _Bits(20, 12, 12),
-                step=24,
-                receivers=(_Bits(12, 12, 10), _Bits(16, 12, 12)),
-                is_serving=(_Bits(2, 3, 9), 0),
-            ),
-        ),
-        7: (
-            _lte(
-                "neighbour",
-                _Bits(0, 32),
-                _Bits(4, 9),
-                _Bits(24, 12, 12),
-                step=28,
-                receivers=(_Bits(16, 12, 10), _Bits(20, 12, 12)),
-                is_serving=(_Bits(4, 3, 9), 0),
-            ),
-        ),
+        4: (_b193_one(2, 12),),
+        7: (_b193_one(4, 16),),
         19: (_b193(level=_Bits(24, 12, 12), step=88),),
         22: (_b193(level=_Bits(28, 12, 12), step=120),),
         36: (
@@ -232,7 +225,7 @@ _NO_TA = 0xFFFF
 _ANSWERED = 2
 """Bit of the messages of a random access that says that the cell sent its timing advance."""
 _TA_SETTLES_NS, _TA_WAITS_NS = 10**9, 10 * 10**9
-_STAYS_NS = 300 * 10**9
+STAYS_NS = 300 * 10**9
 """A serving cell that was named longer ago may be another one now."""
 _BURSTS, _BURST_BYTES = 4, 23
 _BCCH_DOWN = 0x81
@@ -334,14 +327,14 @@ class Decoder:
         level_dbm = _level(_Bits(0, 16, signed=True).of(body), "GSM")
         if len(body) != 3:
             raise _RefusedError
-        if level_dbm is not None and (last := self._last(record, "GSM", _STAYS_NS)):
+        if level_dbm is not None and (last := self._last(record, "GSM", STAYS_NS)):
             yield _again(last, record, level_dbm)
 
     def _gsm_bursts(self, record: LogRecord, body: bytes) -> Iterator[Observation]:
         """Levels on the channel of the serving cell; a call may hop on others."""
         if len(body) != 1 + _BURSTS * _BURST_BYTES:
             raise _RefusedError
-        last = self._last(record, "GSM", _STAYS_NS)
+        last = self._last(record, "GSM", STAYS_NS)
         for start in range(1, len(body), _BURST_BYTES):
             level_dbm = _level(_Bits(10, 16, signed=True).of(body, start), "GSM")
             channel = _Bits(4, 12).of(body, start)
@@ -364,7 +357,7 @@ class Decoder:
             raise _RefusedError
         identity = _identity(_bcd(body[8:11]), _big(body[11:13]), _big(body[6:8]))
         self._broadcast[radio_id] = identity, None
-        last = self._last(record, "GSM", _STAYS_NS)
+        last = self._last(record, "GSM", STAYS_NS)
         is_last = last is not None and last.identity == identity
         yield Observation(
             record.time_ns,
@@ -383,7 +376,7 @@ class Decoder:
         number = body[0] & 0x3F
         if first + number * step > len(body):
             raise _RefusedError
-        serving = self._last(record, "WCDMA", _STAYS_NS)
+        serving = self._last(record, "WCDMA", STAYS_NS)
         for start in range(first, first + number * step, step):
             channel = _channel(_Bits(0, 16).of(body, start), "WCDMA")
             code = _code(_Bits(2, 16).of(body, start), "WCDMA")

@@ -12,13 +12,11 @@ from typing import Any
 
 from logger.core.cell_names import CODES
 from logger.core.types import Broadcast, CellReading, Rat, Role
-from logger.drivers.diag.levels import Identity, Observation
+from logger.drivers.diag.levels import STAYS_NS, Identity, Observation
 
 _SECOND_NS = 10**9
 _MOST_LEVELS, _MOST_CELLS = 1000, 128
 """Of one second: a modem has 100 and 20."""
-_STAYS_NS = 300 * 10**9
-"""A cell that was not served for so long may be another one of that channel and code."""
 
 _Cell = tuple[Rat, int, int | None]
 _LEVEL: Mapping[Rat, str] = {"GSM": "rssi_dbm", "WCDMA": "rscp_dbm", "LTE": "rsrp_dbm"}
@@ -114,7 +112,7 @@ class Seconds:
         identity = one.identity
         if identity is None and key in self._serving:
             last, known, time_ns = self._serving.pop(key)
-            if last == cell and abs(one.time_ns - time_ns) <= _STAYS_NS:
+            if last == cell and abs(one.time_ns - time_ns) <= STAYS_NS:
                 identity = known
         if identity is not None:
             self._serving[key] = cell, identity, one.time_ns

@@ -278,8 +278,8 @@ def test_evidence_of_signalling():
         ("release", "to GERAN"),
     ]
     assert signals(messages.end()) == [("identity request", "IMSI, not answered")]
-    told = [one for one in heard if isinstance(one, Signal)]
-    assert {(one.cell, one.operator) for one in told} == {(f"LTE-{EARFCN}-{PCI}", "262-01")}
+    found = [one for one in heard if isinstance(one, Signal)]
+    assert {(one.cell, one.operator) for one in found} == {(f"LTE-{EARFCN}-{PCI}", "262-01")}
 
 
 @pytest.mark.parametrize(
@@ -426,7 +426,7 @@ def test_bits_of_release_and_security_are_those_that_pycrate_reads():
     n = Counter()
     for name in ("mobility_sample.mi2log", "attach_sample.mi2log", "bler_sample.mi2log"):
         records, heard, _ = read(name)
-        told = {(o.time_ns, o.kind): o.value for o in heard if isinstance(o, Signal)}
+        found = {(o.time_ns, o.kind): o.value for o in heard if isinstance(o, Signal)}
         for record in records:
             if record.code != RRC or record.body[12] not in {6, 7}:
                 continue
@@ -439,10 +439,10 @@ def test_bits_of_release_and_security_are_those_that_pycrate_reads():
             if kind == 6:
                 algorithms = parts["securityConfigSMC"]["securityAlgorithmConfig"]
                 expected = " ".join(one.upper()[:4] for one in algorithms.values())
-                assert told[record.time_ns, "RRC security"] == expected
+                assert found[record.time_ns, "RRC security"] == expected
             else:
                 has_target = "redirectedCarrierInfo" in parts
-                value = told[record.time_ns, "release"]
+                value = found[record.time_ns, "release"]
                 assert (value != "no redirection") == has_target
             n[kind] += 1
     assert n[5] > 20
