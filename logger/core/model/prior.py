@@ -50,7 +50,7 @@ class Station(NamedTuple):
     antenna_db: tuple[float, ...] = ()
 
 
-HEIGHTS_M = (5.0, 2.0, 10.0, 20.0, 30.0)
+HEIGHTS_M = (5.0, 12.0, 28.0)
 """Heights above the receiver, equally probable: a first floor, a street, a roof, a mast.
 
 The first stands for all where one is needed. A station on a mast that is passed closely looks like
@@ -128,7 +128,6 @@ NOISE = (
     NoiseGroup(
         0.8,
         (
-            Hypothesis(0.05, 10.0),
             Hypothesis(0.05, 18.0),
             Hypothesis(0.05, 30.0),
             Hypothesis(0.3, 30.0),
@@ -143,9 +142,7 @@ NOISE = (
             Hypothesis(0.05, 30.0, 0.75, 350.0),
             Hypothesis(0.3, 30.0, 0.75, 350.0),
             Hypothesis(0.7, 30.0, 0.75, 350.0),
-            Hypothesis(0.05, 30.0, 0.75, 100.0),
             Hypothesis(0.3, 30.0, 0.75, 100.0),
-            Hypothesis(0.3, 10.0, 0.35, 100.0),
         ),
         is_long=True,
     ),
@@ -224,7 +221,7 @@ class Prior:
         kept = []
         for pattern in dict.fromkeys(one.antenna_db for one in self.stations):
             alike = [one for one in self.stations if one.antenna_db == pattern]
-            few = alike[::3]
+            few = alike[::2]
             total = sum(one.probability for one in alike)
             kept += [one._replace(probability=total / len(few)) for one in few]
         return replace(self, stations=tuple(kept))
