@@ -50,7 +50,7 @@ class Station(NamedTuple):
     antenna_db: tuple[float, ...] = ()
 
 
-HEIGHTS_M = (5.0, 12.0, 28.0)
+HEIGHTS_M = (3.0, 10.0, 28.0)
 """Heights above the receiver, equally probable: a first floor, a street, a roof, a mast.
 
 The first stands for all where one is needed. A station on a mast that is passed closely looks like
@@ -128,6 +128,7 @@ NOISE = (
     NoiseGroup(
         0.8,
         (
+            Hypothesis(0.05, 10.0),
             Hypothesis(0.05, 18.0),
             Hypothesis(0.05, 30.0),
             Hypothesis(0.3, 30.0),
