@@ -139,17 +139,17 @@ def _find_start(
             f"{CLOSE:.0%} of its distance from the rest"
         )
 
-    def locate_prefix(count: int, prior: Prior, effort: Effort) -> Posterior | None:
+    prior = _likely_noise(full)
+
+    def locate_prefix(count: int, effort: Effort) -> Posterior | None:
         return _locate_prefix(obs, count, prior, effort, noise.height_m)
 
-    prior = _likely_noise(full)
-    rough = prior.of_few_heights()
-    count = _bisect(shortest, end, lambda count: locate_prefix(count, rough, _ROUGH) is not None)
+    count = _bisect(shortest, end, lambda count: locate_prefix(count, _ROUGH) is not None)
     if count is None:
         return NoRun("only the complete walk locates the transmitter: no reading is left to filter")
     # a rough search may miss one of two modes
     for candidate in sorted({count, (count + end) // 2}):
-        if posterior := locate_prefix(candidate, prior, Effort()):
+        if posterior := locate_prefix(candidate, Effort()):
             return candidate, posterior
     return NoRun(
         "a closer look at the parts that seemed to locate the transmitter does not bear them out"

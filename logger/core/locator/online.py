@@ -112,7 +112,7 @@ class OnlineLocator:
         spikes: SpikeFilter[Readings] | None = None,
         where: WalkArea | None = None,
     ) -> None:
-        self._prior = prior.of_few_heights()
+        self._prior = prior
         self._where = where or WalkArea(None)
         self._spikes = spikes or SpikeFilter[Readings]()
         self._white = np.array([h.white_share for h in prior.hypotheses])

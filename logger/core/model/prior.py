@@ -51,10 +51,11 @@ class Station(NamedTuple):
 
 
 HEIGHTS_M = (3.0, 10.0, 28.0)
-"""Heights above the receiver, equally probable: a first floor, a street, a roof, a mast.
+"""Heights above the receiver, equally probable: of a street or first floor, a roof, a mast.
 
 The first stands for all where one is needed. A station on a mast that is passed closely looks like
-one farther away and lower.
+one farther away and lower. Five heights (2 to 30 m) change no region of 51 measured walks by more
+than 8 %, and take a third more time.
 """
 
 SECTOR_DB = (9.3,)
@@ -213,19 +214,6 @@ class Prior:
     def of_station(self, station: Station) -> "Prior":
         """The prior where this is the only station."""
         return replace(self, stations=(station,))
-
-    def of_few_heights(self) -> "Prior":
-        """The prior with every third height of each pattern, which has the probability of all.
-
-        Work with it takes half as long.
-        """
-        kept = []
-        for pattern in dict.fromkeys(one.antenna_db for one in self.stations):
-            alike = [one for one in self.stations if one.antenna_db == pattern]
-            few = alike[::2]
-            total = sum(one.probability for one in alike)
-            kept += [one._replace(probability=total / len(few)) for one in few]
-        return replace(self, stations=tuple(kept))
 
     def radius_m(self, level: float) -> float:
         """Radius around a single reading that holds `level` of the positions; no reach has an end.
