@@ -418,8 +418,9 @@ def test_damaged_files(sources, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_million_damaged_files(sources, tmp_path):
-    fuzz(sources, 1_000_000, 2, tmp_path)
+@pytest.mark.parametrize("kind", range(4), ids=["pcapng", "zip", "qmdl", "positions"])
+def test_a_million_damaged_files(kind, sources, tmp_path):
+    fuzz([sources[kind]], 1_000_000, 2 + kind, tmp_path)
 
 
 MORE_MB = """
