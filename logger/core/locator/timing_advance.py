@@ -1,7 +1,7 @@
-"""What the GSM timing advance (TA) adds: a ring around each location where it was read.
+"""What the timing advance (TA) adds: a ring around each location where it was read.
 
-The network sets the TA so that a burst arrives in time: the way to the base station and back in
-symbols of 48/13 us, 553.5 m of distance each, 0 to 63 (3GPP TS 45.010). With d the distance, b a
+In GSM the network sets the TA so that a burst arrives in time: the way to the base station and back
+in symbols of 48/13 us, 553.5 m of distance each, 0 to 63 (3GPP TS 45.010). With d the distance, b a
 bias of the complete walk and e an error of the location:
 
     TA = n    if    n <= (d + b + e) / 553.5 < n + 1
@@ -15,6 +15,12 @@ bias (a repeater, an outdated value, a wrong network), so that neither excludes 
 TA alone locate a base station to about a step (Raitoharju, Ali-Loytty & Wirola, Estimation of base
 station position using timing advance measurements, 2010). Wrong steps are frequent (Yost &
 Panchapakesan, VTC 1998).
+
+In LTE a random access is answered with the delay in steps of 16 Ts, 78.07 m, 0 to 1282 (TS 36.213
+4.2.3). Detours, repeaters and fibre up to the antenna lengthen it, in one city by 15 km, and
+nothing shortens it. As any excess is as likely as another, the ring has no inner edge:
+
+    TA = n    says    d + b + e < 78.07 (n + 1)
 """
 
 from typing import NamedTuple
@@ -26,9 +32,9 @@ from logger.core.locator.mixture import log_sum
 from logger.core.locator.region import Squares
 from logger.core.model.blocks import FINEST_BLOCK_M, squares
 from logger.core.places import Places
-from logger.core.readings import LAST_TA, Readings
+from logger.core.readings import LAST_LTE_TA, LAST_TA, Readings
 
-STEP_M = 553.5
+STEP_M, LTE_STEP_M = 553.5, 78.07
 SIGMA_M = 160.0
 """Errors within half a symbol: what TS 45.010 allows for the measurement of the base station."""
 BIAS_M = 350.0
@@ -41,6 +47,27 @@ LOCATION_M = 50.0
 Repeated TA within it add nothing.
 """
 
+
+class _Law(NamedTuple):
+    """How a technology counts: `is_upper` if its TA bound the distance from above only."""
+
+    step_m: float
+    last: int
+    sigma_m: float
+    bias_m: float
+    bias_sigma_m: float
+    is_upper: bool
+
+
+_GSM = _Law(STEP_M, LAST_TA, SIGMA_M, BIAS_M, BIAS_SIGMA_M, is_upper=False)
+_LTE = _Law(
+    LTE_STEP_M,
+    LAST_LTE_TA,
+    sigma_m=60.0,  # a base station finds a preamble to 1.04 us, 156 m (TS 36.104 8.4.2)
+    bias_m=0.0,  # a whole step is left to rounding, and its mean is half a step
+    bias_sigma_m=60.0,  # a phone's timing may be off by 12 Ts, 59 m (TS 36.133 7.1.2)
+    is_upper=True,
+)
 _OUTLIERS = 0.05
 """Probability of a TA that has nothing to do with the distance."""
 _ANY_BIAS = 0.05
@@ -63,27 +90,35 @@ _END_OF_REACH = 0.7
 class Timing(NamedTuple):
     """Timing advances by location, (k,) each; weights of the steps at one location add to 1.
 
-    The antenna is `height_m` above the receiver.
+    The antenna is `height_m` above the receiver, `law` says what a step is.
     """
 
     places: Places
     step: FloatArray
     weight: FloatArray
     height_m: float
+    law: _Law = _GSM
 
     @property
     def reach_m(self) -> float:
         """How far beyond the walk a search has to reach so that no ring is near its end."""
+        if self.law.is_upper:
+            return 0.0
         return float(np.max(self.step) + 1.0) * STEP_M / _END_OF_REACH
 
     def log_p(self, positions: Places) -> FloatArray:
         """Log probability of all TA for a base station at positions (h,)."""
         distance_m = self._distance_m(positions)
         p_near = (1.0 - _NEVER_SET) * (1.0 - _ANY_BIAS) * _DENSITY / np.sum(_DENSITY)
+        if self.law.is_upper:
+            p_near /= 1.0 - _NEVER_SET  # a modem that was answered has a TA
         terms = [
-            log_p + self._log_p_of_delay(distance_m + BIAS_M + BIAS_SIGMA_M * node)
+            log_p + self._log_p_of_delay(self._delay_m(distance_m, node))
             for node, log_p in zip(_NODES, np.log(p_near), strict=True)
         ]
+        if self.law.is_upper:
+            terms.append(np.full(len(positions), np.log(_ANY_BIAS)))
+            return log_sum(np.stack(terms, axis=-1))
         # of biases that can be anything, -35 to 35 km, about one step fits
         middle_m = (self.step[:, None] + 0.5) * STEP_M
         bias_m = self.weight @ (middle_m - distance_m) / np.sum(self.weight)
@@ -95,20 +130,22 @@ class Timing(NamedTuple):
 
     def near(self, square: FloatArray) -> BoolArray:
         """Which squares (3, h), rows x, y, side, may contain a part of a ring."""
-        middle_m = (self.step[:, None] + 0.5) * STEP_M - BIAS_M
+        law = self.law
+        middle_m = (self.step[:, None] + (1.0 if law.is_upper else 0.5)) * law.step_m - law.bias_m
         off_m = np.abs(self._distance_m(Places.of(*square[:2])) - middle_m)
-        reach_m = 0.5 * STEP_M + 2.0 * BIAS_SIGMA_M + np.sqrt(0.5) * square[2]
+        reach_m = 0.5 * law.step_m + 2.0 * law.bias_sigma_m + np.sqrt(0.5) * square[2]
         return np.asarray(np.any(off_m < reach_m, axis=0), bool)
 
     def check(self, squares: Squares) -> "TimingCheck":
         """At how many locations the TA disagree with a posterior, beyond 2 sigma."""
-        slack_m = 2.0 * float(np.hypot(SIGMA_M, BIAS_SIGMA_M))
+        law = self.law
+        slack_m = 2.0 * float(np.hypot(law.sigma_m, law.bias_sigma_m))
         likely = squares.probability > _LEAST_P
         positions = Places.of(squares.x_m[likely], squares.y_m[likely])
-        delay_m = self._distance_m(positions) + BIAS_M
+        delay_m = self._delay_m(self._distance_m(positions))
         step = self.step[:, None]
-        fits = (delay_m > step * STEP_M - slack_m) | (step == 0)
-        fits &= (delay_m < (step + 1.0) * STEP_M + slack_m) | (step == LAST_TA)
+        fits = (delay_m > step * law.step_m - slack_m) | (step == 0) | law.is_upper
+        fits &= (delay_m < (step + 1.0) * law.step_m + slack_m) | (step == law.last)
         disagrees = fits @ squares.probability[likely] < _DISAGREES
         locations = round(float(np.sum(self.weight)))
         return TimingCheck(locations, round(float(np.sum(self.weight[disagrees]))))
@@ -117,10 +154,18 @@ class Timing(NamedTuple):
         """Distance of each location from the antenna over positions (h,), shape (k, h)."""
         return np.asarray(np.hypot(self.places.distances_m(positions), self.height_m), float)
 
+    def _delay_m(self, distance_m: FloatArray, node: float = 0.0) -> FloatArray:
+        """Delays of distances with the bias of a node."""
+        return distance_m + self.law.bias_m + self.law.bias_sigma_m * node
+
     def _log_p_of_delay(self, delay_m: FloatArray) -> FloatArray:
-        """Log probability (h,) of all TA given the delays (k, h), with the bias included."""
-        p = (1.0 - _OUTLIERS) * probability(self.step[:, None], delay_m)
-        return np.asarray(self.weight @ np.log(p + _OUTLIERS / (LAST_TA + 1)), float)
+        """Log probability (h,) of all TA given the delays (k, h), with the bias included.
+
+        Of an upper bound the same number of steps is left out everywhere.
+        """
+        p = (1.0 - _OUTLIERS) * probability(self.step[:, None], delay_m, self.law)
+        n_steps = 1 if self.law.is_upper else self.law.last + 1
+        return np.asarray(self.weight @ np.log(p + _OUTLIERS / n_steps), float)
 
 
 class TimingCheck(NamedTuple):
@@ -138,13 +183,16 @@ class TimingCheck(NamedTuple):
         return f"the timing advance disagrees with the result {where}"
 
 
-def probability(step: FloatArray, delay_m: FloatArray) -> FloatArray:
-    """Of TA = `step` given the delay as a distance, without outliers; sums to 1 over 0 to 63."""
-    rate = np.pi / (2.0 * np.sqrt(3.0) * SIGMA_M)
-    below_end = np.tanh(rate * ((step + 1.0) * STEP_M - delay_m))
-    below_begin = np.tanh(rate * (step * STEP_M - delay_m))
-    below_end = np.where(step == LAST_TA, 1.0, below_end)
-    below_begin = np.where(step == 0, -1.0, below_begin)
+def probability(step: FloatArray, delay_m: FloatArray, law: _Law = _GSM) -> FloatArray:
+    """Of TA = `step` given the delay as a distance, without outliers; sums to 1 over 0 to 63.
+
+    Of LTE that the delay is no longer than `step`.
+    """
+    rate = np.pi / (2.0 * np.sqrt(3.0) * law.sigma_m)
+    below_end = np.tanh(rate * ((step + 1.0) * law.step_m - delay_m))
+    below_begin = np.tanh(rate * (step * law.step_m - delay_m))
+    below_end = np.where(step == law.last, 1.0, below_end)
+    below_begin = np.where((step == 0) | law.is_upper, -1.0, below_begin)
     return np.asarray(0.5 * (below_end - below_begin), float)
 
 
@@ -152,15 +200,17 @@ def timing_of(obs: Readings, height_m: float = 0.0) -> Timing | None:
     """The timing advances of a walk gathered by location; None without any."""
     if obs.ta is None or not np.any(obs.ta >= 0):
         return None
+    law = _LTE if obs.rat == "LTE" else _GSM
     has_ta = obs.ta >= 0
     places, step = obs.places.part(has_ta), obs.ta[has_ta]
     scale = FINEST_BLOCK_M / LOCATION_M  # `squares` begins with the finest block
     modem = np.zeros(len(step), np.int64)
     scaled = Places.of(scale * places.x_m, scale * places.y_m)
     square, _ = squares(scaled, _MOST_LOCATIONS, modem)
-    key = (LAST_TA + 1) * square + step
+    key = (law.last + 1) * square + step
     keys, index, count = np.unique(key, return_inverse=True, return_counts=True)
     means_m = (np.bincount(index, values) / count for values in (places.x_m, places.y_m))
-    square_of_key, step_of_key = np.divmod(keys, LAST_TA + 1)
+    square_of_key, step_of_key = np.divmod(keys, law.last + 1)
     weight = count / np.bincount(square)[square_of_key]
-    return Timing(Places.of(*means_m, utm=places.utm), step_of_key.astype(float), weight, height_m)
+    at = Places.of(*means_m, utm=places.utm)
+    return Timing(at, step_of_key.astype(float), weight, height_m, law)

@@ -15,6 +15,7 @@ from logger.core.locator.search import search_once
 from logger.core.locator.timing_advance import (
     BIAS_M,
     BIAS_SIGMA_M,
+    LTE_STEP_M,
     SIGMA_M,
     STEP_M,
     probability,
@@ -25,6 +26,7 @@ from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Prior, Reach, Station
 from logger.core.places import Places
+from logger.core.readings import timing_advances
 from postproc.cell_estimation import locate_cell
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations
@@ -180,6 +182,56 @@ def test_one_wrong_ta_excludes_nothing_and_neither_does_a_wrong_walk():
         of(walked, right).log_p(Places.of(np.linspace(-4000.0, 4000.0, 200), np.zeros(200))).max()
     )
     assert best - 12.0 < of(walked, right).log_p(Places.of(*away))[0] < best - 4.0
+
+
+# --- LTE: an upper bound ---
+
+
+def lte_of(x, ta):
+    found = timing_of(replace(at_places(x, np.zeros(len(x)), ta), rat="LTE"))
+    assert found is not None
+    return found
+
+
+def test_a_ta_of_lte_excludes_what_is_farther_and_nothing_that_is_nearer():
+    """Also with 15 km of fibre between the base station and its antenna."""
+    ta = [6, 7, 6, 6, 7, 5]
+    found = lte_of(60.0 * np.arange(6), ta)
+    near_m, far_m = np.linspace(0.0, 300.0, 7), np.array([1500.0, 3000.0, 15_000.0])
+    at = [found.log_p(Places.of(x_m, 0.0 * x_m)) for x_m in (near_m, far_m)]
+    assert np.ptp(at[0]) < 0.1
+    assert np.all(at[1] < at[0].min() - 2.0)
+    assert np.ptp(at[1]) < 0.1  # a walk with a wrong network has one chance in twenty
+    fibre = lte_of(60.0 * np.arange(6), np.array(ta) + 192)
+    everywhere = np.linspace(-10_000.0, 10_000.0, 9)
+    assert np.ptp(fibre.log_p(Places.of(everywhere, 0.0 * everywhere))) < 1e-3
+
+
+def test_the_bound_of_lte_is_its_step_and_the_error_of_the_phone():
+    x_m = np.linspace(0.0, 4000.0, 401)
+    p = np.exp(lte_of([0.0], [12]).log_p(Places.of(x_m, 0.0 * x_m)))
+    low = p[-1] / p[0]
+    assert low == pytest.approx(0.05 + 0.95 * 0.05, abs=1e-3)  # a wrong walk, or a wrong reading
+    half_m = x_m[np.argmin(np.abs(p / p[0] - (1.0 + low) / 2.0))]
+    assert half_m == pytest.approx(13 * LTE_STEP_M, abs=10.0)
+    assert p[x_m > 13 * LTE_STEP_M + 400.0].max() < 1.02 * p[-1]
+
+
+def test_a_search_goes_no_farther_for_lte():
+    x = np.linspace(0.0, 300.0, 20)
+    obs = replace(at_places(x, 0.0 * x, [199] * 20), rat="LTE")
+    assert locate(obs, WHITE).prior == WHITE
+    here = Squares(np.array([900.0]), np.array([0.0]), np.array([10.0]), np.ones(1))
+    assert timing_of(obs).check(here).disagree == 0
+    assert timing_of(replace(obs, ta=np.full(20, 1))).check(here).warning is not None
+
+
+def test_timing_advances_of_a_run_are_those_of_its_technology():
+    rows = np.zeros(5, [("role", "S9"), ("rat", "S8"), ("ta", "<i4"), ("ta_16ts", "<i4")])
+    rows["role"] = [b"serving", b"serving", b"neighbour", b"serving", b"serving"]
+    rows["rat"] = [b"GSM", b"LTE", b"LTE", b"LTE", b"WCDMA"]
+    rows["ta"], rows["ta_16ts"] = [3, 4, 4, 4, 4], [5, 199, 6, 1283, 7]
+    assert timing_advances(rows).tolist() == [3, 199, -1, -1, -1]
 
 
 # --- ring ---

@@ -232,6 +232,32 @@ def test_levels_of_gsmtap_version_3(tmp_path):
     assert b"secretsecret" not in (tmp_path / "run.h5").read_bytes()
 
 
+def test_timing_advances_of_a_capture_bound_the_distance(tmp_path):
+    """Levels that hardly change say little; an access each 20 s says no farther than 6 x 78 m."""
+    regions_km2 = []
+    for ta_16ts in (None, 5, 199):
+        data = b""
+        for second in range(120):
+            t_ns = T0_NS + second * 10**9
+            if second % 20 == 0:
+                data += diag.log_frame(0xB0C2, t_ns, diag.serving_identity(EARFCN, PCI, IDENTITY))
+            level_dbm = -90.0 + second % 5
+            data += diag.log_frame(0xB17F, t_ns + 10**8, diag.serving_cell(EARFCN, PCI, level_dbm))
+            if ta_16ts is not None and second % 20 == 10:
+                access = diag.random_access(ta_16ts)
+                data += diag.log_frame(0xB062, t_ns + 2 * 10**8, access)
+        zipped = diag.rayhunter_zip(tmp_path / "a.zip", data, lines(range(0, 121, 5)))
+        run = import_file(zipped, tmp_path)[1]
+        (cell,) = smooth_runs([run], [NAME]).cells
+        assert (cell.timing is None) == (ta_16ts is None)
+        if cell.timing:
+            assert (cell.timing.places, cell.timing.disagree) == (3, 0)
+        regions_km2.append(cell.posterior.region_area_m2 / 1e6)
+    without, near, by_fibre = regions_km2
+    assert near < 0.6 * without
+    assert by_fibre == pytest.approx(without, rel=0.05)
+
+
 def test_a_typed_position_is_no_walk(tmp_path):
     fixed = [diag.gps_line(T0_NS + s * 10**9, T0_NS + s * 10**9, LAT, LON) for s in range(9)]
     source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(9)), fixed)
