@@ -282,6 +282,33 @@ def test_evidence_of_signalling():
     assert {(one.cell, one.operator) for one in found} == {(f"LTE-{EARFCN}-{PCI}", "262-01")}
 
 
+def test_the_cipher_of_gsm_is_a_signal_of_its_cell():
+    messages, decoder = Messages(), Decoder()
+    cell = bytes.fromhex("10800401187662f220014100ff")
+    heard = []
+    for code, body in (
+        (0x512F, "8035030635" + "11"),  # of no cell that was named
+        (0x5134, cell.hex()),
+        (0x512F, "8035030635" + "11"),
+        (0x512F, "8035030635" + "15"),
+        (0x512F, "8035030635" + "10"),
+        (0x5B2F, "00" + "8035030635" + "10"),
+        (0x512F, "0032020632"),  # the answer, and another command
+        (0x512F, "803f03063f11"),
+        (0x512F, "80350206" + "35"),
+    ):
+        record = LogRecord(code, 0, T_NS, bytes.fromhex(body))
+        for one in decoder.feed(record):
+            messages.with_first_name(one)
+        heard += messages.feed(record)
+    said = [(one.value, one.cell, one.operator) for one in heard]
+    here = "GSM-16-12", "262-02"
+    assert said == [("A5/1", "unknown", "unknown"), ("A5/1", *here), ("A5/3", *here)] + 2 * [
+        ("A5/0", *here)
+    ]
+    assert {one.kind for one in heard} == {"GSM cipher"}
+
+
 @pytest.mark.parametrize(
     "body",
     [
