@@ -17,10 +17,9 @@ station position using timing advance measurements, 2010). Wrong steps are frequ
 Panchapakesan, VTC 1998).
 
 In LTE a random access is answered with the delay in steps of 16 Ts, 78.07 m, 0 to 1282 (TS 36.213
-4.2.3). Detours, repeaters and fibre up to the antenna lengthen it, in one city by 15 km, and
-nothing shortens it. As any excess is as likely as another, the ring has no inner edge:
-
-    TA = n    says    d + b + e < 78.07 (n + 1)
+4.2.3). Repeaters, and fibre up to the antenna, lengthen it on the whole walk, in one city by 15 km,
+and nothing shortens it: the bias b is one-sided, with the density 1 / (1 + b / 200 m)**1.5. Its
+median over the locations takes the place of the sum.
 """
 
 from typing import NamedTuple
@@ -49,24 +48,25 @@ Repeated TA within it add nothing.
 
 
 class _Law(NamedTuple):
-    """How a technology counts: `is_upper` if its TA bound the distance from above only."""
+    """How a technology counts; `is_longer`: its bias is one-sided, from `bias_m` on."""
 
     step_m: float
     last: int
     sigma_m: float
     bias_m: float
     bias_sigma_m: float
-    is_upper: bool
+    is_longer: bool
 
 
-_GSM = _Law(STEP_M, LAST_TA, SIGMA_M, BIAS_M, BIAS_SIGMA_M, is_upper=False)
+_GSM = _Law(STEP_M, LAST_TA, SIGMA_M, BIAS_M, BIAS_SIGMA_M, is_longer=False)
 _LTE = _Law(
     LTE_STEP_M,
     LAST_LTE_TA,
-    sigma_m=60.0,  # a base station finds a preamble to 1.04 us, 156 m (TS 36.104 8.4.2)
-    bias_m=0.0,  # a whole step is left to rounding, and its mean is half a step
+    # a base station finds a preamble to 1.04 us, 156 m (TS 36.104 8.4.2), and detours differ
+    sigma_m=120.0,
+    bias_m=200.0,
     bias_sigma_m=60.0,  # a phone's timing may be off by 12 Ts, 59 m (TS 36.133 7.1.2)
-    is_upper=True,
+    is_longer=True,
 )
 _OUTLIERS = 0.05
 """Probability of a TA that has nothing to do with the distance."""
@@ -102,25 +102,24 @@ class Timing(NamedTuple):
     @property
     def reach_m(self) -> float:
         """How far beyond the walk a search has to reach so that no ring is near its end."""
-        if self.law.is_upper:
+        if self.law.is_longer:
             return 0.0
         return float(np.max(self.step) + 1.0) * STEP_M / _END_OF_REACH
 
     def log_p(self, positions: Places) -> FloatArray:
         """Log probability of all TA for a base station at positions (h,)."""
         distance_m = self._distance_m(positions)
+        middle_m = (self.step[:, None] + 0.5) * self.law.step_m
+        if self.law.is_longer:
+            bias_m = self._median(middle_m - distance_m)
+            p = (1.0 - _ANY_BIAS) * self._p_of_excess(bias_m) + _ANY_BIAS * _LEAST_P
+            return np.log(p) + self._log_p_of_delay(distance_m + bias_m)
         p_near = (1.0 - _NEVER_SET) * (1.0 - _ANY_BIAS) * _DENSITY / np.sum(_DENSITY)
-        if self.law.is_upper:
-            p_near /= 1.0 - _NEVER_SET  # a modem that was answered has a TA
         terms = [
-            log_p + self._log_p_of_delay(self._delay_m(distance_m, node))
+            log_p + self._log_p_of_delay(distance_m + BIAS_M + BIAS_SIGMA_M * node)
             for node, log_p in zip(_NODES, np.log(p_near), strict=True)
         ]
-        if self.law.is_upper:
-            terms.append(np.full(len(positions), np.log(_ANY_BIAS)))
-            return log_sum(np.stack(terms, axis=-1))
         # of biases that can be anything, -35 to 35 km, about one step fits
-        middle_m = (self.step[:, None] + 0.5) * STEP_M
         bias_m = self.weight @ (middle_m - distance_m) / np.sum(self.weight)
         p = (1.0 - _NEVER_SET) * _ANY_BIAS / (2.0 * (LAST_TA + 1))
         if not np.any(self.step):
@@ -131,7 +130,8 @@ class Timing(NamedTuple):
     def near(self, square: FloatArray) -> BoolArray:
         """Which squares (3, h), rows x, y, side, may contain a part of a ring."""
         law = self.law
-        middle_m = (self.step[:, None] + (1.0 if law.is_upper else 0.5)) * law.step_m - law.bias_m
+        bias_m = 0.0 if law.is_longer else law.bias_m
+        middle_m = (self.step[:, None] + 0.5) * law.step_m - bias_m
         off_m = np.abs(self._distance_m(Places.of(*square[:2])) - middle_m)
         reach_m = 0.5 * law.step_m + 2.0 * law.bias_sigma_m + np.sqrt(0.5) * square[2]
         return np.asarray(np.any(off_m < reach_m, axis=0), bool)
@@ -142,9 +142,9 @@ class Timing(NamedTuple):
         slack_m = 2.0 * float(np.hypot(law.sigma_m, law.bias_sigma_m))
         likely = squares.probability > _LEAST_P
         positions = Places.of(squares.x_m[likely], squares.y_m[likely])
-        delay_m = self._delay_m(self._distance_m(positions))
+        delay_m = self._distance_m(positions) + (0.0 if law.is_longer else law.bias_m)
         step = self.step[:, None]
-        fits = (delay_m > step * law.step_m - slack_m) | (step == 0) | law.is_upper
+        fits = (delay_m > step * law.step_m - slack_m) | (step == 0) | law.is_longer
         fits &= (delay_m < (step + 1.0) * law.step_m + slack_m) | (step == law.last)
         disagrees = fits @ squares.probability[likely] < _DISAGREES
         locations = round(float(np.sum(self.weight)))
@@ -154,18 +154,25 @@ class Timing(NamedTuple):
         """Distance of each location from the antenna over positions (h,), shape (k, h)."""
         return np.asarray(np.hypot(self.places.distances_m(positions), self.height_m), float)
 
-    def _delay_m(self, distance_m: FloatArray, node: float = 0.0) -> FloatArray:
-        """Delays of distances with the bias of a node."""
-        return distance_m + self.law.bias_m + self.law.bias_sigma_m * node
-
     def _log_p_of_delay(self, delay_m: FloatArray) -> FloatArray:
-        """Log probability (h,) of all TA given the delays (k, h), with the bias included.
-
-        Of an upper bound the same number of steps is left out everywhere.
-        """
+        """Log probability (h,) of all TA given the delays (k, h), with the bias included."""
         p = (1.0 - _OUTLIERS) * probability(self.step[:, None], delay_m, self.law)
-        n_steps = 1 if self.law.is_upper else self.law.last + 1
-        return np.asarray(self.weight @ np.log(p + _OUTLIERS / n_steps), float)
+        return np.asarray(self.weight @ np.log(p + _OUTLIERS / (self.law.last + 1)), float)
+
+    def _median(self, excess_m: FloatArray) -> FloatArray:
+        """Weighted median over the locations, (h,) of (k, h)."""
+        order = np.argsort(excess_m, axis=0)
+        below = np.cumsum(self.weight[order], axis=0)
+        half = np.argmax(below >= 0.5 * below[-1], axis=0)
+        return np.asarray(excess_m[order[half, np.arange(len(half))], np.arange(len(half))], float)
+
+    def _p_of_excess(self, bias_m: FloatArray) -> FloatArray:
+        """Of a one-sided bias, relative to none; an error of the phone lessens it."""
+        is_longer = 0.5 + 0.5 * np.tanh(
+            np.pi / (2.0 * np.sqrt(3.0)) * bias_m / self.law.bias_sigma_m
+        )
+        longer = np.maximum(bias_m, 0.0) / self.law.bias_m
+        return np.asarray(is_longer * (1.0 + longer) ** -1.5, float)
 
 
 class TimingCheck(NamedTuple):
@@ -184,15 +191,12 @@ class TimingCheck(NamedTuple):
 
 
 def probability(step: FloatArray, delay_m: FloatArray, law: _Law = _GSM) -> FloatArray:
-    """Of TA = `step` given the delay as a distance, without outliers; sums to 1 over 0 to 63.
-
-    Of LTE that the delay is no longer than `step`.
-    """
+    """Of TA = `step` given the delay as a distance, without outliers; sums to 1 over all steps."""
     rate = np.pi / (2.0 * np.sqrt(3.0) * law.sigma_m)
     below_end = np.tanh(rate * ((step + 1.0) * law.step_m - delay_m))
     below_begin = np.tanh(rate * (step * law.step_m - delay_m))
     below_end = np.where(step == law.last, 1.0, below_end)
-    below_begin = np.where((step == 0) | law.is_upper, -1.0, below_begin)
+    below_begin = np.where(step == 0, -1.0, below_begin)
     return np.asarray(0.5 * (below_end - below_begin), float)
 
 

@@ -37,14 +37,16 @@ def read(source: Path) -> Iterator[Row]:
     yield from json_lines.parse_objects(source, _remarks)
 
 
-def positions(source: Path) -> tuple[list[Fix], int | None]:
-    """Positions by the clock of the modem, and what makes one of its times of 1980 a true one.
+def positions(source: Path) -> tuple[list[Fix], int | None, int]:
+    """Positions by the clock of the modem, what makes its times of 1980 true ones, and bad lines.
 
     A line has the time of the hotspot and that of the last packet, in whole seconds. The packet may
-    be old, so the least difference of both clocks counts; each clock may be set on the way.
+    be old, so the least difference of both clocks counts; each clock may be set on the way. Older
+    lines have one time, UTC. What a power cut left of a line is no line.
     """
     lines = with_limit(json_lines.objects(source), source, "positions", MOST_READINGS)
-    rows = [row for row in map(_position, lines) if row is not None]
+    entries = [_position(line) for line in lines]
+    rows = [row for row in entries if row is not None]
     ahead_ns: dict[tuple[bool, bool], int] = {}
     for system_ns, packet_ns, _ in rows:
         if packet_ns is not None:
@@ -61,7 +63,7 @@ def positions(source: Path) -> tuple[list[Fix], int | None]:
         for is_set in (True, False)
         if {(is_set, False), (is_set, True)} <= ahead_ns.keys()
     ]
-    return fixes, shifts_ns[0] if shifts_ns else None
+    return fixes, shifts_ns[0] if shifts_ns else None, len(entries) - len(rows)
 
 
 def _position(entry: json_lines.Object | BadRow) -> tuple[int, int | None, Fix] | None:
@@ -71,7 +73,7 @@ def _position(entry: json_lines.Object | BadRow) -> tuple[int, int | None, Fix] 
     line = entry[1]
     try:
         fix = fix_of(line, "lat", "lon", None)
-        system_s = number(line, "system_time", _SECONDS)
+        system_s = number(line, "unix_ts" if "unix_ts" in line else "system_time", _SECONDS)
         packet = line.get("latest_packet_timestamp")
         packet_s = None if packet is None else number(line, "latest_packet_timestamp", _SECONDS)
     except (ValueError, GeoError):

@@ -232,6 +232,33 @@ def test_levels_of_gsmtap_version_3(tmp_path):
     assert b"secretsecret" not in (tmp_path / "run.h5").read_bytes()
 
 
+def test_positions_survive_a_power_cut_and_any_order(tmp_path):
+    """A file system leaves zeros of a line that was not yet written."""
+    written = lines(range(0, 61, 5))
+    written[3], written[7] = "\0\0\0\n", '{"lat": 47.0, "lon": 15.4\n'
+    random.Random(1).shuffle(written)
+    source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(60)), written)
+    result, run = import_file(source, tmp_path)
+    assert fixes_of(run)["utc_ns"].tolist() == [
+        T0_NS + s * 10**9 for s in range(0, 61, 5) if s not in {15, 35}
+    ]
+    assert result.other == (("lines of positions that have none", 2),)
+
+
+def test_positions_as_rayhunter_wrote_them_first(tmp_path):
+    """With the time of the phone alone."""
+    written = [
+        json.dumps({"unix_ts": T0_NS // 10**9 + s, "lat": place(s)[0], "lon": place(s)[1]}) + "\n"
+        for s in range(0, 61, 5)
+    ]
+    source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(60)), written)
+    assert fixes_of(import_file(source, tmp_path)[1])["utc_ns"].tolist() == [
+        T0_NS + s * 10**9 for s in range(0, 61, 5)
+    ]
+    (tmp_path / "track.txt").write_text("".join(written))
+    assert len(read_track(tmp_path / "track.txt").fixes) == 13
+
+
 def test_timing_advances_of_a_capture_bound_the_distance(tmp_path):
     """Levels that hardly change say little; an access each 20 s says no farther than 6 x 78 m."""
     regions_km2 = []
@@ -255,7 +282,7 @@ def test_timing_advances_of_a_capture_bound_the_distance(tmp_path):
         regions_km2.append(cell.posterior.region_area_m2 / 1e6)
     without, near, by_fibre = regions_km2
     assert near < 0.6 * without
-    assert by_fibre == pytest.approx(without, rel=0.05)
+    assert by_fibre > 0.8 * without
 
 
 def test_a_typed_position_is_no_walk(tmp_path):
