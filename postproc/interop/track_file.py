@@ -80,12 +80,13 @@ def read_track(source: Path, member: str | None = None) -> GpsTrack:
     that a person typed in.
     """
     with plain_file(source, member) as plain:
-        seen = look_at(plain)
         shift_ns, n_bad = None, 0
-        is_beside = (member or source.name).endswith(POSITIONS)
-        if seen.kind == "xml" and seen.has("gpx"):
+        # of what a power cut left, which may be binary, the name tells
+        is_named = (member or source.name).endswith(POSITIONS)
+        seen = None if is_named else look_at(plain)
+        if seen and seen.kind == "xml" and seen.has("gpx"):
             fixes = list(with_limit(_gpx_fixes(plain), plain, "points", MOST_READINGS))
-        elif is_beside or (seen.kind == "json" and any(seen.has(*one) for one in _RAYHUNTER)):
+        elif seen is None or (seen.kind == "json" and any(seen.has(*one) for one in _RAYHUNTER)):
             fixes, shift_ns, n_bad = rayhunter.positions(plain)
             fixes = _less_sure(fixes)
         elif seen.kind == "packets":
