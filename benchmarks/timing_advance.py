@@ -5,8 +5,8 @@ python benchmarks/timing_advance.py [--runs N] [--seed S] [--case NAME ...]
 The world is not the model: the network rounds to the nearest step, the phone's clock is off by up
 to half a symbol for the whole walk, detours are exponential with a mean of 100 m and last for 40 m
 of the way, the base station errs evenly by up to a quarter of a symbol, and one reading in fifty is
-any number. With LTE the phone is off by up to 12 Ts, the base station by up to a step, and only one
-reading in ten has a timing advance.
+any number. In LTE the phone is off by up to 12 Ts, the station by a step; one reading in ten has a
+TA.
 """
 
 import argparse
@@ -73,10 +73,7 @@ def simulate(
 def timing_advance(
     rng: np.random.Generator, x_m: np.ndarray, y_m: np.ndarray, way_m: np.ndarray, rat: str
 ) -> np.ndarray:
-    """Timing advance that the network sends for path lengths of the signal, -1 where it does not.
-
-    Shape (n,).
-    """
+    """Timing advance that the network sends for path lengths of the signal, -1 for none."""
     a, b = (shadowing(rng, x_m, y_m, 1.0, 40.0) for _ in range(2))
     detour_m = 50.0 * (a**2 + b**2)
     off, stations, step_m, last = {

@@ -22,7 +22,6 @@ T = TypeVar("T")
 
 RRC, NAS_DOWN, NAS_UP = 0xB0C0, 0xB0EC, 0xB0ED
 GSM_RR, GSM_RR_OF_TWO = 0x512F, 0x5B2F
-"""The second begins with the number of the SIM."""
 CODES = frozenset({RRC, NAS_DOWN, NAS_UP, GSM_RR, GSM_RR_OF_TWO})
 """Codes of messages that are read."""
 NO_PYCRATE = "messages that need pycrate (pip install 'cellwalk[diag]')"
@@ -186,10 +185,8 @@ class Messages:
         return [self._answer(radio_id, "not answered") for radio_id in tuple(self._asked)]
 
     def with_first_name(self, one: Observation) -> Observation:
-        """An observation with the first identity of a cell that several operators share.
-
-        A serving cell of GSM is what the next message of GSM is from.
-        """
+        """An observation with the first identity of a cell that several operators share."""
+        # messages of GSM do not name their cell
         if one.rat == "GSM" and one.role == "serving" and one.channel is not None:
             name = f"GSM-{one.channel}-{one.code}"
             if one.radio_id < _MOST_RECEIVERS:
@@ -244,7 +241,7 @@ class Messages:
             yield self._signal(record.time_ns, "reject", f"{_REJECTS[kind]}{cause}", cell)
 
     def _gsm(self, record: LogRecord) -> Iterator[Signal]:
-        """One byte of the command that begins to encrypt (3GPP TS 44.018 9.1.9)."""
+        """The cipher commanded (3GPP TS 44.018 9.1.9)."""
         is_twin = record.code == GSM_RR_OF_TWO
         body = record.body[is_twin:]
         if body[:1] != bytes([_GSM_DCCH_DOWN]) or body[3:5] != _CIPHERING or len(body) < 6:

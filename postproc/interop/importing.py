@@ -442,6 +442,9 @@ class _Left:
         if isinstance(row, NoCell):
             self._other[row.why] += row.n
         elif isinstance(row, Remark):
+            if len(self.remarks) >= MOST_REMARKS and row.code != REMARK:
+                self._other[f"signals after the first {MOST_REMARKS:,}"] += 1
+                return
             if len(self.remarks) == MOST_REMARKS:
                 raise RunFileError(f"line {row.line} is the {MOST_REMARKS:,}th with a remark")
             self.remarks.append(row)

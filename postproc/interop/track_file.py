@@ -32,7 +32,6 @@ _DETOUR = 0.25
 """Share of the distance between two points that their straight line may be wrong by."""
 _DEGREE_M = 111_200.0
 POSITIONS = "-gps.ndjson"
-"""How Rayhunter names the positions beside a recording."""
 _RAYHUNTER = (("latest_packet_timestamp", "system_time"), ("unix_ts", "lat", "lon"))
 _CLOCK_SIGMA_S = 0.5
 """Of a time that was joined with another clock by whole seconds."""
@@ -87,8 +86,9 @@ def read_track(source: Path, member: str | None = None) -> GpsTrack:
         if seen and seen.kind == "xml" and seen.has("gpx"):
             fixes = list(with_limit(_gpx_fixes(plain), plain, "points", MOST_READINGS))
         elif seen is None or (seen.kind == "json" and any(seen.has(*one) for one in _RAYHUNTER)):
-            fixes, shift_ns, n_bad = rayhunter.positions(plain)
-            fixes = _less_sure(fixes)
+            lines, shift_ns = rayhunter.positions(plain)
+            n_bad = lines.count(None)
+            fixes = _less_sure([fix for fix in lines if fix])
         elif seen.kind == "packets":
             fixes = _less_sure(gsmtap.positions(plain))
         else:

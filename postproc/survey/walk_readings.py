@@ -148,7 +148,7 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
 
 
 def _ta_of_gsm(obs: Readings) -> IntArray:
-    """The column has room for no other's."""
+    """As the column has it."""
     return np.full(len(obs), -1) if obs.ta is None or obs.rat != "GSM" else obs.ta
 
 

@@ -77,7 +77,7 @@ def serving_identity(earfcn, pci, identity):
 
 
 def random_access(ta_16ts):
-    """Body of B062 with subpacket 6, version 3: three messages, the second answered."""
+    """Body of B062, answered."""
     attempt = b"\1\0\1\0\1\7".ljust(15, b"\0") + struct.pack("<H", ta_16ts)
     return struct.pack("<BBHBBH", 1, 1, 0, 6, 3, 4 + 52) + attempt.ljust(52, b"\0")
 

@@ -16,10 +16,9 @@ TA alone locate a base station to about a step (Raitoharju, Ali-Loytty & Wirola,
 station position using timing advance measurements, 2010). Wrong steps are frequent (Yost &
 Panchapakesan, VTC 1998).
 
-In LTE a random access is answered with the delay in steps of 16 Ts, 78.07 m, 0 to 1282 (TS 36.213
-4.2.3). Repeaters, and fibre up to the antenna, lengthen it on the whole walk, in one city by 15 km,
-and nothing shortens it: the bias b is one-sided, with the density 1 / (1 + b / 200 m)**1.5. Its
-median over the locations takes the place of the sum.
+LTE answers a random access with steps of 16 Ts, 78.07 m, 0 to 1282 (TS 36.213 4.2.3). Repeaters
+and fibre lengthen them on the whole walk, in one city by 15 km, and nothing shortens them: b is
+one-sided, of density 1 / (1 + b / 200 m)**1.5, and its median over the locations counts.
 """
 
 from typing import NamedTuple
@@ -45,28 +44,14 @@ LOCATION_M = 50.0
 
 Repeated TA within it add nothing.
 """
-
-
-class _Law(NamedTuple):
-    """How a technology counts; `is_longer`: its bias is one-sided, from `bias_m` on."""
-
-    step_m: float
-    last: int
-    sigma_m: float
-    bias_m: float
-    bias_sigma_m: float
-    is_longer: bool
-
-
-_GSM = _Law(STEP_M, LAST_TA, SIGMA_M, BIAS_M, BIAS_SIGMA_M, is_longer=False)
-_LTE = _Law(
+_LTE = (
     LTE_STEP_M,
     LAST_LTE_TA,
     # a base station finds a preamble to 1.04 us, 156 m (TS 36.104 8.4.2), and detours differ
-    sigma_m=120.0,
-    bias_m=200.0,
-    bias_sigma_m=60.0,  # a phone's timing may be off by 12 Ts, 59 m (TS 36.133 7.1.2)
-    is_longer=True,
+    120.0,
+    200.0,
+    60.0,  # a phone's timing may be off by 12 Ts, 59 m (TS 36.133 7.1.2)
+    True,
 )
 _OUTLIERS = 0.05
 """Probability of a TA that has nothing to do with the distance."""
@@ -90,27 +75,32 @@ _END_OF_REACH = 0.7
 class Timing(NamedTuple):
     """Timing advances by location, (k,) each; weights of the steps at one location add to 1.
 
-    The antenna is `height_m` above the receiver, `law` says what a step is.
+    The antenna is `height_m` above the receiver; with `is_longer` the bias is one-sided.
     """
 
     places: Places
     step: FloatArray
     weight: FloatArray
     height_m: float
-    law: _Law = _GSM
+    step_m: float = STEP_M
+    last: int = LAST_TA
+    sigma_m: float = SIGMA_M
+    bias_m: float = BIAS_M
+    bias_sigma_m: float = BIAS_SIGMA_M
+    is_longer: bool = False
 
     @property
     def reach_m(self) -> float:
         """How far beyond the walk a search has to reach so that no ring is near its end."""
-        if self.law.is_longer:
+        if self.is_longer:
             return 0.0
         return float(np.max(self.step) + 1.0) * STEP_M / _END_OF_REACH
 
     def log_p(self, positions: Places) -> FloatArray:
         """Log probability of all TA for a base station at positions (h,)."""
         distance_m = self._distance_m(positions)
-        middle_m = (self.step[:, None] + 0.5) * self.law.step_m
-        if self.law.is_longer:
+        middle_m = (self.step[:, None] + 0.5) * self.step_m
+        if self.is_longer:
             bias_m = self._median(middle_m - distance_m)
             p = (1.0 - _ANY_BIAS) * self._p_of_excess(bias_m) + _ANY_BIAS * _LEAST_P
             return np.log(p) + self._log_p_of_delay(distance_m + bias_m)
@@ -129,23 +119,21 @@ class Timing(NamedTuple):
 
     def near(self, square: FloatArray) -> BoolArray:
         """Which squares (3, h), rows x, y, side, may contain a part of a ring."""
-        law = self.law
-        bias_m = 0.0 if law.is_longer else law.bias_m
-        middle_m = (self.step[:, None] + 0.5) * law.step_m - bias_m
+        bias_m = 0.0 if self.is_longer else self.bias_m
+        middle_m = (self.step[:, None] + 0.5) * self.step_m - bias_m
         off_m = np.abs(self._distance_m(Places.of(*square[:2])) - middle_m)
-        reach_m = 0.5 * law.step_m + 2.0 * law.bias_sigma_m + np.sqrt(0.5) * square[2]
+        reach_m = 0.5 * self.step_m + 2.0 * self.bias_sigma_m + np.sqrt(0.5) * square[2]
         return np.asarray(np.any(off_m < reach_m, axis=0), bool)
 
     def check(self, squares: Squares) -> "TimingCheck":
         """At how many locations the TA disagree with a posterior, beyond 2 sigma."""
-        law = self.law
-        slack_m = 2.0 * float(np.hypot(law.sigma_m, law.bias_sigma_m))
+        slack_m = 2.0 * float(np.hypot(self.sigma_m, self.bias_sigma_m))
         likely = squares.probability > _LEAST_P
         positions = Places.of(squares.x_m[likely], squares.y_m[likely])
-        delay_m = self._distance_m(positions) + (0.0 if law.is_longer else law.bias_m)
+        delay_m = self._distance_m(positions) + (0.0 if self.is_longer else self.bias_m)
         step = self.step[:, None]
-        fits = (delay_m > step * law.step_m - slack_m) | (step == 0) | law.is_longer
-        fits &= (delay_m < (step + 1.0) * law.step_m + slack_m) | (step == law.last)
+        fits = (delay_m > step * self.step_m - slack_m) | (step == 0) | self.is_longer
+        fits &= (delay_m < (step + 1.0) * self.step_m + slack_m) | (step == self.last)
         disagrees = fits @ squares.probability[likely] < _DISAGREES
         locations = round(float(np.sum(self.weight)))
         return TimingCheck(locations, round(float(np.sum(self.weight[disagrees]))))
@@ -156,8 +144,10 @@ class Timing(NamedTuple):
 
     def _log_p_of_delay(self, delay_m: FloatArray) -> FloatArray:
         """Log probability (h,) of all TA given the delays (k, h), with the bias included."""
-        p = (1.0 - _OUTLIERS) * probability(self.step[:, None], delay_m, self.law)
-        return np.asarray(self.weight @ np.log(p + _OUTLIERS / (self.law.last + 1)), float)
+        p = (1.0 - _OUTLIERS) * probability(
+            self.step[:, None], delay_m, self.step_m, self.last, self.sigma_m
+        )
+        return np.asarray(self.weight @ np.log(p + _OUTLIERS / (self.last + 1)), float)
 
     def _median(self, excess_m: FloatArray) -> FloatArray:
         """Weighted median over the locations, (h,) of (k, h)."""
@@ -168,10 +158,8 @@ class Timing(NamedTuple):
 
     def _p_of_excess(self, bias_m: FloatArray) -> FloatArray:
         """Of a one-sided bias, relative to none; an error of the phone lessens it."""
-        is_longer = 0.5 + 0.5 * np.tanh(
-            np.pi / (2.0 * np.sqrt(3.0)) * bias_m / self.law.bias_sigma_m
-        )
-        longer = np.maximum(bias_m, 0.0) / self.law.bias_m
+        is_longer = 0.5 + 0.5 * np.tanh(np.pi / (2.0 * np.sqrt(3.0)) * bias_m / self.bias_sigma_m)
+        longer = np.maximum(bias_m, 0.0) / self.bias_m
         return np.asarray(is_longer * (1.0 + longer) ** -1.5, float)
 
 
@@ -190,12 +178,18 @@ class TimingCheck(NamedTuple):
         return f"the timing advance disagrees with the result {where}"
 
 
-def probability(step: FloatArray, delay_m: FloatArray, law: _Law = _GSM) -> FloatArray:
+def probability(
+    step: FloatArray,
+    delay_m: FloatArray,
+    step_m: float = STEP_M,
+    last: int = LAST_TA,
+    sigma_m: float = SIGMA_M,
+) -> FloatArray:
     """Of TA = `step` given the delay as a distance, without outliers; sums to 1 over all steps."""
-    rate = np.pi / (2.0 * np.sqrt(3.0) * law.sigma_m)
-    below_end = np.tanh(rate * ((step + 1.0) * law.step_m - delay_m))
-    below_begin = np.tanh(rate * (step * law.step_m - delay_m))
-    below_end = np.where(step == law.last, 1.0, below_end)
+    rate = np.pi / (2.0 * np.sqrt(3.0) * sigma_m)
+    below_end = np.tanh(rate * ((step + 1.0) * step_m - delay_m))
+    below_begin = np.tanh(rate * (step * step_m - delay_m))
+    below_end = np.where(step == last, 1.0, below_end)
     below_begin = np.where(step == 0, -1.0, below_begin)
     return np.asarray(0.5 * (below_end - below_begin), float)
 
@@ -204,17 +198,19 @@ def timing_of(obs: Readings, height_m: float = 0.0) -> Timing | None:
     """The timing advances of a walk gathered by location; None without any."""
     if obs.ta is None or not np.any(obs.ta >= 0):
         return None
-    law = _LTE if obs.rat == "LTE" else _GSM
+    is_lte = obs.rat == "LTE"
+    last = LAST_LTE_TA if is_lte else LAST_TA
     has_ta = obs.ta >= 0
     places, step = obs.places.part(has_ta), obs.ta[has_ta]
     scale = FINEST_BLOCK_M / LOCATION_M  # `squares` begins with the finest block
     modem = np.zeros(len(step), np.int64)
     scaled = Places.of(scale * places.x_m, scale * places.y_m)
     square, _ = squares(scaled, _MOST_LOCATIONS, modem)
-    key = (law.last + 1) * square + step
+    key = (last + 1) * square + step
     keys, index, count = np.unique(key, return_inverse=True, return_counts=True)
     means_m = (np.bincount(index, values) / count for values in (places.x_m, places.y_m))
-    square_of_key, step_of_key = np.divmod(keys, law.last + 1)
+    square_of_key, step_of_key = np.divmod(keys, last + 1)
     weight = count / np.bincount(square)[square_of_key]
     at = Places.of(*means_m, utm=places.utm)
-    return Timing(at, step_of_key.astype(float), weight, height_m, law)
+    timing = Timing(at, step_of_key.astype(float), weight, height_m)
+    return Timing(*timing[:4], *_LTE) if is_lte else timing

@@ -37,12 +37,12 @@ def read(source: Path) -> Iterator[Row]:
     yield from json_lines.parse_objects(source, _remarks)
 
 
-def positions(source: Path) -> tuple[list[Fix], int | None, int]:
-    """Positions by the clock of the modem, what makes its times of 1980 true ones, and bad lines.
+def positions(source: Path) -> tuple[list[Fix | None], int | None]:
+    """Positions by the clock of the modem, and what makes one of its times of 1980 a true one.
 
     A line has the time of the hotspot and that of the last packet, in whole seconds. The packet may
     be old, so the least difference of both clocks counts; each clock may be set on the way. Older
-    lines have one time, UTC. What a power cut left of a line is no line.
+    lines have one time, UTC. None is a line without a position.
     """
     lines = with_limit(json_lines.objects(source), source, "positions", MOST_READINGS)
     entries = [_position(line) for line in lines]
@@ -54,7 +54,7 @@ def positions(source: Path) -> tuple[list[Fix], int | None, int]:
             difference_ns = system_ns - packet_ns
             ahead_ns[clocks] = min(difference_ns, ahead_ns.get(clocks, difference_ns))
     ahead_ns.setdefault((True, True), 0)
-    fixes = []
+    fixes: list[Fix | None] = [None] * (len(entries) - len(rows))
     for system_ns, _, fix in rows:
         if (system_ahead_ns := ahead_ns.get((system_ns >= CLOCK_SET_NS, True))) is not None:
             fixes.append(replace(fix, utc_ns=system_ns - system_ahead_ns))
@@ -63,7 +63,7 @@ def positions(source: Path) -> tuple[list[Fix], int | None, int]:
         for is_set in (True, False)
         if {(is_set, False), (is_set, True)} <= ahead_ns.keys()
     ]
-    return fixes, shifts_ns[0] if shifts_ns else None, len(entries) - len(rows)
+    return fixes, shifts_ns[0] if shifts_ns else None
 
 
 def _position(entry: json_lines.Object | BadRow) -> tuple[int, int | None, Fix] | None:

@@ -194,7 +194,7 @@ def lte_of(x, ta):
 
 
 def test_a_ta_of_lte_excludes_what_is_farther_and_not_what_is_nearer():
-    """Also with 15 km of fibre between the base station and its antenna."""
+    # also with 15 km of fibre between the base station and its antenna
     x, ta = 60.0 * np.arange(6), np.full(6, 6)
     near, far = (
         lte_of(x, ta).log_p(Places.of(np.full(len(y_m), 150.0), np.array(y_m)))
@@ -208,7 +208,7 @@ def test_a_ta_of_lte_excludes_what_is_farther_and_not_what_is_nearer():
 
 
 def test_the_bias_of_lte_is_one_sided():
-    """Beyond the ring its phone's error counts, within it longer ways are ever less likely."""
+    # beyond the ring its phone's error counts, within it longer ways are ever less likely
     edge_m = 12.5 * LTE_STEP_M
     found = lte_of([0.0], [12])
     x_m = edge_m + np.array([400.0, 60.0, 0.0, -200.0, -800.0])

@@ -157,7 +157,7 @@ def test_what_a_stream_looks_like():
 
 
 def test_rayhunters_frames():
-    """Of the tests of EFForg/rayhunter, lib/src: a frame, a time, and packets that ended it."""
+    # of the tests of EFForg/rayhunter, lib/src: a frame, a time, and packets that ended it
     assert frame(bytes([1, 2, 3, 4])) == bytes([1, 2, 3, 4, 145, 57, 126])
     time = struct.pack("<Q", 72_659_535_985_485_082)
     packet = struct.pack("<BBHHH", 16, 0, 12, 12, 0xB193) + time

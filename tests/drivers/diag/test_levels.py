@@ -454,10 +454,7 @@ PUBLISHED = [
     (0x4005, "82000000000000f1293200b6a5fff1f5ff000000000000f1293100b39effdedeff040000008000",
      [(10737, 50, -95.0), (10737, 49, -98.0)]),
 ]  # fmt: skip
-"""Records of the tests of SCAT and Rayhunter (lib/src/diag), and what these read in them.
-
-Channel, code, and level or identity. Of WCDMA and GSM SCAT prints the digits of networks as stored.
-"""
+# of the tests of SCAT and Rayhunter (lib/src/diag): channel, code, and level or identity
 AFTER_ACCESS = {
     "0101a06906022400010001071bff98ff000001231a0400181c010007000600465c80bd0648000000": 4,
     "0101a0690603280001000100010718ffa4ff000001c6610b00b4a2000012000120061f423f8d950758000000": 11,
@@ -470,10 +467,7 @@ AFTER_ACCESS = {
     "010100000632380001000100010713ffa0ffeb0000000001ad5a0500000146b412000420061f425dc9be41b400665300"
     "001800010000001a05000000": 5,
 }  # fmt: skip
-"""As well, B062: the timing advance that Rayhunter reads.
-
-The second lacks two bytes there of the length that it states.
-"""
+# as well, B062: the timing advance; the second lacks two bytes there of its stated length
 
 
 @pytest.mark.parametrize(("code", "record", "read"), PUBLISHED)
@@ -495,7 +489,7 @@ def test_published_records_are_what_scat_prints(code):
 
 
 def test_a_published_serving_cell_of_b193():
-    """SCAT prints its channel and code, and no level; what follows the first cell is left out."""
+    # sCAT prints its channel and code, and no level; what follows the first cell is left out
     record = (
         "0101ffff19240c024006000001000300a01100008f2200000acc030005e6811490ca1200b2a445005a04000000"
         "202300b2744a00fef8930449000000fef8e30e440a1500"
@@ -530,7 +524,7 @@ def test_published_levels_that_follow_the_serving_cell_of_gsm():
 
 
 def test_where_we_know_better_than_scat():
-    """It prints the level of a GSM neighbour without a code as 0, and any channel."""
+    # it prints the level of a GSM neighbour without a code as 0, and any channel
     neighbours = "020480" + "20f90000000000000000" + "0a80" + "20f90000000000000000"
     assert [one.level_dbm for one in decode_hex(0x5071, neighbours)] == [-110.0] * 2
     decoder = Decoder()

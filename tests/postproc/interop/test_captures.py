@@ -16,6 +16,7 @@ from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.sim.world import Radio, Transmitter, World
 from postproc.cli import main
+from postproc.interop import importing
 from postproc.interop.decompression import members, plain_file
 from postproc.interop.importing import Reading, import_walk, walks_in
 from postproc.interop.readers import diag as diag_reader
@@ -232,8 +233,24 @@ def test_levels_of_gsmtap_version_3(tmp_path):
     assert b"secretsecret" not in (tmp_path / "run.h5").read_bytes()
 
 
+def test_a_download_that_was_cut_says_so(tmp_path, capsys):
+    source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(20)), [])
+    source.write_bytes(source.read_bytes()[:-10])
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 2
+    assert "its end is missing: download or copy it again" in capsys.readouterr().err
+
+
+def test_signals_of_a_year_do_not_end_an_import(tmp_path, monkeypatch):
+    monkeypatch.setattr(importing, "MOST_REMARKS", 20)
+    cipher = bytes.fromhex("803503063511")
+    data = b"".join(diag.log_frame(0x512F, T0_NS + s * 10**9, cipher) for s in range(30))
+    (tmp_path / "walk.qmdl").write_bytes(stream(range(30)) + data)
+    result, _ = import_file(tmp_path / "walk.qmdl", tmp_path)
+    assert (result.n_remarks, result.other) == (20, (("signals after the first 20", 10),))
+
+
 def test_positions_survive_a_power_cut_and_any_order(tmp_path):
-    """A file system leaves zeros of a line that was not yet written."""
+    # a file system leaves zeros of a line that was not yet written
     written = lines(range(0, 61, 5))
     written[3], written[7] = "\0\0\0\n", '{"lat": 47.0, "lon": 15.4\n'
     random.Random(1).shuffle(written)
@@ -246,7 +263,7 @@ def test_positions_survive_a_power_cut_and_any_order(tmp_path):
 
 
 def test_positions_as_rayhunter_wrote_them_first(tmp_path):
-    """With the time of the phone alone."""
+    # with the time of the phone alone
     written = [
         json.dumps({"unix_ts": T0_NS // 10**9 + s, "lat": place(s)[0], "lon": place(s)[1]}) + "\n"
         for s in range(0, 61, 5)
@@ -260,7 +277,7 @@ def test_positions_as_rayhunter_wrote_them_first(tmp_path):
 
 
 def test_timing_advances_of_a_capture_bound_the_distance(tmp_path):
-    """Levels that hardly change say little; an access each 20 s says no farther than 6 x 78 m."""
+    # levels that hardly change say little; an access each 20 s says no farther than 6 x 78 m
     regions_km2 = []
     for ta_16ts in (None, 5, 199):
         data = b""

@@ -411,7 +411,7 @@ PUBLISHED = [
         (37, [(80, 35), (49, 32), (256, 32), (145, 31), (197, 31), (16, 31), (27, 30)]),
     ),
 ]
-"""Reports in the tests of SCAT and Rayhunter: their cell, its step and those of its neighbours."""
+# of the tests of SCAT and Rayhunter: reports, their cell, its step and those of its neighbours
 
 
 @pytest.mark.parametrize(("record", "cell", "steps"), PUBLISHED)
@@ -426,7 +426,7 @@ def test_published_reports(record, cell, steps):
 
 
 def test_other_published_messages():
-    """Version 6 in 16 bits of a channel, a release, and a version that Rayhunter reads as 25."""
+    # version 6 in 16 bits of a channel, a release, and a version that Rayhunter reads as 25
     messages = Messages()
     heard = [
         one
@@ -451,7 +451,7 @@ def test_other_published_messages():
     ("highest", "counts"), [(0xFFFF, (32, 733, 289)), (262_143, (34, 786, 327))]
 )
 def test_identities_and_reports_of_attaches(highest, counts):
-    """Captures' README has the first: its decoder knows no channel beyond 16 bits (band 66)."""
+    # captures' README has the first: its decoder knows no channel beyond 16 bits (band 66)
     records, _, _ = read("attach_sample.mi2log")
     messages, identities, n_reports = Messages(), [], 0
     for record in records:
