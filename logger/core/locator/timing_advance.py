@@ -21,6 +21,7 @@ and fibre lengthen them on the whole walk, in one city by 15 km, and nothing sho
 one-sided, of density 1 / (1 + b / 200 m)**1.5, and its median over the locations counts.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -44,15 +45,6 @@ LOCATION_M = 50.0
 
 Repeated TA within it add nothing.
 """
-_LTE = (
-    LTE_STEP_M,
-    LAST_LTE_TA,
-    # a base station finds a preamble to 1.04 us, 156 m (TS 36.104 8.4.2), and detours differ
-    120.0,
-    200.0,
-    60.0,  # a phone's timing may be off by 12 Ts, 59 m (TS 36.133 7.1.2)
-    True,
-)
 _OUTLIERS = 0.05
 """Probability of a TA that has nothing to do with the distance."""
 _ANY_BIAS = 0.05
@@ -102,12 +94,13 @@ class Timing(NamedTuple):
         middle_m = (self.step[:, None] + 0.5) * self.step_m
         if self.is_longer:
             bias_m = self._median(middle_m - distance_m)
-            p = (1.0 - _ANY_BIAS) * self._p_of_excess(bias_m) + _ANY_BIAS * _LEAST_P
-            return np.log(p) + self._log_p_of_delay(distance_m + bias_m)
+            any_p = _ANY_BIAS * self.bias_m / (self.last * self.step_m)
+            log_p = np.log((1.0 - _ANY_BIAS) * self._p_of_excess(bias_m) + any_p)
+            return np.asarray(log_p + self._log_p_of_delay(distance_m + bias_m), float)
         p_near = (1.0 - _NEVER_SET) * (1.0 - _ANY_BIAS) * _DENSITY / np.sum(_DENSITY)
         terms = [
-            log_p + self._log_p_of_delay(distance_m + BIAS_M + BIAS_SIGMA_M * node)
-            for node, log_p in zip(_NODES, np.log(p_near), strict=True)
+            log_of_node + self._log_p_of_delay(distance_m + BIAS_M + BIAS_SIGMA_M * node)
+            for node, log_of_node in zip(_NODES, np.log(p_near), strict=True)
         ]
         # of biases that can be anything, -35 to 35 km, about one step fits
         bias_m = self.weight @ (middle_m - distance_m) / np.sum(self.weight)
@@ -163,6 +156,18 @@ class Timing(NamedTuple):
         return np.asarray(is_longer * (1.0 + longer) ** -1.5, float)
 
 
+_lte = partial(
+    Timing,
+    step_m=LTE_STEP_M,
+    last=LAST_LTE_TA,
+    # a base station finds a preamble to 1.04 us, 156 m (TS 36.104 8.4.2), and detours differ
+    sigma_m=120.0,
+    bias_m=200.0,
+    bias_sigma_m=60.0,  # a phone's timing may be off by 12 Ts, 59 m (TS 36.133 7.1.2)
+    is_longer=True,
+)
+
+
 class TimingCheck(NamedTuple):
     """At how many locations a TA was read, and at how many of them it disagrees with the result."""
 
@@ -212,5 +217,5 @@ def timing_of(obs: Readings, height_m: float = 0.0) -> Timing | None:
     square_of_key, step_of_key = np.divmod(keys, last + 1)
     weight = count / np.bincount(square)[square_of_key]
     at = Places.of(*means_m, utm=places.utm)
-    timing = Timing(at, step_of_key.astype(float), weight, height_m)
-    return Timing(*timing[:4], *_LTE) if is_lte else timing
+    kind = _lte if is_lte else Timing
+    return kind(at, step_of_key.astype(float), weight, height_m)
