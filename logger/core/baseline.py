@@ -1,8 +1,8 @@
 """What earlier walks heard, as rules and the comparison of walks ask for it.
 
 A `Baseline` answers from earlier walks: who was heard in a square of 300 m (`square`), what is
-known of one cell (`cell`), which channels an operator uses (`channels`), and which cells the user
-trusts (`trust_note`). It answers the same for the same file, so what is derived live can be derived
+known of one cell (`cell`), which channels an operator uses (`channels`), which cells the user
+trusts (`trust_note`), and which were not learnt (`is_doubted`). It answers the same for the same file, so what is derived live can be derived
 again.
 `logger.baseline_file` reads one from SQLite, `logger.baseline_store` makes it. A baseline changes
 with each run, so the live estimate records the answers it received, as bytes of the source
@@ -25,6 +25,7 @@ from logger.core.squares import squares_within
 READ, UNREADABLE = "baseline", "baseline-unreadable"
 """Codes of the events: a baseline is read, and none is from now on."""
 FILE, SQUARE, CELL, CHANNELS, TRUST = "file", "square", "cell", "channels", "trust"
+DOUBT = "doubt"
 """Kinds of answers."""
 
 
@@ -80,7 +81,14 @@ class KnownCell:
 
 
 _ANSWERS: Mapping[str, Any] = MappingProxyType(
-    {FILE: int, SQUARE: SquareHistory, CELL: KnownCell, CHANNELS: dict[int, int], TRUST: str}
+    {
+        FILE: int,
+        SQUARE: SquareHistory,
+        CELL: KnownCell,
+        CHANNELS: dict[int, int],
+        TRUST: str,
+        DOUBT: bool,
+    }
 )
 
 
@@ -106,6 +114,9 @@ class Baseline(Protocol):
 
     def trust_note(self, name: str) -> str | None:
         """The user's note about a cell that is trusted; None if it is not."""
+
+    def is_doubted(self, name: str) -> bool:
+        """Whether a walk heard the cell, and did not learn it as it was conspicuous."""
 
 
 class NotedBaseline:
@@ -135,6 +146,9 @@ class NotedBaseline:
 
     def trust_note(self, name: str) -> str | None:
         return self._answers[TRUST].get(name)
+
+    def is_doubted(self, name: str) -> bool:
+        return name in self._answers[DOUBT]
 
 
 NO_BASELINE = NotedBaseline()

@@ -48,8 +48,9 @@ class _Tests:
         return self._results[cell.name]
 
     def _test(self, cell: HeardCell) -> Sources | None:
-        n, is_lte = cell.spots.n, cell.rat == "LTE"
-        if is_lte and cell.heard.reading.arfcn in _UNLICENSED:
+        n, arfcn = cell.spots.n, cell.heard.reading.arfcn
+        # a range compares None with each of its numbers, which took half of the time of all rules
+        if cell.rat == "LTE" and arfcn is not None and arfcn in _UNLICENSED:
             return None
         if n < self._due.get(cell.name, _FEWEST_SPOTS) or len(cell.spots) < _FEWEST_SPOTS:
             return None
