@@ -2,8 +2,8 @@
 
 A `Baseline` answers from earlier walks: who was heard in a square of 300 m (`square`), what is
 known of one cell (`cell`), which channels an operator uses (`channels`), which cells the user
-trusts (`trust_note`), and which were not learnt (`is_doubted`). It answers the same for the same file, so what is derived live can be derived
-again.
+trusts (`trust_note`), and which were not learnt (`is_doubted`). It answers the same for the same
+file, so what is derived live can be derived again.
 `logger.baseline_file` reads one from SQLite, `logger.baseline_store` makes it. A baseline changes
 with each run, so the live estimate records the answers it received, as bytes of the source
 "live": its words can be repeated without the file.

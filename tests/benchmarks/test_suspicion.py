@@ -108,8 +108,8 @@ def test_neighbours_by_channel_and_code_that_are_legitimate_are_not_suspicious()
         else one
         for one in STREET.records
     ]
-    counts = count([Log("losangeles", records, HOURS)])
-    assert counts.cells["losangeles"] == len(CELLS)
+    counts = count([Log("simulated", Log("", records, HOURS).by_channel.records, HOURS)])
+    assert counts.cells["simulated"] == len(CELLS)
     assert not counts.suspicious
 
 

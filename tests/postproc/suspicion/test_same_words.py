@@ -40,7 +40,8 @@ def _scenario(kind):
 
 @pytest.mark.parametrize("kind", [*KINDS, "takeover"])
 def test_live_replay_and_suspect_say_the_same(tmp_path, capsys, kind):
-    live = LiveTracker(LiveSettings())
+    settings = LiveSettings(most_cells=1, environment="urban", antenna="omni")  # to be quick
+    live = LiveTracker(settings)
     records = [Record(1, "live", rules_note())]
     for record in _scenario(kind):
         records.append(record)
@@ -49,7 +50,7 @@ def test_live_replay_and_suspect_say_the_same(tmp_path, capsys, kind):
     notes = [one.value for one in records if isinstance(one.value, Note)]
     n_findings = sum(note.code == FINDING_CODE for note in notes)
     assert n_findings
-    runs.write_journal(tmp_path / "run.journal", records)
+    runs.write_journal(tmp_path / "run.journal", records, live=settings)
     convert_journal(tmp_path / "run.journal", tmp_path / "run.h5")
 
     main(["replay", str(tmp_path / "run.h5"), "--json"])  # estimates were not recorded here
