@@ -263,14 +263,14 @@ def print_worth(counts: Counts, results: Sequence[Outcome]) -> None:
 
 
 class _Desk(NamedTuple):
-    """As much of a desk as rule P3 weighs: cells of a database and cells heard."""
+    """What rule P3 weighs."""
 
     known: range
     names: range
 
 
 def print_databases(counts: Counts, results: Sequence[Outcome]) -> None:
-    """The ordinary catcher, which no database has, and what legitimate cells expect."""
+    """The ordinary catcher, and what legitimate cells expect."""
     clean = [cell for name, cell in counts.assessed if name in _sets(counts, "logs")]
     hours = sum(counts.hours[name] for name in _sets(counts, "logs"))
     for n_known in DATABASES:
@@ -286,7 +286,7 @@ def print_databases(counts: Counts, results: Sequence[Outcome]) -> None:
 
 
 def without_entry(cell: Assessment, n_known: int) -> Assessment:
-    """The word of a cell that such a database does not have."""
+    """The word of a missing cell."""
     rule = DATABASE_RULES[0]
     assert rule.weigh is not None
     nats = rule.weigh(_Desk(range(n_known), range(100)), cell)

@@ -131,10 +131,7 @@ def detect(
     baseline: Baseline = NO_BASELINE,
     before: SuspicionTracker | None = None,
 ) -> Outcome:
-    """Words within the limits after the first reception, and at the end of the run.
-
-    `before` has followed the records until then; it is used up.
-    """
+    """Words within the limits after the first reception and at the end; `before` was fed until it."""
     tracker = before
     if tracker is None:
         tracker = SuspicionTracker(baseline=baseline)
@@ -268,10 +265,7 @@ def _add_station(
 
 
 def outcomes(log: Log, baseline: Baseline, stations: Iterable[Station]) -> Iterator[Outcome]:
-    """Outcomes of those stations, one at a time, for which a run has room.
-
-    Before a station is heard the run is as it was: that part is followed once for all.
-    """
+    """Outcomes of stations, one at a time; what was before each is followed once."""
     injections = [one for station in stations if (one := inject(log, station)) is not None]
     tracker, n_fed = SuspicionTracker(baseline=baseline), 0
     for injection in sorted(injections, key=lambda one: one.first):

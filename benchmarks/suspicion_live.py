@@ -63,7 +63,7 @@ def print_live_cost() -> None:
 
 
 def _with_all(record: Record, city: SimulatedCity) -> Record:
-    """A scan that also names the cells that were too weak."""
+    """A scan of all cells."""
     scan = record.value
     if not isinstance(scan, Scan):
         return record
@@ -92,7 +92,7 @@ def _rules_s(records: Sequence[Record], baseline: Baseline) -> float:
 
 
 def _undisturbed_s(records: Sequence[Record], baseline: Baseline, n_walks: int = 5) -> float:
-    """Time of a walk if nothing else computes: of each record the least of several walks."""
+    """Time of a walk: of each record the least."""
     least_s = [inf] * len(records)
     for _ in range(n_walks):
         tracker = SuspicionTracker(baseline=baseline)

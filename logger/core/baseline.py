@@ -116,7 +116,7 @@ class Baseline(Protocol):
         """The user's note about a cell that is trusted; None if it is not."""
 
     def is_doubted(self, name: str) -> bool:
-        """Whether a walk heard the cell, and did not learn it as it was conspicuous."""
+        """Whether a walk heard the cell and did not learn it."""
 
 
 class NotedBaseline:

@@ -1,4 +1,4 @@
-"""A drive along a street with a cell each 600 m, as records: small enough for many runs."""
+"""A drive along a street with a cell each 600 m."""
 
 from dataclasses import replace
 from math import hypot, log10
@@ -15,7 +15,7 @@ _WEAKEST_DBM = -108.0
 
 
 def street(rat="LTE", seed=0):
-    """Fixes and scans of ten minutes; each drive has its own fading, all have one shadowing."""
+    """Records of ten minutes; `seed` draws the fading."""
     fading, shadowing = np.random.default_rng([seed, 5]), np.random.default_rng(5)
     shadow_db = shadowing.normal(0.0, 3.0, (N_SCANS, len(CELLS)))
     records = []
