@@ -131,7 +131,7 @@ def detect(
     baseline: Baseline = NO_BASELINE,
     before: SuspicionTracker | None = None,
 ) -> Outcome:
-    """Words within the limits after the first reception and at the end; `before` was fed until it."""
+    """Words in time and at the end; `before` was fed until the first reception."""
     tracker = before
     if tracker is None:
         tracker = SuspicionTracker(baseline=baseline)

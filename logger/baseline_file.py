@@ -106,7 +106,6 @@ class BaselineFile:
         return self._trust.get(name)
 
     def is_doubted(self, name: str) -> bool:
-        """Whether a cell was heard and not learnt."""
         return name in self._doubted
 
     def _read_doubted(self) -> frozenset[str]:

@@ -1,9 +1,9 @@
 """What earlier walks heard, as rules and the comparison of walks ask for it.
 
 A `Baseline` answers from earlier walks: who was heard in a square of 300 m (`square`), what is
-known of one cell (`cell`), which channels an operator uses (`channels`), which cells the user
-trusts (`trust_note`), and which were not learnt (`is_doubted`). It answers the same for the same
-file, so what is derived live can be derived again.
+known of one cell (`cell`), which channels an operator uses (`channels`), and which cells the user
+trusts (`trust_note`). It answers the same for the same file, so what is derived live can be derived
+again.
 `logger.baseline_file` reads one from SQLite, `logger.baseline_store` makes it. A baseline changes
 with each run, so the live estimate records the answers it received, as bytes of the source
 "live": its words can be repeated without the file.
@@ -116,7 +116,7 @@ class Baseline(Protocol):
         """The user's note about a cell that is trusted; None if it is not."""
 
     def is_doubted(self, name: str) -> bool:
-        """Whether a walk heard the cell and did not learn it."""
+        """Whether a cell was heard and not learnt."""
 
 
 class NotedBaseline:

@@ -130,12 +130,12 @@ DATABASE_RULES = (_others_are_known, _elsewhere)
 Several = Mapping[str, Sequence[HeardIn]]
 """Where each identity is heard that runs of several places name (`postproc.ground.Group`)."""
 NOWHERE_ELSE: Final[Several] = {}
+# as many of one country would say more: a country code is of one country
 _APART = Rate(0, 107, 0.0, "identities of logs of three countries")
-"""As many of one country would say more: a country code is of one country."""
 
 
 def _apart_nats(_several: Several, cell: str) -> float:
-    """None for a test network, whose identities anybody uses, and for a name that is none."""
+    # anybody uses the identities of test networks, and a name without a network is no identity
     if identity_of(cell) is None or cell[:3] in TEST_MCCS:
         return 0.0
     return -log(_APART.per_cell)

@@ -25,8 +25,7 @@ _HELD_S = 10.0
 _STILL_S = 60.0
 _SINGLE_S = 20.0
 _FEWEST_SCANS = 3
-_KNOWN_WALKS = 2
-"""Earlier walks that heard a cell of an area here, from which on the area is known."""
+_KNOWN_WALKS = 2  # that heard a cell of an area here: from then on the area is known
 _HEARD_DBM = -105.0
 """The other cells of a network beyond the border come as weakly as this one."""
 
@@ -134,7 +133,7 @@ def _has_own_area(memory: Memory, cell: HeardCell) -> bool:
 
 
 def _is_known_area(memory: Memory, cell: HeardCell) -> bool:
-    """Whether earlier walks heard the area of a cell here; what was unusual they did not learn."""
+    # what was unusual then they did not learn
     area, _, _ = cell.name.rpartition("-")  # of `mcc-mnc-area-cid`
     return any(
         heard.n_walks >= _KNOWN_WALKS and name.startswith(f"{area}-")

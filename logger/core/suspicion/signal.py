@@ -16,8 +16,7 @@ _JUMP_DB = 20.0
 _APPEARS_DB = 15.0
 """The limit of what could be missed is itself uncertain by the shadowing."""
 _JUMP_S = 10.0
-_BEFORE_S = 30.0
-"""Three scans of a slow modem."""
+_BEFORE_S = 30.0  # three scans of a slow modem, while the walker moves
 _NEAR_M = 30.0
 _PASSED_M = 120.0
 """Way of a car between the scan before a new cell and its third reading."""
@@ -268,7 +267,7 @@ def _above_others(memory: Memory, cell: HeardCell) -> Evidence | None:
 
 
 def _has_stood(now: Moment, since_s: float) -> bool:
-    """Whether the walker has been here since then: a modem that lists all cells is slow."""
+    # a modem that lists all cells takes longer than a car does
     return now.x_m is not None and now.t_s - now.still_s <= since_s
 
 
