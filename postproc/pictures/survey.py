@@ -348,8 +348,6 @@ def _warnings(result: Result) -> tuple[str, ...]:
     if len(result.runs) == 1:
         return (*failed, *result.warnings, *result.runs[0].warnings)
     by_run = [
-        f"{observed.run.path.name}: {text}"
-        for observed in result.runs
-        for text in observed.warnings
+        f"{observed.run.name}: {text}" for observed in result.runs for text in observed.warnings
     ]
     return (*failed, *result.warnings, *by_run)
