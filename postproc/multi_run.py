@@ -28,7 +28,7 @@ Parts = Mapping[int, Readings]
 
 
 def named_apart(runs: Sequence[Run]) -> list[Run]:
-    """The runs, those whose files have one name with their folders: every logger has a first run.
+    """The runs, with their folders in the names of those whose files share one.
 
     Raises `ConfigError` where two of the files are one run.
     """

@@ -200,13 +200,13 @@ def _suspicion(row: SummaryRow) -> tuple[int, float]:
 
 
 def _words(rows: Sequence[SummaryRow], *, has_several_runs: bool) -> Iterator[Line]:
-    """Each conspicuous cell in a sentence, in which runs it was heard, and what to do about it."""
+    """Each conspicuous cell in a sentence, and what to do about it."""
     conspicuous = [row for row in rows if row.answer.is_conspicuous]
     for row in conspicuous:
         answer, heard = row.answer, ""
         assert answer.word is not None
         if has_several_runs:
-            heard = f" Heard in {heard_text(answer)}."
+            heard = f" Heard in {_heard_text(answer)}."
         why = "; ".join(strongest_reasons(answer.word))
         yield Line((Word(answer.cell, "bold"), " is ", Word(answer.word.word), f": {why}.{heard}"))
         if answer.verdict != "located" and (walk := advice(answer, row.result)):
@@ -217,8 +217,7 @@ def _words(rows: Sequence[SummaryRow], *, has_several_runs: bool) -> Iterator[Li
         yield Line(f"{cells} suspicious or unusual, by the rules that could be checked.")
 
 
-def heard_text(answer: Answer) -> str:
-    """The runs that heard a cell, and their days."""
+def _heard_text(answer: Answer) -> str:
     made_from = answer.provenance
     ends = (_utc(at_ns) for at_ns in (made_from.first_utc_ns, made_from.last_utc_ns))
     return runs_text(made_from.runs, *ends)
@@ -231,7 +230,7 @@ _LONGEST_WALK_M = 5000.0
 def advice(answer: Answer, cell: CellResult) -> str:
     """What to do: the locator's advice where several positions fit, else the likeliest walk.
 
-    About a located cell what `Answer.to_do` says, which may be nothing.
+    About a located cell that is ordinary nothing.
     """
     if answer.verdict == "located":
         return answer.to_do
@@ -379,7 +378,7 @@ def _cell_parts(row: SummaryRow, run_names: Sequence[str]) -> Parts:
     made_from, scans = answer.provenance, ""
     if made_from.n_scans is not None:
         scans = f", observed in {made_from.n_scans} scan{'s' * (made_from.n_scans != 1)}"
-    heard = f", heard in {heard_text(answer)}" if len(run_names) > 1 else ""
+    heard = f", heard in {_heard_text(answer)}" if len(run_names) > 1 else ""
     counts = f"  {made_from.n} readings{scans}{heard}"
     parts: Parts = ["", Line((Word(answer.cell, "bold"), counts))]
     parts.append(Line(answer.sentence, bullet="  "))

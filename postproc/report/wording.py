@@ -9,7 +9,7 @@ from postproc.result import CellResult, Result
 
 
 def advice(answer: Answer, cell: CellResult) -> str:
-    """What to do, the position on one line."""
+    """What to do."""
     text, place = summary.advice(answer, cell), answer.place
     return text if place is None else text.replace(place.where, where_text(place))
 

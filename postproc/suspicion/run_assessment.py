@@ -208,7 +208,7 @@ class Suspicions:
 
     @property
     def has_several_runs(self) -> bool:
-        """Whether a reason has to say of which run it is."""
+        """Whether reasons name their run."""
         return len({id(run) for runs in self.runs.values() for run in runs}) > 1
 
 
@@ -363,7 +363,6 @@ def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
 
 
 def _heard_text(suspicions: Suspicions, cell: str) -> str:
-    """The runs that named a cell, and their days."""
     runs = suspicions.runs[cell]
     ends_ns = heard_utc_ns(runs).get(cell, (None, None))
     ends = (None if at_ns is None else utc_text(at_ns) for at_ns in ends_ns)

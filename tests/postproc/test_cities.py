@@ -157,6 +157,26 @@ def test_a_page_for_each_city_of_what_smooth_has_stored(files, answer, tmp_path,
         assert "heard in 2 places" in page.read_text()
 
 
+def test_first_runs_of_two_loggers_are_told_apart(files, tmp_path, capsys):
+    paths = [tmp_path / folder / "run-000001.journal" for folder in ("pi", "spare")]
+    for file, path in zip((files[0], files[4]), paths, strict=True):
+        path.parent.mkdir()
+        path.write_bytes(file.read_bytes())
+    names = ["pi/run-000001.journal", "spare/run-000001.journal"]
+    paths.append(files[3])
+    graz, lima = run_json("suspect", *paths)["groups"]
+    heard = {row["cell"]: row["runs"] for row in graz["cells"]}
+    assert heard == {ROGUE_NAME: names, name_of(own_cell(0)): names[:1]}
+    assert "runs" not in lima["cells"][0]  # there is one
+    assert main(["suspect", *map(str, paths)]) == 0
+    text = capsys.readouterr().out
+    assert f"  heard in {', '.join(names)}, 2026-09-21 to 2026-09-25\n" in text
+    csv = tmp_path / "cells.csv"
+    assert main(["export", *map(str, paths), "--estimates", "-o", str(csv)]) == 0
+    row, _ = (line for line in csv.read_text().splitlines() if line.startswith(ROGUE_NAME))
+    assert "; ".join(names) in row
+
+
 def test_a_cell_is_asked_in_the_cities_that_name_it(files):
     groups = by_place([read_run(path) for path in files])
     (alone,) = groups_with(groups, [name_of(own_cell(1))])

@@ -72,7 +72,7 @@ class Run:
 
     @property
     def name(self) -> str:
-        """What outputs call it: `shown_as`, or that of its file."""
+        """In outputs."""
         return self.shown_as or self.path.name
 
     @property
