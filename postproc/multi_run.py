@@ -28,7 +28,7 @@ Parts = Mapping[int, Readings]
 
 
 def named_apart(runs: Sequence[Run]) -> list[Run]:
-    """The runs, with their folders in the names of those whose files share one.
+    """The runs; files of one name are named with their folders.
 
     Raises `ConfigError` where two of the files are one run.
     """

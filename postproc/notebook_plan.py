@@ -46,7 +46,7 @@ class OnPlan(NamedTuple):
 
     @property
     def colour(self) -> str:
-        """By its word; the sign in the label says the same."""
+        """By its word."""
         return _COLOURS.get(self.word, _ORDINARY)
 
     @property

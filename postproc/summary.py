@@ -228,10 +228,7 @@ _LONGEST_WALK_M = 5000.0
 
 
 def advice(answer: Answer, cell: CellResult) -> str:
-    """What to do: the locator's advice where several positions fit, else the likeliest walk.
-
-    About a located cell that is ordinary nothing.
-    """
+    """What to do: the locator's advice where several positions fit, else the likeliest walk."""
     if answer.verdict == "located":
         return answer.to_do
     if answer.verdict == "ambiguous":

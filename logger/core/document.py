@@ -64,7 +64,7 @@ class Word(NamedTuple):
 
     @property
     def symbol(self) -> str:
-        """That of a verdict on a page."""
+        """On a page."""
         return _LOOKS.get(self.text, ("", ""))[1]
 
 

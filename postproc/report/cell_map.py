@@ -144,7 +144,7 @@ def _draw_ground(axes: Axes, box: Box, ground: Basemap | None) -> None:
 
 
 def _name_directly(axes: Axes, survey: Survey) -> None:
-    """The ends of the only walk, and simulated streets, by texts on the plan: a legend is below."""
+    """The ends of the only walk, and simulated streets, by texts on the plan."""
     muted: dict[str, Any] = {"color": rgb(colours.MUTED), "fontsize": SMALLEST_POINTS, "zorder": 6}
     if survey.streets_m:
         text = axes.text(0.99, 0.99, "simulated streets", transform=axes.transAxes, **muted)

@@ -169,10 +169,9 @@ _MOST_NAMED = 8
 class Suspicions:
     """The most suspicious cell first.
 
-    `runs` are those that named each cell, `run_of` that of a finding by its `id`. `not_asked` has
-    each rule that no run could serve, with what was missing, `earlier_walks` their number on the
-    ground of the run with the fewest. `failures` are the cells for which a rule failed, each once;
-    without a cell the name is empty.
+    `runs` named each cell, `run_of` is that of a finding by its `id`. `not_asked` has rules that no
+    run could serve, with what was missing, `earlier_walks` their least number. `failures` are the
+    cells for which a rule failed; without a cell the name is empty.
     """
 
     cells: tuple[Assessment, ...]

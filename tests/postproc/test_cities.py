@@ -36,7 +36,7 @@ SCHEMA = Path(__file__).parents[2] / "docs" / "result.schema.json"
 
 
 def walk_in(path, name, number, cells):
-    """A run through a simulated city: a fix and a scan every 14 s, day `number` of the journey."""
+    """A fix and a scan every 14 s, day `number` of the journey."""
     rng = np.random.default_rng(number)
     world = World.build(cells, *CITIES[name], Radio(3.0, 30.0, 2.0), rng)
     way = Walk(GRAZ.walk[:6])
@@ -65,7 +65,7 @@ def name_of(one):
 
 
 def own_cell(at):
-    """That of a city by its number, the nearest to the walk, loud enough for all of it."""
+    """The nearest to the walk, loud enough for all of it."""
     cells = city(np.random.default_rng(at)).cells
     nearest = min(cells, key=lambda one: np.hypot(one.east_m, one.north_m))
     return replace(nearest, cid=100 + at, p0_dbm=0.0)
@@ -87,7 +87,7 @@ def files(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def answer(files):
-    """What `smooth --json` prints."""
+    """As `smooth --json` prints."""
     return run_json("smooth", *files)
 
 
