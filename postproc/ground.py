@@ -486,7 +486,7 @@ def _heard_in(heard: Sequence[tuple[_Walk, IntArray]]) -> HeardIn:
 
 
 def runs_text(names: Sequence[str], first_utc: str | None, last_utc: str | None) -> str:
-    """The first of some runs, and their days."""
+    """Some runs, and their days."""
     few, n_more = ", ".join(names[:_MOST_RUNS]), len(names) - _MOST_RUNS
     more = f" and {n_more} more" if n_more > 0 else ""
     return f"{few}{more}{days_text(first_utc, last_utc)}"

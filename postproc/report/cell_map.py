@@ -177,14 +177,12 @@ def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> None:
     """Both regions and marks, with their names on the plan that shows `box`."""
     colour = colours.word_colour(place.word)
     # faint where no verdict stands for it: the side that it is on shows all the same
-    wide = {"linestyle": DASHED, "alpha": 0.05} if place.what else {"linestyle": "-", "alpha": 0.16}
-    for rings, style in ((place.outline, wide), (place.likely, {"linestyle": "", "alpha": 0.28})):
+    wide: tuple[float, Any] = (0.05, DASHED) if place.what else (0.16, "solid")
+    for rings, (alpha, line) in ((place.outline, wide), (place.likely, (0.28, "none"))):
         if rings:
             path = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
-            face = (*rgb(colour), style["alpha"])
-            patch = PathPatch(path, facecolor=face, edgecolor=rgb(colour), zorder=4)
-            patch.set_linestyle(style["linestyle"])
-            axes.add_patch(patch)
+            style = {"edgecolor": rgb(colour), "linestyle": line, "zorder": 4}
+            axes.add_patch(PathPatch(path, facecolor=(*rgb(colour), alpha), **style))
     for i, (position_m, share) in enumerate(
         zip(place.positions_m.tolist(), place.shares, strict=True)
     ):
