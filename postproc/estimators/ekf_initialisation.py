@@ -40,7 +40,7 @@ _FINE = 1.0 / 32.0
 _ROUGH = EFFORT._replace(more_grids=0)
 """Of a prefix that is only tried; on fewer blocks a start is found less often."""
 _LIKELY_NOISE = 0.02
-"""Of the likeliest hypothesis of the complete walk: prefixes are located without less likely ones."""
+"""Of the likeliest hypothesis of the complete walk: less likely ones are left out for prefixes."""
 _PREFIXES = 200  # lengths tried by the filter alone, which is quick
 _PRIOR_M = 1000.0  # before the first reading; wide beside any walk
 _LITTLE_SHADOW = 0.15
