@@ -19,24 +19,26 @@ the locator, for 40 cells.
 import argparse
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 
 from benchmarks.suspicion_baseline import logs_with_baseline
 from benchmarks.suspicion_city import city_logs
 from benchmarks.suspicion_gone import gone_walks, print_gone
-from benchmarks.suspicion_injection import Outcome, outcomes
+from benchmarks.suspicion_injection import Outcome, Station, outcomes
 from benchmarks.suspicion_live import print_live_cost
 from benchmarks.suspicion_logs import LOGS, Log, cells_with_one_peak, read_logs
 from benchmarks.suspicion_patterns import COPIES, KINDS, ORDINARY
 from benchmarks.suspicion_takeover import CORPUS, full_scans, print_takeovers, takeovers
 from logger.core.baseline import NO_BASELINE, Baseline
-from logger.core.suspicion.rule import WORDS, Rate
+from logger.core.suspicion.rule import WORDS, Finding, Rate
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import Assessment, assess
 from logger.core.types import Scan
+from postproc.suspicion.run_assessment import DATABASE_RULES
 
 GROUPS = {
     "driving": ("cork_driving", "india_gsm", "india_umts", "ottawa"),
@@ -51,8 +53,12 @@ cells with one peak count, since codes are used again."""
 EARLIER_WALKS = (3, 10, 30)
 MOST_CITIES = 8
 ON_AIR_S = 60.0
-BRIEF_KINDS = ("invented identity", "new area", "downgrade")
+STATIONS = [Station(kind, is_strong) for kind in KINDS for is_strong in (True, False)]
+BRIEF = [Station(kind, True, ON_AIR_S) for kind in ("invented identity", "new area", "downgrade")]
+CATCHERS = [station for station in STATIONS if station.kind == ORDINARY]
 FALSE_AN_HOUR = (0.03, 0.1, 0.3, 1.0)
+DATABASES = (60, 90)
+"""Cells of each 100 that a database has."""
 
 
 @dataclass(slots=True)
@@ -174,13 +180,14 @@ def _rate_of(counts: Counts, rule: str, rat: str) -> tuple[str, str, str]:
     return str(alarms), str(cells), f"{sum(counts.exposed_hours[key] for key in keys):.1f}"
 
 
-def print_detection(kind: str, strong: bool, results: Sequence[Outcome]) -> None:
+def print_detection(station: Station, outcomes_of_all: Sequence[Outcome]) -> None:
     """A line for each kind of log, and for clones one of the runs that passed both stations."""
-    power = "strong" if strong else "weak"
+    power = "strong" if station.is_strong else "weak"
+    results = [one for one in outcomes_of_all if one.station == station]
     for group, sets in GROUPS.items():
-        _print_share(kind, power, group, [one for one in results if one.set_name in sets])
-    if kind in COPIES:
-        _print_share(kind, power, "both passed", [one for one in results if one.is_passed])
+        _print_share(station.kind, power, group, [one for one in results if one.set_name in sets])
+    if station.kind in COPIES:
+        _print_share(station.kind, power, "both passed", [one for one in results if one.is_passed])
 
 
 def _print_share(kind: str, power: str, group: str, results: Sequence[Outcome]) -> None:
@@ -208,27 +215,24 @@ def print_tables(logs: Sequence[Log], folder: Path, every: int) -> None:
     cities = [log for log in logs if log.set_name == "simulated"][:MOST_CITIES]
     rated = [(log, NO_BASELINE) for log in [*measured, *cities]]
     print(_HEAD)
-    results: list[Outcome] = []
-    for kind in KINDS:
-        for strong in (True, False):
-            found = list(outcomes(rated, kind, strong, 1))
-            print_detection(kind, strong, found)
-            results += found
+    found = [one for log, base in rated for one in outcomes(log, base, [*STATIONS, *BRIEF])]
+    for station in STATIONS:
+        print_detection(station, found)
     print(f"on the air for {ON_AIR_S:.0f} s")
-    for kind in BRIEF_KINDS:
-        brief = outcomes(rated, kind, True, 1, ON_AIR_S)
-        print_detection(kind, True, list(brief))
+    for station in BRIEF:
+        print_detection(station, found)
+    results = [one for one in found if one.station in STATIONS]
     print_worth(counts, results)
+    print_databases(counts, results)
     for n_walks in EARLIER_WALKS:
         print(f"\nwith {n_walks} earlier walks of the route")
-        earlier, by_power = Counts(), {True: list[Outcome](), False: list[Outcome]()}
+        earlier, found = Counts(), []
         for log, baseline in logs_with_baseline(folder, n_walks):
             earlier.add(log, baseline)
-            for strong in by_power:
-                by_power[strong] += outcomes([(log, baseline)], ORDINARY, strong, 1)
+            found += outcomes(log, baseline, CATCHERS)
         print_words(earlier)
-        for strong, found in by_power.items():
-            print_detection(ORDINARY, strong, found)
+        for station in CATCHERS:
+            print_detection(station, found)
     if CORPUS.is_dir():
         print()
         print_takeovers(list(takeovers(full_scans())))
@@ -238,16 +242,15 @@ def print_worth(counts: Counts, results: Sequence[Outcome]) -> None:
     """Shares of stations above thresholds of the score, and words without each rule."""
     clean = [cell for name, cell in counts.assessed if name in _sets(counts, "logs")]
     hours = sum(counts.hours[name] for name in _sets(counts, "logs"))
-    groups = {(one.kind, one.is_strong) for one in results}
     scores = sorted((cell.score_nats for cell in clean), reverse=True)
     limits = [scores[int(an_hour * hours)] for an_hour in FALSE_AN_HOUR]
     print("\nstations above the score that so many legitimate cells an hour exceed")
     print(f"{'':32}" + "".join(f"{an_hour:8.2f}" for an_hour in FALSE_AN_HOUR))
     print(f"{'nats':32}" + "".join(f"{limit:8.2f}" for limit in limits))
-    for kind, strong in sorted(groups):
-        of = [r.at_end.score_nats for r in results if (r.kind, r.is_strong) == (kind, strong)]
+    for station in sorted({one.station for one in results}):
+        of = [one.at_end.score_nats for one in results if one.station == station]
         shares = [sum(score > limit for score in of) / len(of) for limit in limits]
-        name = f"{kind}, {'strong' if strong else 'weak'}"
+        name = f"{station.kind}, {'strong' if station.is_strong else 'weak'}"
         print(f"{name:32}" + "".join(f"{share:8.2f}" for share in shares))
     print("\nsuspicious and unusual without a rule: stations, legitimate cells")
     stations = [one.at_end for one in results]
@@ -259,13 +262,48 @@ def print_worth(counts: Counts, results: Sequence[Outcome]) -> None:
             print(f"{rule or 'all':4}  {words[0]}  {words[1]}")
 
 
-def _words_without(rule: str | None, cells: Sequence[Assessment]) -> tuple[int, int]:
+class _Desk(NamedTuple):
+    """What rule P3 weighs."""
+
+    known: range
+    names: range
+
+
+def print_databases(counts: Counts, results: Sequence[Outcome]) -> None:
+    """The ordinary catcher, and what legitimate cells expect."""
+    clean = [cell for name, cell in counts.assessed if name in _sets(counts, "logs")]
+    hours = sum(counts.hours[name] for name in _sets(counts, "logs"))
+    for n_known in DATABASES:
+        print(f"\nwith a database of {n_known} of 100 cells")
+        missing = [_words(without_entry(cell, n_known) for cell in clean), _words(clean)]
+        share = 1.0 - n_known / 100.0
+        for word, absent, there in zip(WORDS[:0:-1], *missing, strict=True):
+            n = share * absent + (1.0 - share) * there
+            print(f"{word}: {n:.2f} legitimate cells expected, {n / hours:.3f} an hour")
+        told = [replace(one, at_end=without_entry(one.at_end, n_known)) for one in results]
+        for station in CATCHERS:
+            print_detection(station, told)
+
+
+def without_entry(cell: Assessment, n_known: int) -> Assessment:
+    """The word of a missing cell."""
+    rule = DATABASE_RULES[0]
+    assert rule.weigh is not None
+    nats = rule.weigh(_Desk(range(n_known), range(100)), cell)
+    finding = Finding(rule, cell.cell, 0, None, None, "", {}, nats)
+    return assess(cell.cell, [*cell.findings, finding])
+
+
+def _words(cells: Iterable[Assessment]) -> tuple[int, int]:
     """Numbers of suspicious and of unusual cells."""
-    words = Counter(
-        assess(cell.cell, [one for one in cell.findings if one.rule.id != rule]).word
-        for cell in cells
-    )
+    words = Counter(cell.word for cell in cells)
     return words["suspicious"], words["unusual"]
+
+
+def _words_without(rule: str | None, cells: Sequence[Assessment]) -> tuple[int, int]:
+    return _words(
+        assess(cell.cell, [one for one in cell.findings if one.rule.id != rule]) for cell in cells
+    )
 
 
 _HEAD = (

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -28,7 +29,7 @@ def logs_with_baseline(
             summaries = {
                 path: summary
                 for path in sorted(folder.glob(f"{route}*.csv.gz"))
-                if (summary := _summary(path, Path(scratch))) is not None
+                if (summary := _summary(path)) is not None
             }
             if len(summaries) <= 0.8 * n_walks:
                 continue
@@ -48,11 +49,13 @@ def baseline_of(path: Path, walks: Sequence[WalkSummary]) -> BaselineFile:
     return BaselineFile(path)
 
 
-def _summary(path: Path, scratch: Path) -> WalkSummary | None:
+@cache
+def _summary(path: Path) -> WalkSummary | None:
     """A log by square; None for the one whose times are impossible, which is no walk."""
-    run = scratch / path.name.replace(".csv.gz", ".h5")
-    try:
-        import_walk(path, run)
-    except RunFileError:
-        return None
-    return summarise_walk(read_sound_run(run))
+    with TemporaryDirectory() as scratch:
+        run = Path(scratch) / path.name.replace(".csv.gz", ".h5")
+        try:
+            import_walk(path, run)
+        except RunFileError:
+            return None
+        return summarise_walk(read_sound_run(run))

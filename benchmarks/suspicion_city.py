@@ -16,7 +16,7 @@ from logger.sim.walk import Walk
 from logger.sim.world import Radio, Transmitter, World
 
 _POLL_S = 4.0
-_DECODED_DBM = -104.0
+DECODED_DBM = -104.0
 _NEIGHBOURS = 6
 _HYSTERESIS_DB = 4.0
 _SILENT_DBM = -130.0
@@ -77,7 +77,7 @@ class SimulatedCity:
 
     def _audible(self, level_dbm: FloatArray) -> list[int]:
         """Cells that the modem decodes, the strongest first."""
-        heard = [i for i in np.argsort(-level_dbm).tolist() if level_dbm[i] >= _DECODED_DBM]
+        heard = [i for i in np.argsort(-level_dbm).tolist() if level_dbm[i] >= DECODED_DBM]
         if not self._has_card:
             return heard
         home = GRAZ.operators[0][:2]

@@ -8,16 +8,20 @@ fading. The modem serves the station where it is 4 dB stronger than the serving 
 where it is weaker it is reported as a neighbour, if the log has neighbours.
 """
 
+import sys
 from collections.abc import Iterable, Iterator, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from math import cos, hypot, inf, log10, radians
+from typing import NamedTuple
 
 import numpy as np
 
 from benchmarks.suspicion_logs import Log
 from benchmarks.suspicion_patterns import COPIES, KINDS, pattern_of
 from logger.core.baseline import NO_BASELINE, Baseline
-from logger.core.suspicion.rule import Word
+from logger.core.suspicion.rule import Rule, Word
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import Assessment
 from logger.core.types import CellReading, Fix, Record, Scan
@@ -34,6 +38,22 @@ _PASSED_DBM = -65.0
 """Level of an original that the walk has passed: within some 100 m of a station in a street."""
 _APART_M = 1000.0
 _METRES_PER_DEG = 111_320.0
+_SAME = [
+    one
+    for name, module in sys.modules.items()
+    if name.startswith("logger.core.suspicion.")
+    for one in vars(module).values()
+    if isinstance(one, Rule | partial)
+]
+"""What trackers compare by identity: a copy of one has the same."""
+
+
+class Station(NamedTuple):
+    """A kind of station, and how long it is on the air."""
+
+    kind: str
+    is_strong: bool
+    on_air_s: float = inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,31 +63,30 @@ class Injection:
     `is_passed`: a clone whose original the walk has passed as well.
     """
 
-    kind: str
+    station: Station
     cell: str
     records: Sequence[Record]
     first: int
     is_passed: bool
-    is_strong: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """The word of the station within the limits, all at the end, and when it was suspicious."""
 
-    kind: str
+    station: Station
     in_time: Word
     at_end: Assessment
     seconds: float | None
     metres: float | None
     set_name: str
     is_passed: bool
-    is_strong: bool
 
 
-def inject(log: Log, kind: str, strong: bool, seed: int, on_air_s: float = inf) -> Injection | None:
+def inject(log: Log, station: Station) -> Injection | None:
     """Put a station into a run; None where the run has no room or no cell for this kind."""
-    rng = np.random.default_rng([seed, KINDS.index(kind), strong])
+    kind, strong, on_air_s = station
+    rng = np.random.default_rng([0, KINDS.index(kind), strong])
     track = _track(log.records)
     if track is None or track[-1, 0] - track[0, 0] < 2.5 * WITHIN_S:
         return None
@@ -90,7 +109,7 @@ def inject(log: Log, kind: str, strong: bool, seed: int, on_air_s: float = inf) 
     if first is None:
         return None
     is_passed = pattern.best_dbm >= _PASSED_DBM
-    return Injection(kind, pattern.reading.cell or "", records, first, is_passed, strong)
+    return Injection(station, pattern.reading.cell or "", records, first, is_passed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,30 +125,37 @@ class _Air:
         return float(round(min(level, -40.0)))
 
 
-def detect(injection: Injection, set_name: str = "", baseline: Baseline = NO_BASELINE) -> Outcome:
-    """Words within the limits after the first reception, and at the end of the run."""
-    tracker = SuspicionTracker(baseline=baseline)
-    at = injection.records[injection.first]
+def detect(
+    injection: Injection,
+    set_name: str = "",
+    baseline: Baseline = NO_BASELINE,
+    before: SuspicionTracker | None = None,
+) -> Outcome:
+    """Words in time and at the end; `before` was fed until the first reception."""
+    tracker = before
+    if tracker is None:
+        tracker = SuspicionTracker(baseline=baseline)
+        for record in injection.records[: injection.first]:
+            tracker.feed(record)
+    after = injection.records[injection.first :]
     last: tuple[float, float] | None = None
     metres, named_s, named_m = 0.0, None, None
     in_time: Word = "nothing unusual"
-    for i, record in enumerate(injection.records):
+    for record in after:
         tracker.feed(record)
-        if i < injection.first:
-            continue
         if isinstance(record.value, Fix) and record.value.lat_deg is not None:
             here = record.value.lat_deg, record.value.lon_deg or 0.0
             metres += 0.0 if last is None else _apart_m(last, here)
             last = here
             continue
-        seconds = (record.t_ns - at.t_ns) / 1e9
+        seconds = (record.t_ns - after[0].t_ns) / 1e9
         if named_s is None and tracker.assessment(injection.cell).word == "suspicious":
             named_s, named_m = seconds, metres
         if seconds <= WITHIN_S or metres <= WITHIN_M:
             in_time = tracker.assessment(injection.cell).word
     at_end = tracker.assessment(injection.cell)
-    of = injection.is_passed, injection.is_strong
-    return Outcome(injection.kind, in_time, at_end, named_s, named_m, set_name, *of)
+    is_passed = injection.is_passed
+    return Outcome(injection.station, in_time, at_end, named_s, named_m, set_name, is_passed)
 
 
 def _apart_m(a: tuple[float, float], b: tuple[float, float]) -> float:
@@ -199,7 +225,7 @@ def _with_station(
             if is_heard:
                 first = len(records) if first is None else first
                 held_s = t_s
-            records.append(replace(record, value=scan))
+            records.append(replace(record, value=scan) if is_heard else record)
         else:
             records.append(record)
     return records, first
@@ -238,16 +264,13 @@ def _add_station(
     return replace(scan, readings=(station, *rest)), True
 
 
-def outcomes(
-    logs: Iterable[tuple[Log, Baseline]],
-    kind: str,
-    strong: bool,
-    seeds: int,
-    on_air_s: float = inf,
-) -> Iterator[Outcome]:
-    """Outcomes of a station in each of the runs."""
-    for log, baseline in logs:
-        for seed in range(seeds):
-            injection = inject(log, kind, strong, seed, on_air_s)
-            if injection is not None:
-                yield detect(injection, log.set_name, baseline)
+def outcomes(log: Log, baseline: Baseline, stations: Iterable[Station]) -> Iterator[Outcome]:
+    """Outcomes of stations, one at a time; what was before each is followed once."""
+    injections = [one for station in stations if (one := inject(log, station)) is not None]
+    tracker, n_fed = SuspicionTracker(baseline=baseline), 0
+    for injection in sorted(injections, key=lambda one: one.first):
+        for record in log.records[n_fed : injection.first]:
+            tracker.feed(record)
+        n_fed = injection.first
+        same = {id(one): one for one in (baseline, *_SAME)}
+        yield detect(injection, log.set_name, baseline, deepcopy(tracker, same))

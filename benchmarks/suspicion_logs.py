@@ -4,6 +4,7 @@ import os
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 from math import cos, radians
 from pathlib import Path
@@ -63,6 +64,7 @@ def read_logs(folder: Path = LOGS) -> Iterator[Log]:
         yield read_log(path)
 
 
+@cache  # 109 logs take a minute, and each number of earlier walks asks for them
 def read_log(path: Path) -> Log:
     """One log; rows without a position are left out."""
     with plain_file(path) as plain:

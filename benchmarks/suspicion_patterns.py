@@ -1,5 +1,6 @@
 """What an injected station broadcasts, in the form in which a log prints its cells."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -43,9 +44,8 @@ def pattern_of(records: Sequence[Record], kind: str, track: np.ndarray) -> Patte
         return None
     if kind in COPIES:
         return _clone(serving, kind, track)
-    model = max(
-        (r for _, r in serving), key=lambda r: sum(r.rat == o.rat for _, o in serving[::50])
-    )
+    n_of = Counter(reading.rat for _, reading in serving[::50])
+    model = max((reading for _, reading in serving), key=lambda reading: n_of[reading.rat])
     area = model.lac or model.tac
     is_2g = kind == "downgrade" and model.rat == "GSM"
     if is_2g or model.mcc is None or area is None:

@@ -75,13 +75,13 @@ class BaselineFile:
         self._channels: Latest[Mapping[int, int]] = Latest(_MOST_KEPT)
         trust = self._all_rows("SELECT cell, note FROM trust ORDER BY cell")
         self._trust: dict[str, str] = dict(trust)
+        self._doubted = self._read_doubted()
         self.digests = [
             str(row[0]) for row in self._all_rows("SELECT digest FROM walk ORDER BY digest")
         ]
         self.n_walks = len(self.digests)
-        self.fingerprint = sha256(
-            repr((self.digests, list(self._trust.items()))).encode()
-        ).hexdigest()
+        answered = self.digests, list(self._trust.items()), *filter(None, [sorted(self._doubted)])
+        self.fingerprint = sha256(repr(answered).encode()).hexdigest()
 
     def close(self) -> None:
         """Release the file."""
@@ -104,6 +104,14 @@ class BaselineFile:
     def trust_note(self, name: str) -> str | None:
         """The user's note about a cell that is trusted; None if it is not."""
         return self._trust.get(name)
+
+    def is_doubted(self, name: str) -> bool:
+        return name in self._doubted
+
+    def _read_doubted(self) -> frozenset[str]:
+        if not self._all_rows("SELECT 1 FROM sqlite_master WHERE name = 'doubted'"):
+            return frozenset()  # only the device's own has such
+        return frozenset([str(cell) for (cell,) in self._all_rows("SELECT cell FROM doubted")])
 
     def _read_square(self, square: int) -> SquareHistory:
         walks = self._rows("SELECT rat, n_walks FROM square_rat WHERE square = ?", square)

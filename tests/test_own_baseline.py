@@ -92,6 +92,8 @@ def test_a_cell_that_ever_was_conspicuous_is_learnt_only_once_it_is_trusted(tmp_
     write_run(tmp_path, 2, day=1)
     learn(tmp_path)
     assert set(walks_here(tmp_path).cells) == {name(1)}
+    with closing(BaselineFile(tmp_path / OWN_FILE)) as baseline:
+        assert (baseline.is_doubted(name(1)), baseline.is_doubted(name(2))) == (False, True)
     own_baseline.trust(tmp_path, name(2), "my femtocell")
     write_run(tmp_path, 3, day=2)
     assert learn(tmp_path) == {"run-000003": "learnt"}

@@ -25,6 +25,7 @@ from logger.core.squares import squares_within
 READ, UNREADABLE = "baseline", "baseline-unreadable"
 """Codes of the events: a baseline is read, and none is from now on."""
 FILE, SQUARE, CELL, CHANNELS, TRUST = "file", "square", "cell", "channels", "trust"
+DOUBT = "doubt"
 """Kinds of answers."""
 
 
@@ -80,7 +81,14 @@ class KnownCell:
 
 
 _ANSWERS: Mapping[str, Any] = MappingProxyType(
-    {FILE: int, SQUARE: SquareHistory, CELL: KnownCell, CHANNELS: dict[int, int], TRUST: str}
+    {
+        FILE: int,
+        SQUARE: SquareHistory,
+        CELL: KnownCell,
+        CHANNELS: dict[int, int],
+        TRUST: str,
+        DOUBT: bool,
+    }
 )
 
 
@@ -106,6 +114,9 @@ class Baseline(Protocol):
 
     def trust_note(self, name: str) -> str | None:
         """The user's note about a cell that is trusted; None if it is not."""
+
+    def is_doubted(self, name: str) -> bool:
+        """Whether a cell was heard and not learnt."""
 
 
 class NotedBaseline:
@@ -135,6 +146,9 @@ class NotedBaseline:
 
     def trust_note(self, name: str) -> str | None:
         return self._answers[TRUST].get(name)
+
+    def is_doubted(self, name: str) -> bool:
+        return name in self._answers[DOUBT]
 
 
 NO_BASELINE = NotedBaseline()

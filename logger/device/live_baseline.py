@@ -14,6 +14,7 @@ from logger.baseline_file import BaselineFile, bound_heap, configured_file
 from logger.core.baseline import (
     CELL,
     CHANNELS,
+    DOUBT,
     FILE,
     READ,
     SQUARE,
@@ -84,6 +85,9 @@ class LiveBaseline:
 
     def trust_note(self, name: str) -> str | None:
         return self._ask(TRUST, name, lambda baseline: baseline.trust_note(name))
+
+    def is_doubted(self, name: str) -> bool:
+        return self._ask(DOUBT, name, lambda baseline: baseline.is_doubted(name))
 
     def _open(self, path: Path) -> None:
         try:

@@ -9,6 +9,7 @@ from logger.core.baseline import NO_BASELINE, Baseline, baseline_of
 from logger.core.document import Column, Document, Line, Table, Word, html_text, terminal_lines
 from logger.core.identities import identity_of
 from logger.core.runfile import Run
+from logger.core.suspicion.countries import TEST_MCCS
 from logger.core.suspicion.rule import Evidence, Finding, Need, Rate, Rule
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import Capabilities, SuspicionTracker
@@ -130,6 +131,15 @@ DATABASE_RULES = (_others_are_known, _elsewhere)
 Several = Mapping[str, Sequence[HeardIn]]
 """Where each identity is heard that runs of several places name (`postproc.ground.Group`)."""
 NOWHERE_ELSE: Final[Several] = {}
+# as many of one country would say more: a country code is of one country
+_APART = Rate(0, 107, 0.0, "identities of logs of three countries")
+
+
+def _apart_nats(_several: Several, cell: str) -> float:
+    # anybody uses the identities of test networks, and a name without a network is no identity
+    if identity_of(cell) is None or cell[:3] in TEST_MCCS:
+        return 0.0
+    return -log(_APART.per_cell)
 
 
 @Rule[Several, str](
@@ -138,10 +148,11 @@ NOWHERE_ELSE: Final[Several] = {}
     needs=("identity", "position"),
     gate="runs of several places name it, in two scans each",
     sentence=SEVERAL,
-    harmless="test networks, whose identities are used anywhere, and altered logs",
+    harmless="test networks, whose identities are used anywhere, and logs with wrong positions",
     about=lambda several: several,
     detection=1.0,
-    strength="warns",
+    elsewhere=_APART,
+    weigh=_apart_nats,
 )
 def _in_several_places(several: Several, cell: str) -> Evidence | None:
     return several_evidence(several[cell])

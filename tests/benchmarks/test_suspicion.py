@@ -1,20 +1,29 @@
 """The measured rates hold: a rule that accuses more legitimate cells than stated fails here."""
 
+from contextlib import closing
 from dataclasses import replace
+from math import inf
 
 import pytest
 
-from benchmarks.suspicion import NOT_RATED, Counts, count
-from benchmarks.suspicion_baseline import logs_with_baseline
+from benchmarks.suspicion import NOT_RATED, ON_AIR_S, Counts, count, without_entry
+from benchmarks.suspicion_baseline import baseline_of, logs_with_baseline
 from benchmarks.suspicion_city import city_log
-from benchmarks.suspicion_injection import detect, inject
+from benchmarks.suspicion_gone import summary_of
+from benchmarks.suspicion_injection import Station, detect, inject, outcomes
 from benchmarks.suspicion_logs import LOGS, Log, read_logs
+from benchmarks.suspicion_patterns import COPIES, ORDINARY
 from benchmarks.suspicion_takeover import CORPUS, full_scans, takeovers
+from logger.core.baseline import NO_BASELINE
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import WORD_RATES
-from logger.core.types import CellReading, Fix, Record, Scan
+from logger.core.types import Scan
 from logger.sim.city import GRAZ
+from tests.kit.street import CELLS, N_SCANS, STEP_S, street
 from tests.kit.suspicion_walks import gsm
+
+HOURS = N_SCANS * STEP_S / 3600.0
+STREET = Log("simulated", street(), HOURS)
 
 needs_logs = pytest.mark.skipif(not LOGS.is_dir(), reason=f"there are no logs in {LOGS}")
 
@@ -56,7 +65,7 @@ def test_a_clean_city_has_no_suspicious_cell_and_its_rogue_has():
 
 @pytest.mark.parametrize("kind", ["invented identity", "new area"])
 def test_a_strong_station_that_breaks_plan_or_area_is_named_in_time(kind):
-    injected = inject(city_log(3), kind, strong=True, seed=0)
+    injected = inject(city_log(3), Station(kind, True))
     assert detect(injected).in_time == "suspicious"
 
 
@@ -69,15 +78,73 @@ def test_a_channel_taken_over_beside_a_standing_receiver_is_named():
     assert {result.clean for result in results} == {"nothing unusual"}
 
 
-def test_a_telephone_that_a_station_pushes_to_2g_is_named():
-    lte = CellReading("serving", "LTE", "232", "01", tac=7, cid=2570, rsrp_dbm=-90.0)
-    fix = Fix(True, lat_deg=47.07, lon_deg=15.44)
-    records = [
-        Record(round(t_s * 1e9), source, value)
-        for t_s in range(600)
-        for source, value in (("gnss", fix), ("modem", Scan(round(t_s * 1e9), (lte,))))
-    ]
-    injected = inject(Log("simulated", records, 600 / 3600), "downgrade", strong=True, seed=0)
-    assert detect(injected).in_time == "suspicious"
-    counts = count([Log("simulated", records, 600 / 3600)])
+@pytest.mark.parametrize(
+    ("kind", "strong", "on_air_s"),
+    [
+        *(("invented identity", True, on_air_s) for on_air_s in (inf, ON_AIR_S)),
+        *(("new area", strong, on_air_s) for strong in (True, False) for on_air_s in (inf, 60.0)),
+        *(("downgrade", strong, on_air_s) for strong in (True, False) for on_air_s in (inf, 60.0)),
+        ("clone on its channel", True, inf),
+        ("clone on another channel", True, inf),
+        ("perfect copy", True, inf),
+    ],
+)
+def test_a_station_beside_a_street_is_suspicious(kind, strong, on_air_s):
+    """A twin of each target, of one drive: clones are passed as well as their originals."""
+    injected = inject(STREET, Station(kind, strong, on_air_s))
+    assert injected.is_passed == (kind in COPIES)
+    assert detect(injected).at_end.word == "suspicious"
+
+
+def test_a_street_without_a_station_has_no_suspicious_cell():
+    counts = count([STREET, Log("GSM", street("GSM"), HOURS)])
     assert not counts.suspicious
+
+
+def test_neighbours_by_channel_and_code_that_are_legitimate_are_not_suspicious():
+    records = [
+        replace(one, value=replace(one.value, readings=tuple(map(_nameless, one.value.readings))))
+        if isinstance(one.value, Scan)
+        else one
+        for one in STREET.records
+    ]
+    counts = count([Log("simulated", Log("", records, HOURS).by_channel.records, HOURS)])
+    assert counts.cells["simulated"] == len(CELLS)
+    assert not counts.suspicious
+
+
+def _nameless(reading):
+    return replace(reading, cid=None, tac=None)
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory):
+    """Earlier drives along the street, each as a baseline stores it."""
+    folder = tmp_path_factory.mktemp("drives")
+    return [summary_of(street(seed=seed), folder / f"{seed}") for seed in range(1, 16)]
+
+
+@pytest.mark.parametrize(
+    ("n_walks", "strong", "word"),
+    [
+        (0, True, "nothing unusual"),
+        (3, True, "nothing unusual"),
+        (10, True, "suspicious"),
+        (10, False, "unusual"),
+        (15, True, "suspicious"),
+        (15, False, "suspicious"),
+    ],
+)
+def test_earlier_walks_show_an_ordinary_catcher(drives, tmp_path, n_walks, strong, word):
+    with closing(baseline_of(tmp_path / "b.db", drives[:n_walks])) as baseline:
+        injected = inject(STREET, Station(ORDINARY, strong))
+        assert detect(injected, baseline=baseline).at_end.word == word
+        counts = Counts()
+        counts.add(STREET, baseline)
+        assert not counts.suspicious
+
+
+def test_a_database_that_has_most_cells_helps_against_an_ordinary_catcher():
+    (outcome,) = outcomes(STREET, NO_BASELINE, [Station(ORDINARY, True)])
+    scores = [without_entry(outcome.at_end, n_known).score_nats for n_known in (60, 90)]
+    assert scores[0] < scores[1] == pytest.approx(outcome.at_end.score_nats + 2.0)

@@ -13,6 +13,7 @@ import pytest
 
 from logger.core.errors import ConfigError, GeoError
 from logger.core.runfile import RunWriter, Truth, read_run
+from logger.core.suspicion.rule import WORDS
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.sim.city import GRAZ, city
 from logger.sim.walk import Walk
@@ -144,6 +145,8 @@ def test_the_terminal_has_a_heading_for_each_city(files, answer, capsys):
     for k, group in enumerate(said["groups"]):
         rules = {cell["cell"]: [one["rule"] for one in cell["findings"]] for cell in group["cells"]}
         assert ("S11" in rules.get(ROGUE_NAME, [])) == (k in {0, 3})
+        words = {cell["cell"]: cell["word"] for cell in group["cells"]}
+        assert (words.get(ROGUE_NAME) in WORDS[1:]) == (k in {0, 3})
 
 
 def test_a_page_for_each_city_of_what_smooth_has_stored(files, answer, tmp_path, monkeypatch):

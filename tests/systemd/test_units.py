@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from logger.cli import main
 from logger.device.memory import MEMORY_MB
 from logger.device.page_requests import requests_folder
 from logger.device.status import FOLDER
@@ -67,6 +68,21 @@ def test_it_starts_at_boot_and_is_never_given_up():
     )
     # a run is named, and its time told from others, by the boot: it must stay readable
     assert "ProcSubset=pid" not in settings
+
+
+def test_finished_runs_are_learnt_after_a_start_and_after_a_stop(capsys):
+    """By commands that the program has, once nothing else wants to compute or to write."""
+    recorder, later = _settings(UNITS[0]), _settings(UNITS[1])
+    assert {f"Wants={UNITS[1]}", f"OnSuccess={UNITS[1]}"} <= set(recorder)
+    assert {"Nice=19", "CPUSchedulingPolicy=idle", "IOSchedulingClass=idle"} <= set(later)
+    (run,) = [line for line in recorder if line.startswith("ExecStart=")]
+    commands = [line.split()[1:] for line in later if line.startswith("ExecStart=")]
+    assert commands == [["recover", "/var/lib/cellwalk"], ["learn", *run.split()[2:]]]
+    for name, *given in commands:
+        assert main([name, "--help"]) == 0
+        described = capsys.readouterr().out
+        assert all(one in described for one in given if one.startswith("-"))
+    assert 'baseline = "own"' in (FOLDER_OF_UNITS / "site.toml").read_text()
 
 
 def test_the_folders_are_those_that_the_program_uses():

@@ -4,6 +4,7 @@ from math import hypot
 
 from logger.core.latest import Latest
 from logger.core.suspicion.countries import GSMR_ARFCNS, TEST_MCCS
+from logger.core.suspicion.earlier_walks import ground
 from logger.core.suspicion.heard import MOST_NETWORKS, HeardCell, Memory, Moment
 from logger.core.suspicion.rule import Evidence, Rate, ScanRule, on_telephones
 
@@ -24,6 +25,7 @@ _HELD_S = 10.0
 _STILL_S = 60.0
 _SINGLE_S = 20.0
 _FEWEST_SCANS = 3
+_KNOWN_WALKS = 2  # that heard a cell of an area here: from then on the area is known
 _HEARD_DBM = -105.0
 """The other cells of a network beyond the border come as weakly as this one."""
 
@@ -55,7 +57,7 @@ def _single(memory: Memory, cell: HeardCell) -> Evidence | None:
     family="area",
     needs=("identity", "area code", "level"),
     gate="for 20 s, on foot for 100 m or 80 s, with 3 other cells of the operator within 5 "
-    "minutes; the cell at least -90 dBm",
+    "minutes; the cell at least -90 dBm; an area that two earlier walks did not hear here",
     sentence="area {area} is that of none of the {neighbours} other cells heard with it",
     harmless="the border of two areas",
     detection=0.8,
@@ -96,7 +98,8 @@ def _is_past_border(now: Moment, cell: HeardCell) -> bool:
     id="L2",
     family="area",
     needs=("identity", "area code"),
-    gate="10 cells of the operator heard, 3 of them after this one; not of a railway",
+    gate="10 cells of the operator heard, 3 of them after this one; not of a railway; an area as "
+    "in L1",
     sentence="area {area} has this cell alone, of {cells} cells of the operator",
     harmless="the border of two areas, an indoor cell",
     detection=0.8,
@@ -126,7 +129,17 @@ def _has_own_area(memory: Memory, cell: HeardCell) -> bool:
     for other in memory.of_operator(cell.operator, cell.rat):  # a generator takes twice the time
         if other.area == area and other is not cell:
             return False
-    return True
+    return not _is_known_area(memory, cell)
+
+
+def _is_known_area(memory: Memory, cell: HeardCell) -> bool:
+    # what was unusual then they did not learn
+    area, _, _ = cell.name.rpartition("-")  # of `mcc-mnc-area-cid`
+    return any(
+        heard.n_walks >= _KNOWN_WALKS and name.startswith(f"{area}-")
+        for square in ground(memory)
+        for name, heard in square.cells.items()
+    )
 
 
 class _ServingAreas:
@@ -145,7 +158,7 @@ class _ServingAreas:
     family="area",
     needs=("identity", "area code", "position"),
     gate="standing for 60 s, the new area for 10 s, no cell of it heard before, another one of "
-    "the same network was",
+    "the same network was; an area as in L1",
     sentence="the area changed from {other_area} to {area} after {still_s} s of standing",
     harmless="the border of two areas, a cell switched off",
     detection=0.4,
@@ -166,6 +179,6 @@ def _change(memory: Memory, cell: HeardCell) -> Evidence | None:
     areas.known.add(key)
     is_still = now.x_m is not None and now.still_s >= _STILL_S + _HELD_S
     is_after_change = abs(cell.since_s - memory.changed_rat_s) < _HELD_S
-    if before is None or is_after_change or not is_still:
+    if before is None or is_after_change or not is_still or _is_known_area(memory, cell):
         return None
     return {"area": cell.area, "other_area": before[1], "still_s": round(now.still_s)}

@@ -93,6 +93,7 @@ def _n_walks(memory: Memory, cell: HeardCell) -> int:
     return around[0].n_walks.get(cell.rat, 0) if around else 0
 
 
+_UNHEARD = "did not hear this cell here"
 _NAMED_NEW = 0.9
 _NEW = Rate(4, 233, 0.0, "walks of two routes after 7 to 14 others")
 
@@ -109,8 +110,8 @@ def _new_nats(memory: Memory, cell: HeardCell) -> float:
     needs=("identity", "level", "position", "earlier walks"),
     gate="7 earlier walks with this technology here, 3 readings of at least -95 dBm; from 15 "
     "walks on it suffices",
-    sentence="{walks} earlier walks did not hear this cell here, today it has {level_dbm} dBm",
-    harmless="a new cell, a cell that was repaired",
+    sentence="{walks} earlier walks {what}, today it has {level_dbm} dBm",
+    harmless="a new cell, a cell that was repaired, one that earlier walks heard and did not learn",
     detection=_NAMED_NEW,
     elsewhere=_NEW,
     strength="suffices",
@@ -122,7 +123,9 @@ def _is_new(memory: Memory, cell: HeardCell) -> Evidence | None:
         return None
     if weakest_dbm < _STRONG_DBM or memory.baseline.cell(cell.name) is not None:
         return None
-    return {"walks": n_walks, "level_dbm": round(level_dbm)}
+    is_doubted = memory.baseline.is_doubted(cell.name)
+    what = "did not learn this cell, which was unusual then" if is_doubted else _UNHEARD
+    return {"walks": n_walks, "what": what, "level_dbm": round(level_dbm)}
 
 
 def _always_heard_before(memory: Memory) -> Iterator[KnownCell]:

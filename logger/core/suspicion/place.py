@@ -26,8 +26,8 @@ _NO_PLACE = 9.0
 
 _UNLICENSED = range(46790, 54540)
 """Channels of LTE in the unlicensed band (3GPP TS 36.101 5.7.3), whose cells send in bursts and
-serve nobody alone: of 2692 cells with one peak, in drives with all neighbours, the two that broke
-S5 or S6 were there."""
+serve nobody alone: of 3488 cells with one peak, in drives with all neighbours, two of the three
+that broke S5 or S6 were there."""
 
 
 class _Tests:
@@ -48,8 +48,9 @@ class _Tests:
         return self._results[cell.name]
 
     def _test(self, cell: HeardCell) -> Sources | None:
-        n, is_lte = cell.spots.n, cell.rat == "LTE"
-        if is_lte and cell.heard.reading.arfcn in _UNLICENSED:
+        n, arfcn = cell.spots.n, cell.heard.reading.arfcn
+        # a range compares None with each of its numbers, which took half of the time of all rules
+        if cell.rat == "LTE" and arfcn is not None and arfcn in _UNLICENSED:
             return None
         if n < self._due.get(cell.name, _FEWEST_SPOTS) or len(cell.spots) < _FEWEST_SPOTS:
             return None

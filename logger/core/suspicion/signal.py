@@ -16,8 +16,7 @@ _JUMP_DB = 20.0
 _APPEARS_DB = 15.0
 """The limit of what could be missed is itself uncertain by the shadowing."""
 _JUMP_S = 10.0
-_BEFORE_S = 30.0
-"""Three scans of a slow modem."""
+_BEFORE_S = 30.0  # three scans of a slow modem, while the walker moves
 _NEAR_M = 30.0
 _PASSED_M = 120.0
 """Way of a car between the scan before a new cell and its third reading."""
@@ -69,20 +68,21 @@ def _steady_dbm(cell: HeardCell) -> float | None:
     id="S2",
     family="signal",
     needs=("identity", "level", "position"),
-    gate="3 readings at the new level, the walker within 30 m",
+    gate="3 readings at the new level, the walker within 30 m; a rise that took more than 10 s "
+    "counts if the walker has stood since before it",
     sentence="the level rose by {rise_db} dB within {seconds} s while the walker hardly moved",
     harmless="a door, a car or a street corner between",
     detection=0.4,
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(0, 87, 10.1)),
 )
-def _jump(_memory: Memory, cell: HeardCell) -> Evidence | None:
+def _jump(memory: Memory, cell: HeardCell) -> Evidence | None:
     recent, weakest_dbm = cell.recent, _steady_dbm(cell)
     if weakest_dbm is None or len(recent) < STEADY + 2:
         return None
     before = recent[-STEADY - 1]
     rise_db = weakest_dbm - max(recent[-STEADY - 2].level_dbm, before.level_dbm)
     seconds = recent[-STEADY].t_s - before.t_s
-    if rise_db < _JUMP_DB or seconds > _JUMP_S:
+    if rise_db < _JUMP_DB or (seconds > _JUMP_S and not _has_stood(memory.now, before.t_s)):
         return None
     if _apart_m(recent[-STEADY - 2], recent[-1]) > _NEAR_M:
         return None
@@ -122,8 +122,8 @@ def _new_cells(memory: Memory) -> Iterator[HeardCell]:
     id="S3",
     family="signal",
     needs=("identity", "level", "position"),
-    gate="3 readings; 15 dB above what two scans of its network within 30 s and 120 m could "
-    "have missed",
+    gate="3 readings; 15 dB above what two scans of its network could have missed, within 120 m "
+    "and within 30 s or since the walker stands",
     sentence="appears with {level_dbm} dBm where {limit_dbm} dBm could not be missed {seconds} "
     "s before",
     harmless="a legitimate cell switched on, the exit of a tunnel",
@@ -137,7 +137,11 @@ def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
         return None
     first = cell.recent[0]
     before = [b for b in memory.of(_SCANS) if b.t_s < first.t_s and b.could_name(memory, cell)]
-    before = [b for b in before[-STEADY:] if first.t_s - b.t_s <= _BEFORE_S]
+    before = [
+        b
+        for b in before[-STEADY:]
+        if first.t_s - b.t_s <= _BEFORE_S or _has_stood(memory.now, b.t_s)
+    ]
     limit_dbm = max((b.limit_dbm for b in before), default=0.0)
     is_near = all(_apart_m(b, cell.recent[-1]) <= _PASSED_M for b in before)
     if len(before) < 2 or not is_near or weakest_dbm < limit_dbm + _APPEARS_DB:
@@ -260,6 +264,11 @@ def _above_others(memory: Memory, cell: HeardCell) -> Evidence | None:
     if len(others) < STEADY or weakest_dbm < max(others) + _ABOVE_OTHERS_DB:
         return None
     return {"level_dbm": round(weakest_dbm), "cells": len(others), "best_dbm": round(max(others))}
+
+
+def _has_stood(now: Moment, since_s: float) -> bool:
+    # a modem that lists all cells takes longer than a car does
+    return now.x_m is not None and now.t_s - now.still_s <= since_s
 
 
 def _apart_m(before: _Before | Level, after: Level) -> float:

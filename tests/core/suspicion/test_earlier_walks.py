@@ -37,6 +37,21 @@ class Earlier(NotedBaseline):
         return KnownCell(name, "GSM", n_walks, n_scans, 1, best_dbm, 0, frozenset({(51, 8)}))
 
 
+class Doubting(Earlier):
+    """Walks that did not learn the cell 99, which was conspicuous then."""
+
+    def is_doubted(self, name):
+        return name.endswith("-99")
+
+
+class OfArea(Earlier):
+    """Walks in which the area 1300 was heard here, as often as said."""
+
+    def __init__(self, heard):
+        super().__init__(heard=heard)
+        self.cells[gsm(70, lac=1300).cell] = self.cells.pop(GONE.cell)
+
+
 def _b3(baseline, *scan, metres=20.0, times=14):
     walk = Walk(baseline=baseline).scan(*(scan or HOME), metres=metres, times=times)
     return [finding for finding in walk.found if finding.rule.id == "B3"]
@@ -122,3 +137,22 @@ def test_b1_wants_three_readings_of_its_level():
     walk = Walk(baseline=earlier).scan(*HOME, weak, times=4).scan(*HOME, gsm(99, -85), times=2)
     assert walk.word(weak.cell) == "nothing unusual"
     assert walk.scan(*HOME, gsm(99, -85)).word(weak.cell) == "suspicious"
+
+
+@pytest.mark.parametrize("earlier", [Earlier(n_walks=15, heard=0), Doubting(n_walks=15, heard=0)])
+def test_b1_does_not_say_that_a_cell_was_unheard_which_was_only_not_learnt(earlier):
+    walk = Walk(baseline=earlier).scan(*HOME, gsm(99, -85), times=4)
+    (text,) = [finding.text for finding in walk.found if finding.rule.id == "B1"]
+    assert ("15 earlier walks did not hear this cell here" in text) == (type(earlier) is Earlier)
+    assert ("did not learn this cell" in text) == (type(earlier) is Doubting)
+
+
+@pytest.mark.parametrize(("heard", "is_new"), [(1, True), (2, False)])
+def test_an_area_that_earlier_walks_heard_here_is_no_new_one(heard, is_new):
+    many = [gsm(cid, -80) for cid in range(10, 20)]
+    walk = Walk(baseline=OfArea(heard)).scan(*many, times=3)
+    walk.scan(*many, gsm(99, -70, lac=1300), times=25)
+    assert ({("L1", 99), ("L2", 99)} <= walk.rules) == is_new
+    standing = Walk(baseline=OfArea(heard)).scan(*HOME, metres=0.0, times=15)
+    standing.scan(gsm(99, lac=1300), metres=0.0, times=4)
+    assert (("L3", 99) in standing.rules) == is_new

@@ -128,6 +128,15 @@ def test_s2_s3_levels_that_jump_while_the_walker_hardly_moves():
     assert ("S3", 99) in new.rules
 
 
+@pytest.mark.parametrize(("metres", "is_named"), [(0.0, True), (20.0, False)])
+def test_s2_s3_wait_for_the_scans_of_a_slow_modem_while_the_walker_stands(metres, is_named):
+    """A modem that lists all cells once a minute."""
+    walk = Walk().scan(*HOME, metres=metres, seconds=60.0, times=5)
+    walk.scan(*HOME[:5], gsm(15, -55), gsm(99, -50), metres=metres, seconds=60.0, times=4)
+    assert (("S2", 15) in walk.rules) == is_named
+    assert (("S3", 99) in walk.rules) == is_named
+
+
 def _standing(*after, seconds=30.0, metres=0.0):
     """Rules after scans of a channel that is taken over, and the word of the one who took it."""
     walk = Walk().scan(*HOME, metres=metres, seconds=seconds, times=5)

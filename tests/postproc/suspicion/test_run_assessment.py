@@ -1,11 +1,20 @@
 """Which cell the page and the viewer begin with."""
 
+import pytest
+
 from logger.core.document import terminal_lines
 from logger.core.runfile import read_run
+from logger.core.suspicion.words import assess
 from logger.drivers.registry import FAMILIES
+from postproc.ground import HeardIn
 from postproc.smoothing import smooth_runs
 from postproc.summary import document_of, summarise
-from postproc.suspicion.run_assessment import ALL_RULES, conspicuous_first, table_of_sources
+from postproc.suspicion.run_assessment import (
+    ALL_RULES,
+    conspicuous_first,
+    findings_at_desk,
+    table_of_sources,
+)
 from postproc.view.view_model import select_cells
 from tests.kit.suspicion_walks import gsm, write_walk
 
@@ -39,6 +48,28 @@ def test_without_one_nothing_changes(tmp_path):
         word = after.answer(cell).word
         assert (word.word, word.findings) == ("nothing unusual", ())
         assert before.answer(cell).word is None  # it was not asked
+
+
+@pytest.mark.parametrize(
+    ("cell", "word"),
+    [
+        (HOME[0].cell, "unusual"),
+        (
+            gsm(1, mcc="001").cell,
+            "nothing unusual",
+        ),  # identities that anybody uses
+        ("272-?-40122-7", "nothing unusual"),  # without its network another cell may be called so
+    ],
+)
+def test_an_identity_in_two_cities_is_unusual(cell, word):
+    places = [
+        HeardIn(lat=lat, lon=lon, runs=("a",), n=9, first_utc=None, last_utc=None)
+        for lat, lon in ((47.07, 15.44), (-12.05, -77.04))
+    ]
+    rules = [rule for rule in ALL_RULES if rule.id == "S11"]
+    findings = list(findings_at_desk(rules, {cell: places}))
+    assert assess(cell, findings).word == word
+    assert "heard in 2 places, 11" in findings[0].text
 
 
 def test_the_table_of_rules_has_each_rule_once_and_each_family():
