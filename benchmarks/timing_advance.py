@@ -5,7 +5,8 @@ python benchmarks/timing_advance.py [--runs N] [--seed S] [--case NAME ...]
 The world is not the model: the network rounds to the nearest step, the phone's clock is off by up
 to half a symbol for the whole walk, detours are exponential with a mean of 100 m and last for 40 m
 of the way, the base station errs evenly by up to a quarter of a symbol, and one reading in fifty is
-any number.
+any number. In LTE the phone is off by up to 12 Ts, the station by a step; one reading in ten has a
+TA.
 """
 
 import argparse
@@ -15,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.locator.pipeline import locate
-from logger.core.locator.timing_advance import STEP_M
+from logger.core.locator.timing_advance import LTE_STEP_M, STEP_M
 from logger.core.model.prior import Prior
-from logger.core.readings import LAST_TA, Readings
+from logger.core.readings import LAST_LTE_TA, LAST_TA, Readings
 from tests.kit.walks import observations, path, region_contains, shadowing
 
 SHAPES = ("L", "square", "random", "straight")
@@ -30,6 +31,7 @@ class Case(NamedTuple):
     shadow_db: float = 0.0
     shift_m: float = 0.0
     idle: bool = False
+    rat: str = "GSM"
 
 
 CASES = {
@@ -40,6 +42,8 @@ CASES = {
     "0.3-2 km, detour of 500 m": Case((300.0, 2000.0), shadow_db=4.0, shift_m=500.0),
     "near, repeater of 3 km": Case((25.0, 150.0), shadow_db=4.0, shift_m=3000.0),
     "1-2 km, a modem that prints 0": Case((1000.0, 2000.0), shadow_db=4.0, idle=True),
+    "LTE, 0.3-2 km": Case((300.0, 2000.0), shadow_db=4.0, rat="LTE"),
+    "LTE, 0.3-2 km, fibre of 15 km": Case((300.0, 2000.0), 4.0, shift_m=15_000.0, rat="LTE"),
 }
 
 
@@ -60,22 +64,30 @@ def simulate(
     ta = (
         np.zeros(len(x_m), np.int64)
         if case.idle
-        else timing_advance(rng, x_m, y_m, distance_m + case.shift_m)
+        else timing_advance(rng, x_m, y_m, distance_m + case.shift_m, case.rat)
     )
-    return replace(observations(x_m, y_m, np.round(level), 3.0), ta=ta), source
+    readings = replace(observations(x_m, y_m, np.round(level), 3.0), ta=ta, rat=case.rat)
+    return readings, source
 
 
 def timing_advance(
-    rng: np.random.Generator, x_m: np.ndarray, y_m: np.ndarray, way_m: np.ndarray
+    rng: np.random.Generator, x_m: np.ndarray, y_m: np.ndarray, way_m: np.ndarray, rat: str
 ) -> np.ndarray:
-    """Timing advance that the network sends for path lengths of the signal."""
+    """Timing advance that the network sends for path lengths of the signal, -1 for none."""
     a, b = (shadowing(rng, x_m, y_m, 1.0, 40.0) for _ in range(2))
     detour_m = 50.0 * (a**2 + b**2)
-    phone, station = rng.uniform(-0.5, 0.5), rng.uniform(-0.25, 0.25, len(way_m))
-    step = np.round((way_m + detour_m) / STEP_M + phone + station)
+    off, stations, step_m, last = {
+        "GSM": (0.5, 0.25, STEP_M, LAST_TA),
+        "LTE": (0.75, 1.0, LTE_STEP_M, LAST_LTE_TA),
+    }[rat]
+    phone, station = rng.uniform(-off, off), rng.uniform(-stations, stations, len(way_m))
+    step = np.round((way_m + detour_m) / step_m + phone + station)
     wrong = rng.random(len(way_m)) < 0.02
-    step[wrong] = rng.integers(0, LAST_TA + 1, np.count_nonzero(wrong))
-    return np.clip(step, 0, LAST_TA).astype(np.int64)
+    step[wrong] = rng.integers(0, last + 1, np.count_nonzero(wrong))
+    ta = np.clip(step, 0, last).astype(np.int64)
+    if rat == "LTE":
+        ta[rng.random(len(ta)) > 0.1] = -1
+    return ta
 
 
 def compare(

@@ -29,6 +29,7 @@ from postproc.ground import Group, check_one_place
 from postproc.ground import by_place as groups_of
 from postproc.interop.exporting import Exported, format_of, walk_of_run, write_answers, write_walk
 from postproc.interop.fields import LEVEL_RANGE_DBM
+from postproc.multi_run import named_apart
 from postproc.progress import Progress, with_progress
 from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import observed_cells
@@ -190,7 +191,7 @@ def smooth(
     prior = _prior(environment, height_m, antenna, reach, within_walk_m, area)
     options = Options(prior, loss, within_m)
     result = smooth_runs(
-        _runs(runs),
+        named_apart(_runs(runs)),
         _names(cells),
         options=options,
         progress=_progress(progress),
@@ -209,7 +210,7 @@ def suspect(
 
     Raises `RunFileError` for a file that is no run, `GeoError` for runs of several places.
     """
-    every = _runs(runs)
+    every = named_apart(_runs(runs))
     check_one_place(every)
     return assess_runs(every, progress=_progress(progress))
 
@@ -219,7 +220,7 @@ def by_place(runs: RunOrPath | Sequence[RunOrPath]) -> list[Group]:
 
     Raises `RunFileError` for a file that is no run.
     """
-    return groups_of(_runs(runs))
+    return groups_of(named_apart(_runs(runs)))
 
 
 def verify(

@@ -209,9 +209,8 @@ class HeardIn(OnMap, frozen=True, kw_only=True):
     @property
     def text(self) -> str:
         """Place, runs and days in words."""
-        few = ", ".join(self.runs[:_MOST_RUNS])
-        more = f" and {len(self.runs) - _MOST_RUNS} more" if len(self.runs) > _MOST_RUNS else ""
-        return f"{place_name(self)} ({few}{more}{days_text(self.first_utc, self.last_utc)})"
+        runs = runs_text(self.runs, self.first_utc, self.last_utc)
+        return f"{place_name(self)} ({runs})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -479,11 +478,18 @@ def _heard_in(heard: Sequence[tuple[_Walk, IntArray]]) -> HeardIn:
     return HeardIn(
         lat=middle.lat,
         lon=middle.lon,
-        runs=tuple(walk.run.path.name for walk, _ in heard),
+        runs=tuple(walk.run.name for walk, _ in heard),
         n=sum(len(rows) for _, rows in heard),
         first_utc=utc_text(min(known_ns)) if known_ns else None,
         last_utc=utc_text(max(known_ns)) if known_ns else None,
     )
+
+
+def runs_text(names: Sequence[str], first_utc: str | None, last_utc: str | None) -> str:
+    """Some runs, and their days."""
+    few, n_more = ", ".join(names[:_MOST_RUNS]), len(names) - _MOST_RUNS
+    more = f" and {n_more} more" if n_more > 0 else ""
+    return f"{few}{more}{days_text(first_utc, last_utc)}"
 
 
 def days_text(first_utc: str | None, last_utc: str | None) -> str:

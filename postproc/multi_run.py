@@ -6,6 +6,7 @@ modem. A run may have several modems.
 """
 
 import tomllib
+from collections import Counter
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
 
@@ -24,6 +25,27 @@ from postproc.result import ObservedRun, RunShare
 
 Parts = Mapping[int, Readings]
 """Readings of one cell by index of the run."""
+
+
+def named_apart(runs: Sequence[Run]) -> list[Run]:
+    """The runs; files of one name are named with their folders.
+
+    Raises `ConfigError` where two of the files are one run.
+    """
+    check_different(runs)
+    parts = [run.path.absolute().parts for run in runs]
+    depth = [1] * len(runs)
+    while True:
+        names = ["/".join(own[-n:]) for own, n in zip(parts, depth, strict=True)]
+        counts = Counter(names)
+        longer = [
+            n + (counts[name] > 1 and n < len(own))
+            for name, own, n in zip(names, parts, depth, strict=True)
+        ]
+        if longer == depth:
+            apart = zip(runs, names, depth, strict=True)
+            return [replace(run, shown_as=name) if n > 1 else run for run, name, n in apart]
+        depth = longer
 
 
 def check_different(runs: Sequence[Run]) -> None:

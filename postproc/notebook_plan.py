@@ -13,6 +13,7 @@ import numpy as np
 from shapely import LineString
 
 from logger.core.arrays import FloatArray
+from logger.core.document import Word
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +22,6 @@ REGIONS = {95: ("surely within (95 %)", 0.15), 50: ("most likely within (50 %)",
 """Name of each region by its percentage, and how opaque it is; the larger one below."""
 _COLOURS = {"suspicious": "#d6303c", "unusual": "#be8c1e"}
 _ORDINARY, _WALK = "#3c6ee6", "#7d7d87"
-_SIGNS = {"suspicious": "✕", "unusual": "◐"}
 _LEAST_WALK_M = 100.0
 """A walk on the spot is drawn as if it were this long, or the plan would show GPS noise alone."""
 _MOST_WALKS = 20.0
@@ -46,13 +46,13 @@ class OnPlan(NamedTuple):
 
     @property
     def colour(self) -> str:
-        """By its word; the sign in the label says the same."""
+        """By its word."""
         return _COLOURS.get(self.word, _ORDINARY)
 
     @property
     def text(self) -> str:
         """Sign and label."""
-        return " ".join(filter(None, (_SIGNS.get(self.word), self.label)))
+        return " ".join(filter(None, (Word(self.word).symbol, self.label)))
 
 
 def svg(walks: Sequence[FloatArray], heard_m: FloatArray, cells: Sequence[OnPlan]) -> str:

@@ -227,8 +227,8 @@ def grouped_runs(
 ) -> list[tuple[ground.Group, list[str]]]:
     """The runs of some files by place, each group with those of the `cells` that it names."""
     reading, names = map(runfile.read_sound_run, paths), [path.name for path in paths]
-    runs = list(progress.with_progress(reading, "reading", len(paths), names))
-    multi_run.check_different(runs)
+    read = progress.with_progress(reading, "reading", len(paths), names)
+    runs = multi_run.named_apart(list(read))
     return list(ground.groups_with(ground.by_place(runs), cells))
 
 

@@ -209,7 +209,7 @@ class CellResult:
     def answer(self, runs: Sequence[Run], word: Word | None = None) -> Answer:
         """The answer from the `runs` of the result, with the word of suspicion if it was asked."""
         paths = None if self.obs is None else self._paths(self.obs.utm)
-        names = tuple(dict.fromkeys(runs[share.run].path.name for share in self.shares))
+        names = tuple(dict.fromkeys(runs[share.run].name for share in self.shares))
         first_utc_ns, last_utc_ns = self.heard_utc_ns or (None, None)
         made_from = Provenance(self.n, first_utc_ns, last_utc_ns, self.n_scans, names, self.error)
         return answer_of(
@@ -363,7 +363,7 @@ class Result:
         return Table(_NOTEBOOK_COLUMNS, rows, "Cells", name_column=1)
 
     def _title(self) -> str:
-        names = [observed.run.path.name for observed in self.runs]
+        names = [observed.run.name for observed in self.runs]
         more = f" and {len(names) - 3} more" if len(names) > 3 else ""
         words = Counter(self._word(cell) for cell in self.cells)
         n_located = sum(cell.verdict == "located" for cell in self.cells)

@@ -51,7 +51,7 @@ def smooth_runs(
     asked = options
     n_readings, n_scans = observed_cells(runs, only), scans_of(runs)
     walks = map(observe_run, runs)
-    paths = [run.path.name for run in runs]
+    paths = [run.name for run in runs]
     tracks = progress(walks, "smoothing", len(runs), paths) if progress else walks
     observed = in_one_zone(list(tracks))
     walks_on_map = [one.observations.track for one in observed if one.observations]

@@ -1,14 +1,12 @@
 """What `postproc smooth` says of a `Result`: its JSON form, and lines and tables."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from logger.core import answer as answers
 from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position, Region
 from logger.core.document import (
     Column,
@@ -22,6 +20,7 @@ from logger.core.document import (
     facts,
 )
 from logger.core.ellipse import RADII, Ellipse, metres, radius_m
+from logger.core.guidance.sentence import direction
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.region import HALF, LEVEL
 from logger.core.model.prior import Prior
@@ -33,6 +32,7 @@ from logger.core.suspicion.words import reason_line, strongest_reasons
 from logger.core.utc import utc_text
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.direction_check import AXES
+from postproc.ground import runs_text
 from postproc.info import RunFacts, describe
 from postproc.result import (
     BACKWARD,
@@ -131,6 +131,7 @@ class Summary(NamedTuple):
     warnings: tuple[str, ...]
     rows: list[SummaryRow]
     unnoticed: str
+    run_names: Sequence[str]
 
 
 def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Failure]]:
@@ -152,7 +153,7 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
     }
     # they are among the warnings, where JSON has them
     said_above = {reason_line(cell, word) for cell, word in conspicuous.items()}
-    parts: Parts = [*_words(conspicuous, rows)]
+    parts: Parts = [*_words(rows, has_several_runs=len(runs) > 1)]
     if any(run.simulated for run in runs):
         parts.append("This is a simulated run: the true positions are known.")
     parts += [
@@ -165,9 +166,10 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
         parts += [Line(one, "yellow") for one in summary.warnings if one not in said_above]
     failures: list[Failure] = []
     if details:
-        names = [Path(run.path).name for run in runs]
         for row in rows:
-            said = attempt(row.answer.cell, "its details", partial(_cell_parts, row, names))
+            said = attempt(
+                row.answer.cell, "its details", partial(_cell_parts, row, summary.run_names)
+            )
             if isinstance(said, Failure):
                 failures.append(said)
             else:
@@ -197,15 +199,57 @@ def _suspicion(row: SummaryRow) -> tuple[int, float]:
     return WORDS.index(word.word), word.score_nats
 
 
-def _words(conspicuous: Mapping[str, answers.Word], rows: Sequence[SummaryRow]) -> Iterator[Line]:
-    """Each conspicuous cell in a sentence, and what to do about those that are located."""
-    for cell, word in conspicuous.items():
-        why = "; ".join(strongest_reasons(word))
-        yield Line((Word(cell, "bold"), " is ", Word(word.word), f": {why}."))
+def _words(rows: Sequence[SummaryRow], *, has_several_runs: bool) -> Iterator[Line]:
+    """Each conspicuous cell in a sentence, and what to do about it."""
+    conspicuous = [row for row in rows if row.answer.is_conspicuous]
+    for row in conspicuous:
+        answer, heard = row.answer, ""
+        assert answer.word is not None
+        if has_several_runs:
+            heard = f" Heard in {_heard_text(answer)}."
+        why = "; ".join(strongest_reasons(answer.word))
+        yield Line((Word(answer.cell, "bold"), " is ", Word(answer.word.word), f": {why}.{heard}"))
+        if answer.verdict != "located" and (walk := advice(answer, row.result)):
+            yield Line(walk)
     yield from map(Line, dict.fromkeys(row.answer.to_do for row in rows if row.answer.to_do))
     if rows and not conspicuous and all(row.answer.word for row in rows):
         cells = "The cell is not" if len(rows) == 1 else f"None of {len(rows)} cells is"
         yield Line(f"{cells} suspicious or unusual, by the rules that could be checked.")
+
+
+def _heard_text(answer: Answer) -> str:
+    made_from = answer.provenance
+    ends = (_utc(at_ns) for at_ns in (made_from.first_utc_ns, made_from.last_utc_ns))
+    return runs_text(made_from.runs, *ends)
+
+
+_LONGEST_WALK_M = 5000.0
+"""An hour's walk: towards a position less certain than this no walk is advised."""
+
+
+def advice(answer: Answer, cell: CellResult) -> str:
+    """What to do: the locator's advice where several positions fit, else the likeliest walk."""
+    if answer.verdict == "located":
+        return answer.to_do
+    if answer.verdict == "ambiguous":
+        return sentence(cell.warnings[1]) if len(cell.warnings) > 1 else ""
+    posterior, place, obs = cell.posterior, cell.place, cell.obs
+    if posterior is None or place is None or obs is None or not len(obs):
+        return "Walk where this cell is received, with a position fix, and turn a corner or two."
+    if posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
+        return "The levels do not show the distance yet: walk to where they are clearly higher."
+    last, shown = obs.places[-1], posterior.place
+    way_m = shown.xy_m[:, 0] - last.xy_m[:, 0]
+    way = f"{metres(shown.away_m(last))} {direction(way_m)}"
+    return (
+        f"Walk around the most likely position, {place.where}, {way} of the last reading of this "
+        "cell."
+    )
+
+
+def sentence(text: str) -> str:
+    """With a capital letter and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"
 
 
 def _failure_line(failure: Failure) -> Line:
@@ -331,7 +375,8 @@ def _cell_parts(row: SummaryRow, run_names: Sequence[str]) -> Parts:
     made_from, scans = answer.provenance, ""
     if made_from.n_scans is not None:
         scans = f", observed in {made_from.n_scans} scan{'s' * (made_from.n_scans != 1)}"
-    counts = f"  {made_from.n} readings{scans}"
+    heard = f", heard in {_heard_text(answer)}" if len(run_names) > 1 else ""
+    counts = f"  {made_from.n} readings{scans}{heard}"
     parts: Parts = ["", Line((Word(answer.cell, "bold"), counts))]
     parts.append(Line(answer.sentence, bullet="  "))
     others = answer.reasons[answer.verdict != "located" :]
@@ -417,6 +462,7 @@ def summarise(result: Result) -> Summary:
         result.warnings,
         [_row_or_why_not(cell, result) for cell in result.cells],
         result.unnoticed,
+        [observed.run.name for observed in result.runs],
     )
 
 

@@ -36,7 +36,7 @@ _STYLE = re.compile(r"\x1b\[[\d;]*m")
 _LOOKS = {
     "located": ("green", "●"),
     "ambiguous": ("yellow", "◐"),
-    "cannot tell": ("red", "○"),
+    "cannot tell": ("dim", "○"),
     "consistent": ("green", "●"),
     "rejected": ("red", "✕"),
     "suspicious": ("bold red", "✕"),
@@ -61,6 +61,11 @@ class Word(NamedTuple):
     def terminal_style(self) -> str:
         """Names of `_CODES`."""
         return self.style or _LOOKS.get(self.text, ("", ""))[0]
+
+    @property
+    def symbol(self) -> str:
+        """On a page."""
+        return _LOOKS.get(self.text, ("", ""))[1]
 
 
 class Measured(NamedTuple):
@@ -129,7 +134,7 @@ class Column:
             case Word():
                 if value.text not in _LOOKS:
                     return html_text(value.text)
-                symbol = f'<span aria-hidden="true">{_LOOKS[value.text][1]}</span>'
+                symbol = f'<span aria-hidden="true">{value.symbol}</span>'
                 kind = value.text.replace(" ", "-")
                 return f'<span class="badge {kind}">{symbol} {value.text}</span>'
             case Degrees():

@@ -25,6 +25,8 @@ from logger.core.spikes import spikes_along
 
 LAST_TA = 63
 """Largest timing advance; base stations farther away have it too (3GPP TS 45.010)."""
+LAST_LTE_TA = 1282
+"""3GPP TS 36.213 4.2.3."""
 _FARTHEST_M = 1e8
 """No coordinate or level on this Earth is larger."""
 _PER_READING = ("level_dbm", "scan_seq", "modem", "ta", "named_share")
@@ -47,8 +49,8 @@ class Readings:
     `places` are those of the receiver, `scan_seq` the record number of the scan a level came from.
     `modem` numbers the modems of several runs from 0, run after run, and those of one run in the
     order of their names; None is one modem.
-    `known_limit` is `limit` if the levels no longer show it. `ta` is the GSM timing advance in
-    steps of 553.5 m, -1 if unknown; None is none at all. `named_share` is the share of the scans
+    `known_limit` is `limit` if the levels no longer show it. `ta` is the timing advance in steps of
+    GSM or of LTE, -1 if unknown; None is none at all. `named_share` is the share of the scans
     near a reading that name the cell; None is unknown. `without_spikes`: repeated levels and those
     that their neighbours do not confirm have been removed, or are to stay.
     """
@@ -279,13 +281,17 @@ def places_of(track: Track, scans: Rows, readings: Rows) -> tuple[Places, BoolAr
 
 
 def timing_advances(readings: Rows) -> IntArray:
-    """Timing advances in steps of 553.5 m, -1 if unknown; shape (n,).
+    """Timing advances in steps of GSM, 553.5 m, or LTE, 16 Ts, -1 if unknown; shape (n,).
 
-    Only those of a GSM serving cell: other technologies have other steps.
+    Only those of a serving cell: no other was asked for one.
     """
-    ta = readings["ta"]
-    is_gsm = (readings["role"] == b"serving") & (readings["rat"] == b"GSM")
-    return np.where(is_gsm & (ta >= 0) & (ta <= LAST_TA), ta, -1).astype(np.int64)
+    is_serving, rat = readings["role"] == b"serving", readings["rat"]
+    ta = np.full(len(readings), -1, np.int64)
+    for name, column, last in ((b"GSM", "ta", LAST_TA), (b"LTE", "ta_16ts", LAST_LTE_TA)):
+        step = readings[column]
+        is_known = is_serving & (rat == name) & (step >= 0) & (step <= last)
+        ta[is_known] = step[is_known]
+    return ta
 
 
 def times_ns(scans: Rows, readings: Rows) -> IntArray:

@@ -39,6 +39,8 @@ _BISECTIONS = 4  # each costs a posterior; the start is known to 1/32 of the wal
 _FINE = 1.0 / 32.0
 _ROUGH = EFFORT._replace(more_grids=0)
 """Of a prefix that is only tried; on fewer blocks a start is found less often."""
+_LIKELY_NOISE = 0.02
+"""Of the likeliest hypothesis of the complete walk: prefixes are located without less likely ones."""
 _PREFIXES = 200  # lengths tried by the filter alone, which is quick
 _PRIOR_M = 1000.0  # before the first reading; wide beside any walk
 _LITTLE_SHADOW = 0.15
@@ -137,20 +139,32 @@ def _find_start(
             f"{CLOSE:.0%} of its distance from the rest"
         )
 
-    def locate_prefix(count: int, prior: Prior, effort: Effort) -> Posterior | None:
+    prior = _likely_noise(full)
+
+    def locate_prefix(count: int, effort: Effort) -> Posterior | None:
         return _locate_prefix(obs, count, prior, effort, noise.height_m)
 
-    rough = full.prior.of_few_heights()
-    count = _bisect(shortest, end, lambda count: locate_prefix(count, rough, _ROUGH) is not None)
+    count = _bisect(shortest, end, lambda count: locate_prefix(count, _ROUGH) is not None)
     if count is None:
         return NoRun("only the complete walk locates the transmitter: no reading is left to filter")
     # a rough search may miss one of two modes
     for candidate in sorted({count, (count + end) // 2}):
-        if posterior := locate_prefix(candidate, full.prior, Effort()):
+        if posterior := locate_prefix(candidate, Effort()):
             return candidate, posterior
     return NoRun(
         "a closer look at the parts that seemed to locate the transmitter does not bear them out"
     )
+
+
+def _likely_noise(full: Posterior) -> Prior:
+    """The prior with the noise that the complete walk leaves likely, which the filter has too."""
+    of_hypotheses, groups = iter(full.noise_probability.tolist()), []
+    least = _LIKELY_NOISE * float(np.max(full.noise_probability))
+    for group in full.prior.noise:
+        likely = tuple(one for one in group.hypotheses if next(of_hypotheses) > least)
+        groups.append(group._replace(hypotheses=likely))
+    noise = tuple(group for group in groups if group.hypotheses)
+    return replace(full.prior, noise=noise)
 
 
 def _bisect(low: int, end: int, is_located: Callable[[int], bool]) -> int | None:

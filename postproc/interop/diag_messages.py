@@ -21,7 +21,8 @@ from postproc.suspicion.signalling import UNKNOWN, Signal
 T = TypeVar("T")
 
 RRC, NAS_DOWN, NAS_UP = 0xB0C0, 0xB0EC, 0xB0ED
-CODES = frozenset({RRC, NAS_DOWN, NAS_UP})
+GSM_RR, GSM_RR_OF_TWO = 0x512F, 0x5B2F
+CODES = frozenset({RRC, NAS_DOWN, NAS_UP, GSM_RR, GSM_RR_OF_TWO})
 """Codes of messages that are read."""
 NO_PYCRATE = "messages that need pycrate (pip install 'cellwalk[diag]')"
 
@@ -72,6 +73,7 @@ _CARRIERS = {
 """Lists of carriers in the blocks of LTE, UTRA and GERAN."""
 _MOST_RECEIVERS = 16
 _PLAIN_EMM = 0x07
+_GSM_DCCH_DOWN, _CIPHERING = 0x80, b"\x06\x35"
 
 
 class _RefusedError(Exception):
@@ -154,6 +156,7 @@ class Messages:
         self._has_pycrate = find_spec("pycrate_asn1dir") is not None
         # by receiver: the cell of its last message, its measurements, and what it was asked for
         self._cells: dict[int, str] = {}
+        self._gsm_cells: dict[int, str] = {}
         self._measurements: dict[int, _Measurements] = {}
         self._asked: dict[int, Signal] = {}
         # by cell: operator and own priority; what each broadcast last of the priorities of others
@@ -168,7 +171,9 @@ class Messages:
         """What a record says; nothing if its code is not of messages."""
         if record.code not in CODES:
             return []
-        read = self._rrc if record.code == RRC else self._nas
+        read = {RRC: self._rrc, GSM_RR: self._gsm, GSM_RR_OF_TWO: self._gsm}.get(
+            record.code, self._nas
+        )
         try:
             return [*self._give_up(record.time_ns), *read(record)]
         except _RefusedError:
@@ -181,6 +186,13 @@ class Messages:
 
     def with_first_name(self, one: Observation) -> Observation:
         """An observation with the first identity of a cell that several operators share."""
+        # messages of GSM do not name their cell
+        if one.rat == "GSM" and one.role == "serving" and one.channel is not None:
+            name = f"GSM-{one.channel}-{one.code}"
+            if one.radio_id < _MOST_RECEIVERS:
+                self._gsm_cells[one.radio_id] = name
+            if one.identity is not None:
+                self._operators.put(name, f"{one.identity.mcc}-{one.identity.mnc}")
         if one.identity is None or one.rat != "LTE":
             return one
         identity = self._first.get(str(one.identity), one.identity)
@@ -227,6 +239,17 @@ class Messages:
         elif kind in _REJECTS:
             cause = "" if kind == _AUTHENTICATION_REJECT else f", cause {detail}"
             yield self._signal(record.time_ns, "reject", f"{_REJECTS[kind]}{cause}", cell)
+
+    def _gsm(self, record: LogRecord) -> Iterator[Signal]:
+        """The cipher commanded (3GPP TS 44.018 9.1.9)."""
+        is_twin = record.code == GSM_RR_OF_TWO
+        body = record.body[is_twin:]
+        if body[:1] != bytes([_GSM_DCCH_DOWN]) or body[3:5] != _CIPHERING or len(body) < 6:
+            return
+        radio_id = record.radio_id or (record.body[0] if is_twin else 0)
+        value = f"A5/{(body[5] >> 1 & 7) + 1}" if body[5] & 1 else "A5/0"
+        cell = self._gsm_cells.get(radio_id, UNKNOWN)
+        yield self._signal(record.time_ns, "GSM cipher", value, cell)
 
     def _rrc(self, record: LogRecord) -> Iterator[Observation | Signal]:
         body = record.body

@@ -48,6 +48,7 @@ from postproc.interop.sighting import (
 )
 from postproc.interop.track_file import (
     MOST_APART_S,
+    POSITIONS,
     GpsTrack,
     in_zone,
     on_track,
@@ -248,7 +249,7 @@ def import_walk(
 
 
 _CAPTURES = (".qmdl", ".qmdl.gz")
-_ANALYSIS, *_POSITIONS = ".ndjson", "-gps.ndjson", ".pcapng"
+_ANALYSIS, *_POSITIONS = ".ndjson", POSITIONS, ".pcapng"
 """What Rayhunter's zip of a recording has beside it: its warnings; its positions, best first."""
 
 
@@ -284,6 +285,8 @@ def _capture(
                 why = why or str(error)
                 reading = replace(reading, no_track=why)
     track = reading.track
+    if track and track.n_bad:
+        rows = chain(rows, [NoCell(0, "lines of positions that have none", track.n_bad)])
     return reading, _on_one_clock(rows, track.undated_shift_ns if track else None)
 
 
@@ -439,6 +442,9 @@ class _Left:
         if isinstance(row, NoCell):
             self._other[row.why] += row.n
         elif isinstance(row, Remark):
+            if len(self.remarks) >= MOST_REMARKS and row.code != REMARK:
+                self._other[f"signals after the first {MOST_REMARKS:,}"] += 1
+                return
             if len(self.remarks) == MOST_REMARKS:
                 raise RunFileError(f"line {row.line} is the {MOST_REMARKS:,}th with a remark")
             self.remarks.append(row)

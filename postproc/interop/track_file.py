@@ -31,6 +31,8 @@ _DENSE_S = 10.0
 _DETOUR = 0.25
 """Share of the distance between two points that their straight line may be wrong by."""
 _DEGREE_M = 111_200.0
+POSITIONS = "-gps.ndjson"
+_RAYHUNTER = (("latest_packet_timestamp", "system_time"), ("unix_ts", "lat", "lon"))
 _CLOCK_SIGMA_S = 0.5
 """Of a time that was joined with another clock by whole seconds."""
 
@@ -39,10 +41,13 @@ class GpsTrack:
     """Positions by UTC, of at least two points.
 
     `undated_shift_ns` makes UTC of the times of a modem whose clock was not set, None if unknown.
+    `n_bad` lines of the file have no position.
     """
 
-    def __init__(self, fixes: list[Fix], undated_shift_ns: int | None = None) -> None:
-        self.undated_shift_ns = undated_shift_ns
+    def __init__(
+        self, fixes: list[Fix], undated_shift_ns: int | None = None, n_bad: int = 0
+    ) -> None:
+        self.undated_shift_ns, self.n_bad = undated_shift_ns, n_bad
         self.fixes = sorted(
             (fix for fix in fixes if fix.utc_ns is not None), key=lambda fix: fix.utc_ns or 0
         )
@@ -74,18 +79,21 @@ def read_track(source: Path, member: str | None = None) -> GpsTrack:
     that a person typed in.
     """
     with plain_file(source, member) as plain:
-        seen = look_at(plain)
-        shift_ns = None
-        if seen.kind == "xml" and seen.has("gpx"):
+        shift_ns, n_bad = None, 0
+        # of what a power cut left, which may be binary, the name tells
+        is_named = (member or source.name).endswith(POSITIONS)
+        seen = None if is_named else look_at(plain)
+        if seen and seen.kind == "xml" and seen.has("gpx"):
             fixes = list(with_limit(_gpx_fixes(plain), plain, "points", MOST_READINGS))
-        elif seen.kind == "json" and seen.has("latest_packet_timestamp", "system_time"):
-            fixes, shift_ns = rayhunter.positions(plain)
-            fixes = _less_sure(fixes)
+        elif seen is None or (seen.kind == "json" and any(seen.has(*one) for one in _RAYHUNTER)):
+            lines, shift_ns = rayhunter.positions(plain)
+            n_bad = lines.count(None)
+            fixes = _less_sure([fix for fix in lines if fix])
         elif seen.kind == "packets":
             fixes = _less_sure(gsmtap.positions(plain))
         else:
             raise unknown_format(source, f"{seen.words}, which is no GPX track")
-    track = GpsTrack(fixes, shift_ns)
+    track = GpsTrack(fixes, shift_ns, n_bad)
     if len(track.fixes) < 2:
         raise RunFileError(f"{source} has no track: fewer than two points have a time")
     if len({(fix.lat_deg, fix.lon_deg) for fix in track.fixes}) == 1:

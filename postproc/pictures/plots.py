@@ -611,7 +611,7 @@ def _title(picture: Picture) -> str:
     survey, focus = picture.survey, picture.focus
     cell = f"Cell {focus.cell}, {focus.n} readings" if focus else "No cell"
     kind = "SIMULATED run" if survey.is_simulated else "run"
-    files = ", ".join(walk.run.path.name for walk in survey.walks)
+    files = ", ".join(walk.run.name for walk in survey.walks)
     lines = [f"{cell} - {kind} {files}"]
     word = survey.word(focus.cell) if focus else ""
     lines += [f"{word}; {headline(focus)}" if word else headline(focus)] if focus else []

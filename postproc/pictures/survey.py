@@ -5,6 +5,7 @@ Positions are metres east and north of the first fix.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import hypot
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from logger.core.readings import times_ns
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit_run
 from logger.core.utc import utc_text
+from logger.sim.city import CITIES
 from logger.sim.scenario import SCENARIOS, scenario
 from postproc.result import Result
 
@@ -306,14 +308,18 @@ def survey_of(result: Result) -> Survey:
 
 
 def _simulated_streets(survey: Survey) -> list[FloatArray]:
-    """Those of the worlds in which the runs were simulated, each once."""
+    """Those of the worlds in which the runs were simulated."""
     origins = [walk.run.meta.origin for walk in survey.walks if walk.run.meta.truth]
     names = [name.removeprefix(SIMULATED) for name in dict.fromkeys(origins)]
+    (here_deg,) = survey.degrees(survey.track_m[:1])  # a run names its scenario, not its city
+    nearest = min(
+        CITIES, key=lambda name: hypot(*(here_deg - (CITIES[name].lat_deg, CITIES[name].lon_deg)))
+    )
     return [
         np.array([survey.position_m(*end_deg) for end_deg in street])
         for name in names
         if name in SCENARIOS
-        for street in scenario(name).streets_deg()
+        for street in scenario(name, city_name=nearest).streets_deg()
     ]
 
 
@@ -348,8 +354,6 @@ def _warnings(result: Result) -> tuple[str, ...]:
     if len(result.runs) == 1:
         return (*failed, *result.warnings, *result.runs[0].warnings)
     by_run = [
-        f"{observed.run.path.name}: {text}"
-        for observed in result.runs
-        for text in observed.warnings
+        f"{observed.run.name}: {text}" for observed in result.runs for text in observed.warnings
     ]
     return (*failed, *result.warnings, *by_run)

@@ -43,7 +43,7 @@ _POSITIONED = ("located", "ambiguous")
 
 
 class _Place(NamedTuple):
-    """A cell on the plan: its number, its word, its positions (n, 2) and its region.
+    """A cell on the plan: its number, its word, its positions (n, 2) and its regions.
 
     `what` says what the position is, where it is not that of a verdict.
     """
@@ -55,6 +55,7 @@ class _Place(NamedTuple):
     positions_m: FloatArray
     shares: tuple[str, ...]
     outline: Rings
+    likely: Rings
 
     @property
     def extent_m(self) -> FloatArray:
@@ -122,13 +123,14 @@ def _place(survey: Survey, number: int, cell: CellResult) -> _Place | None:
     if cell.posterior is not None and (is_positioned or word in SIGNS):
         modes = relevant_modes(cell.posterior.modes)
         shares = tuple(share_text(mode.probability) if len(modes) > 1 else "" for mode in modes)
-        outline = regions_of(cell.posterior, survey.origin_m)["95"]
+        regions = regions_of(cell.posterior, survey.origin_m)
         what = "" if is_positioned else "not located yet"
-        return _Place(*named, what, survey.modes_m(modes), shares, outline)
+        rings = regions["95"], regions["50"]
+        return _Place(*named, what, survey.modes_m(modes), shares, *rings)
     if word in SIGNS and cell.obs is not None and len(cell.obs):
         strongest = int(np.argmax(cell.obs.level_dbm))
         where_m = survey.local(cell.obs.x_m, cell.obs.y_m)[[strongest]]
-        return _Place(*named, "where it was strongest", where_m, ("",), [])
+        return _Place(*named, "where it was strongest", where_m, ("",), [], [])
     return None
 
 
@@ -142,7 +144,7 @@ def _draw_ground(axes: Axes, box: Box, ground: Basemap | None) -> None:
 
 
 def _name_directly(axes: Axes, survey: Survey) -> None:
-    """The ends of the only walk, and simulated streets, by texts on the plan: a legend is below."""
+    """The ends of the only walk, and simulated streets, by texts on the plan."""
     muted: dict[str, Any] = {"color": rgb(colours.MUTED), "fontsize": SMALLEST_POINTS, "zorder": 6}
     if survey.streets_m:
         text = axes.text(0.99, 0.99, "simulated streets", transform=axes.transAxes, **muted)
@@ -150,7 +152,9 @@ def _name_directly(axes: Axes, survey: Survey) -> None:
     tracks = [walk.track_m for walk in survey.walks if len(walk.track_m)]
     for track_m in tracks if len(tracks) == 1 else ():
         for name, end_m in (("start", track_m[0]), ("end", track_m[-1])):
-            axes.annotate(name, end_m, (6, -11), textcoords="offset points", **muted)
+            is_low = axes.transAxes.inverted().transform(axes.transData.transform(end_m))[1] < 0.15
+            below = (6, 5) if is_low else (6, -11)  # the scale bar is there
+            axes.annotate(name, end_m, below, textcoords="offset points", **muted)
     named = ("streets", *(("start", "end") if len(tracks) == 1 else ()))
     for line in axes.lines:
         if str(line.get_label()).startswith(named):
@@ -170,15 +174,15 @@ def _draw_basemap(axes: Axes, basemap: Basemap, shown: Box) -> None:
 
 
 def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> None:
-    """Region and marks, with their names on the plan that shows `box`."""
+    """Both regions and marks, with their names on the plan that shows `box`."""
     colour = colours.word_colour(place.word)
-    if place.outline:
-        path = Path.make_compound_path(*(Path(ring, closed=True) for ring in place.outline))
-        style = {"edgecolor": rgb(colour), "zorder": 4}
-        if place.what:
-            axes.add_patch(PathPatch(path, facecolor="none", linestyle=DASHED, **style))
-        else:
-            axes.add_patch(PathPatch(path, facecolor=(*rgb(colour), 0.18), **style))
+    # faint where no verdict stands for it: the side that it is on shows all the same
+    wide: tuple[float, Any] = (0.05, DASHED) if place.what else (0.16, "solid")
+    for rings, (alpha, line) in ((place.outline, wide), (place.likely, (0.28, "none"))):
+        if rings:
+            path = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
+            style = {"edgecolor": rgb(colour), "linestyle": line, "zorder": 4}
+            axes.add_patch(PathPatch(path, facecolor=(*rgb(colour), alpha), **style))
     for i, (position_m, share) in enumerate(
         zip(place.positions_m.tolist(), place.shares, strict=True)
     ):
@@ -203,7 +207,7 @@ def _alt_text(places: Sequence[_Place], n_cells: int) -> str:
     ]
     text = (
         "The walk, and for each cell with a position its number, its most likely positions and "
-        f"the region that holds 95 % of its probability: {'; '.join(named)}."
+        f"the regions that hold 50 % and 95 % of its probability: {'; '.join(named)}."
     )
     left = n_cells - len(places)
     return text + (f" The other {left} have no position to show." if left else "")

@@ -22,7 +22,7 @@ from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
 from postproc.result import CellResult, ObservedRun, Result
-from postproc.summary import estimator_table, run_table
+from postproc.summary import estimator_table, run_table, sentence
 from postproc.suspicion.signalling import signals_of, signals_table
 from postproc.verification.verdicts import CellVerdict, Verified
 
@@ -119,7 +119,7 @@ class RunSection:
             (gap.of, wording.time_text(gap.start_s), wording.duration_text(gap.length_s))
             for gap in self.gaps
         ]
-        return Table(columns, rows, f"Gaps of {self.run.path.name}", scrolls=True)
+        return Table(columns, rows, f"Gaps of {self.run.name}", scrolls=True)
 
     @property
     def event_table(self) -> Table:
@@ -139,7 +139,7 @@ class RunSection:
             )
             for event in self.events
         ]
-        return Table(columns, rows, f"Events of {self.run.path.name}", scrolls=True)
+        return Table(columns, rows, f"Events of {self.run.name}", scrolls=True)
 
 
 def cell_section(
@@ -152,7 +152,7 @@ def cell_section(
 ) -> CellSection:
     """A cell of runs with its answer and figures; the number identifies it on the page."""
     word = answer.word.word if answer.word else ""
-    said, advice = wording.sentence(answer.verdict_sentence), wording.advice(answer, result)
+    said, advice = sentence(answer.verdict_sentence), wording.advice(answer, result)
     answered = f"{said} {advice}".lower()
     section = CellSection(
         number=number,
@@ -183,7 +183,7 @@ def cell_section(
 
 def section_without_details(number: int, result: CellResult) -> CellSection:
     """A cell whose details could not be made: the reason."""
-    why = wording.sentence(f"no details: {result.warnings[0]}")
+    why = sentence(f"no details: {result.warnings[0]}")
     return CellSection(number, result, why, "", (), (), (), _NO_TABLE, _NO_TABLE)
 
 
@@ -264,7 +264,7 @@ def _template(name: str) -> Template:
     environment.filters |= {
         "alternatives": alternatives_text,
         "metres": metres,
-        "sentence": wording.sentence,
+        "sentence": sentence,
         "minute": lambda utc: f"{utc[:16].replace('T', ' ')} UTC",
         "of": wording.number_of,
         "time": wording.time_text,

@@ -149,7 +149,7 @@ def _detail(
         tests = verified.cells if verified else ()
         claims = [tested for tested in tests if tested.cell == cell.cell]
         figures = tuple(figures_of(picture_of(survey, cell), claims))
-        names = [walk.run.path.name for walk in survey.walks]
+        names = [walk.run.name for walk in survey.walks]
         answer = result.answer(cell)
         return cell_section(number, answer, cell, names, figures, streets), figures
 

@@ -4,35 +4,14 @@ from collections import Counter
 from collections.abc import Sequence
 
 from logger.core.answer import Answer, Mode, Place
-from logger.core.ellipse import metres
-from logger.core.guidance.sentence import direction
+from postproc import summary
 from postproc.result import CellResult, Result
-
-_LONGEST_WALK_M = 5000.0
-"""An hour's walk: towards a position less certain than this no walk is advised."""
 
 
 def advice(answer: Answer, cell: CellResult) -> str:
-    """What to do: the locator's advice where several positions fit, else the likeliest walk.
-
-    About a located cell what `Answer.to_do` says, which may be nothing.
-    """
-    if answer.verdict == "located":
-        return answer.to_do
-    if answer.verdict == "ambiguous":
-        return sentence(cell.warnings[1]) if len(cell.warnings) > 1 else ""
-    posterior, place, obs = cell.posterior, cell.place, cell.obs
-    if posterior is None or place is None or obs is None or not len(obs):
-        return "Walk where this cell is received, with a position fix, and turn a corner or two."
-    if posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
-        return "The levels do not show the distance yet: walk to where they are clearly higher."
-    last, shown = obs.places[-1], posterior.place
-    way_m = shown.xy_m[:, 0] - last.xy_m[:, 0]
-    way = f"{metres(shown.away_m(last))} {direction(way_m)}"
-    return (
-        f"Walk around the most likely position, {where_text(place)}, {way} of the last reading "
-        "of this cell."
-    )
+    """What to do."""
+    text, place = summary.advice(answer, cell), answer.place
+    return text if place is None else text.replace(place.where, where_text(place))
 
 
 def heading(result: Result) -> str:
@@ -58,7 +37,7 @@ def located_text(cells: Sequence[CellResult]) -> str:
     if n_ambiguous := counts["ambiguous"]:
         parts.append(f"{n_ambiguous} ambiguous")
     if n_undecided := counts["cannot tell"]:
-        parts.append(f"{n_undecided} without a position")
+        parts.append(f"{n_undecided} not located")
     return ", ".join(parts)
 
 
@@ -84,8 +63,3 @@ def duration_text(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
     return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60:02} min"
-
-
-def sentence(text: str) -> str:
-    """With a capital letter and a full stop."""
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}"

@@ -23,13 +23,14 @@ from logger.core.suspicion.words import (
     unnoticed_text,
     word_rate_text,
 )
+from logger.core.utc import utc_text
 from logger.drivers.family import cells_with
 from logger.drivers.registry import FAMILIES
 from postproc.cell_work import Failure, failure
-from postproc.ground import SEVERAL, HeardIn, several_evidence, several_text
+from postproc.ground import SEVERAL, HeardIn, runs_text, several_evidence, several_text
 from postproc.progress import Progress
 from postproc.result import CellResult, Options, Result
-from postproc.scan_counts import observed_cells
+from postproc.scan_counts import heard_utc_ns, observed_cells
 from postproc.verification.celldb import CellDb
 from postproc.verification.claims import away_m, claims_of
 
@@ -179,14 +180,14 @@ _MOST_NAMED = 8
 class Suspicions:
     """The most suspicious cell first.
 
-    `start_ns` is when the run of a finding began, by its `id`. `not_asked` has each rule that no
-    run could serve, with what was missing, `earlier_walks` their number on the ground of the run
-    with the fewest. `failures` are the cells for which a rule failed, each
-    once; without a cell the name is empty.
+    `runs` named each cell, `run_of` is that of a finding by its `id`. `not_asked` has rules that no
+    run could serve, with what was missing, `earlier_walks` their least number. `failures` are the
+    cells for which a rule failed; without a cell the name is empty.
     """
 
     cells: tuple[Assessment, ...]
-    start_ns: dict[int, int]
+    runs: Mapping[str, Sequence[Run]]
+    run_of: Mapping[int, Run]
     not_asked: dict[str, tuple[str, ...]]
     failures: dict[str, Failure]
     earlier_walks: int = 0
@@ -213,7 +214,12 @@ class Suspicions:
         """Time of a finding since its run began; None for one about the whole run."""
         if not finding.t_ns:
             return None
-        return (finding.t_ns - self.start_ns[id(finding)]) / 1e9
+        return (finding.t_ns - self.run_of[id(finding)].meta.started_ns) / 1e9
+
+    @property
+    def has_several_runs(self) -> bool:
+        """Whether reasons name their run."""
+        return len({id(run) for runs in self.runs.values() for run in runs}) > 1
 
 
 def assess_runs(
@@ -230,13 +236,14 @@ def assess_runs(
     """
     baselines = {id(run): baseline or baseline_of(run) for run in runs}
     findings: dict[str, list[Finding]] = {}
-    start_ns: dict[int, int] = {}
+    named_by: dict[str, list[Run]] = {}
+    run_of: dict[int, Run] = {}
     not_asked: list[dict[str, tuple[str, ...]]] = []
     earlier_walks: list[int] = []
     failures: dict[str, Failure] = {}
     checked: Iterable[SuspicionTracker] = (track(run, baselines[id(run)]) for run in runs)
     if progress is not None:
-        names = [run.path.name for run in runs]
+        names = [run.name for run in runs]
         checked = progress(checked, "checking", len(names), names)
     for run, tracker in zip(runs, checked, strict=True):
         failures = failures_of(tracker) | failures
@@ -244,7 +251,8 @@ def assess_runs(
             tracker.capabilities.serve("cell database")
         for cell in tracker.assessments():
             findings.setdefault(cell.cell, []).extend(cell.findings)
-            start_ns |= {id(finding): run.meta.started_ns for finding in cell.findings}
+            named_by.setdefault(cell.cell, []).append(run)
+            run_of |= {id(finding): run for finding in cell.findings}
         not_asked.append(tracker.capabilities.not_asked(ALL_RULES))
         earlier_walks.append(tracker.earlier_walks)
     for finding in findings_at_desk([_in_several_places], several):
@@ -259,7 +267,7 @@ def assess_runs(
     cells = by_word([assess(name, found) for name, found in findings.items()])
     everywhere = set(not_asked[0]).intersection(*not_asked)
     missing = {rule: needs for rule, needs in not_asked[0].items() if rule in everywhere}
-    return Suspicions(tuple(cells), start_ns, missing, failures, min(earlier_walks))
+    return Suspicions(tuple(cells), named_by, run_of, missing, failures, min(earlier_walks))
 
 
 def track(run: Run, baseline: Baseline = NO_BASELINE) -> SuspicionTracker:
@@ -341,6 +349,7 @@ def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
     With `details` the rules by their ids.
     """
     errors = {cell: failed.error for cell, failed in suspicions.failures.items()}
+    is_of_several = suspicions.has_several_runs
     cells = [
         {
             "cell": cell.cell,
@@ -350,6 +359,7 @@ def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
             "findings": [_content(suspicions, finding) for finding in cell.findings],
             "error": errors.get(cell.cell),
         }
+        | ({"runs": [run.name for run in suspicions.runs[cell.cell]]} if is_of_several else {})
         for cell in suspicions.cells
     ]
     content = {
@@ -360,6 +370,13 @@ def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
         "errors": errors,
     }
     return Document(content, body=_lines(suspicions, details=details))
+
+
+def _heard_text(suspicions: Suspicions, cell: str) -> str:
+    runs = suspicions.runs[cell]
+    ends_ns = heard_utc_ns(runs).get(cell, (None, None))
+    ends = (None if at_ns is None else utc_text(at_ns) for at_ns in ends_ns)
+    return runs_text([run.name for run in runs], *ends)
 
 
 def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
@@ -373,6 +390,8 @@ def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
         yield Line((f"{cell.cell}: ", Word(cell.word)))
         if cell.is_conspicuous:
             yield Line(word_rate_text(cell.word), bullet="  ")
+        if suspicions.has_several_runs:
+            yield Line(f"heard in {_heard_text(suspicions, cell.cell)}", bullet="  ")
         for finding in sentences(cell.findings):
             rule = f" [{finding.rule.id}]" if details else ""
             yield Line(f"{reason_text(suspicions, finding)}{rule}", bullet="  - ")
@@ -409,7 +428,10 @@ def reason_text(suspicions: Suspicions, finding: Finding) -> str:
     rule = finding.rule
     where = "" if finding.lat_deg is None else f", {finding.lat_deg:.5f} {finding.lon_deg:.5f}"
     seconds = suspicions.seconds(finding)
-    when = "" if seconds is None else f" ({seconds:.0f} s{where})"
+    of = ""
+    if suspicions.has_several_runs and seconds is not None:
+        of = f" of {suspicions.run_of[id(finding)].name}"
+    when = "" if seconds is None else f" ({seconds:.0f} s{of}{where})"
     also = f"Also seen with: {rule.harmless}"
     return f"{finding.text}{when}. {also}. {rule.rate_text(finding.nats)}"
 

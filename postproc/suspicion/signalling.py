@@ -85,7 +85,7 @@ def signals_of(runs: Sequence[Run]) -> list[Listed]:
             at_ns = utc_ns(signal.time_ns)
             listed.append(
                 Listed(
-                    run.path.name,
+                    run.name,
                     round((signal.time_ns - run.meta.started_ns) / 1e9, 3),
                     None if at_ns is None else utc_text(at_ns),
                     signal.kind,

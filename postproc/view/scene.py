@@ -229,7 +229,7 @@ def _join(*paragraphs: str) -> str:
 def _runs(view: ViewModel) -> str:
     survey = view.survey
     runs = [
-        f"{'SIMULATED run' if walk.run.meta.truth else 'Run'} `{walk.run.path.name}`, "
+        f"{'SIMULATED run' if walk.run.meta.truth else 'Run'} `{walk.run.name}`, "
         f"{survey.clock.start_text(i) or 'unknown date'}"
         for i, walk in enumerate(survey.walks)
     ]
@@ -245,7 +245,7 @@ def _run_texts(view: ViewModel, result: CellResult) -> list[str]:
     """What each of several runs contributed, and the answer without it."""
     texts = []
     for share in result.shares if len(result.shares) > 1 else ():
-        text = f"{view.survey.walks[share.run].run.path.name} contributed {share.n} readings"
+        text = f"{view.survey.walks[share.run].run.name} contributed {share.n} readings"
         if share.offset_db and share.sigma_db:
             text += f" (modem offset {share.offset_db:+.1f} ± {share.sigma_db:.1f} dB)"
         without = result.without.get(share.run)

@@ -76,6 +76,12 @@ def serving_identity(earfcn, pci, identity):
     return numbers + struct.pack("<HIHBHB", tac, 3, int(mcc), len(mnc), int(mnc), 0)
 
 
+def random_access(ta_16ts):
+    """Body of B062, answered."""
+    attempt = b"\1\0\1\0\1\7".ljust(15, b"\0") + struct.pack("<H", ta_16ts)
+    return struct.pack("<BBHBBH", 1, 1, 0, 6, 3, 4 + 52) + attempt.ljust(52, b"\0")
+
+
 def gps_line(packet_ns, system_ns, lat_deg, lon_deg):
     """A line of Rayhunter's N-gps.ndjson."""
     line = {

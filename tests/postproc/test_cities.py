@@ -37,7 +37,7 @@ SCHEMA = Path(__file__).parents[2] / "docs" / "result.schema.json"
 
 
 def walk_in(path, name, number, cells):
-    """A run through a simulated city: a fix and a scan every 14 s, day `number` of the journey."""
+    """A fix and a scan every 14 s, day `number` of the journey."""
     rng = np.random.default_rng(number)
     world = World.build(cells, *CITIES[name], Radio(3.0, 30.0, 2.0), rng)
     way = Walk(GRAZ.walk[:6])
@@ -66,7 +66,7 @@ def name_of(one):
 
 
 def own_cell(at):
-    """That of a city by its number, the nearest to the walk, loud enough for all of it."""
+    """The nearest to the walk, loud enough for all of it."""
     cells = city(np.random.default_rng(at)).cells
     nearest = min(cells, key=lambda one: np.hypot(one.east_m, one.north_m))
     return replace(nearest, cid=100 + at, p0_dbm=0.0)
@@ -88,7 +88,7 @@ def files(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def answer(files):
-    """What `smooth --json` prints."""
+    """As `smooth --json` prints."""
     return run_json("smooth", *files)
 
 
@@ -158,6 +158,26 @@ def test_a_page_for_each_city_of_what_smooth_has_stored(files, answer, tmp_path,
     assert [page.name for page in pages] == ["a-47.07N-15.44E.html", "a-12.05S-77.04W.html"]
     for page in pages:
         assert "heard in 2 places" in page.read_text()
+
+
+def test_first_runs_of_two_loggers_are_told_apart(files, tmp_path, capsys):
+    paths = [tmp_path / folder / "run-000001.journal" for folder in ("pi", "spare")]
+    for file, path in zip((files[0], files[4]), paths, strict=True):
+        path.parent.mkdir()
+        path.write_bytes(file.read_bytes())
+    names = ["pi/run-000001.journal", "spare/run-000001.journal"]
+    paths.append(files[3])
+    graz, lima = run_json("suspect", *paths)["groups"]
+    heard = {row["cell"]: row["runs"] for row in graz["cells"]}
+    assert heard == {ROGUE_NAME: names, name_of(own_cell(0)): names[:1]}
+    assert "runs" not in lima["cells"][0]  # there is one
+    assert main(["suspect", *map(str, paths)]) == 0
+    text = capsys.readouterr().out
+    assert f"  heard in {', '.join(names)}, 2026-09-21 to 2026-09-25\n" in text
+    csv = tmp_path / "cells.csv"
+    assert main(["export", *map(str, paths), "--estimates", "-o", str(csv)]) == 0
+    row, _ = (line for line in csv.read_text().splitlines() if line.startswith(ROGUE_NAME))
+    assert "; ".join(names) in row
 
 
 def test_a_cell_is_asked_in_the_cities_that_name_it(files):

@@ -14,6 +14,7 @@ from postproc.multi_run import (
     in_one_zone,
     merge,
     modems_of,
+    named_apart,
     of_one_modem,
     parts_by_cell,
     shares_of,
@@ -379,3 +380,17 @@ def test_everything_made_of_a_result_knows_the_two_places_of_a_cell(far_run, tmp
     run("export", far_run, "--estimates", "-o", tmp_path / "a.csv")
     assert (tmp_path / "a.csv").read_text().count(f"\n{CELL},") == 2
     run("view", far_run, "--save", tmp_path / "a.rrd")
+
+
+def test_runs_whose_files_share_a_name_are_told_apart_by_their_folders(tmp_path):
+    paths = ["x/mon/1.h5", "x/tue/1.h5", "y/mon/1.h5", "y/2.h5"]
+    file = tmp_path / "run.journal"
+    runs.write_journal(file, runs.records(3))
+    run = read_run(file)
+    given = [
+        replace(run, path=tmp_path / path, meta=runs.meta(run_id=f"{k:032x}"))
+        for k, path in enumerate(paths)
+    ]
+    names = [one.name for one in named_apart(given)]
+    assert names == ["x/mon/1.h5", "tue/1.h5", "y/mon/1.h5", "2.h5"]
+    assert [one.name for one in named_apart(given[:1])] == ["1.h5"]

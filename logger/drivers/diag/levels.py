@@ -269,8 +269,12 @@ class Decoder:
         self.n_read += 1
         for one in tuple(observations):
             if one.role == "serving" and one.channel is not None:
-                observations += self._settle_access(one)
-                self._serving[one.radio_id, one.rat] = one
+                # first, while the second of the access is open
+                observations = [*self._settle_access(one), *observations]
+                last = self._last(record, one.rat, STAYS_NS)
+                is_same = last is not None and last[3:5] == one[3:5]
+                known = last.identity if last and is_same else None
+                self._serving[one.radio_id, one.rat] = one._replace(identity=one.identity or known)
         return observations
 
     def _read(self, record: LogRecord, version: int, body: bytes) -> Iterator[Observation]:

@@ -37,14 +37,16 @@ def read(source: Path) -> Iterator[Row]:
     yield from json_lines.parse_objects(source, _remarks)
 
 
-def positions(source: Path) -> tuple[list[Fix], int | None]:
+def positions(source: Path) -> tuple[list[Fix | None], int | None]:
     """Positions by the clock of the modem, and what makes one of its times of 1980 a true one.
 
     A line has the time of the hotspot and that of the last packet, in whole seconds. The packet may
-    be old, so the least difference of both clocks counts; each clock may be set on the way.
+    be old, so the least difference of both clocks counts; each clock may be set on the way. Older
+    lines have one time, UTC. None is a line without a position.
     """
     lines = with_limit(json_lines.objects(source), source, "positions", MOST_READINGS)
-    rows = [row for row in map(_position, lines) if row is not None]
+    entries = [_position(line) for line in lines]
+    rows = [row for row in entries if row is not None]
     ahead_ns: dict[tuple[bool, bool], int] = {}
     for system_ns, packet_ns, _ in rows:
         if packet_ns is not None:
@@ -52,7 +54,7 @@ def positions(source: Path) -> tuple[list[Fix], int | None]:
             difference_ns = system_ns - packet_ns
             ahead_ns[clocks] = min(difference_ns, ahead_ns.get(clocks, difference_ns))
     ahead_ns.setdefault((True, True), 0)
-    fixes = []
+    fixes: list[Fix | None] = [None] * (len(entries) - len(rows))
     for system_ns, _, fix in rows:
         if (system_ahead_ns := ahead_ns.get((system_ns >= CLOCK_SET_NS, True))) is not None:
             fixes.append(replace(fix, utc_ns=system_ns - system_ahead_ns))
@@ -71,7 +73,7 @@ def _position(entry: json_lines.Object | BadRow) -> tuple[int, int | None, Fix] 
     line = entry[1]
     try:
         fix = fix_of(line, "lat", "lon", None)
-        system_s = number(line, "system_time", _SECONDS)
+        system_s = number(line, "unix_ts" if "unix_ts" in line else "system_time", _SECONDS)
         packet = line.get("latest_packet_timestamp")
         packet_s = None if packet is None else number(line, "latest_packet_timestamp", _SECONDS)
     except (ValueError, GeoError):

@@ -23,7 +23,7 @@ from postproc.html_page import page_environment
 from postproc.notebook_plan import round_step
 from postproc.pictures.survey import Box, Clock
 from postproc.pictures.survey import Survey as Frame
-from postproc.report.wording import sentence
+from postproc.summary import sentence
 from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey

@@ -73,7 +73,8 @@ def test_a_small_polygon_far_from_the_walk_is_found(obs):
     assert reason.startswith("the readings contradict the area: without the area, over 99% is not")
 
 
-def test_the_device_says_what_the_desktop_says(obs, within):
+def test_the_device_says_what_the_desktop_says(obs):
+    within = locate(obs, replace(Prior(), area=Area.within_walk(150.0)))
     where = WalkArea(150.0)
     online = OnlineLocator(Prior(), where=where)
     for one in obs:

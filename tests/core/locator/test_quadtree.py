@@ -274,7 +274,7 @@ def test_far_from_the_walk_all_heights_share_the_evidence_of_the_first():
     off = found.log_p - full
     print("largest difference of the shared evidence in nats:", np.abs(off).max().round(3))
     best = full.max(axis=1, keepdims=True)
-    assert np.max(np.abs(off)[full > best - 6.0]) < 0.05
+    assert np.max(np.abs(off)[full > best - 6.0]) < 0.06
     np.testing.assert_allclose(found.station.sum(axis=0), 1.0)
 
 

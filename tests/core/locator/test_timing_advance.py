@@ -15,6 +15,7 @@ from logger.core.locator.search import search_once
 from logger.core.locator.timing_advance import (
     BIAS_M,
     BIAS_SIGMA_M,
+    LTE_STEP_M,
     SIGMA_M,
     STEP_M,
     probability,
@@ -25,6 +26,7 @@ from logger.core.model.marginal import marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Prior, Reach, Station
 from logger.core.places import Places
+from logger.core.readings import timing_advances
 from postproc.cell_estimation import locate_cell
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations
@@ -180,6 +182,70 @@ def test_one_wrong_ta_excludes_nothing_and_neither_does_a_wrong_walk():
         of(walked, right).log_p(Places.of(np.linspace(-4000.0, 4000.0, 200), np.zeros(200))).max()
     )
     assert best - 12.0 < of(walked, right).log_p(Places.of(*away))[0] < best - 4.0
+
+
+# --- LTE: a bias that only lengthens ---
+
+
+def lte_of(x, ta):
+    found = timing_of(replace(at_places(x, np.zeros(len(x)), ta), rat="LTE"))
+    assert found is not None
+    return found
+
+
+def test_a_ta_of_lte_excludes_what_is_farther_and_not_what_is_nearer():
+    # also with 15 km of fibre between the base station and its antenna
+    x, ta = 60.0 * np.arange(6), np.full(6, 6)
+    near, far = (
+        lte_of(x, ta).log_p(Places.of(np.full(len(y_m), 150.0), np.array(y_m)))
+        for y_m in ([50.0, 100.0, 200.0, 300.0, 400.0], [1500.0, 3000.0, 15_000.0])
+    )
+    assert np.ptp(near) < 2.5
+    assert np.all(far < near.min() - 4.0)
+    fibre = lte_of(x, np.full(6, 199))
+    y_m = np.array([500.0, 1000.0, 2000.0, 4000.0])
+    assert np.ptp(fibre.log_p(Places.of(np.full(4, 150.0), y_m))) < 1.0
+
+
+def test_the_bias_of_lte_is_one_sided():
+    # beyond the ring its phone's error counts, within it longer ways are ever less likely
+    edge_m = 12.5 * LTE_STEP_M
+    found = lte_of([0.0], [12])
+    x_m = edge_m + np.array([400.0, 60.0, 0.0, -200.0, -800.0])
+    p = np.exp(found.log_p(Places.of(x_m, 0.0 * x_m)))
+    expected = [0.0, (1.0 - np.tanh(np.pi / 12**0.5)) / 2, 0.5, 2.0**-1.5, 5.0**-1.5]
+    np.testing.assert_allclose(p / p[2] * 0.5, expected, atol=2e-3)
+
+
+def test_one_wrong_ta_of_lte_moves_nothing():
+    x = 60.0 * np.arange(7)
+    right, wrong = np.full(7, 6), np.array([6, 6, 6, 900, 6, 6, 6])
+    at = Places.of(np.array([200.0, 700.0, 2500.0]), np.zeros(3))
+    expected, said = (lte_of(x, ta).log_p(at) for ta in (right, wrong))
+    np.testing.assert_allclose(said - said[0], expected - expected[0], atol=2.0)
+
+
+def test_a_search_goes_no_farther_for_lte():
+    x = np.linspace(0.0, 300.0, 20)
+    obs = replace(at_places(x, 0.0 * x, [199] * 20), rat="LTE")
+    assert locate(obs, WHITE).prior == WHITE
+    here = Squares(np.array([900.0]), np.array([0.0]), np.array([10.0]), np.ones(1))
+    assert timing_of(obs).check(here).disagree == 0
+    assert timing_of(replace(obs, ta=np.full(20, 1))).check(here).warning is not None
+
+
+def test_regions_with_timing_advances_of_lte_hold_the_source():
+    found = compare(CASES["LTE, 0.3-2 km"], 6, 3, WHITE)
+    assert np.median(found[:, 1, 1] / found[:, 0, 1]) < 0.7
+    assert found[:, 1, 2].sum() >= 5  # of 0.95: fewer than 5 of 6 in 3 %
+
+
+def test_timing_advances_of_a_run_are_those_of_its_technology():
+    rows = np.zeros(5, [("role", "S9"), ("rat", "S8"), ("ta", "<i4"), ("ta_16ts", "<i4")])
+    rows["role"] = [b"serving", b"serving", b"neighbour", b"serving", b"serving"]
+    rows["rat"] = [b"GSM", b"LTE", b"LTE", b"LTE", b"WCDMA"]
+    rows["ta"], rows["ta_16ts"] = [3, 4, 4, 4, 4], [5, 199, 6, 1283, 7]
+    assert timing_advances(rows).tolist() == [3, 199, -1, -1, -1]
 
 
 # --- ring ---

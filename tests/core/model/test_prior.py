@@ -149,20 +149,6 @@ def test_log_odds_of_the_stations_under_each_noise():
     np.testing.assert_allclose(np.exp(sector.station_log_odds), 1.0)
 
 
-@pytest.mark.parametrize("antenna", ["any", "omni", "sector"])
-def test_few_heights_keep_the_probability_of_each_pattern(antenna):
-    every = prior_for("any", antenna=antenna)
-    few = every.of_few_heights()
-    assert {one[1:] for one in few.stations} <= {one[1:] for one in every.stations}
-    assert len(few.stations) < len(every.stations) or len(every.stations) == 1
-    for pattern in {one.antenna_db for one in every.stations}:
-        shares = [
-            sum(one.probability for one in prior.stations if one.antenna_db == pattern)
-            for prior in (every, few)
-        ]
-        assert shares[0] == pytest.approx(shares[1])
-
-
 def test_the_prior_of_one_station():
     prior, station = Prior(), Station(0.3, 17.0, (4.0,))
     alone = prior.of_station(station)

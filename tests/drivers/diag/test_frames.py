@@ -1,6 +1,7 @@
 """Frames of the diagnostic stream: damaged, cut anywhere, in a wrapper."""
 
 import random
+import struct
 from pathlib import Path
 
 import pytest
@@ -153,6 +154,22 @@ def test_what_a_stream_looks_like():
     assert not is_stream(frame(b"\x79hello"))
     assert not is_stream(random.Random(6).randbytes(100_000))
     assert not is_stream(b"")
+
+
+def test_rayhunters_frames():
+    # of the tests of EFForg/rayhunter, lib/src: a frame, a time, and packets that ended it
+    assert frame(bytes([1, 2, 3, 4])) == bytes([1, 2, 3, 4, 145, 57, 126])
+    time = struct.pack("<Q", 72_659_535_985_485_082)
+    packet = struct.pack("<BBHHH", 16, 0, 12, 12, 0xB193) + time
+    ((_, _, time_ns, _),) = read(frame(packet))[0]
+    assert abs(time_ns - 1_701_835_466_227 * 10**6) < 10**6
+    for cut in (
+        "10000000050000000000000000000000",
+        "10001400020093b10000000000000000000100" + "00",
+        "10001400020093b100000000000000000300",
+    ):
+        found, reader = read(frame(bytes.fromhex(cut)))
+        assert (found, reader.damaged.total() + reader.skipped.total()) == ([], 1)
 
 
 def fuzz(n, seed):

@@ -420,6 +420,121 @@ def test_serving_cells_of_gsm_and_wcdma_are_those_that_scat_reads():
         assert_as_scat([LogRecord(code, 0, T_NS, body) for code, body in parts])
 
 
+PUBLISHED = [
+    (0xB17F, "040100009c18d60aecc44e00e2244e00fffce30ffed80a0047ad56021d310100a2624100",
+     [(6300, 214, -101.25)]),
+    (0xB17F, "05010000160d0000d40e00004bb444005444450039e514133149070048adfe019f310100a23f0000",
+     [(3350, 212, -111.3125)]),
+    (0xB17F, "0501000000190000a90d0000d9944d00d9944d006081d5d55d2568bc48ad3e027f314fe0891900e0",
+     [(6400, 425, -102.4375)]),
+    (0xB180, "040100009c1847008348e44ddea44c00cab4cc32b6d8420300000000ff773301ff77330122020100",
+     [(6300, 131, -102.125)]),
+    (0xB180, ("05010000160d0000480000006cea413bb4433b00b4f3cc33cf3c130200000000ffefc00fffefc00f"
+              "45081600"), [(3350, 108, -120.75)]),
+    (0xB0C1, "010001140554000264", [(1300, 256, None)]),
+    (0xB0C1, "02030121070000f800024b", [(1825, 259, None)]),
+    (0xB0C2, "028f001405644b64640074bc01d60503000000060102010000",
+     [(1300, 143, Identity("262", "01", 0x5D6, 0x1BC7400))]),
+    (0xB0C2, "034d0021070000714d00004b4b33c8b009159b03000000cc01020b0000",
+     [(1825, 77, Identity("460", "11", 0x9B15, 0x9B0C833))]),
+    (0xB0C2, "030b00fa0900004a50000000000b0692000b9005000000c20102060000",
+     [(2554, 11, Identity("450", "06", 0x900B, 0x92060B))]),
+    (0xB0C2, "03eb0138180000885e0000323203c06600045614000000060102030000",
+     [(6200, 491, Identity("262", "03", 0x5604, 0x66C003))]),
+    (0x507B, "062a806cf9318058f92b805df92d805df92f805cf90c80dcf8",
+     [(42, None, -105.25), (49, None, -106.5), (43, None, -106.1875), (45, None, -106.1875),
+      (47, None, -106.25), (12, None, -114.25)]),
+    (0x507B, "030a80fff80c8019f910800af9",
+     [(10, None, -112.0625), (12, None, -110.4375), (16, None, -111.375)]),
+    (0x5134, "10800401187662f220014100ff", [(16, 12, Identity("262", "02", 0x141, 0x7618))]),
+    (0x5134, "df830304dff362f23056040088", [(991, 35, Identity("262", "03", 0x5604, 0xF3DF))]),
+    (0x5134, "25800303177662f220014100ff", [(37, 27, Identity("262", "02", 0x141, 0x7617))]),
+    (0x4127, "f1250000a729000041852d0800000700d01802060200030f9d9c000001000000",
+     [(10663, 397, Identity("262", "03", 0x9C9D, 0x82D8541))]),
+    (0x4005, "82000000000000f1293200b6a5fff1f5ff000000000000f1293100b39effdedeff040000008000",
+     [(10737, 50, -95.0), (10737, 49, -98.0)]),
+]  # fmt: skip
+# of the tests of SCAT and Rayhunter (lib/src/diag): channel, code, and level or identity
+AFTER_ACCESS = {
+    "0101a06906022400010001071bff98ff000001231a0400181c010007000600465c80bd0648000000": 4,
+    "0101a0690603280001000100010718ffa4ff000001c6610b00b4a2000012000120061f423f8d950758000000": 11,
+    "0101739e063134000100010000033f0098ff0000013c6b070058ac010007000000468f47e2d446000000644b"
+    "0000180001000000d5040000": 7,
+    "01010000063134000100010001070aff98ff0000011c48070018e2000007000000523b7dfd69b6000000f554"
+    "0000ff0001000000d6040000": 7,
+    "01010000063238000100010000032900a4ffeb000000000195b603000000a0b412000420061f425dc9be41b8"
+    "00885e00001700010000006505000073": 3,
+    "010100000632380001000100010713ffa0ffeb0000000001ad5a0500000146b412000420061f425dc9be41b4"
+    "00665300001800010000001a05000000": 5,
+}  # fmt: skip
+# as well, B062: the timing advance; the second lacks two bytes there of its stated length
+
+
+@pytest.mark.parametrize(("code", "record", "read"), PUBLISHED)
+def test_published_records_are_read_as_scat_and_rayhunter_read_them(code, record, read):
+    said = [(o.channel, o.code, o.identity or o.level_dbm) for o in decode_hex(code, record)]
+    assert said == read
+
+
+def decode_hex(code, record, decoder=None):
+    return decode(code, bytes.fromhex(record), decoder)
+
+
+@pytest.mark.parametrize("code", sorted({code for code, _, _ in PUBLISHED}))
+@pytest.mark.filterwarnings("ignore")
+def test_published_records_are_what_scat_prints(code):
+    assert_as_scat(
+        [LogRecord(code, 0, T_NS, bytes.fromhex(text)) for one, text, _ in PUBLISHED if one == code]
+    )
+
+
+def test_a_published_serving_cell_of_b193():
+    # sCAT prints its channel and code, and no level; what follows the first cell is left out
+    record = (
+        "0101ffff19240c024006000001000300a01100008f2200000acc030005e6811490ca1200b2a445005a04000000"
+        "202300b2744a00fef8930449000000fef8e30e440a1500"
+    )
+    (one,) = decode(0xB193, bytes.fromhex(record).ljust(4 + 0x20C, b"\0"))
+    assert (one.channel, one.code, one.role) == (1600, 416, "serving")
+    assert one.level_dbm == -104.875
+
+
+@pytest.mark.parametrize(("record", "ta_16ts"), AFTER_ACCESS.items())
+def test_published_timing_advances(record, ta_16ts):
+    decoder = Decoder()
+    decode(0xB17F, diag.serving_cell(1300, 17, -80.0), decoder)
+    decode_hex(0xB062, record, decoder)
+    later = decode(0xB17F, diag.serving_cell(1300, 17, -80.0), decoder, T_NS + 2 * SECOND_NS)
+    assert [one.ta_16ts for one in later if one.ta_16ts is not None] == [ta_16ts]
+
+
+def test_published_levels_that_follow_the_serving_cell_of_gsm():
+    decoder = Decoder()
+    decode_hex(0x5134, "25800303177662f220014100ff", decoder)
+    burst = (
+        "03c30407002580985c3f0036fb2b0048fe040000008e6e00c4040700258066a8390031fbfe00e2fd0200000"
+    )
+    assert cells_of(decode_hex(0x507A, "34fb00", decoder)) == [(37, 27, "serving", -76.75)]
+    assert cells_of(decode_hex(0x506C, f"{burst}0af4f".ljust(186, "0"), decoder)) == [
+        (37, 27, "serving", -76.625),
+        (37, 27, "serving", -76.9375),
+    ]
+    (one,) = decode_hex(0x512F, "811b1749061b761762f2200141c8010a156544b800004e072b2b", decoder)
+    assert (one.channel, one.identity) == (37, Identity("262", "02", 0x141, 0x7617))
+
+
+def test_where_we_know_better_than_scat():
+    # it prints the level of a GSM neighbour without a code as 0, and any channel
+    neighbours = "020480" + "20f90000000000000000" + "0a80" + "20f90000000000000000"
+    assert [one.level_dbm for one in decode_hex(0x5071, neighbours)] == [-110.0] * 2
+    decoder = Decoder()
+    far = "05010000f424000a4d43434d4e434d41524b45527c307c3236327c317c34323330333233347c7c4d"
+    assert decode_hex(0xB17F, far, decoder) == []
+    assert decoder.refused == {0xB17F: 1}
+    narrow = decode_hex(0xB0C1, "110b00fa090000b9030e000202000202d002", decoder)
+    assert (narrow, decoder.unknown) == ([], {(0xB0C1, 17): 1})
+
+
 def test_nothing_on_the_pi_needs_a_library_for_messages():
     files = [*Path("logger").rglob("*.py")]
     assert files

@@ -16,6 +16,7 @@ from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.sim.world import Radio, Transmitter, World
 from postproc.cli import main
+from postproc.interop import importing
 from postproc.interop.decompression import members, plain_file
 from postproc.interop.importing import Reading, import_walk, walks_in
 from postproc.interop.readers import diag as diag_reader
@@ -232,6 +233,75 @@ def test_levels_of_gsmtap_version_3(tmp_path):
     assert b"secretsecret" not in (tmp_path / "run.h5").read_bytes()
 
 
+def test_a_download_that_was_cut_says_so(tmp_path, capsys):
+    source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(20)), [])
+    source.write_bytes(source.read_bytes()[:-10])
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 2
+    assert "its end is missing: download or copy it again" in capsys.readouterr().err
+
+
+def test_signals_of_a_year_do_not_end_an_import(tmp_path, monkeypatch):
+    monkeypatch.setattr(importing, "MOST_REMARKS", 20)
+    cipher = bytes.fromhex("803503063511")
+    data = b"".join(diag.log_frame(0x512F, T0_NS + s * 10**9, cipher) for s in range(30))
+    (tmp_path / "walk.qmdl").write_bytes(stream(range(30)) + data)
+    result, _ = import_file(tmp_path / "walk.qmdl", tmp_path)
+    assert (result.n_remarks, result.other) == (20, (("signals after the first 20", 10),))
+
+
+def test_positions_survive_a_power_cut_and_any_order(tmp_path):
+    # a file system leaves zeros of a line that was not yet written
+    written = lines(range(0, 61, 5))
+    written[3], written[7] = "\0\0\0\n", '{"lat": 47.0, "lon": 15.4\n'
+    random.Random(1).shuffle(written)
+    source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(60)), written)
+    result, run = import_file(source, tmp_path)
+    assert fixes_of(run)["utc_ns"].tolist() == [
+        T0_NS + s * 10**9 for s in range(0, 61, 5) if s not in {15, 35}
+    ]
+    assert result.other == (("lines of positions that have none", 2),)
+
+
+def test_positions_as_rayhunter_wrote_them_first(tmp_path):
+    # with the time of the phone alone
+    written = [
+        json.dumps({"unix_ts": T0_NS // 10**9 + s, "lat": place(s)[0], "lon": place(s)[1]}) + "\n"
+        for s in range(0, 61, 5)
+    ]
+    source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(60)), written)
+    assert fixes_of(import_file(source, tmp_path)[1])["utc_ns"].tolist() == [
+        T0_NS + s * 10**9 for s in range(0, 61, 5)
+    ]
+    (tmp_path / "track.txt").write_text("".join(written))
+    assert len(read_track(tmp_path / "track.txt").fixes) == 13
+
+
+def test_timing_advances_of_a_capture_bound_the_distance(tmp_path):
+    # levels that hardly change say little; an access each 20 s says no farther than 6 x 78 m
+    regions_km2 = []
+    for ta_16ts in (None, 5, 199):
+        data = b""
+        for second in range(120):
+            t_ns = T0_NS + second * 10**9
+            if second % 20 == 0:
+                data += diag.log_frame(0xB0C2, t_ns, diag.serving_identity(EARFCN, PCI, IDENTITY))
+            level_dbm = -90.0 + second % 5
+            data += diag.log_frame(0xB17F, t_ns + 10**8, diag.serving_cell(EARFCN, PCI, level_dbm))
+            if ta_16ts is not None and second % 20 == 10:
+                access = diag.random_access(ta_16ts)
+                data += diag.log_frame(0xB062, t_ns + 2 * 10**8, access)
+        zipped = diag.rayhunter_zip(tmp_path / "a.zip", data, lines(range(0, 121, 5)))
+        run = import_file(zipped, tmp_path)[1]
+        (cell,) = smooth_runs([run], [NAME]).cells
+        assert (cell.timing is None) == (ta_16ts is None)
+        if cell.timing:
+            assert (cell.timing.places, cell.timing.disagree) == (3, 0)
+        regions_km2.append(cell.posterior.region_area_m2 / 1e6)
+    without, near, by_fibre = regions_km2
+    assert near < 0.6 * without
+    assert by_fibre > 0.8 * without
+
+
 def test_a_typed_position_is_no_walk(tmp_path):
     fixed = [diag.gps_line(T0_NS + s * 10**9, T0_NS + s * 10**9, LAT, LON) for s in range(9)]
     source = diag.rayhunter_zip(tmp_path / "a.zip", stream(range(9)), fixed)
@@ -418,8 +488,9 @@ def test_damaged_files(sources, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_million_damaged_files(sources, tmp_path):
-    fuzz(sources, 1_000_000, 2, tmp_path)
+@pytest.mark.parametrize("kind", range(4), ids=["pcapng", "zip", "qmdl", "positions"])
+def test_a_million_damaged_files(kind, sources, tmp_path):
+    fuzz([sources[kind]], 1_000_000, 2 + kind, tmp_path)
 
 
 MORE_MB = """

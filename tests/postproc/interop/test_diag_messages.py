@@ -282,6 +282,33 @@ def test_evidence_of_signalling():
     assert {(one.cell, one.operator) for one in found} == {(f"LTE-{EARFCN}-{PCI}", "262-01")}
 
 
+def test_the_cipher_of_gsm_is_a_signal_of_its_cell():
+    messages, decoder = Messages(), Decoder()
+    cell = bytes.fromhex("10800401187662f220014100ff")
+    heard = []
+    for code, body in (
+        (0x512F, "8035030635" + "11"),  # of no cell that was named
+        (0x5134, cell.hex()),
+        (0x512F, "8035030635" + "11"),
+        (0x512F, "8035030635" + "15"),
+        (0x512F, "8035030635" + "10"),
+        (0x5B2F, "00" + "8035030635" + "10"),
+        (0x512F, "0032020632"),  # the answer, and another command
+        (0x512F, "803f03063f11"),
+        (0x512F, "80350206" + "35"),
+    ):
+        record = LogRecord(code, 0, T_NS, bytes.fromhex(body))
+        for one in decoder.feed(record):
+            messages.with_first_name(one)
+        heard += messages.feed(record)
+    said = [(one.value, one.cell, one.operator) for one in heard]
+    here = "GSM-16-12", "262-02"
+    assert said == [("A5/1", "unknown", "unknown"), ("A5/1", *here), ("A5/3", *here)] + 2 * [
+        ("A5/0", *here)
+    ]
+    assert {one.kind for one in heard} == {"GSM cipher"}
+
+
 @pytest.mark.parametrize(
     "body",
     [
@@ -367,6 +394,73 @@ def reported_by_bits(message):
 def in_dbm(step):
     """The middle of a step (3GPP TS 36.133 9.1.4); the first and the last have none."""
     return step - 140.5 if 0 < step < 97 else None
+
+
+PUBLISHED = [
+    (
+        "140e300109019c1800000000090000000018000810a7145359a6054368c03bda3004a688028da2009a6840",
+        (6300, 265),
+        (39, [(214, 38), (323, 35), (239, 35), (74, 34), (163, 34), (154, 33)]),
+    ),
+    (
+        (
+            "0f0d21019e0014050000000009000000001c000810a5346141a31c316804401a0049167c23159f00"
+            "1067c106d9e000"
+        ),
+        (1300, 158),
+        (37, [(80, 35), (49, 32), (256, 32), (145, 31), (197, 31), (16, 31), (27, 30)]),
+    ),
+]
+# of the tests of SCAT and Rayhunter: reports, their cell, its step and those of its neighbours
+
+
+@pytest.mark.parametrize(("record", "cell", "steps"), PUBLISHED)
+def test_published_reports(record, cell, steps):
+    serving, neighbours = steps
+    body = bytes.fromhex(record)
+    assert reported_by_bits(body[19:]) == (serving, neighbours)
+    assert levels(Messages().feed(LogRecord(RRC, 0, T_NS, body))) == [
+        (*cell, "serving", in_dbm(serving)),
+        *((None, code, "neighbour", in_dbm(step)) for code, step in neighbours),
+    ]
+
+
+def test_other_published_messages():
+    # version 6 in 16 bits of a channel, a release, and a version that Rayhunter reads as 25
+    messages = Messages()
+    heard = [
+        one
+        for record in (
+            "0609b10007012c0725340202000000120040498805c09702d3b0981c20a0818c4326d0",
+            "080a72010e009c180000a933060000000002002e02",
+            "1a0f400f40010e011307000000000b0000000002001015",
+            "1e112011400132001914000016ad090000000002000000004c10",
+        )
+        for one in messages.feed(LogRecord(RRC, 0, T_NS, bytes.fromhex(record)))
+    ]
+    broadcast, release = heard
+    assert (broadcast.channel, broadcast.code) == (1836, 263)
+    assert broadcast.identity == Identity("262", "02", 49303, 2_964_233)
+    assert release[1:4] == ("release", "no redirection", "LTE-6300-14")
+    assert messages.unknown == {(RRC, 30): 1}
+    assert messages._cells == {0: "LTE-1811-270"}
+
+
+@needs_captures
+@pytest.mark.parametrize(
+    ("highest", "counts"), [(0xFFFF, (32, 733, 289)), (262_143, (34, 786, 327))]
+)
+def test_identities_and_reports_of_attaches(highest, counts):
+    # captures' README has the first: its decoder knows no channel beyond 16 bits (band 66)
+    records, _, _ = read("attach_sample.mi2log")
+    messages, identities, n_reports = Messages(), [], 0
+    for record in records:
+        heard = [one for one in messages.feed(record) if not isinstance(one, Signal)]
+        if heard and int.from_bytes(record.body[6:10], "little") <= highest:
+            n_reports += heard[0].is_reported
+            identities += [heard[0].identity] if heard[0].identity else []
+    assert (len(set(identities)), len(identities), n_reports) == counts
+    assert messages.refused == messages.unknown == {}
 
 
 @needs_captures

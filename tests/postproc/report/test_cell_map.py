@@ -70,6 +70,29 @@ def test_streets_of_the_simulation_are_on_the_plan_and_named(result):
     assert "simulated streets" in texts
 
 
+def test_streets_are_those_of_the_city_that_was_walked(result):
+    observed = result.runs[0]  # near Berlin
+    city = structs.replace(observed.run.meta, origin="simulated walk city-clean")
+    survey = survey_of(
+        replace(result, runs=(replace(observed, run=replace(observed.run, meta=city)),))
+    )
+    walked = scenario("city-clean", city_name="leipzig").streets_deg()
+    ends_m = np.array([[survey.position_m(*end) for end in street] for street in walked])
+    assert np.allclose(survey.streets_m, ends_m)
+
+
+def test_a_region_that_no_verdict_stands_for_is_faint_and_dashed(result):
+    (cell,) = (one for one in result.cells if one.verdict == "located")
+    unsure = replace(result, cells=(replace(cell, verdict="cannot tell"),))
+    unsure = with_word(unsure, 0, "unusual")
+    for one, is_solid in ((replace(unsure, cells=(cell,)), True), (unsure, False)):
+        axes = cell_map(survey_of(one), one.cells, None).figure.axes[0]
+        region = axes.patches[0]
+        assert (region.get_linestyle() in {"-", "solid"}) == is_solid
+        assert (region.get_facecolor()[3] > 0.1) == is_solid
+        assert len(axes.patches) - bool(axes.child_axes) == 2  # of 95 and of 50 %
+
+
 def test_without_a_position_there_is_none(result):
     unknown = [replace(cell, verdict="cannot tell") for cell in result.cells]
     assert cell_map(survey_of(result), unknown, None) is None

@@ -60,7 +60,7 @@ def test_a_screen_reader_finds_the_structure(page):
 
 
 def test_the_verdict_comes_first(page, result):
-    assert page.all("h1")[0].text == "1 of 3 cells located, 2 without a position"
+    assert page.all("h1")[0].text == "1 of 3 cells located, 2 not located"
     first = page.all("article")[0]
     said = result.answers[0].sentence
     assert said.endswith("most likely within 14 m, surely within 29 m")

@@ -71,7 +71,7 @@ def test_a_cell_without_a_position_has_advice(result):
 def test_the_heading_says_which_cells_are_suspicious_or_counts_verdicts(result):
     a, b = result.cells
     assert wording.heading(replace(result, cells=())) == "No cell was observed"
-    assert wording.heading(result) == "1 of 2 cells located, 1 without a position"
+    assert wording.heading(result) == "1 of 2 cells located, 1 not located"
     both = [a, replace(b, verdict="ambiguous")]
     assert wording.located_text(both) == "1 of 2 cells located, 1 ambiguous"
     assert wording.heading(kit.with_word(result)) == "One cell is suspicious"
