@@ -36,8 +36,9 @@ _OFF_DBM = -130.0
 class Search(NamedTuple):
     """How a search ended; times in seconds from its begin, None for what did not happen.
 
-    `start_m` is how far off the rogue was switched on, `led_s` how long an arrow led to a cell that
-    is no rogue, `changes` how often another cell became the target.
+    `start_m` is how far off the rogue was switched on, `changes` how often another cell became the
+    target. An arrow led to a cell that is no rogue for `led_s` by itself, and for `chosen_s` after
+    the walker had chosen that cell for its word.
     """
 
     city: str
@@ -49,6 +50,7 @@ class Search(NamedTuple):
     error_m: float | None
     changes: int
     led_s: float
+    chosen_s: float
     walked_s: float
 
 
@@ -69,11 +71,13 @@ def search(
     walker = _Walker(world, place, rng, has_rogue=has_rogue)
     cell = place.rogue.name if has_rogue else None
     named_s = located_s = error_m = None
-    led_s, t_s = 0.0, 0.0
+    led_s, chosen_s, t_s = 0.0, 0.0, 0.0
     end_s = longest_s + _ON_AIR_S if has_rogue else longest_s
     while t_s < end_s and located_s is None:
         view = walker.step(t_s)
-        led_s += view.next is not None and view.target is not None and view.target.cell != cell
+        if view.next is not None and view.target is not None and view.target.cell != cell:
+            is_chosen = view.target.cell == walker.chosen
+            chosen_s, led_s = chosen_s + is_chosen, led_s + (not is_chosen)
         if cell and named_s is None:
             words = {one.cell: one.word for one in view.suspicions}
             named_s = t_s if words.get(cell) == "suspicious" else None
@@ -92,6 +96,7 @@ def search(
         error_m,
         walker.changes,
         led_s,
+        chosen_s,
         t_s,
     )
 
@@ -105,8 +110,15 @@ def print_searches(first: int, n: int, log: Path | None = None) -> None:
             if log is not None:
                 with log.open("a") as file:
                     print(json.dumps(each[-1]._asdict()), file=file)
-        led_min = max(one.led_s for one in each) / 60.0
-        print(f"{'rogue' if has_rogue else 'clean'}: led elsewhere for {led_min:.1f} min at most")
+        led_min, chosen_min = (
+            max(found) / 60.0
+            for found in zip(*((one.led_s, one.chosen_s) for one in each), strict=True)
+        )
+        chosen = sum(one.chosen_s > 0.0 for one in each)
+        print(
+            f"{'rogue' if has_rogue else 'clean'}: led elsewhere for {led_min:.1f} min at most; "
+            f"{chosen} of {n} chose a cell for its word, for {chosen_min:.1f} min at most"
+        )
         if has_rogue:
             found = [one for one in each if one.located_s is not None]
             worst_m = max((one.error_m or 0.0 for one in found), default=0.0)
@@ -134,6 +146,7 @@ class _Walker:
         self._seq = 0
         self._scan_s = 0.0
         self.changes = 0
+        self.chosen = ""
         self.start_m: float | None = None
 
     def away_m(self, place_m: Sequence[float] | FloatArray) -> float:
@@ -172,7 +185,8 @@ class _Walker:
         view = self._view
         words = {one.cell for one in view.suspicions}
         if view.target is not None and view.target.over and view.offer in words:
-            self._feed(t_s, "page", Note("info", FOLLOW, str(view.offer)))
+            self.chosen = str(view.offer)
+            self._feed(t_s, "page", Note("info", FOLLOW, self.chosen))
 
     def _feed(self, t_s: float, source: str, value: Fix | Scan | Note) -> None:
         for found in self._tracker.feed(self._seq, Record(round(t_s * 1e9), source, value)):
