@@ -16,9 +16,8 @@ alone.
 
 **Its table 1** has detection probabilities of both tests for sigma 100 m and 20 km, with and
 without uncertainty of the claim (37.8, 37.8, 87.0 m), four receivers, false positions off by 2
-sigma in two coordinates. The text contains neither the positions of the receivers nor the
-false-alarm rate. The relation of its two columns can be tested: one noncentrality, with 4 degrees
-of freedom and with 3.
+sigma in two coordinates. Positions of receivers and false-alarm rate are not given; the relation
+of its two columns can be tested: one noncentrality, with 4 degrees of freedom and with 3.
 
 **The distance that a level gives.** True levels z = B - 10 eta log10 d + n, n ~ N(0, Gamma^2). The
 distance is computed with B~ instead of B: d~ = 10^((B~ - z) / (10 eta)) = d 10^((B~ - B - n) / (10

@@ -13,11 +13,10 @@ e_j for each pair i < j)
 
     z = D (Z^2 - |a|^2) = H X + D e,    H = -2 D a,    R = 4 sigma^2 D diag(Z^2) D'
 
-The README prints these for four anchors. Derived row by row its z, H and R are right; only its
-sketch of the anchors is mirrored: it has Z1 (0, 10) to the right of Z2 (10, 10), and Z3 (0, 0) to
-the right of Z4 (10, 0). R takes the measured ranges for the true ones and leaves 2 sigma^4 D D'
-out. Since E Z^2 = |X - a|^2 + sigma^2 it is too large by 2 sigma^4 D D' on average, which matters
-at sigma^2 = 100 only. The fix of one epoch (LSE) is X = (H'H)^-1 H' z.
+The README's z, H and R for four anchors are right; its sketch of the anchors is mirrored.
+R takes the measured ranges for the true ones: since E Z^2 = |X - a|^2 + sigma^2 it is too large
+by 2 sigma^4 D D' on average, which matters at sigma^2 = 100 only. The fix of one epoch (LSE) is
+X = (H'H)^-1 H' z.
 
 **Process noise**: the error of a prediction from two single fixes, at k = 2.
 
@@ -46,9 +45,6 @@ rank 3. With all rows D = T D1 of independent rows D1, S = T S1 T', and T has fu
 
     H' S^+ z = H1' T' (T')^+ S1^-1 T^+ T z1 = H1' S1^-1 z1
 
-The pseudo-inverse over all pairs and the plain inverse over n - 1 independent rows are the same
-filter.
-
 **The same task without a singular matrix**: a filter on the squared ranges themselves, of state
 [x, y, vx, vy]. No differences are taken, so R is diagonal and S of full rank. For X ~ N(m, C) the
 moments of a squared range are exact:
@@ -58,15 +54,13 @@ moments of a squared range are exact:
     G     = 2 (m - a)'
 
 (second-order filter; Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and
-Navigation, sec. 10.3). It has no trouble at an anchor, where the range itself has no derivative.
-Its motion model is the one that the README assumes, constant velocity, without the noise of the
-fixes counted as process noise.
+Navigation, sec. 10.3). Its motion model is the README's, constant velocity, without the noise of
+the fixes as process noise.
 
 **The Cramer-Rao bound**, of one epoch and of all epochs so far. J = sum over ranges of u u' /
 sigma^2, u the unit vector from anchor to position; at constant velocity u becomes [u, j u] in the
 epoch j before. At an anchor a range has no derivative: there u is taken along the path, its limit
-for an object on it. The bound is for unbiased estimators; where sigma is as large as the field, a
-biased one may be better.
+for an object on it.
 """
 
 from collections.abc import Iterator, Sequence

@@ -9,14 +9,12 @@ Logs of drive tests have one row for each cell of a scan: `t_s` (seconds; of ten
 `lat`, `lon` (WGS 84 degrees), `rat`, `mcc`, `mnc`, `lac_tac`, `cid`, `arfcn`, `pci_bsic`,
 `level_dbm` (GSM RxLev, UMTS RSCP, LTE RSRP), `serving` (1 or 0), `ta`, `neighbour_arfcns` (the
 broadcast list: channels with blanks between, or none). Empty is unknown; rows with the same `t_s`
-are one scan. A cell without its network code is named with a question mark in its
-place, since many logs of telephones leave it out.
+are one scan. A cell without network code has a question mark in its place.
 
 OpenCelliD measurements, CSV and JSON, are also what Tower Collector exports. The order of columns
 differs between programs, and so does that of latitude and longitude. `measured_at` is Unix time in
-ms, or a date in UTC. `signal` is in dBm where it is negative; else it is the ASU. Sources:
-wiki.opencellid.org/wiki/API; CsvUploadFormatter.java and CsvExportFormatter.java of
-zamojski/TowerCollector.
+ms, or a date in UTC. `signal` is in dBm where negative, else ASU. Sources:
+wiki.opencellid.org/wiki/API; zamojski/TowerCollector.
 """
 
 from collections.abc import Iterator
