@@ -119,7 +119,7 @@ def simulate(
 
         service.start()
         service.wait(walk.duration_s, publish)
-        run = service.stop(signals[0] if signals else "end of the simulated walk")
+        run = service.stop(signals[0] if signals else "end of the simulated walk", publish)
         if status is not None:
             ended.wait()
         return run

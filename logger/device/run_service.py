@@ -54,14 +54,16 @@ def run_service(
             for sink in sinks:
                 sink.publish(status)
 
-        reason = "internal error of the logger"
+        reason, has_failed = "internal error of the logger", True
         try:
             service.wait(duration_s, publish)
+            has_failed = False
             over = service.low_battery or f"duration of {duration_s} s over"
             reason = signals[0] if signals else over
         finally:  # whatever has happened, the run is sealed and the process ends
             manager.stopping()
-            run = service.stop(reason)
+            # what failed may be `publish`
+            run = service.stop(reason) if has_failed else service.stop(reason, publish)
         if not manager.is_present:
             recovery.join()
             _learn(teacher)

@@ -105,17 +105,20 @@ class Service:
         for thread in self._threads:
             thread.start()
 
-    def stop(self, reason: str) -> Path:
+    def stop(self, reason: str, publish: Callable[[], None] | None = None) -> Path:
         """End the run and make its HDF5 file; the journal stays whatever happens.
 
-        Raises `RunFileError`.
+        A modem may take its time: `publish` is called as by `wait`. Raises `RunFileError`.
         """
         self._stop.set()
         recorder, *links = self._threads
         try:
             end_s = monotonic() + JOIN_S + RESTORE_S
             for link in links:
-                link.join(max(end_s - monotonic(), 0.0))
+                while link.is_alive() and (left_s := end_s - monotonic()) > 0.0:
+                    link.join(left_s if publish is None else min(self._tick_s, left_s))
+                    if publish is not None:
+                        self._attempt("status", self._clock.now_ns(), lambda _: publish())
             if left := unrestored_modes(SavedModes(self.folder), FAMILIES.get):
                 self._links[0].note("warning", "mode-left", left)
         finally:
@@ -251,9 +254,9 @@ class Service:
         return "; ".join(f"{name}: {fault}" for name, fault in faults.items())
 
     def _faults(self, now_ns: int) -> dict[str, str]:
-        """Why sources do not record, by name."""
+        """Why sources do not record, by name; none at the stop, which closes them."""
         faults = {}
-        for link in self._links:
+        for link in () if self._stop.is_set() else self._links:
             port, patience_s = self._inbox.ports[link.name], link.source.patience_s
             scan_ns = self._inbox.scan_ns.get(link.name, self._started_ns)
             scanless_s = (now_ns - scan_ns) / 1e9

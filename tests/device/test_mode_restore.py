@@ -1,18 +1,22 @@
 """The mode before GSM only is restored after every kind of stop, by the real service."""
 
 import json
+import threading
 import time
 from dataclasses import replace
 
 import pytest
 
 from logger.core.runfile import read_run
+from logger.device.clock import SystemClock
 from logger.device.saved_modes import FILE
+from logger.device.service import Service
+from logger.device.startup import begin_run
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit import service
 from tests.kit.dialects import DIALECTS
 from tests.kit.mode_modems import MODELS, ObservedModem
-from tests.kit.mode_runs import LIMIT_S, SIM7100, file_of, notes, recording, run_once
+from tests.kit.mode_runs import LIMIT_S, SIM7100, config, file_of, notes, recording, run_once
 
 
 def _site(tmp_path, port, set_mode):
@@ -42,6 +46,27 @@ def test_a_stop_in_the_middle_of_the_change(tmp_path):
     assert modem.setting("+CNMP") == "2"
     assert "mode-restored" in notes(found[0])
     assert not file_of(tmp_path).exists()
+
+
+def test_the_status_goes_on_while_the_modem_takes_its_time_for_the_stop(tmp_path):
+    """The page would say that the recorder is silent, and its reader restart the Pi."""
+    dialect = replace(MODELS["sim7600"], takes_s={"+CNMP=2": 4.0})
+    modem = ObservedModem(dialect, tmp_path, time.monotonic)
+    states, times_s = [], []
+    clock = SystemClock()
+    with PtyDevice(answering(modem)) as port:
+        site = config(tmp_path, port.path, "gsm")
+        under_way = Service(site, begin_run(site, "", clock), clock, threading.Event())
+        under_way.start()
+        service.wait_for(lambda: modem.setting("+CNMP") == "13", LIMIT_S)
+
+        def publish():
+            times_s.append(time.monotonic())
+            states.append(under_way.snapshot().state)
+
+        under_way.stop("end", publish)
+    assert times_s[-1] - times_s[0] > 3.0
+    assert "error" not in states
 
 
 @pytest.mark.parametrize("set_mode", ["", "gsm"])
