@@ -108,7 +108,7 @@ class Service:
     def stop(self, reason: str, publish: Callable[[], None] | None = None) -> Path:
         """End the run and make its HDF5 file; the journal stays whatever happens.
 
-        A modem may take its time: `publish` is called as by `wait`. Raises `RunFileError`.
+        `publish` is called as by `wait`. Raises `RunFileError`.
         """
         self._stop.set()
         recorder, *links = self._threads
@@ -254,7 +254,7 @@ class Service:
         return "; ".join(f"{name}: {fault}" for name, fault in faults.items())
 
     def _faults(self, now_ns: int) -> dict[str, str]:
-        """Why sources do not record, by name; none at the stop, which closes them."""
+        """Why sources do not record, by name; none at the stop."""
         faults = {}
         for link in () if self._stop.is_set() else self._links:
             port, patience_s = self._inbox.ports[link.name], link.source.patience_s

@@ -156,7 +156,7 @@ def _find_start(
 
 
 def _likely_noise(full: Posterior) -> Prior:
-    """The prior with the noise that the complete walk leaves likely; the filter has it too."""
+    """The prior with the noise that the complete walk leaves likely."""
     of_hypotheses, groups = iter(full.noise_probability.tolist()), []
     least = _LIKELY_NOISE * float(np.max(full.noise_probability))
     for group in full.prior.noise:
