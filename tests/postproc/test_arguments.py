@@ -108,14 +108,14 @@ def test_a_number_without_a_meaning_names_its_option(run, capsys, option, comman
 @pytest.mark.parametrize(
     ("options", "names"),
     [
-        ("", {"near", "far", "omni", "sector", "2 m", "5 m", "10 m", "20 m", "30 m"}),
+        ("", {"near", "far", "omni", "sector", "3 m", "10 m", "28 m"}),
         (
             "--reach any --antenna any --height any",
-            {"near", "far", "omni", "sector", "2 m", "5 m", "10 m", "20 m", "30 m"},
+            {"near", "far", "omni", "sector", "3 m", "10 m", "28 m"},
         ),
         ("--reach near --antenna omni --height 5", {"near", "omni", "5 m"}),
         ("--reach far --antenna sector --height 30.5", {"far", "sector", "30.5 m"}),
-        ("--reach far", {"far", "omni", "sector", "2 m", "5 m", "10 m", "20 m", "30 m"}),
+        ("--reach far", {"far", "omni", "sector", "3 m", "10 m", "28 m"}),
         ("--height 0", {"near", "far", "omni", "sector", "0 m"}),
     ],
 )

@@ -11,7 +11,7 @@ from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import strongest_reasons
 from logger.core.types import Broadcast
 from postproc.cli import main
-from postproc.report.wording import sentence
+from postproc.summary import sentence
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
 from postproc.survey.rule_inputs import records_of, rule_inputs
