@@ -280,9 +280,9 @@ def print_databases(counts: Counts, results: Sequence[Outcome]) -> None:
         for word, absent, there in zip(WORDS[:0:-1], *missing, strict=True):
             n = share * absent + (1.0 - share) * there
             print(f"{word}: {n:.2f} legitimate cells expected, {n / hours:.3f} an hour")
-        told = [replace(one, at_end=without_entry(one.at_end, n_known)) for one in results]
+        weighed = [replace(one, at_end=without_entry(one.at_end, n_known)) for one in results]
         for station in CATCHERS:
-            print_detection(station, told)
+            print_detection(station, weighed)
 
 
 def without_entry(cell: Assessment, n_known: int) -> Assessment:

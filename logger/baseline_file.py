@@ -80,7 +80,9 @@ class BaselineFile:
             str(row[0]) for row in self._all_rows("SELECT digest FROM walk ORDER BY digest")
         ]
         self.n_walks = len(self.digests)
-        answered = self.digests, list(self._trust.items()), *filter(None, [sorted(self._doubted)])
+        answered: tuple[object, ...] = (self.digests, list(self._trust.items()))
+        if self._doubted:  # without any it is that of a file which cannot have them
+            answered += (sorted(self._doubted),)
         self.fingerprint = sha256(repr(answered).encode()).hexdigest()
 
     def close(self) -> None:

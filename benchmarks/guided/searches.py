@@ -76,8 +76,10 @@ def search(
     while t_s < end_s and located_s is None:
         view = walker.step(t_s)
         if view.next is not None and view.target is not None and view.target.cell != cell:
-            is_chosen = view.target.cell == walker.chosen
-            chosen_s, led_s = chosen_s + is_chosen, led_s + (not is_chosen)
+            if view.target.cell == walker.chosen:
+                chosen_s += 1.0
+            else:
+                led_s += 1.0
         if cell and named_s is None:
             words = {one.cell: one.word for one in view.suspicions}
             named_s = t_s if words.get(cell) == "suspicious" else None
@@ -110,10 +112,8 @@ def print_searches(first: int, n: int, log: Path | None = None) -> None:
             if log is not None:
                 with log.open("a") as file:
                     print(json.dumps(each[-1]._asdict()), file=file)
-        led_min, chosen_min = (
-            max(found) / 60.0
-            for found in zip(*((one.led_s, one.chosen_s) for one in each), strict=True)
-        )
+        led_min = max(one.led_s for one in each) / 60.0
+        chosen_min = max(one.chosen_s for one in each) / 60.0
         chosen = sum(one.chosen_s > 0.0 for one in each)
         print(
             f"{'rogue' if has_rogue else 'clean'}: led elsewhere for {led_min:.1f} min at most; "

@@ -54,16 +54,15 @@ def run_service(
             for sink in sinks:
                 sink.publish(status)
 
-        reason, has_failed = "internal error of the logger", True
+        reason, at_stop = "internal error of the logger", None
         try:
             service.wait(duration_s, publish)
-            has_failed = False
+            at_stop = publish
             over = service.low_battery or f"duration of {duration_s} s over"
             reason = signals[0] if signals else over
         finally:  # whatever has happened, the run is sealed and the process ends
             manager.stopping()
-            # what failed may be `publish`
-            run = service.stop(reason) if has_failed else service.stop(reason, publish)
+            run = service.stop(reason, at_stop)  # what has failed may be `publish`
         if not manager.is_present:
             recovery.join()
             _learn(teacher)

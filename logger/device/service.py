@@ -116,7 +116,7 @@ class Service:
             end_s = monotonic() + JOIN_S + RESTORE_S
             for link in links:
                 while link.is_alive() and (left_s := end_s - monotonic()) > 0.0:
-                    link.join(left_s if publish is None else min(self._tick_s, left_s))
+                    link.join(min(self._tick_s, left_s))
                     if publish is not None:
                         self._attempt("status", self._clock.now_ns(), lambda _: publish())
             if left := unrestored_modes(SavedModes(self.folder), FAMILIES.get):

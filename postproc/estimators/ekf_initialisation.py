@@ -10,6 +10,7 @@ distance in 89 to 94 %, at all of it in 60 to 70 %.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -157,12 +158,13 @@ def _find_start(
 
 def _likely_noise(full: Posterior) -> Prior:
     """The prior with the noise that the complete walk leaves likely."""
-    of_hypotheses, groups = iter(full.noise_probability.tolist()), []
-    least = _LIKELY_NOISE * float(np.max(full.noise_probability))
-    for group in full.prior.noise:
-        likely = tuple(one for one in group.hypotheses if next(of_hypotheses) > least)
-        groups.append(group._replace(hypotheses=likely))
-    noise = tuple(group for group in groups if group.hypotheses)
+    is_likely = full.noise_probability > _LIKELY_NOISE * np.max(full.noise_probability)
+    of_groups = np.split(is_likely, full.prior.noise_table.first[1:])
+    noise = tuple(
+        group._replace(hypotheses=tuple(compress(group.hypotheses, likely)))
+        for group, likely in zip(full.prior.noise, of_groups, strict=True)
+        if np.any(likely)
+    )
     return replace(full.prior, noise=noise)
 
 

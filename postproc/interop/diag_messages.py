@@ -154,6 +154,13 @@ class Messages:
         self.refused: Counter[int] = Counter()
         self.n_unnamed = self.n_undecoded = 0
         self._has_pycrate = find_spec("pycrate_asn1dir") is not None
+        self._readers: dict[int, Callable[[LogRecord], Iterator[Observation | Signal]]] = {
+            RRC: self._rrc,
+            NAS_DOWN: self._nas,
+            NAS_UP: self._nas,
+            GSM_RR: self._gsm,
+            GSM_RR_OF_TWO: self._gsm,
+        }
         # by receiver: the cell of its last message, its measurements, and what it was asked for
         self._cells: dict[int, str] = {}
         self._gsm_cells: dict[int, str] = {}
@@ -171,9 +178,7 @@ class Messages:
         """What a record says; nothing if its code is not of messages."""
         if record.code not in CODES:
             return []
-        read = {RRC: self._rrc, GSM_RR: self._gsm, GSM_RR_OF_TWO: self._gsm}.get(
-            record.code, self._nas
-        )
+        read = self._readers[record.code]
         try:
             return [*self._give_up(record.time_ns), *read(record)]
         except _RefusedError:

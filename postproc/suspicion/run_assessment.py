@@ -372,10 +372,14 @@ def document_of(suspicions: Suspicions, *, details: bool = False) -> Document:
     return Document(content, body=_lines(suspicions, details=details))
 
 
-def _heard_text(suspicions: Suspicions, cell: str) -> str:
+# by the `id` of the run
+_Ends = Mapping[int, Mapping[str, tuple[int, int]]]
+
+
+def _heard_text(suspicions: Suspicions, cell: str, ends_of: _Ends) -> str:
     runs = suspicions.runs[cell]
-    ends_ns = heard_utc_ns(runs).get(cell, (None, None))
-    ends = (None if at_ns is None else utc_text(at_ns) for at_ns in ends_ns)
+    known_ns = [at_ns for run in runs for at_ns in ends_of[id(run)].get(cell, ())]
+    ends = (utc_text(min(known_ns)), utc_text(max(known_ns))) if known_ns else (None, None)
     return runs_text([run.name for run in runs], *ends)
 
 
@@ -386,12 +390,16 @@ def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
         for cell in suspicions.cells
         if cell not in named and any(finding.rule.strength == "warns" for finding in cell.findings)
     ]
+    runs = {id(run): run for cell in (*named, *warned) for run in suspicions.runs[cell.cell]}
+    is_of_several = suspicions.has_several_runs
+    ends_of = {key: heard_utc_ns([run]) for key, run in runs.items()} if is_of_several else {}
     for cell in (*named, *warned):
         yield Line((f"{cell.cell}: ", Word(cell.word)))
         if cell.is_conspicuous:
             yield Line(word_rate_text(cell.word), bullet="  ")
-        if suspicions.has_several_runs:
-            yield Line(f"heard in {_heard_text(suspicions, cell.cell)}", bullet="  ")
+        if is_of_several:
+            heard = _heard_text(suspicions, cell.cell, ends_of)
+            yield Line(f"heard in {heard}", bullet="  ")
         for finding in sentences(cell.findings):
             rule = f" [{finding.rule.id}]" if details else ""
             yield Line(f"{reason_text(suspicions, finding)}{rule}", bullet="  - ")

@@ -45,6 +45,7 @@ LOCATION_M = 50.0
 
 Repeated TA within it add nothing.
 """
+
 _OUTLIERS = 0.05
 """Probability of a TA that has nothing to do with the distance."""
 _ANY_BIAS = 0.05
@@ -67,7 +68,7 @@ _END_OF_REACH = 0.7
 class Timing(NamedTuple):
     """Timing advances by location, (k,) each; weights of the steps at one location add to 1.
 
-    The antenna is `height_m` above the receiver; with `is_longer` the bias is one-sided.
+    The antenna is `height_m` above the receiver; a bias of scale `longer_m` is one-sided.
     """
 
     places: Places
@@ -79,22 +80,22 @@ class Timing(NamedTuple):
     sigma_m: float = SIGMA_M
     bias_m: float = BIAS_M
     bias_sigma_m: float = BIAS_SIGMA_M
-    is_longer: bool = False
+    longer_m: float = 0.0
 
     @property
     def reach_m(self) -> float:
         """How far beyond the walk a search has to reach so that no ring is near its end."""
-        if self.is_longer:
+        if self.longer_m:
             return 0.0
-        return float(np.max(self.step) + 1.0) * STEP_M / _END_OF_REACH
+        return float(np.max(self.step) + 1.0) * self.step_m / _END_OF_REACH
 
     def log_p(self, positions: Places) -> FloatArray:
         """Log probability of all TA for a base station at positions (h,)."""
         distance_m = self._distance_m(positions)
         middle_m = (self.step[:, None] + 0.5) * self.step_m
-        if self.is_longer:
+        if self.longer_m:
             bias_m = self._median(middle_m - distance_m)
-            any_p = _ANY_BIAS * self.bias_m / (self.last * self.step_m)
+            any_p = _ANY_BIAS * self.longer_m / (self.last * self.step_m)
             log_p = np.log((1.0 - _ANY_BIAS) * self._p_of_excess(bias_m) + any_p)
             return np.asarray(log_p + self._log_p_of_delay(distance_m + bias_m), float)
         p_near = (1.0 - _NEVER_SET) * (1.0 - _ANY_BIAS) * _DENSITY / np.sum(_DENSITY)
@@ -112,8 +113,7 @@ class Timing(NamedTuple):
 
     def near(self, square: FloatArray) -> BoolArray:
         """Which squares (3, h), rows x, y, side, may contain a part of a ring."""
-        bias_m = 0.0 if self.is_longer else self.bias_m
-        middle_m = (self.step[:, None] + 0.5) * self.step_m - bias_m
+        middle_m = (self.step[:, None] + 0.5) * self.step_m - self.bias_m
         off_m = np.abs(self._distance_m(Places.of(*square[:2])) - middle_m)
         reach_m = 0.5 * self.step_m + 2.0 * self.bias_sigma_m + np.sqrt(0.5) * square[2]
         return np.asarray(np.any(off_m < reach_m, axis=0), bool)
@@ -123,9 +123,9 @@ class Timing(NamedTuple):
         slack_m = 2.0 * float(np.hypot(self.sigma_m, self.bias_sigma_m))
         likely = squares.probability > _LEAST_P
         positions = Places.of(squares.x_m[likely], squares.y_m[likely])
-        delay_m = self._distance_m(positions) + (0.0 if self.is_longer else self.bias_m)
+        delay_m = self._distance_m(positions) + self.bias_m
         step = self.step[:, None]
-        fits = (delay_m > step * self.step_m - slack_m) | (step == 0) | self.is_longer
+        fits = (delay_m > step * self.step_m - slack_m) | (step == 0) | bool(self.longer_m)
         fits &= (delay_m < (step + 1.0) * self.step_m + slack_m) | (step == self.last)
         disagrees = fits @ squares.probability[likely] < _DISAGREES
         locations = round(float(np.sum(self.weight)))
@@ -152,7 +152,7 @@ class Timing(NamedTuple):
     def _p_of_excess(self, bias_m: FloatArray) -> FloatArray:
         """Of a one-sided bias, relative to none; an error of the phone lessens it."""
         is_longer = 0.5 + 0.5 * np.tanh(np.pi / (2.0 * np.sqrt(3.0)) * bias_m / self.bias_sigma_m)
-        longer = np.maximum(bias_m, 0.0) / self.bias_m
+        longer = np.maximum(bias_m, 0.0) / self.longer_m
         return np.asarray(is_longer * (1.0 + longer) ** -1.5, float)
 
 
@@ -162,9 +162,9 @@ _lte = partial(
     last=LAST_LTE_TA,
     # a base station finds a preamble to 1.04 us, 156 m (TS 36.104 8.4.2), and detours differ
     sigma_m=120.0,
-    bias_m=200.0,
+    bias_m=0.0,
     bias_sigma_m=60.0,  # a phone's timing may be off by 12 Ts, 59 m (TS 36.133 7.1.2)
-    is_longer=True,
+    longer_m=200.0,
 )
 
 
