@@ -17,12 +17,15 @@ the locator, for 40 cells.
 """
 
 import argparse
+import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from io import TextIOWrapper
+from itertools import islice
 from pathlib import Path
 from statistics import median
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from benchmarks.suspicion_baseline import logs_with_baseline
 from benchmarks.suspicion_city import city_logs
@@ -57,6 +60,7 @@ STATIONS = [Station(kind, is_strong) for kind in KINDS for is_strong in (True, F
 BRIEF = [Station(kind, True, ON_AIR_S) for kind in ("invented identity", "new area", "downgrade")]
 CATCHERS = [station for station in STATIONS if station.kind == ORDINARY]
 FALSE_AN_HOUR = (0.03, 0.1, 0.3, 1.0)
+Run = TypeVar("Run")
 DATABASES = (60, 90)
 """Cells of each 100 that a database has."""
 
@@ -112,10 +116,18 @@ class Counts:
 
 def count(logs: Iterable[Log]) -> Counts:
     """Counts over runs."""
-    counts = Counts()
-    for log in logs:
+    counts, runs = Counts(), list(logs)
+    for log in _in_turn(runs, len(runs), "all rules"):
         counts.add(log)
     return counts
+
+
+def _in_turn(runs: Iterable[Run], n: int, what: str) -> Iterator[Run]:
+    """Runs with a line of progress for each tenth of them."""
+    for k, run in enumerate(runs):
+        if k * 10 // n != (k - 1) * 10 // n:
+            print(f"{what}: run {k + 1} of {n}", file=sys.stderr, flush=True)
+        yield run
 
 
 def print_rates(counts: Counts) -> None:
@@ -208,14 +220,15 @@ def _print_share(kind: str, power: str, group: str, results: Sequence[Outcome]) 
 
 
 def print_tables(logs: Sequence[Log], folder: Path, every: int) -> None:
-    """All tables, with one log of each `every` for stations."""
-    counts = count(logs)
+    """All tables, each as soon as it is there, of one log of each `every`."""
+    counts = count(logs[::every])
     print_rates(counts)
     measured = [log for log in logs if log.set_name not in NOT_RATED][::every]
-    cities = [log for log in logs if log.set_name == "simulated"][:MOST_CITIES]
-    rated = [(log, NO_BASELINE) for log in [*measured, *cities]]
+    cities = [log for log in logs if log.set_name == "simulated"][:MOST_CITIES:every]
+    rated = [*measured, *cities]
+    in_turn = _in_turn(rated, len(rated), "stations")
+    found = [one for log in in_turn for one in outcomes(log, NO_BASELINE, [*STATIONS, *BRIEF])]
     print(_HEAD)
-    found = [one for log, base in rated for one in outcomes(log, base, [*STATIONS, *BRIEF])]
     for station in STATIONS:
         print_detection(station, found)
     print(f"on the air for {ON_AIR_S:.0f} s")
@@ -227,7 +240,8 @@ def print_tables(logs: Sequence[Log], folder: Path, every: int) -> None:
     for n_walks in EARLIER_WALKS:
         print(f"\nwith {n_walks} earlier walks of the route")
         earlier, found = Counts(), []
-        for log, baseline in logs_with_baseline(folder, n_walks):
+        for log, baseline in islice(logs_with_baseline(folder, n_walks), None, None, every):
+            print(f"{n_walks} earlier walks: {log.name}", file=sys.stderr, flush=True)
             earlier.add(log, baseline)
             found += outcomes(log, baseline, CATCHERS)
         print_words(earlier)
@@ -317,9 +331,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("what", choices=["tables", "rates", "gone", "live"])
     parser.add_argument("--logs", type=Path, default=LOGS, help="folder of the logs")
     parser.add_argument("--cities", type=int, default=0, help="simulated clean cities")
-    parser.add_argument("--every", type=int, default=1, help="stations in each N-th run only")
+    parser.add_argument("--every", type=int, default=1, help="quick: each N-th run only")
     parser.add_argument("--python", action="store_true", help="print it as the rules declare it")
     given = parser.parse_args(arguments)
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)  # tables at once, into a file too
     if given.what == "live":
         print_live_cost()
         return

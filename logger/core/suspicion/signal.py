@@ -168,7 +168,7 @@ def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
 )
 def _rises_while_others_stay(memory: Memory, cell: HeardCell) -> Evidence | None:
     now, weakest_dbm = memory.now, _steady_dbm(cell)
-    if weakest_dbm is None or now.x_m is None:
+    if weakest_dbm is None or weakest_dbm < _TAKEN_DBM or now.x_m is None:
         return None
     since_s, first_s = now.t_s - now.still_s, cell.recent[-STEADY].t_s
     before = [(level.t_s, level.level_dbm) for level in list(cell.recent)[:-STEADY]]
@@ -177,7 +177,7 @@ def _rises_while_others_stay(memory: Memory, cell: HeardCell) -> Evidence | None
         scans = [b for b in memory.of(_SCANS) if since_s <= b.t_s < first_s]
         before = [(b.t_s, b.limit_dbm) for b in scans if b.is_full and b.could_name(memory, cell)]
     before = before[-2:]
-    if len(before) < 2 or now.t_s - before[0][0] < _STOOD_S or weakest_dbm < _TAKEN_DBM:
+    if len(before) < 2 or now.t_s - before[0][0] < _STOOD_S:
         return None
     if weakest_dbm < max(dbm for _, dbm in before) + _JUMP_DB:
         return None
