@@ -1,13 +1,16 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from pyproj import Geod
 
-from logger.core.guidance.live_verdict import CONFIRMED_AFTER, LiveVerdict
+from logger.core.guidance.followed_cell import CONFIRMED_AFTER, LiveVerdict, true_azimuth_deg
 from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, LIVE, divide_in_time
 from logger.core.locator.verdict import LIVE_M
 from logger.core.model.prior import Prior
+from logger.core.places import Places, Utm
 from tests.kit.guided_walks import line
 from tests.kit.walks import observations
 
@@ -16,6 +19,7 @@ AROUND = line(
     (0.0, 0.0), (240.0, 0.0), (240.0, 200.0), (0.0, 200.0), (0.0, 0.0), (120.0, 60.0),
     (120.0, 220.0), (60.0, 60.0), (260.0, 120.0),
 )  # fmt: skip
+WGS84 = Geod(ellps="WGS84")
 
 
 def _walk(points_m, emitter_m, seed=0, noise_db=2.0):
@@ -82,3 +86,21 @@ def test_one_that_moves_is_not_located_by_a_walker_who_circles_it():
     decisions = [verdict.update(sharp, obs) for _ in range(CONFIRMED_AFTER + 2)]
     assert "located" not in {decision.verdict for decision in decisions}
     assert "a transmitter that moves" in decisions[-1].reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("lat_deg", "lon_deg"),
+    [(60.4, 5.9995), (0.0003, 9.5), (-54.8, -72.0), (-16.8, 179.9995), (83.9, 17.9)],
+)
+@pytest.mark.parametrize("direction_deg", [3.0, 85.0, 140.0, 275.0])
+def test_directions_are_from_true_north_also_across_zones_equator_and_date_line(
+    lat_deg, lon_deg, direction_deg
+):
+    to_lon_deg, to_lat_deg, _ = WGS84.fwd(lon_deg, lat_deg, direction_deg, 150.0)
+    utm = Utm.at(lat_deg, lon_deg)
+    found_deg = true_azimuth_deg(
+        Places.of_degrees(lat_deg, lon_deg, utm=utm),
+        Places.of_degrees(to_lat_deg, to_lon_deg, utm=utm),
+    )
+    # the flattening of the Earth is not part of it: 0.2 degrees at the equator
+    assert abs((found_deg - direction_deg + 180.0) % 360.0 - 180.0) < 0.3
