@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 from logger.core.types import Level
 from logger.device.link import Link
+from logger.device.modem_exchange import AfterStop
 from logger.device.saved_modes import SavedMode, SavedModes
-from logger.device.shutdown import AfterStop
 from logger.drivers.family import Family, wake
 from logger.drivers.network_mode import ModeCommand, ask_model, read_mode, same_mode, set_mode
 from logger.drivers.protocols.at import Command, Reply, run_dialogue

@@ -12,8 +12,7 @@ from logger.core.errors import ConfigError
 from logger.core.live_settings import FOLLOW
 from logger.device.battery import BatteryWatch, batteries, too_low_to_begin
 from logger.device.leds import StatusLight
-from logger.device.machine import machine
-from logger.device.mounts import kept_in_memory
+from logger.device.machine import kept_in_memory, machine
 from logger.device.page_requests import FILE, PageRequests
 from logger.device.saved_modes import SavedModes
 from logger.device.status_text import report
