@@ -36,7 +36,7 @@ with late_modules():
     from logger import own_baseline
     from logger import probe as probing
     from logger import simulate as simulation
-    from logger.core import document, identities, live_settings
+    from logger.core import cell_names, document, live_settings
     from logger.device import battery, clock, memory, notify, service, startup
     from logger.drivers import registry, transcript
     from logger.drivers.reading import row_language as reading_rows
@@ -175,7 +175,7 @@ def forget(run: str, config_path: Path, *, as_json: bool) -> None:
 @json_option
 def trust(cell: str, note: str, config_path: Path, *, as_json: bool) -> None:
     """Trust a cell in the device's baseline, with a NOTE that says why."""
-    if identities.identity_of(cell) is None:
+    if cell_names.identity_of(cell) is None:
         raise ConfigError(f"{cell!r} is no cell: mcc-mnc-area-cid is wanted, like 262-01-801-86355")
     own_baseline.trust(_own_folder(config_path), cell, note)
     content = {"cell": cell, "note": note}

@@ -20,8 +20,8 @@ from msgspec import UNSET
 
 from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray
+from logger.core.cell_names import FEWEST_SCANS
 from logger.core.errors import ConfigError
-from logger.core.identities import FEWEST_SCANS
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
