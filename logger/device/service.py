@@ -20,17 +20,15 @@ from logger.device.clock import Clock
 from logger.device.link import Link, Tally
 from logger.device.machine import MOUNTINFO, kept_in_memory
 from logger.device.memory import give_back
-from logger.device.mode_switch import RESTORE_S, unrestored_modes
+from logger.device.mode_switch import RESTORE_S, SavedModes, unrestored_modes
 from logger.device.notify import ServiceManager
 from logger.device.page_requests import page_requests
-from logger.device.port_swap import PortSwap
 from logger.device.recorder import Recorder
-from logger.device.saved_modes import SavedModes
 from logger.device.sources import source_of
 from logger.device.startup import BegunRun
 from logger.device.status import Sign, Status, status_folder
 from logger.device.status_sinks import status_sinks
-from logger.device.watched_inbox import WatchedInbox
+from logger.device.watched_inbox import PortSwap, WatchedInbox
 from logger.drivers.registry import FAMILIES
 
 log = logging.getLogger(__name__)

@@ -13,11 +13,10 @@ import numpy as np
 
 from logger.core.answer import Word
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.censoring import levels_dbm
 from logger.core.locator.posterior import Mode
 from logger.core.places import MAX_GAP_S, Utm
 from logger.core.provenance import SIMULATED
-from logger.core.readings import times_ns
+from logger.core.readings import levels_dbm, times_ns
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit_run
 from logger.core.utc import utc_text

@@ -24,13 +24,13 @@ from logger.core.locator.verdict import assess
 from logger.core.model.blocks import squares
 from logger.core.readings import Readings
 from logger.core.suspicion.rule import Word
-from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.region_outline import geojson
 from postproc.ground import elsewhere_reasons, middle_of, place_name, places_of
 from postproc.multi_run import merge
 from postproc.result import Options
 from postproc.scan_counts import too_rarely
+from postproc.smoothing import too_few
 from postproc.survey.alignment import Alignment, align
 from postproc.survey.walk_readings import SurveyRun
 

@@ -33,11 +33,11 @@ from logger.core.model.prior import Prior
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings
 from logger.core.runfile import Run
-from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
 from postproc.ground import REACH_M, apart_m
 from postproc.multi_run import merge, modems_of
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
+from postproc.smoothing import too_few
 from postproc.verification.likelihood_grid import (
     PreparedWalk,
     calibrate,
