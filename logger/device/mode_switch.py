@@ -2,9 +2,9 @@
 
 The commands are in `logger.drivers.network_mode`.
 
-The previous value is on the card before the mode is changed, in a file beside the runs with an entry
-for each source and model, and survives a power cut. It is restored at the stop, or at the
-next start if there was no stop or the modem was unplugged, also if the option is then off.
+The previous value is on the card before the mode is changed, in a file beside the runs with an
+entry for each source and model. It is restored at the stop, or at the next start if there was no
+stop or the modem was unplugged, also if the option is then off.
 """
 
 import os
