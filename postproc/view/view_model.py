@@ -179,7 +179,7 @@ class ViewModel:
     @property
     def name(self) -> str:
         """Name of the recording in the viewer."""
-        runs = ", ".join(walk.name for walk in self.survey.walks)
+        runs = ", ".join(walk.run.name for walk in self.survey.walks)
         return f"{runs} {self.cell_views[0].name}" if len(self.cell_views) == 1 else runs
 
 
