@@ -39,9 +39,8 @@ class FollowedCell:
         last = locator.last_search() if self._guide.is_due else None
         if last is None:
             return False
-        posterior = summarise(*last)
         obs = locator.readings.readings()
-        verdict, reasons, *_ = self._verdict.update(posterior, obs)
+        (verdict, reasons, *_), posterior = self._verdict.update(summarise(*last), obs)
         made_from = Provenance(len(obs))
         self.region = squares_of_region(posterior)
         self.answer = answer_of(self.cell, verdict, reasons, made_from, posterior)
