@@ -176,7 +176,8 @@ class LiveTracker:
             case Scan() as scan:
                 return [*notes, *self._take_scan(seq, record, scan)]
             case Note(code=code, text=cell) if code == FOLLOW:
-                self._reference.follow(cell)
+                conspicuous = {one.cell for one in self.suspicion.conspicuous()}
+                self._reference.follow(cell, for_word=cell in conspicuous)
             case Note(code=code, text=metres) if code == WITHIN:
                 self.walk_area.widen(within_of(metres))
         return [*notes]

@@ -3,7 +3,9 @@
 The verdict is that of the desktop, within 60 m, and believed after one more leg: two transmitters
 with one identity, and one that jumps or moves, look like one position for a while. So these are
 tried, and a location is reported only after the walker has gone on for a block of houses and it
-still holds. By then every move of `MotionTest` has been compared with standing.
+still holds. By then every move of `MotionTest` has been compared with standing. The device searches
+few squares with few blocks: the readings are located once more as at the desktop, and nothing is
+*located* on the walk that would not be at home.
 """
 
 from math import atan2, cos, degrees, radians, remainder
@@ -15,6 +17,7 @@ from logger.core.guidance.advice import Advice, Guide
 from logger.core.guidance.next_way import NextWay
 from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
+from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import highest_density
 from logger.core.locator.summary import summarise
@@ -58,8 +61,11 @@ class LiveVerdict:
         self._division: Division | None = None
         self._motion = MotionTest()
 
-    def update(self, posterior: Posterior, obs: Readings) -> Decision:
-        """The verdict on a posterior; `obs` has readings of the walk in their order."""
+    def update(self, posterior: Posterior, obs: Readings) -> tuple[Decision, Posterior]:
+        """The verdict on a posterior, and the posterior that it is about.
+
+        `obs` has readings of the walk in their order.
+        """
         decision = assess(posterior, obs, self._division, within_m=LIVE_M)
         is_located = decision.verdict == "located"
         if self._updates % _DIVIDED_EVERY == 0 or (
@@ -81,8 +87,13 @@ class LiveVerdict:
         self._held = self._held + 1 if is_located else 0
         if is_located and self._held <= CONFIRMED_AFTER:
             reason = f"{decision.reasons[0]}; walk one leg away to confirm it"
-            return Decision("cannot tell", [reason], decision.division)
-        return decision
+            return Decision("cannot tell", [reason], decision.division), posterior
+        if self._held == CONFIRMED_AFTER + 1:
+            posterior = locate(obs, posterior.prior)
+            decision = assess(posterior, obs, self._division, within_m=LIVE_M)
+            if decision.verdict != "located":
+                self._held = 0
+        return decision, posterior
 
 
 def _may_move(moves: Division) -> str:
@@ -121,9 +132,8 @@ class FollowedCell:
         last = locator.last_search() if self._guide.is_due else None
         if last is None:
             return False
-        posterior = summarise(*last)
         obs = locator.readings.readings()
-        verdict, reasons, *_ = self._verdict.update(posterior, obs)
+        (verdict, reasons, *_), posterior = self._verdict.update(summarise(*last), obs)
         made_from = Provenance(len(obs))
         self.region = squares_of_region(posterior)
         self.answer = answer_of(self.cell, verdict, reasons, made_from, posterior)
