@@ -6,16 +6,15 @@ from math import inf
 from logger.core.latest import Latest
 from logger.core.suspicion.heard import HeardCell, Memory
 from logger.core.suspicion.rule import Evidence, ScanRule, on_telephones
-from logger.core.suspicion.sources import Sources, compare_sources
+from logger.core.suspicion.sources import LEAST_EVIDENCE, Sources, compare_sources
 
 _TEST_AGAIN = 0.1
-"""New squares until the next test, as a share of those before; one while two places are better than
-one. A clone may stop to show once the coarser squares of a long walk drop what was heard between
-its two places."""
+"""New squares until the next test, at least one, as a share of those before. A clone may stop
+to show once the coarser squares of a long walk drop what was heard between its two places."""
 _FEWEST_SPOTS = 6
 _PERHAPS_TWO = 2.0
 """Log evidence for two places from which S9 is a finding; few squares of one cell reach 1.5."""
-_TWO_PLACES, _TWO_FAR_PLACES = 3.5, 1.5
+_TWO_PLACES, _TWO_FAR_PLACES = 3.5, LEAST_EVIDENCE
 _FAR_M = 500.0
 """Log evidence for two places from which S5 is a finding, and the lower one for places this far
 apart. Hills, reflections and side lobes of one antenna make places 300 to 450 m apart: of the
@@ -56,10 +55,7 @@ class _Tests:
         if n < self._due.get(cell.name, _FEWEST_SPOTS) or len(cell.spots) < _FEWEST_SPOTS:
             return None
         self._due.put(cell.name, n + max(1, int(_TEST_AGAIN * n)))
-        result = compare_sources(list(cell.spots))
-        if result is not None and result.two_places > 0.0:
-            self._due.put(cell.name, n + 1)
-        return result
+        return compare_sources(list(cell.spots))
 
 
 _TWO_SENTENCE = (

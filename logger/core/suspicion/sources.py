@@ -19,6 +19,8 @@ from logger.core.suspicion.spots import Spot
 
 _SIGMA_DB = 7.0
 """Shadowing of streets, 6 to 8 dB."""
+LEAST_EVIDENCE = 1.5
+"""Log evidence for two places from which a rule holds; less need not be known."""
 _TRUST = 0.5
 """Spots of 50 m are not independent where houses shadow over 50 to 100 m."""
 _ETA = 3.2
@@ -56,7 +58,7 @@ class _Fit(NamedTuple):
 def compare_sources(spots: Sequence[Spot]) -> Sources | None:
     """Compare the three explanations; None if the walk is too short to tell places apart.
 
-    Where one place is as good, `two_places` is 0 and `no_place` at least what it is.
+    Where `two_places` cannot reach `LEAST_EVIDENCE` it is 0, and `no_place` at least what it is.
     """
     xylt = np.array([(s.x_m, s.y_m, s.level_dbm, s.t_s) for s in spots])
     extent_m = float(np.max(np.ptp(xylt[:, :2], axis=0)))
@@ -64,13 +66,14 @@ def compare_sources(spots: Sequence[Spot]) -> Sources | None:
         return None
     n = len(spots)
     # four parameters more cost 2 log n (BIC) if spots are independent, with the trust half of it
-    more = 2.0 * log(n)
+    needed = 2.0 * log(n) + LEAST_EVIDENCE / _TRUST
     one = _fit(xylt, _beside(xylt))
-    if one.cost > more:  # else no two places are better: these few candidates suffice
+    if one.cost >= needed:  # else one place is good enough beside the strongest spots already
         one = min(_fit(xylt, _grid(xylt)), one, key=lambda fit: fit.cost)
-    two, apart_m = _best_split(xylt, one.cost - more)
+    two, apart_m = _best_split(xylt, one.cost - needed)
     no_place = _TRUST * (one.cost - 0.5 * n)  # with the right sigma a spot costs half a unit
-    return Sources(_TRUST * (one.cost - more - two) if apart_m else 0.0, no_place, apart_m)
+    two_places = _TRUST * (one.cost - 2.0 * log(n) - two) if apart_m else 0.0
+    return Sources(two_places, no_place, apart_m)
 
 
 def _best_split(xylt: FloatArray, limit: float) -> tuple[float, float]:

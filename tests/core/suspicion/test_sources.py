@@ -4,7 +4,7 @@ from math import atan2, degrees, hypot, log10
 
 import pytest
 
-from logger.core.suspicion.sources import compare_sources
+from logger.core.suspicion.sources import LEAST_EVIDENCE, compare_sources
 from logger.core.suspicion.spots import Spot
 
 HALF_M, STEP_M = 400, 50
@@ -46,7 +46,7 @@ def _spots(level_dbm):
 )
 def test_a_sector_antenna_is_one_station(mast_m, azimuth_deg):
     result = compare_sources(_spots(lambda x, y: _level_dbm(x, y, mast_m, azimuth_deg)))
-    assert result.two_places < 1.5  # of places far apart S5 asks for more
+    assert result.two_places < LEAST_EVIDENCE
 
 
 def test_two_stations_are_two():
