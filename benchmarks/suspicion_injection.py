@@ -267,6 +267,9 @@ def _add_station(
 def outcomes(log: Log, baseline: Baseline, stations: Iterable[Station]) -> Iterator[Outcome]:
     """Outcomes of stations, one at a time; what was before each is followed once."""
     injections = [one for station in stations if (one := inject(log, station)) is not None]
+    if baseline.n_walks:  # its squares, which a tracker holds, cannot be copied
+        yield from (detect(one, log.set_name, baseline) for one in injections)
+        return
     tracker, n_fed = SuspicionTracker(baseline=baseline), 0
     for injection in sorted(injections, key=lambda one: one.first):
         for record in log.records[n_fed : injection.first]:
