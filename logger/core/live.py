@@ -44,7 +44,7 @@ class Receiver(NamedTuple):
 
 
 class ReceiverTrack:
-    """Fixes in their recorded order, in the UTM zone of the first; None before it."""
+    """Fixes in their recorded order; `utm` is the zone of the first position, None before it."""
 
     def __init__(self, max_fix_age_s: float) -> None:
         self.utm: Utm | None = None

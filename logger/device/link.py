@@ -1,4 +1,4 @@
-"""What a source of records is, and the thread that opens it again whenever it comes back."""
+"""A source of records, its lines of `fieldlogger check`, and the thread that opens it again."""
 
 import logging
 import os

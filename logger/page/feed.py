@@ -1,4 +1,4 @@
-"""What all phones are sent: the status, the walk and the machine as one JSON text."""
+"""What all phones are sent: status, walk (track, levels, marks) and machine as one JSON text."""
 
 import asyncio
 import math
