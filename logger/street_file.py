@@ -10,7 +10,6 @@ from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Protocol
 from xml.parsers import expat
 
 from logger.core.errors import ConfigError, GeoError
@@ -94,13 +93,6 @@ class _TooLargeError(Exception):
     """There is more than may be kept."""
 
 
-class _Format(Protocol):
-    """Takes the content of a file in parts; raises ValueError."""
-
-    def take(self, part: bytes) -> None: ...
-    def finish(self) -> None: ...
-
-
 def _parts(path: Path) -> Iterator[bytes]:
     """The content from its first character on; a file may also grow meanwhile."""
     if check_regular(path) > MOST_BYTES:
@@ -118,7 +110,7 @@ def _parts(path: Path) -> Iterator[bytes]:
 
 def _read(parts: Iterator[bytes], lines: StreetLines) -> None:
     first = next(parts, b"")
-    reader: _Format = _Gpx(lines) if first.startswith(b"<") else _GeoJson(lines)
+    reader = _Gpx(lines) if first.startswith(b"<") else _GeoJson(lines)
     reader.take(first)
     for part in parts:
         reader.take(part)

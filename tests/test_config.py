@@ -13,7 +13,7 @@ from logger.config import parse_config
 from logger.core.errors import ConfigError
 from logger.core.live import LiveTracker
 from logger.core.runfile import RunMeta, RunWriter, finish_journal, read_run
-from logger.device.port_url import check_url
+from logger.device.port import check_url
 from logger.device.startup import usable_folder
 from tests.kit import runs, service
 

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.verification.celldb import CellDb
-from postproc.verification.celldb_import import COLUMNS, CellImport
+from postproc.verification.celldb import COLUMNS, CellDb, CellImport
 
 Json = dict[str, object]
 

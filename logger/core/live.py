@@ -44,7 +44,7 @@ class Receiver(NamedTuple):
 
 
 class ReceiverTrack:
-    """Fixes in their recorded order, in the UTM zone of the first; None before it."""
+    """Fixes in their recorded order; `utm` is the zone of the first position, None before it."""
 
     def __init__(self, max_fix_age_s: float) -> None:
         self.utm: Utm | None = None
@@ -253,15 +253,15 @@ class LiveTracker:
         here, target, before_end = receiver.place, pursuit.cell, pursuit.over
         if self.followed is None or self.followed.cell != target:
             self.followed = FollowedCell(target, self._streets.near(here))
-        before = self.followed.advice
+        before = self.followed.way
         word = self.suspicion.assessment(target).word
         pursuit.walk(t_ns, here, is_suspicious=word == "suspicious")
         if self.followed.update(here, self._cells[target].locator) and self.followed.answer:
             pursuit.judge(self.followed.answer)
         notes = []
-        advice = self.followed.advice
-        if advice is not None and advice is not before:
-            notes.append(Note("info", ADVICE, f"{target}: {advice.text}"))
+        way = self.followed.way
+        if way is not None and way is not before:
+            notes.append(Note("info", ADVICE, f"{target}: {way.text}"))
         if self._gives_up and pursuit.over not in {"", before_end}:
             notes.append(Note("info", "target-over", f"{target}: {pursuit.over}"))
         return notes

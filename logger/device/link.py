@@ -1,7 +1,9 @@
-"""What a source of records is, and the thread that opens it again whenever it comes back."""
+"""A source of records, its lines of `fieldlogger check`, and the thread that opens it again."""
 
 import logging
+import os
 import queue
+import stat
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -9,21 +11,23 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any, Generic, Literal, Protocol, Self, TypeVar
 
 import msgspec
 
 from logger.config import SourceSettings
 from logger.core.errors import DeviceError, FieldLoggerError
 from logger.core.types import Level, Note, RawBytes, Record, Value
-from logger.device.check_line import Line, port_line
 from logger.device.clock import Clock
-from logger.device.port import Port
-from logger.device.port_url import check_url
+from logger.device.port import Port, check_url
 from logger.device.scan_timeout import SilenceLimits
 from logger.drivers.privacy.redaction import Redactor
 from logger.drivers.reading.recognition import NumberHistory
 
+NOT_THERE = "is not there now"
+_MEMORY_DEVICES = 1
+"""Their major number: /dev/zero and /dev/null are no ports (Linux admin-guide/devices.txt)."""
+State = Literal["ok", "warn", "fail"]
 log = logging.getLogger(__name__)
 
 RETRY_S = 1.0
@@ -33,6 +37,34 @@ NOTE_INTERVAL_S = 10.0
 """Interval of the notes on frequent events: the run shows the trend, and the log stays readable."""
 MOST_CHUNKS_LEFT = 32
 """Serial buffers hold far less; a device that never stops sending must not delay the stop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One thing checked: `warn` may still come right by itself, `fail` will not."""
+
+    state: State
+    what: str
+    text: str
+
+
+def port_line(name: str, url: str) -> Line:
+    """Whether a port that may be plugged in later is there now, and may be used."""
+    if "://" in url:
+        return Line("ok", name, f"{url} is a network port, not looked at")
+    path = Path(url)
+    try:
+        status = path.stat()
+        is_device = stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) != _MEMORY_DEVICES
+    except FileNotFoundError:
+        return Line("warn", name, f"{url} {NOT_THERE}; it is picked up when it is plugged in")
+    except OSError as error:
+        return Line("fail", name, f"{url}: {error.strerror}")
+    if not is_device:
+        return Line("fail", name, f"{url} is no serial port")
+    if not os.access(path, os.R_OK | os.W_OK):
+        return Line("fail", name, f"no permission for {url}; add this user to the group dialout")
+    return Line("ok", name, url)
 
 
 class Inbox:

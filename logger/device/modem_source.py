@@ -10,9 +10,8 @@ from logger.config import ModemSettings
 from logger.core.errors import DeviceError
 from logger.core.source_tables import GNSS, MODEM
 from logger.core.types import CellReading, Fix
-from logger.device.check_line import Line
 from logger.device.gnss_source import count_unmeasured, credible
-from logger.device.link import Device, Link, Source
+from logger.device.link import Device, Line, Link, Source
 from logger.device.mode_switch import ModeSwitch, SavedModes
 from logger.device.modem_exchange import AfterStop, ModemExchange
 from logger.device.port import Port

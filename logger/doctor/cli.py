@@ -20,7 +20,7 @@ from logger.command_line import (
 
 with late_modules():
     from logger import check as checking
-    from logger.doctor import bundle, examination
+    from logger.doctor import examination
 
 
 @click.command
@@ -62,7 +62,7 @@ def doctor(config: Path, trial_s: float, report: Path | None, *, as_json: bool) 
         examined = examination.examine(config, trial_s, progress)
     progress("")
     if report is not None:
-        bundle.write_report(report, examined.lines, config, examined.run)
+        examination.write_report(report, examined.lines, config, examined.run)
     show(checking.document_of(examined.lines), as_json=as_json)
     return checking.exit_code(examined.lines)
 

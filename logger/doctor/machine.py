@@ -16,7 +16,7 @@ from logger.core.runfile.run_names import JOURNAL, first_part
 from logger.core.timebase import fit_run
 from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS, utc_text
 from logger.device.battery import batteries, is_low
-from logger.device.check_line import Line, State
+from logger.device.link import Line, State
 from logger.device.machine import (
     MOUNTINFO,
     UNDERVOLTAGE_NOW,

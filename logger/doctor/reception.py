@@ -14,7 +14,7 @@ from logger.core.runfile import Run
 from logger.core.source_tables import GNSS, MODEM
 from logger.core.squares import square_of
 from logger.core.types import DEAD_RECKONING
-from logger.device.check_line import Line, State
+from logger.device.link import Line, State
 from logger.drivers.registry import FAMILIES
 
 COARSE_M = 15.0

@@ -1,24 +1,207 @@
-"""What all phones are sent: the status, the walk and the machine as one JSON text."""
+"""What all phones are sent: status, walk (track, levels, marks) and machine as one JSON text."""
 
 import asyncio
+import math
+import os
 import re
 import time
+from array import array
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from logger.core.runfile.run_names import JOURNAL
+from logger.core.foreign import open_regular
+from logger.core.latest import Latest
+from logger.core.live_settings import MARK
+from logger.core.runfile.frames import Frame, Kind, payload_of, scan
+from logger.core.runfile.run_names import JOURNAL, part_path
+from logger.core.schema import SCHEMA_VERSION, columns_of, packing_of
+from logger.core.types import CellReading
 from logger.device.machine import Machine, machine
 from logger.device.status import SILENT_S, Status, read_status
-from logger.page.walk import TABLES, JournalTail, Walk
 
+_CRC_BYTES = 4
+_PORTION = 1 << 16
+_LARGEST_PORTION = 1 << 22
+"""Frames of a second are far smaller; only a flush after a full card makes larger ones."""
+_OLDEST = 3
+"""Version of the rows that are read; before it `identity_unsure` is missing."""
+_PACKING = {version: packing_of(version) for version in range(_OLDEST, SCHEMA_VERSION + 1)}
+_NAMES = {
+    version: {table: [name for name, _ in of] for table, of in columns_of(version).items()}
+    for version in _PACKING
+}
+
+Row = dict[str, Any]
 LOOK_S = 0.1
 BEAT_S = 1.0
 """Without anything new the phone hears this often that the page is there."""
 MACHINE_S = 5.0
 _JOURNAL = re.compile(rf"[\w.-]+{re.escape(JOURNAL)}", re.ASCII)
+
+
+class JournalTail:
+    """Follows the files of one journal; `rows` are those that are new.
+
+    `is_sealed` says that the recorder has closed it in order.
+    """
+
+    def __init__(self, journal: Path, tables: frozenset[str]) -> None:
+        self.journal = journal
+        self._tables = tables
+        self._part = 1
+        self._position = 0
+        self._portion = _PORTION
+        self.is_sealed = False
+
+    def rows(self) -> Iterator[tuple[str, Row]]:
+        """Rows of the next portion with the names of their tables; values as they are stored."""
+        data = self._read()
+        end = 0
+        for frame in scan(data):
+            if isinstance(frame, Frame):
+                end = frame.start + frame.length + _CRC_BYTES
+                self.is_sealed |= frame.kind == Kind.END
+                yield from self._rows_in(frame, data)
+        self._position += end
+        if end:
+            self._portion = _PORTION
+        elif data.strip(b"\0"):
+            self._portion = min(2 * self._portion, _LARGEST_PORTION)
+        elif part_path(self.journal, self._part + 1).exists():
+            self._part, self._position = self._part + 1, 0
+
+    def _read(self) -> bytes:
+        try:
+            with open_regular(part_path(self.journal, self._part), follow_links=False) as file:
+                return os.pread(file.fileno(), self._portion, self._position)
+        except OSError:
+            return b""
+
+    def _rows_in(self, frame: Frame, data: bytes) -> Iterator[tuple[str, Row]]:
+        if frame.kind != Kind.ROWS or frame.schema not in _PACKING:
+            return
+        packing, names = _PACKING[frame.schema], _NAMES[frame.schema]
+        payload = payload_of(data[frame.start : frame.start + frame.length], frame.version)
+        if not payload:
+            return
+        table = payload[1 : 1 + payload[0]].decode("ascii", "replace")
+        body = payload[1 + payload[0] :]
+        if table not in self._tables or len(body) % packing[table].size:
+            return
+        for values in packing[table].iter_unpack(body):
+            yield table, dict(zip(names[table], values, strict=True))
+
+
+TABLES = frozenset({"fixes", "readings", "notes"})
+STEP_M = 4.0
+"""Distance of points of the track: less is not seen on a phone, and GPS is no better."""
+MOST_POINTS = 20_000
+"""Of the track: 80 km."""
+MOST_LEVELS = 20_000
+"""Of each cell: eleven hours of scans."""
+MOST_MARKS = 500
+MOST_CELLS = 64
+MINUTE_NS = 60 * 10**9
+_METRES_PER_DEG = 111_320.0
+
+
+class Walk:
+    """One run so far; `take` its rows in their order.
+
+    `n_marks` grows with each mark that is on the card, `n_readings` with each reading.
+    """
+
+    def __init__(self) -> None:
+        self._t_ns, self._lat, self._lon = array("q"), array("d"), array("d")
+        self._cells: Latest[_Levels] = Latest(MOST_CELLS)
+        self._marks: deque[tuple[float, float, str]] = deque(maxlen=MOST_MARKS)
+        self._here: tuple[float, float] | None = None
+        self.n_marks = self.n_readings = 0
+
+    def take(self, table: str, row: Row) -> None:
+        """Take a row of the run."""
+        if table == "fixes" and row["valid"]:
+            self._add_point(row["t_ns"], row["lat_deg"], row["lon_deg"])
+        elif table == "readings":
+            self.n_readings += 1
+            if row["cell"] and not row["identity_unsure"]:
+                self._add_level(row)
+        elif table == "notes" and _text(row["code"]) == MARK:
+            self.n_marks += 1
+            if self._here is not None:
+                self._marks.append((*self._here, _text(row["text"])))
+
+    def minute(self, cell: str | None, now_ns: int) -> list[tuple[float, float]]:
+        """Age in seconds and level of the readings of a cell in the last minute."""
+        levels = self._cells.get(cell or "")
+        if levels is None:
+            return []
+        recent = ((t_ns, level) for t_ns, level in levels.recent if t_ns > now_ns - MINUTE_NS)
+        return [(round((now_ns - t_ns) / 1e9, 1), level) for t_ns, level in recent]
+
+    def track(self, cell: str, from_point: int = 0, from_level: int = 0) -> dict[str, Any]:
+        """Points from a number on, and levels of a cell, each with the number of its point."""
+        points = zip(self._lat[from_point:], self._lon[from_point:], strict=True)
+        levels = self._cells.get(cell)
+        at = [] if levels is None else levels.point[from_level:]
+        dbm = [] if levels is None else levels.dbm[from_level:]
+        return {
+            "points": [(round(lat, 6), round(lon, 6)) for lat, lon in points],
+            "levels": [(i, round(level, 1)) for i, level in zip(at, dbm, strict=True)],
+            "marks": list(self._marks),
+        }
+
+    def _add_point(self, t_ns: int, lat_deg: float, lon_deg: float) -> None:
+        self._here = lat_deg, lon_deg
+        if len(self._lat) >= MOST_POINTS or not math.isfinite(lat_deg + lon_deg):
+            return
+        if self._lat:
+            north_m = (lat_deg - self._lat[-1]) * _METRES_PER_DEG
+            east_m = (lon_deg - self._lon[-1]) * _METRES_PER_DEG * math.cos(math.radians(lat_deg))
+            if math.hypot(north_m, east_m) < STEP_M:
+                return
+        self._t_ns.append(t_ns)
+        self._lat.append(lat_deg)
+        self._lon.append(lon_deg)
+
+    def _add_level(self, row: Row) -> None:
+        level_dbm = _level_dbm(row)
+        if level_dbm is None:
+            return
+        name = _text(row["cell"])
+        levels = self._cells.get(name) or _Levels()
+        self._cells.put(name, levels)
+        levels.recent.append((row["t_ns"], level_dbm))
+        if self._lat and len(levels.dbm) < MOST_LEVELS:
+            # a flush writes its fixes together, those after the reading too
+            levels.point.append(max(bisect_right(self._t_ns, row["t_ns"]) - 1, 0))
+            levels.dbm.append(level_dbm)
+
+
+class _Levels:
+    def __init__(self) -> None:
+        self.point, self.dbm = array("I"), array("f")
+        self.recent: deque[tuple[int, float]] = deque(maxlen=120)
+
+
+def _level_dbm(row: Row) -> float | None:
+    known = {
+        name: value
+        for name in ("rsrp_dbm", "rscp_dbm", "rssi_dbm")
+        if math.isfinite(value := row[name])
+    }
+    index = row["rxlev_raw"] if row["rxlev_raw"] >= 0 else None
+    return CellReading("scan", rxlev_raw=index, **known).level_dbm
+
+
+def _text(stored: bytes) -> str:
+    return stored.rstrip(b"\0").decode("utf-8", "replace")
 
 
 class State(msgspec.Struct, frozen=True):

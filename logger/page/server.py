@@ -377,10 +377,6 @@ class Guarded(RequestHandler):
             self.detach().close()
 
 
-class Refused(Guarded):
-    """Any other address: it has no token, so the checks refuse it."""
-
-
 class AssetHandler(Guarded):
     """The page itself, its styles and scripts."""
 
@@ -634,7 +630,7 @@ def application(site: Site) -> Application:
             (r"/([^/]+)/(follow|mark|within)", RequestHandlerOf, one),
             (r"/([^/]+)/([a-z0-9.-]*)", AssetHandler, one),
         ],
-        default_handler_class=Refused,
+        default_handler_class=Guarded,  # any other address has no token
         default_handler_args=one,
         log_function=lambda _handler: None,  # addresses contain the token
     )

@@ -42,10 +42,6 @@ class Grid:
     east: int = 0
     north: int = 0
 
-    def blocks_at(self, x_m: FloatArray, y_m: FloatArray) -> IntArray:
-        """Number of the block of each position, shape (n,)."""
-        return self.blocks_of(half_blocks_at(x_m, y_m))
-
     def blocks_of(self, half: IntArray) -> IntArray:
         """Number of the block that contains each half block, shape (n,)."""
         column, row = _column_and_row(half)

@@ -14,8 +14,7 @@ from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.places import MAX_LATITUDE_DEG, check_position
 from logger.sqlite_file import is_sqlite
 from postproc.foreign_file import Lines, text_lines, with_limit
-from postproc.verification.celldb import CellDb
-from postproc.verification.celldb_import import cell_export
+from postproc.verification.celldb import CellDb, cell_export
 
 RANGE_SIGMA = 0.5
 """Sigma of a position in an export by its `range`, the greatest distance at which the cell was

@@ -26,7 +26,6 @@ with late_modules():
     from postproc import result as estimation
     from postproc.verification import celldb as databases
     from postproc.verification import (
-        celldb_import,
         claims,
         run_claims,
         run_sites,
@@ -169,7 +168,7 @@ def import_exports(paths: Sequence[Path], output: Path, *, as_json: bool) -> int
     FILE is a world, country or MLS export, .gz or plain.
     """
     atomic_write.check_writable(output)
-    work = celldb_import.CellImport(list(paths), output)
+    work = databases.CellImport(list(paths), output)
     names = [path.name for path in paths for _ in range(100)]
     for _ in progress.with_progress(work, "importing", len(names), names):
         pass

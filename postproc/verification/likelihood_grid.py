@@ -97,10 +97,6 @@ class LikelihoodGrid:
         """The same walk and hypotheses on another grid."""
         return likelihood_grid(self.blocks, self.prior, squares, self.whiteners)
 
-    def with_prior(self, prior: Prior) -> "LikelihoodGrid":
-        """The same walk, hypotheses and squares with another prior of the coefficients."""
-        return likelihood_grid(self.blocks, prior, self.squares, self.whiteners)
-
     def with_walk(self, blocks: Blocks, whiteners: list[Whitener]) -> "LikelihoodGrid":
         """The same squares for another walk."""
         return likelihood_grid(blocks, self.prior, self.squares, whiteners)
@@ -267,11 +263,6 @@ class Nuisances:
     sigma_db: FloatArray
     eta: FloatArray
     eta_variance: FloatArray
-
-    @property
-    def mean_sigma_db(self) -> float:
-        """Noise that the walk shows."""
-        return float(self.probability @ self.sigma_db)
 
     def walks(self, positions: Places, rng: np.random.Generator) -> FloatArray:
         """Levels of one walk for each place (b,) of the transmitter, shape (n, b)."""

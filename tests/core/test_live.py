@@ -283,7 +283,7 @@ def test_another_target_is_followed_anew():
     tracker.feed(1001, _fix(204, 13.003))
     assert tracker.target == "262-01-4711-2"
     assert tracker.followed.cell == "262-01-4711-2"
-    assert tracker.followed.advice is None
+    assert tracker.followed.way is None
 
 
 def _targets(settings, *records):

@@ -16,12 +16,11 @@ from logger.device.machine import kept_in_memory, machine
 from logger.device.mode_switch import SavedModes
 from logger.device.page_requests import FILE, PageRequests
 from logger.device.status_text import report
-from logger.doctor.bundle import without_private
+from logger.doctor.examination import without_private
 from logger.doctor.machine import holders, plug, power, temperature
-from logger.page.feed import Feed
+from logger.page.feed import TABLES, Feed, JournalTail
 from logger.page.server import open_run
 from logger.page.token import make_token, read_token
-from logger.page.walk import TABLES, JournalTail
 from tests.kit import foreign_files
 
 SUPPLY = ("type", "scope", "present", "capacity", "voltage_now", "current_now", "status")

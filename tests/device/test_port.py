@@ -17,8 +17,7 @@ from logger.core.types import RawBytes
 from logger.device.clock import SystemClock
 from logger.device.gnss_source import NmeaSource
 from logger.device.link import Inbox, Link
-from logger.device.port import Port
-from logger.device.port_url import check_url
+from logger.device.port import Port, check_url
 
 
 def _read(port, n):

@@ -1,6 +1,6 @@
 import pytest
 
-from logger.doctor.bundle import without_private
+from logger.doctor.examination import without_private
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from logger.cli import main
-from logger.device.check_line import Line
+from logger.device.link import Line
 from logger.device.mode_switch import SavedMode, SavedModes
 from logger.doctor.examination import overall
 from logger.doctor.machine import open_journal

@@ -8,8 +8,7 @@ from logger.core.live_settings import MARK
 from logger.core.runfile import RunWriter
 from logger.core.types import Note, Record
 from logger.device.status import Status, write_status
-from logger.page.feed import Feed
-from logger.page.walk import MOST_POINTS, TABLES, JournalTail, Walk
+from logger.page.feed import MOST_POINTS, TABLES, Feed, JournalTail, Walk
 from tests.kit import service
 from tests.kit.runs import meta, records, write_journal
 

@@ -41,7 +41,7 @@ def folder(tmp_path, monkeypatch):
         "postproc.smoothing.smooth_runs",
         "postproc.interop.importing.import_walk",
         "postproc.interop.share.share",
-        "postproc.verification.celldb_import.CellImport",
+        "postproc.verification.celldb.CellImport",
         "postproc.reproductions.toa.simulate",
     ):
         monkeypatch.setattr(

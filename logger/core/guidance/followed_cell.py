@@ -117,11 +117,6 @@ class FollowedCell:
         self.region: MultiPolygon | None = None
         self.way: NextWay | None = None
 
-    @property
-    def advice(self) -> Advice | None:
-        """The latest advice."""
-        return self._guide.advice
-
     def update(self, here: Places, locator: OnlineLocator) -> bool:
         """Take a place of the walker; where a new plan is due, ask the cell's locator.
 

@@ -65,12 +65,6 @@ class FrameReader:
         self.damaged: Counter[str] = Counter()
         self.skipped: Counter[int] = Counter()
 
-    @property
-    def n_frames(self) -> int:
-        """Frames so far, also damaged ones."""
-        kinds = (self.n_records, self.n_other, self.damaged.total(), self.skipped.total())
-        return sum(kinds)
-
     def feed(self, data: bytes) -> list[LogRecord]:
         """Records of the frames that end in `data`."""
         data = self._rest + data if self._rest else data

@@ -15,7 +15,7 @@ from postproc.comparison.changes import (
     probability,
     scale_of,
 )
-from postproc.comparison.ground import FREEDOM, Differences, Grid, scale_db
+from postproc.comparison.ground import FREEDOM, Differences, Grid, half_blocks_at, scale_db
 from tests.postproc.comparison.city import name, walk
 
 
@@ -228,7 +228,7 @@ GRID = Grid()
 
 def along_a_street(difference_db):
     n = len(difference_db)
-    block = GRID.blocks_at(390_000.0 + 50.0 * np.arange(n), np.full(n, 5_820_000.0))
+    block = GRID.blocks_of(half_blocks_at(390_000.0 + 50.0 * np.arange(n), np.full(n, 5_820_000.0)))
     return Differences("c", "", block, difference_db, np.full(n, 16.0), np.zeros(n, np.int64))
 
 
@@ -274,7 +274,9 @@ def across_a_city(difference_db):
     side = int(np.sqrt(len(difference_db)))
     east_m, north_m = 50.0 * np.indices((side, side)).reshape(2, -1)
     street = along_a_street(difference_db)
-    return replace(street, block=GRID.blocks_at(390_000.0 + east_m, 5_820_000.0 + north_m))
+    return replace(
+        street, block=GRID.blocks_of(half_blocks_at(390_000.0 + east_m, 5_820_000.0 + north_m))
+    )
 
 
 def test_a_city_of_blocks_is_tested_in_larger_squares():

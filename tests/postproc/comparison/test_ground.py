@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.comparison.ground import BLOCK_M, Grid, grounds_of
+from postproc.comparison.ground import BLOCK_M, Grid, grounds_of, half_blocks_at
 from tests.kit.walks import with_places
 from tests.postproc.comparison.city import LISTED, name, walk
 
@@ -16,18 +16,18 @@ def ground_of(cells):
 def test_a_block_is_where_its_middle_is():
     x_m, y_m = np.array([-120.0, 0.0, 24.9, 390_001.0]), np.array([3.0, -1.0, 0.0, 5_820_049.0])
     grid = Grid(1, 0)
-    block = grid.blocks_at(x_m, y_m)
+    block = grid.blocks_of(half_blocks_at(x_m, y_m))
     middle_x_m, middle_y_m = grid.centres_m(block)
     assert np.all(np.abs(middle_x_m - x_m) <= 0.5 * BLOCK_M)
     assert np.all(np.abs(middle_y_m - y_m) <= 0.5 * BLOCK_M)
-    assert np.all(grid.blocks_at(middle_x_m, middle_y_m) == block)
+    assert np.all(grid.blocks_of(half_blocks_at(middle_x_m, middle_y_m)) == block)
 
 
 def test_levels_are_means_of_their_block():
     cells = walk(1)
     ground = ground_of(cells)
     first, obs = ground.cells[name(1)], next(obs for obs in cells if obs.cell == name(1)).usable()
-    block = ground.grid.blocks_at(obs.x_m, obs.y_m)
+    block = ground.grid.blocks_of(half_blocks_at(obs.x_m, obs.y_m))
     assert first.block.tolist() == sorted(set(block.tolist()))
     for number, level_dbm, count in zip(first.block, first.level_dbm, first.count, strict=True):
         assert count == np.sum(block == number)

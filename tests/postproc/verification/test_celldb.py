@@ -6,8 +6,7 @@ from pyproj import Geod
 
 from logger.core.cell_names import identity_of
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from postproc.verification.celldb import CellDb
-from postproc.verification.celldb_import import COLUMNS, CellImport
+from postproc.verification.celldb import COLUMNS, CellDb, CellImport
 
 HEADER = ",".join(COLUMNS) + "\n"
 ROW = "GSM,262,1,4711,100,0,13.4,52.5,1000,7,1,1282569574,1300155341,0\n"

@@ -1,7 +1,7 @@
 import pytest
 
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from postproc.verification.celldb_import import CellImport
+from postproc.verification.celldb import CellImport
 from postproc.verification.claims import RANGE_SIGMA, UNKNOWN_SIGMA_M, parse_claim, read_claims
 
 HEARD = ["262-01-801-86355", "262-01-801-9", "target"]
