@@ -33,9 +33,8 @@ from benchmarks.synthetic_city.year import year
 from logger.core.locator.pipeline import locate
 from logger.core.runfile import read_sound_run
 from postproc.smoothing import smooth_runs
-from postproc.survey import thinning
 from postproc.survey.alignment import align
-from postproc.survey.cell_location import joined_readings
+from postproc.survey.cell_location import joined_readings, thin
 from postproc.survey.dataset import Survey
 from postproc.survey.scheduling import Cluster
 from postproc.survey.tasks import RunChoice, Task, locate_cells, tasks_of
@@ -138,7 +137,7 @@ def thinning_loss(folder: Path, options: argparse.Namespace) -> Iterator[str]:
         parts = survey.observations(one.area, [one.cell])[one.cell]
         obs = joined_readings(parts, [survey.runs[digest].modem for digest in parts])
         aligned = align(obs.usable()).obs
-        thinned = thinning.thin(aligned)
+        thinned = thin(aligned)
         began_s = time.process_time()
         whole = locate(aligned, OPTIONS.prior)
         whole_s, began_s = time.process_time() - began_s, time.process_time()

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
-from logger.core.identities import FEWEST_SCANS
+from logger.core.cell_names import FEWEST_SCANS
 from logger.core.types import CellReading
 from logger.drivers.family import Family
 from logger.drivers.generic import Generic

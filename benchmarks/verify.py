@@ -32,7 +32,7 @@ from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.readings import Readings
 from postproc.area_file import area_of
-from postproc.cell_estimation import too_few
+from postproc.smoothing import too_few
 from postproc.verification.claim_test import ClaimTest, around
 
 SHAPES = ("L", "square", "random")

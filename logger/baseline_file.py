@@ -15,8 +15,8 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from logger.core.baseline import HeardInSquare, KnownCell, SquareHistory
+from logger.core.cell_names import FEWEST_SCANS
 from logger.core.errors import RunFileError
-from logger.core.identities import FEWEST_SCANS
 from logger.core.latest import Latest
 from logger.core.live_settings import OFF, OWN
 from logger.sqlite_file import connect

@@ -26,12 +26,11 @@ from logger.baseline_file import (
     parts_of,
 )
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.censoring import levels_dbm
 from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
 from logger.core.errors import ConfigError, FieldLoggerError, RunFileError
 from logger.core.places import track_of
 from logger.core.provenance import is_import
-from logger.core.readings import places_of
+from logger.core.readings import levels_dbm, places_of
 from logger.core.rows import Rows
 from logger.core.runfile import Run, sealing_of
 from logger.core.squares import SQUARE_M, squares_of

@@ -36,8 +36,8 @@ with late_modules():
     from logger import own_baseline
     from logger import probe as probing
     from logger import simulate as simulation
-    from logger.core import document, identities, live_settings
-    from logger.device import battery, clock, memory, notify, run_service, signals, startup
+    from logger.core import cell_names, document, live_settings
+    from logger.device import battery, clock, memory, notify, service, startup
     from logger.drivers import registry, transcript
     from logger.drivers.reading import row_language as reading_rows
 
@@ -115,18 +115,16 @@ def run(config: Path, duration_s: float | None) -> None:
     system_clock, manager = clock.SystemClock(), notify.ServiceManager.of(os.environ)
     if duration_s is None and site.run.longest_h:
         duration_s = 3600.0 * site.run.longest_h  # systemd starts the next run
-    with signals.stop_signals() as stop:
+    with notify.stop_signals() as stop:
         if site.power.stop_percent or site.power.stop_volts:
             battery.wait_for_charger(site.power, manager, stop[0])
             if stop[0].is_set():
                 return
-        begun = startup.begin_run(site, text, system_clock)  # before run_service, which is slow
+        begun = startup.begin_run(site, text, system_clock)  # before service, which is slow
         if begun.writer.is_durable:
             manager.alive()
         learning = [sys.executable, "-m", "logger.cli", "learn", "--config", str(config)]
-        path = run_service.run_service(
-            site, begun, manager, system_clock, stop, duration_s, learning
-        )
+        path = service.run_service(site, begun, manager, system_clock, stop, duration_s, learning)
         print(path)
 
 
@@ -177,7 +175,7 @@ def forget(run: str, config_path: Path, *, as_json: bool) -> None:
 @json_option
 def trust(cell: str, note: str, config_path: Path, *, as_json: bool) -> None:
     """Trust a cell in the device's baseline, with a NOTE that says why."""
-    if identities.identity_of(cell) is None:
+    if cell_names.identity_of(cell) is None:
         raise ConfigError(f"{cell!r} is no cell: mcc-mnc-area-cid is wanted, like 262-01-801-86355")
     own_baseline.trust(_own_folder(config_path), cell, note)
     content = {"cell": cell, "note": note}

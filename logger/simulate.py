@@ -19,8 +19,8 @@ from logger.core.provenance import SIMULATED
 from logger.core.runfile import Truth
 from logger.device.clock import ScaledClock
 from logger.device.live_view import LiveView
+from logger.device.notify import stop_signals
 from logger.device.service import Service
-from logger.device.signals import stop_signals
 from logger.device.startup import begin_run
 from logger.device.status import write_status
 from logger.sim.city import CITIES

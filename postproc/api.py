@@ -23,7 +23,6 @@ from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run, read_sound_run
 from postproc.area_file import area_of
 from postproc.atomic_write import check_output
-from postproc.cell_estimation import locate_cell
 from postproc.estimators.least_squares import Loss
 from postproc.ground import Group, check_one_place
 from postproc.ground import by_place as groups_of
@@ -33,7 +32,7 @@ from postproc.multi_run import named_apart
 from postproc.progress import Progress, with_progress
 from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import observed_cells
-from postproc.smoothing import smooth_runs
+from postproc.smoothing import locate_cell, smooth_runs
 from postproc.suspicion.run_assessment import Suspicions, assess_runs, conspicuous_first
 from postproc.verification.claims import Claim, read_claims
 from postproc.verification.run_claims import verify_claims

@@ -17,10 +17,9 @@ import numpy as np
 
 from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.cell_names import REUSED_M, is_by_channel
+from logger.core.cell_names import FEWEST_SCANS, REUSED_M, identity_of, is_by_channel
 from logger.core.document import Document, Line, Part
 from logger.core.errors import EstimationError, GeoError
-from logger.core.identities import FEWEST_SCANS, identity_of
 from logger.core.places import MAX_LATITUDE_DEG, Places, Track, Utm, track_of
 from logger.core.readings import Readings
 from logger.core.readings import places_of as at_readings

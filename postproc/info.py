@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from logger.core.censoring import levels_dbm
 from logger.core.column import UNKNOWN_ID
 from logger.core.document import Column, Document, Line, Table, Word, facts
 from logger.core.errors import ConfigError
+from logger.core.readings import levels_dbm
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run, Sealing, read_sealed_run
 from logger.core.suspicion.words import in_plain_words

@@ -13,6 +13,10 @@ from typing import Any, TypeVar
 import click
 
 from logger.command_line import INPUT, late_modules, number
+from logger.core.errors import ConfigError
+
+_USUAL_M = 1000.0
+
 
 with late_modules():
     from logger import street_file
@@ -270,3 +274,14 @@ def stored_result(
 def processors() -> int:
     """Number of processors that the estimators may use."""
     return os.cpu_count() or 1
+
+
+def place_of(text: str) -> tuple[float, float, float]:
+    """LAT,LON[,RADIUS_M]; raises `ConfigError`."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in {2, 3}:
+        raise ConfigError(f"{text!r} is no position: LAT,LON or LAT,LON,RADIUS_M is wanted")
+    return values[0], values[1], values[2] if len(values) == 3 else _USUAL_M

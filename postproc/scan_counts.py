@@ -9,9 +9,8 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from logger.core.cell_names import is_by_channel, why_no_name
+from logger.core.cell_names import FEWEST_SCANS, is_by_channel, why_no_name
 from logger.core.errors import ConfigError
-from logger.core.identities import FEWEST_SCANS
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
 from logger.core.timebase import utc_clock

@@ -6,6 +6,9 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import shapely
+from msgspec import Struct
+from pyproj import Geod
 
 from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position, Region
 from logger.core.document import (
@@ -32,6 +35,7 @@ from logger.core.suspicion.words import reason_line, strongest_reasons
 from logger.core.utc import utc_text
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.direction_check import AXES
+from postproc.estimators.region_outline import polygons
 from postproc.ground import runs_text
 from postproc.info import RunFacts, describe
 from postproc.result import (
@@ -46,7 +50,6 @@ from postproc.result import (
     Result,
     region_of,
 )
-from postproc.truth import TruthCheck, truth_of
 
 _PLACE = ("lat", "lon", "r95_m", "r50_m", "drms_m")
 _PARAMETERS = ("p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
@@ -96,6 +99,7 @@ _RUN_COLUMNS = (
     Column("verdict"),
 )
 Parts = list[str | Line | Table]
+_GEOD = Geod(ellps="WGS84")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +108,15 @@ class RunSummary(RunFacts):
 
     n_readings_without_position: int
     warnings: list[str]
+
+
+class TruthCheck(Struct, kw_only=True):
+    """True position of a simulated cell."""
+
+    lat: float
+    lon: float
+    error_m: float | None = None
+    inside_region95: bool | None = None
 
 
 class SummaryRow(NamedTuple):
@@ -580,3 +593,16 @@ def _utc(utc_ns: int | None) -> str | None:
 def _fields(part: object, names: Sequence[str]) -> dict[str, object]:
     """Some fields of a part of an answer; null where the answer lacks it."""
     return {name: getattr(part, name, None) for name in names}
+
+
+def truth_of(result: CellResult, runs: Sequence[Run]) -> TruthCheck | None:
+    """True position of a simulated cell and the error of the best one; None for an unknown cell."""
+    truth = next((t for run in runs for t in run.meta.truth if t.cell == result.cell), None)
+    if truth is None:
+        return None
+    check = TruthCheck(lat=truth.lat_deg, lon=truth.lon_deg)
+    if (place := result.place) and result.posterior is not None and result.obs is not None:
+        check.error_m = _GEOD.inv(place.lon, place.lat, truth.lon_deg, truth.lat_deg)[2]
+        point = shapely.Point(result.obs.utm.to_xy(truth.lat_deg, truth.lon_deg))
+        check.inside_region95 = bool(polygons(result.posterior.squares).intersects(point))
+    return check

@@ -17,8 +17,7 @@ from logger.core.places import (
     smeared_sigma_m,
 )
 from logger.core.provenance import has_times, is_import
-from logger.core.readings import Observations, Readings, modems_of, observe, scan_times_ns
-from logger.core.regular_naming import NEAR_M
+from logger.core.readings import NEAR_M, Observations, Readings, modems_of, observe, scan_times_ns
 from logger.core.rows import Rows, numbered_texts
 from logger.core.runfile import Run
 from postproc.estimators import stale_fixes, track_plausibility, walker

@@ -7,7 +7,7 @@ import pytest
 
 from logger.cli import main
 from logger.config import parse_config
-from logger.device import modem_source, nmea_source
+from logger.device import gnss_source, modem_source
 from logger.device.clock import ScaledClock
 from logger.drivers.registry import FAMILIES
 from logger.probe import PortReport, probe, propose_config, site_toml
@@ -31,7 +31,7 @@ def patience():
     """A busy machine answers as well, later."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(modem_source, "PROBE_TRIES", 5)
-        patch.setattr(nmea_source, "PROBE_S", 2.5)
+        patch.setattr(gnss_source, "PROBE_S", 2.5)
         yield
 
 

@@ -11,9 +11,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.censoring import GSM_CEILING_DBM, GSM_FLOOR_DBM
 from logger.core.guidance.street_map import StreetMap
 from logger.core.model.path_loss import log_distance_db
+from logger.core.readings import GSM_CEILING_DBM, GSM_FLOOR_DBM
 from logger.sim.world import Shadowing
 
 from .ground import Ground, Node, OpenGround, Streets, Way

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.verification.cell_export import COLUMNS
 from postproc.verification.celldb import CellDb
-from postproc.verification.celldb_import import CellImport
+from postproc.verification.celldb_import import COLUMNS, CellImport
 
 Json = dict[str, object]
 

@@ -1,13 +1,19 @@
-"""Names of cells without an identity: technology, channel and code, as in `LTE-5780-210`.
+"""Names of cells, and which cells exist: those that two scans have named.
 
-Networks use a code again some kilometres away, so two transmitters may have one such name.
+A changed digit names a cell that does not exist. The first time nothing shows it; where it comes
+again, the driver knows the true cell and marks the identity as unsure. So a cell named in a single
+scan is never a target and never located, and an unsure identity does not make a cell known.
+
+A cell without an identity is named by technology, channel and code, as in `LTE-5780-210`. Networks
+use a code again some kilometres away, so two transmitters may have one such name.
 """
 
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from logger.core.types import HIGHEST_ARFCN, CellReading
+from logger.core.latest import Latest
+from logger.core.types import HIGHEST_ARFCN, CellReading, Scan
 
 REUSED_M = 10_000.0
 """Places of one name that are farther apart, with none between, are of two cells."""
@@ -31,6 +37,11 @@ SAME_CARRIER: Mapping[str, str] = MappingProxyType({"LTE-M": "LTE"})
 _NAME = re.compile(r"(.+?)-(0|[1-9][0-9]{0,6})-(0|[1-9][0-9]{0,3})", re.ASCII)
 _BEGINS_SO = re.compile(r"(GSM|WCDMA|UMTS|LTE|LTE-M|NB-IoT|NR)-.*", re.ASCII | re.IGNORECASE)
 _EXAMPLES = "LTE-5780-210 (EARFCN, PCI), GSM-62-37 (ARFCN, BSIC), WCDMA-10737-25 or NR-632448-17"
+FEWEST_SCANS = 2
+
+_MOST_ONCE = 1000
+"""With a false name in each second, a real cell has a quarter of an hour to be named again."""
+_MOST_KNOWN = 10_000
 
 
 def channel_name(reading: CellReading) -> str | None:
@@ -66,3 +77,36 @@ def _name(rat: str, channel: int | None, code: int | None) -> str | None:
     if not (0 <= channel <= highest_channel and 0 <= code <= highest_code):
         return None
     return f"{rat}-{channel}-{code}"
+
+
+class Identities:
+    """Names of late; those named once and those known are bounded apart.
+
+    So false names displace no known one.
+    """
+
+    def __init__(self) -> None:
+        self._once: Latest[None] = Latest(_MOST_ONCE)
+        self._known: Latest[None] = Latest(_MOST_KNOWN)
+
+    def __contains__(self, name: str | None) -> bool:
+        return name in self._known
+
+    def add(self, scan: Scan) -> None:
+        """Take the names of a scan, each once."""
+        sure = (r.cell for r in scan.readings if not r.identity_unsure)
+        for name in dict.fromkeys(name for name in sure if name is not None):
+            is_known = name in self._once or name in self._known
+            self._once.pop(name, None)
+            (self._known if is_known else self._once).put(name, None)
+
+
+def identity_of(name: str) -> tuple[int, int, int, int] | None:
+    """MCC, MNC, area and cell of a name, None where it is no identity."""
+    parts = name.split("-")
+    if len(parts) != 4 or not all(
+        part.isascii() and part.isdigit() and len(part) < 12 for part in parts
+    ):
+        return None
+    mcc, net, area, cell = map(int, parts)
+    return mcc, net, area, cell

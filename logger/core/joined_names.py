@@ -12,10 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.arrays import BoolArray, IntArray
-from logger.core.cell_names import CODES, HIGHEST, SAME_CARRIER, channel_name
+from logger.core.cell_names import (
+    CODES,
+    FEWEST_SCANS,
+    HIGHEST,
+    SAME_CARRIER,
+    Identities,
+    channel_name,
+)
 from logger.core.column import UNKNOWN_ID
 from logger.core.errors import EstimationError, GeoError
-from logger.core.identities import FEWEST_SCANS, Identities
 from logger.core.latest import Latest
 from logger.core.places import Places, track_of
 from logger.core.readings import places_of

@@ -6,33 +6,106 @@ the cell that needs it most is searched again: a bounded amount of work for any 
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 from logger.core.answer import Answer
 from logger.core.baseline import NO_BASELINE, Baseline
-from logger.core.cell_names import REUSED_M, is_by_channel
-from logger.core.censoring import limit_of
+from logger.core.cell_names import REUSED_M, Identities, is_by_channel
+from logger.core.errors import GeoError
 from logger.core.guidance.followed_cell import FollowedCell
 from logger.core.guidance.pursuit import Pursuit
 from logger.core.guidance.street_atlas import StreetAtlas, Streets
-from logger.core.identities import Identities
 from logger.core.joined_names import RecentNames
-from logger.core.latest import Latest
+from logger.core.latest import Latest, SampleHold
 from logger.core.live_cell import LiveCell
-from logger.core.live_receiver import Receiver, ReceiverTrack
 from logger.core.live_reference import LiveReference
 from logger.core.live_settings import FOLLOW, WITHIN, LiveSettings, within_of
 from logger.core.model.area import WalkArea
 from logger.core.model.prior import Prior, prior_for
-from logger.core.places import TIMING_S, Places
-from logger.core.readings import Readings
+from logger.core.places import TIMING_S, Places, Utm, place_of_fix, smeared_sigma_m
+from logger.core.readings import Readings, limit_of
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import error_notes, finding_notes
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 
+_LEAST_S = 1.0
+"""Shorter intervals between fixes give no speed: times of arrival vary by as much."""
 _MOST_ONCE = 100
 """Most cells seen once whose reading is stored: a real cell is received again soon."""
 ADVICE = "advice"
 """Code of the Note that says where to walk next."""
+
+
+class Receiver(NamedTuple):
+    """The walker at a fix: where and when, and the speed."""
+
+    place: Places
+    speed_mps: float
+
+
+class ReceiverTrack:
+    """Fixes in their recorded order, in the UTM zone of the first; None before it."""
+
+    def __init__(self, max_fix_age_s: float) -> None:
+        self.utm: Utm | None = None
+        self._fixes = SampleHold[Receiver](max_fix_age_s)
+        self._has_warned = False
+
+    @property
+    def latest(self) -> Receiver | None:
+        """The receiver at the latest fix, None if that had no position."""
+        return self._fixes.last
+
+    def add(self, t_ns: int, fix: Fix) -> list[Note]:
+        """Take a fix; the first one that cannot be mapped gives a warning."""
+        receiver, warnings = None, []
+        try:
+            receiver = self._receiver(t_ns, fix)
+        except GeoError as error:
+            warnings = self._warn_once(error)
+        self._fixes.add(t_ns, receiver)
+        return warnings
+
+    def at_scan(self, t_ns: int, scan: Scan) -> Receiver | None:
+        """The receiver at the middle of a scan that ended at `t_ns`, None if unknown.
+
+        The way walked during the scan adds to its sigma.
+        """
+        end = self._fixes.at(t_ns)
+        if end is None or t_ns - scan.t_start_ns <= TIMING_S * 1e9:
+            return end
+        begin = self._fixes.at(scan.t_start_ns)
+        middle = self._fixes.at((scan.t_start_ns + t_ns) // 2)
+        if begin is None or middle is None:
+            return None
+        smear_m = smeared_sigma_m(end.place.away_m(begin.place))
+        return middle._replace(place=middle.place.less_sure(float(smear_m)))
+
+    def _receiver(self, t_ns: int, fix: Fix) -> Receiver | None:
+        place = place_of_fix(t_ns, fix, self.utm)
+        if place is None:
+            return None
+        self.utm = place.utm
+        speed_mps = fix.speed_mps
+        if speed_mps is None:
+            speed_mps = _speed_mps(self._fixes.last, place)
+        return Receiver(place, speed_mps)
+
+    def _warn_once(self, error: GeoError) -> list[Note]:
+        if self._has_warned:
+            return []
+        self._has_warned = True
+        return [Note("warning", "unmapped", f"no live estimate: {error}")]
+
+
+def _speed_mps(before: Receiver | None, place: Places) -> float:
+    """Speed since the fix before, 0 without one."""
+    if before is None:
+        return 0.0
+    since_ns = place.t_ns.item() - before.place.t_ns.item()
+    if since_ns <= 0:
+        return 0.0
+    return place.away_m(before.place) / max(since_ns / 1e9, _LEAST_S)
 
 
 class LiveTracker:
@@ -103,7 +176,8 @@ class LiveTracker:
             case Scan() as scan:
                 return [*notes, *self._take_scan(seq, record, scan)]
             case Note(code=code, text=cell) if code == FOLLOW:
-                self._reference.follow(cell)
+                conspicuous = {one.cell for one in self.suspicion.conspicuous()}
+                self._reference.follow(cell, for_word=cell in conspicuous)
             case Note(code=code, text=metres) if code == WITHIN:
                 self.walk_area.widen(within_of(metres))
         return [*notes]

@@ -23,7 +23,7 @@ class LiveReference:
     def __init__(self, settings: LiveSettings) -> None:
         self._settings = settings
         self._wanted = settings.target
-        self._is_free = False
+        self._is_free = self._for_word = False
         self._finished: set[str] = set()
         self._latest = Scan(0, ())
         self.pursuit: Pursuit | None = None
@@ -60,7 +60,7 @@ class LiveReference:
             if is_held or best.cell == before.cell:
                 return None
         self._is_free = False
-        is_asked = self._wanted != SUSPICIOUS
+        is_asked = self._wanted != SUSPICIOUS and not self._for_word
         self.pursuit = Pursuit(best.cell, t_ns, self._settings.give_up_s, is_asked=is_asked)
         if before is not None and before.cell == best.cell:
             return None
@@ -74,9 +74,12 @@ class LiveReference:
         restart = "the reference filter starts again at the receiver"
         return Note("info", "target-changed", f"{text}, was {before.cell}; {restart}")
 
-    def follow(self, wanted: str) -> None:
-        """Choose from now on as the setting `target` with this value would."""
-        self._wanted = wanted
+    def follow(self, wanted: str, *, for_word: bool = False) -> None:
+        """Choose from now on as the setting `target` with this value would.
+
+        A cell that is chosen `for_word` is searched for no longer than one that nobody chose.
+        """
+        self._wanted, self._for_word = wanted, for_word
         self._is_free = wanted != STRONGEST and self._settings.give_up_s > 0.0
         self._finished.discard(wanted)
 

@@ -1,4 +1,15 @@
-"""Readings joined to the walker's track: the input of every estimator."""
+"""Readings joined to the walker's track, the input of every estimator, and which of them count.
+
+A reading at a limit of the modem's scale is censored: it means "at most" or "at least" this level.
+GSM: RXLEV 0 is anything below -110 dBm, RXLEV 63 anything above -48 dBm (3GPP TS 45.008, 8.1.4).
+The limits of other scales are not known and show as a pile of readings at the lowest or the highest
+value.
+
+A modem names its strongest cells. Where a cell is in some of the scans only, its readings are the
+high ones of that place, and all together they decay with distance more slowly than the levels do
+(truncation: J. Tobin, Econometrica 26, 1958). So readings count where most scans nearby name the
+cell.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,8 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.censoring import levels_dbm, limits
-from logger.core.column import UNKNOWN_TIME
+from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
 from logger.core.places import (
     Places,
     Track,
@@ -18,11 +28,23 @@ from logger.core.places import (
     smeared_sigma_m,
     track_of,
 )
-from logger.core.regular_naming import regularly_named
 from logger.core.repeated_levels import repeats_along
 from logger.core.rows import Rows, numbered_texts
 from logger.core.spikes import spikes_along
+from logger.core.types import RXLEV_0_DBM
 
+GSM_FLOOR_DBM = RXLEV_0_DBM
+GSM_CEILING_DBM = RXLEV_0_DBM + 63.0
+"""As nominal levels."""
+
+_LEAST_PILE = 5
+_PILE_SHARE = 0.05
+"""A pile has at least this share of the readings, and at least `_LEAST_PILE` of them."""
+_FEWEST_DIFFERENT = 5
+"""With fewer different levels a walk that stands still looks like a pile."""
+_NEXT_DB = 4.0
+_PILE_OVER_NEXT = 3.0
+"""A pile has this many times the readings of the mean decibel of the `_NEXT_DB` beside it."""
 LAST_TA = 63
 """Largest timing advance; base stations farther away have it too (3GPP TS 45.010)."""
 LAST_LTE_TA = 1282
@@ -30,6 +52,68 @@ LAST_LTE_TA = 1282
 _FARTHEST_M = 1e8
 """No coordinate or level on this Earth is larger."""
 _PER_READING = ("level_dbm", "scan_seq", "modem", "ta", "named_share")
+NEAR_M = 150.0
+"""Along the walk to either side.
+
+Farther, cells of a single walk through a dense city have no such place; nearer, slow shadowing
+still selects the readings.
+"""
+LEAST_SHARE = 0.75
+"""Of the scans near a reading.
+
+Coverage of 259 cells of three synthetic cities of 80 and 200 stations: with all readings 0.87, with
+0.75 of the scans 0.95, with 0.8 within 200 m 0.96. In 60 single walks in white noise 0.85, 0.92 and
+0.85.
+"""
+FEWEST_LEVELS = 20
+"""That have to remain, a few times the unknowns; else all readings count."""
+_STRONGEST = 0.1
+"""Share of the readings. A cell that is absent near these too is absent for another reason: the
+modem lists what the network tells it, or names one cell at a time."""
+
+
+def limits(level_dbm: FloatArray, rat: str | None) -> IntArray:
+    """0 for a level, -1 for a reading at the floor of the scale, +1 at its ceiling; shape (n,)."""
+    limit = np.zeros(len(level_dbm), np.int64)
+    finite_dbm = level_dbm[np.isfinite(level_dbm)]
+    if not len(finite_dbm):
+        return limit
+    low_dbm, high_dbm = float(np.min(finite_dbm)), float(np.max(finite_dbm))
+    if (_is_gsm(rat) and low_dbm == GSM_FLOOR_DBM) or _is_pile(finite_dbm, low_dbm):
+        limit[level_dbm == low_dbm] = -1
+    if (_is_gsm(rat) and high_dbm == GSM_CEILING_DBM) or _is_pile(-finite_dbm, -high_dbm):
+        limit[level_dbm == high_dbm] = 1
+    return limit
+
+
+def levels_dbm(readings: Rows) -> FloatArray:
+    """Levels as `CellReading.level_dbm` defines them, for the table `readings`, shape (n,)."""
+    rxlev = readings["rxlev_raw"]
+    level_dbm = np.where(rxlev == UNKNOWN_ID, np.nan, rxlev + RXLEV_0_DBM)
+    for name in ("rssi_dbm", "rscp_dbm", "rsrp_dbm"):
+        level_dbm = np.where(np.isfinite(readings[name]), readings[name], level_dbm)
+    return np.asarray(level_dbm, float)
+
+
+def limit_of(level_dbm: float, rat: str | None) -> int:
+    """As `limits` for a single reading, for which only the scale of GSM is known."""
+    if not _is_gsm(rat):
+        return 0
+    return int(level_dbm == GSM_CEILING_DBM) - int(level_dbm == GSM_FLOOR_DBM)
+
+
+def _is_gsm(rat: str | None) -> bool:
+    return rat is not None and rat.upper() == "GSM"
+
+
+def _is_pile(level_dbm: FloatArray, lowest_dbm: float) -> bool:
+    """Whether far more readings are at the lowest level than just above, as no walk leaves them."""
+    if len(np.unique(level_dbm)) < _FEWEST_DIFFERENT:
+        return False
+    is_next = (level_dbm > lowest_dbm) & (level_dbm <= lowest_dbm + _NEXT_DB)
+    n_lowest, n_next = int(np.sum(level_dbm == lowest_dbm)), int(np.sum(is_next))
+    least = max(_LEAST_PILE, _PILE_SHARE * len(level_dbm))
+    return n_lowest >= least and n_lowest > _PILE_OVER_NEXT * n_next / _NEXT_DB
 
 
 class SpikeLevel(NamedTuple):
@@ -349,3 +433,20 @@ def in_order(each: Sequence[Readings]) -> Readings:
         scan_seq=np.concatenate([one.scan_seq for one in each]),
         known_limit=np.concatenate([one.limit for one in each]),
     )
+
+
+def regularly_named(
+    level_dbm: FloatArray, is_level: BoolArray, named_share: FloatArray
+) -> BoolArray:
+    """Which readings (n,) count; all of them where absence does not show weakness.
+
+    `is_level` are those within the scale of the modem, `named_share` is the share of the scans near
+    each reading that name the cell.
+    """
+    is_regular = named_share >= LEAST_SHARE
+    n_strongest = int(np.ceil(_STRONGEST * len(level_dbm)))
+    strongest = np.argsort(-level_dbm, kind="stable")[:n_strongest]
+    is_by_level = np.mean(is_regular[strongest]) > 0.5 if n_strongest else False
+    if is_by_level and np.count_nonzero(is_regular & is_level) >= FEWEST_LEVELS:
+        return is_regular
+    return np.ones_like(is_regular)

@@ -23,7 +23,7 @@ usual correction with another innovation and another r.
 """
 
 from collections.abc import Sequence
-from math import erfc, exp, hypot, isnan, nan, pi, sqrt
+from math import erfc, exp, hypot, isnan, log, nan, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +44,9 @@ Factors = tuple[
     float, float, float, float, float, float, float, float, float, float
 ]  # fmt: skip
 """D of s, x, y, P0, eta; then U above its diagonal: sx, sy, s0, se, xy, x0, xe, y0, ye, 0e."""
+_WHITE_SHARES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+_NEARLY_WHITE = 0.95  # the decorrelation distance of so little correlated noise is arbitrary
+_FEWEST = 50  # readings, with which a share is known to a factor of 2
 
 
 class ShadowNoise(NamedTuple):
@@ -280,3 +283,42 @@ def static_covariance(factors: Factors) -> ekf.Covariance:
         d0 + oe * c0, c0,
         de,
     )  # fmt: skip
+
+
+def candidates(
+    sigma_db: float, decorrelation_m: float, white_share: float, height_m: float
+) -> list[ShadowNoise]:
+    """The locator's noise, then the same with other white shares.
+
+    The locator averages readings in blocks and considers a few shares only, so that its mean share
+    is rough, and the innovations of a filter with a wrong share are too large or too small. All is
+    taken for white where nearly all is.
+    """
+    if white_share >= _NEARLY_WHITE:
+        return [split_noise(sigma_db, 0.0, 1.0, height_m)]
+    shares = white_share, *_WHITE_SHARES
+    return [split_noise(sigma_db, decorrelation_m, share, height_m) for share in shares]
+
+
+def likeliest(noises: Sequence[ShadowNoise], mean: FloatArray, readings: Readings) -> ShadowNoise:
+    """The noise under which the readings are likeliest, given [x, y, P0, eta].
+
+    By the innovations (Schweppe, IEEE Trans. Inf. Theory 11(1), 1965); the first for fewer than 50
+    readings. Takes a step of the filter for each pair of noise and
+    reading.
+    """
+    if len(readings) < _FEWEST:
+        return noises[0]
+    return max(noises, key=lambda noise: _log_likelihood(noise, mean, readings))
+
+
+def _log_likelihood(noise: ShadowNoise, mean: FloatArray, readings: Readings) -> float:
+    """Log-likelihood of the levels that are not at a limit, but for a constant."""
+    state = hold(mean, noise, readings.places)
+    total, places = 0.0, readings.places
+    columns = places.x_m, places.y_m, places.sigma_m, readings.level_dbm, readings.limit
+    for reading in zip(*(column.tolist() for column in columns), strict=True):
+        state, innovation_db, variance_db2 = step(state, noise, *reading)
+        if not isnan(innovation_db):
+            total -= 0.5 * (log(variance_db2) + innovation_db * innovation_db / variance_db2)
+    return total

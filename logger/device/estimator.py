@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from logger.core.baseline import Baseline
     from logger.core.guidance.street_atlas import Streets
     from logger.core.live import LiveTracker
-    from logger.device.live_baseline import LiveBaseline
-    from logger.device.live_streets import LiveStreets
+    from logger.device.live_files import LiveBaseline, LiveStreets
 
     Make = Callable[[Baseline, Streets], LiveTracker]
 
@@ -148,8 +147,7 @@ class Estimator:
             self._behind = True
 
     def _open_files(self) -> "tuple[LiveBaseline, LiveStreets]":
-        from logger.device.live_baseline import LiveBaseline  # noqa: PLC0415 (numpy)
-        from logger.device.live_streets import LiveStreets  # noqa: PLC0415 (numpy)
+        from logger.device.live_files import LiveBaseline, LiveStreets  # noqa: PLC0415 (numpy)
 
         baseline = LiveBaseline(self._settings.baseline, self._folder)
         return baseline, LiveStreets(self._settings.streets)

@@ -1,6 +1,8 @@
-"""State of the machine that matters to a recording: voltage, temperature, room on the card."""
+"""State of the machine that matters to a recording: voltage, temperature, room and kind of card."""
 
+import re
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
@@ -13,6 +15,7 @@ UNDERVOLTAGE_NOW, UNDERVOLTAGE_SINCE_BOOT = 0x1, 0x10000
 SYS = Path("/sys")
 _MOST_BYTES = 65_536
 """The kernel gives at most a page of memory."""
+MOUNTINFO = Path("/proc/self/mountinfo")
 
 
 class Machine(msgspec.Struct, frozen=True):
@@ -66,3 +69,44 @@ def _temperature_c(sys: Path) -> float | None:
     """Of the processor, which the kernel gives in thousandths."""
     thousandths = kernel_number(sys / "class/thermal/thermal_zone0/temp")
     return None if thousandths is None else thousandths / 1000.0
+
+
+class _Mount(NamedTuple):
+    kind: str
+    point: str
+    options: str
+
+
+def kept_in_memory(folder: Path, mountinfo: str) -> str:
+    """Kind and mount point of the file system in memory that holds a folder; empty for a card.
+
+    `mountinfo` is the text of /proc/self/mountinfo (proc(5)), the folder's path is without links.
+    An overlay stores what is written in its upper folder; if that folder is invisible, an initramfs
+    mounted it, which has only memory.
+    """
+    mounts = {
+        mount.point: mount for mount in map(_mount, mountinfo.splitlines())
+    }  # the last one on a point counts
+    mount = _under(folder, mounts)
+    upper = re.search("upperdir=([^,]+)", mount.options)
+    if mount.kind == "overlay" and upper:
+        hidden = _under(Path(upper[1]), mounts) == mount
+        return f"overlay at {mount.point}" if hidden else kept_in_memory(Path(upper[1]), mountinfo)
+    return f"{mount.kind} at {mount.point}" if mount.kind in {"tmpfs", "ramfs"} else ""
+
+
+def _mount(line: str) -> _Mount:
+    """Parse `36 35 98:0 /root /point rw,noatime master:1 - ext4 /dev/source rw,option=value`.
+
+    Blanks in names are octal escapes.
+    """
+    here, there = (part.split() for part in line.split(" - ", 1))
+    return _Mount(
+        there[0], re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), here[4]), there[-1]
+    )
+
+
+def _under(path: Path, mounts: dict[str, _Mount]) -> _Mount:
+    """The mount that a path lies on; in a chroot its root may be none, and of no known kind."""
+    holding = (mounts[str(one)] for one in (path, *path.parents) if str(one) in mounts)
+    return next(holding, _Mount("", "/", ""))

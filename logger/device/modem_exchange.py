@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
+from logger.core.errors import DeviceError
 from logger.core.types import CellReading, Scan
-from logger.device.deferred_loss import Wire
 from logger.device.link import Link
-from logger.device.scan_timeout import PAUSE_S, Wait
-from logger.device.unsolicited import UnsolicitedBlock
+from logger.device.scan_timeout import LATE_S, PAUSE_S, Wait
 from logger.drivers.family import Family
 from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import (
+    INTERRUPTION,
     AtFramer,
     Command,
     Dialogue,
@@ -23,10 +23,89 @@ from logger.drivers.protocols.line_noise import Garbage
 from logger.drivers.reading.recognition import mark_doubtful
 from logger.drivers.reading.row_language import Row
 
+BLOCK_GAP_S = 0.5
+"""Silence that ends a block of unsolicited rows; such blocks have no final line."""
 T = TypeVar("T")
 
 MANY_UNSOLICITED = 100
 """Unsolicited lines in ten seconds that are worth a note; a working modem sends a few."""
+
+
+class UnsolicitedBlock:
+    """One block of such rows, whose cells were received from `begin_ns` to `end_ns`."""
+
+    def __init__(self) -> None:
+        self._lines: list[str] = []
+        self.begin_ns = 0
+        self.end_ns = 0
+
+    def add(self, line: str, t_ns: int, since_ns: int) -> None:
+        """Add a row received at `t_ns` whose content is not older than `since_ns`."""
+        self.begin_ns = min(since_ns, self.begin_ns) if self._lines else since_ns
+        self.end_ns = t_ns
+        self._lines.append(line)
+
+    def interrupt(self) -> None:
+        """Mark that other data came, which may have cut the last row."""
+        if self._lines:
+            self._lines.append(INTERRUPTION)
+
+    def is_over(self, now_ns: int) -> bool:
+        """Whether there is a block that has been silent for long enough."""
+        return bool(self._lines) and now_ns - self.end_ns > BLOCK_GAP_S * 1e9
+
+    def take(self) -> list[str]:
+        """Return the lines of the block and empty it."""
+        lines, self._lines = self._lines, []
+        return lines
+
+
+class Wire:
+    """Reads and writes a link until it is lost or stopped.
+
+    `received_ns` is the time of the last chunk. None of its bytes came before `since_ns`: on a busy
+    machine some time passes until a chunk is read.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._loss: DeviceError | None = None
+        self.received_ns = 0
+        self.has_heard = False
+        self.since_ns = self._asked_ns = link.clock.now_ns()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more can be received."""
+        return self._loss is not None or self._link.stop.is_set()
+
+    def read(self) -> bytes:
+        """Read the next chunk; empty after a silence, and always after a loss."""
+        self.has_heard = False
+        if self._loss is None:
+            # what this read returns was not there yet when the last one began
+            self.since_ns, self._asked_ns = self._asked_ns, self._link.clock.now_ns()
+            try:
+                self.received_ns, data = self._link.read()
+            except DeviceError as error:
+                self._loss = error
+            else:
+                self.has_heard = self._link.has_heard
+                return data
+        return b""
+
+    def write(self, data: bytes) -> None:
+        """Write all data; nothing after a loss."""
+        if self._loss is None:
+            try:
+                self._link.write(data)
+            except DeviceError as error:
+                self._loss = error
+
+    def raise_loss(self) -> None:
+        """Raise the `DeviceError` of a loss."""
+        if self._loss is not None:
+            raise self._loss
 
 
 class ModemExchange:
@@ -198,3 +277,38 @@ class ModemExchange:
             self.emit_scan(
                 self.unsolicited.begin_ns, self.unsolicited.end_ns, self.driver.read(lines)
             )
+
+
+class AfterStop:
+    """Commands on a port that is still open; other lines of the modem are recorded raw only."""
+
+    def __init__(self, link: Link, framer: AtFramer) -> None:
+        self._link = link
+        self._framer = framer
+
+    def drain(self) -> None:
+        """Receive what is still to come, which must not be mistaken for a later answer."""
+        start_s = byte_s = self._now_s()
+        while self._now_s() - byte_s < PAUSE_S and self._now_s() - start_s < LATE_S:
+            self._read_events()
+            if self._link.has_heard:
+                byte_s = self._now_s()
+
+    def ask(self, command: Command) -> Reply:
+        """Send a command and wait for its reply; a timeout is a reply too."""
+        wait = Wait(command, self._now_s())
+        self._framer.send(command.text, is_within_line=self._link.is_within_line)
+        self._link.write(command.text.encode("ascii") + b"\r")
+        while not wait.is_over(self._now_s()):
+            for event in self._read_events():
+                if isinstance(event, Reply):
+                    return event
+        return self._framer.expire()
+
+    def _read_events(self) -> list[object]:
+        """Events of one chunk, none after silence."""
+        _, data = self._link.read()
+        return list(self._framer.feed(data))
+
+    def _now_s(self) -> float:
+        return self._link.clock.real_s(self._link.clock.now_ns() / 1e9)

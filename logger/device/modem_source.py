@@ -11,13 +11,11 @@ from logger.core.errors import DeviceError
 from logger.core.source_tables import GNSS, MODEM
 from logger.core.types import CellReading, Fix
 from logger.device.check_line import Line
+from logger.device.gnss_source import count_unmeasured, credible
 from logger.device.link import Device, Link, Source
-from logger.device.mode_switch import ModeSwitch
-from logger.device.modem_exchange import ModemExchange
-from logger.device.nmea_source import count_unmeasured, credible
+from logger.device.mode_switch import ModeSwitch, SavedModes
+from logger.device.modem_exchange import AfterStop, ModemExchange
 from logger.device.port import Port
-from logger.device.saved_modes import SavedModes
-from logger.device.shutdown import AfterStop
 from logger.drivers.family import Family, wake
 from logger.drivers.generic import Generic
 from logger.drivers.privacy.redaction import Redactor

@@ -1,9 +1,15 @@
-"""Notifications to systemd: datagrams to $NOTIFY_SOCKET (sd_notify(3)); without it, nothing."""
+"""The logger and who started it: notifications to systemd, and the signals that stop it.
+
+Notifications are datagrams to $NOTIFY_SOCKET (sd_notify(3)); without it there are none.
+"""
 
 import os
+import signal
 import socket
-from collections.abc import Mapping
-from contextlib import suppress
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from types import FrameType
 from typing import Self
 
 SEND_TIMEOUT_S = 1.0
@@ -56,3 +62,20 @@ class ServiceManager:
         with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as channel:
             channel.settimeout(SEND_TIMEOUT_S)
             channel.sendto(assignments.encode(errors="replace"), self._address)
+
+
+@contextmanager
+def stop_signals() -> Iterator[tuple[threading.Event, list[str]]]:
+    """Turn SIGTERM and SIGINT into an event; the handler does nothing else."""
+    ended, received = threading.Event(), list[str]()
+
+    def receive(number: int, _frame: FrameType | None) -> None:
+        received.append(f"signal {signal.Signals(number).name}")
+        ended.set()
+
+    before = {number: signal.signal(number, receive) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield ended, received
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

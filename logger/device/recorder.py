@@ -10,9 +10,9 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
+from logger.core.latest import SampleHold
 from logger.core.live_settings import BEHIND, FOLLOW, WITHIN, LiveSettings
 from logger.core.runfile import FLOOR_BYTES, RunWriter
-from logger.core.sample_hold import SampleHold
 from logger.core.types import Fix, Level, Note, Record, Scan
 from logger.device.clock import Clock
 from logger.device.estimator import Estimator

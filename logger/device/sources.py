@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from logger.config import GpsdSettings, ModemSettings, NmeaSettings, SourceSettings
-from logger.device.gpsd_source import GpsdSource
+from logger.device.gnss_source import GpsdSource, NmeaSource
 from logger.device.link import Source
 from logger.device.modem_source import ModemSource
-from logger.device.nmea_source import NmeaSource
 
 SOURCES: Mapping[type[SourceSettings], type[Source[Any]]] = {
     NmeaSettings: NmeaSource,

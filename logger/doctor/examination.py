@@ -18,8 +18,7 @@ from logger.core.runfile import Run, read_run
 from logger.core.source_tables import GNSS, MODEM
 from logger.device.check_line import NOT_THERE, Line
 from logger.device.clock import SystemClock
-from logger.device.mode_switch import unrestored_modes
-from logger.device.saved_modes import SavedModes
+from logger.device.mode_switch import SavedModes, unrestored_modes
 from logger.device.service import Service
 from logger.device.sources import source_of
 from logger.device.startup import begin_run, usable_folder

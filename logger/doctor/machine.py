@@ -18,13 +18,14 @@ from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS, utc_text
 from logger.device.battery import batteries, is_low
 from logger.device.check_line import Line, State
 from logger.device.machine import (
+    MOUNTINFO,
     UNDERVOLTAGE_NOW,
     UNDERVOLTAGE_SINCE_BOOT,
+    kept_in_memory,
     kernel_number,
     kernel_text,
     throttled_bits,
 )
-from logger.device.mounts import MOUNTINFO, kept_in_memory
 from logger.device.status import Status, age_s
 
 THROTTLED_NOW, THROTTLED_SINCE_BOOT = 0x6, 0x60000

@@ -11,7 +11,7 @@ from postproc.options import runs_argument
 
 with late_modules():
     from logger import baseline_store
-    from logger.core import document, identities, utc
+    from logger.core import cell_names, document, utc
     from postproc import progress, read_ahead
 
 DEFAULT_NAME = "baseline.db"
@@ -134,7 +134,7 @@ def trust(cell: str, note: str, target: Path, *, withdraw: bool, as_json: bool) 
 
     CELL is its name, mcc-mnc-area-cid. It stays trusted when walks are added or removed.
     """
-    if identities.identity_of(cell) is None:
+    if cell_names.identity_of(cell) is None:
         raise ConfigError(f"{cell!r} is no cell: mcc-mnc-area-cid is wanted, like 262-01-801-86355")
     if withdraw == bool(note):
         raise ConfigError("give a note that says why the cell is trusted, or --withdraw")

@@ -4,8 +4,8 @@ The rows of MBTiles are numbered from the south (TMS) unless the metadata state 
 """
 
 import math
+import re
 import sqlite3
-import struct
 import warnings
 import zlib
 from collections.abc import Callable, Iterator
@@ -18,7 +18,15 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
-from pmtiles.tile import zxy_to_tileid
+from pmtiles.tile import (
+    Compression,
+    Entry,
+    TileType,
+    deserialize_directory,
+    deserialize_header,
+    find_tile,
+    zxy_to_tileid,
+)
 from pyproj import CRS, Transformer
 
 from logger.core.arrays import FloatArray
@@ -179,75 +187,15 @@ def tile_picture(data: bytes | None) -> Image.Image:
 # Source: protomaps/PMTiles, spec v3.
 
 _MAGIC = b"PMTiles\x03"
-_HEADER = struct.Struct("<8s11Q6B")
+_HEADER_BYTES = 127
 _VECTOR_PIXELS = 1536
 """Along the longer side of what is drawn."""
-_MVT = 1
-_PLAIN, _GZIP = 1, 2
 _DEEPEST = 31
 """Level up to which the number of a tile fits into 64 bit."""
 _LEVELS_OF_DIRECTORIES = 4
 """The root and three levels of leaves, as the specification allows."""
-_VARINT_BYTES = 10
+_LONG_NUMBER = re.compile(rb"[\x80-\xff]{10}")
 _EQUATOR_M = 40_075_016.7
-
-Numbers = npt.NDArray[np.uint64]
-
-
-class _Header(NamedTuple):
-    """3 of the specification: places in the file in bytes, and how it is packed."""
-
-    magic: bytes
-    root: int
-    root_bytes: int
-    metadata: int
-    metadata_bytes: int
-    leaves: int
-    leaves_bytes: int
-    tiles: int
-    tiles_bytes: int
-    n_addressed: int
-    n_entries: int
-    n_contents: int
-    is_clustered: int
-    directory_packing: int
-    tile_packing: int
-    tile_type: int
-    min_zoom: int
-    max_zoom: int
-
-    @property
-    def zooms(self) -> range:
-        """From the finest."""
-        return range(min(self.max_zoom, FINEST), self.min_zoom - 1, -1)
-
-
-class _Directory:
-    """Entries in the order of their tiles; raises ValueError for bytes that are none."""
-
-    def __init__(self, data: bytes) -> None:
-        numbers = _varints(data)
-        count = int(numbers[0])
-        if 4 * count != len(numbers) - 1:
-            raise ValueError("a directory has more or fewer entries than it states")
-        steps, self._runs, self._lengths, self._offsets = numbers[1:].reshape(4, count)
-        self._tiles = np.cumsum(steps)
-
-    def find(self, tile: int) -> tuple[int, int, bool] | None:
-        """Offset and length of a tile, or of the directory it is in (True); None without it."""
-        at = int(np.searchsorted(self._tiles, np.uint64(tile), side="right")) - 1
-        if at < 0:
-            return None
-        run = int(self._runs[at])
-        if run and tile - int(self._tiles[at]) >= run:
-            return None
-        # 0: behind the entry before
-        known = np.flatnonzero(self._offsets[: at + 1])
-        if not len(known):
-            raise ValueError("the first entry of a directory has no place")
-        first = int(known[-1])
-        before = sum(map(int, self._lengths[first:at]))
-        return int(self._offsets[first]) - 1 + before, int(self._lengths[at]), not run
 
 
 class _Archive:
@@ -255,31 +203,43 @@ class _Archive:
 
     def __init__(self, path: Path, file: BinaryIO) -> None:
         self._file, self._size = file, check_regular(path)
-        self.header = _Header(*_HEADER.unpack(self._bytes(0, _HEADER.size, _HEADER.size)))
-        if not self.header.min_zoom <= self.header.max_zoom <= _DEEPEST:
+        self._header = deserialize_header(self._bytes(0, _HEADER_BYTES, _HEADER_BYTES))
+        if not self._header["min_zoom"] <= self._header["max_zoom"] <= _DEEPEST:
             raise ValueError("it has no levels")
-        self._directories: dict[tuple[int, int], _Directory] = {}
+        self._directories: dict[tuple[int, int], list[Entry]] = {}
+
+    @property
+    def zooms(self) -> range:
+        """From the finest."""
+        return range(min(self._header["max_zoom"], FINEST), self._header["min_zoom"] - 1, -1)
+
+    @property
+    def is_vector(self) -> bool:
+        return self._header["tile_type"] is TileType.MVT
 
     def tile(self, zoom: int, column: int, row: int) -> bytes | None:
         """A tile without its compression, None where there is none."""
-        header, tile = self.header, zxy_to_tileid(zoom, column, row)
-        at, length = header.root, header.root_bytes
+        header, tile = self._header, zxy_to_tileid(zoom, column, row)
+        at, length = header["root_offset"], header["root_length"]
         for _ in range(_LEVELS_OF_DIRECTORIES):
-            entry = self._directory(at, length).find(tile)
+            entry = find_tile(self._directory(at, length), tile)
             if entry is None:
                 return None
-            at, length, is_directory = entry
-            if not is_directory:
-                data = self._bytes(header.tiles + at, length, MOST_TILE_BYTES)
-                return _unpack(data, header.tile_packing, MOST_TILE_BYTES)
-            at += header.leaves
+            if entry.run_length:
+                at = header["tile_data_offset"] + entry.offset
+                data = self._bytes(at, entry.length, MOST_TILE_BYTES)
+                return _unpack(data, header["tile_compression"], MOST_TILE_BYTES)
+            at, length = header["leaf_directory_offset"] + entry.offset, entry.length
         raise ValueError("its directories refer to each other")
 
-    def _directory(self, at: int, length: int) -> _Directory:
+    def _directory(self, at: int, length: int) -> list[Entry]:
         known = self._directories.get((at, length))
         if known is None:
             data = self._bytes(at, length, MOST_DIRECTORY_BYTES)
-            known = _Directory(_unpack(data, self.header.directory_packing, MOST_DIRECTORY_BYTES))
+            packing = self._header["internal_compression"]
+            if _LONG_NUMBER.search(_unpack(data, packing, MOST_DIRECTORY_BYTES)):
+                raise ValueError("a directory has a number of more than 64 bit")
+            known = deserialize_directory(data)
             if len(self._directories) == _LEVELS_OF_DIRECTORIES:
                 del self._directories[next(iter(self._directories))]
             self._directories[at, length] = known
@@ -315,13 +275,13 @@ def open_pmtiles(path: Path, area: Area) -> Ground:
                 data = archive.tile(zoom, column, row)
                 if data is None:
                     return None
-                if archive.header.tile_type == _MVT:
+                if archive.is_vector:
                     return draw_tile(layers_of(data), size)
                 return tile_picture(data)
 
             return picture
 
-        ground = ground_of(archive.header.zooms, area, picture_at)
+        ground = ground_of(archive.zooms, area, picture_at)
     if ground is None:
         raise ConfigError(f"{path} does not cover the area of this walk")
     return ground
@@ -336,7 +296,7 @@ def street_at(path: Path, lat_deg: float, lon_deg: float) -> str | None:
     if not is_pmtiles(path):
         return None
     with _archive(path) as archive:
-        for zoom in archive.header.zooms if archive.header.tile_type == _MVT else ():
+        for zoom in archive.zooms if archive.is_vector else ():
             x, y = _web_mercator(lat_deg, lon_deg, zoom)
             data = archive.tile(zoom, int(x), int(y))
             if data is not None:
@@ -357,15 +317,17 @@ def _archive(path: Path) -> Iterator[_Archive]:
     try:
         with open_regular(path) as file:
             yield _Archive(path, file)
+    except EOFError:
+        raise ConfigError(f"{path} cannot be read: a directory is cut short") from None
     except (OSError, ValueError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or error
         raise ConfigError(f"{path} cannot be read: {reason}") from error
 
 
-def _unpack(data: bytes, packing: int, most: int) -> bytes:
-    if packing == _PLAIN:
+def _unpack(data: bytes, packing: Compression, most: int) -> bytes:
+    if packing is Compression.NONE:
         return data
-    if packing != _GZIP:
+    if packing is not Compression.GZIP:
         raise ValueError("it is compressed by something else than gzip")
     try:
         whole = zlib.decompressobj(16 + zlib.MAX_WBITS)
@@ -375,17 +337,3 @@ def _unpack(data: bytes, packing: int, most: int) -> bytes:
     if not whole.eof:
         raise ValueError(f"a compressed part is cut, or has more than {most >> 20} MB")
     return plain
-
-
-def _varints(data: bytes) -> Numbers:
-    """Unsigned integers of seven bits in each byte, the lowest first."""
-    raw = np.frombuffer(data, np.uint8)
-    ends = np.flatnonzero(raw < 0x80)
-    if not len(ends) or ends[-1] != len(raw) - 1:
-        raise ValueError("a directory is cut short")
-    starts = np.concatenate([[0], ends[:-1] + 1])
-    place = np.arange(len(raw)) - np.repeat(starts, ends - starts + 1)
-    if place.max() >= _VARINT_BYTES:
-        raise ValueError("a directory has a number of more than 64 bit")
-    parts = (raw & 0x7F).astype(np.uint64) << (7 * place).astype(np.uint64)
-    return np.add.reduceat(parts, starts)

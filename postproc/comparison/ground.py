@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.identities import FEWEST_SCANS
+from logger.core.cell_names import FEWEST_SCANS
 from logger.core.readings import Readings
 from postproc.cell_work import Attempts
 

@@ -27,8 +27,7 @@ from logger.core.model import path_loss
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.readings import Readings
-from logger.core.shadow_ekf import ShadowNoise
-from logger.core.shadow_noise import candidates
+from logger.core.shadow_ekf import ShadowNoise, candidates
 from postproc.estimators import rts
 from postproc.estimators.filters import FilterPath, retained_rows, shadow_pass
 

@@ -6,7 +6,6 @@ from math import isfinite, pi
 import msgspec
 
 from logger.core.answer import Position
-from logger.core.censoring import limit_of
 from logger.core.errors import GeoError
 from logger.core.guidance.followed_cell import FollowedCell
 from logger.core.guidance.next_way import NextWay
@@ -15,7 +14,7 @@ from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
 from logger.core.model.prior import Prior
 from logger.core.places import TIMING_S, Places, place_of_fix
-from logger.core.readings import Readings
+from logger.core.readings import Readings, limit_of
 from logger.core.reportable import range_dbm
 from logger.core.types import Fix
 from postproc.interop.fields import LEVEL_RANGE_DBM, RATS

@@ -19,14 +19,12 @@ from logger.core.document import Column, Degrees, Document, Table
 from logger.core.document import Line as TextLine
 from logger.core.ellipse import RADII, metres
 from logger.core.errors import ConfigError
-from logger.core.guidance.clusters import Cluster, clusters
 from logger.core.guidance.forecast import Forecast, Forecaster
 from logger.core.guidance.planner import Course, Plan, first_turn, plans
-from logger.core.guidance.routes import Route, compass_routes
-from logger.core.guidance.sample import PositionSample, draw
+from logger.core.guidance.routes import Route, compass_routes, street_routes
+from logger.core.guidance.sample import Cluster, PositionSample, clusters, draw
 from logger.core.guidance.sentence import sentence
 from logger.core.guidance.street_atlas import Line, StreetAtlas
-from logger.core.guidance.street_routes import street_routes
 from logger.core.locator.pipeline import search
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import prepare

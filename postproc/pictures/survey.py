@@ -6,18 +6,16 @@ Positions are metres east and north of the first fix.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from logger.core.answer import Word
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.censoring import levels_dbm
 from logger.core.locator.posterior import Mode
 from logger.core.places import MAX_GAP_S, Utm
 from logger.core.provenance import SIMULATED
-from logger.core.readings import times_ns
+from logger.core.readings import levels_dbm, times_ns
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit_run
 from logger.core.utc import utc_text
@@ -220,7 +218,6 @@ class Levels(NamedTuple):
 class Walk:
     """One run: `t_ns` (n,) and `track_m` (n, 2) are its fixes; without a fix both are empty."""
 
-    name: str
     run: Run
     levels: tuple[Levels, ...]
     t_ns: IntArray
@@ -288,14 +285,12 @@ def survey_of(result: Result) -> Survey:
     tracks = [observed.observations.track for observed in result.runs if observed.observations]
     origin_m = (float(tracks[0].x_m[0]), float(tracks[0].y_m[0])) if tracks else (0.0, 0.0)
     walks = []
-    for observed, name in zip(
-        result.runs, _distinct_names([run.path for run in runs]), strict=True
-    ):
+    for observed in result.runs:
         t_ns, track_m = np.zeros(0, np.int64), np.empty((0, 2))
         if observed.observations is not None:
             track = observed.observations.track
             t_ns, track_m = track.t_ns, np.column_stack([track.x_m, track.y_m]) - origin_m
-        walks.append(Walk(name, observed.run, levels_of(observed.run), t_ns, track_m))
+        walks.append(Walk(observed.run, levels_of(observed.run), t_ns, track_m))
     survey = Survey(
         walks=tuple(walks),
         clock=clock_of(runs),
@@ -337,15 +332,6 @@ def levels_of(run: Run) -> tuple[Levels, ...]:
         for name, times, values in zip(names, *columns, strict=False)
     ]
     return tuple(sorted(cells, key=lambda cell: -len(cell.t_ns)))
-
-
-def _distinct_names(paths: Sequence[Path]) -> list[str]:
-    """Names of the files, numbered where two have the same: every logger has a first run."""
-    names = [path.name.partition(".")[0] or path.name for path in paths]
-    return [
-        f"{name} ({names[:i].count(name) + 1})" if name in names[:i] else name
-        for i, name in enumerate(names)
-    ]
 
 
 def _warnings(result: Result) -> tuple[str, ...]:

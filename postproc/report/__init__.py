@@ -1,10 +1,9 @@
 """One page about a walk: the verdict in plain words first, then the evidence.
 
-    wording    verdicts, advice and quantities in plain words
     alt_text   alternative texts of the figures
     figures    the figures of a cell
     svg        a figure as part of a page, in colours that the page chooses
-    page       the page from its parts, by the template in `templates`
+    page       the page from its parts, in plain words, by the template in `templates`
     rendering  the page and its figures of a result, and as files
     cli        the command
 

@@ -13,7 +13,7 @@ from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
 from postproc.pictures.picture import ETA, P0, Fit, Picture
 from postproc.pictures.plots import Strips
-from postproc.truth import truth_of
+from postproc.summary import truth_of
 from postproc.verification.verdicts import CellVerdict
 
 _MOST_POSITIONS = 4

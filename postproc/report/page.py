@@ -1,5 +1,6 @@
 """The page from its parts, by the template in `templates`."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -8,16 +9,16 @@ from math import inf
 from jinja2 import Template
 from markupsafe import Markup
 
-from logger.core.answer import CONSPICUOUS, Answer
+from logger.core.answer import CONSPICUOUS, Answer, Mode, Place
 from logger.core.document import Column, Degrees, Table, Value, Word
 from logger.core.ellipse import RADII, metres
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.rivals import share_text
 from logger.core.runfile import Run
 from logger.core.suspicion.words import strongest_reasons, word_rate_text
+from postproc import summary
 from postproc.html_page import page_environment
 from postproc.info import CellCount, Event, Gap, Info, describe
-from postproc.report import wording
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
@@ -115,10 +116,7 @@ class RunSection:
     def gap_table(self) -> Table:
         """Times without a record."""
         columns = (Column("missing"), Column("start", is_right=True), Column("duration"))
-        rows = [
-            (gap.of, wording.time_text(gap.start_s), wording.duration_text(gap.length_s))
-            for gap in self.gaps
-        ]
+        rows = [(gap.of, time_text(gap.start_s), duration_text(gap.length_s)) for gap in self.gaps]
         return Table(columns, rows, f"Gaps of {self.run.name}", scrolls=True)
 
     @property
@@ -132,7 +130,7 @@ class RunSection:
         )
         rows = [
             (
-                wording.time_text(event.t_s),
+                time_text(event.t_s),
                 Word(event.level),
                 event.source,
                 event.in_short,
@@ -152,7 +150,7 @@ def cell_section(
 ) -> CellSection:
     """A cell of runs with its answer and figures; the number identifies it on the page."""
     word = answer.word.word if answer.word else ""
-    said, advice = sentence(answer.verdict_sentence), wording.advice(answer, result)
+    said, advice = sentence(answer.verdict_sentence), advice_text(answer, result)
     answered = f"{said} {advice}".lower()
     section = CellSection(
         number=number,
@@ -221,8 +219,8 @@ def html(
     """The page; the same input gives the same text."""
     runs = [run_section(observed) for observed in result.runs]
     return _template("report.html").render(
-        heading=wording.heading(result),
-        located=wording.located_text(result.cells),
+        heading=heading(result),
+        located=located_text(result.cells),
         top=cells[0] if cells and cells[0].is_odd else None,
         unnoticed=result.unnoticed,
         has_suspicious=any(word.word == "suspicious" for word in result.words.values()),
@@ -266,9 +264,9 @@ def _template(name: str) -> Template:
         "metres": metres,
         "sentence": sentence,
         "minute": lambda utc: f"{utc[:16].replace('T', ' ')} UTC",
-        "of": wording.number_of,
-        "time": wording.time_text,
-        "duration": wording.duration_text,
+        "of": number_of,
+        "time": time_text,
+        "duration": duration_text,
     }
     environment.globals["MOST_RUNS"] = 2
     return environment.get_template(name)
@@ -350,3 +348,60 @@ def _detectable(tested: CellVerdict) -> str:
     if not displacements_m:
         return "none"
     return f"{metres(min(displacements_m))} to {metres(max(displacements_m))}"
+
+
+def advice_text(answer: Answer, cell: CellResult) -> str:
+    """What to do."""
+    text, place = summary.advice(answer, cell), answer.place
+    return text if place is None else text.replace(place.where, where_text(place))
+
+
+def heading(result: Result) -> str:
+    """Which cell is suspicious, or that none is."""
+    if not result.cells:
+        return "No cell was observed"
+    if not result.words:
+        return located_text(result.cells)
+    counts = Counter(word.word for word in result.words.values())
+    if counts["suspicious"] > 1:
+        return f"{counts['suspicious']} cells are suspicious"
+    if counts["suspicious"]:
+        return "One cell is suspicious"
+    if n_unusual := counts["unusual"]:
+        return f"No cell is suspicious, {n_unusual} {'is' if n_unusual == 1 else 'are'} unusual"
+    return "No cell is suspicious"
+
+
+def located_text(cells: Sequence[CellResult]) -> str:
+    """The verdicts of all cells in one line."""
+    counts = Counter(cell.verdict for cell in cells)
+    parts = [f"{counts['located']} of {number_of(len(cells), 'cell')} located"]
+    if n_ambiguous := counts["ambiguous"]:
+        parts.append(f"{n_ambiguous} ambiguous")
+    if n_undecided := counts["cannot tell"]:
+        parts.append(f"{n_undecided} not located")
+    return ", ".join(parts)
+
+
+def number_of(count: int, noun: str) -> str:
+    """A number with its noun."""
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
+def where_text(place: Place | Mode) -> str:
+    """Latitude and longitude as far as they are known, on one line."""
+    return place.where.replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def time_text(seconds: float) -> str:
+    """Time since the start, h:mm:ss."""
+    whole = round(seconds)
+    return f"{whole // 3600}:{whole // 60 % 60:02}:{whole % 60:02}"
+
+
+def duration_text(seconds: float) -> str:
+    """Length of an interval."""
+    if seconds < 120.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60:02} min"

@@ -20,7 +20,6 @@ from scipy.optimize import brentq
 
 from logger.core import ekf
 from logger.core.arrays import FloatArray
-from logger.core.censoring import GSM_FLOOR_DBM
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.live import LiveTracker
 from logger.core.live_settings import STRONGEST, LiveSettings
@@ -32,7 +31,7 @@ from logger.core.model import path_loss
 from logger.core.model.path_loss import level_slopes
 from logger.core.model.prior import Prior
 from logger.core.places import Places, Utm
-from logger.core.readings import Readings
+from logger.core.readings import GSM_FLOOR_DBM, Readings
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 from postproc.reproductions.checks import Check, ours, theirs, under
 

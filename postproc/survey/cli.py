@@ -17,6 +17,7 @@ from postproc.options import (
     Command,
     basemap_option,
     cells_option,
+    place_of,
     prior_options,
     read_streets,
     streets_option,
@@ -34,7 +35,6 @@ with late_modules():
     from postproc.survey import dataset, intake, layers, location, scheduling, tasks
     from postproc.survey.answers import baseline as walks_of_loggers
     from postproc.survey.answers import changes, next_walks, page
-    from postproc.verification import parsing
 
 folder_argument = click.argument("folder", type=FILE, metavar="SURVEY")
 
@@ -303,7 +303,7 @@ def next_command(
     """Say where walking would tell most, a route for each walker."""
     _check_libraries("pyarrow", "distributed")
     whole, options = _open_survey(folder), estimation.Options(prior)
-    where = [places.Places.of_degrees(*parsing.place_of(text)[:2]) for text in starts]
+    where = [places.Places.of_degrees(*place_of(text)[:2]) for text in starts]
     lines = read_streets(streets)
     with scheduling.Cluster(scheduler, workers) as cluster:
         found = location.locate_survey(whole, options, cluster=cluster)

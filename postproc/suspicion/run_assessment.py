@@ -6,8 +6,8 @@ from math import log
 from typing import Any, Final, NamedTuple, TypeVar
 
 from logger.core.baseline import NO_BASELINE, Baseline, baseline_of
+from logger.core.cell_names import identity_of
 from logger.core.document import Column, Document, Line, Table, Word, html_text, terminal_lines
-from logger.core.identities import identity_of
 from logger.core.runfile import Run
 from logger.core.suspicion.countries import TEST_MCCS
 from logger.core.suspicion.rule import Evidence, Finding, Need, Rate, Rule

@@ -7,7 +7,7 @@ never an alarm by itself.
 """
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import cos, floor, radians
@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from pyproj import Geod
 
+from logger.core.cell_names import identity_of
+from logger.core.document import Column, Degrees, Document, Table, Value
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from logger.core.identities import identity_of
 from logger.core.places import check_position
 from logger.sqlite_file import connect
 
@@ -31,6 +32,15 @@ APPLICATION_ID = 0x43574442
 _GEOD = Geod(ellps="WGS84")
 BELT = "CAST((lat + 90) * 100 AS INTEGER)"
 _FIELDS = "radio, mcc, net, area, cell, lat, lon, range_m, samples, updated_s"
+
+_CELL_COLUMNS = (
+    Column("cell"),
+    Column("type"),
+    Column("position"),
+    Column("range", ".0f", "m"),
+    Column("observations", "d"),
+    Column("away", ".0f", "m"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,3 +200,22 @@ def _longitude_intervals(lon_deg: float, reach_deg: float) -> list[tuple[float, 
     if high > 180.0:
         return [(low, 180.0), (-180.0, high - 360.0)]
     return [(low, high)]
+
+
+def document_of_cells(cells: Sequence[DbCell]) -> Document:
+    """What `postproc celldb lookup` says."""
+    content = {"cells": cells, "absence_is_an_alarm": False}
+    if not cells:
+        absent = (
+            "not in the database, which is no alarm by itself: it lists what others have "
+            "observed, not what exists"
+        )
+        return Document(content, body=[absent])
+    return Document(content, body=[Table(_CELL_COLUMNS, [_cell_row(cell) for cell in cells])])
+
+
+def _cell_row(cell: DbCell) -> tuple[Value, ...]:
+    short = " (short identity)" if cell.short_cid else ""
+    name = f"{cell.mcc}-{cell.net}-{cell.area}-{cell.cell}{short}"
+    position = Degrees(cell.lat, cell.lon)
+    return name, cell.radio, position, cell.range_m, cell.samples, cell.distance_m

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from pyproj import Geod
 
+from logger.core.cell_names import identity_of
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from logger.core.identities import identity_of
 from logger.core.places import MAX_LATITUDE_DEG, check_position
 from logger.sqlite_file import is_sqlite
 from postproc.foreign_file import Lines, text_lines, with_limit
-from postproc.verification.cell_export import cell_export
 from postproc.verification.celldb import CellDb
+from postproc.verification.celldb_import import cell_export
 
 RANGE_SIGMA = 0.5
 """Sigma of a position in an export by its `range`, the greatest distance at which the cell was

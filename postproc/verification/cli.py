@@ -13,6 +13,7 @@ from postproc.options import (
     area_options,
     false_alarm_option,
     only_one,
+    place_of,
     prior_options,
     runs_argument,
     stored_result,
@@ -27,8 +28,6 @@ with late_modules():
     from postproc.verification import (
         celldb_import,
         claims,
-        parsing,
-        report,
         run_claims,
         run_sites,
         verdicts,
@@ -130,7 +129,7 @@ def verify(
         claimed = claims.read_claims(claims_path, list(observed))
     result = stored_result(runs, only or [], estimation.Options(prior))
     verified = _test(runs, claimed, p_fa, prior, only, result)
-    show(report.document_of(verified), as_json=as_json)
+    show(verdicts.document_of(verified), as_json=as_json)
     return cell_work.exit_code(verified.cells)
 
 
@@ -151,7 +150,7 @@ def _verify_sites(
         run_sites.site_verdict(run, name, other, prior, p_fa)
         for name in progress.with_progress(names, "one place or two:", len(names), names)
     ]
-    show(report.document_of_sites(cells, p_fa), as_json=as_json)
+    show(verdicts.document_of_sites(cells, p_fa), as_json=as_json)
     return cell_work.exit_code(cells)
 
 
@@ -199,8 +198,6 @@ def lookup(path: Path, identity: str | None, near: str | None, *, as_json: bool)
     """Find cells by identity or around a position."""
     only_one({"--cell": identity, "--near": near}, is_required=True)
     database = databases.CellDb(path)
-    cells = (
-        database.by_identity(identity) if identity else database.near(*parsing.place_of(near or ""))
-    )
+    cells = database.by_identity(identity) if identity else database.near(*place_of(near or ""))
     database.close()
-    show(report.document_of_cells(cells), as_json=as_json)
+    show(databases.document_of_cells(cells), as_json=as_json)

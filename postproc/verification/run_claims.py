@@ -20,7 +20,6 @@ from logger.core.model.prior import Prior
 from logger.core.places import Places, Track
 from logger.core.readings import Readings
 from logger.core.runfile import Run
-from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
 from postproc.multi_run import (
     in_one_zone,
@@ -32,6 +31,7 @@ from postproc.multi_run import (
 from postproc.progress import Progress
 from postproc.result import Result
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
+from postproc.smoothing import too_few
 from postproc.verification.claim_test import ClaimTest, around
 from postproc.verification.claims import Claim, away_m, swap_hint
 from postproc.verification.verdicts import CellVerdict, Verdict, Verified

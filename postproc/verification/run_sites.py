@@ -20,8 +20,8 @@ from msgspec import UNSET
 
 from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray
+from logger.core.cell_names import FEWEST_SCANS
 from logger.core.errors import ConfigError
-from logger.core.identities import FEWEST_SCANS
 from logger.core.locator.mixture import log_sum
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
@@ -33,11 +33,11 @@ from logger.core.model.prior import Prior
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings
 from logger.core.runfile import Run
-from postproc.cell_estimation import too_few
 from postproc.cell_work import Failure, attempt
 from postproc.ground import REACH_M, apart_m
 from postproc.multi_run import merge, modems_of
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
+from postproc.smoothing import too_few
 from postproc.verification.likelihood_grid import (
     PreparedWalk,
     calibrate,

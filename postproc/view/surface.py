@@ -201,7 +201,7 @@ def draw_walks(surface: Surface, view: ViewModel) -> None:
         strips = [strip for strip in walk.strips_m if len(strip) > 1]
         track = [strips[i] for i in evenly_spaced(len(strips), MOST_STRIPS)]
         grey = Style([(*colours.QUIET, 160)], 1.0, 0.0)
-        surface.lines(("walks", walk.name, "track"), track, grey)
+        surface.lines(("walks", walk.run.name, "track"), track, grey)
         shown = evenly_spaced(len(walk.t_ns), surface.most_points)
         style = Style([colours.WALKER], 7.0, 30.0)
         surface.points_over_time(("walker",), walk.t_ns[shown], walk.track_m[shown], style)

@@ -15,7 +15,6 @@ from logger.core.model.prior import Prior
 from logger.core.readings import Readings
 from logger.core.runfile import Run
 from logger.core.types import Verdict
-from postproc.cell_estimation import FEWEST_READINGS, locate_cell
 from postproc.cell_work import PROCESS_ENDED, Failure, failure
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours
@@ -24,6 +23,7 @@ from postproc.pictures.picture import Picture, Rings, focus_of, picture_of, regi
 from postproc.pictures.survey import Box, Survey, clock_of
 from postproc.processes import each
 from postproc.result import EKF, REFERENCE, CellResult, Estimator, Result
+from postproc.smoothing import FEWEST_READINGS, locate_cell
 from postproc.verification.verdicts import CellVerdict
 
 PAUSE_NS = 60 * 10**9
@@ -179,7 +179,7 @@ class ViewModel:
     @property
     def name(self) -> str:
         """Name of the recording in the viewer."""
-        runs = ", ".join(walk.name for walk in self.survey.walks)
+        runs = ", ".join(walk.run.name for walk in self.survey.walks)
         return f"{runs} {self.cell_views[0].name}" if len(self.cell_views) == 1 else runs
 
 

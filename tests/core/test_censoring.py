@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.censoring import limit_of, limits
+from logger.core.readings import limit_of, limits
 
 
 def sides_of(level, rat="GSM"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from logger.core.identities import FEWEST_SCANS, Identities
+from logger.core.cell_names import FEWEST_SCANS, Identities
 from logger.core.joined_names import JOIN_M, JOIN_S, RecentNames
 from logger.core.places import Utm, place_of_fix
 from logger.core.runfile import read_run

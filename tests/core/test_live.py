@@ -336,6 +336,19 @@ def test_a_suspicious_cell_takes_over_and_an_unusual_one_is_offered():
     assert codes.count("target-changed") == (word == "suspicious")
 
 
+def test_only_an_ordinary_cell_that_a_person_chose_is_searched_for_without_a_limit():
+    home = [reading(cid, -60.0 - cid) for cid in range(1, 5)]
+    other_area = CellReading("neighbour", "GSM", "262", "01", 999, 9, 30, rssi_dbm=-80.0)
+    heard = [r for t in range(2, 40, 5) for r in (_fix(t), _scan(t, *home, other_area))]
+    tracker = LiveTracker(LiveSettings(target=SUSPICIOUS))
+    _feed(tracker, *heard)
+    assert [one.word for one in tracker.suspicion.conspicuous()] == ["unusual"]
+    for seq, (cell, is_asked) in enumerate({home[1].cell: True, other_area.cell: False}.items()):
+        tracker.feed(100 + seq, _follow(40, cell))
+        tracker.feed(200 + seq, _scan(40, *home, other_area))
+        assert (tracker.target, tracker.pursuit.is_asked) == (cell, is_asked)
+
+
 def test_a_run_from_before_the_target_stayed_is_followed_as_then():
     old = LiveSettings(target=SUSPICIOUS, give_up_s=0.0)
     tracker, _ = _receives_a_foreign_cell(SUSPICIOUS, old)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from logger.core.live import live_prior
-from logger.core.live_cell import LiveCell
-from logger.core.live_scale import CERTAIN_DB, MANY_MORE, LiveScale
+from logger.core.live_cell import CERTAIN_DB, MANY_MORE, LiveCell, LiveScale
 from logger.core.live_settings import LiveSettings
 from logger.core.locator.summary import summarise
 from tests.kit.walks import region_contains, simulate, single_reading

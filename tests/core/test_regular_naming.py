@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from logger.core.regular_naming import FEWEST_LEVELS, LEAST_SHARE, regularly_named
+from logger.core.readings import FEWEST_LEVELS, LEAST_SHARE, regularly_named
 
 N = 200
 

@@ -1,4 +1,4 @@
-from logger.core.sample_hold import SampleHold
+from logger.core.latest import SampleHold
 
 S = 10**9
 

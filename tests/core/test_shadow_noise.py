@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core import shadow_noise
+from logger.core import shadow_ekf
 from logger.core.shadow_ekf import split_noise
 from tests.kit.walks import observations, path, shadowing
 
@@ -25,10 +25,10 @@ def test_the_white_share_is_estimated_whatever_the_locator_has(white_db, shadow_
             np.random.default_rng(seed), white_db=white_db, shadow_db=shadow_db
         )
         for white_share in (0.02, 0.5):
-            candidates = shadow_noise.candidates(
+            candidates = shadow_ekf.candidates(
                 np.hypot(white_db, shadow_db), 15.0, white_share, 0.0
             )
-            result.append(shadow_noise.likeliest(candidates, PLACE, readings_there).white_db)
+            result.append(shadow_ekf.likeliest(candidates, PLACE, readings_there).white_db)
     assert np.median(result) == pytest.approx(
         white_db, rel=0.4
     )  # shares of the candidates are up to 2.5 apart
@@ -36,22 +36,20 @@ def test_the_white_share_is_estimated_whatever_the_locator_has(white_db, shadow_
 
 def test_few_readings_leave_the_locators_share():
     readings_there = readings(np.random.default_rng(1), white_db=3.0, shadow_db=1.0)
-    candidates = shadow_noise.candidates(3.2, 15.0, 0.02, 0.0)
-    assert shadow_noise.likeliest(candidates, PLACE, readings_there.part(slice(49))) == split_noise(
+    candidates = shadow_ekf.candidates(3.2, 15.0, 0.02, 0.0)
+    assert shadow_ekf.likeliest(candidates, PLACE, readings_there.part(slice(49))) == split_noise(
         3.2, 15.0, 0.02, 0.0
     )
-    assert (
-        shadow_noise.likeliest(candidates, PLACE, readings_there.part(slice(50))) != candidates[0]
-    )
+    assert shadow_ekf.likeliest(candidates, PLACE, readings_there.part(slice(50))) != candidates[0]
 
 
 def test_readings_at_the_limit_are_no_obstacle():
     readings_there = readings(np.random.default_rng(2), white_db=2.0, shadow_db=3.0)
     readings_there = replace(readings_there, known_limit=np.full(len(readings_there), -1))
-    candidates = shadow_noise.candidates(3.6, 15.0, 0.3, 0.0)
-    assert shadow_noise.likeliest(candidates, PLACE, readings_there) == candidates[0]
+    candidates = shadow_ekf.candidates(3.6, 15.0, 0.3, 0.0)
+    assert shadow_ekf.likeliest(candidates, PLACE, readings_there) == candidates[0]
 
 
 def test_nothing_is_asked_where_nearly_all_noise_is_white():
-    assert shadow_noise.candidates(3.0, 0.0, 1.0, 5.0) == [split_noise(3.0, 0.0, 1.0, 5.0)]
-    assert shadow_noise.candidates(3.0, 2.3, 0.99, 5.0) == [split_noise(3.0, 0.0, 1.0, 5.0)]
+    assert shadow_ekf.candidates(3.0, 0.0, 1.0, 5.0) == [split_noise(3.0, 0.0, 1.0, 5.0)]
+    assert shadow_ekf.candidates(3.0, 2.3, 0.99, 5.0) == [split_noise(3.0, 0.0, 1.0, 5.0)]

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from logger.core.censoring import limits
 from logger.core.places import Places
+from logger.core.readings import limits
 from logger.core.spikes import SpikeFilter, spikes_along
 
 

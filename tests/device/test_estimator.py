@@ -6,7 +6,7 @@ import pytest
 
 from logger.config import parse_config
 from logger.core.live import LiveTracker
-from logger.core.live_settings import BEHIND, FAILED, RESTARTED, LiveSettings
+from logger.core.live_settings import FAILED, RESTARTED, LiveSettings
 from logger.core.runfile import read_run
 from logger.core.suspicion.rules import rules_note
 from logger.core.types import LiveEstimate, Note
@@ -193,7 +193,6 @@ def test_a_walk_with_failures_is_recorded_whole_and_replayed(tmp_path, monkeypat
     last = int(_notes(notes, RESTARTED)[-1].text.split()[1].strip(":"))
     assert any(record.value.scan_seq > last for _, record in run.records("live"))
     assert replay(run).equal
-    assert not _notes(notes, BEHIND)
 
 
 def test_position_and_next_way_are_in_degrees():

@@ -12,10 +12,9 @@ from logger.core.errors import ConfigError
 from logger.core.live_settings import FOLLOW
 from logger.device.battery import BatteryWatch, batteries, too_low_to_begin
 from logger.device.leds import StatusLight
-from logger.device.machine import machine
-from logger.device.mounts import kept_in_memory
+from logger.device.machine import kept_in_memory, machine
+from logger.device.mode_switch import SavedModes
 from logger.device.page_requests import FILE, PageRequests
-from logger.device.saved_modes import SavedModes
 from logger.device.status_text import report
 from logger.doctor.bundle import without_private
 from logger.doctor.machine import holders, plug, power, temperature

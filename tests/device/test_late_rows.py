@@ -15,9 +15,9 @@ from logger.config import ModemSettings, NmeaSettings
 from logger.core.types import Fix, Note, RawBytes, Scan
 from logger.device import modem_source, scan_timeout
 from logger.device.clock import SystemClock
+from logger.device.gnss_source import NmeaSource
 from logger.device.link import Inbox, Link
 from logger.device.modem_source import ModemSource
-from logger.device.nmea_source import NmeaSource
 from logger.drivers.protocols.at import Command
 from logger.drivers.sim800 import Sim800
 from tests.kit import service

@@ -9,7 +9,7 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.device.clock import SystemClock
-from logger.device.saved_modes import FILE
+from logger.device.mode_switch import FILE
 from logger.device.service import Service
 from logger.device.startup import begin_run
 from logger.sim.ptys import PtyDevice, answering

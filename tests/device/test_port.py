@@ -15,8 +15,8 @@ from logger.config import NmeaSettings
 from logger.core.errors import ConfigError, DeviceError
 from logger.core.types import RawBytes
 from logger.device.clock import SystemClock
+from logger.device.gnss_source import NmeaSource
 from logger.device.link import Inbox, Link
-from logger.device.nmea_source import NmeaSource
 from logger.device.port import Port
 from logger.device.port_url import check_url
 

@@ -5,7 +5,7 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from logger.core.types import Fix, Note, RawBytes, Record, Scan
-from logger.device.port_swap import WAIT_S, PortSwap
+from logger.device.watched_inbox import WAIT_S, PortSwap
 from tests.kit import runs, service
 from tests.kit.simulated_devices import simulated_devices
 

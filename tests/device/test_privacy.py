@@ -10,7 +10,7 @@ import numpy as np
 
 from logger.cli import main as fieldlogger
 from logger.core.runfile import read_run
-from logger.device import nmea_source
+from logger.device import gnss_source
 from logger.probe import probe
 from logger.sim.modem import frame_text
 from logger.sim.ptys import PtyDevice, answering
@@ -145,7 +145,7 @@ def test_no_planted_secret_is_in_a_run_a_log_or_the_status(tmp_path):
 
 
 def test_probe_and_doctor_print_no_planted_secret(tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(nmea_source, "PROBE_S", 2.5)
+    monkeypatch.setattr(gnss_source, "PROBE_S", 2.5)
     modem = PlantedModem()
     with PtyDevice(answering(modem)) as port:
         (found,) = probe({port.path: ""}, bauds=(115_200,))

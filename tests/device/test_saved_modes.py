@@ -7,7 +7,7 @@ import sys
 import msgspec
 import pytest
 
-from logger.device.saved_modes import FILE, SavedMode, SavedModes
+from logger.device.mode_switch import FILE, SavedMode, SavedModes
 from tests.kit.card_trace import read_trace
 from tests.kit.faulty_card import Card, build_preload_library
 
@@ -16,7 +16,7 @@ NEW = SavedMode("sim7600", "SIMCOM_SIM7600E-H", "AT+CNMP?", "38")
 OTHER = SavedMode("quectel", "EC25", 'AT+QCFG="nwscanmode"', "0")
 KEEP = (
     "import sys; from pathlib import Path;"
-    "from logger.device.saved_modes import SavedMode, SavedModes;"
+    "from logger.device.mode_switch import SavedMode, SavedModes;"
     "SavedModes(Path(sys.argv[1])).save(SavedMode(*sys.argv[2:]))"
 )
 

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from logger.device.live_view import SuspicionStatus
 from logger.device.status import FixStatus, Status
-from logger.device.status_feed import StatusFeed, feed_line
+from logger.device.status_sinks import StatusFeed, feed_line
 from tests.kit import service
 from tests.kit.simulated_devices import simulated_devices
 

@@ -10,7 +10,7 @@ import pytest
 
 from logger import probe
 from logger.core.runfile import finish_journal
-from postproc.verification.cell_export import COLUMNS
+from postproc.verification.celldb_import import COLUMNS
 from tests.docs import commands, known_names
 from tests.docs.pages import PAGES, ROOT, name_of, shell_lines
 from tests.kit.diag_capture import gps_lines, rayhunter_zip, stream

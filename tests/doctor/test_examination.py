@@ -7,7 +7,7 @@ import pytest
 
 from logger.cli import main
 from logger.device.check_line import Line
-from logger.device.saved_modes import SavedMode, SavedModes
+from logger.device.mode_switch import SavedMode, SavedModes
 from logger.doctor.examination import overall
 from logger.doctor.machine import open_journal
 from logger.sim.ptys import PtyDevice, answering

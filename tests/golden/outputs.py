@@ -22,7 +22,7 @@ import click
 from logger import cli as logger_cli
 from logger.core.runfile import finish_journal
 from postproc import cli as postproc_cli
-from postproc.verification.cell_export import COLUMNS
+from postproc.verification.celldb_import import COLUMNS
 from tests.kit.runs import UTC0_NS
 from tests.kit.sample_results import LAT, LON, write_run
 

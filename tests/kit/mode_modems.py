@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from logger.device.saved_modes import FILE
+from logger.device.mode_switch import FILE
 from logger.sim.dialects import Dialect, identity_replies, setting
 from logger.sim.modem import SimulatedModem
 from logger.sim.scenario import scenario

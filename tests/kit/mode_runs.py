@@ -7,7 +7,7 @@ from dataclasses import replace
 from logger.config import parse_config
 from logger.core.runfile import read_run
 from logger.device.clock import SystemClock
-from logger.device.saved_modes import FILE
+from logger.device.mode_switch import FILE
 from logger.device.service import Service
 from logger.device.startup import begin_run
 from logger.sim.dialects import identity_replies

@@ -16,7 +16,7 @@ import pytest
 from logger.core.errors import SOMETHING_LOST, ConfigError, EstimationError
 from logger.core.locator import pipeline
 from logger.core.runfile import read_run
-from postproc import cell_estimation, smoothing
+from postproc import smoothing
 from postproc.cell_work import attempt, attempt_alone
 from postproc.cli import main
 from postproc.verification import run_claims, run_sites
@@ -55,9 +55,9 @@ def walk() -> Path:
 @pytest.fixture
 def run(tmp_path, monkeypatch):
     """A walk past both cells, each of which is located once only for all tests."""
-    for module in (cell_estimation, run_claims, run_sites):
+    for module in (smoothing, run_claims, run_sites):
         monkeypatch.setattr(module, "locate", locate)
-    monkeypatch.setattr(cell_estimation, "decide", decide)
+    monkeypatch.setattr(smoothing, "decide", decide)
     return copyfile(walk(), tmp_path / "walk.h5")
 
 
@@ -147,12 +147,12 @@ def check(run, capsys, caplog, monkeypatch):
 
 
 ESTIMATE = [
-    "postproc.cell_estimation.locate",
-    "postproc.cell_estimation.decide",
-    "postproc.cell_estimation.timing_of",
-    "postproc.cell_estimation.too_few",
-    "postproc.cell_estimation.reference_ekf",
-    "postproc.cell_estimation._passes",
+    "postproc.smoothing.locate",
+    "postproc.smoothing.decide",
+    "postproc.smoothing.timing_of",
+    "postproc.smoothing.too_few",
+    "postproc.smoothing.reference_ekf",
+    "postproc.smoothing._passes",
     "postproc.estimators.least_squares.fit",
     "postproc.estimators.ekf_initialisation.why_not_located",
     "postproc.estimators.residuals.diagnose",
@@ -170,7 +170,7 @@ def test_every_step_of_an_estimate(step, check, run):
 
 
 def test_the_test_for_two_transmitters(check, run, monkeypatch):
-    monkeypatch.setattr(cell_estimation, "decide", pipeline.decide)
+    monkeypatch.setattr(smoothing, "decide", pipeline.decide)
     check("logger.core.locator.pipeline.divide", "smooth", run)
 
 
@@ -339,7 +339,7 @@ def test_any_exception_of_the_work_is_a_row(error, run, capsys, monkeypatch):
     assert code == SOMETHING_LOST
     assert row["error"].startswith(type(error).__name__)
     assert "\n" not in row["error"]
-    assert "(least_squares.py:" in row["error"] or "cell_estimation.py:" in row["error"]
+    assert "(least_squares.py:" in row["error"] or "smoothing.py:" in row["error"]
 
 
 def test_readings_without_the_answer_are_no_error(run, capsys, monkeypatch):

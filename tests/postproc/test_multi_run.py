@@ -8,7 +8,6 @@ import pytest
 from logger.core.places import Places, Utm
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
-from postproc.cell_estimation import estimate_cell
 from postproc.cli import main
 from postproc.multi_run import (
     in_one_zone,
@@ -20,7 +19,7 @@ from postproc.multi_run import (
     shares_of,
     with_one_modem,
 )
-from postproc.smoothing import smooth_runs
+from postproc.smoothing import estimate_cell, smooth_runs
 from postproc.survey.walk_readings import readings_of
 from postproc.walk import observe_run
 from tests.kit import runs

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from logger.core.places import Places
-from logger.core.readings import observe
-from logger.core.regular_naming import LEAST_SHARE, NEAR_M
+from logger.core.readings import LEAST_SHARE, NEAR_M, observe
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.sim.world import Shadowing

@@ -9,9 +9,9 @@ import shapely
 from logger.core.model.prior import Prior
 from logger.core.places import Utm
 from logger.core.runfile import read_run
-from postproc.cell_estimation import locate_cell
 from postproc.cli import main
 from postproc.interop.importing import import_walk
+from postproc.smoothing import locate_cell
 from postproc.walk import observe_run
 
 

@@ -11,7 +11,7 @@ from logger.core.runfile import read_sound_run
 from postproc import results
 from postproc.cli import main
 from postproc.result import Options
-from postproc.result_encoding import encode
+from postproc.results import encode
 from postproc.smoothing import smooth_runs
 from tests.kit import sample_results as kit
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from logger.core.places import Places
-from postproc.cell_estimation import estimate_cell
 from postproc.result import Options
-from postproc.smoothing import smooth_runs
+from postproc.smoothing import estimate_cell, smooth_runs
 from tests.kit.sample_results import json_of, write_run
 from tests.kit.walks import simulate
 

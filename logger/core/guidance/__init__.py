@@ -1,8 +1,7 @@
 """Where to walk next: the way whose readings are expected to say most about the position.
 
-    sample      positions drawn from the posterior, each with the levels that it implies
-    forecast    levels to expect at points not yet walked, under each position
-    information what readings at some points would say, in nats
+    sample      positions drawn from the posterior, and places where its probability is gathered
+    forecast    levels to expect at points not yet walked, and what they would say, in nats
     routes      ways to consider: eight directions, or the streets of a map
     planner     these by information for each metre
     advice      when to plan, and what the walker is shown

@@ -6,14 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.guidance.clusters import Cluster, clusters
 from logger.core.guidance.forecast import Forecaster
 from logger.core.guidance.planner import Course, azimuth_deg, first_turn, plans
-from logger.core.guidance.routes import Route, compass_routes
-from logger.core.guidance.sample import draw
+from logger.core.guidance.routes import Route, compass_routes, street_routes
+from logger.core.guidance.sample import Cluster, clusters, draw
 from logger.core.guidance.sentence import sentence
 from logger.core.guidance.street_map import StreetMap
-from logger.core.guidance.street_routes import street_routes
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree
 from logger.core.places import Places, join_places

@@ -8,6 +8,12 @@ and A = K_qp K_pp^-1, which carries over what the shadowing at q is known from t
     G_i = [1, -L_i(q)] - A [1, -L_i(p)],    C_i = cov(P0, eta | i)
 
 A street that has been walked is known from its readings, so walking it again says little.
+
+What readings would say is a lower bound of the mutual information between position and levels, from
+the Bhattacharyya coefficients of each pair of positions (Kolchinsky & Tracey, Entropy 19(7), 2017,
+eq. 10 with alpha = 1/2):
+
+    I >= -sum_i w_i log sum_j w_j exp(-|mu_i - mu_j|^2_N / 8)
 """
 
 from dataclasses import replace
@@ -15,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import FloatArray
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.guidance.sample import PositionSample
 from logger.core.model.blocks import Blocks
 from logger.core.model.noise import correlation, shadowing, whiteners
@@ -92,3 +98,14 @@ class Forecaster:
 
     def _log_distance_db(self, points: Places) -> FloatArray:
         return self._places.log_distance_to(points, self._prior.height_m)
+
+
+def information_nats(forecast: Forecast, points: IntArray) -> float:
+    """Information of readings at some of the points of a forecast, in nats."""
+    root = np.linalg.cholesky(forecast.covariance[np.ix_(points, points)])
+    level_dbm = forecast.level_dbm[:, points]
+    white = np.linalg.solve(root, (level_dbm - level_dbm[0]).T)
+    squared = np.sum(white**2, axis=0)
+    apart = np.maximum(squared[:, None] + squared - 2.0 * white.T @ white, 0.0)
+    overlap = np.exp(-0.125 * apart) @ forecast.weight
+    return float(-forecast.weight @ np.log(overlap))

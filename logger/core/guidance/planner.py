@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.guidance.forecast import Forecast, Forecaster
-from logger.core.guidance.information import information_nats
+from logger.core.guidance.forecast import Forecast, Forecaster, information_nats
 from logger.core.guidance.routes import LEG_M, Route
 from logger.core.places import Places
 

@@ -25,8 +25,8 @@ class Pursuit:
     """The search for one cell from the time on when it became the target.
 
     `give_up_s` is the longest time without a reading, 0 for any. A cell that is neither suspicious
-    nor `is_asked` for by a person is searched for no longer than that either: nobody wants to be
-    led to the mast of an operator. `given_up` says why it was given up, empty if it was not.
+    nor `is_asked` for, whatever its word, is searched for no longer than that either: nobody wants
+    to be led to the mast of an operator. `given_up` says why it was given up, empty if it was not.
     """
 
     def __init__(self, cell: str, t_ns: int, give_up_s: float, *, is_asked: bool) -> None:
@@ -63,7 +63,7 @@ class Pursuit:
         if unheard_ns > self._give_up_ns:
             self._give_up(f"not heard for {unheard_ns / 60e9:.0f} min")
         elif t_ns - self._since_ns > self._give_up_ns:
-            self._give_up("nothing about it is suspicious")
+            self._give_up("it did not become suspicious")
 
     def judge(self, answer: Answer) -> None:
         """Take the answer after another part of the walk."""

@@ -8,10 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.guidance.clusters import Cluster
 from logger.core.guidance.forecast import Forecast
 from logger.core.guidance.planner import Plan, azimuth_deg, turn_deg
-from logger.core.guidance.sample import PositionSample
+from logger.core.guidance.sample import Cluster, PositionSample
 from logger.core.places import Places
 
 _TURNS = (

@@ -6,8 +6,8 @@ from types import MappingProxyType
 from typing import Any
 
 from logger.core.baseline import NO_BASELINE, Baseline
+from logger.core.cell_names import Identities
 from logger.core.errors import error_place
-from logger.core.identities import Identities
 from logger.core.latest import Latest
 from logger.core.squares import square_of
 from logger.core.suspicion.heard import Heard, Memory, Moment, Walker

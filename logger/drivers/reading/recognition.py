@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, NamedTuple, TypeGuard, TypeVar
 
-from logger.core.identities import FEWEST_SCANS
+from logger.core.cell_names import FEWEST_SCANS
 from logger.core.types import Broadcast, CellReading
 from logger.drivers.reading.row_language import NumberForm, NumberText, Registration, Row
 from logger.drivers.reading.standard_replies import is_serving

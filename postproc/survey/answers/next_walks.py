@@ -13,10 +13,9 @@ from postproc.guidance.next_walk import NextWalk, next_walk
 from postproc.progress import with_progress
 from postproc.result import Options
 from postproc.survey.alignment import align
-from postproc.survey.cell_location import LocatedCell, joined_readings
+from postproc.survey.cell_location import LocatedCell, joined_readings, thin
 from postproc.survey.dataset import Survey
 from postproc.survey.tasks import RunChoice, runs_of
-from postproc.survey.thinning import thin
 
 _TRIED_EACH = 3
 """Cells that are considered for each walker."""

@@ -60,7 +60,7 @@ def test_an_ordinary_cell_that_nobody_asked_for_is_not_followed_for_longer_than_
         pursuit = Pursuit("a", 0, GIVE_UP_S, is_asked=is_asked)
         assert not _walks(pursuit, smaller, is_suspicious=is_suspicious)
     pursuit = Pursuit("a", 0, GIVE_UP_S, is_asked=False)
-    assert _walks(pursuit, smaller, is_suspicious=False) == "nothing about it is suspicious"
+    assert _walks(pursuit, smaller, is_suspicious=False) == "it did not become suspicious"
     pursuit.walk(12 * 60 * S, Places.of(1200.0, 0.0), is_suspicious=True)
     assert not pursuit.over  # its word is a reason to search again
 

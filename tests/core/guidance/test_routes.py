@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from logger.core.guidance.clusters import Cluster, clusters
-from logger.core.guidance.routes import LONGEST_M, Route, compass_routes
+from logger.core.guidance.routes import LONGEST_M, Route, compass_routes, street_routes
+from logger.core.guidance.sample import Cluster, clusters
 from logger.core.guidance.street_map import StreetMap
-from logger.core.guidance.street_routes import street_routes
 from logger.core.places import Places
 
 

@@ -27,7 +27,7 @@ from logger.core.model.noise import matrices_of, whiteners
 from logger.core.model.prior import Prior, Reach, Station
 from logger.core.places import Places
 from logger.core.readings import timing_advances
-from postproc.cell_estimation import locate_cell
+from postproc.smoothing import locate_cell
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations
 

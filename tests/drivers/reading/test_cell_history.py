@@ -2,7 +2,7 @@
 
 import pytest
 
-from logger.core.identities import Identities
+from logger.core.cell_names import Identities
 from logger.core.types import CellReading, Scan
 from logger.drivers.reading.recognition import NumberHistory, mark_doubtful, mark_doubtful_replies
 from logger.drivers.registry import FAMILIES

@@ -8,12 +8,12 @@ import pytest
 
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings
-from postproc.cell_estimation import _converged_only
 from postproc.cli import main
 from postproc.estimators import least_squares
 from postproc.estimators.convergence import MOST_ETA, P0_RANGE_DBM, REACH_M, ended_well
 from postproc.estimators.filters import FilterPath
 from postproc.result import CellResult
+from postproc.smoothing import _converged_only
 
 FINE = np.array([10.0, 20.0, -30.0, 3.0])
 

@@ -179,14 +179,14 @@ def test_nothing_is_known_hours_away_and_numbers_stay_finite():
 
 def test_time_grows_with_the_fixes_and_no_faster():
     rng = np.random.default_rng(8)
-    place_m = np.cumsum(rng.normal(size=(80_000, 2)), axis=0)
+    place_m = np.cumsum(rng.normal(size=(16_000, 2)), axis=0)
 
     def smooth_fixes(count: int) -> None:
         given = track(np.arange(float(count)), place_m[:count])
         walker.smooth_track(given).at(given.t_ns)
 
     smooth_fixes(9)  # compiles
-    check_growth(smooth_fixes, 10_000, 80_000)
+    check_growth(smooth_fixes, 2_000, 16_000)
 
 
 # --- with the run ---

@@ -11,9 +11,9 @@ import h5py
 import numpy as np
 import pytest
 
-from logger.core.censoring import levels_dbm
 from logger.core.errors import RunFileError
 from logger.core.places import UNKNOWN_SIGMA_M
+from logger.core.readings import levels_dbm
 from logger.core.runfile import read_run
 from logger.core.types import Fix, Note, Scan
 from postproc.cli import main

@@ -28,13 +28,6 @@ def with_paths(result, *paths):
     return replace(result, runs=tuple(runs))
 
 
-def test_runs_with_the_same_name_are_numbered(result):
-    paths = [f"{folder}/run-000001.journal.2" for folder in "abc"]
-    survey = survey_of(with_paths(result, *paths, "x.h5"))
-    names = [walk.name for walk in survey.walks]
-    assert names == ["run-000001", "run-000001 (2)", "run-000001 (3)", "x"]
-
-
 def test_positions_convert_to_degrees_and_back(result):
     survey = survey_of(result)
     positions_m = np.array([(0.0, 0.0), (30.0, -70.0)])

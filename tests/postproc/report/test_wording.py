@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 
 from logger.core.ellipse import metres
-from postproc.report import wording
+from postproc.report import page
 from tests.kit import sample_results as kit
 
 
@@ -31,19 +31,19 @@ def test_lengths_have_their_significant_digits(value_m, text):
 
 
 def test_times():
-    assert wording.time_text(3725.4) == "1:02:05"
-    assert [wording.duration_text(s) for s in (7.2, 119.0, 1886.0, 7500.0)] == [
+    assert page.time_text(3725.4) == "1:02:05"
+    assert [page.duration_text(s) for s in (7.2, 119.0, 1886.0, 7500.0)] == [
         "7 s",
         "119 s",
         "31 min",
         "2 h 05 min",
     ]
-    assert [wording.number_of(n, "cell") for n in (0, 1, 2)] == ["0 cells", "1 cell", "2 cells"]
+    assert [page.number_of(n, "cell") for n in (0, 1, 2)] == ["0 cells", "1 cell", "2 cells"]
 
 
 def advice(result, **changes):
     cell = replace(result.cells[0], **changes)
-    return wording.advice(result.answer(cell), cell)
+    return page.advice_text(result.answer(cell), cell)
 
 
 def test_a_located_cell_needs_no_further_walk_and_a_conspicuous_one_is_searched(result):
@@ -70,12 +70,12 @@ def test_a_cell_without_a_position_has_advice(result):
 
 def test_the_heading_says_which_cells_are_suspicious_or_counts_verdicts(result):
     a, b = result.cells
-    assert wording.heading(replace(result, cells=())) == "No cell was observed"
-    assert wording.heading(result) == "1 of 2 cells located, 1 not located"
+    assert page.heading(replace(result, cells=())) == "No cell was observed"
+    assert page.heading(result) == "1 of 2 cells located, 1 not located"
     both = [a, replace(b, verdict="ambiguous")]
-    assert wording.located_text(both) == "1 of 2 cells located, 1 ambiguous"
-    assert wording.heading(kit.with_word(result)) == "One cell is suspicious"
+    assert page.located_text(both) == "1 of 2 cells located, 1 ambiguous"
+    assert page.heading(kit.with_word(result)) == "One cell is suspicious"
     unusual = kit.with_word(result, word="unusual")
-    assert wording.heading(unusual) == "No cell is suspicious, 1 is unusual"
+    assert page.heading(unusual) == "No cell is suspicious, 1 is unusual"
     none = kit.with_word(result, word="nothing unusual")
-    assert wording.heading(none) == "No cell is suspicious"
+    assert page.heading(none) == "No cell is suspicious"

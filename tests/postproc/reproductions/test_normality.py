@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from postproc.reproductions.normality import normality
+from postproc.reproductions.theory import normality
 
 
 @pytest.mark.parametrize("limit", [None, 2.0, 3.0])

@@ -16,13 +16,12 @@ from postproc.result import Options
 from postproc.smoothing import smooth_runs
 from postproc.survey.agreement import liars, report
 from postproc.survey.alignment import align
-from postproc.survey.cell_location import joined_readings
+from postproc.survey.cell_location import MOST_READINGS, OF_A_SQUARE, joined_readings, thin
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
 from postproc.survey.location import locate_survey
 from postproc.survey.scheduling import Cluster
 from postproc.survey.tasks import RunChoice, compare_loggers, locate_cells, tasks_of
-from postproc.survey.thinning import MOST_READINGS, OF_A_SQUARE, thin
 from tests.postproc.baseline.walks import cell, name, write_walk
 from tests.postproc.survey.cities import write_city
 

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from pyproj import Geod
 
+from logger.core.cell_names import identity_of
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from logger.core.identities import identity_of
-from postproc.verification.cell_export import COLUMNS
 from postproc.verification.celldb import CellDb
-from postproc.verification.celldb_import import CellImport
+from postproc.verification.celldb_import import COLUMNS, CellImport
 
 HEADER = ",".join(COLUMNS) + "\n"
 ROW = "GSM,262,1,4711,100,0,13.4,52.5,1000,7,1,1282569574,1300155341,0\n"

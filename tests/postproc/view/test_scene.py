@@ -28,7 +28,7 @@ nis/bound0.95 nis/bound0.999 area/posterior area/ekf accuracy/r50 accuracy/r95 a
 """
 SHARED = f"""
 /plan/ground/grid/fine /plan/ground/grid/bold /plan/ground/scale /plan/ground/north
-/plan/walks/walk/track /plan/walker /plan/walker/trail /plan/all/{NAME} /report/{NAME}
+/plan/walks/walk.journal/track /plan/walker /plan/walker/trail /plan/all/{NAME} /report/{NAME}
 /events {STATES}/verdict /states/receiver /map/walker /map/cells/{NAME}/posterior/region95
 """
 

@@ -7,10 +7,10 @@ from logger.core.column import UNKNOWN_TIME
 from logger.core.model.prior import ENVIRONMENTS
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
-from postproc.cell_estimation import locate_cell
 from postproc.pictures import colours
 from postproc.pictures.survey import clock_of
 from postproc.result import CellResult
+from postproc.smoothing import locate_cell
 from postproc.view.view_model import (
     MOST_STEPS,
     PAUSE_NS,

@@ -1,13 +1,16 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from pyproj import Geod
 
-from logger.core.guidance.live_verdict import CONFIRMED_AFTER, LiveVerdict
+from logger.core.guidance.followed_cell import CONFIRMED_AFTER, LiveVerdict, true_azimuth_deg
 from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, LIVE, divide_in_time
 from logger.core.locator.verdict import LIVE_M
 from logger.core.model.prior import Prior
+from logger.core.places import Places, Utm
 from tests.kit.guided_walks import line
 from tests.kit.walks import observations
 
@@ -16,6 +19,7 @@ AROUND = line(
     (0.0, 0.0), (240.0, 0.0), (240.0, 200.0), (0.0, 200.0), (0.0, 0.0), (120.0, 60.0),
     (120.0, 220.0), (60.0, 60.0), (260.0, 120.0),
 )  # fmt: skip
+WGS84 = Geod(ellps="WGS84")
 
 
 def _walk(points_m, emitter_m, seed=0, noise_db=2.0):
@@ -33,7 +37,7 @@ def test_a_location_is_believed_after_one_more_leg():
     posterior = locate(obs, Prior(), EFFORT)
     assert posterior.r95_m <= LIVE_M
     verdict = LiveVerdict()
-    decisions = [verdict.update(posterior, obs) for _ in range(CONFIRMED_AFTER + 2)]
+    decisions = [verdict.update(posterior, obs)[0] for _ in range(CONFIRMED_AFTER + 2)]
     words = [decision.verdict for decision in decisions]
     assert words == ["cannot tell"] * CONFIRMED_AFTER + ["located"] * 2
     assert "walk one leg away to confirm it" in decisions[0].reasons[0]
@@ -45,8 +49,22 @@ def test_a_location_that_is_lost_has_to_be_confirmed_again():
     verdict = LiveVerdict()
     for _ in range(CONFIRMED_AFTER + 1):
         verdict.update(posterior, obs)
-    assert verdict.update(replace(posterior, r95_m=LIVE_M + 1.0), obs).verdict == "cannot tell"
-    assert verdict.update(posterior, obs).verdict == "cannot tell"
+    for r95_m in (LIVE_M + 1.0, posterior.r95_m):
+        decision, _ = verdict.update(replace(posterior, r95_m=r95_m), obs)
+        assert decision.verdict == "cannot tell"
+
+
+def test_a_location_that_the_desktop_would_not_find_is_none():
+    obs = _walk(AROUND, np.array([120.0, 290.0]), seed=1, noise_db=5.0)
+    at_desktop = locate(obs)
+    assert at_desktop.r95_m > LIVE_M
+    sharper, verdict = replace(at_desktop, r95_m=0.5 * LIVE_M), LiveVerdict()
+    updates = [verdict.update(sharper, obs) for _ in range(CONFIRMED_AFTER + 2)]
+    *_, refused, later = [decision.reasons[0] for decision, _ in updates]
+    assert "located" not in {decision.verdict for decision, _ in updates}
+    assert f"95 % lie within {at_desktop.r95_m:.0f} m" in refused
+    assert "walk one leg away to confirm it" in later
+    assert [posterior.r95_m for _, posterior in updates[-2:]] == [at_desktop.r95_m, sharper.r95_m]
 
 
 def test_a_transmitter_that_moved_is_two_positions_in_time():
@@ -57,7 +75,7 @@ def test_a_transmitter_that_moved_is_two_positions_in_time():
     division = divide_in_time(obs, posterior, LIVE)
     assert division.is_in_time
     assert division.log_factor > LEAST_LOG_FACTOR
-    decision = LiveVerdict().update(posterior, obs)
+    decision, _ = LiveVerdict().update(posterior, obs)
     assert decision.verdict == "cannot tell"
     assert "seems to have moved" in decision.reasons[0]
 
@@ -79,6 +97,24 @@ def test_one_that_moves_is_not_located_by_a_walker_who_circles_it():
     sharp = locate(_walk(AROUND, np.array([120.0, 90.0])), Prior(), EFFORT)
     assert divide_in_time(obs, sharp, LIVE).log_factor < 0.0
     verdict = LiveVerdict()
-    decisions = [verdict.update(sharp, obs) for _ in range(CONFIRMED_AFTER + 2)]
+    decisions = [verdict.update(sharp, obs)[0] for _ in range(CONFIRMED_AFTER + 2)]
     assert "located" not in {decision.verdict for decision in decisions}
     assert "a transmitter that moves" in decisions[-1].reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("lat_deg", "lon_deg"),
+    [(60.4, 5.9995), (0.0003, 9.5), (-54.8, -72.0), (-16.8, 179.9995), (83.9, 17.9)],
+)
+@pytest.mark.parametrize("direction_deg", [3.0, 85.0, 140.0, 275.0])
+def test_directions_are_from_true_north_also_across_zones_equator_and_date_line(
+    lat_deg, lon_deg, direction_deg
+):
+    to_lon_deg, to_lat_deg, _ = WGS84.fwd(lon_deg, lat_deg, direction_deg, 150.0)
+    utm = Utm.at(lat_deg, lon_deg)
+    found_deg = true_azimuth_deg(
+        Places.of_degrees(lat_deg, lon_deg, utm=utm),
+        Places.of_degrees(to_lat_deg, to_lon_deg, utm=utm),
+    )
+    # the flattening of the Earth is not part of it: 0.2 degrees at the equator
+    assert abs((found_deg - direction_deg + 180.0) % 360.0 - 180.0) < 0.3

@@ -1,12 +1,13 @@
-"""The baseline on the device: it is only read, and an error never stops the recording.
+"""The baseline and the streets on the device: only read, and an error never stops the recording.
 
 A file that is missing or damaged is one line in the log and one event in the run. From then on
-nothing is known of earlier walks, and rules that need them are not asked. What it is asked is
-recorded (`NotedBaseline`).
+nothing is known of earlier walks, and rules that need them are not asked, or there are no streets.
+What the baseline is asked is recorded (`NotedBaseline`).
 """
 
 import logging
 from collections.abc import Callable, Mapping
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,9 +27,13 @@ from logger.core.baseline import (
     SquareHistory,
     answer_line,
 )
-from logger.core.errors import RunFileError, error_place
+from logger.core.errors import FieldLoggerError, RunFileError, error_place
+from logger.core.guidance.street_atlas import StreetAtlas
+from logger.core.guidance.street_map import StreetMap
 from logger.core.latest import Latest
+from logger.core.places import Places
 from logger.core.types import Note
+from logger.street_file import read_lines
 
 log = logging.getLogger(__name__)
 
@@ -36,6 +41,9 @@ _MOST_NOTED = 10_000
 """Questions of a walk; what is asked again after so many others is recorded again."""
 
 Answer = TypeVar("Answer")
+
+_STREETS, _NO_STREETS = "streets", "streets-unreadable"
+"""Codes of the events about streets."""
 
 
 class LiveBaseline:
@@ -117,3 +125,50 @@ class LiveBaseline:
         text = f"{why}; nothing is known of earlier walks"
         self._notes.append(Note("warning", UNREADABLE, text))
         log.warning("%s", text)
+
+
+class LiveStreets:
+    """`Streets` that answer whatever happens; `take_notes` has what is to be recorded.
+
+    An empty `name` is no file. After an error there are no streets any more.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._notes: list[Note] = []
+        self._atlas = StreetAtlas(())
+        if name:
+            self._read()
+
+    def take_notes(self) -> list[Note]:
+        """Events since the last call."""
+        notes, self._notes = self._notes, []
+        return notes
+
+    def near(self, here: Places) -> StreetMap | None:
+        """The streets around a walk that is here; None without any."""
+        try:
+            return self._atlas.near(here)
+        except Exception as error:  # noqa: BLE001 (also without memory the estimate goes on)
+            self._give_up(error)
+        return None
+
+    def _read(self) -> None:
+        try:
+            lines = read_lines(Path(self._name))
+            self._atlas = StreetAtlas(lines)
+        except Exception as error:  # noqa: BLE001
+            self._give_up(error)
+            return
+        digest = sha256()
+        for line in lines:
+            digest.update(repr(line).encode())
+        text = f"{len(lines)} streets of {self._name}, digest {digest.hexdigest()}"
+        self._notes.append(Note("info", _STREETS, text))
+
+    def _give_up(self, error: Exception) -> None:
+        self._atlas = StreetAtlas(())
+        why = str(error) if isinstance(error, FieldLoggerError) else error_place(error)
+        named = why if self._name in why else f"{self._name}: {why}"
+        self._notes.append(Note("warning", _NO_STREETS, f"{named}; advice without streets"))
+        log.warning("advice without streets: %s", named)

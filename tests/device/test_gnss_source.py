@@ -12,8 +12,7 @@ import pytest
 from logger.config import parse_config
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
-from logger.device.gpsd_source import GpsdSource
-from logger.device.nmea_source import NmeaSource
+from logger.device.gnss_source import GpsdSource, NmeaSource
 from logger.device.sources import source_of
 from logger.sim.ptys import PtyDevice
 from tests.kit import service

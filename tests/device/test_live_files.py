@@ -13,7 +13,7 @@ from logger.core.squares import square_of
 from logger.core.types import Note
 from logger.device.estimator import Estimator
 from logger.device.link import Inbox
-from logger.device.live_baseline import READ, UNREADABLE, LiveBaseline
+from logger.device.live_files import READ, UNREADABLE, LiveBaseline
 from tests.kit.live import next_values, walk
 from tests.kit.service import LIMIT_S
 from tests.postproc.baseline.walks import name, two_cells, write_walk
