@@ -57,22 +57,15 @@ Vector = tuple[float, float, float]
 Symmetric = tuple[float, float, float, float, float, float]
 
 
-class _Measured(NamedTuple):
-    """A measurement in the filter: its kind, P h, innovations, variances of noise and of these."""
-
-    kind: int
-    gain: Vector
-    east: float
-    north: float
-    noise: float
-    variance: float
+_Measured = tuple[int, Vector, float, float, float, float]
+"""A measurement in the filter: its kind, P h, innovations, variances of noise and of these."""
 
 
 class _Step(NamedTuple):
     """States of both axes and covariance after a fix, and its measurements."""
 
-    x: Vector
-    y: Vector
+    of_east: Vector
+    of_north: Vector
     p: Symmetric
     measured: list[_Measured]
 
@@ -107,7 +100,10 @@ def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatA
     adjoint = _adjoint(model, steps)
     slack = np.where(np.isfinite(model.variance), model.slack, 0.0)
     apart2 = np.sum(adjoint.residual**2, axis=2) / adjoint.precision**2
-    x, p = np.array([(one.x, one.y) for one in steps]), _square([one.p for one in steps])
+    x, p = (
+        np.array([(one.of_east, one.of_north) for one in steps]),
+        _square([one.p for one in steps]),
+    )
     series = Series(np.swapaxes(x, 1, 2), p, adjoint.r, adjoint.n)
     return series, apart2, 1.0 / adjoint.precision - excess + slack
 
@@ -279,7 +275,7 @@ def _filter(model: Model, excess: FloatArray, steps: list[_Step] | None) -> floa
         if k > 0:
             x, y = _predict_state(x, dt, decay[k]), _predict_state(y, dt, decay[k])
             p = _predict_covariance(p, dt, decay[k], q[k])
-        measured = []
+        measured: list[_Measured] = []
         for kind in (_POSITION, _VELOCITY):
             noise = variances[k][kind]
             if noise == inf:
@@ -302,7 +298,7 @@ def _filter(model: Model, excess: FloatArray, steps: list[_Step] | None) -> floa
             after = _measure_position if kind == _POSITION else _measure_velocity
             p = after(p, share, s, noise, noise / variance)
             if steps is not None:
-                measured.append(_Measured(kind, gain, east, north, noise, variance))
+                measured.append((kind, gain, east, north, noise, variance))
         if steps is not None:
             steps.append(_Step(x, y, p, measured))
     if steps is None:
