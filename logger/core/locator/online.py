@@ -55,7 +55,8 @@ _LONGEST_WAIT = 8  # readings, a second each: nobody sees an estimate older than
 _GROWN = 1.4  # times as many blocks or censored points: a new search is due
 _TURNED = 2.0  # urgency where the walk has left its curve, or the mass its modes
 _MODE_LEVEL = 0.99
-_MOST_READINGS = 400  # as many as a test of the walk against its halves gathers into blocks
+_MOST_READINGS = 1024  # of an hour's walk; answers of the device and the desktop are from the same
+_JOINED = 64  # single readings take 30 times the memory of those in one array
 
 
 class _Searched(NamedTuple):
@@ -81,22 +82,28 @@ class ReadingsInOrder:
     """Readings of a walk in their order; when there are too many, every second one is dropped."""
 
     def __init__(self) -> None:
-        self._readings: list[Readings] = []
+        self._earlier: list[Readings] = []
+        self._latest: list[Readings] = []
         self._every = 1
         self._count = 0
 
     def add(self, latest: Readings) -> None:
         """Take the next reading."""
         if self._count % self._every == 0:
-            self._readings.append(latest)
+            self._latest.append(latest)
         self._count += 1
-        if len(self._readings) > _MOST_READINGS:
-            self._readings = self._readings[::2]
+        if len(self._latest) == _JOINED:
+            self._earlier = [in_order([*self._earlier, *self._latest])]
+            self._latest = []
+        if self._count == self._every * _MOST_READINGS:
+            every = self.readings()
+            self._earlier = [every.part(np.arange(len(every)) % 2 == 0)]
+            self._latest = []
             self._every *= 2
 
     def readings(self) -> Readings:
         """Those that are left, without spikes."""
-        return replace(in_order(self._readings), without_spikes=True)
+        return replace(in_order([*self._earlier, *self._latest]), without_spikes=True)
 
 
 class OnlineLocator:
@@ -139,6 +146,11 @@ class OnlineLocator:
         self._strongest: Readings | None = None
         self.readings = ReadingsInOrder()
         self._n_readings = self._n_evaluated = 0
+
+    @property
+    def prior(self) -> Prior:
+        """The prior of the next search."""
+        return replace(self._prior, area=self._where.area)
 
     @property
     def stale(self) -> float:
@@ -200,7 +212,7 @@ class OnlineLocator:
         """Search the positions again with all blocks so far."""
         if self._n < FEWEST_BLOCKS:
             return
-        self._prior = replace(self._prior, area=self._where.area)
+        self._prior = self.prior
         self._outside_share = None
         self._lost = False
         point_m, variance_m2 = self._block[:2, : self._n], self._block[3, : self._n]
