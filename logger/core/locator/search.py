@@ -142,17 +142,15 @@ def _over_grids(walk: Walk, tree: Tree) -> Tree:
     numbers, prior = tree.numbers[rows].tolist(), walk.prior.of_station(walk.prior.stations[0])
     chosen = np.flatnonzero(mixed.probability > _LEAST_MASS)
     position = tree.squares[:2, chosen]
-    shifted = [
+    each = [
         BlocksEvidence.of(grid, prior, whiteners(grid, prior, numbers))
         .evaluate(prior, walk.effort.nodes, position, None)
         .log_p
-        for grid in walk.shifted
+        for grid in (walk.coarse, *walk.shifted)
     ]
     mass = tree.log_mass()[chosen]
     before = tree.evidence.log_p[np.ix_(rows, chosen)]
-    unshifted = tree.evidence.of_first_station(walk.prior.station_log_odds[:, tree.numbers])
-    unshifted = unshifted[np.ix_(rows, chosen)]
-    after = before + np.mean([unshifted, *shifted], axis=0) - unshifted
+    after = before + np.mean(each, axis=0) - each[0]
     after += (log_sum(before + mass) - log_sum(after + mass))[:, None]
     log_p = tree.evidence.log_p.copy()
     log_p[np.ix_(rows, chosen)] = after

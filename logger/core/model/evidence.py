@@ -43,11 +43,6 @@ class Evidence(NamedTuple):
         """That of some of the hypotheses."""
         return Evidence(*(values[..., chosen, :] for values in self))
 
-    def of_first_station(self, log_odds: FloatArray) -> FloatArray:
-        """Log evidence (c, h) of the first of the stations that `mix_stations` has mixed."""
-        share = np.maximum(self.station[0], np.finfo(float).tiny)
-        return np.asarray(self.log_p + np.log(share) - log_odds[0][:, None], float)
-
 
 def mix_stations(parts: Sequence[Evidence], log_odds: FloatArray) -> Evidence:
     """Evidence of a station that is one of several, which have these log probabilities (s, c)."""
