@@ -17,7 +17,7 @@ from pyproj import Proj
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.errors import EstimationError, GeoError
-from logger.core.model.path_loss import log_distance_db
+from logger.core.model.path_loss import log_distances_db
 from logger.core.rows import Rows
 from logger.core.types import DEAD_RECKONING, Fix
 
@@ -206,8 +206,8 @@ class Places:
 
     def distances_m(self, others: "Places") -> FloatArray:
         """Distance of each place from each of the others (h,), shape (n, h)."""
-        apart_m = np.hypot(self.x_m[:, None] - others.x_m, self.y_m[:, None] - others.y_m)
-        return np.asarray(apart_m, float)
+        squared_m2 = self._squared_m2(others)
+        return np.asarray(np.sqrt(squared_m2, out=squared_m2), float)
 
     def away_m(self, other: "Places") -> float:
         """Distance of one place from another."""
@@ -215,8 +215,16 @@ class Places:
 
     def log_distance_to(self, others: "Places", height_m: float = 0.0) -> FloatArray:
         """L to antennas `height_m` above the others (h,), shape (n, h): see `path_loss`."""
-        dx_m, dy_m = self.x_m[:, None] - others.x_m, self.y_m[:, None] - others.y_m
-        return log_distance_db(dx_m, dy_m, height_m, self.sigma_m[:, None])
+        squared_m2 = self._squared_m2(others)
+        squared_m2 += (height_m**2 + 2.0 * self.sigma_m**2)[:, None]
+        return log_distances_db(squared_m2)
+
+    def _squared_m2(self, others: "Places") -> FloatArray:
+        """Squared distances (n, h). Of large arrays, new memory takes longer than the sums."""
+        squared_m2, north_m = self.x_m[:, None] - others.x_m, self.y_m[:, None] - others.y_m
+        np.square(squared_m2, out=squared_m2)
+        squared_m2 += np.square(north_m, out=north_m)
+        return np.asarray(squared_m2, float)
 
     def less_sure(self, sigma_m: float) -> Self:
         """One place with another, independent error of this sigma per axis."""

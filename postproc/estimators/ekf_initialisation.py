@@ -168,16 +168,22 @@ def _likely_noise(full: Posterior) -> Prior:
 
 
 def _bisect(low: int, end: int, is_located: Callable[[int], bool]) -> int | None:
-    """About the smallest count that is located; None where the largest below `end` is not."""
-    high = end - max((end - low) >> _BISECTIONS, 1)
-    if not is_located(high):
-        return None
+    """About the smallest count that is located; None where the largest below `end` is not.
+
+    The largest is tried after a shorter one that is not located: else it is by that one.
+    """
+    high, high_is_known = end - max((end - low) >> _BISECTIONS, 1), False
     for _ in range(_BISECTIONS):
         if high - low <= _FINE * end:
             break
         middle = (low + high) // 2
-        low, high = (low, middle) if is_located(middle) else (middle, high)
-    return high
+        if is_located(middle):
+            high, high_is_known = middle, True
+            continue
+        if not high_is_known and not is_located(high):
+            return None
+        low, high_is_known = middle, True
+    return high if high_is_known or is_located(high) else None
 
 
 def _locate_prefix(

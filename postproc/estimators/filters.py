@@ -101,13 +101,13 @@ def shadow_pass(
     level_dbm = obs.level_dbm[readings]
     count = len(level_dbm)
     rows = retained_rows(count) if rows is None else rows
-    conditionals = np.empty((count, 6)) if conditionals is None else conditionals
     innovation = np.empty((2, count))
     x, factors = np.empty((len(rows), 5)), np.empty((len(rows), 15))
     start, row = state, 0
     for i, reading in enumerate(of_readings):
         state, innovation[0, i], innovation[1, i] = shadow_ekf.step(state, noise, *reading)
-        conditionals[i] = _shadowing_given_rest(state, start)
+        if conditionals is not None:
+            conditionals[i] = _shadowing_given_rest(state, start)
         if rows[row] == i:
             x[row] = state.x_m, state.y_m, state.p0_dbm, state.eta, state.shadow_db
             factors[row] = state.factors

@@ -44,7 +44,7 @@ from logger.core.places import Places
 from logger.core.readings import Readings
 from postproc.estimators.convergence import REACH_M, ended_well, is_lost, is_possible
 from postproc.estimators.least_squares_rows import Rows, each_reading, group
-from postproc.estimators.residuals import averages, residual_noise
+from postproc.estimators.residuals import Shapes, averages, residual_noise
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 
@@ -327,7 +327,8 @@ def sandwich(rows: Rows, design: FloatArray, state: FloatArray) -> Sandwich:
     scale = np.where(scale > 0.0, scale, 1.0)
     scaled = design / scale
     bread = _inverse_square(np.sqrt(rows.weight)[:, None] * scaled)
-    noise = residual_noise(Places.of(rows.x_m, rows.y_m), rows.readings, rows.weight, design, e)
+    shapes = Shapes.of(Places.of(rows.x_m, rows.y_m), rows.readings, rows.weight)
+    noise = residual_noise(shapes, design, e)
     total = np.bincount(noise.square, rows.weight)
     score = bread @ (total[:, None] * averages(noise.square, rows.weight, scaled)).T
     covariance = score @ noise.covariance_db2 @ score.T

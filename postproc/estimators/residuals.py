@@ -30,6 +30,7 @@ the part of T off X gives the generalised least-squares estimate (Frisch & Waugh
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import nan
 from statistics import NormalDist
 from typing import NamedTuple
@@ -39,7 +40,7 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model import marginal, path_loss
 from logger.core.model.blocks import squares
-from logger.core.model.noise import independent_variance, shadowing
+from logger.core.model.noise import Whitener, independent_variance, shadowing, whiteners_of
 from logger.core.model.prior import WHITE, Hypothesis, Prior
 from logger.core.places import Places
 from logger.core.readings import Readings, SpikeLevel
@@ -92,31 +93,42 @@ def unit_columns(design: FloatArray) -> FloatArray:
     return np.asarray(design / np.maximum(scale, 1e-300), float)
 
 
-def residual_noise(
-    places: Places,
-    readings: FloatArray,
-    weight: FloatArray,
-    design: FloatArray,
-    residual_db: FloatArray,
-) -> ResidualNoise:
-    """Noise that the residuals (n,) of a weighted fit with this design (n, k) show.
+class Shapes(NamedTuple):
+    """What may correlate the residuals of a walk, whatever is fitted to them.
 
-    `readings` (n,) is how many a row stands for; the weights (n,) are positive.
+    `square` (n,) is the number of the square each row lies in, `k` (c, m, m) the covariance of the
+    squares' means in units of sigma^2 under each of the `hypotheses`, with its `whiteners`.
     """
-    square, _ = squares(places, _MOST_SQUARES)
-    x, y, e = (averages(square, weight, v) for v in (places.x_m, places.y_m, residual_db))
-    scaled = averages(square, weight, unit_columns(design))
-    n_there = np.bincount(square, readings).astype(float)
-    apart_m = np.hypot(x[:, None] - x, y[:, None] - y)
-    hypotheses = _testable(0.5 * float(np.max(apart_m)))
-    shapes = np.array([_shape(apart_m, n_there, h) for h in hypotheses])
-    likelihoods = [_restricted_likelihood(shape, scaled, e) for shape in shapes]
+
+    square: IntArray
+    weight: FloatArray
+    hypotheses: list[Hypothesis]
+    k: FloatArray
+    whiteners: list[Whitener]
+
+    @classmethod
+    def of(cls, places: Places, readings: FloatArray, weight: FloatArray) -> "Shapes":
+        """`readings` (n,) is how many a row stands for; the weights (n,) are positive."""
+        square, _ = squares(places, _MOST_SQUARES)
+        x, y = (averages(square, weight, v) for v in (places.x_m, places.y_m))
+        n_there = np.bincount(square, readings).astype(float)
+        apart_m = Places.of(x, y).distances_m(Places.of(x, y))
+        hypotheses = _testable(0.5 * float(np.max(apart_m)))
+        k = np.array([_shape(apart_m, n_there, h) for h in hypotheses])
+        return cls(square, weight, hypotheses, k, whiteners_of(k))
+
+
+def residual_noise(shapes: Shapes, design: FloatArray, residual_db: FloatArray) -> ResidualNoise:
+    """Noise that the residuals (n,) of a weighted fit with this design (n, k) show."""
+    square, weight, hypotheses, k, whiteners = shapes
+    e, scaled = (averages(square, weight, v) for v in (residual_db, unit_columns(design)))
+    likelihoods = [_restricted_likelihood(one, scaled, e) for one in whiteners]
     log_p, variance_db2 = np.array(likelihoods).T
     p = np.exp(log_p - np.max(log_p))
     p /= np.sum(p)
     white_share, decorrelation_m = np.array([(h.white_share, h.short_m) for h in hypotheses]).T
     trust = np.where(white_share < 1.0, _TRUST, 1.0)
-    covariance = np.einsum("h,hij->ij", p * variance_db2 / trust, shapes)
+    covariance = np.einsum("h,hij->ij", p * variance_db2 / trust, k)
     correlated = p[1:] / max(np.sum(p[1:]), 1e-300)
     return ResidualNoise(
         square,
@@ -144,7 +156,7 @@ def _shape(apart_m: FloatArray, readings: FloatArray, hypothesis: Hypothesis) ->
 
 
 def _restricted_likelihood(
-    shape: FloatArray, design: FloatArray, e: FloatArray
+    shape: Whitener, design: FloatArray, e: FloatArray
 ) -> tuple[float, float]:
     """Log restricted likelihood of K, and the mean of sigma^2 under it.
 
@@ -152,14 +164,13 @@ def _restricted_likelihood(
     is flat beside any reading.
     """
     k = design.shape[1]
-    root = np.linalg.cholesky(shape)
-    white = np.linalg.solve(root, np.column_stack([e, design]))
+    white = shape.matrix @ np.column_stack([e, design])
     sums = (white.T @ white)[np.tril_indices(k + 1)]
     flat = marginal.prior_sums(np.zeros(k), _FLAT * np.eye(k))
     no_weight, sigma_1 = 0.0, np.zeros((1, 1))
     rest = marginal.fit(np.append(sums, no_weight)[:, None, None], flat[:, None, None], sigma_1)
     misfit_db2, free = max(float(rest.misfit[0, 0]), 0.0), max(len(e) - k, 0)
-    log_det = 2.0 * float(np.sum(np.log(np.diag(root)))) + float(rest.log_det[0, 0])
+    log_det = shape.log_det + float(rest.log_det[0, 0])
     log_p = -0.5 * (log_det + free * np.log(misfit_db2 + _NEGLIGIBLE_DB2))
     return log_p, (misfit_db2 + SIGMA_DB**2) / max(free - 1.0, 0.5)
 
@@ -170,7 +181,8 @@ _LEAST_SIGMA_DB = 0.01  # a bin that the fit passes through exactly
 _BREAKPOINTS = (0.25, 0.5, 0.75)  # of the range of L
 
 
-class Ground(NamedTuple):
+@dataclass(frozen=True)
+class Ground:
     """Levels of a walk, shape (n,): places, residual `e_db`, L = 10 log10 d, azimuth in radians.
 
     The azimuth is that seen from the estimate; `design` (n, 4) is the derivative of the model by
@@ -182,6 +194,12 @@ class Ground(NamedTuple):
     distance_db: FloatArray
     azimuth: FloatArray
     design: FloatArray
+
+    @cached_property
+    def shapes(self) -> Shapes:
+        """What may correlate the residuals: several tests ask for it."""
+        one = np.ones(len(self.e_db))
+        return Shapes.of(self.places, one, one)
 
 
 class Bins(NamedTuple):
@@ -221,9 +239,8 @@ class Sector(NamedTuple):
 
 def noise_of(ground: Ground, *columns: FloatArray) -> ResidualNoise:
     """Noise of the residuals beside the fit and further columns (n,)."""
-    one = np.ones(len(ground.e_db))
     design = np.column_stack([ground.design, *columns])
-    return residual_noise(ground.places, one, one, design, ground.e_db)
+    return residual_noise(ground.shapes, design, ground.e_db)
 
 
 def exponent_change(ground: Ground) -> ExponentChange | None:

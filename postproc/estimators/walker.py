@@ -21,9 +21,9 @@ lost correlation fast within a minute and slowly over an hour (D. L. Wilson, "Co
 errors", erols.com/dlwilson).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from math import sqrt
 from typing import NamedTuple
 
@@ -138,9 +138,12 @@ def smooth_track(track: Track, velocity: Velocities | None = None) -> SmoothedTr
     q, share = _likeliest(lambda q, share: score(_model(track, velocity, q, share), excess))
     model = _model(track, velocity, q, share)
     score(model, excess)  # the first weights come from the fixes before each
-    for _ in range(_REWEIGHTINGS):
-        excess = excess_variance(*smooth(model, excess)[1:])
     series, apart2, expected = smooth(model, excess)
+    for _ in range(_REWEIGHTINGS):
+        before, excess = excess, excess_variance(apart2, expected)
+        if np.array_equal(excess, before):  # as without any outlier
+            break
+        series, apart2, expected = smooth(model, excess)
     outlier = apart2[:, 0] > _OUTLIER_SIGMA**2 * expected[:, 0]
     doubt_m = np.where(_in_a_run(outlier), np.sqrt(apart2[:, 0]), 0.0)
     return SmoothedTrack(track, q, share, outlier, doubt_m, series)
@@ -197,9 +200,22 @@ def _likeliest(likelihood: Callable[[float, float], float]) -> tuple[float, floa
     """The best pair of candidates, one coordinate at a time: they hardly depend on each other."""
     q, share, cached = 0.1, 0.05, cache(likelihood)
     for _ in range(2):
-        q = max(ACCELERATIONS_M2S3, key=lambda candidate: cached(candidate, share))
-        share = max(WHITE_SHARES, key=lambda candidate: cached(q, candidate))
+        q = _climb(ACCELERATIONS_M2S3, q, partial(lambda share, q: cached(q, share), share))
+        share = _climb(WHITE_SHARES, share, partial(cached, q))
     return q, share
+
+
+def _climb(
+    candidates: Sequence[float], begun: float, likelihood: Callable[[float], float]
+) -> float:
+    """The best of candidates, whose likelihood has one top: from `begun` as far as it rises."""
+    at = candidates.index(begun)
+    for step in (1, -1):
+        while 0 <= at + step < len(candidates) and likelihood(candidates[at + step]) > likelihood(
+            candidates[at]
+        ):
+            at += step
+    return candidates[at]
 
 
 def interpolate(

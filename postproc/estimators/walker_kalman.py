@@ -57,20 +57,17 @@ Vector = tuple[float, float, float]
 Symmetric = tuple[float, float, float, float, float, float]
 
 
-class _Filtered(NamedTuple):
-    """What the filter finds: `x` and `p` of `Series`; by fix and kind P h, innovation, variance."""
+_Measured = tuple[int, Vector, float, float, float, float]
+"""A measurement in the filter: its kind, P h, innovations, variances of noise and of these."""
 
-    x: FloatArray
-    p: FloatArray
-    gain: FloatArray
-    innovation: FloatArray
-    variance: FloatArray
 
-    @classmethod
-    def rows(cls, count: int) -> "_Filtered":
-        gain, innovation = np.zeros((count, 2, 3)), np.zeros((count, 2, 2))
-        x, p = np.empty((count, 3, 2)), np.empty((count, 3, 3))
-        return cls(x, p, gain, innovation, np.ones((count, 2)))
+class _Step(NamedTuple):
+    """States of both axes and covariance after a fix, and its measurements."""
+
+    of_east: Vector
+    of_north: Vector
+    p: Symmetric
+    measured: list[_Measured]
 
 
 def score(model: Model, excess: FloatArray) -> float:
@@ -78,7 +75,7 @@ def score(model: Model, excess: FloatArray) -> float:
 
     Overwrites `excess` (n, 2) with what the innovations suggest.
     """
-    return _filter(model, excess, _Filtered.rows(0), robust=True)
+    return _filter(model, excess, None)
 
 
 def excess_variance(apart2: Variance, expected: Variance) -> Variance:
@@ -98,19 +95,37 @@ def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatA
     Returns the series, the squared distance (n, 2) of each measurement from the prediction by all
     others, and the variance (n, 2) of it expected on each axis, with the slack, without the excess.
     """
-    count = len(model.step_s)
-    of_fixes, r, n = _Filtered.rows(count), np.empty((count, 3, 2)), np.empty((count, 3, 3))
-    residual, precision = np.zeros((count, 2, 2)), np.ones((count, 2))
-    _filter(model, excess, of_fixes, robust=False)
-    _adjoint(model, excess, of_fixes, r, n, residual, precision)
+    steps: list[_Step] = []
+    _filter(model, excess, steps)
+    adjoint = _adjoint(model, steps)
     slack = np.where(np.isfinite(model.variance), model.slack, 0.0)
-    apart2 = np.sum(residual**2, axis=2) / precision**2
-    return Series(of_fixes.x, of_fixes.p, r, n), apart2, 1.0 / precision - excess + slack
+    apart2 = np.sum(adjoint.residual**2, axis=2) / adjoint.precision**2
+    x, p = (
+        np.array([(one.of_east, one.of_north) for one in steps]),
+        _square([one.p for one in steps]),
+    )
+    series = Series(np.swapaxes(x, 1, 2), p, adjoint.r, adjoint.n)
+    return series, apart2, 1.0 / adjoint.precision - excess + slack
 
 
 def _row(kind: int, wander_m: float) -> Vector:
     """Row h of a measurement."""
     return (1.0, 0.0, wander_m) if kind == _POSITION else (0.0, 1.0, 0.0)
+
+
+def _predict(
+    kind: int, s: float, state: tuple[Vector, Vector, Symmetric]
+) -> tuple[Vector, float, float, float]:
+    """P h, and what the state gives for a measurement: on both axes, and its variance."""
+    x, y, (p00, p01, p02, p11, p12, p22) = state
+    if kind == _VELOCITY:
+        return (p01, p11, p12), x[1], y[1], p11
+    gain = p00 + s * p02, p01 + s * p12, p02 + s * p22
+    return gain, x[0] + s * x[2], y[0] + s * y[2], gain[0] + s * gain[2]
+
+
+def _plus(x: Vector, factor: float, v: Vector) -> Vector:
+    return x[0] + factor * v[0], x[1] + factor * v[1], x[2] + factor * v[2]
 
 
 def _dot(a: Vector, b: Vector) -> float:
@@ -131,41 +146,77 @@ def _scale(v: Vector, factor: float) -> Vector:
     return factor * v[0], factor * v[1], factor * v[2]
 
 
-def _plus(x: Vector, factor: float, v: Vector) -> Vector:
-    return x[0] + factor * v[0], x[1] + factor * v[1], x[2] + factor * v[2]
-
-
-def _plus_square(m: Symmetric, factor: float, a: Vector) -> Symmetric:
-    """M + factor a a'."""
+def _measure_position(m: Symmetric, a: Vector, s: float, noise: float, rest: float) -> Symmetric:
+    """L M L' + noise a a' with L = I - a h', written out for h = [1, 0, s]; `rest` is 1 - a'h."""
     m00, m01, m02, m11, m12, m22 = m
     a0, a1, a2 = a
+    t0, t1, t2 = -a0 * s, -a1 * s, rest + a0  # third column of L
+    l00 = rest + a2 * s
+    b00, b01, b02 = l00 * m00 + t0 * m02, l00 * m01 + t0 * m12, l00 * m02 + t0 * m22
+    b10, b11, b12 = m01 - a1 * m00 + t1 * m02, m11 - a1 * m01 + t1 * m12, m12 - a1 * m02 + t1 * m22
+    b20, b22 = t2 * m02 - a2 * m00, t2 * m22 - a2 * m02
+    n0, n1, n2 = noise * a0, noise * a1, noise * a2
     return (
-        m00 + factor * a0 * a0,
-        m01 + factor * a0 * a1,
-        m02 + factor * a0 * a2,
-        m11 + factor * a1 * a1,
-        m12 + factor * a1 * a2,
-        m22 + factor * a2 * a2,
+        b00 * l00 + b02 * t0 + n0 * a0,
+        b01 - b00 * a1 + b02 * t1 + n0 * a1,
+        b02 * t2 - b00 * a2 + n0 * a2,
+        b11 - b10 * a1 + b12 * t1 + n1 * a1,
+        b12 * t2 - b10 * a2 + n1 * a2,
+        b22 * t2 - b20 * a2 + n2 * a2,
     )
 
 
-def _reduce(m: Symmetric, a: Vector, b: Vector, rest: float) -> Symmetric:
-    """L M L' with L = I - a b', where `rest` is 1 - a'b."""
+def _measure_velocity(m: Symmetric, a: Vector, _: float, noise: float, rest: float) -> Symmetric:
+    """The same for h = [0, 1, 0]."""
+    m00, m01, m02, m11, m12, m22 = m
     a0, a1, a2 = a
-    b0, b1, b2 = b
-    c0, c1, c2 = a0 * b0, a1 * b1, a2 * b2
-    row0 = rest + c1 + c2, -a0 * b1, -a0 * b2
-    row1 = -a1 * b0, rest + c0 + c2, -a1 * b2
-    row2 = -a2 * b0, -a2 * b1, rest + c0 + c1
-    column0, column1, column2 = _times(m, row0), _times(m, row1), _times(m, row2)
+    b01, b21 = m01 - a0 * m11, m12 - a2 * m11
+    n0, n1, n2 = noise * a0, noise * a1, noise * a2
     return (
-        _dot(row0, column0),
-        _dot(row0, column1),
-        _dot(row0, column2),
-        _dot(row1, column1),
-        _dot(row1, column2),
-        _dot(row2, column2),
+        m00 - a0 * (m01 + b01) + n0 * a0,
+        rest * b01 + n0 * a1,
+        m02 - a0 * m12 - a2 * b01 + n0 * a2,
+        rest * rest * m11 + n1 * a1,
+        rest * b21 + n1 * a2,
+        m22 - a2 * (m12 + b21) + n2 * a2,
     )
+
+
+def _before_position(m: Symmetric, a: Vector, s: float, added: float, rest: float) -> Symmetric:
+    """L' M L + added h h', with L and h of `_measure_position`."""
+    m00, m01, m02, m11, m12, m22 = m
+    a0, a1, a2 = a
+    r0, c0, c1, c2 = rest + s * a2, -s * a0, -s * a1, rest + a0  # rows 0 and 2 of L'
+    b00, b01, b02 = (
+        r0 * m00 - a1 * m01 - a2 * m02,
+        r0 * m01 - a1 * m11 - a2 * m12,
+        r0 * m02 - a1 * m12 - a2 * m22,
+    )
+    b20, b21, b22 = (
+        c0 * m00 + c1 * m01 + c2 * m02,
+        c0 * m01 + c1 * m11 + c2 * m12,
+        c0 * m02 + c1 * m12 + c2 * m22,
+    )
+    return (
+        r0 * b00 - a1 * b01 - a2 * b02 + added,
+        b01,
+        c0 * b00 + c1 * b01 + c2 * b02 + s * added,
+        m11,
+        b21,
+        c0 * b20 + c1 * b21 + c2 * b22 + s * s * added,
+    )
+
+
+def _before_velocity(m: Symmetric, a: Vector, _: float, added: float, rest: float) -> Symmetric:
+    """The same with those of `_measure_velocity`."""
+    m00, m01, m02, m11, m12, m22 = m
+    a0, _, a2 = a
+    b0, b1, b2 = (
+        rest * m01 - a0 * m00 - a2 * m02,
+        rest * m11 - a0 * m01 - a2 * m12,
+        rest * m12 - a0 * m02 - a2 * m22,
+    )
+    return m00, b0, m02, rest * b1 - a0 * b0 - a2 * b2 + added, b2, m22
 
 
 def _predict_state(x: Vector, dt: float, a: float) -> Vector:
@@ -204,94 +255,91 @@ def _log_student(apart2: float, variance: float) -> float:
     return -log(variance) - 0.5 * (STUDENT_DOF + 2.0) * log1p(apart2 / variance / STUDENT_DOF)
 
 
-def _store(
-    vectors: FloatArray, matrices: FloatArray, k: int, x: Vector, y: Vector, m: Symmetric
-) -> None:
-    """Rows k: the vectors of both axes and a symmetric matrix."""
-    vectors[k, :, 0], vectors[k, :, 1] = x, y
-    m00, m01, m02, m11, m12, m22 = m
-    matrices[k] = (m00, m01, m02), (m01, m11, m12), (m02, m12, m22)
+def _square(packed: list[Symmetric]) -> FloatArray:
+    """The symmetric matrices (n, 3, 3)."""
+    return np.array(packed)[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
 
 
-def _filter(model: Model, excess: FloatArray, of_fixes: _Filtered, *, robust: bool) -> float:
-    """The filter over all fixes; the log-likelihood of their innovations if `robust`.
+def _filter(model: Model, excess: FloatArray, steps: list[_Step] | None) -> float:
+    """The filter over all fixes, with `excess` as it is; it adds each to `steps`.
 
-    Then it sets `excess` from the innovations. Else it uses `excess` as it is and fills `of_fixes`.
+    Without `steps` it is the log-likelihood of the innovations, and sets `excess` from these.
     """
     log_likelihood = 0.0
     x, y = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     p00, p11, p22 = _START_VARIANCE
     p = (p00, 0.0, 0.0, p11, 0.0, p22)
     step_s, q, decay, z, wander_m, variances, slack = (values.tolist() for values in model)
+    added = excess.tolist()
     for k, dt in enumerate(step_s):
         if k > 0:
             x, y = _predict_state(x, dt, decay[k]), _predict_state(y, dt, decay[k])
             p = _predict_covariance(p, dt, decay[k], q[k])
+        measured: list[_Measured] = []
         for kind in (_POSITION, _VELOCITY):
             noise = variances[k][kind]
             if noise == inf:
                 continue
-            h = _row(kind, wander_m[k])
-            gain = _times(p, h)
-            east = z[k][kind][0] - _dot(h, x)
-            north = z[k][kind][1] - _dot(h, y)
-            variance = _dot(h, gain) + noise
-            if robust:
-                added = 0.0
+            s = wander_m[k]
+            gain, east, north, variance = _predict(kind, s, (x, y, p))
+            east, north = z[k][kind][0] - east, z[k][kind][1] - north
+            variance += noise
+            if steps is None:
+                added[k][kind] = 0.0
                 if k > 0:  # the first fix has no prediction
                     apart2 = east * east + north * north
                     log_likelihood += _log_student(apart2, variance)
                     expected = variance + slack[k][kind]
-                    added = max(apart2 - 2.0 * expected, 0.0) / (STUDENT_DOF + 2.0)
-                excess[k, kind] = added
-            else:
-                added = float(excess[k, kind])
-            noise += added
-            variance += added
+                    added[k][kind] = max(apart2 - 2.0 * expected, 0.0) / (STUDENT_DOF + 2.0)
+            noise += added[k][kind]
+            variance += added[k][kind]
             share = _scale(gain, 1.0 / variance)
             x, y = _plus(x, east, share), _plus(y, north, share)
-            p = _plus_square(_reduce(p, share, h, noise / variance), noise, share)
-            if not robust:
-                of_fixes.gain[k, kind] = gain
-                of_fixes.innovation[k, kind] = east, north
-                of_fixes.variance[k, kind] = variance
-        if not robust:
-            _store(of_fixes.x, of_fixes.p, k, x, y, p)
+            after = _measure_position if kind == _POSITION else _measure_velocity
+            p = after(p, share, s, noise, noise / variance)
+            if steps is not None:
+                measured.append((kind, gain, east, north, noise, variance))
+        if steps is not None:
+            steps.append(_Step(x, y, p, measured))
+    if steps is None:
+        excess[:] = np.reshape(added, excess.shape)
     return log_likelihood
 
 
-def _adjoint(
-    model: Model,
-    excess: FloatArray,
-    of_fixes: _Filtered,
-    r: FloatArray,
-    n: FloatArray,
-    residual: FloatArray,
-    precision: FloatArray,
-) -> None:
-    """Adjoint series `r` and `n` of `Series`; u (n, 2, 2) and D (n, 2) of each measurement.
+class _Adjoint(NamedTuple):
+    """Series `r` and `n` of `Series`; u (n, 2, 2) and D (n, 2) of each measurement.
 
     The leave-one-out residual is u / D, of variance 1 / D.
     """
+
+    r: FloatArray
+    n: FloatArray
+    residual: FloatArray
+    precision: FloatArray
+
+
+def _adjoint(model: Model, steps: list[_Step]) -> _Adjoint:
+    count = len(steps)
+    residual, precision = np.zeros((count, 2, 2)), np.ones((count, 2))
     rx, ry = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     m = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    step_s, _, decay, _, wander_m, variances, _ = (values.tolist() for values in model)
-    for k in range(len(step_s) - 1, -1, -1):
-        for kind in (_VELOCITY, _POSITION):
-            noise = variances[k][kind]
-            if noise == inf:
-                continue
-            noise += float(excess[k, kind])
-            h = _row(kind, wander_m[k])
-            s = float(of_fixes.variance[k, kind])
-            share = _scale(tuple(of_fixes.gain[k, kind].tolist()), 1.0 / s)
-            east, north = of_fixes.innovation[k, kind].tolist()
-            east, north = east / s - _dot(share, rx), north / s - _dot(share, ry)
+    vectors, matrices = [], []
+    step_s, decay, wander_m = (v.tolist() for v in (model.step_s, model.a, model.wander_m))
+    for k in range(count - 1, -1, -1):
+        for kind, gain, ahead, aside, noise, variance in reversed(steps[k].measured):
+            share = _scale(gain, 1.0 / variance)
+            east = ahead / variance - _dot(share, rx)
+            north = aside / variance - _dot(share, ry)
+            residual[k, kind] = east, north
+            precision[k, kind] = 1.0 / variance + _dot(share, _times(m, share))
+            s, h = wander_m[k], _row(kind, wander_m[k])
             rx, ry = _plus(rx, east, h), _plus(ry, north, h)
-            residual[k, kind, 0], residual[k, kind, 1] = east, north
-            precision[k, kind] = 1.0 / s + _dot(share, _times(m, share))
-            m = _plus_square(_reduce(m, h, share, noise / s), 1.0 / s, h)
-        _store(r, n, k, rx, ry, m)
+            before = _before_position if kind == _POSITION else _before_velocity
+            m = before(m, share, s, 1.0 / variance, noise / variance)
+        vectors.append((rx, ry))
+        matrices.append(m)
         dt, a = step_s[k], decay[k]
         rx, ry = _earlier_vector(rx, dt, a), _earlier_vector(ry, dt, a)
         m = _earlier_matrix(m, dt, a)
+    r = np.swapaxes(np.array(vectors[::-1]), 1, 2)
+    return _Adjoint(r, _square(matrices[::-1]), residual, precision)

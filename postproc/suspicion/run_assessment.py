@@ -25,7 +25,6 @@ from logger.core.suspicion.words import (
 )
 from logger.core.utc import utc_text
 from logger.drivers.family import cells_with
-from logger.drivers.registry import FAMILIES
 from postproc.cell_work import Failure, failure
 from postproc.ground import SEVERAL, HeardIn, runs_text, several_evidence, several_text
 from postproc.progress import Progress
@@ -477,6 +476,8 @@ FILE = "csv"
 
 def table_of_sources() -> tuple[str | Table, ...]:
     """Which rules can be asked of cells of which generations, by driver and of an imported file."""
+    from logger.drivers.registry import FAMILIES  # noqa: PLC0415 (every driver, for this table)
+
     of_file = cells_with("neighbours", "neighbour lists", "timing advance")
     gives = {name: family.gives for name, family in FAMILIES.items()} | {
         FILE: dict.fromkeys(("GSM", "WCDMA", "LTE", "NR"), of_file)

@@ -9,6 +9,7 @@ from logger.core.locator.quadtree import PositionPrior, Tree, children, nearest_
 from logger.core.locator.timing_advance import Timing
 from logger.core.locator.tobit import Conditional, conditional_levels, tobit_evidence
 from logger.core.model.blocks import Blocks
+from logger.core.model.columns import varying_columns
 from logger.core.model.evidence import (
     Evidence,
     join_hypotheses,
@@ -88,19 +89,22 @@ class BlocksEvidence(NamedTuple):
         one have its evidence. So has one that a hypothesis of the noise excludes, everywhere.
         """
         positions, every_row = Places.of(*position), np.arange(len(self.whiteners))
-        log_odds = prior.station_log_odds[:, self.numbers]
+        first, log_odds = prior.stations[0], prior.station_log_odds[:, self.numbers]
         shared = SharedSums.of(prior, np.isfinite(log_odds))
         alone = [prior.of_station(one) for one in prior.stations]
-        total = walk_sums(self.blocks, self.matrices[shared.rest], alone[0], positions)
+        patterned = alone[shared.patterned if len(shared.rows) else 0]
+        columns = varying_columns(self.blocks, patterned, positions)
+        own = columns[: 1 + 2 * len(first.antenna_db)]
+        total = walk_sums(self.blocks, self.matrices[shared.rest], alone[0], positions, own)
         of_patterned = total
         if len(shared.rows):
             matrices = self.matrices[shared.rows]
-            of_patterned = walk_sums(self.blocks, matrices, alone[shared.patterned], positions)
+            of_patterned = walk_sums(self.blocks, matrices, patterned, positions, columns)
             total = shared.join(total, of_patterned)
-        of_first = self._of_sums(total, alone[0], nodes, positions, near, every_row)
+        of_first = self._of_sums(total, alone[0], own, nodes, positions, near, every_row)
         if len(alone) == 1:
             return self.shift_evidence(of_first)
-        first, away_m = prior.stations[0], nearest_m(self.blocks, positions)
+        away_m = nearest_m(self.blocks, positions)
         parts = [of_first]
         for k, station in enumerate(prior.stations[1:], 1):
             rows, chosen = np.flatnonzero(np.isfinite(log_odds[k])), np.arange(len(positions))
@@ -109,14 +113,12 @@ class BlocksEvidence(NamedTuple):
                 chosen = np.flatnonzero(away_m < _NEAR_HEIGHTS * tall_m)
             parts.append(of_first)
             if len(rows) and len(chosen):
-                at = positions.part(chosen)
-                total = (
-                    of_patterned
-                    if k == shared.patterned
-                    else walk_sums(self.blocks, self.matrices[rows], alone[k], at)
-                )
+                at, varying, total = positions.part(chosen), columns, of_patterned
+                if k != shared.patterned:
+                    varying = varying_columns(self.blocks, alone[k], at)
+                    total = walk_sums(self.blocks, self.matrices[rows], alone[k], at, varying)
                 begin = near and near.at_positions(chosen)
-                found = self._of_sums(total, alone[k], nodes, at, begin, rows)
+                found = self._of_sums(total, alone[k], varying, nodes, at, begin, rows)
                 parts[-1] = of_first.replace(rows, chosen, found)
         return self.shift_evidence(mix_stations(parts, log_odds))
 
@@ -124,6 +126,7 @@ class BlocksEvidence(NamedTuple):
         self,
         total: FloatArray,
         prior: Prior,
+        varying: list[FloatArray],
         nodes: int,
         positions: Places,
         near: Evidence | None,
@@ -135,7 +138,9 @@ class BlocksEvidence(NamedTuple):
             return marginal(total, len(self.blocks), log_det, prior, nodes)
         conditionals = [self.conditionals[row] for row in rows]
         begin = near and near.of_hypotheses(rows)
-        return tobit_evidence(total, log_det, self.blocks, conditionals, prior, positions, begin)
+        return tobit_evidence(
+            total, log_det, self.blocks, conditionals, prior, positions, begin, varying
+        )
 
 
 class PositionEvidence(NamedTuple):

@@ -112,14 +112,16 @@ def tobit_evidence(
     prior: Prior,
     positions: Places,
     near: Evidence | None = None,
+    varying: list[FloatArray] | None = None,
 ) -> Evidence:
     """As `marginal`, of levels and censored readings, with one of `conditional` per hypothesis.
 
     The search for the mode begins at that of `near`, the evidence at positions nearby. Without it,
     it begins at that of the hypothesis before, and for the first one at that of the levels alone.
+    `varying` are the columns of the blocks, if known.
     """
     censored = censored_columns(blocks.censored, prior, positions)
-    varying = varying_columns(blocks, prior, positions)
+    varying = varying or varying_columns(blocks, prior, positions)
     at_once, parts = max(_COLUMNS // len(positions), 1), []
     before = near or marginal(total[:, :1], len(blocks), log_det[:1], prior, 1)
     begin = np.zeros((2 + len(varying), *before.sigma_db.shape))  # several stations: no pattern

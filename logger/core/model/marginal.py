@@ -76,12 +76,18 @@ class Fit:
         return np.asarray(self._system[0], float)
 
 
-def walk_sums(blocks: Blocks, matrices: FloatArray, prior: Prior, positions: Places) -> FloatArray:
+def walk_sums(
+    blocks: Blocks,
+    matrices: FloatArray,
+    prior: Prior,
+    positions: Places,
+    columns: list[FloatArray] | None = None,
+) -> FloatArray:
     """Sums over all blocks for each hypothesis and position (h,), shape (m + 1, c, h).
 
-    `matrices` (c, n, n) are the whiteners of the hypotheses.
+    `matrices` (c, n, n) are the whiteners of the hypotheses, `columns` those that vary, if known.
     """
-    columns = varying_columns(blocks, prior, positions)
+    columns = columns or varying_columns(blocks, prior, positions)
     extra = receiver_variance(blocks, prior, -columns[0])
     fixed = np.stack([blocks.level_dbm, np.ones(len(blocks))])
     at_once = max(_IN_CACHE // (max(len(matrices), 1) * len(blocks)), 1)

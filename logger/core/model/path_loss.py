@@ -28,7 +28,11 @@ def log_distance_db(
 ) -> FloatArray:
     """L = 10 log10 d in dB for horizontal offsets, shape of the broadcast arguments."""
     beyond_m2 = np.square(height_m) + 2.0 * np.square(sigma_m)
-    squared_m2 = np.asarray(np.square(dx_m) + np.square(dy_m) + beyond_m2, float)
+    return log_distances_db(np.asarray(np.square(dx_m) + np.square(dy_m) + beyond_m2, float))
+
+
+def log_distances_db(squared_m2: FloatArray) -> FloatArray:
+    """L of squared distances d^2, whose memory it takes."""
     np.maximum(squared_m2, MIN_DISTANCE_M**2, out=squared_m2)
     distance_db: FloatArray = np.log10(squared_m2, out=squared_m2)
     distance_db *= 5.0

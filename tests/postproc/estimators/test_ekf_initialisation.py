@@ -221,3 +221,21 @@ def test_consistent_in_many_worlds():
             result.append(nees(run, place))
     assert len(result) >= 8
     assert np.mean(np.array(result) < 5.991) >= 0.85
+
+
+@pytest.mark.parametrize("shortest", range(160, 420, 20))
+def test_the_start_is_found_with_few_searches(shortest):
+    """Each prefix that is tried costs a posterior."""
+    tried = []
+
+    def is_located(count):
+        tried.append(count)
+        return count >= shortest
+
+    found = ekf_initialisation._bisect(100, 400, is_located)
+    if shortest > 400 - (300 >> 4):
+        assert found is None
+        assert len(tried) == 2
+    else:
+        assert 0 <= found - shortest <= 300 >> 3
+        assert len(tried) <= 5

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from logger.core.model.noise import whiteners_of
 from logger.core.model.prior import Hypothesis
 from logger.core.places import Places
 from postproc.estimators import residuals
@@ -24,7 +25,7 @@ def noise(rng, x, y, white_db, shadow_db, d_c):
 def estimate(x, y, e, design):
     one = np.ones(len(x))
     left = e - design @ np.linalg.lstsq(design, e, rcond=None)[0]
-    return residuals.residual_noise(Places.of(x, y), one, one, design, left)
+    return residuals.residual_noise(residuals.Shapes.of(Places.of(x, y), one, one), design, left)
 
 
 def test_averages_are_weighted():
@@ -77,14 +78,14 @@ def test_restricted_likelihood_is_that_of_the_contrasts():
         expected.append(
             np.log(np.trapezoid(density, np.log(sigma[::20])))
         )  # over a flat prior of log sigma
-    got = [residuals._restricted_likelihood(k, design, e)[0] for k in shapes]
+    whitened = whiteners_of(np.array(shapes))
+    got = [residuals._restricted_likelihood(one, design, e)[0] for one in whitened]
     np.testing.assert_allclose(np.diff(got), np.diff(expected), atol=1e-2)
 
 
 def test_very_few_squares_are_not_taken_for_certainty():
     one = np.ones(6)
-    still = residuals.residual_noise(
-        Places.of(np.zeros(6), np.zeros(6)), one, one, np.ones((6, 4)), np.zeros(6)
-    )
+    shapes = residuals.Shapes.of(Places.of(np.zeros(6), np.zeros(6)), one, one)
+    still = residuals.residual_noise(shapes, np.ones((6, 4)), np.zeros(6))
     assert still.covariance_db2.shape == (1, 1)
     assert still.covariance_db2[0, 0] > 1.0

@@ -1,3 +1,4 @@
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 
 from logger.core.places import Utm
 from logger.core.rows import DTYPES
-from postproc.estimators import walker
+from postproc.estimators import walker, walker_kalman
 from tests.kit.scaling import check_growth
 from tests.kit.walker_tracks import at, streets, track, wander
 
@@ -207,3 +208,31 @@ def test_velocities_come_from_speed_and_course_on_the_grid():
     assert (result.east_mps[1], result.north_mps[1]) == (0.0, 0.0)
     assert 0.3 < result.sigma_mps[1] < 0.35
     assert np.isinf(result.sigma_mps[2])
+
+
+def test_the_likeliest_pair_is_found_with_half_the_scores_of_all_candidates():
+    """Each score is a filter over the complete walk."""
+    for q, share in itertools.product(walker.ACCELERATIONS_M2S3, walker.WHITE_SHARES):
+        scored = []
+
+        def likelihood(at_q, at_share, best=(q, share), scored=scored):
+            scored.append((at_q, at_share))
+            return -(np.log(at_q / best[0]) ** 2) - np.log(at_share / best[1]) ** 2
+
+        assert walker._likeliest(likelihood) == (q, share)
+        assert len(scored) == len(set(scored)) <= 12
+
+
+def test_without_an_outlier_the_fixes_are_smoothed_twice(monkeypatch):
+    """The weights do not change then: further turns would repeat the second."""
+    smoothed = []
+
+    def smooth(*given):
+        smoothed.append(given)
+        return walker_kalman.smooth(*given)
+
+    monkeypatch.setattr(walker, "smooth", smooth)
+    t_s = np.arange(60.0)
+    found = walker.smooth_track(track(t_s, np.column_stack([1.4 * t_s, 0.0 * t_s])))
+    assert found.n_outliers == 0
+    assert len(smoothed) <= 2
