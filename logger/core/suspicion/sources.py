@@ -110,13 +110,13 @@ def _fit(xylt: FloatArray, at_m: FloatArray) -> _Fit:
     # level = p0 - eta loss + lobe; p0 is free, eta and the lobe have priors
     columns = _columns(xylt, at_m)
     residual_db = level_dbm - level_dbm.mean() - _ETA * columns[:, 0]
-    gain = _explained(columns, residual_db)
+    gain = _gain(columns, residual_db)
     cost = 0.5 * ((residual_db**2).sum(axis=1) - gain) / _SIGMA_DB**2
     best = int(np.argmin(cost))
     return _Fit(float(cost[best]), float(at_m[best, 0]), float(at_m[best, 1]))
 
 
-def _explained(columns: FloatArray, residual_db: FloatArray) -> FloatArray:
+def _gain(columns: FloatArray, residual_db: FloatArray) -> FloatArray:
     """By how much the columns lower the sum of squares, with what their priors take; shape (h,).
 
     Cholesky's method in three steps for all candidates: numpy's solver takes them one by one.
