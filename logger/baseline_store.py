@@ -30,8 +30,8 @@ from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
 from logger.core.errors import ConfigError, FieldLoggerError, RunFileError
 from logger.core.places import track_of
 from logger.core.provenance import is_import
-from logger.core.readings import levels_dbm, places_of
-from logger.core.rows import Rows
+from logger.core.readings import places_of
+from logger.core.rows import Rows, levels_dbm
 from logger.core.runfile import Run, sealing_of
 from logger.core.squares import SQUARE_M, squares_of
 

@@ -10,8 +10,7 @@ import numpy as np
 from logger.core.column import UNKNOWN_ID
 from logger.core.document import Column, Document, Line, Table, Word, facts
 from logger.core.errors import ConfigError
-from logger.core.readings import levels_dbm
-from logger.core.rows import numbered_texts
+from logger.core.rows import levels_dbm, numbered_texts
 from logger.core.runfile import Run, Sealing, read_sealed_run
 from logger.core.suspicion.words import in_plain_words
 from logger.core.timebase import fit_run

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
+from logger.core.column import UNKNOWN_TIME
 from logger.core.places import (
     Places,
     Track,
@@ -29,7 +29,7 @@ from logger.core.places import (
     track_of,
 )
 from logger.core.repeated_levels import repeats_along
-from logger.core.rows import Rows, numbered_texts
+from logger.core.rows import Rows, levels_dbm, numbered_texts
 from logger.core.spikes import spikes_along
 from logger.core.types import RXLEV_0_DBM
 
@@ -84,15 +84,6 @@ def limits(level_dbm: FloatArray, rat: str | None) -> IntArray:
     if (_is_gsm(rat) and high_dbm == GSM_CEILING_DBM) or _is_pile(-finite_dbm, -high_dbm):
         limit[level_dbm == high_dbm] = 1
     return limit
-
-
-def levels_dbm(readings: Rows) -> FloatArray:
-    """Levels as `CellReading.level_dbm` defines them, for the table `readings`, shape (n,)."""
-    rxlev = readings["rxlev_raw"]
-    level_dbm = np.where(rxlev == UNKNOWN_ID, np.nan, rxlev + RXLEV_0_DBM)
-    for name in ("rssi_dbm", "rscp_dbm", "rsrp_dbm"):
-        level_dbm = np.where(np.isfinite(readings[name]), readings[name], level_dbm)
-    return np.asarray(level_dbm, float)
 
 
 def limit_of(level_dbm: float, rat: str | None) -> int:

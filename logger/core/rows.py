@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from logger.core.arrays import IntArray
-from logger.core.column import Column
+from logger.core.arrays import FloatArray, IntArray
+from logger.core.column import UNKNOWN_ID, Column
 from logger.core.schema import (
     EMPTY_LIST,
     HEAD,
@@ -18,7 +18,7 @@ from logger.core.schema import (
     columns_of,
     encode,
 )
-from logger.core.types import HIGHEST_ARFCN
+from logger.core.types import HIGHEST_ARFCN, RXLEV_0_DBM
 
 Rows = npt.NDArray[np.void]
 
@@ -157,3 +157,12 @@ def channels_of(text: str | None) -> tuple[int, ...] | None:
 
 
 _LIST = re.compile(r"[0-9]{1,4}(?: [0-9]{1,4})*", re.ASCII)
+
+
+def levels_dbm(readings: Rows) -> FloatArray:
+    """Levels as `CellReading.level_dbm` defines them, for the table `readings`, shape (n,)."""
+    rxlev = readings["rxlev_raw"]
+    level_dbm = np.where(rxlev == UNKNOWN_ID, np.nan, rxlev + RXLEV_0_DBM)
+    for name in ("rssi_dbm", "rscp_dbm", "rsrp_dbm"):
+        level_dbm = np.where(np.isfinite(readings[name]), readings[name], level_dbm)
+    return np.asarray(level_dbm, float)

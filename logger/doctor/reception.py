@@ -8,8 +8,7 @@ import numpy as np
 from logger.config import ModemSettings, SourceSettings
 from logger.core.baseline import Baseline
 from logger.core.places import UERE_M
-from logger.core.readings import levels_dbm
-from logger.core.rows import Rows
+from logger.core.rows import Rows, levels_dbm
 from logger.core.runfile import Run
 from logger.core.source_tables import GNSS, MODEM
 from logger.core.squares import square_of

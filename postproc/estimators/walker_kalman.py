@@ -64,8 +64,7 @@ _Measured = tuple[int, Vector, float, float, float, float]
 class _Step(NamedTuple):
     """States of both axes and covariance after a fix, and its measurements."""
 
-    of_east: Vector
-    of_north: Vector
+    by_axis: tuple[Vector, Vector]
     p: Symmetric
     measured: list[_Measured]
 
@@ -101,7 +100,7 @@ def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatA
     slack = np.where(np.isfinite(model.variance), model.slack, 0.0)
     apart2 = np.sum(adjoint.residual**2, axis=2) / adjoint.precision**2
     x, p = (
-        np.array([(one.of_east, one.of_north) for one in steps]),
+        np.array([one.by_axis for one in steps]),
         _square([one.p for one in steps]),
     )
     series = Series(np.swapaxes(x, 1, 2), p, adjoint.r, adjoint.n)
@@ -300,7 +299,7 @@ def _filter(model: Model, excess: FloatArray, steps: list[_Step] | None) -> floa
             if steps is not None:
                 measured.append((kind, gain, east, north, noise, variance))
         if steps is not None:
-            steps.append(_Step(x, y, p, measured))
+            steps.append(_Step((x, y), p, measured))
     if steps is None:
         excess[:] = np.reshape(added, excess.shape)
     return log_likelihood

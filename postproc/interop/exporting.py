@@ -19,8 +19,8 @@ from logger.core.arrays import IntArray
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.locator.region import HALF, LEVEL
 from logger.core.places import MAX_GAP_S, SIGMA_OF_RADIUS68
-from logger.core.readings import Observations, levels_dbm, observe
-from logger.core.rows import values_of
+from logger.core.readings import Observations, observe
+from logger.core.rows import levels_dbm, values_of
 from logger.core.runfile import Run
 from logger.core.suspicion.words import strongest_reasons
 from logger.core.timebase import utc_clock

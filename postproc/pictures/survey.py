@@ -15,7 +15,8 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.posterior import Mode
 from logger.core.places import MAX_GAP_S, Utm
 from logger.core.provenance import SIMULATED
-from logger.core.readings import levels_dbm, times_ns
+from logger.core.readings import times_ns
+from logger.core.rows import levels_dbm
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit_run
 from logger.core.utc import utc_text

@@ -13,7 +13,7 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.places import UNKNOWN_SIGMA_M
-from logger.core.readings import levels_dbm
+from logger.core.rows import levels_dbm
 from logger.core.runfile import read_run
 from logger.core.types import Fix, Note, Scan
 from postproc.cli import main
