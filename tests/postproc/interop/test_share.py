@@ -174,7 +174,7 @@ def _marked_walk(tmp_path):
     x0, y0 = UTM.to_xy(*HOME)
     estimate = dict.fromkeys(get_type_hints(LiveEstimate), 1.0) | columns["live"]
     estimate |= dict.fromkeys(("scan_seq", "n", "utm_zone"), 1)
-    for i in range(120):
+    for i in range(180):  # the circles around its ends, whose place is drawn, leave a part
         t_ns = i * 10**9
         lat, lon = UTM.to_latlon(x0 + 12.0 * i, y0)
         seq = writer.append(Record(t_ns, source, Fix(True, UTC0_NS + t_ns, lat, lon, hdop=1.0)))
