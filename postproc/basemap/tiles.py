@@ -3,6 +3,7 @@
 The rows of MBTiles are numbered from the south (TMS) unless the metadata state xyz.
 """
 
+import gzip
 import math
 import re
 import sqlite3
@@ -236,10 +237,11 @@ class _Archive:
         known = self._directories.get((at, length))
         if known is None:
             data = self._bytes(at, length, MOST_DIRECTORY_BYTES)
-            packing = self._header["internal_compression"]
-            if _LONG_NUMBER.search(_unpack(data, packing, MOST_DIRECTORY_BYTES)):
+            plain = _unpack(data, self._header["internal_compression"], MOST_DIRECTORY_BYTES)
+            if _LONG_NUMBER.search(plain):
                 raise ValueError("a directory has a number of more than 64 bit")
-            known = deserialize_directory(data)
+            # the library takes gzip only, and would unpack all that follows the part checked here
+            known = deserialize_directory(gzip.compress(plain, compresslevel=0))
             if len(self._directories) == _LEVELS_OF_DIRECTORIES:
                 del self._directories[next(iter(self._directories))]
             self._directories[at, length] = known

@@ -141,6 +141,19 @@ def _read(path):
     return said, int(more.removeprefix("MORE "))
 
 
+def test_what_follows_a_packed_directory_is_not_unpacked(tmp_path):
+    path = tmp_path / "x.pmtiles"
+    _pmtiles(path)
+    data = bytearray(path.read_bytes())
+    at, length = struct.unpack_from("<QQ", data, 8)
+    root = bytes(data[at : at + length]) + gzip.compress(bytes(400_000_000))
+    struct.pack_into("<QQ", data, 8, len(data), len(root))
+    path.write_bytes(data + root)
+    said, more_mb = _read(path)
+    assert said == ["read", "read"]
+    assert more_mb < MORE_MB, f"{more_mb} MB"
+
+
 def test_the_most_points_of_a_tile_take_little_memory(tmp_path):
     points = [9, 0, 0] + [2 | 100_000 << 3, *[2, 1] * 100_000] * 9
     _tile(tmp_path / "x.pmtiles", _geometry(points))

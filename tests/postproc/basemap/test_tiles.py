@@ -1,10 +1,11 @@
 import gzip
+import struct
 from io import BytesIO
 
 import numpy as np
 import pytest
 from PIL import Image
-from pmtiles.tile import TileType
+from pmtiles.tile import Compression, TileType
 from pyproj import CRS
 
 from logger.core.errors import ConfigError
@@ -39,6 +40,18 @@ def test_pictures_of_the_finest_level(tmp_path):
     ground = open_pmtiles(path, _area())
     assert is_pmtiles(path)
     assert tuple(ground.pixels[5, 5]) == (40, 40, 200, 255)
+
+
+def test_directories_may_be_without_compression(tmp_path):
+    tiles = {place: _png((40, 40, 200)) for place in _places(15)}
+    path = write_pmtiles(tmp_path / "x.pmtiles", tiles, TileType.PNG)
+    data = bytearray(path.read_bytes())
+    at, length = struct.unpack_from("<QQ", data, 8)
+    root = gzip.decompress(data[at : at + length])
+    struct.pack_into("<QQ", data, 8, len(data), len(root))
+    data[97] = Compression.NONE.value  # of the directories
+    path.write_bytes(data + root)
+    assert tuple(open_pmtiles(path, _area()).pixels[5, 5]) == (40, 40, 200, 255)
 
 
 def test_vector_tiles_are_drawn(tmp_path):
