@@ -74,7 +74,7 @@ class LiveReference:
         restart = "the reference filter starts again at the receiver"
         return Note("info", "target-changed", f"{text}, was {before.cell}; {restart}")
 
-    def follow(self, wanted: str, *, for_word: bool = False) -> None:
+    def follow(self, wanted: str, *, for_word: bool) -> None:
         """Choose from now on as the setting `target` with this value would.
 
         A cell that is chosen `for_word` is searched for no longer than one that nobody chose.

@@ -99,11 +99,8 @@ def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatA
     adjoint = _adjoint(model, steps)
     slack = np.where(np.isfinite(model.variance), model.slack, 0.0)
     apart2 = np.sum(adjoint.residual**2, axis=2) / adjoint.precision**2
-    x, p = (
-        np.array([one.by_axis for one in steps]),
-        _square([one.p for one in steps]),
-    )
-    series = Series(np.swapaxes(x, 1, 2), p, adjoint.r, adjoint.n)
+    x = np.swapaxes(np.array([one.by_axis for one in steps]), 1, 2)
+    series = Series(x, _square([one.p for one in steps]), adjoint.r, adjoint.n)
     return series, apart2, 1.0 / adjoint.precision - excess + slack
 
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.answer import DEGREE_DECIMALS, Answer, MultiPolygon, Provenance, answer_of
+from logger.core.errors import EstimationError
 from logger.core.guidance.advice import Advice, Guide
 from logger.core.guidance.next_way import NextWay
 from logger.core.guidance.routes import LEG_M
@@ -136,9 +137,10 @@ class FollowedCell:
 
     def _answer(self, locator: OnlineLocator) -> None:
         obs = locator.readings.readings()
-        if not np.any(obs.limit == 0):  # few levels within the scale, which the thinning dropped
+        try:
+            posterior = locate(obs, locator.prior)
+        except EstimationError:  # of few levels within the scale the thinning has dropped all
             return
-        posterior = locate(obs, locator.prior)
         verdict, reasons, *_ = self._verdict.update(posterior, obs)
         self.region = squares_of_region(posterior)
         self.answer = answer_of(self.cell, verdict, reasons, Provenance(len(obs)), posterior)

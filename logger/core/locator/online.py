@@ -56,7 +56,7 @@ _GROWN = 1.4  # times as many blocks or censored points: a new search is due
 _TURNED = 2.0  # urgency where the walk has left its curve, or the mass its modes
 _MODE_LEVEL = 0.99
 _MOST_READINGS = 1024  # of an hour's walk; answers of the device and the desktop are from the same
-_JOINED = 64  # single readings take 30 times the memory of those in one array
+_JOINED = 64  # single readings take ten times the memory of those in one array
 
 
 class _Searched(NamedTuple):
@@ -82,28 +82,25 @@ class ReadingsInOrder:
     """Readings of a walk in their order; when there are too many, every second one is dropped."""
 
     def __init__(self) -> None:
-        self._earlier: list[Readings] = []
-        self._latest: list[Readings] = []
+        self._kept: list[Readings] = []
         self._every = 1
         self._count = 0
 
     def add(self, latest: Readings) -> None:
         """Take the next reading."""
         if self._count % self._every == 0:
-            self._latest.append(latest)
+            self._kept.append(latest)
         self._count += 1
-        if len(self._latest) == _JOINED:
-            self._earlier = [in_order([*self._earlier, *self._latest])]
-            self._latest = []
         if self._count == self._every * _MOST_READINGS:
-            every = self.readings()
-            self._earlier = [every.part(np.arange(len(every)) % 2 == 0)]
-            self._latest = []
+            every = in_order(self._kept)
+            self._kept = [every.part(np.arange(len(every)) % 2 == 0)]
             self._every *= 2
+        elif len(self._kept) > _JOINED:
+            self._kept = [in_order(self._kept)]
 
     def readings(self) -> Readings:
         """Those that are left, without spikes."""
-        return replace(in_order([*self._earlier, *self._latest]), without_spikes=True)
+        return replace(in_order(self._kept), without_spikes=True)
 
 
 class OnlineLocator:
