@@ -38,15 +38,15 @@ _TREE = Path(logger.__file__).resolve().parents[1]
 LEVELS_DBM, INDICES, FIRST_INDEX = (-72.0, -73.0, -74.0), (41, 40, 39), 48
 _ROW = re.compile(rf'\+CENG: 0,"\d+,(?:{"|".join(map(str, INDICES))}),')
 _PACKED = [struct.pack(form, level) for form in ("<d", "<f") for level in LEVELS_DBM]
-_SUMMARY = "strongest_dbm"
-"""Of a cell that the modem came to late it may be one of the levels."""
+_SUMMARIES = {"strongest_dbm", "strongest", "mean_dbm"}
+"""Of a cell that the modem came to late, or of its first readings, one may equal a level."""
 _MOST_ITEMS, _MOST_BYTES, _DEPTH = 300, 1_000_000, 5
 _LOOKS_KNOWN, _LOOKS = 300, 2000
 """Calls of a function that are looked at, where its file is known to have the reading or not."""
-CLOCK_RATE, POLL_S, N_POLLS = 12.0, 6.0, 21
-"""A walker goes 8 m between two polls: each reading is a block of its own."""
+CLOCK_RATE, POLL_S, N_POLLS = 24.0, 12.0, 21
+"""A walker goes 16 m between two polls: each reading is a block of its own."""
 MOST_S = 600.0
-"""Of the walk. On a busy machine polls are missed, since it goes 12 times as fast as the clock."""
+"""Of the walk. On a busy machine polls are missed, since it goes 24 times as fast as the clock."""
 
 
 PAGE = _TREE / "ARCHITECTURE.md"
@@ -135,7 +135,10 @@ def holder(value: Any, depth: int = _DEPTH) -> str:
         return ""
     is_own = type(value).__module__.startswith(("logger", "postproc"))
     if isinstance(value, dict | list | tuple | set | frozenset):
-        items = list(value.values() if isinstance(value, dict) else value)[:_MOST_ITEMS]
+        plain_items = value.values() if isinstance(value, dict) else value
+        if is_own and hasattr(value, "_fields"):
+            plain_items = [getattr(value, one) for one in value._fields if one not in _SUMMARIES]
+        items = list(plain_items)[:_MOST_ITEMS]
         inner = next((name for item in items if (name := holder(item, depth - 1))), "")
         return type(value).__name__ if inner and is_own else inner
     if not is_own:
@@ -146,7 +149,7 @@ def holder(value: Any, depth: int = _DEPTH) -> str:
         else getattr(type(value), "__struct_fields__", ())
     )
     has_it = any(
-        holder(getattr(value, name, None), depth - 1) for name in names if name != _SUMMARY
+        holder(getattr(value, name, None), depth - 1) for name in names if name not in _SUMMARIES
     )
     return type(value).__name__ if has_it else ""
 
