@@ -6,7 +6,7 @@ everybody, how a modem shall measure, and what it reported is decoded with pycra
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import import_module
 from importlib.util import find_spec
 from logging import getLogger
@@ -48,6 +48,8 @@ _VERSIONS = {
 }
 _MOST = 4096
 """Cells and messages that are remembered."""
+_MOST_BYTES = 1024
+"""Of a message that is remembered."""
 _ANSWER_NS = 10 * 10**9
 _IDENTITIES = {1: "IMSI", 2: "IMEI", 3: "IMEISV", 4: "TMSI"}  # 3GPP TS 24.301 9.9.3.17
 _IDENTITY_REQUEST, _IDENTITY_RESPONSE, _SECURITY_MODE = 0x55, 0x56, 0x5D
@@ -123,23 +125,20 @@ class _Measurements:
             swap = {old: new, new: old}
             self.objects = {one: swap.get(obj, obj) for one, obj in self.objects.items()}
 
-    def change(self, config: Mapping[str, Any]) -> None:
-        """Take a new configuration."""
-        for one in config.get("measObjectToRemoveList", ()):
+    def change(
+        self,
+        gone: Iterable[int],
+        carriers: Mapping[int, int | None],
+        ended: Iterable[int],
+        objects: Mapping[int, int],
+    ) -> None:
+        """Take a new configuration: of objects and of measurements what is removed and added."""
+        for one in gone:
             self.carriers.pop(one, None)
-        for one in config.get("measObjectToAddModList", ()):
-            kind, what = one["measObject"]
-            is_lte = kind == "measObjectEUTRA"
-            self.carriers[one["measObjectId"]] = _carrier(what) if is_lte else None
-        for one in config.get("measIdToRemoveList", ()):
+        for one in ended:
             self.objects.pop(one, None)
-        for one in config.get("measIdToAddModList", ()):
-            self.objects[one["measId"]] = one["measObjectId"]
-
-
-def _carrier(config: Mapping[str, Any]) -> int | None:
-    channel = config.get("carrierFreq-v9e0", config.get("carrierFreq"))
-    return channel if isinstance(channel, int) and channel < 0xFFFF else None
+        self.carriers.update(carriers)
+        self.objects.update(objects)
 
 
 class Messages:
@@ -286,12 +285,7 @@ class Messages:
         """SIB1, and what SIB3, 5, 6 and 7 tell of priorities, of each once."""
         if not self._can_decode():
             return
-        key = message.body.hex()
-        broadcast = self._decoded.get(key)
-        if broadcast is None:
-            broadcast = _decode("BCCH_DL_SCH_Message", message.body, _broadcast_by)
-        self._decoded.put(key, broadcast)
-        identities, priorities = broadcast
+        identities, priorities = self._decode(_broadcast_by, message.body)
         if identities:
             first = identities[0]
             for other in identities[1:]:
@@ -347,63 +341,57 @@ class Messages:
             yield from self._reconfigure(message)
 
     def _reconfigure(self, message: _Message) -> Iterator[Signal]:
-        config = _decode("DL_DCCH_Message", message.body, _configuration)
+        target, algorithms, changes = self._decode(_configuration, message.body)
         measurements = self._measurements.setdefault(message.radio_id, _Measurements())
-        mobility = config.get("mobilityControlInfo")
-        if mobility is not None:
-            target = mobility.get("carrierFreq", {}).get("dl-CarrierFreq", message.channel)
-            if target != message.channel:
-                measurements.hand_over(message.channel, target)
-        measurements.change(config.get("measConfig", {}))
-        _, handover = config.get("securityConfigHO", {}).get("handoverType", ("", {}))
-        if algorithms := handover.get("securityAlgorithmConfig"):
-            cipher, integrity = (
-                algorithms[one].upper()[:4]
-                for one in ("cipheringAlgorithm", "integrityProtAlgorithm")
-            )
-            value = f"{cipher} {integrity}"
-            yield self._signal(message.time_ns, "handover security", value, message.cell)
+        if target is not None and target != message.channel:
+            measurements.hand_over(message.channel, target)
+        measurements.change(*changes)
+        if algorithms:
+            yield self._signal(message.time_ns, "handover security", algorithms, message.cell)
 
     def _uplink(self, message: _Message) -> Iterator[Observation]:
         """Levels that a modem reported, of the serving cell and of neighbours on one carrier."""
         if message.bits(0, 5) != _REPORT or not self._can_decode():
             return
-        results = _decode("UL_DCCH_Message", message.body, _report)
+        number, level_dbm, cells = self._decode(_report, message.body)
         at = Observation(
             message.time_ns, message.radio_id, "LTE", message.channel, message.code, "serving",
             is_reported=True,
         )  # fmt: skip
-        yield at._replace(level_dbm=_reported_dbm(results["measResultPCell"]))
-        kind, cells = results.get("measResultNeighCells", ("", ()))
-        if kind != "measResultListEUTRA":
-            return
+        yield at._replace(level_dbm=level_dbm)
         measurements = self._measurements.get(message.radio_id)
-        channel = measurements.channel(results["measId"]) if measurements else None
+        channel = measurements.channel(number) if measurements else None
         self.n_unnamed += len(cells) if channel is None else 0
-        for cell in cells:
-            identity = None
-            info = cell.get("cgi-Info")
-            if info and channel is not None and "mcc" in info["cellGlobalId"]["plmn-Identity"]:
-                place, area = info["cellGlobalId"], info["trackingAreaCode"][0]
-                identity = _identity(place["plmn-Identity"], area, place["cellIdentity"][0])
+        for code, cell_dbm, identity in cells:
             yield self.with_first_name(
                 at._replace(
                     channel=channel,
-                    code=cell["physCellId"],
+                    code=code,
                     role="neighbour",
-                    level_dbm=_reported_dbm(cell["measResult"]),
-                    identity=identity,
+                    level_dbm=cell_dbm,
+                    identity=None if channel is None else identity,
                 )
             )
 
+    def _decode(self, take: Callable[[Any], T], body: bytes) -> T:
+        """What is taken of a message; networks and modems repeat most of theirs."""
+        key = f"{take.__name__} {body.hex()}"
+        if key in self._decoded:
+            taken: T = self._decoded[key]
+        else:
+            taken = _decode(_FORMS[take], body, take)
+        if len(body) <= _MOST_BYTES:
+            self._decoded.put(key, taken)
+        return taken
 
-def _decode(kind: str, body: bytes, take: Callable[[Any], T]) -> T:
+
+def _decode(form: str, body: bytes, take: Callable[[Any], T]) -> T:
     """What is taken of a message; pycrate has dictionaries, and pairs of a choice and its value."""
     getLogger("pycrate").propagate = False  # what it says of a message quotes it
-    form = getattr(import_module("pycrate_asn1dir.RRCLTE").EUTRA_RRC_Definitions, kind)
+    message = getattr(import_module("pycrate_asn1dir.RRCLTE").EUTRA_RRC_Definitions, form)
     try:
-        form.from_uper(body)
-        return take(form.get_val()["message"])
+        message.from_uper(body)
+        return take(message.get_val()["message"])
     except Exception as error:
         # pycrate has no class of its own for bytes that are no message, or one of another form
         raise _RefusedError from error
@@ -418,12 +406,49 @@ def _of_release(message: Any, release: str) -> Mapping[str, Any]:
     return dict(content)
 
 
-def _configuration(message: Any) -> Mapping[str, Any]:
-    return _of_release(message, "rrcConnectionReconfiguration-r8")
+def _configuration(
+    message: Any,
+) -> tuple[int | None, str, tuple[list[int], dict[int, int | None], list[int], dict[int, int]]]:
+    """Carrier of a handover, algorithms, and what `_Measurements.change` takes."""
+    content = _of_release(message, "rrcConnectionReconfiguration-r8")
+    config = content.get("measConfig", {})
+    carriers: dict[int, int | None] = {}
+    for one in config.get("measObjectToAddModList", ()):
+        kind, what = one["measObject"]
+        carriers[one["measObjectId"]] = _carrier(what) if kind == "measObjectEUTRA" else None
+    changes = (
+        list(config.get("measObjectToRemoveList", ())),
+        carriers,
+        list(config.get("measIdToRemoveList", ())),
+        {one["measId"]: one["measObjectId"] for one in config.get("measIdToAddModList", ())},
+    )
+    target = content.get("mobilityControlInfo", {}).get("carrierFreq", {}).get("dl-CarrierFreq")
+    _, handover = content.get("securityConfigHO", {}).get("handoverType", ("", {}))
+    named = handover.get("securityAlgorithmConfig", {})
+    parts = ("cipheringAlgorithm", "integrityProtAlgorithm") if named else ()
+    return target, " ".join(named[one].upper()[:4] for one in parts), changes
 
 
-def _report(message: Any) -> Mapping[str, Any]:
-    return dict(_of_release(message, "measurementReport-r8")["measResults"])
+def _carrier(config: Mapping[str, Any]) -> int | None:
+    channel = config.get("carrierFreq-v9e0", config.get("carrierFreq"))
+    return channel if isinstance(channel, int) and channel < 0xFFFF else None
+
+
+def _report(
+    message: Any,
+) -> tuple[int, float | None, list[tuple[int, float | None, Identity | None]]]:
+    """Number of the measurement, level of the serving cell, neighbours on one carrier of LTE."""
+    results = _of_release(message, "measurementReport-r8")["measResults"]
+    cells = []
+    kind, others = results.get("measResultNeighCells", ("", ()))
+    for cell in others if kind == "measResultListEUTRA" else ():
+        identity = None
+        info = cell.get("cgi-Info")
+        if info and "mcc" in info["cellGlobalId"]["plmn-Identity"]:
+            place, area = info["cellGlobalId"], info["trackingAreaCode"][0]
+            identity = _identity(place["plmn-Identity"], area, place["cellIdentity"][0])
+        cells.append((cell["physCellId"], _reported_dbm(cell["measResult"]), identity))
+    return results["measId"], _reported_dbm(results["measResultPCell"]), cells
 
 
 def _broadcast_by(message: Any) -> tuple[list[Identity], dict[str, int]]:
@@ -454,6 +479,14 @@ def _broadcast_by(message: Any) -> tuple[list[Identity], dict[str, int]]:
                 if max(others, default=-1) >= 0:
                     priorities[name.upper()] = max(others)
     return [], priorities
+
+
+_FORMS: Mapping[Callable[[Any], Any], str] = {
+    _broadcast_by: "BCCH_DL_SCH_Message",
+    _configuration: "DL_DCCH_Message",
+    _report: "UL_DCCH_Message",
+}
+"""The kind of message that each reads."""
 
 
 def _identity(plmn: Mapping[str, Any], area: int, cell_id: int) -> Identity:
