@@ -6,7 +6,7 @@ everybody, how a modem shall measure, and what it reported is decoded with pycra
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from logging import getLogger
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 from logger.core.cell_names import HIGHEST
 from logger.core.latest import Latest
 from logger.drivers.diag.frames import LogRecord
-from logger.drivers.diag.levels import Identity, Observation
+from logger.drivers.diag.levels import Identity, Observation, RefusedError
 from postproc.suspicion.signalling import UNKNOWN, Signal
 
 T = TypeVar("T")
@@ -78,10 +78,6 @@ _PLAIN_EMM = 0x07
 _GSM_DCCH_DOWN, _CIPHERING = 0x80, b"\x06\x35"
 
 
-class _RefusedError(Exception):
-    """A length does not fit, or a value or a message is impossible."""
-
-
 class _Message(NamedTuple):
     """A message of RRC: when, by which receiver, of which cell, and its bytes."""
 
@@ -99,9 +95,23 @@ class _Message(NamedTuple):
         """Some bits as a number; the first of a byte is its highest."""
         end = first + n
         if end > 8 * len(self.body):
-            raise _RefusedError
+            raise RefusedError
         whole = int.from_bytes(self.body[: (end + 7) // 8], "big")
         return whole >> (-end % 8) & ((1 << n) - 1)
+
+    def after(self, first: int) -> bytes:
+        """Bytes of what begins with this bit."""
+        n = 8 * len(self.body) - first
+        return (self.bits(first, n) << -n % 8).to_bytes((n + 7) // 8, "big")
+
+
+class _Changes(NamedTuple):
+    """Objects and measurements that are removed; carriers of objects, objects of measurements."""
+
+    objects_gone: Sequence[int] = ()
+    gone: Sequence[int] = ()
+    carriers: Mapping[int, int | None] = {}
+    objects: Mapping[int, int] = {}
 
 
 class _Measurements:
@@ -125,20 +135,14 @@ class _Measurements:
             swap = {old: new, new: old}
             self.objects = {one: swap.get(obj, obj) for one, obj in self.objects.items()}
 
-    def change(
-        self,
-        gone: Iterable[int],
-        carriers: Mapping[int, int | None],
-        ended: Iterable[int],
-        objects: Mapping[int, int],
-    ) -> None:
-        """Take a new configuration: of objects and of measurements what is removed and added."""
-        for one in gone:
+    def change(self, changes: _Changes) -> None:
+        """Take a new configuration."""
+        for one in changes.objects_gone:
             self.carriers.pop(one, None)
-        for one in ended:
+        for one in changes.gone:
             self.objects.pop(one, None)
-        self.carriers.update(carriers)
-        self.objects.update(objects)
+        self.carriers.update(changes.carriers)
+        self.objects.update(changes.objects)
 
 
 class Messages:
@@ -180,7 +184,7 @@ class Messages:
         read = self._readers[record.code]
         try:
             return [*self._give_up(record.time_ns), *read(record)]
-        except _RefusedError:
+        except RefusedError:
             self.refused[record.code] += 1
             return []
 
@@ -270,9 +274,9 @@ class Messages:
         highest_channel, highest_code = HIGHEST["LTE"]
         length = int.from_bytes(body[start - 2 : start], "little")
         if len(body) < start or length != len(body) - start:
-            raise _RefusedError
+            raise RefusedError
         if channel > highest_channel or code > highest_code or record.radio_id >= _MOST_RECEIVERS:
-            raise _RefusedError
+            raise RefusedError
         if body[kind_at] not in kinds:
             return
         kind = kinds.index(body[kind_at])
@@ -341,11 +345,19 @@ class Messages:
             yield from self._reconfigure(message)
 
     def _reconfigure(self, message: _Message) -> Iterator[Signal]:
-        target, algorithms, changes = self._decode(_configuration, message.body)
+        """Measurements stand first, where what follows them need not be decoded."""
+        if message.bits(7, 4):
+            raise RefusedError
+        has_measurements, has_more = message.bits(11, 1), message.bits(12, 1) or message.bits(15, 1)
+        target, algorithms, changes = None, "", _Changes()
+        if has_more:
+            target, algorithms, changes = self._decode(_configuration, message.body)
+        elif has_measurements:
+            changes = self._decode(_changes, message.after(17))
         measurements = self._measurements.setdefault(message.radio_id, _Measurements())
         if target is not None and target != message.channel:
             measurements.hand_over(message.channel, target)
-        measurements.change(*changes)
+        measurements.change(changes)
         if algorithms:
             yield self._signal(message.time_ns, "handover security", algorithms, message.cell)
 
@@ -391,42 +403,43 @@ def _decode(form: str, body: bytes, take: Callable[[Any], T]) -> T:
     message = getattr(import_module("pycrate_asn1dir.RRCLTE").EUTRA_RRC_Definitions, form)
     try:
         message.from_uper(body)
-        return take(message.get_val()["message"])
+        return take(message.get_val())
     except Exception as error:
         # pycrate has no class of its own for bytes that are no message, or one of another form
-        raise _RefusedError from error
+        raise RefusedError from error
 
 
 def _of_release(message: Any, release: str) -> Mapping[str, Any]:
     """Content of a message, through the choices of its kind and release."""
-    _, (_, content) = message
+    _, (_, content) = message["message"]
     _, (choice, content) = content["criticalExtensions"]
     if choice != release:
-        raise _RefusedError
+        raise RefusedError
     return dict(content)
 
 
-def _configuration(
-    message: Any,
-) -> tuple[int | None, str, tuple[list[int], dict[int, int | None], list[int], dict[int, int]]]:
-    """Carrier of a handover, algorithms, and what `_Measurements.change` takes."""
+def _configuration(message: Any) -> tuple[int | None, str, _Changes]:
+    """Carrier of a handover, algorithms, and the changes of measurements."""
     content = _of_release(message, "rrcConnectionReconfiguration-r8")
-    config = content.get("measConfig", {})
-    carriers: dict[int, int | None] = {}
-    for one in config.get("measObjectToAddModList", ()):
-        kind, what = one["measObject"]
-        carriers[one["measObjectId"]] = _carrier(what) if kind == "measObjectEUTRA" else None
-    changes = (
-        list(config.get("measObjectToRemoveList", ())),
-        carriers,
-        list(config.get("measIdToRemoveList", ())),
-        {one["measId"]: one["measObjectId"] for one in config.get("measIdToAddModList", ())},
-    )
     target = content.get("mobilityControlInfo", {}).get("carrierFreq", {}).get("dl-CarrierFreq")
     _, handover = content.get("securityConfigHO", {}).get("handoverType", ("", {}))
     named = handover.get("securityAlgorithmConfig", {})
     parts = ("cipheringAlgorithm", "integrityProtAlgorithm") if named else ()
-    return target, " ".join(named[one].upper()[:4] for one in parts), changes
+    algorithms = " ".join(named[one].upper()[:4] for one in parts)
+    return target, algorithms, _changes(content.get("measConfig", {}))
+
+
+def _changes(config: Any) -> _Changes:
+    carriers: dict[int, int | None] = {}
+    for one in config.get("measObjectToAddModList", ()):
+        kind, what = one["measObject"]
+        carriers[one["measObjectId"]] = _carrier(what) if kind == "measObjectEUTRA" else None
+    return _Changes(
+        config.get("measObjectToRemoveList", ()),
+        config.get("measIdToRemoveList", ()),
+        carriers,
+        {one["measId"]: one["measObjectId"] for one in config.get("measIdToAddModList", ())},
+    )
 
 
 def _carrier(config: Mapping[str, Any]) -> int | None:
@@ -453,7 +466,7 @@ def _report(
 
 def _broadcast_by(message: Any) -> tuple[list[Identity], dict[str, int]]:
     """Identities of a cell, and the highest priority in each of its blocks; "LTE" is its own."""
-    _, (kind, content) = message
+    _, (kind, content) = message["message"]
     if kind == "systemInformationBlockType1":
         access = content["cellAccessRelatedInfo"]
         area, cell_id = access["trackingAreaCode"][0], access["cellIdentity"][0]
@@ -484,6 +497,7 @@ def _broadcast_by(message: Any) -> tuple[list[Identity], dict[str, int]]:
 _FORMS: Mapping[Callable[[Any], Any], str] = {
     _broadcast_by: "BCCH_DL_SCH_Message",
     _configuration: "DL_DCCH_Message",
+    _changes: "MeasConfig",
     _report: "UL_DCCH_Message",
 }
 """The kind of message that each reads."""

@@ -49,7 +49,7 @@ class Observation(NamedTuple):
     is_reported: bool = False
 
 
-class _RefusedError(Exception):
+class RefusedError(Exception):
     """A length does not fit, or a value is impossible."""
 
 
@@ -69,7 +69,7 @@ class _Bits(NamedTuple):
         begin = start + self.at
         end = begin + (self.lowest + self.n + 7) // 8
         if end > len(body):
-            raise _RefusedError
+            raise RefusedError
         value = int.from_bytes(body[begin:end], "little") >> self.lowest & ((1 << self.n) - 1)
         return value - (1 << self.n) if self.signed and value >> (self.n - 1) else value
 
@@ -263,7 +263,7 @@ class Decoder:
         except _UnknownError as error:
             self.unknown[code, error.args[0]] += 1
             return []
-        except _RefusedError:
+        except RefusedError:
             self.refused[code] += 1
             return []
         self.n_read += 1
@@ -310,7 +310,7 @@ class Decoder:
         if body[result] or not body[messages] & _ANSWERED or ta_16ts == _NO_TA:
             return
         if ta_16ts > _MOST_TA:
-            raise _RefusedError
+            raise RefusedError
         if last := self._last(record, "LTE", _TA_WAITS_NS):
             self._access[record.radio_id] = last._replace(
                 time_ns=record.time_ns, level_dbm=None, identity=None, ta_16ts=ta_16ts
@@ -330,14 +330,14 @@ class Decoder:
     def _gsm_level(self, record: LogRecord, body: bytes) -> Iterator[Observation]:
         level_dbm = _level(_Bits(0, 16, signed=True).of(body), "GSM")
         if len(body) != 3:
-            raise _RefusedError
+            raise RefusedError
         if level_dbm is not None and (last := self._last(record, "GSM", STAYS_NS)):
             yield _again(last, record, level_dbm)
 
     def _gsm_bursts(self, record: LogRecord, body: bytes) -> Iterator[Observation]:
         """Levels on the channel of the serving cell; a call may hop on others."""
         if len(body) != 1 + _BURSTS * _BURST_BYTES:
-            raise _RefusedError
+            raise RefusedError
         last = self._last(record, "GSM", STAYS_NS)
         for start in range(1, len(body), _BURST_BYTES):
             level_dbm = _level(_Bits(10, 16, signed=True).of(body, start), "GSM")
@@ -348,7 +348,7 @@ class Decoder:
     def _gsm_broadcast(self, record: LogRecord, body: bytes) -> Iterator[Observation]:
         """Identity, and the list of neighbours once the same cell was heard before and after it."""
         if len(body) < 3 or body[2] != len(body) - 3:
-            raise _RefusedError
+            raise RefusedError
         kind, radio_id = body[4:6], record.radio_id
         if body[0] != _BCCH_DOWN or kind not in {_SI2, _SI3}:
             return
@@ -358,7 +358,7 @@ class Decoder:
                 self._broadcast[radio_id] = before, _neighbours(body[6:22])
             return
         if len(body) < 13:
-            raise _RefusedError
+            raise RefusedError
         identity = _identity(_bcd(body[8:11]), _big(body[11:13]), _big(body[6:8]))
         self._broadcast[radio_id] = identity, None
         last = self._last(record, "GSM", STAYS_NS)
@@ -379,7 +379,7 @@ class Decoder:
         first, step = _RANKED[version]
         number = body[0] & 0x3F
         if first + number * step > len(body):
-            raise _RefusedError
+            raise RefusedError
         serving = self._last(record, "WCDMA", STAYS_NS)
         for start in range(first, first + number * step, step):
             channel = _channel(_Bits(0, 16).of(body, start), "WCDMA")
@@ -402,7 +402,7 @@ def _parts(record: LogRecord) -> Iterator[tuple[int, bytes]]:
     code, body = record.code, record.body
     head = _Bits(0, 8).of(body)
     if record.radio_id > _MOST_RADIO_ID:
-        raise _RefusedError
+        raise RefusedError
     if code not in _SUBPACKETS:
         version = {0x4: head >> 6, 0xB: head}.get(code >> 12, 0) if code in _VERSIONS else 0
         if version not in _VERSIONS.get(code, {0}):
@@ -415,7 +415,7 @@ def _parts(record: LogRecord) -> Iterator[tuple[int, bytes]]:
     for _ in range(_Bits(1, 8).of(body)):
         size = _Bits(start + 2, 16).of(body)
         if size < 4 or start + size > len(body):
-            raise _RefusedError
+            raise RefusedError
         if body[start] == _SUBPACKETS[code]:
             version = body[start + 1]
             if version not in _VERSIONS[code]:
@@ -428,7 +428,7 @@ def _cells_of(record: LogRecord, cells: _Cells, body: bytes) -> Iterator[Observa
     number = 1 if cells.number is None else cells.number.of(body)
     room = cells.room or number
     if number > room or cells.first + room * cells.step > len(body):
-        raise _RefusedError
+        raise RefusedError
     rat = cells.rat
     for start in range(cells.first, cells.first + number * cells.step, cells.step):
         channel = cells.channel.of(body, start if cells.own_channels else 0)
@@ -442,7 +442,7 @@ def _cells_of(record: LogRecord, cells: _Cells, body: bytes) -> Iterator[Observa
             if cells.receivers:
                 of_receivers = max(one.of(body, start) for one in cells.receivers)
                 if level_dbm != of_receivers / 16 + _RSRP_0_DBM:
-                    raise _RefusedError
+                    raise RefusedError
             if level_dbm is None:
                 continue
         role = cells.role
@@ -463,10 +463,10 @@ def _serving_info(record: LogRecord, version: int, body: bytes) -> Observation:
     n_bits, length = _SERVING_INFO[version]
     after = 5 + n_bits // 4  # two channels and two bandwidths
     if len(body) != length:
-        raise _RefusedError
+        raise RefusedError
     mcc, n_digits, mnc = (_Bits(after + at, n).of(body) for at, n in ((10, 16), (12, 8), (13, 16)))
     if n_digits not in {2, 3}:
-        raise _RefusedError
+        raise RefusedError
     identity = _identity(
         (f"{mcc:03}", f"{mnc:0{n_digits}}"),
         area=_Bits(after + 4, 16).of(body),
@@ -482,10 +482,10 @@ def _serving_info(record: LogRecord, version: int, body: bytes) -> Observation:
 
 def _gsm_cell(record: LogRecord, body: bytes) -> Observation:
     if len(body) != 13:
-        raise _RefusedError
+        raise RefusedError
     bcc, ncc = body[2], body[3]
     if bcc > 7 or ncc > 7:
-        raise _RefusedError
+        raise RefusedError
     return Observation(
         record.time_ns,
         record.radio_id,
@@ -500,7 +500,7 @@ def _gsm_cell(record: LogRecord, body: bytes) -> Observation:
 def _wcdma_cell(record: LogRecord, body: bytes) -> Observation:
     digits = body[18:24].hex()[1::2]  # each in a byte; f follows an MNC of two
     if len(body) < 28 or body[18:24].hex()[::2] != "000000":
-        raise _RefusedError
+        raise RefusedError
     identity = _identity(
         (digits[:3], digits[3:].removesuffix("f")),
         area=_Bits(24, 32).of(body),
@@ -522,19 +522,19 @@ def _level(raw: int, rat: Rat, zero_dbm: float = 0.0) -> float | None:
 def _in_range(level_dbm: float, rat: Rat) -> float:
     low_dbm, high_dbm = _RANGE_DBM[rat]
     if not low_dbm <= level_dbm <= high_dbm:
-        raise _RefusedError
+        raise RefusedError
     return level_dbm
 
 
 def _channel(channel: int, rat: Rat) -> int:
     if channel > HIGHEST[rat][0]:
-        raise _RefusedError
+        raise RefusedError
     return channel
 
 
 def _code(code: int, rat: Rat) -> int:
     if code > HIGHEST[rat][1]:
-        raise _RefusedError
+        raise RefusedError
     return code
 
 
@@ -542,7 +542,7 @@ def _identity(plmn: tuple[str, str], area: int, cell_id: int, most: int = 0xFFFF
     mcc, mnc = plmn
     is_network = len(mcc) == 3 and len(mnc) in {2, 3} and (mcc + mnc).isdecimal()
     if not is_network or mcc == "000" or area > 0xFFFF or cell_id > most:
-        raise _RefusedError
+        raise RefusedError
     return Identity(mcc, mnc, area, cell_id)
 
 
@@ -550,7 +550,7 @@ def _bcd(plmn: bytes) -> tuple[str, str]:
     """MCC and MNC of three bytes (3GPP TS 24.008 10.5.1.3)."""
     digits = plmn.hex()
     if len(digits) != 6:
-        raise _RefusedError
+        raise RefusedError
     third = digits[2].replace("f", "")
     return digits[1] + digits[0] + digits[3], digits[5] + digits[4] + third
 

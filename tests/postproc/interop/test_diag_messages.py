@@ -528,7 +528,7 @@ def test_bits_of_release_and_security_are_those_that_pycrate_reads():
             if record.body[12] != (6 if record.body[0] == 8 else 7) or kind not in {5, 6}:
                 continue
             content = diag_messages._decode("DL_DCCH_Message", record.body[19:], lambda m: m)
-            _, parts = content[1]
+            _, parts = content["message"][1]
             parts = parts["criticalExtensions"][1][1]
             if kind == 6:
                 algorithms = parts["securityConfigSMC"]["securityAlgorithmConfig"]
@@ -541,6 +541,34 @@ def test_bits_of_release_and_security_are_those_that_pycrate_reads():
             n[kind] += 1
     assert n[5] > 20
     assert n[6] > 50
+
+
+@needs_captures
+def test_measurements_alone_are_those_of_the_whole_message(monkeypatch):
+    parts = []
+    decode = diag_messages._decode
+
+    def kept(form, body, take):
+        parts.append(decode(form, body, take))
+        return parts[-1]
+
+    monkeypatch.setattr(diag_messages, "_decode", kept)
+    for record in FrameReader(CODES).feed((CAPTURES / "attach_sample.mi2log").read_bytes()):
+        before = len(parts)
+        Messages().feed(record)
+        if parts[before:] and isinstance(parts[before], diag_messages._Changes):
+            whole = decode("DL_DCCH_Message", record.body[19:], diag_messages._configuration)
+            assert whole == (None, "", parts[before])
+    assert sum(isinstance(one, diag_messages._Changes) for one in parts) > 50
+
+
+@needs_captures
+def test_a_message_that_comes_again_is_decoded_once(monkeypatch):
+    records, _, messages = read("attach_sample.mi2log")
+    assert len(messages._decoded) > 500
+    monkeypatch.setattr(diag_messages, "_decode", lambda *_: pytest.fail("decoded again"))
+    for record in records:
+        messages.feed(record)
 
 
 IMSI, IMEI, NUMBER = "262017654321098", "358917264935716", "4917698765432"
