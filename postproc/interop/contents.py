@@ -24,6 +24,7 @@ _KINDS = {
     b"\xff\xd8\xff": "a JPEG picture",
     b"PAR1": "a Parquet table",
     b"\x7fELF": "a program",
+    b"PK\x05\x06": "an empty zip",
     b"PK": "a zip within a compressed file",
     b"\x1f\x8b": "a compressed file within another",
     b"\xff\xfe": "text in UTF-16 (save it in UTF-8)",

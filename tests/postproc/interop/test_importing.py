@@ -97,6 +97,7 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
         (b"", "I read an empty file"),
         (b"\0\xff\xfe" * 50, "I read a binary file that begins with 00 ff fe"),
         (b"%PDF-1.7\n1 0 obj", "I read a PDF document"),
+        (b"PK\x05\x06" + bytes(18), "I read an empty zip"),
         (b"PAR1\x15\x04", "I read a Parquet table"),
         (b'<?xml version="1.0"?>\n<gpx>', "I read XML or HTML that begins with <gpx>"),
         (b'[{"lat": 1}]', "I read a JSON list with the keys lat"),
