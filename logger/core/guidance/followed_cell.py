@@ -53,6 +53,8 @@ within 2 km (0.93 with 0, 0.87 with -1.5).
 """
 _CHANGED, _APART = 0.2, 0.4
 """Of radii, in nats. An answer takes up to a second here, ten times as long as a plan."""
+_LEAST_NS = 15 * 10**9
+"""Between answers: a walker needs 18 s for 25 m; in a car a small Pi would do nothing else."""
 _MOST_SQUARES = 400
 """Squares of the region, 100 bytes each: the page loads them twice a second."""
 _REGION_DECIMALS = 5
@@ -157,9 +159,10 @@ class _Latest(NamedTuple):
     def is_outdated(self, here: Places, quick_m: float) -> bool:
         """Whether the walker has gone a leg or a fifth of the radius, or the radii say so.
 
-        They do where the device's own has changed, and as long as it is another than the answer's:
-        of 40 simulated walks one ended with 762 m where the same readings gave 193 m.
+        They do where the device's own has changed, and as long as it is another than the answer's.
         """
+        if 0 < here.t_ns.item() - self.here.t_ns.item() < _LEAST_NS:  # 0 where no time is known
+            return False
         has_changed = abs(log(quick_m / self.quick_m)) > _CHANGED
         is_apart = abs(log(quick_m / self.r95_m)) > _APART
         gone_m = here.away_m(self.here)
