@@ -46,10 +46,8 @@ _VERSIONS = {
     for version in versions
     if version in head_versions
 }
-_MOST = 4096
-"""Cells and messages that are remembered."""
-_MOST_BYTES = 1024
-"""Of a message that is remembered."""
+_MOST, _MOST_BYTES = 4096, 1024
+"""Cells and messages that are remembered, and bytes of such a message."""
 _ANSWER_NS = 10 * 10**9
 _IDENTITIES = {1: "IMSI", 2: "IMEI", 3: "IMEISV", 4: "TMSI"}  # 3GPP TS 24.301 9.9.3.17
 _IDENTITY_REQUEST, _IDENTITY_RESPONSE, _SECURITY_MODE = 0x55, 0x56, 0x5D
@@ -100,13 +98,13 @@ class _Message(NamedTuple):
         return whole >> (-end % 8) & ((1 << n) - 1)
 
     def after(self, first: int) -> bytes:
-        """Bytes of what begins with this bit."""
+        """What begins there."""
         n = 8 * len(self.body) - first
         return (self.bits(first, n) << -n % 8).to_bytes((n + 7) // 8, "big")
 
 
 class _Changes(NamedTuple):
-    """Objects and measurements that are removed; carriers of objects, objects of measurements."""
+    """Objects and measurements that are gone; carriers and objects of others."""
 
     objects_gone: Sequence[int] = ()
     gone: Sequence[int] = ()
@@ -345,7 +343,6 @@ class Messages:
             yield from self._reconfigure(message)
 
     def _reconfigure(self, message: _Message) -> Iterator[Signal]:
-        """Measurements stand first, where what follows them need not be decoded."""
         if message.bits(7, 4):
             raise RefusedError
         has_measurements, has_more = message.bits(11, 1), message.bits(12, 1) or message.bits(15, 1)
@@ -353,6 +350,7 @@ class Messages:
         if has_more:
             target, algorithms, changes = self._decode(_configuration, message.body)
         elif has_measurements:
+            # they stand first: what follows them need not be decoded
             changes = self._decode(_changes, message.after(17))
         measurements = self._measurements.setdefault(message.radio_id, _Measurements())
         if target is not None and target != message.channel:
@@ -386,7 +384,7 @@ class Messages:
             )
 
     def _decode(self, take: Callable[[Any], T], body: bytes) -> T:
-        """What is taken of a message; networks and modems repeat most of theirs."""
+        # networks and modems repeat most of their messages
         key = f"{take.__name__} {body.hex()}"
         if key in self._decoded:
             taken: T = self._decoded[key]
@@ -419,7 +417,7 @@ def _of_release(message: Any, release: str) -> Mapping[str, Any]:
 
 
 def _configuration(message: Any) -> tuple[int | None, str, _Changes]:
-    """Carrier of a handover, algorithms, and the changes of measurements."""
+    """Carrier of a handover, algorithms, measurements."""
     content = _of_release(message, "rrcConnectionReconfiguration-r8")
     target = content.get("mobilityControlInfo", {}).get("carrierFreq", {}).get("dl-CarrierFreq")
     _, handover = content.get("securityConfigHO", {}).get("handoverType", ("", {}))
@@ -450,7 +448,7 @@ def _carrier(config: Mapping[str, Any]) -> int | None:
 def _report(
     message: Any,
 ) -> tuple[int, float | None, list[tuple[int, float | None, Identity | None]]]:
-    """Number of the measurement, level of the serving cell, neighbours on one carrier of LTE."""
+    """Number of the measurement, serving level, neighbours of LTE."""
     results = _of_release(message, "measurementReport-r8")["measResults"]
     cells = []
     kind, others = results.get("measResultNeighCells", ("", ()))
@@ -494,13 +492,13 @@ def _broadcast_by(message: Any) -> tuple[list[Identity], dict[str, int]]:
     return [], priorities
 
 
+# the kind of message that each reads
 _FORMS: Mapping[Callable[[Any], Any], str] = {
     _broadcast_by: "BCCH_DL_SCH_Message",
     _configuration: "DL_DCCH_Message",
     _changes: "MeasConfig",
     _report: "UL_DCCH_Message",
 }
-"""The kind of message that each reads."""
 
 
 def _identity(plmn: Mapping[str, Any], area: int, cell_id: int) -> Identity:

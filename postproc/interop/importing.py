@@ -419,10 +419,7 @@ class _Left:
         self._no_level: Counter[str] = Counter()
 
     def in_range(self, row: Row) -> Row:
-        """A row without a level that its technology cannot report; one without a name is left out.
-
-        Without a technology nothing is known of the range.
-        """
+        """A row without a level that its technology cannot report; one without a name is left out."""
         if not isinstance(row, Sighting):
             return row
         reading = row.reading if row.reading.rat is None else reportable(row.reading)

@@ -100,8 +100,7 @@ class _Cells(NamedTuple):
     has_code: _Bits | None = None
 
 
-_MOST_RADIO_ID = 15
-"""Of a receiver: modems have two, and more would be held in memory."""
+_MOST_RADIO_ID = 15  # modems have two receivers; more would be held in memory
 _RSRP_0_DBM = -180.0
 _PCI = _Bits(0, 9)
 _ARFCN = _Bits(0, 12)
