@@ -419,7 +419,7 @@ class _Left:
         self._no_level: Counter[str] = Counter()
 
     def in_range(self, row: Row) -> Row:
-        """A row without a level that its technology cannot report; without a name it is left out."""
+        """A row without a level that its technology cannot report; one without a name is none."""
         if not isinstance(row, Sighting):
             return row
         reading = row.reading if row.reading.rat is None else reportable(row.reading)
