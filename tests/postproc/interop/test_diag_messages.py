@@ -548,11 +548,11 @@ def test_measurements_alone_are_those_of_the_whole_message(monkeypatch):
     parts = []
     decode = diag_messages._decode
 
-    def kept(form, body, take):
+    def keep(form, body, take):
         parts.append(decode(form, body, take))
         return parts[-1]
 
-    monkeypatch.setattr(diag_messages, "_decode", kept)
+    monkeypatch.setattr(diag_messages, "_decode", keep)
     for record in FrameReader(CODES).feed((CAPTURES / "attach_sample.mi2log").read_bytes()):
         before = len(parts)
         Messages().feed(record)
