@@ -15,10 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.answer import DEGREE_DECIMALS, Answer, MultiPolygon, Provenance, answer_of
+from logger.core.answer import DEGREE_DECIMALS, Answer, MultiPolygon, NextWay, Provenance, answer_of
 from logger.core.errors import EstimationError
 from logger.core.guidance.advice import Advice, Guide
-from logger.core.guidance.next_way import NextWay
 from logger.core.guidance.routes import LEG_M
 from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
