@@ -165,11 +165,13 @@ _DEFAULT_RANGE_DBM = (-110.0, -50.0)
 class Picture:
     """A survey and the cell `focus`, as they are drawn; without a fix there is no `box`.
 
-    `regions` are the outlines by name; `estimates` have local positions.
+    `regions` are the outlines by name; `estimates` have local positions. `level_range_dbm` are the
+    ends of the colour scale.
     """
 
     survey: Survey
     focus: CellResult | None
+    level_range_dbm: tuple[float, float]
     regions: dict[str, Rings]
     estimates: tuple[Estimate, ...]
     truth_m: tuple[float, float] | None
@@ -183,18 +185,16 @@ class Picture:
     @property
     def level_dbm(self) -> FloatArray:
         """Levels of the cell's readings, shape (k,)."""
-        obs = self.focus.obs if self.focus else None
-        return obs.level_dbm if obs else np.empty(0)
-
-    @property
-    def level_range_dbm(self) -> tuple[float, float]:
-        """Ends of the colour scale."""
-        return colour_range_dbm(self.level_dbm)
+        return _level_dbm(self.focus)
 
 
 def _readings_m(survey: Survey, focus: CellResult | None) -> FloatArray:
     obs = focus.obs if focus else None
     return survey.local(obs.x_m, obs.y_m) if obs else np.empty((0, 2))
+
+
+def _level_dbm(focus: CellResult | None) -> FloatArray:
+    return focus.obs.level_dbm if focus and focus.obs else np.empty(0)
 
 
 def picture_of(survey: Survey, focus: CellResult | None) -> Picture:
@@ -208,6 +208,7 @@ def picture_of(survey: Survey, focus: CellResult | None) -> Picture:
     return Picture(
         survey=survey,
         focus=focus,
+        level_range_dbm=colour_range_dbm(_level_dbm(focus)),
         regions=regions,
         estimates=_estimates(survey, focus),
         truth_m=truth_m,
