@@ -15,7 +15,6 @@ or for 60 s, and prints what each threshold of the score, each rule and a databa
 puts the ordinary catcher into runs with N earlier walks. `takeovers` takes over a channel beside a
 standing receiver. `gone` takes cells off the air in simulated cities that were walked before (rule
 B3). `live` compares the cost of the rules on the walk with that of the locator, for 40 cells.
-`make suspicion` makes the first four and goes on where it was stopped.
 """
 
 import argparse
@@ -221,7 +220,7 @@ def _print_share(kind: str, power: str, group: str, results: Sequence[Outcome]) 
 
 
 def print_stations(logs: Sequence[Log], every: int) -> None:
-    """Detection in one log of each `every`."""
+    """Detection."""
     measured = [log for log in logs if log.set_name not in NOT_RATED][::every]
     cities = [log for log in logs if log.set_name == "simulated"][:MOST_CITIES:every]
     rated = [*measured, *cities]
@@ -240,7 +239,7 @@ def print_stations(logs: Sequence[Log], every: int) -> None:
 
 
 def print_walks(folder: Path, n_walks: int, every: int) -> None:
-    """Words and the ordinary catcher where earlier walks know the ground."""
+    """Words and detection with earlier walks."""
     earlier, found = Counts(), []
     for log, baseline in islice(logs_with_baseline(folder, n_walks), None, None, every):
         print(f"{n_walks} earlier walks: {log.name}", file=sys.stderr, flush=True)

@@ -26,8 +26,7 @@ _HELD_S = 10.0
 _STILL_S = 60.0
 _SINGLE_S = 20.0
 _FEWEST_SCANS = 3
-_KNOWN_WALKS = 2
-"""That heard a cell of an area here, or one walk two: from then on the area is known."""
+_KNOWN_WALKS = 2  # that heard a cell of an area here, or one walk two cells: the area is known
 _HEARD_DBM = -105.0
 """The other cells of a network beyond the border come as weakly as this one."""
 
@@ -54,8 +53,7 @@ def _single(memory: Memory, cell: HeardCell) -> Evidence | None:
     return {"operator": cell.operator, "seconds": round(since_s)}
 
 
-_KNOWN = partial(Latest[bool], MOST_NETWORKS)
-"""Areas that earlier walks heard where this one hears a cell of them."""
+_KNOWN = partial(Latest[bool], MOST_NETWORKS)  # areas
 
 
 def _is_known_area(memory: Memory, cell: HeardCell) -> bool:
@@ -70,7 +68,7 @@ def _is_known_area(memory: Memory, cell: HeardCell) -> bool:
 
 
 def _is_of_known_area(memory: Memory, name: str) -> bool:
-    """Whether a cell of this scan came where earlier walks know its area: none invented it."""
+    # a cell of an invented area never comes where earlier walks know it
     return any(cell.name == name and _is_known_area(memory, cell) for cell in memory.taken)
 
 
