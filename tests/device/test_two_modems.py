@@ -127,7 +127,7 @@ def _peak_mb(folder, *modems):
         "peak = next(l for l in open('/proc/self/status') if l.startswith('VmHWM')); "
         "print(int(peak.split()[1]) // 1024); os._exit(code)"
     )
-    arguments = [*command[3:], "--duration", "240", "--speed", "20", *names]
+    arguments = [*command[3:], "--duration", "120", "--speed", "20", *names]
     done = subprocess.run(
         [sys.executable, "-c", script, *arguments], check=True, capture_output=True, text=True
     )

@@ -41,12 +41,12 @@ _PACKED = [struct.pack(form, level) for form in ("<d", "<f") for level in LEVELS
 _SUMMARIES = {"strongest_dbm", "strongest", "mean_dbm"}
 """Of a cell that the modem came to late, or of its first readings, one may equal a level."""
 _MOST_ITEMS, _MOST_BYTES, _DEPTH = 300, 1_000_000, 5
-_LOOKS_KNOWN, _LOOKS = 300, 2000
+_LOOKS_KNOWN, _LOOKS = 600, 2000
 """Calls of a function that are looked at, where its file is known to have the reading or not."""
-CLOCK_RATE, POLL_S, N_POLLS = 24.0, 12.0, 21
-"""A walker goes 16 m between two polls: each reading is a block of its own."""
+CLOCK_RATE, POLL_S, N_POLLS = 12.0, 6.0, 21
+"""A walker goes 8 m between two polls: each reading is a block of its own."""
 MOST_S = 600.0
-"""Of the walk. On a busy machine polls are missed, since it goes 24 times as fast as the clock."""
+"""Of the walk. On a busy machine polls are missed, since it goes 12 times as fast as the clock."""
 
 
 PAGE = _TREE / "ARCHITECTURE.md"
@@ -218,6 +218,13 @@ def _recorded_run(folder: Path) -> tuple[Path, str]:
         run = service.stop("end")
     assert modem.n_polls >= N_POLLS > FIRST_INDEX - min(INDICES)
     return run, modem.cell
+
+
+def listed_files() -> set[str]:
+    """The files that ARCHITECTURE.md lists."""
+    lines = (line.strip("`").removesuffix(".py") for line in list_of_the_page().splitlines())
+    each = (line.split("/{") for line in lines)
+    return {f"{folder}/{name}.py" for folder, names in each for name in names[:-1].split(",")}
 
 
 def as_listed(paths: Iterable[str]) -> str:

@@ -10,7 +10,7 @@ reported only after the walker has gone on for a block of houses and it still ho
 move of `MotionTest` has been compared with standing.
 """
 
-from math import atan2, cos, degrees, log, radians, remainder
+from math import atan2, cos, degrees, log, nan, radians, remainder
 from typing import NamedTuple
 
 import numpy as np
@@ -51,8 +51,10 @@ Guided walks under white noise, 100 each: past one with 0.25 and 0.5 m/s, 15 and
 where it no longer was (22 and 6 with 0, 7 and 1 with -1.5); past one that stands, 0.91 were located
 within 2 km (0.93 with 0, 0.87 with -1.5).
 """
-_CHANGED = 0.2
-"""An answer takes up to a second here, ten times as long as a plan."""
+_CHANGED, _APART = 0.2, 0.4
+"""Of radii, in nats. An answer takes up to a second here, ten times as long as a plan."""
+_LEAST_NS = 15 * 10**9
+"""Between answers: a walker needs 18 s for 25 m; in a car a small Pi would do nothing else."""
 _MOST_SQUARES = 400
 """Squares of the region, 100 bytes each: the page loads them twice a second."""
 _REGION_DECIMALS = 5
@@ -127,35 +129,44 @@ class FollowedCell:
         last = locator.last_search() if self._guide.is_due else None
         if last is None:
             return False
-        quick = summarise(*last)
-        if self._latest is None or self._latest.is_outdated(here, quick.r95_m):
-            self._latest = _Latest(here, quick.r95_m)
-            self._answer(locator)
+        quick_m = summarise(*last).r95_m
+        if self._latest is None or self._latest.is_outdated(here, quick_m):
+            self._latest = _Latest(here, quick_m, self._answer(locator))
         self._guide.decide(*last)
         self.way = next_way(self._guide.advice)
         return True
 
-    def _answer(self, locator: OnlineLocator) -> None:
+    def _answer(self, locator: OnlineLocator) -> float:
+        """Answer by all kept readings; returns the 95 % radius, NaN without an answer."""
         obs = locator.readings.readings()
         try:
             posterior = locate(obs, locator.prior)
         except EstimationError:  # of few levels within the scale the thinning has dropped all
-            return
+            return nan
         verdict, reasons, *_ = self._verdict.update(posterior, obs)
         self.region = squares_of_region(posterior)
         self.answer = answer_of(self.cell, verdict, reasons, Provenance(len(obs)), posterior)
+        return posterior.r95_m
 
 
 class _Latest(NamedTuple):
-    """Where the latest answer was computed, and the device's own 95 % radius then."""
+    """Where the latest answer was computed, its 95 % radius, and the device's own radius then."""
 
     here: Places
+    quick_m: float
     r95_m: float
 
-    def is_outdated(self, here: Places, r95_m: float) -> bool:
-        """Whether the walker has gone a leg or a fifth of the radius, or the radius has changed."""
-        has_changed = abs(log(r95_m / self.r95_m)) > _CHANGED
-        return has_changed or here.away_m(self.here) > min(LEG_M, _CHANGED * self.r95_m)
+    def is_outdated(self, here: Places, quick_m: float) -> bool:
+        """Whether the walker has gone a leg or a fifth of the radius, or the radii say so.
+
+        They do where the device's own has changed, and as long as it is another than the answer's.
+        """
+        if 0 < here.t_ns.item() - self.here.t_ns.item() < _LEAST_NS:  # 0 where no time is known
+            return False
+        has_changed = abs(log(quick_m / self.quick_m)) > _CHANGED
+        is_apart = abs(log(quick_m / self.r95_m)) > _APART
+        gone_m = here.away_m(self.here)
+        return has_changed or is_apart or gone_m > min(LEG_M, _CHANGED * self.quick_m)
 
 
 def next_way(advice: Advice | None) -> NextWay | None:

@@ -23,7 +23,7 @@ from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Effort, Tree
 from logger.core.locator.region import Squares, mode_regions
 from logger.core.locator.search import Walk, search_once
-from logger.core.locator.summary import BIAS_SHARE, moments_over, outside_share
+from logger.core.locator.summary import BIAS_SHARE, moments_over
 from logger.core.locator.symmetry import Curve, fit_curve
 from logger.core.model.area import WalkArea
 from logger.core.model.blocks import (
@@ -139,7 +139,6 @@ class OnlineLocator:
         self._mode: Mode | None = None
         self.level_sigma_db = prior.sigma_db
         self._lost = False
-        self._outside_share: float | None = None
         self._strongest: Readings | None = None
         self.readings = ReadingsInOrder()
         self._n_readings = self._n_evaluated = 0
@@ -210,7 +209,6 @@ class OnlineLocator:
         if self._n < FEWEST_BLOCKS:
             return
         self._prior = self.prior
-        self._outside_share = None
         self._lost = False
         point_m, variance_m2 = self._block[:2, : self._n], self._block[3, : self._n]
         self._curve = fit_curve(point_m, np.sqrt(variance_m2))
@@ -268,7 +266,10 @@ class OnlineLocator:
         return np.where(hopeless, -np.inf, log_weight)
 
     def last_search(self) -> tuple[LocatorInput, Tree] | None:
-        """The walk and its tree as the desktop has them, for `summarise`; None without a search."""
+        """The walk and its tree as the desktop has them, for `summarise`; None without a search.
+
+        Without the share outside of an area, which takes a search of its own.
+        """
         if self._searched is None or self._evidence is None or self._strongest is None:
             return None
         found = self._searched
@@ -283,11 +284,7 @@ class OnlineLocator:
             x_m, y_m = self._curve.project(obs.places.xy_m)
             obs = replace(obs, places=replace(obs.places, x_m=x_m, y_m=y_m))
         seen = observables(obs)
-        task = LocatorInput(given, found.prior, 0.0, 1, self._strongest, seen)
-        if found.prior.area is not None and self._outside_share is None:
-            everywhere = search_once(walk, replace(self._prior, area=None), EFFORT)
-            self._outside_share = outside_share(task, everywhere)
-        return task._replace(outside_share=self._outside_share), tree
+        return LocatorInput(given, found.prior, 0.0, 1, self._strongest, seen), tree
 
     def strongest_mode(self) -> Mode | None:
         """The mode with most probability at its mean, None before the first search."""

@@ -70,11 +70,13 @@ def test_the_answer_is_that_of_the_desktop_for_the_same_readings():
         before = followed.answer
         followed.update(reading.places, locator)
         if followed.answer is not before:
-            at_desktop = locate(locator.readings.readings())
-            assert followed.answer.place.r95_m == pytest.approx(at_desktop.r95_m, abs=0.1)
             answers.append(len(locator.readings.readings()))
+            if len(answers) % 5 == 0:  # each costs as much as the answer
+                at_desktop = locate(locator.readings.readings())
+                assert followed.answer.place.r95_m == pytest.approx(at_desktop.r95_m, abs=0.1)
     print(f"answers after readings {answers} of {len(obs)}")
-    assert 10 <= len(answers) <= len(obs) // 6
+    assert len(answers) >= 10
+    assert min(np.diff(answers)) >= 15  # a reading is a second
 
 
 def test_a_transmitter_that_moved_is_two_positions_in_time():

@@ -84,12 +84,11 @@ def test_the_device_says_what_the_desktop_says(obs):
             online.search()
     posterior = summarise(*online.last_search())
     assert posterior.prior.area.text == "within 150 m of the walk"
-    assert posterior.outside_share == pytest.approx(within.outside_share, abs=0.15)
     assert posterior.r95_m == pytest.approx(within.r95_m, rel=0.3)
     where.widen(None)
     assert online.stale > 1.0
     online.search()
-    assert summarise(*online.last_search()).outside_share is None
+    assert summarise(*online.last_search()).prior.area is None
 
 
 @pytest.mark.parametrize(

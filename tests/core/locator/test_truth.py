@@ -172,14 +172,14 @@ def turn(obs, degrees):
     ids=["disturbed", "turned"],
 )
 def test_small_errors_do_not_change_the_answer(change):
-    """Of 30 walks that were disturbed, the area of the region changes twofold in a few at most."""
+    """Of 20 walks that were disturbed, the area of the region changes twofold in a few at most."""
     log_ratio = []
-    for run in range(30):
+    for run in range(20):
         obs, _ = past_house(run)
         before, after = (locate(one).region_area_m2 for one in (obs, change(obs, run)))
         log_ratio.append(np.log(after / before))
     print("changes twofold:", np.mean(np.abs(log_ratio) > np.log(2.0)), np.round(log_ratio, 2))
-    assert np.sum(np.abs(log_ratio) > np.log(2.0)) <= 3
+    assert np.sum(np.abs(log_ratio) > np.log(2.0)) <= 2
 
 
 def on_device(obs):
@@ -193,9 +193,9 @@ def on_device(obs):
 
 
 def test_device_and_desktop_state_the_same():
-    """The device has fewer blocks: of 24 walks ten at most end with radii that differ by half."""
-    walks = [past_house(run)[0] for run in range(12)]
-    walks += [past_antenna(noise, 5.0, 25.0, run)[0] for noise in NOISES for run in range(6)]
+    """The device has fewer blocks: of 12 walks five at most end with radii that differ by half."""
+    walks = [past_house(run)[0] for run in range(8)]
+    walks += [past_antenna(noise, 5.0, 25.0, run)[0] for noise in NOISES for run in range(2)]
     apart, steps = [], ["located", "ambiguous", "cannot tell"]
     for obs in walks:
         both = on_device(obs), locate(obs)
@@ -203,5 +203,5 @@ def test_device_and_desktop_state_the_same():
         log_ratio = np.log(both[0].r95_m / both[1].r95_m)
         apart.append((abs(log_ratio) > np.log(1.5), abs(verdicts[0] - verdicts[1]) > 1))
     print("apart:", apart)
-    assert sum(by_radius for by_radius, _ in apart) <= 10
+    assert sum(by_radius for by_radius, _ in apart) <= 5
     assert not any(by_verdict for _, by_verdict in apart)
