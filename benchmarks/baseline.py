@@ -23,7 +23,7 @@ from logger.baseline_store import BaselineStore
 from logger.core.runfile import RunWriter, convert_journal
 from logger.core.runfile.meta import RunMeta
 from logger.core.types import CellReading, Fix, Record, Scan
-from postproc.baseline.cli import add_runs
+from postproc.baseline import add_runs
 
 N_SCANS, STEP_DEG = 300, 2.5e-5
 """Ten minutes at 1.4 m/s along a meridian, a scan each 2 s."""

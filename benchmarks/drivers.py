@@ -12,9 +12,9 @@ from statistics import median
 
 import pynmea2
 
-from logger.drivers.privacy.redaction import Redactor
 from logger.drivers.protocols.at import AtFramer, Reply
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
+from logger.drivers.protocols.redaction import Redactor
 from logger.drivers.sim800 import Sim800
 from logger.sim.receiver import sentence
 

@@ -45,8 +45,8 @@ class SimulatedCity:
     def __init__(self, seed: int, more: tuple[Transmitter, ...] = ()) -> None:
         self._rng = np.random.default_rng([seed, 77])
         drawn = city(self._rng)
-        self.cells = (*drawn.cells, *more)
-        self.new = drawn.new
+        self.cells = (*drawn, *more)
+        self.new = len(drawn) - 1
         where = GRAZ.lat_deg, GRAZ.lon_deg
         self._world = World.build(self.cells, *where, Radio(6.0, 30.0, 2.0), self._rng)
         self._has_card = bool(seed % 2)

@@ -16,11 +16,10 @@ from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.guidance.street_atlas import StreetAtlas
 from logger.core.places import Utm
 from logger.device.leds import LEDS
-from logger.device.libraries import LIBRARIES, version_of
 from logger.device.link import Line
 from logger.device.memory import MOST_CELLS
 from logger.device.sources import source_of
-from logger.device.startup import usable_folder
+from logger.device.startup import LIBRARIES, usable_folder, version_of
 from logger.street_file import read_lines
 
 _PMTILES = b"PMTiles\3"

@@ -5,7 +5,9 @@ import os
 import re
 import sys
 import textwrap
-from contextlib import suppress
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ import click
 
 from logger.command_line import (
     DURATION_S,
+    FILE,
     INPUT,
     PATH,
     SEED,
@@ -28,22 +31,25 @@ from logger.command_line import (
     version_option,
 )
 from logger.core.errors import ConfigError
-from logger.doctor.cli import check, doctor
-from logger.page.cli import page, status
 
 with late_modules():
+    from logger import check as checking
     from logger import config as site_file
     from logger import own_baseline
     from logger import probe as probing
     from logger import simulate as simulation
     from logger.core import cell_names, document, live_settings
     from logger.device import battery, clock, memory, notify, service, startup
+    from logger.device import status as service_status
+    from logger.doctor import examination
     from logger.drivers import registry, transcript
     from logger.drivers.reading import row_language as reading_rows
+    from logger.page import server, token
 
 FASTEST = 10_000
 """More than any machine simulates."""
 
+_CLEAR = b"\x1b[H\x1b[2J"
 _COLUMNS = 50
 """Of help with names; click would break a line at the hyphen of a name."""
 
@@ -97,8 +103,72 @@ def program() -> None:
     """Record the cells and positions of a walk. The logger only listens."""
 
 
-for command in (recover, check, doctor, status, page):
-    program.add_command(command)
+program.add_command(recover)
+
+config_option = click.option(
+    "--config",
+    "config_path",
+    type=PATH,
+    default=SITE_TOML,
+    show_default=True,
+    metavar="SITE.TOML",
+)
+
+
+@program.command
+@click.option("--config", type=PATH, metavar="SITE.TOML")
+@json_option
+def check(config: Path | None, *, as_json: bool) -> int:
+    """Check configuration and installation without opening a port."""
+    lines = checking.check(config)
+    show(checking.document_of(lines), as_json=as_json)
+    return checking.exit_code(lines)
+
+
+@program.command
+@config_option
+@click.option(
+    "--seconds",
+    "trial_s",
+    type=DURATION_S,
+    default=15.0,
+    show_default=True,
+    metavar="S",
+    help="Length of the test recording.",
+)
+@click.option(
+    "--report",
+    type=FILE,
+    metavar="FILE",
+    help="Write all lines, versions and settings, without private numbers.",
+)
+@json_option
+def doctor(config_path: Path, trial_s: float, report: Path | None, *, as_json: bool) -> int:
+    """Test power, card, clock, ports, modem and receiver; the verdict is the first line."""
+
+    def progress(what: str) -> None:
+        if sys.stderr.isatty():
+            print(f"\r\033[K{what}", end="", file=sys.stderr, flush=True)
+
+    with _errors_only():  # the lines replace the service's log
+        examined = examination.examine(config_path, trial_s, progress)
+    progress("")
+    if report is not None:
+        examination.write_report(report, examined.lines, config_path, examined.run)
+    show(checking.document_of(examined.lines), as_json=as_json)
+    return checking.exit_code(examined.lines)
+
+
+@contextmanager
+def _errors_only() -> Iterator[None]:
+    """Log nothing below an error; afterwards as before, for a caller that goes on."""
+    log = logging.getLogger()
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
 
 
 @program.command
@@ -128,14 +198,43 @@ def run(config: Path, duration_s: float | None) -> None:
         print(path)
 
 
-config_option = click.option(
-    "--config",
-    "config_path",
-    type=PATH,
-    default=SITE_TOML,
-    show_default=True,
-    metavar="SITE.TOML",
-)
+@program.command
+@click.option("--watch", is_flag=True, help="Print again each second, until Ctrl-C.")
+@json_option
+def status(*, watch: bool, as_json: bool) -> int:
+    """Show what the running service reports: state, way to go, cells.
+
+    The exit code is 1 while the walk is not being recorded.
+    """
+    while True:
+        folder = service_status.status_folder() or service_status.FOLDER
+        said, is_recorded = service_status.report(folder)
+        if watch and sys.stdout.isatty():
+            sys.stdout.flush()
+            os.write(1, _CLEAR)  # past the filter of control characters, which is for others' text
+        show(said, as_json=as_json)
+        if not watch:
+            return int(not is_recorded)
+        time.sleep(1.0)
+
+
+@program.command
+@config_option
+@click.option("--show", "is_shown", is_flag=True, help="Print the page's address and its QR code.")
+def page(config_path: Path, *, is_shown: bool) -> int:
+    """Serve the page for a phone in the Pi's own Wi-Fi.
+
+    It is off until [page] listen is set in site.toml.
+    """
+    site, _ = site_file.load_config(config_path)
+    if is_shown:
+        address = token.page_url(site.page.listen, token.state_folder())
+        print(f"{address}\n\n{token.qr_code(address)}")
+        return 0
+    if not site.page.listen:
+        print('the page is off; [page] listen = "10.42.0.1:8080" in site.toml turns it on')
+        return 0
+    return server.serve(site)
 
 
 def _own_folder(config_path: Path) -> Path:

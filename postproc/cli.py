@@ -24,7 +24,7 @@ from logger.command_line import (
     version_option,
 )
 from logger.core.errors import SOMETHING_LOST
-from postproc.baseline.cli import baseline
+from postproc.baseline import baseline
 from postproc.comparison.cli import compare
 from postproc.guidance.cli import guide, next_command
 from postproc.interop.cli import export, import_, share

@@ -1,4 +1,4 @@
-"""Work shared out over processes, where that is worth it and possible."""
+"""Work shared out over processes, where that is worth it and possible; and runs read ahead."""
 
 import ctypes
 import os
@@ -6,13 +6,17 @@ import platform
 import signal
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from multiprocessing import get_context
+from pathlib import Path
 from typing import TypeVar
 
 from threadpoolctl import threadpool_limits
+
+from logger.core.errors import FieldLoggerError, RunFileError, error_text
+from logger.core.runfile import Run, read_unaltered_run
 
 _ITEMS_EACH = 2
 """Items that are worth starting a process for: that takes about as long as one cell."""
@@ -25,6 +29,9 @@ _IN_HAND = 2
 _KEPT_BYTES = 32 << 20
 """The largest bound that malloc accepts (mallopt(3))."""
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+
+_READ_AHEAD = 2
+"""Runs, each read by a process of its own while the caller stores the last."""
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -145,3 +152,38 @@ def _begin_process() -> None:
     _keep_freed_memory()
     threadpool_limits(1)
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends without a traceback
+
+
+def read_ahead(
+    paths: Sequence[Path], make: Callable[[Run], Item]
+) -> Iterator[tuple[Path, Item | FieldLoggerError]]:
+    """What `make` makes of each run, in order, or why that was impossible.
+
+    A run that was altered since it was sealed is an error.
+    """
+
+    def outcome(path: Path) -> Item | FieldLoggerError:
+        return outcome_of(path, lambda: make(read_unaltered_run(path)))
+
+    with ThreadPoolExecutor(_READ_AHEAD) as readers:
+        waiting: deque[Future[Item | FieldLoggerError]] = deque()
+        rest = iter(paths)
+        try:
+            for path in paths:
+                while len(waiting) < _READ_AHEAD and (ahead := next(rest, None)) is not None:
+                    waiting.append(readers.submit(outcome, ahead))
+                yield path, waiting.popleft().result()
+        finally:
+            readers.shutdown(cancel_futures=True)
+
+
+def outcome_of(path: Path, work: Callable[[], Item]) -> Item | FieldLoggerError:
+    """What work on a file returns, or why it failed: one bad file does not stop the others."""
+    try:
+        return work()
+    except FieldLoggerError as error:
+        return error
+    except Exception as error:  # noqa: BLE001 (it is that of the file)
+        return RunFileError(
+            f"{path} cannot be used, by an error of this program: {error_text(error)}"
+        )

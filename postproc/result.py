@@ -49,8 +49,7 @@ from logger.core.suspicion.rule import WORDS
 from logger.core.types import Verdict
 from postproc.answer_table import answer_table, frame_of
 from postproc.cell_work import Failure
-from postproc.estimators.direction_check import Comparison
-from postproc.estimators.filters import FilterPath
+from postproc.estimators.filters import Comparison, FilterPath
 from postproc.estimators.least_squares import BatchFit, Loss
 from postproc.estimators.region_outline import geojson, outline
 from postproc.estimators.residuals import Residuals

@@ -20,8 +20,7 @@ from logger.core.runfile import Run
 from postproc.cell_work import PROCESS_ENDED, Failure, attempt, failure
 from postproc.estimators import ekf_initialisation, least_squares, residuals
 from postproc.estimators.convergence import MOST_ETA, ended_well
-from postproc.estimators.direction_check import compare
-from postproc.estimators.filters import FilterPath, reference_ekf
+from postproc.estimators.filters import FilterPath, compare, reference_ekf
 from postproc.estimators.least_squares import BatchFit
 from postproc.estimators.residuals import findings
 from postproc.ground import elsewhere_reasons, places_of

@@ -34,7 +34,7 @@ from logger.core.suspicion.rule import WORDS
 from logger.core.suspicion.words import reason_line, strongest_reasons
 from logger.core.utc import utc_text
 from postproc.cell_work import Failure, attempt
-from postproc.estimators.direction_check import AXES
+from postproc.estimators.filters import AXES
 from postproc.estimators.region_outline import polygons
 from postproc.ground import runs_text
 from postproc.info import RunFacts, describe

@@ -20,7 +20,7 @@ from logger.core.provenance import has_times, is_import
 from logger.core.readings import NEAR_M, Observations, Readings, modems_of, observe, scan_times_ns
 from logger.core.rows import Rows, numbered_texts
 from logger.core.runfile import Run
-from postproc.estimators import stale_fixes, track_plausibility, walker
+from postproc.estimators import track_plausibility, walker
 from postproc.estimators.walker import SmoothedTrack
 from postproc.result import ObservedRun
 
@@ -147,7 +147,7 @@ def observe_run(run: Run) -> ObservedRun:
 def _as_written(observations: Observations) -> Observations:
     """The readings at their fixes, whose accuracy is not what these state: they fit on no path."""
     track = observations.track
-    more_m = stale_fixes.written_sigma_m(track)
+    more_m = track_plausibility.written_sigma_m(track)
 
     def widen(obs: Readings) -> Readings:
         fix = np.maximum(np.searchsorted(track.t_ns, obs.t_ns, side="right") - 1, 0)
@@ -158,7 +158,7 @@ def _as_written(observations: Observations) -> Observations:
 
 
 def _smooth_track(tables: Mapping[str, Rows], observations: Observations) -> SmoothedTrack:
-    track = stale_fixes.without_stale(observations.track)
+    track = track_plausibility.without_stale(observations.track)
     return walker.smooth_track(track, walker.velocities(tables["fixes"], track))
 
 

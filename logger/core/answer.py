@@ -22,7 +22,6 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
     from logger.core.model.prior import Prior
     from logger.core.suspicion import rule
 
-
 DEGREE_DECIMALS = 6
 """0.1 m."""
 _ROUGH_M = 1000.0
@@ -357,3 +356,18 @@ def parameters_of(posterior: "Posterior") -> Parameters:
         prior=posterior.prior,
         alternatives=posterior.alternatives,
     )
+
+
+class NextWay(Struct, frozen=True):
+    """Where to walk next: `azimuth_deg` from true north, to `lat, lon` (WGS 84).
+
+    `text` says all of it and the reason, `why` the reason alone.
+    """
+
+    azimuth_deg: float
+    distance_m: float
+    lat: float
+    lon: float
+    nats_per_km: float
+    text: str
+    why: str = ""

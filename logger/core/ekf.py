@@ -10,7 +10,7 @@ and 10).
 """
 
 from math import sqrt
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -39,10 +39,16 @@ class EkfState(NamedTuple):
     p: Covariance
 
 
-class EkfStep(NamedTuple):
-    """A corrected state with the innovation (dB) and its variance (dB^2)."""
+State = TypeVar("State")
 
-    state: EkfState
+
+class EkfStep(NamedTuple, Generic[State]):
+    """A corrected state with the innovation (dB) and its variance (dB^2).
+
+    Both are NaN for a reading at a limit or without a level.
+    """
+
+    state: State
     innovation_db: float
     innovation_var_db2: float
 
@@ -70,7 +76,7 @@ def step(
     level_dbm: float,
     q: float = Q_PER_STEP,
     r_db2: float = R_DB2,
-) -> EkfStep:
+) -> EkfStep[EkfState]:
     """Predict (P += q I, the transmitter stands still) and correct with one level.
 
     P stays symmetric by construction, since only one triangle is computed.
@@ -103,7 +109,9 @@ def step(
     )
 
 
-def correct(state: EkfState, place: Places, level_dbm: float, *, joseph: bool = False) -> EkfStep:
+def correct(
+    state: EkfState, place: Places, level_dbm: float, *, joseph: bool = False
+) -> EkfStep[EkfState]:
     """Predict and correct with a level at a place, by `joseph_step` or by `step`."""
     one_step = joseph_step if joseph else step
     return one_step(state, place.x_m.item(), place.y_m.item(), level_dbm)
@@ -116,7 +124,7 @@ def joseph_step(
     level_dbm: float,
     q: float = Q_PER_STEP,
     r_db2: float = R_DB2,
-) -> EkfStep:
+) -> EkfStep[EkfState]:
     """The same step with P = (I - K H) P (I - K H)' + K r K', the Joseph form."""
     after = step(state, receiver_x_m, receiver_y_m, level_dbm, q, r_db2)
     h = np.array(jacobian(state, receiver_x_m, receiver_y_m))

@@ -18,7 +18,8 @@ from math import hypot, isnan, sqrt
 from typing import NamedTuple
 
 from logger.core.arrays import FloatArray
-from logger.core.shadow_ekf import ShadowNoise, ShadowState, ShadowStep, static_covariance
+from logger.core.ekf import EkfStep
+from logger.core.shadow_ekf import ShadowNoise, ShadowState, static_covariance
 
 CLOSE = 0.15
 """Largest sigma of the position, along its widest axis and by the walker's distance, at a start.
@@ -94,7 +95,7 @@ class FilterMonitor(NamedTuple):
             )
         return None
 
-    def after_step(self, step: ShadowStep, noise: ShadowNoise) -> "FilterMonitor":
+    def after_step(self, step: EkfStep[ShadowState], noise: ShadowNoise) -> "FilterMonitor":
         """The monitor after one more step of the filter."""
         nearness = _nearness(step.state, noise.height_m)
         near_alarm = self.near_alarm.update(exceeded=nearness > NEAR, most=_NEAR_READINGS)

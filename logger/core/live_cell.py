@@ -32,7 +32,6 @@ from logger.core.repeated_levels import CacheTest
 from logger.core.shadow_ekf import (
     ShadowNoise,
     ShadowState,
-    ShadowStep,
     candidates,
     likeliest,
     static_covariance,
@@ -274,7 +273,7 @@ class LiveCell:
         share = mode.probability
         return LiveEstimate(scan_seq, LOCATOR, *source, *state, *p, *innovation, share)
 
-    def _step_ekf(self, latest: Readings, mode: Mode | None) -> ShadowStep | None:
+    def _step_ekf(self, latest: Readings, mode: Mode | None) -> ekf.EkfStep[ShadowState] | None:
         """Next step of the EKF; None without one, or if it has just been discarded."""
         if self._ekf is None:
             return None

@@ -74,17 +74,6 @@ class ShadowState(NamedTuple):
     factors: Factors
 
 
-class ShadowStep(NamedTuple):
-    """A corrected state with the innovation (dB) and its variance (dB^2).
-
-    Both are NaN for a reading at a limit or without a level.
-    """
-
-    state: ShadowState
-    innovation_db: float
-    innovation_var_db2: float
-
-
 def split_noise(
     sigma_db: float, decorrelation_m: float, white_share: float, height_m: float
 ) -> ShadowNoise:
@@ -121,7 +110,7 @@ def release(state: ShadowState, covariance: FloatArray) -> ShadowState:
     return state._replace(factors=(state.factors[0], *scale**2, *row_s, *upper[_ABOVE4]))
 
 
-def correct(state: ShadowState, noise: ShadowNoise, reading: Readings) -> ShadowStep:
+def correct(state: ShadowState, noise: ShadowNoise, reading: Readings) -> ekf.EkfStep[ShadowState]:
     """`step` to a single reading."""
     place = reading.places
     at = place.x_m.item(), place.y_m.item(), place.sigma_m.item()
@@ -136,7 +125,7 @@ def step(
     position_sigma_m: float,
     level_dbm: float,
     limit: int = 0,
-) -> ShadowStep:
+) -> ekf.EkfStep[ShadowState]:
     """Move the receiver to the next reading and correct with its level, if it is not NaN.
 
     `limit` is -1 where the level is the modem's lowest and the true one may be below, 1 where it is
@@ -144,7 +133,7 @@ def step(
     """
     state = _move(state, noise, receiver_x_m, receiver_y_m)
     if isnan(level_dbm):
-        return ShadowStep(state, nan, nan)
+        return ekf.EkfStep(state, nan, nan)
     variance_m2 = position_sigma_m * position_sigma_m
     east, north = state.x_m - receiver_x_m, state.y_m - receiver_y_m
     beyond_m2 = noise.height_m * noise.height_m + 2.0 * variance_m2
@@ -153,10 +142,12 @@ def step(
     innovation = level_dbm - (state.p0_dbm + state.eta * he + state.shadow_db)
     factors, gain, variance = _bierman(state.factors, hx, hy, he, r)
     if not limit:
-        return ShadowStep(_shift(state, gain, innovation / variance, factors), innovation, variance)
+        return ekf.EkfStep(
+            _shift(state, gain, innovation / variance, factors), innovation, variance
+        )
     innovation, r = _beyond_limit(innovation, variance - r, r, limit)
     factors, gain, variance = _bierman(state.factors, hx, hy, he, r)
-    return ShadowStep(_shift(state, gain, innovation / variance, factors), nan, nan)
+    return ekf.EkfStep(_shift(state, gain, innovation / variance, factors), nan, nan)
 
 
 def shadow_correlation(noise: ShadowNoise, moved_m: float) -> float:

@@ -27,12 +27,10 @@ from logger.device.link import Inbox
 from logger.device.live_view import LiveView, live_view
 
 if TYPE_CHECKING:
-    from logger.core.baseline import Baseline
-    from logger.core.guidance.street_atlas import Streets
     from logger.core.live import LiveTracker
-    from logger.device.live_files import LiveBaseline, LiveStreets
+    from logger.device.live_files import LiveFiles
 
-    Make = Callable[[Baseline, Streets], LiveTracker]
+    Make = Callable[[LiveFiles], LiveTracker]
 
 log = logging.getLogger(__name__)
 
@@ -43,11 +41,11 @@ _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 10.0, 600.0
 each scan must not take the processor."""
 
 
-def live_tracker(settings: LiveSettings, baseline: "Baseline", streets: "Streets") -> "LiveTracker":
+def live_tracker(settings: LiveSettings, files: "LiveFiles") -> "LiveTracker":
     """The tracker, whose modules are imported now."""
     from logger.core.live import LiveTracker  # noqa: PLC0415
 
-    return LiveTracker(settings, baseline, streets)
+    return LiveTracker(settings, baseline=files, streets=files)
 
 
 def _rules_note() -> Note:
@@ -138,31 +136,28 @@ class Estimator:
 
     def _run(self) -> None:
         try:
-            baseline, streets = self._open_files()
-            self._tracker = self._made_ahead(baseline, streets)
+            files = self._open_files()
+            self._tracker = self._made_ahead(files)
             while (given := self._waiting.get()) is not None:
-                self._take(*given, baseline, streets)
+                self._take(*given, files)
         except Exception:  # nothing is left to try
             log.exception("the live estimate has ended")
             self._behind = True
 
-    def _open_files(self) -> "tuple[LiveBaseline, LiveStreets]":
-        from logger.device.live_files import LiveBaseline, LiveStreets  # noqa: PLC0415 (numpy)
+    def _open_files(self) -> "LiveFiles":
+        from logger.device.live_files import LiveFiles  # noqa: PLC0415 (numpy)
 
-        baseline = LiveBaseline(self._settings.baseline, self._folder)
-        return baseline, LiveStreets(self._settings.streets)
+        return LiveFiles(self._settings, self._folder)
 
-    def _made_ahead(self, baseline: "LiveBaseline", streets: "LiveStreets") -> "LiveTracker | None":
+    def _made_ahead(self, files: "LiveFiles") -> "LiveTracker | None":
         """The first tracker, before there is a record; what fails here is tried again with one."""
         try:
-            return self._make(baseline, streets)
+            return self._make(files)
         except Exception as error:  # noqa: BLE001
             _log_place(error)
             return None
 
-    def _take(
-        self, seq: int, record: Record, baseline: "LiveBaseline", streets: "LiveStreets"
-    ) -> None:
+    def _take(self, seq: int, record: Record, files: "LiveFiles") -> None:
         """Estimate; after an exception not before the pause is over."""
         if isinstance(record.value, Note):
             self._asked[record.value.code] = seq, record
@@ -170,22 +165,20 @@ class Estimator:
             return
         try:
             if self._tracker is None:
-                self._tracker = self._begin(seq, record, baseline, streets)
+                self._tracker = self._begin(seq, record, files)
             self._estimate(self._tracker, seq, record)
         except Exception as error:  # noqa: BLE001 (a bug must not end it, nor the recording)
             self._fail(seq, record, error)
-        for note in (*baseline.take_notes(), *streets.take_notes()):
+        for note in files.take_notes():
             if note.level == "warning":
                 self._left_out = (*self._left_out, note.text)
             self._inbox.put(Record(record.t_ns, "live", note))
-        if lines := baseline.take_lines():
+        if lines := files.take_lines():
             self._inbox.put(Record(record.t_ns, "live", RawBytes(lines)))
 
-    def _begin(
-        self, seq: int, record: Record, baseline: "LiveBaseline", streets: "LiveStreets"
-    ) -> "LiveTracker":
+    def _begin(self, seq: int, record: Record, files: "LiveFiles") -> "LiveTracker":
         """A new tracker, which knows what the walker asked for."""
-        tracker = self._make(baseline, streets)
+        tracker = self._make(files)
         if self._failure:
             for earlier in self._asked.values():
                 if earlier[0] != seq:

@@ -21,7 +21,7 @@ from logger.core.types import Level, Note, RawBytes, Record, Value
 from logger.device.clock import Clock
 from logger.device.port import Port, check_url
 from logger.device.scan_timeout import SilenceLimits
-from logger.drivers.privacy.redaction import Redactor
+from logger.drivers.protocols.redaction import Redactor
 from logger.drivers.reading.recognition import NumberHistory
 
 NOT_THERE = "is not there now"

@@ -31,6 +31,7 @@ from logger.core.errors import FieldLoggerError, RunFileError, error_place
 from logger.core.guidance.street_atlas import StreetAtlas
 from logger.core.guidance.street_map import StreetMap
 from logger.core.latest import Latest
+from logger.core.live_settings import LiveSettings
 from logger.core.places import Places
 from logger.core.types import Note
 from logger.street_file import read_lines
@@ -46,20 +47,42 @@ _STREETS, _NO_STREETS = "streets", "streets-unreadable"
 """Codes of the events about streets."""
 
 
-class LiveBaseline:
-    """A `Baseline` that answers whatever happens; `take_notes` and `take_lines` are to be recorded.
+class LiveFiles:
+    """A `Baseline` and `Streets` that answer whatever happens, from the files that settings name.
 
-    Used in one thread, in which it must be made: that of the live estimate. `name` is that of
-    `LiveSettings.baseline`, and `folder` that of the runs.
+    `take_notes` and `take_lines` are to be recorded. Used in one thread, in which it must be made:
+    that of the live estimate. `folder` is that of the runs.
     """
 
-    def __init__(self, name: str, folder: Path = Path()) -> None:
+    def __init__(self, settings: LiveSettings, folder: Path = Path()) -> None:
         self._notes: list[Note] = []
         self._lines = b""
         self._noted: Latest[None] = Latest(_MOST_NOTED)
         self._baseline: Baseline = NotedBaseline()
-        if (path := configured_file(name, folder)) is not None:
-            self._open(path)
+        self._streets = StreetAtlas(())
+        self._streets_file = settings.streets
+        if (path := configured_file(settings.baseline, folder)) is not None:
+            self._open_baseline(path)
+        if self._streets_file:
+            self._read_streets()
+
+    def take_notes(self) -> list[Note]:
+        """Events since the last call."""
+        notes, self._notes = self._notes, []
+        return notes
+
+    def take_lines(self) -> bytes:
+        """Answers of the baseline since the last call that were not given before."""
+        lines, self._lines = self._lines, b""
+        return lines
+
+    def near(self, here: Places) -> StreetMap | None:
+        """The streets around a walk that is here; None without any."""
+        try:
+            return self._streets.near(here)
+        except Exception as error:  # noqa: BLE001 (also without memory the estimate goes on)
+            self._give_up_streets(error)
+        return None
 
     @property
     def n_walks(self) -> int:
@@ -68,18 +91,8 @@ class LiveBaseline:
 
     @property
     def fingerprint(self) -> str:
-        """Digest of what it answers from, empty without a readable file."""
+        """Digest of what the baseline answers from, empty without a readable file."""
         return self._baseline.fingerprint
-
-    def take_notes(self) -> list[Note]:
-        """Events since the last call."""
-        notes, self._notes = self._notes, []
-        return notes
-
-    def take_lines(self) -> bytes:
-        """Answers since the last call that were not given before."""
-        lines, self._lines = self._lines, b""
-        return lines
 
     def square(self, square: int) -> SquareHistory:
         return self._ask(SQUARE, square, lambda baseline: baseline.square(square))
@@ -97,12 +110,12 @@ class LiveBaseline:
     def is_doubted(self, name: str) -> bool:
         return self._ask(DOUBT, name, lambda baseline: baseline.is_doubted(name))
 
-    def _open(self, path: Path) -> None:
+    def _open_baseline(self, path: Path) -> None:
         try:
             bound_heap()
             self._baseline = BaselineFile(path)
-        except Exception as error:  # noqa: BLE001 (also without memory the estimate goes on)
-            self._give_up(error)
+        except Exception as error:  # noqa: BLE001
+            self._give_up_baseline(error)
             return
         text = f"{path}: {self.n_walks} earlier walks, fingerprint {self.fingerprint}"
         self._notes.append(Note("info", READ, text))
@@ -112,63 +125,37 @@ class LiveBaseline:
         try:
             answer = ask(self._baseline)
         except Exception as error:  # noqa: BLE001
-            self._give_up(error)
+            self._give_up_baseline(error)
             return ask(self._baseline)
         if (question := f"{kind} {key}") not in self._noted and self.n_walks:
             self._noted.put(question, None)
             self._lines += answer_line(kind, key, answer)
         return answer
 
-    def _give_up(self, error: Exception) -> None:
+    def _give_up_baseline(self, error: Exception) -> None:
         self._baseline = NotedBaseline()
         why = str(error) if isinstance(error, RunFileError) else error_place(error)
-        text = f"{why}; nothing is known of earlier walks"
-        self._notes.append(Note("warning", UNREADABLE, text))
-        log.warning("%s", text)
+        self._warn(UNREADABLE, f"{why}; nothing is known of earlier walks")
 
-
-class LiveStreets:
-    """`Streets` that answer whatever happens; `take_notes` has what is to be recorded.
-
-    An empty `name` is no file. After an error there are no streets any more.
-    """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._notes: list[Note] = []
-        self._atlas = StreetAtlas(())
-        if name:
-            self._read()
-
-    def take_notes(self) -> list[Note]:
-        """Events since the last call."""
-        notes, self._notes = self._notes, []
-        return notes
-
-    def near(self, here: Places) -> StreetMap | None:
-        """The streets around a walk that is here; None without any."""
+    def _read_streets(self) -> None:
         try:
-            return self._atlas.near(here)
-        except Exception as error:  # noqa: BLE001 (also without memory the estimate goes on)
-            self._give_up(error)
-        return None
-
-    def _read(self) -> None:
-        try:
-            lines = read_lines(Path(self._name))
-            self._atlas = StreetAtlas(lines)
+            lines = read_lines(Path(self._streets_file))
+            self._streets = StreetAtlas(lines)
         except Exception as error:  # noqa: BLE001
-            self._give_up(error)
+            self._give_up_streets(error)
             return
         digest = sha256()
         for line in lines:
             digest.update(repr(line).encode())
-        text = f"{len(lines)} streets of {self._name}, digest {digest.hexdigest()}"
+        text = f"{len(lines)} streets of {self._streets_file}, digest {digest.hexdigest()}"
         self._notes.append(Note("info", _STREETS, text))
 
-    def _give_up(self, error: Exception) -> None:
-        self._atlas = StreetAtlas(())
+    def _give_up_streets(self, error: Exception) -> None:
+        self._streets = StreetAtlas(())
         why = str(error) if isinstance(error, FieldLoggerError) else error_place(error)
-        named = why if self._name in why else f"{self._name}: {why}"
-        self._notes.append(Note("warning", _NO_STREETS, f"{named}; advice without streets"))
-        log.warning("advice without streets: %s", named)
+        named = why if self._streets_file in why else f"{self._streets_file}: {why}"
+        self._warn(_NO_STREETS, f"{named}; advice without streets")
+
+    def _warn(self, code: str, text: str) -> None:
+        self._notes.append(Note("warning", code, text))
+        log.warning("%s", text)

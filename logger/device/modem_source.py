@@ -17,8 +17,8 @@ from logger.device.modem_exchange import AfterStop, ModemExchange
 from logger.device.port import Port
 from logger.drivers.family import Family, wake
 from logger.drivers.generic import Generic
-from logger.drivers.privacy.redaction import Redactor
 from logger.drivers.protocols.at import AtFramer, Command, Dialogue, Reply, run_dialogue
+from logger.drivers.protocols.redaction import Redactor
 from logger.drivers.reading.row_language import Operator
 from logger.drivers.registry import check_mode, driver_of, identify
 

@@ -6,14 +6,29 @@ behind it is what a journal needs; numpy, the map, HDF5, the drivers and the por
 """
 
 import os
+import re
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 from logger.config import SiteConfig
 from logger.core.errors import ConfigError
 from logger.core.runfile import RunMeta, RunWriter, Truth, journal_path
 from logger.device.clock import Clock, boot_id
-from logger.device.libraries import installed_versions
+
+LIBRARIES = {name: name for name in ("numpy", "h5py", "pyproj", "pynmea2", "msgspec")} | {
+    "pyserial": "serial"
+}
+"""Distributions, and the modules that they bring."""
+
+# Debian 12 calls its h5py "h5py._debian_h5py_serial-3.7.0.egg-info"
+_INSTALLED = re.compile(
+    rf"({'|'.join((*LIBRARIES, 'cellwalk'))})(?:\._\w+)?-([^-]+)(?:-py[\d.]+)?\.(?:dist|egg)-info",
+    re.ASCII,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,3 +82,23 @@ def usable_folder(directory: str) -> Path:
     except (RuntimeError, ValueError) as error:  # no such user; a NUL
         raise ConfigError(f"[run] directory {directory!r} cannot be made: {error}") from error
     return folder
+
+
+def installed_versions(folders: Sequence[str] | None = None) -> dict[str, str]:
+    """Versions of cellwalk, its libraries and Python, by the names of folders: nothing is imported.
+
+    `importlib.metadata` reports the same in ten times the time, which would delay the first record.
+    """
+    found: dict[str, str] = {}
+    for folder in sys.path if folders is None else folders:
+        with suppress(OSError):
+            for path in Path(folder).iterdir():
+                if match := _INSTALLED.fullmatch(path.name):
+                    found.setdefault(*match.groups())
+    return found | {"python": sys.version.split()[0]}
+
+
+def version_of(name: str) -> str:
+    """Version of a library; raises ImportError where it cannot be used."""
+    module = import_module(LIBRARIES[name])
+    return installed_versions().get(name) or str(module.__version__)

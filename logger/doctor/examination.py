@@ -23,13 +23,12 @@ from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import Run, read_run
 from logger.core.source_tables import GNSS, MODEM
 from logger.device.clock import SystemClock
-from logger.device.libraries import installed_versions
 from logger.device.link import NOT_THERE, Line
 from logger.device.machine import kernel_text
 from logger.device.mode_switch import SavedModes, unrestored_modes
 from logger.device.service import Service
 from logger.device.sources import source_of
-from logger.device.startup import begin_run, usable_folder
+from logger.device.startup import begin_run, installed_versions, usable_folder
 from logger.device.status import FOLDER, read_status, status_folder
 from logger.doctor.machine import (
     battery,
@@ -47,7 +46,7 @@ from logger.doctor.machine import (
     wall_minus_boot_ns,
 )
 from logger.doctor.reception import LAST_S, TRIAL, run_lines
-from logger.drivers.privacy.redaction import mask_labelled
+from logger.drivers.protocols.redaction import mask_labelled
 from logger.drivers.registry import FAMILIES
 
 TRIAL_S = 15.0

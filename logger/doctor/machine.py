@@ -26,7 +26,7 @@ from logger.device.machine import (
     kernel_text,
     throttled_bits,
 )
-from logger.device.status import Status, age_s
+from logger.device.status import Status, status_age_s
 
 THROTTLED_NOW, THROTTLED_SINCE_BOOT = 0x6, 0x60000
 """Bits of get_throttled (Raspberry Pi documentation): frequency capped, and throttled."""
@@ -257,7 +257,7 @@ def open_journal(folder: Path) -> Path | None:
 
 def status_lines(status: Status) -> Iterator[Line]:
     """What the status of a running service means."""
-    age = age_s(status)
+    age = status_age_s(status)
     if age > MAX_AGE_S:
         text = f"the service has not reported for {age:.0f} s: systemctl restart fieldlogger"
         yield Line("fail", "status", text)

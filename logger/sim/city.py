@@ -89,16 +89,8 @@ BRNO = Place(
 CITIES: Mapping[str, Place] = MappingProxyType({"graz": GRAZ, "leipzig": LEIPZIG, "brno": BRNO})
 
 
-@dataclass(frozen=True, slots=True)
-class City:
-    """Cells of a city; `new` is the number of the cell that is switched on during the walk."""
-
-    cells: tuple[Transmitter, ...]
-    new: int
-
-
-def city(rng: np.random.Generator, place: Place = GRAZ) -> City:
-    """Draw a clean city."""
+def city(rng: np.random.Generator, place: Place = GRAZ) -> tuple[Transmitter, ...]:
+    """Draw the cells of a clean city; the last one is switched on during the walk."""
     operators = place.operators
     cells: list[Transmitter] = []
     for k, (mcc, mnc, area, arfcn) in enumerate(operators):
@@ -130,7 +122,7 @@ def city(rng: np.random.Generator, place: Place = GRAZ) -> City:
             height_m=_height_m(rng),
         ),
     ]  # fmt: skip
-    return City(tuple(cells), len(cells) - 1)
+    return tuple(cells)
 
 
 def with_lists(cells: Sequence[Transmitter]) -> tuple[Transmitter, ...]:

@@ -124,7 +124,7 @@ def scenario(
     if name.startswith("city"):
         place = city.CITIES[city_name]
         walk, where = Walk(place.walk), (place.lat_deg, place.lon_deg)
-        cells = city.with_lists(city.city(rng, place).cells)
+        cells = city.with_lists(city.city(rng, place))
         cells = (place.rogue, *cells) if name == "city-rogue" else cells
     else:
         walk, where = Walk(BLOCK), (ORIGIN_LAT_DEG, ORIGIN_LON_DEG)

@@ -7,7 +7,7 @@ strong and stay unheard, and the block has no floor.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -72,14 +72,33 @@ def _column_and_row(number: IntArray) -> tuple[IntArray, IntArray]:
 
 @dataclass(frozen=True, slots=True)
 class CellBlocks:
-    """Mean level and number of readings of a cell in each block that heard it, shape (n,) each."""
+    """Number and sum of the levels of a cell in each block that heard it, shape (n,) each.
+
+    The blocks are those of a grid, or half blocks.
+    """
 
     cell: str
     rat: str
-    n_readings: int
     block: IntArray
-    level_dbm: FloatArray
     count: IntArray
+    sum_dbm: FloatArray
+
+    @property
+    def n_readings(self) -> int:
+        """In all blocks."""
+        return int(np.sum(self.count))
+
+    @property
+    def level_dbm(self) -> FloatArray:
+        """Mean level in each block."""
+        return np.asarray(self.sum_dbm / self.count, float)
+
+    def in_grid(self, grid: Grid) -> "CellBlocks":
+        """Blocks of a grid from half blocks."""
+        block, which = np.unique(grid.blocks_of(self.block), return_inverse=True)
+        count = np.bincount(which, self.count).astype(np.int64)
+        sum_dbm = np.asarray(np.bincount(which, self.sum_dbm), float)
+        return replace(self, block=block, count=count, sum_dbm=sum_dbm)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,22 +131,6 @@ def grounds_of(
     grids = [Grid(*shift) for shift in _SHIFTS]
     best = max(grids, key=lambda grid: len(walks[0].blocks(grid) & walks[1].blocks(grid)))
     return walks[0].ground(best), walks[1].ground(best)
-
-
-class _CellHalves(NamedTuple):
-    """Half blocks that heard a cell, with the number and the sum of its levels, shape (n,) each."""
-
-    cell: str
-    rat: str
-    half: IntArray
-    n_levels: IntArray
-    sum_dbm: FloatArray
-
-    def blocks(self, grid: Grid) -> CellBlocks:
-        block, which = np.unique(grid.blocks_of(self.half), return_inverse=True)
-        count = np.bincount(which, self.n_levels).astype(np.int64)
-        level_dbm = np.bincount(which, self.sum_dbm) / count
-        return CellBlocks(self.cell, self.rat, int(np.sum(count)), block, level_dbm, count)
 
 
 class _Scans(NamedTuple):
@@ -168,7 +171,7 @@ class _Walk:
     """A walk by half blocks, of which the blocks of any grid are made."""
 
     def __init__(self, cells: Iterable[Readings], tries: Attempts) -> None:
-        self._cells: list[_CellHalves] = []
+        self._cells: list[CellBlocks] = []
         self._scans: dict[str, list[_Scans]] = {}
         tries.each(cells, lambda obs: obs.cell, self._take)
 
@@ -180,7 +183,7 @@ class _Walk:
         half, which = np.unique(at, return_inverse=True)
         sum_dbm = np.asarray(np.bincount(which, obs.level_dbm), float)
         rat = obs.rat or ""
-        self._cells.append(_CellHalves(obs.cell, rat, half, np.bincount(which), sum_dbm))
+        self._cells.append(CellBlocks(obs.cell, rat, half, np.bincount(which), sum_dbm))
         parts = self._scans.setdefault(rat, [])
         parts.append(_Scans(obs.scan_seq, obs.level_dbm, np.ones(len(obs), np.int64), at))
         if sum(len(part.scan) for part in parts[1:]) > max(_MOST_ROWS, len(parts[0].scan)):
@@ -188,7 +191,7 @@ class _Walk:
 
     def blocks(self, grid: Grid, rat: str | None = None) -> frozenset[int]:
         """Blocks in which a cell was named, or one of a technology."""
-        halves = [cell.half for cell in self._cells if rat in {None, cell.rat}]
+        halves = [cell.block for cell in self._cells if rat in {None, cell.rat}]
         if not halves:
             return frozenset()
         return frozenset(np.unique(grid.blocks_of(np.unique(np.concatenate(halves)))).tolist())
@@ -197,7 +200,7 @@ class _Walk:
         """The walk by the blocks of a grid."""
         return Ground(
             grid,
-            {cell.cell: cell.blocks(grid) for cell in self._cells},
+            {cell.cell: cell.in_grid(grid) for cell in self._cells},
             {rat: self.blocks(grid, rat) for rat in self._scans},
             {rat: _Scans.of_parts(parts).floors(grid) for rat, parts in self._scans.items()},
         )

@@ -15,6 +15,10 @@ MOST_ROWS = 10_000
 """States kept of a longer walk: more than any picture can show, and 2 MB."""
 
 _ALL = slice(None)
+GATE = 4.0
+"""Standard deviations: at which RTKLIB's `valcomb` refuses to combine forward with backward."""
+AXES = ("east", "north", "P0", "eta")
+_FORMATS = ("{:.0f} m", "{:.0f} m", "{:.1f} dB", "{:.2f}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,3 +136,49 @@ def _shadowing_given_rest(state: ShadowState, start: ShadowState) -> tuple[float
     of_position = bx * (state.x_m - start.x_m) + by * (state.y_m - start.y_m)
     of_power = b0 * (state.p0_dbm - start.p0_dbm) + be * (state.eta - start.eta)
     return state.shadow_db - of_position - of_power, bx, by, b0, be, v
+
+
+class Comparison(NamedTuple):
+    """Differences backward - forward of the last [x, y, P0, eta].
+
+    They come from the same readings, so a consistent pair differs by far less than its covariances
+    allow. Of a pair that differs by more than `GATE` at least one is wrong: it is never averaged.
+    `sigmas` are the differences divided by their combined standard deviations.
+    """
+
+    difference: tuple[float, float, float, float]
+    sigmas: tuple[float, float, float, float]
+
+    @property
+    def largest(self) -> float:
+        """Largest difference on any axis in combined standard deviations."""
+        return max(abs(sigmas) for sigmas in self.sigmas)
+
+    @property
+    def agrees(self) -> bool:
+        """Whether no axis differs by more than 4 combined standard deviations."""
+        return self.largest <= GATE
+
+    @property
+    def warning(self) -> str | None:
+        """Warning for a pair that does not agree."""
+        if self.agrees:
+            return None
+        columns = zip(AXES, _FORMATS, self.difference, self.sigmas, strict=True)
+        beyond = [
+            f"{name} by {form.format(abs(difference))} ({abs(sigmas):.1f} sigma)"
+            for name, form, difference, sigmas in columns
+            if abs(sigmas) > GATE
+        ]
+        return (
+            "the EKF forward and the EKF backward contradict each other, so trust neither: "
+            f"{', '.join(beyond)}"
+        )
+
+
+def compare(forward: FilterPath, backward: FilterPath) -> Comparison:
+    """Last state of a filter over the walk against that of one over the reversed walk."""
+    difference = backward.x[-1, :4] - forward.x[-1, :4]
+    variance = np.diagonal(forward.p[-1])[:4] + np.diagonal(backward.p[-1])[:4]
+    sigmas = difference / np.sqrt(variance)
+    return Comparison(tuple(difference.tolist()), tuple(sigmas.tolist()))

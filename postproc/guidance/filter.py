@@ -5,10 +5,9 @@ from math import isfinite, pi
 
 import msgspec
 
-from logger.core.answer import Position
+from logger.core.answer import NextWay, Position
 from logger.core.errors import GeoError
 from logger.core.guidance.followed_cell import FollowedCell
-from logger.core.guidance.next_way import NextWay
 from logger.core.guidance.street_atlas import FARTHEST_M, Line, StreetAtlas
 from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator

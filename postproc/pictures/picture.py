@@ -165,39 +165,50 @@ _DEFAULT_RANGE_DBM = (-110.0, -50.0)
 class Picture:
     """A survey and the cell `focus`, as they are drawn; without a fix there is no `box`.
 
-    `regions` are the outlines by name; `estimates` have local positions. `readings_m` (k, 2) are
-    the positions of the cell's readings and `level_dbm` (k,) their levels; `level_range_dbm` are
-    the ends of the colour scale.
+    `regions` are the outlines by name; `estimates` have local positions. `level_range_dbm` are the
+    ends of the colour scale.
     """
 
     survey: Survey
     focus: CellResult | None
-    readings_m: FloatArray
-    level_dbm: FloatArray
     level_range_dbm: tuple[float, float]
     regions: dict[str, Rings]
     estimates: tuple[Estimate, ...]
     truth_m: tuple[float, float] | None
     box: Box | None
 
+    @property
+    def readings_m(self) -> FloatArray:
+        """Local positions of the cell's readings, shape (k, 2)."""
+        return _readings_m(self.survey, self.focus)
+
+    @property
+    def level_dbm(self) -> FloatArray:
+        """Levels of the cell's readings, shape (k,)."""
+        return _level_dbm(self.focus)
+
+
+def _readings_m(survey: Survey, focus: CellResult | None) -> FloatArray:
+    obs = focus.obs if focus else None
+    return survey.local(obs.x_m, obs.y_m) if obs else np.empty((0, 2))
+
+
+def _level_dbm(focus: CellResult | None) -> FloatArray:
+    return focus.obs.level_dbm if focus and focus.obs else np.empty(0)
+
 
 def picture_of(survey: Survey, focus: CellResult | None) -> Picture:
     """Gather what is drawn of a cell; without one the picture shows the walks alone."""
-    obs = focus.obs if focus else None
     posterior = focus.posterior if focus else None
-    readings_m = survey.local(obs.x_m, obs.y_m) if obs else np.empty((0, 2))
-    level_dbm = obs.level_dbm if obs else np.empty(0)
     regions = regions_of(posterior, survey.origin_m) if posterior else {}
     truth_m = _truth_m(survey, focus)
     extras = [np.vstack(regions["95"])] if regions else []
     extras += [np.array([truth_m])] if truth_m else []
-    walked_m = np.vstack([survey.track_m, readings_m])
+    walked_m = np.vstack([survey.track_m, _readings_m(survey, focus)])
     return Picture(
         survey=survey,
         focus=focus,
-        readings_m=readings_m,
-        level_dbm=level_dbm,
-        level_range_dbm=colour_range_dbm(level_dbm),
+        level_range_dbm=colour_range_dbm(_level_dbm(focus)),
         regions=regions,
         estimates=_estimates(survey, focus),
         truth_m=truth_m,

@@ -23,7 +23,11 @@ _SOUTHMOST_DEG = -80.0
 
 @dataclass(frozen=True, slots=True)
 class Coordinates:
-    """One position in each notation; UTM and MGRS are empty where they do not exist."""
+    """One position in each notation; UTM and MGRS are empty where they do not exist.
+
+    `share` is its probability if there are others that fit. `street` is the name of the nearest
+    one, empty if it is not known.
+    """
 
     decimal: str
     degrees: str
@@ -31,9 +35,13 @@ class Coordinates:
     mgrs: str
     geo: str
     osm: str
+    share: str = ""
+    street: str = ""
 
 
-def coordinates(lat_deg: float, lon_deg: float, r95_m: float | None = None) -> Coordinates:
+def coordinates(
+    lat_deg: float, lon_deg: float, r95_m: float | None = None, share: str = "", street: str = ""
+) -> Coordinates:
     """Every notation of a position; `r95_m` becomes the uncertainty of the geo URI."""
     lat, lon = (f"{value:.{_DECIMALS}f}" for value in (lat_deg, lon_deg))
     uncertain = "" if r95_m is None else f";u={r95_m:.0f}"
@@ -44,6 +52,8 @@ def coordinates(lat_deg: float, lon_deg: float, r95_m: float | None = None) -> C
         mgrs=_mgrs(lat_deg, lon_deg),
         geo=f"geo:{lat},{lon}{uncertain}",
         osm=f"https://www.openstreetmap.org/?mlat={lat}&mlon={lon}#map={_ZOOM}/{lat}/{lon}",
+        share=share,
+        street=street,
     )
 
 

@@ -57,18 +57,6 @@ class PageFigure:
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
-    """A position that fits, in every notation; `share` is its probability if there are others.
-
-    `street` is the name of the nearest one, empty if it is not known.
-    """
-
-    share: str
-    at: Coordinates
-    street: str = ""
-
-
-@dataclass(frozen=True, slots=True)
 class CellSection:
     """A cell in detail: its number, answer, advice, warnings beside the answer, and figures.
 
@@ -82,7 +70,7 @@ class CellSection:
     sentence: str
     advice: str
     findings: tuple[str, ...]
-    places: tuple[Spot, ...]
+    places: tuple[Coordinates, ...]
     figures: tuple[PageFigure, ...]
     estimators: Table
     runs: Table
@@ -185,7 +173,7 @@ def section_without_details(number: int, result: CellResult) -> CellSection:
     return CellSection(number, result, why, "", (), (), (), _NO_TABLE, _NO_TABLE)
 
 
-def _places(result: CellResult, streets: Streets) -> Iterator[Spot]:
+def _places(result: CellResult, streets: Streets) -> Iterator[Coordinates]:
     """Positions of a cell that is located or ambiguous, the most likely first."""
     place = result.place
     if place is None or result.verdict == "cannot tell":
@@ -196,7 +184,7 @@ def _places(result: CellResult, streets: Streets) -> Iterator[Spot]:
         radius_m = place.r95_m if is_only else None
         share = "" if is_only else share_text(mode.probability)
         street = streets(mode.lat, mode.lon) or ""
-        yield Spot(share, coordinates(mode.lat, mode.lon, radius_m), street)
+        yield coordinates(mode.lat, mode.lon, radius_m, share, street)
 
 
 def run_section(observed: ObservedRun) -> RunSection:

@@ -269,7 +269,7 @@ def _gain(k: FloatArray) -> list[Check]:
     ]
 
 
-def _state(step: ekf.EkfStep, shift: FloatArray) -> list[Check]:
+def _state(step: ekf.EkfStep[ekf.EkfState], shift: FloatArray) -> list[Check]:
     towards_user = np.subtract(_USER, _STATION[:2])
     towards_m = float(shift[:2] @ towards_user) / float(np.hypot(*towards_user))
     right = abs(step.innovation_db - (_LEVEL_DBM - _EXPECTED_DBM)) < _ROUNDING
@@ -291,7 +291,7 @@ def _state(step: ekf.EkfStep, shift: FloatArray) -> list[Check]:
     ]
 
 
-def _one_update(step: ekf.EkfStep) -> list[Check]:
+def _one_update(step: ekf.EkfStep[ekf.EkfState]) -> list[Check]:
     before = ekf.covariance_matrix(_STATION.p) + ekf.Q_PER_STEP * np.eye(4)
     after = ekf.covariance_matrix(step.state.p)
     decrease = np.linalg.eigvalsh(before - after)

@@ -10,7 +10,7 @@ from logger.baseline_store import CONTRADICTION
 from logger.core.errors import FieldLoggerError, RunFileError
 from logger.core.runfile import Run, read_sound_run, sealing_of
 from postproc.interop.importing import import_walk
-from postproc.read_ahead import outcome_of, read_ahead
+from postproc.processes import outcome_of, read_ahead
 from postproc.survey.dataset import Survey
 from postproc.survey.parquet_batch import Batch
 from postproc.survey.walk_readings import SurveyRun, WalkReadings, readings_of, with_name

@@ -5,9 +5,10 @@ import pytest
 from scipy.stats import chi2, norm
 
 from logger.core import filter_monitor, shadow_ekf
+from logger.core.ekf import EkfStep
 from logger.core.filter_monitor import FilterMonitor
 from logger.core.places import Places
-from logger.core.shadow_ekf import ShadowNoise, ShadowStep
+from logger.core.shadow_ekf import ShadowNoise
 
 NOISE = ShadowNoise(0.0, 0.0, 3.0, 0.0)
 
@@ -21,14 +22,14 @@ def counts_of(innovations, distance_m=200.0, monitor=FilterMonitor()):  # noqa: 
     """The monitor after innovations of stated variance 1, the walker far from the position."""
     state = state_at(distance_m)
     for innovation in innovations:
-        monitor = monitor.after_step(ShadowStep(state, float(innovation), 1.0), NOISE)
+        monitor = monitor.after_step(EkfStep(state, float(innovation), 1.0), NOISE)
     return monitor
 
 
 def first_alarm(innovations):
     monitor, state = FilterMonitor(), state_at(200.0)
     for i, innovation in enumerate(innovations):
-        monitor = monitor.after_step(ShadowStep(state, float(innovation), 1.0), NOISE)
+        monitor = monitor.after_step(EkfStep(state, float(innovation), 1.0), NOISE)
         if monitor.disagrees:
             return i
     return None
@@ -77,7 +78,7 @@ def test_the_alarm_goes_on_until_it_has_been_denied_as_often():
 
 def test_a_censored_reading_leaves_the_nis_unchanged():
     monitor = counts_of([1.5, 2.0])
-    after = monitor.after_step(ShadowStep(state_at(200.0), math.nan, math.nan), NOISE)
+    after = monitor.after_step(EkfStep(state_at(200.0), math.nan, math.nan), NOISE)
     assert (after.mean_nis, after.weight) == (monitor.mean_nis, monitor.weight)
 
 

@@ -15,7 +15,7 @@ from logger.device.leds import StatusLight
 from logger.device.machine import kept_in_memory, machine
 from logger.device.mode_switch import SavedModes
 from logger.device.page_requests import FILE, PageRequests
-from logger.device.status_text import report
+from logger.device.status import report
 from logger.doctor.examination import without_private
 from logger.doctor.machine import holders, plug, power, temperature
 from logger.page.feed import TABLES, Feed, JournalTail

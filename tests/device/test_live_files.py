@@ -13,7 +13,7 @@ from logger.core.squares import square_of
 from logger.core.types import Note
 from logger.device.estimator import Estimator
 from logger.device.link import Inbox
-from logger.device.live_files import READ, UNREADABLE, LiveBaseline
+from logger.device.live_files import READ, UNREADABLE, LiveFiles
 from tests.kit.live import next_values, walk
 from tests.kit.service import LIMIT_S
 from tests.postproc.baseline.walks import name, two_cells, write_walk
@@ -43,7 +43,7 @@ def notes_of(baseline: str):
 
 
 def test_a_baseline_is_an_event_with_its_fingerprint(baseline_file):
-    baseline = LiveBaseline(str(baseline_file))
+    baseline = LiveFiles(LiveSettings(baseline=str(baseline_file)))
     notes, _ = notes_of(str(baseline_file))
     assert [note.code for note in notes] == [READ]
     assert baseline.fingerprint in notes[0].text
@@ -68,7 +68,7 @@ def test_a_file_that_cannot_be_read_is_one_event(tmp_path, content):
 
 
 def test_a_file_damaged_during_the_walk_is_one_event(baseline_file):
-    baseline = LiveBaseline(str(baseline_file))
+    baseline = LiveFiles(LiveSettings(baseline=str(baseline_file)))
     baseline.take_notes()
     content = bytearray(baseline_file.read_bytes())
     content[4096:] = b"\xff" * (len(content) - 4096)
@@ -89,13 +89,13 @@ def test_a_file_that_takes_too_much_memory_is_one_event(tmp_path, note):
     with closing(sqlite3.connect(path)) as database, database:
         rows = ((f"cell {k}", note) for k in range(20_000_000 // len(note)))
         database.executemany("INSERT INTO trust (cell, note) VALUES (?, ?)", rows)
-    baseline = LiveBaseline(str(path))
+    baseline = LiveFiles(LiveSettings(baseline=str(path)))
     assert [note.code for note in baseline.take_notes()] == [UNREADABLE]
     assert baseline.trust_note("cell 1") is None
 
 
 def test_any_error_is_one_event(baseline_file, monkeypatch):
-    baseline = LiveBaseline(str(baseline_file))
+    baseline = LiveFiles(LiveSettings(baseline=str(baseline_file)))
     baseline.take_notes()
 
     def failing(*_):
@@ -107,6 +107,6 @@ def test_any_error_is_one_event(baseline_file, monkeypatch):
 
 
 def test_a_bad_page_is_one_line_in_the_log(tmp_path, caplog):
-    LiveBaseline(str(tmp_path / "missing.db"))
+    LiveFiles(LiveSettings(baseline=str(tmp_path / "missing.db")))
     assert len(caplog.records) == 1
     assert "nothing is known of earlier walks" in caplog.text

@@ -13,9 +13,8 @@ from logger.config import parse_config
 from logger.core.errors import ConfigError
 from logger.core.runfile import read_run, recover
 from logger.device.clock import SystemClock
-from logger.device.libraries import LIBRARIES, installed_versions
 from logger.device.service import Service
-from logger.device.startup import begin_run
+from logger.device.startup import LIBRARIES, begin_run, installed_versions
 from tests.kit import service
 from tests.kit.first_flush import first_flush, instrumented_service
 

@@ -6,12 +6,10 @@ import pytest
 
 from logger.cli import main
 from logger.command_line import INTERRUPTED
-from logger.core.answer import MultiPolygon, StrongestReading
+from logger.core.answer import MultiPolygon, NextWay, StrongestReading
 from logger.core.document import Document, terminal_lines
-from logger.core.guidance.next_way import NextWay
 from logger.device.live_view import CellStatus, PositionStatus
-from logger.device.status import Status, write_status
-from logger.device.status_text import report, status_parts
+from logger.device.status import Status, report, status_parts, write_status
 
 STATUS = Status(
     "recording", "9 s", "run-1.journal", 1, 9 * 10**9, 0, 8 * 10**9, 3, 2, 1, 0, 10, None, {},
@@ -110,7 +108,7 @@ def test_who_may_not_read_the_status_is_told_so(folder, monkeypatch, capsys):
     def refuse(_folder):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("logger.device.status_text.read_status", refuse)
+    monkeypatch.setattr("logger.device.status.read_status", refuse)
     assert main(["status"]) == 2
     assert "use sudo" in capsys.readouterr().err
 
@@ -121,7 +119,7 @@ def test_watching_goes_on_over_a_restart_of_the_service(folder, monkeypatch, cap
             raise KeyboardInterrupt
         _write(folder)
 
-    monkeypatch.setattr("logger.page.cli.time.sleep", restart)
+    monkeypatch.setattr("logger.cli.time.sleep", restart)
     assert main(["status", "--watch"]) == INTERRUPTED
     first, second, *_ = capsys.readouterr().out.splitlines()
     assert "no service is recording" in first

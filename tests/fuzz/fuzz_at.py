@@ -9,8 +9,8 @@ import atheris
 
 with atheris.instrument_imports(include=["logger"]):
     from logger.core.types import CellReading
-    from logger.drivers.privacy.redaction import redact
     from logger.drivers.protocols.at import MAX_LINE, AtFramer, Reply
+    from logger.drivers.protocols.redaction import redact
     from logger.drivers.registry import FAMILIES
 
 DRIVERS = tuple(FAMILIES.values())

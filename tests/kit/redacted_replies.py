@@ -1,6 +1,6 @@
 """Replies to commands of the drivers, and the redaction of what comes in pieces of any size."""
 
-from logger.drivers.privacy.redaction import Redactor
+from logger.drivers.protocols.redaction import Redactor
 
 REPLIES = {
     "AT+CENG?": (

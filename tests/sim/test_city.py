@@ -9,7 +9,7 @@ from logger.sim.scenario import scenario
 @pytest.mark.parametrize("name", CITIES)
 def test_a_city_has_40_cells_with_networks_of_the_place(name):
     place = CITIES[name]
-    cells = with_lists(city(np.random.default_rng(1), place).cells)
+    cells = with_lists(city(np.random.default_rng(1), place))
     assert len(cells) == 40
     assert len({(c.mcc, c.mnc, c.lac, c.cid) for c in cells}) == 40
     plan = countries()

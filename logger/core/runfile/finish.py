@@ -33,35 +33,24 @@ def _waits(journal: Path) -> bool:
         return True
 
 
-@dataclass(frozen=True, slots=True)
-class Finished:
-    """A run as HDF5, what its journal had lost, and its digest."""
-
-    run: Path
-    damage: Damage
-    digest: str
-
-
-def finish(journal: Path) -> Finished:
+def finish_journal(journal: Path) -> Path:
     """Make the HDF5 file of a journal beside it, under the same name; the journal stays as it is.
 
     Safe to repeat, and to cut in the middle. Raises `RunFileError`, also where the HDF5 file of
     another run has that name.
     """
-    journal = first_part(journal)
+    return _finish(first_part(journal))[0]
+
+
+def _finish(journal: Path) -> tuple[Path, JournalParts]:
+    """As `finish_journal`; also what was read of the journal."""
     target = journal.with_suffix(".h5")
     try:
         if _is_recording(journal):
             raise RunFileError(f"{journal} is being recorded")
     except OSError as error:
         raise RunFileError(f"{error.filename or journal}: {error.strerror}") from error
-    parts = _convert(journal, target, _check_same_run)
-    return Finished(target, parts.damage, parts.digest)
-
-
-def finish_journal(journal: Path) -> Path:
-    """As `finish`; returns the HDF5 file."""
-    return finish(journal).run
+    return target, _convert(journal, target, _check_same_run)
 
 
 def convert_journal(journal: Path, target: Path) -> Damage:
@@ -167,5 +156,5 @@ def recover(path: Path) -> Iterator[Recovered]:
 
 
 def _recover_one(journal: Path) -> Recovered:
-    done = finish(journal)
-    return Recovered(journal, done.run, done.damage, done.digest)
+    run, parts = _finish(first_part(journal))
+    return Recovered(journal, run, parts.damage, parts.digest)

@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 from zlib import crc32
 
 MAGIC = b"CWJ1"
@@ -42,17 +42,17 @@ class Kind(IntEnum):
     STOP = 5
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """An undamaged frame: its header, and where in the buffer its payload is."""
+class Frame(NamedTuple):
+    """An undamaged frame: its header, and where its payload is in which file of the journal."""
 
+    file: int
     run: int
     number: int
     kind: int
     version: int
     schema: int
-    start: int
     length: int
+    start: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ def _header_at(data: Buffer, at: int) -> Frame | None:
         return None
     if at + HEADER_SIZE + length + _CRC.size > len(data):
         return None
-    return Frame(run, number, kind, version, schema, at + HEADER_SIZE, length)
+    return Frame(0, run, number, kind, version, schema, length, at + HEADER_SIZE)
 
 
 def _is_intact(data: Buffer, frame: Frame) -> bool:

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -35,10 +34,7 @@ from logger.core.schema import MOST_NS, OLDEST_DESCRIBED, SCHEMA_VERSION, column
 
 NO_ROWS: Rows = np.empty(0, np.dtype([]))
 
-_INDEX = np.dtype(
-    [(name, "u4") for name in ("file", "run", "number", "kind", "version", "schema", "length")]
-    + [("start", "u8")]
-)
+_INDEX = np.dtype([(name, "u8" if name == "start" else "u4") for name in Frame._fields])
 SECTOR = 4096
 _READ_AT_ONCE = 1 << 20
 _UNREADABLE = b"\xff"
@@ -132,12 +128,12 @@ class JournalParts:
             raise RunFileError(f"{self.path} is no cellwalk run: {error}") from None
         dtypes = self._describe(buffers, index)
         stop: Part | None = None  # counts only with the END that repeats it
-        for entry in _entries(index):
-            payload = self._unpack(buffers, entry)
-            part = None if payload is None else _part(entry, payload, dtypes)
+        for frame in _frames(index):
+            payload = self._unpack(buffers, frame)
+            part = None if payload is None else _part(frame, payload, dtypes)
             if payload is None or part is None:
                 self._missing += 1
-                self._skipped += entry.length
+                self._skipped += frame.length
                 continue
             if part.kind == Kind.STOP:
                 stop = part
@@ -152,15 +148,15 @@ class JournalParts:
                 self._first_ns = int(part.rows["t_ns"].min())
             yield part
 
-    def _unpack(self, buffers: list[Buffer], entry: "_Entry") -> bytes | None:
+    def _unpack(self, buffers: list[Buffer], frame: Frame) -> bytes | None:
         """Unpack the payload of a frame; None if it is invalid.
 
         Raises `RunFileError` if all payloads together exceed the limit.
         """
-        packed = buffers[entry.file][entry.start : entry.start + entry.length]
-        payload = payload_of(packed, entry.version)
+        packed = buffers[frame.file][frame.start : frame.start + frame.length]
+        payload = payload_of(packed, frame.version)
         self._unpackable -= (
-            min(MAX_PAYLOAD, _ZLIB_MOST * entry.length) if payload is None else len(payload)
+            min(MAX_PAYLOAD, _ZLIB_MOST * frame.length) if payload is None else len(payload)
         )
         if self._unpackable < 0:
             raise RunFileError(f"{self.path} unpacks to more than a run of this size can hold")
@@ -182,18 +178,18 @@ class JournalParts:
         index: Rows = found[first]
         return index
 
-    def _scan_frames(self, buffers: list[Buffer]) -> Iterator[tuple[int, ...]]:
+    def _scan_frames(self, buffers: list[Buffer]) -> Iterator[Frame]:
         for i, buffer in enumerate(buffers):
             for event in scan(buffer):
                 if isinstance(event, Skipped):
                     self._skipped += event.n_bytes
                 else:
-                    yield _entry(i, event)
+                    yield event._replace(file=i)
 
     def _describe(self, buffers: list[Buffer], index: Rows) -> Mapping[str, np.dtype[np.void]]:
         """Definition of the tables, from any description or the version that every frame names."""
-        for entry in _entries(index[index["kind"] == Kind.META]):
-            text = self._unpack(buffers, entry)
+        for frame in _frames(index[index["kind"] == Kind.META]):
+            text = self._unpack(buffers, frame)
             if text is not None:
                 self._meta, self.meta_text = decode_meta(text, self.path), text
                 return parse_dtypes(self._meta.columns)
@@ -286,41 +282,15 @@ def _bytes_at(fd: int, at: int, length: int) -> bytes | None:
         return None
 
 
-def _entry(file: int, frame: Frame) -> tuple[int, ...]:
-    return (
-        file,
-        frame.run,
-        frame.number,
-        frame.kind,
-        frame.version,
-        frame.schema,
-        frame.length,
-        frame.start,
-    )
-
-
-class _Entry(NamedTuple):
-    """A row of the index as plain integers; the fields of `_INDEX`."""
-
-    file: int
-    run: int
-    number: int
-    kind: int
-    version: int
-    schema: int
-    length: int
-    start: int
-
-
-def _entries(index: Rows) -> Iterator[_Entry]:
+def _frames(index: Rows) -> Iterator[Frame]:
     """Rows by blocks: as Python's integers they take ten times the room."""
     for at in range(0, len(index), _BLOCK):
-        yield from map(_Entry._make, index[at : at + _BLOCK].tolist())
+        yield from map(Frame._make, index[at : at + _BLOCK].tolist())
 
 
-def _part(entry: _Entry, payload: bytes, dtypes: Mapping[str, np.dtype[np.void]]) -> Part | None:
+def _part(frame: Frame, payload: bytes, dtypes: Mapping[str, np.dtype[np.void]]) -> Part | None:
     """Content of a frame; None if it does not match the frame's kind."""
-    number, kind = entry.number, entry.kind
+    number, kind = frame.number, frame.kind
     try:
         match kind:
             case Kind.ROWS:

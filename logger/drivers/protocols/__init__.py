@@ -1,1 +1,1 @@
-"""Wire protocols: bytes of a modem, a receiver or gpsd in, events out."""
+"""Wire protocols: bytes of a device in, events out; and what of them is personal, masked."""

@@ -12,7 +12,7 @@ from logger.baseline_store import BaselineStore, summarise_walk
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import read_sound_run
 from logger.core.squares import square_of
-from postproc.baseline.cli import add_runs
+from postproc.baseline import add_runs
 from tests.postproc.baseline.walks import STEP_DEG, cell, name, two_cells, write_walk
 
 SUMS = ("square_cell", "square_rat", "cell_channel")

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from postproc.estimators.direction_check import compare
-from postproc.estimators.filters import FilterPath
+from postproc.estimators.filters import FilterPath, compare
 
 
 def filter_path(last, sigmas):

@@ -13,7 +13,7 @@ from logger.core.places import Places, Utm
 from logger.core.readings import Readings
 from logger.core.shadow_ekf import ShadowNoise
 from postproc.estimators import ekf_initialisation, metrics
-from postproc.estimators.direction_check import compare
+from postproc.estimators.filters import compare
 from tests.kit.walks import simulate, with_places
 
 FLAT = Prior(stations=(Station(1.0, 0.0),))

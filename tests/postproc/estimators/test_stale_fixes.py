@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from logger.core.places import Track, Utm
-from postproc.estimators import stale_fixes, track_plausibility, walker
+from postproc.estimators import track_plausibility, walker
 
 
 def track(t_s, x_m, y_m=None, sigma_m=7.0):
@@ -18,7 +18,7 @@ def test_repeated_positions_shortly_before_a_jump_are_stale():
     """100 m in jumps every 8 s, and each position repeated every second."""
     t_s = np.arange(80)
     fixes = track(t_s, 100.0 * (t_s // 8))
-    result = stale_fixes.without_stale(fixes)
+    result = track_plausibility.without_stale(fixes)
     assert result.seq.tolist() == [
         *range(0, 72, 8),
         *range(72, 80),
@@ -34,7 +34,7 @@ def test_repeated_positions_shortly_before_a_jump_are_stale():
 def test_who_stands_for_an_hour_stands():
     t_s = np.arange(0, 3600, 5)
     fixes = track(t_s, np.where(t_s < 3500, 0.0, 30.0))
-    retained = stale_fixes.without_stale(fixes)
+    retained = track_plausibility.without_stale(fixes)
     assert len(retained.t_ns) > 700
     assert not np.any((retained.t_ns > 3441 * 10**9) & (retained.t_ns < 3500 * 10**9))
 
@@ -44,12 +44,13 @@ def test_a_receiver_that_writes_few_digits_loses_no_fix():
     fixes = track(
         t_s, np.round(0.3 * t_s)
     )  # each place reason three times, but no step is longer than the errors
-    assert len(stale_fixes.without_stale(fixes).t_ns) == 200
+    assert len(track_plausibility.without_stale(fixes).t_ns) == 200
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_short_tracks(n):
-    assert len(stale_fixes.without_stale(track(range(n), [100.0 * i for i in range(n)])).t_ns) == n
+    moving = track(range(n), [100.0 * i for i in range(n)])
+    assert len(track_plausibility.without_stale(moving).t_ns) == n
 
 
 # --- plausible ---
@@ -95,11 +96,11 @@ def test_what_is_moved_is_counted():
 def test_a_stale_position_may_be_anywhere_on_the_way_to_the_next():
     """A car at 12 m/s, whose telephone has a new position every eight seconds."""
     t_s = np.arange(80)
-    sigma_m = stale_fixes.written_sigma_m(track(t_s, 96.0 * (t_s // 8)))
+    sigma_m = track_plausibility.written_sigma_m(track(t_s, 96.0 * (t_s // 8)))
     fresh, late = sigma_m[:72:8], sigma_m[:72][t_s[:72] % 8 > 0]
     assert np.allclose(fresh, 2.0 * 12.0)  # levels are late by two seconds
     assert np.allclose(late, np.hypot(2.0 * 12.0, 96.0 / np.sqrt(12.0)))
-    at_rest = stale_fixes.written_sigma_m(track(t_s, np.where(t_s < 79, 0.0, 30.0)))
+    at_rest = track_plausibility.written_sigma_m(track(t_s, np.where(t_s < 79, 0.0, 30.0)))
     assert at_rest[0] < 2.0
 
 

@@ -12,7 +12,7 @@ from postproc.options import runs_argument
 with late_modules():
     from logger import baseline_store
     from logger.core import cell_names, document, utc
-    from postproc import progress, read_ahead
+    from postproc import processes, progress
 
 DEFAULT_NAME = "baseline.db"
 _DIGEST_SHOWN = 8
@@ -37,7 +37,7 @@ def add_runs(
 
     Each run is durable when it is yielded. A run that cannot be read does not stop the others.
     """
-    for path, outcome in read_ahead.read_ahead(paths, baseline_store.summarise_walk):
+    for path, outcome in processes.read_ahead(paths, baseline_store.summarise_walk):
         yield baseline_store.add_walk(store, path, outcome)
 
 

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from logger.drivers.privacy.redaction import redact
+from logger.drivers.protocols.redaction import redact
 from logger.drivers.registry import FAMILIES
 from tests.kit.planted_secrets import Planted, plain, plant
 from tests.kit.redacted_replies import REPLIES, redact_in_pieces

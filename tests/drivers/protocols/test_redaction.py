@@ -5,9 +5,9 @@ import time
 import pytest
 
 from logger.drivers.family import Family
-from logger.drivers.privacy.redaction import Redactor, redact
 from logger.drivers.protocols.gpsd import GpsdFramer
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
+from logger.drivers.protocols.redaction import Redactor, redact
 from logger.drivers.registry import FAMILIES, IDENTITY, family_of, reader_of
 from logger.drivers.telit import Telit
 from logger.sim.modem import frame_text

@@ -1,1 +1,0 @@
-"""Redaction of personal numbers and messages, on the bytes of every port."""

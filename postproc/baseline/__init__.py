@@ -1,1 +1,0 @@
-"""Baselines: what many walks heard, by square of 300 m, in one SQLite file."""
