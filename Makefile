@@ -145,9 +145,18 @@ truth: .venv/dev.stamp
 	$(BIN)/python benchmarks/stability.py --stride 3
 	$(BIN)/python benchmarks/agreement.py
 
-# false alarms and detection of the rules of suspicion, on ../shared/cells and ../shared/corpus: half an hour
-suspicion: .venv/dev.stamp
-	PYTHONPATH=. $(BIN)/python benchmarks/suspicion.py tables --cities 24
+# false alarms and detection of the rules of suspicion, on ../shared/cells and ../shared/corpus: half
+# an hour, or what a stopped one left over
+SUSPICION = $(addprefix dist/suspicion/,rates stations walks-3 walks-10 walks-30 takeovers)
+SUSPICION_CODE = $(wildcard benchmarks/suspicion*.py logger/core/suspicion/*.py)
+
+suspicion: $(SUSPICION)
+	tail -n +1 $^
+
+$(SUSPICION): dist/suspicion/%: $(SUSPICION_CODE) | .venv/dev.stamp
+	mkdir -p $(@D)
+	PYTHONPATH=. $(BIN)/python benchmarks/suspicion.py $(subst -, --walks ,$*) --cities 24 > $@.part
+	mv $@.part $@
 
 # closed loops of guidance and of its peers, 100 worlds of each noise: some hours
 guidance: .venv/dev.stamp

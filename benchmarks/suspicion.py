@@ -1,19 +1,20 @@
 """How often the rules accuse legitimate cells, and how soon they name a rogue one.
 
-python benchmarks/suspicion.py tables [--logs FOLDER] [--cities N] [--every N]
 python benchmarks/suspicion.py rates [--logs FOLDER] [--cities N] [--python]
+python benchmarks/suspicion.py stations [--logs FOLDER] [--cities N] [--every N]
+python benchmarks/suspicion.py walks --walks N [--logs FOLDER] [--every N]
+python benchmarks/suspicion.py takeovers
 python benchmarks/suspicion.py gone --cities N
 python benchmarks/suspicion.py live
 
 `rates` applies all rules to legitimate logs (../shared/cells; CELLWALK_CELLS names another folder)
 and to simulated clean cities. One alarm is one cell in one run. It prints alarms, hours, rates with
 95 % Poisson intervals, and alarms per 100 cells, by set and technology; `--python` prints what the
-rules of `logger/core/suspicion` declare. `tables` prints these rates, then the same with earlier
-walks; puts one rogue station into each run, for good or for 60 s, and the ordinary catcher into
-runs with earlier walks; takes over a channel beside a standing receiver; and prints what each
-threshold of the score and each rule is worth. `gone` takes cells off the air in simulated cities
-that were walked before (rule B3). `live` compares the cost of the rules on the walk with that of
-the locator, for 40 cells.
+rules of `logger/core/suspicion` declare. `stations` puts one rogue station into each run, for good
+or for 60 s, and prints what each threshold of the score, each rule and a database is worth. `walks`
+puts the ordinary catcher into runs with N earlier walks. `takeovers` takes over a channel beside a
+standing receiver. `gone` takes cells off the air in simulated cities that were walked before (rule
+B3). `live` compares the cost of the rules on the walk with that of the locator, for 40 cells.
 """
 
 import argparse
@@ -34,7 +35,7 @@ from benchmarks.suspicion_injection import Outcome, Station, outcomes
 from benchmarks.suspicion_live import print_live_cost
 from benchmarks.suspicion_logs import LOGS, Log, cells_with_one_peak, read_logs
 from benchmarks.suspicion_patterns import COPIES, KINDS, ORDINARY
-from benchmarks.suspicion_takeover import CORPUS, full_scans, print_takeovers, takeovers
+from benchmarks.suspicion_takeover import full_scans, print_takeovers, takeovers
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.suspicion.rule import WORDS, Finding, Rate
 from logger.core.suspicion.rules import RULES
@@ -53,7 +54,6 @@ NOT_RATED = frozenset({"simulated", "losangeles"})
 """Sets that the declared rates are not of: cells of losangeles have no identity but channel and
 code, for which no rule is asked on a walk. Here these are taken for one; of what is heard there,
 cells with one peak count, since codes are used again."""
-EARLIER_WALKS = (3, 10, 30)
 MOST_CITIES = 8
 ON_AIR_S = 60.0
 STATIONS = [Station(kind, is_strong) for kind in KINDS for is_strong in (True, False)]
@@ -219,10 +219,8 @@ def _print_share(kind: str, power: str, group: str, results: Sequence[Outcome]) 
     )
 
 
-def print_tables(logs: Sequence[Log], folder: Path, every: int) -> None:
-    """All tables, each as soon as it is there, of one log of each `every`."""
-    counts = count(logs[::every])
-    print_rates(counts)
+def print_stations(logs: Sequence[Log], every: int) -> None:
+    """Detection."""
     measured = [log for log in logs if log.set_name not in NOT_RATED][::every]
     cities = [log for log in logs if log.set_name == "simulated"][:MOST_CITIES:every]
     rated = [*measured, *cities]
@@ -234,22 +232,25 @@ def print_tables(logs: Sequence[Log], folder: Path, every: int) -> None:
     print(f"on the air for {ON_AIR_S:.0f} s")
     for station in BRIEF:
         print_detection(station, found)
-    results = [one for one in found if one.station in STATIONS]
+    results = [one for one in found if one.station in STATIONS and one.set_name != "simulated"]
+    counts = count(measured)
     print_worth(counts, results)
     print_databases(counts, results)
-    for n_walks in EARLIER_WALKS:
-        print(f"\nwith {n_walks} earlier walks of the route")
-        earlier, found = Counts(), []
-        for log, baseline in islice(logs_with_baseline(folder, n_walks), None, None, every):
-            print(f"{n_walks} earlier walks: {log.name}", file=sys.stderr, flush=True)
-            earlier.add(log, baseline)
-            found += outcomes(log, baseline, CATCHERS)
-        print_words(earlier)
-        for station in CATCHERS:
-            print_detection(station, found)
-    if CORPUS.is_dir():
-        print()
-        print_takeovers(list(takeovers(full_scans())))
+
+
+def print_walks(folder: Path, n_walks: int, every: int) -> None:
+    """Words and detection with earlier walks."""
+    earlier, found = Counts(), []
+    for log, baseline in islice(logs_with_baseline(folder, n_walks), None, None, every):
+        print(f"{n_walks} earlier walks: {log.name}", file=sys.stderr, flush=True)
+        earlier.add(log, baseline)
+        found += outcomes(log, baseline, CATCHERS)
+    print(f"with {n_walks} earlier walks of the route")
+    print_words(earlier)
+    print(_HEAD)
+    for station in CATCHERS:
+        print_detection(station, found)
+    print_databases(earlier, found)
 
 
 def print_worth(counts: Counts, results: Sequence[Outcome]) -> None:
@@ -328,8 +329,9 @@ _HEAD = (
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one of the benchmarks."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("what", choices=["tables", "rates", "gone", "live"])
+    parser.add_argument("what", choices=["rates", "stations", "walks", "takeovers", "gone", "live"])
     parser.add_argument("--logs", type=Path, default=LOGS, help="folder of the logs")
+    parser.add_argument("--walks", type=int, default=10, help="earlier walks of the route")
     parser.add_argument("--cities", type=int, default=0, help="simulated clean cities")
     parser.add_argument("--every", type=int, default=1, help="quick: each N-th run only")
     parser.add_argument("--python", action="store_true", help="print it as the rules declare it")
@@ -342,13 +344,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given.what == "gone":
         print_gone(list(gone_walks(given.cities)))
         return
+    if given.what == "takeovers":
+        print_takeovers(list(takeovers(full_scans())))
+        return
+    if given.what == "walks":
+        print_walks(given.logs, given.walks, given.every)
+        return
     logs = [*read_logs(given.logs), *city_logs(given.cities)]
     if not logs:
         raise SystemExit(f"there are no logs (*.csv.gz) in {given.logs}")
-    if given.what == "tables":
-        print_tables(logs, given.logs, given.every)
+    if given.what == "stations":
+        print_stations(logs, given.every)
         return
-    counts = count(logs)
+    counts = count(logs[:: given.every])
     (print_python if given.python else print_rates)(counts)
 
 

@@ -1,5 +1,6 @@
 """Location and tracking areas: codes that no other cell has, and changes while standing."""
 
+from functools import partial
 from math import hypot
 
 from logger.core.latest import Latest
@@ -25,7 +26,7 @@ _HELD_S = 10.0
 _STILL_S = 60.0
 _SINGLE_S = 20.0
 _FEWEST_SCANS = 3
-_KNOWN_WALKS = 2  # that heard a cell of an area here: from then on the area is known
+_KNOWN_WALKS = 2  # that heard a cell of an area here, or one walk two cells: the area is known
 _HEARD_DBM = -105.0
 """The other cells of a network beyond the border come as weakly as this one."""
 
@@ -52,18 +53,39 @@ def _single(memory: Memory, cell: HeardCell) -> Evidence | None:
     return {"operator": cell.operator, "seconds": round(since_s)}
 
 
+_KNOWN = partial(Latest[bool], MOST_NETWORKS)  # areas
+
+
+def _is_known_area(memory: Memory, cell: HeardCell) -> bool:
+    # what was unusual then they did not learn
+    area, _, _ = cell.name.rpartition("-")  # of `mcc-mnc-area-cid`
+    known = memory.of(_KNOWN)
+    for square in () if area in known else ground(memory):
+        of_area = [heard for name, heard in square.cells.items() if name.startswith(f"{area}-")]
+        if sum(heard.n_walks for heard in of_area) >= _KNOWN_WALKS:
+            known.put(area, True)
+    return area in known
+
+
+def _is_of_known_area(memory: Memory, name: str) -> bool:
+    # a cell of an invented area never comes where earlier walks know it
+    return any(cell.name == name and _is_known_area(memory, cell) for cell in memory.taken)
+
+
 @ScanRule(
     id="L1",
     family="area",
     needs=("identity", "area code", "level"),
     gate="for 20 s, on foot for 100 m or 80 s, with 3 other cells of the operator within 5 "
-    "minutes; the cell at least -90 dBm; an area that two earlier walks did not hear here",
+    "minutes; the cell at least -90 dBm; an area that two earlier walks did not hear where a cell "
+    "of it is heard",
     sentence="area {area} is that of none of the {neighbours} other cells heard with it",
     harmless="the border of two areas",
     detection=0.8,
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(1, 83, 9.8)),
     elsewhere=Rate(0, 197, 0.0, "full scans of 197 cells"),
     strength="suffices",
+    refuted_by=_is_of_known_area,
 )
 def _unlike_neighbours(memory: Memory, cell: HeardCell) -> Evidence | None:
     now, level_dbm = memory.now, cell.heard.level_dbm
@@ -105,6 +127,7 @@ def _is_past_border(now: Moment, cell: HeardCell) -> bool:
     detection=0.8,
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
     elsewhere=Rate(1, 194, 0.0, "full scans of 197 cells, railways left out"),
+    refuted_by=_is_of_known_area,
 )
 def _alone(memory: Memory, cell: HeardCell) -> Evidence | None:
     if memory.now.t_s - cell.first_s < _ALONE_S or cell.operator[:3] in TEST_MCCS:
@@ -132,16 +155,6 @@ def _has_own_area(memory: Memory, cell: HeardCell) -> bool:
     return not _is_known_area(memory, cell)
 
 
-def _is_known_area(memory: Memory, cell: HeardCell) -> bool:
-    # what was unusual then they did not learn
-    area, _, _ = cell.name.rpartition("-")  # of `mcc-mnc-area-cid`
-    return any(
-        heard.n_walks >= _KNOWN_WALKS and name.startswith(f"{area}-")
-        for square in ground(memory)
-        for name, heard in square.cells.items()
-    )
-
-
 class _ServingAreas:
     """Areas of serving cells: `last` is the network and area of the last one.
 
@@ -163,6 +176,7 @@ class _ServingAreas:
     harmless="the border of two areas, a cell switched off",
     detection=0.4,
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
+    refuted_by=_is_of_known_area,
 )
 def _change(memory: Memory, cell: HeardCell) -> Evidence | None:
     now, areas = memory.now, memory.of(_ServingAreas)

@@ -17,7 +17,9 @@ UNUSUAL_NATS = 3.5
 SUSPICIOUS_NATS = 5.0
 """Tuned on the legitimate logs: unusual at most twice an hour of driving, suspicious at most 0.1
 times an hour (`WORD_RATES`)."""
-CONFIRMING: frozenset[Family] = frozenset({"area", "neighbours", "signal", "place", "technology"})
+CONFIRMING: frozenset[Family] = frozenset(
+    {"area", "neighbours", "signal", "place", "technology", "earlier walks"}
+)
 """One of these must be among the families: a plan or a database alone is often wrong."""
 
 _MOST_REASONS = 3

@@ -156,3 +156,21 @@ def test_an_area_that_earlier_walks_heard_here_is_no_new_one(heard, is_new):
     standing = Walk(baseline=OfArea(heard)).scan(*HOME, metres=0.0, times=15)
     standing.scan(gsm(99, lac=1300), metres=0.0, times=4)
     assert (("L3", 99) in standing.rules) == is_new
+
+
+def test_an_area_that_earlier_walks_heard_farther_on_was_no_new_one():
+    many = [gsm(cid, -80) for cid in range(10, 20)]
+    baseline, new = OfArea(2), gsm(99, lac=1300).cell
+    baseline.n_walks = 2  # too few for B1
+    known, baseline.cells = baseline.cells, {}
+    walk = Walk(baseline=baseline).scan(*many, times=3)
+    walk.scan(*many, gsm(99, -70, lac=1300), times=25)
+    assert {("L1", 99), ("L2", 99)} <= walk.rules
+    assert walk.word(new) == "suspicious"
+    baseline.cells = known
+    walk.scan(*many, gsm(99, -70, lac=1300))
+    assert walk.word(new) == "nothing unusual"
+    baseline.cells = {}
+    n_found = len(walk.found)
+    walk.scan(*many, gsm(99, -70, lac=1300), times=25)
+    assert len(walk.found) == n_found

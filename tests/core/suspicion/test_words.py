@@ -28,6 +28,12 @@ def test_two_families_are_needed_and_one_of_them_confirms():
     assert assess("c", [_finding("L1", 4.0), weak]).word == "unusual"
 
 
+def test_a_cell_that_neither_earlier_walks_nor_the_plan_know_is_suspicious():
+    new = _finding("B1", 4.0)
+    assert assess("c", [new]).word == "unusual"
+    assert assess("c", [new, _finding("P5", 2.0)]).word == "suspicious"
+
+
 def test_levels_that_no_place_explains_are_enough():
     assert assess("c", [_finding("S5", 6.0)]).word == "suspicious"
 
