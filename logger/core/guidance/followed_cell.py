@@ -1,8 +1,8 @@
 """The cell that is followed: the answer, and the way to walk next.
 
-The answer is that of the desktop for the same readings, computed anew after a leg or where the
-device's own posterior changes: that one has fewer blocks, and of 40 simulated walks 14 ended with
-another radius by half. Advice is by the device's own posterior.
+The answer is that of the desktop for the same readings, computed anew after a leg, and where the
+device's own posterior changes or has another radius: that one has fewer blocks, and of 40 simulated
+walks 14 ended with another radius by half. Advice is by the device's own posterior.
 
 A location is within 60 m, and believed after one more leg: two transmitters with one identity, and
 one that jumps or moves, look like one position for a while. So these are tried, and a location is
