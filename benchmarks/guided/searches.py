@@ -64,7 +64,7 @@ def search(
     rng = np.random.default_rng([seed, 79])
     name = list(CITIES)[seed % len(CITIES)]
     place = CITIES[name]
-    cells = with_lists(city(rng, place).cells)
+    cells = with_lists(city(rng, place))
     if has_rogue:
         cells = (place.rogue, *cells)
     world = World.build(cells, place.lat_deg, place.lon_deg, radio, rng)

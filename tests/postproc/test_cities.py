@@ -67,7 +67,7 @@ def name_of(one):
 
 def own_cell(at):
     """The nearest to the walk, loud enough for all of it."""
-    cells = city(np.random.default_rng(at)).cells
+    cells = city(np.random.default_rng(at))
     nearest = min(cells, key=lambda one: np.hypot(one.east_m, one.north_m))
     return replace(nearest, cid=100 + at, p0_dbm=0.0)
 
