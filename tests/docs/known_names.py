@@ -132,7 +132,14 @@ def file_exists(text: str, page: Path) -> bool:
     if not re.fullmatch(r"[\w.*{},/-]+", pattern) or not re.search(r"[a-z]", pattern):
         return False
     folders = (ROOT, page.parent, ROOT / "logger", ROOT / "postproc", ROOT / "logger/core")
-    return any(any(folder.glob(part)) for part in _alternatives(pattern) for folder in folders)
+    named = (path for part in _alternatives(pattern) for at in folders for path in at.glob(part))
+    return any(map(_has_files, named))
+
+
+def _has_files(path: Path) -> bool:
+    # a folder that was renamed leaves its compiled modules behind, which no checkout has
+    names = (path,) if path.is_file() else path.rglob("*")
+    return any(name.is_file() and name.suffix != ".pyc" for name in names)
 
 
 def _alternatives(pattern: str) -> list[str]:
