@@ -287,7 +287,7 @@ class Messages:
         """SIB1, and what SIB3, 5, 6 and 7 tell of priorities, of each once."""
         if not self._can_decode():
             return
-        identities, priorities = self._decode(_broadcast_by, message.body)
+        identities, priorities = self._decode("BCCH_DL_SCH_Message", _broadcast_by, message.body)
         if identities:
             first = identities[0]
             for other in identities[1:]:
@@ -348,10 +348,12 @@ class Messages:
         has_measurements, has_more = message.bits(11, 1), message.bits(12, 1) or message.bits(15, 1)
         target, algorithms, changes = None, "", _Changes()
         if has_more:
-            target, algorithms, changes = self._decode(_configuration, message.body)
+            target, algorithms, changes = self._decode(
+                "DL_DCCH_Message", _configuration, message.body
+            )
         elif has_measurements:
             # they stand first: what follows them need not be decoded
-            changes = self._decode(_changes, message.after(17))
+            changes = self._decode("MeasConfig", _changes, message.after(17))
         measurements = self._measurements.setdefault(message.radio_id, _Measurements())
         if target is not None and target != message.channel:
             measurements.hand_over(message.channel, target)
@@ -363,7 +365,7 @@ class Messages:
         """Levels that a modem reported, of the serving cell and of neighbours on one carrier."""
         if message.bits(0, 5) != _REPORT or not self._can_decode():
             return
-        number, level_dbm, cells = self._decode(_report, message.body)
+        number, level_dbm, cells = self._decode("UL_DCCH_Message", _report, message.body)
         at = Observation(
             message.time_ns, message.radio_id, "LTE", message.channel, message.code, "serving",
             is_reported=True,
@@ -383,19 +385,19 @@ class Messages:
                 )
             )
 
-    def _decode(self, take: Callable[[Any], T], body: bytes) -> T:
+    def _decode(self, form: str, take: Callable[[Any], T], body: bytes) -> T:
         # networks and modems repeat most of their messages
-        key = f"{take.__name__} {body.hex()}"
+        key = f"{form} {take.__name__} {body.hex()}"
         if key in self._decoded:
             taken: T = self._decoded[key]
         else:
-            taken = _decode(_FORMS[take], body, take)
+            taken = _decode(form, take, body)
         if len(body) <= _MOST_BYTES:
             self._decoded.put(key, taken)
         return taken
 
 
-def _decode(form: str, body: bytes, take: Callable[[Any], T]) -> T:
+def _decode(form: str, take: Callable[[Any], T], body: bytes) -> T:
     """What is taken of a message; pycrate has dictionaries, and pairs of a choice and its value."""
     getLogger("pycrate").propagate = False  # what it says of a message quotes it
     message = getattr(import_module("pycrate_asn1dir.RRCLTE").EUTRA_RRC_Definitions, form)
@@ -490,15 +492,6 @@ def _broadcast_by(message: Any) -> tuple[list[Identity], dict[str, int]]:
                 if max(others, default=-1) >= 0:
                     priorities[name.upper()] = max(others)
     return [], priorities
-
-
-# the kind of message that each reads
-_FORMS: Mapping[Callable[[Any], Any], str] = {
-    _broadcast_by: "BCCH_DL_SCH_Message",
-    _configuration: "DL_DCCH_Message",
-    _changes: "MeasConfig",
-    _report: "UL_DCCH_Message",
-}
 
 
 def _identity(plmn: Mapping[str, Any], area: int, cell_id: int) -> Identity:

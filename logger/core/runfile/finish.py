@@ -39,11 +39,12 @@ def finish_journal(journal: Path) -> Path:
     Safe to repeat, and to cut in the middle. Raises `RunFileError`, also where the HDF5 file of
     another run has that name.
     """
-    return _finish(first_part(journal))[0]
+    return _finish(journal)[0]
 
 
 def _finish(journal: Path) -> tuple[Path, JournalParts]:
     """As `finish_journal`; also what was read of the journal."""
+    journal = first_part(journal)
     target = journal.with_suffix(".h5")
     try:
         if _is_recording(journal):
@@ -156,5 +157,5 @@ def recover(path: Path) -> Iterator[Recovered]:
 
 
 def _recover_one(journal: Path) -> Recovered:
-    run, parts = _finish(first_part(journal))
+    run, parts = _finish(journal)
     return Recovered(journal, run, parts.damage, parts.digest)

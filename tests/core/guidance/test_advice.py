@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.guidance.followed_cell import AGAIN_M, LEAST_NATS_PER_KM, Guide
+from logger.core.guidance.advice import AGAIN_M, LEAST_NATS_PER_KM, Guide
 from logger.core.locator.online import OnlineLocator
 from logger.core.model.prior import Prior
 from logger.core.places import Places

@@ -527,7 +527,7 @@ def test_bits_of_release_and_security_are_those_that_pycrate_reads():
             kind = record.body[19] >> 3 & 15
             if record.body[12] != (6 if record.body[0] == 8 else 7) or kind not in {5, 6}:
                 continue
-            content = diag_messages._decode("DL_DCCH_Message", record.body[19:], lambda m: m)
+            content = diag_messages._decode("DL_DCCH_Message", lambda m: m, record.body[19:])
             _, parts = content["message"][1]
             parts = parts["criticalExtensions"][1][1]
             if kind == 6:
@@ -548,8 +548,8 @@ def test_measurements_alone_are_those_of_the_whole_message(monkeypatch):
     parts = []
     decode = diag_messages._decode
 
-    def keep(form, body, take):
-        parts.append(decode(form, body, take))
+    def keep(form, take, body):
+        parts.append(decode(form, take, body))
         return parts[-1]
 
     monkeypatch.setattr(diag_messages, "_decode", keep)
@@ -557,7 +557,7 @@ def test_measurements_alone_are_those_of_the_whole_message(monkeypatch):
         before = len(parts)
         Messages().feed(record)
         if parts[before:] and isinstance(parts[before], diag_messages._Changes):
-            whole = decode("DL_DCCH_Message", record.body[19:], diag_messages._configuration)
+            whole = decode("DL_DCCH_Message", diag_messages._configuration, record.body[19:])
             assert whole == (None, "", parts[before])
     assert sum(isinstance(one, diag_messages._Changes) for one in parts) > 50
 
