@@ -139,7 +139,7 @@ def _over_grids(walk: Walk, tree: Tree) -> Tree:
     rows = np.flatnonzero(is_coarse & is_likely)
     if not len(rows) or not walk.shifted or len(walk.blocks.censored.places):
         return tree
-    numbers, prior = tree.numbers[rows].tolist(), walk.prior.of_station(walk.prior.stations[0])
+    numbers, prior = tree.numbers[rows].tolist(), walk.prior
     chosen = np.flatnonzero(mixed.probability > _LEAST_MASS)
     position = tree.squares[:2, chosen]
     each = [
