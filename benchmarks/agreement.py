@@ -3,7 +3,8 @@
 python benchmarks/agreement.py [--walks N] [--on] [--jobs N] [--json FILE] [--markdown FILE]
 
 The walker follows the device's advice through the worlds of `guidance.py` until the transmitter is
-located, 3 km at most; with `--on` always 3 km. The desktop then imports the same rows from a file.
+located, 3 km at most; with `--on` always 3 km. Then he stands and reads the phone, which hears
+nothing more meanwhile. The desktop imports the same rows from a file.
 Its verdict is that for the device's radius. Two answers between the two show what differs: the
 device's posterior searched anew, and the desktop's locator on the device's readings.
 """
@@ -37,6 +38,8 @@ from logger.core.readings import Readings
 WALKS = 40
 MOST_APART, MOST_RATIO = 2, 1.5
 """Wanted: of 40 walks so many at most end with radii that differ by more than this factor."""
+STANDS_S = 20
+"""Longer than the device takes to notice it."""
 STEPS = {"located": 0, "ambiguous": 1, "cannot tell": 2}
 
 
@@ -90,10 +93,11 @@ def walk(number: int, *, goes_on: bool) -> Ending:
     policy = GUIDED[0] if world.ground == "open" else GUIDED[1]
     loop = Loop(world, policy)
     outcome = loop.run(stops_when_located=not goes_on)
+    loop.stop(STANDS_S)
     best = loop.answer.best
     if best is None:
         raise ValueError("no position at the end of the walk")
-    live = Shown(loop.answer.verdict, best.r95_m, outcome.error_m)
+    live = Shown(loop.answer.verdict, best.r95_m, loop.error_m())
     desk_obs = _through_file(loop.rows)
     desk = _answer_row(loop, tree.locate(desk_obs), desk_obs)
     locator = loop.filter.locator

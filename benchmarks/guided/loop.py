@@ -114,7 +114,7 @@ class Loop:
             world.trap,
             world.seed,
             start_m=round(hypot(*(world.emitter_m[0] - start)), 1),
-            error_m=round(self._error_m(), 1),
+            error_m=round(self.error_m(), 1),
             is_inside=self._is_inside(),
             located_m=located_m,
             is_wrong=is_wrong,
@@ -122,6 +122,14 @@ class Loop:
             walked_m=round(world.walked_m),
             slowest_row_ms=round(1e3 * self._slowest_s, 1),
         )
+
+    def stop(self, seconds: int) -> None:
+        """Stand at the end with a position a second and hear nothing more."""
+        t_s = float(self.rows[-1]["t_s"])
+        for k in range(1, seconds + 1):
+            row = {**self.rows[-1], "t_s": f"{t_s + k:.2f}", "rssi_dbm": ""}
+            self.rows.append(row)
+            self.answer = self.filter.answer(row)
 
     def _next_way(self) -> Way:
         walker, policy = self._walker, self._policy
@@ -159,7 +167,7 @@ class Loop:
         """A place of the filter's UTM zone, shape (2,), as the world has it."""
         return np.array([x_m, y_m]) - self._start_m
 
-    def _error_m(self) -> float:
+    def error_m(self) -> float:
         """Distance from the position shown to the nearest transmitter."""
         best_m = self._best_m()
         if best_m is None:
@@ -168,7 +176,7 @@ class Loop:
 
     def _is_inside(self) -> bool:
         best = self.answer.best
-        return best is not None and self._error_m() <= best.r95_m + self.world.slack_m
+        return best is not None and self.error_m() <= best.r95_m + self.world.slack_m
 
     def _nearest_m(self, line_m: FloatArray, emitter_m: FloatArray) -> float:
         along = np.linspace(0.0, 1.0, 21)

@@ -25,6 +25,8 @@ _FEWEST_LEVELS = 5
 """With as many levels there is a best position, however unsure; before there is no answer."""
 _FASTEST_MPS = 40.0
 """Faster than this two rows belong to different walks, or a time is wrong."""
+_LATEST_S = 9e9
+"""A later time is no time: in nanoseconds it has no place in 64 bits."""
 _FARTHEST_M = 100_000.0
 """Nobody walks so far, and a position that is less accurate is none."""
 _NO_FIX_DEG = (0.0, 0.0)
@@ -81,7 +83,7 @@ class GuideFilter:
         try:
             t_s = _number(row, "t_s")
             level_dbm = _level_dbm(row)
-            place = self._place(row)
+            place = self._place(row, t_s)
             if place is not None:
                 self._take(t_s, place, level_dbm, row)
         except (ValueError, GeoError) as error:
@@ -124,13 +126,14 @@ class GuideFilter:
         self._cell = self._cell or name
         return name == self._cell
 
-    def _place(self, row: Mapping[str, str | None]) -> Places | None:
+    def _place(self, row: Mapping[str, str | None], t_s: float | None) -> Places | None:
         """In the zone of the first row; None without a position."""
         lat_deg, lon_deg, acc_m = _number(row, "lat"), _number(row, "lon"), _acc_m(row)
         if (lat_deg, lon_deg) == _NO_FIX_DEG:
             raise ValueError("lat 0, lon 0 is no position: the receiver has no fix")
         fix = Fix(True, lat_deg=lat_deg, lon_deg=lon_deg, acc_m=acc_m)
-        return place_of_fix(0, fix, None if self._start is None else self._start.utm)
+        t_ns = 0 if t_s is None or abs(t_s) > _LATEST_S else round(t_s * 1e9)
+        return place_of_fix(t_ns, fix, None if self._start is None else self._start.utm)
 
     def _speed_mps(self, t_s: float | None, place: Places) -> float:
         """Speed since the row before, 0 without a time."""

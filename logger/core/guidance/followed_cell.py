@@ -54,6 +54,8 @@ _CHANGED, _APART = 0.2, 0.4
 """Of radii, in nats. An answer takes up to a second here, ten times as long as a plan."""
 _LEAST_NS = 15 * 10**9
 """Between answers: a walker needs 18 s for 25 m; in a car a small Pi would do nothing else."""
+_STANDS_M = 10.0
+"""Nobody walks so slowly that `_LEAST_NS` take him no farther."""
 _MOST_SQUARES = 400
 """Squares of the region, 100 bytes each: the page loads them twice a second."""
 _REGION_DECIMALS = 5
@@ -69,8 +71,11 @@ class LiveVerdict:
         self._division: Division | None = None
         self._motion = MotionTest()
 
-    def update(self, posterior: Posterior, obs: Readings) -> Decision:
-        """The verdict on a posterior; `obs` has readings of the walk in their order."""
+    def update(self, posterior: Posterior, obs: Readings, *, stands: bool = False) -> Decision:
+        """The verdict on a posterior; `obs` has readings of the walk in their order.
+
+        Where the walker `stands` since the last one it confirms nothing.
+        """
         decision = assess(posterior, obs, self._division, within_m=LIVE_M)
         is_located = decision.verdict == "located"
         if self._updates % _DIVIDED_EVERY == 0 or (
@@ -88,8 +93,8 @@ class LiveVerdict:
                 is_located = False
         else:
             self._motion = MotionTest()
-        self._updates += 1
-        self._held = self._held + 1 if is_located else 0
+        self._updates += not stands
+        self._held = self._held + (not stands) if is_located else 0
         if is_located and self._held <= CONFIRMED_AFTER:
             reason = f"{decision.reasons[0]}; walk one leg away to confirm it"
             return Decision("cannot tell", [reason], decision.division)
@@ -105,7 +110,7 @@ def _may_move(moves: Division) -> str:
 
 
 class FollowedCell:
-    """Answer and advice for one `cell`, renewed as the walker moves.
+    """Answer and advice for one `cell`, renewed as the walker moves, and once where he stops.
 
     `region` is that of the answer; both are None before the first search. `way` is the advice.
     """
@@ -115,6 +120,7 @@ class FollowedCell:
         self._guide = Guide(streets)
         self._verdict = LiveVerdict()
         self._latest: _Latest | None = None
+        self._stop: Places | None = None  # where the walker has been since
         self.answer: Answer | None = None
         self.region: MultiPolygon | None = None
         self.way: NextWay | None = None
@@ -125,25 +131,37 @@ class FollowedCell:
         Returns whether the advice, and the answer if it is due as well, are new.
         """
         self._guide.walk(here)
-        last = locator.last_search() if self._guide.is_due else None
+        if self._stop is None or here.away_m(self._stop) > _STANDS_M:
+            self._stop = here
+        is_due = self._guide.is_due
+        stands = not is_due and self._has_stopped(here)
+        last = locator.last_search() if is_due or stands else None
         if last is None:
             return False
         if self._latest is None or not self._latest.is_recent(here):
             quick_m = summarise(*last).r95_m
-            if self._latest is None or self._latest.is_outdated(here, quick_m):
-                self._latest = _Latest(here, quick_m, self._answer(locator))
-        self._guide.decide(*last)
-        self.way = next_way(self._guide.advice)
+            if self._latest is None or stands or self._latest.is_outdated(here, quick_m):
+                self._latest = _Latest(here, quick_m, self._answer(locator, stands=stands))
+        if is_due:
+            self._guide.decide(*last)
+            self.way = next_way(self._guide.advice)
         return True
 
-    def _answer(self, locator: OnlineLocator) -> float:
+    def _has_stopped(self, here: Places) -> bool:
+        """Whether the walker stands, and the answer is still one of the way here."""
+        if self._stop is None or self._latest is None or self._latest.is_recent(here):
+            return False
+        since_ns = self._stop.t_ns.item() + _LEAST_NS
+        return bool(self._latest.here.t_ns.item() < since_ns <= here.t_ns.item())
+
+    def _answer(self, locator: OnlineLocator, *, stands: bool) -> float:
         """Answer by all kept readings; returns the 95 % radius, NaN without an answer."""
         obs = locator.readings.readings()
         try:
             posterior = locate(obs, locator.prior)
         except EstimationError:  # of few levels within the scale the thinning has dropped all
             return nan
-        verdict, reasons, *_ = self._verdict.update(posterior, obs)
+        verdict, reasons, *_ = self._verdict.update(posterior, obs, stands=stands)
         self.region = squares_of_region(posterior)
         self.answer = answer_of(self.cell, verdict, reasons, Provenance(len(obs)), posterior)
         return posterior.r95_m

@@ -49,6 +49,17 @@ def test_a_location_is_believed_after_one_more_leg():
     assert "walk one leg away to confirm it" in decisions[0].reasons[0]
 
 
+def test_standing_confirms_nothing():
+    obs = _walk(AROUND, np.array([120.0, 90.0]))
+    posterior = locate(obs, Prior(), EFFORT)
+    verdict = LiveVerdict()
+    words = [verdict.update(posterior, obs, stands=True).verdict for _ in range(8)]
+    for _ in range(CONFIRMED_AFTER + 1):
+        words.append(verdict.update(posterior, obs).verdict)
+    words.append(verdict.update(posterior, obs, stands=True).verdict)
+    assert words == ["cannot tell"] * (8 + CONFIRMED_AFTER) + ["located"] * 2
+
+
 def test_a_location_that_is_lost_has_to_be_confirmed_again():
     obs = _walk(AROUND, np.array([120.0, 90.0]))
     posterior = locate(obs, Prior(), EFFORT)
@@ -77,6 +88,28 @@ def test_the_answer_is_that_of_the_desktop_for_the_same_readings():
     print(f"answers after readings {answers} of {len(obs)}")
     assert len(answers) >= 10
     assert min(np.diff(answers)) >= 15  # a reading is a second
+
+
+def test_where_the_walker_stops_the_answer_is_that_of_all_readings():
+    obs = _walk(AROUND, np.array([120.0, 90.0])).part(slice(250))
+    locator, followed = OnlineLocator(Prior()), FollowedCell("a")
+    for reading in obs:
+        locator.take(reading)
+        if locator.stale > 1.0:
+            locator.search()
+        followed.update(reading.places, locator)
+    last, answers = obs.places[-1], [followed.answer]
+    for second in range(60):
+        stand = replace(last, x_m=last.x_m + second % 7, t_ns=last.t_ns + second * 10**9)
+        followed.update(stand, locator)
+        if followed.answer is not answers[-1]:
+            answers.append(followed.answer)
+            renewed_s = second
+    at_desktop = locate(locator.readings.readings())
+    print(f"{answers[0].place.r95_m:.1f} -> {answers[-1].place.r95_m:.1f} m after {renewed_s} s")
+    assert len(answers) == 2
+    assert 10 <= renewed_s <= 25
+    assert answers[-1].place.r95_m == pytest.approx(at_desktop.r95_m, abs=0.1)
 
 
 def test_a_transmitter_that_moved_is_two_positions_in_time():
