@@ -129,9 +129,10 @@ def refine(walk: Walk, tree: Tree, noise: Noise) -> Tree:
 
 
 def _over_grids(walk: Walk, tree: Tree) -> Tree:
-    """The tree with the evidence of its coarse blocks averaged over grids, in nats.
+    """The tree with the probability over positions averaged over grids of its coarse blocks.
 
-    Of each hypothesis only the shape changes, not the evidence over all positions.
+    Which grid is the right one nobody knows. Of each hypothesis only the shape changes, not the
+    evidence over all positions.
     """
     mixed = tree.mixture(walk.prior)
     is_coarse = walk.prior.noise_table.is_long[tree.numbers] | (not walk.is_searched_twice)
@@ -139,21 +140,18 @@ def _over_grids(walk: Walk, tree: Tree) -> Tree:
     rows = np.flatnonzero(is_coarse & is_likely)
     if not len(rows) or not walk.shifted or len(walk.blocks.censored.places):
         return tree
-    numbers, prior = tree.numbers[rows].tolist(), walk.prior
+    numbers = tree.numbers[rows].tolist()
     chosen = np.flatnonzero(mixed.probability > _LEAST_MASS)
-    position = tree.squares[:2, chosen]
-    each = [
-        BlocksEvidence.of(grid, prior, whiteners(grid, prior, numbers))
-        .evaluate(prior, walk.effort.nodes, position, None)
-        .log_p
-        for grid in (walk.coarse, *walk.shifted)
-    ]
-    mass = tree.log_mass()[chosen]
-    before = tree.evidence.log_p[np.ix_(rows, chosen)]
-    after = before + np.mean(each, axis=0) - each[0]
-    after += (log_sum(before + mass) - log_sum(after + mass))[:, None]
+    position, mass = tree.squares[:2, chosen], tree.log_mass()[chosen]
+    shapes = []
+    for grid in (walk.coarse, *walk.shifted):
+        evidence = BlocksEvidence.of(grid, walk.prior, whiteners(grid, walk.prior, numbers))
+        shape = evidence.evaluate(walk.prior, walk.effort.nodes, position, None).log_p
+        shapes.append(shape - log_sum(shape + mass)[:, None])
+    mean = np.logaddexp.reduce(shapes) - log(len(shapes))
     log_p = tree.evidence.log_p.copy()
-    log_p[np.ix_(rows, chosen)] = after
+    total = log_sum(log_p[np.ix_(rows, chosen)] + mass)
+    log_p[np.ix_(rows, chosen)] = mean + total[:, None]
     return tree._replace(evidence=tree.evidence._replace(log_p=log_p))
 
 
