@@ -25,8 +25,7 @@ _FEWEST_LEVELS = 5
 """With as many levels there is a best position, however unsure; before there is no answer."""
 _FASTEST_MPS = 40.0
 """Faster than this two rows belong to different walks, or a time is wrong."""
-_LATEST_S = 9e9
-"""A later time is no time: in nanoseconds it has no place in 64 bits."""
+_LATEST_S = 9e9  # in nanoseconds a later time has no place in 64 bits
 _FARTHEST_M = 100_000.0
 """Nobody walks so far, and a position that is less accurate is none."""
 _NO_FIX_DEG = (0.0, 0.0)

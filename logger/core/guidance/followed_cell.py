@@ -54,8 +54,7 @@ _CHANGED, _APART = 0.2, 0.4
 """Of radii, in nats. An answer takes up to a second here, ten times as long as a plan."""
 _LEAST_NS = 15 * 10**9
 """Between answers: a walker needs 18 s for 25 m; in a car a small Pi would do nothing else."""
-_STANDS_M = 10.0
-"""Nobody walks so slowly that `_LEAST_NS` take him no farther."""
+_STANDS_M = 10.0  # nobody walks so slowly that `_LEAST_NS` take him no farther
 _MOST_SQUARES = 400
 """Squares of the region, 100 bytes each: the page loads them twice a second."""
 _REGION_DECIMALS = 5
@@ -128,7 +127,7 @@ class FollowedCell:
     def update(self, here: Places, locator: OnlineLocator) -> bool:
         """Take a place of the walker; where a new plan is due, ask the cell's locator.
 
-        Returns whether the advice, and the answer if it is due as well, are new.
+        Returns whether one of them is new.
         """
         self._guide.walk(here)
         if self._stop is None or here.away_m(self._stop) > _STANDS_M:

@@ -22,8 +22,7 @@ COARSE_BLOCKS = 80
 ORIGINS = ((0.5, 0.5), (0.25, 0.75), (0.75, 0.25))
 """Grids of coarse blocks besides the usual one.
 
-Which readings share a block decides as much as the errors of the levels: moved by a metre, 9 of 100
-measured walks had a region of more than twice or less than half the area.
+Which readings share a block decides as much as the errors of the levels.
 """
 
 MOST_MODEMS = 20

@@ -131,8 +131,7 @@ def refine(walk: Walk, tree: Tree, noise: Noise) -> Tree:
 def _over_grids(walk: Walk, tree: Tree) -> Tree:
     """The tree with the probability over positions averaged over grids of its coarse blocks.
 
-    Which grid is the right one nobody knows. Of each hypothesis only the shape changes, not the
-    evidence over all positions.
+    Of each hypothesis only the shape changes, not the evidence over all positions.
     """
     mixed = tree.mixture(walk.prior)
     is_coarse = walk.prior.noise_table.is_long[tree.numbers] | (not walk.is_searched_twice)
@@ -143,7 +142,7 @@ def _over_grids(walk: Walk, tree: Tree) -> Tree:
     numbers = tree.numbers[rows].tolist()
     chosen = np.flatnonzero(mixed.probability > _LEAST_MASS)
     position, mass = tree.squares[:2, chosen], tree.log_mass()[chosen]
-    shapes = []
+    shapes = []  # of grids that are equally likely to be the right one
     for grid in (walk.coarse, *walk.shifted):
         evidence = BlocksEvidence.of(grid, walk.prior, whiteners(grid, walk.prior, numbers))
         shape = evidence.evaluate(walk.prior, walk.effort.nodes, position, None).log_p
