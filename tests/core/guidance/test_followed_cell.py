@@ -54,8 +54,7 @@ def test_standing_confirms_nothing():
     posterior = locate(obs, Prior(), EFFORT)
     verdict = LiveVerdict()
     words = [verdict.update(posterior, obs, stands=True).verdict for _ in range(8)]
-    for _ in range(CONFIRMED_AFTER + 1):
-        words.append(verdict.update(posterior, obs).verdict)
+    words += [verdict.update(posterior, obs).verdict for _ in range(CONFIRMED_AFTER + 1)]
     words.append(verdict.update(posterior, obs, stands=True).verdict)
     assert words == ["cannot tell"] * (8 + CONFIRMED_AFTER) + ["located"] * 2
 
