@@ -70,7 +70,7 @@ def test_nothing_in_the_page_s_file_stops_the_recorder(folder, monkeypatch):
         service.wait_for(lambda: b"mark" in _journal(folder).tables["notes"]["code"])
         fed, status = said().count("WATCHDOG=1"), read_status(folder / "cellwalk")
         service.wait_for(lambda: said().count("WATCHDOG=1") > fed + 1, 10.0)
-        assert read_status(folder / "cellwalk").now_ns > status.now_ns
+        service.wait_for(lambda: read_status(folder / "cellwalk").now_ns > status.now_ns, 10.0)
         service.stop_service(logger)
     run = _run(folder)
     assert run.end.reason == "signal SIGTERM"

@@ -12,17 +12,17 @@ def test_a_real_folder_has_a_speed_and_nothing_is_left_in_it(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("wait_s", "state"), [(0.0, "ok"), (0.06, "warn"), (0.25, "fail")])
+@pytest.mark.parametrize(("wait_s", "state"), [(0.0, "ok"), (0.4, "warn"), (1.1, "fail")])
 def test_a_slow_card_is_reported(tmp_path, monkeypatch, wait_s, state):
-    real, flushes = os.fdatasync, []
+    flushes = []
 
     def slow(descriptor):
+        """Waits only as long as the case says: the card of the machine may be busy."""
         flushes.append(descriptor)
         time.sleep(wait_s * (len(flushes) == 3))
-        real(descriptor)
 
-    monkeypatch.setattr(machine, "_SLOW_S", 0.05)
-    monkeypatch.setattr(machine, "_TOO_SLOW_S", 0.2)
+    monkeypatch.setattr(machine, "_SLOW_S", 0.3)
+    monkeypatch.setattr(machine, "_TOO_SLOW_S", 1.0)
     monkeypatch.setattr(os, "fdatasync", slow)
     assert machine.speed(tmp_path).state == state
 
