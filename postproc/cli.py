@@ -36,6 +36,7 @@ from postproc.options import (
     prior_options,
     run_argument,
     runs_argument,
+    stored_result,
     within_option,
 )
 from postproc.pictures.cli import plot
@@ -171,7 +172,9 @@ def smooth(
     estimates, documents = [], []
     rows: list[cell_work.Row] = []
     for group, own_cells in groups:
-        estimated = estimate(group.runs, own_cells, result.Options(prior, loss, within_m))
+        asked = result.Options(prior, loss, within_m)
+        ready = stored_result(group.runs, own_cells, asked) if own_cells else None
+        estimated = ready or estimate(group.runs, own_cells, asked)
         with_words, _ = run_assessment.conspicuous_first(
             estimated, progress.with_progress, group.several
         )
@@ -184,7 +187,8 @@ def smooth(
     show(ground.document_of_groups([group for group, _ in groups], documents), as_json=as_json)
     for (group, own_cells), estimated, said in zip(groups, estimates, documents, strict=True):
         beside = results.path_beside([run.path for run in group.runs])
-        results.write(estimated, said.content, beside, own_cells)
+        if not own_cells or not beside.exists():  # a few cells do not replace all
+            results.write(estimated, said.content, beside, own_cells)
     return cell_work.exit_code(rows)
 
 

@@ -309,7 +309,7 @@ def check_one_place(runs: Sequence[Run]) -> None:
         raise GeoError(
             f"{groups[1].runs[0].path} was walked far from {groups[0].runs[0].path}: these runs "
             f"are of {len(groups)} places ({names}), which share neither a map nor a cell: "
-            "give those of one place"
+            "give those of one place, or the groups of postproc.by_place"
         )
 
 

@@ -289,7 +289,8 @@ def _overview(rows: Sequence[SummaryRow]) -> tuple[Parts, list[Failure]]:
         how_many = "all" if n_few == len(folded) else n_few
         few = f", {how_many} for want of readings" if n_few else ""
         ordinary = "; none is unusual" if all(row.answer.word for row in folded) else ""
-        more = f"{len(folded)} more cells cannot be located{few}{ordinary} (-v shows them)"
+        n_more = f"{len(folded)} more cell{'s' * (len(folded) != 1)}"
+        more = f"{n_more} cannot be located{few}{ordinary} (-v shows them)"
         parts.append(Line(more, "dim"))
     parts += map(_failure_line, failures)
     parts += [

@@ -260,7 +260,7 @@ class LiveTracker:
             pursuit.judge(self.followed.answer)
         notes = []
         way = self.followed.way
-        if way is not None and way is not before:
+        if way is not None and way is not before and not pursuit.over:
             notes.append(Note("info", ADVICE, f"{target}: {way.text}"))
         if self._gives_up and pursuit.over not in {"", before_end}:
             notes.append(Note("info", "target-over", f"{target}: {pursuit.over}"))

@@ -382,7 +382,7 @@ def _write(
     rows = with_progress(
         sightings if has_times else _without_times(sightings), "writing", len(sightings)
     )
-    scans = scans_of(rows) if form.has_scans and has_times else ([row] for row in rows)
+    scans = scans_of(rows, form) if form.has_scans and has_times else ([row] for row in rows)
     walk = _Walk(scans, left.remarks, track)
     fill = _fill_capture if form.capture else _fill
     write_run(target, meta_of(origin), lambda append: fill(append, walk, imported), "imported")
@@ -514,10 +514,19 @@ def _why_no_clock(source: Path, form: Format, sightings: SightingFile) -> str | 
     return None
 
 
-def scans_of(sightings: Iterable[Sighting]) -> Iterator[list[Sighting]]:
-    """Rows of each scan; of a cell that a scan has twice, the last one."""
-    for _, rows in groupby(sightings, key=lambda row: (row.t_ns, row.receiver)):
-        cells = {_cell_of(row): row for row in rows}
+def scans_of(sightings: Iterable[Sighting], form: Format) -> Iterator[list[Sighting]]:
+    """Rows of one time, place and receiver.
+
+    A cell that they have again begins another scan; where apps repeat rows, the last one counts.
+    """
+    for _, rows in groupby(sightings, key=lambda row: (row.t_ns, row.receiver, row.fix)):
+        cells: dict[tuple[object, ...], Sighting] = {}
+        for row in rows:
+            cell = _cell_of(row)
+            if form.unrepeated and cell in cells:
+                yield list(cells.values())
+                cells = {}
+            cells[cell] = row
         yield list(cells.values())
 
 

@@ -88,6 +88,8 @@ def report(
         start_s, file, folder = perf_counter(), target, picture_folder
         if len(groups) > 1:
             file = target.with_stem(f"{target.stem}-{group.file_name}")
+            if output is None:
+                file = group.runs[0].path.with_suffix(".html")
             folder = picture_folder and picture_folder / group.file_name
         result, conspicuous = run_assessment.conspicuous_first(
             stored_or_estimated(group.runs, own_cells, options),

@@ -1,5 +1,7 @@
 """How the search for the target goes: until it is located, or given up."""
 
+from math import inf
+
 from logger.core.answer import Answer
 from logger.core.guidance.routes import LEG_M
 from logger.core.places import Places
@@ -9,7 +11,8 @@ _LEGS = 3
 _SMALLER = 0.8
 """The region has to shrink by a fifth within `_LEGS` legs, or walking on is of no use.
 
-What it is compared with is the widest one so far: a few readings have a narrower one, by the prior.
+It is compared with the one that shrank last, first with the widest: a few readings have a narrower
+one, by the prior.
 """
 _LOUDER_DB = 3.0
 """A walker who hears so much more than before comes nearer, while the region may still be wide."""
@@ -36,7 +39,7 @@ class Pursuit:
         self._is_suspicious = False
         self._here: Places | None = None
         self._walked_m = 0.0
-        self._area_m2, self._loudest_dbm = 0.0, 0.0
+        self._area_m2, self._loudest_dbm, self._has_shrunk = 0.0, -inf, False
         self.is_located = False
         self.given_up = ""
 
@@ -52,7 +55,7 @@ class Pursuit:
     def walk(self, t_ns: int, here: Places, *, is_suspicious: bool) -> None:
         """Take a place of the walker; a word that is new is a reason to search again."""
         if is_suspicious and not self._is_suspicious:
-            self.given_up, self._walked_m, self._area_m2 = "", 0.0, 0.0
+            self.given_up, self._walked_m, self._area_m2, self._has_shrunk = "", 0.0, 0.0, False
         self._is_suspicious = is_suspicious
         stepped_m = 0.0 if self._here is None else here.away_m(self._here)
         if self._here is None or stepped_m >= _STEP_M:
@@ -74,12 +77,15 @@ class Pursuit:
         area_m2, level_dbm = answer.place.area_m2, answer.place.strongest.level_dbm
         is_smaller = area_m2 <= _SMALLER * self._area_m2
         if not self._area_m2 or is_smaller or level_dbm >= self._loudest_dbm + _LOUDER_DB:
-            self._area_m2, self._loudest_dbm, self._walked_m = area_m2, level_dbm, 0.0
+            self._loudest_dbm, self._walked_m = max(self._loudest_dbm, level_dbm), 0.0
             if self.given_up == _NO_SMALLER:  # what came by itself: the search goes on
                 self.given_up = ""
         elif self._walked_m >= _LEGS * leg_m and not self.is_located:
             self._give_up(_NO_SMALLER)
-        self._area_m2 = max(self._area_m2, area_m2)
+        if is_smaller:
+            self._area_m2, self._has_shrunk = area_m2, True
+        elif not self._has_shrunk:
+            self._area_m2 = max(self._area_m2, area_m2)
 
     def _give_up(self, why: str) -> None:
         if self._give_up_ns:

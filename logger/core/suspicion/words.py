@@ -33,12 +33,21 @@ WORD_RATES: Mapping[Word, Rate] = {
 _OF_A_NEW_STATION = frozenset({"P1", "L1", "L2", "L4"})
 """Rules one of which a strong station of an invented network or area most likely breaks."""
 _NEEDED = {
+    "identity": "identities",
+    "country code": "country codes",
+    "area code": "area codes",
+    "channel": "channels",
+    "colour code": "colour codes",
+    "level": "levels",
+    "position": "positions",
+    "neighbours": "neighbours",
+    "neighbour lists": "neighbour lists",
     "timing advance": "timing advances",
     "C1 and C2": "reselection offsets",
     "second technology": "a second technology",
     "cell database": "a database of cells",
 }
-"""Needs of rules as they stand in a sentence."""
+"""Needs of rules as they stand in a sentence; it says nothing of earlier walks and technologies."""
 
 FINDING_CODE, ERROR_CODE = "finding", "rule-failed"
 """Codes of the events of each finding, and of the error of a rule."""
@@ -94,7 +103,7 @@ def unnoticed_text(not_asked: Mapping[str, Sequence[str]], n_walks: int | None) 
     `n_walks` is the number of earlier walks of the ground, None where that differs.
     """
     missing = dict.fromkeys(need for needs in not_asked.values() for need in needs)
-    needs = [_NEEDED.get(need, need) for need in missing if need != "earlier walks"]
+    needs = [_NEEDED[need] for need in missing if need in _NEEDED]
     can_see_new = not not_asked.keys() >= _OF_A_NEW_STATION
     unseen = ["a weak one"] if can_see_new else []
     if n_walks is None or n_walks < FEWEST_WALKS:

@@ -130,4 +130,8 @@ def _is_it(seen: Contents) -> bool:
     return seen.kind == "text" and len(seen.names & ours) >= 2
 
 
-IMPORTS = (Format("CSV", read, "t_s or time_utc", _is_it, is_general=True, unrepeated=True),)
+IMPORTS = (
+    Format(
+        "CSV", read, "t_s or time_utc", _is_it, has_scans=True, is_general=True, unrepeated=True
+    ),
+)

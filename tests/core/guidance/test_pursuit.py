@@ -37,6 +37,7 @@ def _walks(pursuit, areas_m2, r95_m=100.0, leg_m=100.0, is_suspicious=True, rise
         ([1000, 2000, 3000, 4000], True),
         ([1000, 2000, 1600, 1600], False),  # of the widest: a few readings are near by the prior
         ([1000, 1000, 1000, 1000, 800], False),
+        ([1000, 2000, 1600, 2500, 1700, 2600, 1800], True),  # wider and narrower again says nothing
     ],
 )
 def test_three_legs_without_a_region_smaller_by_a_fifth_end_it(areas_m2, is_over):
