@@ -228,6 +228,16 @@ def test_a_command_tells_why_it_estimates_again(copy, tmp_path, capsys):
     ]
 
 
+def test_a_few_cells_are_those_that_are_stored_and_do_not_replace_all(copy, capsys, monkeypatch):
+    stored = results.path_beside([copy]).read_bytes()
+    with monkeypatch.context() as patched:
+        patched.setattr("postproc.smoothing.smooth_runs", lambda *_, **__: pytest.fail("estimated"))
+        assert main(["smooth", str(copy), "--cell", kit.cell_name(1)]) == 0
+    assert f"estimates are those of {results.path_beside([copy])}" in capsys.readouterr().err
+    assert main(["smooth", str(copy), "--cell", kit.cell_name(1), "--height", "5"]) == 0
+    assert results.path_beside([copy]).read_bytes() == stored
+
+
 def test_smooth_always_estimates(copy, monkeypatch, capsys):
     monkeypatch.setattr("postproc.smoothing.smooth_runs", lambda *_, **__: pytest.fail("estimated"))
     with pytest.raises(BaseException, match="estimated"):

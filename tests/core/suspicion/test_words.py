@@ -6,6 +6,7 @@ from logger.core.suspicion.words import (
     by_word,
     false_alarms_per_hour,
     sentences,
+    unnoticed_text,
     word_rate_text,
 )
 
@@ -69,3 +70,14 @@ def test_the_rate_of_an_alarm_is_a_bound_where_there_was_none():
 def test_a_rate_is_printed_with_its_interval_and_hours():
     text = "legitimate cells earned this word 0.03 times an hour (0.00 to 0.14, 95 %) in 38.5 h of "
     assert word_rate_text("suspicious").startswith(text)
+
+
+def test_what_no_scan_told_stands_in_a_sentence():
+    not_asked = {
+        "P1": ("country code", "position"),
+        "N1": ("neighbour lists",),
+        "R1": ("cell of GSM",),
+        "B1": ("earlier walks",),
+    }
+    said = unnoticed_text(not_asked, 0)
+    assert "one that only country codes, positions or neighbour lists would betray" in said

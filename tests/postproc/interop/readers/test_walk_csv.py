@@ -1,10 +1,13 @@
 import tempfile
 from pathlib import Path
 
+import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from logger.core.runfile import read_run
 from logger.core.types import Broadcast, CellReading, Fix
+from postproc.interop.importing import import_walk
 from postproc.interop.sighting import BadRow, Sighting
 from postproc.interop.writers import csv as write_csv
 from tests.postproc.interop.walks import export_of, read_walk
@@ -67,6 +70,29 @@ def test_what_is_written_is_read_back_equal(heard):
         good, bad = read_walk(Path(folder) / "walk.csv")
     assert bad == []
     assert [(h.t_ns, h.fix, h.reading) for h in good] == [(h.t_ns, h.fix, h.reading) for h in heard]
+
+
+def _scans_of(text, tmp_path):
+    """Cells of each scan of a table that is imported."""
+    (tmp_path / "walk.csv").write_text(text)
+    import_walk(tmp_path / "walk.csv", tmp_path / "walk.h5")
+    readings = read_run(tmp_path / "walk.h5").tables["readings"]
+    return [
+        [cell.decode() for cell in readings["cell"][readings["seq"] == seq]]
+        for seq in np.unique(readings["seq"])
+    ]
+
+
+def test_rows_of_one_time_and_place_are_one_scan(tmp_path):
+    header = "t_s,lat,lon,rssi_dbm,cell\n"
+    rows = ["0,52,13,-70,a", "0,52,13,-71,b", "1,52,13.0001,-70,a", "1,52,13.0002,-75,b"]
+    assert _scans_of(header + "\n".join(rows), tmp_path) == [["a", "b"], ["a"], ["b"]]
+
+
+def test_no_level_of_one_time_is_lost(tmp_path):
+    rows = ["0,52,13,-70,a", "0,52,13,-71,a", "0,52,13,-72,b", "1,52,13,-70,a"]
+    text = "t_s,lat,lon,rssi_dbm,cell\n" + "\n".join(rows)
+    assert _scans_of(text, tmp_path) == [["a"], ["a", "b"], ["a"]]
 
 
 def test_a_bad_value_of_a_cell_is_a_bad_row(tmp_path):
