@@ -515,10 +515,7 @@ def _why_no_clock(source: Path, form: Format, sightings: SightingFile) -> str | 
 
 
 def scans_of(sightings: Iterable[Sighting], form: Format) -> Iterator[list[Sighting]]:
-    """Rows of one time, place and receiver.
-
-    A cell that they have again begins another scan; where apps repeat rows, the last one counts.
-    """
+    """Rows of one time, place and receiver; a repeated cell begins another scan, or counts last."""
     for _, rows in groupby(sightings, key=lambda row: (row.t_ns, row.receiver, row.fix)):
         cells: dict[tuple[object, ...], Sighting] = {}
         for row in rows:

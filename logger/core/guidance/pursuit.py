@@ -11,8 +11,8 @@ _LEGS = 3
 _SMALLER = 0.8
 """The region has to shrink by a fifth within `_LEGS` legs, or walking on is of no use.
 
-It is compared with the one that shrank last, first with the widest: a few readings have a narrower
-one, by the prior.
+It is compared with the last that shrank, first with the widest: a few readings have a narrower one,
+by the prior.
 """
 _LOUDER_DB = 3.0
 """A walker who hears so much more than before comes nearer, while the region may still be wide."""

@@ -47,7 +47,7 @@ _NEEDED = {
     "second technology": "a second technology",
     "cell database": "a database of cells",
 }
-"""Needs of rules as they stand in a sentence; it says nothing of earlier walks and technologies."""
+"""Needs of rules as they stand in a sentence."""
 
 FINDING_CODE, ERROR_CODE = "finding", "rule-failed"
 """Codes of the events of each finding, and of the error of a rule."""
