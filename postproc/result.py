@@ -121,16 +121,16 @@ ESTIMATORS: Final = (BATCH, EKF, BACKWARD, RTS, REFERENCE)
 class CellResult:
     """What each estimator states about one cell; None where it has nothing reliable to state.
 
-    `n` counts the readings with a position, `n_scans` the scans that identified the cell without
-    doubt. `answer` is made of `posterior` and `verdict`; the reference EKF, the EKF forward and
-    backward with their comparison, the RTS smoother and the least-squares fit (`batch`) are for
-    comparison. `residuals` are those at the posterior's best position. `timing` compares timing
-    advances with the posterior; None where none was read. `failed` names the estimators that did
-    not converge; their values are dropped. `heard_utc_ns` are the times of the first and the last
-    reading in UTC, None where unknown. `set_aside` are levels that the readings before and
-    after contradict; only the reference EKF and `residuals` use them. `error` is that of the
-    program which ended some of the work on the cell, `needed_m` the radius that a location needs
-    where the region is wider; None otherwise.
+    `n` counts the readings with a position, `n_scans` the scans that surely identified the cell.
+    `answer` is made of `posterior` and `verdict`; the reference EKF, the EKF forward and backward
+    with their comparison, the RTS smoother and the least-squares fit (`batch`) are for comparison.
+    `residuals` are those at the posterior's best position. `timing` compares timing advances with
+    the posterior; None where none was read. `failed` names the estimators that did not converge;
+    their values are dropped. `heard_utc_ns` are the times of the first and the last reading in UTC,
+    None where unknown. `set_aside` are levels that the readings around contradict; only the
+    reference EKF and `residuals` use them. `error` is the program's that ended some work on the
+    cell, `needed_m` the radius that a location needs where the region is wider; None otherwise.
+    `word` is empty unless it is conspicuous.
 
     `shares` is what each run contributed, `run_index` (n,) the index in `Result.runs` of each
     reading of `obs`, and `without` the answer without one run, by its index; empty unless two or
@@ -160,6 +160,7 @@ class CellResult:
     without: Mapping[int, "CellResult"] = field(default_factory=dict)
     error: str | None = None
     needed_m: float | None = None
+    word: str = ""
 
     @property
     def place(self) -> Place | None:
@@ -179,7 +180,8 @@ class CellResult:
         return None if self.place is None else self.place.lon
 
     def __repr__(self) -> str:
-        return f"{self.cell or 'cell'}, {self.n} readings: {self._sentence()}"
+        word = f"{self.word}; " if self.word else ""
+        return f"{self.cell or 'cell'}, {self.n} readings: {word}{self._sentence()}"
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the answer, and a plan of where the cell was heard."""

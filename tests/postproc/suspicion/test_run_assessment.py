@@ -32,6 +32,8 @@ def test_the_suspicious_cell_is_the_one_of_interest(tmp_path):
     assert conspicuous == ("310-260-1201-99",)
     assert result.cells[0].cell == conspicuous[0]
     assert result.warnings[0].startswith("310-260-1201-99 is suspicious: ")
+    assert [cell.word for cell in result.cells] == ["suspicious", *[""] * len(HOME)]
+    assert "readings: suspicious; " in repr(result.cells[0])
     (shown,) = select_cells(result, conspicuous[:1])
     assert shown.cell == conspicuous[0]
     lines = list(terminal_lines(document_of(summarise(result), details=True)[0]))
