@@ -28,7 +28,7 @@ page: .venv/post.stamp
 # runs the tests one after another, for a debugger.
 WORKERS ?= 4
 test: lint
-	$(BIN)/pytest -m "not slow" -n $(WORKERS) --dist worksteal
+	$(BIN)/pytest -m "not slow" -n $(WORKERS) --dist worksteal $(AGAIN)
 
 lint: .venv/dev.stamp
 	$(BIN)/ruff check .
@@ -48,7 +48,7 @@ OLDEST := numpy==1.24.* h5py==3.8.* pyproj==3.4.* pyserial==3.5 pynmea2==1.15.* 
 # arrays, which differ in the last bit; without it equal input has equal output, as on a Pi and with later versions.
 test-oldest: .venv/oldest.stamp
 	! grep -q avx512vl /proc/cpuinfo || export NPY_DISABLE_CPU_FEATURES="AVX512F AVX512_SKX"; \
-	.venv/oldest/bin/pytest -m "not slow" -o cache_dir=.venv/oldest/cache $(OLDEST_AGAIN) \
+	.venv/oldest/bin/pytest -m "not slow" -o cache_dir=.venv/oldest/cache $(AGAIN) \
 		$$(grep -rLE '^ *(from|import) (postproc|benchmarks|scipy|filterpy)' \
 		--include='test_*.py' --exclude=test_truth.py --exclude=test_any_input.py --exclude=test_marks.py \
 		--exclude-dir=guidance tests/core tests/device tests/drivers/protocols tests/page)

@@ -36,7 +36,7 @@ from postproc.options import (
     prior_options,
     run_argument,
     runs_argument,
-    stored_result,
+    stored_or_estimated,
     within_option,
 )
 from postproc.pictures.cli import plot
@@ -173,8 +173,8 @@ def smooth(
     rows: list[cell_work.Row] = []
     for group, own_cells in groups:
         asked = result.Options(prior, loss, within_m)
-        ready = stored_result(group.runs, own_cells, asked) if own_cells else None
-        estimated = ready or estimate(group.runs, own_cells, asked)
+        find = stored_or_estimated if own_cells else estimate
+        estimated = find(group.runs, own_cells, asked)
         with_words, _ = run_assessment.conspicuous_first(
             estimated, progress.with_progress, group.several
         )

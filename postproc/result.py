@@ -6,7 +6,7 @@ nothing else; positions are UTM, times nanoseconds (conventions: `logger.core`).
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -311,6 +311,11 @@ class Result:
     not_asked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     unnoticed: str = ""
 
+    def __post_init__(self) -> None:
+        conspicuous = {name: word.word for name, word in self.words.items() if word.is_conspicuous}
+        cells = (replace(cell, word=conspicuous.get(cell.cell, "")) for cell in self.cells)
+        object.__setattr__(self, "cells", tuple(cells))
+
     @property
     def answers(self) -> tuple[Answer, ...]:
         """The answers about all cells."""
@@ -332,7 +337,7 @@ class Result:
         if cell is not None and not drawn:
             raise ConfigError(f"cell {cell} is not in this result")
         axes = ax or new_axes()
-        on_plan = [part for one in drawn for part in _on_plan(one, "", self._word(one))]
+        on_plan = [part for one in drawn for part in _on_plan(one, "", one.word)]
         draw(axes, self._strips_m(), np.empty((0, 2)), on_plan)
         return axes
 
@@ -350,7 +355,7 @@ class Result:
             part
             for i, cell in enumerate(shown, 1)
             if any(cell is one for one in drawn)
-            for part in _on_plan(cell, f"{i}", self._word(cell))
+            for part in _on_plan(cell, f"{i}", cell.word)
         ]
         plan = svg(self._strips_m(), np.empty((0, 2)), on_plan)
         more = len(self.cells) - len(shown)
@@ -366,21 +371,17 @@ class Result:
     def _title(self) -> str:
         names = [observed.run.name for observed in self.runs]
         more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-        words = Counter(self._word(cell) for cell in self.cells)
+        words = Counter(cell.word for cell in self.cells)
         n_located = sum(cell.verdict == "located" for cell in self.cells)
         counts = [f"{words[word]} {word}" for word in WORDS[:0:-1] if words[word]]
         n_cells = f"{len(self.cells)} cell{'s' * (len(self.cells) != 1)}"
         said = ", ".join([n_cells, *counts, f"{n_located} located"])
         return f"{', '.join(names[:3])}{more}: {said}"
 
-    def _word(self, cell: CellResult) -> str:
-        word = self.words.get(cell.cell)
-        return word.word if word is not None and word.is_conspicuous else ""
-
     def _to_draw(self) -> list[CellResult]:
         """The conspicuous, located and ambiguous cells; without any the first that has a place."""
         placed = [cell for cell in self.cells if cell.posterior is not None]
-        known = [cell for cell in placed if self._word(cell) or cell.verdict != "cannot tell"]
+        known = [cell for cell in placed if cell.word or cell.verdict != "cannot tell"]
         return known[:_MOST_DRAWN] or placed[:1]
 
     def _strips_m(self) -> list[FloatArray]:

@@ -87,9 +87,8 @@ def report(
     for group, own_cells in groups:
         start_s, file, folder = perf_counter(), target, picture_folder
         if len(groups) > 1:
-            file = target.with_stem(f"{target.stem}-{group.file_name}")
-            if output is None:
-                file = group.runs[0].path.with_suffix(".html")
+            own = output or group.runs[0].path.with_suffix(".html")
+            file = own.with_stem(f"{own.stem}-{group.file_name}")
             folder = picture_folder and picture_folder / group.file_name
         result, conspicuous = run_assessment.conspicuous_first(
             stored_or_estimated(group.runs, own_cells, options),

@@ -308,8 +308,6 @@ def conspicuous_first(
     warnings = (*lines, *of_none, *result.warnings)
     words = {name: assess(name, ()) for name in there}
     words |= {cell.cell: cell for cell in suspicions.cells}
-    conspicuous = {cell.cell: cell.word for cell in unusual}
-    cells = [replace(cell, word=conspicuous.get(cell.cell, "")) for cell in cells]
     cells = [
         replace(cell, warnings=(*cell.warnings, several_text(several[cell.cell])))
         if cell.cell in several
