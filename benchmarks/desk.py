@@ -50,7 +50,10 @@ class Spent(NamedTuple):
 def write_run(folder: Path, cells: int, scans: int) -> Path:
     """A walk through streets, with a fix and a scan of all cells a second; returns the HDF5."""
     # the recorder of either tree
-    from logger.core.places import Utm  # noqa: PLC0415
+    try:
+        from logger.core.places import Utm  # noqa: PLC0415
+    except ImportError:  # before places had a type
+        from logger.core.geo import Utm  # type: ignore # noqa: PLC0415
     from logger.core.runfile import RunMeta, RunWriter, finish_journal  # noqa: PLC0415
     from logger.core.types import CellReading, Fix, Record, Scan  # noqa: PLC0415
 

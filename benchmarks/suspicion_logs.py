@@ -68,10 +68,11 @@ def read_logs(folder: Path = LOGS) -> Iterator[Log]:
 def read_log(path: Path) -> Log:
     """One log; rows without a position are left out."""
     with plain_file(path) as plain:
-        rows = [row for row in recognise(plain).read(plain) if isinstance(row, Sighting)]
+        form = recognise(plain)
+        rows = [row for row in form.read(plain) if isinstance(row, Sighting)]
     rows.sort(key=lambda row: row.t_ns)
     records = []
-    for scan in scans_of(rows):
+    for scan in scans_of(rows, form):
         t_ns = scan[0].t_ns - rows[0].t_ns
         records.append(Record(t_ns, "import", scan[0].fix))
         readings = tuple(reportable(row.reading) for row in scan)

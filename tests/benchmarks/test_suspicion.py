@@ -1,5 +1,6 @@
 """The measured rates hold: a rule that accuses more legitimate cells than stated fails here."""
 
+import gzip
 from contextlib import closing
 from dataclasses import replace
 from math import inf
@@ -11,7 +12,7 @@ from benchmarks.suspicion_baseline import baseline_of, logs_with_baseline
 from benchmarks.suspicion_city import city_log
 from benchmarks.suspicion_gone import summary_of
 from benchmarks.suspicion_injection import Station, detect, inject, outcomes
-from benchmarks.suspicion_logs import LOGS, Log, read_logs
+from benchmarks.suspicion_logs import LOGS, Log, read_log, read_logs
 from benchmarks.suspicion_patterns import COPIES, ORDINARY
 from benchmarks.suspicion_takeover import CORPUS, full_scans, takeovers
 from logger.core.baseline import NO_BASELINE
@@ -26,6 +27,21 @@ HOURS = N_SCANS * STEP_S / 3600.0
 STREET = Log("simulated", street(), HOURS)
 
 needs_logs = pytest.mark.skipif(not LOGS.is_dir(), reason=f"there are no logs in {LOGS}")
+
+
+def test_a_log_is_read_by_scans_with_its_hours(tmp_path):
+    header = "t_s,lat,lon,rat,mcc,mnc,lac_tac,cid,arfcn,pci_bsic,level_dbm,serving,ta"
+    rows = [
+        f"{1598796851 + k},45.41{k},-75.69,GSM,302,720,1,{cid},{arfcn},,-70,{serving},"
+        for k in range(1, 4)
+        for cid, arfcn, serving in ((51, 62, 1), (52, 64, 0))
+    ]
+    path = tmp_path / "ottawa_1.csv.gz"
+    path.write_bytes(gzip.compress("\n".join([header, *rows]).encode()))
+    log = read_log(path)
+    scans = [record.value for record in log.records if isinstance(record.value, Scan)]
+    assert [[reading.cid for reading in scan.readings] for scan in scans] == [[51, 52]] * 3
+    assert (log.set_name, log.hours * 3600.0) == ("ottawa", pytest.approx(2.0))
 
 
 @needs_logs
