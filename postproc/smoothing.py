@@ -252,7 +252,7 @@ def estimate_cell(obs: Readings, options: Options = Options()) -> CellResult:
         spikes=located.set_aside,
     )
     warnings = [*result.warnings, *_batch_warnings(result.batch, posterior), *findings(diagnosis)]
-    if isinstance(forward, ekf_initialisation.NoRun):
+    if isinstance(forward, ekf_initialisation.NoRun) and result.verdict == "located":
         warnings.append(f"no EKF and no RTS: {forward.reason}")
     if comparison and comparison.warning:
         warnings.append(comparison.warning)
