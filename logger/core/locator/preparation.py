@@ -19,10 +19,11 @@ from logger.core.readings import Readings
 COARSE_BLOCKS = 80
 """Blocks of the coarse search: its time grows with their square."""
 
-ORIGINS = ((0.5, 0.5), (0.25, 0.75), (0.75, 0.25))
-"""Grids of coarse blocks besides the usual one.
+ORIGINS = tuple((k / 8.0, 3.0 * k / 8.0 % 1.0) for k in range(1, 8))
+"""Grids of coarse blocks besides the usual one, evenly over a block (a lattice of rank 1).
 
-Which readings share a block decides as much as the errors of the levels.
+Which readings share a block decides as much as the errors of the levels: of 16 regions that 1 m
+changes more than twofold with 4 grids, 8 change less with 8, and no other with 16.
 """
 
 MOST_MODEMS = 20
