@@ -107,7 +107,7 @@ def _not_unpacked(source: Path, error: Exception) -> RunFileError:
     reason = (isinstance(error, OSError) and error.strerror) or error
     if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
         reason = f"no space is left in {gettempdir()}; TMPDIR names another folder"
-    if isinstance(error, zipfile.BadZipFile) and str(error) == "File is not a zip file":
+    if isinstance(error, EOFError) or str(error) == "File is not a zip file":
         reason = "its end is missing: download or copy it again"
     return RunFileError(f"{source} cannot be unpacked: {reason}")
 

@@ -347,13 +347,13 @@ def _write(
     if form.capture:
         if n_undated := sightings.leave_out_before(CLOCK_SET_NS):
             left.take(NoCell(0, "readings of before the modem's clock was set", n_undated))
-        if sightings and sightings.span_ns()[0] >= CLOCK_SET_NS:
+        if _span_ns(sightings, left.remarks)[1] >= CLOCK_SET_NS:
             dated = [one for one in left.remarks if one.utc_ns >= CLOCK_SET_NS]
             if n_undated := len(left.remarks) - len(dated):
                 left.remarks = dated
                 why = "remarks and signals of before the modem's clock was set"
                 left.take(NoCell(0, why, n_undated))
-        track, no_track = _part_of_track(sightings, reading)
+        track, no_track = _part_of_track(_span_ns(sightings, left.remarks), reading)
     elif has_times and sightings:
         no_clock = _why_no_clock(name, form, sightings)
     has_times = has_times and no_clock is None
@@ -389,11 +389,21 @@ def _write(
     return imported
 
 
-def _part_of_track(sightings: SightingFile, reading: Reading) -> tuple[GpsTrack | None, str | None]:
-    """The track around the readings of a capture, or why it has none."""
+def _span_ns(sightings: SightingFile, remarks: Sequence[Remark]) -> tuple[int, int]:
+    if sightings:
+        return sightings.span_ns()
+    # signals alone: an early Rayhunter records no levels
+    times_ns = [one.utc_ns for one in remarks]
+    return min(times_ns), max(times_ns)
+
+
+def _part_of_track(
+    span_ns: tuple[int, int], reading: Reading
+) -> tuple[GpsTrack | None, str | None]:
+    """The track around a capture's stretch of time, or why it has none."""
     if reading.track is None:
         return None, reading.no_track or "it has none; --track adds those of a walk"
-    first_ns, last_ns = sightings.span_ns()
+    first_ns, last_ns = span_ns
     if last_ns < CLOCK_SET_NS:
         return None, "the modem's clock was never set, so that no position has its time"
     if (track := reading.track.part(first_ns, last_ns)) is None:
@@ -591,7 +601,7 @@ def _fill_capture(append: Append, walk: _Walk, imported: Imported) -> int:
     for fix in reversed(fixes):
         t_ns = (fix.utc_ns or 0) - start_ns
         append(Record(t_ns, "import", fix))
-    return t_ns
+    return max([t_ns, *(remark.utc_ns - start_ns for remark in walk.remarks)])
 
 
 def _fill_track(append: Append, walk: _Walk, start_ns: int) -> int:

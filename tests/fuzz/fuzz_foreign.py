@@ -28,7 +28,15 @@ from postproc.basemap.tiles import Area, street_at
 from postproc.interop.importing import import_walk
 from postproc.survey.dataset import Survey
 from postproc.verification.claims import read_claims
-from tests.kit.diag_capture import T0_NS, gps_lines, pcapng, rayhunter_zip, stream, udp_packet
+from tests.kit.diag_capture import (
+    T0_NS,
+    gps_lines,
+    log_frame,
+    pcapng,
+    rayhunter_zip,
+    stream,
+    udp_packet,
+)
 from tests.kit.foreign_files import damage
 from tests.kit.vector_tiles import feature, layer, tile_at, write_pmtiles
 from tests.postproc.survey.cities import write_city
@@ -126,6 +134,8 @@ def sources(folder: Path) -> list[tuple[Path, Use]]:
     (folder / "capture.qmdl").write_bytes(frames)
     lines = gps_lines(range(0, 11, 5))  # type: ignore[no-untyped-call]
     rayhunter_zip(folder / "capture.zip", frames, lines)
+    cipher = log_frame(0x512F, T0_NS, bytes.fromhex("803503063511"))  # type: ignore[no-untyped-call]
+    rayhunter_zip(folder / "signals.zip", cipher, lines)
     comment = '{"unix_ts": 1790028000, "lat": 52, "lon": 13}'
     packet = udp_packet(bytes([3]) * 40)  # type: ignore[no-untyped-call]
     packets = [(T0_NS + i * 10**9, 228, packet, comment) for i in range(9)]
