@@ -97,7 +97,9 @@ class Seconds:
         cell = one.rat, one.channel, one.code
         if len(cells) < _MOST_CELLS and len(times_ns) < _MOST_LEVELS * _MOST_CELLS:
             times_ns.append(one.time_ns)
-            cells.setdefault(cell, _Heard()).take(self._with_identity(one, cell))
+            if (heard := cells.get(cell)) is None:
+                heard = cells[cell] = _Heard()
+            heard.take(self._with_identity(one, cell))
         return [closed for closed in complete if closed is not None]
 
     def end(self) -> list[Second]:
@@ -116,7 +118,7 @@ class Seconds:
                 identity = known
         if identity is not None:
             self._serving[key] = cell, identity, one.time_ns
-        return one._replace(identity=identity)
+        return one if identity is one.identity else one._replace(identity=identity)
 
     def _close(self, radio_id: int, second: int) -> Second | None:
         times_ns, cells = self._open[radio_id].pop(second)
