@@ -133,6 +133,8 @@ bench: .venv/dev.stamp
 	$(BIN)/python benchmarks/live_cell.py
 	$(BIN)/python benchmarks/desk_filter.py
 	$(BIN)/python benchmarks/desk.py
+	$(BIN)/python benchmarks/capture.py rate
+	$(BIN)/python benchmarks/capture.py walks
 	$(BIN)/python benchmarks/view.py
 
 # errors and coverage of every estimator over simulated and measured walks: about half an hour

@@ -12,9 +12,7 @@ import numpy as np
 import pytest
 
 from logger.core.errors import FieldLoggerError
-from logger.core.runfile import RunWriter, read_run
-from logger.core.types import CellReading, Fix, Record, Scan
-from logger.sim.world import Radio, Transmitter, World
+from logger.core.runfile import read_run
 from postproc.cli import main
 from postproc.interop import importing
 from postproc.interop.decompression import members, plain_file
@@ -24,8 +22,8 @@ from postproc.interop.readers import gsmtap, rayhunter
 from postproc.interop.track_file import read_track
 from postproc.smoothing import smooth_runs
 from tests.kit import diag_capture as diag
+from tests.kit.capture_walks import SCENES, side_by_side
 from tests.kit.diag_capture import (
-    AHEAD_NS,
     EARFCN,
     IDENTITY,
     LAT,
@@ -39,7 +37,6 @@ from tests.kit.diag_capture import (
 )
 from tests.kit.diag_capture import gps_lines as lines
 from tests.kit.foreign_files import damage
-from tests.kit.runs import meta
 
 
 def import_file(source, tmp_path, **reading):
@@ -249,6 +246,36 @@ def test_signals_of_a_year_do_not_end_an_import(tmp_path, monkeypatch):
     assert (result.n_remarks, result.other) == (20, (("signals after the first 20", 10),))
 
 
+def test_signals_on_a_track_need_no_level(tmp_path, capsys):
+    # a Rayhunter of before July 2026 has positions and no levels
+    cipher = bytes.fromhex("803503063511")
+    times_ns = [diag.UNIX_OF_1980_NS, T0_NS, T0_NS + 40 * 10**9]
+    data = b"".join(diag.log_frame(0x512F, t_ns, cipher) for t_ns in times_ns)
+    source = diag.rayhunter_zip(tmp_path / "a.zip", data, lines(range(0, 31, 5)))
+    result, run = import_file(source, tmp_path)
+    assert (result.n_rows, result.n_remarks, result.no_track) == (0, 2, None)
+    assert result.other == (("remarks and signals of before the modem's clock was set", 1),)
+    assert len(fixes_of(run)) == 7
+    assert run.end.t_ns == run.tables["notes"]["t_ns"].max() == 40 * 10**9
+    assert main(["suspect", "--signalling", str(tmp_path / "run.h5")]) == 0
+    assert "GSM cipher" in capsys.readouterr().out
+    late = lines(range(0, 31, 5), lambda second: T0_NS + 10**13 + second * 10**9)
+    diag.rayhunter_zip(source, data, late)
+    assert "no points within 60 s" in import_file(source, tmp_path)[0].no_track
+
+
+def test_a_zip_whose_member_is_cut_says_so(tmp_path, capsys):
+    source = diag.rayhunter_zip(tmp_path / "a.zip", b"", [])
+    data = bytearray(source.read_bytes())
+    at = data.index(b"PK\1\2")
+    for field in (20, 24):  # sizes in the table of contents
+        data[at + field : at + field + 4] = (9000).to_bytes(4, "little")
+    data[at + 10 : at + 12] = data[8:10] = bytes(2)  # stored
+    source.write_bytes(data)
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 2
+    assert "its end is missing: download or copy it again" in capsys.readouterr().err
+
+
 def test_positions_survive_a_power_cut_and_any_order(tmp_path):
     # a file system leaves zeros of a line that was not yet written
     written = lines(range(0, 61, 5))
@@ -321,123 +348,22 @@ def test_recordings_of_one_zip_become_runs_of_their_own(tmp_path):
     assert len(list(tmp_path.glob("*.h5"))) == 2
 
 
-SCENES = {
-    "passed": (
-        (235.0, 240.0),
-        [0, 210, 420, 630, 730, 930, 1130, 1330],
-        [0, 210, 210, 420, 420, 220, 220, 20],
-        [0, 0, 210, 210, 310, 310, 110, 110],
-    ),
-    "inside": (
-        (150.0, 90.0),
-        [0, 315, 630, 945, 1260],
-        [0, 315, 315, 0, 0],
-        [0, 0, 315, 315, 0],
-    ),
-}
-"""Where an LTE cell stands: at a corner that is passed, or inside the block that is walked around.
-
-Its place, and of each corner of the way the distance walked and the place, in m.
-"""
-
-
-class Walk:
-    """A walker who hears an LTE cell each second, beside another one."""
-
-    SECONDS = 900
-
-    def __init__(self, seed, scene="passed"):
-        own_m, corners_m, east_m, north_m = SCENES[scene]
-        rng = np.random.default_rng(seed)
-        radio = Radio(floor_dbm=-140.0, step_db=0.0)
-        cells = (
-            Transmitter(*own_m, -25.0, 3.2, "262", "01", 4711, 26_214_401, EARFCN, 0, 20.0),
-            Transmitter(-260.0, 40.0, -25.0, 3.2, "262", "01", 4711, 26_214_402, EARFCN, 0, 20.0),
-        )
-        self.world = World.build(cells, LAT, LON, radio, rng)
-        s = np.arange(self.SECONDS) * 1.4
-        self.east_m = np.interp(s, corners_m, east_m)
-        self.north_m = np.interp(s, corners_m, north_m)
-        self.level_dbm = self.world.received_dbm(self.east_m, self.north_m, rng)
-        error_m = rng.normal(0.0, 3.0, (2, self.SECONDS))
-        at = np.stack([self.east_m, self.north_m]) + error_m
-        self.place = [self.world.to_latlon(x, y) for x, y in at.T.tolist()]
-        self.jitter_db = rng.normal(0.0, 0.3, (2, self.SECONDS, 4))
-
-    def as_zip(self, path):
-        """Four records of each cell a second, a place every 5 s."""
-        data = b""
-        for second in range(self.SECONDS):
-            t_ns = T0_NS + second * 10**9
-            if second % 30 == 0:
-                data += diag.log_frame(0xB0C2, t_ns, diag.serving_identity(EARFCN, PCI, IDENTITY))
-            levels = self.level_dbm[:, second, None] + self.jitter_db[:, second]
-            for part, (own_dbm, other_dbm) in enumerate(levels.T.tolist()):
-                at_ns = t_ns + part * 200_000_000
-                data += diag.log_frame(0xB17F, at_ns, diag.serving_cell(EARFCN, PCI, own_dbm))
-                body = diag.neighbour_cells(EARFCN, [(OTHER_PCI, other_dbm)])
-                data += diag.log_frame(0xB180, at_ns, body)
-        gps = [
-            diag.gps_line(T0_NS + s * 10**9, T0_NS + s * 10**9 + AHEAD_NS, *self.place[s])
-            for s in range(0, self.SECONDS, 5)
-        ]
-        return diag.rayhunter_zip(path, data, gps)
-
-    def as_at(self, path):
-        """A scan every 3 s in steps of 1 dB, a fix each second."""
-        writer = RunWriter(path, meta())
-        fix_seq = None
-        for second, (lat_deg, lon_deg) in enumerate(self.place):
-            t_ns = second * 10**9
-            fix_seq = writer.append(Record(t_ns, "gnss", Fix(True, T0_NS + t_ns, lat_deg, lon_deg)))
-            if second % 3 == 0:
-                mcc, mnc, tac, cid = IDENTITY
-                own_dbm = float(np.round(self.level_dbm[0, second]))
-                reading = CellReading(
-                    "serving",
-                    "LTE",
-                    mcc,
-                    mnc,
-                    tac=tac,
-                    cid=cid,
-                    arfcn=EARFCN,
-                    pci=PCI,
-                    rsrp_dbm=own_dbm,
-                )
-                writer.append(Record(t_ns, "modem", Scan(t_ns, (reading,), fix_seq, fix_seq)))
-        writer.close(self.SECONDS * 10**9, "test")
-        return read_run(path)
-
-    def error_m(self, run):
-        """Distance of the cell from where the run places it."""
-        (cell,) = smooth_runs([run], [NAME]).cells
-        east_m, north_m = self.world.to_local(cell.latitude_deg, cell.longitude_deg)
-        own = self.world.transmitters[0]
-        return float(np.hypot(east_m - own.east_m, north_m - own.north_m))
-
-
-def side_by_side(seeds, folder, scene="passed"):
+def errors_m(seeds, folder, scene="passed"):
     """Errors of a capture and of AT on the same walks; printed."""
-    rows = []
-    for seed in seeds:
-        walk = Walk(seed, scene)
-        import_walk(walk.as_zip(folder / f"{seed}.zip"), folder / f"{seed}.h5")
-        capture_m = walk.error_m(read_run(folder / f"{seed}.h5"))
-        at_m = walk.error_m(walk.as_at(folder / f"{seed}.journal"))
-        print(f"{scene}, walk {seed}: capture {capture_m:.0f} m, AT {at_m:.0f} m")
-        rows.append((capture_m, at_m))
-    return np.array(rows)
+    pairs = [side_by_side(seed, folder, scene) for seed in seeds]
+    print(*pairs, sep="\n")
+    return [(one.capture.error_m, one.at.error_m) for one in pairs]
 
 
 def test_a_capture_locates_as_well_as_at(tmp_path):
-    capture_m, at_m = side_by_side([1], tmp_path).T
+    ((capture_m, at_m),) = errors_m([1], tmp_path)
     assert capture_m <= at_m + 15.0
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 def test_captures_locate_as_well_as_at(scene, tmp_path):
-    capture_m, at_m = side_by_side(range(16), tmp_path, scene).T
+    capture_m, at_m = np.array(errors_m(range(16), tmp_path, scene)).T
     print(f"{scene}: median {np.median(capture_m):.0f} m, by AT {np.median(at_m):.0f} m")
     assert np.median(capture_m) <= 1.2 * np.median(at_m)
 
