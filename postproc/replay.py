@@ -200,7 +200,7 @@ def _findings_differ(run: Run, recorded: list[str], replayed: list[str]) -> bool
     """Whether findings differ, of a run whose words can be repeated."""
     if not recorded or not _has_same_words(run):
         return False
-    shorter = min(len(recorded), len(replayed)) if run.end is None else None
+    shorter = min(len(recorded), len(replayed)) if _is_cut(run) else None
     return recorded[:shorter] != replayed[:shorter]
 
 

@@ -102,7 +102,7 @@ def test_a_cell_that_earlier_walks_always_heard_is_a_warning(tmp_path, capsys):
 
 def test_replay_repeats_the_findings(tmp_path, capsys):
     from logger.core.live import LiveTracker
-    from logger.core.live_settings import LiveSettings
+    from logger.core.live_settings import BEHIND, LiveSettings
     from logger.core.suspicion.rules import rules_note
 
     tracker = LiveTracker(LiveSettings())
@@ -133,6 +133,12 @@ def test_replay_repeats_the_findings(tmp_path, capsys):
     convert_journal(tmp_path / "b.journal", tmp_path / "b.h5")
     assert main(["replay", str(tmp_path / "b.h5"), "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["findings_differ"]
+    at = next(k for k, r in enumerate(records) if getattr(r.value, "code", "") == "finding")
+    behind = [*records[:at], Record(records[at].t_ns, "live", Note("warning", BEHIND, "too slow"))]
+    behind += [r for r in records[at:] if not isinstance(r.value, Note)]
+    runs.write_journal(tmp_path / "c.journal", behind)
+    main(["replay", str(tmp_path / "c.journal"), "--json"])
+    assert not json.loads(capsys.readouterr().out)["findings_differ"]
 
 
 def test_a_run_is_not_compared_with_itself(tmp_path, capsys):
