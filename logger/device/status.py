@@ -188,6 +188,8 @@ def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:
     if status.position is not None:
         yield position_line(status.position)
     yield Table(_CELL_COLUMNS, [_cell(row, status, age_s) for row in status.cells[:_MOST_CELLS]])
+    if status.unnoticed:
+        yield status.unnoticed
 
 
 def next_line(way: NextWay) -> str:

@@ -52,6 +52,11 @@ def test_a_file_that_is_not_used_is_a_line():
     assert "not used: /a/streets is no file" in _lines(status)
 
 
+def test_what_the_rules_could_not_see_comes_last():
+    status = msgspec.structs.replace(STATUS, unnoticed="Here a strong new station ...")
+    assert _lines(status)[-1] == "Here a strong new station ..."
+
+
 def _write(folder, *, age_s=0.0, **changes):
     """STATUS as the service wrote it `age_s` ago."""
     shift_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - STATUS.now_ns - int(age_s * 1e9)
