@@ -525,8 +525,15 @@ def _why_no_clock(source: Path, form: Format, sightings: SightingFile) -> str | 
 
 
 def scans_of(sightings: Iterable[Sighting], form: Format) -> Iterator[list[Sighting]]:
-    """Rows of one time, place and receiver; a repeated cell begins another scan, or counts last."""
-    for _, rows in groupby(sightings, key=lambda row: (row.t_ns, row.receiver, row.fix)):
+    """Rows of one time and receiver; of a cell that apps repeat, also elsewhere, the last counts.
+
+    Of an `unrepeated` form they have one place, and a repeated cell begins another scan.
+    """
+
+    def key(row: Sighting) -> tuple[object, ...]:
+        return row.t_ns, row.receiver, row.fix if form.unrepeated else None
+
+    for _, rows in groupby(sightings, key=key):
         cells: dict[tuple[object, ...], Sighting] = {}
         for row in rows:
             cell = _cell_of(row)

@@ -40,7 +40,7 @@ class _Left:
     harmless="a call that was handed over, another band of the operator",
     about=serving_cell,
     detection=0.4,  # so that it makes no cell unusual by itself, as 12 of 16 false words were
-    measured=on_telephones(GSM=(1, 23, 2.7), LTE=(14, 814, 36.1), WCDMA=(4, 87, 10.1)),
+    measured=on_telephones(GSM=(1, 23, 2.7), LTE=(12, 814, 36.1), WCDMA=(4, 87, 10.1)),
 )
 def _leave_for_weaker(memory: Memory, cell: HeardCell) -> Evidence | None:
     t_s, serving, past = memory.now.t_s, memory.now.serving, memory.of(_Left)

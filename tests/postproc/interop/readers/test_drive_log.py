@@ -52,6 +52,17 @@ def test_rows_of_one_time_are_one_scan(tmp_path, capsys):
     assert (lte.readings[0].tac, lte.readings[0].rsrp_dbm) == (40122, -79.0)
 
 
+def test_a_row_that_is_repeated_at_another_place_is_no_other_scan(tmp_path):
+    """A telephone repeats its reading within a second where its position has moved on."""
+    row = "LTE,272,,40122,10807297,,,-82,1,"
+    places = [(100, 51.9), (100, 51.901), (101, 51.901)]
+    rows = [f"{t_s}.0,{lat_deg},-8.5,{row}\n" for t_s, lat_deg in places]
+    (tmp_path / "log.csv").write_text(HEADER + "".join(rows))
+    assert main(["import", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run.h5")]) == 0
+    scans = [r.value for _, r in read_run(tmp_path / "run.h5").records("scans")]
+    assert [len(scan.readings) for scan in scans] == [1, 1]
+
+
 @pytest.mark.parametrize(("zero_s", "utc_ns"), [(0, None), (1_574_331_500, 1_574_331_600 * 10**9)])
 def test_seconds_of_ten_digits_are_utc(tmp_path, zero_s, utc_ns):
     row = "272,01,40122,1,,,-79,1,"
