@@ -53,7 +53,7 @@ def write_run(folder: Path, cells: int, scans: int) -> Path:
     try:
         from logger.core.places import Utm  # noqa: PLC0415
     except ImportError:  # before places had a type
-        from logger.core.geo import Utm  # type: ignore # noqa: PLC0415
+        from logger.core.geo import Utm  # noqa: PLC0415
     from logger.core.runfile import RunMeta, RunWriter, finish_journal  # noqa: PLC0415
     from logger.core.types import CellReading, Fix, Record, Scan  # noqa: PLC0415
 

@@ -22,7 +22,7 @@ from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey, SurveyCell
 from postproc.survey.estimates import ResultFile, keys_of
 from postproc.survey.scheduling import Cluster
-from postproc.survey.suspicion import with_words, words_of_runs
+from postproc.survey.suspicion import unnoticed_in, with_words, words_of_runs
 from postproc.survey.tasks import (
     RunChoice,
     Task,
@@ -49,11 +49,15 @@ _MODEMS = Column("modems", "d")
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """All cells by name, the loggers, and how many cells had been located before."""
+    """All cells by name, the loggers, and how many cells had been located before.
+
+    `unnoticed` is what no rule of suspicion could see.
+    """
 
     cells: tuple[LocatedCell, ...]
     loggers: tuple[LoggerReport, ...]
     n_known: int
+    unnoticed: str
 
 
 def locate_survey(
@@ -82,7 +86,7 @@ def locate_survey(
     found = [row for cell in cells for row in known.get(keys[cell.cell]) or ()]
     words = words_of_runs(survey, survey.runs_that_heard(only, allowed), cluster)
     located = with_words(survey, found, words)
-    return Location(located, tuple(loggers), len(cells) - len(waiting))
+    return Location(located, tuple(loggers), len(cells) - len(waiting), unnoticed_in(survey))
 
 
 def reports_of_loggers(survey: Survey, choice: RunChoice, cluster: Cluster) -> list[LoggerReport]:
@@ -179,6 +183,7 @@ def document_of(location: Location, files: Sequence[Path]) -> Document:
 
 
 def _parts(location: Location, cells: Sequence[LocatedCell]) -> Iterator[str | Line | Table]:
+    yield from _word_lines(cells)
     rows = [(*cell_row(cell), cell.n_modems) for cell in cells[:_MOST_ROWS]]
     yield Table([*CELL_COLUMNS, _MODEMS], rows)
     if len(cells) > _MOST_ROWS:
@@ -197,10 +202,8 @@ def _parts(location: Location, cells: Sequence[LocatedCell]) -> Iterator[str | L
             where = "; ".join(map(_where, own))
             far = f"is heard in {one.n_places} places, farther apart than a cell reaches"
             yield Line(f"{one.cell} {far}: {where}", bullet="unusual: ")
-    named = [cell for cell in cells if cell.word not in {None, WORDS[0]}]
-    named.sort(key=lambda cell: (-WORDS.index(cell.word or WORDS[0]), -cell.word_runs, cell.cell))
-    for words in dict.fromkeys(f"{cell.cell} is {word_text(cell)}" for cell in named):
-        yield Line(words, bullet="unusual: ")
+    if location.unnoticed:
+        yield location.unnoticed
 
 
 def _where(cell: LocatedCell) -> str:
@@ -219,7 +222,14 @@ def cell_row(cell: LocatedCell) -> tuple[Value, ...]:
     return (name, Word(cell.verdict), *place, cell.n_readings, cell.n_runs)
 
 
-def word_text(cell: LocatedCell) -> str:
-    """The word of a cell with its rules and the number of runs that say it."""
+def _word_lines(cells: Sequence[LocatedCell]) -> Iterator[Line]:
+    """Each word, the number of runs that say it, and the reasons of one; the worst first."""
+    named = [cell for cell in cells if cell.word not in {None, WORDS[0]}]
+    named.sort(key=lambda cell: (-WORDS.index(cell.word or WORDS[0]), -cell.word_runs, cell.cell))
+    for text, word in dict.fromkeys((_word_text(cell), cell.word) for cell in named):
+        yield Line(text, "red" if word == "suspicious" else "yellow")
+
+
+def _word_text(cell: LocatedCell) -> str:
     times = "1 run" if cell.word_runs == 1 else f"{cell.word_runs} runs"
-    return f"{cell.word} in {times} ({', '.join(cell.word_rules)})"
+    return f"{cell.cell} is {cell.word} in {times}: {'; '.join(cell.word_reasons)}."

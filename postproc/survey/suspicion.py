@@ -1,9 +1,10 @@
 """The words of suspicion of every run, each asked once, and the worst word of each cell.
 
-A run is asked alone, as `postproc suspect` asks it: rules look at the order of the scans of one
+A run is asked alone and without earlier walks: rules look at the order of the scans of one
 receiver. Runs confirm each other by their number, which stands beside the word.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +12,9 @@ from pathlib import Path
 import msgspec
 
 from logger.core.suspicion.rule import WORDS, Word
-from logger.core.suspicion.rules import rules_version
+from logger.core.suspicion.rules import RULES, rules_version
 from logger.core.suspicion.tracker import SuspicionTracker
-from logger.core.suspicion.words import strongest_reasons
+from logger.core.suspicion.words import strongest_reasons, unnoticed_text
 from postproc.progress import with_progress
 from postproc.survey import layout
 from postproc.survey.cell_location import LocatedCell
@@ -40,7 +41,7 @@ class CellWord(msgspec.Struct, frozen=True):
 
 
 class RunWords(msgspec.Struct, frozen=True):
-    """What the rules of a version say of the cells of a run.
+    """What the rules of a version say of the cells of a run, and what they could not see there.
 
     Earlier programs kept a number as the version: such lines are of other rules and not read.
     """
@@ -48,6 +49,7 @@ class RunWords(msgspec.Struct, frozen=True):
     run: str
     version: str
     cells: tuple[CellWord, ...]
+    unnoticed: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +104,13 @@ def with_words(
     )  # fmt: skip
 
 
+def unnoticed_in(survey: Survey) -> str:
+    """What the rules could not see in most of the runs that were asked."""
+    runs = whole_lines(survey.folder / "words.jsonl", RunWords)
+    texts = Counter(run.unnoticed for run in runs if run.unnoticed)
+    return texts.most_common(1)[0][0] if texts else ""
+
+
 def _with_word(cell: LocatedCell, said: Sequence[CellWord]) -> LocatedCell:
     worst = max((one.word for one in said), key=WORDS.index, default=WORDS[0])
     of_word = [one for one in said if one.word == worst]
@@ -132,4 +141,5 @@ def _ask(run: str, inputs: RuleInputs) -> RunWords:
             strongest = sorted(one.findings, key=lambda finding: -finding.nats)
             rules = tuple(dict.fromkeys(finding.rule.id for finding in strongest))
             cells.append(CellWord(one.cell, one.word, rules, tuple(strongest_reasons(one))))
-    return RunWords(run, rules_version(), tuple(cells))
+    not_asked = tracker.capabilities.not_asked(RULES.values())
+    return RunWords(run, rules_version(), tuple(cells), unnoticed_text(not_asked, None))

@@ -19,11 +19,12 @@ from logger.core.readings import Readings
 COARSE_BLOCKS = 80
 """Blocks of the coarse search: its time grows with their square."""
 
-ORIGINS = tuple((k / 8.0, 3.0 * k / 8.0 % 1.0) for k in range(1, 8))
-"""Grids of coarse blocks besides the usual one, evenly over a block (a lattice of rank 1).
+ORIGINS = ((0.5, 0.5), (0.25, 0.75), (0.75, 0.25))
+"""Grids of coarse blocks besides the usual one.
 
-Which readings share a block decides as much as the errors of the levels: of 16 regions that 1 m
-changes more than twofold with 4 grids, 8 change less with 8, and no other with 16.
+Which readings share a block decides as much as the errors of the levels. With seven instead of
+three, errors of 1 m change .024 of the areas twofold and not .034, at 1.4 times the time, and two
+of 33 walks are no longer *located*.
 """
 
 MOST_MODEMS = 20

@@ -40,7 +40,7 @@ class Effort(NamedTuple):
     most_blocks: int = 300
     samples: int = 4
     densest: int = 50
-    more_grids: int = 7
+    more_grids: int = 3
 
 
 class Tree(NamedTuple):

@@ -142,15 +142,14 @@ def _over_grids(walk: Walk, tree: Tree) -> Tree:
     numbers = tree.numbers[rows].tolist()
     chosen = np.flatnonzero(mixed.probability > _LEAST_MASS)
     position, mass = tree.squares[:2, chosen], tree.log_mass()[chosen]
-    shapes = []  # of grids that are equally likely to be the right one
-    for grid in (walk.coarse, *walk.shifted):
+    log_p, averaged = tree.evidence.log_p.copy(), np.ix_(rows, chosen)
+    of_grids = [log_p[averaged]]
+    for grid in walk.shifted:  # as likely to be the right one as the coarse blocks of the tree
         evidence = BlocksEvidence.of(grid, walk.prior, whiteners(grid, walk.prior, numbers))
-        shape = evidence.evaluate(walk.prior, walk.effort.nodes, position, None).log_p
-        shapes.append(shape - log_sum(shape + mass)[:, None])
-    mean = np.logaddexp.reduce(shapes) - log(len(shapes))
-    log_p = tree.evidence.log_p.copy()
-    total = log_sum(log_p[np.ix_(rows, chosen)] + mass)
-    log_p[np.ix_(rows, chosen)] = mean + total[:, None]
+        of_grids.append(evidence.evaluate(walk.prior, walk.effort.nodes, position, None).log_p)
+    total = [log_sum(one + mass)[:, None] for one in of_grids]
+    shapes = [one - of_one for one, of_one in zip(of_grids, total, strict=True)]
+    log_p[averaged] = np.logaddexp.reduce(shapes) - log(len(shapes)) + total[0]
     return tree._replace(evidence=tree.evidence._replace(log_p=log_p))
 
 

@@ -16,7 +16,7 @@ from logger.core.ellipse import metres
 from logger.core.errors import ConfigError
 from logger.core.places import Utm
 from logger.core.suspicion.rules import RULES
-from logger.core.suspicion.words import WORD_RATES, unnoticed_text, word_rate_text
+from logger.core.suspicion.words import WORD_RATES, word_rate_text
 from postproc.basemap.reading import read_basemap
 from postproc.ground import Towns
 from postproc.html_page import page_environment
@@ -28,6 +28,7 @@ from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
 from postproc.survey.location import CELL_COLUMNS, cell_row
+from postproc.survey.suspicion import unnoticed_in
 from postproc.survey.tasks import RunChoice, runs_of
 
 SQUARE_M = 50.0
@@ -164,7 +165,7 @@ def html(
         most_labels=_MOST_LABELS,
         harmless=_harmless(numbered[odd[0]]) if odd else (),
         rate=_rate(numbered[odd[0]]) if odd else "",
-        unnoticed=unnoticed_text({}, None),
+        unnoticed=unnoticed_in(survey),
         to_do_about=to_do_about,
         liars=[one for one in loggers if one.contradiction],
         noted=[one for one in loggers if one.remark],

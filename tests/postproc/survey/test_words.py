@@ -90,7 +90,10 @@ def test_worst_word_over_all_runs(files, folder, scheduler, capsys):
     # each run is asked once: nothing is left for a scheduler
     assert _locate(capsys, folder, "tcp://127.0.0.1:1") == cells
     main(["survey", "locate", str(folder), "--scheduler", "tcp://127.0.0.1:1"])
-    assert f"{FOREIGN} is suspicious in 2 runs (" in " ".join(capsys.readouterr().out.split())
+    shown = " ".join(capsys.readouterr().out.split())
+    assert f"{FOREIGN} is suspicious in 2 runs: network 310-260" in shown
+    assert shown.index("is suspicious") < shown.index("verdict")
+    assert "would most likely have been noticed" in shown
 
 
 def test_each_place_of_an_identity_has_its_own_word(files, folder, scheduler, capsys):
