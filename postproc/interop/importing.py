@@ -527,7 +527,7 @@ def _why_no_clock(source: Path, form: Format, sightings: SightingFile) -> str | 
 def scans_of(sightings: Iterable[Sighting], form: Format) -> Iterator[list[Sighting]]:
     """Rows of one time and receiver; of a cell that apps repeat, also elsewhere, the last counts.
 
-    Of an `unrepeated` form they have one place, and a repeated cell begins another scan.
+    Of an `unrepeated` form a repeated cell begins another scan.
     """
 
     def key(row: Sighting) -> tuple[object, ...]:

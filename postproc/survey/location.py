@@ -49,10 +49,7 @@ _MODEMS = Column("modems", "d")
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """All cells by name, the loggers, and how many cells had been located before.
-
-    `unnoticed` is what no rule of suspicion could see.
-    """
+    """All cells by name, loggers, how many were located before, and what no rule could see."""
 
     cells: tuple[LocatedCell, ...]
     loggers: tuple[LoggerReport, ...]

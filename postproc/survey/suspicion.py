@@ -41,7 +41,7 @@ class CellWord(msgspec.Struct, frozen=True):
 
 
 class RunWords(msgspec.Struct, frozen=True):
-    """What the rules of a version say of the cells of a run, and what they could not see there.
+    """What the rules of a version say of the cells of a run.
 
     Earlier programs kept a number as the version: such lines are of other rules and not read.
     """
@@ -68,7 +68,8 @@ def words_of_runs(survey: Survey, runs: Sequence[str], cluster: Cluster) -> list
     """
     path = survey.folder / "words.jsonl"
     version = rules_version()
-    known = {one.run: one for one in whole_lines(path, RunWords) if one.version == version}
+    lines = whole_lines(path, RunWords)
+    known = {one.run: one for one in lines if one.version == version and one.unnoticed}
     tasks = list(_tasks(survey, set(runs) - set(known)))
     arriving = cluster.results(ask_runs, tasks)
     for _, found in with_progress(arriving, "suspicion", len(tasks)):
@@ -105,7 +106,7 @@ def with_words(
 
 
 def unnoticed_in(survey: Survey) -> str:
-    """What the rules could not see in most of the runs that were asked."""
+    """What the rules could not see in most runs."""
     runs = whole_lines(survey.folder / "words.jsonl", RunWords)
     texts = Counter(run.unnoticed for run in runs if run.unnoticed)
     return texts.most_common(1)[0][0] if texts else ""

@@ -22,9 +22,8 @@ COARSE_BLOCKS = 80
 ORIGINS = ((0.5, 0.5), (0.25, 0.75), (0.75, 0.25))
 """Grids of coarse blocks besides the usual one.
 
-Which readings share a block decides as much as the errors of the levels. With seven instead of
-three, errors of 1 m change .024 of the areas twofold and not .034, at 1.4 times the time, and two
-of 33 walks are no longer *located*.
+Which readings share a block decides as much as the errors of the levels. With seven 1 m changes
+.024 of the areas twofold, not .034, in 1.4 times the time.
 """
 
 MOST_MODEMS = 20

@@ -150,17 +150,15 @@ NOISE = (
 )
 """White noise; shadowing that changes along a house front; shadowing of two scales.
 
-On 165 measured walks about three quarters of the variance of the residuals is correlated over 100
-to 350 m (hills, streets, the antenna), the rest over 10 to 30 m. With one scale only, a hypothesis
-has to give the long part all of the variance, and then cannot rule out positions far away.
+On 165 measured walks about three quarters of the residuals' variance is correlated over 100 to 350
+m, the rest over 10 to 30 m. With one scale only, a hypothesis has to give the long part all of the
+variance, and then cannot rule out positions far away.
 
 Correlated residuals are not quite what a stationary Gaussian process describes, so their likelihood
 counts with the power `trust` only (generalised posterior: Bissiri, Holmes & Walker, JRSS-B 78(5),
 2016). On 165 measured walks the 95 % region held the transmitter .96 times with 0.45 and .84 times
-with 0.7. Under simulated noise of two scales, which is such a process, 1.0 would be true and 0.45
-makes regions twelve times too large: what misleads on a measured walk is not in that model. Under
-simulated shadowing of 8 dB over 30 m regions hold .90 with 1.0 and .97 with 0.8, since their scale
-has to be one of those above.
+with 0.7. Under simulated shadowing of 8 dB over 30 m regions hold .90 with 1.0 and .97 with 0.8,
+since their scale has to be one of those above.
 """
 
 
