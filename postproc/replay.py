@@ -219,12 +219,14 @@ def _values(run: Run, table: str) -> Iterator[object]:
 
 
 def _advice_differs(run: Run, replayed: Iterable[object]) -> bool:
-    """Whether advice differs, of a run that has any.
+    """Whether advice differs.
 
-    The file of a street map is not part of the run, so advice with one cannot be repeated.
+    A street map is not part of the run, so advice with one cannot be repeated, nor that about the
+    target of other rules.
     """
     advice = _texts(_values(run, "notes"), ADVICE)
-    if not advice or np.any(run.tables["notes"]["code"] == b"streets"):
+    has_streets = np.any(run.tables["notes"]["code"] == b"streets")
+    if not advice or has_streets or _targets(run) is not None:
         return False
     again = _texts(replayed, ADVICE)
     return advice != (again[: len(advice)] if _is_cut(run) else again)

@@ -265,3 +265,13 @@ def test_a_difference_of_the_estimate_is_one_by_other_rules_too(
     records[at] = replace(records[at], value=replace(value, x_m=value.x_m + 1e-9))
     runs.write_journal(tmp_path / "b.journal", records, live=SUSPICIOUS)
     assert main(["replay", str(tmp_path / "b.journal")]) == 1
+
+
+def test_advice_about_the_target_of_other_rules_is_not_compared(walk_with_words, tmp_path):
+    _, records = walk_with_words
+    advice = Record(records[-1].t_ns, "live", Note("info", ADVICE, "turn back"))
+    other = replace(records[0], value=Note("info", RULES_CODE, "version 6: P1 P2"))
+    for first, differs in ((records[0], True), (other, False)):
+        path = tmp_path / f"{differs}.journal"
+        runs.write_journal(path, [first, *records[1:], advice], live=SUSPICIOUS)
+        assert replay(read_run(path)).advice_differs == differs
