@@ -36,6 +36,7 @@ from benchmarks.suspicion_live import print_live_cost
 from benchmarks.suspicion_logs import LOGS, Log, cells_with_one_peak, read_logs
 from benchmarks.suspicion_patterns import COPIES, KINDS, ORDINARY
 from benchmarks.suspicion_takeover import full_scans, print_takeovers, takeovers
+from benchmarks.synthetic_city.loggers import wilson95
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.suspicion.rule import WORDS, Finding, Rate
 from logger.core.suspicion.rules import RULES
@@ -259,14 +260,17 @@ def print_worth(counts: Counts, results: Sequence[Outcome]) -> None:
     hours = sum(counts.hours[name] for name in _sets(counts, "logs"))
     scores = sorted((cell.score_nats for cell in clean), reverse=True)
     limits = [scores[int(an_hour * hours)] for an_hour in FALSE_AN_HOUR]
-    print("\nstations above the score that so many legitimate cells an hour exceed")
-    print(f"{'':32}" + "".join(f"{an_hour:8.2f}" for an_hour in FALSE_AN_HOUR))
-    print(f"{'nats':32}" + "".join(f"{limit:8.2f}" for limit in limits))
+    print("\nstations above the score that so many legitimate cells an hour exceed, 95 % intervals")
+    rates = [Rate(int(an_hour * hours), len(clean), hours, "") for an_hour in FALSE_AN_HOUR]
+    alarms = [[n / hours for n in (rate.alarms, *rate.interval)] for rate in rates]
+    print(f"{'':32}" + "".join(_COLUMN.format(*each) for each in alarms))
+    print(f"{'nats':32}" + "".join(f"{limit:22.2f}" for limit in limits))
     for station in sorted({one.station for one in results}):
         of = [one.at_end.score_nats for one in results if one.station == station]
-        shares = [sum(score > limit for score in of) / len(of) for limit in limits]
+        above = [sum(score > limit for score in of) for limit in limits]
+        shares = [(n / len(of), *wilson95(n, len(of))) for n in above]
         name = f"{station.kind}, {'strong' if station.is_strong else 'weak'}"
-        print(f"{name:32}" + "".join(f"{share:8.2f}" for share in shares))
+        print(f"{name:32}" + "".join(_COLUMN.format(*each) for each in shares))
     print("\nsuspicious and unusual without a rule: stations, legitimate cells")
     stations = [one.at_end for one in results]
     for rule in (None, *RULES):
@@ -321,6 +325,7 @@ def _words_without(rule: str | None, cells: Sequence[Assessment]) -> tuple[int, 
     )
 
 
+_COLUMN = "  {:.2f} ({:.2f} to {:.2f})"
 _HEAD = (
     "\nstation                   power   receiver     runs  in time  at end  unusual  until named"
 )
