@@ -105,8 +105,9 @@ def unnoticed_text(not_asked: Mapping[str, Sequence[str]], n_walks: int | None) 
     missing = dict.fromkeys(need for needs in not_asked.values() for need in needs)
     needs = [_NEEDED[need] for need in missing if need in _NEEDED]
     can_see_new = not not_asked.keys() >= _OF_A_NEW_STATION
+    can_compare = {*not_asked.get("B1", ())} <= {"earlier walks"}
     unseen = ["a weak one"] if can_see_new else []
-    if n_walks is None or n_walks < FEWEST_WALKS:
+    if n_walks is None or n_walks < FEWEST_WALKS or not can_compare:
         unseen.append(f"{'one' if can_see_new else 'a cell'} with a plausible identity")
     unseen.append("a copy of a cell beside it")
     if needs:
@@ -117,7 +118,7 @@ def unnoticed_text(not_asked: Mapping[str, Sequence[str]], n_walks: int | None) 
     if n_walks is None:
         return f"{text}."
     text += f": {n_walks} earlier walk{'s' * (n_walks != 1)} of this ground"
-    if n_walks < FEWEST_WALKS:
+    if n_walks < FEWEST_WALKS and can_compare:
         text += f" (from {FEWEST_WALKS} on, a strong one with a plausible identity is noticed too)"
     return f"{text}."
 

@@ -1,3 +1,5 @@
+import pytest
+
 from logger.core.suspicion.rule import Finding
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import (
@@ -70,6 +72,12 @@ def test_the_rate_of_an_alarm_is_a_bound_where_there_was_none():
 def test_a_rate_is_printed_with_its_interval_and_hours():
     text = "legitimate cells earned this word 0.03 times an hour (0.00 to 0.14, 95 %) in 38.5 h of "
     assert word_rate_text("suspicious").startswith(text)
+
+
+@pytest.mark.parametrize(("missing", "helps"), [(("earlier walks",), True), (("identity",), False)])
+def test_more_walks_are_promised_to_help_only_where_they_would(missing, helps):
+    assert ("from 7 on" in unnoticed_text({"B1": missing}, 0)) == helps
+    assert ("plausible identity" in unnoticed_text({"B1": missing}, 7)) != helps
 
 
 def test_what_no_scan_told_stands_in_a_sentence():
