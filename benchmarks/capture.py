@@ -12,7 +12,7 @@ readings.
 """
 
 import argparse
-import os
+import resource
 import subprocess
 import sys
 from binascii import crc_hqx
@@ -22,6 +22,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from logger.drivers.diag.frames import REVERSED, escape, unescape
 from postproc.interop.diag_messages import CODES
 from tests.kit.capture_walks import SCENES, Pair, side_by_side
 from tests.kit.diag_capture import (
@@ -36,20 +37,18 @@ from tests.kit.diag_capture import (
     stream,
 )
 
+CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "captures"
+"""Public captures; they are not part of the project."""
 IMPORT = "import sys; from postproc.cli import main; sys.exit(main())"
 WITHOUT_PYCRATE = f"import sys; sys.modules['pycrate_asn1dir'] = None; {IMPORT}"
 SCAT = Path(sys.executable).with_name("scat")
-_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 _SECOND = modem_time(10**18 + 10**9) - modem_time(10**18)
 _DAY = 86_400 * _SECOND
 
 
 def packets(data: bytes) -> list[bytes]:
     """Log records of a stream, without their sum."""
-    raw = (
-        one.replace(b"\x7d\x5e", b"\x7e").replace(b"\x7d\x5d", b"\x7d")
-        for one in data.split(b"\x7e")
-    )
+    raw = map(unescape, data.split(b"\x7e"))
     return [one[:-2] for one in raw if len(one) > 26 and one[_at(one)] == 0x10]
 
 
@@ -100,22 +99,18 @@ def _time(packet: bytes) -> int:
 
 def frame(packet: bytes) -> bytes:
     """As it crosses a port; `diag_capture.frame` goes bit by bit."""
-    crc = crc_hqx(packet.translate(_REVERSED), 0xFFFF) ^ 0xFFFF
-    whole = packet + crc.to_bytes(2, "big").translate(_REVERSED)
-    return whole.replace(b"\x7d", b"\x7d\x5d").replace(b"\x7e", b"\x7d\x5e") + b"\x7e"
+    crc = crc_hqx(packet.translate(REVERSED), 0xFFFF) ^ 0xFFFF
+    return escape(packet + crc.to_bytes(2, "big").translate(REVERSED)) + b"\x7e"
 
 
 def processor_s(command: Sequence[str | Path]) -> float:
     """User and system time of a command and of what it starts."""
-    null = subprocess.DEVNULL
-    child = subprocess.Popen(command, stdout=null, stderr=subprocess.PIPE, text=True)
-    assert child.stderr
-    said = child.stderr.read()
-    _, status, usage = os.wait4(child.pid, 0)
-    child.returncode = os.waitstatus_to_exitcode(status)
-    if child.returncode:
-        raise SystemExit(f"{command}: {said}")
-    return usage.ru_utime + usage.ru_stime
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    if done.returncode:
+        raise SystemExit(f"{command}: {done.stderr}")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def import_s(source: Path, program: str = IMPORT) -> float:
@@ -200,7 +195,7 @@ def main() -> None:
     commands = parser.add_subparsers(required=True)
     rates = commands.add_parser("rate")
     rates.add_argument("--mb", type=float, default=30.0)
-    rates.add_argument("--captures", type=Path, default=Path("../shared/captures"))
+    rates.add_argument("--captures", type=Path, default=CAPTURES)
     rates.add_argument("--kinds", nargs="+")
     rates.add_argument("--no-scat", dest="scat", action="store_false")
     rates.set_defaults(run=rate)

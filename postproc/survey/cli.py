@@ -271,7 +271,7 @@ def map_command(
     whole = _open_survey(folder)
     with scheduling.Cluster(scheduler, workers) as cluster:
         found = location.locate_survey(whole, estimation.Options(prior), cluster=cluster)
-    text = page.html(whole, found.cells, found.loggers, location.EVERY_RUN, basemap)
+    text = page.html(whole, found, location.EVERY_RUN, basemap)
     target = target or folder / "survey.html"
     with atomic_write.whole_file(target) as part:
         part.write_text(text, "utf-8")

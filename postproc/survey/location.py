@@ -83,7 +83,7 @@ def locate_survey(
     found = [row for cell in cells for row in known.get(keys[cell.cell]) or ()]
     words = words_of_runs(survey, survey.runs_that_heard(only, allowed), cluster)
     located = with_words(survey, found, words)
-    return Location(located, tuple(loggers), len(cells) - len(waiting), unnoticed_in(survey))
+    return Location(located, tuple(loggers), len(cells) - len(waiting), unnoticed_in(words))
 
 
 def reports_of_loggers(survey: Survey, choice: RunChoice, cluster: Cluster) -> list[LoggerReport]:

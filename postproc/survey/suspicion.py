@@ -105,10 +105,9 @@ def with_words(
     )  # fmt: skip
 
 
-def unnoticed_in(survey: Survey) -> str:
+def unnoticed_in(runs: Sequence[RunWords]) -> str:
     """What the rules could not see in most runs."""
-    runs = whole_lines(survey.folder / "words.jsonl", RunWords)
-    texts = Counter(run.unnoticed for run in runs if run.unnoticed)
+    texts = Counter(run.unnoticed for run in runs)
     return texts.most_common(1)[0][0] if texts else ""
 
 

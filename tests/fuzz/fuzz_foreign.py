@@ -134,7 +134,8 @@ def sources(folder: Path) -> list[tuple[Path, Use]]:
     (folder / "capture.qmdl").write_bytes(frames)
     lines = gps_lines(range(0, 11, 5))  # type: ignore[no-untyped-call]
     rayhunter_zip(folder / "capture.zip", frames, lines)
-    cipher = log_frame(0x512F, T0_NS, bytes.fromhex("803503063511"))  # type: ignore[no-untyped-call]
+    mode = bytes.fromhex("803503063511")
+    cipher = log_frame(0x512F, T0_NS, mode)  # type: ignore[no-untyped-call]
     rayhunter_zip(folder / "signals.zip", cipher, lines)
     comment = '{"unix_ts": 1790028000, "lat": 52, "lon": 13}'
     packet = udp_packet(bytes([3]) * 40)  # type: ignore[no-untyped-call]

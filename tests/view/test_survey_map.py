@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from logger.core.places import Utm
 from postproc.result import Options
 from postproc.survey.answers.page import html
-from postproc.survey.location import EVERY_RUN, locate_survey
+from postproc.survey.location import EVERY_RUN, Location, locate_survey
 from postproc.survey.scheduling import Cluster
 from tests.kit.browser import axe_core, browser
 from tests.postproc.survey.cities import write_city
@@ -47,20 +47,24 @@ def page(tmp_path_factory):
         ),
     )
     path = folder / "survey.html"
-    path.write_text(html(survey, cells, found.loggers, EVERY_RUN, None))
+    path.write_text(html(survey, _with_cells(found, cells), EVERY_RUN, None))
     few = replace(first, lat_deg=None, lon_deg=None, n_used=0, verdict="cannot tell")
     city = [
         replace(first if i % 5 else few, cell=f"262-01-801-{2000 + i}", word="nothing unusual")
         for i in range(246)
     ]
     odd = [replace(one, word="unusual", word_reasons=REASONS[:1]) for one in city[:4]]
-    large = html(survey, (*city, *cells, *odd), found.loggers, EVERY_RUN, None)
+    large = html(survey, _with_cells(found, (*city, *cells, *odd)), EVERY_RUN, None)
     (folder / "large.html").write_text(large)
-    (folder / "towns.html").write_text(_page_of_towns(folder, first, found.loggers))
+    (folder / "towns.html").write_text(_page_of_towns(folder, first, found))
     return path
 
 
-def _page_of_towns(folder, cell, loggers):
+def _with_cells(found, cells):
+    return Location(tuple(cells), found.loggers, found.n_known, found.unnoticed)
+
+
+def _page_of_towns(folder, cell, found):
     """Four towns with two cells each, of which one is conspicuous."""
     walks, cells = [], []
     for number, (lat_deg, lon_deg) in enumerate(TOWNS):
@@ -78,7 +82,7 @@ def _page_of_towns(folder, cell, loggers):
         cells.append(
             replace(here, cell=f"{name}-2", word="nothing unusual", lat_deg=lat_deg + 2e-3)
         )
-    return html(survey_of(folder / "towns", walks), cells, loggers, EVERY_RUN, None)
+    return html(survey_of(folder / "towns", walks), _with_cells(found, cells), EVERY_RUN, None)
 
 
 @pytest.mark.parametrize(("width", "dark"), VIEWS)

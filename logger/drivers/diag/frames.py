@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 _END = b"\x7e"
 _ESCAPE = b"\x7d"
-_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 """CRC-16/X.25 takes the lowest bit of a byte first, and `crc_hqx`, which is fast, the highest."""
 _RIGHT = 0x1D0F
 """What `crc_hqx` leaves of a packet with its CRC, bits reversed."""
@@ -92,7 +92,7 @@ class FrameReader:
 
     def _records_of(self, data: bytes, start: int, end: int) -> Iterator[LogRecord]:
         """The record of a frame; two if the 7E between them was damaged."""
-        head = _unescape(data[start : min(end, start + _HEAD_BYTES)])
+        head = unescape(data[start : min(end, start + _HEAD_BYTES)])
         at = _RADIO_HEADER.size if head[:1] == bytes([_RADIO]) else 0
         if head[at : at + 1] != bytes([_LOG]):
             self.n_other += 1
@@ -102,7 +102,7 @@ class FrameReader:
             self.skipped[code] += 1
             return
         raw = data[start:end]
-        packet = _unescape(raw)
+        packet = unescape(raw)
         if _is_right(packet) and raw.count(_ESCAPE) == len(raw) - len(packet):
             if (record := _record(packet, at)) is None:
                 self.damaged["lengths"] += 1
@@ -115,14 +115,14 @@ class FrameReader:
             return
         if (record := _record(packet[:size], at)) is not None:
             yield record
-        after = start + len(_escape(packet[:size])) + 1
+        after = start + len(escape(packet[:size])) + 1
         if after < end:
             yield from self._records_of(data, after, end)
 
 
 def is_stream(head: bytes) -> bool:
     """Whether bytes from a file's begin hold a frame with a log record, whatever its code."""
-    frames = (_unescape(raw) for raw in head.split(_END))
+    frames = (unescape(raw) for raw in head.split(_END))
     return any(
         packet[at : at + 1] == bytes([_LOG]) and _size(packet, at) == len(packet)
         for packet in frames
@@ -131,18 +131,18 @@ def is_stream(head: bytes) -> bool:
     )
 
 
-def _unescape(raw: bytes) -> bytes:
+def unescape(raw: bytes) -> bytes:
     if _ESCAPE not in raw:
         return raw
     return raw.replace(b"\x7d\x5e", b"\x7e").replace(b"\x7d\x5d", b"\x7d")
 
 
-def _escape(packet: bytes) -> bytes:
+def escape(packet: bytes) -> bytes:
     return packet.replace(b"\x7d", b"\x7d\x5d").replace(b"\x7e", b"\x7d\x5e")
 
 
 def _is_right(packet: bytes) -> bool:
-    return crc_hqx(packet.translate(_REVERSED), 0xFFFF) == _RIGHT
+    return crc_hqx(packet.translate(REVERSED), 0xFFFF) == _RIGHT
 
 
 def _size(packet: bytes, at: int) -> int | None:

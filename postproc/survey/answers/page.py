@@ -24,11 +24,9 @@ from postproc.notebook_plan import round_step
 from postproc.pictures.survey import Box, Clock
 from postproc.pictures.survey import Survey as Frame
 from postproc.summary import sentence
-from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
-from postproc.survey.location import CELL_COLUMNS, cell_row
-from postproc.survey.suspicion import unnoticed_in
+from postproc.survey.location import CELL_COLUMNS, Location, cell_row
 from postproc.survey.tasks import RunChoice, runs_of
 
 SQUARE_M = 50.0
@@ -118,14 +116,9 @@ class Plan(NamedTuple):
         return " ".join(f"{part_m * _WIDTH / box.width:.2f}" for part_m in view_m)
 
 
-def html(
-    survey: Survey,
-    cells: Sequence[LocatedCell],
-    loggers: Sequence[LoggerReport],
-    choice: RunChoice,
-    basemap: Path | None,
-) -> str:
+def html(survey: Survey, location: Location, choice: RunChoice, basemap: Path | None) -> str:
     """The page; all text from runs is escaped. Raises `ConfigError` as `read_basemap`."""
+    cells, loggers = location.cells, location.loggers
     towns = walked_ground(survey, choice)
     grounds = _grounds(basemap, towns)
     ordered = sorted(cells, key=_rank)
@@ -165,7 +158,7 @@ def html(
         most_labels=_MOST_LABELS,
         harmless=_harmless(numbered[odd[0]]) if odd else (),
         rate=_rate(numbered[odd[0]]) if odd else "",
-        unnoticed=unnoticed_in(survey),
+        unnoticed=location.unnoticed,
         to_do_about=to_do_about,
         liars=[one for one in loggers if one.contradiction],
         noted=[one for one in loggers if one.remark],

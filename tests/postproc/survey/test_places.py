@@ -15,7 +15,7 @@ from postproc.result import Options
 from postproc.survey.answers.page import html, walked_ground
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
-from postproc.survey.location import EVERY_RUN
+from postproc.survey.location import EVERY_RUN, Location
 from postproc.survey.parquet_batch import Batch
 from postproc.survey.tasks import compare_loggers, locate_cells, tasks_of
 from postproc.survey.walk_readings import HeardCell, SurveyRun, WalkReadings
@@ -120,7 +120,7 @@ def test_each_town_has_a_plan_and_all_ground_is_drawn(tmp_path):
     survey = survey_of(tmp_path / "s", walks)
     towns = walked_ground(survey, EVERY_RUN)
     assert len(towns) == 4
-    page = html(survey, [], [], EVERY_RUN, None)
+    page = html(survey, Location((), (), 0, ""), EVERY_RUN, None)
     assert page.count('<svg class="plan"') == 4
     whole = float(re.search(r"([0-9.]+) km² walked", page)[1])
     each = [float(text) for text in re.findall(r"Plan \d of 4: .*, ([0-9.]+) km²", page)]
