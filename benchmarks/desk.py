@@ -100,6 +100,7 @@ def run_of(tree: Path, folder: Path, cells: int, scans: int) -> Path:
 def spent_on(tree: Path, command: str, run: Path) -> Spent:
     """Time of one command of a tree."""
     environment = {**os.environ, "PYTHONPATH": str(tree)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed program has its bytecode
     before, begun_s = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run(
         [sys.executable, "-P", "-m", "postproc.cli", command, str(run)],

@@ -129,7 +129,7 @@ def compare(
     """One walk through one of the two estimates."""
     obs = observations(world, world.walk)
     wrong = with_errors(obs, at, spike_db)
-    named, false = {spike.k for spike in wrong.spikes()}, len(obs.spikes())
+    named, false = {spike.k for spike in wrong.spikes}, len(obs.spikes)
     clean = answer(world, obs, guard=True)
     before = (
         answer(world, obs, guard=False) if false else clean

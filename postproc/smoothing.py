@@ -223,7 +223,7 @@ def estimate_cell(obs: Readings, options: Options = Options()) -> CellResult:
     if posterior is None:
         return _converged_only(replace(located, reference=reference))
     starts = [(float(mode.state[0]), float(mode.state[1])) for mode in posterior.modes]
-    usable = obs.usable(located.set_aside)
+    usable = obs.usable()
     all_aligned, usable_aligned = (
         readings if posterior.offsets is None else readings.on_one_scale(posterior.offsets.mean_db)
         for readings in (obs, usable)
@@ -249,7 +249,6 @@ def estimate_cell(obs: Readings, options: Options = Options()) -> CellResult:
         all_aligned,
         result.ekf,
         height_m=options.prior.height_m,
-        spikes=located.set_aside,
     )
     warnings = [*result.warnings, *_batch_warnings(result.batch, posterior), *findings(diagnosis)]
     if isinstance(forward, ekf_initialisation.NoRun) and result.verdict == "located":
@@ -314,13 +313,14 @@ def too_few(obs: Readings, usable: Readings) -> str | None:
 
 def locate_cell(obs: Readings, prior: Prior, within_m: float = DESK_M) -> CellResult:
     """The posterior and its verdict, and no other estimator."""
-    spikes = tuple(obs.spikes())
-    everywhere = obs.everywhere(spikes)
+    everywhere = obs.everywhere()
     usable = everywhere.usable()
-    remarks = _repeat_warnings(len(obs), len(obs.repeats())) + _spike_warnings(spikes)
+    remarks = _repeat_warnings(len(obs), len(obs.repeats)) + _spike_warnings(obs.spikes)
     remarks += _regularity_warnings(len(obs), len(everywhere) - len(usable))
     if why := too_few(obs, usable):
-        return CellResult(obs.cell, len(obs), obs, "cannot tell", (why, *remarks), set_aside=spikes)
+        return CellResult(
+            obs.cell, len(obs), obs, "cannot tell", (why, *remarks), set_aside=obs.spikes
+        )
     posterior = locate(usable, prior)
     verdict, reasons, _, needed_m = decide(posterior, usable, within_m=within_m)
     timing = timing_of(usable, prior.height_m)
@@ -335,7 +335,7 @@ def locate_cell(obs: Readings, prior: Prior, within_m: float = DESK_M) -> CellRe
         (*reasons, *remarks),
         posterior=posterior,
         timing=timing_check,
-        set_aside=spikes,
+        set_aside=obs.spikes,
         needed_m=needed_m,
     )
 

@@ -13,6 +13,7 @@ cell.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -117,7 +118,7 @@ class SpikeLevel(NamedTuple):
     above_db: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots: `spikes` and `repeats` are kept
 class Readings:
     """The readings of one cell in time order, from one on; arrays of shape (n,).
 
@@ -207,26 +208,25 @@ class Readings:
         places = self.places.part(chosen)
         return replace(self, **parts, places=places, known_limit=self.limit[chosen])
 
-    def usable(self, spikes: Sequence[SpikeLevel] | None = None) -> "Readings":
+    def usable(self) -> "Readings":
         """The readings with a valid level and position that count, where scans name the cell.
 
-        `spikes` are those of `spikes()`, where they are known; for the places see `regular_naming`.
+        For the places see `regular_naming`.
         """
-        found = self.everywhere(spikes)
+        found = self.everywhere()
         if found.named_share is None:
             return found
         # decided once: parts of these readings are usable as they are
         counts = regularly_named(found.level_dbm, found.limit == 0, found.named_share)
         return replace(found if np.all(counts) else found.part(counts), named_share=None)
 
-    def everywhere(self, spikes: Sequence[SpikeLevel] | None = None) -> "Readings":
+    def everywhere(self) -> "Readings":
         """As `usable`, and also where few scans name the cell."""
         is_valid = self._is_valid()
         valid = self if np.all(is_valid) else self.part(is_valid)
         if self.without_spikes:
             return valid
-        spikes = self.spikes() if spikes is None else spikes
-        left_out = [*self.repeats(), *(spike.k for spike in spikes)]
+        left_out = [*self.repeats, *(spike.k for spike in self.spikes)]
         if not left_out:
             return replace(valid, without_spikes=True)
         keep = is_valid.copy()
@@ -235,22 +235,24 @@ class Readings:
         limit = None if self.known_limit is None else self.limit[keep]
         return replace(self.part(keep), known_limit=limit, without_spikes=True)
 
-    def spikes(self) -> list[SpikeLevel]:
+    @cached_property
+    def spikes(self) -> tuple[SpikeLevel, ...]:
         """Levels that their neighbours do not confirm, in order; the device drops them too."""
         if self.without_spikes:
-            return []
+            return ()
         is_counted, limit = self._is_valid(), self.limit
-        is_counted[self.repeats()] = False
+        is_counted[self.repeats] = False
         above_db: dict[int, float] = {}
         for modem_rows in self._rows_by_modem():
             rows = modem_rows[is_counted[modem_rows]]
             spikes = spikes_along(self.places.part(rows), self.level_dbm[rows], limit[rows])
             above_db |= {int(rows[k]): off_db for k, off_db in spikes}
-        return [
+        return tuple(
             SpikeLevel(k, int(self.scan_seq[k]), int(self.t_ns[k]), float(self.level_dbm[k]), off)
             for k, off in sorted(above_db.items())
-        ]
+        )
 
+    @cached_property
     def repeats(self) -> list[int]:
         """Numbers of the readings that repeat a level from a cache; the device drops them too."""
         if self.without_spikes:

@@ -28,7 +28,7 @@ the part of T off X gives the generalised least-squares estimate (Frisch & Waugh
     b = (T' T)^-1 T' e,    cov b = (T' T)^-1
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import nan
@@ -43,7 +43,7 @@ from logger.core.model.blocks import squares
 from logger.core.model.noise import Whitener, independent_variance, shadowing, whiteners_of
 from logger.core.model.prior import WHITE, Hypothesis, Prior
 from logger.core.places import Places
-from logger.core.readings import Readings, SpikeLevel
+from logger.core.readings import Readings
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.least_squares_rows import each_reading
 from postproc.estimators.metrics import Consistency, consistency, lag1, mean_bounds
@@ -377,20 +377,18 @@ def diagnose(
     filtered: FilterPath | None = None,
     *,
     height_m: float = 0.0,
-    spikes: Sequence[SpikeLevel] | None = None,
 ) -> Residuals:
     """Residuals of an estimate [x, y, P0, eta] over the readings of its cell.
 
     `filtered` adds the innovations of its filter. Of fewer than 20 levels, or levels that fit to
     their rounding, only residuals and sigma are given. A level that those around it do not share is
-    named where it is an outlier, and counts in nothing else; `spikes` are these, where known. A
-    repeated level counts in nothing.
+    named where it is an outlier, and counts in nothing else. A repeated level counts in nothing.
     """
     rows = each_reading(obs, height_m)
     residual_db = np.where(obs.limit == 0, -rows.residuals(state), np.nan)
     shared_db = residual_db.copy()
-    shared_db[[spike.k for spike in (obs.spikes() if spikes is None else spikes)]] = np.nan
-    shared_db[obs.repeats()] = np.nan
+    shared_db[[spike.k for spike in obs.spikes]] = np.nan
+    shared_db[obs.repeats] = np.nan
     ground = _ground(state, obs, shared_db, height_m)
     e = ground.e_db
     sigma_db = nan

@@ -59,6 +59,10 @@ _STILL_MPS = 0.5  # receivers print no course below about this speed
 _OUTLIER_SIGMA = 5.0
 _DOUBTFUL_RUN = 3  # outliers in a row, from which on the rest may be the wrong part
 _REWEIGHTINGS = 5  # after them the weights change by less than 1 %
+_STRETCHES, _STRETCH = 5, 1000
+"""Of a longer run, so many stretches of so many fixes tell q and the white share: these are means
+over the run, and each pair of candidates costs a filter.
+"""
 _LONGEST_STEP_S = 3600.0  # beyond it nothing is known, and floats would lose the rest
 _LEAST_STEP_S = 0.1  # for the rate of velocities: no receiver used here is faster
 
@@ -135,7 +139,13 @@ def _convergence(row: Rows, track: Track) -> FloatArray:
 def smooth_track(track: Track, velocity: Velocities | None = None) -> SmoothedTrack:
     """Smooth the fixes of a run, in time that grows linearly with their number."""
     excess = np.zeros((len(track.t_ns), 2))
-    q, share = _likeliest(lambda q, share: score(_model(track, velocity, q, share), excess))
+    stretches = _stretches(len(track.t_ns))
+
+    def likelihood(q: float, share: float) -> float:
+        model = _model(track, velocity, q, share)
+        return sum(score(model.part(some), excess[some]) for some in stretches)
+
+    q, share = _likeliest(likelihood)
     model = _model(track, velocity, q, share)
     score(model, excess)  # the first weights come from the fixes before each
     series, apart2, expected = smooth(model, excess)
@@ -147,6 +157,14 @@ def smooth_track(track: Track, velocity: Velocities | None = None) -> SmoothedTr
     outlier = apart2[:, 0] > _OUTLIER_SIGMA**2 * expected[:, 0]
     doubt_m = np.where(_in_a_run(outlier), np.sqrt(apart2[:, 0]), 0.0)
     return SmoothedTrack(track, q, share, outlier, doubt_m, series)
+
+
+def _stretches(n: int) -> list[slice]:
+    """All of `n` fixes, or stretches of them at equal distances."""
+    if n <= _STRETCHES * _STRETCH:
+        return [slice(None)]
+    begin = np.linspace(0, n - _STRETCH, _STRETCHES).astype(int).tolist()
+    return [slice(first, first + _STRETCH) for first in begin]
 
 
 def _in_a_run(outlier: BoolArray) -> BoolArray:

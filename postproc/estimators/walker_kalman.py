@@ -33,6 +33,10 @@ class Model(NamedTuple):
     variance: FloatArray
     slack: FloatArray
 
+    def part(self, some: slice) -> "Model":
+        """That of some of the fixes."""
+        return Model(*(values[some] for values in self))
+
 
 class Series(NamedTuple):
     """States `x` (n, 3, 2) and covariances `p` (n, 3, 3) of the filter after each fix.

@@ -50,7 +50,7 @@ def verify_cell(
 
     `posterior` is that of these readings and the prior, where it is known.
     """
-    usable = obs.everywhere(tuple(obs.spikes())).usable()
+    usable = obs.usable()
     if why := too_few(obs, usable):
         return undecided_verdict(obs.cell, len(obs), claim, why)
     posterior = posterior or locate(usable, prior)

@@ -110,11 +110,11 @@ def test_a_pile_of_repeats_is_no_limit_of_the_scale():
     obs = observations(11.0 * np.arange(90), np.zeros(90), level_dbm, 4.0)
     obs = replace(obs, rat="LTE")
     assert np.count_nonzero(obs.limit) == 60
-    assert set(range(31, 90)) <= set(obs.repeats())
+    assert set(range(31, 90)) <= set(obs.repeats)
     usable = obs.usable()
     assert len(usable) <= 31
     assert not np.any(usable.limit)
-    assert usable.repeats() == []
+    assert usable.repeats == []
 
 
 def test_the_floor_of_the_scale_is_reported_again_and_again_by_right():
@@ -126,7 +126,7 @@ def test_the_floor_of_the_scale_is_reported_again_and_again_by_right():
         obs = observations(x_m, 0.0 * x_m, np.maximum(true_dbm, floor_dbm), 4.0)
         obs = replace(obs, rat=rat)
         assert np.count_nonzero(obs.limit) > 80
-        assert obs.repeats() == []
+        assert obs.repeats == []
 
 
 def test_each_modem_repeats_its_own_levels():
@@ -135,5 +135,5 @@ def test_each_modem_repeats_its_own_levels():
     modem = np.arange(200) % 2
     level_dbm[modem == 1] = -97.0
     obs = replace(observations(x_m, 0.0 * x_m, level_dbm, 2.0), modem=modem)
-    assert obs.repeats() == np.flatnonzero(modem == 1)[1:].tolist()
+    assert obs.repeats == np.flatnonzero(modem == 1)[1:].tolist()
     assert len(obs.usable()) == 101

@@ -62,7 +62,7 @@ def test_a_telephone_that_repeats_its_reports_is_never_located(traces, tmp_path,
     for source in _walks(traces, campaign):
         import_walk(source, tmp_path / "run.h5")
         (obs,) = observe_run(read_run(tmp_path / "run.h5")).observations.cells
-        repeats = obs.repeats()
+        repeats = obs.repeats
         assert len(repeats) > (0.8 if campaign.startswith("belgium") else 0.35) * len(obs)
         found = locate_cell(obs, Prior())
         assert found.verdict != "located", source.name
@@ -78,5 +78,5 @@ def test_hardly_a_measured_walk_loses_readings_as_repeats(traces, tmp_path):
     for campaign, trace in walks:
         import_walk(traces / campaign / f"{trace}.csv", tmp_path / "run.h5")
         (obs,) = observe_run(read_run(tmp_path / "run.h5")).observations.cells
-        losers += [(campaign, trace)] if obs.repeats() else []
+        losers += [(campaign, trace)] if obs.repeats else []
     assert losers == [("ufjf_lora", "car_ed")]

@@ -85,7 +85,8 @@ class HeardCell:
     """Memory of one cell.
 
     `heard` is its reading in the last scan that named it, `since_s` is when the present
-    uninterrupted reception began, `first_m` where the first did.
+    uninterrupted reception began, `first_m` where the first did. `weakest_dbm` is the weakest of
+    the last `STEADY` levels, None before there are so many.
     """
 
     heard: Heard
@@ -99,6 +100,7 @@ class HeardCell:
     since_s: float
     n_scans: int = 0
     best_dbm: float = -200.0
+    weakest_dbm: float | None = None
     pair: tuple[int, int] | None = None
     pair_last_s: float = 0.0
     held_s: dict[tuple[int, int], float] = field(default_factory=dict)
@@ -125,14 +127,6 @@ class HeardCell:
         if heard.level_dbm is not None:
             self._take_level(now, heard.level_dbm)
 
-    @property
-    def weakest_dbm(self) -> float | None:
-        """Weakest of the last `STEADY` levels, None before there are so many."""
-        recent = self.recent
-        if len(recent) < STEADY:
-            return None
-        return min(recent[-1].level_dbm, recent[-2].level_dbm, recent[-3].level_dbm)
-
     def _take_pair(self, t_s: float, pair: tuple[int, int]) -> None:
         """Channel and colour code; held for a while, as after a handover they are mixed."""
         if pair != self.pair or self.since_s > self.pair_last_s:
@@ -158,7 +152,11 @@ class HeardCell:
 
     def _take_level(self, now: "Moment", level_dbm: float) -> None:
         self.best_dbm = max(self.best_dbm, level_dbm)
-        self.recent.append(Level(now.t_s, level_dbm, now.x_m, now.y_m))
+        recent = self.recent
+        recent.append(Level(now.t_s, level_dbm, now.x_m, now.y_m))
+        if len(recent) >= STEADY:
+            last = recent[-1].level_dbm, recent[-2].level_dbm, recent[-3].level_dbm
+            self.weakest_dbm = min(last)
         if now.x_m is not None and now.y_m is not None:
             self.spots.add(now.x_m, now.y_m, level_dbm, now.t_s)
 

@@ -43,7 +43,7 @@ def test_one_gross_error_moves_nothing(seed, spike_db):
     level_dbm[at] += spike_db
     wrong = replace(obs, level_dbm=level_dbm)
     plain, found = locate(obs), locate(wrong)
-    assert [spike.k for spike in wrong.spikes()] == [at]
+    assert [spike.k for spike in wrong.spikes] == [at]
     assert np.hypot(found.x_m - plain.x_m, found.y_m - plain.y_m) < 3.0
     assert found.region_area_m2 < 2.0 * plain.region_area_m2
     assert found.r95_m < 1.4 * plain.r95_m
@@ -61,9 +61,9 @@ def test_spikes_are_sought_in_the_walk_of_each_modem():
     obs, _ = simulate(np.random.default_rng(1), "L", count=400)
     modem = np.arange(400) % 2
     level_dbm = obs.level_dbm + 30.0 * modem
-    assert replace(obs, level_dbm=level_dbm, modem=modem).spikes() == []
+    assert replace(obs, level_dbm=level_dbm, modem=modem).spikes == ()
     level_dbm[101] += 30.0
-    (spike,) = replace(obs, level_dbm=level_dbm, modem=modem).spikes()
+    (spike,) = replace(obs, level_dbm=level_dbm, modem=modem).spikes
     assert (spike.k, spike.scan_seq, spike.t_ns) == (101, 101, 101 * 10**9)
     assert spike.above_db == pytest.approx(30.0, abs=9.0)
 

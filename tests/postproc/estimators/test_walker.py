@@ -236,3 +236,14 @@ def test_without_an_outlier_the_fixes_are_smoothed_twice(monkeypatch):
     found = walker.smooth_track(track(t_s, np.column_stack([1.4 * t_s, 0.0 * t_s])))
     assert found.n_outliers == 0
     assert len(smoothed) <= 2
+
+
+def test_stretches_of_a_long_run_tell_its_motion_as_all_of_it_does(monkeypatch):
+    rng = np.random.default_rng(8)
+    t_s, xy = streets(rng, 8000)
+    fixes = track(t_s, xy + wander(rng, t_s, 3.0, 60.0) + 1.5 * rng.normal(size=xy.shape))
+    stretched = walker.smooth_track(fixes)
+    monkeypatch.setattr(walker, "_STRETCHES", len(t_s))
+    complete = walker.smooth_track(fixes)
+    assert stretched.accel_m2s3 == complete.accel_m2s3
+    assert stretched.white_share == complete.white_share
