@@ -19,11 +19,11 @@ from logger.core.readings import Readings
 COARSE_BLOCKS = 80
 """Blocks of the coarse search: its time grows with their square."""
 
-ORIGINS = ((0.5, 0.5), (0.25, 0.75), (0.75, 0.25))
-"""Grids of coarse blocks besides the usual one.
+ORIGINS = tuple((k / 8.0 % 1.0, 3.0 * k / 8.0 % 1.0) for k in (4, 2, 6, 1, 3, 5, 7))
+"""Grids of coarse blocks besides the usual one: in both axes each eighth of a block once.
 
-Which readings share a block decides as much as the errors of the levels. With seven 1 m changes
-.024 of the areas twofold, not .034, in 1.4 times the time.
+Which readings share a block decides as much as the errors of the levels. With three of these grids
+1 m changes .034 of the areas twofold, with all .026.
 """
 
 MOST_MODEMS = 20
