@@ -7,9 +7,10 @@ drawn by session.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import inf, isnan, nan
 
 import numpy as np
+from scipy.stats import binomtest
 
 from logger.core.arrays import IntArray
 
@@ -34,7 +35,6 @@ Measure = Callable[[Table, str, IntArray], float]
 """A figure of one method over some runs of a case; the runs are given by their indices."""
 
 _RESAMPLES = 1000
-_Z95 = 1.96
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,7 +270,11 @@ def _concatenate(parts: Sequence[Scores], method: str) -> list[Score]:
 def _assess(target: Target, table: Table) -> Assessment:
     count = len(table[target.method].error_m)
     value = target.measure(table, target.method, np.arange(count))
-    interval = _wilson(value, count) if target.is_share else _bootstrap(target, table, count)
+    interval = nan, nan
+    if target.is_share and not isnan(value):
+        interval = binomtest(round(value * count), count).proportion_ci(method="wilson")
+    elif not target.is_share:
+        interval = _bootstrap(target, table, count)
     limit = target.measure(table, EXACT, np.arange(count)) if EXACT in table else None
     walks = ", ".join(target.cases)
     return Assessment(walks, target.what, target.low, target.high, value, interval, count, limit)
@@ -283,11 +287,3 @@ def _bootstrap(target: Target, table: Table, count: int) -> tuple[float, float]:
         for _ in range(_RESAMPLES)
     ]
     return quantile(np.array(values), 0.025), quantile(np.array(values), 0.975)
-
-
-def _wilson(share: float, count: int) -> tuple[float, float]:
-    """Interval of a binomial share (Wilson, JASA 22, 1927)."""
-    z2 = _Z95**2
-    middle = share + z2 / (2.0 * count)
-    half = _Z95 * sqrt(share * (1.0 - share) / count + z2 / (4.0 * count**2))
-    return (middle - half) / (1.0 + z2 / count), (middle + half) / (1.0 + z2 / count)

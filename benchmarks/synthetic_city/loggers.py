@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import binomtest
 
 from benchmarks.synthetic_city.surveys import (
     OPTIONS,
@@ -44,10 +45,8 @@ def coverage(folder: Path, options: argparse.Namespace) -> Iterator[str]:
 
 def wilson95(hits: int, n: int) -> tuple[float, float]:
     """Interval of a share (E. B. Wilson, JASA 22, 1927)."""
-    z, share = 1.96, hits / n
-    middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
-    half = z / (1 + z**2 / n) * np.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
-    return max(float(middle - half), 0.0), min(float(middle + half), 1.0)
+    interval = binomtest(hits, n).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def lies(folder: Path, options: argparse.Namespace) -> Iterator[str]:
