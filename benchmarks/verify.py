@@ -25,7 +25,6 @@ from scoreboard.cell_database import database
 from scoreboard.world import Noise, World, observations
 from scoreboard.worlds import plain
 
-from logger.core.arrays import FloatArray
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
 from logger.core.model.prior import Prior
@@ -33,7 +32,7 @@ from logger.core.places import Places
 from logger.core.readings import Readings
 from postproc.area_file import area_of
 from postproc.smoothing import too_few
-from postproc.verification.claim_test import ClaimTest, around
+from postproc.verification.claim_test import ClaimTest
 
 SHAPES = ("L", "square", "random")
 NOISES = {"white 3 dB": Noise(3.0), "6 dB over 15 m + 1 dB": Noise(1.0, 6.0, 15.0, step_db=1.0)}
@@ -109,9 +108,8 @@ def _walk(rng: np.random.Generator, k: int, noise: Noise) -> tuple[World, Readin
     return world, obs, locate(obs, PRIOR)
 
 
-def _p(posterior: Posterior, claim: FloatArray) -> float:
-    """Of a claim of equally likely positions (2, k)."""
-    return ClaimTest(posterior.squares, claim, posterior.prior.area is not None).p
+def _test(posterior: Posterior, place: Places, sigma_m: float = 0.0) -> ClaimTest:
+    return ClaimTest(posterior.squares, place, sigma_m, posterior.prior.area is not None)
 
 
 def alarms(options: argparse.Namespace) -> Json:
@@ -122,7 +120,7 @@ def alarms(options: argparse.Namespace) -> Json:
         for k in _within(60.0 * options.minutes / len(NOISES), options.walks):
             rng = np.random.default_rng([options.seed, k])
             world, _, posterior = _walk(rng, k, noise)
-            p.append(_p(posterior, np.array(world.sources[0])[:, None]))
+            p.append(_test(posterior, Places.of(*world.sources[0])).p)
         shares = {rate: float(np.mean(np.array(p) <= rate)) for rate in RATES}
         figures[name] = {
             "walks": len(p),
@@ -173,8 +171,7 @@ def _rejected_and_predicted(
     off_m = share * max(float(np.min(obs.places.distances_m(true))), LEAST_M)
     angle = rng.uniform(0.0, 2.0 * np.pi)
     claim = true.xy_m[:, 0] + off_m * np.array([np.cos(angle), np.sin(angle)])
-    claimed = around(Places.of(*claim), sigma_m)
-    test = ClaimTest(posterior.squares, claimed, posterior.prior.area is not None)
+    test = _test(posterior, Places.of(*claim), sigma_m)
     power = float(np.mean(test.power(np.array([off_m]), RATES[0])))
     return test.p <= RATES[0], power
 
@@ -193,8 +190,8 @@ def measured_walks(options: argparse.Namespace) -> Json:
             continue
         posterior = locate(obs.usable(), prior)
         sigma_m = float(np.hypot(world.slack_m / 2.0, np.median(world.position_sigma_m)))
-        true = around(Places.of(*world.sources[0]), sigma_m)
-        p = _p(posterior, true)
+        true = Places.of(*world.sources[0])
+        p = _test(posterior, true, sigma_m).p
         rules = cellguard(obs, true), crocodile_hunter(obs, true)
         rows[0.0].append((p <= RATES[0], p <= RATES[1], *rules))
         for share in DISPLACED:
@@ -220,18 +217,17 @@ def measured_walks(options: argparse.Namespace) -> Json:
     return result
 
 
-def cellguard(obs: Readings, claim_m: FloatArray) -> bool:
+def cellguard(obs: Readings, claim: Places) -> bool:
     """True for a cell received farther away than 75 km.
 
     Its margins for accuracy and speed are left out, since a walker is slow.
     """
-    x_m, y_m = np.mean(claim_m, axis=1)
-    return bool(np.max(np.hypot(obs.x_m - x_m, obs.y_m - y_m)) > CELLGUARD_M)
+    return bool(np.max(obs.places.distances_m(claim)) > CELLGUARD_M)
 
 
-def crocodile_hunter(obs: Readings, claim_m: FloatArray) -> bool:
+def crocodile_hunter(obs: Readings, claim: Places) -> bool:
     """Outside the box of one standard deviation about the mean of all sightings."""
-    off_m = np.mean(claim_m, axis=1) - np.mean(obs.places.xy_m, axis=1)
+    off_m = claim.xy_m[:, 0] - np.mean(obs.places.xy_m, axis=1)
     return bool(np.any(np.abs(off_m) > np.std(obs.places.xy_m, axis=1)))
 
 

@@ -5,15 +5,18 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
+import numpy as np
 
 from logger.core.errors import ConfigError, GeoError
 from logger.core.foreign import decode_json, read_regular
-from logger.core.model.area import Area, Polygon
+from logger.core.model.area import Area, Polygon, Ring
 from logger.core.places import check_position
 
 _MOST_BYTES, _MOST_CORNERS = 8 << 20, 20_000
 """A border of a city has some thousand corners; each is compared with each position."""
 
+_THIN = 1e-4
+"""Width by length of what is no more than a line."""
 
 _Position = Annotated[list[float], msgspec.Meta(min_length=2)]
 
@@ -89,11 +92,20 @@ def _polygons(geometry: _GeoJson) -> list[Polygon]:
     ]
 
 
+def _encloses_anything(ring: Ring) -> bool:
+    """Whether the corners are not all on one line, within a ten thousandth of their extent."""
+    corners = np.array(ring) - ring[0]
+    large, small = np.linalg.svd(corners, compute_uv=False)
+    return bool(small > _THIN * large)
+
+
 def _check(polygon: Polygon) -> None:
     for ring in polygon:
         if len(set(ring)) < 3:
             raise ValueError("a ring of a polygon has at least three corners")
         for lon_deg, lat_deg in ring:
             check_position(lat_deg, lon_deg)
+        if not _encloses_anything(ring):
+            raise ValueError("the corners of a polygon lie on one line")
     if not polygon:
         raise ValueError("a polygon has no ring")

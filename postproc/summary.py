@@ -299,8 +299,8 @@ def _overview(rows: Sequence[SummaryRow]) -> tuple[Parts, list[Failure]]:
         for reason in (row.answer.reasons if row.error else ())
     ]
     parts += _why_not([row for row in shown if not row.error])
-    if truth := _truth_line(shown):
-        parts += ["", truth]
+    for line in (_area_line(shown), _truth_line(shown)):
+        parts += ["", line] if line else []
     has_places = any(row.answer.verdict == "ambiguous" for row in shown)
     parts += [
         "",
@@ -369,6 +369,22 @@ def _position_of(cell: CellResult, answer: Answer, prior: Prior) -> Position | N
         return answer.place
     lat, lon = cell.obs.places[int(np.argmax(cell.obs.level_dbm))].first_deg
     return Position(lat=lat, lon=lon, r50_m=prior.radius_m(HALF), r95_m=prior.radius_m(LEVEL))
+
+
+def _area_line(rows: Sequence[SummaryRow]) -> str:
+    """What the positions suppose, and how much of their probability is elsewhere without it."""
+    places = [row.answer.place for row in rows if row.answer.place is not None]
+    areas = sorted({place.area for place in places if place.area})
+    shares = sorted(one.outside_share for one in places if one.outside_share is not None)
+    if not areas:
+        return ""
+    outside = share_text(shares[0]) if shares else "an unknown part"
+    if shares and share_text(shares[-1]) != outside:
+        outside = f"{outside} to {share_text(shares[-1])}"
+    return (
+        f"Positions are those of a cell {' or '.join(areas)}. Without the area, {outside} of the "
+        "probability is elsewhere."
+    )
 
 
 def _truth_line(rows: Sequence[SummaryRow]) -> str:

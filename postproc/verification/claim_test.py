@@ -1,14 +1,15 @@
 """One claim against the posterior of a cell.
 
-S is the probability of all positions that are less likely than the claim: 1 - the level of the
-smallest region of the posterior that contains it. The density of an uncertain claim is its mean
-over the claim's positions. Regions hold the truth a little more often than they say, so on measured
-walks S of the true place is not uniform: the p-value is about the share of measured walks with a
-smaller one. With the readings of several walks it is the same.
+If a claim is true it is the transmitter's place with the claim's own error. So claims that are true
+have the density of the posterior smeared by that error, and S is the probability of all those that
+are less likely than this one. A vague claim is as hard to reject as it is vague. Regions hold the
+truth a little more often than they say, so on measured walks S of the true place is not uniform:
+the p-value is about the share of measured walks with a smaller one. With the readings of several
+walks it is the same.
 
 The power needs no simulated walks: the transmitter is where the posterior says, so a claim that is
-some distance off is rejected as often as, on average over the posterior, a position so far from
-there is.
+some distance off is rejected as often as, on average over the posterior, a true one that is moved
+so far is.
 """
 
 from dataclasses import dataclass
@@ -29,27 +30,31 @@ _EXPONENT = 1.1
 
 Within an area there is no such reserve, and S is the p-value.
 """
-_LEAST = 1e-12
-_APART_M = 6.0
-_FEWEST_PLACES = 32
-_MOST_PLACES = 256
-_GOLDEN_RAD = np.pi * (3.0 - 5.0**0.5)
 _LEAST_M, _FARTHEST_M, _TRIED = 10.0, 30_000.0, 25
 """Displacements tried, up to the reach of the prior."""
 _DRAWS = 300
-"""Positions of the transmitter that the power is a mean over."""
+"""True claims that the power is a mean over."""
+_SAMPLE = 2000
+"""True claims that S is a share of: below one in so many it only orders."""
+_NEGLIGIBLE = 1e-6
+"""Of the probability: the squares that hold no more together are left out of a sum over all."""
+_BLUR = 0.5
+"""Standard deviation of what a square adds, by its side: with less, the sum ripples."""
+_CHUNK = 256
+"""Positions whose distance from every square is in memory at once."""
 _NEARLY = 0.9
 
 
 @dataclass(frozen=True)
 class ClaimTest:
-    """The test of one claim of equally likely positions (2, k) in the squares of a posterior.
+    """The test of the claim of one place, of `sigma_m` per axis, in the squares of a posterior.
 
     `has_area`: the prior of the posterior has one.
     """
 
     squares: Squares
-    claim: FloatArray
+    place: Places
+    sigma_m: float = 0.0
     has_area: bool = False
 
     def p_values(self, tail: FloatArray) -> FloatArray:
@@ -63,14 +68,15 @@ class ClaimTest:
 
     def tail(self) -> float:
         """S of the claim."""
-        return float(self._tails(np.mean(self._densities(self.claim), keepdims=True))[0])
+        return float(self._tails(self._densities(self.place.xy_m))[0])
 
     def power(self, displacement_m: FloatArray, p_fa: float) -> FloatArray:
         """Probability that a claim so far off, (d,), is rejected, by azimuth; shape (8, d)."""
         azimuth = np.radians(BEARINGS_DEG)
         way = np.stack([np.sin(azimuth), np.cos(azimuth)])
-        at = self._truths[:, None, None] + way[:, :, None, None] * displacement_m[:, None]
-        tails = self._tails(self._densities(at.reshape(2, -1)))
+        moved_m = way[..., None, None] * displacement_m[:, None]
+        at = self._true_claims(_DRAWS)[:, None, None] + moved_m
+        tails = self._tails(self._densities_by_square(at.reshape(2, -1)))
         is_rejected = (self.p_values(tails) <= p_fa).reshape(at.shape[1:])
         return np.asarray(np.mean(is_rejected, axis=-1), float)
 
@@ -84,37 +90,51 @@ class ClaimTest:
         )
         return _crossing(radius_m, np.mean(shares, axis=0))[0], directions
 
-    @cached_property
-    def _truths(self) -> FloatArray:
-        """Where the transmitter may stand, equally likely: (2, t), evenly over the probability."""
-        share = (np.arange(_DRAWS) + 0.5) / _DRAWS
+    def _true_claims(self, count: int) -> FloatArray:
+        """Claims that may be true, equally likely: (2, count), evenly over the probability."""
+        share, rng = (np.arange(count) + 0.5) / count, np.random.default_rng(0)
         order = np.argsort(-self.squares.density, kind="stable")
         cumulative = np.cumsum(self.squares.probability[order])
         chosen = order[np.searchsorted(cumulative, share * cumulative[-1])]
-        within = np.random.default_rng(0).uniform(-0.5, 0.5, (2, _DRAWS))
-        centres = np.stack([self.squares.x_m, self.squares.y_m])[:, chosen]
-        return np.asarray(centres + within * self.squares.size_m[chosen], float)
+        within = rng.uniform(-0.5, 0.5, (2, count)) * self.squares.size_m[chosen]
+        error_m = self.sigma_m * rng.standard_normal((2, count))
+        return np.asarray(_centres(self.squares)[:, chosen] + within + error_m, float)
 
     @cached_property
-    def _by_density(self) -> tuple[FloatArray, FloatArray]:
-        """Densities ascending, and the probability of all squares up to each."""
-        density = self.squares.density
-        order = np.argsort(density, kind="stable")
-        return density[order], np.cumsum(self.squares.probability[order])
+    def _ascending(self) -> FloatArray:
+        """Densities of true claims in their order."""
+        return np.sort(self._densities(self._true_claims(_SAMPLE)))
 
     def _tails(self, density: FloatArray) -> FloatArray:
-        """S (n,) of positions with some densities; what is less likely than all is ordered too."""
-        ascending, cumulative = self._by_density
-        count = np.searchsorted(ascending, density, side="right")
-        less = np.where(count > 0, cumulative[np.maximum(count - 1, 0)], 0.0) / cumulative[-1]
-        return np.asarray(np.minimum(less + _LEAST * density / ascending[-1], 1.0), float)
+        """S (n,) of claims with some densities; what is less likely than all is ordered too."""
+        ascending = self._ascending
+        n_less = np.searchsorted(ascending, density, side="right")
+        n_less = np.maximum(n_less, np.minimum(density / ascending[0], 1.0))
+        return np.asarray(n_less / len(ascending), float)
 
     def _densities(self, at: FloatArray) -> FloatArray:
-        """Probability per square metre at positions (2, n); 0 outside of the searched area."""
+        """Density of true claims at positions (2, n), per square metre."""
+        p, centres = self.squares.probability, _centres(self.squares)
+        kept = np.argsort(p)[np.cumsum(np.sort(p)) > _NEGLIGIBLE]
+        variance_m2 = self.sigma_m**2 + (_BLUR * self.squares.size_m[kept]) ** 2
+        weight, (x_m, y_m) = p[kept] / (2.0 * np.pi * variance_m2), centres[:, kept]
+        found = np.empty(at.shape[1])
+        for first in range(0, len(found), _CHUNK):
+            some = slice(first, first + _CHUNK)
+            away2 = (at[0, some, None] - x_m) ** 2 + (at[1, some, None] - y_m) ** 2
+            found[some] = np.exp(-0.5 * away2 / variance_m2) @ weight
+        return found
+
+    @cached_property
+    def _density_of_squares(self) -> FloatArray:
+        """Density of true claims in the middle of each square."""
+        return self._densities(_centres(self.squares))
+
+    def _densities_by_square(self, at: FloatArray) -> FloatArray:
+        """As `_densities`, that of the square around each position; 0 outside of all."""
         found = np.zeros(at.shape[1])
-        squares, density = self.squares, self.squares.density
-        corner = np.array([[np.min(squares.x_m)], [np.min(squares.y_m)]])
-        centres = np.stack([squares.x_m, squares.y_m])
+        squares, density, centres = self.squares, self._density_of_squares, _centres(self.squares)
+        corner = np.min(centres, axis=1, keepdims=True)
         for side_m in np.unique(squares.size_m).tolist():
             alike = np.flatnonzero(squares.size_m == side_m)
             # squares of one side lie on one grid
@@ -128,6 +148,10 @@ class ClaimTest:
             is_in = keys[match] == wanted
             found[is_in] = density[alike[match[is_in]]]
         return found
+
+
+def _centres(squares: Squares) -> FloatArray:
+    return np.stack([squares.x_m, squares.y_m])
 
 
 def _keys(steps: FloatArray) -> IntArray:
@@ -151,18 +175,3 @@ def _crossing(radius: FloatArray, share: FloatArray) -> tuple[float | None, floa
         return float(radius[0]), blind
     part = (POWER - share[k - 1]) / (share[k] - share[k - 1])
     return float(radius[k - 1] * (radius[k] / radius[k - 1]) ** part), blind
-
-
-def around(place: Places, sigma_m: float) -> FloatArray:
-    """Equally likely places (2, k) of a normal claim, or the place alone.
-
-    They lie on the spiral of a sunflower, which leaves no hole (Vogel, Math. Biosci. 44, 1979), the
-    closer together the less a walk may know a place by.
-    """
-    if sigma_m <= 0.0:
-        return place.xy_m
-    k = int(np.clip((sigma_m / _APART_M) ** 2, _FEWEST_PLACES, _MOST_PLACES))
-    radius = sigma_m * np.sqrt(-2.0 * np.log(1.0 - (np.arange(k) + 0.5) / k))
-    angle = _GOLDEN_RAD * np.arange(k)
-    away = radius * np.stack([np.cos(angle), np.sin(angle)])
-    return np.asarray(place.xy_m + away - np.mean(away, axis=1, keepdims=True), float)

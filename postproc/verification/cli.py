@@ -117,6 +117,8 @@ def verify(
     if sites:
         if len(runs) > 1:
             raise ConfigError("--sites tests one run; a second one goes with --against")
+        if prior.area is not None:
+            raise ConfigError("--sites asks the readings alone: it takes no area")
         other = runfile.read_sound_run(against) if against is not None else None
         return _verify_sites(runs[0], other, only, p_fa, prior, as_json=as_json)
     if against is not None:

@@ -16,6 +16,7 @@ from logger.core.ellipse import metres
 from logger.core.errors import ConfigError
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
+from logger.core.locator.verdict import contradiction_of, outside_text
 from logger.core.model.prior import Prior
 from logger.core.places import Places, Track
 from logger.core.readings import Readings
@@ -32,7 +33,7 @@ from postproc.progress import Progress
 from postproc.result import Result
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
 from postproc.smoothing import too_few
-from postproc.verification.claim_test import ClaimTest, around
+from postproc.verification.claim_test import ClaimTest
 from postproc.verification.claims import Claim, away_m, swap_hint
 from postproc.verification.verdicts import CellVerdict, Verdict, Verified
 from postproc.walk import observe_run
@@ -54,11 +55,15 @@ def verify_cell(
     if why := too_few(obs, usable):
         return undecided_verdict(obs.cell, len(obs), claim, why)
     posterior = posterior or locate(usable, prior)
+    if why := contradiction_of(posterior):
+        return undecided_verdict(obs.cell, len(obs), claim, why)
+    area = posterior.prior.area
+    supposed = () if area is None else (f"if it is {area.text}: {outside_text(posterior)}",)
     place = Places.of_degrees(claim.lat_deg, claim.lon_deg, utm=obs.utm)
     # the lasting part of the receiver's error displaces a true claim as well
     lasting_m = float(np.median(usable.places.sigma_m))
-    claimed = around(place, float(np.hypot(claim.sigma_m, lasting_m)))
-    test = ClaimTest(posterior.squares, claimed, posterior.prior.area is not None)
+    sigma_m = float(np.hypot(claim.sigma_m, lasting_m))
+    test = ClaimTest(posterior.squares, place, sigma_m, area is not None)
     distance_m, p = float(np.min(usable.places.distances_m(place))), test.p
     notices_m, power = test.detectable(p_fa)
     return CellVerdict(
@@ -66,7 +71,7 @@ def verify_cell(
         len(obs),
         claim,
         "cannot tell",
-        (),
+        supposed,
         followed="indirect",
         p=p,
         p_indirect=p,

@@ -143,12 +143,15 @@ def _cells(n: int) -> str:
 def _cell_parts(cell: CellVerdict) -> Iterator[Part]:
     claim = cell.claim
     yield ""
-    yield Line((Word(cell.cell, "bold"), f"  {cell.n} readings  ", Word(cell.verdict)))
+    # what the walk can tell comes before what it says
+    n_first = cell.p is not None
+    first = "".join(f": {notices}" for notices in cell.reasons[:n_first])
+    yield Line((Word(cell.cell, "bold"), f"  {cell.n} readings{first}"))
     sigma = f" +- {claim.sigma_m:.0f} m" if claim.sigma_m else ""
     away = f", {_distance(cell.distance_m)} from the walk" if cell.distance_m is not None else ""
     at = f"claimed at {degrees_text(claim.lat_deg, claim.lon_deg)}{sigma} ({claim.source}){away}"
-    yield Line(at, bullet="  ")
-    for reason in cell.reasons:
+    yield Line((Word(cell.verdict), f": {at}"), bullet="  ")
+    for reason in cell.reasons[n_first:]:
         yield Line(reason, bullet="  - ")
     if cell.p is None or cell.level is None or cell.q is None:
         return

@@ -171,14 +171,14 @@ def assess(
     is_wide = radius_m > within_m
     if is_wide:
         reasons.insert(0, _too_wide(case, radius_m, within_m))
-    outside, outside_share = _outside_text(posterior), posterior.outside_share or 0.0
-    is_contradicted = outside_share > _CONTRADICTION
-    if is_contradicted:
-        reasons.insert(0, f"the readings contradict the area: {outside}")
+    outside, outside_share = outside_text(posterior), posterior.outside_share or 0.0
+    contradiction = contradiction_of(posterior)
+    if contradiction:
+        reasons.insert(0, contradiction)
     elif outside_share > _MOST_OUTSIDE:
         needed = f"{outside}, and a location needs at most {_MOST_OUTSIDE:.0%}"
         reasons.append(f"the readings do not show that it is in the area: {needed}")
-    needed_m = within_m if is_wide and not is_contradicted else None
+    needed_m = within_m if is_wide and not contradiction else None
     if reasons:
         reasons += [hint for rule in HINTS if (hint := rule(case))]
         verdict: Verdict = "cannot tell"
@@ -192,7 +192,14 @@ def assess(
     return Decision(verdict, reasons, division, needed_m)
 
 
-def _outside_text(posterior: Posterior) -> str:
+def contradiction_of(posterior: Posterior) -> str:
+    """That the readings contradict the area of the prior; empty where they do not."""
+    if (posterior.outside_share or 0.0) <= _CONTRADICTION:
+        return ""
+    return f"the readings contradict the area: {outside_text(posterior)}"
+
+
+def outside_text(posterior: Posterior) -> str:
     """How much the area of the prior has left out; empty without one."""
     area, outside = posterior.prior.area, posterior.outside_share
     if area is None or outside is None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import dist, inf, sqrt
+from math import cos, dist, inf, radians, sqrt
 
 import numpy as np
 
@@ -19,6 +19,11 @@ Polygon = tuple[Ring, ...]
 
 _FARTHEST_M = 30_000.0
 """The reach of the prior: nothing farther from the walk is searched."""
+_AROUND_DEG = 1.5
+"""Of latitude: what lies farther from the walks is cut off, since their zone ends. 35 km, the reach
+of GSM, are a fifth."""
+_EDGE_DEG = 0.05
+"""Longest edge: straight in degrees, as those of a file are, it bends by 1 m in metres."""
 _GROWN = 0.25
 """Of its width: so much farther a walk that goes on is searched again."""
 _LEAST_M = 1.0
@@ -60,15 +65,15 @@ class Area:
         hulls = tuple((hull(walk),) for walk in walks if len(walk))
         if not self.polygons:
             return replace(self, polygons=hulls, utm=utm)
-        polygons = tuple(
-            tuple(_in_metres(ring, utm) for ring in polygon) for polygon in self.polygons
-        )
         corners = np.concatenate([np.array(ring) for (ring,) in hulls])
-        placed = replace(self, polygons=polygons, utm=utm)
-        nearest_m = float(np.min(placed.beyond_m(Places.of(*corners.T))))
+        lat_deg, lon_deg = utm.to_latlon_arrays(*corners.T)
+        corners_deg = np.stack([lon_deg, lat_deg])
+        polygons = tuple(_in_metres(polygon, utm, corners_deg) for polygon in self.polygons)
+        placed = replace(self, polygons=tuple(filter(None, polygons)), utm=utm)
+        nearest_m = np.min(placed.beyond_m(Places.of(*corners.T)), initial=inf)
         if nearest_m > _FARTHEST_M:
-            away = f"{nearest_m / 1e3:.0f} km away"
-            raise ConfigError(f"no walk is near the area {self.text}: the nearest is {away}")
+            away = f"all are more than {_FARTHEST_M / 1e3:.0f} km away"
+            raise ConfigError(f"no walk is near the area {self.text}: {away}")
         return placed
 
     def beyond_m(self, positions: Places) -> FloatArray:
@@ -173,10 +178,50 @@ def _turn(a: Corner, b: Corner, c: Corner) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _in_metres(ring: Ring, utm: Utm) -> Ring:
-    lon_deg, lat_deg = np.array(ring).T
-    x_m, y_m = utm.to_xy_arrays(lat_deg, lon_deg)
-    return tuple(zip(x_m.tolist(), y_m.tolist(), strict=True))
+def _in_metres(polygon: Polygon, utm: Utm, walks_deg: FloatArray) -> Polygon:
+    """The part of a polygon in degrees around walks at (2, n) degrees; empty where there is none.
+
+    `walks_deg` has the longitudes first, as the polygon has.
+    """
+    low, high = np.min(walks_deg, axis=1), np.max(walks_deg, axis=1)
+    margin_deg = np.array([_AROUND_DEG / cos(radians(float(np.mean(walks_deg[1])))), _AROUND_DEG])
+    rings = []
+    for ring in polygon:
+        corners = _in_box(list(ring), (low - margin_deg).tolist(), (high + margin_deg).tolist())
+        if corners:
+            lon_deg, lat_deg = _with_short_edges(np.array(corners)).T
+            x_m, y_m = utm.to_xy_arrays(lat_deg, lon_deg)
+            rings.append(tuple(zip(x_m.tolist(), y_m.tolist(), strict=True)))
+    return tuple(rings)
+
+
+def _in_box(ring: list[Corner], low: list[float], high: list[float]) -> list[Corner]:
+    """A ring cut at the sides of a box (Sutherland & Hodgman, CACM 17(1), 1974)."""
+    for axis, limit, sign in ((0, low, 1.0), (0, high, -1.0), (1, low, 1.0), (1, high, -1.0)):
+        cut: list[Corner] = []
+        for before, after in zip(ring[-1:] + ring[:-1], ring, strict=True):
+            inside = [sign * (corner[axis] - limit[axis]) for corner in (before, after)]
+            if (inside[0] >= 0.0) != (inside[1] >= 0.0):
+                part = inside[0] / (inside[0] - inside[1])
+                cut.append(
+                    (
+                        before[0] + part * (after[0] - before[0]),
+                        before[1] + part * (after[1] - before[1]),
+                    )
+                )
+            if inside[1] >= 0.0:
+                cut.append(after)
+        ring = cut
+    return ring
+
+
+def _with_short_edges(ring: FloatArray) -> FloatArray:
+    """A ring (n, 2) in degrees with corners on its edges, wherever these are long."""
+    way = np.roll(ring, -1, axis=0) - ring
+    parts = np.maximum(np.ceil(np.max(np.abs(way), axis=1) / _EDGE_DEG), 1.0).astype(int)
+    edge = np.repeat(np.arange(len(ring)), parts)
+    along = np.arange(len(edge)) - np.repeat(np.cumsum(parts) - parts, parts)
+    return np.asarray(ring[edge] + (along / parts[edge])[:, None] * way[edge], float)
 
 
 def _beyond_polygon_m(polygon: Polygon, positions: Places) -> FloatArray:

@@ -105,3 +105,13 @@ def test_a_location_is_one_by_the_readings_too(obs, within, outside_share, verdi
     assert decision.verdict == verdict
     assert any(one.startswith(reason) for one in decision.reasons)
     assert (decision.reasons[0].startswith(reason)) == (verdict == "cannot tell")
+
+
+def test_the_position_shown_is_inside(obs):
+    """Here the strongest reading lies 30 m outside of the area, and the region on its border."""
+    x_m = float(obs.x_m[np.argmax(obs.level_dbm)]) + 30.0
+    ring = ((x_m, -500.0), (x_m + 1000.0, -500.0), (x_m + 1000.0, 500.0), (x_m, 500.0))
+    area = Area("there", polygons=((ring,),), utm=obs.utm)
+    found = locate(obs, replace(Prior(), area=area), EFFORT)
+    for mode in found.modes:
+        assert area.beyond_m(mode.place)[0] <= 0.0

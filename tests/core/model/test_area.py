@@ -62,8 +62,30 @@ def test_polygons_in_degrees_are_where_they_are():
     area = Area("there", polygons=((ring,),)).at([walk])
     assert beyond_m(area, walk.xy_m[:, 0]) == pytest.approx([68.6], abs=0.5)
     assert area.at([walk]) is area
-    with pytest.raises(ConfigError, match=r"no walk is near the area there: .* 1\d+ km away"):
+    with pytest.raises(
+        ConfigError, match="no walk is near the area there: all are more than 30 km away"
+    ):
         Area("there", polygons=((ring,),)).at([Places.of_degrees(53.0, 13.0)])
+
+
+@pytest.mark.parametrize("half_deg", [2.0, 20.0, 89.0])
+def test_a_large_polygon_has_straight_edges_in_degrees(half_deg):
+    """Its southern border, a parallel, is 550 m south of the walk however far it reaches."""
+    walk = Places.of_degrees(48.0, 11.0)
+    south, north = 47.995, min(48.0 + half_deg, 89.0)
+    ring = ((11.0 - half_deg, south), (11.0 + half_deg, south),
+            (11.0 + half_deg, north), (11.0 - half_deg, north))  # fmt: skip
+    hole = ((11.01, 48.0), (11.0 + half_deg, 48.001), (11.01, 48.01))
+    area = Area("there", polygons=((ring, hole),)).at([walk])
+    assert beyond_m(area, walk.xy_m[:, 0]) == pytest.approx([-556.0], abs=2.0)
+    in_hole = Places.of_degrees(48.001, 11.02, utm=walk.utm)
+    assert area.beyond_m(in_hole)[0] > 0.0
+
+
+def test_an_edge_beyond_the_zone_cuts_no_corner_of_the_world():
+    walk = Places.of_degrees(48.0, 11.0)
+    world = ((-180.0, -89.0), (180.0, -89.0), (180.0, 89.0), (-180.0, 89.0))
+    assert Area("there", polygons=((world,),)).at([walk]).beyond_m(walk)[0] < -100_000.0
 
 
 def test_the_area_of_a_walk_that_goes_on_is_that_of_the_whole_walk():

@@ -1,11 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from scipy.stats import ncx2
+from scipy.stats import kstest, ncx2
 
 from logger.core.locator.region import Squares
+from logger.core.model.area import Area
 from logger.core.model.prior import Prior
 from logger.core.places import Places
-from postproc.verification.claim_test import BEARINGS_DEG, ClaimTest, around
+from postproc.verification.claim_test import BEARINGS_DEG, ClaimTest
 from postproc.verification.claims import Claim
 from postproc.verification.run_claims import benjamini_hochberg, verify_cell
 from tests.kit.walks import observations, path, simulate
@@ -13,7 +16,7 @@ from tests.kit.walks import observations, path, simulate
 SIGMA_M = 50.0
 
 
-def gaussian(side_m=5.0, extent_m=300.0):
+def gaussian(side_m=10.0, extent_m=300.0):
     """A round posterior about the origin, in squares of which the outer ones are larger."""
     squares = []
     for side, low_m, high_m in ((side_m, 0.0, extent_m), (4.0 * side_m, extent_m, 3 * extent_m)):
@@ -26,8 +29,8 @@ def gaussian(side_m=5.0, extent_m=300.0):
     return Squares(x_m, y_m, size_m, p / np.sum(p))
 
 
-def at(*place):
-    return np.array(place, float)[:, None]
+def at(x_m, y_m):
+    return Places.of(x_m, y_m)
 
 
 def test_s_is_the_probability_of_what_is_less_likely():
@@ -35,8 +38,8 @@ def test_s_is_the_probability_of_what_is_less_likely():
     for away_m in (0.0, 30.0, 70.0, 120.0):
         tail = ClaimTest(squares, at(0.6 * away_m, 0.8 * away_m)).tail()
         assert tail == pytest.approx(np.exp(-0.5 * (away_m / SIGMA_M) ** 2), abs=0.05)
-    far, farther = (ClaimTest(squares, at(x_m, 0.0)).tail() for x_m in (600.0, 850.0))
-    assert 1e-6 > far > farther > 0.0
+    far, farther = (ClaimTest(squares, at(x_m, 0.0)).tail() for x_m in (300.0, 400.0))
+    assert 1e-3 > far > farther > 0.0
     assert ClaimTest(squares, at(5000.0, 0.0)).tail() == 0.0
 
 
@@ -46,8 +49,9 @@ def test_every_square_is_found_by_its_places():
     chosen = rng.integers(len(squares), size=200)
     inside = rng.uniform(-0.49, 0.49, (2, 200)) * squares.size_m[chosen]
     places = np.stack([squares.x_m, squares.y_m])[:, chosen] + inside
-    found = ClaimTest(squares, at(0.0, 0.0))._densities(places)
-    assert found == pytest.approx(squares.density[chosen])
+    test = ClaimTest(squares, at(0.0, 0.0))
+    found = test._densities_by_square(places)
+    assert found == pytest.approx(test._density_of_squares[chosen])
 
 
 def test_power_is_that_of_the_posterior():
@@ -65,7 +69,7 @@ def test_power_is_that_of_the_posterior():
 
 def test_the_p_value_is_s_within_an_area_and_less_without():
     tail = np.array([0.0, 0.05, 0.0656, 1.0])
-    free, within = (ClaimTest(gaussian(), at(0.0, 0.0), one) for one in (False, True))
+    free, within = (ClaimTest(gaussian(), at(0.0, 0.0), 0.0, one) for one in (False, True))
     assert within.p_values(tail) == pytest.approx(tail)
     assert free.p_values(tail) == pytest.approx([0.0, 0.0371, 0.05, 1.0], abs=0.001)
     assert free.p <= within.p == within.tail()
@@ -82,20 +86,47 @@ def test_true_claims_pass_and_false_ones_fail():
         assert true.notices_m < 2000.0
 
 
-def test_uncertainty_of_the_claim_is_as_good_as_distance():
-    squares, off = gaussian(), Places.of(100.0, 90.0)
-    sharp, soft = (ClaimTest(squares, around(off, sigma_m)).tail() for sigma_m in (0.0, 200.0))
-    assert soft > sharp
-    places = around(Places.of(10.0, -20.0), 50.0)
-    assert np.mean(places, axis=1) == pytest.approx([10.0, -20.0])
-    assert np.std(places, axis=1) == pytest.approx([50.0, 50.0], rel=0.1)
+@pytest.mark.parametrize("sigma_m", [0.0, 20.0, 50.0, 200.0, 5000.0])
+def test_a_vague_claim_is_as_hard_to_reject_as_it_is_vague(sigma_m):
+    test = ClaimTest(gaussian(), at(0.0, 0.0), sigma_m)
+    assert test.p > 0.95
+    together_m = np.hypot(SIGMA_M, sigma_m)
+    for away in (0.5, 1.5, 2.5):
+        off = ClaimTest(gaussian(), at(away * together_m, 0.0), sigma_m)
+        assert off.tail() == pytest.approx(np.exp(-0.5 * away**2), abs=0.05)
 
 
-def test_claim_has_no_hole_that_a_place_falls_into():
-    places = around(Places.of(0.0, 0.0), 100.0)
-    x, y = (v.ravel() for v in np.meshgrid(*[np.arange(-100.0, 101.0, 5.0)] * 2))
-    apart = np.hypot(*(v[:, None] - own for v, own in zip((x, y), places, strict=True)))
-    assert np.max(np.min(apart, axis=1)[np.hypot(x, y) < 100.0]) < 17.0
+def test_p_of_true_claims_is_uniform_whatever_their_error():
+    rng = np.random.default_rng(4)
+    for sigma_m in (30.0, 300.0):
+        place_m = np.hypot(SIGMA_M, sigma_m) * rng.standard_normal((200, 2))
+        tails = [ClaimTest(gaussian(20.0), at(*one), sigma_m).tail() for one in place_m]
+        assert kstest(tails, "uniform").pvalue > 0.01
+
+
+def test_the_power_falls_with_the_error_of_the_claim():
+    notices_m = [
+        ClaimTest(gaussian(), at(0.0, 0.0), sigma_m).detectable(0.05)[0] for sigma_m in (0.0, 200.0)
+    ]
+    assert notices_m[1] > 3.0 * notices_m[0]
+
+
+def test_an_area_that_the_readings_contradict_decides_nothing():
+    obs, source = simulate(np.random.default_rng(100), "square", white_db=2.0)
+    lat_deg, lon_deg = obs.utm.to_latlon(*source)
+    claim = Claim(obs.cell, lat_deg, lon_deg, 0.0, "test")
+    at_m = obs.places.xy_m[:, 0] + [[3000.0], [0.0]]
+    ring = tuple((float(at_m[0, 0]) + x, float(at_m[1, 0]) + y) for x, y in (
+        (-300.0, -300.0), (300.0, -300.0), (300.0, 300.0), (-300.0, 300.0)
+    ))  # fmt: skip
+    area = Area("there", polygons=((ring,),), utm=obs.utm)
+    verdict = verify_cell(obs, claim, 0.05, replace(Prior(), area=area))
+    assert (verdict.verdict, verdict.p) == ("cannot tell", None)
+    assert "contradict the area" in verdict.reasons[0]
+    wide = replace(area, wider_m=5000.0)
+    verdict = verify_cell(obs, claim, 0.05, replace(Prior(), area=wide))
+    assert verdict.p > 0.05
+    assert verdict.reasons[0].startswith("if it is there: without the area, ")
 
 
 def test_benjamini_hochberg():
