@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
+from logger.core.column import UNKNOWN_TIME
 from logger.core.errors import EstimationError
 from logger.core.places import (
     TIMING_S,
@@ -132,8 +133,9 @@ def observe_run(run: Run) -> ObservedRun:
         return ObservedRun(run, observations, (warning,))
     written = observations.track
     if is_import(run.meta.origin):
-        why = track_plausibility.why_no_clock(written) or track_plausibility.too_fast(written)
-        if why:
+        is_dated = bool(np.any(run.tables["fixes"]["utc_ns"] != UNKNOWN_TIME))
+        why = track_plausibility.why_no_clock(written, is_dated=is_dated)
+        if why := why or track_plausibility.too_fast(written):
             warning = f"the times cannot be right: {why}; so no position is smoothed"
             return ObservedRun(run, observations, (warning,))
     track = _smooth_track(run.tables, observations)

@@ -27,6 +27,8 @@ _FEWEST = 3
 _NO_TIME_MPS = 1e6  # several fixes of one time have no finite speed
 _FEWEST_STEPS = 10
 """In time, from which a pattern of theirs can be told."""
+FIRST_DATED_NS = 10**8 * 10**9
+"""1973: times before count from the start of something."""
 _EVEN_SHARE = 0.95
 """Of the steps of a count are equal: rows may have been left out."""
 _EVEN_NS = 1000  # rounding of decimal fractions
@@ -48,9 +50,12 @@ SLOW_MPS = 0.5
 """Slow walk: a jump is assumed to have taken no longer than its length at this speed."""
 
 
-def why_no_clock(track: Track) -> str | None:
-    """Why the times of a track were not taken from a clock; None where they may have been."""
-    if _counts_rows(track):
+def why_no_clock(track: Track, *, is_dated: bool = False) -> str | None:
+    """Why the times of a track were not taken from a clock; None where they may have been.
+
+    Those that are dated count no rows, whatever way they belong to.
+    """
+    if not is_dated and _counts_rows(track):
         return "they count the rows"
     if _has_one_speed(track):
         return "they were computed from the way, at one speed"

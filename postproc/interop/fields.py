@@ -283,8 +283,12 @@ def moment_of(time: str, name: str) -> Moment:
         raise ValueError(f"{name} is empty")
     if found := _SINCE_1970.fullmatch(time):
         if found[3]:
-            return Moment(int(found[3]) * 10**6, is_utc=True)
-        return Moment(int(found[1]) * 10**9 + _fraction_ns(found[2]), is_utc=True)
+            t_ns = int(found[3]) * 10**6
+        else:
+            t_ns = int(found[1]) * 10**9 + _fraction_ns(found[2])
+        if t_ns >= _LAST_DAY * 86_400 * 10**9:
+            raise ValueError(f"{name} is no time of a walk: {time!r}")
+        return Moment(t_ns, is_utc=True)
     if found := _YEAR_FIRST.fullmatch(time):
         year, month, day, *clock = found.groups()
         return _by_clock(time, name, (year, month, day), clock)

@@ -15,6 +15,8 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from zoneinfo import ZoneInfo
 
+import numpy as np
+
 from logger.core.cell_names import channel_name
 from logger.core.errors import FieldLoggerError, GeoError, RunFileError
 from logger.core.foreign import open_regular
@@ -119,13 +121,17 @@ def _all_formats() -> Iterator[Format]:
         yield from import_module(module.name).IMPORTS
 
 
-def recognise(source: Path, columns: Mapping[str, str] | None = None) -> Format:
+def recognise(
+    source: Path, columns: Mapping[str, str] | None = None, *, times: bool = True
+) -> Format:
     """Format of a file by its content, or the one that reads the `columns` named by the user.
+
+    Without `times` a table by column names is read without those.
 
     Raises `RunFileError` for a file that is none of them.
     """
     if columns:
-        return named_columns.format_of(source, columns)
+        return named_columns.format_of(source, columns, times=times)
     seen = look_at(source)
     if _is_cell_list(seen):
         raise RunFileError(
@@ -135,7 +141,9 @@ def recognise(source: Path, columns: Mapping[str, str] | None = None) -> Format:
     form = next((form for form in formats() if form.is_it(seen)), None)
     if form is None:
         raise unknown_format(source, seen.words, seen.kind)
-    return named_columns.format_of(source, {}) if form.name == named_columns.NAME else form
+    if form.name != named_columns.NAME:
+        return form
+    return named_columns.format_of(source, {}, times=times)
 
 
 def _is_cell_list(seen: Contents) -> bool:
@@ -151,6 +159,8 @@ def _is_cell_list(seen: Contents) -> bool:
 
 _ROW_NS = 10**9
 """From row to row where only their order is known."""
+_SHARE_OF_ONE_TIME = 0.2
+"""Of the rows: a clock that shows minutes gives most of them the time of others."""
 _CURRENT_NS = 10 * 10**9
 """An older fix is not current at a scan."""
 
@@ -225,7 +235,7 @@ def import_walk(
         plain = files.enter_context(plain_file(source, member))
         if member is not None and member.endswith(_CAPTURES[1]):
             plain = files.enter_context(plain_file(plain))
-        form = recognise(plain, reading.columns)
+        form = recognise(plain, reading.columns, times=reading.times)
         rows: Iterable[Row]
         if form.capture:
             if not reading.times:
@@ -514,14 +524,32 @@ def _why_no_clock(source: Path, form: Format, sightings: SightingFile) -> str | 
         track = sightings.track()
     except GeoError:  # outside of UTM: the estimators report that
         return None
-    if why := track_plausibility.why_no_clock(track):
+    is_dated = sightings.span_ns()[0] >= track_plausibility.FIRST_DATED_NS
+    if why := track_plausibility.why_no_clock(track, is_dated=is_dated):
         return why
+    n_of_one_time = int(np.count_nonzero(np.diff(track.t_ns) == 0))
+    if not form.unrepeated and n_of_one_time > _SHARE_OF_ONE_TIME * len(track.t_ns):
+        n_hidden = _n_hidden(sightings)
+        if n_hidden > _SHARE_OF_ONE_TIME * len(sightings):
+            return f"{n_hidden} rows have the time of another row of their cell"
     if why := track_plausibility.too_fast(track):
         raise RunFileError(
             f"{source}: its times ({form.times}) cannot be right: {why}. Name the right column, "
             "or import the rows in their order, without times: --times none"
         )
     return None
+
+
+def _n_hidden(sightings: Iterable[Sighting]) -> int:
+    """Rows that another one of their time and cell would replace, though its level is another."""
+    n_hidden = 0
+    for _, rows in groupby(sightings, key=lambda row: (row.t_ns, row.receiver)):
+        levels_dbm: dict[tuple[object, ...], float | None] = {}
+        for row in rows:
+            cell, level_dbm = _cell_of(row), row.reading.level_dbm
+            n_hidden += levels_dbm.get(cell, level_dbm) != level_dbm
+            levels_dbm[cell] = level_dbm
+    return n_hidden
 
 
 def scans_of(sightings: Iterable[Sighting], form: Format) -> Iterator[list[Sighting]]:

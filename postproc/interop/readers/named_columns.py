@@ -54,7 +54,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "acc": ("accuracy", "acc", "gpsaccuracy", "horizontalaccuracy"),
     "alt": ("alt", "altitude", "height", "gpsaltitude"),
     "cell": (),
-    "t_s": ("ts",),
+    "t_s": ("ts", "t", "seconds", "secs", "elapsedseconds", "elapsedtime"),
     "serving": ("servingcell", "isserving", "isregistered"),
 }
 """Our names, which --columns takes, and what other programs call the same.
@@ -82,6 +82,8 @@ _TECHNOLOGIES: dict[str, Rat] = {
 _LEVELS: dict[str, Rat | None] = {"rsrp": "LTE", "rscp": "WCDMA", "rxlev": "GSM", "level": None}
 _UNIT = re.compile(r"\(.*?\)|\[.*?\]|[ _]dbm$")
 _WORD = re.compile(r"[a-z0-9]+")
+_SECONDS = re.compile(r"\d{1,8}(?:\.\d*)?")
+"""Of a column of times: so few since 1970 were in 1973, so they count from the start."""
 _DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
 _NONE = frozenset({"-", "--", "n/a", "na", "nan", "null", "none"})
 _YES = frozenset({"true", "1", "yes", "y", "serving"})
@@ -110,7 +112,7 @@ def columns_of(text: str) -> dict[str, str]:
 
 def is_it(seen: Contents) -> bool:
     """Whether a table has a position and a level under names that are known."""
-    if seen.kind != "text" or seen.names & {"t_s", "time_utc", "rssi_dbm"}:
+    if seen.kind != "text" or "rssi_dbm" in seen.names:
         return False  # `walk_csv` names what is missing
     found = {ours for ours, _, _ in _columns(sorted(seen.names), {})}
     return {"lat", "lon"} <= found and bool(found & set(_LEVELS))
@@ -121,12 +123,15 @@ def has_time(source: Path, chosen: Mapping[str, str]) -> bool:
     return any(ours in _TIMES for ours, _, _ in _columns_of_file(source, chosen))
 
 
-def read(source: Path, chosen: Mapping[str, str]) -> Iterator[Row]:
+def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iterator[Row]:
     """Rows of a table; `chosen` maps our names to columns that the user names.
+
+    Without `times` its column of times is passed over.
 
     Raises `RunFileError` for a column that is not in the file, or without a position or a level.
     """
     columns = _columns_of_file(source, chosen)
+    columns = [column for column in columns if times or column[0] not in _TIMES]
     known = {ours for ours, _, _ in columns}
     if known & {"cid", "cell"}:
         yield from parse_rows(csv_table.rows(source), partial(_sighting, columns, None))
@@ -213,7 +218,10 @@ def _level(columns: list[Column], raw: Fields) -> tuple[str, Rat | None] | None:
 def _moment(columns: list[Column], line: int, fields: Fields) -> Moment:
     known = {ours for ours, _, _ in columns} & _TIMES
     if "time" in known:
-        return moment_of(text(fields, "time"), "time")
+        time = text(fields, "time")
+        if _SECONDS.fullmatch(time):
+            return Moment(round(float(time) * 1e9), is_utc=False)
+        return moment_of(time, "time")
     if known:
         return Moment(round(number(fields, "t_s", (-1e9, 1e9)) * 1e9), is_utc=False)
     return Moment(line * ROW_NS, is_utc=False)
@@ -249,10 +257,14 @@ _OURS = Columns(
 )
 
 
-def format_of(source: Path, chosen: Mapping[str, str]) -> Format:
-    """The format that reads a file with the `chosen` columns; whether it has times, it says."""
-    times = "time" if has_time(source, chosen) else ""
-    return Format(NAME, partial(read, chosen=chosen), times, is_it, has_scans=bool(times))
+def format_of(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Format:
+    """The format that reads a file with the `chosen` columns; whether it has times, it says.
+
+    Without `times` those of the file do not count.
+    """
+    named = "time" if times and has_time(source, chosen) else ""
+    rows = partial(read, chosen=chosen, times=times)
+    return Format(NAME, rows, named, is_it, has_scans=bool(named))
 
 
 IMPORTS = (Format(NAME, partial(read, chosen={}), "time", is_it, has_scans=True, is_general=True),)

@@ -5,6 +5,7 @@ import re
 import sqlite3
 import subprocess
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 
 import h5py
@@ -93,7 +94,7 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
         (b"SQLite format 3\0" + b"\xff" * 200, "damaged SQLite"),
         (b"\x89HDF\r\n\x1a\n", "needs no import"),
         (b"mcc,measured_at,lat\n", "no column mnc, lon, cell_id or cellid, act or net_type"),
-        (b"t_s,lat,lon,level\n", "no column rssi_dbm"),
+        (b"t_s,lat,lon,noise\n", "no column rssi_dbm"),
         (b"", "I read an empty file"),
         (b"\0\xff\xfe" * 50, "I read a binary file that begins with 00 ff fe"),
         (b"%PDF-1.7\n1 0 obj", "I read a PDF document"),
@@ -218,6 +219,35 @@ def test_seconds_that_count_the_rows_are_read_like_no_times(tmp_path, capsys, na
     np.testing.assert_array_equal(one.position_sigma_m, other.position_sigma_m)
     notes = [record.value for _, record in read_run(runs[0]).records("notes")]
     assert any("they count the rows" in note.text for note in notes)
+
+
+def _dated(lat_deg, *, pace_s=1, shown_s=1):
+    """A table of ISO times, which show no less than `shown_s`."""
+    times = [datetime.fromtimestamp(1.7e9 + pace_s * k // shown_s * shown_s, UTC)
+             for k in range(len(lat_deg))]  # fmt: skip
+    rows = [
+        f"{time:%Y-%m-%dT%H:%M:%SZ},{lat:.7f},11.0,{-60 - k % 9}"
+        for k, (time, lat) in enumerate(zip(times, lat_deg, strict=True))
+    ]
+    return "\n".join(["time,lat,lon,level", *rows])
+
+
+def test_times_with_a_date_count_no_rows_whatever_one_fix_does(tmp_path):
+    lat_deg = 48.0 + 1.2e-5 * np.arange(200)
+    lat_deg[90] += 0.003
+    found = import_walk(_write(tmp_path, _dated(lat_deg)), tmp_path / "run.h5")
+    assert (found.has_times, found.no_clock) == (True, None)
+    there_and_back = 48.0 + 20.0 * (np.arange(200) % 2)
+    with pytest.raises(RunFileError, match="cannot be right"):
+        import_walk(_write(tmp_path, _dated(there_and_back)), tmp_path / "far.h5")
+
+
+def test_a_clock_that_shows_minutes_is_none(tmp_path):
+    source = _write(tmp_path, _dated(48.0 + 1.2e-5 * np.arange(240), shown_s=60))
+    found = import_walk(source, tmp_path / "run.h5")
+    assert "rows have the time of another row of their cell" in found.no_clock
+    (obs,) = observe_run(read_run(tmp_path / "run.h5")).observations.cells
+    assert len(obs) == 240
 
 
 @pytest.mark.parametrize("name", BAD_TIMES)

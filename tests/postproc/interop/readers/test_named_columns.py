@@ -145,6 +145,28 @@ def test_without_a_column_of_times_the_order_counts(tmp_path):
     assert recognise(source).times == ""
 
 
+@pytest.mark.parametrize("head", ["time", "Timestamp", "Time (s)", "t", "seconds", "t_s"])
+def test_a_column_of_times_may_count_seconds_from_the_start(tmp_path, head):
+    rows = _rows(tmp_path, f"{head},lat,lon,level", "0,52.5,13.5,-80", "1.5,52.5001,13.5,-81")
+    assert [row.t_ns for row in rows] == [0, 1_500_000_000]
+    assert rows[0].fix.utc_ns is None
+
+
+def test_without_times_nothing_in_their_column_matters(tmp_path):
+    source = tmp_path / "x.csv"
+    source.write_text("time,lat,lon,level\n,52.5,13.5,-80\nnoon,52.6,13.5,-81\n")
+    form = recognise(source, times=False)
+    assert form.times == ""
+    assert [row.line for row in form.read(source)] == [2, 3]
+
+
+def test_a_time_beyond_all_walks_is_a_bad_row(tmp_path, capsys):
+    source = tmp_path / "x.csv"
+    source.write_text("time,lat,lon,level\n9999999999,52.5,13.5,-80\n")
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 2
+    assert "line 2: time is no time of a walk: '9999999999'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("text", ["pegel", "pegel=x", "lat=", "level=x,,"])
 def test_a_wrong_option_lists_the_names(text):
     with pytest.raises(ConfigError, match="NAME=COLUMN with one of the names time, lat, lon"):
