@@ -168,7 +168,7 @@ def smooth(
     failed.
     """
     run_now(summary)
-    groups = grouped_runs(paths, cells)
+    groups = grouped_runs(paths, cells, prior.area)
     estimates, documents = [], []
     rows: list[cell_work.Row] = []
     for group, own_cells in groups:

@@ -19,7 +19,8 @@ from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.cell_names import FEWEST_SCANS, REUSED_M, identity_of, is_by_channel
 from logger.core.document import Document, Line, Part
-from logger.core.errors import EstimationError, GeoError
+from logger.core.errors import ConfigError, EstimationError, GeoError
+from logger.core.model.area import Area
 from logger.core.places import MAX_LATITUDE_DEG, Places, Track, Utm, track_of
 from logger.core.readings import Readings
 from logger.core.readings import places_of as at_readings
@@ -301,15 +302,28 @@ def by_place(runs: Sequence[Run]) -> list[Group]:
     return [*found, *([Group(tuple(lost), None)] if lost else [])]
 
 
+def is_near(group: Group, area: Area) -> bool:
+    """Whether a run of a group, where it has a position, comes near an area."""
+    walks = []
+    for run in group.runs:
+        fixes = run.tables["fixes"]
+        fixes = fixes[fixes["valid"] == 1]
+        if len(fixes):
+            walks.append(Places.of_degrees(fixes["lat_deg"], fixes["lon_deg"]))
+    try:
+        return bool(walks) and area.at([walk.in_zone(walks[0].utm) for walk in walks]) is not None
+    except ConfigError:
+        return False
+
+
 def check_one_place(runs: Sequence[Run]) -> None:
-    """Raise `GeoError` for runs that share neither a map nor a cell."""
+    """Raise `GeoError` for runs of several places, which `by_place` tells apart."""
     groups = by_place(runs)
     if len(groups) > 1:
         names = "; ".join(group.name for group in groups)
         raise GeoError(
             f"{groups[1].runs[0].path} was walked far from {groups[0].runs[0].path}: these runs "
-            f"are of {len(groups)} places ({names}), which share neither a map nor a cell: "
-            "give those of one place, or the groups of postproc.by_place"
+            f"are of {len(groups)} places ({names}): give those of one place"
         )
 
 

@@ -22,6 +22,7 @@ with late_modules():
     from logger import street_file
     from logger.core import isolation, runfile
     from logger.core.locator import verdict
+    from logger.core.model import area
     from logger.core.model import prior as priors
     from postproc import area_file, ground, multi_run, progress, results, smoothing
     from postproc import result as estimation
@@ -227,13 +228,23 @@ def read_streets(path: Path | None) -> street_file.StreetLines | tuple[()]:
 
 
 def grouped_runs(
-    paths: Sequence[Path], cells: Sequence[str] = ()
+    paths: Sequence[Path], cells: Sequence[str] = (), where: area.Area | None = None
 ) -> list[tuple[ground.Group, list[str]]]:
-    """The runs of some files by place, each group with those of the `cells` that it names."""
+    """The runs of some files by place, each group with those of the `cells` that it names.
+
+    Groups far from the area are left out, with a line on stderr, but for the last.
+    """
     reading, names = map(runfile.read_sound_run, paths), [path.name for path in paths]
     read = progress.with_progress(reading, "reading", len(paths), names)
     runs = multi_run.named_apart(list(read))
-    return list(ground.groups_with(ground.by_place(runs), cells))
+    groups = ground.by_place(runs)
+    if where is not None and len(groups) > 1:
+        far = [group for group in groups if not ground.is_near(group, where)]
+        far = far[: len(groups) - 1]
+        for group in far:
+            print(f"{group.title} is not near the area {where.text}: left out", file=sys.stderr)
+        groups = [group for group in groups if all(group is not one for one in far)]
+    return list(ground.groups_with(groups, cells))
 
 
 def estimate(

@@ -25,13 +25,11 @@ from logger.core.guidance.routes import Route, compass_routes, street_routes
 from logger.core.guidance.sample import Cluster, PositionSample, clusters, draw
 from logger.core.guidance.sentence import sentence
 from logger.core.guidance.street_atlas import Line, StreetAtlas
-from logger.core.locator.pipeline import search
+from logger.core.locator.pipeline import decide, locate, search
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import prepare
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.region import highest_density
-from logger.core.locator.summary import summarise
-from logger.core.locator.verdict import DESK_M, assess
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.readings import Readings
@@ -92,7 +90,7 @@ def next_walk(
     obs = everywhere.usable()
     task = prepare(obs, prior, _EFFORT)
     tree = search(task)
-    posterior = summarise(task, tree)
+    posterior = locate(obs, prior)  # the answer is that of every command
     start = _start(everywhere, start)
     mixed = tree.mixture(task.walk.prior)
     places = clusters(tree.squares, mixed.probability, start)
@@ -102,7 +100,7 @@ def next_walk(
     course = Course(None, np.zeros((0, 2)))
     best, *others = plans(forecaster, routes, course, has_map=True)
     distance_m = float(np.hypot(*(first_turn(best.route) - best.route.corner_m[0])))
-    verdict, reasons, *_ = assess(posterior, obs, within_m=DESK_M)
+    verdict, reasons, *_ = decide(posterior, obs)
     return NextWalk(
         answer_of(obs.cell, verdict, reasons, Provenance(len(obs)), posterior),
         start,

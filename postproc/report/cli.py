@@ -82,7 +82,7 @@ def report(
     if basemap is not None and not basemap.is_file():
         raise ConfigError(f"{basemap}: no such file")
     options = estimation.Options(prior, within_m=within_m)
-    groups = grouped_runs(paths, cells)
+    groups = grouped_runs(paths, cells, prior.area)
     codes, documents = [], []
     for group, own_cells in groups:
         start_s, file, folder = perf_counter(), target, picture_folder

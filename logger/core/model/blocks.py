@@ -126,8 +126,8 @@ def join(parts: Sequence[Blocks]) -> Blocks:
 def blocks(obs: Readings, most: int, origin: Origin = NO_SHIFT) -> Blocks:
     """Gather the readings of one point and modem, whenever taken, into at most `most` blocks.
 
-    Standing still or walking a street twice adds readings to a block and no block. `origin` moves
-    the grid of the blocks.
+    Standing still or walking a street twice adds readings to a block and no block; a level that is
+    repeated there adds none. `origin` moves the grid of the blocks.
     """
     inside = obs.limit == 0
     at, level = obs.places.part(inside), obs.level_dbm[inside]
@@ -135,6 +135,7 @@ def blocks(obs: Readings, most: int, origin: Origin = NO_SHIFT) -> Blocks:
     fine = squares(at, _MOST_POINTS, modem, origin=origin)[0]
     count = np.bincount(fine).astype(float)
     mean = [np.bincount(fine, v) / count for v in (at.x_m, at.y_m, level, at.sigma_m**2)]
+    count = np.maximum(np.bincount(fine, _is_new(level, modem, fine)), 1.0)
     of_point = np.zeros(len(count), np.int64)
     of_point[fine] = modem
     gone = censored_places(obs, min(most // 2, _MOST_CENSORED))
@@ -170,6 +171,20 @@ def gather(
     return Blocks(
         points_of, weight, first, places, bl, total, size_m, censored, modem[order][first]
     )
+
+
+def _is_new(level_dbm: FloatArray, modem: IntArray, square: IntArray) -> BoolArray:
+    """Which levels differ from the one that their modem gave before in the same square.
+
+    One that is repeated tells no more: what modems filter or keep changes more slowly than that.
+    """
+    order = np.argsort(modem, kind="stable")
+    is_same = np.zeros(len(order), np.bool_)
+    is_same[1:] = np.diff(level_dbm[order]) == 0.0
+    is_same[1:] &= (np.diff(modem[order]) == 0) & (np.diff(square[order]) == 0)
+    is_new = np.empty(len(order), np.bool_)
+    is_new[order] = ~is_same
+    return is_new
 
 
 def _modems(obs: Readings) -> IntArray:
