@@ -6,6 +6,7 @@ are `logger.core.errors.FieldLoggerError`.
 """
 
 from collections.abc import Sequence
+from math import inf
 from pathlib import Path
 from typing import overload
 
@@ -155,7 +156,7 @@ def locate(
         readings = _bare(x_m, y_m, level_dbm, position_sigma_m, rat)
     # the matrices are small: threads of BLAS would only wait for each other
     with threadpool_limits(1):
-        return locate_cell(readings, prior, within_m)
+        return locate_cell(readings, prior, _radius_m(within_m))
 
 
 def smooth(
@@ -188,7 +189,7 @@ def smooth(
     `by_place` tells apart.
     """
     prior = _prior(environment, height_m, antenna, reach, within_walk_m, area)
-    options = Options(prior, loss, within_m)
+    options = Options(prior, loss, _radius_m(within_m))
     result = smooth_runs(
         named_apart(_runs(runs)),
         _names(cells),
@@ -304,6 +305,12 @@ def _prior(
 ) -> Prior:
     where = area_of(within_walk_m, area)
     return prior_for(environment, height_m=height_m, antenna=antenna, reach=reach, area=where)
+
+
+def _radius_m(within_m: float) -> float:
+    if not 0.0 < within_m < inf:
+        raise ConfigError(f"a radius is more than 0 m and finite, not {within_m:g}")
+    return within_m
 
 
 def _run(run: RunOrPath) -> Run:

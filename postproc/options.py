@@ -30,8 +30,6 @@ with late_modules():
 Command = Callable[..., int | None]
 _Paths = TypeVar("_Paths", Path, tuple[Path, ...])
 
-_HIGHEST_M = 10_000
-"""Limit of an antenna's height above the receiver; no mountain road sees a greater difference."""
 _HDF5_READER = "logger.core.runfile.hdf5_reader"
 _FARTHEST_M = 30_000
 """Nothing farther is searched."""
@@ -141,7 +139,7 @@ def prior_options(command: Command) -> Command:
 
 def _height_m(text: str) -> float | None:
     """Metres, or None for any height."""
-    metres = number(float, 0, _HIGHEST_M, unit="m, or any")
+    metres = number(float, 0, priors.HIGHEST_M, unit="m, or any")
     return None if text == "any" else metres(text)
 
 

@@ -3,6 +3,7 @@
 import errno
 import os
 import stat
+from codecs import BOM_UTF8
 from io import BufferedReader
 from pathlib import Path
 from typing import TypeVar
@@ -66,10 +67,12 @@ def read_regular(path: Path, most_bytes: int, *, follow_links: bool = True) -> b
 def decode_json(text: bytes, kind: type[Kind]) -> Kind:
     """A value in JSON; raises `msgspec.DecodeError` whatever is wrong with it.
 
+    A byte order mark, which editors of Windows write, is passed over.
+
     msgspec lets two errors of Python through: of a text that is no UTF-8, and of one that is nested
     too deeply.
     """
     try:
-        return msgspec.json.decode(text, type=kind)
+        return msgspec.json.decode(text.removeprefix(BOM_UTF8), type=kind)
     except (UnicodeDecodeError, RecursionError) as error:
         raise msgspec.DecodeError(str(error)) from None

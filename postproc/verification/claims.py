@@ -120,20 +120,20 @@ def _of_csv(
 
 def _own(row: dict[str, str], path: Path, line: int) -> Claim:
     try:
-        sigma = row.get("sigma_m") or "0"
-        return _check(
-            Claim(
-                row["cell"],
-                float(row["lat"]),
-                float(row["lon"]),
-                float(sigma),
-                f"{path} line {line}",
-            )
-        )
-    except (TypeError, ValueError) as error:
+        lat_deg, lon_deg = _number(row, "lat"), _number(row, "lon")
+        sigma_m = _number(row, "sigma_m") if row.get("sigma_m") else 0.0
+        return _check(Claim(row["cell"], lat_deg, lon_deg, sigma_m, f"{path} line {line}"))
+    except ValueError as error:
         raise RunFileError(f"{path}: line {line}: {error}") from error
     except (ConfigError, GeoError) as error:
         raise RunFileError(f"{path}: line {line}: {error}") from error
+
+
+def _number(row: dict[str, str], name: str) -> float:
+    try:
+        return float(row[name] or "")
+    except ValueError:
+        raise ValueError(f"{name} is no number: {row[name] or ''!r}") from None
 
 
 def claims_of(database: CellDb, observed: Sequence[str]) -> list[Claim]:

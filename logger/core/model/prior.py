@@ -162,6 +162,8 @@ since their scale has to be one of those above.
 """
 
 
+HIGHEST_M = 10_000.0
+"""Above the receiver; no mountain road sees a greater difference."""
 _HALVINGS = 30
 """Of the interval that holds a radius: to a billionth of it."""
 
@@ -319,7 +321,7 @@ def prior_for(
 ) -> Prior:
     """Prior by the names of surroundings, antenna and reach; without a height all are possible.
 
-    Raises `ConfigError` for an unknown name.
+    Raises `ConfigError` for an unknown name and for a height that no antenna has.
     """
     for name, kind, choices in (
         (environment, "environment", ENVIRONMENTS),
@@ -328,6 +330,8 @@ def prior_for(
     ):
         if name not in choices:
             raise ConfigError(f"{kind} {name!r} is unknown: one of {', '.join(choices)}")
+    if height_m is not None and not 0.0 <= height_m <= HIGHEST_M:
+        raise ConfigError(f"an antenna is 0 to {HIGHEST_M:.0f} m above the receiver")
     return replace(
         ENVIRONMENTS[environment],
         reaches=REACHES[reach],
