@@ -53,3 +53,4 @@ def test_json_has_one_kind_of_error(name):
 
 def test_json_of_the_right_kind_is_read():
     assert decode_json(b'{"state":"a","now_ns":1}', Known) == Known("a", 1)
+    assert decode_json(b'\xef\xbb\xbf{"state":"a","now_ns":1}', Known) == Known("a", 1)

@@ -253,6 +253,18 @@ def test_bare_arrays_that_cannot_be_a_walk_are_refused(x, y, level, sigma_m, say
         locate(x, y, level, position_sigma_m=sigma_m)
 
 
+@pytest.mark.parametrize("within_m", [0.0, -5.0, np.nan, np.inf])
+def test_a_radius_that_is_none_is_refused(within_m):
+    with pytest.raises(ConfigError, match="a radius is more than 0 m"):
+        locate(*walk(), within_m=within_m)
+
+
+@pytest.mark.parametrize("height_m", [-4.0, np.nan, np.inf])
+def test_a_height_that_is_none_is_refused(height_m):
+    with pytest.raises(ConfigError, match="an antenna is 0 to 10000 m above"):
+        locate(*walk(), height_m=height_m)
+
+
 def test_a_receiver_that_stands_is_a_walk():
     assert locate(np.full(40, 7.0), np.full(40, 3.0), -60 - LINE % 30 / 10).verdict == "cannot tell"
 

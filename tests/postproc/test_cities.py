@@ -128,6 +128,19 @@ def test_each_city_has_its_own_answer(answer):
     assert rows[0, ROGUE_NAME]["n"] > rows[3, ROGUE_NAME]["n"]
 
 
+def test_an_area_in_one_city_leaves_the_others_out(files, tmp_path, capsys):
+    lat, lon = CITIES["graz"]
+    ring = [[lon + east, lat + north] for east, north in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    area = tmp_path / "styria.geojson"
+    area.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    found = run_json("smooth", *files, "--area", area)
+    said = capsys.readouterr().err
+    assert {row["runs"][0] for row in found["cells"]} <= {"0-graz.journal", "4-graz.journal"}
+    assert said.count("is not near the area inside styria.geojson: left out") == 3
+    assert main(["smooth", *map(str, files), "--area", str(area)]) == 0
+    assert "Positions are those of a cell inside styria.geojson." in capsys.readouterr().out
+
+
 def test_several_groups_are_in_the_published_schema(answer):
     jsonschema.Draft202012Validator(json.loads(SCHEMA.read_text())).validate(answer)
 

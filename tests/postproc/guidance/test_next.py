@@ -50,6 +50,15 @@ def test_the_best_route_leaves_the_line_of_the_walk(run, capsys):
     assert "optimistic" in document["note"]
 
 
+def test_the_answer_is_that_of_smooth(run, capsys):
+    document = _json(capsys, run)
+    assert main(["smooth", str(run), "--json"]) == 0
+    (cell,) = json.loads(capsys.readouterr().out)["cells"]
+    assert document["best"]["r95_m"] == pytest.approx(cell["best"]["r95_m"])
+    assert document["best"]["lat"] == pytest.approx(cell["best"]["lat"], abs=1e-9)
+    assert document["verdict"] == cell["verdict"]
+
+
 def test_the_sentence_has_the_metres_to_the_first_turn(run, capsys, tmp_path):
     path = tmp_path / "streets.geojson"
     north, east = [LON_DEG, LAT_DEG + 0.0008], [LON_DEG + 0.004, LAT_DEG + 0.0008]
