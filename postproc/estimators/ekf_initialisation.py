@@ -38,8 +38,6 @@ _BISECTIONS = 4  # each costs a posterior; the start is known to 1/32 of the wal
 _FINE = 1.0 / 32.0
 _ROUGH = EFFORT._replace(more_grids=0)
 """Of a prefix that is only tried; on fewer blocks a start is found less often."""
-_THOROUGH = Effort(more_grids=3)
-"""Of the prefix that is taken."""
 _LIKELY_NOISE = 0.02
 """Of the likeliest hypothesis of the complete walk: less likely ones are left out for prefixes."""
 _PREFIXES = 200  # lengths tried by the filter alone, which is quick
@@ -150,7 +148,7 @@ def _find_start(
         return NoRun("only the complete walk locates the transmitter: no reading is left to filter")
     # a rough search may miss one of two modes
     for candidate in sorted({count, (count + end) // 2}):
-        if posterior := locate_prefix(candidate, _THOROUGH):
+        if posterior := locate_prefix(candidate, Effort()):
             return candidate, posterior
     return NoRun(
         "a closer look at the parts that seemed to locate the transmitter does not bear them out"

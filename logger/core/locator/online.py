@@ -44,7 +44,7 @@ from logger.core.spikes import SpikeCheck, SpikeFilter
 
 MOST_BLOCKS = 100
 FEWEST_BLOCKS = 4
-EFFORT = Effort(most_squares=500, split_share=0.02, nodes=1, samples=0, densest=0)
+EFFORT = Effort(most_squares=500, split_share=0.02, nodes=1, first_share=1.0, samples=0, densest=0)
 
 _MOST_CENSORED = 40  # points: their covariance is inverted at each search
 _LEAST_MASS = 1e-5  # probability of a position that stays between searches

@@ -19,11 +19,12 @@ from logger.core.readings import Readings
 COARSE_BLOCKS = 80
 """Blocks of the coarse search: its time grows with their square."""
 
-ORIGINS = tuple((k / 8.0 % 1.0, 3.0 * k / 8.0 % 1.0) for k in (4, 2, 6, 1, 3, 5, 7))
-"""Grids of coarse blocks besides the usual one: in both axes each eighth of a block once.
+ORIGINS = ((0.5, 0.5), (0.25, 0.75), (0.75, 0.25))
+"""Grids of coarse blocks besides the usual one.
 
-Which readings share a block decides as much as the errors of the levels. With three of these grids
-1 m changes .034 of the areas twofold, with all .026.
+Which readings share a block decides as much as the errors of the levels. With seven 1 m changes
+.026 of the areas twofold, not .034, but of 506 walks 31 are located rightly and one wrongly, not 34
+and none, and regions past transmitters are wider: their tails add up.
 """
 
 MOST_MODEMS = 20

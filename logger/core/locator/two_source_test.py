@@ -72,7 +72,14 @@ class DivisionEffort(NamedTuple):
 
 
 DESK = DivisionEffort(
-    Effort(most_squares=800, split_share=0.01, nodes=1, densest=0, most_blocks=80),
+    Effort(
+        most_squares=800,
+        split_share=0.01,
+        nodes=1,
+        first_share=1.0,
+        densest=0,
+        most_blocks=80,
+    ),
     rivals=3,
     turns=3,
 )
@@ -293,7 +300,7 @@ MOVES_M = np.concatenate([_ring(250.0, 8), _ring(800.0, 12)])
 A shorter way is hardly more than a location's error. Between two neighbours the evidence of a move
 in the middle is still far above that of standing.
 """
-_MOVING_EFFORT = Effort(most_squares=60, split_share=0.1, nodes=1, densest=0)
+_MOVING_EFFORT = Effort(most_squares=60, split_share=0.1, nodes=1, first_share=1.0, densest=0)
 """150 squares gave the same factors to a tenth, in twice the time."""
 _MOVING_BLOCKS = 30
 _MOVING_BLOCK_M = 25.0

@@ -14,7 +14,7 @@ from logger.core.locator.verdict import assess
 from tests.kit.scaling import check_growth
 from tests.kit.walks import FLOOR_DBM, observations, path, simulate, with_places
 
-QUICK = Effort(most_squares=400, split_share=0.02, nodes=3)
+QUICK = Effort(most_squares=400, split_share=0.02, nodes=3, first_share=1.0)
 RNG = np.random.default_rng(27)
 
 

@@ -188,7 +188,7 @@ def test_first_squares_are_small_near_the_walk_and_reach_the_end(share):
     track = blocks(walk(), 300)
     x, y, size = first_squares(track, Prior(), share)
     away = np.min(np.hypot(x[:, None] - track.places.x_m, y[:, None] - track.places.y_m), axis=1)
-    assert np.all(size <= np.maximum(20.0, share * away) + 1e-9)
+    assert np.all(size <= np.maximum(10.0, share * away) + 1e-9)
     assert np.sum(size**2) == pytest.approx((2.0 * Prior().reach_m + 180.0) ** 2, rel=1e-9)
     assert np.max(x + 0.5 * size) == pytest.approx(90.0 + 90.0 + Prior().reach_m)
     assert len(x) < 3000
@@ -300,7 +300,7 @@ def test_a_pattern_has_no_part_where_the_noise_has_none():
 def test_less_effort_is_fewer_cells_and_much_the_same_answer():
     obs = walk(60)
     full = search_once(blocks(obs, 300), SMALL)
-    effort = Effort(most_squares=500, split_share=0.02, nodes=3, densest=0)
+    effort = Effort(most_squares=500, split_share=0.02, nodes=3, first_share=1.0, densest=0)
     little = search_once(blocks(obs, 300), SMALL, effort)
     assert len(little.x_m) < 0.5 * len(full.x_m)
     p, q = (tree.mixture(SMALL).probability for tree in (little, full))

@@ -221,7 +221,7 @@ def test_seconds_that_count_the_rows_are_read_like_no_times(tmp_path, capsys, na
     assert any("they count the rows" in note.text for note in notes)
 
 
-def _dated(lat_deg, *, pace_s=1, shown_s=1):
+def _iso_table(lat_deg, *, pace_s=1, shown_s=1):
     """A table of ISO times, which show no less than `shown_s`."""
     times = [datetime.fromtimestamp(1.7e9 + pace_s * k // shown_s * shown_s, UTC)
              for k in range(len(lat_deg))]  # fmt: skip
@@ -235,15 +235,15 @@ def _dated(lat_deg, *, pace_s=1, shown_s=1):
 def test_times_with_a_date_count_no_rows_whatever_one_fix_does(tmp_path):
     lat_deg = 48.0 + 1.2e-5 * np.arange(200)
     lat_deg[90] += 0.003
-    found = import_walk(_write(tmp_path, _dated(lat_deg)), tmp_path / "run.h5")
+    found = import_walk(_write(tmp_path, _iso_table(lat_deg)), tmp_path / "run.h5")
     assert (found.has_times, found.no_clock) == (True, None)
     there_and_back = 48.0 + 20.0 * (np.arange(200) % 2)
     with pytest.raises(RunFileError, match="cannot be right"):
-        import_walk(_write(tmp_path, _dated(there_and_back)), tmp_path / "far.h5")
+        import_walk(_write(tmp_path, _iso_table(there_and_back)), tmp_path / "far.h5")
 
 
 def test_a_clock_that_shows_minutes_is_none(tmp_path):
-    source = _write(tmp_path, _dated(48.0 + 1.2e-5 * np.arange(240), shown_s=60))
+    source = _write(tmp_path, _iso_table(48.0 + 1.2e-5 * np.arange(240), shown_s=60))
     found = import_walk(source, tmp_path / "run.h5")
     assert "rows have the time of another row of their cell" in found.no_clock
     (obs,) = observe_run(read_run(tmp_path / "run.h5")).observations.cells
