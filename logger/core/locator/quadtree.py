@@ -19,7 +19,7 @@ _FINEST_FIRST_M = 10.0
 """First squares on the walk itself are no smaller: growth splits them where that pays.
 
 Twice as large ones save a fifth of the time, with areas within 3 %. But of 40 closed-loop walks the
-device and the desktop, whose positions differ a little, then had other radii in 6, not 2.
+device and the desktop, whose positions differ a little, then had other radii in 6, not 3.
 """
 _BLOCKS_PER_FIRST_SQUARE = 100.0
 """A walk of so many blocks begins with squares as large as a block; a longer one with larger."""
