@@ -162,7 +162,7 @@ since their scale has to be one of those above.
 """
 
 
-HIGHEST_M = 10_000.0
+HIGHEST_M = 10_000
 """Above the receiver; no mountain road sees a greater difference."""
 _HALVINGS = 30
 """Of the interval that holds a radius: to a billionth of it."""
@@ -331,7 +331,7 @@ def prior_for(
         if name not in choices:
             raise ConfigError(f"{kind} {name!r} is unknown: one of {', '.join(choices)}")
     if height_m is not None and not 0.0 <= height_m <= HIGHEST_M:
-        raise ConfigError(f"an antenna is 0 to {HIGHEST_M:.0f} m above the receiver")
+        raise ConfigError(f"an antenna is 0 to {HIGHEST_M} m above the receiver")
     return replace(
         ENVIRONMENTS[environment],
         reaches=REACHES[reach],
