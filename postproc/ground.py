@@ -8,6 +8,7 @@ or pole is a border.
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from math import atan2, degrees, hypot
@@ -304,16 +305,11 @@ def by_place(runs: Sequence[Run]) -> list[Group]:
 
 def is_near(group: Group, area: Area) -> bool:
     """Whether a run of a group, where it has a position, comes near an area."""
-    walks = []
     for run in group.runs:
-        fixes = run.tables["fixes"]
-        fixes = fixes[fixes["valid"] == 1]
-        if len(fixes):
-            walks.append(Places.of_degrees(fixes["lat_deg"], fixes["lon_deg"]))
-    try:
-        return bool(walks) and area.at([walk.in_zone(walks[0].utm) for walk in walks]) is not None
-    except ConfigError:
-        return False
+        with suppress(ConfigError, EstimationError, GeoError):
+            area.at([track_of(run.tables["fixes"])])
+            return True
+    return False
 
 
 def check_one_place(runs: Sequence[Run]) -> None:

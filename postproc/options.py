@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -237,11 +238,12 @@ def grouped_runs(
     runs = multi_run.named_apart(list(read))
     groups = ground.by_place(runs)
     if where is not None and len(groups) > 1:
-        far = [group for group in groups if not ground.is_near(group, where)]
-        far = far[: len(groups) - 1]
-        for group in far:
-            print(f"{group.title} is not near the area {where.text}: left out", file=sys.stderr)
-        groups = [group for group in groups if all(group is not one for one in far)]
+        is_kept = [ground.is_near(group, where) for group in groups]
+        is_kept[-1] |= not any(is_kept)  # its estimate says what is wrong
+        for group, kept in zip(groups, is_kept, strict=True):
+            if not kept:
+                print(f"{group.title} is not near the area {where.text}: left out", file=sys.stderr)
+        groups = list(itertools.compress(groups, is_kept))
     return list(ground.groups_with(groups, cells))
 
 

@@ -115,7 +115,8 @@ class ClaimTest:
     def _densities(self, at: FloatArray) -> FloatArray:
         """Density of true claims at positions (2, n), per square metre."""
         p, centres = self.squares.probability, _centres(self.squares)
-        kept = np.argsort(p)[np.cumsum(np.sort(p)) > _NEGLIGIBLE]
+        ascending = np.argsort(p)
+        kept = ascending[np.cumsum(p[ascending]) > _NEGLIGIBLE]
         variance_m2 = self.sigma_m**2 + (_BLUR * self.squares.size_m[kept]) ** 2
         weight, (x_m, y_m) = p[kept] / (2.0 * np.pi * variance_m2), centres[:, kept]
         found = np.empty(at.shape[1])

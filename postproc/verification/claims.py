@@ -123,9 +123,7 @@ def _own(row: dict[str, str], path: Path, line: int) -> Claim:
         lat_deg, lon_deg = _number(row, "lat"), _number(row, "lon")
         sigma_m = _number(row, "sigma_m") if row.get("sigma_m") else 0.0
         return _check(Claim(row["cell"], lat_deg, lon_deg, sigma_m, f"{path} line {line}"))
-    except ValueError as error:
-        raise RunFileError(f"{path}: line {line}: {error}") from error
-    except (ConfigError, GeoError) as error:
+    except (ValueError, ConfigError, GeoError) as error:
         raise RunFileError(f"{path}: line {line}: {error}") from error
 
 

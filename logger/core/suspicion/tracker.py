@@ -192,7 +192,6 @@ class Capabilities:
 
     def __init__(self, served: Mapping[str, Iterable[Need]] = MappingProxyType({})) -> None:
         self._served = {rat: set(needs) for rat, needs in served.items()}
-        self._left: dict[str, dict[Need, Callable[[Heard], bool]]] = {}
         self._always: set[Need] = {"second technology"} if len(self._served) > 1 else set()
 
     def serve(self, need: Need) -> None:
@@ -203,11 +202,9 @@ class Capabilities:
         """Take what a scan serves."""
         for heard in now.cells:
             served = self._served.setdefault(heard.rat, set())
-            left = self._left.setdefault(heard.rat, dict(_OF_READING))
-            new = [need for need, is_served in left.items() if is_served(heard)]
-            served.update(new)
-            for need in new:
-                del left[need]
+            for need, is_served in _OF_READING.items():
+                if need not in served and is_served(heard):
+                    served.add(need)
         for rat, n in Counter([heard.rat for heard in now.cells]).items():
             if now.x_m is not None:
                 self._served[rat].add("position")
