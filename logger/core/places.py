@@ -206,7 +206,9 @@ class Places:
 
     def distances_m(self, others: "Places") -> FloatArray:
         """Distance of each place from each of the others (h,), shape (n, h)."""
-        squared_m2 = self._squared_m2(others)
+        squared_m2, north_m = self.x_m[:, None] - others.x_m, self.y_m[:, None] - others.y_m
+        np.square(squared_m2, out=squared_m2)
+        squared_m2 += np.square(north_m, out=north_m)
         return np.asarray(np.sqrt(squared_m2, out=squared_m2), float)
 
     def away_m(self, other: "Places") -> float:
@@ -214,17 +216,19 @@ class Places:
         return hypot(self.x_m.item() - other.x_m.item(), self.y_m.item() - other.y_m.item())
 
     def log_distance_to(self, others: "Places", height_m: float = 0.0) -> FloatArray:
-        """L to antennas `height_m` above the others (h,), shape (n, h): see `path_loss`."""
-        squared_m2 = self._squared_m2(others)
-        squared_m2 += (height_m**2 + 2.0 * self.sigma_m**2)[:, None]
-        return log_distances_db(squared_m2)
+        """L to antennas `height_m` above the others (h,), shape (n, h): see `path_loss`.
 
-    def _squared_m2(self, others: "Places") -> FloatArray:
-        """Squared distances (n, h). Of large arrays, new memory takes longer than the sums."""
-        squared_m2, north_m = self.x_m[:, None] - others.x_m, self.y_m[:, None] - others.y_m
-        np.square(squared_m2, out=squared_m2)
-        squared_m2 += np.square(north_m, out=north_m)
-        return np.asarray(squared_m2, float)
+        One product of matrices, |a|^2 + |b|^2 - 2 a b, takes a fifth of the time of differences.
+        From the middle of the others, 100 km away, a square of 1 m^2 is exact to 1e-5.
+        """
+        x0_m, y0_m = (np.mean(v) if len(v) else 0.0 for v in (others.x_m, others.y_m))
+        x_m, y_m, other_x_m, other_y_m = (
+            self.x_m - x0_m, self.y_m - y0_m, others.x_m - x0_m, others.y_m - y0_m
+        )  # fmt: skip
+        own_m2 = x_m**2 + y_m**2 + height_m**2 + 2.0 * self.sigma_m**2
+        own = np.stack([own_m2, np.ones(len(self)), -2.0 * x_m, -2.0 * y_m], axis=1)
+        other = np.stack([np.ones(len(others)), other_x_m**2 + other_y_m**2, other_x_m, other_y_m])
+        return log_distances_db(own @ other)
 
     def less_sure(self, sigma_m: float) -> Self:
         """One place with another, independent error of this sigma per axis."""

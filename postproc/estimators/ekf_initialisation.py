@@ -206,7 +206,8 @@ def _shortest_promising(obs: Readings, end: int, full: Posterior, noise: ShadowN
     """Length below `end` of the shortest prefix that may be close.
 
     The filter is run at the position of the complete walk over levels that fit exactly, so that it
-    stays there and its covariance is that of the information in the readings.
+    stays there and its covariance is that of the information in the readings. Nor is a prefix
+    promising for a rest that the posterior of all readings is not close to.
     """
     counts: IntArray = np.unique(np.linspace(_FEWEST, end - 1, _PREFIXES).astype(int))
     if counts[0] < _FEWEST:
@@ -221,7 +222,8 @@ def _shortest_promising(obs: Readings, end: int, full: Posterior, noise: ShadowN
     start, readings = shadow_ekf.release(start, wide), slice(int(counts[-1]))
     path = shadow_pass(exact, start, noise, readings=readings, rows=counts - 1).path
     nearest_m = np.minimum.accumulate(path_loss.distance_m(distance_db)[::-1])[::-1]
-    is_close = _widest_sigma_m(path.p) <= CLOSE * nearest_m[counts]
+    sigma_m = np.maximum(_widest_sigma_m(path.p), _widest_sigma_m(best.covariance))
+    is_close = sigma_m <= CLOSE * nearest_m[counts]
     promising: list[int] = counts[is_close].tolist()
     return promising[0] if promising else None
 
