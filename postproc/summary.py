@@ -411,6 +411,9 @@ def _cell_parts(row: SummaryRow, run_names: Sequence[str]) -> Parts:
     parts.append(Line(answer.sentence, bullet="  "))
     others = answer.reasons[answer.verdict != "located" :]
     parts += [Line(warning, bullet="  - ") for warning in others]
+    if answer.place is None and (shown := row.shown):
+        where = f"{metres(shown.r95_m)} of the strongest reading, at {shown.where}"
+        parts.append(Line(f"whatever the cell, 95 % lie within {where}", bullet="  "))
     parts.append(estimator_table(answer))
     if answer.parameters is not None and answer.parameters.alternatives:
         parts.append(Line(alternatives_text(answer.parameters.alternatives), bullet="  "))

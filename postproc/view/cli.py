@@ -16,9 +16,11 @@ from postproc.options import (
     claims_options,
     estimate,
     only_one,
+    prior_options,
     processors,
     runs_argument,
     stored_or_estimated,
+    within_option,
 )
 from postproc.verification.cli import tested_claims
 
@@ -47,7 +49,9 @@ _P_FA = 0.05
     metavar="NAME",
     help="Cell to show in detail (may be repeated).",
 )
+@prior_options
 @area_options
+@within_option
 @basemap_option
 @click.option(
     "--save",
@@ -75,6 +79,7 @@ def view(
     save: Path | None,
     port: int | None,
     *,
+    within_m: float,
     is_served: bool,
     as_json: bool,
 ) -> int:
@@ -82,13 +87,13 @@ def view(
 
     The exit code of --save is 3 if work on a cell failed.
     """
+    options = estimation.Options(prior, within_m=within_m)
     of_a_run = {
         "save": save,
         "claim": claim,
         "claims": claims,
         "cell": cells,
         "basemap": basemap,
-        "area": prior.area,
     }
     only_one({"--save": save, "--web": is_served})
     if port is not None and not is_served:
@@ -97,6 +102,8 @@ def view(
         for name, value in of_a_run.items():
             if value:
                 raise ConfigError(f"--{name} goes with a run; {paths[0]} is a recording already")
+        if options != estimation.Options():
+            raise ConfigError(f"{paths[0]} is a recording already: its estimates do not change")
         # bare `rerun` serves everybody and counts its users
         return _show_in_viewer(
             viewer.copy_recording(paths), paths[0].stem, port, is_served=is_served
@@ -107,7 +114,7 @@ def view(
 
     def write(path: Path) -> int:
         """Estimate and draw, after it is known that the result can be shown."""
-        model = _view_model(runs, cells, estimation.Options(prior), claim, claims)
+        model = _view_model(runs, cells, options, claim, claims)
         ground = reading.read_basemap(basemap, model.survey, model.box) if basemap else None
         if basemap and ground is None:
             print(f"{basemap} is not drawn: the walk has no position", file=sys.stderr)

@@ -55,6 +55,17 @@ def test_a_run_is_saved_with_the_cell_that_has_most_to_tell(run, tmp_path, capsy
     assert f"/rssi/{OTHER}" in entities
 
 
+def test_the_answer_shown_is_the_one_that_smooth_stored_with_the_same_options(tmp_path, capsys):
+    own, options = write(tmp_path / "own.journal"), ["--height", "20", "--within", "400"]
+    assert main(["smooth", str(own), *options]) == 0
+    capsys.readouterr()
+    saved = tmp_path / "x.rrd"
+    assert main(["view", str(own), "--save", str(saved), *options]) == 0
+    assert "estimates are those of" in capsys.readouterr().err
+    assert main(["view", str(own), "--save", str(saved)]) == 0
+    assert "is not used" in capsys.readouterr().err
+
+
 def test_several_cells_with_claims(run, tmp_path):
     saved = tmp_path / "x.rrd"
     cells = ["--cell", SHOWN, "--cell", OTHER]
@@ -187,6 +198,8 @@ def test_what_was_saved_is_shown_on_this_machine_only(run, viewer, capsys):
         (["a.rrd", "--cell", "x"], "--cell goes with a run"),
         (["a.rrd", "--claim", "52,13"], "--claim goes with a run"),
         (["a.rrd", "--save", "c.rrd"], "--save goes with a run"),
+        (["a.rrd", "--reach", "far"], "its estimates do not change"),
+        (["a.rrd", "--within-walk", "100"], "its estimates do not change"),
         (["b.rrd"], "not a rerun recording"),
         (["none.rrd"], "No such file"),
     ],
