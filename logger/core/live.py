@@ -22,7 +22,7 @@ from logger.core.live_reference import LiveReference
 from logger.core.live_settings import FOLLOW, WITHIN, LiveSettings, within_of
 from logger.core.model.area import WalkArea
 from logger.core.model.prior import Prior, prior_for
-from logger.core.places import TIMING_S, Places, Utm, place_of_fix, smeared_sigma_m
+from logger.core.places import TIMING_S, FixGate, Places, Utm, place_of_fix, smeared_sigma_m
 from logger.core.readings import Readings, limit_of
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import error_notes, finding_notes
@@ -49,7 +49,8 @@ class ReceiverTrack:
     def __init__(self, max_fix_age_s: float) -> None:
         self.utm: Utm | None = None
         self._fixes = SampleHold[Receiver](max_fix_age_s)
-        self._has_warned = False
+        self._gate = FixGate()
+        self._warned: set[str] = set()
 
     @property
     def latest(self) -> Receiver | None:
@@ -57,12 +58,16 @@ class ReceiverTrack:
         return self._fixes.last
 
     def add(self, t_ns: int, fix: Fix) -> list[Note]:
-        """Take a fix; the first one that cannot be mapped gives a warning."""
+        """Take a fix; the first that cannot be true, or cannot be mapped, gives a warning."""
+        if not self._gate.passes(t_ns, fix):
+            return self._warn_once(
+                "position-leap", "a position that the receiver cannot have reached"
+            )
         receiver, warnings = None, []
         try:
             receiver = self._receiver(t_ns, fix)
         except GeoError as error:
-            warnings = self._warn_once(error)
+            warnings = self._warn_once("unmapped", f"no live estimate: {error}")
         self._fixes.add(t_ns, receiver)
         return warnings
 
@@ -91,11 +96,11 @@ class ReceiverTrack:
             speed_mps = _speed_mps(self._fixes.last, place)
         return Receiver(place, speed_mps)
 
-    def _warn_once(self, error: GeoError) -> list[Note]:
-        if self._has_warned:
+    def _warn_once(self, code: str, text: str) -> list[Note]:
+        if code in self._warned:
             return []
-        self._has_warned = True
-        return [Note("warning", "unmapped", f"no live estimate: {error}")]
+        self._warned.add(code)
+        return [Note("warning", code, text)]
 
 
 def _speed_mps(before: Receiver | None, place: Places) -> float:

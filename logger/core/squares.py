@@ -21,7 +21,7 @@ _BELTS_PER_DEG = 370
 _LAST_BELT = 180 * _BELTS_PER_DEG - 1
 _EQUATOR_M = 40_075_017.0
 """Circumference at the equator (WGS 84)."""
-_METRES_PER_DEG = 111_320.0
+METRES_PER_DEG = 111_320.0
 """Of longitude at the equator; the degree of latitude is up to 0.7 % shorter."""
 _COLUMN_BITS = 18
 """The equator has 133 583 columns."""
@@ -54,14 +54,14 @@ def squares_within(lat_deg: float, lon_deg: float, radius_m: float) -> list[int]
 
     Up to 84 degrees of latitude, where cellwalk ends; the radius is small against the Earth.
     """
-    belt_m, reach_deg = _METRES_PER_DEG / _BELTS_PER_DEG, radius_m / _METRES_PER_DEG
-    here, north_m = square_of(lat_deg, lon_deg), (lat_deg + 90.0) * _METRES_PER_DEG
+    belt_m, reach_deg = METRES_PER_DEG / _BELTS_PER_DEG, radius_m / METRES_PER_DEG
+    here, north_m = square_of(lat_deg, lon_deg), (lat_deg + 90.0) * METRES_PER_DEG
     touched = [here]
     for belt in range(_belt(lat_deg - reach_deg), _belt(lat_deg + reach_deg) + 1):
         apart_m = max(belt * belt_m - north_m, north_m - (belt + 1) * belt_m, 0.0)
         half_m = sqrt(max(radius_m**2 - apart_m**2, 0.0))
         # one width for belt and position: the cosine changes by less than 0.1 % between them
-        half_deg = half_m / (_METRES_PER_DEG * cos(radians(_middle_deg(belt))))
+        half_deg = half_m / (METRES_PER_DEG * cos(radians(_middle_deg(belt))))
         n = _columns(belt)
         first, last = (
             floor((lon_deg + sign * half_deg + 180.0) / 360.0 * n) for sign in (-1.0, 1.0)

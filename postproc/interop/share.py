@@ -64,7 +64,8 @@ EVENTS = frozenset(
     {
         *(BEHIND, FOLLOW, MARK, "battery-low", "full-scan", "mode-gsm", "mode-left", "mode-set"),
         *("modem-ready", "modem-restarted", "new-file", "overflow", "port-lost", "port-opened"),
-        *("ports-exchanged", "scan-refused", "stop", "unmapped", "write-failed", "write-resumed"),
+        *("ports-exchanged", "position-leap", "scan-refused", "stop", "unmapped"),
+        *("write-failed", "write-resumed"),
     }
 )
 """Codes of the notes that a copy has: those that say something without their text."""

@@ -184,6 +184,18 @@ def test_beyond_84_degrees_warns_once():
     assert [value.code for value in found] == ["unmapped"]
 
 
+def test_one_false_fix_accuses_nobody_and_moves_no_reading():
+    """Berlin, and for one second 145 km east of it, in Poland."""
+    tracker, false, found = LiveTracker(LiveSettings()), Fix(True, None, 52.5, 15.6), []
+    for t in range(20):
+        scan = _scan(t, *(reading(cid, -70.0 - cid) for cid in range(1, 5)))
+        fix = Record(t * S, "gnss", false) if t == 10 else _fix(t)
+        found += _feed(tracker, fix, scan)
+        assert tracker._track.latest.place.t_ns.item() == (t - (t == 10)) * S
+    assert [one.code for one in found if isinstance(one, Note)].count("position-leap") == 1
+    assert tracker.suspicion.conspicuous() == []
+
+
 def _walk(n, *, false=lambda t_s: (), most_cells=64):
     """A minute of walking past two cells, with a reading beside them that is said by `false`."""
     tracker = LiveTracker(LiveSettings(most_cells=most_cells, max_fix_age_s=1e6))

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple, TypeVar
 
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.latest import Latest
+from logger.core.places import FixGate
+from logger.core.squares import METRES_PER_DEG
 from logger.core.suspicion.spots import Spots
 from logger.core.types import Broadcast, CellReading, Fix, Scan
 
@@ -23,7 +25,6 @@ PAIR_HELD_S = 10.0
 """Telephones print the old identity with the new channel for some seconds after a handover."""
 _LOWEST_DBM = -145.0
 """Below the scale of RSRP (-144 dBm, 3GPP TS 36.133 9.1.4): some telephones print -200 for none."""
-_METRES_PER_DEG = 111_320.0
 MOST_NETWORKS = 128
 """More than all countries near a walk have."""
 _USUAL_S = 300.0
@@ -190,9 +191,13 @@ class Walker:
         self._origin: tuple[float, float] | None = None
         self._last: tuple[float, float, float] | None = None
         self._still = (0.0, 0.0, 0.0)
+        self._gate = FixGate()
 
-    def add(self, t_s: float, fix: Fix) -> None:
-        """Take a fix; one without a position ends the validity of the last."""
+    def add(self, t_ns: int, fix: Fix) -> None:
+        """Take a fix; one that cannot be true changes nothing, as one without a position."""
+        if not self._gate.passes(t_ns, fix):
+            return
+        t_s = t_ns / 1e9
         if not fix.valid or fix.lat_deg is None or fix.lon_deg is None:
             return
         self._origin = self._origin or (fix.lat_deg, fix.lon_deg)
@@ -217,8 +222,8 @@ class Walker:
     def _to_metres(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
         lat0_deg, lon0_deg = self._origin or (lat_deg, lon_deg)
         turn_deg = (lon_deg - lon0_deg + 180.0) % 360.0 - 180.0
-        x_m = turn_deg * _METRES_PER_DEG * cos(radians(lat0_deg))
-        return x_m, (lat_deg - lat0_deg) * _METRES_PER_DEG
+        x_m = turn_deg * METRES_PER_DEG * cos(radians(lat0_deg))
+        return x_m, (lat_deg - lat0_deg) * METRES_PER_DEG
 
 
 def may_be_same(operator: str, other: str) -> bool:

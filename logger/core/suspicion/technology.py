@@ -11,14 +11,20 @@ _BEFORE_S = 30.0
 _HELD_S = 8.0
 """A telephone in a call went from 3G to 2G for 14 s; none left 4G. With 12 s instead, a fourth of
 the weak stations are named in a car, with 30 s none."""
+_PASSING_S = 10.0
+"""A stay on 3G that is no call: one on the way down, as where band after band is jammed."""
 _FEWEST_SCANS = 2
 _LATER = frozenset({"LTE", "LTE-M", "NB-IoT", "NR"})
 
 
 class _Downgrade:
-    """The last good cell of 4G or 5G, None once it is reported; since when a cell of 2G serves."""
+    """The last cell of 4G or 5G, None if it was not good and once it is reported.
+
+    Since when a cell of 3G serves, and since when one of 2G.
+    """
 
     good: tuple[float, str, float, str] | None = None
+    on_3g_s: float | None = None
     down_s: float | None = None
 
 
@@ -27,14 +33,19 @@ def _left_for_2g(memory: Memory) -> Iterator[HeardCell]:
     serving, past = memory.now.serving, memory.of(_Downgrade)
     if serving is None:
         return
-    if serving.rat == "WCDMA":  # from there calls go on to 2G
-        past.good = past.down_s = None
-    elif serving.rat in _LATER:
+    t_s, level_dbm = memory.now.t_s, serving.level_dbm
+    if serving.rat == "WCDMA":
+        past.on_3g_s = t_s if past.on_3g_s is None else past.on_3g_s
         past.down_s = None
-        if serving.level_dbm is not None and serving.level_dbm >= _GOOD_DBM:
-            past.good = memory.now.t_s, serving.rat, serving.level_dbm, serving.operator
+        if t_s - past.on_3g_s > _PASSING_S:  # calls go on to 2G from there
+            past.good = None
+    elif serving.rat in _LATER:
+        past.on_3g_s = past.down_s = None
+        if level_dbm is not None:
+            is_good = level_dbm >= _GOOD_DBM
+            past.good = (t_s, serving.rat, level_dbm, serving.operator) if is_good else None
     elif serving.rat == "GSM" and past.good is not None:
-        past.down_s = memory.now.t_s if past.down_s is None else past.down_s
+        past.down_s = t_s if past.down_s is None else past.down_s
         yield from serving_cell(memory)
 
 
@@ -42,8 +53,8 @@ def _left_for_2g(memory: Memory) -> Iterator[HeardCell]:
     id="R1",
     family="technology",
     needs=("second technology", "level"),
-    gate="4G or 5G of the same network of at least -105 dBm in the 30 s before, 2G held for 8 s "
-    "by a cell with an identity; each change counts once",
+    gate="4G or 5G of the same network, at last of at least -105 dBm, in the 30 s before, at most "
+    "10 s of 3G between; 2G held for 8 s by a cell with an identity; each change counts once",
     sentence="{before} was left at {level_dbm} dBm, and 2G was kept for {held_s} s",
     harmless="a call, where the operator has no voice over 4G",
     about=_left_for_2g,

@@ -51,7 +51,7 @@ class SuspicionTracker:
         """Take the next record; returns what is found because of it."""
         match record.value:
             case Fix() as fix:
-                self._walker.add(record.t_ns / 1e9, fix)
+                self._walker.add(record.t_ns, fix)
             case Scan() as scan:
                 return self._take_scan(record.t_ns, scan, record.source)
         return []

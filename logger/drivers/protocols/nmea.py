@@ -124,7 +124,9 @@ def _position(message: Any) -> tuple[float, float] | None:
         return None
     lat_deg = _angle_deg(message.lat, message.lat_dir, "NS", 90.0)
     lon_deg = _angle_deg(message.lon, message.lon_dir, "EW", 180.0)
-    return None if lat_deg is None or lon_deg is None else (lat_deg, lon_deg)
+    if lat_deg is None or lon_deg is None or lat_deg == lon_deg == 0.0:  # what some start with
+        return None
+    return lat_deg, lon_deg
 
 
 def _angle_deg(text: str, letter: str, letters: str, limit_deg: float) -> float | None:

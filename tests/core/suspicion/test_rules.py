@@ -249,12 +249,21 @@ def test_r1_a_good_cell_of_4g_left_for_2g_is_enough():
     assert short.rules == set()
 
 
-def test_r1_counts_a_change_once_and_not_one_by_way_of_3g():
+def test_r1_takes_the_last_level_of_4g():
+    """A cell that fades, as in a cellar, is left for want of a better one."""
+    weak = replace(LTE, rsrp_dbm=-118.0)
+    assert Walk().scan(LTE, times=4).scan(weak, times=2).scan(gsm(10), times=4).rules == set()
+    assert Walk().scan(weak, times=4).scan(LTE).scan(gsm(10), times=4).rules == {("R1", 10)}
+
+
+def test_r1_counts_a_change_once_and_not_one_by_a_call_on_3g():
     walk = Walk().scan(LTE, times=4).scan(gsm(10), times=4).scan(gsm(11), times=4)
     assert walk.rules == {("R1", 10)}
     assert walk.scan(LTE, times=4).scan(gsm(11), times=4).rules == {("R1", 10), ("R1", 11)}
-    by_3g = Walk().scan(LTE, times=4).scan(UMTS, times=3).scan(gsm(10), times=4)
+    by_3g = Walk().scan(LTE, times=4).scan(UMTS, times=6).scan(gsm(10), times=4)
     assert by_3g.rules == set()
+    passing = Walk().scan(LTE, times=4).scan(UMTS, times=2).scan(gsm(10), times=4)
+    assert passing.rules == {("R1", 10)}
     named_late = replace(gsm(10), cid=None)
     walk = Walk().scan(LTE, times=4).scan(named_late, times=3).scan(gsm(10), times=2)
     assert walk.rules == {("R1", 10)}

@@ -191,6 +191,14 @@ def test_two_talkers_of_one_receiver_are_one_epoch():
     assert len(fixes(first, second, rmc())) == 1
 
 
+@pytest.mark.parametrize(("lat", "is_valid"), [("0000.0000", False), ("0000.0100", True)])
+def test_zero_degrees_both_ways_are_no_position(lat, is_valid):
+    """With these some receivers start, though they call them valid."""
+    text = nmea(f"GPGGA,120000.00,{lat},N,00000.0000,E,1,08,0.9,50.0,M,47.0,M,,")
+    [(_, fix)] = fixes(text)
+    assert fix.valid is is_valid
+
+
 def test_standing_clock_hides_no_epoch():
     assert len(fixes(*[gga("000000", quality="0"), rmc("000000", status="V")] * 5)) == 5
 
