@@ -180,7 +180,6 @@ def import_(
 def _import_all(
     source: Path, output: Path, sizes: dict[str, int], reading: importing.Reading, *, as_json: bool
 ) -> None:
-    """Import each file of a zip, and say of each what became of it."""
     runs, left, lines, remarks = [], [], [], []
     for name, result in importing.import_members(source, output, sizes, reading):
         if isinstance(result, str):
@@ -206,7 +205,6 @@ def _counts(imported: importing.Imported) -> str:
 
 
 def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
-    """What was left out of a file, and what was doubtful in it."""
     for bad in imported.bad_rows[:_MOST_PRINTED]:
         yield f"{source}: line {bad.line}: {bad.why}"
     if imported.n_bad > _MOST_PRINTED:
