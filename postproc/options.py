@@ -191,7 +191,7 @@ def within_option(command: Command) -> Command:
 class ListCommand(click.Command):
     """A command without positional arguments, whose repeatable options take several values each.
 
-    click knows only `--sigma 1 --sigma 2`; this accepts `--sigma 1 2` as well.
+    It accepts `--sigma 1 2` as well as `--sigma 1 --sigma 2`.
     """
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
