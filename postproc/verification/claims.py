@@ -51,9 +51,8 @@ def away_m(one_deg: tuple[float, float], other_deg: tuple[float, float]) -> floa
 def swap_hint(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
     """Question whether the claim's latitude and longitude were exchanged.
 
-    `walk_deg` is the latitude and longitude of the walk, far from the claim.
-
-    None where the claim can be received, or is far away either way.
+    `walk_deg` is the latitude and longitude of the walk. None where the claim can be received, or
+    is far away either way.
     """
     lat_deg, lon_deg = claim.lon_deg, claim.lat_deg
     if not abs(lat_deg) <= MAX_LATITUDE_DEG:
