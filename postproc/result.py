@@ -293,8 +293,9 @@ class Result:
     """All cells of one or several runs, the cell with most readings first.
 
     `warnings` are about the runs together; those about one run are in `runs`. `version` is that of
-    the program. `words` are those of the cells if suspicion was asked, `not_asked` the rules that
-    no run could serve, each with what was missing; `unnoticed` says what none could see.
+    the program that estimated. `words` are those of the cells if suspicion was asked, `not_asked`
+    the rules that no run could serve, each with what was missing; `unnoticed` says what none could
+    see.
     """
 
     runs: tuple[ObservedRun, ...]

@@ -64,8 +64,6 @@ class _Run:
 
 @dataclass(frozen=True, slots=True)
 class _Document:
-    """The fields of a `Result`."""
-
     runs: tuple[_Run, ...]
     cells: tuple[CellResult, ...]
     warnings: tuple[str, ...]

@@ -120,7 +120,7 @@ def _lists(naming: Naming, rat: int, n_scans: int) -> BoolArray:
 def observe_run(run: Run) -> ObservedRun:
     """A run's readings at the walker's smoothed positions, and warnings about the run.
 
-    Where an imported file has no times, or fixes too few or too late to fit on a path, each
+    Where an imported file has no true times, or fixes too few or too late to fit on a path, each
     position is as it was written. Without a fix there are no observations.
     """
     try:

@@ -100,7 +100,6 @@ def _parts(numbers: Sequence[int]) -> list[Part]:
 
 
 def _value(fields: Mapping[int, Sequence[Any]]) -> Value:
-    """The value in its only field, of whatever type."""
     for number, (value, *_) in fields.items():
         match number:
             case 1:

@@ -115,7 +115,10 @@ def offset_of(others: list[Change], *, same_modem: bool) -> Offset:
 
 
 def scale_of(differences: list[Differences]) -> float:
-    """Factor of the variance for two walks that differ more than the measured ones; at least 1."""
+    """Factor of the variance for two walks that differ more than the measured ones; at least 1.
+
+    A few cells that have changed do not matter.
+    """
     deviations = [part for one in differences if (part := _deviations(one)) is not None]
     if sum(map(len, deviations)) < _FEWEST_SCALE:
         return 1.0

@@ -149,9 +149,9 @@ def import_(
     """Make a run from a recording of another program.
 
     FILE is recognised by its content; docs/guide/formats.md lists the formats. It may be
-    compressed (.gz, .zip); each file of a zip becomes a run, named after it. Each level needs a
-    position: its own, or that of --track at its time. A capture of a modem needs none, but then no
-    cell is located.
+    compressed (.gz, .zip); of a zip with several files each becomes a run, named after it. Each
+    level needs a position: its own, or that of --track at its time. A capture of a modem needs
+    none, but then no cell is located.
     """
     atomic_write.check_writable(output)
     reading = importing.Reading(

@@ -59,6 +59,7 @@ class _Place(NamedTuple):
 
     @property
     def extent_m(self) -> FloatArray:
+        """Shape (n, 2); a region only where a verdict stands for it."""
         return np.vstack([self.positions_m, *([] if self.what else self.outline)])
 
     @property

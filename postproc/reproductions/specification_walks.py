@@ -375,7 +375,6 @@ def _error_m(estimate: LiveEstimate) -> float:
 
 
 def _median_errors_m(walks: list[SimulatedWalk]) -> tuple[float, float]:
-    """Of the last estimates: the reference filter's and the live one's."""
     reference_m = median(_error_m(walk.reference[-1]) for walk in walks)
     return reference_m, median(_error_m(walk.ours[-1]) for walk in walks)
 

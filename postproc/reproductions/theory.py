@@ -353,9 +353,9 @@ class Row:
 class PrintedPair:
     """A printed pair, and the indirect value that follows from the direct one.
 
-    `dof2`, `dof3` and `dof4` are it for so many degrees of freedom, `difference` is printed minus
-    `dof3`. `possible` is False where the direct value is larger than the offset allows at this
-    false-alarm rate.
+    `dof2`, `dof3` and `dof4` are that value for so many degrees of freedom, `difference` is printed
+    minus `dof3`. `possible` is False where the direct value is larger than the offset allows at
+    this false-alarm rate.
     """
 
     printed_direct: float

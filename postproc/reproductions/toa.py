@@ -157,7 +157,10 @@ def fix_m(anchors: Anchors, ranges_m: FloatArray) -> FloatArray:
 
 
 def covariance_m2(anchors: Anchors, at_m: FloatArray, sigma2_m2: float) -> FloatArray:
-    """Covariance of the fix at positions (..., 2), shape (..., 2, 2); exact for a linear fix."""
+    """Covariance of the fix at positions (..., 2), shape (..., 2, 2).
+
+    Exact, since the fix is linear in squared ranges.
+    """
     operator = _operator(anchors)
     variance_m4 = 4.0 * sigma2_m2 * anchors.ranges_m(at_m) ** 2 + 2.0 * sigma2_m2**2
     return np.asarray((operator * variance_m4[..., None, :]) @ operator.T, float)

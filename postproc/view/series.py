@@ -141,6 +141,7 @@ def _draw_consistency(writer: RerunWriter, cell: CellView, span_ns: IntArray) ->
 
 
 def _draw_area(writer: RerunWriter, cell: CellView) -> None:
+    """Decimal logarithms, since rerun has no logarithmic axis."""
     path = entity("series", cell.name, "area")
     if cell.steps:
         style = step_line("posterior region", colours.POSTERIOR)
@@ -200,6 +201,7 @@ def draw_states(writer: RerunWriter, view: ViewModel) -> None:
 
 
 def _draw_stages(writer: RerunWriter, cell: CellView, live: Rows) -> None:
+    """The estimator whose answer the device used."""
     is_cell = live["cell"] == cell.name.encode()
     rows = live[is_cell & np.isin(live["stage"], (b"locator", b"ekf"))]
     stages = [_text(stage) for stage in rows["stage"]]

@@ -162,7 +162,6 @@ def _identity(rat: Rat, fields: Fields) -> int | None:
 
 
 def _decimal_or_hex(fields: Fields, *names: str, hexadecimal: str) -> int | None:
-    """A decimal column, else a hexadecimal one; raises ValueError for what is no number."""
     number = cell_identity(fields, *names)
     digits = text(fields, hexadecimal)
     if number is not None or not digits:
