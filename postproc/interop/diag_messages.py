@@ -184,6 +184,7 @@ class Messages:
             return []
 
     def end(self) -> list[Signal]:
+        """What still waits for an answer."""
         return [self._answer(radio_id, "not answered") for radio_id in tuple(self._asked)]
 
     def with_first_name(self, one: Observation) -> Observation:

@@ -276,6 +276,7 @@ def track(run: Run, baseline: Baseline = NO_BASELINE) -> SuspicionTracker:
 
 
 def failures_of(tracker: SuspicionTracker) -> dict[str, Failure]:
+    """The rules that failed, by cell."""
     return {
         cell: failure(cell, "a rule of suspicion", error) for cell, error in tracker.errors.items()
     }
