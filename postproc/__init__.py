@@ -4,8 +4,8 @@
 
     result = smooth(read_run("run-000017.h5"))
 
-`docs/api.md` describes each function. The names are imported when they are first used, since the
-estimators take seconds to import and most commands need few of them.
+`docs/api.md` describes each function. The names are imported when they are first used (PEP 562),
+since the estimators take seconds to import and most commands need few of them.
 """
 
 from importlib import import_module
@@ -52,7 +52,6 @@ _MODULE_OF = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used (PEP 562)."""
     if name == "__version__":
         return version("cellwalk")
     if name not in _MODULE_OF:

@@ -40,9 +40,9 @@ _WIDEST_M = 50_000.0
 
 
 def answer_table(answers: Iterable[Answer], *, every: bool = False) -> Table:
-    """One row for each answer, in their order; None is what is not known.
+    """One row for each answer; None is what is not known.
 
-    With `every` the positions of the other estimators besides, for comparison.
+    `every` adds the positions of the other estimators.
     """
     beside = _BESIDE if every else ()
     more = (f"{key}_{angle}" for key in beside for angle in ("latitude_deg", "longitude_deg"))
@@ -78,7 +78,6 @@ def _values(answer: Answer, beside: Sequence[str]) -> Iterator[Value]:
 
 
 def _place(answer: Answer) -> tuple[Value, ...]:
-    """The position with its radii, the number of places, and the others."""
     if answer.place is None:
         return None, None, None, None, 0, None
     place = answer.place.in_short()

@@ -60,9 +60,9 @@ def read_run(path: Path | str) -> Run:
 def observations(run: RunOrPath) -> Observations:
     """Readings of each cell at the walker's smoothed positions.
 
-    `cells` has one `Readings` per cell, most readings first: arrays of shape (n,) with
-    `t_ns` (ns since boot), `x_m` and `y_m` (metres in the UTM zone `utm`), `position_sigma_m`
-    (metres per axis) and `level_dbm`. `track` is the walk: shape (k,) for k fixes.
+    `cells` has one `Readings` per cell, most readings first: arrays of shape (n,) with `t_ns` (ns
+    since boot), `x_m` and `y_m` (metres in the UTM zone `utm`), `position_sigma_m` (metres per
+    axis) and `level_dbm`. `track` has the k fixes, shape (k,).
 
     Raises `EstimationError` for a run without a position fix, `RunFileError` for a file that is no
     run.
@@ -123,16 +123,15 @@ def locate(
 ) -> CellResult:
     """Posterior of a transmitter's position and the verdict, from the readings of one cell.
 
-    Either `Readings`, or bare arrays in the order of the walk: receiver positions `x_m` and
-    `y_m`, shape (n,), metres in any plane with the same scale on both axes, and `level_dbm`, shape
-    (n,). `position_sigma_m`, scalar or shape (n,), is the standard deviation of the receiver's
-    position per axis. `rat` ("GSM", "LTE", ...) sets the modem's reporting range: readings there
-    are censored. `environment` (any, open, suburban, urban) chooses the prior of P0 and eta. The
-    levels weigh the hypotheses of `height_m`, the antenna above the receiver, of `antenna` (omni,
-    sector) and of `reach` (near, far), the distance from the walk, unless one is fixed. Located
-    means that `within_m` holds 95 % of the probability. The answer may suppose that the transmitter
-    stands within `within_walk_m` of the hull of these positions, or inside the polygons of `area`,
-    a GeoJSON file.
+    Either `Readings`, or bare arrays in the order of the walk: receiver positions `x_m` and `y_m`,
+    shape (n,), metres in any plane with the same scale on both axes, and `level_dbm`, shape (n,).
+    `position_sigma_m`, scalar or shape (n,), is the receiver's standard deviation per axis. `rat`
+    ("GSM", "LTE", ...) sets the modem's reporting range: readings there are censored. `environment`
+    (any, open, suburban, urban) chooses the prior of P0 and eta. The levels weigh the hypotheses of
+    `height_m`, the antenna above the receiver, of `antenna` (omni, sector) and of `reach` (near,
+    far), the distance from the walk, unless one is fixed. Located means that `within_m` holds 95 %
+    of the probability. The answer may suppose that the transmitter stands within `within_walk_m` of
+    the hull of these positions, or inside the polygons of `area`, a GeoJSON file.
 
     The result has `verdict` ("located", "ambiguous", "cannot tell"), `warnings` with the reasons,
     and `posterior`, None for too few readings: `x_m`, `y_m`, `r50_m`, `r95_m` in metres, `p0_dbm`
@@ -177,9 +176,9 @@ def smooth(
     """Every estimator over every cell of one run or of several, or over `cells` only.
 
     Readings of several runs are joined, with an unknown offset between the levels of different
-    modems. `within_walk_m` and `area` as in `locate`, around the whole walks. `loss` is that of the
-    least-squares fit. Located means that `within_m` holds 95 % of the probability. More than one of
-    `processes` needs a main guard in the calling script. `progress` is True, or a function as tqdm.
+    modems. `within_m`, `area` and the options of the prior are as in `locate`, `within_walk_m`
+    around the whole walks. `loss` is that of the least-squares fit. More than one of `processes`
+    needs a main guard in the calling script. `progress` is True, or a function as tqdm.
     `Result.cells` has a `CellResult` per cell, conspicuous ones first, then most readings first;
     arrays of its estimators are shape (n,) or (n, 4) with x, y (metres, UTM), P0 (dBm at 1 m) and
     eta.
@@ -275,7 +274,7 @@ def export(
 
     The format is `form` or the suffix of `path`: csv, kml, geojson, gpx, and for a run also wigle,
     opencellid-csv, opencellid-json, parquet. Results, also as `result`, give one row or feature a
-    cell (degrees, WGS84); with `all_estimators` other estimators stand beside.
+    cell (degrees, WGS84); `all_estimators` adds the other estimators.
 
     Raises `ConfigError` for an unknown format, cells in a format that has none and a `path`
     that cannot be written, `EstimationError` for a run without a position fix, `RunFileError`

@@ -22,8 +22,6 @@ _Position = Annotated[list[float], msgspec.Meta(min_length=2)]
 
 
 class _GeoJson(msgspec.Struct):
-    """What counts of a file, a feature or a geometry."""
-
     type: str
     coordinates: msgspec.Raw = msgspec.Raw(b"null")
     geometry: "_GeoJson | None" = None
@@ -68,7 +66,6 @@ def read_area(path: Path) -> Area:
 
 
 def _geometries(part: _GeoJson) -> Iterator[_GeoJson]:
-    """The geometries of a collection, a feature, or the part itself."""
     if part.type in {"FeatureCollection", "GeometryCollection"}:
         for one in (*part.features, *part.geometries):
             yield from _geometries(one)
@@ -93,7 +90,6 @@ def _polygons(geometry: _GeoJson) -> list[Polygon]:
 
 
 def _encloses_anything(ring: Ring) -> bool:
-    """Whether the corners are not all on one line, within a ten thousandth of their extent."""
     corners = np.array(ring) - ring[0]
     large, small = np.linalg.svd(corners, compute_uv=False)
     return bool(small > _THIN * large)

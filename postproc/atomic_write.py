@@ -8,7 +8,7 @@ from logger.core.errors import ConfigError, RunFileError
 
 
 def check_writable(path: Path) -> None:
-    """Check that `whole_file` can write here, before the work that fills the file.
+    """Check, before the work that fills the file, that `whole_file` can write here.
 
     Raises `RunFileError`.
     """
@@ -17,7 +17,7 @@ def check_writable(path: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Find out whether files can be written into a folder; raises `RunFileError`."""
+    """Check that files can be written into a folder; raises `RunFileError`."""
     check_writable(folder / ".cellwalk")
 
 
@@ -78,9 +78,6 @@ def kind_of(path: Path) -> str:
 
 
 def check_picture(path: Path) -> None:
-    """Check that a picture can be written, before it is drawn.
-
-    Raises `ConfigError` or `RunFileError`.
-    """
+    """Check that a picture can be written; raises `ConfigError` or `RunFileError`."""
     kind_of(path)
     check_output(path)

@@ -56,8 +56,8 @@ def baseline() -> None:
 def add(paths: Sequence[Path], target: Path, *, as_json: bool) -> int:
     """Add runs; the file is made if there is none.
 
-    A run that is in the baseline is not added again. One that was altered since it was sealed is
-    not added. The exit code is 3 if a run could not be added.
+    A run that is in the baseline, or was altered since it was sealed, is not added. The exit code
+    is 3 if a run could not be added.
     """
     with baseline_store.BaselineStore(target, create=True) as kept:
         work = add_runs(kept, paths)

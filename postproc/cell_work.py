@@ -1,11 +1,10 @@
 """The work on one cell, which may fail without ending that of the others.
 
-Whatever is done cell by cell is done by `attempt`: it is the one place where an exception becomes
-the reason in a row. That the readings do not hold the answer is a reason like others. Anything else
-is an error of this program: it is logged with its type, stands in the row, and the command ends
-with `SOMETHING_LOST`. Too little memory counts as one, since what a cell has taken is free again
-afterwards. Errors of the command line, of a file and of the installation are those of all cells,
-so they end the command, as Ctrl-C does.
+`attempt` is the one place where an exception becomes the reason in a row. That the readings do not
+hold the answer is such a reason. Anything else is an error of this program: it is logged with its
+type, stands in the row, and the command ends with `SOMETHING_LOST`. Too little memory counts as
+one, since what a cell has taken is free again afterwards. Errors of the command line, of a file and
+of the installation end the command, as Ctrl-C does.
 """
 
 import logging

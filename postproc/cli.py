@@ -164,8 +164,7 @@ def smooth(
 ) -> int:
     """Estimate the positions of cells with their uncertainty.
 
-    Several runs of a place are estimated together. The exit code is 3 if the estimate of a cell
-    failed.
+    Several runs of a place are estimated together. The exit code is 3 if an estimate failed.
     """
     run_now(summary)
     groups = grouped_runs(paths, cells, prior.area)

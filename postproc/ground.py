@@ -55,10 +55,7 @@ class Ground(NamedTuple):
 
 
 def place_numbers(lat_deg: FloatArray, lon_deg: FloatArray, apart_m: float) -> IntArray:
-    """Number of the place of each position (n,).
-
-    Positions that are nearer than `apart_m` to each other are in one place.
-    """
+    """Number of the place of each position (n,); those nearer than `apart_m` share a place."""
     point_m = _points_m(lat_deg, lon_deg)
     if not len(point_m) or np.linalg.norm(np.ptp(point_m, axis=0)) < apart_m:
         return np.zeros(len(point_m), np.int64)
@@ -79,7 +76,7 @@ def _components(links: IntArray, n: int) -> IntArray:
 def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
     """Readings of one identity by their run, where one transmitter may be heard.
 
-    The place with most readings comes first. Those of a place are in the zone of its first run.
+    The place with most readings comes first; each is in the zone of its first run.
     """
     tile = {digest: _tiles(ground_of(obs)) for digest, obs in parts.items()}
     tiles = np.unique(np.concatenate(list(tile.values()))) if tile else np.zeros(0, np.int64)
@@ -139,7 +136,6 @@ class Towns:
 
 
 def _tiles(ground: Ground) -> IntArray:
-    """Number of the tile of each position (n,)."""
     column = np.floor(ground.x_m / _TILE_M).astype(np.int64) + _OFFSET
     row = np.floor(ground.y_m / _TILE_M).astype(np.int64) + _OFFSET
     return (ground.zone.astype(np.int64) * _STRIDE + column) * _STRIDE + row
@@ -199,7 +195,7 @@ def _middle(point_m: FloatArray) -> OnMap:
 class HeardIn(OnMap, frozen=True, kw_only=True):
     """A place of an identity: middle, runs, readings with a position, first and last of these.
 
-    The times are those of the runs that know UTC.
+    The times are of the runs that know UTC.
     """
 
     runs: tuple[str, ...]
@@ -268,7 +264,6 @@ class _Walk(NamedTuple):
     heard: Mapping[str, IntArray]
 
     def tiles_of(self, cell: str) -> IntArray:
-        """Where it heard an identity."""
         return np.unique(_tiles_of(self.at.part(self.heard[cell])))
 
 
@@ -341,9 +336,9 @@ def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[tuple
 
 
 def document_of_groups(groups: Sequence[Group], documents: Sequence[Document]) -> Document:
-    """What a command says of each group, under a heading; of one group what it says of that.
+    """What a command says of each group, under a heading; of one group that alone.
 
-    In JSON each group has its place and what the command says of a single one.
+    In JSON each group has its place and its document.
     """
     found = {cell: where for group in reversed(groups) for cell, where in group.several.items()}
     findings = [Line(f"{cell} is {several_text(found[cell])}. {_TWO}", "yellow")
@@ -409,7 +404,7 @@ def place_name(where: OnMap) -> str:
 
 
 def _walk_of(run: Run) -> _Walk | None:
-    """What a run heard where; None without a position that can be mapped."""
+    """None without a position that can be mapped."""
     readings = run.tables["readings"]
     try:
         track = track_of(run.tables["fixes"])
@@ -429,7 +424,6 @@ def _walk_of(run: Run) -> _Walk | None:
 
 
 def _groups_of(walks: Sequence[_Walk]) -> list[list[_Walk]]:
-    """The walks that ground or an identity joins, in their order."""
     shared = [(_APART_M, {k: np.unique(_tiles_of(walk.track)) for k, walk in enumerate(walks)})]
     n_runs = Counter(cell for walk in walks for cell in walk.heard)
     for cell in (cell for cell, n in n_runs.items() if n > 1):

@@ -34,7 +34,7 @@ def _word(verdict: str) -> Markup:
 
 
 def _printable(value: Any) -> Any:
-    """Values with a dash for None, and without control characters and lone surrogates."""
+    """With a dash for None, and without control characters and lone surrogates."""
     if value is None:
         return DASH
     if isinstance(value, Markup) or not isinstance(value, str):

@@ -208,7 +208,6 @@ def describe(run: Run) -> Info:
 
 
 def _cells(run: Run) -> tuple[CellCount, ...]:
-    """In one pass over the readings, however many cells there are."""
     readings = run.named_readings
     names, which = numbered_texts(readings["cell"])
     first = np.zeros(len(names), np.int64)

@@ -1,7 +1,7 @@
 """Several runs as one walk: one UTM zone, one series of readings per cell, an offset per modem.
 
-Each run's track is smoothed alone and put into the UTM zone of the first. The difference between
-the levels of two modems is unknown (`logger.core.locator.offsets`), unless two runs name the same
+Each track is smoothed alone and put into the UTM zone of the first. The difference between the
+levels of two modems is unknown (`logger.core.locator.offsets`), unless two runs name the same
 modem. A run may have several modems.
 """
 
@@ -187,7 +187,7 @@ def with_one_modem(run: Run) -> Run:
 def modem_identity(run: Run) -> Hashable | None:
     """Identity of a run's modem: its port, with the boot where the port has no serial number.
 
-    That of several is all of theirs with their names. None where the run does not name them.
+    Several modems have all of theirs with their names. None where the run names none.
     """
     try:
         tables = source_tables(tomllib.loads(run.meta.config_text))

@@ -160,7 +160,6 @@ def _shapes(
 
 
 def _line(points: FloatArray, tolerance: float) -> str:
-    """A line in pixels, as short as its picture allows."""
     if len(points) < 2:
         return "".join(f"M{x:.1f} {y:.1f}h0" for x, y in points)
     corners = np.asarray(LineString(points).simplify(tolerance).coords)
@@ -168,7 +167,6 @@ def _line(points: FloatArray, tolerance: float) -> str:
 
 
 def _whole(shapes: str, height: float, scale: float, cells: Sequence[OnPlan]) -> str:
-    """The shapes with a scale bar and an arrow to the north."""
     bar_m = round_step(_WIDTH / scale, _SCALE_PARTS)
     right, below = _WIDTH - 10.0, height - 8.0
     bar = f"M{right - bar_m * scale:.1f} {below}H{right}"

@@ -55,13 +55,13 @@ basemap_option = click.option(
     "--basemap",
     type=INPUT,
     metavar="FILE",
-    help="Ground of the plan: PMTiles, MBTiles, or an image with a world file.",
+    help="Ground: PMTiles, MBTiles, or an image with a world file.",
 )
 streets_option = click.option(
     "--streets",
     type=INPUT,
     metavar="FILE",
-    help="Streets that may be walked: lines of GeoJSON or GPX.",
+    help="Streets to walk: lines of GeoJSON or GPX.",
 )
 false_alarm_option = click.option(
     "--pfa",
@@ -70,7 +70,7 @@ false_alarm_option = click.option(
     default=0.05,
     show_default=True,
     metavar="P",
-    help="False-alarm rate of the tests.",
+    help="False-alarm rate.",
 )
 
 
@@ -80,7 +80,7 @@ def claims_options(command: Command) -> Command:
         "--claims",
         type=INPUT,
         metavar="FILE",
-        help="Claims: CSV, cell export or cells.db, as for verify.",
+        help="CSV, cell export or cells.db, as for verify.",
     )(command)
     return click.option(
         "--claim",
@@ -98,21 +98,21 @@ def prior_options(command: Command) -> Command:
         default="any",
         show_default=True,
         metavar="NAME",
-        help="Path loss: any, open, suburban or urban.",
+        help="Path loss: any, open, suburban, urban.",
     )
     @click.option(
         "--antenna",
         default="any",
         show_default=True,
         metavar="NAME",
-        help="Antenna: any, omni, or sector for a beam of unknown azimuth.",
+        help="Any, omni, or sector: a beam of unknown azimuth.",
     )
     @click.option(
         "--reach",
         default="any",
         show_default=True,
         metavar="NAME",
-        help="Distance from the walk: any, near, or far as masts stand.",
+        help="Distance from the walk: any, near, or far like masts.",
     )
     @click.option(
         "--height",
@@ -121,7 +121,7 @@ def prior_options(command: Command) -> Command:
         default="any",
         show_default=True,
         metavar="M",
-        help="Height of the antenna above the receiver: any weighs several, or metres.",
+        help="Antenna above the receiver in metres; any weighs several.",
     )
     @functools.wraps(command)
     def with_prior(
@@ -191,7 +191,7 @@ def within_option(command: Command) -> Command:
 class ListCommand(click.Command):
     """A command without positional arguments, whose repeatable options take several values each.
 
-    click knows only `--sigma 1 --sigma 2`; this accepts `--sigma 1 2` as well.
+    It accepts `--sigma 1 2` as well as `--sigma 1 --sigma 2`.
     """
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

@@ -46,7 +46,7 @@ def each(
     """Results of `work` for the items in their order, by several processes where that pays.
 
     This process is one of them. What a process that ended has left is done by others, or here. An
-    item that ends each process has the result of `lost`; without it, it is done here.
+    item that ends each process has the result of `lost`, if given.
     """
     done, count = 0, min(processes, _MOST_PROCESSES, len(items) // _ITEMS_EACH)
     there: dict[int, Future[Result]] = {}
@@ -100,7 +100,7 @@ def _shared_out(
     items: Sequence[Item],
     there: dict[int, Future[Result]],
 ) -> Iterator[Result]:
-    """As `each`: the helpers of the pool begin with the first item, this process with the last.
+    """The helpers of the pool begin with the first item, this process with the last.
 
     `there` gets the items of the helpers.
     """
@@ -136,7 +136,7 @@ def small_matrices() -> Iterator[None]:
 
 @cache
 def _keep_freed_memory() -> None:
-    """Make glibc keep up to 32 MB that are freed; other C libraries are left as they are.
+    """Make glibc keep up to 32 MB that are freed; does nothing with other C libraries.
 
     By itself it returns each temporary array of over 128 kB to the system and fetches it again,
     page by page: a tenth of the time of an estimate. A worker of Dask, which is told to return

@@ -1,6 +1,6 @@
 """A progress bar on the terminal: the current item, the count and the time left.
 
-Elsewhere a line says so now and then, so that nobody takes long work for one that hangs.
+Elsewhere a line says so now and then.
 """
 
 import sys

@@ -22,10 +22,9 @@ from logger.core.types import LiveEstimate, Note, Record, Scan
 class Replay:
     """Live estimates as recorded and as recomputed; equal means equal to the last bit.
 
-    That holds on one kind of machine. Between a Pi and a laptop log10 and BLAS may differ in the
-    last bit; `largest_m` is how far that has moved the position. A run of another version of the
-    program may differ by more: `recorded_by` and `replayed_by` name both. Findings of `other_rules`
-    are not compared.
+    That holds on one kind of machine: between a Pi and a laptop log10 and BLAS may differ in the
+    last bit, which moves the position by `largest_m`. Another version of the program may differ by
+    more: `recorded_by` and `replayed_by` name both. Findings of `other_rules` are not compared.
     """
 
     n_recorded: int
@@ -107,7 +106,6 @@ def _ask_again(
     asked: Iterable[tuple[int, Record]],
     targets: Mapping[int, Record] | None,
 ) -> None:
-    """Feed what the walker asked of the tracker that failed."""
     for seq, record in asked:
         if not _is_replaced(record, targets):
             tracker.feed(seq, record)
@@ -145,7 +143,6 @@ _TARGET = re.compile(r"target is (.*) at -?\d+ dBm")
 
 
 def _numbers(run: Run, code: str) -> frozenset[int]:
-    """Numbers of the records that the events with a code name."""
     named = (re.match(r"record (\d+):", text) for text in _texts(_values(run, "notes"), code))
     return frozenset(int(number[1]) for number in named if number)
 
@@ -192,12 +189,10 @@ def _findings(values: Iterable[object]) -> list[str]:
 
 
 def _texts(values: Iterable[object], *codes: str) -> list[str]:
-    """Texts of the events with one of some codes."""
     return [value.text for value in values if isinstance(value, Note) and value.code in codes]
 
 
 def _findings_differ(run: Run, recorded: list[str], replayed: list[str]) -> bool:
-    """Whether findings differ, of a run whose words can be repeated."""
     if not recorded or not _has_same_words(run):
         return False
     shorter = min(len(recorded), len(replayed)) if _is_cut(run) else None
@@ -210,7 +205,6 @@ def _has_same_words(run: Run) -> bool:
 
 
 def _are_of_others(findings: Sequence[str]) -> bool:
-    """Whether findings are those of other rules."""
     return bool(findings) and findings[0] != rules_note().text
 
 
@@ -219,11 +213,7 @@ def _values(run: Run, table: str) -> Iterator[object]:
 
 
 def _advice_differs(run: Run, replayed: Iterable[object]) -> bool:
-    """Whether advice differs.
-
-    A street map is not part of the run, so advice with one cannot be repeated, nor that about the
-    target of other rules.
-    """
+    """False also where advice cannot be repeated: with a street map, or other targets."""
     advice = _texts(_values(run, "notes"), ADVICE)
     has_streets = np.any(run.tables["notes"]["code"] == b"streets")
     if not advice or has_streets or _targets(run) is not None:

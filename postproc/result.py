@@ -64,8 +64,7 @@ if TYPE_CHECKING:
 class Options:
     """What the user may choose.
 
-    The prior, the loss of the least-squares fit, and the radius that holds 95 % of the probability
-    where a cell is located.
+    The prior, the loss of the least-squares fit, and the 95 % radius of a located cell.
     """
 
     prior: Prior = ENVIRONMENTS["any"]
@@ -77,8 +76,8 @@ class Options:
 class ObservedRun:
     """A run with its readings at the walker's smoothed positions, and warnings about the run.
 
-    `observations` is None where the run has no position fix. Of several runs all observations are
-    in the UTM zone of the first run that has a position.
+    `observations` is None where the run has no position fix. Those of several runs are in the UTM
+    zone of the first with a position.
     """
 
     run: Run
@@ -91,7 +90,7 @@ class RunShare:
     """What a run contributes to a cell: `n` readings with a position, the offset of its modem.
 
     `run` is the index in `Result.runs`. `offset_db` is how much higher its modem reads than that of
-    the first run that observed the cell; None where it could not be estimated.
+    the first run that observed the cell, None if unknown.
     """
 
     run: int
@@ -122,15 +121,14 @@ class CellResult:
     """What each estimator states about one cell; None where it has nothing reliable to state.
 
     `n` counts the readings with a position, `n_scans` the scans that surely identified the cell.
-    `answer` is made of `posterior` and `verdict`; the reference EKF, the EKF forward and backward
-    with their comparison, the RTS smoother and the least-squares fit (`batch`) are for comparison.
+    `answer` is made of `posterior` and `verdict`; all other estimators are for comparison.
     `residuals` are those at the posterior's best position. `timing` compares timing advances with
     the posterior; None where none was read. `failed` names the estimators that did not converge;
-    their values are dropped. `heard_utc_ns` are the times of the first and the last reading in UTC,
-    None where unknown. `set_aside` are levels that the readings around contradict; only the
-    reference EKF and `residuals` use them. `error` is the program's that ended some work on the
-    cell, `needed_m` the radius that a location needs where the region is wider; None otherwise.
-    `word` is empty unless it is conspicuous.
+    their values are dropped. `heard_utc_ns` are the UTC of the first and the last reading, None if
+    unknown. `set_aside` are levels that the readings around contradict; only the reference EKF and
+    `residuals` use them. `error` is the error of the program that ended some work on the cell,
+    `needed_m` the radius that a location needs, if the region is wider. `word` is empty unless it
+    is conspicuous.
 
     `shares` is what each run contributed, `run_index` (n,) the index in `Result.runs` of each
     reading of `obs`, and `without` the answer without one run, by its index; empty unless two or
@@ -184,7 +182,6 @@ class CellResult:
         return f"{self.cell or 'cell'}, {self.n} readings: {word}{self._sentence()}"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the answer, and a plan of where the cell was heard."""
         head = f"<p><b>{html_text(self.cell)}</b>, {self.n} readings: "
         plan = "" if self.obs is None else svg([], self._heard_m(), _on_plan(self))
         caption = _CAPTION.format("heard here") if plan else ""
@@ -238,7 +235,6 @@ class CellResult:
 
 
 def _on_plan(cell: CellResult, label: str = "", word: str = "") -> list[OnPlan]:
-    """As it is drawn; none without a posterior."""
     if cell.posterior is None:
         return []
     modes = relevant_modes(cell.posterior.modes) if cell.verdict == "ambiguous" else ()
@@ -297,9 +293,9 @@ class Result:
     """All cells of one or several runs, the cell with most readings first.
 
     `warnings` are about the runs together; those about one run are in `runs`. `version` is that of
-    the program that estimated. `words` are those of the cells where suspicion was asked, and
-    `not_asked` the rules that no run could serve, each with what was missing; `unnoticed` says what
-    none could see.
+    the program that estimated. `words` are those of the cells if suspicion was asked, `not_asked`
+    the rules that no run could serve, each with what was missing; `unnoticed` says what none could
+    see.
     """
 
     runs: tuple[ObservedRun, ...]
@@ -348,7 +344,6 @@ class Result:
         return "\n".join(terminal_lines(said))
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a plan, and a table of the first cells."""
         drawn, shown = self._to_draw(), self.cells[:_MOST_ROWS]
         shown = (*shown, *(cell for cell in drawn if all(cell is not one for one in shown)))
         on_plan = [
@@ -385,7 +380,6 @@ class Result:
         return known[:_MOST_DRAWN] or placed[:1]
 
     def _strips_m(self) -> list[FloatArray]:
-        """The walks, cut where the receiver was silent."""
         strips = []
         for observed in self.runs:
             if observed.observations is not None:

@@ -64,8 +64,6 @@ class _Run:
 
 @dataclass(frozen=True, slots=True)
 class _Document:
-    """The fields of a `Result`."""
-
     runs: tuple[_Run, ...]
     cells: tuple[CellResult, ...]
     warnings: tuple[str, ...]
@@ -100,7 +98,7 @@ def encode(result: Result) -> Encoded:
 
 
 def decode(encoded: Encoded, runs: Sequence[Run]) -> Result:
-    """The result about these runs, in whatever order they are given.
+    """The result about these runs, in any order.
 
     Raises ValueError for values that are none, or that name other arrays or runs.
     """
@@ -128,7 +126,6 @@ def decode(encoded: Encoded, runs: Sequence[Run]) -> Result:
 
 
 def _large_arrays(value: Any, name: str) -> Iterator[tuple[str, Array]]:
-    """Arrays of more than a few elements with the ways to them, such as `cells/0/ekf/x`."""
     if isinstance(value, np.ndarray):
         if value.size > _MOST_INLINE:
             yield name, value
@@ -149,8 +146,8 @@ def _large_arrays(value: Any, name: str) -> Iterator[tuple[str, Array]]:
 class MadeFrom(msgspec.Struct, frozen=True):
     """What determines a result, besides the selection of cells.
 
-    `runs` are digests of the data, whatever their order; `program` is the version with a digest of
-    the source code.
+    `runs` are digests of the data in any order; `program` is the version with a digest of the
+    source.
     """
 
     runs: tuple[str, ...]
@@ -171,9 +168,7 @@ def path_beside(runs: Sequence[Path]) -> Path:
 def write(result: Result, summary: object, path: Path, cells: Sequence[str] = ()) -> None:
     """Write what `smooth --json` prints and the complete result, complete or not at all.
 
-    `cells` are those that the result was limited to. Arrays are datasets named by the fields of
-    `Result`: `cells/0/obs/x_m`, `cells/0/ekf/x`. Equal arrays are stored once. Raises
-    `RunFileError`.
+    `cells` are those that the result was limited to. Raises `RunFileError`.
     """
     import h5py  # noqa: PLC0415 (files are read in another process)
 

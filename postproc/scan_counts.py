@@ -1,7 +1,7 @@
 """Number of scans that observed each cell, whether it is enough to report the cell, and when.
 
-A damaged digit gives the name of a cell that does not exist. The first time no check of a reply
-detects it; later ones are marked as unsure. So a cell is reported when two scans have named it
+A damaged digit gives the name of a cell that does not exist. No check of a reply detects its first
+occurrence; later ones are marked as unsure. So a cell is reported when two scans have named it
 without doubt.
 """
 

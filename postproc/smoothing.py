@@ -63,13 +63,12 @@ def smooth_runs(
 ) -> Result:
     """Estimate every cell of the runs from all its readings, or only the cells named in `only`.
 
-    Cells are shared out over at most `processes`; with more than one the calling script needs a
-    main guard. A run without fixes, or a cell with too few readings, is no error: the verdict is
-    then "cannot tell", as it is for a cell whose estimate fails.
+    With more than one of `processes` the calling script needs a main guard. A run without fixes, a
+    cell with too few readings and a failed estimate give the verdict "cannot tell".
 
     An identity that is heard farther apart than any cell reaches has a result for each place.
     Raises `ConfigError` for a run that appears twice and for a cell that was not observed,
-    `GeoError` for runs of several places, which `postproc.ground.by_place` tells apart.
+    `GeoError` for runs of several places.
     """
     check_different(runs)
     asked = options
@@ -115,7 +114,6 @@ def _with_counts(
     n_scans: int,
     runs: Sequence[Run],
 ) -> CellResult:
-    """The result with its scans, and with the finding that other `places` name the cell."""
     utc_ns = None
     if len(places) > 1:
         n_scans = sum(len(np.unique(part.scan_seq)) for part in parts.values())
@@ -157,7 +155,6 @@ _WHAT = "its estimate"
 
 
 def _estimate(parts: Parts, modems: Sequence[int], options: Options) -> CellResult:
-    """As `_estimate_with_parts`, or why there is no estimate."""
     result = attempt(_name(parts), _WHAT, lambda: _estimate_with_parts(parts, modems, options))
     return _without_estimate(parts, result) if isinstance(result, Failure) else result
 
@@ -182,7 +179,6 @@ def _name(parts: Parts) -> str:
 
 
 def _estimate_with_parts(parts: Parts, modems: Sequence[int], options: Options) -> CellResult:
-    """All estimators over the readings of all runs, and the answer without each run."""
     every, parts = parts, parts_of_most_heard_modems(parts, modems)
     result = estimate_cell(merge(parts, modems), options)
     warnings = (*result.warnings, *_modem_warnings(result, len(parts), len(every)))
@@ -349,7 +345,6 @@ def _repeat_warnings(n: int, n_repeats: int) -> list[str]:
 
 
 def _spike_warnings(spikes: Sequence[SpikeLevel]) -> list[str]:
-    """How many levels were set aside, and the largest of them."""
     if not spikes:
         return []
     worst = max(spikes, key=lambda spike: abs(spike.above_db))
@@ -377,7 +372,6 @@ def _regularity_warnings(n: int, n_left_out: int) -> list[str]:
 def _passes(
     obs: Readings, posterior: Posterior
 ) -> Iterator[ekf_initialisation.EkfRun | ekf_initialisation.NoRun]:
-    """Forward and backward."""
     if obs.n_modems > 1:
         why = "several modems, and the filter does not estimate the offset between them"
         return iter((ekf_initialisation.NoRun(why), ekf_initialisation.NoRun(why)))

@@ -150,9 +150,9 @@ class Summary(NamedTuple):
 def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Failure]]:
     """Reasons of conspicuous cells, a line for each cell, and why it is not located.
 
-    With `details` all reasons and estimators. Beside it stand the cells of which a part could not
-    be said. `docs/result.schema.json` describes the content: positions in degrees (WGS84), lengths
-    in metres, levels in dBm, times in ns since boot. A value that is unknown or not finite is null.
+    With `details` all reasons and estimators. Also returns the cells of which a part could not be
+    said. `docs/result.schema.json` describes the content: positions in degrees (WGS84), lengths in
+    metres, levels in dBm, times in ns since boot. A value that is unknown or not finite is null.
     """
     runs, forms = summary.runs, [row.form for row in summary.rows]
     content: object = {"runs": runs, "warnings": summary.warnings, "cells": forms}
@@ -213,7 +213,6 @@ def _suspicion(row: SummaryRow) -> tuple[int, float]:
 
 
 def _words(rows: Sequence[SummaryRow], *, has_several_runs: bool) -> Iterator[Line]:
-    """Each conspicuous cell in a sentence, and what to do about it."""
     conspicuous = [row for row in rows if row.answer.is_conspicuous]
     for row in conspicuous:
         answer, heard = row.answer, ""
@@ -270,7 +269,6 @@ def _failure_line(failure: Failure) -> Line:
 
 
 def _overview(rows: Sequence[SummaryRow]) -> tuple[Parts, list[Failure]]:
-    """A line for each cell, the reasons of the others, and a legend."""
     shown = [row for i, row in enumerate(rows) if i < _MOST_ROWS or not _is_dull(row)]
     folded = [row for row in rows[_MOST_ROWS:] if _is_dull(row)]
     tried = [(row, attempt(row.answer.cell, "its line", partial(_cell_rows, row))) for row in shown]
@@ -348,7 +346,6 @@ def _begin(answer: Answer) -> tuple[Value, ...]:
 
 
 def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
-    """The cell, and each place of an ambiguous one."""
     begin, place, shown = _begin(row.answer), row.answer.place, row.shown
     if shown is None:
         return [(*begin, None)]
@@ -388,7 +385,6 @@ def _area_line(rows: Sequence[SummaryRow]) -> str:
 
 
 def _truth_line(rows: Sequence[SummaryRow]) -> str:
-    """How far the positions of simulated cells are off."""
     checks = [row.truth for row in rows if row.truth is not None and row.truth.error_m is not None]
     if not checks:
         return ""
@@ -611,7 +607,6 @@ def _utc(utc_ns: int | None) -> str | None:
 
 
 def _fields(part: object, names: Sequence[str]) -> dict[str, object]:
-    """Some fields of a part of an answer; null where the answer lacks it."""
     return {name: getattr(part, name, None) for name in names}
 
 

@@ -120,9 +120,8 @@ def _lists(naming: Naming, rat: int, n_scans: int) -> BoolArray:
 def observe_run(run: Run) -> ObservedRun:
     """A run's readings at the walker's smoothed positions, and warnings about the run.
 
-    Where the times of an imported file are none, or its fixes are too few or too late to fit on a
-    path, nothing is smoothed: each position is as it was written. Without a fix there are no
-    observations.
+    Where an imported file has no true times, or fixes too few or too late to fit on a path, each
+    position is as it was written. Without a fix there are no observations.
     """
     try:
         observations = observe(run.tables["fixes"], run.tables["scans"], run.named_readings)
@@ -147,7 +146,6 @@ def observe_run(run: Run) -> ObservedRun:
 
 
 def _as_written(observations: Observations) -> Observations:
-    """The readings at their fixes, whose accuracy is not what these state: they fit on no path."""
     track = observations.track
     more_m = track_plausibility.written_sigma_m(track)
 
@@ -167,11 +165,7 @@ def _smooth_track(tables: Mapping[str, Rows], observations: Observations) -> Smo
 def _place_readings(
     tables: Mapping[str, Rows], observations: Observations, track: SmoothedTrack
 ) -> Observations:
-    """The readings on the smoothed way.
-
-    A level is an average over seconds, and a full scan lasts for more: where it belongs is unsure
-    by what the walker covers meanwhile.
-    """
+    """A level is an average over seconds or a scan: its place is unsure by the way walked then."""
     scans = tables["scans"]
     begin_ns, end_ns = scans["t_start_ns"], scans["t_ns"]
     of_scan = _place(track, (begin_ns + end_ns) // 2, begin_ns, end_ns)
@@ -190,7 +184,6 @@ def _place_readings(
 
 
 def _place(track: SmoothedTrack, t_ns: IntArray, begin_ns: IntArray, end_ns: IntArray) -> Places:
-    """Places of readings at times between others."""
     placed = track.at(t_ns)
     before, after = (track.at(t_ns + shift) for shift in (-(10**9) // 2, 10**9 // 2))
     late_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
@@ -200,7 +193,6 @@ def _place(track: SmoothedTrack, t_ns: IntArray, begin_ns: IntArray, end_ns: Int
 
 
 def _describe_moved_fixes(track: SmoothedTrack) -> list[str]:
-    """What was done to fixes beyond what their accuracy allows."""
     moved_m, far = track_plausibility.moved_m(track), track_plausibility.moved_too_far(track)
     warnings = []
     if n := track.n_outliers:

@@ -102,7 +102,6 @@ def _pixel_m(ground: Ground, area: Area) -> float:
 
 
 def _resample(ground: Ground, area: Area, shape: tuple[int, int]) -> Pixels:
-    """The ground in the plan's projection, shape (rows, columns, 4)."""
     down, across = (_weights(count) for count in shape)
     column, row = (np.rint(down @ grid @ across.T) for grid in ground.pixel_at(area))
     rows, columns = ground.pixels.shape[:2]

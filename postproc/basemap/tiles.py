@@ -308,7 +308,6 @@ def street_at(path: Path, lat_deg: float, lon_deg: float) -> str | None:
 
 
 def _web_mercator(lat_deg: float, lon_deg: float, zoom: int) -> tuple[float, float]:
-    """Column and row of a position, with fractions."""
     count = 2**zoom
     row = 0.5 - math.asinh(math.tan(math.radians(lat_deg))) / (2.0 * math.pi)
     return (lon_deg + 180.0) / 360.0 * count % count, row * count

@@ -1,8 +1,7 @@
 """Mapbox Vector Tiles 2.1: read, drawn as a quiet picture, and asked for the name of a street.
 
-Source: mapbox/vector-tile-spec, 2.1. The tiles are protocol buffers; the few kinds of fields that
-they have are read here. The library mapbox-vector-tile (2.2.0) needs a protobuf below 7 and
-pyclipper, which only writes; it would cost more than these lines. Layers have the names of the two
+Source: mapbox/vector-tile-spec, 2.1. The tiles are protocol buffers, read here: the library
+mapbox-vector-tile (2.2.0) needs a protobuf below 7 and pyclipper. Layers have the names of the two
 schemas in use, Protomaps (docs.protomaps.com/basemaps/layers) and OpenMapTiles
 (openmaptiles.org/schema).
 """
@@ -101,7 +100,6 @@ def _parts(numbers: Sequence[int]) -> list[Part]:
 
 
 def _value(fields: Mapping[int, Sequence[Any]]) -> Value:
-    """The value in its only field, of whatever type."""
     for number, (value, *_) in fields.items():
         match number:
             case 1:
@@ -115,7 +113,6 @@ def _value(fields: Mapping[int, Sequence[Any]]) -> Value:
 
 
 def _message(data: bytes) -> Mapping[int, list[Any]]:
-    """Values of the fields of a message by their numbers, in their order."""
     fields: defaultdict[int, list[Any]] = defaultdict(list)
     at = 0
     while at < len(data):
@@ -156,7 +153,6 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def _signed(number: int) -> int:
-    """The integer of a zigzag code."""
     return number >> 1 ^ -(number & 1)
 
 

@@ -96,9 +96,9 @@ def probability(change: Change, offset: Offset, scale: float) -> float:
 
 
 def offset_of(others: list[Change], *, same_modem: bool) -> Offset:
-    """Offset that the changes of other cells show.
+    """Weighted median of the changes of other cells, with the prior.
 
-    Their weighted median, which a minority of changed cells does not move, with the prior.
+    A minority of changed cells does not move it.
     """
     prior_db2 = (SAME_MODEM_DB if same_modem else OTHER_MODEM_DB) ** 2
     if not others:
@@ -117,7 +117,7 @@ def offset_of(others: list[Change], *, same_modem: bool) -> Offset:
 def scale_of(differences: list[Differences]) -> float:
     """Factor of the variance for two walks that differ more than the measured ones; at least 1.
 
-    From the differences within each cell; a few cells that have changed do not matter.
+    A few cells that have changed do not matter.
     """
     deviations = [part for one in differences if (part := _deviations(one)) is not None]
     if sum(map(len, deviations)) < _FEWEST_SCALE:
@@ -238,9 +238,9 @@ class CellChange:
     `n_a` and `n_b` are its readings, `n_blocks` the blocks of 50 m that decide: those in which both
     walks heard it, or one did and the other could have. `change_db` is by how much it is stronger
     in B than the other cells explain, with `sigma_db`; `contrast_db` how much more it rose in one
-    part of the ground than in another; None where it was not tested. `p` is the probability of such
-    data if nothing changed. `block` and `difference_db`, shape (n,), are for maps. `error` is that
-    of the program which ended the comparison, None where none did.
+    part of the ground than in another; None if not tested. `p` is the probability of such data if
+    nothing changed. `block` and `difference_db`, shape (n,), are for maps. `error` is the error of
+    the program that ended the comparison, if any.
     """
 
     cell: str
@@ -269,8 +269,7 @@ class Comparison:
     """Two walks: cells with a change first, then by number of blocks.
 
     `offset_db` is the offset of B against A by technology. `n_common_blocks` counts blocks of 50 m
-    in which both walks named cells of one technology. `n_tests` is the number of tests. `grid`
-    tells where the blocks are.
+    in which both walks named cells of one technology.
     """
 
     grid: Grid
@@ -283,8 +282,6 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class _Tested:
-    """Numbers of one cell before words are chosen."""
-
     differences: Differences
     change: Change
     offset: Offset
@@ -302,7 +299,7 @@ def compare(
 ) -> Comparison:
     """Compare two walks by their readings, which are in one UTM zone.
 
-    `same_modem` says that both were recorded with the same modem, whose offset is then small.
+    `same_modem`: both were recorded with one modem, so the offset is small.
     """
     tries = Attempts("its comparison", progress, "comparing")
     # a cell by channel and code may have its identity in the other walk: it is not new or gone

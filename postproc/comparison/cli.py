@@ -29,7 +29,7 @@ def compare(
     """Compare two walks: cells that are new, gone, moved, stronger or weaker in B.
 
     A and B are runs. Cells are compared only where both walks could have heard them. The exit code
-    is 3 if the comparison of a cell failed.
+    is 3 if a comparison failed.
     """
     if save is not None and save.suffix != ".rrd":
         raise ConfigError(f"{save}: a rerun recording is named .rrd")

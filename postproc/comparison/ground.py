@@ -1,9 +1,9 @@
 """A walk by blocks of ground: what it heard there, and what it could have heard.
 
-A modem names the cells that it receives best. So in a block where several cells were named at once,
-a cell that is clearly stronger than the weakest of them would have been named too: the weakest
-level is the floor of the block. Where a modem names the serving cell only, another cell may be
-strong and stay unheard, and the block has no floor.
+A modem names the cells that it receives best. So where several cells were named at once, a cell
+clearly stronger than the weakest of them would have been named too: the weakest level is the floor
+of the block. Where a modem names the serving cell only, a strong cell may stay unheard, and the
+block has no floor.
 """
 
 from collections.abc import Iterable, Mapping
@@ -24,8 +24,7 @@ Their semivariogram is flat from 50 m on; levels themselves are correlated farth
 """
 _HALF_M = 0.5 * BLOCK_M
 _SHIFTS = tuple((east, north) for east in (0, 1) for north in (0, 1))
-"""Grids that are tried, in half blocks: a street along the border of one grid is inside the blocks
-of another."""
+"""Grids tried, in half blocks: a street on the border of one is inside blocks of another."""
 _FARTHEST_SIGMA_M = BLOCK_M
 """A position that is less sure is in no block."""
 _STRIDE = 1 << 24
@@ -105,8 +104,8 @@ class CellBlocks:
 class Ground:
     """A walk by blocks of a grid.
 
-    `visited` has the blocks of each technology in which a cell of it was named. `floor_dbm` has,
-    for each technology, the floor of the blocks that have one.
+    `visited` has for each technology the blocks in which a cell of it was named, `floor_dbm` the
+    floor of those that have one.
     """
 
     grid: Grid
@@ -122,9 +121,8 @@ def grounds_of(
 ) -> tuple[Ground, Ground]:
     """Two walks by the blocks of the grid in which they have most blocks in common.
 
-    Their readings are in one UTM zone, cell by cell; of a cell that has been taken its half blocks
-    are kept. A cell that fewer than two scans of a walk have named is left out of it, as on the
-    device.
+    Their readings are in one UTM zone, cell by cell. A cell that fewer than two scans of a walk
+    have named is left out of it, as on the device.
     """
     tries = tries or Attempts("its blocks")
     walks = [_Walk(cells, tries) for cells in (a, b)]
@@ -143,7 +141,6 @@ class _Scans(NamedTuple):
 
     @classmethod
     def of_parts(cls, parts: Iterable["_Scans"]) -> "_Scans":
-        """Scans of several parts, each once."""
         scan, weakest_dbm, n_named, half = map(np.concatenate, zip(*parts, strict=True))
         order = np.argsort(scan, kind="stable")
         first = np.flatnonzero(np.diff(scan[order], prepend=scan[order[0]] - 1))
@@ -190,14 +187,12 @@ class _Walk:
             self._scans[rat] = [_Scans.of_parts(parts)]
 
     def blocks(self, grid: Grid, rat: str | None = None) -> frozenset[int]:
-        """Blocks in which a cell was named, or one of a technology."""
         halves = [cell.block for cell in self._cells if rat in {None, cell.rat}]
         if not halves:
             return frozenset()
         return frozenset(np.unique(grid.blocks_of(np.unique(np.concatenate(halves)))).tolist())
 
     def ground(self, grid: Grid) -> Ground:
-        """The walk by the blocks of a grid."""
         return Ground(
             grid,
             {cell.cell: cell.in_grid(grid) for cell in self._cells},
@@ -263,8 +258,8 @@ def scale_db(variance_db2: FloatArray) -> FloatArray:
 class Differences:
     """Levels of one cell in walk B minus those in walk A, shape (n,) each.
 
-    `bound` is 0 for a difference, -1 where only A heard the cell: the difference is at most as
-    stated; 1 where only B heard it: the difference is at least as stated.
+    `bound` is 0 for a difference, -1 where only A heard the cell and the difference is an upper
+    bound, 1 where only B heard it and the difference is a lower bound.
     """
 
     cell: str

@@ -51,7 +51,6 @@ def _layout(changed: list[CellChange]) -> rrb.Blueprint:
 
 
 def _report(compared: ComparedRuns) -> str:
-    """The words of all cells in Markdown, the changes first."""
     cells = sorted(compared.comparison.cells, key=lambda cell: not cell.is_change)
     columns = (Column("cell"), Column("word"), Column("why"))
     title = f"# {markdown_text(compared.b.name)} compared with {markdown_text(compared.a.name)}"
@@ -61,7 +60,7 @@ def _report(compared: ComparedRuns) -> str:
 
 
 def _blocks(cell: CellChange, grid: Grid) -> rr.Boxes2D:
-    """Blocks of a cell, north up: the vertical axis of a 2D view points down."""
+    """North up: the vertical axis of a 2D view points down."""
     x_m, y_m = grid.centres_m(cell.block)
     labels = ["one walk" if np.isnan(db) else f"{db:+.0f} dB" for db in cell.difference_db]
     return rr.Boxes2D(
@@ -74,7 +73,7 @@ def _blocks(cell: CellChange, grid: Grid) -> rr.Boxes2D:
 
 
 def _colours(difference_db: FloatArray) -> list[tuple[int, int, int, int]]:
-    """Red and blue by the size of the difference, grey where only one walk heard the cell."""
+    """Grey where only one walk heard the cell."""
     colours = []
     for db in difference_db:
         ink = _SINGLE if np.isnan(db) else _MORE if db > 0.0 else _LESS

@@ -1,7 +1,7 @@
 """Whether an estimator has ended with an answer that can be true.
 
-A fit that runs away, or a filter that diverges, ends with numbers as well: positions on the other
-side of the Earth, a power of gigawatts, an indefinite covariance. Such numbers are never passed on.
+A fit that runs away or a filter that diverges ends with numbers too: positions on the other side of
+the Earth, a power of gigawatts, an indefinite covariance. They are never passed on.
 """
 
 import numpy as np

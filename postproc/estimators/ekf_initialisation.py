@@ -156,7 +156,6 @@ def _find_start(
 
 
 def _likely_noise(full: Posterior) -> Prior:
-    """The prior with the noise that the complete walk leaves likely."""
     is_likely = full.noise_probability > _LIKELY_NOISE * np.max(full.noise_probability)
     of_groups = np.split(is_likely, full.prior.noise_table.first[1:])
     noise = tuple(

@@ -141,9 +141,9 @@ def _shadowing_given_rest(state: ShadowState, start: ShadowState) -> tuple[float
 class Comparison(NamedTuple):
     """Differences backward - forward of the last [x, y, P0, eta].
 
-    They come from the same readings, so a consistent pair differs by far less than its covariances
-    allow. Of a pair that differs by more than `GATE` at least one is wrong: it is never averaged.
-    `sigmas` are the differences divided by their combined standard deviations.
+    Both use the same readings, so a consistent pair differs by far less than its covariances allow.
+    Of a pair that differs by more than `GATE` one is wrong: it is never averaged. `sigmas` are the
+    differences divided by their combined standard deviations.
     """
 
     difference: tuple[float, float, float, float]
@@ -156,7 +156,7 @@ class Comparison(NamedTuple):
 
     @property
     def agrees(self) -> bool:
-        """Whether no axis differs by more than 4 combined standard deviations."""
+        """Whether no axis differs by more than `GATE` combined standard deviations."""
         return self.largest <= GATE
 
     @property

@@ -1,7 +1,7 @@
 """Least squares over [x, y, P0, eta] from several starts.
 
-Least squares is as good as its start and does not report other minima by itself: start it from the
-modes of the posterior, and read `rivals` and `bounded`.
+Least squares is as good as its start: start it from the modes of the posterior, and read `rivals`
+and `bounded`.
 
 At a given position P0 and eta are linear, so Levenberg-Marquardt searches over the position only
 (variable projection: Golub & Pereyra, Inverse Problems 19(2), 2003; Jacobian by Kaufman, BIT 15,
@@ -160,17 +160,16 @@ class Search(NamedTuple):
         return self._search_states([*(minimum.state for minimum in projected), *at_starts])
 
     def refine(self, minima: Sequence[Minimum]) -> list[Minimum]:
-        """The minima of this search near those of another with a different sigma, best first."""
+        """The minima of this search near those of one with another sigma, best first."""
         return self._search_states([minimum.state for minimum in minima])
 
     def _search_states(self, states: Sequence[FloatArray]) -> list[Minimum]:
-        """Minima of the loss reached from states, of those within a metre from one, best first."""
+        """Minima reached from states, best first; of states in one metre one is taken."""
         metres = (tuple(np.round(state[:2])) for state in states)
         each_once = dict(zip(metres, states, strict=True)).values()
         return _best_first([self._search_state(state) for state in each_once])
 
     def _search_position(self, start: tuple[float, float]) -> Minimum:
-        """Least squares of the levels over the position, P0 and eta projected out."""
         misfit, slope = self.projection()
 
         def search() -> Minimum:
@@ -204,7 +203,6 @@ class Search(NamedTuple):
         return misfit, slope
 
     def _search_state(self, state: FloatArray) -> Minimum:
-        """Minimum of the loss of all rows over all four unknowns."""
         root, deviation = np.sqrt(self.rows.weight), _latest(self.deviation)
 
         def misfit(state: FloatArray) -> FloatArray:
@@ -231,10 +229,7 @@ class Search(NamedTuple):
         return Minimum(state, float(cost), success and possible)
 
     def deviation(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Deviation in dB of each row and its derivative by the model, shape (n,).
-
-        Positive where the model is too high.
-        """
+        """Deviation in dB (n,), positive where the model is too high, and its slope (n,)."""
         deviation, rate = self.rows.residuals(state), np.ones(len(self.rows.limit))
         hidden = ~self.rows.free
         side = -self.rows.limit[hidden]
@@ -263,7 +258,7 @@ def _best_first(minima: Sequence[Minimum]) -> list[Minimum]:
 
 
 def _latest(function: Callable[[FloatArray], _Pair]) -> Callable[[FloatArray], _Pair]:
-    """The function, which knows its last result: a slope is asked for where the misfit was."""
+    """Remembers the last result: a slope is asked for where the misfit was."""
     at, found = np.empty(0), (np.empty(0), np.empty(0))
 
     def at_state(state: FloatArray) -> _Pair:
@@ -278,7 +273,6 @@ def _latest(function: Callable[[FloatArray], _Pair]) -> Callable[[FloatArray], _
 def _minimise_loss(
     misfit: _ArrayFunction, slope: _ArrayFunction, start: FloatArray, loss: Loss, scale_db: float
 ) -> Ending:
-    """As `minimise`, for a robust loss."""
     from scipy.optimize import least_squares  # noqa: PLC0415 (half a second; rarely used)
 
     end = least_squares(
@@ -401,12 +395,12 @@ _SIGMA_PER_MEDIAN = 1.0 / 0.6745  # of the absolute value, of a normal law
 class BatchFit:
     """Best fit: `state` [x, y, P0, eta], `covariance` (4, 4), residual `sigma_db`, readings `n`.
 
-    `cost` is chi2 / 2. `converged` is False also for what cannot be: an exponent that is not
-    positive or a position over 30 km away. State and covariance are then no answer; a covariance
-    that could not be computed is NaN. `inflation` is the factor by which correlated residuals have
-    widened the covariance of the position. `bounded` is False where in some direction positions fit
-    as well as far as 30 km away; the covariance then reaches that far. `rivals` are the states of
-    other minima that the readings cannot distinguish from the best one (chi-square within 5.991).
+    `cost` is chi2 / 2. `converged` is False also for an exponent that is not positive and a
+    position over 30 km away. State and covariance are then no answer; a covariance that could not
+    be computed is NaN. `inflation` is the factor by which correlated residuals have widened the
+    covariance of the position. `bounded` is False where in some direction positions fit as well up
+    to 30 km away; the covariance then reaches that far. `rivals` are states of other minima within
+    5.991 of the best chi-square.
     """
 
     state: FloatArray

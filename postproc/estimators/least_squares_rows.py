@@ -107,7 +107,6 @@ def group(obs: Readings, height_m: float, *, robust: bool) -> Rows:
 
 
 def _squares(places: Places) -> IntArray:
-    """Number of the square of each reading, at most 2000 of them."""
     fine = squares(places, _FINE_SQUARES, finest_m=_SQUARE_M)[0]
     count = np.bincount(fine)
     centres = Places.of(*(np.bincount(fine, v) / count for v in (places.x_m, places.y_m)))

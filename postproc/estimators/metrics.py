@@ -49,7 +49,7 @@ def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
 def mean_bounds(count: int, dof: int = 1, level: float = 0.95) -> tuple[float, float]:
     """Two-sided bounds of the mean of `count` chi-square values with `dof` degrees of freedom.
 
-    `count` is the number of independent values: of runs for NEES, of readings for NIS.
+    `count` is the number of runs for NEES, of readings for NIS.
     """
     tail = 0.5 * (1.0 - level)
     low, high = (_chi_square_point(count * dof, p) / count for p in (tail, 1.0 - tail))

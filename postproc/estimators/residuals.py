@@ -6,9 +6,9 @@ antenna has a direction. In 1200 simulated walks through honest worlds (3 dB whi
 decorrelating over 15 or 60 m, with and without white noise) outliers were named in 1 to 4 %, a
 changing exponent in 0 to 3 % and a sector in 0 to 1 %.
 
-Shadowing belongs to the ground, so residuals are alike where points are near, whenever measured:
-their covariance is behind every honest standard error. With D_ij the distance of two squares, a the
-white share, d_c the decorrelation distance and n_i the readings of a square, `model.noise` has
+Shadowing belongs to the ground, so residuals are alike where points are near, whenever measured.
+With D_ij the distance of two squares, a the white share, d_c the decorrelation distance and n_i the
+readings of a square, `model.noise` has
 
     cov(e_i, e_j) = sigma^2 [(1 - a) exp(-D_ij / d_c) + delta_ij (a / n_i + rounding)]
 
@@ -54,9 +54,8 @@ _TRUST = 0.5
 """Noise considered: each pair of share and distance is as likely as white noise alone.
 
 Half of 464 measured walks decorrelated within 22 m, nearly all within 12 to 390 m. Variances of
-correlated noise are divided by the trust: an exponential is a guess about houses and hills, and
-regions that trusted it fully held the truth in 78 % of 165 measured walks where 95 % were meant.
-"""
+correlated noise are divided by the trust: regions that trusted the exponential fully held the truth
+in 78 % of 165 measured walks where 95 % were meant."""
 SIGMA_DB = Prior().sigma_db
 """Median of those walks with the true position known; counts as one more reading."""
 
@@ -96,8 +95,8 @@ def unit_columns(design: FloatArray) -> FloatArray:
 class Shapes(NamedTuple):
     """What may correlate the residuals of a walk, whatever is fitted to them.
 
-    `square` (n,) is the number of the square each row lies in, `k` (c, m, m) the covariance of the
-    squares' means in units of sigma^2 under each of the `hypotheses`, with its `whiteners`.
+    `square` (n,) is as in `ResidualNoise`, `k` (c, m, m) the covariance of the squares' means in
+    units of sigma^2 under each of the `hypotheses`, with its `whiteners`.
     """
 
     square: IntArray
@@ -160,8 +159,7 @@ def _restricted_likelihood(
 ) -> tuple[float, float]:
     """Log restricted likelihood of K, and the mean of sigma^2 under it.
 
-    The coefficients of the design are integrated out by the model's marginaliser under a prior that
-    is flat beside any reading.
+    The coefficients of the design are integrated out under a flat prior.
     """
     k = design.shape[1]
     white = shape.matrix @ np.column_stack([e, design])
@@ -205,7 +203,7 @@ class Ground:
 class Bins(NamedTuple):
     """Mean residuals and their standard errors, shape (m,), in bins about `centre`.
 
-    `centre` is in metres, or in degrees of azimuth.
+    The unit is metres, or degrees of azimuth.
     """
 
     centre: FloatArray
@@ -381,8 +379,8 @@ def diagnose(
     """Residuals of an estimate [x, y, P0, eta] over the readings of its cell.
 
     `filtered` adds the innovations of its filter. Of fewer than 20 levels, or levels that fit to
-    their rounding, only residuals and sigma are given. A level that those around it do not share is
-    named where it is an outlier, and counts in nothing else. A repeated level counts in nothing.
+    their rounding, only residuals and sigma are given. A level that those around it do not share
+    counts only as an outlier; a repeated level does not count.
     """
     rows = each_reading(obs, height_m)
     residual_db = np.where(obs.limit == 0, -rows.residuals(state), np.nan)
@@ -424,7 +422,6 @@ def diagnose(
 
 
 def _standard_moment(values: FloatArray, order: int) -> float:
-    """Central moment in units of the standard deviation."""
     off = values - np.mean(values)
     return float(np.mean(off**order) / np.mean(off**2) ** (0.5 * order))
 
@@ -477,7 +474,6 @@ def _by_azimuth(ground: Ground, noise: ResidualNoise) -> Bins:
 
 
 def _bin(values: FloatArray, edges: FloatArray) -> IntArray:
-    """Number of the bin of each value."""
     number = np.searchsorted(edges, values, side="right") - 1
     return np.clip(number, 0, len(edges) - 2)
 

@@ -1,12 +1,12 @@
 """Whether the times and the positions of a track can be those of a walk.
 
-Telephones report the last position they have, and a new one only after so many metres. A position
-that is repeated to the last digit and then left with a jump was stale before the jump: in 30 of 42
-drive tests by 100 m, which a smoother turns into speeds and stops that never were.
+Telephones repeat their last position until they have moved some metres. A position that is repeated
+to the last digit and then left with a jump was stale before the jump: in 30 of 42 drive tests by
+100 m, which a smoother turns into speeds and stops that never were.
 
 Some files have no clock: their "seconds" count the rows, or were computed from the way at one
 speed. Smoothing in such a time moves the fixes by kilometres: it takes distant fixes for errors of
-the receiver. Times with an impossible speed are wrong in another way, which only the user can mend.
+the receiver. Times with an impossible speed only the user can mend.
 """
 
 import numpy as np
@@ -37,9 +37,8 @@ _LEAP_FACTOR = 5.0
 _START_MPS2 = 4.0
 """A car that starts between two fixes does not accelerate more."""
 _SURE_LEAP_M = 50.0
-"""One that is longer than all this explains by so much is enough: a receiver that finds its
-position seldom moves by more.
-"""
+"""One that exceeds all this by so much is enough: a receiver that finds its position seldom moves
+by more."""
 _ONE_SPEED = 0.005
 """Measured speeds differ by more than this share, if only by the errors of the fixes."""
 _LONG_STEP_M = 7.0
@@ -174,7 +173,6 @@ def written_sigma_m(track: Track) -> FloatArray:
 
 
 def _position(track: Track) -> IntArray:
-    """Number of the position of each fix, where repeated ones are one."""
     first = _changes(track)
     return np.searchsorted(first, np.arange(len(track.t_ns)), side="right") - 1
 

@@ -9,10 +9,9 @@ process:
     z_p = p + s b + white noise,           z_v = v + white noise
 
 The error of a fix has three parts. The white one is smoothed away as far as the motion allows; the
-wandering one averages out only while the walker stands for minutes; the lasting one cannot be seen
-in the data of one run and is added to the returned sigma. q and the white share are those of a
-small set that make the fixes likeliest. Both axes have the same covariances, so one recursion
-serves the two.
+wandering one averages out only while the walker stands for minutes; the lasting one is invisible in
+one run and is added to the returned sigma. q and the white share are those of a small set that make
+the fixes likeliest. Both axes have the same covariances, so one recursion serves the two.
 
 Defaults: receivers at rest (Telit HE910, Quectel L76K; 2 to 3 minutes) had 0.01 to 0.07 m of white
 noise and wandered by 0.15 to 1.2 m, half of it decorrelated after some 20 s, where HDOP claimed 3
@@ -60,9 +59,8 @@ _OUTLIER_SIGMA = 5.0
 _DOUBTFUL_RUN = 3  # outliers in a row, from which on the rest may be the wrong part
 _REWEIGHTINGS = 5  # after them the weights change by less than 1 %
 _STRETCHES, _STRETCH = 5, 1000
-"""Of a longer run, so many stretches of so many fixes tell q and the white share: these are means
-over the run, and each pair of candidates costs a filter.
-"""
+"""Of a longer run, so many stretches of so many fixes tell q and the white share, which are means
+over the run."""
 _LONGEST_STEP_S = 3600.0  # beyond it nothing is known, and floats would lose the rest
 _LEAST_STEP_S = 0.1  # for the rate of velocities: no receiver used here is faster
 
@@ -80,8 +78,8 @@ class SmoothedTrack:
     """The walk between and beyond the fixes of `track`.
 
     `accel_m2s3` (q) and `white_share` are the likeliest. `outlier` (n,) marks fixes more than five
-    sigma from the position that all others give: they are hardly used. Where three or more follow
-    each other either side may be right, so the distance `doubt_m` (n,) is part of the sigma there.
+    sigma from the position by all others: they are hardly used. Where three or more follow each
+    other either side may be right, so their distance `doubt_m` (n,) is part of the sigma.
     """
 
     track: Track
@@ -160,7 +158,6 @@ def smooth_track(track: Track, velocity: Velocities | None = None) -> SmoothedTr
 
 
 def _stretches(n: int) -> list[slice]:
-    """All of `n` fixes, or stretches of them at equal distances."""
     if n <= _STRETCHES * _STRETCH:
         return [slice(None)]
     begin = np.linspace(0, n - _STRETCH, _STRETCHES).astype(int).tolist()

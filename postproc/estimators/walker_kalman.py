@@ -109,7 +109,6 @@ def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatA
 
 
 def _row(kind: int, wander_m: float) -> Vector:
-    """Row h of a measurement."""
     return (1.0, 0.0, wander_m) if kind == _POSITION else (0.0, 1.0, 0.0)
 
 

@@ -73,7 +73,7 @@ def _rows(*, needs_cell: bool) -> Iterator[dict[str, str | None]]:
 
 
 def _values(line: str) -> list[str]:
-    """The fields of one line: a quotation mark that is never closed must not swallow the next."""
+    """A quotation mark that is never closed must not swallow the next line."""
     try:
         return next(csv.reader([line]), [])
     except csv.Error:  # a field of more than 128 KiB
@@ -126,7 +126,6 @@ def next_command(
 
 
 def _readings_of(paths: Sequence[Path], cell: str | None) -> readings.Readings:
-    """Readings of the cell in all runs; where none is named, of the one to look for first."""
     runs = [runfile.read_sound_run(path) for path in paths]
     multi_run.check_different(runs)
     observed = multi_run.in_one_zone([walk.observe_run(run) for run in runs])
@@ -154,7 +153,6 @@ def _first_to_look_for(runs: Sequence[runfile.Run], every: list[readings.Reading
 
 
 def _start(text: str | None) -> places.Places | None:
-    """The place of LAT,LON in degrees."""
     if text is None:
         return None
     try:

@@ -35,9 +35,9 @@ _RAT = "GSM"
 
 
 class GuideLine(msgspec.Struct, frozen=True, omit_defaults=False):
-    """What is known after a row, as a line of JSON; `error` says why the row was not used.
+    """What is known after a row, as a line of JSON; `text` is a sentence.
 
-    `text` is the answer in a sentence.
+    `error` says why the row was not used.
     """
 
     t_s: float | None
@@ -57,9 +57,9 @@ class BadRow(GuideLine, frozen=True):
 class GuideFilter:
     """Answers the rows of one walk in their order.
 
-    `cell` is the cell to follow, by default the first that a row names: rows of others are
-    positions only. `lines` are the streets, if a map is known. `locator` has the posterior behind
-    the answers, from `levels` rows; `is_off_map` says that the streets are those of another town.
+    `cell` is followed, by default the first that a row names: rows of others are positions only.
+    `lines` are the streets. `locator` has the posterior behind the answers, from `levels` rows;
+    `is_off_map` says that the streets are those of another town.
     """
 
     def __init__(self, prior: Prior, cell: str | None = None, lines: Iterable[Line] = ()) -> None:
@@ -135,7 +135,6 @@ class GuideFilter:
         return place_of_fix(t_ns, fix, None if self._start is None else self._start.utm)
 
     def _speed_mps(self, t_s: float | None, place: Places) -> float:
-        """Speed since the row before, 0 without a time."""
         if t_s is None:
             return 0.0
         before, self._last = self._last, (t_s, place)

@@ -1,8 +1,7 @@
 """The next walk after recorded ones: routes by what they would say about one cell.
 
-A route's gain is predicted under the model: 95 % radii after it are what the model promises. On
-simulated walks a radius that was predicted for 13 of 100 came true in 4: the figures are
-optimistic, their order is what counts.
+A route's gain is predicted under the model. On simulated walks a radius that was predicted for 13
+of 100 came true in 4: the figures are optimistic, their order is what counts.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -141,7 +140,6 @@ def _routes(start: Places, places: Sequence[Cluster], lines: Iterable[Line]) -> 
 
 
 def _loop(start: Places, place: Cluster, side_m: float) -> Route:
-    """To a square around a place, and around it."""
     start_m, middle = start.xy_m[:, 0], place.place.xy_m[:, 0]
     half_m = 0.5 * side_m
     corner_m = middle + half_m * np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]])

@@ -75,7 +75,7 @@ def export(
 ) -> int:
     """Write levels and track of a run, or cells, in another format.
 
-    The exit code is 3 if the estimate of a cell failed.
+    The exit code is 3 if an estimate failed.
     """
     has_estimates = has_estimates or all_estimators
     name = exporting.format_of(format_name, output, with_estimates=has_estimates)
@@ -149,9 +149,9 @@ def import_(
     """Make a run from a recording of another program.
 
     FILE is recognised by its content; docs/guide/formats.md lists the formats. It may be
-    compressed (.gz, .zip); of a zip with several files each becomes a run of its own, named after
-    it. Each level needs a position: its own, or that of --track at its time. A capture of a modem
-    needs none, but then no cell is located.
+    compressed (.gz, .zip); of a zip with several files each becomes a run, named after it. Each
+    level needs a position: its own, or that of --track at its time. A capture of a modem needs
+    none, but then no cell is located.
     """
     atomic_write.check_writable(output)
     reading = importing.Reading(
@@ -180,7 +180,6 @@ def import_(
 def _import_all(
     source: Path, output: Path, sizes: dict[str, int], reading: importing.Reading, *, as_json: bool
 ) -> None:
-    """Import each file of a zip, and say of each what became of it."""
     runs, left, lines, remarks = [], [], [], []
     for name, result in importing.import_members(source, output, sizes, reading):
         if isinstance(result, str):
@@ -206,7 +205,6 @@ def _counts(imported: importing.Imported) -> str:
 
 
 def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
-    """What was left out of a file, and what was doubtful in it."""
     for bad in imported.bad_rows[:_MOST_PRINTED]:
         yield f"{source}: line {bad.line}: {bad.why}"
     if imported.n_bad > _MOST_PRINTED:

@@ -63,8 +63,8 @@ class Format:
 
     Without a name of times only the order of the rows counts. With `has_scans`, rows that follow
     each other at one time are one scan. What `is_general` comes after all others. Apps repeat
-    measurements when they export again, but for those that are `unrepeated`. Rows of a `capture` of
-    a modem have its clock and need no position.
+    measurements when they export again, except `unrepeated` formats. Rows of a modem's `capture`
+    have its clock and need no position.
     """
 
     name: str
@@ -183,7 +183,6 @@ def _text(source: Path) -> Contents:
 
 
 def _kind_of(head: bytes) -> str:
-    """In words, what a file that is neither table, text nor database looks like."""
     if not head:
         return "an empty file"
     for magic, kind in _KINDS.items():

@@ -80,9 +80,8 @@ def _rows_of(lines: Lines, delimiter: str, names: list[str]) -> Iterator[Line]:
 def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int, list[str]]]:
     """Values of each row, with the number of its first line.
 
-    Apps write names of networks as they are, also those with a quotation mark. So where the marks
-    of a line do not give a value for each column, nor together with the next lines, they are text:
-    one that is never closed takes no other row in.
+    Apps write names of networks unquoted, also those with a quotation mark. So where the marks do
+    not give a value for each column, even with the next lines, they are text.
     """
     ahead: deque[str] = deque()
     while line := ahead.popleft() if ahead else next(lines, ""):

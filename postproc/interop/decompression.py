@@ -60,7 +60,7 @@ def _open_zip(source: Path) -> Iterator[zipfile.ZipFile]:
 
 
 class _ZipSource(BufferedReader):
-    """The bytes of a zip; its table of contents is read at once, whatever length it claims."""
+    """Reads the table of contents of a zip at once, whatever length it claims."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > _CHUNK:
@@ -69,7 +69,6 @@ class _ZipSource(BufferedReader):
 
 
 def _files_of(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
-    """What is no folder and no note of macOS about a file."""
     entries = archive.infolist()
     if not all(one.filename for one in entries):
         raise zipfile.BadZipFile("one of its files has no name")
@@ -80,8 +79,8 @@ def _files_of(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
 def plain_file(source: Path, member: str | None = None) -> Iterator[Path]:
     """The file itself, or a temporary copy of what is in a gzip file or of one file of a zip.
 
-    Without `member` the zip has to contain one file. Of a recording of a modem that was cut while
-    it was packed the begin counts. Raises `RunFileError` for what cannot be read or unpacked;
+    Without `member` the zip has to contain one file. Of a modem's recording that was cut while it
+    was packed the beginning counts. Raises `RunFileError` for what cannot be read or unpacked;
     errors raised meanwhile name the file and not the copy.
     """
     head = _head(source)

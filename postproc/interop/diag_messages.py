@@ -1,8 +1,8 @@
 """Messages between modem and network in the diagnostic stream: cells, levels and evidence.
 
 Of messages to and from a subscriber only the kind, an algorithm, a cause or the kind of identity
-asked for is read, by the position of its bits; nothing of them is kept. What cells send to
-everybody, how a modem shall measure, and what it reported is decoded with pycrate, if installed.
+asked for is read, by the position of its bits, and nothing is kept. What cells send to everybody,
+how a modem shall measure, and what it reported is decoded with pycrate, if installed.
 """
 
 from collections import Counter
@@ -77,7 +77,7 @@ _GSM_DCCH_DOWN, _CIPHERING = 0x80, b"\x06\x35"
 
 
 class _Message(NamedTuple):
-    """A message of RRC: when, by which receiver, of which cell, and its bytes."""
+    """A message of RRC."""
 
     time_ns: int
     radio_id: int
@@ -98,7 +98,6 @@ class _Message(NamedTuple):
         return whole >> (-end % 8) & ((1 << n) - 1)
 
     def after(self, first: int) -> bytes:
-        """What begins there."""
         n = 8 * len(self.body) - first
         return (self.bits(first, n) << -n % 8).to_bytes((n + 7) // 8, "big")
 
@@ -120,7 +119,6 @@ class _Measurements:
         self.objects: dict[int, int] = {}
 
     def channel(self, number: int) -> int | None:
-        """EARFCN that a measurement is of."""
         return self.carriers.get(self.objects.get(number, 0))
 
     def hand_over(self, source: int, target: int) -> None:
@@ -134,7 +132,6 @@ class _Measurements:
             self.objects = {one: swap.get(obj, obj) for one, obj in self.objects.items()}
 
     def change(self, changes: _Changes) -> None:
-        """Take a new configuration."""
         for one in changes.objects_gone:
             self.carriers.pop(one, None)
         for one in changes.gone:
@@ -219,7 +216,6 @@ class Messages:
         return asked._replace(value=f"{asked.value}, {how}")
 
     def _nas(self, record: LogRecord) -> Iterator[Signal]:
-        """Kind and one more byte of a message that is not encrypted."""
         message = record.body[4:7]
         if record.body[:1] != b"\x01":
             self.unknown[record.code, record.body[0] if record.body else 0] += 1
@@ -284,7 +280,6 @@ class Messages:
         yield from read(message)
 
     def _broadcast(self, message: _Message) -> Iterator[Observation | Signal]:
-        """SIB1, and what SIB3, 5, 6 and 7 tell of priorities, of each once."""
         if not self._can_decode():
             return
         identities, priorities = self._decode("BCCH_DL_SCH_Message", _broadcast_by, message.body)
@@ -362,7 +357,6 @@ class Messages:
             yield self._signal(message.time_ns, "handover security", algorithms, message.cell)
 
     def _uplink(self, message: _Message) -> Iterator[Observation]:
-        """Levels that a modem reported, of the serving cell and of neighbours on one carrier."""
         if message.bits(0, 5) != _REPORT or not self._can_decode():
             return
         number, level_dbm, cells = self._decode("UL_DCCH_Message", _report, message.body)
@@ -410,7 +404,6 @@ def _decode(form: str, take: Callable[[Any], T], body: bytes) -> T:
 
 
 def _of_release(message: Any, release: str) -> Mapping[str, Any]:
-    """Content of a message, through the choices of its kind and release."""
     _, (_, content) = message["message"]
     _, (choice, content) = content["criticalExtensions"]
     if choice != release:
@@ -419,7 +412,7 @@ def _of_release(message: Any, release: str) -> Mapping[str, Any]:
 
 
 def _configuration(message: Any) -> tuple[int | None, str, _Changes]:
-    """Carrier of a handover, algorithms, measurements."""
+    """Carrier of a handover, algorithms, changed measurements."""
     content = _of_release(message, "rrcConnectionReconfiguration-r8")
     target = content.get("mobilityControlInfo", {}).get("carrierFreq", {}).get("dl-CarrierFreq")
     _, handover = content.get("securityConfigHO", {}).get("handoverType", ("", {}))
@@ -500,6 +493,6 @@ def _identity(plmn: Mapping[str, Any], area: int, cell_id: int) -> Identity:
 
 
 def _reported_dbm(result: Mapping[str, int]) -> float | None:
-    """A level in steps of 1 dB; the first and the last step have only one limit."""
+    """A level in steps of 1 dB; None for the first and the last step, which have one limit."""
     step = result.get("rsrpResult", 0)
     return step + _REPORT_0_DBM if 0 < step < 97 else None

@@ -51,8 +51,8 @@ Stretch = tuple[tuple[int, Fix], ...]
 class ExportWalk:
     """Levels in time order, and the track, divided where the receiver was silent for long.
 
-    `n_without_..` count readings that are left out. `start_ns` is the time of the first level,
-    from which seconds are counted; `has_utc` is true where times in UTC are known.
+    `n_without_..` count readings that are left out. Seconds count from `start_ns`, the time of the
+    first level.
     """
 
     sightings: tuple[Sighting, ...]
@@ -109,7 +109,6 @@ def _sightings(
     run: Run, observed: Observations, wanted: npt.NDArray[np.bool_],
     track: Sequence[tuple[int, Fix]], clock: Clock,
 ) -> list[Sighting]:  # fmt: skip
-    """Readings that have a position; those of one scan have the same."""
     seq = _all(observed, "scan_seq")
     scans, first = np.unique(seq, return_index=True)
     t_ns = _all(observed, "t_ns")[first]
@@ -236,9 +235,9 @@ def write_walk(walk: ExportWalk, target: Path, name: str) -> Exported:
 def write_answers(
     results: Sequence[Result], target: Path, name: str, *, every: bool = False
 ) -> tuple[Exported, list[Answer]]:
-    """Write a row or feature for each cell, complete or not at all; and what was written.
+    """Write a row or feature for each cell, complete or not at all; returns what was written.
 
-    With `every` the positions of the other estimators stand in further columns.
+    `every` adds columns with the positions of the other estimators.
     """
     form = writer(name)
     has_regions = getattr(form, "HAS_REGIONS", False)
@@ -264,8 +263,6 @@ def write_answers(
 
 
 def _as_exported(result: Result, cell: CellResult, has_regions: bool) -> Answered:
-    """A cell as it is exported; where that fails, what is known beside the reason."""
-
     def with_regions() -> Answered:
         regions = {}
         for percent, level in _LEVELS.items() if has_regions else ():

@@ -137,8 +137,8 @@ def reading_of(
 def with_name(reading: CellReading) -> CellReading:
     """The reading without codes that mean no area or no cell, and with a name if it has none.
 
-    The name has question marks for the parts of the identity that are missing: many telephones
-    leave out the network code, and without a name the level would be lost.
+    The name has question marks for missing parts of the identity: many telephones leave out the
+    network code, and without a name the level would be lost.
     """
     is_nr = reading.rat == "NR"
     if {reading.lac, reading.tac} & area_marks(24 if is_nr else 16):
@@ -212,10 +212,7 @@ class Transmitters:
             self._values = {plain[name]: Counter() for name in _DEVICES if name in plain}
 
     def name(self, fields: Fields, reading: CellReading) -> str | None:
-        """Name of the transmitter of a row, None where the row lacks it.
-
-        It is that of a column that names transmitters, else the code and the channel.
-        """
+        """Name of the transmitter of a row by its column, else by code and channel."""
         if self._name is not None:
             return text(fields, self._name) or None
         if self._has_codes:
@@ -234,7 +231,7 @@ class Transmitters:
     def check(self, source: object) -> None:
         """Raise `RunFileError` where a column seems to name several transmitters.
 
-        One value, and a value of its own in each row, name none.
+        A single value, and another in each row, name none.
         """
         for column, values in self._values.items():
             if 1 < len(values) <= min(_MOST_VALUES, values.total() // 2):
@@ -274,7 +271,7 @@ class Moment:
 
 
 def moment_of(time: str, name: str) -> Moment:
-    """The moment that a text means; raises ValueError for none, naming the column.
+    """The moment that a text means; raises ValueError, naming the column, for none.
 
     Nine or ten digits are seconds since 1970, twelve or thirteen are milliseconds. A time of day
     without a date counts from 1970.
@@ -440,7 +437,6 @@ def _names(names: Mapping[Rat, Names] | Names, rat: Rat | None) -> Names:
 
 
 def _name_in(fields: Fields, names: Names) -> str:
-    """The first of these columns that the file has, "" for none."""
     return next((name for name in names if name in fields), "")
 
 

@@ -111,7 +111,7 @@ def write_run(target: Path, meta: RunMeta, fill: Callable[[Append], int], reason
 def formats() -> list[Format]:
     """Those in the `IMPORTS` of the modules in `readers`; the first that fits a file reads it.
 
-    Those with names that nobody else has come first.
+    Those with names of their own come first.
     """
     return sorted(_all_formats(), key=lambda form: form.is_general)
 
@@ -126,7 +126,7 @@ def recognise(
 ) -> Format:
     """Format of a file by its content, or the one that reads the `columns` named by the user.
 
-    Without `times` a table by column names is read without those.
+    Without `times` a table is read without its column of times.
 
     Raises `RunFileError` for a file that is none of them.
     """
@@ -169,11 +169,11 @@ _CURRENT_NS = 10 * 10**9
 class Imported:
     """The result of an import; `n_other` counts rows that are no cells, `n_repeated` repetitions.
 
-    Without `has_times` the run's times only count the rows; `no_clock` states why those of the file
-    are not used, where they were asked for. `other` states why the rows of
-    `n_other` were passed over and how many each, `n_remarks` counts what another program noticed.
-    `bad_rows` are the first of `n_bad`. `no_level` states of how many rows the cell counts as heard
-    without its level, and why; `n_unnamed` counts levels of no named cell.
+    Without `has_times` the run's times only count the rows; `no_clock` states why those of the
+    file, if asked for, are not used. `other` states why the rows of `n_other` were passed over and
+    how many each, `n_remarks` counts what another program noticed. `bad_rows` are the first of
+    `n_bad`. `no_level` states how many rows count without their level, and why; `n_unnamed` counts
+    levels of no named cell.
     """
 
     path: Path
@@ -199,8 +199,8 @@ class Reading:
     """How to read a file: without `times` only the order of the rows counts.
 
     `columns` maps our names to those of a table, `track` gives positions by time, and `zone` is
-    that of a clock whose zone the file does not name. A capture loses its name, in which programs
-    write the number of a telephone, unless `keep_name`; `no_track` states why it has no positions.
+    that of a clock whose zone the file does not name. A capture's name may contain a telephone
+    number and is lost unless `keep_name`; `no_track` states why it has no positions.
     """
 
     times: bool = True
@@ -221,9 +221,8 @@ def import_walk(
 ) -> Imported:
     """Make a run of a third-party file; without `times` only the order of the rows counts.
 
-    `reading` states more than `times`, and takes its place; `member` is the file of a zip
-    that is read. Raises `RunFileError` for a file without a usable row, for times that cannot be
-    right, or to spare data.
+    `reading` replaces `times`; `member` is the file of a zip that is read. Raises `RunFileError`
+    for a file without a usable row, for times that cannot be right, or to spare data.
     """
     reading = reading or Reading(times)
     if member is None and len(sizes := members(source)) > 1 and len(walks := walks_in(sizes)) == 1:
@@ -264,7 +263,7 @@ _ANALYSIS, *_POSITIONS = ".ndjson", POSITIONS, ".pcapng"
 
 
 def _beside(names: Iterable[str], capture: str) -> dict[str, str]:
-    """Files of a zip that belong to a recording, by the end of their name."""
+    """Files of a zip that belong to a recording, by the ending of their names."""
     stem = capture.removesuffix(".gz").removesuffix(".qmdl")
     ends = {f"{stem}{end}": end for end in (_ANALYSIS, *_POSITIONS)}
     return {ends[name]: name for name in names if name in ends}
@@ -280,7 +279,6 @@ def walks_in(sizes: Mapping[str, int]) -> dict[str, int]:
 def _capture(
     rows: Iterable[Row], source: Path, member: str | None, reading: Reading, files: ExitStack
 ) -> tuple[Reading, Iterator[Row]]:
-    """How to read a capture with what a zip has beside it, and its rows on one clock."""
     beside = _beside(members(source), member) if member is not None else {}
     if (analysis := beside.get(_ANALYSIS)) is not None:
         warnings = rayhunter.read(files.enter_context(plain_file(source, analysis)))
@@ -541,7 +539,7 @@ def _why_no_clock(source: Path, form: Format, sightings: SightingFile) -> str | 
 
 
 def _n_hidden(sightings: Iterable[Sighting]) -> int:
-    """Rows that another one of their time and cell would replace, though its level is another."""
+    """Rows that another of their time and cell would replace although its level differs."""
     n_hidden = 0
     for _, rows in groupby(sightings, key=lambda row: (row.t_ns, row.receiver)):
         levels_dbm: dict[tuple[object, ...], float | None] = {}
@@ -602,7 +600,7 @@ def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
 
 
 def _fill_capture(append: Append, walk: _Walk, imported: Imported) -> int:
-    """As `_fill`, the fixes as a receiver beside the modem gave them; their time alone without one.
+    """As `_fill`, but with the fixes of a receiver beside the modem, or their times alone.
 
     Between fixes the smoother knows how far a walker may be from the straight line.
     """
@@ -710,8 +708,8 @@ def import_members(
 ) -> Iterator[tuple[str, Imported | str]]:
     """Import each file of a zip; yield its name with the result, or with why it is left out.
 
-    The runs are called as `target` with the name of the file: `walk.h5` becomes `walk-monday.h5`.
-    Raises `RunFileError` if the files are too large together: they may share their bytes.
+    Runs are named by `target` and the file: `walk.h5` becomes `walk-monday.h5`. Raises
+    `RunFileError` if the files are too large together: they may share their bytes.
     """
     most = most_unpacked_bytes(source.stat().st_size)
     if sum(sizes.values()) > most:
@@ -724,7 +722,7 @@ def import_members(
 
 
 def _targets(target: Path, names: list[str]) -> Iterator[Path]:
-    """A path beside `target` for each file; a name that comes again gets a number."""
+    """A name that comes again gets a number."""
     taken: set[str] = set()
     for name in names:
         stem = _UNUSUAL.sub("-", PurePosixPath(name).stem).strip(".-")[:_LONGEST] or "log"

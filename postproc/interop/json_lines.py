@@ -37,7 +37,7 @@ def objects(source: Path) -> Iterator[Object | BadRow]:
 
 
 def _objects_of_list(source: Path, start: str) -> Iterator[Object | BadRow]:
-    """Objects of the list that follows a regular expression in the head of a file, one by one.
+    """Objects of the list that follows a regular expression in the head of a file.
 
     Raises `RunFileError` for a file that cannot be read or has no such list.
     """

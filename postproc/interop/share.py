@@ -1,12 +1,10 @@
 """A copy of a run for publication: without the ends of the walk and without the machine.
 
 What lies inside a circle around the first fix, or around the last, is left out, at whatever time
-the walker was there. A circle whose centre is the home would reveal the home, so each circle is
-moved at random and made wider by as much. Since the first fixes of a receiver are often wrong, the
-median of a minute is protected as well.
+the walker was there. The centre of a circle would reveal the home, so each is moved at random and
+made wider by as much. First fixes are often wrong, so the median of a minute is protected as well.
 
-Texts may name the owner, a folder or a machine. Those are kept whose form is known here; a new
-setting or column of texts is left out until its form is.
+Texts may name the owner, a folder or a machine: only those whose form is known here are kept.
 """
 
 import re
@@ -153,7 +151,6 @@ class _Shown:
 
 
 def _outside_of_ends(track: Track, blur_m: float) -> npt.NDArray[np.bool_]:
-    """Which fixes lie outside of all circles."""
     xy_m = np.column_stack([track.x_m, track.y_m])
     outside = np.ones(len(xy_m), bool)
     minute_ns = round(_END_S * 1e9)
@@ -215,7 +212,7 @@ def _reading_to_share(reading: CellReading, names: _CellNames) -> CellReading:
 def _records_to_share(
     run: Run, shown: _Shown, start_ns: int, names: _CellNames
 ) -> Iterator[tuple[int, Record]]:
-    """Fixes, scans and notes to be shown, with their record numbers, in time since the first."""
+    """Fixes, scans and notes to be shown, with their record numbers, from time 0 on."""
     sources: dict[tuple[str, str], str] = {}
     for seq, record in run.records("fixes", "scans", "notes"):
         kept: Fix | Scan | Note
@@ -270,7 +267,6 @@ def _append(
 def _removal_notes(
     run: Run, counts: Counter[str], names: _CellNames, blur_m: float
 ) -> tuple[str, ...]:
-    """What was removed, for the walker to read."""
     meta, tables = run.meta, run.tables
     counts_left_out = ", ".join(
         f"{len(tables[table]) - counts[kind]} {table}" for table, kind in _TABLES.items()
@@ -304,7 +300,6 @@ _TABLES = {"fixes": "Fix", "scans": "Scan", "readings": "CellReading"}
 
 
 def _remaining_notes(run: Run) -> tuple[str, ...]:
-    """What the copy still reveals."""
     simulated = ("the true positions of the simulated transmitters",) if run.meta.truth else ()
     return (
         "the track elsewhere, with the time of day",

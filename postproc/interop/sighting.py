@@ -26,7 +26,7 @@ REMARK = "remark"
 class Sighting:
     """One cell received at one position.
 
-    `line` is the number of the line, row or record. `t_ns` gives the order in time; `fix.utc_ns` is
+    `line` is the number of the line, row or record, `t_ns` gives the order in time; `fix.utc_ns` is
     None where the file has no UTC, and `fix.valid` is False where it has no position. `receiver`
     tells the receivers of one modem apart.
     """
@@ -70,10 +70,7 @@ class NoCell:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What another program noticed at a time, for example a warning; it has no level.
-
-    `code` is that of its note.
-    """
+    """What another program noticed at a time, for example a warning; `code` is that of its note."""
 
     line: int
     utc_ns: int
@@ -118,7 +115,7 @@ _VALUES_OF = {
 
 
 class SightingFile:
-    """Sightings in their order, first that in which they came; in memory are 56 bytes of each.
+    """Sightings, at first in the order in which they came; in memory are 56 bytes of each.
 
     The file has no name and goes with the object. Raises OSError where it cannot be written.
     """

@@ -102,7 +102,7 @@ def read_track(source: Path, member: str | None = None) -> GpsTrack:
 
 
 def _less_sure(fixes: list[Fix]) -> list[Fix]:
-    """Fixes whose accuracy nobody states, less sure by what is walked in the error of a clock."""
+    """Fixes without an accuracy, less sure by what is walked in the error of a clock."""
     fixes = sorted(fixes, key=lambda fix: fix.utc_ns or 0)
     most_m = [0.0] * len(fixes)
     for i, (one, other) in enumerate(pairwise(fixes)):

@@ -19,8 +19,8 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 def elements(source: Path, *names: str) -> Iterator[ET.Element]:
     """Elements of these names in the file's order, without namespaces; of nested ones the outer.
 
-    Raises `RunFileError` for damaged XML, and for what no log has: a document type, elements
-    within more than `MOST_DEPTH` others or longer than `LONGEST_ITEM`.
+    Raises `RunFileError` for damaged XML, a document type, and elements within more than
+    `MOST_DEPTH` others or longer than `LONGEST_ITEM`.
     """
     found = _Elements(frozenset(names))
     try:
@@ -50,7 +50,6 @@ class _Elements:
         self._parser.StartDoctypeDeclHandler = _refuse
 
     def of(self, chunk: bytes, *, is_end: bool = False) -> list[ET.Element]:
-        """Elements that end in a chunk."""
         self._whole = []
         self._parser.Parse(chunk, is_end)
         self._bytes += len(chunk)

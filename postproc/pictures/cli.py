@@ -23,7 +23,7 @@ with late_modules():
 def plot(path: Path, output: Path | None, cell: str | None, *, as_json: bool) -> int:
     """Draw a run as a picture.
 
-    The exit code is 3 if the estimate of a cell failed.
+    The exit code is 3 if an estimate failed.
     """
     run_now(plots)
     target = output or path.with_suffix(".png")

@@ -34,7 +34,7 @@ def regions_of(posterior: Posterior, origin_m: tuple[float, float]) -> dict[str,
 
 
 def region_rings(cells: Squares, share: float, origin_m: tuple[float, float]) -> Rings:
-    """Outline of the smallest region with this share of the probability, from `origin_m` in m."""
+    """Outline of the smallest region with this `share` of the probability, in m from `origin_m`."""
     return [
         np.asarray(ring.coords, float) - origin_m
         for polygon in outline(cells, share)
@@ -165,8 +165,7 @@ _DEFAULT_RANGE_DBM = (-110.0, -50.0)
 class Picture:
     """A survey and the cell `focus`, as they are drawn; without a fix there is no `box`.
 
-    `regions` are the outlines by name; `estimates` have local positions. `level_range_dbm` are the
-    ends of the colour scale.
+    `estimates` have local positions; `level_range_dbm` are the ends of the colour scale.
     """
 
     survey: Survey
@@ -265,7 +264,6 @@ def _estimates(survey: Survey, focus: CellResult | None) -> tuple[Estimate, ...]
 
 
 def _truth_m(survey: Survey, focus: CellResult | None) -> tuple[float, float] | None:
-    """Position of the simulated transmitter; None in a measured walk."""
     if focus is None or survey.utm is None:
         return None
     for walk in survey.walks:

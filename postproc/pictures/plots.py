@@ -272,7 +272,6 @@ def draw_levels(axes: Axes, picture: Picture, most_others: int = 12) -> None:
 
 
 def _draw_dots(axes: Axes, distance_m: FloatArray, value: FloatArray, fit: Fit) -> None:
-    """Readings, those at a limit of the modem's scale as triangles."""
     many = len(value) > MOST_VECTORS
     draw_marks(axes, distance_m, value, ".", colours.QUIET, 3, rasterized=many)
     censored = ~fit.uncensored
@@ -357,8 +356,8 @@ _FAR_M = 10_000.0
 def draw_plan(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> Box | None:
     """The walk, the regions, and the transmitter's position by each estimator.
 
-    A small answer is drawn larger in an inset, which may need room: returned is what the plan
-    shows; None without a fix.
+    Returns what the plan shows, with room for an inset that enlarges a small answer; None without a
+    fix.
     """
     if picture.box is None:
         draw_message(axes, "no position fix")
@@ -475,7 +474,6 @@ def draw_walks(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> None
 
 
 def _draw_tracks(axes: Axes, picture: Picture) -> None:
-    """In grey, cut where there was no fix."""
     for walk in picture.survey.walks:
         for strip in walk.strips_m:
             corners = strip[evenly_spaced(len(strip), _MOST_CORNERS)]
@@ -515,7 +513,6 @@ def draw_cell_mark(
 
 
 def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
-    """Regions of 95 % and 50 % of the probability, and the modes of the posterior."""
     focus = picture.focus
     posterior = focus.posterior if focus else None
     if focus is None or posterior is None:
@@ -546,7 +543,6 @@ def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
 
 
 def _draw_estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
-    """Final position of an estimator with its 95 % ellipse."""
     east_m, north_m = estimate.x[:2].tolist()
     name, colour = legend_of(estimate.estimator)
     label = name + outside_note(box, east_m, north_m)
@@ -607,7 +603,6 @@ def figure_of(result: Result) -> Figure:
 
 
 def _title(picture: Picture) -> str:
-    """Cell, run and verdict; a simulated run is marked as such."""
     survey, focus = picture.survey, picture.focus
     cell = f"Cell {focus.cell}, {focus.n} readings" if focus else "No cell"
     kind = "SIMULATED run" if survey.is_simulated else "run"

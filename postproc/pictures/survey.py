@@ -304,7 +304,6 @@ def survey_of(result: Result) -> Survey:
 
 
 def _simulated_streets(survey: Survey) -> list[FloatArray]:
-    """Those of the worlds in which the runs were simulated."""
     origins = [walk.run.meta.origin for walk in survey.walks if walk.run.meta.truth]
     names = [name.removeprefix(SIMULATED) for name in dict.fromkeys(origins)]
     (here_deg,) = survey.degrees(survey.track_m[:1])  # a run names its scenario, not its city

@@ -59,12 +59,11 @@ class _Place(NamedTuple):
 
     @property
     def extent_m(self) -> FloatArray:
-        """What the plan has to show, shape (n, 2): a region only where a verdict stands for it."""
+        """Shape (n, 2); a region only where a verdict stands for it."""
         return np.vstack([self.positions_m, *([] if self.what else self.outline)])
 
     @property
     def label(self) -> str:
-        """Number and word."""
         return f"{self.number} {self.word}" if self.word in SIGNS else str(self.number)
 
 
@@ -77,8 +76,8 @@ def cell_map(
     """The plan; None where no cell has a place on it.
 
     A cell with a word has one also where no verdict gives a position: the best one, or where it was
-    strongest. What is small about the first of them is drawn larger. `basemap` is a file with a
-    picture of the ground; `tries` gets the cells that cannot be drawn.
+    strongest. If small, the first of them is drawn larger. `basemap` is a picture of the ground;
+    `tries` gets the cells that cannot be drawn.
 
     Raises `ConfigError` where the file cannot be read, or does not cover the plan.
     """
@@ -116,7 +115,6 @@ def cell_map(
 
 
 def _place(survey: Survey, number: int, cell: CellResult) -> _Place | None:
-    """A cell with its number; None where it has no place on the plan."""
     word = survey.word(cell.cell)
     named = number, cell.cell, word
     is_positioned = cell.verdict in _POSITIONED
@@ -144,7 +142,6 @@ def _draw_ground(axes: Axes, box: Box, ground: Basemap | None) -> None:
 
 
 def _name_directly(axes: Axes, survey: Survey) -> None:
-    """The ends of the only walk, and simulated streets, by texts on the plan."""
     muted: dict[str, Any] = {"color": rgb(colours.MUTED), "fontsize": SMALLEST_POINTS, "zorder": 6}
     if survey.streets_m:
         text = axes.text(0.99, 0.99, "simulated streets", transform=axes.transAxes, **muted)
@@ -174,7 +171,6 @@ def _draw_basemap(axes: Axes, basemap: Basemap, shown: Box) -> None:
 
 
 def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> None:
-    """Both regions and marks, with their names on the plan that shows `box`."""
     colour = colours.word_colour(place.word)
     # faint where no verdict stands for it: the side that it is on shows all the same
     wide: tuple[float, Any] = (0.05, DASHED) if place.what else (0.16, "solid")

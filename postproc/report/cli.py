@@ -116,7 +116,6 @@ def report(
 def _write_page(
     page: rendering.Report, target: Path, picture_folder: Path | None, start_s: float
 ) -> document.Document:
-    """Write a page that was begun at `start_s`, and say so."""
     size = page.write(target)
     pictures = []
     if picture_folder:

@@ -25,8 +25,7 @@ _SOUTHMOST_DEG = -80.0
 class Coordinates:
     """One position in each notation; UTM and MGRS are empty where they do not exist.
 
-    `share` is its probability if there are others that fit. `street` is the name of the nearest
-    one, empty if it is not known.
+    `share` is its probability if others fit, `street` the nearest street, empty if unknown.
     """
 
     decimal: str

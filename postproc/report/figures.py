@@ -104,7 +104,6 @@ def _plan(picture: Picture, box: Box, claims: Sequence[CellVerdict]) -> Figure:
 
 
 def _draw_claim(axes: Axes, picture: Picture, box: Box, tested: CellVerdict) -> None:
-    """A claimed position, with a circle of 2 sigma where it has one."""
     claim = tested.claim
     east_m, north_m = picture.survey.position_m(claim.lat_deg, claim.lon_deg).tolist()
     ink = rgb(colours.INK)
@@ -162,7 +161,6 @@ def _consistency(clock: Clock, ekf: FilterPath) -> Iterator[ReportFigure]:
 
 
 def _plan_text(picture: Picture, claims: Sequence[CellVerdict] = ()) -> str:
-    """Walk, levels, region, positions and claims."""
     if picture.box is None:
         return "There is no plan: the run has no position fix."
     survey = picture.survey
@@ -184,7 +182,6 @@ def _plan_text(picture: Picture, claims: Sequence[CellVerdict] = ()) -> str:
 
 
 def _distance_text(fit: Fit) -> str:
-    """How well the model fits."""
     near_m, far_m = float(fit.distance_m.min()), float(fit.distance_m.max())
     high_dbm, low_dbm = fit.model_dbm(np.array([near_m, far_m])).tolist()
     residuals_db = np.abs(fit.residual_db[fit.uncensored])
@@ -202,7 +199,6 @@ def _distance_text(fit: Fit) -> str:
 
 
 def _levels_text(picture: Picture) -> str:
-    """Range and peak of the cell's levels, and the number of other cells."""
     name = picture.focus.cell if picture.focus else None
     by_cell = [levels for walk in picture.survey.walks for levels in walk.levels]
     own = next((levels for levels in by_cell if levels.cell == name), None)
@@ -222,7 +218,6 @@ def _levels_text(picture: Picture) -> str:
 
 
 def _path_loss_text(picture: Picture) -> str:
-    """P0 and eta of the posterior, and of the EKF at its start and end."""
     focus = picture.focus
     if focus is None or focus.posterior is None:
         return "Nothing is known about the path loss."
@@ -241,7 +236,6 @@ def _path_loss_text(picture: Picture) -> str:
 
 
 def _consistency_text(filtered: FilterPath, tested: Consistency) -> str:
-    """Whether the errors of the filter agree with its covariances."""
     nis = filtered.nis[np.isfinite(filtered.innovation_db)]
     above = float(np.mean(nis > NIS_95)) if len(nis) else 0.0
     low, high = tested.nis_bounds
@@ -257,7 +251,6 @@ def _consistency_text(filtered: FilterPath, tested: Consistency) -> str:
 
 
 def _strips_text(strips: Strips) -> str:
-    """How many cells were received for most of the walk, and which one strongest."""
     level_dbm = strips.level_dbm
     share = np.mean(np.isfinite(level_dbm), axis=1)
     row, column = np.unravel_index(np.nanargmax(level_dbm), level_dbm.shape)
@@ -303,7 +296,6 @@ def _truth(picture: Picture) -> list[str]:
 
 
 def _from_start(picture: Picture, position_m: FloatArray) -> str:
-    """Distance and direction from the start of the walk."""
     start_m = picture.survey.track_m[0]
     distance_m = float(np.linalg.norm(position_m - start_m))
     if distance_m < 1.0:

@@ -61,8 +61,8 @@ class CellSection:
     """A cell in detail: its number, answer, advice, warnings beside the answer, and figures.
 
     `word` is empty where suspicion was not asked. `reasons` and `harmless` causes, the weightiest
-    first, and the `rate` of the word stand beside a word that says more than "nothing unusual";
-    beside any other word the reasons are what rules only warn of.
+    first, and the `rate` stand beside "unusual" and "suspicious"; beside any other word the reasons
+    are what rules only warn of.
     """
 
     number: int
@@ -174,7 +174,6 @@ def section_without_details(number: int, result: CellResult) -> CellSection:
 
 
 def _places(result: CellResult, streets: Streets) -> Iterator[Coordinates]:
-    """Positions of a cell that is located or ambiguous, the most likely first."""
     place = result.place
     if place is None or result.verdict == "cannot tell":
         return
@@ -331,7 +330,6 @@ def _claim_table(verified: Verified) -> Table:
 
 
 def _detectable(tested: CellVerdict) -> str:
-    """Displacements that the test used would have detected."""
     displacements_m = [m for m in tested.detectable_m if m is not None]
     if not displacements_m:
         return "none"

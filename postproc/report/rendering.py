@@ -38,7 +38,7 @@ _RANK = ("located", "ambiguous", "cannot tell")
 class Report:
     """A page, the cells in detail, and their figures in the same order.
 
-    `exit_code` is that of the command: whether work on a cell failed.
+    `exit_code` tells whether work on a cell failed.
     """
 
     html: str
@@ -87,7 +87,7 @@ def make_report(
 ) -> Report:
     """The report of one or several runs, with at most `most` cells in detail, `first` before all.
 
-    `basemap` is a file with a picture of the ground. Raises `ConfigError` where it is unusable.
+    `basemap` is a picture of the ground. Raises `ConfigError` where it is unusable.
     """
     cells = select_cells(result.cells, most, first)
     # a cell has one number everywhere: that of its card
@@ -143,7 +143,7 @@ def _detail(
     verified: Verified | None,
     streets: Streets,
 ) -> _Detail:
-    """A cell in detail, or a section with why there are no details."""
+    """A cell in detail, or why there are no details."""
 
     def draw() -> _Detail:
         tests = verified.cells if verified else ()
@@ -160,7 +160,7 @@ def _detail(
 
 
 def _overview(survey: Survey, cells: Sequence[CellResult]) -> ReportFigure | None:
-    """All cells over time; not of several runs, since each has its own clock."""
+    """None of several runs, since each has its own clock."""
     if len(cells) < 2 or len(survey.walks) > 1:
         return None
     by_name = {levels.cell: levels for levels in survey.walks[0].levels}

@@ -91,7 +91,6 @@ def _lean_picture(reference: str) -> str:
 
 
 def _referenced_ids(root: ET.Element) -> set[str]:
-    """Identifiers that something in the picture refers to."""
     ids = set()
     for element in root.iter():
         for key, value in element.attrib.items():
@@ -102,7 +101,6 @@ def _referenced_ids(root: ET.Element) -> set[str]:
 
 
 def _page_attributes(attributes: dict[str, str], name: str, referenced: set[str]) -> dict[str, str]:
-    """Attributes with short numbers, the page's colours and unique identifiers."""
     changed: dict[str, str] = {}
     for key, value in attributes.items():
         if key == "id":

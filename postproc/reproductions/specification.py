@@ -1,9 +1,8 @@
 """The specification, checked: each item of its checklist as an executed check with its figure.
 
-What one reading does to the filter, places on the map, memory and time are here; what takes a walk
-is in `specification_walks`. The claims are those of "EKF Implementation Validation" and
-"Mathematical Derivations" of github.com/shinnosuke1023/cell-finder (android/ekf_validation.md,
-MATHEMATICAL_DERIVATIONS.md).
+What takes a walk is in `specification_walks`. The claims are those of "EKF Implementation
+Validation" and "Mathematical Derivations" of github.com/shinnosuke1023/cell-finder
+(android/ekf_validation.md, MATHEMATICAL_DERIVATIONS.md).
 """
 
 import sys
@@ -60,7 +59,6 @@ EXAMPLES = (
 
 
 def _utm_checks(_: Effort) -> list[Check]:
-    """Zone and coordinates of both examples, there and back again, and where UTM ends."""
     examples = [line for example in EXAMPLES for line in _place_example(example)]
     return under("UTM", *examples, _edge(), _poles())
 
@@ -134,7 +132,6 @@ _EXPECTED_DBM = _level_dbm(*_STATION[:4])
 
 
 def _model_checks(_: Effort) -> list[Check]:
-    """What the filter starts from, and what it expects of a reading."""
     return [
         *under("initial state", *_initial()),
         *under("level", *_level()),
@@ -241,7 +238,6 @@ _ROUNDING = 1e-9
 
 
 def _update_checks(_: Effort) -> list[Check]:
-    """What one reading does, and what fifty do to the covariance."""
     step = ekf.step(_STATION, *_USER, _LEVEL_DBM)
     shift = np.subtract(step.state[:4], _STATION[:4])
     return [
@@ -337,7 +333,6 @@ def _fifty_updates() -> list[Check]:
 
 
 def _noiseless_path() -> list[ekf.EkfState]:
-    """The filter's states along the circle, without noise."""
     x_m, y_m = circle(50)
     states = [ekf.start(Places.of(x_m[0], y_m[0]))]
     levels_dbm = true_level_dbm(SPEC, x_m, y_m).tolist()
@@ -352,7 +347,6 @@ _STEP_M = 2.8
 
 
 def _cost_checks(effort: Effort) -> list[Check]:
-    """State, step and cycle."""
     state_bytes = _bytes(ekf.start(Places.of(0.0, 0.0)))
     step_ms, cycles_ms = _step_ms(50 * effort.timed), _cycles_ms(effort.timed)
     return under(
@@ -406,7 +400,6 @@ def _step_ms(steps: int) -> float:
 
 
 def _cycles_ms(count: int) -> list[float]:
-    """Time of each fix with its scan."""
     x_m = _STEP_M * np.arange(count, dtype=float)
     y_m = np.asarray(40.0 * np.sin(x_m / 140.0), float)
     positions = np.random.default_rng(0).uniform(-200.0, 200.0, (_CELLS, 2)).tolist()

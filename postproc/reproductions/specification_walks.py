@@ -104,7 +104,6 @@ ACCURACY_M = 3.0  # of a receiver under open sky
 
 
 def _gsm_reading(cid: int, level_dbm: float) -> CellReading:
-    """A decoded GSM cell at a level."""
     return CellReading("serving", "GSM", "001", "01", lac=1, cid=cid, rssi_dbm=level_dbm)
 
 
@@ -128,8 +127,7 @@ def records(
 def track(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> list[Note | LiveEstimate]:
     """Notes and estimates of the live tracker along a walk; levels as of `records`.
 
-    A scan before the first fix makes the cells known, so that the first reading of the walk is
-    used.
+    A scan before the first fix makes the cells known, so the first reading is used.
     """
     tracker = LiveTracker(LiveSettings(target=STRONGEST))
     cells = tuple(_gsm_reading(cid, GSM_FLOOR_DBM) for cid in range(1, len(level_dbm) + 1))
@@ -312,7 +310,6 @@ def _outcome(error: FloatArray, radius_m: float, covers: bool, status: str) -> O
 
 
 def _covers(posterior: Posterior, x_m: float, y_m: float) -> bool:
-    """Whether the 95 % region holds a position."""
     squares, region = posterior.squares, highest_density(posterior.squares)
     off_m = np.maximum(np.abs(squares.x_m[region] - x_m), np.abs(squares.y_m[region] - y_m))
     return bool(np.any(off_m <= 0.5 * squares.size_m[region]))
@@ -378,7 +375,6 @@ def _error_m(estimate: LiveEstimate) -> float:
 
 
 def _median_errors_m(walks: list[SimulatedWalk]) -> tuple[float, float]:
-    """Median last error of the reference filter and of the live estimate."""
     reference_m = median(_error_m(walk.reference[-1]) for walk in walks)
     return reference_m, median(_error_m(walk.ours[-1]) for walk in walks)
 
@@ -469,7 +465,6 @@ def _line(runs: int) -> list[Check]:
 
 
 def _with_line(walk: SimulatedWalk, x_m: FloatArray, y_m: FloatArray, run: int) -> float:
-    """Probability of the mirror image after a second line."""
     line = x_m, y_m, noisy_level_dbm(STATION, x_m, y_m, [1, run], NOISE_DB)
     return mirror_probability(*(np.append(*pair) for pair in zip(walk[:3], line, strict=True)))
 

@@ -9,10 +9,9 @@ receivers to position, shape (N, d):
                                                                     P = (A' V^-1 A)^-1
 
 p^ results from c by Gauss-Newton steps. Both noncentralities are zero where the claim is true. For
-a small offset o they are the same number, o' (P + W)^-1 o, but the indirect test has fewer degrees
-of freedom, which is its only advantage. W = 0 gives the plain tests. An unknown position of d
-coordinates takes d + 1 receivers to be the only solution; with fewer there is the direct test
-alone.
+a small offset o both are o' (P + W)^-1 o, but the indirect test has fewer degrees of freedom. W = 0
+gives the plain tests. A position of d coordinates takes d + 1 receivers to be the only solution;
+with fewer there is the direct test alone.
 
 **Its table 1** has detection probabilities of both tests for sigma 100 m and 20 km, with and
 without uncertainty of the claim (37.8, 37.8, 87.0 m), four receivers, false positions off by 2
@@ -575,8 +574,7 @@ def _checks_of_ranging(found: Json) -> Iterator[Check]:
 class Normality(NamedTuple):
     """Distance to the normal law with the sample's mean and sigma, and its p-value.
 
-    `limit_sigmas` is where outliers were cut (None: nowhere), `n` how many values were left,
-    `n_cut` how many were cut.
+    `limit_sigmas` is where outliers were cut (None: nowhere); `n` values were left, `n_cut` cut.
     """
 
     limit_sigmas: float | None
@@ -591,10 +589,10 @@ def normality(
 ) -> Normality | None:
     """Check of independent values (n,), None for fewer than 8 or for values that are all equal.
 
-    Values beyond `limit_sigmas` robust sigmas (1.4826 times the median absolute deviation) are cut,
-    and the rest is compared with a normal law cut at the same points, by Kolmogorov and Smirnov
-    with mean and sigma of the sample. The p-value comes from normal samples that are treated in the
-    same way (Lilliefors, J. Am. Stat. Assoc. 62(318), 1967).
+    Values beyond `limit_sigmas` robust sigmas (1.4826 times the median absolute deviation) are cut;
+    the rest is compared with a normal law cut at the same points (Kolmogorov and Smirnov, with mean
+    and sigma of the sample). The p-value comes from normal samples treated in the same way
+    (Lilliefors, J. Am. Stat. Assoc. 62(318), 1967).
     """
     inner, low, high = _trim(values, limit_sigmas)
     if len(inner) < _FEWEST or not np.ptp(inner) > 0.0:
@@ -607,7 +605,6 @@ def normality(
 
 
 def _trim(values: FloatArray, limit_sigmas: float | None) -> tuple[FloatArray, float, float]:
-    """Values within the limits, and the limits in the values' unit."""
     if limit_sigmas is None or not len(values):
         return values, -np.inf, np.inf
     middle = float(np.median(values))
@@ -617,7 +614,6 @@ def _trim(values: FloatArray, limit_sigmas: float | None) -> tuple[FloatArray, f
 
 
 def _distance(values: FloatArray, low: float, high: float) -> float:
-    """Largest difference between the distribution of the values and the truncated normal law."""
     mean, sigma = float(np.mean(values)), max(float(np.std(values, ddof=1)), 1e-300)
     if np.isfinite(low):
         sigma *= _untrimmed_sigma((high - low) / (2.0 * sigma))

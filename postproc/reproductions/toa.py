@@ -27,9 +27,9 @@ The velocity is constant, so w is noise of the fixes and nothing else: E[w] = 0 
     Q = 4 C_1 + C_0,    C_k = covariance of the fix at step k
 
 which is (4.28 sigma^2 + 0.025 sigma^4) I for the README's anchors and path. The README prints
-moments it has simulated; they differ by sampling noise (up to 2.7 % in Q; its E[w] is that noise
-alone), and are used where they are printed. On a path that turns, the second differences of the
-path itself are part of w: their mean and covariance over the path are added. The initial P is not
+simulated moments, which differ by sampling noise (up to 2.7 % in Q; its E[w] is that noise alone);
+they are used where they are printed. On a path that turns, the second differences of the path
+itself are part of w: their mean and covariance over the path are added. The initial P is not
 published; the covariance of the fix at k = 1 stands in for it (0.82 sigma^2 + 0.005 sigma^4 there).
 
 **The filter of the README**
@@ -39,9 +39,9 @@ published; the covariance of the fix at k = 1 stands in for it (0.82 sigma^2 + 0
     X = X_pred + K (z - H X_pred),    P = P_pred - K H P_pred
 
 The first two steps are single fixes. Q already is the whole error of a prediction from two fixes,
-and P comes on top; R takes measured ranges for true ones. So the filter works, but its P is no
-covariance of its error. Its S = H P_pred H' + R is singular: six differences of four ranges have
-rank 3. With all rows D = T D1 of independent rows D1, S = T S1 T', and T has full column rank, so
+and P comes on top: the filter works, but its P is no covariance of its error. Its S = H P_pred H' +
+R is singular: six differences of four ranges have rank 3. With all rows D = T D1 of independent
+rows D1, S = T S1 T', and T has full column rank, so
 
     H' S^+ z = H1' T' (T')^+ S1^-1 T^+ T z1 = H1' S1^-1 z1
 
@@ -159,7 +159,7 @@ def fix_m(anchors: Anchors, ranges_m: FloatArray) -> FloatArray:
 def covariance_m2(anchors: Anchors, at_m: FloatArray, sigma2_m2: float) -> FloatArray:
     """Covariance of the fix at positions (..., 2), shape (..., 2, 2).
 
-    It is exact, since the fix is linear in squared ranges.
+    Exact, since the fix is linear in squared ranges.
     """
     operator = _operator(anchors)
     variance_m4 = 4.0 * sigma2_m2 * anchors.ranges_m(at_m) ** 2 + 2.0 * sigma2_m2**2
@@ -329,7 +329,7 @@ def epoch_bound_m2(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> Fl
 def motion_bound_m2(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> FloatArray:
     """Least covariance of each position from all ranges so far, shape (steps, 2, 2).
 
-    The motion is known to have a constant velocity.
+    The velocity is constant.
     """
     u = _directions(anchors, path_m)
     least = epoch_bound_m2(anchors, path_m, sigma2_m2)
@@ -548,7 +548,6 @@ def places(text: str) -> FloatArray:
 
 
 def _errors(row: Row) -> dict[str, FloatArray | None]:
-    """Mean errors by step, under their names in the JSON."""
     return {
         "lse_m": row.lse_m,
         "kf_m": row.kf_m,

@@ -1,10 +1,9 @@
 """Loggers that contradict the others on the ground that they share.
 
-In blocks of 50 m in which three or more heard a cell, the offsets of the loggers are fitted as are
-those of modems (`alignment`), and each logger is then compared with the median of the others. A
-logger whose offset is large has other levels; one whose levels scatter around those of the others
-was not where it says. Both are named and left out. Nothing can be said of a logger that walked
-where nobody else did.
+In blocks of 50 m in which three or more heard a cell, the offsets of loggers are fitted like those
+of modems (`alignment`), and each logger is compared with the median of the others. One with a large
+offset has other levels; one whose levels scatter around those of the others was not where it says.
+Both are named and left out. A logger that walked alone is not judged.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,8 +23,8 @@ FEWEST_LOGGERS = 3
 _MOST_DB = 15.0
 """3GPP TS 45.008, 8.1.2, allows 6 dB: of 2000 loggers that differ by 4.2 dB, one is beyond."""
 _NOTED_DB = 11.0
-"""One honest logger of 100. What it reads higher is subtracted, so it counts; but its owner should
-look at the antenna and the settings, or it lies."""
+"""One honest logger of 100. Its offset is subtracted, so it counts; but its antenna or its settings
+are unusual, or it lies."""
 _MOST_SCATTER = 3.0
 """Times that of the median logger.
 
@@ -51,7 +50,7 @@ class Agreement(NamedTuple):
 class LoggerReport(NamedTuple):
     """A logger against all others; `contradiction` is empty where nothing speaks against it.
 
-    `remark` says of a logger that counts what is unusual about it.
+    `remark` says what is unusual about a logger that counts.
     """
 
     logger: str
@@ -89,8 +88,7 @@ def agreements(obs: Readings, loggers: Sequence[str]) -> list[Agreement]:
 def _median_of_others(place: IntArray, level_dbm: FloatArray) -> FloatArray:
     """For each level (n,) the median of the other levels in its place, of which there are some.
 
-    From the ranks within the place: with each level left out in turn it takes a hundred times as
-    long for a hundred loggers.
+    By ranks: leaving out each level in turn takes a hundred times as long for a hundred loggers.
     """
     order = np.lexsort((level_dbm, place))
     counts = np.bincount(place)
@@ -131,7 +129,6 @@ def liars(reports: Sequence[LoggerReport]) -> Mapping[str, str]:
 
 
 def _offsets(found: Sequence[Agreement]) -> Mapping[str, float]:
-    """Offset of each logger over all cells, without the constants of the cells."""
     loggers = {name: i for i, name in enumerate(dict.fromkeys(one.logger for one in found))}
     places = dict.fromkeys((one.cell, one.place) for one in found)
     cells = {name: i for i, name in enumerate(places)}

@@ -1,13 +1,12 @@
 """Many modems on one scale, by the ground that they share.
 
 The locator gives each modem blocks of its own (`logger.core.model.blocks`), at most 300 in all:
-with 20 modems a block is hundreds of metres wide and says little. But modems that have walked the
-same places show their offsets there directly: in a place p, modem m reads s_p + b_m + e, where s_p
-is whatever the level of the cell is there. Least squares over all places gives b and its
-covariance, with Huber's weights, so that few wrong places do not matter. What a whole walk has in
-common (the error of its positions) shows in no place, but in the walks of one modem beside each
-other: sigmas are enlarged by what these differ beyond the places. A modem whose offset is then
-certain to a decibel counts as the same modem; the offsets that remain are the locator's.
+with 20 modems a block is hundreds of metres wide. But modems that share places show their offsets
+directly: in a place p with level s_p, modem m reads s_p + b_m + e. Least squares over all places,
+with Huber's weights against wrong ones, gives b and its covariance. The error of positions that a
+whole walk has in common shows only between the walks of one modem: sigmas are enlarged by their
+excess. A modem whose offset is then certain to a decibel counts as the same modem; the offsets that
+remain are the locator's.
 """
 
 from dataclasses import replace
@@ -106,7 +105,7 @@ def levels_by_place(obs: Readings, modem: IntArray, side_m: float) -> PlaceLevel
 def _excess(obs: Readings, modem: IntArray, n: int) -> float:
     """How much more the walks of a modem differ than the places say, as a ratio of variances.
 
-    In a walk the time rises; a walk that is taken for a part of the one before only says less.
+    Walks are told apart by falling times; two that are taken for one only say less.
     """
     begins = np.ones(len(obs), np.bool_)
     begins[1:] = (np.diff(obs.t_ns) < 0) | (np.diff(modem) != 0)
@@ -210,7 +209,6 @@ def _solve(
 
 
 def _number_by_appearance(numbers: IntArray) -> IntArray:
-    """From 0 in the order of appearance."""
     values, first, which = np.unique(numbers, return_index=True, return_inverse=True)
     rank = np.empty(len(values), np.int64)
     rank[np.argsort(first)] = np.arange(len(values))

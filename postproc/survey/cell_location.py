@@ -1,8 +1,7 @@
 """Where one cell stands, from its readings in all runs of a survey.
 
-The steps are those of `postproc smooth` of these runs: one UTM zone, one series, an offset for each
-modem, the same locator and verdict. Beyond it, many modems are put on one scale (`alignment`), very
-many readings are thinned (`thin`), and two transmitters are tried with several modems too.
+The steps are those of `postproc smooth`. Beyond it, many modems are put on one scale (`alignment`),
+very many readings are thinned (`thin`), and two transmitters are tried with several modems too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -53,13 +52,12 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
 
     Positions are degrees (WGS 84) and metres in UTM zone `zone`. `two_sources` and `moved` are log
     Bayes factors of two transmitters, at once or one after the other, against one; None where it
-    was not tried. An identity that is heard farther apart than any cell reaches has a row for each
-    of `n_places` places; `place` is the number, and the first has most readings; `heard_near` is
-    the place in words. `runs` are the digests of those that heard it there. `region_wkb` is the
-    95 % region in degrees. `word` is the worst word of suspicion that one of these runs gave the
-    cell, by the rules `word_rules` in `word_runs` runs, with `word_reasons` as one of them gave
-    them; None where no run could be asked. `error` is that of the program which ended the estimate,
-    None where none did.
+    was not tried. An identity heard farther apart than any cell reaches has a row for each of
+    `n_places` places; `place` 1 has most readings, `heard_near` is the place in words. `runs` are
+    the digests of those that heard it there. `region_wkb` is the 95 % region in degrees. `word` is
+    the worst word of suspicion by any of these runs, by the rules `word_rules` in `word_runs` runs,
+    with the `word_reasons` of one; None where no run could be asked. `error` is the error of the
+    program that ended the estimate, if any.
     """
 
     cell: str
@@ -167,7 +165,6 @@ def _row_of_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
 
 
 def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options) -> LocatedCell:
-    """The estimate of what is heard in one place."""
     own = [runs[digest] for digest in heard.parts]
     base = _without_position(heard, own)
     why = too_rarely(sum(heard.n_scans.values()))
@@ -277,10 +274,9 @@ def _offsets(
 def thin(obs: Readings) -> Readings:
     """The readings that matter, in their order; they are usable ones.
 
-    The locator takes the mean of all readings of one modem in a square of ground, of at most 1000
-    squares, for one reading: what it knows of a square is the mean level and the mean position. 256
-    readings of a square, evenly spread over those it has, change its mean by a sixteenth of the
-    standard deviation within the square, some 0.3 dB where shadowing has 5 dB.
+    The locator takes the mean of a modem's readings in each of at most 1000 squares for one
+    reading. 256 readings, evenly spread over those of a square, change its mean by a sixteenth of
+    their standard deviation, some 0.3 dB where shadowing has 5 dB.
     """
     return obs if len(obs) <= MOST_READINGS else obs.part(_choice(obs))
 

@@ -45,7 +45,7 @@ def workers_options(command: Command) -> Command:
         "--workers",
         type=number(int, 1, 1024),
         metavar="N",
-        help="Processes of this machine (default: one for each core).",
+        help="Local processes (default: one for each core).",
     )(command)
     return click.option(
         "--scheduler",
@@ -89,15 +89,15 @@ def survey() -> None:
 @survey.command
 @click.argument("paths", type=PATH, nargs=-1, required=True, metavar="DIR...")
 @click.option("-o", "--output", "folder", type=FILE, required=True, metavar="SURVEY",
-              help="The folder of the survey; it is made if there is none.")  # fmt: skip
+              help="Folder, made if there is none.")  # fmt: skip
 @click.option("--logger", metavar="NAME",
               help="Who recorded these runs (default: a pseudonym of each modem).")  # fmt: skip
 @json_option
 def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: bool) -> int:
     """Add the runs and logs of folders to a survey.
 
-    A run that is in the survey is not added again. Damaged and altered ones are left out; the exit
-    code is 3 if there was one. The command may be stopped at any time and repeated.
+    Runs that are in the survey are not added again. Damaged and altered ones are left out; the exit
+    code is 3 if there was one. The command may be stopped and repeated.
     """
     _check_libraries("pyarrow")
     files = intake.files_of(paths)
@@ -159,9 +159,9 @@ def locate(
 ) -> int:
     """Locate every cell of a survey over all its runs.
 
-    Results are written as GeoParquet and GeoPackage. A cell that has been located from the same
-    runs is not located again. Loggers that contradict the others are named and left out. The exit
-    code is 3 if the estimate of a cell failed.
+    Results are GeoParquet and GeoPackage. A cell that has been located from the same runs is not
+    located again. Loggers that contradict the others are named and left out. The exit code is 3 if
+    an estimate failed.
     """
     _check_libraries("pyarrow", "distributed", "geopandas")
     options = estimation.Options(prior, within_m=within_m)
@@ -212,7 +212,7 @@ def diff(
     """Compare the walks before a day with those since another.
 
     Cells are new, gone, moved, stronger or weaker, where walks of both times could hear them. The
-    exit code is 3 if the comparison of a cell failed.
+    exit code is 3 if a comparison failed.
     """
     _check_libraries("pyarrow", "distributed")
     early = tasks.RunChoice(until_utc_ns=_day_utc_ns(before))

@@ -136,7 +136,7 @@ class Survey:
         return {cell.cell: cell.rat for cell in self.cells()}
 
     def cells(self, runs: Sequence[str] | None = None) -> list[SurveyCell]:
-        """Cells that all runs heard, or some of them, by area and name."""
+        """Cells that all runs heard, or only these `runs`, by area and name."""
         heard = self.cells_of_runs
         if runs is not None:
             heard = heard.filter(_is_one_of("run", runs))
@@ -157,7 +157,7 @@ class Survey:
         return sorted(cells, key=lambda cell: (cell.area, cell.cell))
 
     def runs_that_heard(self, cells: Sequence[str], runs: Sequence[str]) -> list[str]:
-        """Those of some runs that heard one of some cells; all of them where no cell is named."""
+        """The `runs` that heard one of the cells; all of them where no cell is named."""
         if not cells:
             return list(runs)
         heard = set(self.cells_of_runs.filter(_is_one_of("cell", cells))["run"].to_pylist())
@@ -232,7 +232,7 @@ class Survey:
     ) -> dict[str, dict[str, Readings]]:
         """Readings by cell and, in the order in which these began, by digest of the run.
 
-        Equal to the readings of `postproc smooth` of each run. `runs` chooses some of them.
+        Equal to the readings of `postproc smooth` of each run.
         """
         table = self.rows(area, cells)
         order = {digest: i for i, digest in enumerate(self.runs)}

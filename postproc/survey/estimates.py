@@ -19,8 +19,7 @@ Value = TypeVar("Value")
 class ResultFile(Generic[Value]):
     """Results that have been computed, a line of JSON each.
 
-    `key` is a digest of all that a result depends on, so what changes it makes a new one. A line
-    that was torn is computed again.
+    `key` is a digest of all that a result depends on. A line that was torn is computed again.
     """
 
     def __init__(self, path: Path, kind: type[Value]) -> None:

@@ -35,9 +35,8 @@ class Added:
 def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) -> Iterator[Added]:
     """Add each run that is not in the survey, and yield what became of each file.
 
-    What is yielded is durable at the end of a batch; the last one ends with the iteration. A file
-    that cannot be read does not stop the others. Raises `RunFileError` where nothing can be
-    written.
+    What is yielded is durable at the end of a batch; the last one ends with the iteration. A bad
+    file does not stop the others. Raises `RunFileError` where nothing can be written.
     """
     with survey.exclusive():
         known = {run.digest for run in survey.all_runs}
@@ -80,7 +79,6 @@ def _continues(path: Path, earlier: SurveyRun) -> bool:
 def _walks(
     files: Sequence[Path], salt: str, logger: str | None
 ) -> Iterator[tuple[Path, WalkReadings | FieldLoggerError]]:
-    """The readings of each file, runs first: several of them are read at once."""
     runs = [path for path in files if is_run(path)]
     yield from read_ahead(runs, partial(readings_of, salt=salt, logger=logger))
     for path in files:
@@ -93,7 +91,6 @@ def _readings_of_log(log: Path, salt: str, logger: str | None) -> WalkReadings:
 
 
 def _import_log(log: Path) -> Run:
-    """A log of another program as a run of the same name."""
     with TemporaryDirectory() as scratch:
         target = Path(scratch) / log.name
         import_walk(log, target)

@@ -70,7 +70,6 @@ def _write_package(frame: gpd.GeoDataFrame, loggers: Sequence[LoggerReport], tar
 
 
 def _row(cell: LocatedCell) -> Mapping[str, Any]:
-    """Columns of a cell: texts and numbers, lists as JSON."""
     row = msgspec.structs.asdict(cell)
     del row["region_wkb"], row["runs"]
     row["reasons"] = "; ".join(cell.reasons)

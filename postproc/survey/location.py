@@ -142,7 +142,6 @@ def _is_done(rows: Sequence[LocatedCell] | None) -> bool:
 
 
 def _row_without_result(cell: SurveyCell) -> LocatedCell:
-    """The row of a cell with which workers die."""
     why = failure(cell.cell, "its estimate", PROCESS_ENDED)
     return LocatedCell(
         cell=cell.cell,
@@ -204,7 +203,6 @@ def _parts(location: Location, cells: Sequence[LocatedCell]) -> Iterator[str | L
 
 
 def _where(cell: LocatedCell) -> str:
-    """One of the places of an identity, with its runs and days."""
     times_ns = cell.first_utc_ns, cell.last_utc_ns
     days = days_text(*(None if at_ns is None else utc_text(at_ns) for at_ns in times_ns))
     return f"{cell.heard_near} ({cell.n_runs} run{'s' * (cell.n_runs != 1)}{days})"

@@ -1,7 +1,7 @@
 """Readings of many runs as Parquet files of one batch, which exists completely or not at all.
 
-Files are written under other names, flushed, and renamed; the one of the runs comes last. Whatever
-a program that was killed has left is removed by the next one.
+Files are written under other names, flushed, and renamed, that of the runs last. What a killed
+program has left is removed by the next one.
 """
 
 import json
@@ -116,7 +116,6 @@ def _readings(series: list[_Series]) -> pa.Table:
 
 
 def _repeat(texts: list[str], lengths: list[int]) -> pa.Array:
-    """Each text so many times."""
     names = sorted(set(texts))
     number = {name: i for i, name in enumerate(names)}
     indices: IntArray = np.repeat([number[text] for text in texts], lengths).astype(np.int32)
@@ -225,7 +224,6 @@ def read_columns(
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make the names in a folder durable."""
     number = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(number)

@@ -1,7 +1,7 @@
 """What the rules of suspicion see of a run: its columns as a survey keeps them, and the records.
 
-Positions here are those of the receiver, and readings without an identity are among them: the rules
-say something else of smoothed positions. Times count from the start of the run.
+Positions are those of the receiver, since the rules say something else of smoothed ones, and
+readings without an identity are among them. Times count from the start of the run.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -81,7 +81,6 @@ def _pack(table: str, name: str, values: NDArray[Any], started_ns: int) -> RuleC
 
 
 def _unpack(packed: RuleColumn) -> list[Any]:
-    """Python values, None where they are unknown."""
     stored = np.frombuffer(packed.values, np.dtype(packed.kind))
     column = _SCHEMA[packed.table][packed.column]
     values: list[Any] = stored.tolist()

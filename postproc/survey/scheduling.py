@@ -1,8 +1,8 @@
 """Tasks on Dask: a cluster of this machine, or any scheduler of dask.distributed by its address.
 
-A worker that dies is replaced, and another one repeats its task; that is Dask's own work. When the
-scheduler is lost, results that have arrived are kept, and the rest is given to the next scheduler
-at the same address. A task is a function of the survey, so doing it twice changes nothing.
+Dask replaces a worker that dies and repeats its task. When the scheduler is lost, results that have
+arrived are kept, and the rest goes to the next scheduler at the same address. A task is a function
+of the survey, so it can be repeated.
 """
 
 import logging
@@ -41,7 +41,7 @@ Result = TypeVar("Result")
 
 
 class Cluster:
-    """Workers, started or connected to when there is work for them.
+    """Workers, started or connected to when there is work.
 
     `scheduler` is the address of a Dask scheduler; without one, `workers` processes of this
     machine.
@@ -64,7 +64,7 @@ class Cluster:
         items: Sequence[Item],
         lost: Callable[[Item], Result] | None = None,
     ) -> Iterator[tuple[Item, Result]]:
-        """Each item with its result, exactly once, in whatever order they come.
+        """Each item with its result, exactly once, in any order.
 
         An item with which workers die has the result of `lost`. Raises `ConfigError` where no
         scheduler answers or workers die again and again, and what a task raises.
@@ -138,7 +138,6 @@ def _results(
 
 @contextmanager
 def _client(scheduler: str | None, workers: int | None) -> Iterator[Client]:
-    """A client of a scheduler, or of a cluster of this machine that ends with it."""
     # what a lost worker or scheduler means is said here, in one line
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     if scheduler is None:

@@ -1,7 +1,7 @@
 """The words of suspicion of every run, each asked once, and the worst word of each cell.
 
 A run is asked alone and without earlier walks: rules look at the order of the scans of one
-receiver. Runs confirm each other by their number, which stands beside the word.
+receiver. The number of runs stands beside the word.
 """
 
 from collections import Counter
@@ -31,7 +31,7 @@ _RUNS_AT_ONCE = 16
 class CellWord(msgspec.Struct, frozen=True):
     """A word that is not "nothing unusual", its rules and its reasons, the weightiest first.
 
-    A line of an earlier program, without reasons, is not read.
+    A line without reasons, of an earlier program, is not read.
     """
 
     cell: str
@@ -43,7 +43,7 @@ class CellWord(msgspec.Struct, frozen=True):
 class RunWords(msgspec.Struct, frozen=True):
     """What the rules of a version say of the cells of a run.
 
-    Earlier programs kept a number as the version: such lines are of other rules and not read.
+    Lines with a number as the version, of earlier programs, are not read.
     """
 
     run: str
@@ -62,7 +62,7 @@ class WordsTask:
 
 
 def words_of_runs(survey: Survey, runs: Sequence[str], cluster: Cluster) -> list[RunWords]:
-    """The words of some runs; those that were not asked before are asked on the cluster.
+    """The words of some runs; those not asked before are asked on the cluster.
 
     Raises `RunFileError` where they cannot be kept.
     """

@@ -1,4 +1,4 @@
-"""Pieces of work: some cells of one area, each piece a function of the survey and nothing else."""
+"""Pieces of work: some cells of one area, each a function of the survey and nothing else."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -114,7 +114,6 @@ def compare_loggers(task: Task) -> list[Agreement]:
 
 
 def _agreements(survey: Survey, cell: CellRuns) -> list[Agreement]:
-    """Loggers against each other in each place of a cell."""
     found: list[Agreement] = []
     for place, near in enumerate(places_of(cell.parts), 1):
         names = [survey.runs[digest].logger for digest in near]

@@ -1,7 +1,7 @@
 """The readings of one run as a survey keeps them: by cell, at the walker's smoothed positions.
 
-What `share` leaves out is left out: raw bytes, configuration, notes, names of ports, the number of
-the boot and the time since it. The ends of the walk stay, since they are ground that was walked.
+Raw bytes, configuration, notes, names of ports, the number of the boot and the time since it are
+left out, as by `share`. The ends of the walk stay, since they are ground that was walked.
 """
 
 from dataclasses import dataclass
@@ -27,10 +27,9 @@ from postproc.walk import observe_run
 class SurveyRun:
     """Provenance of a run.
 
-    `digest` says which run it is, `content` is the digest of its content (`walk_summary`). `modem`
-    and `logger` are pseudonyms, the same in all runs of one survey. `began_utc_ns` is None if no
-    fix had a time. `is_complete` is false of a run that was cut; `replaces` is the digest of such
-    a run that this one continues.
+    `content` is the digest of its content (`walk_summary`). `modem` and `logger` are pseudonyms,
+    the same in all runs of one survey. `began_utc_ns` is None if no fix had a time. `is_complete`
+    is false of a cut run; `replaces` is the digest of a cut run that this one continues.
     """
 
     digest: str
@@ -148,12 +147,10 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
 
 
 def _ta_of_gsm(obs: Readings) -> IntArray:
-    """As the column has it."""
     return np.full(len(obs), -1) if obs.ta is None or obs.rat != "GSM" else obs.ta
 
 
 def _named_share(obs: Readings) -> FloatArray:
-    """NaN where it is unknown."""
     return np.full(len(obs), np.nan) if obs.named_share is None else obs.named_share
 
 
@@ -165,7 +162,6 @@ def _devices(run: Run, salt: str, logger: str | None, digest: str) -> tuple[str,
 
 
 def _channels(run: Run) -> dict[str, tuple[tuple[int, int], ...]]:
-    """Channel number and code of each cell, as a baseline keeps them."""
     rows = run.named_readings
     code = np.full(len(rows), UNKNOWN_ID, np.int64)
     for column in ("pci", "psc", "bsic"):  # a technology has one of them

@@ -66,7 +66,6 @@ class _Cell(NamedTuple):
 
 
 def _missing_cells(desk: _Desk) -> Iterator[_Cell]:
-    """Cells that the database does not have, where enough others were heard."""
     if len(desk.names) > _FEWEST:
         yield from (_Cell(name) for name in desk.names if name not in desk.known)
 
@@ -95,7 +94,7 @@ def _others_are_known(desk: _Desk, _cell: _Cell) -> Evidence | None:
 
 
 def _rejected_positions(desk: _Desk) -> Iterator[_Cell]:
-    """The tests are those of `postproc verify`: the spread of a database's position enters them."""
+    """The tests are those of `postproc verify`, with the spread of a database's position."""
     # scipy, which takes a second, is for those who give a database
     from postproc.verification.run_claims import verify_claims  # noqa: PLC0415
 
@@ -206,7 +205,6 @@ class Suspicions:
         return "\n".join(terminal_lines(document_of(self)))
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: all that `postproc suspect` prints."""
         return f'<pre style="white-space:pre-wrap">{html_text(str(self))}</pre>'
 
     def seconds(self, finding: Finding) -> float | None:
@@ -230,8 +228,8 @@ def assess_runs(
 ) -> Suspicions:
     """Apply all rules to each run; findings of one cell in several runs count together.
 
-    Without a `baseline` each run is compared with what was known of earlier walks as it was
-    recorded. `several` are the identities that other places name too.
+    Without a `baseline` each run is compared with the earlier walks known when it was recorded.
+    `several` are the identities that other places name too.
     """
     baselines = {id(run): baseline or baseline_of(run) for run in runs}
     findings: dict[str, list[Finding]] = {}
@@ -289,7 +287,7 @@ def conspicuous_first(
 ) -> tuple[Result, tuple[str, ...]]:
     """The result with words, unusual cells first, and their reasons among the warnings.
 
-    Then come the cells that are heard in `several` places. Beside it the names of both, the most
+    Then come the cells heard in `several` places. Also returns the names of both, the most
     suspicious first.
     """
     there = {cell.cell for cell in result.cells}
@@ -444,7 +442,7 @@ def reason_text(suspicions: Suspicions, finding: Finding) -> str:
 
 
 def _content(suspicions: Suspicions, finding: Finding) -> Mapping[str, object]:
-    """One reason in JSON: seconds since the run began and a place, None of one about the run."""
+    """Place and seconds since the run began are None for a reason about the whole run."""
     seconds = suspicions.seconds(finding)
     return {
         "rule": finding.rule.id,

@@ -1,7 +1,7 @@
 """What networks did in signalling, as listed evidence: it gives no cell a word.
 
-An import writes a note for each signal. They are listed with their places, beside how often the
-same operator did the same in these runs.
+An import writes a note for each signal. They are listed with their places and how often the same
+operator did the same in these runs.
 """
 
 import re

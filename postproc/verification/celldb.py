@@ -1,9 +1,8 @@
 """Cells of OpenCelliD and Mozilla exports in one indexed SQLite file.
 
 Each cell has one row: of several rows of one identity it is the one last updated. Positions are
-looked up by belts of a hundredth of a degree of latitude, in each of which the index is ordered by
-longitude. A database lists where others observed cells, not which cells exist: absence is
-never an alarm by itself.
+indexed by belts of a hundredth of a degree of latitude, in each by longitude. A database lists
+where others observed cells, not which exist: absence is never an alarm by itself.
 
 Exports have fourteen columns, longitude before latitude, the same in both: radio, mcc, net, area,
 cell, unit, lon, lat, range, samples, changeable, created, updated, averageSignal. The world file
@@ -119,8 +118,7 @@ class DbCell:
     """A cell of the database; `updated_s` is Unix time, `samples` the number of observations.
 
     `distance_m` is that from the requested position, None for a search by identity. `short_cid`
-    means that only the lower 16 bits of the identity match, which is all that some 3G
-    modems print.
+    means that only the lower 16 bits of the identity match: some 3G modems print no more.
     """
 
     radio: str
@@ -237,7 +235,7 @@ def _cell_of(
 
 @contextmanager
 def _damage_named(path: Path) -> Iterator[None]:
-    """What a damaged file raises, a text that is none among it, as one `RunFileError`."""
+    """What a damaged file raises becomes one `RunFileError`."""
     try:
         yield
     except (sqlite3.Error, GeoError, TypeError, ValueError, OverflowError) as error:
@@ -303,10 +301,7 @@ class Export(NamedTuple):
 
 @contextmanager
 def cell_export(path: Path) -> Iterator[Export]:
-    """Open an export.
-
-    Raises `RunFileError` for a file that cannot be read, is damaged, or is no such export.
-    """
+    """Open an export; raises `RunFileError` for a file that is damaged or none."""
     try:
         with open_regular(path) as raw:
             size = max(check_regular(path), 1)
@@ -427,7 +422,6 @@ class CellImport:
 
 
 def _insert(db: sqlite3.Connection, export: Export) -> Generator[int, None, int]:
-    """Insert texts, which SQLite converts to numbers; returns the number of short rows."""
     width, done = export.width, 0
     known = [name for name in _KEPT if name in export.column]
     kept = itemgetter(*(export.column[name] for name in known))

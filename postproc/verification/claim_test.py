@@ -1,15 +1,12 @@
 """One claim against the posterior of a cell.
 
-If a claim is true it is the transmitter's place with the claim's own error. So claims that are true
-have the density of the posterior smeared by that error, and S is the probability of all those that
-are less likely than this one. A vague claim is as hard to reject as it is vague. Regions hold the
-truth a little more often than they say, so on measured walks S of the true place is not uniform:
-the p-value is about the share of measured walks with a smaller one. With the readings of several
-walks it is the same.
+A true claim is the transmitter's place with the claim's own error. So true claims have the density
+of the posterior smeared by that error, and S is the probability of all that are less likely than
+this one. Regions hold the truth a little more often than they say, so on measured walks S of the
+true place is not uniform: the p-value is about the share of measured walks with a smaller one.
 
-The power needs no simulated walks: the transmitter is where the posterior says, so a claim that is
-some distance off is rejected as often as, on average over the posterior, a true one that is moved
-so far is.
+The power needs no simulated walks: a claim that is some distance off is rejected as often as, on
+average over the posterior, a true one that is moved so far.
 """
 
 from dataclasses import dataclass
@@ -102,7 +99,6 @@ class ClaimTest:
 
     @cached_property
     def _ascending(self) -> FloatArray:
-        """Densities of true claims in their order."""
         return np.sort(self._densities(self._true_claims(_SAMPLE)))
 
     def _tails(self, density: FloatArray) -> FloatArray:
@@ -128,7 +124,6 @@ class ClaimTest:
 
     @cached_property
     def _density_of_squares(self) -> FloatArray:
-        """Density of true claims in the middle of each square."""
         return self._densities(_centres(self.squares))
 
     def _densities_by_square(self, at: FloatArray) -> FloatArray:

@@ -49,11 +49,10 @@ def away_m(one_deg: tuple[float, float], other_deg: tuple[float, float]) -> floa
 
 
 def swap_hint(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
-    """Question whether latitude and longitude were exchanged, for a claim far from the walk.
+    """Question whether the claim's latitude and longitude were exchanged.
 
-    `walk_deg` is the latitude and longitude of the walk.
-
-    None where the claim is near enough to be received, or far away either way.
+    `walk_deg` is the latitude and longitude of the walk. None where the claim can be received, or
+    is far away either way.
     """
     lat_deg, lon_deg = claim.lon_deg, claim.lat_deg
     if not abs(lat_deg) <= MAX_LATITUDE_DEG:
@@ -85,12 +84,12 @@ def parse_claim(text: str, cell: str | None) -> Claim:
 
 
 def read_claims(path: Path, observed: Sequence[str]) -> list[Claim]:
-    """Claims about the cells observed, from a file.
+    """Claims about the observed cells, from a file.
 
     Raises `RunFileError` for a file that contains none, `ConfigError` for a bad claim.
 
     Our CSV has columns cell, lat, lon and optionally sigma_m. Cells that a database or an export
-    does not know simply have no claim.
+    does not know have no claim.
     """
     if is_sqlite(path):
         with closing(CellDb(path)) as database:

@@ -109,7 +109,7 @@ def verify(
     """Test claimed positions of cells.
 
     Each is consistent, rejected or cannot be decided, by all runs together; what they would notice
-    is printed first. The exit code is 3 if the test of a cell failed.
+    is printed first. The exit code is 3 if a test failed.
     """
     only_one({"--claim": claim, "--claims": claims_path, "--sites": sites}, is_required=True)
     runs, only = list(map(runfile.read_sound_run, paths)), [cell] if cell else None

@@ -251,9 +251,9 @@ def coarse_squares(blocks: Blocks, prior: Prior) -> Squares:
 
 @dataclass(frozen=True)
 class Nuisances:
-    """A `root` (n, n) of the noise's covariance by the likeliest hypothesis, and what goes with it.
+    """A `root` (n, n) of the noise's covariance by the likeliest hypothesis.
 
-    That is, for places (m,), their probability, sigma, and mean and variance of eta.
+    It has for places (m,) their probability, sigma, and mean and variance of eta.
     """
 
     blocks: Blocks

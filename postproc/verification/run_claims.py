@@ -2,8 +2,7 @@
 
 Over m claims the p-values are adjusted by Benjamini and Hochberg (J. R. Statist. Soc. B 57(1),
 1995): of the claims rejected at most the share `p_fa` is rejected wrongly, on average. A claim that
-is not rejected is "consistent" only where the walk would notice some displacement; else it could
-not have rejected anything.
+is not rejected is "consistent" only where the walk would notice some displacement.
 """
 
 from collections.abc import Sequence
@@ -106,8 +105,8 @@ def verify_claims(
 ) -> Verified:
     """Verdicts on all claims about the cells of runs, or about the cells in `only`.
 
-    `result` is that of `smooth` for these runs and the prior: its posteriors are not computed
-    again. Raises `ConfigError` for a cell that was not observed and for a rate outside 0 to 0.5.
+    `result` is that of `smooth` for these runs and the prior, if known. Raises `ConfigError` for a
+    cell that was not observed and for a rate outside 0 to 0.5.
     """
     if not 0.0 < p_fa <= 0.5:
         raise ConfigError(f"a false-alarm rate lies between 0 and 0.5, not at {p_fa:g}")
@@ -168,7 +167,6 @@ def benjamini_hochberg(p: FloatArray) -> FloatArray:
 
 
 def _pairs(runs: Sequence[Run], claims: Sequence[Claim]) -> list[tuple[str, Claim]]:
-    """Each claim with its cell; a claim without one is about every cell."""
     observed = observed_cells(runs, [claim.cell for claim in claims if claim.cell] or None)
     return [
         (cell, claim) for claim in claims for cell in ([claim.cell] if claim.cell else observed)
@@ -176,7 +174,6 @@ def _pairs(runs: Sequence[Run], claims: Sequence[Claim]) -> list[tuple[str, Clai
 
 
 def _middle_deg(track: Track) -> tuple[float, float]:
-    """Latitude and longitude of the middle of the walk."""
     return track.utm.to_latlon(float(np.median(track.x_m)), float(np.median(track.y_m)))
 
 
@@ -202,7 +199,6 @@ def _adjust(verdicts: Sequence[CellVerdict], p_fa: float) -> tuple[CellVerdict, 
 
 
 def _decide(undecided_yet: CellVerdict, q: float, p_fa: float) -> CellVerdict:
-    """The verdict by the adjusted p-value and the power of the test."""
     notices_m, distance_m = undecided_yet.notices_m, undecided_yet.distance_m or 0.0
     why = "this walk would notice no claim, however far off"
     if notices_m is not None:

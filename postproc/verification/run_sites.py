@@ -8,7 +8,7 @@ with p the evidence of a run over positions h of prior mass m,
 
 Both have the same calibration: walks past one transmitter are simulated from the estimate with the
 noise of the walk, and p is the share of them whose factor is as large. The simulation ends early
-when several were (Besag & Clifford, Biometrika 78(2), 1991).
+when several are (Besag & Clifford, Biometrika 78(2), 1991).
 """
 
 from collections.abc import Sequence
@@ -71,8 +71,7 @@ _MOST_SQUARES = 1400
 class Sites:
     """Log Bayes factor of two positions against one, and the chance of one as large by noise.
 
-    `draws` walks past one transmitter were simulated for `p`. `one, other` are the likeliest
-    positions.
+    `draws` walks past one transmitter were simulated for `p`.
     """
 
     log_factor: float
@@ -133,7 +132,7 @@ def _chance(
     rng: np.random.Generator,
     draws: int,
 ) -> tuple[float, int]:
-    """Share of simulated walks with a factor as large, and how many were simulated."""
+    """Share of simulated walks with a factor as large, and their number."""
     n_as_large = done = 0
     while done < draws and n_as_large < _ENOUGH:
         division = divide(source.simulate(rng), posterior)
@@ -186,15 +185,14 @@ def _log_factor(one: FloatArray, other: FloatArray, log_mass: FloatArray) -> Flo
 
 
 _FAR_M = 10_000.0
-"""Between two runs: farther away the places that the test of two runs considers, which are those
-around the first, need not hold those of the second. Then both are one walk, which is divided."""
+"""Between two runs: beyond it places around the first, which the test of two runs considers, need
+not hold those of the second. Then both are one walk, which is divided."""
 
 
 def site_verdict(run: Run, cell: str, other: Run | None, prior: Prior, p_fa: float) -> SiteVerdict:
     """The two-site test of a cell.
 
-    Raises `ConfigError` for a cell that a run did not observe, and for runs so far apart that there
-    is nothing to test.
+    Raises `ConfigError` for a cell that a run did not observe, and for runs too far apart.
     """
     tested = attempt(cell, "the test for two places", lambda: _sites_of(run, cell, other, prior))
     if isinstance(tested, Failure):
@@ -252,13 +250,11 @@ def _sites_of(
 
 
 def _readings(runs: list[Run], cell: str) -> list[Readings]:
-    """Readings of the cell in each run that has any with a position."""
     observed = [observe_run(run).observations for run in runs]
     return [obs for each in observed if each for obs in each.cells if obs.cell == cell]
 
 
 def _as_one(walks: Sequence[Readings], modems: Sequence[int], prior: Prior) -> Readings:
-    """Readings of two runs as those of one, with their modems on one scale."""
     usable = merge(dict(enumerate(walks)), modems).usable()
     offsets = locate(usable, prior).offsets
     if offsets is None:

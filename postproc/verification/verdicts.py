@@ -29,8 +29,8 @@ class Detectable:
 
     None where none up to `limit_m` is.
 
-    `indirect_blind_m` is a larger one that is not, as the mirror image of a straight walk; None
-    where there is none. `direct_m` and `direct_blind_m` are of a test that is no longer made.
+    `indirect_blind_m` is a larger one that is not, such as the mirror image of a straight walk, if
+    any. `direct_m` and `direct_blind_m` are of a test that is no longer made.
     """
 
     azimuth_deg: float
@@ -47,11 +47,11 @@ class CellVerdict:
 
     `p` is the p-value of the claim in the posterior, also named `p_indirect` (Verma et al.: the
     test that `followed` names), and `q` the same adjusted for the number of claims. `level` is that
-    of the smallest highest-density region of the posterior that contains the claim, `distance_m`
-    the claim's from the walk, `best_deg` the posterior's best position (latitude, longitude).
-    `notices_m` is the least displacement that is rejected with 95 %, whatever its direction.
-    `p_direct`, `p_direct_model`, `p_indirect_model` and `normality` are of tests that are no longer
-    made. `error` is that of the program which ended the test, None where none did.
+    of the smallest highest-density region that contains the claim, `distance_m` the claim's from
+    the walk, `best_deg` the best position (latitude, longitude). `notices_m` is the least
+    displacement that is rejected with 95 %, whatever its direction. `p_direct`, `p_direct_model`,
+    `p_indirect_model` and `normality` are of tests that are no longer made. `error` is the error of
+    the program that ended the test, if any.
     """
 
     cell: str
@@ -100,8 +100,8 @@ class SiteVerdict(Struct, kw_only=True):
 
     `places` are latitude and longitude of the two likeliest positions; `log_factor` is the log
     Bayes factor of two against one, and `p` the share of `draws` walks simulated past one
-    transmitter that have one as large. They are left out where `why_not` says why there is no test,
-    and `error` where none of the program ended it.
+    transmitter that have one as large. They are left out where `why_not` says why there is no test.
+    `error` is the error of the program that ended it, if any.
     """
 
     cell: str

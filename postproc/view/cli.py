@@ -133,7 +133,6 @@ def view(
 def _show_in_viewer(
     write: Callable[[Path], object], name: str, port: int | None, *, is_served: bool
 ) -> int:
-    """Show what `write` writes, in a browser or in rerun."""
     if not is_served:
         return viewer.show(write, name)
     return viewer.serve(

@@ -132,7 +132,6 @@ def _draw_grid(plan: Surface, box: Box) -> None:
 
 
 def _multiples(low: float, high: float, step: float) -> range:
-    """Multiples of a step between two values."""
     return range(ceil(low / step), floor(high / step) + 1)
 
 
@@ -232,7 +231,6 @@ def ellipse_axes(p: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _draw_trail(plan: Surface, walks: Sequence[Walk]) -> None:
-    """The last fixes before the cursor."""
     ink, path = (*colours.WALKER, 200), ("walker", "trail")
     style = rr.LineStrips2D.from_fields(colors=[ink], radii=on_screen(3.0), draw_order=29.0)
     plan.log_static(path, style)
@@ -245,7 +243,6 @@ def _draw_trail(plan: Surface, walks: Sequence[Walk]) -> None:
 
 
 def _draw_level_track(plan: Surface, cell: CellView) -> None:
-    """The track along which the cell was received, in the colours of its levels."""
     obs, picture = cell.result.obs, cell.picture
     if obs is not None:
         strips_m, means_dbm = level_strips(obs.t_ns, picture.readings_m, picture.level_dbm)
@@ -254,7 +251,6 @@ def _draw_level_track(plan: Surface, cell: CellView) -> None:
 
 
 def _draw_estimates(plan: Surface, view: ViewModel, cell: CellView) -> None:
-    """Filters along the walk, and the final estimates of RTS and least squares."""
     for estimate in cell.picture.estimates:
         if estimate.estimator in (RTS, BATCH) and np.hypot(*estimate.x[:2]) < FARTHEST_M:
             _draw_final(plan, ("cells", cell.name, estimate.estimator.key), estimate)
@@ -264,7 +260,6 @@ def _draw_estimates(plan: Surface, view: ViewModel, cell: CellView) -> None:
 
 
 def _draw_final(plan: Surface, path: Sequence[str], estimate: Estimate) -> None:
-    """A position with its 95 % ellipse."""
     position_m, ink = estimate.x[:2], [colours.ESTIMATORS[estimate.estimator.key]]
     plan.points(path, position_m[None], Style(ink, 5.0, 20.0))
     axes_m, (quaternion,) = ellipse_axes(estimate.p[None])
@@ -281,7 +276,7 @@ def _draw_final(plan: Surface, path: Sequence[str], estimate: Estimate) -> None:
 def _draw_filter(
     plan: Surface, view: ViewModel, path: Sequence[str], filtered: FilterPath, ink: Colour
 ) -> None:
-    """A filter's path, and its position and 95 % ellipse at each reading."""
+    """A filter's path, and its position and ellipse at each reading."""
     positions_m = view.survey.local(filtered.x[:, 0], filtered.x[:, 1])
     with np.errstate(invalid="ignore"):
         drawable = np.all(np.isfinite(filtered.p), axis=(1, 2)) & (
@@ -307,7 +302,6 @@ def _draw_filter(
 
 
 def _draw_claims(plan: Surface, view: ViewModel, cell: CellView) -> None:
-    """Claimed positions in the colour of the verdict, each with its circle of two sigma."""
     if view.survey.utm is None:
         return
     for i, tested in enumerate(cell.claims, 1):
@@ -325,7 +319,6 @@ def _draw_claims(plan: Surface, view: ViewModel, cell: CellView) -> None:
 
 
 def _draw_all_cells(plan: Surface, view: ViewModel) -> None:
-    """Position and 95 % region of every cell that has a position."""
     for result in view.cells:
         posterior = result.posterior
         if posterior is None or result.verdict == "cannot tell":
@@ -370,8 +363,8 @@ def density(
 ) -> FloatArray:
     """Probability of each pixel of the plan, shape (rows, columns), north up.
 
-    A square contributes to a pixel by the area that they share. Each of its corners is a step in a
-    two-dimensional difference array, which is summed in both directions at the end.
+    A square contributes to a pixel by their common area. Its corners are steps in a two-dimensional
+    difference array, which is summed in both directions.
     """
     rows, columns = max(round(box.height / pixel_m), 1), max(round(box.width / pixel_m), 1)
     half = 0.5 * squares.size_m / pixel_m
@@ -411,7 +404,7 @@ def png(pixel_density: FloatArray) -> bytes:
 
 
 def _palette() -> npt.NDArray[np.uint8]:
-    """From transparent through the posterior's colour to nearly white, shape (shades, 4)."""
+    """From transparent to nearly white, shape (shades, 4)."""
     share = np.linspace(0.0, 1.0, _SHADES)[:, None]
     white = np.maximum(share - 0.6, 0.0) * 1.6  # from 60 % of the scale on
     rgb = np.array(colours.POSTERIOR) * (1.0 - white) + 255.0 * white
@@ -458,7 +451,6 @@ def zoom_of(view: ViewModel) -> float:
 
 
 def _draw_marks(surface: Surface, view: ViewModel, cell: CellView) -> None:
-    """The final position of every estimator, the truth of a simulation, and claims."""
     marks = [
         (estimate.x[:2], colours.ESTIMATORS[estimate.estimator.key])
         for estimate in cell.picture.estimates

@@ -117,14 +117,13 @@ def _plan(name: str, contents: list[str], box: Box) -> rrb.View:
 
 
 def _with_keys(box: Box) -> Box:
-    """The plan with the key to the east and the scales to the south."""
+    """With the key to the east and the scales to the south."""
     margin_m = _MARGIN * box.size
     south, east = box.south - FOOT_HEIGHT * box.height, box.east + KEY_WIDTH * box.size
     return Box(box.west - margin_m, south, east, box.north + margin_m)
 
 
 def _close_up(view: ViewModel, cell: CellView) -> Box | None:
-    """A square around the best position."""
     posterior = cell.result.posterior
     if posterior is None or view.box is None:
         return None
@@ -150,7 +149,6 @@ def _texts(view: ViewModel) -> list[rrb.View]:
 
 
 def _plots(cell: CellView, *, name: str | None) -> rrb.Container:
-    """Plots of a cell, each with its share of the height."""
     path = entity("series", cell.name)
     rows: list[tuple[float, rrb.View | rrb.Container]] = [(1.7, _plot("/rssi", "RSSI [dBm]"))]
     if cell.steps:
@@ -242,7 +240,6 @@ def _list(lines: Sequence[str]) -> str:
 
 
 def _run_texts(view: ViewModel, result: CellResult) -> list[str]:
-    """What each of several runs contributed, and the answer without it."""
     texts = []
     for share in result.shares if len(result.shares) > 1 else ():
         text = f"{view.survey.walks[share.run].run.name} contributed {share.n} readings"
@@ -313,7 +310,6 @@ def write_scene(
 
 
 def _undrawable(view: ViewModel, path: Path, *, online: bool) -> list[Failure]:
-    """The cells that cannot be drawn alone."""
     tries = Attempts(_WHAT)
 
     def draw(cell: CellView | CellResult) -> None:
@@ -352,7 +348,6 @@ def _write(view: ViewModel, path: Path, basemap: Basemap | None, *, online: bool
 
 
 def _draw_texts(writer: RerunWriter, view: ViewModel) -> None:
-    """The report of each detailed cell, or of a run without any."""
     reports = {entity("report", cell.name): cell_report(view, cell) for cell in view.cell_views}
     for path, text in (reports or {"report": empty_report(view)}).items():
         writer.log_static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))

@@ -76,7 +76,7 @@ def draw_levels(writer: RerunWriter, view: ViewModel) -> None:
 
 
 def _time_span_ns(view: ViewModel) -> IntArray | None:
-    """First and last time since boot of anything plotted; None when there is nothing."""
+    """First and last time since boot of anything plotted."""
     walks = view.survey.walks
     times = [walk.t_ns for walk in walks]
     times += [levels.t_ns for walk in walks for levels in walk.levels]
@@ -104,7 +104,6 @@ def _shown_values(cell: CellView, parameter: Parameter) -> Iterator[FloatArray]:
 def _draw_path_loss(
     writer: RerunWriter, cell: CellView, key: str, parameter: Parameter, span_ns: IntArray
 ) -> None:
-    """P0 or eta by every estimator: bands for EKF and posterior, lines for the others."""
     path = entity("series", cell.name, key)
     if cell.steps:
         mean, sigma = cell.of_steps(parameter.mean), cell.of_steps(parameter.sigma)
@@ -142,7 +141,7 @@ def _draw_consistency(writer: RerunWriter, cell: CellView, span_ns: IntArray) ->
 
 
 def _draw_area(writer: RerunWriter, cell: CellView) -> None:
-    """Decimal logarithms of 95 % areas, since rerun has no logarithmic axis."""
+    """Decimal logarithms, since rerun has no logarithmic axis."""
     path = entity("series", cell.name, "area")
     if cell.steps:
         style = step_line("posterior region", colours.POSTERIOR)
@@ -157,7 +156,6 @@ def _draw_area(writer: RerunWriter, cell: CellView) -> None:
 
 
 def _draw_accuracy(writer: RerunWriter, view: ViewModel, cell: CellView) -> None:
-    """Radii about the best position, and in a simulation the error of that position."""
     if not cell.steps:
         return
     path = entity("series", cell.name, "accuracy")
@@ -203,7 +201,7 @@ def draw_states(writer: RerunWriter, view: ViewModel) -> None:
 
 
 def _draw_stages(writer: RerunWriter, cell: CellView, live: Rows) -> None:
-    """The estimator whose answer the device used for the cell."""
+    """The estimator whose answer the device used."""
     is_cell = live["cell"] == cell.name.encode()
     rows = live[is_cell & np.isin(live["stage"], (b"locator", b"ekf"))]
     stages = [_text(stage) for stage in rows["stage"]]
@@ -211,7 +209,6 @@ def _draw_stages(writer: RerunWriter, cell: CellView, live: Rows) -> None:
 
 
 def _draw_lane(writer: RerunWriter, path: str, t_ns: IntArray, states: Sequence[str]) -> None:
-    """States at the times when they change."""
     order = np.argsort(t_ns, kind="stable")
     in_order = np.array(states, object)[order]
     changes = np.flatnonzero(np.append(True, in_order[1:] != in_order[:-1])[: len(in_order)])

@@ -1,7 +1,7 @@
 """Points and lines on one of two surfaces: the plan in local metres, or the map of the world.
 
-Positions come in local metres and paths without the name of the surface, so that both show the same
-by the same code. The map has no drawing order and no labels; they are left out there.
+Positions come in local metres and paths without the name of the surface. The map has no drawing
+order and no labels; they are left out there.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -35,8 +35,7 @@ _TIME_COLUMNS = ("t_ns", "t_start_ns")
 def end_to_end(runs: Sequence[Run]) -> list[Run]:
     """The runs one after the other on one clock, by UTC where it is known, else in the given order.
 
-    Time since boot restarts with each run. Here the first run starts at 0 and the next one
-    `PAUSE_NS` after the last record of the one before.
+    The first run starts at 0, the next one `PAUSE_NS` after the last record of the one before.
     """
     sequence, start_ns = [], 0
     for run in _by_utc(runs):
@@ -118,7 +117,7 @@ def step_counts(count: int) -> list[int]:
 class CellView:
     """A cell in detail, its answer step by step, and the claims about it.
 
-    `regions` are the outlines by name, one dictionary for each step.
+    `regions` are outlines by name for each step.
     """
 
     picture: Picture
@@ -152,9 +151,9 @@ class CellView:
 class ViewModel:
     """One recording for the viewer.
 
-    `cells` are all results, most readings first; `cell_colours` has a colour for every observed
-    cell. `box` is the plan's rectangle in local metres, None without a fix. `failures` are cells of
-    which something cannot be shown; the warnings of the survey name them.
+    `cells` are all results, most readings first. `box` is the plan's rectangle in local metres,
+    None without a fix. `failures` are cells of which something cannot be shown; the warnings of the
+    survey name them.
     """
 
     survey: Survey
@@ -220,7 +219,7 @@ def cell_view(
 
 
 def _cell_colours(survey: Survey, detailed: Sequence[str]) -> dict[str, Colour]:
-    """The first detailed cell in the colour of the walker, the others in turn."""
+    """The first detailed cell has the colour of the walker, the others theirs in turn."""
     observed = [levels.cell for walk in survey.walks for levels in walk.levels]
     others = [name for name in dict.fromkeys([*detailed, *observed]) if name not in detailed[:1]]
     inks = {name: colours.OTHERS[i % len(colours.OTHERS)] for i, name in enumerate(others)}

@@ -82,10 +82,9 @@ def binary() -> Path:
 def offline_environment(viewer: Path, folder: Path) -> dict[str, str]:
     """Environment in which the viewer requests nothing but map tiles, once the map is shown.
 
-    Usage statistics are turned off in the viewer's settings, since no variable does so (rerun
-    0.41): the viewer gets its own folder of settings, and the user's stay as they are. Only Linux
-    respects that folder. The check for a newer version goes through the proxy that is set, and so
-    reaches nothing.
+    Usage statistics are turned off in a folder of settings of its own, since no variable does so
+    (rerun 0.41); only Linux respects that folder. The check for a newer version goes to a proxy
+    that does not exist.
     """
     environment = os.environ | {"XDG_CONFIG_HOME": str(folder / "settings")}
     for name, value in (("HTTPS_PROXY", DEAD_PROXY), ("NO_PROXY", _TILE_SERVER)):
@@ -161,7 +160,7 @@ def terminate_as_interrupt() -> Iterator[Interrupt]:
 
 
 def _failure(code: int, log: str) -> str:
-    """Why the viewer ended, by the last error in its log."""
+    """The last error in the log."""
     error = min((log.rpartition(mark)[2] for mark in ("Error: ", "panicked at ")), key=len)
     if re.search(r"graphics|adapter|gpu|vulkan", error, re.IGNORECASE):
         return "the viewer found no usable graphics adapter"
@@ -218,7 +217,7 @@ _ASSETS = {
     "/favicon.ico": "image/x-icon",
 }
 _READY_S = 20.0
-"""The viewer's own server starts within a second; on a loaded machine it may take several."""
+"""The viewer's own server starts within a second, on a loaded machine within several."""
 _POLL_S = 0.05
 _HOST_NAMES = {LOOPBACK, "localhost"}
 _INLINE_SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)

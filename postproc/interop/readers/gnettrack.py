@@ -1,12 +1,12 @@
 """Logs of G-NetTrack: a text file with tabs, or KML with the same values at each point.
 
 Sources: the manual at gyokovsolutions.com/g-nettrack-user-guide and the column names in public
-programs that read such logs (braz0101/GNetTrackAnalytics, uccmisl/5Gdataset). Columns go by their
-names, since they differ between versions. `Node` is the eNodeB or the RNC: the app splits the
-identity of a cell, and `CellID` is then the rest. Versions that write CSV also have the complete
-identity (`RAWCELLID`), hexadecimal forms of the node, the rest and the area, and one column of
-levels for all technologies (`RSRP`). Speed is in km/h, times are the telephone's own. The numbers
-of the SIM and the telephone, which some versions write, are not read.
+programs that read such logs (braz0101/GNetTrackAnalytics, uccmisl/5Gdataset). Columns, which differ
+between versions, go by their names. `Node` is the eNodeB or the RNC: the app splits the identity of
+a cell, and `CellID` is then the rest. Versions that write CSV also have the complete identity
+(`RAWCELLID`), hexadecimal forms of the node, the rest and the area, and one column of levels for
+all technologies (`RSRP`). Speed is in km/h, times are the telephone's own. The numbers of the SIM
+and the telephone, which some versions write, are not read.
 """
 
 import re
@@ -162,7 +162,6 @@ def _identity(rat: Rat, fields: Fields) -> int | None:
 
 
 def _decimal_or_hex(fields: Fields, *names: str, hexadecimal: str) -> int | None:
-    """A decimal column, else a hexadecimal one; raises ValueError for what is no number."""
     number = cell_identity(fields, *names)
     digits = text(fields, hexadecimal)
     if number is not None or not digits:

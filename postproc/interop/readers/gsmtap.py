@@ -57,8 +57,6 @@ class Packet(NamedTuple):
 
 
 class _Counts:
-    """What was in a capture besides levels."""
-
     def __init__(self) -> None:
         self.versions: Counter[int] = Counter()
         self.n_other = self.n_without_level = 0
@@ -118,7 +116,6 @@ def _observations(source: Path, counts: _Counts) -> Iterator[Observation]:
 
 
 def _observation(time_ns: int, gsmtap: bytes) -> Observation | None:
-    """Level of the cell that a packet came from."""
     if len(gsmtap) < 8 or gsmtap[4] not in _RATS:
         return None
     rat, levels = _RATS[gsmtap[4]]

@@ -1,8 +1,8 @@
 """Any table with positions and levels, its columns found by their names or named by the user.
 
-This reads what QualiPoc, Nemo, TEMS and NetMonster export: the user chooses the columns there, and
-no layout is fixed. A name is taken apart into words: units and words such as "serving" are dropped,
-a technology in it ("LTE serving cell RSRP (dBm)") is that of the level.
+This reads what QualiPoc, Nemo, TEMS and NetMonster export: users choose the columns there. Of the
+words of a name, units and words such as "serving" are dropped; a technology ("LTE serving cell RSRP
+(dBm)") is that of the level.
 """
 
 import re
@@ -126,8 +126,6 @@ def has_time(source: Path, chosen: Mapping[str, str]) -> bool:
 def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iterator[Row]:
     """Rows of a table; `chosen` maps our names to columns that the user names.
 
-    Without `times` its column of times is passed over.
-
     Raises `RunFileError` for a column that is not in the file, or without a position or a level.
     """
     columns = _columns_of_file(source, chosen)
@@ -207,7 +205,6 @@ def _sighting(
 
 
 def _level(columns: list[Column], raw: Fields) -> tuple[str, Rat | None] | None:
-    """The first column of levels that has one, and the technology it states."""
     for ours, default in _LEVELS.items():
         for own, name, rat in columns:
             if own == ours and _plain(raw[name]):
@@ -258,7 +255,7 @@ _OURS = Columns(
 
 
 def format_of(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Format:
-    """The format that reads a file with the `chosen` columns; whether it has times, it says.
+    """The format that reads a file with the `chosen` columns.
 
     Without `times` those of the file do not count.
     """

@@ -41,8 +41,8 @@ def positions(source: Path) -> tuple[list[Fix | None], int | None]:
     """Positions by the clock of the modem, and what makes one of its times of 1980 a true one.
 
     A line has the time of the hotspot and that of the last packet, in whole seconds. The packet may
-    be old, so the least difference of both clocks counts; each clock may be set on the way. Older
-    lines have one time, UTC. None is a line without a position.
+    be old, so the least difference of both clocks counts; each may be set on the way. Older lines
+    have one time, UTC. None is a line without a position.
     """
     lines = with_limit(json_lines.objects(source), source, "positions", MOST_READINGS)
     entries = [_position(line) for line in lines]

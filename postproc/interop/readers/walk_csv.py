@@ -5,8 +5,7 @@ optional `cell` (a name; without it the identity, else a column such as `bssid` 
 "target"), `acc_m` (radius that holds 68 %), `rat`, and by their names in the run file whatever else
 is known of the fix (`alt_m`, `speed_mps`, `course_deg`) or of the cell (`mcc`, `mnc`, `lac`, `cid`,
 `rsrp_dbm`, ...), where `rssi_dbm` may be empty if another level is given. Other columns are passed
-over. Text that a spreadsheet would take for a formula is marked with an apostrophe, and read
-without it.
+over. An apostrophe before text that a spreadsheet would take for a formula is dropped.
 """
 
 from collections.abc import Iterator

@@ -1,9 +1,9 @@
 """Formats of `postproc export`: a module each, whose name is that of the format.
 
-A module has `write(walk, target)`. Where the format can represent only some levels it has
-`writable(sighting)`, and where it has a place for cells `write_answers(table, regions, target)`:
-one row or feature for each row of `postproc.answer_table`; with `HAS_REGIONS` also the regions of
-each, which are empty for other formats. A module is imported when its format is written.
+A module has `write(walk, target)`, `writable(sighting)` if the format can represent only some
+levels, and `write_answers(answered, table, target)` if it has a place for cells: one row or feature
+for each row of `postproc.answer_table`. Without `HAS_REGIONS` the regions of each are empty. A
+module is imported when its format is written.
 """
 
 import pkgutil

@@ -70,7 +70,7 @@ def _value(sighting: Sighting, name: str, start_ns: int) -> str:
 
 
 def _text(value: object) -> str:
-    """A value as text; a mark that is not set is as good as no value."""
+    """A mark that is not set is as good as no value."""
     if isinstance(value, bool):
         return "1" if value else ""
     if isinstance(value, tuple):

@@ -1,7 +1,6 @@
 """KML 2.2 (OGC 07-147r2): the levels of each cell in classes of 10 dB, or places and regions.
 
-Every stretch carries the time in which it was walked, so that the time slider of a globe shows the
-walk; without UTC there are no times.
+Every stretch has its time, for the time slider of a globe; without UTC there are no times.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,9 +21,7 @@ from postproc.interop.xml_file import write as write_xml
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 CLASSES_DBM = (-60, -70, -80, -90, -100, -110)
-"""A class holds its own level and what is above, up to the class before; the last class has no
-floor.
-"""
+"""A class reaches from its level up to the class before; the last class has no floor."""
 _CLASS_COLOURS = (
     "ff25e7fd",
     "ff4ac96d",
@@ -98,7 +95,6 @@ def write_answers(answered: Sequence[Answered], table: Table, target: Path) -> N
 def _answer(
     parent: ET.Element, answer: Answer, style: str, columns: Sequence[Column], row: Sequence[Value]
 ) -> ET.Element:
-    """A placemark with the values of a row, as yet without a geometry."""
     placemark = add(parent, "Placemark")
     add(placemark, "name", title_of(answer))
     add(placemark, "description", escape(says_of(answer), quote=False))

@@ -39,7 +39,6 @@ def add_walks(survey: Survey, store: BaselineStore) -> Iterator[bool]:
 
 
 def _summary(run: SurveyRun, heard: Mapping[str, Mapping[str, Any]], rows: pa.Table) -> WalkSummary:
-    """A run as a walk; `heard` has the cells that count."""
     columns: dict[str, Any] = {
         name: rows[name].to_numpy()
         for name in ("zone", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")

@@ -232,7 +232,6 @@ def _plan(walked: Walked, cells: Mapping[int, LocatedCell], ground: str) -> Plan
 
 
 def _inset(shapes: Sequence[Shape], box: Box, scale: float) -> Box | None:
-    """A square around the region of the first cell with a word."""
     first = min((shape for shape in shapes if shape.kind), default=None)
     if first is None or first.cell.r95_m is None or first.cell.verdict == "cannot tell":
         return None
