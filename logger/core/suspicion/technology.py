@@ -16,7 +16,7 @@ _LATER = frozenset({"LTE", "LTE-M", "NB-IoT", "NR"})
 
 
 class _Downgrade:
-    """The last good cell of 4G or 5G, None once it is reported; since when a cell of 2G serves."""
+    """`good` is the last good cell of 4G or 5G, None once reported; `down_s` the begin of 2G."""
 
     good: tuple[float, str, float, str] | None = None
     down_s: float | None = None
