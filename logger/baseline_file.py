@@ -1,8 +1,7 @@
 """A baseline in an SQLite file, read only: on the device and at the desktop.
 
-`postproc.baseline` makes the file. Answers come from tables that contain the sums over all walks,
-so a lookup takes as long after 1000 walks as after one. The last answers are kept: a walker stays
-in a square for minutes.
+`logger.baseline_store` makes the file. Answers come from tables that contain the sums over all
+walks, so a lookup takes as long after 1000 walks as after one.
 """
 
 import sqlite3
@@ -25,12 +24,12 @@ APPLICATION_ID = 0x43574241
 """'CWBA' in the head of the file."""
 VERSION = 1
 UNKNOWN = -1
-"""A channel number or code that no modem printed; NULL cannot be part of a key."""
+"""A channel number or code that no modem printed; NULL cannot be in a key."""
 SCALE = 100
-"""Sums of levels are stored in hundredths of a dB: integers do not depend on their order."""
+"""Sums of levels are in hundredths of a dB: integers do not depend on their order."""
 
 OWN_FILE = "own-baseline.db"
-"""Of the device itself, in the folder of its runs (`logger.own_baseline`)."""
+"""That of the device itself, in the folder of its runs (`logger.own_baseline`)."""
 
 _MOST_KEPT = 128
 """Answers of each kind: the cells and squares around a walker."""
@@ -45,7 +44,7 @@ Answer = TypeVar("Answer")
 
 
 def configured_file(name: str, folder: Path) -> Path | None:
-    """The file of `LiveSettings.baseline`, with runs in `folder`; None for none.
+    """The file that `LiveSettings.baseline` names, with runs in `folder`; None for none.
 
     The device's own begins with the end of its first run.
     """
@@ -56,7 +55,7 @@ def configured_file(name: str, folder: Path) -> Path | None:
 
 
 def bound_heap() -> None:
-    """Bound what SQLite may use in this program from now on, as in the recorder."""
+    """Bound the memory of SQLite in this process from now on."""
     with closing(sqlite3.connect(":memory:")) as database:
         database.execute(f"PRAGMA hard_heap_limit = {_HEAP_BYTES}")
 
@@ -90,21 +89,21 @@ class BaselineFile:
         self._db.close()
 
     def square(self, square: int) -> SquareHistory:
-        """Earlier walks in a square; empty if none was there."""
+        """As `Baseline.square`."""
         return self._answer(self._squares, str(square), lambda: self._read_square(square))
 
     def cell(self, name: str) -> KnownCell | None:
-        """What is known of a cell; None if no earlier walk heard it."""
+        """As `Baseline.cell`."""
         return self._answer(self._cells, name, lambda: self._read_cell(name))
 
     def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
-        """Channel numbers on which cells of an operator were heard, with the number of cells."""
+        """As `Baseline.channels`."""
         return self._answer(
             self._channels, f"{mcc}-{mnc} {rat}", lambda: self._read_channels(mcc, mnc, rat)
         )
 
     def trust_note(self, name: str) -> str | None:
-        """The user's note about a cell that is trusted; None if it is not."""
+        """As `Baseline.trust_note`."""
         return self._trust.get(name)
 
     def is_doubted(self, name: str) -> bool:
@@ -160,7 +159,6 @@ class BaselineFile:
         return MappingProxyType(dict(rows))
 
     def _answer(self, kept: Latest[Answer], key: str, read: Callable[[], Answer]) -> Answer:
-        """An answer that is kept, or else read now."""
         if key not in kept:
             try:
                 kept.put(key, read())
@@ -250,6 +248,6 @@ def _or_none(value: int) -> int | None:
 
 
 def parts_of(name: str) -> tuple[str, str, str, str]:
-    """MCC, MNC, area and CID of a cell's name as it is written; empty for an imported label."""
+    """MCC, MNC, area and CID of a written name; empty for an imported label."""
     parts = name.split("-")
     return (parts[0], parts[1], parts[2], parts[3]) if len(parts) == 4 else ("", "", "", "")

@@ -1,8 +1,8 @@
 """A baseline that is changed: walks added and removed, cells trusted.
 
-Each change is one transaction of SQLite with its rollback journal, so a program that is killed, or
-a power cut, leaves the baseline before the change or after it. The file has no write-ahead log: it
-can be copied to the device as one file.
+Each change is one SQLite transaction with its rollback journal, so a killed program or a power cut
+leaves the baseline before the change or after it. There is no write-ahead log: one file is all that
+is copied to the device.
 """
 
 import shutil
@@ -36,7 +36,7 @@ from logger.core.runfile import Run, sealing_of
 from logger.core.squares import SQUARE_M, squares_of
 
 FARTHEST_SIGMA_M = SQUARE_M / 2.0
-"""A reading whose position is less sure than this belongs to no square."""
+"""A reading with a less sure position belongs to no square."""
 
 
 class HeardRow(NamedTuple):
@@ -55,11 +55,10 @@ class WalkSummary:
     """A walk by square.
 
     `digest` says which walk it is, in whatever file (`walk_digest`); `content` is the digest of its
-    content, `seal` what it was sealed with. `is_complete` is false of a run that was cut or that
-    lacks frames, of which there may be more. `cells` has
-    the technology of each cell. `visits` are the squares in which cells of a technology were named.
-    `channels` are (cell, channel number, code), `UNKNOWN` where it was not printed. `began_utc_ns`
-    is None if no fix had a time.
+    content, `seal` what it was sealed with. `is_complete` is false of a run that was cut or lacks
+    frames. `cells` has the technology of each cell, `visits` the squares in which cells of a
+    technology were named. `channels` are (cell, channel number, code), `UNKNOWN` where not printed.
+    `began_utc_ns` is None if no fix had a time.
     """
 
     digest: str
@@ -84,9 +83,8 @@ class WalkSummary:
 def summarise_walk(run: Run) -> WalkSummary:
     """Cells and levels of a run by square.
 
-    A reading counts if its cell is named without doubt and has a level and a position. Of several
-    readings of a cell in one scan the strongest counts. Raises as `track_of` for a run without a
-    position.
+    A reading counts if its cell is named without doubt and has a level and a position; of several
+    in one scan the strongest counts. Raises as `track_of` for a run without a position.
     """
     fixes, readings = run.tables["fixes"], run.tables["readings"]
     squares, usable = _squares(fixes, run.tables["scans"], readings)
@@ -115,9 +113,9 @@ def summarise_walk(run: Run) -> WalkSummary:
 def walk_digest(run: Run) -> str:
     """Which walk a run is: the digest of its hash chain, or of its content.
 
-    Content identifies an import, since of two imports of one source the chains differ, and a run
-    that lacks frames of what was sealed. It identifies no other run: a copy that differs in what
-    the digest of the content leaves out would be taken for it.
+    Content identifies an import, since the chains of two imports of one source differ, and a run
+    that lacks frames of what was sealed. It identifies no other run: a copy may differ in what the
+    digest of the content leaves out.
     """
     is_part = run.end is not None and not run.is_complete
     if is_import(run.meta.origin) or is_part or not run.digest:
@@ -128,8 +126,7 @@ def walk_digest(run: Run) -> str:
 def content_digest(fixes: Rows, readings: Rows) -> str:
     """SHA-256 of the times, positions, names and levels of a walk.
 
-    It does not depend on the file: a journal, the HDF5 file made of it and a second import of the
-    same source have the same one.
+    A journal, the HDF5 file made of it and a second import of the same source have the same one.
     """
     state = sha256()
     for values in (fixes["t_ns"], fixes["lat_deg"], fixes["lon_deg"], readings["t_ns"]):
@@ -154,7 +151,7 @@ def _squares(fixes: Rows, scans: Rows, readings: Rows) -> tuple[IntArray, BoolAr
 def rows_by_square(
     square: IntArray, cell: IntArray, scan: IntArray, level_dbm: FloatArray, cells: list[str]
 ) -> list[HeardRow]:
-    """Sums of each cell in each square; arrays of shape (n,), `cell` the number in `cells`."""
+    """Sums of each cell in each square; arrays (n,), `cell` the number in `cells`."""
     # the strongest reading of a cell in a scan comes first among its equals
     order = np.lexsort((-level_dbm, scan, cell, square))
     square, cell, scan, level_dbm = square[order], cell[order], scan[order], level_dbm[order]
@@ -262,7 +259,7 @@ ADD = (
 SEAL = "ALTER TABLE walk ADD COLUMN seal TEXT"
 """The digest that a run was sealed with, empty of one that was cut.
 
-NULL of walks that an earlier version has added, whose `digest` is always that of the content.
+NULL of walks of an earlier version, whose `digest` is that of the content.
 """
 
 REMOVE = (
@@ -301,11 +298,11 @@ REMOVE = (
     "DROP TABLE gone_visit",
     "DROP TABLE gone_channel",
 )
-"""Take the rows of a walk away and compute the sums of what it touched anew."""
+"""Remove the rows of a walk and recompute the sums that they touched."""
 
 
 _PATIENCE_S = 10.0
-"""For another program that changes the same baseline; one change takes some milliseconds."""
+"""For another program that changes the baseline; one change takes some milliseconds."""
 _SHORTEST_DIGEST = 6
 """Characters of a digest that name a walk; 16 million walks differ in as many."""
 _LONGEST_NOTE = 200
@@ -327,7 +324,7 @@ class StoredWalk:
 class BaselineStore:
     """A baseline open for changes; `create` makes the file if there is none.
 
-    Raises `RunFileError` for a file that is none or cannot be written.
+    Raises `RunFileError` for a file that is no baseline or cannot be written.
     """
 
     def __init__(self, path: Path, *, create: bool = False) -> None:
@@ -364,9 +361,9 @@ class BaselineStore:
     ) -> int | None:
         """Add a walk and return its number; None if it is in the baseline already.
 
-        A part of it gives way: a walk that it continues, as `continues` says of a digest, or a
-        damaged copy of it. Raises `RunFileError` if it may itself be a part of one that is there:
-        both would count.
+        A walk that it continues, as `continues` says of a digest, or a damaged copy of it gives
+        way. Raises `RunFileError` if it may itself be a part of a walk that is there: both would
+        count.
         """
         with self._change():
             if "seal" not in [row[1] for row in self._rows("PRAGMA table_info(walk)")]:
@@ -387,7 +384,7 @@ class BaselineStore:
             return self._insert(walk)
 
     def contradictions(self, walk: int) -> list[int]:
-        """Numbers of other walks of the same run, of which only one can be as it was recorded."""
+        """Numbers of other walks of the same run, of which only one can be unaltered."""
         with self._errors():
             same = "SELECT id FROM walk WHERE id != ? AND run_id = "
             same += "(SELECT run_id FROM walk WHERE id = ?) ORDER BY id"
@@ -496,7 +493,6 @@ class BaselineStore:
 
     @contextmanager
     def _change(self) -> Iterator[None]:
-        """One change, completely or not at all."""
         with self._errors():
             self._db.execute("BEGIN IMMEDIATE")
             try:
@@ -512,7 +508,6 @@ class BaselineStore:
 
     @contextmanager
     def _errors(self) -> Iterator[None]:
-        """Errors of SQLite as `RunFileError`."""
         try:
             yield
         except sqlite3.Error as error:
@@ -528,7 +523,7 @@ class BaselineStore:
 def without_runs(path: Path, runs: Sequence[Run], folder: Path) -> Path:
     """The baseline, or where it has some of the runs a copy without them in a folder.
 
-    A run that is compared with itself has nothing new.
+    A run compared with itself has nothing new.
     """
     tables = [(run.tables["fixes"], run.tables["readings"]) for run in runs]
     same = {*map(walk_digest, runs), *(content_digest(*pair) for pair in tables)}
@@ -551,8 +546,8 @@ CONTRADICTION = (
 class Added:
     """What became of a file: added as a walk, in the baseline already, or unusable.
 
-    `walk` is the number of the walk that was added, `problem` why none was; `remark` says of one
-    that was added what contradicts it.
+    `walk` is the number of the added walk, `problem` why none was added; `remark` is what
+    contradicts an added one.
     """
 
     path: Path

@@ -1,4 +1,4 @@
-"""`fieldlogger check`: everything that can be known without opening a port."""
+"""`fieldlogger check`: all that can be known without opening a port."""
 
 import os
 import pwd
@@ -42,7 +42,7 @@ def exit_code(lines: Sequence[Line]) -> int:
 def check(config_path: Path | None) -> list[Line]:
     """Check the installation and, if given, a configuration.
 
-    Raises `ConfigError` for a configuration that cannot be used.
+    Raises `ConfigError` for an unusable configuration.
     """
     lines = [*_libraries(), _map()]
     if config_path is not None:
@@ -117,7 +117,7 @@ def _baseline(path: Path) -> Line:
 
 
 def _streets(path: Path) -> Line:
-    """The streets, and whether a map of them can be made; without them the service records too."""
+    """The service records without streets too."""
     try:
         lines = read_lines(path)
         StreetAtlas(lines).near_densest()
@@ -143,7 +143,7 @@ def _feed(path: Path) -> Line:
 
 
 def _plan(path: Path) -> Line:
-    """The map of the page's plan; the page runs without it."""
+    """The page runs without the map."""
     start = b""
     try:
         if path.is_file():

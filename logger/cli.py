@@ -51,14 +51,14 @@ FASTEST = 10_000
 
 _CLEAR = b"\x1b[H\x1b[2J"
 _COLUMNS = 50
-"""Of help with names; click would break a line at the hyphen of a name."""
+"""Columns of help with names; click would break a line at a hyphen."""
 
 
 class NameOption(click.Option):
     """An option whose help lists the names it takes: the keys of `variable` in `module`.
 
-    Only the help imports the module. Where the manual pages are made there is no numpy, without
-    which some cannot be imported: there the list is left out.
+    Only the help imports the module. The list is left out without numpy, as where the manual pages
+    are made.
     """
 
     def __init__(self, *declarations: Any, module: str, variable: str, **attributes: Any) -> None:
@@ -161,7 +161,7 @@ def doctor(config_path: Path, trial_s: float, report: Path | None, *, as_json: b
 
 @contextmanager
 def _errors_only() -> Iterator[None]:
-    """Log nothing below an error; afterwards as before, for a caller that goes on."""
+    """Log only errors; the level is restored for a caller that goes on."""
     log = logging.getLogger()
     level = log.level
     log.setLevel(logging.ERROR)

@@ -55,8 +55,8 @@ def _raise(error: ImportError, _: str) -> NoReturn:
 def late_modules() -> Iterator[None]:
     """Import modules that run when a command first uses them: `from package import module`.
 
-    So a command's help imports no library, and no command those of another. A name of a module
-    (`from module import name`) is a use.
+    So the help of a command imports no library. A name of a module (`from module import name`) is a
+    use.
     """
     sys.meta_path.insert(0, _LateLoader)
     try:
@@ -88,7 +88,7 @@ INTERRUPTED = 130
 class PathType(click.Path):
     """A path; with `is_file` one that names a file, with `is_input` one that can also be read.
 
-    `/` and `..` name no file. A pipe or a device, which may never end, is no input.
+    `/` and `..` name no file. A pipe or a device may never end and is no input.
     """
 
     def __init__(self, *, is_file: bool = False, is_input: bool = False) -> None:
@@ -230,7 +230,7 @@ def say_new_name(old: str, new: str) -> None:
 
 
 def under_old_name(command: click.Command, old: str, new: str) -> click.Command:
-    """The same command under a name of earlier versions, not listed, that says the new one."""
+    """The same command under an earlier name, not listed, that says the new one."""
     alias = copy.copy(command)
     callback: Callable[..., Any] = command.callback or say_new_name
 
@@ -244,7 +244,7 @@ def under_old_name(command: click.Command, old: str, new: str) -> click.Command:
 
 
 def show(said: "document.Document", *, as_json: bool) -> None:
-    """Print what a command says as JSON, or as lines with styles where somebody is looking."""
+    """Print a document as JSON, or as lines, with styles where somebody is looking."""
     for remark in said.remarks:
         print(remark, file=sys.stderr)
     if as_json:
@@ -265,7 +265,7 @@ def _shows_styles(terminal: TextIO) -> bool:
 
 
 def run_program(program: click.Group, name: str, argv: Sequence[str] | None) -> int:
-    """Run one command line (default: that of this process) and return its exit code."""
+    """Run one command line (default: this process's) and return its exit code."""
     with plain_streams():
         try:
             return _invoke(program, name, sys.argv[1:] if argv is None else argv)
@@ -290,7 +290,6 @@ def _invoke(program: click.Group, name: str, argv: Sequence[str]) -> int:
 
 
 def _reason(error: Exception) -> str:
-    """What went wrong and, as far as known, what to do, in one line."""
     if isinstance(error, click.UsageError) and error.ctx is not None:
         # click lists the choices of an argument on lines of their own
         text = " ".join(error.format_message().split()).rstrip(".")
@@ -305,7 +304,7 @@ def _reason(error: Exception) -> str:
 
 
 def missing_library(module: str) -> str:
-    """What brings a library: an extra, or Debian's package where the program is that of Debian."""
+    """The extra that brings a library, or Debian's package for the program of Debian."""
     library = module.partition(".")[0]
     if library in sys.stdlib_module_names:
         return f"{library} is missing: this Python was built without it"

@@ -49,8 +49,8 @@ _RESERVED = frozenset({"battery", "live", "logger", "page"})
 class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where runs are stored.
 
-    After `longest_h` hours a run is closed and the next one begins, 0 for never. With
-    `delete_oldest` the oldest runs make room on a full card.
+    After `longest_h` hours the next run begins, 0 for never. With `delete_oldest` the oldest runs
+    make room on a full card.
     """
 
     directory: str
@@ -61,7 +61,7 @@ class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class SourceSettings(
     msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, tag_field="kind"
 ):
-    """What every source has: the name of its records, and the port or program it is behind.
+    """What every source has: the name of its records, and its port or program.
 
     `gives_cells` of a modem, `gives_positions` of a receiver.
     """
@@ -171,7 +171,7 @@ def load_config(path: Path) -> tuple[SiteConfig, str]:
 
 
 def parse_config(text: str, name: str) -> SiteConfig:
-    """Configuration in a TOML text; `name` is how the text is called in errors."""
+    """Configuration in a TOML text, which errors call `name`."""
     for number, line in enumerate(text.splitlines(), 1):
         if len(line) > _LONGEST_LINE:
             raise ConfigError(f"{name}: line {number} is longer than {_LONGEST_LINE} characters")
@@ -198,7 +198,7 @@ def parse_config(text: str, name: str) -> SiteConfig:
 
 
 def _labels_of_sources(site: Mapping[str, Any]) -> list[str]:
-    """How errors call the tables of sources, in the order of `source_tables`."""
+    """Labels are in the order of `source_tables`."""
     labels = ["[modem]"] if "modem" in site else []
     gnss = site.get("gnss")
     if gnss is not None and not is_of_modem(gnss):
@@ -211,7 +211,6 @@ def _labels_of_sources(site: Mapping[str, Any]) -> list[str]:
 
 
 def _unknown_of_own_receiver(site: Mapping[str, Any]) -> list[str]:
-    """Unknown keys of a [gnss] of the modem."""
     gnss = site.get("gnss")
     return [key for key in gnss if key not in {"port", "baud"}] if is_of_modem(gnss) else []
 
@@ -303,7 +302,7 @@ _KINDS = {MODEM: ModemSettings, NMEA: NmeaSettings, GPSD: GpsdSettings}
 
 
 def _explain(problem: str, labels: Sequence[str], sources: Sequence[Any]) -> str:
-    """Translate msgspec's message for the person who edits the file."""
+    """Translate msgspec's message."""
     what, _, where = problem.partition(" - at `$")
     table = where.removeprefix(".").removesuffix("`")
     unknown = re.search(r"unknown field `(.*)`", what)
@@ -332,7 +331,6 @@ def _explain(problem: str, labels: Sequence[str], sources: Sequence[Any]) -> str
 def _label_and_keys(
     table: str, labels: Sequence[str], sources: Sequence[Any]
 ) -> tuple[str, tuple[str, ...]]:
-    """How an error calls a table, and the keys that it may have."""
     if of_source := re.fullmatch(r"source\[(\d+)\]", table):
         number = int(of_source[1])
         kind = sources[number].get("kind") if isinstance(sources[number], dict) else None

@@ -1,9 +1,9 @@
 """The baseline that a device keeps by itself, of the runs in its folder.
 
 It follows from the runs that are there, so that it ends with them; only what is trusted, and which
-cells were ever conspicuous, stays. A change is made in a copy, which then takes the place of the
-file: whatever ends the program leaves the one before or the one after, and a recorder that reads
-the file goes on with what it has opened.
+cells were ever conspicuous, stays. A change is made in a copy, which then replaces the file:
+whatever ends the program leaves the one before or the one after, and a recorder goes on with the
+file that it has opened.
 """
 
 import fcntl
@@ -119,7 +119,6 @@ class _Store(BaselineStore):
             self._db.execute(statement)
 
     def known_runs(self) -> dict[str, _Stamp]:
-        """Runs that were looked at."""
         rows = self._rows("SELECT run, size, mtime_ns FROM seen")
         return {run: (size, mtime_ns) for run, size, mtime_ns in rows}
 
@@ -142,7 +141,7 @@ class _Store(BaselineStore):
             }
 
     def remove_runs(self, runs: Sequence[str]) -> None:
-        """Remove runs; others of the same days, which counted with them, are taken anew."""
+        """Others of the same days, which counted with them, are taken anew."""
         with self._change():
             for run in runs:
                 same_day = self._rows(
@@ -159,7 +158,7 @@ class _Store(BaselineStore):
                 self._db.execute("DELETE FROM seen WHERE run = ?", (run,))
 
     def once_a_day(self, walk: WalkSummary) -> WalkSummary:
-        """A walk without what others of its day have already heard in the same squares."""
+        """Without what others of its day have already heard in the same squares."""
         day = None if walk.began_utc_ns is None else walk.began_utc_ns // _DAY_NS
         visits = set(
             self._rows(
@@ -221,7 +220,7 @@ def _take(store: _Store, path: Path, stamp: _Stamp) -> tuple[str, str]:
 
 
 def _walk_of(store: _Store, path: Path) -> WalkSummary:
-    """What a run teaches: no cell that was ever conspicuous, each square once a day."""
+    """Without cells that were ever conspicuous; each square counts once a day."""
     run = read_unaltered_run(path)
     if run.meta.origin != WALK:
         raise RunFileError(f"it is no walk of this device ({run.meta.origin})")
@@ -275,7 +274,7 @@ def _sealed_runs(folder: Path) -> dict[str, _Stamp]:
 
 
 def _known_runs(folder: Path) -> dict[str, _Stamp]:
-    """Runs that were looked at; none without a baseline that can be read."""
+    """None without a baseline that can be read."""
     path = folder / OWN_FILE
     if not path.is_file():
         return {}
@@ -304,7 +303,7 @@ def _alone(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _change(folder: Path) -> Iterator[_Store]:
-    """A copy to be changed, which takes the place of the baseline at the end.
+    """A copy that replaces the baseline at the end.
 
     A damaged file is put aside.
     """

@@ -27,8 +27,8 @@ SERVICE_FOLDER = Path("/var/lib/cellwalk")
 class PortReport:
     """One port: a name that stays when it is replugged where there is one, and what answered there.
 
-    `kind` is "modem", "gnss", "unknown" or "busy". `receiver` is whether the modem has
-    one of its own, None where unknown.
+    `kind` is "modem", "gnss", "unknown" or "busy". `receiver` is whether the modem has one, None
+    where unknown.
     """
 
     port: str
@@ -112,7 +112,7 @@ def propose_config(found: Iterable[PortReport], folder: Path | None = None) -> P
 
 
 def usual_folder() -> Path:
-    """The folder of the service where there is one or it can be made, else one of this user's."""
+    """The folder of the service if it is there or can be made, else one of this user's."""
     if SERVICE_FOLDER.is_dir() or os.access(SERVICE_FOLDER.parent, os.W_OK):
         return SERVICE_FOLDER
     return Path.home() / "cellwalk"
@@ -163,7 +163,6 @@ def _gnss(gnss: PortReport | None, modem: PortReport | None) -> _Table:
 
 
 def _locates(modem: PortReport) -> bool:
-    """Whether the modem's own receiver can give the fixes."""
     driver = FAMILIES.get(modem.driver or "")
     return driver is not None and bool(driver.gnss_poll_commands) and modem.receiver is not False
 
@@ -178,11 +177,10 @@ def _at(found: PortReport) -> list[str]:
 
 
 def _text(value: str) -> str:
-    """A TOML basic string."""
     plain = value.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in plain) + '"'
 
 
 def _comment(text: str) -> str:
-    """Text from a modem without the characters that TOML forbids in comments."""
+    """Without the characters that TOML forbids in comments."""
     return "".join(c if c.isprintable() else "?" for c in text)

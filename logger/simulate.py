@@ -69,8 +69,8 @@ def simulate(
     """Record a walk `speed` times faster than real; return the run, with its true positions.
 
     `fault` is NAME:FROM:TO, a misbehaviour of the first modem between two times of the walk in
-    seconds. With `is_led` the walker follows the advice. `page_command` serves the page, which
-    stays after the walk until a signal; `show_page` receives its address.
+    seconds. With `is_led` the walker follows the advice. `page_command` serves the page until a
+    signal; `show_page` receives its address.
     """
     _check_names("scenario", [name], SCENARIOS)
     _check_names("city", [city_name], CITIES)
@@ -133,7 +133,7 @@ def _check_names(kind: str, names: Sequence[str], known: Collection[str]) -> Non
 
 @contextmanager
 def _page(site: str, program: Sequence[str], show: Callable[[str], None]) -> Iterator[Path]:
-    """The page in a process of its own; yields the folder of the status, which it reads."""
+    """In a process of its own; yields the folder of the status, which it reads."""
     with TemporaryDirectory(prefix="cellwalk-") as name:
         status, runtime, state = (Path(name) / one for one in ("status", "status-page", "state"))
         for one in (status, runtime, state):
@@ -158,7 +158,6 @@ def _page(site: str, program: Sequence[str], show: Callable[[str], None]) -> Ite
 
 
 def _address(command: list[str], environ: Mapping[str, str]) -> str:
-    """The address, once the page has made its token."""
     for _ in range(_TRIES):
         said = subprocess.run(  # noqa: S603
             command, env=environ, capture_output=True, text=True, check=False
@@ -175,7 +174,7 @@ def _free_port() -> int:
 
 
 def _fault(text: str) -> tuple[str, float, float]:
-    """Name, begin and end in seconds of a fault given as NAME:FROM:TO."""
+    """Name, begin and end in seconds of NAME:FROM:TO."""
     name, _, times = text.partition(":")
     try:
         start_s, end_s = (float(time) for time in times.split(":"))
@@ -195,6 +194,5 @@ def _truth(walk: Scenario) -> tuple[Truth, ...]:
 
 
 def _toml_text(text: str) -> str:
-    """A TOML basic string."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'

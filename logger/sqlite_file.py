@@ -1,8 +1,8 @@
 """Untrusted SQLite files, opened to read tables only.
 
-A schema may hold more than tables: a view that never ends, a column that is computed by a function,
-a page that points to itself. What is not a plain table is refused, and a query ends where an honest
-file would long have been read.
+A schema may hold more than tables: a view that never ends, a column computed by a function, a page
+that points to itself. All else is refused, and a query ends where an honest file would long have
+been read.
 """
 
 import sqlite3

@@ -1,7 +1,7 @@
 """Streets of a file: lines of GeoJSON, or tracks and routes of GPX.
 
-The file comes from elsewhere and is read in the recorder, which may use little memory. So it is
-read part by part, and only the points of lines are kept, 16 bytes each, whatever else it contains.
+The recorder, which may use little memory, reads the untrusted file part by part and keeps only the
+points of lines, 16 bytes each.
 """
 
 import re
@@ -69,8 +69,7 @@ class StreetLines:
 def read_lines(path: Path) -> StreetLines:
     """Read the lines of a street file as (latitude, longitude) in degrees.
 
-    Raises `ConfigError` for a file that is neither GeoJSON nor GPX, that has no line, or that is
-    too large.
+    Raises `ConfigError` for a file that is neither GeoJSON nor GPX, has no line, or is too large.
     """
     lines = StreetLines()
     try:
@@ -146,8 +145,8 @@ _LINE_TYPES = frozenset({b'"LineString"', b'"MultiLineString"'})
 class _Member:
     """An open object or list; `key` and `kind` (its "type") are those of an object.
 
-    Its coordinates begin after `n_before` lines, -1 without any. Nothing `foreign`, as the
-    properties of a feature, is a street.
+    Its coordinates begin after `n_before` lines, -1 without any. Nothing `foreign`, as a feature's
+    properties, is a street.
     """
 
     __slots__ = ("foreign", "is_object", "key", "kind", "n_before")
@@ -159,8 +158,6 @@ class _Member:
 
 
 class _GeoJson:
-    """Lines of all geometries, whatever the order of their members and however they are nested."""
-
     def __init__(self, lines: StreetLines) -> None:
         self._lines = lines
         self._rest = b""
@@ -178,7 +175,7 @@ class _GeoJson:
             raise ValueError("it ends in the middle")
 
     def _take_tokens(self, end: int) -> None:
-        """Take those that begin before `end`; a text without its end waits."""
+        """Those that begin before `end`; a text without its end waits."""
         text, at = self._rest, 0
         while at < end and (token := _TOKEN.match(text, at)):
             at = token.end()

@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
 DEGREE_DECIMALS = 6
 """0.1 m."""
 _ROUGH_M = 1000.0
-"""A place that is less sure is given to 0.01 degree, which is a kilometre."""
+"""A place that is less sure is given to 0.01 degree, about a kilometre."""
 
 
 CONSPICUOUS = ("suspicious", "unusual")
@@ -43,7 +43,7 @@ class MultiPolygon(Struct, kw_only=True):
 
 
 class Region(Struct, kw_only=True):
-    """Smallest region that holds a share of the probability; empty where no squares are known."""
+    """Smallest region with a share of the probability; empty without known squares."""
 
     area_m2: float | None = None
     geojson: MultiPolygon | None = None
@@ -61,7 +61,7 @@ class OnMap(Struct, frozen=True, kw_only=True):
         return replace(self, lat=lat, lon=lon)
 
     def within(self, radius_m: float) -> str:
-        """Latitude and longitude as far as they are known within a radius."""
+        """Latitude and longitude as far as known within a radius."""
         if radius_m > _ROUGH_M:
             return f"about {self.lat:.2f} {self.lon:.2f}"
         return f"{self.lat:.5f} {self.lon:.5f}"
@@ -82,7 +82,7 @@ class Mode(OnMap, frozen=True, kw_only=True):
 
     @property
     def where(self) -> str:
-        """Latitude and longitude as far as they are known, if it is this one."""
+        """Latitude and longitude as far as known, if it is this one."""
         return self.within(self.ellipse95.semi_major_m)
 
     def in_short(self) -> Self:
@@ -103,7 +103,7 @@ class Position(OnMap, frozen=True, kw_only=True):
 
     @property
     def where(self) -> str:
-        """Latitude and longitude as far as they are known."""
+        """Latitude and longitude as far as known."""
         return self.within(self.r95_m)
 
     def in_short(self) -> Self:
@@ -166,10 +166,10 @@ class Parameters:
 class Provenance:
     """What the answer is made from: `n` readings with a position, of these `runs`.
 
-    `first_utc_ns` and `last_utc_ns` are the times of the first and the last reading, also of those
-    without a position; None where no run knows UTC. `n_scans` identified the cell
-    without doubt; None where nobody counted. `error` is that of the program which ended some of the
-    work; None where none did.
+    `first_utc_ns` and `last_utc_ns` are the times of the first and the last reading, with or
+    without a position; None where no run knows UTC. `n_scans` identified the cell without doubt;
+    None where nobody counted. `error` is that of the program which ended some of the work; None
+    where none did.
     """
 
     n: int
@@ -246,7 +246,7 @@ class Answer:
 
     @property
     def sentence(self) -> str:
-        """The word and `verdict_sentence`: live and at the desk the same."""
+        """The word and `verdict_sentence`."""
         word = f"{self.word.word}; " if self.word is not None and self.is_conspicuous else ""
         return f"{word}{self.verdict_sentence}"
 
@@ -280,7 +280,7 @@ class Answer:
 
     @property
     def error(self) -> str | None:
-        """That of the program which ended some of the work on the cell, None where none did."""
+        """As `Provenance.error`."""
         return self.provenance.error
 
 
@@ -301,7 +301,7 @@ def answer_of(
     word: Word | None = None,
     paths: Paths | None = None,
 ) -> Answer:
-    """The answer that the verdict on a posterior gives; or on none."""
+    """The answer of the verdict on a posterior; or on none."""
     place = parameters = None
     if posterior is not None:
         place, parameters = place_of(posterior), parameters_of(posterior)

@@ -1,12 +1,8 @@
 """What earlier walks heard, as rules and the comparison of walks ask for it.
 
-A `Baseline` answers from earlier walks: who was heard in a square of 300 m (`square`), what is
-known of one cell (`cell`), which channels an operator uses (`channels`), and which cells the user
-trusts (`trust_note`). It answers the same for the same file, so what is derived live can be derived
-again.
-`logger.baseline_file` reads one from SQLite, `logger.baseline_store` makes it. A baseline changes
-with each run, so the live estimate records the answers it received, as bytes of the source
-"live": its words can be repeated without the file.
+`logger.baseline_file` reads a `Baseline` from SQLite, `logger.baseline_store` makes it. It answers
+the same for the same file. It changes with each run, so the live estimate records the answers it
+received, as bytes of the source "live": its words can be repeated without the file.
 
 Levels are those of `CellReading.level_dbm`, as each modem printed them: two modems may differ by
 several dB. A level at the limit of the modem's scale counts as that level.
@@ -34,9 +30,8 @@ class HeardInSquare:
     """How earlier walks heard one cell in one square.
 
     `n_walks` walks heard it in `n_scans` scans. `best_dbm` is the strongest level of all walks,
-    `least_best_dbm` the lowest among the strongest levels of each walk: every walk that heard the
-    cell here had it at least that strong. `mean_dbm` and `sigma_db` are of all scans; `sigma_db` is
-    0 for a single one.
+    `least_best_dbm` the lowest among the strongest levels of each walk. `mean_dbm` and `sigma_db`
+    are of all scans; `sigma_db` is 0 for a single one.
     """
 
     n_walks: int
@@ -51,9 +46,9 @@ class HeardInSquare:
 class SquareHistory:
     """Earlier walks in one square.
 
-    `n_walks` has, for each technology ("GSM", "LTE", ...; "" where none was printed), the walks in
-    which the modem named a cell of it here: only these could have heard another one. `cells` has
-    the cells by name.
+    `n_walks` has, by technology ("GSM", "LTE", ...; "" where none was printed), the walks in which
+    the modem named a cell of it here: only these could have heard another one. `cells` has the
+    cells by name.
     """
 
     square: int
@@ -65,9 +60,9 @@ class SquareHistory:
 class KnownCell:
     """A cell that earlier walks heard, anywhere.
 
-    `rat` is its technology, "" if unknown. `channels` has the pairs (channel number, code) it was
-    heard with; the code is BSIC, PSC or PCI, and either is None where the modem did not print it.
-    `strongest_square` is where its level was `best_dbm`, the strongest of all walks.
+    `rat` is its technology, "" if unknown. `channels` has its pairs (channel number, code); the
+    code is BSIC, PSC or PCI, and either is None where not printed. `strongest_square` is where its
+    level was `best_dbm`, the strongest of all walks.
     """
 
     name: str
@@ -193,6 +188,6 @@ def squares_around(
 
 
 def best_dbm(squares: tuple[SquareHistory, ...], name: str) -> float | None:
-    """Strongest level at which a cell was heard in some squares; None if it was in none."""
+    """Strongest level of a cell in some squares; None if it was heard in none."""
     heard = [square.cells[name].best_dbm for square in squares if name in square.cells]
     return max(heard, default=None)

@@ -5,7 +5,7 @@ again, the driver knows the true cell and marks the identity as unsure. So a cel
 scan is never a target and never located, and an unsure identity does not make a cell known.
 
 A cell without an identity is named by technology, channel and code, as in `LTE-5780-210`. Networks
-use a code again some kilometres away, so two transmitters may have one such name.
+reuse codes some kilometres away, so two transmitters may have one such name.
 """
 
 import re
@@ -16,7 +16,7 @@ from logger.core.latest import Latest
 from logger.core.types import HIGHEST_ARFCN, CellReading, Scan
 
 REUSED_M = 10_000.0
-"""Places of one name that are farther apart, with none between, are of two cells."""
+"""Places of one name farther apart, with none between, are of two cells."""
 CODES: Mapping[str, str] = MappingProxyType(
     {"GSM": "bsic", "WCDMA": "psc", "LTE": "pci", "NB-IoT": "pci", "NR": "pci"}
 )
@@ -45,7 +45,7 @@ _MOST_KNOWN = 10_000
 
 
 def channel_name(reading: CellReading) -> str | None:
-    """Name of a reading's cell by channel and code, None where these are unknown."""
+    """Name of a cell by channel and code, None where these are unknown."""
     rat = SAME_CARRIER.get(reading.rat or "", reading.rat or "")
     return _name(rat, reading.arfcn, getattr(reading, CODES.get(rat, ""), None))
 
@@ -93,7 +93,7 @@ class Identities:
         return name in self._known
 
     def add(self, scan: Scan) -> None:
-        """Take the names of a scan, each once."""
+        """Add the names of a scan, each once."""
         sure = (r.cell for r in scan.readings if not r.identity_unsure)
         for name in dict.fromkeys(name for name in sure if name is not None):
             is_known = name in self._once or name in self._known

@@ -1,7 +1,7 @@
 """How a field of a record is stored in the run file: type, mark of an unknown value, unit.
 
 `types` annotates the fields of each record with these, in this order; `schema` makes the tables of
-them. A field is named once.
+them.
 """
 
 from dataclasses import dataclass

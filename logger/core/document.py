@@ -129,7 +129,7 @@ class Column:
         return format(sigma, self.form.replace("+", ""))
 
     def html(self, value: Value) -> str:
-        """A value in HTML; a program can read numbers with all their digits."""
+        """A value in HTML; a program can read all digits of numbers."""
         match value:
             case Word():
                 if value.text not in _LOOKS:
@@ -178,9 +178,9 @@ Part = Text | Line | Table
 class Document:
     """What a command says.
 
-    `content` is what its JSON is made of: a struct, a dataclass or a mapping. The other parts are
-    for readers: title, warnings, and the body in its order. `remarks` go to the standard error, as
-    they do not belong to the result.
+    `content` becomes its JSON: a struct, a dataclass or a mapping. The other parts are for readers:
+    title, warnings, and the body in its order. `remarks` go to the standard error, as they do not
+    belong to the result.
     """
 
     content: Any
@@ -253,7 +253,7 @@ def _styled_lines(document: Document, columns: int | None) -> Iterator[str]:
 
 
 def _paragraph(line: Line, columns: int | None) -> Iterator[str]:
-    """The text, wrapped at blanks only; a word that is longer than a line stays whole."""
+    """Wrapped at blanks only; a word longer than a line stays whole."""
     parts = [line.text] if isinstance(line.text, str | Word) else line.text
     words = [
         Word(printable(_text(part), "\n"), _style(part) or line.style or "plain") for part in parts
@@ -273,7 +273,6 @@ def _paragraph(line: Line, columns: int | None) -> Iterator[str]:
 
 
 def _line_bounds(text: str, width: int | None) -> list[tuple[int, int]]:
-    """Begin and end of each line of a text."""
     if width is None:
         return [(0, len(text))]
     starts, start, end = [0], 0, 0
@@ -286,7 +285,6 @@ def _line_bounds(text: str, width: int | None) -> list[tuple[int, int]]:
 
 
 def _with_codes(text: str, styles: Sequence[str]) -> str:
-    """The text with the codes of the style of each character."""
     out = ""
     for style, group in groupby(zip(text, styles, strict=False), key=lambda pair: pair[1]):
         part = "".join(character for character, _ in group)
@@ -296,7 +294,6 @@ def _with_codes(text: str, styles: Sequence[str]) -> str:
 
 
 def _table(table: Table, columns: int | None) -> Iterator[str]:
-    """Columns side by side where they fit, else each row as a list of its values."""
     rows = [
         [column.text(value) for column, value in zip(table.columns, row, strict=False)]
         for row in table.rows
@@ -339,7 +336,7 @@ def _style(text: Text) -> str:
 
 
 def width_of(text: str) -> int:
-    """Columns of a terminal that a text takes; a wide character of East Asia takes two."""
+    """Columns that a text takes in a terminal; a wide character of East Asia takes two."""
     if text.isascii():
         return len(text)
     return sum(

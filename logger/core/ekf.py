@@ -1,7 +1,6 @@
 """The reference EKF: the original specification's filter, started at the receiver.
 
-It is the reference for comparisons. Started at the receiver, it stays there with a small covariance
- (ARCHITECTURE.md, decision 5). The model is that of
+It stays there with a small covariance (ARCHITECTURE.md, decision 5). The model is that of
 `model.path_loss` without height and receiver error; H holds its derivatives by [x, y, P0, eta].
 
 Four states and a scalar measurement are written out in plain floats, since arrays of this size are
@@ -79,7 +78,7 @@ def step(
 ) -> EkfStep[EkfState]:
     """Predict (P += q I, the transmitter stands still) and correct with one level.
 
-    P stays symmetric by construction, since only one triangle is computed.
+    Only one triangle is computed, so P stays symmetric.
     """
     x, y, p0, eta, (xx, xy, x0, xe, yy, y0, ye, oo, oe, ee) = state
     hx, hy, _, he = jacobian(state, receiver_x_m, receiver_y_m)
@@ -139,7 +138,7 @@ _ROW, _COLUMN = np.triu_indices(4)
 
 
 def covariance_matrix(p: Covariance | FloatArray) -> FloatArray:
-    """Full symmetric matrices, shape (..., 4, 4), from upper triangles of shape (..., 10)."""
+    """Full symmetric matrices (..., 4, 4) from upper triangles (..., 10)."""
     packed = np.asarray(p, float)
     matrix = np.empty((*packed.shape[:-1], 4, 4))
     matrix[..., _ROW, _COLUMN] = packed

@@ -7,7 +7,7 @@ CHI2_95_2DOF = 5.991
 RADII = ("most likely within", "surely within")
 """Names of the radii that hold 50 % and 95 %, in sentences and above columns."""
 _DIRECTIONS = 32
-"""The mean over so many directions of a quarter turn is exact to 1 % of any radius."""
+"""The mean over so many directions of a quarter turn is exact to 1 %."""
 _HALVINGS = 30
 """Of the interval of a radius: a billionth of the first."""
 

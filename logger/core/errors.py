@@ -11,11 +11,11 @@ FieldLoggerError
 from pathlib import Path
 
 SOMETHING_LOST = 3
-"""Exit code where a part of the work failed and the rest was done; 2 is an error of the command."""
+"""Exit code where a part of the work failed and the rest was done; 2 is a wrong command."""
 
 
 class FieldLoggerError(Exception):
-    """Root of everything that is shown to a user as one line."""
+    """Root of all errors that a user sees as one line."""
 
 
 class ConfigError(FieldLoggerError):
@@ -39,22 +39,21 @@ class EstimationError(FieldLoggerError):
 
 
 _MOST_CHARACTERS = 200
-"""Of an error's text: one that quotes the data may be of any length."""
+"""Of an error's text, which may quote data of any length."""
 
 
 def error_place(error: Exception) -> str:
-    """Type and place of an error that nobody expected; its text may quote what is private."""
+    """Type and place of an unexpected error; its text may quote what is private."""
     return f"{type(error).__name__}{_place_of(error)}"
 
 
 def error_text(error: Exception) -> str:
-    """Type, text and place of an error that nobody expected, in one line."""
+    """Type, text and place of an unexpected error, in one line."""
     text = " ".join(str(error).split())[:_MOST_CHARACTERS]
     return f"{type(error).__name__}{f': {text}' * bool(text)}{_place_of(error)}"
 
 
 def _place_of(error: Exception) -> str:
-    """File and line of the last step within this program."""
     place, step = "", error.__traceback__
     while step is not None:
         if str(step.tb_frame.f_globals.get("__name__")).startswith(("logger.", "postproc.")):

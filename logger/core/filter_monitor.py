@@ -33,9 +33,9 @@ NEAR = 0.25
 _MEMORY = 30.0
 """Readings over which the mean NIS forgets."""
 _MOST_NIS = 9.0
-"""A larger one (3 sigma) counts as this, so that one gross error does not fill the mean."""
+"""A larger one (3 sigma) counts as this: one gross error does not fill the mean."""
 _NIS_SIGMAS = 4.0
-"""The bound of the mean is tested at every reading, so it must be rare to exceed it by chance."""
+"""The bound of the mean is tested at every reading, so chance must seldom exceed it."""
 _CHI2_95_2DOF = 5.991
 """Squared distance of two positions that 5 % exceed."""
 _NIS_READINGS, _APART_READINGS, _NEAR_READINGS = 5, 3, 3
@@ -74,7 +74,7 @@ class FilterMonitor(NamedTuple):
 
     @property
     def nis_bound(self) -> float:
-        """Largest mean NIS of a consistent filter after the readings so far."""
+        """Largest mean NIS of a consistent filter after so many readings."""
         return mean_bound(self.weight**2 / self.weight2) if self.weight2 else float("inf")
 
     @property

@@ -1,4 +1,4 @@
-"""Files and JSON that somebody else wrote: read with bounds, and with one kind of error each."""
+"""Foreign files and JSON: read with bounds, and with one kind of error each."""
 
 import errno
 import os
@@ -65,12 +65,9 @@ def read_regular(path: Path, most_bytes: int, *, follow_links: bool = True) -> b
 
 
 def decode_json(text: bytes, kind: type[Kind]) -> Kind:
-    """A value in JSON; raises `msgspec.DecodeError` whatever is wrong with it.
+    """A value in JSON; raises only `msgspec.DecodeError`, also for bad UTF-8 and deep nesting.
 
-    A byte order mark, which editors of Windows write, is passed over.
-
-    msgspec lets two errors of Python through: of a text that is no UTF-8, and of one that is nested
-    too deeply.
+    A byte order mark, which editors of Windows write, is skipped.
     """
     try:
         return msgspec.json.decode(text.removeprefix(BOM_UTF8), type=kind)

@@ -3,8 +3,8 @@
 The HDF5 library trusts its files: of 2900 runs with some bytes of their structure changed, five
 ended it with a segmentation fault and three took gigabytes. What ends the other process is one
 error here. It reads no file after one that it could not read; else it waits a while for the next
-one, because it takes longer to start than to read a walk. It is a new process and no fork, since
-this one may have threads, and a copy has the locks that they hold.
+one, because starting takes longer than reading a walk. It is no fork, since this process may have
+threads, and a copy has the locks that they hold.
 
 A command that will read a run starts the process before its own imports, and both import at once;
 so this module imports nothing that takes long.
@@ -27,22 +27,22 @@ from typing import IO, Any
 from logger.core.errors import RunFileError
 
 Outcome = tuple[Any, dict[str, tuple[Any, bytearray]]]
-"""A value of JSON, and arrays by name: what their dtype is made of, and the bytes."""
+"""A value of JSON, and arrays by name: description of the dtype, and the bytes."""
 
 _PROGRAM = "import {}; from logger.core.isolation import serve; serve()"
 """The module of the tasks is imported while the process waits for its files."""
 _MB = 1 << 20
 _WORKING_BYTES = 192 * _MB
-"""For HDF5 and numpy, beyond what is read twice: as it is stored, and as it is given back."""
+"""For HDF5 and numpy, beyond what is read twice: as stored and as given back."""
 _PATIENCE = 20
-"""Real seconds for each second of computing: a busy machine has no more for us."""
+"""Real seconds allowed for each second of computing: the machine may be busy."""
 _START_S = 30
-"""Real seconds that the process may wait in addition, for the card or for its turn."""
+"""Real seconds that the process may wait in addition, for card or processor."""
 _LENGTH_BYTES = 8
 """Of the first part of a reply; little-endian."""
 
 _IDLE_S = 10.0
-"""A program that reads several runs reads the next one by then; others need no process."""
+"""A program that reads several runs reads the next one by then."""
 _UNUSED = 75
 """Exit code of a process that has read nothing since its last reply."""
 
@@ -74,7 +74,7 @@ def most_cpu_s(file_bytes: int) -> int:
 
 
 def start_ahead(module: str) -> None:
-    """Start the process for a file that tasks of `module` will read, unless one waits already."""
+    """Start the process for a file that tasks of `module` will read, unless one waits."""
     waiting = _ready.setdefault(os.getpid(), [])
     if not waiting:
         waiting.append(_start(module))
@@ -104,13 +104,12 @@ def run_isolated(task: str, path: Path, *arguments: Any) -> Outcome:
 
 @atexit.register
 def end_all() -> None:
-    """End the processes that wait for further files; the next file starts one anew."""
+    """End the waiting processes; the next file starts one anew."""
     for process in _ready.pop(os.getpid(), []):
         _end(process)
 
 
 def _waiting() -> subprocess.Popen[bytes] | None:
-    """One that waits for a file and has not ended meanwhile."""
     waiting = _ready.get(os.getpid())
     while waiting:
         process = waiting.pop()
@@ -137,9 +136,9 @@ def _start(module: str) -> subprocess.Popen[bytes]:
 
 
 def _ask(process: subprocess.Popen[bytes], job: bytes) -> Outcome | str | int:
-    """What comes of a job: a result, an error, or how the process ended without a reply.
+    """A result, an error, or the code of a process that ended without a reply.
 
-    After anything but a result it is ended.
+    After anything but a result the process is ended.
     """
     assert process.stdin
     assert process.stdout
@@ -169,7 +168,7 @@ def _read_reply_head(pipe: IO[bytes]) -> bytearray:
 
 
 def _read(pipe: IO[bytes], n_bytes: int) -> bytearray:
-    """So many bytes; raises EOFError if fewer come."""
+    """Raises EOFError if fewer bytes come."""
     data = bytearray(n_bytes)
     if pipe.readinto(data) < n_bytes:  # type: ignore[attr-defined]
         raise EOFError
@@ -177,7 +176,6 @@ def _read(pipe: IO[bytes], n_bytes: int) -> bytearray:
 
 
 def _ending(path: Path, code: int) -> str:
-    """How the other process ended without a reply; a negative code is that of a signal."""
     if -code in {signal.SIGXCPU, signal.SIGALRM, signal.SIGKILL}:
         return f"{path} takes longer to read than any run of its size"
     how = f"with signal {-code}" if code < 0 else "without a reply"
@@ -185,7 +183,7 @@ def _ending(path: Path, code: int) -> str:
 
 
 def serve() -> None:
-    """Be the other process: read the files that come on stdin, and reply on stdout."""
+    """Be the other process: read the files named on stdin, and reply on stdout."""
     with os.fdopen(os.dup(1), "wb") as out:
         os.dup2(2, 1)  # what a library prints is no part of a reply
         error = ""
@@ -226,7 +224,6 @@ def _outcome(
 
 
 def _limit(file_bytes: int) -> None:
-    """Bound memory and time from now on, as far as the system can."""
     cpu_s = most_cpu_s(file_bytes)
     limits = {
         resource.RLIMIT_CORE: 0,

@@ -1,7 +1,7 @@
 """Readings without an identity get the name of their channel and code, or an identity near them.
 
-Where the run names one identity with both near in time and place, and no other, a reading is joined
-to it. That confirms nothing: the identity is marked as unsure.
+A reading is joined to an identity where the run names it with both near in time and place, and no
+other. That confirms nothing: the identity is marked as unsure.
 """
 
 from collections.abc import Mapping
@@ -90,7 +90,6 @@ def _pairs(readings: Rows) -> tuple[IntArray, npt.NDArray[np.str_]]:
 
 
 def _is_witness(readings: Rows) -> BoolArray:
-    """Rows that name a cell that exists without doubt."""
     is_sure = (readings["cell"] != b"") & (readings["identity_unsure"] == 0)
     names, cell = numbered_texts(readings["cell"])
     in_scans = np.unique(np.stack([cell[is_sure], readings["seq"][is_sure]]), axis=1)[0]
@@ -126,7 +125,7 @@ def _join(
 
 
 def _may_be_same(rows: Rows, others: Rows) -> BoolArray:
-    """Whether no known part of the identity of a row differs from that of another, (n, m)."""
+    """Shape (n, m): whether no known part of the identities differs."""
     same = np.ones((len(rows), len(others)), np.bool_)
     for name, unknown in _PARTS.items():
         one, other = rows[name], others[name]

@@ -1,4 +1,4 @@
-"""What came last, in bounded memory: a dict, and the value that was current at some time."""
+"""What came last, in bounded memory: a dict, and the value current at some time."""
 
 from collections import deque
 from typing import Generic, TypeVar
@@ -10,14 +10,14 @@ _CAPACITY = 4000
 
 
 class Latest(dict[str, T]):
-    """The entries put last, in the order of their time, at most `most` of them."""
+    """The entries put last, in order of time, at most `most` of them."""
 
     def __init__(self, most: int) -> None:
         super().__init__()
         self._most = most
 
     def put(self, key: str, value: T) -> None:
-        """Set an entry; if there are too many, the one set longest ago gives way."""
+        """Set an entry; if there are too many, the one set longest ago goes."""
         self.pop(key, None)
         self[key] = value
         if len(self) > self._most:
@@ -41,7 +41,7 @@ class SampleHold(Generic[T]):
         self._entries.append((t_ns, value))
 
     def at(self, t_ns: int) -> T | None:
-        """The value that was current then, None without one that is recent enough."""
+        """The value current then, None without a recent one."""
         before = (entry for entry in reversed(self._entries) if entry[0] <= t_ns)
         since_ns, value = next(before, (0, None))
         return value if t_ns - since_ns <= self._max_age_ns else None

@@ -2,7 +2,7 @@
 
 Every cell that two scans have named has a locator and, once its position is close, an EKF
 (`live_cell`). The target has the reference filter beside them (`live_reference`). After each scan
-the cell that needs it most is searched again: a bounded amount of work for any number of cells.
+only the cell that needs it most is searched again, which bounds the work.
 """
 
 from dataclasses import replace
@@ -31,7 +31,7 @@ from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 _LEAST_S = 1.0
 """Shorter intervals between fixes give no speed: times of arrival vary by as much."""
 _MOST_ONCE = 100
-"""Most cells seen once whose reading is stored: a real cell is received again soon."""
+"""Most cells seen once whose reading is stored: a real cell soon comes again."""
 ADVICE = "advice"
 """Code of the Note that says where to walk next."""
 
@@ -44,7 +44,7 @@ class Receiver(NamedTuple):
 
 
 class ReceiverTrack:
-    """Fixes in their recorded order; `utm` is the zone of the first position, None before it."""
+    """Fixes in their recorded order; `utm` is the zone of the first position, None before."""
 
     def __init__(self, max_fix_age_s: float) -> None:
         self.utm: Utm | None = None
@@ -104,7 +104,6 @@ class ReceiverTrack:
 
 
 def _speed_mps(before: Receiver | None, place: Places) -> float:
-    """Speed since the fix before, 0 without one."""
     if before is None:
         return 0.0
     since_ns = place.t_ns.item() - before.place.t_ns.item()
@@ -116,8 +115,8 @@ def _speed_mps(before: Receiver | None, place: Places) -> float:
 class LiveTracker:
     """Follows the records of one run; `feed` them in recorded order.
 
-    `baseline` has what earlier walks heard, `streets` those that may be walked.
-    `walk_area` is where cells are looked for.
+    `baseline` has what earlier walks heard, `streets` those that may be walked. Cells are looked
+    for in `walk_area`.
     """
 
     def __init__(
@@ -147,7 +146,7 @@ class LiveTracker:
 
     @property
     def answer(self) -> Answer | None:
-        """The answer about the cell that is followed, with its word so far."""
+        """The answer about the followed cell, with its word so far."""
         answer = None if self.followed is None else self.followed.answer
         if answer is None:
             return None
@@ -170,7 +169,7 @@ class LiveTracker:
         return None if cell is None else cell.latest
 
     def feed(self, seq: int, record: Record) -> list[Note | LiveEstimate]:
-        """Take the next record; returns what is to be recorded because of it."""
+        """Take the next record; returns what it causes to be recorded."""
         notes = self._check_rules(record)
         match record.value:
             case Fix() as fix:
@@ -188,7 +187,6 @@ class LiveTracker:
         return [*notes]
 
     def _check_rules(self, record: Record) -> list[Note]:
-        """What the rules find in a record, as events."""
         errors = self.suspicion.errors
         before = set(errors)
         findings = self.suspicion.feed(record)
@@ -251,7 +249,7 @@ class LiveTracker:
         return [*notes] if estimate is None else [*notes, estimate]
 
     def _guide(self, t_ns: int) -> list[Note]:
-        """The advice for the target, if there is a new one, and the end of the search for it."""
+        """New advice for the target, and the end of the search for it."""
         receiver, pursuit = self._track.latest, self.pursuit
         if receiver is None or pursuit is None or pursuit.cell not in self._cells:
             return []
@@ -278,7 +276,7 @@ class LiveTracker:
 
 
 def live_prior(settings: LiveSettings) -> Prior:
-    """The configured prior, with the noise of the desktop program."""
+    """The configured prior with the noise of the desktop program."""
     return prior_for(
         settings.environment,
         height_m=settings.height_m,
@@ -288,7 +286,7 @@ def live_prior(settings: LiveSettings) -> Prior:
 
 
 def _levels(scan: Scan) -> list[tuple[str, CellReading, float]]:
-    """Name, reading and level of each cell of a scan; of a cell listed twice the surer one."""
+    """Of a cell that is listed twice the surer reading counts."""
     first: dict[str, tuple[str, CellReading, float]] = {}
     for reading in sorted(scan.readings, key=lambda reading: reading.identity_unsure):
         name, level_dbm = reading.cell, reading.level_dbm
@@ -298,6 +296,5 @@ def _levels(scan: Scan) -> list[tuple[str, CellReading, float]]:
 
 
 def _at_receiver(cell: str, receiver: Receiver, level_dbm: float, reading: CellReading) -> Readings:
-    """A level with the walker's place; walking during its measurement adds to the sigma."""
     place = receiver.place.less_sure(TIMING_S * receiver.speed_mps)
     return Readings.one(cell, reading.rat, place, level_dbm, limit_of(level_dbm, reading.rat))

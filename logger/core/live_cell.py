@@ -2,12 +2,11 @@
 
 The EKF starts from the locator's position when that has a sigma of at most 12 m and 0.15 of the
 walker's distance (a linearised filter is consistent only if it starts close), and takes the
-shadowing from the last readings. `filter_monitor` follows it and decides when to discard it.
+shadowing from the last readings. `filter_monitor` decides when to discard it.
 
-One walker carries all modems. So what two of them read of a cell at one place differs by their
-offset and by fading alone, whatever stands between them and the cell. `LiveScale` takes that offset
-reading by reading; the desktop program takes the offsets as unknowns of the model
-(`logger.core.locator.offsets`).
+One walker carries all modems, so what two of them read of a cell at one place differs only by their
+offset and by fading. `LiveScale` takes that offset reading by reading; the desktop program takes
+the offsets as unknowns of the model (`logger.core.locator.offsets`).
 """
 
 from collections import deque
@@ -40,15 +39,15 @@ from logger.core.spikes import SpikeFilter
 from logger.core.types import LiveEstimate
 
 CERTAIN_DB = 1.0
-"""Sigma of an offset from which on a modem counts, as in a survey: levels are integers in dB."""
+"""Sigma of an offset below which a modem counts: levels are integers in dB."""
 _NEAR_M = 10.0
-"""Way of a walker between two polls, and far less than what shadowing needs to change."""
+"""Way of a walker between two polls; shadowing changes over far more."""
 _FADING_DB, _FADING_PAIRS = 4.0, 8
 """Difference of two readings with 3 dB of fading each, and how many pairs that is worth: the first
 few may agree by chance."""
 _MOST_WAITING = 100
 MANY_MORE = 30
-"""A minute of polls: a modem that is not away has been compared by then."""
+"""A minute of polls: by then a modem in reach has been compared."""
 TIGHT_M = 12.0
 """Largest sigma of the position at the start of the EKF, whatever the distance."""
 _RECENT = 200
@@ -68,7 +67,6 @@ class _Compared:
 
     @property
     def sigma_db(self) -> float:
-        """Standard deviation of the mean."""
         variance_db2 = _FADING_DB**2 * _FADING_PAIRS + self.squares_db2
         return sqrt(variance_db2 / (_FADING_PAIRS + max(self.n - 1, 0)) / max(self.n, 1))
 
@@ -112,7 +110,7 @@ class LiveScale:
         return None if other is None or other.sigma_db > CERTAIN_DB else other.mean_db
 
     def waiting(self, modem: str, n: int) -> tuple[Readings, ...]:
-        """The latest readings of a modem that has many more than `n` and cannot be compared."""
+        """The latest readings of a modem with many more than `n` that cannot be compared."""
         other = self._others.get(modem)
         if other is None or other.n_waiting <= n + MANY_MORE or not other.waiting:
             return ()
@@ -136,8 +134,6 @@ class _RunningEkf(NamedTuple):
 
 
 class _Modem(NamedTuple):
-    """What the readings of one modem are checked by."""
-
     spikes: SpikeFilter[Readings]
     cache: CacheTest
 
@@ -145,8 +141,7 @@ class _Modem(NamedTuple):
 class LiveCell:
     """Estimate of one cell; `news` are the events of the last reading, as (code, text).
 
-    `latest` is the newest estimate, None before the first. Levels are on the scale of the modem
-    that heard it first (`LiveScale`).
+    `latest` is the newest estimate, None before the first. Levels are on the scale of `LiveScale`.
     """
 
     def __init__(
@@ -185,9 +180,9 @@ class LiveCell:
     def take(self, latest: Readings, modem: str = "", scan_seq: int = 0) -> LiveEstimate | None:
         """Take a reading of a modem's scan; None while there is no estimate.
 
-        A level far from that of its predecessor waits until the next ones confirm it: the estimate
-        is then after all of them. One that they do not confirm is set aside, and one that the modem
-        repeats from its cache is passed over.
+        A level far from its predecessor waits until the next ones confirm it: the estimate is then
+        after all of them. One that they do not confirm is set aside, and one that the modem repeats
+        from its cache is passed over.
         """
         self.news = []
         if modem not in self._modems:
@@ -211,10 +206,10 @@ class LiveCell:
         return estimate
 
     def _on_scale(self, modem: str, reading: Readings) -> Readings | None:
-        """A reading on the scale of the estimate, None while its modem's offset is not certain.
+        """None while the offset of the modem is not certain.
 
-        Where a modem hears a cell far more often than the one that began, and they cannot be
-        compared, the estimate begins anew with it.
+        Where a modem hears a cell far more often than the first and they cannot be compared, the
+        estimate begins anew with it.
         """
         before_db = self._scale.offset_db(modem)
         on_scale = self._scale.take(modem, reading)
@@ -236,7 +231,7 @@ class LiveCell:
         return on_scale
 
     def search(self) -> None:
-        """Let the locator search again."""
+        """Search the positions again."""
         self._locator.search()
         self._may_start = True
 
@@ -274,7 +269,7 @@ class LiveCell:
         return LiveEstimate(scan_seq, LOCATOR, *source, *state, *p, *innovation, share)
 
     def _step_ekf(self, latest: Readings, mode: Mode | None) -> ekf.EkfStep[ShadowState] | None:
-        """Next step of the EKF; None without one, or if it has just been discarded."""
+        """None without an EKF, or if it has just been discarded."""
         if self._ekf is None:
             return None
         step = shadow_ekf.correct(self._ekf.state, self._ekf.noise, latest)
@@ -307,7 +302,6 @@ class LiveCell:
 
 
 def _is_close(mode: Mode, latest: Readings) -> bool:
-    """Whether a Gaussian may stand for the position at the walker's distance from it."""
     (xx, xy), (_, yy) = mode.covariance[:2, :2].tolist()
     x_m, y_m, _, _ = mode.state.tolist()
     distance_m = hypot(x_m - latest.x_m.item(), y_m - latest.y_m.item())
@@ -318,7 +312,7 @@ def _is_close(mode: Mode, latest: Readings) -> bool:
 def _innovation(
     before: Mode, before_db: float, latest: Readings, height_m: float
 ) -> tuple[float, float]:
-    """Level minus that expected from the position before it in dB, and the variance of that."""
+    """Level minus the expected one in dB, and the variance of the difference."""
     x_m, y_m, p0_dbm, eta = before.state.tolist()
     by_x, by_y, by_eta, _ = level_gradient(
         x_m - latest.x_m.item(), y_m - latest.y_m.item(), eta, height_m**2

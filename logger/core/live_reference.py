@@ -1,7 +1,7 @@
 """The reference filter on the device: the specification's EKF on the target.
 
-The target is chosen as `LiveSettings` says. The filter starts at the receiver, and again when the
-target changes. Its estimates are recorded with the stage `REFERENCE`.
+The filter starts at the receiver, and again when the target changes. Its estimates are recorded
+with the stage `REFERENCE`.
 """
 
 from collections.abc import Collection, Iterable
@@ -42,9 +42,8 @@ class LiveReference:
     ) -> Note | None:
         """Choose a target, or another one, from the known cells of a recorded scan.
 
-        Its filter starts at the receiver, and takes the levels of this modem only.
-
-        `suspects` are the cells that may be chosen for their word, the worst first.
+        Its filter starts at the receiver and takes the levels of this modem only. `suspects` may be
+        chosen for their word, the worst first.
         """
         t_ns, before = record.t_ns, self.pursuit
         self._latest = scan
@@ -77,14 +76,14 @@ class LiveReference:
     def follow(self, wanted: str, *, for_word: bool) -> None:
         """Choose from now on as the setting `target` with this value would.
 
-        A cell that is chosen `for_word` is searched for no longer than one that nobody chose.
+        A cell chosen `for_word` is searched for no longer than one that nobody chose.
         """
         self._wanted, self._for_word = wanted, for_word
         self._is_free = wanted != STRONGEST and self._settings.give_up_s > 0.0
         self._finished.discard(wanted)
 
     def offer(self, conspicuous: Iterable[str]) -> str | None:
-        """The cell to search for next: one of these, the worst first; else the strongest.
+        """The cell to search for next: the worst of these; else the strongest.
 
         An ordinary one is offered only where the search for the target is over.
         """
@@ -112,7 +111,6 @@ class LiveReference:
         return LiveEstimate(seq, REFERENCE, *source, x_m, y_m, p0_dbm, eta, *p, *innovation, 1.0)
 
     def _only_choice(self, suspects: Collection[str]) -> str | None:
-        """The only cell that may become the target; None for the strongest one."""
         if self._wanted != SUSPICIOUS:
             return None if self._wanted == STRONGEST else self._wanted
         if not self._settings.give_up_s:
@@ -131,7 +129,7 @@ class LiveReference:
 
 
 def _strongest(scan: Scan, wanted: str | None) -> CellReading | None:
-    """The strongest 2G cell of a scan, or the reading of a wanted cell."""
+    """The strongest 2G cell, or the reading of the wanted cell."""
     sure = [r for r in scan.readings if r.level_dbm is not None and not r.identity_unsure]
     if wanted is None:
         candidates = [r for r in sure if r.rat == "GSM" and r.cell is not None]

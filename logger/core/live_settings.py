@@ -38,21 +38,21 @@ BEHIND = "estimate-behind"
 """Code of the Note of a device that fell behind: the last scans have no live estimate."""
 
 FAILED, RESTARTED = "estimate-failed", "estimate-restarted"
-"""Codes of the Notes around a gap of the live estimate: it is made neither of the record that the
-first one names nor of those up to the one that the second names, with which a new one begins."""
+"""Codes of the Notes around a gap of the live estimate: none is made of the record that the first
+names, nor of those up to the one that the second names, with which a new one begins."""
 
 
 FOLLOW, MARK, WITHIN = "follow", "mark", "within"
 """Codes of the Notes that the walker makes: a cell to follow, a place to remember, and how far from
 the walk the transmitter can be.
 
-The text of the first is the name of a cell, or another value of `LiveSettings.target`; that of the
-last is another `within_walk_m`, empty for none.
+The text of the first is a value of `LiveSettings.target`, that of the last a `within_walk_m`, empty
+for none.
 """
 
 
 def within_of(text: str) -> float | None:
-    """Metres of a Note `WITHIN`; raises ValueError for a text that is neither empty nor metres."""
+    """Metres of a Note `WITHIN`; raises ValueError unless the text is empty or metres."""
     if not text:
         return None
     metres, (least, most) = float(text), LIMITS["within_walk_m"]
@@ -66,9 +66,9 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Every cell named by two scans is tracked, up to `most_cells` at once: the one not received for
     longest gives way. `target` is "suspicious", "strongest" or the name of a cell, for the
-    reference filter and the way to go; it is one that two scans have named. "suspicious" is a cell
-    with that word, else the strongest when one is chosen; it stays until it is located or given up:
-    not received for `give_up_s` (0: never given up, and any word counts), or three legs without a
+    reference filter and the way to go; two scans must have named it. "suspicious" is a cell with
+    that word, else the strongest when one is chosen; it stays until it is located or given up: not
+    received for `give_up_s` (0: never given up, and any word counts), or three legs without a
     smaller region. "strongest" changes when another cell is `hysteresis_db` stronger in the same
     scan, or strongest after the target was not received for `lost_s`. A fix older than
     `max_fix_age_s` is not used. `joseph` chooses the form of the reference filter's covariance
@@ -77,8 +77,7 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     the receiver; any, or None, lets the levels weigh them. Cells are looked for only within
     `within_walk_m` of the hull of the walk so far; None: anywhere. `baseline` is the file of
     earlier walks, "own" for that of the device, empty or "off" for none. `by_channel`: neighbours
-    without an identity are tracked too, by their channel and code (`cell_names`); earlier versions
-    did not.
+    without an identity are tracked too, by their channel and code (`cell_names`).
     """
 
     target: str = SUSPICIOUS
@@ -101,8 +100,8 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def restore_settings(recorded: Mapping[str, Any]) -> dict[str, Any]:
     """Settings as a run stores them, with each null as the value that it stands for.
 
-    JSON has neither infinity nor NaN: an infinite hysteresis is stored as null, as earlier versions
-    did with times. A height of null is any. What a run does not have is as it was before.
+    JSON has neither infinity nor NaN: an infinite hysteresis is null, in earlier versions times
+    were too. A height of null is any. What a run does not have is as it was before.
     """
     known = dict.fromkeys(LIMITS, math.inf) | {"height_m": None, "within_walk_m": None}
     before = {"target": STRONGEST, "give_up_s": 0.0, "by_channel": False}

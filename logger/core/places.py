@@ -1,8 +1,8 @@
 """Places: where the walker was or a transmitter may be, in one UTM zone; and that zone.
 
 A walk that crosses the border of a zone or the equator stays continuous in the zone of its first
-fix. Transverse Mercator by PROJ (Karney 2011), accurate to nanometres at the distances of a walk,
-also far outside the zone.
+fix. Transverse Mercator by PROJ (Karney 2011), accurate to nanometres at such distances, also far
+outside the zone.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ SIGMA_OF_RADIUS68 = 1.0 / 1.5096
 UNKNOWN_SIGMA_M = 7.0
 """Sigma per axis of a fix without an accuracy: a receiver among houses."""
 DEAD_RECKONING_SIGMA_M = 28.0
-"""Additional sigma per axis of dead reckoning, which misses a turn for 20 s of 1.4 m/s."""
+"""Additional sigma per axis of dead reckoning: it misses a turn for 20 s of 1.4 m/s."""
 TIMING_S = 2.0
 """What is walked in this time is unsure: a level is an average over seconds, reported late.
 
@@ -79,7 +79,7 @@ class Utm:
 
     @classmethod
     def at(cls, lat_deg: float, lon_deg: float) -> "Utm":
-        """Zone of the first fix of a run."""
+        """Zone of a run by its first fix."""
         return cls(zone_of(lat_deg, lon_deg))
 
     def to_xy(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
@@ -122,7 +122,7 @@ def _proj(zone: int) -> Proj:
 PLANE = Utm(31)
 """Frame of places given without one: any zone is a plane."""
 NO_MAP = Utm(0)
-"""Frame of arrays in a plane of the user's own: no zone, so nothing is converted to degrees."""
+"""Frame of arrays in a plane of the user's own: nothing is converted to degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +175,6 @@ class Places:
         return len(self.x_m)
 
     def __getitem__(self, k: int) -> "Places":
-        """One of the places."""
         k = range(len(self))[k]
         return self.part(slice(k, k + 1))
 
@@ -265,9 +264,9 @@ class Places:
     def thin(self, *, again: bool) -> BoolArray:
         """Which of the places are ground not measured before, shape (n,); `again` keeps visits.
 
-        A second visit has the same shadowing, lingering the same fading. A filter forgets both and
-        takes them for new evidence: in simulated worlds (6 dB over 15 to 150 m, four rounds
-        of a square) its 95 % ellipse held the truth in 78 to 81 %, and thinned in 90 to 96 %.
+        A second visit has the same shadowing, lingering the same fading. A filter takes both for
+        new evidence: in simulated worlds (6 dB over 15 to 150 m, four rounds of a square) its 95 %
+        ellipse held the truth in 78 to 81 %, and thinned in 90 to 96 %.
         """
         squares: dict[tuple[int, int], list[float]] = {}  # first and last visit, readings of that
         is_new = np.ones(len(self), np.bool_)
@@ -285,7 +284,6 @@ class Places:
         return is_new
 
     def _seconds(self, t_ns: IntArray) -> FloatArray:
-        """Seconds since the first place."""
         return np.asarray(t_ns - self.t_ns[0], float) / 1e9
 
 
@@ -323,7 +321,7 @@ def join_places(parts: Sequence[Places]) -> Places:
 
 @lru_cache(maxsize=256)  # needed several times after each live reading
 def _blank(count: int) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Unknown heights, sigmas and times of 0, shape (count,) each, read-only."""
+    """Heights NaN, sigmas and times 0; shape (count,) each, read-only."""
     blank = np.full(count, np.nan), np.zeros(count), np.zeros(count, np.int64)
     for values in blank:
         values.flags.writeable = False
@@ -418,7 +416,7 @@ def fix_sigma_m(acc_m: float | None, hdop: float | None, quality: int | None = N
 
 
 def _sigma_m(rows: Rows) -> FloatArray:
-    """As `fix_sigma_m` for rows of the table `fixes`."""
+    """As `fix_sigma_m`, for the table `fixes`."""
     sigma_m = np.where(np.isfinite(rows["hdop"]), rows["hdop"] * UERE_M, UNKNOWN_SIGMA_M)
     sigma_m = np.where(np.isfinite(rows["acc_m"]), rows["acc_m"] * SIGMA_OF_RADIUS68, sigma_m)
     is_reckoned = rows["quality"] == DEAD_RECKONING
@@ -431,7 +429,7 @@ def smeared_sigma_m(length_m: npt.ArrayLike) -> FloatArray:
 
 
 def index_of(seqs: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:
-    """Index of each wanted number in `seqs`, and whether it is there; shape (n,) each."""
+    """Index of each wanted number in `seqs`, and whether it is there; (n,) each."""
     order = np.argsort(seqs)
     after = np.searchsorted(seqs, wanted, sorter=order)
     index = order[np.minimum(after, len(seqs) - 1)]

@@ -1,8 +1,7 @@
 """Untrusted text on a terminal: runs, modems and file names may contain control sequences.
 
 Control characters (ESC clears the screen and renames windows), direction marks (which change the
-order in which a text is shown) and halves of surrogates become escapes as in JSON, so that JSON
-stays JSON.
+order of a text) and halves of surrogates become escapes as in JSON, so that JSON stays JSON.
 """
 
 import re
@@ -32,7 +31,7 @@ def _escape(character: str) -> str:
 
 
 class PlainStream:
-    """A text stream that passes no control character but ends of lines and tabs."""
+    """A text stream that passes no control characters but ends of lines and tabs."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream

@@ -19,7 +19,7 @@ def is_import(origin: str) -> bool:
 
 
 def has_times(origin: str) -> bool:
-    """Whether the times of a run are times, and not only the order of its records."""
+    """Whether times of a run are more than the order of its records."""
     return not origin.startswith(_WITHOUT_TIMES)
 
 

@@ -2,8 +2,7 @@
 
 A reading at a limit of the modem's scale is censored: it means "at most" or "at least" this level.
 GSM: RXLEV 0 is anything below -110 dBm, RXLEV 63 anything above -48 dBm (3GPP TS 45.008, 8.1.4).
-The limits of other scales are not known and show as a pile of readings at the lowest or the highest
-value.
+Other limits are not known and show as a pile of readings at the lowest or the highest value.
 
 A modem names its strongest cells. Where a cell is in some of the scans only, its readings are the
 high ones of that place, and all together they decay with distance more slowly than the levels do
@@ -74,7 +73,7 @@ modem lists what the network tells it, or names one cell at a time."""
 
 
 def limits(level_dbm: FloatArray, rat: str | None) -> IntArray:
-    """0 for a level, -1 for a reading at the floor of the scale, +1 at its ceiling; shape (n,)."""
+    """0 for a level, -1 at the floor of the scale, +1 at its ceiling; shape (n,)."""
     limit = np.zeros(len(level_dbm), np.int64)
     finite_dbm = level_dbm[np.isfinite(level_dbm)]
     if not len(finite_dbm):
@@ -99,7 +98,7 @@ def _is_gsm(rat: str | None) -> bool:
 
 
 def _is_pile(level_dbm: FloatArray, lowest_dbm: float) -> bool:
-    """Whether far more readings are at the lowest level than just above, as no walk leaves them."""
+    """Far more readings at the lowest level than just above: no walk leaves them so."""
     if len(np.unique(level_dbm)) < _FEWEST_DIFFERENT:
         return False
     is_next = (level_dbm > lowest_dbm) & (level_dbm <= lowest_dbm + _NEXT_DB)
@@ -122,13 +121,12 @@ class SpikeLevel(NamedTuple):
 class Readings:
     """The readings of one cell in time order, from one on; arrays of shape (n,).
 
-    `places` are those of the receiver, `scan_seq` the record number of the scan a level came from.
-    `modem` numbers the modems of several runs from 0, run after run, and those of one run in the
-    order of their names; None is one modem.
-    `known_limit` is `limit` if the levels no longer show it. `ta` is the timing advance in steps of
-    GSM or of LTE, -1 if unknown; None is none at all. `named_share` is the share of the scans
-    near a reading that name the cell; None is unknown. `without_spikes`: repeated levels and those
-    that their neighbours do not confirm have been removed, or are to stay.
+    `places` are those of the receiver, `scan_seq` the record number of a level's scan. `modem`
+    numbers the modems of several runs from 0, run after run, and those of one run by name; None is
+    one modem. `known_limit` is `limit` if the levels no longer show it. `ta` is the timing advance
+    in steps of GSM or of LTE, -1 if unknown; None is none at all. `named_share` is the share of the
+    scans near a reading that name the cell; None is unknown. `without_spikes`: repeated levels and
+    those that their neighbours do not confirm have been removed, or are to stay.
     """
 
     cell: str
@@ -188,7 +186,7 @@ class Readings:
 
     @property
     def limit(self) -> IntArray:
-        """Which readings are censored at a limit of the modem's scale: `censoring.limits`."""
+        """Which readings are censored at a limit of the modem's scale: see `limits`."""
         if self.known_limit is not None:
             return self.known_limit
         limit = np.zeros(len(self), np.int64)
@@ -197,12 +195,11 @@ class Readings:
         return limit
 
     def __getitem__(self, k: int) -> "Readings":
-        """One of the readings."""
         k = range(len(self))[k]
         return self.part(slice(k, k + 1))
 
     def part(self, chosen: slice | BoolArray | IntArray) -> "Readings":
-        """Some of the readings; those at a limit of the scale are those that all readings show."""
+        """Some of the readings; those at a limit are those that all readings show."""
         columns = {name: getattr(self, name) for name in _PER_READING}
         parts = {name: values[chosen] for name, values in columns.items() if values is not None}
         places = self.places.part(chosen)
@@ -211,7 +208,7 @@ class Readings:
     def usable(self) -> "Readings":
         """The readings with a valid level and position that count, where scans name the cell.
 
-        For the places see `regular_naming`.
+        For the places see `regularly_named`.
         """
         found = self.everywhere()
         if found.named_share is None:
@@ -266,7 +263,7 @@ class Readings:
         return repeats
 
     def _lasting_limit(self, rows: IntArray) -> IntArray:
-        """As `limit` for some readings, where equal levels that follow each other count once."""
+        """As `limit`, but equal levels that follow each other count once."""
         if self.known_limit is not None:
             return self.known_limit[rows]
         level_dbm = self.level_dbm[rows]
@@ -298,7 +295,7 @@ class Readings:
 
 @dataclass(frozen=True, slots=True)
 class Observations:
-    """The readings of each cell of a run, most first, and how many could not be used and why."""
+    """The readings of each cell of a run, most first; how many were unusable and why."""
 
     track: Track
     cells: tuple[Readings, ...]
@@ -372,7 +369,7 @@ def timing_advances(readings: Rows) -> IntArray:
 
 
 def times_ns(scans: Rows, readings: Rows) -> IntArray:
-    """Middle of the scan of each reading, its end if the scan's own row is damaged; shape (n,)."""
+    """Middle of each reading's scan, its end if the scan's own row is damaged; (n,)."""
     if not len(scans):
         return np.asarray(readings["t_ns"], np.int64)
     index, is_there = index_of(scans["seq"], readings["seq"])
@@ -433,8 +430,7 @@ def regularly_named(
 ) -> BoolArray:
     """Which readings (n,) count; all of them where absence does not show weakness.
 
-    `is_level` are those within the scale of the modem, `named_share` is the share of the scans near
-    each reading that name the cell.
+    `is_level` are those within the scale of the modem, `named_share` is as in `Readings`.
     """
     is_regular = named_share >= LEAST_SHARE
     n_strongest = int(np.ceil(_STRONGEST * len(level_dbm)))

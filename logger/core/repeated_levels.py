@@ -4,11 +4,11 @@ They count once.
 
 A telephone whose screen is off, or a modem that hears a neighbour no more, reports its last level
 again and again. Taken as measured, such levels locate a transmitter where there is none. Levels are
-whole decibels, so two that are equal may both be measured. But measured levels that often equal the
-one before also often differ from it by one decibel, and cached ones never do. So a reading is
-compared with the one before it each time that the receiver has moved on: equal levels speak for a
-cache, changes of one step of the scale against it, larger ones for neither. A limit of the scale is
-reported again and again by right.
+whole decibels, so equal ones may both be measured; but measured levels that often equal the one
+before also often differ from it by one decibel, and cached ones never do. So a reading is compared
+with the one before each time that the receiver has moved on: equal levels speak for a cache,
+changes of one step of the scale against it, larger ones for neither. A limit of the scale is
+repeated by right.
 
 Desktop and device use the same test (`CacheTest`). The device leaves repeats out once the test is
 sure, the desktop also those before, which made it so.
@@ -24,7 +24,7 @@ from logger.core.places import Places
 _MOVED_M = 10.0
 """Way between comparisons: many wavelengths, so fading differs."""
 _SIGMAS = 2.0
-"""Way between comparisons in sigmas of the position: a receiver at rest seems to move by less."""
+"""Way between comparisons in sigmas of the position: a receiver at rest seems to move less."""
 _EQUAL_IF_MEASURED = 0.6
 """Share of equal levels among those within one step, in the quietest of 506 measured walks (LoRa at
 the noise floor). A spread of 4 dB leaves a third.
@@ -61,7 +61,7 @@ class CacheTest:
         return self.log_odds > _LEAST
 
     def take(self, place: Places, level_dbm: float, limit: int) -> bool:
-        """Whether the level equals the one before, where it is no limit of the scale."""
+        """Whether the level equals the one before and is no limit of the scale."""
         return self._take(
             place.x_m.item(), place.y_m.item(), place.sigma_m.item(), level_dbm, limit
         )
@@ -111,7 +111,7 @@ def repeats_along(places: Places, level_dbm: FloatArray, limit: IntArray) -> lis
 def _most_equal(places: Places, level_dbm: FloatArray, limit: IntArray) -> float:
     """Largest number of comparisons that can find a level unchanged.
 
-    In a run of equal levels the receiver has to move on before each.
+    The receiver has to move on before each.
     """
     is_equal = np.diff(level_dbm) == 0.0
     step_m = np.hypot(np.diff(places.x_m), np.diff(places.y_m))

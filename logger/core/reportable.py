@@ -28,7 +28,7 @@ _RANGES_DBM: Mapping[str, Mapping[Rat | None, tuple[float, float]]] = {
         None: _RSRP_DBM,
     },
 }
-"""Range of a level by technology, None for all others; a level outside is a filler or damaged."""
+"""Range of a level by technology, None for others; outside is a filler or damage."""
 _OWN = {
     "WCDMA": "rscp_dbm",
     "LTE": "rsrp_dbm",
@@ -36,7 +36,7 @@ _OWN = {
     "NB-IoT": "rsrp_dbm",
     "NR": "rsrp_dbm",
 }
-"""The level of the cell alone. Where it is damaged, that of the carrier does not replace it."""
+"""The level of the cell alone, not replaced by the carrier's where damaged."""
 _CARRIER_ABOVE_DB = (-3.0, 60.0)
 """Carrier above cell: up to 20 dB (resource blocks) and 34 dB (RSRQ), averaged separately."""
 _IDENTITY_BITS: Mapping[Rat | None, int] = {"GSM": 16, "NR": 36}

@@ -8,7 +8,7 @@ LEAST_PEAK = 0.05
 MINOR_MODE = 0.03
 """A mode with this share is relevant, however flat it is."""
 LEAST_SHARE = 0.01
-"""A mode with less is irrelevant, however sharp: as "0 %" it would send people the wrong way."""
+"""A mode with less is irrelevant, however sharp: "0 %" would send people the wrong way."""
 
 
 class Peak(Protocol):
@@ -24,7 +24,7 @@ Mode = TypeVar("Mode", bound=Peak)
 
 
 def relevant_modes(modes: Sequence[Mode]) -> tuple[Mode, ...]:
-    """The best mode, and those with much probability or with a peak that fits nearly as well."""
+    """The best mode, and those with much probability or a peak that fits nearly as well."""
     return (*modes[:1], *filter(_is_rival, modes[1:]))
 
 

@@ -26,7 +26,7 @@ _HASH_FACTOR, _HASH_SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 """Multiplicative hashing by the golden ratio (Knuth, The Art of Computer Programming 3, 6.4)."""
 
 ROWS_AT_ONCE = 4096
-"""Rows that are decoded together, column by column: faster than row by row, in bounded memory."""
+"""Rows decoded together, column by column: faster than row by row, in bounded memory."""
 
 
 def dtypes_of(version: int) -> Mapping[str, np.dtype[np.void]]:
@@ -42,9 +42,8 @@ def parse_dtypes(
 ) -> Mapping[str, np.dtype[np.void]]:
     """Rows as a run describes them by name and type of each column; today's if it does not.
 
-    A table that not every version had is there if it is described.
-
-    Raises ValueError for a description that fits none of our tables: the file is not trusted.
+    A table that not every version had is there only if described. Raises ValueError for a
+    description that fits none of our tables: the file is not trusted.
     """
     dtypes = {table: DTYPES[table] for table in columns_of(OLDEST_DESCRIBED)}
     for table, description in columns.items():
@@ -69,12 +68,12 @@ def _parse_dtype(table: str, kinds: Mapping[str, str]) -> np.dtype[np.void]:
 
 
 def _is_compatible(stored: np.dtype[Any], today: np.dtype[Any]) -> bool:
-    """Whether today's column holds every value of the stored one; texts may be shortened."""
+    """Whether today's column holds every value; texts may be shortened."""
     return stored.kind == today.kind and (stored.kind == "S" or stored.itemsize <= today.itemsize)
 
 
 _PLAIN = re.compile(r"\|?S[1-9]\d{0,2}|[<|]?[iuf][1248]")
-"""Types that a column of a run has: little-endian numbers, and text of fewer than 1000 bytes."""
+"""Types of columns of a run: little-endian numbers, and text of fewer than 1000 bytes."""
 _MOST_COLUMNS = 100
 """More than any version had: a description must not exhaust the memory."""
 
@@ -82,8 +81,7 @@ _MOST_COLUMNS = 100
 def numbered_texts(column: npt.NDArray[np.bytes_]) -> tuple[npt.NDArray[np.bytes_], IntArray]:
     """The different texts of a column in order, and the number of each row's among them.
 
-    As `np.unique` with the inverse, which sorts all texts and takes ten times as long: here the
-    texts are distinguished by a hash, and compared to make sure.
+    As `np.unique` with the inverse, by a hash and ten times as fast; equal hashes are compared.
     """
     if not len(column):
         return column, np.zeros(0, np.int64)
@@ -109,7 +107,7 @@ def numbered_texts(column: npt.NDArray[np.bytes_]) -> tuple[npt.NDArray[np.bytes
 
 
 def to_current_columns(table: str, rows: Rows) -> Rows:
-    """Rows of a run of any version with today's columns; those it did not have are unknown."""
+    """Rows of a run of any version with today's columns, unknown where it had none."""
     if rows.dtype == DTYPES[table]:
         return rows
     current = np.zeros(len(rows), DTYPES[table])

@@ -4,7 +4,7 @@ Every row begins with `seq` (number of the record in the run, the order of every
 since boot when the record was complete) and `source`. Integers that may be unknown have a mark in
 `Column.unknown`; unknown floats are NaN, unknown texts empty. A row is packed, little-endian.
 
-Nothing here needs numpy: a run begins before it is imported. `rows` has the tables as arrays.
+Nothing here needs numpy, for a quick start; `rows` has the tables as arrays.
 """
 
 import math
@@ -25,7 +25,7 @@ OLDEST_DESCRIBED = 2
 EMPTY_LIST = "none"
 """A list without an entry, to tell it from an unknown one, which is empty."""
 MOST_NS = 2**62
-"""Latest time, in ns since boot or since 1970: 146 years, and sums of two still fit 64 bits."""
+"""Latest time, in ns since boot or since 1970: 146 years; sums of two still fit 64 bits."""
 
 _STRUCT_CODES = {"<i8": "q", "<i4": "i", "|u1": "B", "<f8": "d"}
 
@@ -93,7 +93,7 @@ def columns_of(version: int) -> dict[str, list[tuple[str, str]]]:
 
 
 def columns_text(table: str, names: Iterable[str]) -> str:
-    """Names and units of a table's columns, as an attribute of the HDF5 file has them."""
+    """Names and units of a table's columns, an attribute of the HDF5 file."""
     units = {column.name: column.unit for column in TABLES[table]}
     return "\n".join(f"{name}: {units.get(name, '')}" for name in names)
 
@@ -171,7 +171,6 @@ def rows_of(seq: int, record: Record) -> list[tuple[str, tuple[Any, ...]]]:
 def _row(
     table: str, known: Mapping[str, Any], value: Value | CellReading | Broadcast
 ) -> tuple[Any, ...]:
-    """A row of `known` values, and of the fields of `value` for the other columns."""
     return tuple(
         encode(column, known[column.name] if column.name in known else getattr(value, column.name))
         for column in TABLES[table]
@@ -179,7 +178,7 @@ def _row(
 
 
 def encode(column: Column, value: Any) -> Any:
-    """A value as it stands in a row: unknown texts are empty, other unknowns have their mark."""
+    """A value as it stands in a row: unknown texts are empty, other unknowns marked."""
     if isinstance(value, tuple):
         value = list_text(value)
     if column.dtype.startswith("S"):
@@ -195,7 +194,7 @@ def list_text(numbers: Iterable[int]) -> str:
 
 
 def _fit(text: str, size: int) -> bytes:
-    """UTF-8 of at most `size` bytes, cut between characters.
+    """Cut between characters of UTF-8.
 
     A NUL at the end would be lost by numpy and is dropped.
     """

@@ -17,9 +17,9 @@ covariance indefinite. With s first, D_s is the variance of s given the rest, w 
 and row s of U is the dependence of s on the rest.
 
 A reading at the modem's limit shows only that the level is beyond it. The expected level is then
-that of a normal law truncated at the limit; mean and variance of the state are corrected to what
-follows from its mean and variance (moment matching; Tobin, Econometrica 26(1), 1958), which is the
-usual correction with another innovation and another r.
+that of a normal law truncated at the limit; mean and variance of the state follow from its mean and
+variance (moment matching; Tobin, Econometrica 26(1), 1958): the usual correction with another
+innovation and another r.
 """
 
 from collections.abc import Sequence
@@ -85,7 +85,7 @@ def split_noise(
 
 
 def hold(mean: Sequence[float] | FloatArray, noise: ShadowNoise, receiver: Places) -> ShadowState:
-    """State with [x, y, P0, eta] taken as certain: steps from here on estimate the shadowing."""
+    """State with certain [x, y, P0, eta]: steps from here on estimate the shadowing."""
     x_m, y_m, p0_dbm, eta = (float(value) for value in mean)
     none = (0.0,) * 7
     factors = (float(noise.shadow_db) ** 2, *none, *none)
@@ -97,8 +97,8 @@ def hold(mean: Sequence[float] | FloatArray, noise: ShadowNoise, receiver: Place
 def release(state: ShadowState, covariance: FloatArray) -> ShadowState:
     """A held state with the covariance (4, 4) of [x, y, P0, eta]: the start of the filter.
 
-    The readings stepped over while holding count for the shadowing only, so they may be those the
-    covariance comes from. Raises `EstimationError` for a covariance that is not positive definite.
+    Readings stepped over while holding count for the shadowing only, so the covariance may come
+    from them. Raises `EstimationError` for a covariance that is not positive definite.
     """
     try:
         root = np.linalg.cholesky(np.asarray(covariance, float)[::-1, ::-1])[::-1, ::-1]
@@ -158,7 +158,7 @@ def shadow_correlation(noise: ShadowNoise, moved_m: float) -> float:
 def _move(
     state: ShadowState, noise: ShadowNoise, receiver_x_m: float, receiver_y_m: float
 ) -> ShadowState:
-    """The state when the receiver has moved: part of the shadowing is forgotten."""
+    """Part of the shadowing is forgotten."""
     x, y, p0, eta, s, last_x, last_y, factors = state
     ds, dx, dy, d0, de, sx, sy, s0, se, xy, x0, xe, y0, ye, oe = factors
     rho = shadow_correlation(noise, hypot(receiver_x_m - last_x, receiver_y_m - last_y))
@@ -175,9 +175,8 @@ def _bierman(
     """Corrected factors, P h of [s, x, y, P0, eta] and variance S = h' P h + r of a level.
 
     With f = U' h and g = D f, the sum of r and f g grows state by state to S, and with each state
-    one column of U is done. The derivatives by s and P0 are 1. The
-    five columns are written out: a loop over n states takes 1.5 to 2 times as long in plain Python
-    (benchmarks/ekf_step.py).
+    one column of U is done. The derivatives by s and P0 are 1. The columns are written out: a loop
+    takes 1.5 to 2 times as long in plain Python (benchmarks/ekf_step.py).
     """
     ds, dx, dy, d0, de, sx, sy, s0, se, xy, x0, xe, y0, ye, oe = factors
     total = r_db2 + ds
@@ -281,9 +280,9 @@ def candidates(
 ) -> list[ShadowNoise]:
     """The locator's noise, then the same with other white shares.
 
-    The locator averages readings in blocks and considers a few shares only, so that its mean share
-    is rough, and the innovations of a filter with a wrong share are too large or too small. All is
-    taken for white where nearly all is.
+    The locator averages readings in blocks and considers a few shares only, so its mean share is
+    rough, and a wrong one makes innovations too large or too small. All is taken for white where
+    nearly all is.
     """
     if white_share >= _NEARLY_WHITE:
         return [split_noise(sigma_db, 0.0, 1.0, height_m)]
@@ -304,7 +303,7 @@ def likeliest(noises: Sequence[ShadowNoise], mean: FloatArray, readings: Reading
 
 
 def _log_likelihood(noise: ShadowNoise, mean: FloatArray, readings: Readings) -> float:
-    """Log-likelihood of the levels that are not at a limit, but for a constant."""
+    """Up to a constant; levels at a limit do not count."""
     state = hold(mean, noise, readings.places)
     total, places = 0.0, readings.places
     columns = places.x_m, places.y_m, places.sigma_m, readings.level_dbm, readings.limit

@@ -14,8 +14,8 @@ GNSS_OF_MODEM = "modem"
 def source_tables(site: Mapping[str, Any]) -> list[Any]:
     """The tables of all sources, each with `kind` and `name`; what is no table stays as it is.
 
-    `[modem]` and `[gnss]` come first. A modem without a name is "modem", the next one "modem2", a
-    receiver is "gnss".
+    `[modem]` and `[gnss]` come first. Without a name, modems are "modem", "modem2" and a receiver
+    is "gnss".
     """
     modem, gnss, more = site.get("modem"), site.get("gnss"), site.get("source")
     tables = [] if modem is None else [_short(modem, MODEM)]
@@ -38,7 +38,7 @@ def _short(table: Any, kind: str) -> Any:
 
 
 def _receiver(table: Any) -> Any:
-    """A receiver by its port; gpsd has no baud rate."""
+    """A gpsd has no baud rate."""
     if isinstance(table, dict) and str(table.get("port")).startswith("gpsd:"):
         return _short({key: value for key, value in table.items() if key != "baud"}, GPSD)
     return _short(table, NMEA)

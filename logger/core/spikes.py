@@ -2,14 +2,14 @@
 
 One level 30 dB too strong among 400 moves the posterior of a transmitter by hundreds of metres. A
 likelihood with heavy tails cannot distinguish it from the peak beside a transmitter; the readings
-just before and after it can, since fields change over metres and not at one reading. So a level is
-compared with those around it, never with a model of the walk. It is a spike if it is further above
-(or below) both sides than the noise between neighbours explains, and further above them than a
-transmitter right there would make it, given how they rise towards it.
+just before and after it can, since fields change over metres. So a level is compared with those
+around it, never with a model of the walk. It is a spike if it is further above (or below) both
+sides than the noise between neighbours explains, and further above them than a transmitter right
+there would make it, given how they rise towards it.
 
 The readings are checked in their order, each as soon as possible. One that is near its predecessor
 passes at once; another waits until two of the next three confirm or contradict it. Desktop and
-device check with the same class.
+device use the same class.
 """
 
 from collections import deque
@@ -28,9 +28,9 @@ from logger.core.places import Places
 _SIDE = 3
 """Readings on each side: the median of three is no spike even with two in a row."""
 SLOPE_SIDE = 5
-"""Readings on each side that show how levels rise towards a transmitter right here."""
+"""Readings on each side that show how levels rise towards a transmitter here."""
 REACH_M = 200.0
-"""Readings farther away are not related enough to the level here."""
+"""Readings farther away say little about the level here."""
 LEAST_ABOVE_DB, _LEAST_BELOW_DB = 18.0, 20.0
 """Smaller differences move no position far, and occur beside a transmitter."""
 N_CHANGES = 64
@@ -43,7 +43,7 @@ _SIGMAS_ABOVE, _SIGMAS_BELOW = 4.0, 5.0
 _TWO_FACTOR = 4.0 / 3.0
 """Two in a row must be farther out by this: they may be a real peak."""
 _PASSING_SIGMAS = 2.5
-"""A peak higher than this above that of a transmitter right here is a spike."""
+"""A peak this much above that of a transmitter right here is a spike."""
 _FIRST_CHANGES = 4
 _FIRST_SIGMA_DB = 4.0
 """Noise between neighbours at first: between 3 dB (white) and 5.4 dB (measured walks)."""
@@ -68,7 +68,7 @@ T = TypeVar("T")
 
 
 class _Level(NamedTuple, Generic[T]):
-    """A reading, the receiver's place, and its level; `limit` as in `censoring.limits`."""
+    """A reading, the receiver's place, and its level; `limit` as in `readings.limits`."""
 
     reading: T
     x_m: float
@@ -78,7 +78,7 @@ class _Level(NamedTuple, Generic[T]):
 
 
 class SpikeCheck(NamedTuple, Generic[T]):
-    """A reading and how far it is above (or below) those around it; 0 if it is to be used."""
+    """A reading and how far it is above (or below) its neighbours; 0 if it is to be used."""
 
     reading: T
     spike_db: float
@@ -95,7 +95,7 @@ class SpikeFilter(Generic[T]):
         self._waiting: deque[_Level[T]] = deque()
 
     def take(self, reading: T, place: Places, level_dbm: float, limit: int) -> list[SpikeCheck[T]]:
-        """The readings that can be decided now that this one has come."""
+        """The readings that can be decided now."""
         latest = _Level(reading, place.x_m.item(), place.y_m.item(), level_dbm, limit)
         return self._take(latest)
 
@@ -109,8 +109,7 @@ class SpikeFilter(Generic[T]):
     def _take_unchecked(self, levels: Iterable[_Level[T]], changes_db: Iterable[float]) -> None:
         """Take the last of many readings that are near their predecessors, while none waits.
 
-        `changes_db` are those that `take` would have kept. At least as many as the filter remembers
-        are needed, unless there are fewer.
+        `changes_db` are those that `take` would have kept, as many as the filter remembers or all.
         """
         self._before.extend(levels)
         self._changes_db.extend(changes_db)
@@ -132,7 +131,7 @@ class SpikeFilter(Generic[T]):
         return checks
 
     def _is_near_last(self, reading: _Level[T]) -> bool:
-        """Whether its level is so close to the last one that no spike can be in between."""
+        """Whether no spike can be between the last level and this one."""
         if not self._before:
             return False
         return abs(reading.level_dbm - self._before[-1].level_dbm) <= LEAST_ABOVE_DB
@@ -159,7 +158,7 @@ class SpikeFilter(Generic[T]):
 
 
 class _Neighbours(NamedTuple, Generic[T]):
-    """A reading and those around it; `ended` if no more will come after it."""
+    """`ended` if no more readings will come."""
 
     head: _Level[T]
     before: Sequence[_Level[T]]
@@ -179,7 +178,6 @@ class _Neighbours(NamedTuple, Generic[T]):
         return self._outlier_db(off_db, margin_db)
 
     def _outlier_db(self, off_db: float, margin_db: float) -> float | None:
-        """As `spike_db`, for a level beyond the margin."""
         sign, usual_dbm = (1.0 if off_db > 0.0 else -1.0), self._usual_dbm()
         below_db = [sign * (self.head.level_dbm - one.level_dbm) for one in self.after]
         above_db = [sign * (one.level_dbm - usual_dbm) for one in self.after[:_SIDE]]
@@ -206,8 +204,8 @@ class _Neighbours(NamedTuple, Generic[T]):
     def _may_be_passing(self, around: Sequence[_Level[T]]) -> bool:
         """Whether a transmitter right here explains the level.
 
-        The slope of the levels around over log-distance from here, with a wide prior of the
-        exponent, gives the level up close.
+        Extrapolates the slope of the levels around over log-distance, with a wide prior of the
+        exponent.
         """
         if not around:
             return True
@@ -226,10 +224,10 @@ class _Neighbours(NamedTuple, Generic[T]):
 
 
 def _vote(is_apart: Sequence[bool], n_as_far: int, *, ended: bool) -> bool | None:
-    """Whether the readings after a level contradict it: two of three, fewer if there are no more.
+    """Whether two of three readings after a level contradict it, fewer if there are no more.
 
-    `n_as_far` of them stand out as it does: a walk that ends with two such has not shown that they
-    are a real peak.
+    `n_as_far` of them stand out as it does: a walk that ends with two such has not shown a real
+    peak.
     """
     n_apart, n_shared = sum(is_apart), len(is_apart) - sum(is_apart)
     if ended and len(is_apart) < _SIDE:
@@ -240,7 +238,6 @@ def _vote(is_apart: Sequence[bool], n_as_far: int, *, ended: bool) -> bool | Non
 
 
 def _sigma_db(changes_db: Iterable[float]) -> float:
-    """Standard deviation of a level, from changes between neighbours."""
     by_size = sorted(changes_db)
     sizes = ((by_size[int(share * len(by_size))], normal) for share, normal in _QUANTILES)
     return max(size_db / (sqrt(2.0) * normal) for size_db, normal in sizes)
@@ -258,9 +255,8 @@ def _passing_distance_db(head: _Level[T], other: _Level[T]) -> float:
 def spikes_along(places: Places, level_dbm: FloatArray, limit: IntArray) -> list[tuple[int, float]]:
     """Number of each spike among the levels of a walk, (n,) in time order, and its height in dB.
 
-    Quiet stretches are passed over at once: of a stretch without a large change between neighbours
-    the filter remembers the last readings and changes only, so that no other reading of it has to
-    be taken one by one.
+    Quiet stretches are passed over at once: the filter remembers only the last readings and changes
+    of a stretch without a large change between neighbours.
     """
     walk = _Walk(places, level_dbm, limit)
     spikes, checks = SpikeFilter[int](), list[SpikeCheck[int]]()
@@ -276,8 +272,6 @@ def spikes_along(places: Places, level_dbm: FloatArray, limit: IntArray) -> list
 
 
 class _Walk:
-    """Levels in time order, the changes between neighbours, and where these are large."""
-
     def __init__(self, places: Places, level_dbm: FloatArray, limit: IntArray) -> None:
         x_m, y_m = places.x_m, places.y_m
         self._columns = x_m, y_m, level_dbm, limit
@@ -288,23 +282,22 @@ class _Walk:
         self._large = np.append(large, len(x_m))
 
     def level(self, k: int) -> _Level[int]:
-        """Reading number k."""
         x_m, y_m, level_dbm, limit = (column[k].item() for column in self._columns)
         return _Level(k, x_m, y_m, level_dbm, limit)
 
     def next_large(self, k: int) -> int:
-        """Number of the first reading from k on that is far from its predecessor, or the end."""
+        """The first reading from k on that is far from its predecessor, or the end."""
         return int(self._large[np.searchsorted(self._large, k)])
 
     def kept_changes_db(self, first: int, end: int) -> list[float]:
-        """Changes to the readings from `first` to `end` that a filter keeps, the last ones."""
+        """The last changes to the readings from `first` to `end`, as many as a filter keeps."""
         some = slice(first - 1, end - 1)
         kept: list[float] = self._change_db[some][self._is_kept[some]][-N_CHANGES:].tolist()
         return kept
 
 
 def _skip_quiet(spikes: SpikeFilter[int], walk: _Walk, first: int) -> int:
-    """Pass on all readings before the next large change at once; return its number."""
+    """Returns the number of the reading with the next large change."""
     end = walk.next_large(first)
     spikes._take_unchecked(  # noqa: SLF001 (this module)
         (walk.level(k) for k in range(max(first, end - SLOPE_SIDE), end)),

@@ -15,14 +15,14 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 
 SQUARE_M = 300.0
-"""Houses shadow over tens of metres and cells reach kilometres; a walker needs minutes for it."""
+"""Houses shadow over tens of metres, cells reach kilometres; a walker needs minutes for it."""
 
 _BELTS_PER_DEG = 370
 _LAST_BELT = 180 * _BELTS_PER_DEG - 1
 _EQUATOR_M = 40_075_017.0
 """Circumference at the equator (WGS 84)."""
 METRES_PER_DEG = 111_320.0
-"""Of longitude at the equator; the degree of latitude is up to 0.7 % shorter."""
+"""Of longitude at the equator; a degree of latitude is up to 0.7 % shorter."""
 _COLUMN_BITS = 18
 """The equator has 133 583 columns."""
 
@@ -86,5 +86,5 @@ def _column(belt: int, lon_deg: float) -> int:
 
 @lru_cache(maxsize=4096)
 def _columns(belt: int) -> int:
-    """Number of squares in a belt: the whole number that makes them closest to 300 m wide."""
+    """The whole number of squares that makes them closest to 300 m wide."""
     return max(round(_EQUATOR_M * cos(radians(_middle_deg(belt))) / SQUARE_M), 1)

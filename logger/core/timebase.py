@@ -32,16 +32,16 @@ _MOST_PAIRS = 2000
 _BINS = 24
 """Of a run, for its drift: each has the promptest sentences of some minutes."""
 _PROMPT = 90.0
-"""Percentile of UTC minus arrival that stands for no delay: sentences come late, never early."""
+"""Percentile of UTC minus arrival that stands for no delay: sentences never come early."""
 _LATE_S, _LATE_SIMULATED_S = 10.0, 120.0
-"""A busy machine reads sentences late, most of all of a walk that is simulated faster than real;
-leap seconds, which a simulated receiver has not, are 18."""
+"""A busy machine reads sentences late, most of all of a walk simulated faster than real; leap
+seconds, which a simulated receiver has not, are 18."""
 _PROMPT_SIMULATED = 0.5
-"""Share of the parts of a simulated run that have a prompt sentence; of others all have."""
+"""Share of the parts of a simulated run with a prompt sentence; of others all have one."""
 _IN_BIN = 10
 """Pairs of which one came without delay, at the load of eight programs a core."""
 _MIDNIGHT_S = 3.0
-"""A leap second happens at midnight UTC; so close to it a step may be real."""
+"""A leap second happens at midnight UTC; close to it a step may be real."""
 _DAY_S = 86_400
 
 
@@ -70,8 +70,8 @@ class TimeBase:
 def fit_run(origin: str, fixes: Rows) -> TimeBase | None:
     """As `fit` for the table `fixes` of a run; `origin` is the one in its description.
 
-    Times of an import are those of another program, of any year and also without a position: the
-    week counter does not apply. An import without times has no UTC.
+    Times of an import are of another program, of any year and also without a position. An import
+    without times has no UTC.
     """
     if not has_times(origin):
         return None
@@ -107,10 +107,9 @@ def fit(
 ) -> TimeBase | None:
     """Fit the pairs (time since boot, UTC by GPS), shape (n,); None if UTC remains unknown.
 
-    `utc_ns` is `UNKNOWN_TIME` without a time. `valid` (n,) is 0 if the receiver had no position: it
-    then has the time from its own clock at best, and the pair is not used. With `any_year` a time
-    may also be where a receiver with a rollover error would put it; `simulated` times may be read
-    very late.
+    `utc_ns` is `UNKNOWN_TIME` without a time. A pair with `valid` (n,) 0 is not used: without a
+    position the receiver has the time from its own clock at best. With `any_year` a time may also
+    be where a receiver with a rollover error would put it; `simulated` times may be read very late.
     """
     has_utc = utc_ns != UNKNOWN_TIME
     usable = has_utc if any_year else (utc_ns >= EARLIEST_UTC_NS) & (utc_ns < LATEST_UTC_NS)
@@ -139,7 +138,7 @@ def fit(
 def _agreeing_pairs(
     elapsed_s: FloatArray, early_s: FloatArray, utc_ns: IntArray, *, simulated: bool
 ) -> BoolArray | None:
-    """Which pairs have the right time, shape (n,); None if they contradict each other."""
+    """Shape (n,); None if the pairs contradict each other."""
     thin = np.unique(np.linspace(0, len(elapsed_s) - 1, _MOST_PAIRS).astype(int))
     thin_early_s = early_s[thin]
     groups = _consistent_groups(elapsed_s[thin].tolist(), thin_early_s.tolist())
@@ -171,7 +170,7 @@ def _consistent_groups(elapsed_s: list[float], early_s: list[float]) -> list[lis
 def _group_after_leap(
     groups: list[list[int]], early_s: FloatArray, utc_ns: IntArray
 ) -> list[int] | None:
-    """The last group, if it differs from those before it by leap seconds received late only."""
+    """None unless it differs from those before by leap seconds received late only."""
     last = max(groups, key=lambda group: group[-1])
     begin = last[0]
     near = [group for group in groups if abs(early_s[group[-1]] - early_s[begin]) <= LEAP_S]

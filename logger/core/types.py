@@ -28,9 +28,7 @@ Level = Literal["info", "warning", "error"]
 Verdict = Literal["located", "ambiguous", "cannot tell"]
 
 MOST_NEIGHBOURS = 64
-"""Channels of a stored neighbour list: Telit prints 32 at most (LE910 manual p287), so this leaves
-room for others.
-"""
+"""Channels of a stored neighbour list: Telit prints 32 at most (LE910 manual p287)."""
 HIGHEST_ARFCN = 1023
 """Of GSM (3GPP TS 45.005 2)."""
 RXLEV_0_DBM = -110.0
@@ -72,9 +70,9 @@ class Fix:
 class Broadcast:
     """What a GSM cell broadcasts of its neighbours and of reselection, as a modem prints it.
 
-    None is "not printed"; an empty tuple is a list that the modem printed without a channel. No
-    form of a row shows that a digit of these values was lost or changed; `broadcast_unsure` is True
-    until the modem has printed the same of the cell once more.
+    None is "not printed"; an empty tuple is a list printed without a channel. No form of a row
+    shows that a digit of these values was lost or changed; `broadcast_unsure` is True until the
+    modem has printed the same of the cell once more.
     """
 
     neighbour_arfcns: Annotated[
@@ -154,7 +152,7 @@ class CellReading:
         """Level used for estimation: that of the cell's own signal, if the technology has one.
 
         Modems without a documented dBm scale get the nominal one of 3GPP TS 45.008, 8.1.4. Its
-        unknown offset is the same for all readings of the modem and becomes part of P0.
+        unknown offset is the same for all readings of a modem and becomes part of P0.
         """
         for level_dbm in (self.rsrp_dbm, self.rscp_dbm, self.rssi_dbm):
             if level_dbm is not None:
@@ -166,8 +164,8 @@ class CellReading:
 class Scan:
     """All cells of one reply of a modem, begun at `t_start_ns`; empty if it reports no cell.
 
-    `fix_start_seq` and `fix_seq` are the record numbers of the fixes that were current when it
-    began and when it was recorded, None without one.
+    `fix_start_seq` and `fix_seq` are the record numbers of the fixes that were current at its begin
+    and when it was recorded, None without one.
     """
 
     t_start_ns: Annotated[Seq, "ns since boot, when the command was sent"]

@@ -5,8 +5,8 @@ from datetime import UTC, datetime, timedelta
 EARLIEST_UTC_NS = 1_577_836_800 * 10**9
 """2020-01-01, before any run of this program.
 
-The week counter of GPS has 1024 weeks, so that a receiver that is wrong by a rollover is outside of
-the 1024 weeks from here, as is a clock that was never set.
+A receiver that is wrong by a rollover of GPS's week counter is outside of the 1024 weeks from here,
+as is a clock that was never set.
 """
 LATEST_UTC_NS = EARLIEST_UTC_NS + 1024 * 7 * 86_400 * 10**9
 

@@ -21,7 +21,7 @@ from logger.device.notify import ServiceManager
 log = logging.getLogger(__name__)
 
 SENSORS = frozenset({"ina219", "ina220", "ina226", "ina230", "ina231"})
-"""Names of hwmon devices on UPS boards: they know volts and amperes, and no percentage."""
+"""Names of hwmon devices on UPS boards, which know no percentage."""
 
 LOOK_EVERY_S = 10.0
 _LOW_LOOKS = 3
@@ -29,7 +29,7 @@ _LOW_LOOKS = 3
 _NOTE_PERCENT, _NOTE_VOLTS = 10.0, 0.25
 """A change since the last note that makes another one."""
 _RISE_PERCENT, _RISE_VOLTS = 5.0, 0.2
-"""So far above the limit a battery may be used again: one rises by itself when it is relieved."""
+"""So far above the limit a battery may be used again: a relieved one rises by itself."""
 
 
 class Battery(msgspec.Struct, frozen=True):
@@ -58,7 +58,7 @@ class Battery(msgspec.Struct, frozen=True):
 
 
 def batteries(sys: Path = SYS) -> list[Battery]:
-    """All batteries of the machine, those with a percentage first; empty where there is none."""
+    """All batteries of the machine, those with a percentage first."""
     supplies = [_supply(folder) for folder in sorted(sys.glob("class/power_supply/*"))]
     sensors = [_sensor(folder) for folder in sorted(sys.glob("class/hwmon/hwmon*"))]
     seen = [battery for battery in (*supplies, *sensors) if battery is not None]
@@ -101,7 +101,7 @@ def _sensor(folder: Path) -> Battery | None:
 def is_low(battery: Battery, settings: PowerSettings, rise: bool = False) -> bool:
     """Whether a battery is below a limit of the settings, and nothing is known to charge it.
 
-    With `rise` the limits are higher: those above which a stopped recording begins again.
+    With `rise` the limits are those above which a stopped recording begins again.
     """
     if battery.has_supply:
         return False
@@ -114,7 +114,7 @@ def is_low(battery: Battery, settings: PowerSettings, rise: bool = False) -> boo
 
 
 class BatteryWatch:
-    """Looks at the batteries from time to time; `now_s` is any steady clock, in real seconds."""
+    """Looks at the batteries from time to time; `now_s` is any steady clock in real seconds."""
 
     def __init__(
         self, settings: PowerSettings, now_s: Callable[[], float], sys: Path = SYS
@@ -131,7 +131,7 @@ class BatteryWatch:
     def look(self) -> Iterator[Note]:
         """Read the batteries when it is time; yield what is worth a note.
 
-        `low` is the reason to stop, once a battery has been low several times.
+        `low` is the reason to stop, once a battery was low several times.
         """
         if self._now_s() < self._next_s:
             return
@@ -166,7 +166,7 @@ def _differ(before: float | None, now: float | None, least: float) -> bool:
 
 
 def too_low_to_begin(settings: PowerSettings, sys: Path = SYS) -> str:
-    """Why recording has to wait for a charger; empty if it may begin or no limit is set."""
+    """Why recording has to wait for a charger; empty if it may begin."""
     if not (settings.stop_percent or settings.stop_volts):
         return ""
     low = next((b for b in batteries(sys) if is_low(b, settings, rise=True)), None)
@@ -176,7 +176,7 @@ def too_low_to_begin(settings: PowerSettings, sys: Path = SYS) -> str:
 def wait_for_charger(
     settings: PowerSettings, manager: ServiceManager, ended: Event, sys: Path = SYS
 ) -> None:
-    """Wait until the battery allows to record, or `ended`; the watchdog of systemd is fed."""
+    """Wait until the battery allows to record, or `ended`; feeds systemd's watchdog."""
     reason = ""
     while not ended.is_set() and (now := too_low_to_begin(settings, sys)):
         if not reason:

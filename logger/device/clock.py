@@ -1,4 +1,4 @@
-"""The time of a run: since boot, never wall time, and faster for a simulated walk."""
+"""The time of a run: since boot, never wall time; faster for a simulated walk."""
 
 import threading
 import time
@@ -20,7 +20,7 @@ class Clock(Protocol):
         ...
 
     def real_s(self, seconds: float) -> float:
-        """Real duration of seconds of this clock, for timeouts of the operating system."""
+        """Real duration of this clock's seconds, for timeouts of the system."""
         ...
 
 

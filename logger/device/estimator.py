@@ -1,12 +1,11 @@
 """The live estimate in its own thread, so that reception never waits for it.
 
 It gets the recorded fixes, scans and choices of a cell in their order, so that `postproc replay`
-can repeat it. Its estimates go through the inbox and are recorded like all other records. Its
-modules (numpy, the map) take seconds to import on a small board: its thread imports them while the
-ports are recorded.
+can repeat it. Its estimates go through the inbox like all other records. Its modules (numpy, the
+map) take seconds to import on a small board: its thread imports them while the ports are recorded.
 
-An exception in it is noted with the number of the record, and after a pause a new tracker begins
-with the record that a second note names: replay leaves out the same records.
+An exception in it is noted with the number of the record. After a pause a new tracker begins with
+the record that a second note names: replay leaves out the same records.
 """
 
 import logging
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 MOST_WAITING = 20_000
-"""Records of half an hour; a processor that is so far behind leaves out what follows."""
+"""Records of half an hour; a processor so far behind leaves out what follows."""
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 10.0, 600.0
 """Time of the records that a failed estimate waits: twice as long each time, since what fails at
 each scan must not take the processor."""
@@ -49,28 +48,27 @@ def live_tracker(settings: LiveSettings, files: "LiveFiles") -> "LiveTracker":
 
 
 def _rules_note() -> Note:
-    """Which rules are applied; their modules are imported with the tracker."""
+    """Imports the rules only now, with the tracker."""
     from logger.core.suspicion.rules import rules_note  # noqa: PLC0415
 
     return rules_note()
 
 
 def _in_plain_words(text: str) -> str:
-    """A note for people."""
     from logger.core.suspicion.words import in_plain_words  # noqa: PLC0415
 
     return in_plain_words(text)
 
 
 def _log_place(error: Exception) -> None:
-    """The stack without the message, which may have what is private."""
+    """Without the message, which may have what is private."""
     log.error("live estimate: %s\n%s", error_place(error), "".join(format_tb(error.__traceback__)))
 
 
 class Estimator:
     """Feeds records to the tracker that `make` returns, until `finish`.
 
-    `make` is called in the thread of the estimate, in which the files that `settings` name are read
+    `make` is called in the thread of the estimate, where the files that `settings` name are read
     too; `folder` is that of the runs.
     """
 
@@ -158,7 +156,6 @@ class Estimator:
             return None
 
     def _take(self, seq: int, record: Record, files: "LiveFiles") -> None:
-        """Estimate; after an exception not before the pause is over."""
         if isinstance(record.value, Note):
             self._asked[record.value.code] = seq, record
         if self._tracker is None and record.t_ns < self._again_ns:
@@ -177,7 +174,6 @@ class Estimator:
             self._inbox.put(Record(record.t_ns, "live", RawBytes(lines)))
 
     def _begin(self, seq: int, record: Record, files: "LiveFiles") -> "LiveTracker":
-        """A new tracker, which knows what the walker asked for."""
         tracker = self._make(files)
         if self._failure:
             for earlier in self._asked.values():
@@ -201,7 +197,7 @@ class Estimator:
         self._inbox.put(Record(record.t_ns, "live", Note(level, code, f"record {seq}: {text}")))
 
     def _estimate(self, tracker: "LiveTracker", seq: int, record: Record) -> None:
-        """Estimate, and record all of it or nothing."""
+        """All of the estimate is recorded, or nothing."""
         if not self._has_started:
             self._has_started = True
             self._inbox.put(Record(record.t_ns, "live", _rules_note()))

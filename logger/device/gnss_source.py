@@ -28,7 +28,7 @@ from logger.drivers.protocols.line_noise import Garbage
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
 
 SILENT_S = 1.5
-"""Longer than the pause between two epochs at 1 Hz: after it an epoch is complete."""
+"""Longer than the pause between epochs at 1 Hz: after it an epoch is complete."""
 PROBE_S = 1.3
 """A receiver at 1 Hz has printed an epoch by then."""
 _SENTENCES = 2
@@ -120,14 +120,14 @@ def count_unmeasured(link: Link, fix: Fix) -> None:
 
 
 def credible(fix: Fix) -> Fix:
-    """Remove an impossible time: a receiver's clock starts in 1980, or 1024 weeks too early."""
+    """Remove an impossible time: a receiver begins in 1980, or 1024 weeks too early."""
     if fix.utc_ns is None or fix.utc_ns >= EARLIEST_UTC_NS:
         return fix
     return replace(fix, utc_ns=None)
 
 
 class GpsdSource(Source[GpsdSettings]):
-    """Gives one fix for each epoch of one receiver of a gpsd, or of all if no device is named."""
+    """Gives one fix for each epoch of a gpsd's receiver, or of all if none is named."""
 
     def open(self, read_timeout_s: float) -> Port:
         return Port(self.port, 0, read_timeout_s)
@@ -140,8 +140,6 @@ class GpsdSource(Source[GpsdSettings]):
 
 
 class _FixesAndNotes(GpsdFixes):
-    """Fixes, and notes of the other reports of gpsd."""
-
     def __init__(self, link: Link, device: str) -> None:
         super().__init__()
         self._link = link

@@ -21,7 +21,7 @@ FLASHES_S: dict[Sign, tuple[float, ...]] = {
     "no fix": (1.0, 1.0),
     "error": (0.1, 0.1),
 }
-"""Seconds on and off in turn. Every state blinks: a crashed program or Pi is not taken for one."""
+"""Seconds on and off in turn. Every state blinks, so a crashed program or Pi shows."""
 
 
 LONG_FLASH_S, PAUSE_S = (0.5, 0.4), 1.6
@@ -31,8 +31,8 @@ LONG_FLASH_S, PAUSE_S = (0.5, 0.4), 1.6
 def flashes_of(status: Status) -> tuple[float, ...]:
     """Seconds on and off in turn.
 
-    Where there are more sources than a modem and a receiver, the number of long flashes is the
-    place of the first faulty one in the configuration.
+    With more sources than a modem and a receiver, the long flashes count to the first faulty one in
+    the configuration.
     """
     ports = list(status.ports.values())
     number = next((k for k, port in enumerate(ports, 1) if port.fault), 0)
@@ -44,8 +44,7 @@ def flashes_of(status: Status) -> tuple[float, ...]:
 class StatusLight:
     """One LED that blinks the state until `close`, which gives it back to the kernel.
 
-    A missing or read-only LED is logged once, and the recording goes on without it. An empty name
-    is no LED.
+    A missing or read-only LED is logged once; the recording goes on. An empty name is no LED.
     """
 
     def __init__(self, name: str, leds: Path = LEDS) -> None:

@@ -49,7 +49,7 @@ class Line:
 
 
 def port_line(name: str, url: str) -> Line:
-    """Whether a port that may be plugged in later is there now, and may be used."""
+    """Whether a port that may be plugged in later is there, and may be used."""
     if "://" in url:
         return Line("ok", name, f"{url} is a network port, not looked at")
     path = Path(url)
@@ -115,7 +115,7 @@ class Tally:
         self._n += n
 
     def take(self, now_ns: int | None = None) -> str | None:
-        """Text of a note that is due at `now_ns`, or (None) at the end of the connection."""
+        """Text of a note due at `now_ns`, or (None) at the end of the connection."""
         if not self._n or (now_ns is not None and now_ns - self._since_ns < NOTE_INTERVAL_S * 1e9):
             return None
         n, self._n = self._n, 0
@@ -168,8 +168,8 @@ class Stream(Protocol):
 class Source(ABC, Generic[Settings]):
     """Where records come from; a kind of source is one file with a class derived from this.
 
-    `patience_s` is the time without a scan after which it has failed, None for a source that
-    receives no cells. A port of a source that `may_be_swapped` may be that of another device.
+    `patience_s` is the time without a scan after which it has failed, None if it receives no cells.
+    A port of a source that `may_be_swapped` may be another device's.
     """
 
     may_be_swapped = False
@@ -207,7 +207,7 @@ class Source(ABC, Generic[Settings]):
     def session(self, link: "Link", folder: Path) -> None:
         """Read the open link and emit values until it is stopped; raises `DeviceError`.
 
-        What must survive a power cut may be stored in the folder of the runs.
+        What must survive a power cut may be stored in `folder`, that of the runs.
         """
 
     def validate(self) -> None:
@@ -224,7 +224,7 @@ class Source(ABC, Generic[Settings]):
 
     @classmethod
     def probe(cls, port: Port) -> Device | None:
-        """What has answered at an open serial port, None if it is no source of this kind."""
+        """What has answered at an open serial port, None if no source of this kind."""
         del port
         return None
 
@@ -232,9 +232,8 @@ class Source(ABC, Generic[Settings]):
 class Link:
     """A session's access to its source, the clock and the recorder.
 
-    Private numbers are redacted before anything is recorded or read. `silence_limits` are learned
-    from the device and `known` are the numbers that it has sent; both outlive a session, so that a
-    port that is opened again starts with them.
+    Private numbers are redacted before anything is recorded or read. `silence_limits`, learned from
+    the device, and `known`, the numbers that it has sent, outlive a session.
     """
 
     def __init__(
@@ -336,7 +335,7 @@ class Link:
         self.count("garbage", n_bytes, "unreadable bytes")
 
     def _take(self, data: bytes) -> tuple[int, bytes]:
-        """Record new bytes; return their time and what is left of them after redaction."""
+        """Returns their time and what redaction leaves of them."""
         t_ns = self.clock.now_ns()
         self.has_heard = bool(data)
         data = self._redactor.feed(data)
@@ -345,7 +344,7 @@ class Link:
         return t_ns, data
 
     def _take_rest(self, port: Stream) -> None:
-        """Record what waits in a port before it is closed, which would discard it."""
+        """Closing the port would discard it."""
         with suppress(DeviceError):
             for _ in range(MOST_CHUNKS_LEFT):
                 data = port.rest()

@@ -1,8 +1,8 @@
 """The baseline and the streets on the device: only read, and an error never stops the recording.
 
-A file that is missing or damaged is one line in the log and one event in the run. From then on
-nothing is known of earlier walks, and rules that need them are not asked, or there are no streets.
-What the baseline is asked is recorded (`NotedBaseline`).
+A missing or damaged file is one line in the log and one event in the run. From then on nothing is
+known of earlier walks, and rules that need them are not asked, or there are no streets. What the
+baseline is asked is recorded (`NotedBaseline`).
 """
 
 import logging
@@ -50,8 +50,8 @@ _STREETS, _NO_STREETS = "streets", "streets-unreadable"
 class LiveFiles:
     """A `Baseline` and `Streets` that answer whatever happens, from the files that settings name.
 
-    `take_notes` and `take_lines` are to be recorded. Used in one thread, in which it must be made:
-    that of the live estimate. `folder` is that of the runs.
+    `take_notes` and `take_lines` are to be recorded. Made and used in one thread, that of the live
+    estimate. `folder` is that of the runs.
     """
 
     def __init__(self, settings: LiveSettings, folder: Path = Path()) -> None:
@@ -77,7 +77,7 @@ class LiveFiles:
         return lines
 
     def near(self, here: Places) -> StreetMap | None:
-        """The streets around a walk that is here; None without any."""
+        """As `Streets.near`."""
         try:
             return self._streets.near(here)
         except Exception as error:  # noqa: BLE001 (also without memory the estimate goes on)

@@ -1,9 +1,9 @@
 """What all outputs show of the walk, as one value, made of the tracker and of the latest scans.
 
 `LiveView` is part of `status.json`, which the page sends to the phones; the light, the feed and
-`fieldlogger status` are made of it too. A new item on the phone is a field of `LiveView` with its
-value in `live_view` (what the tracker knows) or `CellTable.fill` (what the modem hears), and a line
-in `logger/page/assets`.
+`fieldlogger status` use it too. A new item on the phone is a field of `LiveView` with its value in
+`live_view` (what the tracker knows) or `CellTable.fill` (what the modem hears), and a line in
+`logger/page/assets`.
 """
 
 import threading
@@ -49,7 +49,7 @@ class TargetStatus(Struct, frozen=True):
     `r50_m` and `r95_m` are the radii that hold half and 95 % of all probability; null where the
     position has less. `verdict` is that of the answer where there is one, else "one close place",
     "several places" or "cannot tell". `over` is why nothing leads to it any more: "located", or why
-    it was given up; empty while the search goes on.
+    it was given up; empty during the search.
     """
 
     cell: str
@@ -88,8 +88,8 @@ class CellStatus(Struct, frozen=True):
 
     `average_dbm` is over the last 2 s before its latest reading, `trend_db` the change of the level
     in a few seconds: positive is "warmer". `heard_ns` is the time of the latest of `n` readings,
-    `ta_m` its timing advance as a distance. `word` and `reasons` are those of its suspicion, and
-    `verdict` that of its live estimate where there is one. Levels are those of one `modem`.
+    `ta_m` its timing advance as a distance. `word` and `reasons` are its suspicion, `verdict` that
+    of its live estimate. Levels are those of one `modem`.
     """
 
     cell: str = ""
@@ -146,7 +146,7 @@ class LiveView(Struct, frozen=True, kw_only=True):
 
     @property
     def goal(self) -> OnMap | None:
-        """What the arrow points at: the place that was found, else the end of the next way."""
+        """What the arrow points at: the place found, else the end of the next way."""
         if self.position is not None and self.position.verdict == "located":
             return self.position
         return None if self.next is None else OnMap(lat=self.next.lat, lon=self.next.lon)
@@ -184,7 +184,7 @@ def target_status(
     position: PositionStatus | None = None,
     over: str = "",
 ) -> TargetStatus | None:
-    """The target with its latest estimate, as sure of its place as the answer is."""
+    """The target with its latest estimate, as sure of its place as the answer."""
     status = _of_estimate(cell, latest)
     if status is None or position is None:
         return status
@@ -227,13 +227,12 @@ def _of_estimate(cell: str | None, latest: LiveEstimate | None) -> TargetStatus 
 
 
 def _radius_m(ellipse: Ellipse, level: float, probability: float) -> float | None:
-    """Radius with `level` of all probability where the estimate has `probability` of it."""
     within_m = radius_m(ellipse, level / probability) if probability > level else None
     return None if within_m is None else round(within_m, 1)
 
 
 def _certainty(latest: LiveEstimate) -> str:
-    """How sure the live estimate is of its position: the mode alone, not the whole region."""
+    """Certainty of the mode alone, not of the whole region."""
     if latest.stage == EKF:
         return "one close place"
     return "cannot tell" if latest.probability >= ONE_MODE else "several places"
@@ -307,10 +306,9 @@ class CellTable:
 
 
 class _Cell:
-    """What was heard of a cell.
+    """`levels` are those of late of each modem.
 
-    `levels` are those of late of each modem. The first is shown, until it hears the cell no more:
-    another one reads higher or lower.
+    The first modem is shown until it hears the cell no more: another one reads higher or lower.
     """
 
     def __init__(self, reading: CellReading) -> None:

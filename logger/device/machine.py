@@ -42,7 +42,7 @@ def throttled_bits(sys: Path = SYS) -> int | None:
 
 
 def kernel_text(path: Path) -> str | None:
-    """What a file of the kernel says; None without it, or where a driver refuses for now."""
+    """What a file of the kernel says; None without it, or where a driver refuses."""
     try:
         return read_regular(path, _MOST_BYTES).decode(errors="replace").strip()
     except OSError:
@@ -66,7 +66,7 @@ def _undervoltage(bits: int | None) -> str | None:
 
 
 def _temperature_c(sys: Path) -> float | None:
-    """Of the processor, which the kernel gives in thousandths."""
+    """Of the processor; the kernel gives thousandths."""
     thousandths = kernel_number(sys / "class/thermal/thermal_zone0/temp")
     return None if thousandths is None else thousandths / 1000.0
 
@@ -81,8 +81,8 @@ def kept_in_memory(folder: Path, mountinfo: str) -> str:
     """Kind and mount point of the file system in memory that holds a folder; empty for a card.
 
     `mountinfo` is the text of /proc/self/mountinfo (proc(5)), the folder's path is without links.
-    An overlay stores what is written in its upper folder; if that folder is invisible, an initramfs
-    mounted it, which has only memory.
+    An overlay stores in its upper folder; if that is invisible, an initramfs mounted it, which has
+    only memory.
     """
     mounts = {
         mount.point: mount for mount in map(_mount, mountinfo.splitlines())
@@ -107,6 +107,6 @@ def _mount(line: str) -> _Mount:
 
 
 def _under(path: Path, mounts: dict[str, _Mount]) -> _Mount:
-    """The mount that a path lies on; in a chroot its root may be none, and of no known kind."""
+    """In a chroot the root of a path may be no mount, and of no known kind."""
     holding = (mounts[str(one)] for one in (path, *path.parents) if str(one) in mounts)
     return next(holding, _Mount("", "/", ""))

@@ -1,4 +1,4 @@
-"""What the recorder may use, and settings of malloc, so that freed memory returns to the system."""
+"""What the recorder may use, and settings of malloc that return freed memory."""
 
 import logging
 import platform
@@ -12,8 +12,8 @@ log = logging.getLogger(__name__)
 MEMORY_MB = 250
 """MemoryMax= of fieldlogger.service: beyond it the kernel ends the recorder."""
 _SERVICE_MB, _STREETS_MB, _BASELINE_MB, _CELL_MB = 40.0, 58.0, 16.0, 2.1
-"""Memory of its own that a service without cells takes, that the largest street file and baseline
-add while they are read, and a cell of the live estimate (measured by benchmarks/live_cell.py)."""
+"""Memory that a service without cells takes, that the largest street file and baseline add while
+they are read, and a cell of the live estimate (measured by benchmarks/live_cell.py)."""
 MOST_CELLS = int((MEMORY_MB - _SERVICE_MB - _STREETS_MB - _BASELINE_MB) / _CELL_MB)
 
 _BLOCK_BYTES, _END_BYTES = 128 * 1024, 1024 * 1024
@@ -21,7 +21,7 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 
 
 def within_memory(live: LiveSettings) -> LiveSettings:
-    """The settings with no more cells at once than the service has memory for."""
+    """The settings with no more cells at once than the memory allows."""
     if live.most_cells <= MOST_CELLS:
         return live
     log.warning("[live] most_cells: there is memory for %d cells at once", MOST_CELLS)
@@ -33,10 +33,10 @@ def give_back() -> None:
 
     Other C libraries are left as they are.
 
-    By itself it raises that bound with each larger block that is freed, and gives each thread a
-    heap: the arrays of forty cells then took 20 MB more, and more with time. Up to 1 MB at
-    the end of the heap stays allocated, or each reading would allocate it again. To be
-    called before threads start. Source: mallopt(3).
+    By itself glibc raises that bound with each larger block that is freed, and gives each thread a
+    heap: the arrays of forty cells then took 20 MB more, and more with time. Up to 1 MB at the end
+    of the heap stays allocated for the next reading. To be called before threads start. Source:
+    mallopt(3).
     """
     if platform.libc_ver()[0] != "glibc":
         return

@@ -83,7 +83,7 @@ class SavedModes:
         return [mode for mode in self.all() if (mode.driver, mode.model, mode.source) != key]
 
     def _write(self, entries: Iterable[SavedMode]) -> None:
-        """Replace the file in one step; returns when the card has it."""
+        """In one step; returns when the card has it."""
         saved = list(entries)
         if saved:
             part = self.path.with_name(f"{FILE}.part")
@@ -118,7 +118,7 @@ class ModeSwitch:
     def settle(self, driver: Family, ask: Ask) -> None:
         """Set GSM only if configured, else restore the mode that an earlier run changed.
 
-        Call it between two polls: it does nothing after success or several attempts.
+        Call it between two polls; it does nothing after success or several attempts.
         """
         if not self._tries_left:
             return
@@ -130,10 +130,9 @@ class ModeSwitch:
         self._tries_left = 0 if is_done else self._tries_left - 1
 
     def set_back(self, driver: Family | None, modem: AfterStop) -> None:
-        """Restore the mode at the stop.
+        """Restore the mode at the stop, in several attempts.
 
-        The stop may have interrupted a command, whose reply is awaited first. Several attempts are
-        made.
+        The stop may have interrupted a command, whose reply is awaited first.
         """
         try:
             if driver is None or not self._saved.of_source(self._link.name):
@@ -238,7 +237,6 @@ class ModeSwitch:
         return True
 
     def _entry(self, driver: Family, model: str) -> SavedMode | None:
-        """The entry of this modem, which is identified by its name, family and model."""
         saved = self._saved.of_source(self._link.name)
         of_model = (one for one in saved if (one.driver, one.model) == (driver.name, model))
         return next(of_model, None)
@@ -254,13 +252,12 @@ class ModeSwitch:
 
 
 def _command(driver: Family, entry: SavedMode) -> ModeCommand | None:
-    """The command of an entry; None if the file names another one, or an invalid value."""
     known = (command for command in driver.mode_commands if command.query == entry.asks)
     return next((command for command in known if command.is_value(entry.value)), None)
 
 
 def unrestored_modes(saved: SavedModes, drivers: Callable[[str], Family | None]) -> str:
-    """Text on the modes that the stop could not restore; empty if there are none."""
+    """Text on the modes that the stop could not restore; empty if none."""
     try:
         entries = saved.all()
     except OSError as error:

@@ -63,8 +63,8 @@ class UnsolicitedBlock:
 class Wire:
     """Reads and writes a link until it is lost or stopped.
 
-    `received_ns` is the time of the last chunk. None of its bytes came before `since_ns`: on a busy
-    machine some time passes until a chunk is read.
+    `received_ns` is the time of the last chunk. None of its bytes came before `since_ns`: a busy
+    machine reads a chunk late.
     """
 
     def __init__(self, link: Link) -> None:
@@ -111,8 +111,8 @@ class Wire:
 class ModemExchange:
     """One open port of a modem, with what its lines have shown of the modem's state.
 
-    `driver` is None until the modem is identified. `is_answered` and `is_damaged` cover the time
-    since the caller cleared them: any answer, and any damage to what was received.
+    `driver` is None until the modem is identified. `is_answered` (any answer) and `is_damaged` (any
+    damage to what was received) cover the time since the caller cleared them.
     """
 
     def __init__(self, link: Link, driver: Family | None) -> None:
@@ -133,7 +133,7 @@ class ModemExchange:
     def emit_scan(self, start_ns: int, end_ns: int, rows: Sequence[Row]) -> None:
         """Record the cells of one poll, each once however often the modem repeats its lines.
 
-        A scan without cells is recorded only if no line was lost that might have contained one.
+        A scan without cells is recorded only if no line was lost that might have had one.
         """
         marked, self._link.known = mark_doubtful(rows, self._link.known)
         readings = tuple(dict.fromkeys(row for row in marked if isinstance(row, CellReading)))
@@ -145,14 +145,14 @@ class ModemExchange:
         return run_dialogue(dialogue, self.ask)
 
     def ask(self, command: Command) -> Reply:
-        """Send a command and wait for its reply; a timeout is a reply too, and so is a restart."""
+        """Send a command and wait for its reply; a timeout or a restart is a reply too."""
         return self._reply(Wait(command, self._now_s()))
 
     def ask_survey(self, command: Command) -> Reply:
         """As `ask`, for a full scan; a modem that is silent for too long is queried meanwhile.
 
-        If each query has an answer of its own, the lines before them are the reply of the scan.
-        Otherwise the scan is lost: the modem had hung, or a query has ended it.
+        If each query has an answer of its own, the lines before them are the reply. Otherwise the
+        scan is lost: the modem had hung, or a query has ended it.
         """
         limits = self._link.silence_limits
         wait = Wait(command, self._now_s(), limits.silence_s(command))
@@ -217,7 +217,6 @@ class ModemExchange:
         return self._link.clock.real_s(self._link.clock.now_ns() / 1e9)
 
     def _count_anomalies(self, reply: Reply, *, slow: bool) -> None:
-        """Count the anomalies of a usable reply."""
         if slow:
             self._link.count("slow-answer", 1, "answers took more than half of the time they may")
         if reply.lines and len(reply.lines) == 2 * len(set(reply.lines)):
@@ -226,7 +225,7 @@ class ModemExchange:
     def receive(self) -> Reply | None:
         """Read one chunk completely and return its reply, if any.
 
-        One command is pending at most, so there is one reply at most.
+        One command is pending at most.
         """
         data = self.wire.read()
         self._has_bytes = self.wire.has_heard
@@ -271,7 +270,7 @@ class ModemExchange:
         self.is_set_up = self.is_announced = False
 
     def close_block(self) -> None:
-        """Record the unsolicited rows as one scan, from the earliest time of its first row on."""
+        """Record the unsolicited rows as one scan, from the earliest time of the first on."""
         lines = self.unsolicited.take()
         if lines and self.driver is not None:
             self.emit_scan(
@@ -280,14 +279,14 @@ class ModemExchange:
 
 
 class AfterStop:
-    """Commands on a port that is still open; other lines of the modem are recorded raw only."""
+    """Commands on a port that is still open; other lines are recorded raw only."""
 
     def __init__(self, link: Link, framer: AtFramer) -> None:
         self._link = link
         self._framer = framer
 
     def drain(self) -> None:
-        """Receive what is still to come, which must not be mistaken for a later answer."""
+        """Receive what is still to come, which might be mistaken for a later answer."""
         start_s = byte_s = self._now_s()
         while self._now_s() - byte_s < PAUSE_S and self._now_s() - start_s < LATE_S:
             self._read_events()
@@ -306,7 +305,6 @@ class AfterStop:
         return self._framer.expire()
 
     def _read_events(self) -> list[object]:
-        """Events of one chunk, none after silence."""
         _, data = self._link.read()
         return list(self._framer.feed(data))
 

@@ -27,7 +27,7 @@ T = TypeVar("T")
 SILENT_POLLS = 3
 """Polls without an answer after which the port is closed and opened again."""
 SCAN_S, SURVEY_S = 60.0, 360.0
-"""A modem without a scan for this long has failed; the other is the time of a full scan."""
+"""A modem without a scan for this long has failed; `SURVEY_S` is for a full scan."""
 PROBE_TRIES = 2
 RECEIVER_IS_OFF = (": 505", ": 516")
 """+CME ERROR of a Quectel: its receiver is off, or has no fix yet."""
@@ -109,8 +109,8 @@ def _sim_state() -> Dialogue[str | None]:
 def _has_receiver(driver: Family) -> Dialogue[bool]:
     """Whether the modem has a receiver of its own, which is not switched on for it.
 
-    It has the command that asks for a fix, or the one that switches the receiver on: a test
-    command of the form AT+X=? is answered OK where AT+X= is known (ITU-T V.250 5.4.1).
+    It has the command that asks for a fix, or the one that switches the receiver on: AT+X=? is
+    answered OK where AT+X= is known (ITU-T V.250 5.4.1).
     """
     tests = (Command(on.text.partition("=")[0] + "=?") for on in driver.gnss_start_commands)
     yield Command("AT+CMEE=1")
@@ -140,8 +140,6 @@ def _ask(port: Port, framer: AtFramer, command: Command) -> Reply:
 
 
 class _Session:
-    """From the opening of the port until it is lost."""
-
     def __init__(self, link: Link, settings: ModemSettings, modes: SavedModes) -> None:
         self._link = link
         self._settings = settings
@@ -168,7 +166,7 @@ class _Session:
         self._mode.set_back(self._modem.driver, AfterStop(self._link, self._modem.framer))
 
     def _turn(self) -> None:
-        """Poll once, after the set-up if it is due and before the next command of a full scan."""
+        """Polls after the set-up if that is due, and before the next command of a full scan."""
         if not self._modem.is_set_up:
             self._prepare()
         if self._modem.driver is None or not (self._modem.is_set_up or self._modem.is_answered):
@@ -179,7 +177,6 @@ class _Session:
             self._continue_survey(self._modem.driver)
 
     def _prepare(self) -> None:
-        """Identify the modem and set it up."""
         self._modem.driver = self._modem.driver or self._identify()
         if self._modem.driver is None:
             return
@@ -201,7 +198,7 @@ class _Session:
             )
 
     def _identify(self) -> Family | None:
-        """Ask for the modem's identity; twice if it fits no family, since it may be damaged."""
+        """Asks twice if the answer fits no family: it may be damaged."""
         found = self._modem.talk(identify())
         if found is None:
             return None
@@ -236,7 +233,7 @@ class _Session:
                     count_unmeasured(self._link, row)
 
     def _continue_survey(self, driver: Family) -> None:
-        """Send the next command of a full scan, one between two polls; start a scan that is due."""
+        """One command between two polls; starts a scan that is due."""
         now_ns = self._link.clock.now_ns()
         if (
             not self._survey
@@ -261,7 +258,7 @@ class _Session:
                 self._link.note("warning", "scan-refused", f"no answer to {command.text}")
 
     def _listen_until(self, due_ns: int) -> None:
-        """Receive unsolicited lines, and the rest of the poll, until the next poll is due."""
+        """Receives unsolicited lines and the rest of the poll."""
         while not self._modem.wire.is_over:
             self._modem.receive()
             now_ns = self._link.clock.now_ns()

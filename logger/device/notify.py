@@ -1,4 +1,4 @@
-"""The logger and who started it: notifications to systemd, and the signals that stop it.
+"""The logger and who started it: notifications to systemd, and stop signals.
 
 Notifications are datagrams to $NOTIFY_SOCKET (sd_notify(3)); without it there are none.
 """
@@ -42,7 +42,7 @@ class ServiceManager:
         self._ready = True
 
     def heartbeat(self, count: int) -> None:
-        """Feed the watchdog if `count` has grown: the recorder works, and so does the caller."""
+        """Feed the watchdog if `count` has grown: the recorder and the caller work."""
         if self._heartbeat is not None and count > self._heartbeat:
             self.alive()
         self._heartbeat = count

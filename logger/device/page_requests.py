@@ -1,7 +1,7 @@
 """What the page on the phone asks of the recorder: follow a cell, mark a place.
 
-The page appends lines to a file in a folder of its own, and the recorder only reads it. So the page
-needs no right to write anything of the recorder, and the recorder none to listen on a network. The
+The page appends lines to a file in a folder of its own, and the recorder only reads it: the page
+needs no right to write anything of the recorder, the recorder none to listen on a network. The
 recorder's status names the requests that are on the card; only then does the page say yes.
 """
 
@@ -49,8 +49,8 @@ class PageRequests:
     """New requests in the page's file.
 
     What stood there before this program started is not for this run. The folder belongs to another
-    user: what is there may be a pipe, a link or garbage, and is then counted in a note.
-    `on_card` names the latest requests that are on the card.
+    user: a pipe, a link or garbage there is counted in a note. `on_card` names the latest requests
+    that are on the card.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -70,7 +70,7 @@ class PageRequests:
         return tuple(self._recorded)
 
     def take(self) -> list[Note]:
-        """Notes to be recorded: one for each new request, and one for what is none."""
+        """Notes to be recorded: one for each new request, and for what is none."""
         lines = self._new_lines()
         requests = [_parse(line) for line in lines[:MOST_AT_ONCE]]
         taken = [(_note(request), request.id) for request in requests if request is not None]
@@ -102,9 +102,9 @@ class PageRequests:
         return 0 if self._fd is None else os.fstat(self._fd).st_size
 
     def _look_for_file(self) -> bool:
-        """Open the file where it is another one; False for something new that is no file.
+        """False for something new that is no file.
 
-        It stays open, because the number of a file that is gone may be that of the next.
+        The file stays open: the number of one that is gone may be that of the next.
         """
         try:
             now = self._path.lstat()

@@ -59,10 +59,7 @@ def _check(url: str) -> None:
 
 
 def _check_search(wanted: str) -> None:
-    """Check a search expression and its options.
-
-    The device need not be present; it may be plugged in later.
-    """
+    """The device need not be present; it may be plugged in later."""
     expression, *options = wanted.split("&")
     re.compile(expression)
     for option in options:
@@ -115,7 +112,7 @@ class Port:
             self._serial.close()
 
     def read(self) -> bytes:
-        """Bytes there are, at most a chunk; empty after a silence."""
+        """As `Stream.read`, at most a chunk."""
         with _device_errors(self._url):
             data = bytes(self._serial.read(1))
             with suppress(
@@ -125,7 +122,7 @@ class Port:
             return data
 
     def rest(self) -> bytes:
-        """What has come and was not read yet, at most a chunk; nothing is waited for."""
+        """As `Stream.rest`, at most a chunk."""
         with _device_errors(self._url):
             self._serial.timeout = 0
             try:
@@ -139,7 +136,6 @@ class Port:
             self._serial.write(data)
 
     def _more(self) -> bytes:
-        """What has come by now."""
         if not self._url.startswith(("socket://", "gpsd://")):
             return bytes(self._serial.read(min(self._serial.in_waiting, MAX_CHUNK - 1)))
         return (
@@ -154,7 +150,7 @@ class Port:
 
 @contextmanager
 def _kept_input(port: serial.SerialBase) -> Iterator[None]:
-    """Keep the input when a port is opened; pyserial discards it, but a run starts with it."""
+    """Keep the input when a port is opened; pyserial would discard it."""
     flushes = [
         name for name in ("reset_input_buffer", "_reset_input_buffer") if hasattr(port, name)
     ]
@@ -191,7 +187,7 @@ _ADVICE = {
 def _device_errors(url: str) -> Iterator[None]:
     """Convert what pyserial raises: OSError, termios.error, and TypeError after a hang-up.
 
-    The rest comes from a URL that is none: `check_url` has refused those of a configuration.
+    The other errors come from a URL that is none.
     """
     try:
         yield
@@ -201,7 +197,7 @@ def _device_errors(url: str) -> Iterator[None]:
 
 
 def _errno(error: Exception) -> int:
-    """Error number of an exception; pyserial may hide the original one in the context."""
+    """The context may hold the original exception, which pyserial hides."""
     while error.__context__ is not None and not getattr(error, "errno", None):
         inner = error.__context__
         if not isinstance(inner, Exception):

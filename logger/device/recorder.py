@@ -26,7 +26,7 @@ TICK_S = 1.0
 """Real seconds between two flushes: what a pulled plug can cost."""
 
 STOP_PATIENCE_TICKS = 10
-"""How often a stop tries again to get what waits in memory onto a card that is full or failing."""
+"""Tries of a stop to get what waits in memory onto a full or failing card."""
 
 ESTIMATE_PATIENCE_S = 20.0
 """Time that a stop waits for the live estimate; systemd allows 60 s for the stop."""
@@ -149,7 +149,6 @@ class Recorder:
             self._note_behind()
 
     def _note_behind(self) -> None:
-        """Note once that the live estimate is behind."""
         if not self._behind:
             self._behind = True
             self._append(
@@ -161,7 +160,7 @@ class Recorder:
             )
 
     def _sync(self) -> None:
-        """Flush; if the card fails, keep the records in memory and note that once."""
+        """If the card fails, keep the records in memory and note that once."""
         try:
             self._writer.sync()
         except OSError as error:
@@ -192,7 +191,6 @@ class Recorder:
             self._append(self._note("error", "overflow", f"{n} records lost: {why}"))
 
     def _note_from_thread(self, level: Level, code: str, text: str) -> None:
-        """A note from another thread."""
         log.log(logging.getLevelNamesMapping()[level.upper()], "%s", text)
         self._inbox.put(self._note(level, code, text))
 
@@ -213,7 +211,7 @@ class RoomKeeper:
     """Removes spare journals while the free space is below the floor.
 
     With `delete_oldest` whole runs follow, the oldest first. `note` (level, code, text) is called
-    from its thread. Reading runs again takes a Pi minutes, hence the thread.
+    from its thread: reading runs again takes a Pi minutes.
     """
 
     def __init__(

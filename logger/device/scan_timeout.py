@@ -25,7 +25,7 @@ class SilenceLimits:
     """Longest silences to accept in one modem's full scans, by command.
 
     A scan that a query may have ended is allowed twice the silence the next time, until one is
-    completed, so that a slow but healthy scan succeeds.
+    completed: a slow but healthy scan succeeds.
     """
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ class SilenceLimits:
         self._allowed_s: dict[str, float] = {}
 
     def silence_s(self, command: Command) -> float:
-        """Silence before a query: the documented one until a scan has been completed."""
+        """Silence before a query: the documented one until a scan was completed."""
         return self._allowed_s.get(command.text, command.silence_s)
 
     def learn_completed(self, command: Command, silence_s: float) -> None:

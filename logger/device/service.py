@@ -42,13 +42,11 @@ TICK_S, PAGE_TICK_S = 1.0, 0.5
 MOST_UNNAMED = 2
 """With a modem and a receiver the text of a fault says which it is."""
 FIX_AGE_S = 5.0
-"""The light shows `no fix` for an older position: a walker moves 7 m in this time."""
+"""The light shows `no fix` for an older position: a walker moves 7 m meanwhile."""
 
 
 class Service:
     """Records a run from `start` to `stop`.
-
-    The clock is an argument, so that a simulated walk can run faster.
 
     `ended` ends `wait`; the recorder sets it too when it fails. Raises `ConfigError`, and removes
     the run, for an impossible port or driver.
@@ -111,7 +109,7 @@ class Service:
     def stop(self, reason: str, publish: Callable[[], None] | None = None) -> Path:
         """End the run and make its HDF5 file; the journal stays whatever happens.
 
-        `publish` is called as by `wait`. Raises `RunFileError`.
+        `publish` is as for `wait`. Raises `RunFileError`.
         """
         self._stop.set()
         recorder, *links = self._threads
@@ -134,8 +132,8 @@ class Service:
     def wait(self, duration_s: float | None, publish: Callable[[], None] = lambda: None) -> None:
         """Wait for `ended` or the end of the duration, and call `publish` once a tick.
 
-        A battery that is low ends it as well. An error in a part of a tick is counted in notes, and
-        the other parts go on. Raises `DeviceError` where a thread of a port has ended: only another
+        A low battery ends it as well. An error in a part of a tick is counted in notes, and the
+        other parts go on. Raises `DeviceError` where a thread of a port has ended: only another
         start brings it back.
         """
         end_ns = None if duration_s is None else self._clock.now_ns() + round(duration_s * 1e9)
@@ -154,7 +152,7 @@ class Service:
             self._attempt("log", now_ns, self._log_status)
 
     def _attempt(self, part: str, now_ns: int, work: Callable[[int], None]) -> None:
-        """Do a part of a tick: a bug in one must not end the recording."""
+        """A bug in one part of a tick must not end the recording."""
         try:
             work(now_ns)
         except Exception as error:
@@ -177,7 +175,7 @@ class Service:
             self._inbox.put(Record(now_ns, "battery", note))
 
     def _take_requests(self, now_ns: int) -> None:
-        """Record what the page asks, and learn what of it is on the card."""
+        """Also learns which requests are on the card."""
         if self._requests is None:
             return
         self._requests.confirm(self._n_of_page_synced)
@@ -249,7 +247,6 @@ class Service:
         )
 
     def _trouble(self, faults: Mapping[str, str]) -> str:
-        """Why the walk is not being recorded; empty if it is."""
         if self.recorder.failing or self.recorder.error:
             return self.recorder.state
         if len(self._links) <= MOST_UNNAMED:
@@ -257,7 +254,6 @@ class Service:
         return "; ".join(f"{name}: {fault}" for name, fault in faults.items())
 
     def _faults(self, now_ns: int) -> dict[str, str]:
-        """Why sources do not record, by name; none at the stop."""
         faults = {}
         for link in () if self._stop.is_set() else self._links:
             port, patience_s = self._inbox.ports[link.name], link.source.patience_s
@@ -300,7 +296,6 @@ class Service:
 
 
 def _finish_run(journal: Path) -> Path:
-    """Make the HDF5 file of the run that has ended."""
     try:
         from logger.core.runfile import finish_journal  # noqa: PLC0415  recording needs no HDF5
     except ImportError as error:
@@ -321,9 +316,9 @@ def run_service(
 ) -> Path:
     """Record until a signal of `stop` or the end of the duration, and return the finished run.
 
-    The watchdog is fed by this thread, and only while the recorder works. Under systemd another
-    unit recovers earlier runs, with a low priority, and teaches them to the device; otherwise this
-    does, with the command `learning` in a process of its own.
+    This thread feeds the watchdog, and only while the recorder works. Under systemd another unit
+    recovers earlier runs, with a low priority, and teaches them to the device; otherwise this does,
+    with the command `learning` in a process of its own.
     """
     give_back()
     ended, signals = stop
@@ -365,7 +360,7 @@ def _recover_and_learn(folder: Path, learning: list[str]) -> None:
 
 
 def _learn(learning: list[str]) -> None:
-    """Teach finished runs to the device; what keeps it from that is for the log."""
+    """What keeps runs from being taught is for the log."""
     if not learning:
         return
     # a Ctrl-C is for the recording; what it leaves undone the next start does
@@ -377,7 +372,7 @@ def _learn(learning: list[str]) -> None:
 
 
 def recover_folder(folder: Path) -> None:
-    """Make HDF5 files of journals of earlier runs; unreadable ones are logged and left alone."""
+    """Make HDF5 files of journals of earlier runs; unreadable ones are logged and stay."""
     from logger.core.runfile import recover  # noqa: PLC0415  recording needs no HDF5
 
     for recovered in recover(folder):

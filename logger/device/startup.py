@@ -1,8 +1,7 @@
 """The beginning of a run: its journal is on the card before anything is imported that takes time.
 
-A plug may be pulled, or a process killed, at any moment. What is imported here and in the modules
-behind it is what a journal needs; numpy, the map, HDF5, the drivers and the ports come afterwards
-(`service`).
+A plug may be pulled, or a process killed, at any moment. Only what a journal needs is imported
+here; numpy, the map, HDF5, the drivers and the ports come afterwards (`service`).
 """
 
 import os
@@ -51,7 +50,7 @@ def begin_run(
     """Begin the next run of the configured folder.
 
     `config_text` is stored in the run; `truth` names the transmitters of a simulated world. Raises
-    `ConfigError` for a folder that cannot be made, `RunFileError` for a journal that cannot.
+    `ConfigError` for a folder, `RunFileError` for a journal that cannot be made.
     """
     started_ns = clock.now_ns()
     folder = usable_folder(config.run.directory)
@@ -87,7 +86,7 @@ def usable_folder(directory: str) -> Path:
 def installed_versions(folders: Sequence[str] | None = None) -> dict[str, str]:
     """Versions of cellwalk, its libraries and Python, by the names of folders: nothing is imported.
 
-    `importlib.metadata` reports the same in ten times the time, which would delay the first record.
+    `importlib.metadata` takes ten times as long and would delay the first record.
     """
     found: dict[str, str] = {}
     for folder in sys.path if folders is None else folders:

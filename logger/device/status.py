@@ -107,13 +107,13 @@ def status_age_s(status: Status) -> float:
 
 
 def silent_s(status: Status) -> float:
-    """For how long the recorder has written no status; 0 while it does so each second."""
+    """For how long the recorder has written no status; 0 while it works."""
     age = status_age_s(status)
     return age if age > SILENT_S else 0.0
 
 
 def write_status(folder: Path, status: Status) -> None:
-    """Replace status.json in one step: a reader sees the old file or the new one.
+    """Replace status.json in one step: readers see the old file or the new one.
 
     Raises OSError.
     """
@@ -125,7 +125,7 @@ def write_status(folder: Path, status: Status) -> None:
 def read_status(folder: Path) -> Status | None:
     """Read the status of a running service; None without one.
 
-    Raises OSError without the permission, and for what is no file of a status's size.
+    Raises OSError without permission, and for a file that cannot be a status.
     """
     try:
         return decode_json(read_regular(folder / _FILE, _MOST_BYTES, follow_links=False), Status)
@@ -204,7 +204,6 @@ def position_line(position: PositionStatus) -> str:
 
 
 def _cell(row: CellStatus, status: Status, age_s: float) -> tuple[str | float | None, ...]:
-    """One cell: what it is, how loud, and what is odd about it."""
     mark = "*" if row.cell == status.followed else "+" if row.is_serving else ""
     heard_s = (status.now_ns - row.heard_ns) / 1e9 + age_s
     words = ", ".join(text for text in (row.verdict, row.word) if text)

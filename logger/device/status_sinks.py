@@ -1,9 +1,9 @@
 """Outputs of the recording's status: the light, `status.json`, `systemctl status`, the feed.
 
-The feed goes to alarms, Home Assistant or a broker, a JSON line a second to every reader that is
-connected. It has the state, the counts, the machine's ports and the cells that are unusual; it has
-no position, no time of day and no file. Cells have their identity, which tells others about where
-the walker is: therefore the socket is local.
+The feed goes to alarms, Home Assistant or a broker, a JSON line a second to every connected reader.
+It has the state, the counts, the machine's ports and the cells that are unusual; it has no
+position, no time of day and no file. Identities of cells tell others about where the walker is:
+therefore the socket is local.
 
 A new output is a class with `publish` and `close`, one line in `status_sinks`, and its settings in
 `StatusSettings`.
@@ -105,7 +105,7 @@ class StatusFeed:
     """A listening socket and its readers; a reader that does not keep up is disconnected.
 
     `address` is a path of a Unix socket or the number of a TCP port on this machine, empty for no
-    feed. An address that cannot be opened is logged: no output may stop a recording.
+    feed. An address that cannot be opened is logged.
     """
 
     def __init__(self, address: str) -> None:
@@ -178,7 +178,7 @@ class StatusFeed:
 
 
 def feed_line(status: Status) -> dict[str, Any]:
-    """What the feed tells of a status; nothing in it is a position, a time of day or a file."""
+    """What the feed tells of a status: no position, no time of day and no file."""
     return {
         "state": status.state,
         "uptime_s": round((status.now_ns - status.since_ns) / 1e9),
@@ -198,7 +198,7 @@ def feed_line(status: Status) -> dict[str, Any]:
 
 
 def _takes(reader: socket.socket, line: bytes) -> bool:
-    """Whether a reader took the whole line; the rest of one cannot be sent later."""
+    """False where a part was sent: the rest cannot be sent later."""
     try:
         if reader.send(line) == len(line):
             return True

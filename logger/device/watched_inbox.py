@@ -12,19 +12,19 @@ from logger.device.live_view import CellTable
 from logger.device.status import FixStatus, PortStatus
 
 WAIT_S = 20.0
-"""A receiver sends every second and a modem answers within a few; both need time to start."""
+"""A receiver sends every second and a modem answers soon; both need time to start."""
 _MAX_WAIT_S = 640.0
 _PAUSE_S = 5.0
-"""A receiver on the modem's port keeps sending, also while the port is closed and opened again."""
+"""A receiver on the modem's port keeps sending while the port is opened again."""
 
 
 class PortSwap:
     """Decides by the records of both links whether the ports should be swapped.
 
-    They should if neither device has sent readable data for some time while bytes arrived on
-    the modem's port. A swap that does not help is taken back, each time after twice the waiting
-    time, so that a wrong guess does not lose a modem that is only disturbed. `second_ns` is a real
-    second of the clock that stamps records, `modem` the name of the modem.
+    They should if neither device has sent readable data for some time while bytes arrived on the
+    modem's port. A swap that does not help is taken back, each time after twice the waiting time,
+    so that a modem that is only disturbed is not lost. `second_ns` is a real second of the clock
+    that stamps records, `modem` the name of the modem.
     """
 
     def __init__(self, now_ns: int, second_ns: float, modem: str = MODEM) -> None:

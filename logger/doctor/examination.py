@@ -1,6 +1,6 @@
 """All tests in their order, each `ok`, `warn` or `fail` with advice; the verdict comes first.
 
-A report for asking others is without private numbers, names or places.
+A report for others is without private numbers, names or places.
 """
 
 import os
@@ -50,11 +50,10 @@ from logger.drivers.protocols.redaction import mask_labelled
 from logger.drivers.registry import FAMILIES
 
 TRIAL_S = 15.0
-"""In this time the modem is set up and polled several times, and a receiver sends fixes."""
+"""In this time the modem is polled several times, and a receiver sends fixes."""
 
 ESSENTIAL = frozenset({"status", "card", "queue", "mode", "readings"})
-"""A warning in one of these, or in a source, means that a walk would not be recorded as it should.
-"""
+"""A warning in one of these, or in a source, means that a walk would not be recorded properly."""
 SOURCES = frozenset({MODEM, GNSS})
 """Names of the sources, unless the configuration has others."""
 _MOST_NOTES = 60
@@ -88,8 +87,8 @@ def examine(
 ) -> Examination:
     """Make all tests; `progress` receives what each of them is about.
 
-    If the service is recording, the end of its run is tested; otherwise the service records for
-    some seconds into a temporary folder. Raises `ConfigError` for an unusable configuration.
+    If the service is recording, the end of its run is tested; otherwise it records for some seconds
+    into a temporary folder. Raises `ConfigError` for an unusable configuration.
     """
     examination = Examination()
     config = site_config(config_path)
@@ -126,7 +125,7 @@ def _is_wrong_port(line: Line) -> bool:
 def _tests(
     config_path: Path, config: SiteConfig, seconds: float, examination: Examination
 ) -> Iterator[Line]:
-    """Yield all lines but the verdict, and keep the run that they are about."""
+    """All lines but the verdict; keeps the run that they are about."""
     yield from check(config_path)
     yield power()
     yield battery(config.power)
@@ -166,7 +165,7 @@ def _run_lines(config: SiteConfig, run: Run) -> Iterator[Line]:
 
 @contextmanager
 def closing_baseline(path: Path | None) -> Iterator[BaselineFile | None]:
-    """Earlier walks, None without a readable file of them: `check` has a line about that."""
+    """Earlier walks, None without a readable file: `check` has a line about that."""
     try:
         baseline = BaselineFile(path) if path else None
     except RunFileError:
@@ -181,7 +180,6 @@ def closing_baseline(path: Path | None) -> Iterator[BaselineFile | None]:
 def _trial_lines(
     config: SiteConfig, folder: Path, seconds: float, examination: Examination
 ) -> Iterator[Line]:
-    """Test the ports, the SIM and a run of some seconds."""
     if changed := unrestored_modes(SavedModes(folder), FAMILIES.get):
         yield Line("warn", "mode", changed)
     for source in config.source:
@@ -194,7 +192,7 @@ def _trial_lines(
 
 
 def _trial_run(config: SiteConfig, folder: str, seconds: float) -> Run:
-    """Record for some seconds with the real service, without changing the modem's mode."""
+    """The real service records, without changing the modem's mode."""
     trial_config = msgspec.structs.replace(
         config,
         run=msgspec.structs.replace(config.run, directory=folder),
@@ -261,7 +259,7 @@ def _machine() -> Iterator[tuple[str, str]]:
 
 
 def _settings(config: Path) -> Iterator[str]:
-    """Settings that are in force; comments may contain anything."""
+    """Without comments, which may contain anything."""
     for line in config.read_text(encoding="utf-8", errors="replace").splitlines():
         setting = line.partition("#")[0].rstrip()
         if setting:

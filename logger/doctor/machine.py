@@ -38,7 +38,7 @@ LOW_PERCENT = 20.0
 """A power bank of this charge is empty within the next walk."""
 
 LOW_BYTES, TOO_LOW_BYTES = 1_000_000_000, 100_000_000
-"""Free space: the first holds some days of walks, the second less than a day of one."""
+"""Free space: for some days of walks, and for less than a day of one."""
 
 
 def power(sys: Path = Path("/sys")) -> Line:
@@ -173,7 +173,7 @@ _URGENT = 3
 
 
 def speed(folder: Path) -> Line:
-    """The time of the slowest durable write of 64 kB into the folder of the runs, of 2 MB."""
+    """Time of the slowest of durable writes of 64 kB, 2 MB in all, into the runs' folder."""
     try:
         slowest_s, total_s = _write_times(folder)
     except OSError as error:
@@ -200,7 +200,7 @@ def _write_times(folder: Path) -> tuple[float, float]:
 
 
 def health(folder: Path, sys: Path = Path("/sys")) -> Line:
-    """Errors of the file system and, of a device that reports it, the life time used."""
+    """Errors of the file system and, if reported, the life time used."""
     device = folder.stat().st_dev
     block = (sys / f"dev/block/{os.major(device)}:{os.minor(device)}").resolve()
     errors = _number(sys / "fs/ext4" / block.name / "errors_count")

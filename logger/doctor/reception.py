@@ -21,7 +21,7 @@ COARSE_M = 15.0
 
 GOOD_SHARE = 0.8
 RECENT_FIXES = 10
-"""The receiver works if this share of its latest fixes has a position, whatever came before."""
+"""The receiver works if this share of its latest fixes has a position."""
 
 _RECENT_NS = 5 * 10**9
 """Every receiver lists its satellites once in this time."""
@@ -66,7 +66,7 @@ def satellites_in_use(run: Run) -> int | None:
 
 
 def _usable(talker: bytes, values: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """Satellites of a sentence: number, elevation, azimuth and density of each."""
+    """`values` has number, elevation, azimuth and density of each satellite."""
     fields = values.split(b",")[1:]
     for i in range(0, len(fields) - 3, 4):
         if fields[i + 3].isdigit() and int(fields[i + 3]) >= _USABLE_DBHZ:
@@ -74,7 +74,7 @@ def _usable(talker: bytes, values: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def jumps(fixes: Rows) -> tuple[int, float]:
-    """Steps of the position that no car makes: their number, and the longest in metres."""
+    """Steps of the position that no car makes: number, and the longest in metres."""
     valid = fixes[(fixes["valid"] == 1) & np.isfinite(fixes["lat_deg"])]
     if len(valid) < 2:
         return 0, 0.0
@@ -119,7 +119,7 @@ def _no_position(satellites: int | None) -> str:
 LOST_DB = 20.0
 """A modem without an antenna receives some 20 dB less; two modems differ by a few."""
 WEAK_DBM: Mapping[bytes, float] = {b"GSM": -95.0, b"WCDMA": -105.0, b"LTE": -115.0}
-"""Outdoors the strongest cell is seldom this weak, some 10 dB above what a modem can hear."""
+"""Outdoors the strongest cell is seldom so weak, some 10 dB above what a modem can hear."""
 _FEWEST = 3
 """Cells that are compared: one alone may have changed."""
 
@@ -142,7 +142,6 @@ def antenna_line(readings: Rows, fixes: Rows, baseline: Baseline | None) -> Line
 
 
 def _mean_levels(readings: Rows) -> dict[str, float]:
-    """Mean level of each cell with an identity."""
     levels = levels_dbm(readings)
     usable = (readings["cell"] != b"") & np.isfinite(levels)
     cells = readings["cell"][usable]
@@ -178,7 +177,7 @@ TRIAL = "doctor"
 """Origin of a run that the doctor records itself."""
 
 LAST_S = 60.0
-"""The end of a run that is tested: a slow modem still gives several scans in it."""
+"""The end of a run that is tested: a slow modem gives several scans in it."""
 
 
 def run_lines(
@@ -215,7 +214,6 @@ def run_lines(
 
 
 def _notes_of(run: Run, modem: str) -> list[tuple[str, str]]:
-    """Code and text of each note about a modem."""
     return [
         (row["code"].decode(), row["text"].decode())
         for row in run.tables["notes"]
@@ -242,7 +240,6 @@ def _readings_line(
 
 
 def _other_technologies(readings: Rows) -> str:
-    """Which technologies are received without GSM; empty with GSM, or if none is known."""
     received = sorted({rat.decode() for rat in readings["rat"]} - {""})
     if not received or "GSM" in received:
         return ""
@@ -250,7 +247,6 @@ def _other_technologies(readings: Rows) -> str:
 
 
 def _gsm_only(notes: list[tuple[str, str]], set_mode: str) -> str:
-    """How to make the modem receive GSM."""
     refusals = [text for code, text in notes if code == "mode-unchanged"]
     if refusals:
         return refusals[-1]

@@ -142,7 +142,7 @@ _MONI_HEADER = re.compile(
 _SEARCHING = re.compile(r"(?:\A|\bI\s|[\s\]])\s*(Searching)\W*\Z", _FLAGS)
 
 _MINUS = re.compile("\u00e2\x80[\x92-\x95]|[\u2012-\u2015\u2212\x96]")
-"""Dashes for a minus in text from a manual, also where UTF-8 was read byte by byte."""
+"""Dashes for a minus in text from a manual, also UTF-8 read byte by byte."""
 
 _HEADING = re.compile(r"(?:\A|\s)([2-5]G):\s*\Z", _FLAGS)
 _SMONP_FORMS: Mapping[str, Form] = {
@@ -290,7 +290,7 @@ def _smond_groups(text: str) -> Iterator[_Group]:
 
 
 def _snmon(text: str) -> Row | None:
-    """A cell of `AT^SNMON="INS",2`; no manual gives the base of its area and cell, kept as text."""
+    """No manual gives the base of area and cell, which are kept as text."""
     texts = split(text)
     shape = _SNMON_FORMS.get(at(texts, 2))
     if shape is None or len(texts) != len(shape.names):
@@ -333,7 +333,7 @@ def _monp(line: str) -> Row | None:
 
 
 def _smonp(line: str, heading: str) -> Row | None:
-    """Neighbour of AT^SMONP=255; the heading above a row decides how it is read."""
+    """The heading above a row decides how it is read."""
     shape = _SMONP_FORMS.get(heading)
     named = shape.texts_by_name(split(line.rsplit(maxsplit=1)[-1])) if shape and line else None
     if shape is None or named is None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from logger.core.suspicion.rule import Need  # with numpy, which drivers do not need
 
 AUTOBAUD_TRIES = 5
-"""With AT+IPR=0 the first characters after power-up are lost while the modem finds the rate."""
+"""With AT+IPR=0 the first characters are lost while the modem finds the rate."""
 
 QUIET = (Command("ATE0"), Command("ATV1"), Command("AT+CMEE=1"))
 """No echo, results in words, errors as numbers: lost at every restart."""
@@ -55,7 +55,7 @@ class Claim:
     maker: str = ""
 
     def rank(self, identity: str) -> int:
-        """How specific the claim on a modem is: 3 its model, 2 its series, 1 its maker, 0 none."""
+        """How specific the claim is: 3 its model, 2 its series, 1 its maker, 0 none."""
         ascending = enumerate((self.maker, self.series, self.model), 1)
         ranks = [rank for rank, form in ascending if form and re.search(form, identity, _FLAGS)]
         return max(ranks, default=0)
@@ -85,7 +85,7 @@ class Family:
     gives: "ClassVar[Mapping[str, frozenset[Need]]]" = MappingProxyType({})
     """What its replies have for the rules of suspicion, by technology."""
     unnamed_rows: ClassVar[Mapping[str, str]] = {}
-    """Words of the rows without a name, by the name of the command that they answer.
+    """Words of the rows without a name, by the name of their command.
 
     Redaction keeps these rows, and those named as one of the family's commands.
     """
@@ -126,7 +126,7 @@ class Family:
     def ask(self, commands: Iterable[Command]) -> Dialogue[tuple[Row, ...] | None]:
         """Rows of the replies to some commands, read together; None without any answer.
 
-        Lines before a time-out count as well: a row that is cut is not read.
+        Lines before a time-out count as well: a cut row is not read.
         """
         lines: list[str] = []
         answered = False
@@ -141,7 +141,7 @@ class Family:
         """All rows in lines of replies or of a transcript; other lines are skipped.
 
         A line with a command shows what the lines after it answer. A row that another message
-        interrupts loses its last value, which may be cut.
+        interrupts loses its last value.
         """
         lines = drop_cut_values(lines, self._names())
         rows = (*self.rows_in(lines), *standard_rows(lines))
@@ -167,7 +167,7 @@ class Family:
         return "serving" if "serving" in roles else next(iter(roles), None)
 
     def is_restart(self, line: str) -> bool:
-        """True for a line by which the modem reports a restart, which loses its set-up."""
+        """True for a line that reports a restart, which loses the set-up."""
         return _RESTARTED.fullmatch(line.strip()) is not None
 
 

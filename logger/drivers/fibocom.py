@@ -148,7 +148,7 @@ _Cell = tuple[Rat, Mapping[str, str]]
 
 
 class Fibocom(Family):
-    """Serving cell and neighbours by AT+GTCCINFO?, which takes 25 ms and needs no SIM."""
+    """Serving cell and neighbours by AT+GTCCINFO?."""
 
     name = "fibocom"
     gives = MappingProxyType(
@@ -206,14 +206,13 @@ def _reply_rows(lines: Sequence[str]) -> Iterator[Row]:
 
 
 def _cell(fields: list[str], heading: str) -> _Cell | None:
-    """Row in its form; None where it is damaged or its technology unknown."""
     rat = _RATS.get(at(fields, 1)) or _RATS_OF_HEADINGS.get(heading)
     named = _FORMS[fields[0], rat].texts_by_name(fields) if rat else None
     return (rat, named) if rat and named else None
 
 
 def _band(rat: Rat, named: Mapping[str, str]) -> int | None:
-    """Band as a number; the modem adds 100 on LTE and prints 50 before it on NR."""
+    """The modem adds 100 on LTE and prints 50 before the band on NR."""
     printed = decimal(named.get("band", ""), 1)
     if printed is None or rat != "NR":
         return printed - 100 if printed and rat == "LTE" and printed > 100 else printed
@@ -222,7 +221,6 @@ def _band(rat: Rat, named: Mapping[str, str]) -> int | None:
 
 
 def _base(cells: Sequence[_Cell], *, headings: bool) -> Callable[[str], int | None]:
-    """Reader of channels and PCIs: of the base that fits all rows, else that of the headings."""
     fitting = [read for read in (hexadecimal, decimal) if all(_fits(*of, read) for of in cells)]
     usual = hexadecimal if headings else decimal
     return usual if usual in fitting else next(iter(fitting), lambda _: None)

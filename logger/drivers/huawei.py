@@ -95,7 +95,7 @@ _SCALES = {  # 0 itself is "below", 255 unknown
 
 
 class Huawei(Family):
-    """Cells by ^MONSC and ^MONNC, by ^SMOND of the GSM modules, else by the standard commands."""
+    """Cells by ^MONSC and ^MONNC, by ^SMOND, or by the standard commands."""
 
     name = "huawei"
     gives = MappingProxyType(
@@ -119,7 +119,7 @@ class Huawei(Family):
     mode_commands = network_mode.SYSCFG
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells received now; the serving one from +CREG and its like where ^MONSC is unknown."""
+        """Cells received now; the serving one from +CREG and its like without ^MONSC."""
         rows = yield from self.ask(self.poll_commands)
         if rows is None or any(isinstance(row, CellReading) for row in rows):
             return rows
@@ -144,7 +144,7 @@ def _cell(kind: str, text: str) -> Row | None:
 
 
 def _quality(mode: str, text: str) -> Row | None:
-    """Indices of ^HCSQ and their values; without a service there is no cell."""
+    """Without a service there is no cell."""
     raw = [int(value) for value in re.findall(r"\d+", text)]
     if not raw:
         return NoCell(status=mode) if mode.startswith("NO") else None

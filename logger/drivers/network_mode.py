@@ -1,8 +1,8 @@
 """Network mode selection: read it, restrict a modem to GSM, and set it back.
 
-This is the one exception to listening. A modem that is given another choice leaves its network and
-may register anew, which transmits. It is done only if configured, and the
-value that is set back is the one that the modem reported before. Sources: firmware_notes.
+This is the one exception to listening: a modem that is given another choice leaves its network and
+may register anew, which transmits. It is done only if configured, and the value that is set back is
+the one that the modem reported before. Sources: firmware_notes.
 """
 
 import re
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from logger.drivers.protocols.at import Command, Dialogue, Reply
 
 SET_S = 12.0
-"""AT+CNMP may take 10 s (SIM7600 manual); the manuals of the others give no time."""
+"""AT+CNMP may take 10 s (SIM7600 manual); other manuals give no time."""
 _TRIES = 4
 _LIST = r"\d{1,2}(?:,\s*\d{0,3})*"
 
@@ -31,7 +31,7 @@ class ModeCommand:
     value: str = r"\d{1,3}"
 
     def value_in(self, reply: Reply) -> str | None:
-        """The value that the modem reports, None where it reports none or more than one."""
+        """The value that the modem reports, None for none or more than one."""
         form = re.compile(self.line.format(f"({self.value})"), re.IGNORECASE | re.ASCII)
         matches = [match for line in reply.lines if (match := form.fullmatch(line.strip()))]
         return matches[0][1].replace(" ", "") if reply.ok and len(matches) == 1 else None
@@ -113,7 +113,7 @@ def read_mode(commands: Sequence[ModeCommand]) -> Dialogue[tuple[ModeCommand, st
 def set_mode(command: ModeCommand, value: str) -> Dialogue[str | None]:
     """Set a value; returns the one that the modem has then, None where it reports none.
 
-    A modem that reports allowed and preferred technologies may accept the first alone.
+    A modem that reports allowed and preferred technologies may accept only the first.
     """
     shorter = value.partition(",")[0]
     values = (

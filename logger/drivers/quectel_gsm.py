@@ -73,8 +73,8 @@ class QuectelGsm(Family):
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells received now; None without an answer or where engineering mode is off.
 
-        A GSM modem answers `AT+QENG?`; one that refuses it is an NB-IoT modem. (To a GSM modem
-        `AT+QENG=0` means off, which the next poll would see.)
+        A modem that refuses `AT+QENG?` is an NB-IoT modem. (To a GSM modem `AT+QENG=0` means off,
+        which the next poll would see.)
         """
         reply = yield self.poll_commands[0]
         if reply.final is not None and not reply.ok:
@@ -96,7 +96,7 @@ class QuectelGsm(Family):
 
 
 def _join_wrapped_rows(lines: Iterable[str]) -> Iterator[str]:
-    """Lines with wrapped rows joined: a line of nothing but values goes on with the row above.
+    """A line of nothing but values goes on with the row above.
 
     A terminal wraps with a line end. Where a log has one as text, the modem has ended the row.
     """
@@ -138,7 +138,7 @@ def _neighbours(body: str) -> Iterator[Row | None]:
 
 
 def _in_order(texts: list[str]) -> list[list[str]]:
-    """Groups of ten values of a GSM row, as far as their numbers ascend: else a comma is lost."""
+    """Groups of ten values, as far as their numbers ascend: else a comma is lost."""
     texts = texts[:-1] if texts[-1] == "" else texts  # a comma ends the row
     groups = [texts[at : at + 10] for at in range(0, len(texts), 10)]
     if not any(map(_GSM_NEIGHBOUR.texts_by_name, groups)):

@@ -86,7 +86,7 @@ def claimants(identity: str, families: Iterable[Family]) -> list[Family]:
 def reader_of(lines: Sequence[str]) -> Family:
     """The driver that reads most in a transcript: cells with an identity, cells, rows, values.
 
-    Of several that read the same it is the first by name; `generic` where no driver reads a row.
+    Of equals the first by name; `generic` where no driver reads a row.
     """
 
     def count(driver: Family) -> tuple[int, ...]:

@@ -143,7 +143,7 @@ _TABLE_RATS: Mapping[str, Rat] = {
 
 
 class Sierra(Family):
-    """The serving cell of all technologies, neighbours on LTE; not the HL and SL modules."""
+    """The serving cell of all technologies, neighbours on LTE."""
 
     name = "sierra"
     gives = MappingProxyType(
@@ -180,7 +180,7 @@ class Sierra(Family):
 def complete_serving_cells(rows: Sequence[Row]) -> tuple[Row, ...]:
     """Rows of one poll without a second serving cell of a technology beside a complete one.
 
-    !GSTATUS prints no network; it is that of +COPS.
+    The network, which !GSTATUS does not print, is that of +COPS.
     """
     complete = {row.rat for row in rows if is_serving(row) and row.cell}
     chosen = next(chosen_networks(rows), Operator(plmn=""))
@@ -228,7 +228,7 @@ def _status(text: str) -> Iterator[Row]:
 
 
 def _value(text: str, labels: Sequence[str]) -> str:
-    """What follows the first label in the text; a label within a longer one does not count."""
+    """A label within a longer one does not count."""
     for label in labels:
         found = re.search(rf"(?<![A-Z])(?<![A-Z] ){label}[ \t]*:[ \t]*([-+.\w]*)", text, _FLAGS)
         if found:
@@ -237,10 +237,7 @@ def _value(text: str, labels: Sequence[str]) -> str:
 
 
 def _in_brackets(text: str, label: str) -> tuple[str, bool]:
-    """The decimal number in brackets after a hexadecimal one, and whether the two are equal.
-
-    Some modems print two different numbers, and nothing shows which of them is right.
-    """
+    """The decimal number in brackets after a hexadecimal one, and whether the two are equal."""
     found = re.search(
         rf"(?<![A-Z]){label}\s*:\s*([0-9A-F]{{1,9}})\s*\((\d{{1,11}})\)", text, _FLAGS
     )
@@ -253,7 +250,6 @@ def _band(text: str, rat: Rat) -> str | None:
 
 
 def _tables(lines: Sequence[str]) -> Iterator[Row]:
-    """Rows below their headings, which name the columns."""
     kind, names = "", [""]
     serving = CellReading("serving")
     for line in lines:
@@ -274,7 +270,7 @@ def _tables(lines: Sequence[str]) -> Iterator[Row]:
 
 
 def _table_cell(kind: str, names: Sequence[str], words: Sequence[str]) -> CellReading | None:
-    """The cell of a row; a log may write before the row, but no number."""
+    """A log may write before the row, but no number."""
     rat = _TABLE_RATS.get(kind)
     before, texts = words[: -len(names)], words[-len(names) :]
     if rat is None or len(names) < 5 or (before and re.fullmatch(_NUMBER, before[-1])):

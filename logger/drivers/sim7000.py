@@ -82,7 +82,7 @@ _FULL_LEVEL = {"bcch": r"\d{4}", "rxl": r"\d\d"}
 
 
 class Sim7000(Family):
-    """Cells by `AT+CENG?`; `AT+CPSI?` adds band, C1, C2 and the level of a GSM cell in dBm."""
+    """Cells by `AT+CENG?`; `AT+CPSI?` adds band, C1, C2 and a GSM level in dBm."""
 
     name = "sim7000"
     gives = MappingProxyType(
@@ -104,7 +104,7 @@ class Sim7000(Family):
     mode_commands = network_mode.CNMP
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells received now, the serving one once; switches a lost engineering mode on again."""
+        """Cells received now; switches a lost engineering mode on again."""
         lines: list[str] = []
         answered = False
         for command in self.poll_commands:
@@ -149,7 +149,7 @@ def _reading(row: re.Match[str], system: str | None) -> CellReading | None:
 
 
 def _lte(role: Role, rat: Rat | None, texts: list[str], *, closed: bool) -> CellReading | None:
-    """Reading of a row of LTE; one of another number of values keeps its levels, the first six."""
+    """A row of another number of values keeps its levels, the first six."""
     if not closed:
         texts = [*texts[:-1], ""]  # the last one may be cut
     named = _LTE.texts_by_name(texts[: len(_LTE.names)])
@@ -163,7 +163,7 @@ def _lte(role: Role, rat: Rat | None, texts: list[str], *, closed: bool) -> Cell
 
 
 def _gsm(role: Role, texts: list[str], *, closed: bool) -> CellReading | None:
-    """Reading of a row of GSM; one of another number of values keeps a level of full width."""
+    """A row of another number of values keeps a level of full width."""
     named = _GSM.texts_by_name(texts) if closed or _FULL_LAC.fullmatch(texts[-1]) else None
     is_identified = named is not None and network(named["mcc"], named["mnc"])[0] is not None
     if not is_identified or named is None:

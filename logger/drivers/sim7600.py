@@ -136,7 +136,6 @@ def _rxlev_dbm(text: str) -> float | None:
 
 
 def _negative(read: Callable[..., float | None]) -> Callable[[str], float | None]:
-    """Reader of a level that is printed without its sign."""
     return lambda text: read(text.removeprefix("-"), scale=-1.0)
 
 
@@ -153,7 +152,6 @@ _CMGRMI = re.compile(r"(?<![A-Z])CMGRMI:\s*(\w+)\s*,([-\w, ]*)", re.IGNORECASE |
 
 
 def _tenths(read: Callable[[str, float], float | None]) -> Callable[[str], float | None]:
-    """Reader of a level in tenths of a dB, rounded to what is printed."""
     return lambda text: None if (found := read(text, 0.1)) is None else round(found, 1)
 
 
@@ -205,7 +203,7 @@ class Sim7600(Family):
     long_numbers: ClassVar[Mapping[str, str]] = {"+CPSI": "[0-9]{10,11}"}  # a cell of NR
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells received now, the serving one once; a modem refuses the commands it lacks."""
+        """Cells received now, the serving one once."""
         rows = yield from self.ask(self.poll_commands)
         return None if rows is None else merge_serving_cells(rows)
 
@@ -258,7 +256,7 @@ def _cpsi_cell(shape: Form, texts: list[str], more: Mapping[str, str]) -> CellRe
 
 
 def _identity(rat: Rat, named: Mapping[str, str]) -> dict[str, Any]:
-    """The identity, empty where a part is damaged; a part marked as unknown is None."""
+    """Empty where a part is damaged; a part marked as unknown is None."""
     if "plmn" not in named:
         return {}
     area_bits, cid_bits = _BITS.get(rat, _BITS_OF_OTHERS)
@@ -293,7 +291,7 @@ def _wcdma(named: Mapping[str, str]) -> _Levels:
 
 
 def _lte(named: Mapping[str, str]) -> _Levels:
-    """Levels in one unit or none of them; the ratio of signal to noise is always in dB."""
+    """Levels in one unit or none of them; the SNR is always in dB."""
     sinr = {"sinr_db": level(named.get("snr", ""), -23.0, 40.0)}
     printed = [named.get(name, "") for name in ("rsrq", "rsrp", "rssi")]
     indices = [decimal(text, 0, 255) for text in printed]
@@ -359,7 +357,6 @@ def _system(lines: Sequence[str]) -> Iterator[Row]:
 
 
 def _system_cell(role: Role, text: str) -> CellReading | None:
-    """Reading of one CCINFO row."""
     pairs = ((label.lower(), value, comma) for label, value, comma in _PAIR.findall(text))
     named = {label: value for label, value, comma in pairs if comma or label in _LAST}
     if ("arfcn" in named) == ("uarfcn" in named):

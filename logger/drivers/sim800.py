@@ -151,7 +151,7 @@ class Sim800(Family):
 
 
 def _parse_row(row: re.Match[str], mode: int | None) -> CellReading | None:
-    """Reading of one CENG row; None for an empty slot and for a row damaged on its left."""
+    """None for an empty slot and for a row damaged on its left."""
     blank, number, body, end = row.groups()
     role: Role = "serving" if int(number) == 0 else "neighbour"
     texts = [text.strip() for text in body.split(",")]
@@ -167,7 +167,7 @@ def _parse_row(row: re.Match[str], mode: int | None) -> CellReading | None:
 
 
 def _layout(serving: bool, texts: Sequence[str], mode: int | None) -> Form | None:
-    """Names of the values; six are mode 3, or a neighbour, whose channel has four digits."""
+    """Six values are mode 3, or a neighbour, whose channel has four digits."""
     if len(texts) == len(_LOCATION.names) and (
         serving or mode == 3 or (mode is None and len(texts[0]) != 4)
     ):
@@ -176,7 +176,7 @@ def _layout(serving: bool, texts: Sequence[str], mode: int | None) -> Form | Non
 
 
 def _ends_complete(last: str, texts: list[str]) -> bool:
-    """False where the row's last value may be cut; one that the row can spare is emptied."""
+    """False where the last value may be cut; one that the row can spare is emptied."""
     if last in _FULL_WIDTH and re.fullmatch(_FULL_WIDTH[last], texts[-1]):
         return True
     if last in _SPARE:
@@ -185,7 +185,7 @@ def _ends_complete(last: str, texts: list[str]) -> bool:
 
 
 def _identity(layout: Form, named: Mapping[str, str]) -> dict[str, Any] | None:
-    """Network, area and cell, empty where not decoded; None where the row is damaged."""
+    """Empty where not decoded; None where the row is damaged."""
     if all(_FILLER.fullmatch(named.get(name) or "") for name in _IDENTITY):
         return {}
     return identity(named, _KINDS) if layout.looks_right(named) else None

@@ -64,7 +64,6 @@ from logger.drivers.reading.standard_replies import is_serving
 
 
 def _octal_bsic(text: str) -> int | None:
-    """BSIC of two octal digits, the network's and the base station's colour."""
     return int(text, 8) if re.fullmatch(r"[0-7]{2}", text) else None
 
 
@@ -206,7 +205,7 @@ _CHANNEL_NUMBER = r"(?:0|[1-9]\d{0,3})"
 _CHANNEL_LIST = re.compile(rf"{_CHANNEL_NUMBER}(?: {_CHANNEL_NUMBER})*", re.ASCII)
 _VALUE = re.compile(r"-?\d{1,5}", re.ASCII)
 _DB_OF_STEP = 2
-"""Of the cell reselection offset, which is printed as its code 0 to 63 (3GPP TS 45.008 9.1)."""
+"""Of the cell reselection offset, printed as its code 0 to 63 (3GPP TS 45.008 9.1)."""
 
 _Pairs = Sequence[tuple[str, str]]
 
@@ -221,12 +220,10 @@ class _Carrier:
 
     @property
     def area(self) -> str:
-        """The area code as printed."""
         return self.texts.get("lac", self.texts.get("tac", ""))
 
     @property
     def cell(self) -> str:
-        """The cell as printed."""
         names = ("cid16", "cid28", "whole_cid28")
         return next((self.texts[name] for name in names if name in self.texts), "")
 
@@ -243,7 +240,7 @@ class _Carrier:
 
 
 class Telit(Family):
-    """Serving cell and neighbours by `AT#MONI`; all carriers by `AT#CSURV`, a slice at a time."""
+    """Serving cell and neighbours by `AT#MONI`; all carriers by `AT#CSURV` in slices."""
 
     name = "telit"
     gives = MappingProxyType(
@@ -321,7 +318,6 @@ def _area(row: CellReading | Registration) -> int | None:
 
 
 def _monitor_rows(line: str) -> Iterator[Row]:
-    """Readings of #MONI and #SERVINFO in a line."""
     for text in _MONI.findall(line):
         table = _MONI_TABLE.match(text)
         row = _table_row(table.groupdict("")) if table else _labelled_row(text)
@@ -334,7 +330,7 @@ def _monitor_rows(line: str) -> Iterator[Row]:
 
 
 def _without_log_text(text: str) -> str:
-    """The text without what a log appends to a row: a semicolon, the OK of the reply."""
+    """Without the semicolon or OK that a log appends to a row."""
     return text.strip("; \t").removesuffix(" OK").rstrip("; \t")
 
 
@@ -343,7 +339,7 @@ def _operator(name: str) -> dict[str, int | str | None]:
 
 
 def _table_row(texts: Mapping[str, str]) -> CellReading | None:
-    """Row of the table; the timing advance is that of the last call or transfer (manual p278)."""
+    """The timing advance is that of the last call or transfer (manual p278)."""
     found = read_values(texts)
     if found["arfcn"] is None:
         return None  # an empty slot
@@ -359,7 +355,7 @@ def _table_row(texts: Mapping[str, str]) -> CellReading | None:
 
 
 def _labelled_row(text: str) -> CellReading | None:
-    """Row of `label:value` pairs; the label of the channel gives the technology."""
+    """`label:value` pairs; the label of the channel gives the technology."""
     found: dict[str, str] = {}
     first = _MONI_LABEL.search(text)
     for label, value in _MONI_LABEL.findall(text):
@@ -400,7 +396,7 @@ def _labelled_row(text: str) -> CellReading | None:
 
 
 def _rat(found: Mapping[str, str]) -> Rat | None:
-    """Technology of a row; a line without a channel is one that is cut."""
+    """None for a line without a channel: it is cut."""
     rats: set[Rat] = {rat for label, (rat, _) in _CHANNELS.items() if label in found}
     rats = rats or {rat for label, rat in _LABEL_OF_ONE.items() if label in found}
     return rats.pop() if len(rats) == 1 else None
@@ -413,12 +409,11 @@ def _channel(found: Mapping[str, str], rat: Rat) -> int | None:
 
 
 def _is_full(label: str, text: str, rat: Rat) -> bool:
-    """False where the last value of a line may be cut: four hexadecimal digits are complete."""
+    """False where a last value may be cut: four hexadecimal digits are complete."""
     return len(text) == 4 and (label in {"lac", "tac"} or (label == "id" and rat == "GSM"))
 
 
 def _role(name: str, found: Mapping[str, str]) -> Role:
-    """Serving for a row with a network name, its code, or an area without the words "Adj Cell"."""
     if _ADJACENT.match(name):
         return "neighbour"
     return "serving" if name or found.keys() & {"cc", "lac", "tac", "rxqual"} else "neighbour"
@@ -430,7 +425,7 @@ def _identity(text: str, rat: Rat) -> int | None:
 
 
 def _servinfo(fields: list[str]) -> CellReading | NoCell | None:
-    """The serving cell; the fifth and the ninth value of a row show its technology."""
+    """The fifth and the ninth value of a row show its technology."""
     rat = _servinfo_rat(fields)
     if rat is None:
         return None
@@ -465,7 +460,7 @@ def _servinfo_rat(fields: list[str]) -> Rat | None:
 
 
 def _survey_rows(lines: Sequence[str]) -> tuple[CellReading, ...]:
-    """Readings of role "scan" of all surveys in the lines, which have one format."""
+    """All surveys in the lines have one format."""
     carriers = list(_carriers(lines))
     base = _base_of_survey(lines, carriers)
     is_decimal = _codes_are_decimal(carriers)
@@ -496,13 +491,11 @@ def _carriers(lines: Sequence[str]) -> Iterator[_Carrier]:
 
 
 def _rat_of_channel(row: re.Match[str]) -> Rat:
-    """Technology of a carrier without an identity, by the label of its channel."""
     texts = row.groupdict("")
     return next((rat for rat, name in _CHANNEL.items() if texts.get(name)), "GSM")
 
 
 def _carrier_broadcast(rat: Rat, row: re.Match[str], tail: str) -> Broadcast | None:
-    """What stands behind the status of a cell of GSM."""
     if rat != "GSM" or not row.groupdict().get("status"):
         return None
     return _labelled_broadcast(tail) if ":" in row[0] else _listed_broadcast(tail)
@@ -539,7 +532,6 @@ def _reading(carrier: _Carrier, base: int | None, *, is_decimal: bool) -> CellRe
 def _survey_identity(
     carrier: _Carrier, base: int | None, *, is_decimal: bool
 ) -> tuple[str | None, str | None, int | None, int | None]:
-    """Network, area and cell; None where not decoded, or in a base that is not known."""
     mcc, mnc = _network_of(carrier.texts, is_decimal=is_decimal)
     if mcc is None or base is None:
         return None, None, None, None
@@ -554,7 +546,7 @@ def _bsic(text: str, base: int | None) -> int | None:
 
 
 def _base_of(text: str, width: int) -> int | None:
-    """Base of a number that is padded to `width` digits if hexadecimal and unpadded if decimal."""
+    """Hexadecimal numbers are padded to `width` digits, decimal ones are not."""
     if not text or text == "0":
         return None
     if re.search(r"[A-Fa-f]", text) or text.startswith("0"):
@@ -602,7 +594,7 @@ def _is_country(text: str) -> bool:
 
 
 def _network_of(texts: dict[str, str], *, is_decimal: bool) -> tuple[str | None, str | None]:
-    """Country and network; a network code has two digits at least, so lost zeros are restored."""
+    """A network code has two digits at least, so lost zeros are restored."""
     mcc, mnc = texts.get("mcc", ""), texts.get("mnc", "")
     if not is_decimal and mcc and mnc:
         is_filler = re.fullmatch(r"F+", mnc, re.IGNORECASE)
@@ -613,7 +605,6 @@ def _network_of(texts: dict[str, str], *, is_decimal: bool) -> tuple[str | None,
 
 
 def _labelled_broadcast(tail: str) -> Broadcast | None:
-    """What stands behind the status in a line of #CSURV; None where it is not in the form."""
     text = " ".join(tail.split())
     pairs, end = [], 0
     while pair := _BROADCAST_LABEL.match(text, end):
@@ -623,7 +614,6 @@ def _labelled_broadcast(tail: str) -> Broadcast | None:
 
 
 def _listed_broadcast(tail: str) -> Broadcast | None:
-    """The same for the values of #CSURVC."""
     before, *values = [" ".join(value.split()) for value in tail.split(",")]
     if before or not values:
         return None
@@ -632,7 +622,6 @@ def _listed_broadcast(tail: str) -> Broadcast | None:
 
 
 def _namings(values: Sequence[str]) -> Iterator[_Pairs]:
-    """The values with names, in each of the forms that has so many."""
     own = _OWN if values[0] != "0" else _OWN[:1]
     forms = [(), _RESELECTION]
     forms += [(*lists, *end) for lists in (_NEIGHBOURS, _NEIGHBOURS[:1]) for end in _ENDS]
@@ -642,7 +631,7 @@ def _namings(values: Sequence[str]) -> Iterator[_Pairs]:
 
 
 def _broadcast(pairs: _Pairs) -> Broadcast | None:
-    """What named values contain; None where one is damaged, missing or too much."""
+    """None where a value is damaged, missing or too much."""
     names, named = tuple(name for name, _ in pairs), dict(pairs)
     own, rest = _take_list(names, named, _OWN)
     neighbours, end = _take_list(rest, named, _NEIGHBOURS)
@@ -666,7 +655,7 @@ def _take_list(
 ) -> tuple[tuple[int, ...] | None, tuple[str, ...]]:
     """The channels behind their number, and the names that follow.
 
-    None instead of the channels where the list is damaged, and the same names where there is none.
+    None for a damaged list; where there is none the names stay the same.
     """
     count, channels = labels
     if names[:1] != (count,):
@@ -676,7 +665,7 @@ def _take_list(
 
 
 def _channels(count: str, text: str) -> tuple[int, ...] | None:
-    """Exactly `count` different channels; each stands once in the list of a cell."""
+    """Exactly `count` different channels."""
     number = decimal(count, 0, MOST_NEIGHBOURS)
     words = text.split() if _CHANNEL_LIST.fullmatch(text) else []
     found = tuple(map(int, words))

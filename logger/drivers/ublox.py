@@ -244,7 +244,7 @@ class Ublox(Family):
     }
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Ask in turn until a reply has cells; AT+COPS? restores lost zeros of a network code."""
+        """Ask in turn until a reply has cells; AT+COPS? restores zeros of a network code."""
         answers: list[tuple[Row, ...]] = []
         network = (yield from self.ask([Command("AT+COPS?")])) or ()
         for command in self.poll_commands:
@@ -302,7 +302,7 @@ def _readings(role: Role, rat: Rat, texts: Mapping[str, str]) -> Iterator[CellRe
 
 
 def _network(texts: Mapping[str, str]) -> dict[str, str]:
-    """Country and network; a network code of one digit has lost its zeros and stays a number."""
+    """A network code of one digit has lost its zeros and stays a number."""
     mcc, mnc = texts.get("mcc", ""), texts.get("mnc", "")
     if not re.fullmatch(r"(?!000)[0-9]{3}", mcc) or not re.fullmatch(r"[0-9]{1,3}", mnc):
         return {}
@@ -310,7 +310,7 @@ def _network(texts: Mapping[str, str]) -> dict[str, str]:
 
 
 def _channel(text: str, rat: Rat) -> tuple[int | None, int | None]:
-    """Channel, and the number as printed where it has the flag of the 1900 MHz band."""
+    """Also the number as printed where it has the flag of the 1900 MHz band."""
     printed = decimal(text, 0, 2**18)
     if printed is None or printed == _NO_CHANNEL:
         return None, None
@@ -347,7 +347,6 @@ def _ucellinfo(line: str) -> Iterator[Row]:
 
 
 def _labelled_rows(lines: Sequence[str]) -> tuple[Row, ...]:
-    """Rows of all scans and +CGED replies in the lines."""
     replies = list(_replies(lines))
     hexadecimal = _lte_is_hexadecimal(lines)
     return tuple(
@@ -358,7 +357,7 @@ def _labelled_rows(lines: Sequence[str]) -> tuple[Row, ...]:
 
 
 def _replies(lines: Sequence[str]) -> Iterator[tuple[bool, list[str]]]:
-    """Lines in runs: those of a +CGED reply (True) and others."""
+    """In runs: lines of a +CGED reply (True) and others."""
     inside = False
     run: list[str] = []
     for line in lines:
@@ -390,7 +389,7 @@ def _lte_is_hexadecimal(lines: Sequence[str]) -> bool:
 
 
 def _environment(lines: Sequence[str]) -> Iterator[Row]:
-    """Cells of one +CGED reply: what is between two cells belongs to the first."""
+    """What is between two cells belongs to the first."""
     role: Role | None = "serving"
     rat_of_head: Rat | None = None
     texts: dict[str, str] = {}
@@ -418,7 +417,7 @@ def _environment(lines: Sequence[str]) -> Iterator[Row]:
 def _environment_cell(
     role: Role | None, rat_of_head: Rat | None, texts: dict[str, str]
 ) -> Iterator[Row]:
-    """The cell so far; its radio values show the technology, else the head of the reply."""
+    """The radio values show the technology, else the head of the reply."""
     rat: Rat | None = "GSM" if "bsic_text" in texts else "WCDMA" if "psc" in texts else rat_of_head
     if texts and role is not None and rat is not None:
         yield from _readings(role, rat, texts)

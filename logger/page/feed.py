@@ -100,7 +100,7 @@ class JournalTail:
 
 TABLES = frozenset({"fixes", "readings", "notes"})
 STEP_M = 4.0
-"""Distance of points of the track: less is not seen on a phone, and GPS is no better."""
+"""Distance of points of the track: less is not seen on a phone."""
 MOST_POINTS = 20_000
 """Of the track: 80 km."""
 MOST_LEVELS = 20_000
@@ -207,9 +207,9 @@ def _text(stored: bytes) -> str:
 class State(msgspec.Struct, frozen=True):
     """One message to the phones.
 
-    `silent_s` is for how long the recorder has said nothing; `status` is then its last one, None
-    without any. `kept` is the number of readings of a run that was closed in order, else None.
-    `minute` has age and level of the followed cell's readings.
+    `silent_s` is for how long the recorder has said nothing; `status` is its last one, None without
+    any. `kept` is the number of readings of a run that was closed in order, else None. `minute` has
+    age and level of the followed cell's readings.
     """
 
     silent_s: float
@@ -251,7 +251,7 @@ class Feed:
         return self._status is None or time.monotonic() - self._heard_s > SILENT_S
 
     async def has_recorded(self, request: str, patience_s: float) -> bool:
-        """Wait until the recorder names a request as recorded; False where it does not in time."""
+        """Wait until the recorder names a request as recorded; False if not in time."""
         end_s = time.monotonic() + patience_s
         while self._status is None or request not in self._status.recorded:
             left_s = end_s - time.monotonic()
@@ -287,14 +287,14 @@ class Feed:
         self._changed = asyncio.Event()
 
     def _read_journal(self) -> None:
-        """Take the next portion; an old walk is read in many, between which phones are answered."""
+        """An old walk is read in many portions, between which phones are answered."""
         self._is_behind = False
         for table, row in self._tail.rows() if self._tail else ():
             self._is_behind = True
             self.walk.take(table, row)
 
     def _read_status(self, now_s: float) -> bool:
-        """Read status.json where it is another; a status with the old time is no news."""
+        """A status with the old time is no news."""
         try:
             stamp = (self._folder / "status.json").stat().st_mtime_ns
         except OSError:
@@ -313,7 +313,7 @@ class Feed:
         return True
 
     def _follow_run(self, journal: Path) -> None:
-        """Begin with the journal of another run; a status names no file outside the runs."""
+        """A status names no file outside the runs."""
         journal = self._runs / journal.name
         is_one = _JOURNAL.fullmatch(journal.name) is not None
         if is_one and (self._tail is None or self._tail.journal != journal):

@@ -66,7 +66,7 @@ class RequestFile:
     def _append(self, request: PageRequest) -> None:
         """Append a line in one write; raises OSError.
 
-        A file that has become long, or is none, is replaced where no request in it waits.
+        A file that has become long, or is none, is replaced where no request waits in it.
         """
         line = msgspec.json.encode(request) + b"\n"
         if not self._has_room() and self._n_waiting == 1:
@@ -136,7 +136,7 @@ class Limits:
         self._writes: Latest[Bucket] = Latest(_MOST_ADDRESSES)
 
     def allows(self, address: str, *, write: bool) -> bool:
-        """Whether this request may be answered; a flood of one does not use up that of all."""
+        """Whether this request may be answered; no address uses up the limit of all."""
         now_s = self._clock_s()
         one = self._reads.get(address) or Bucket(PER_S, BURST, now_s)
         self._reads.put(address, one)
@@ -159,7 +159,7 @@ class Connection(Protocol):
 
 @dataclass
 class _Holder:
-    """Who holds a place; `is_known` after a request with the token, `is_busy` during one."""
+    """`is_known` after a request with the token, `is_busy` during one."""
 
     address: str
     since_s: float
@@ -172,8 +172,8 @@ class Places:
 
     Where they are taken, one gives way to a newcomer: a connection that could have brought the
     token by now and has not, else one that waits for its next request, else one that is new, else
-    one of an address that has two more than the newcomer's. Among these it is the oldest one of the
-    address that has the most of them.
+    one of an address that has two more than the newcomer's. Among these it is the oldest of the
+    address that has the most.
     """
 
     def __init__(
@@ -208,7 +208,6 @@ class Places:
             holder.is_busy = False
 
     def _one_to_leave(self, n_held: Counter[str], address: str) -> Connection | None:
-        """The connection that gives way to one of an address."""
         has_all_of_one = n_held[address] >= self._most_of_one
         holders = [
             (one, who)
@@ -230,7 +229,7 @@ class Places:
 
 
 def host_names(address: str, port: int) -> frozenset[str]:
-    """Values of Host that name this page: the address alone, since DNS may name any machine."""
+    """Values of Host that name this page: only the address, since DNS may name any machine."""
     host = f"[{address}]" if ":" in address else address
     return frozenset({f"{host}:{port}"} | ({host} if port == 80 else set()))
 
@@ -249,7 +248,7 @@ def closed_runs(folder: Path) -> list[tuple[str, int]]:
 
 
 def is_run(name: str) -> bool:
-    """Whether a name is that of a closed run; none of them leads to another folder."""
+    """Whether a name is that of a closed run; none leads to another folder."""
     return _CLOSED.fullmatch(name) is not None
 
 
@@ -397,7 +396,7 @@ class AssetHandler(Guarded):
 
 
 class LiveHandler(Guarded):
-    """News as server-sent events; a phone that is slow misses some and gets the newest."""
+    """News as server-sent events; a slow phone misses some and gets the newest."""
 
     async def get(self, _token: str) -> None:
         if not self.site.streams.admit(self.stream, self.request.remote_ip or ""):
@@ -547,8 +546,7 @@ class BoundedServer(HTTPServer):
 class WithoutRequests(logging.Filter):
     """Leaves out what tornado and asyncio say of requests, whose addresses contain the token.
 
-    Of an error only its kind and the lines of the program remain; all else of a stranger's request
-    is of no use in a log either.
+    Of an error only its kind and the lines of the program remain.
     """
 
     def filter(self, record: logging.LogRecord) -> bool:
@@ -637,7 +635,7 @@ def application(site: Site) -> Application:
 
 
 async def _listen(address: str, port: int, ended: asyncio.Event) -> socket.socket | None:
-    """Bind, as soon as the machine has the address; None where the end comes first."""
+    """Waits until the machine has the address; None where the end comes first."""
     has_complained = False
     while not ended.is_set():
         try:

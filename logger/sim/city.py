@@ -140,7 +140,6 @@ def with_lists(cells: Sequence[Transmitter]) -> tuple[Transmitter, ...]:
 
 
 def _rooftops(rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Positions that are not close to each other."""
     sites: list[tuple[float, float]] = []
     for _ in range(_MOST_TRIES):
         east_m, north_m = rng.uniform(-HALF_M, HALF_M, 2)

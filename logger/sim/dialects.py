@@ -1,9 +1,9 @@
 """Simulated modems by name: identity, settings, and replies made of what is received.
 
-A SIM800 prints AT+CENG and AT+CNETSCAN, a SIM7600 AT+CPSI, AT+CCINFO and AT+CGPSINFO. Formats are
-written from manuals and captures, independently of the drivers that read them: rows of AT+CENG from
-SIM800 AT Command Manual V1.09 p161-163 and captures 001 to 018, those of a SIM7600 from captures
-029, 049 and 170 to 180 (see firmware_notes). What all modems answer is 3GPP TS 27.007.
+Formats are written from manuals and captures, independently of the drivers that read them: rows of
+AT+CENG from SIM800 AT Command Manual V1.09 p161-163 and captures 001 to 018, those of a SIM7600
+from captures 029, 049 and 170 to 180 (see firmware_notes). What all modems answer is 3GPP TS
+27.007.
 """
 
 import re
@@ -29,7 +29,7 @@ NO_SERVICE = 30
 class Setting:
     """The value after power-up, and the form of accepted ones; parts left out stay as they are.
 
-    What is `stored` is as it was before the power went.
+    What is `stored` survives a power cut.
     """
 
     default: str
@@ -184,7 +184,7 @@ def _ceng_serving(mode: int, one: ReceivedCell) -> str:
 
 
 def _ceng_neighbour(mode: int, ncell: int, one: ReceivedCell) -> str | None:
-    """Text of a neighbour's row; None where no form is known of one that is not decoded."""
+    """None where no form is known of a cell that is not decoded."""
     if mode in {3, 4} and not one.is_decoded:
         return None
     cell = one.cell
@@ -273,7 +273,7 @@ def tenths(fix: ModemFix) -> str:
 
 
 def _minutes(angle_deg: float, degree_digits: int) -> str:
-    """The angle without its sign as `ddmm.mmmmmm`."""
+    """As `ddmm.mmmmmm`, without sign."""
     degrees, steps = divmod(round(abs(angle_deg) * 60_000_000), 60_000_000)
     whole_minutes, fraction = divmod(steps, 1_000_000)
     return f"{degrees:0{degree_digits}d}{whole_minutes:02d}.{fraction:06d}"
@@ -300,7 +300,7 @@ def system_information(air: Air, settings: Settings) -> Answer:
 
 
 def _cell_information(air: Air, settings: Settings) -> Answer:
-    """Serving cell and neighbours with labels, all of it decimal."""
+    """All of it decimal."""
     if air.serving is None or settings["+CNMP"] == LTE_ONLY:
         return []
     serving = f"+CCINFO:[SCELL],{_labels(air.serving)},TA:0,TXPWR:0"

@@ -239,7 +239,6 @@ class Misbehaving:
         )
 
     def _turn(self) -> bytes:
-        """Begin or end the fault when its time has come."""
         out = b""
         now_s = self._now_s()
         if self._stage == 0 and now_s >= self._start_s:

@@ -11,7 +11,8 @@ from logger.sim.walk import Walk
 from logger.sim.world import Air, ModemFix, ReceivedCell, World
 
 DECODE_DBM = -104.0
-"""Level from which broadcasts are decoded: access is allowed there (C1 > 0, see `air`)."""
+"""Level from which broadcasts are decoded: access is allowed there (C1 > 0, see
+`world.ACCESS_DBM`)."""
 UNSOLICITED_EVERY_S = 5.0
 """Period of unsolicited rows, which no manual gives."""
 COLD_START_S = 30.0
@@ -30,8 +31,8 @@ _ERROR_TEXTS = {
 class SimulatedModem:
     """One modem from power-up on; each reply has new fading.
 
-    `now_s` gives the seconds since the walk began, `utc_start` when that was for its receiver,
-    which has no noise. Levels are read `above_db` too high.
+    `now_s` gives the seconds since the walk began, `utc_start` when that was for its noiseless
+    receiver. Levels are read `above_db` too high.
     """
 
     def __init__(
@@ -78,9 +79,9 @@ class SimulatedModem:
         return b"" if isinstance(lines, int) else frame_text(*lines)
 
     def restart(self) -> bytes:
-        """Lose the power and come back with the settings of power-up; returns the boot lines.
+        """Lose the power and come back with the settings of power-up.
 
-        Returns the lines that it prints when it is ready.
+        Returns the lines that the modem prints when it is ready.
         """
         self._restart()
         return frame_text(*self._dialect.boot)
@@ -102,7 +103,7 @@ class SimulatedModem:
         self._sent_s = self._now_s()
 
     def _answer(self, line: str) -> bytes | None:
-        """Answer of a line of one or several commands; None where it comes later."""
+        """None where the answer comes later."""
         out = b""
         takes_s = 0.0
         final = "OK"
@@ -119,7 +120,7 @@ class SimulatedModem:
         return None
 
     def _do(self, command: str) -> tuple[list[str], str]:
-        """Blocks of text and the final result of one command."""
+        """Blocks of text and the final result."""
         if command in self._dialect.identity:
             return list(self._dialect.identity[command]), "OK"
         name, argument = self._reply_name(command)
@@ -129,7 +130,7 @@ class SimulatedModem:
         return [], "OK" if self._set(command) else "ERROR"
 
     def _reply_name(self, command: str) -> tuple[str, str]:
-        """Name of the command among the replies, and the argument of one that takes any."""
+        """Name of the reply, and the argument of one that takes any."""
         name, equals, argument = command.partition("=")
         return (
             (name + equals, argument)
@@ -141,7 +142,7 @@ class SimulatedModem:
         return self._dialect.takes_s.get(self._reply_name(command)[0], 0.0)
 
     def _set(self, command: str) -> bool:
-        """Apply a setting; False for what is not understood."""
+        """False for what is not understood."""
         setting = _SETTING.fullmatch(command)
         kind = self._dialect.settings.get(setting[1]) if setting else None
         if setting is None or kind is None or not kind.form.fullmatch(setting[2]):

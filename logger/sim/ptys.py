@@ -23,8 +23,7 @@ class PtyLine:
     """Reads and writes until `stop` is set; a closed far end is a normal state.
 
     What is written while the far end is open waits for the program that has opened it; one that
-    flushes the port as it opens it, as pyserial does by itself, loses what came before, as it would
-    lose it of a real device.
+    flushes the port as it opens it, as pyserial does, loses what came before, as of a real device.
     """
 
     def __init__(self, master: int, stop: threading.Event) -> None:
@@ -71,7 +70,7 @@ class PtyLine:
         return False
 
     def _wait(self, event: int, timeout_s: float) -> bool:
-        """True when ready for the event; sleeps while the far end is closed."""
+        """Sleeps while the far end is closed."""
         ready = self._poll(event, timeout_s)
         if ready & event:
             return True
@@ -83,7 +82,6 @@ class PtyLine:
         return not self._poll(0, 0.0) & select.POLLHUP
 
     def _poll(self, event: int, timeout_s: float) -> int:
-        """What the master is ready for."""
         poll = select.poll()
         poll.register(self._master, event)
         return sum(flags for _, flags in poll.poll(timeout_s * 1e3))
@@ -119,8 +117,8 @@ class TalkingDevice(Protocol):
 class PtyDevice:
     """A device behind a pty, in a thread of its own; `path` is what the service opens.
 
-    It outlives the service: the path can be closed and opened again. With `name`, a link to the
-    pty, it can also be pulled out and plugged in again, which gives it another pty.
+    The path can be closed and opened again. With `name`, a link to the pty, it can also be pulled
+    out and plugged in again, which gives it another pty.
     """
 
     def __init__(self, session: Session, name: Path | None = None) -> None:
@@ -185,7 +183,7 @@ def answering(device: AnsweringDevice) -> Session:
 
 
 def talking(device: TalkingDevice, time: WalkTime) -> Session:
-    """Session of a receiver: writes an epoch each second of the walk, listener or not."""
+    """Session of a receiver: an epoch each second of the walk, listener or not."""
 
     def session(line: PtyLine) -> None:
         t_s = 0.0

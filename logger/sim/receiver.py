@@ -103,7 +103,7 @@ def sentence(text: str) -> bytes:
 
 
 def _angle(angle_deg: float, degree_digits: int, letters: str) -> str:
-    """Angle as `ddmm.mmmmm` and its hemisphere, the second of `letters` being the negative one."""
+    """As `ddmm.mmmmm`; the second of `letters` is the negative hemisphere."""
     # Rounded once, in steps of 1e-5 minutes, so that no 60.00000 minutes come out.
     degrees, steps = divmod(round(abs(angle_deg) * 6_000_000), 6_000_000)
     minutes, fraction = divmod(steps, 100_000)

@@ -78,7 +78,7 @@ class Scenario:
     def streets_deg(self) -> tuple[tuple[tuple[float, float], ...], ...]:
         """Streets of the world, latitude and longitude of their ends: they bound its blocks.
 
-        They are those that the walk takes, from one edge of the quarter to the other.
+        They are those of the walk, from one edge of the quarter to the other.
         """
         return tuple(
             tuple(self.world.to_latlon(*end_m) for end_m in street) for street in self.walk.streets

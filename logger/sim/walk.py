@@ -80,7 +80,6 @@ class Walk:
         return np.asarray(self.waypoints, float), self._distances_m()
 
     def _distances_m(self) -> FloatArray:
-        """Walked distance at each waypoint."""
         legs = np.diff(np.asarray(self.waypoints, float), axis=0)
         return np.concatenate([[0.0], np.cumsum(np.hypot(legs[:, 0], legs[:, 1]))])
 
@@ -88,8 +87,8 @@ class Walk:
 class GuidedWalk(Walk):
     """A walk in a `world` that is led: `goal` is what the arrow points at now, None without one.
 
-    Without an arrow it goes from one waypoint to the next, and from the last one to the first. Past
-    a goal it goes straight on until there is another.
+    Without an arrow it goes round its waypoints. Past a goal it goes straight on until there is
+    another.
     """
 
     def __init__(
@@ -134,7 +133,7 @@ def waypoints(shape: str, size_m: float, rng: np.random.Generator) -> Waypoints:
     """Waypoints of a named shape that begins at the origin; only "random" uses the generator.
 
     `size_m` is the leg of the L and of the straight walk, the side of the square and of the quarter
-    that the random walk stays in, and the diameter of the circle.
+    of the random walk, and the diameter of the circle.
     """
     if shape not in SHAPES:
         raise ValueError(f"no walk has the shape {shape!r}; there are {', '.join(SHAPES)}")
@@ -193,7 +192,7 @@ class Clock(Protocol):
         ...
 
     def wait(self, event: threading.Event, seconds: float) -> bool:
-        """Sleep until the event is set (True) or the seconds of this clock have passed (False)."""
+        """As `logger.device.clock.Clock.wait`."""
         ...
 
 

@@ -24,7 +24,7 @@ LEAST_NATS_PER_KM = 0.5
 _TRACK_STEP_M = 8.0
 """Points of the track: farther apart than the errors of two fixes in a row."""
 _COURSE_M = 20.0
-"""The course is the direction of the last metres: fewer are within the errors of fixes."""
+"""The course is the direction of the last metres; fewer are within the errors of fixes."""
 _LATEST_M = 60.0
 """The end of the track is not an earlier part of it."""
 _NEAR_M, _AROUND_M = 300.0, 150.0
@@ -115,7 +115,7 @@ class Guide:
 def _near_place(
     tree: Tree, probability: FloatArray, places: Sequence[Cluster], here: Places
 ) -> BoolArray | None:
-    """Squares (h,) around the likeliest place, once the walker is near and it holds half.
+    """Squares (h,) near the likeliest place, if the walker is near and it holds half.
 
     The tail far away would otherwise decide where to walk until the end.
     """

@@ -4,10 +4,9 @@ The answer is that of the desktop for the same readings, computed anew after a l
 device's own posterior changes or has another radius: that one has fewer blocks, and of 40 simulated
 walks 14 ended with another radius by half. Advice is by the device's own posterior.
 
-A location is within 60 m, and believed after one more leg: two transmitters with one identity, and
-one that jumps or moves, look like one position for a while. So these are tried, and a location is
-reported only after the walker has gone on for a block of houses and it still holds. By then every
-move of `MotionTest` has been compared with standing.
+A location is within 60 m, and is reported only if it still holds after one more leg, a block of
+houses: two transmitters with one identity, and one that jumps or moves, look like one position for
+a while. By then every move of `MotionTest` has been compared with standing.
 """
 
 from math import atan2, cos, degrees, log, nan, radians, remainder
@@ -38,7 +37,7 @@ from logger.core.places import Places
 from logger.core.readings import Readings
 
 CONFIRMED_AFTER = 4
-"""Updates, 25 m each: a leg away from the place shows what a place that is wrong cannot explain."""
+"""Updates, 25 m each: a leg away from a place shows whether it is wrong."""
 _DIVIDED_EVERY = 8
 """Two transmitters are tried every 200 m: that takes as long as all plans on the way."""
 _MOVES_TRIED = len(MOVES_M) // CONFIRMED_AFTER
@@ -62,7 +61,7 @@ _REGION_DECIMALS = 5
 
 
 class LiveVerdict:
-    """Verdicts of one cell in their order, each 25 m or more after the one before."""
+    """Verdicts of one cell in order, each 25 m or more after the last."""
 
     def __init__(self) -> None:
         self._updates = 0
@@ -174,13 +173,13 @@ class _Latest(NamedTuple):
     r95_m: float
 
     def is_recent(self, here: Places) -> bool:
-        """Whether it is too early for another one; never without times, which are all 0 then."""
+        """Whether it is too early for another one; never without times, which are 0 then."""
         return 0 < here.t_ns.item() - self.here.t_ns.item() < _LEAST_NS
 
     def is_outdated(self, here: Places, quick_m: float) -> bool:
         """Whether the walker has gone a leg or a fifth of the radius, or the radii say so.
 
-        They do where the device's own has changed, and as long as it is another than the answer's.
+        They do where the device's own has changed or differs from the answer's.
         """
         has_changed = abs(log(quick_m / self.quick_m)) > _CHANGED
         is_apart = abs(log(quick_m / self.r95_m)) > _APART
@@ -212,7 +211,7 @@ def true_azimuth_deg(start: Places, end: Places) -> float:
 
 
 def squares_of_region(posterior: Posterior) -> MultiPolygon:
-    """The squares of the 95 % region; of very many the least likely ones are left out."""
+    """The squares of the 95 % region; of very many the least likely are left out."""
     squares, utm = posterior.squares, posterior.place.utm
     chosen = highest_density(squares)[:_MOST_SQUARES]
     half_m = 0.5 * squares.size_m[chosen]

@@ -34,7 +34,7 @@ STEP_M = 25.0
 _READING_M = 4.5
 """A scan takes 3 to 4 s, in which one walks about this far."""
 _LEAST_SHADOW_DB, _LEAST_SHADOW_M = 2.0, 20.0
-"""Shadowing that is planned with even where the noise looks white: a short walk shows none."""
+"""Shadowing that is planned with even where the noise looks white, as on a short walk."""
 _ROUNDING_DB2 = 0.05
 """Levels in whole decibels, a few to each point."""
 
@@ -101,7 +101,7 @@ class Forecaster:
 
 
 def information_nats(forecast: Forecast, points: IntArray) -> float:
-    """Information of readings at some of the points of a forecast, in nats."""
+    """Information of readings at points of a forecast, in nats."""
     root = np.linalg.cholesky(forecast.covariance[np.ix_(points, points)])
     level_dbm = forecast.level_dbm[:, points]
     white = np.linalg.solve(root, (level_dbm - level_dbm[0]).T)

@@ -1,4 +1,4 @@
-"""Routes by what they say about the position for each metre walked, and whether they lead to it."""
+"""Routes by what they say about the position for each metre, and whether they lead to it."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,29 +13,29 @@ from logger.core.guidance.routes import LEG_M, Route
 from logger.core.places import Places
 
 _START_M = 30.0
-"""Added to each length: a route of a few steps is not better for each of its few metres."""
+"""Added to each length: else a route of a few steps would be best per metre."""
 _BACK_M_DEG = 20.0, 135.0
-"""Added to the length of a route that begins with a turn of more than this, when routes are
-compared: people do not like to turn back."""
+"""Added to the length of a route that begins with a turn of more than this: people do not like to
+turn back."""
 _BACK_UNMAPPED_M_DEG = 300.0, 100.0
-"""The same where no street map is known. To an arrow that points behind the walker, the street just
-walked is nearest, so he would walk it again and again where no other street leads to the place."""
+"""The same where no street map is known: a walker led by an arrow that points behind him would walk
+the same street again and again where no other leads to the place."""
 _KEPT = 1.3
 """Another way has to be worth this many times the one straight on."""
 _NATS_PER_NEARER_M = 0.01
 """Added where a route brings the walker nearer to the transmitter, on average over its positions.
 
-Far off all ways say as little about the position as any other, and what says most is close to it:
-without this a walker who hears it from 800 m wanders. Guided searches of a rogue that was 590 to
-800 m off took 1136 and 1460 s instead of 1997 s and more than 2308 s.
+Far off all ways say equally little, so without this a walker who hears it from 800 m wanders.
+Guided searches of a rogue that was 590 to 800 m off took 1136 and 1460 s instead of 1997 s and more
+than 2308 s.
 """
 _WALKED_BEFORE = 0.4
-"""Share of the best value that a way walked before costs where no street map is known."""
+"""Share of the best value that a way walked before costs without a street map."""
 _SAME_WAY_M = 30.0
 """Closer than this to an earlier part of the walk it is the same street."""
 _AHEAD_DEG = 30.0
 _TURN_DEG = 25.0
-"""A corner of more than this is where the walker turns; a smaller one is a bend of the street."""
+"""A corner of more than this is a turn; a smaller one is a bend of the street."""
 
 
 class Course(NamedTuple):
@@ -48,7 +48,7 @@ class Course(NamedTuple):
 class Plan(NamedTuple):
     """A route, its information for each kilometre, and the forecast along all routes.
 
-    `points` are the rows of the forecast that belong to the route, in the order of walking.
+    `points` are the rows of the forecast that belong to the route, in walking order.
     """
 
     route: Route
@@ -98,7 +98,7 @@ def turn_deg(course_deg: float, azimuth_deg: float) -> float:
 
 
 def first_turn(route: Route) -> FloatArray:
-    """The corner at which the walker leaves the first direction, or the end."""
+    """The corner where the walker leaves the first direction, or the end."""
     corner = route.corner_m
     first = azimuth_deg(corner[1] - corner[0])
     for here, after in pairwise(corner[1:]):
@@ -108,7 +108,6 @@ def first_turn(route: Route) -> FloatArray:
 
 
 def _turn(route: Route, course: Course) -> float:
-    """Turn at the start of a route; 0, as straight on, in all directions while standing."""
     if course.azimuth_deg is None:
         return 0.0
     first = azimuth_deg(route.corner_m[1] - route.corner_m[0])
@@ -116,7 +115,6 @@ def _turn(route: Route, course: Course) -> float:
 
 
 def _share_walked(route: Route, course: Course) -> float:
-    """Share of the first leg that was walked earlier."""
     if not len(course.earlier_m):
         return 0.0
     first = route.points()[: round(LEG_M / 25.0)]

@@ -17,7 +17,7 @@ by the prior.
 _LOUDER_DB = 3.0
 """A walker who hears so much more than before comes nearer, while the region may still be wide."""
 _LEG_SHARE = 0.25
-"""A leg is a block of houses; towards a place that is far off, this share of the 95 % radius."""
+"""A leg is a block of houses, or far off this share of the 95 % radius."""
 
 _NO_SMALLER = "three legs of walking said nothing more about its place"
 _STEP_M = 10.0
@@ -25,11 +25,11 @@ _STEP_M = 10.0
 
 
 class Pursuit:
-    """The search for one cell from the time on when it became the target.
+    """The search for one cell since it became the target.
 
-    `give_up_s` is the longest time without a reading, 0 for any. A cell that is neither suspicious
-    nor `is_asked` for, whatever its word, is searched for no longer than that either: nobody wants
-    to be led to the mast of an operator. `given_up` says why it was given up, empty if it was not.
+    `give_up_s` is the longest time without a reading, 0 for any. It also bounds the whole search
+    for a cell that is neither suspicious nor `is_asked` for, whatever its word: nobody wants to be
+    led to the mast of an operator. `given_up` says why it was given up, empty if it was not.
     """
 
     def __init__(self, cell: str, t_ns: int, give_up_s: float, *, is_asked: bool) -> None:
@@ -53,7 +53,7 @@ class Pursuit:
         self._heard_ns = t_ns
 
     def walk(self, t_ns: int, here: Places, *, is_suspicious: bool) -> None:
-        """Take a place of the walker; a word that is new is a reason to search again."""
+        """Take a place of the walker; a new word is a reason to search again."""
         if is_suspicious and not self._is_suspicious:
             self.given_up, self._walked_m, self._area_m2, self._has_shrunk = "", 0.0, 0.0, False
         self._is_suspicious = is_suspicious

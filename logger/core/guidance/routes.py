@@ -12,18 +12,18 @@ from logger.core.guidance.street_map import Leg, OnStreet, StreetMap, part_of
 from logger.core.places import Places
 
 LEG_M = 100.0
-"""A block of houses: after it there is a crossing, where the walker looks again."""
+"""A block of houses, after which the walker looks again at a crossing."""
 LONGEST_M = 1000.0
 """A longer route is planned again long before its end."""
 DIRECTIONS = 8
 _STRAIGHT_LEGS = 4
 """Under shadowing two legs ahead say little, and a walker without a map would not leave."""
 _RIGHT_ANGLE = 2
-"""In eighths of a circle: a leg that turns more leads back along the one before it."""
+"""In eighths of a circle: a leg that turns more leads back."""
 FARTHEST_STREET_M = 60.0
 """Farther than this from any street the map does not help: the walker is in a park."""
 _AT_CROSSING_M = 20.0
-"""This close to a crossing all its streets are open, whatever the error of the fix."""
+"""This close to a crossing all its streets are open, whatever the fix's error."""
 _LEAST_M = 160.0
 """Ways are followed at least this far: two legs of ordinary streets."""
 _MOST_WAYS = 60
@@ -107,7 +107,6 @@ def street_routes(streets: StreetMap, here: Places, places: Sequence[Cluster]) -
 
 
 def _first_legs(streets: StreetMap, on_street: OnStreet) -> list[Leg]:
-    """Both parts of the street from here on, or all streets of the crossing that is here."""
     leg, along_m, _ = on_street
     if along_m < _AT_CROSSING_M:
         return streets.leaving[leg.start]

@@ -12,7 +12,7 @@ from logger.core.model.prior import Hypothesis
 from logger.core.places import Places
 
 POSITIONS = 48
-"""As many as tell routes apart; 64 gave the same routes, and their pairs cost twice as much."""
+"""As many as tell routes apart; 64 gave the same routes at twice the cost."""
 _GOLDEN = 0.6180339887498949
 """Multiples of it modulo 1 fill the unit interval evenly, without a random number."""
 MOST = 4
@@ -20,11 +20,11 @@ MOST = 4
 _REACH_M = 1500.0
 """Farther than this from the walker nobody walks for one route."""
 _BLUR_M, _BLUR_SHARE = 60.0, 0.25
-"""Probability within this distance, or this share of the way there, belongs to one place."""
+"""Probability within this distance, or share of the way there, belongs to one place."""
 _LEAST = 0.03
 """Less probability than this is no place to walk to."""
 _CENTRES = 60
-"""Squares tried as the centre of a place, the likeliest first: 150 gave the same places."""
+"""Squares tried as a place's centre, the likeliest first: 150 gave the same places."""
 _NEGLIGIBLE = 1e-5
 """Squares with less probability change no place."""
 
@@ -83,8 +83,8 @@ class Cluster(NamedTuple):
 def clusters(square: FloatArray, probability: FloatArray, here: Places) -> list[Cluster]:
     """Up to `MOST` places within reach of the walker, the likeliest first.
 
-    `square` (3, h) has rows x, y, side. Each place is the one that has most probability around it
-    of what is left.
+    `square` (3, h) has rows x, y, side. Each place has the most probability around it of what is
+    left.
     """
     x_m, y_m, _ = square[:, probability > _NEGLIGIBLE]
     left = probability[probability > _NEGLIGIBLE]

@@ -64,7 +64,7 @@ def sentence(
     distance_m: float,
     mean_dbm: float,
 ) -> tuple[str, str]:
-    """Advice and reason of a plan; `mean_dbm` was subtracted from the levels of the forecast."""
+    """Advice and reason of a plan; `mean_dbm` was subtracted from its levels."""
     here = Places.of(*best.route.corner_m[0])
     way_m = best.route.corner_m[1] - best.route.corner_m[0]
     go = f"{turn(course_deg, azimuth_deg(way_m))}, {direction(way_m)}, "
@@ -81,7 +81,6 @@ def sentence(
 def _two_places(
     best: Plan, sample: PositionSample, places: Sequence[Cluster], mean_dbm: float
 ) -> str:
-    """The levels that decide between the two likeliest places, where the way tells them apart."""
     one, other = places[:2]
     apart_m = one.place.away_m(other.place)
     fit = f"{apart_m:.0f} m apart" if len(places) == 2 else f"the likeliest {apart_m:.0f} m apart"
@@ -103,7 +102,7 @@ def _two_places(
 
 
 def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) -> tuple[str, str]:
-    """Where it may be, and what the way is good for."""
+    """Where it may be; what the way is good for."""
     if not places:
         return "the position is open", _SAYS_MOST
     place = places[0]
@@ -118,7 +117,7 @@ def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) 
 
 
 def _spread_m(sample: PositionSample, place: Cluster) -> float:
-    """Radius around a place with 95 % of the sample."""
+    """Radius with 95 % of the sample."""
     away_m = _away_m(sample, place)
     order = np.argsort(away_m)
     last = int(np.searchsorted(np.cumsum(sample.weight[order]), 0.95))

@@ -11,11 +11,11 @@ from logger.core.guidance.street_map import StreetMap
 from logger.core.places import Places, Utm
 
 FARTHEST_M = 3000.0
-"""Streets farther from the first position are left out: no walk of an hour gets there."""
+"""Streets farther from the first position are left out: an hour's walk ends before."""
 _TOWN_M = 2.0 * FARTHEST_M
 """A file that spans no more is prepared before the first position is known."""
 _DEG_M = 111_000.0
-"""A degree of latitude is no shorter than 110.5 km; a tenth of a percent decides nothing."""
+"""A degree of latitude is no shorter than 110.5 km; the difference decides nothing."""
 _LONGEST_M = FARTHEST_M
 """A longer straight piece is a ferry, or a gap in a track."""
 _MOST_LENGTHS, _LENGTH_M = 25_000, 200.0
@@ -50,8 +50,8 @@ class _Prepared(NamedTuple):
 class StreetAtlas:
     """The streets of a file; those of a town are prepared at once: 0.1 s for 1000 streets.
 
-    Where there are more near the walker than a map may have, it has the nearest. Raises
-    `GeoError` for streets that are no streets: too many of them cross at one place.
+    Where there are more near the walker than a map may have, it has the nearest. Raises `GeoError`
+    where too many of them cross at one place.
     """
 
     def __init__(self, lines: Iterable[Line]) -> None:
@@ -73,7 +73,7 @@ class StreetAtlas:
             self._prepared = self._map_at(Places.of_degrees(*centre_deg), np.inf)
 
     def near(self, here: Places) -> StreetMap | None:
-        """The streets around a walk that is here; None of an empty file."""
+        """As `Streets.near`; None of an empty file."""
         if not len(self._first):
             return None
         ready = self._prepared
@@ -83,7 +83,7 @@ class StreetAtlas:
         return ready.streets
 
     def near_densest(self) -> StreetMap | None:
-        """The map around the place with most points: if it can be made, all others can."""
+        """The map around the densest place: if it can be made, all others can."""
         if not len(self._first):
             return None
         lat_deg, lon_deg = self._lat_lon_deg.T

@@ -15,10 +15,10 @@ _SNAP_M = 3.0
 _LONGEST_LEG_M = 130.0
 """A longer street is divided, because one may turn back halfway."""
 _TILE_M = 200.0
-"""Side of the squares in which streets are compared: a map of a city has too many pairs."""
+"""Side of the squares in which streets are compared: a city has too many pairs."""
 _MOST_PAIRS, _MOST_PIECES = 100_000_000, 150_000
 """Pairs that are compared, which takes 20 s on a desktop, and pieces between their crossings: a map
-of an old town has a tenth of the pairs, and half of the pieces."""
+of an old town has a tenth of the pairs and half of the pieces."""
 _TILES_NORTH = 1 << 20
 """More tiles than there are from pole to pole."""
 _TOO_DENSE = "too many streets cross at one place: leave out what cannot be walked"
@@ -100,7 +100,6 @@ class StreetMap:
 
 
 def _way(last: Mapping[int, tuple[Leg, int | None]], end: int) -> tuple[Leg, ...]:
-    """All legs to a crossing."""
     legs: list[Leg] = []
     here: int | None = end
     while here is not None:
@@ -119,7 +118,7 @@ def part_of(leg: Leg, from_m: float) -> Leg:
 
 
 def _segments(lines_m: Iterable[FloatArray]) -> FloatArray:
-    """Straight pieces of all lines: (s, 4) with x, y of both ends; pieces without length go."""
+    """Shape (s, 4): x, y of both ends."""
     pieces = [np.hstack([line[:-1], line[1:]]) for line in lines_m if len(line) > 1]
     every = np.concatenate([np.zeros((0, 4)), *pieces])
     length_m = np.hypot(every[:, 2] - every[:, 0], every[:, 3] - every[:, 1])
@@ -127,7 +126,7 @@ def _segments(lines_m: Iterable[FloatArray]) -> FloatArray:
 
 
 def _split_at_crossings(segment: FloatArray) -> FloatArray:
-    """Pieces that no other piece crosses: lines may cross where neither has a point.
+    """Lines may cross where neither has a point.
 
     A bridge is joined too; the walker sees that there is no way.
     """
@@ -157,7 +156,7 @@ def _split_at_crossings(segment: FloatArray) -> FloatArray:
 
 
 def _beside(segment: FloatArray) -> Iterator[IntArray]:
-    """For each piece the others that may meet it: those with a tile of the ground in common."""
+    """For each piece the others that share a tile of the ground with it."""
     number, tile = _tiles(segment)
     by_tile = np.lexsort((number, tile))
     in_tile = number[by_tile]
@@ -257,7 +256,7 @@ def _chains(beside: list[list[int]]) -> list[list[int]]:
 
 
 def _divide(line_m: FloatArray, start: int, end: int, crossings: list[FloatArray]) -> list[Leg]:
-    """Legs of at most `_LONGEST_LEG_M` along a line; where it is divided, crossings are added."""
+    """Appends to `crossings` where the line is divided."""
     along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line_m, axis=0).T))])
     count = max(1, int(np.ceil(along_m[-1] / _LONGEST_LEG_M)))
     if count == 1 and start != end:

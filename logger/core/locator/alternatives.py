@@ -19,7 +19,7 @@ _NEAR_M = max(one.flat_m for one in REACHES["near"])
 _MOST = 0.5
 """Of the probability: a height with less is unknown, a region with less inside is elsewhere."""
 _LEAST_PROBABILITY = 1e-9
-"""Of a hypothesis with less the leaves of the tree, made for others, show no region."""
+"""The leaves, made for others, show no region of a less likely hypothesis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +43,8 @@ def alternatives(
     """The hypotheses that a prior has, grouped by their names.
 
     `reach` (g, r, h) and `station` (g, s, h) are the joint probabilities of the group of the noise,
-    the prior's reach or station, and the square; `squares` are blurred besides. Where heights are
-    weighed they are those of stations with the pattern of the first: a sector antenna has only one.
+    the prior's reach or station, and the square; `squares` are blurred besides. Weighed heights are
+    those of stations with the pattern of the first: a sector antenna has only one.
     """
     by_reach = ["near" if one.flat_m <= _NEAR_M else "far" for one in prior.reaches]
     by_antenna = ["sector" if one.antenna_db else "omni" for one in prior.stations]
@@ -63,13 +63,11 @@ def alternatives(
 def _of_kind(
     kind: str, order: Sequence[str], names: Sequence[str], squares: Squares, joint: FloatArray
 ) -> Iterator[Alternative]:
-    """One for each name in `names` (k,), those of the hypotheses that `joint` (g, k, h) is about.
+    """One for each name in `names` (k,) of the hypotheses of `joint` (g, k, h); none for "".
 
-    Those without a name do not belong to the kind.
-
-    The evidence of a group hardly depends on the hypothesis: alone, it gives each group the weight
-    of the answer. In the joint probability a group whose likelihood is tempered has more of what is
-    improbable, and far would seem twice as wide as it is.
+    The evidence of a group hardly depends on the hypothesis, so each group keeps the weight of the
+    answer. By the joint probability a tempered group would have more of what is improbable, and far
+    would seem twice as wide as it is.
     """
     answer = highest_density(squares)
     of_groups = np.sum(joint, axis=(1, 2))

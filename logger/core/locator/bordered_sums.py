@@ -103,8 +103,6 @@ def station_rows(prior: Prior, numbers: IntArray) -> list[IntArray]:
 
 
 class _StationSums:
-    """Columns of one station and its sums over all closed blocks."""
-
     def __init__(
         self,
         prior: Prior,
@@ -121,7 +119,7 @@ class _StationSums:
         self.total = walk_sums(closed, matrices[rows], prior, positions)
 
     def of_last(self, row: FloatArray, walk: FloatArray) -> FloatArray:
-        """Sums of the last block of a walk (5, n), whose row of W is `row` (c, n)."""
+        """Sums of the last block of a walk (5, n); `row` (c, n) is its row of W."""
         k = walk.shape[1] - 1
         last = single(walk[:, k:], 0.0, NOTHING_CENSORED)
         self._columns[:, k : k + 1] = varying_columns(last, self._prior, self._positions)
@@ -132,7 +130,7 @@ class _StationSums:
 def _row_sums(
     row: FloatArray, level_dbm: FloatArray, columns: FloatArray, extra: FloatArray | None
 ) -> FloatArray:
-    """As `marginal.sums`, for one row of each hypothesis: (m + 1, c, h)."""
+    """As `marginal.sums` for one row of each hypothesis: (m + 1, c, h)."""
     varying = row @ columns
     fixed = row @ level_dbm, np.sum(row, axis=1)
     white = [*(value[:, None] for value in fixed), *varying]

@@ -40,8 +40,8 @@ _MEAN_APART = 1.0 / 3.0  # of two readings of a square, by its side: a way strai
 class Joint:
     """Levels and censored readings under one hypothesis, evaluated at one position after another.
 
-    `sigma_db` and `sites` are where the search for sigma and the expectation propagation begin:
-    those of the last position, so that nearby positions cost least.
+    The search for `sigma_db` and the expectation propagation (`sites`) begin at those of the last
+    position, so nearby positions cost least.
     """
 
     def __init__(
@@ -97,8 +97,8 @@ class Joint:
     def _given_sigma(self, law: SigmaLaw, unknown: FloatArray, log_sigma: float) -> float:
         """Log density of levels, censored readings and log sigma; `unknown` (g, q) is D.
 
-        Levels are counted from the limit in units of sigma, so that the sites of another sigma fit
-        nearly as well.
+        Levels are counted from the limit in units of sigma, so that the sites of another sigma
+        nearly fit.
         """
         gone, tau = self._blocks.censored, np.array([[log_sigma]])
         given, sigma_db = law.fit(tau), float(np.exp(log_sigma))
@@ -125,7 +125,7 @@ def _shared_in_point(readings: FloatArray, side_m: float, hypothesis: Hypothesis
 
 
 def _design(varying: list[FloatArray]) -> FloatArray:
-    """All columns for one position, shape (n, q), of those that vary with it, (n, 1) each."""
+    """Shape (n, q) for one position, of columns (n, 1) that vary with it."""
     return np.concatenate([np.ones_like(varying[0]), *varying], axis=1)
 
 
@@ -177,7 +177,6 @@ def log_weights(
 
 
 def _sample_positions(p: FloatArray, samples: int) -> IntArray:
-    """Indices of positions that stand for equal parts of the mass, the likeliest first."""
     order = np.argsort(-p, kind="stable")
     parts = (np.arange(samples) + 0.5) / samples * _SAMPLED_MASS
     return order[np.searchsorted(np.cumsum(p[order]), parts)]

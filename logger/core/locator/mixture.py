@@ -7,8 +7,8 @@ the weights of the groups are their evidence over the complete walk, raised to a
     l_g(x) = log sum_c P(c | g) p(z | x, c)
     p(x) = sum_g W_g p_0(x) exp(T_g l_g(x)) / Z_g,    W_g ~ [P(g) integral p_0(x) exp(l_g(x)) dx]^k
 
-To temper each hypothesis alone and mix afterwards would give the wide posterior of one that
-explains the walk badly near the transmitter as much weight far away as it has altogether.
+If each hypothesis were tempered before the mixing, the wide posterior of one that explains the walk
+badly near the transmitter would have as much weight far away as it has altogether.
 """
 
 from itertools import pairwise
@@ -55,8 +55,8 @@ def mixture(
 ) -> Mixture:
     """Mix hypotheses `numbers` (c,) with log evidence (c, h); positions have log prior mass (h,).
 
-    The numbers ascend. `log_weight` (c,) of the hypotheses, up to a constant, is their evidence
-    unless something else is given.
+    The numbers ascend. `log_weight` (c,) of the hypotheses, up to a constant, is by default their
+    evidence.
     """
     normal = log_mass - log_sum(log_mass)
     joint = log_p + prior.noise_table.log_odds[numbers][:, None]
@@ -73,7 +73,7 @@ def mixture(
 
 
 def rows_of_groups(numbers: IntArray, prior: Prior) -> list[tuple[slice, float]]:
-    """Rows of each group that has any among the hypotheses `numbers` (c,), and its trust."""
+    """Rows of each group among the hypotheses `numbers` (c,), and its trust."""
     table = prior.noise_table
     ends = np.append(np.searchsorted(numbers, table.first), len(numbers)).tolist()
     return [

@@ -33,7 +33,7 @@ _LOG_M, _PER_LOG_SPREAD, _PER_DB, _SIGMA = 2.80, 0.68, -0.022, 0.94
 _LEAST_M = 10.0
 """Of the spread, and of the distance: the errors of the receiver's positions."""
 _PART_OF_SIDE = 0.4
-"""Mean distance within a square from its centre, in sides: no square is closer to a point in it."""
+"""Least distance of a square, in sides: the mean distance within it from its centre."""
 
 
 class Observables(NamedTuple):
@@ -44,7 +44,7 @@ class Observables(NamedTuple):
     above_median_db: float
 
     def log_density(self, square: FloatArray) -> FloatArray:
-        """Log density per square metre of the position at squares (3, h), up to a constant."""
+        """Log density per square metre at squares (3, h), up to a constant."""
         away_m = np.hypot(square[0] - self.place.x_m, square[1] - self.place.y_m)
         log_m = np.log(np.maximum(away_m, np.maximum(_LEAST_M, _PART_OF_SIDE * square[2])))
         middle = _LOG_M + _PER_LOG_SPREAD * log(self.spread_m) + _PER_DB * self.above_median_db

@@ -36,7 +36,7 @@ _LOOK = Effort(most_squares=1500, split_share=0.01)
 
 @dataclass(frozen=True, slots=True)
 class Offsets:
-    """What each modem reads higher than the first: mean (m,) in dB, and covariance (m, m)."""
+    """What each modem reads above the first: mean (m,) in dB, and covariance (m, m)."""
 
     mean_db: FloatArray
     covariance_db2: FloatArray
@@ -48,7 +48,7 @@ class Offsets:
 
 
 def first_look(obs: Readings, coarse: Blocks, prior: Prior) -> tuple[Prior, Censored]:
-    """Prior of the offsets in units of the sigma of the walk, and censored points on one scale."""
+    """Prior of the offsets in units of the walk's sigma, and censored points on one scale."""
     plain = replace(coarse, censored=NOTHING_CENSORED)
     tree = search_once(plain, replace(prior, offset_sigma_db=_FREE_DB), _LOOK)
     mixed = tree.mixture(prior)
@@ -65,7 +65,7 @@ def offsets(
 ) -> Offsets:
     """Offsets over the likeliest of the positions `among`, by the law of total covariance.
 
-    A modem without a block keeps the prior: nothing is known of it.
+    A modem without a block keeps the prior.
     """
     present = np.union1d(blocks.modem, 0)
     numbered = replace(blocks, modem=np.searchsorted(present, blocks.modem))
@@ -82,7 +82,7 @@ def offsets(
 def _offsets_of_all(
     blocks: Blocks, prior: Prior, tree: Tree, mixed: Mixture, among: IntArray, modems: int
 ) -> Offsets:
-    """As `offsets`, where each of the modems has a block."""
+    """As `offsets`, if each of the modems has a block."""
     p = mixed.probability[among]
     indices = among[np.argsort(-p, kind="stable")[:_MOST_PLACES]]
     share = mixed.share[:, indices] / np.sum(mixed.share[:, indices])

@@ -3,8 +3,8 @@
 It has fewer squares than the desktop program (`EFFORT`) and one set of at most `MOST_BLOCKS` blocks
 for short and long noise. Each search weighs all hypotheses of the noise. Until the next one the
 positions stay fixed and only the plausible hypotheses are kept; a reading then costs one row of the
-whitened system for each (`bordered_sums`). The longer the walk, the less one reading changes: the
-posterior is computed after every reading at first, after every eighth one later.
+whitened system for each (`bordered_sums`). The posterior is computed after every reading at first,
+after every eighth one later.
 """
 
 from dataclasses import replace
@@ -62,10 +62,8 @@ _JOINED = 64  # single readings take ten times the memory of those in one array
 class _Searched(NamedTuple):
     """Positions (h,) of the last search, hypotheses (c,) not ruled out, and their sums.
 
-    `prior` has the stations that were not ruled out.
-
-    `label` (h,) is the mode a position belongs to (-1: none), `gone` (c, h) what censored readings
-    add to the log evidence, `log_weight` (c,) as in `Tree`.
+    `prior` has the stations not ruled out, `label` (h,) the mode of a position (-1: none), `gone`
+    (c, h) what censored readings add to the log evidence, `log_weight` (c,) as in `Tree`.
     """
 
     square: FloatArray
@@ -79,7 +77,7 @@ class _Searched(NamedTuple):
 
 
 class ReadingsInOrder:
-    """Readings of a walk in their order; when there are too many, every second one is dropped."""
+    """Readings of a walk in order; if there are too many, every second one is dropped."""
 
     def __init__(self) -> None:
         self._kept: list[Readings] = []
@@ -87,7 +85,7 @@ class ReadingsInOrder:
         self._count = 0
 
     def add(self, latest: Readings) -> None:
-        """Take the next reading."""
+        """Add the next reading."""
         if self._count % self._every == 0:
             self._kept.append(latest)
         self._count += 1
@@ -150,7 +148,7 @@ class OnlineLocator:
 
     @property
     def stale(self) -> float:
-        """How urgent a new search of the positions is; above 1 it is due."""
+        """How urgent a new search is; above 1 it is due."""
         if self._n < FEWEST_BLOCKS:
             return 0.0
         if self._searched is None:
@@ -172,7 +170,7 @@ class OnlineLocator:
                 self.take(reading)
 
     def check_spikes(self, latest: Readings) -> list[SpikeCheck[Readings]]:
-        """Readings whose neighbours are known now, in their order, with the size of a spike."""
+        """Readings whose neighbours are known now, in order, with the size of a spike."""
         level_dbm, limit = latest.level_dbm.item(), latest.limit.item()
         return self._spikes.take(latest, latest.places, level_dbm, limit)
 
@@ -201,7 +199,6 @@ class OnlineLocator:
 
     @property
     def _wait(self) -> int:
-        """Readings after which the posterior is computed again."""
         return min(1 + self._n_readings // _NEW_SHARE, _LONGEST_WAIT)
 
     def search(self) -> None:
@@ -234,8 +231,7 @@ class OnlineLocator:
     def _plausible_stations(self, tree: Tree, mixed: Mixture) -> tuple[Station, ...]:
         """Stations that are not ruled out; one of those that the walk does not tell apart.
 
-        Far from the walk all heights explain the levels alike: their probability remains that of
-        the prior, and the first stands for all.
+        Far from the walk all heights explain the levels alike, and the first stands for all.
         """
         stations = self._prior.stations
         share = np.einsum("ch,sch->s", mixed.share, tree.evidence.station)
@@ -255,7 +251,7 @@ class OnlineLocator:
         return tuple(stations[k]._replace(probability=one) for k, one in kept.items())
 
     def _hypothesis_weights(self, walk: Blocks) -> FloatArray | None:
-        """Log weight of each hypothesis at the likeliest position, where readings are censored."""
+        """Log weights at the likeliest position; None where no reading is censored."""
         if self._searched is None or self._mixed is None or not len(walk.censored.places):
             return None
         x_m, y_m, size_m = self._searched.square
@@ -268,7 +264,7 @@ class OnlineLocator:
     def last_search(self) -> tuple[LocatorInput, Tree] | None:
         """The walk and its tree as the desktop has them, for `summarise`; None without a search.
 
-        Without the share outside of an area, which takes a search of its own.
+        Without the share outside of an area, which takes another search.
         """
         if self._searched is None or self._evidence is None or self._strongest is None:
             return None
@@ -320,7 +316,7 @@ class OnlineLocator:
         return float(share @ self._white[numbers]), float(share @ self._apart_m[numbers])
 
     def _censor(self, latest: Readings) -> None:
-        """Add a censored reading to the last point if close; with too many points, merge them."""
+        """Adds to the last point if close; too many points are merged."""
         place, level_dbm = latest.places, latest.level_dbm.item()
         limit, position_sigma_m = latest.limit.item(), place.sigma_m.item()
         x_m, y_m = place.x_m.item(), place.y_m.item()
@@ -348,14 +344,12 @@ class OnlineLocator:
         self._n += 1
 
     def _coarsen(self) -> None:
-        """Half as many blocks, each larger; all sums are computed anew."""
         merged = gather(self._block[:, : self._n], MOST_BLOCKS // 2, NOTHING_CENSORED)
         self._n, self._size_m = len(merged), merged.size_m
         self._block[:, : self._n] = merged.rows
         self.search()
 
     def _on_curve(self, first: int, end: int) -> FloatArray:
-        """Rows of the blocks from `first` to `end`, on the curve that the track may be."""
         column = self._block[:, first:end]
         return (
             column
@@ -371,14 +365,14 @@ class OnlineLocator:
         label: IntArray,
         prior: Prior,
     ) -> _Searched:
-        """Sums over the levels of all blocks but the last, which is still open."""
+        """The last block is still open and left out."""
         closed = single(self._on_curve(0, self._n - 1), self._size_m, NOTHING_CENSORED)
         sums = BorderedSums(prior, numbers, Places.of(*square[:2]), closed, MOST_BLOCKS)
         gone = np.zeros((len(numbers), square.shape[1]))
         return _Searched(square, log_mass, numbers, sums, label, gone, None, prior)
 
     def _evaluate(self, searched: _Searched, before: Evidence | None = None) -> None:
-        """Evidence of the positions by all blocks; `before` is that of one reading ago."""
+        """`before` is the evidence of one reading ago."""
         self._mode, self._searched, self._n_evaluated = None, searched, self._n_readings
         totals, log_det = searched.sums.over(self._on_curve(0, self._n))
         prior, numbers = searched.prior, searched.numbers

@@ -1,11 +1,11 @@
-"""Squares in compact groups, so that each group is compared with its surroundings only."""
+"""Squares in compact groups, each compared with its surroundings only."""
 
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 
 _EACH = 64
-"""Squares of a group: their matrices with the surroundings stay in the processor's cache."""
+"""Squares of a group: its matrices stay in the processor's cache."""
 
 
 def compact_groups(point_m: FloatArray) -> list[IntArray]:

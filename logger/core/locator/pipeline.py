@@ -7,8 +7,8 @@
     4 summarise summarise      leaves -> modes, median, radius, means of P0, eta and sigma
     5 decide    decide         located, ambiguous or cannot tell, with reasons
 
-`locate` is steps 1 to 4 and is all that most callers need. The device runs steps 1 and 2
-(`search.search_once`) and updates their result with each reading (`online`) by the same functions.
+`locate` is steps 1 to 4. The device runs steps 1 and 2 (`search.search_once`) and updates their
+result with each reading (`online`) by the same functions.
 """
 
 from logger.core.locator.posterior import Posterior
@@ -31,8 +31,8 @@ def locate(
 
     Arrays of `obs` have shape (n,): positions in metres, levels in dBm. The posterior is in the
     same frame. Levels, censored readings and timing advances all count; of more than `MOST_MODEMS`
-    modems those that received most. Raises `EstimationError` without a single level inside the
-    modem's scale.
+    modems those that received most. Raises `EstimationError` without a level inside the modem's
+    scale.
     """
     task = prepare(obs, prior, effort)
     if task.prior.area is not None:

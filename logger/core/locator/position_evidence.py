@@ -1,4 +1,4 @@
-"""Evidence of a walk at positions: evaluates squares of the tree in pieces that fit the cache."""
+"""Evidence of a walk at positions, in pieces that fit the cache."""
 
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ from logger.core.model.prior import Prior
 from logger.core.places import Places
 
 _CHUNK = 512
-"""Squares evaluated at a time: the matrices of blocks by squares stay in the processor's cache."""
+"""Squares at a time: the matrices of blocks by squares stay in the processor's cache."""
 _NEAR_HEIGHTS = 4.0
 """Farther from the walk than so many times its height a station's height moves no level by more
 than .13 dB times the exponent."""
@@ -32,8 +32,8 @@ class BlocksEvidence(NamedTuple):
     """A walk in blocks under some hypotheses of the noise, ready to be evaluated at positions.
 
     `conditionals` describe the censored readings given the levels, one for each of the `whiteners`;
-    none where no reading is censored. `matrices` (c, n, n) are those of the whiteners. `shift` (c,)
-    is added to the log evidence.
+    none where no reading is censored. `matrices` (c, n, n) are the whiteners', `shift` (c,) is
+    added to the log evidence.
     """
 
     blocks: Blocks
@@ -66,7 +66,7 @@ class BlocksEvidence(NamedTuple):
     def evaluate(
         self, prior: Prior, nodes: int, position: FloatArray, near: Evidence | None
     ) -> Evidence:
-        """Evidence (c, h) at positions (2, h); `near` (c, h) is where to begin to look."""
+        """Evidence (c, h) at positions (2, h); the search begins at `near` (c, h)."""
         starts = range(0, position.shape[1], _CHUNK)
         some = [slice(first, first + _CHUNK) for first in starts]
         return join_positions(
@@ -83,10 +83,10 @@ class BlocksEvidence(NamedTuple):
     def _evaluate_some(
         self, prior: Prior, nodes: int, position: FloatArray, near: Evidence | None
     ) -> Evidence:
-        """Evidence of a station that is any of the prior's.
+        """A station that a hypothesis of the noise excludes has the evidence of the first one.
 
-        Far from the walk the height does not matter: there, stations with the pattern of the first
-        one have its evidence. So has one that a hypothesis of the noise excludes, everywhere.
+        So have, far from the walk, stations with the pattern of the first: there the height does
+        not matter.
         """
         positions, every_row = Places.of(*position), np.arange(len(self.whiteners))
         first, log_odds = prior.stations[0], prior.station_log_odds[:, self.numbers]
@@ -132,7 +132,7 @@ class BlocksEvidence(NamedTuple):
         near: Evidence | None,
         rows: IntArray,
     ) -> Evidence:
-        """Evidence of the only station of a prior under the hypotheses `rows`, from its sums."""
+        """Evidence of the only station of a prior; `rows` are its hypotheses."""
         log_det = np.array([noise.log_det for noise in self.whiteners])[rows, None]
         if not self.conditionals:
             return marginal(total, len(self.blocks), log_det, prior, nodes)
@@ -146,8 +146,7 @@ class BlocksEvidence(NamedTuple):
 class PositionEvidence(NamedTuple):
     """A walk under some hypotheses of the noise, ready to be evaluated at positions.
 
-    The hypotheses of all `parts` ascend. `log_weight` (c,) is that of the parts' hypotheses as in
-    `Tree`.
+    The hypotheses of all `parts` ascend. `log_weight` (c,) is theirs, as in `Tree`.
     """
 
     position_prior: PositionPrior
@@ -173,7 +172,7 @@ class PositionEvidence(NamedTuple):
     def refine(self, tree: Tree, blocks: Blocks) -> Tree:
         """Leaves at the squares of a tree that was searched with some `blocks`.
 
-        Parts with the same blocks keep its evidence. Others begin to look there.
+        Parts with the same blocks keep its evidence; others begin to look there.
         """
         found = []
         for part in self.parts:

@@ -15,7 +15,7 @@ from logger.core.places import Places
 from logger.core.readings import Readings
 
 _LIMIT_SHARE = 0.01
-"""With more probability than this at the end of the searched area, the search ended too early."""
+"""With more probability at the end of the searched area, the search ended too early."""
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,9 @@ class Mode:
     """One separate position where the transmitter may stand.
 
     `state` is the mean [x, y, P0, eta] in m, m, dBm and 1, `covariance` (4, 4) that of the mode's
-    probability alone. `peak` is its highest density divided by the highest of all modes.
-    `place` is where to look for it, in every answer the one coordinate of this mode: the strongest
-    mode has that of the posterior. A tail draws the mean away from there.
+    probability alone. `peak` is its highest density divided by the highest of all modes. `place` is
+    where to look for it, in every answer the one coordinate of this mode: a tail draws the mean
+    away. The strongest mode has that of the posterior.
     """
 
     probability: float
@@ -46,7 +46,7 @@ class Mode:
 
     @cached_property
     def ellipse(self) -> Ellipse:
-        """95 % ellipse about the place, of a Gaussian with the mean squares of the mode."""
+        """95 % ellipse about the place, with the mean squares of the mode."""
         east_m, north_m = self.x_m - self.state[0], self.y_m - self.state[1]
         (xx, xy), (_, yy) = self.covariance[:2, :2]
         return ellipse95(xx + east_m**2, xy + east_m * north_m, yy + north_m**2)
@@ -113,7 +113,7 @@ class Posterior:
 
     @property
     def trust(self) -> float:
-        """Power to which the likelihood of positions is raised, mean over the hypotheses."""
+        """Mean power to which the likelihood of positions is raised."""
         return float(self.noise_probability @ self.prior.noise_table.trust)
 
     @property
@@ -130,7 +130,7 @@ class Posterior:
 
     @property
     def long_share(self) -> float:
-        """Probability that the shadowing has a long part, as hills and streets cause it."""
+        """Probability that the shadowing has a long part, as of hills and streets."""
         return float(np.sum(self.noise_probability[self.prior.noise_table.is_long]))
 
     @property

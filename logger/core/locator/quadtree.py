@@ -18,11 +18,11 @@ from logger.core.places import Places
 _FINEST_FIRST_M = 10.0
 """First squares on the walk itself are no smaller: growth splits them where that pays.
 
-Twice as large ones save a fifth of the time, with areas within 3 %. But of 40 closed-loop walks the
-device and the desktop, whose positions differ a little, then had other radii in 6, not 3.
+Twice as large ones save a fifth of the time, with areas within 3 %. But of 40 closed-loop walks
+device and desktop then had other radii in 6, not 3.
 """
 _BLOCKS_PER_FIRST_SQUARE = 100.0
-"""A walk of so many blocks begins with squares as large as a block; a longer one with larger."""
+"""A walk of so many blocks begins with squares of a block's size; a longer one with larger."""
 
 
 class Effort(NamedTuple):
@@ -153,8 +153,8 @@ def first_squares(
 ) -> FloatArray:
     """Squares no larger than `share` of their distance from the walk: rows x, y, side; (3, h).
 
-    They reach as far as the prior. Those on a ring of the timing advance are no larger than one
-    step of it.
+    They reach as far as the prior, and are no larger than one step of the timing advance on its
+    ring.
     """
     finest_m = max(_FINEST_FIRST_M, len(blocks) * blocks.size_m / _BLOCKS_PER_FIRST_SQUARE)
     square = _area(blocks, prior)
@@ -172,7 +172,7 @@ def first_squares(
 
 
 def _area(blocks: Blocks, prior: Prior) -> FloatArray:
-    """The one square that holds the walk and everything within the prior's reach, shape (3, 1)."""
+    """The square holds the walk and everything within the prior's reach; shape (3, 1)."""
     low, high = np.min(blocks.places.xy_m, axis=1), np.max(blocks.places.xy_m, axis=1)
     middle = 0.5 * (low + high)
     side_m = 2.0 * prior.reach_m + float(np.max(high - low))

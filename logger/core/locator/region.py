@@ -1,7 +1,7 @@
 """Where the probability of a posterior lies: highest-density regions and separate modes.
 
 The highest-density region of level 0.95 is made of the densest squares that together have 95 % of
-the probability. It is the smallest region with that probability (Hyndman, The American Statistician
+the probability: the smallest region with that probability (Hyndman, The American Statistician
 50(2), 1996).
 """
 
@@ -17,7 +17,7 @@ LEVEL = 0.95
 HALF = 0.5
 """Level of the inner region."""
 SADDLE = 0.5
-"""Two peaks are one mode if the saddle between them is higher than this share of the lower peak."""
+"""Two peaks are one mode if the saddle is higher than this share of the lower peak."""
 
 _TOUCH = 1.0 + 1e-6
 """Squares that share an edge touch in spite of rounding, and both have what lies on it."""
@@ -46,8 +46,7 @@ def highest_density(
 ) -> IntArray:
     """Indices of the densest squares with `level` of the probability, densest first.
 
-    With `among`, indices of some squares, only these count and `level` is a share of what they
-    hold.
+    With `among`, indices of some squares, only these count, and `level` is a share of theirs.
     """
     indices = np.arange(len(squares)) if among is None else among
     densest_first = indices[np.argsort(-squares.density[indices], kind="stable")]
@@ -57,7 +56,7 @@ def highest_density(
 
 
 def contains(squares: Squares, indices: IntArray, place: Places) -> bool:
-    """Whether a position is in one of the squares `indices`, or on a corner of one."""
+    """Whether a position is in one of the squares `indices`, or on its corner."""
     half_m = 0.5 * _TOUCH * squares.size_m[indices]
     is_in = np.abs(squares.x_m[indices] - place.x_m) <= half_m
     return bool(np.any(is_in & (np.abs(squares.y_m[indices] - place.y_m) <= half_m)))
@@ -71,9 +70,9 @@ def area_m2(squares: Squares, level: float = LEVEL) -> float:
 def mode_regions(squares: Squares, level: float) -> list[IntArray]:
     """The separate parts of a highest-density region, each as the indices of its squares.
 
-    Squares are added from the densest on. One that touches none of them begins a part; others join
-    the neighbouring part with the highest peak. Parts that meet above `SADDLE` times the lower peak
-    are merged.
+    Squares are added from the densest on. One that touches none begins a part; others join the
+    neighbouring part with the highest peak. Parts that meet above `SADDLE` times the lower peak are
+    merged.
     """
     chosen = highest_density(squares, level)
     density = squares.density[chosen]

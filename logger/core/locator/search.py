@@ -1,9 +1,7 @@
 """The search over positions in three steps: coarse, weigh the noise, refine.
 
-`coarse_search` uses the walk in few blocks, `weigh_noise` drops the hypotheses of the noise that
-the walk rules out, `refine` searches with all blocks and the hypotheses that are left. The desktop
-takes all three (`pipeline.locate`). The device, the test for two sources and the offsets of modems
-use `search_once`, the same steps with one set of blocks.
+The desktop takes all three (`pipeline.locate`). The device, the test for two sources and the
+offsets of modems use `search_once`, the same steps with one set of blocks.
 """
 
 from math import log
@@ -24,11 +22,11 @@ from logger.core.model.prior import Prior
 from logger.core.places import Places
 
 _COARSE_SQUARES = 1500
-"""Squares of a coarse search that a finer one follows: it splits what matters again."""
+"""Squares of a coarse search before a finer one, which splits what matters again."""
 _COARSE_SHARE = 5.0
 """Such a search splits squares with this many times the usual share."""
 _QUICK_PART = 10
-"""The search under white noise alone, for a first position, uses this part of the squares."""
+"""The search under white noise alone uses this part of the squares."""
 _LEAST_RATIO = 1e-4
 """Hypotheses this much less likely than the likeliest change no printed digit."""
 _HOPELESS_NATS = 10.0
@@ -77,7 +75,7 @@ def search_once(
     timing: Timing | None = None,
     log_weight: FloatArray | None = None,
 ) -> Tree:
-    """Search with one set of blocks; `log_weight` (c,) of all hypotheses if known already."""
+    """Search with one set of blocks; `log_weight` (c,) of all hypotheses if known."""
     walk = Walk(blocks, blocks, prior, effort, timing)
     tree = coarse_search(walk, log_weight)
     return refine(walk, tree, weigh_noise(walk, tree))
@@ -86,7 +84,7 @@ def search_once(
 def coarse_search(walk: Walk, log_weight: FloatArray | None = None) -> Tree:
     """Step 1: the tree over the coarse blocks.
 
-    Where readings are censored `log_weight` (c,) of all hypotheses is needed first; without one it
+    Where readings are censored, `log_weight` (c,) of all hypotheses is needed first; by default it
     is found at the position that is best under white noise.
     """
     if log_weight is None and len(walk.blocks.censored.places):
@@ -102,8 +100,8 @@ def coarse_search(walk: Walk, log_weight: FloatArray | None = None) -> Tree:
 def weigh_noise(walk: Walk, tree: Tree) -> Noise:
     """Step 2: the hypotheses of the noise that all blocks leave plausible.
 
-    The levels decide where no reading is censored. Otherwise the joint evidence of levels and
-    censored readings does, since the levels that remain beside the floor are the high ones.
+    The levels decide where no reading is censored, else the joint evidence of levels and censored
+    readings: the levels that remain beside the floor are the high ones.
     """
     if tree.log_weight is None:
         return Noise(_plausible_parts(walk, tree) if walk.is_searched_twice else [], None)
@@ -129,7 +127,7 @@ def refine(walk: Walk, tree: Tree, noise: Noise) -> Tree:
 
 
 def _over_grids(walk: Walk, tree: Tree) -> Tree:
-    """The tree with the probability over positions averaged over grids of its coarse blocks.
+    """The probability over positions is averaged over grids of the coarse blocks.
 
     Of each hypothesis only the shape changes, not the evidence over all positions.
     """
@@ -160,7 +158,7 @@ def _evidence(
     log_weight: FloatArray | None,
     tiling: FloatArray,
 ) -> PositionEvidence:
-    """Evidence of `blocks`; the squares `tiling` (3, h) cover the searched area."""
+    """The squares `tiling` (3, h) cover the searched area."""
     where = PositionPrior(blocks, walk.prior, tiling)
     return PositionEvidence(where, parts, walk.prior, walk.effort.nodes, log_weight, walk.timing)
 
@@ -168,10 +166,10 @@ def _evidence(
 def _parts(walk: Walk, noise: list[Whitener], shift: FloatArray) -> list[BlocksEvidence]:
     """Short noise in all blocks and long noise in the coarse ones; `shift` (all hypotheses,).
 
-    What long shadowing says of the position it says over hundreds of metres. Readings closer than a
-    coarse block weigh it against short noise (`shift`), but sharpen positions beyond what is true:
-    on 165 measured walks the region missed the transmitter 6 times in a hundred with long noise in
-    300 blocks, and 3 times in 80.
+    Long shadowing says something of the position over hundreds of metres only. Readings closer than
+    a coarse block weigh it against short noise (`shift`), but sharpen positions beyond what is
+    true: on 165 measured walks the region missed the transmitter 6 times in a hundred with long
+    noise in 300 blocks, and 3 times in 80.
     """
     prior, is_long = walk.prior, walk.prior.noise_table.is_long
     short = [one for one in noise if not is_long[one.number]]
@@ -196,7 +194,7 @@ def _search_coarse_blocks(
 
 
 def _log_weight_at_first_position(walk: Walk) -> FloatArray:
-    """Log weight of all hypotheses at the position that is best under white noise, shape (c,)."""
+    """Shape (c,); the position is the best one under white noise."""
     most_squares = walk.effort.most_squares // _QUICK_PART
     share = _COARSE_SHARE * walk.effort.split_share
     effort = walk.effort._replace(most_squares=most_squares, split_share=share)
@@ -208,7 +206,7 @@ def _log_weight_at_first_position(walk: Walk) -> FloatArray:
 
 
 def _joint_log_weight(walk: Walk, tree: Tree) -> FloatArray:
-    """Log weight of the tree's hypotheses by their joint evidence over its positions: (c,)."""
+    """Joint evidence over the tree's positions; shape (c,)."""
     if not walk.effort.samples and tree.log_weight is not None:
         return tree.log_weight
     noise = whiteners(walk.blocks, walk.prior, tree.numbers.tolist())
@@ -234,7 +232,6 @@ def _plausible_parts(walk: Walk, tree: Tree) -> list[BlocksEvidence]:
 
 
 def _numbers_within(log_weight: FloatArray, nats: float) -> list[int]:
-    """Numbers of the hypotheses that are worse than the likeliest by less than this."""
     plausible = log_weight > np.max(log_weight) - nats
     numbers: list[int] = np.flatnonzero(plausible).tolist()
     return numbers

@@ -27,7 +27,7 @@ from logger.core.places import Places, Utm
 from logger.core.rivals import LEAST_PEAK
 
 BIAS_SHARE = 1.0
-"""Share of the variance of the receiver's position that lasts for the walk and moves the result."""
+"""Share of the variance of the receiver's position that lasts for the walk."""
 END_OF_REACH = 0.7
 """Beyond this part of the prior's reach a position is at the end of the searched area."""
 
@@ -38,7 +38,7 @@ _LEAST_MODE = 0.01
 _LEAST_BIAS_M = 0.5
 """Smaller errors of the receiver's position than the smallest square are not applied."""
 _LEAST_SHARE = 1e-6
-"""Squares with less probability than this are not blurred: 10 000 of them have 1 % together."""
+"""Less probable squares are not blurred: 10 000 of them have 1 % together."""
 _BLUR_REACH = 4.0
 """Squares larger than this many standard deviations of the blur would not change."""
 _BLUR_SIGMAS = 7.0
@@ -56,8 +56,6 @@ _THETA_PAIRS = ((0, 0), (0, 1), (1, 1))
 
 @dataclass(frozen=True, slots=True)
 class _Region:
-    """A mode and the indices of its squares."""
-
     mode: Mode
     indices: IntArray
 
@@ -101,7 +99,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
 
 
 def outside_share(task: LocatorInput, everywhere: Tree) -> float | None:
-    """Probability outside of the prior's area, by a tree that was searched without it."""
+    """Probability outside of the prior's area, by a tree searched without it."""
     if task.prior.area is None:
         return None
     mixed = pool(everywhere.mixture(task.walk.prior), everywhere.squares, task.seen)
@@ -114,8 +112,8 @@ def moments_over(
     """Mean (4,) and covariance (4, 4) of [x, y, P0, eta] over the squares `indices`.
 
     `square` (3, h) has rows x, y, side, `share` (c, h) the joint probability of hypothesis and
-    square, `mass` the probability of the chosen squares. The covariance adds that between squares,
-    that within a square, and that of P0 and eta given the position.
+    square, `mass` the probability of the chosen squares. The covariance adds that between and
+    within squares, and that of P0 and eta given the position.
     """
     position, side_m = square[:2, indices], square[2, indices]
     share = np.take(share, indices, axis=-1)
@@ -142,7 +140,7 @@ def moments_over(
 
 
 def _on_recorded_scale(evidence: Evidence, mean_dbm: float) -> Evidence:
-    """The evidence with P0 as high as the levels were before `mean_dbm` was subtracted."""
+    """Adds `mean_dbm`, which was subtracted from all levels, to P0."""
     theta = evidence.theta.copy()
     theta[0] += mean_dbm
     return evidence._replace(theta=theta)
@@ -167,7 +165,7 @@ def _regions(
 
 
 def _radii(squares: Squares, place: Places) -> tuple[float, float, float]:
-    """Radii around a point with 50 % and 95 %, and root mean square distance from it."""
+    """Radii with 50 % and 95 %, and root mean square distance."""
     p, size_m = squares.probability, squares.size_m
     distance_m = np.hypot(squares.x_m - place.x_m, squares.y_m - place.y_m)
     order = np.argsort(distance_m)
@@ -180,7 +178,7 @@ def _radii(squares: Squares, place: Places) -> tuple[float, float, float]:
 
 
 def _reach_share(task: LocatorInput, tree: Tree) -> FloatArray:
-    """Probability of each reach at the leaves, shape (r, h)."""
+    """Shape (r, h)."""
     squares = tree.squares
     each = PositionPrior(task.walk.blocks, task.walk.prior, squares).log_by_reach(squares)
     return np.asarray(np.exp(each - log_sum(each.T)), float)
@@ -199,7 +197,7 @@ def _alternatives(
 
 
 def _noise_probability(task: LocatorInput, tree: Tree, mixed: Mixture) -> FloatArray:
-    """Probability of every hypothesis of the prior, shape (c,)."""
+    """Shape (c,); 0 for hypotheses that the tree does not have."""
     probability = np.zeros(len(task.walk.prior.hypotheses))
     probability[tree.numbers] = mixed.by_hypothesis
     return probability
@@ -213,7 +211,7 @@ def _offsets(task: LocatorInput, tree: Tree, mixed: Mixture, region: _Region) ->
 
 
 def _blur(tree: Tree, p: FloatArray, bias_m: float) -> FloatArray:
-    """Probability (h,) after a position error of the receiver that lasts for the complete walk."""
+    """Probability (h,) after a position error of the receiver that lasts for the walk."""
     if bias_m < _LEAST_BIAS_M:
         return p
     is_small = tree.size_m < _BLUR_REACH * bias_m
@@ -238,11 +236,10 @@ def _place(task: LocatorInput, squares: Squares, mode: IntArray) -> Places:
     """The position to show for a mode, from its squares.
 
     It is the geometric median of the densest half: the tail of a mode is what the prior allows far
-    away. Where this lies beside the walk, and the position of the strongest reading in the densest
-    part (`_PLAUSIBLE_SHARE`) of the mode, it is the latter: past transmitters within 50 m nothing
-    is closer on measured walks (median error 30 m, of the geometric median 50 m).
-
-    Where that is outside of the prior's area, it is the densest square that is not.
+    away. Where that lies beside the walk and the strongest reading was in the densest part
+    (`_PLAUSIBLE_SHARE`) of the mode, it is the place of that reading: past transmitters within 50 m
+    its median error on measured walks is 30 m, that of the geometric median 50 m. Outside of the
+    prior's area it is replaced by the densest square inside.
     """
     strongest = task.strongest.places
     median = _median(squares, highest_density(squares, HALF, mode), strongest.utm)
@@ -258,7 +255,7 @@ def _place(task: LocatorInput, squares: Squares, mode: IntArray) -> Places:
 
 
 def _median(squares: Squares, indices: IntArray, utm: Utm) -> Places:
-    """Geometric median of the probability of some squares, by Weiszfeld's iteration."""
+    """By Weiszfeld's iteration."""
     x_m, y_m = squares.x_m[indices], squares.y_m[indices]
     mass = squares.probability[indices]
     inner_m = squares.size_m[indices] / 3.0  # about the mean distance within a square

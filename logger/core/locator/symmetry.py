@@ -1,9 +1,9 @@
 """A track that is straight or round to within the errors of its fixes is taken as exactly that.
 
 Levels along a line fit a position and its mirror image equally well, those along an arc a position
-and its inverse point (Apollonius). Any other bend of the track distinguishes the two. A bend no
-larger than the errors of the fixes may be nothing but those errors, and then decides by chance: of
-12 simulated straight walks with slow errors of 5 m, 7 were more than 95 % sure of the wrong side.
+and its inverse point (Apollonius). A bend of the track distinguishes the two. But one no larger
+than the errors of the fixes decides by chance: of 12 simulated straight walks with slow errors of 5
+m, 7 were more than 95 % sure of the wrong side.
 """
 
 from dataclasses import replace
@@ -19,14 +19,13 @@ _MOST_SIGMAS = 1.5
 _FARTHEST_SIGMAS = 4.0
 """Points farther from the curve than chance allows are no part of it."""
 _LEAST_M = 1e-9
-"""A point at the centre of the circle is divided by this distance instead of zero."""
+"""Divisor for a point at the centre of the circle, instead of zero."""
 
 
 class Curve(NamedTuple):
     """A circle of `radius_m` about `centre_m` (2,), or a line through it normal to `across` (2,).
 
-    `tolerance_m` is the largest rms distance of a track that may be this curve. A line has no
-    radius.
+    `tolerance_m` is the largest rms distance of a track that may be this curve.
     """
 
     centre_m: FloatArray
@@ -40,7 +39,7 @@ class Curve(NamedTuple):
         return bool(np.mean(squared_m2) <= self.tolerance_m**2)
 
     def project(self, point_m: FloatArray) -> FloatArray:
-        """Points (2, n) on the curve, if they are near enough to belong to it."""
+        """Points (2, n) on the curve, if near enough to belong to it."""
         offset_m = self._offset_m(point_m)
         farthest_m = _FARTHEST_SIGMAS / _MOST_SIGMAS * self.tolerance_m
         return np.where(np.hypot(*offset_m) <= farthest_m, point_m - offset_m, point_m)
@@ -55,7 +54,7 @@ class Curve(NamedTuple):
 
 
 def fit_curve(point_m: FloatArray, position_sigma_m: FloatArray) -> Curve | None:
-    """The line, or else the circle, that a track (2, n) with errors (n,) may be; else None."""
+    """The line, or else circle, that a track (2, n) with errors (n,) may be; else None."""
     tolerance_m = float(_MOST_SIGMAS * np.sqrt(np.mean(position_sigma_m**2)))
     if tolerance_m <= 0.0:
         return None
@@ -64,7 +63,7 @@ def fit_curve(point_m: FloatArray, position_sigma_m: FloatArray) -> Curve | None
 
 
 def snap_to_curve(obs: Readings) -> Readings:
-    """The readings on the line or circle that their track may be, unchanged if it is neither."""
+    """The readings on the line or circle that their track may be; else unchanged."""
     point_m = obs.places.xy_m
     curve = fit_curve(point_m, obs.places.sigma_m)
     if curve is None:
@@ -74,7 +73,7 @@ def snap_to_curve(obs: Readings) -> Readings:
 
 
 def _line(point_m: FloatArray, tolerance_m: float) -> Curve:
-    """The line with the least sum of squared distances."""
+    """Total least squares."""
     middle_m = np.mean(point_m, axis=1)
     from_middle = point_m - middle_m[:, None]
     across = np.linalg.eigh(from_middle @ from_middle.T)[1][:, 0]
@@ -82,7 +81,7 @@ def _line(point_m: FloatArray, tolerance_m: float) -> Curve:
 
 
 def _circle(point_m: FloatArray, tolerance_m: float) -> Curve:
-    """The circle by linear least squares in the squared distances (Kasa, IEEE TIM 25(1), 1976)."""
+    """By linear least squares in the squared distances (Kasa, IEEE TIM 25(1), 1976)."""
     middle_m = np.mean(point_m, axis=1)
     from_middle = point_m - middle_m[:, None]
     design = np.column_stack([*from_middle, np.ones(from_middle.shape[1])])

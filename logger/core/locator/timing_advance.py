@@ -6,18 +6,18 @@ bias of the complete walk and e an error of the location:
 
     TA = n    if    n <= (d + b + e) / 553.5 < n + 1
 
-Everything nearer is 0, everything farther is 63. e is logistic, so that its distribution function
-is a tanh and its tails are heavier than those of a Gaussian. b is normal and summed over even
-nodes: TA that change along a walk make the integrand narrow, which the few nodes of Gauss-Hermite
-would turn into false rings. A location may have any TA with a small probability, and a walk any
-bias (a repeater, an outdated value, a wrong network), so that neither excludes a position.
+Everything nearer is 0, everything farther is 63. e is logistic: its distribution function is a
+tanh, its tails are heavier than a Gaussian's. b is normal and summed over even nodes: TA that
+change along a walk make the integrand narrow, and the few nodes of Gauss-Hermite would turn it into
+false rings. A location may have any TA with a small probability, and a walk any bias (a repeater,
+an outdated value, a wrong network), so that neither excludes a position.
 
 TA alone locate a base station to about a step (Raitoharju, Ali-Loytty & Wirola, Estimation of base
 station position using timing advance measurements, 2010). Wrong steps are frequent (Yost &
 Panchapakesan, VTC 1998).
 
-LTE answers a random access with steps of 16 Ts, 78.07 m, 0 to 1282 (TS 36.213 4.2.3). Repeaters
-and fibre lengthen them on the whole walk, in one city by 15 km, and nothing shortens them: b is
+LTE answers a random access with steps of 16 Ts, 78.07 m, 0 to 1282 (TS 36.213 4.2.3). Repeaters and
+fibre lengthen them on the whole walk, in one city by 15 km, and nothing shortens them: b is
 one-sided, of density 1 / (1 + b / 200 m)**1.5, and its median over the locations counts.
 """
 
@@ -37,9 +37,9 @@ STEP_M, LTE_STEP_M = 553.5, 78.07
 SIGMA_M = 160.0
 """Errors within half a symbol: what TS 45.010 allows for the measurement of the base station."""
 BIAS_M = 350.0
-"""Rounding to the nearest symbol is half a step more than "from n on"; detours add some 100 m."""
+"""Rounding to the nearest symbol adds half a step to "from n on"; detours some 100 m."""
 BIAS_SIGMA_M = 350.0
-"""The phone's timing may be off by a symbol, which is 320 m if uniform, and detours differ."""
+"""The phone may be off by a symbol, which is 320 m if uniform, and detours differ."""
 LOCATION_M = 50.0
 """Side of a location: detours are the same for 30 to 50 m in cities (3GPP TR 38.901, 7.5-6).
 
@@ -51,7 +51,7 @@ _OUTLIERS = 0.05
 _ANY_BIAS = 0.05
 """Probability that all TA of a walk have one arbitrary bias."""
 _NEVER_SET = 0.5
-"""A modem without a TA prints 0: a walk with nothing else is as likely that as a near cell."""
+"""A modem without a TA prints 0: a walk with only zeros is as likely that as a near cell."""
 _MOST_LOCATIONS = 100
 """Of a walk: the time grows with them."""
 _NODES = np.linspace(-3.0, 3.0, 21)
@@ -84,7 +84,7 @@ class Timing(NamedTuple):
 
     @property
     def reach_m(self) -> float:
-        """How far beyond the walk a search has to reach so that no ring is near its end."""
+        """How far beyond the walk a search has to reach so that all rings are inside."""
         if self.longer_m:
             return 0.0
         return float(np.max(self.step) + 1.0) * self.step_m / _END_OF_REACH
@@ -132,7 +132,7 @@ class Timing(NamedTuple):
         return TimingCheck(locations, round(float(np.sum(self.weight[disagrees]))))
 
     def _distance_m(self, positions: Places) -> FloatArray:
-        """Distance of each location from the antenna over positions (h,), shape (k, h)."""
+        """Distance to the antenna over positions (h,); shape (k, h)."""
         return np.asarray(np.hypot(self.places.distances_m(positions), self.height_m), float)
 
     def _log_p_of_delay(self, delay_m: FloatArray) -> FloatArray:
@@ -169,7 +169,7 @@ _lte = partial(
 
 
 class TimingCheck(NamedTuple):
-    """At how many locations a TA was read, and at how many of them it disagrees with the result."""
+    """At how many locations a TA was read, and at how many it disagrees with the result."""
 
     places: int
     disagree: int

@@ -116,9 +116,9 @@ def tobit_evidence(
 ) -> Evidence:
     """As `marginal`, of levels and censored readings, with one of `conditional` per hypothesis.
 
-    The search for the mode begins at that of `near`, the evidence at positions nearby. Without it,
-    it begins at that of the hypothesis before, and for the first one at that of the levels alone.
-    `varying` are the columns of the blocks, if known.
+    The search for the mode begins at that of `near`, the evidence at positions nearby, else at that
+    of the hypothesis before, and for the first one at that of the levels alone. `varying` are the
+    columns of the blocks, if known.
     """
     censored = censored_columns(blocks.censored, prior, positions)
     varying = varying or varying_columns(blocks, prior, positions)
@@ -150,8 +150,8 @@ def tobit_evidence(
 class _Terms(NamedTuple):
     """Censored terms, effective_readings * log Phi((columns . theta + of_one) / sigma).
 
-    `columns` has shape (q, g, k), the others (g, k): k runs over the positions of one hypothesis
-    after the other. Single precision is enough: `log_cdf_and_slope` is no more exact.
+    `columns` has shape (q, g, k), the others (g, k): k runs over the positions of each hypothesis
+    in turn. Single precision is enough: `log_cdf_and_slope` is no more exact.
     """
 
     columns: _Single
@@ -198,8 +198,8 @@ def _laplace(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Log evidence (k,), mode (q + 1, k) and covariance of P0 and eta (3, k) by Newton's method.
 
-    It begins at `begin` (q + 1, k): log sigma, then the coefficients. A step that does not lead up
-    is shortened.
+    `begin` (q + 1, k) has log sigma, then the coefficients. A step that does not lead up is
+    shortened.
     """
     at, length, active = begin, np.ones(begin.shape[1]), np.arange(begin.shape[1])
     surface = _surface(total, n, terms, prior, at)
@@ -228,7 +228,7 @@ def _newton_step(surface: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _newton_system(surface: FloatArray) -> FloatArray:
-    """Newton's system with the coefficients eliminated and the step of log sigma bounded."""
+    """The coefficients are eliminated and the step of log sigma is bounded."""
     system = surface.copy()
     eliminate(system, first=2)
     gradient, curvature = packed_index(1, 0), packed_index(1, 1)
@@ -241,8 +241,8 @@ def _newton_system(surface: FloatArray) -> FloatArray:
 def _surface(total: FloatArray, n: int, terms: _Terms, prior: Prior, at: FloatArray) -> FloatArray:
     """Log density at `at` (q + 1, k) with its gradient and negative Hessian, packed (m, k).
 
-    Row 0 holds the log density, the other rows those of log sigma and of the coefficients: the
-    gradient first, then the negative second derivatives.
+    Row 0 holds the log density, then follow the gradient by log sigma and the coefficients, and the
+    negative second derivatives.
     """
     tau, theta = at[0], at[1:]
     columns, of_one, effective = terms

@@ -17,19 +17,19 @@ from logger.core.model.prior import Prior
 _POWERS = (0.03, 0.1, 0.3)
 """Of the likelihood in rule 1, from nearly flat to less flat."""
 _LARGEST_FLAT_M = 8.0
-"""Rule 1 only has to find peaks: it splits no square of this side or smaller."""
+"""Rule 1 only finds peaks: it splits no square of this side or smaller."""
 _DENSEST_TURNS = 4
 """Rule 2 makes squares smaller by a factor of up to 16."""
 _LARGEST_DENSEST_M = 2.0
 """Rule 2 splits no square of this side or smaller: position errors blur narrower peaks."""
 _MOST_TURNS = 24
-"""From 60 km down to 0.5 m are 17 halvings; the other turns balance neighbours."""
+"""From 60 km to 0.5 m are 17 halvings; the other turns balance neighbours."""
 _SMALLEST_M = 0.5
 """No square gets smaller: receivers are not that accurate."""
 _CORE_SHARE = 0.1
 """Neighbours of leaves with this part of `split_share` are balanced as well."""
 _MOST_RATIO = 2.5
-"""Neighbours differ by at most one split; sides are powers of two, so 2.5 lies between."""
+"""Neighbours differ by one split at most; sides are powers of two, so 2.5 lies between."""
 _TOUCH = 1.0 + 1e-9
 """Squares that share an edge touch in spite of rounding."""
 

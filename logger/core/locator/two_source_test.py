@@ -3,14 +3,12 @@
 The walk is divided in two by which of two positions is nearer, and each part located alone. Two
 transmitters are accepted where the walk passes both, and two posteriors under the same noise
 explain the levels far better than one: their evidence counts every unknown of both (Bayes factor;
-Kass & Raftery, J. Am. Stat. Assoc. 90(430), 1995). It is made with a full effort at the desktop and
-a coarse one on the device.
+Kass & Raftery, J. Am. Stat. Assoc. 90(430), 1995).
 
-For a transmitter with velocity v the levels depend on the walk as it sees it: on the positions
-x - v t. So the evidence of a velocity is that of a standing transmitter for the walk shifted by
--v t, with every other unknown counted as usual. The velocities tried are equally likely beforehand,
-and the mean of their evidence is compared with that of v = 0. Time is the number of the reading:
-they come at an even pace.
+For a transmitter with velocity v the levels depend on the positions x - v t. So the evidence of a
+velocity is that of a standing transmitter for the walk shifted by -v t, with every other unknown
+counted as usual. The velocities tried are equally likely beforehand, and the mean of their evidence
+is compared with that of v = 0. Time is the number of the reading: they come at an even pace.
 """
 
 from dataclasses import replace
@@ -110,10 +108,7 @@ class Division(NamedTuple):
 
 
 class _Task(NamedTuple):
-    """The walk to divide, how finely its parts are searched, and what one transmitter explains.
-
-    `tried` are the divisions so far, by the bytes of `in_one`: several peaks lead to the same one.
-    """
+    """`tried` has the divisions so far by the bytes of `in_one`: several peaks lead to the same."""
 
     walk: Blocks
     prior: Prior
@@ -135,7 +130,7 @@ def divide(obs: Readings, posterior: Posterior, effort: DivisionEffort = DESK) -
     """The division that explains the levels best; None where the levels have one peak only.
 
     None as well where `posterior`, of one transmitter, leaves no more than shadowing unexplained,
-    and for several modems, whose offsets would divide a walk too. `effort` is that of each part.
+    and for several modems, whose offsets would divide a walk too.
     """
     obs = obs.usable()
     if posterior.long_share < _LEAST_LONG_SHARE or not _is_divisible(obs):
@@ -202,7 +197,7 @@ class _Try(NamedTuple):
 
 
 def _try(task: _Task, in_one: BoolArray) -> _Try | None:
-    """Both parts of a walk located; None where one of them is too short."""
+    """None where one of the parts is too short."""
     key = in_one.tobytes()
     if key not in task.tried:
         task.tried[key] = _locate_both(task, in_one)
@@ -242,7 +237,7 @@ def _rank(division: Division) -> tuple[float, list[float]]:
 
 
 def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:
-    """Blocks (n,) that are nearer to the first of two blocks."""
+    """Shape (n,)."""
     to_both_m = walk.places.distances_m(walk.places.part(np.array([first, other])))
     return np.asarray(to_both_m[:, 0] < to_both_m[:, 1], np.bool_)
 
@@ -260,7 +255,7 @@ def locate_part(part: Blocks, prior: Prior, effort: Effort) -> Part:
 
 
 def _expected_dbm(part: Part, walk: Blocks, prior: Prior) -> FloatArray:
-    """Levels (n,) of the blocks by the transmitter of a part."""
+    """Shape (n,)."""
     varying = varying_columns(walk, prior, part.place)
     return np.asarray(part.theta[0] + np.concatenate(varying, axis=1) @ part.theta[1:], float)
 
@@ -289,7 +284,7 @@ def _is_peak(smooth_dbm: FloatArray, near: BoolArray, k: int) -> bool:
 
 
 def _ring(way_m: float, directions: int) -> FloatArray:
-    """Ways (m, 2) of one length in evenly spaced directions."""
+    """Shape (m, 2), in evenly spaced directions."""
     angle = 2.0 * np.pi * np.arange(directions) / directions
     return way_m * np.stack([np.sin(angle), np.cos(angle)], axis=1)
 
@@ -314,7 +309,7 @@ class _Walk(NamedTuple):
 
 
 class MotionTest:
-    """Tries the moves of `MOVES_M` in turn, some at a time, and keeps what each explains."""
+    """Tries the moves of `MOVES_M` in turn and keeps what each explains."""
 
     def __init__(self) -> None:
         self._log_factor = np.full(len(MOVES_M), np.nan)
@@ -339,7 +334,7 @@ class MotionTest:
         self._next = (self._next + count) % len(MOVES_M)
 
     def division(self) -> Division | None:
-        """The likeliest move, with the factor of all; None before every one has been tried."""
+        """The likeliest move, with the factor of all; None before all have been tried."""
         if np.any(np.isnan(self._log_factor)):
             return None
         best = int(np.argmax(self._log_factor))
@@ -361,7 +356,7 @@ def _in_blocks(obs: Readings) -> _Walk:
 
 
 def _evidence(walk: _Walk, move_m: FloatArray, prior: Prior) -> tuple[float, FloatArray]:
-    """Log evidence of a move, and the place where it ends."""
+    """Also returns the place where the move ends."""
     rows = walk.rows.copy()
     rows[:2] -= move_m[:, None] * walk.time
     part = locate_part(single(rows, _MOVING_BLOCK_M, NOTHING_CENSORED), prior, _MOVING_EFFORT)

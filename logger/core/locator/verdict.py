@@ -29,7 +29,7 @@ from logger.core.types import Verdict
 _FEWEST_READINGS = 8
 """Twice the four unknowns x, y, P0 and eta."""
 _SHORTEST_WALK_M = 20.0
-"""Shorter walks are within the errors of a few fixes and the correlation of shadowing."""
+"""Shorter walks are within the errors of fixes and the correlation of shadowing."""
 _LEAST_SPAN_DB = 6.0
 """Half the distance is 6 dB in free space: over less, noise alone may look like an approach."""
 _ETA_RANGE = (0.5, 6.0)
@@ -37,7 +37,7 @@ _ETA_RANGE = (0.5, 6.0)
 these bounds levels do not fall with the distance, or as no measured ones do.
 """
 _ONE_SIDED_DEG = 90.0
-"""A walk that covers less than a quarter around the position cannot bound its distance."""
+"""A walk around less than a quarter of the circle cannot bound its distance."""
 _PASSING_M = 20.0
 """Distance at which the advice states levels: walking past, not through, a building."""
 _CONTRADICTION, _MOST_OUTSIDE = 0.6, 0.2
@@ -52,14 +52,14 @@ and of the 57 with the transmitter there 24 and 16.
 DESK_M = 150.0
 """A group of houses, which one more walk can search."""
 LIVE_M = 60.0
-"""A house and its neighbours: a walker who stands there may look at the roofs and end the walk."""
+"""A house and its neighbours: a walker there may look at the roofs and end the walk."""
 
 
 class Decision(NamedTuple):
     """The verdict, its reasons, and the two transmitters that were tried instead of one.
 
-    `needed_m` is the radius that a location needs where the first reason is that the region is
-    wider; else None.
+    `needed_m` is the radius that a location needs where the first reason is a wider region; else
+    None.
     """
 
     verdict: Verdict
@@ -70,8 +70,6 @@ class Decision(NamedTuple):
 
 @dataclass(frozen=True)
 class _Case:
-    """A posterior and the usable readings behind it."""
-
     posterior: Posterior
     obs: Readings
 
@@ -141,13 +139,13 @@ def _one_sided(case: _Case) -> str | None:
 
 
 GUARDS: tuple[Callable[[_Case], str | None], ...] = (_few_readings, _small_span, _eta_at_bound)
-"""What makes a region no evidence, whatever its size: each gives a sentence, or None."""
+"""What makes a region no evidence, whatever its size: a sentence each, or None."""
 HINTS: tuple[Callable[[_Case], str | None], ...] = (
     _short_walk,
     _beyond_reach,
     _one_sided,
 )
-"""What widens a region: each gives a sentence, or None."""
+"""What widens a region: a sentence each, or None."""
 
 
 def assess(
@@ -157,7 +155,7 @@ def assess(
     *,
     within_m: float = DESK_M,
 ) -> Decision:
-    """Whether the walk locates the transmitter within a radius, and why or why not.
+    """Whether the walk locates the transmitter within a radius, and why.
 
     `division` are two transmitters that were tried instead of one.
     """
@@ -244,7 +242,7 @@ def _shares(case: _Case, percents: Sequence[int]) -> str:
 
 
 def _advice(case: _Case) -> str:
-    """Where to walk to decide between the two strongest modes, and the level to expect there."""
+    """Where to walk to decide between the two strongest modes, and the level there."""
     end = case.obs.places[-1]
     near, far = sorted(case.modes[:2], key=lambda mode: mode.place.away_m(end))
     way_m, apart_m = near.place.away_m(end), near.place.away_m(far.place)
@@ -258,7 +256,7 @@ def _advice(case: _Case) -> str:
 
 
 def _expected_dbm(case: _Case, mode: Mode, distance_m: float) -> float:
-    """Level of the model that the posterior has, for a walk as certain as this one."""
+    """By the posterior's model, for a walk as certain as this one."""
     _, _, p0_dbm, eta = mode.state.tolist()
     height_m, sigma_m = case.posterior.prior.height_m, float(np.median(case.obs.places.sigma_m))
     distance_db = log_distance_db(max(distance_m, _PASSING_M), 0.0, height_m, sigma_m)
@@ -266,7 +264,7 @@ def _expected_dbm(case: _Case, mode: Mode, distance_m: float) -> float:
 
 
 def place_text(place: Places) -> str:
-    """Latitude and longitude of a place, as reasons name it; of one on no map x and y in metres."""
+    """Latitude and longitude of a place, as reasons name it; on no map x and y in metres."""
     if place.utm == NO_MAP:
         return f"x {place.x_m.item():.0f} m, y {place.y_m.item():.0f} m"
     lat_deg, lon_deg = place.first_deg

@@ -20,16 +20,16 @@ Polygon = tuple[Ring, ...]
 _FARTHEST_M = 30_000.0
 """The reach of the prior: nothing farther from the walk is searched."""
 _AROUND_DEG = 1.5
-"""Of latitude: what lies farther from the walks is cut off, since their zone ends. 35 km, the reach
-of GSM, are a fifth."""
+"""Of latitude: what lies farther from the walks is cut off, since their zone ends. GSM reaches 35
+km, a fifth."""
 _EDGE_DEG = 0.05
-"""Longest edge: straight in degrees, as those of a file are, it bends by 1 m in metres."""
+"""Longest edge: straight in degrees, as in a file, it bends by 1 m in metres."""
 _GROWN = 0.25
 """Of its width: so much farther a walk that goes on is searched again."""
 _LEAST_M = 1.0
-"""A place so close to the hull of a walk does not change it: fixes of one who stands do not."""
+"""A place so close to the hull of a walk, as of one who stands, does not change it."""
 _PARTS = 8.0
-"""Squares on the border of an area have at most one part in so many of its extent."""
+"""Squares on the border of an area are at most its extent divided by this."""
 _HALF_DIAGONAL = 0.7072
 _CHUNK = 256
 """Positions at a time: a border of a city has thousands of corners."""
@@ -55,7 +55,7 @@ class Area:
         return cls(f"within {metres:g} m of the walk", metres)
 
     def at(self, walks: Sequence[Places]) -> "Area":
-        """The area in metres, for some walks in one zone; one that is in metres stays as it is.
+        """The area in metres, for walks in one zone; one in metres stays as it is.
 
         Raises `ConfigError` where no walk is near the polygons.
         """
@@ -117,12 +117,12 @@ class WalkArea:
         self.widen(within_m)
 
     def widen(self, within_m: float | None) -> None:
-        """Take another distance."""
+        """Set another distance."""
         self.within_m = within_m
         self._renew()
 
     def add(self, place: Places) -> None:
-        """Take the next place of the walker."""
+        """Add the next place of the walker."""
         x_m, y_m = place.x_m.item(), place.y_m.item()
         if self._utm is None or _is_beyond(self._hull, (x_m, y_m)):
             corners = np.array([*self._hull, (x_m, y_m)])
@@ -136,7 +136,7 @@ class WalkArea:
             self.area = replace(area, polygons=((self._hull,),), utm=self._utm)
 
     def has_outgrown(self, searched: Area | None) -> bool:
-        """Whether the walk has left what was searched by a part of its width."""
+        """Whether the walk has left the searched area by a part of its width."""
         now = self.area
         if now is searched:
             return False
@@ -148,7 +148,7 @@ class WalkArea:
 
 
 def _is_beyond(ring: Ring, place: Corner) -> bool:
-    """Whether a place is clearly outside of a hull."""
+    """Clearly beyond: farther than `_LEAST_M`."""
     if len(ring) < 3:
         return all(dist(place, corner) > _LEAST_M for corner in ring)
     return any(
@@ -174,15 +174,11 @@ def hull(places: Places) -> Ring:
 
 
 def _turn(a: Corner, b: Corner, c: Corner) -> float:
-    """Positive where the way from a over b to c turns left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _in_metres(polygon: Polygon, utm: Utm, walks_deg: FloatArray) -> Polygon:
-    """The part of a polygon in degrees around walks at (2, n) degrees; empty where there is none.
-
-    `walks_deg` has the longitudes first, as the polygon has.
-    """
+    """The part around walks at (2, n) degrees, longitudes first; empty where there is none."""
     low, high = np.min(walks_deg, axis=1), np.max(walks_deg, axis=1)
     margin_deg = np.array([_AROUND_DEG / cos(radians(float(np.mean(walks_deg[1])))), _AROUND_DEG])
     rings = []
@@ -196,7 +192,7 @@ def _in_metres(polygon: Polygon, utm: Utm, walks_deg: FloatArray) -> Polygon:
 
 
 def _in_box(ring: list[Corner], low: list[float], high: list[float]) -> list[Corner]:
-    """A ring cut at the sides of a box (Sutherland & Hodgman, CACM 17(1), 1974)."""
+    """Sutherland & Hodgman, CACM 17(1), 1974."""
     for axis, limit, sign in ((0, low, 1.0), (0, high, -1.0), (1, low, 1.0), (1, high, -1.0)):
         cut: list[Corner] = []
         for before, after in zip(ring[-1:] + ring[:-1], ring, strict=True):
@@ -216,7 +212,7 @@ def _in_box(ring: list[Corner], low: list[float], high: list[float]) -> list[Cor
 
 
 def _with_short_edges(ring: FloatArray) -> FloatArray:
-    """A ring (n, 2) in degrees with corners on its edges, wherever these are long."""
+    """Adds corners to the long edges of a ring (n, 2) in degrees."""
     way = np.roll(ring, -1, axis=0) - ring
     parts = np.maximum(np.ceil(np.max(np.abs(way), axis=1) / _EDGE_DEG), 1.0).astype(int)
     edge = np.repeat(np.arange(len(ring)), parts)
@@ -225,7 +221,7 @@ def _with_short_edges(ring: FloatArray) -> FloatArray:
 
 
 def _beyond_polygon_m(polygon: Polygon, positions: Places) -> FloatArray:
-    """Distance of positions (h,) from a polygon, negative inside; shape (h,)."""
+    """Negative inside; shape (h,)."""
     start = np.concatenate([np.array(ring) for ring in polygon])
     end = np.concatenate([np.roll(np.array(ring), -1, axis=0) for ring in polygon])
     (x0, y0), (east, north) = start.T, (end - start).T

@@ -29,8 +29,8 @@ NO_SHIFT: Origin = (0.0, 0.0)
 class Censored(NamedTuple):
     """Places where the level was at a censoring limit of the modem's scale, shape (g,) each.
 
-    The level is at most `limit_dbm` where `side` is -1, at least that where it is +1; `readings`
-    were taken there.
+    The level is at most `limit_dbm` where `side` is -1, at least that where it is +1; `readings` is
+    how many were taken there.
     """
 
     places: Places
@@ -76,7 +76,7 @@ class Blocks:
         return np.stack([at.x_m, at.y_m, self.level_dbm, at.sigma_m**2, self.readings])
 
     def mean(self, of_points: FloatArray) -> FloatArray:
-        """Weighted means over the points of each block, (n, k), of rows for each point (m, k)."""
+        """Weighted means over the points of each block, (n, k), of rows (m, k)."""
         if self.of_one_point:
             return of_points
         means = np.empty((len(self), of_points.shape[1]))
@@ -86,12 +86,12 @@ class Blocks:
         return means
 
     def part(self, chosen: BoolArray) -> "Blocks":
-        """The chosen blocks (n,), each with its middle as the only point, without censored ones."""
+        """The chosen blocks (n,), with their middles as only points, without censored ones."""
         plain = single(self.rows[:, chosen], self.size_m, NOTHING_CENSORED, self.places.utm)
         return replace(plain, modem=self.modem[chosen])
 
     def clear_of_censored(self) -> "Blocks":
-        """Those far from any censored reading: nearer, the levels received are the high ones."""
+        """Those far from censored readings: nearer, the levels received are the high ones."""
         apart_m = self.places.distances_m(self.censored.places)
         nearest_m = np.min(apart_m, axis=1, initial=np.inf)
         return self.part(nearest_m > max(_CLEAR_M, 2.0 * self.size_m))
@@ -116,7 +116,7 @@ def single(column: FloatArray, size_m: float, gone: Censored, utm: Utm = PLANE) 
 
 
 def join(parts: Sequence[Blocks]) -> Blocks:
-    """Blocks of several parts of a walk, each with its middle as the only point, uncensored."""
+    """Blocks of several parts of a walk, with their middles as only points, uncensored."""
     every = [part.part(np.ones(len(part), np.bool_)) for part in parts]
     columns = np.concatenate([one.rows for one in every], axis=1)
     size_m = max(part.size_m for part in parts)
@@ -126,8 +126,8 @@ def join(parts: Sequence[Blocks]) -> Blocks:
 def blocks(obs: Readings, most: int, origin: Origin = NO_SHIFT) -> Blocks:
     """Gather the readings of one point and modem, whenever taken, into at most `most` blocks.
 
-    Standing still or walking a street twice adds readings to a block and no block; a level that is
-    repeated there adds none. `origin` moves the grid of the blocks.
+    Standing still or walking a street twice adds no block; a level repeated there adds nothing.
+    `origin` moves the grid of the blocks.
     """
     inside = obs.limit == 0
     at, level = obs.places.part(inside), obs.level_dbm[inside]
@@ -176,7 +176,7 @@ def gather(
 def _is_new(level_dbm: FloatArray, modem: IntArray, square: IntArray) -> BoolArray:
     """Which levels differ from the one that their modem gave before in the same square.
 
-    One that is repeated tells no more: what modems filter or keep changes more slowly than that.
+    A repeated level tells no more: what modems filter or keep changes more slowly.
     """
     order = np.argsort(modem, kind="stable")
     is_same = np.zeros(len(order), np.bool_)
@@ -203,7 +203,7 @@ def censored_places(obs: Readings, most: int = _MOST_CENSORED) -> Censored:
 
 
 def in_fewer_places(gone: Censored, most: int, modem: IntArray | None = None) -> Censored:
-    """At most `most` points for each limit, of one modem each (g,; None: one modem altogether)."""
+    """At most `most` points for each limit, of one modem each (g,; None: one modem)."""
     places = gone.places
     modem = np.zeros(len(places), np.int64) if modem is None else modem
     parts = []
@@ -229,8 +229,8 @@ def squares(
 ) -> tuple[IntArray, float]:
     """Number of the square of its modem each place lies in, and the side of the squares.
 
-    The squares are as small as `most` of them allow, `finest_m` at least. Of more modems than that
-    each has one.
+    The squares are as small as `most` of them allow, `finest_m` at least. Of more modems each has
+    one.
     """
     if not len(places):
         return np.zeros(0, np.int64), finest_m
@@ -249,7 +249,7 @@ def squares(
 
 
 def _keys(points: FloatArray, size_m: float, modem: IntArray, origin: Origin) -> IntArray:
-    """A number for each point (2, n), equal for those of one square and modem, not negative."""
+    """A number for each point (2, n), equal in one square of one modem, not negative."""
     shift = 0.5 + np.array(origin)[:, None]
     column, row = np.floor(points / size_m + shift).astype(np.int64)
     row += modem * (int(np.ptp(row)) + 1)
@@ -259,26 +259,22 @@ def _keys(points: FloatArray, size_m: float, modem: IntArray, origin: Origin) ->
 
 
 def _count_different(key: IntArray) -> int:
-    """Number of different keys, which are not negative."""
     if _is_sparse(key):
         return len(np.unique(key))
     return int(np.count_nonzero(_presence(key)))
 
 
 def _number(key: IntArray) -> IntArray:
-    """Keys numbered from 0 in their order, those that are equal alike."""
     if _is_sparse(key):
         return np.unique(key, return_inverse=True)[1].astype(np.int64)
     return np.asarray((np.cumsum(_presence(key)) - 1)[key], np.int64)
 
 
 def _is_sparse(key: IntArray) -> bool:
-    """Whether sorting the keys costs less than a table of all values."""
     return bool(key.max() >= _WIDE * len(key))
 
 
 def _presence(key: IntArray) -> BoolArray:
-    """Which values up to the largest are keys."""
     is_key = np.zeros(int(key.max()) + 1, np.bool_)
     is_key[key] = True
     return is_key

@@ -45,7 +45,7 @@ class Evidence(NamedTuple):
 
 
 def mix_stations(parts: Sequence[Evidence], log_odds: FloatArray) -> Evidence:
-    """Evidence of a station that is one of several, which have these log probabilities (s, c)."""
+    """Evidence of a station that is one of several, with log probabilities (s, c)."""
     joint = np.stack([one.log_p for one in parts]) + log_odds[..., None]
     best = np.max(joint, axis=0)
     station = np.exp(joint - best)

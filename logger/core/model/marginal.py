@@ -40,7 +40,7 @@ NODES = 7
 _NEWTON_STEPS = 2  # from a start that is close: the third changes the mode by less than 1e-3
 _LARGEST_STEP = 0.5  # of log sigma, so that Newton's method does not leave the region it describes
 _LEAST_SIGMA_DB = 0.05
-"""Below it, as where all levels are equal, residuals are rounding errors of either sign."""
+"""Below it, as where all levels are equal, residuals are rounding errors."""
 _SMALL_STEP = 0.05  # of log sigma: log p changes by its slope, within 1e-3 nats
 _AT_ONCE = 16  # weights multiplied before their logarithm is taken: each is above 1e-19
 _STRIP = 64  # rows of a whitener multiplied at once
@@ -138,9 +138,8 @@ def sums(
     """Sums for W (..., n, n), of one hypothesis or of several, shape (m + 1, ..., h).
 
     `fixed` (f, n) are the levels and the columns that are the same for all positions, `varying` the
-    others, (n, h) each. A row of W with diagonal d predicts its block with variance 1 / d^2; the
-    `extra` variance (n, h) of the block, independent of all others, gives it the weight
-    1 / (1 + d^2 extra).
+    others, (n, h) each. A row of W with diagonal d predicts its block with variance 1 / d^2; an
+    independent `extra` variance (n, h) of the block gives it the weight 1 / (1 + d^2 extra).
     """
     weight = None if extra is None else row_weights(whitener, extra)
     of_fixed = fixed @ np.swapaxes(whitener, -1, -2)
@@ -172,7 +171,7 @@ def products(fixed: FloatArray, varying: list[FloatArray], weight: FloatArray | 
 
 
 def _log_of_product(weight: FloatArray) -> FloatArray:
-    """Log of the products of weights (..., n, h) over the rows, (..., 1, h), without underflow."""
+    """Log of the products of (..., n, h) over the rows, (..., 1, h), without underflow."""
     first = range(0, weight.shape[-2], _AT_ONCE)
     parts = [np.prod(weight[..., i : i + _AT_ONCE, :], axis=-2, keepdims=True) for i in first]
     return np.asarray(sum(map(np.log, parts)), float)
@@ -185,7 +184,7 @@ def _lower_triangle(count: int) -> tuple[IntArray, IntArray]:
 
 
 def row_weights(whitener: FloatArray, extra: FloatArray) -> FloatArray:
-    """Weights (..., n, h) of rows of W (..., n, n), their blocks having `extra` variance (n, h)."""
+    """Weights (..., n, h) of rows of W (..., n, n), blocks having `extra` variance (n, h)."""
     diagonal = np.diagonal(whitener, axis1=-2, axis2=-1)
     weight = np.asarray(diagonal[..., None] ** 2 * extra, float)
     weight += 1.0
@@ -194,7 +193,7 @@ def row_weights(whitener: FloatArray, extra: FloatArray) -> FloatArray:
 
 
 def whiten(whitener: FloatArray, column: FloatArray) -> FloatArray:
-    """W (..., n, n) times a column (n, h), in strips of rows: right of the diagonal W is zero."""
+    """W (..., n, n) times a column (n, h), in strips: right of the diagonal W is zero."""
     product = np.empty((*whitener.shape[:-1], column.shape[1]))
     for i in range(0, len(column), _STRIP):
         end = i + _STRIP
@@ -299,7 +298,7 @@ class SigmaLaw:
 
 @lru_cache(maxsize=16)  # needed after each live reading
 def _prior_terms(prior: Prior) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Mean and precision (q, 1, 1), packed sums (m, 1, 1) and log |Lambda0| of the coefficients."""
+    """Mean and precision (q, 1, 1), packed sums (m, 1, 1) and log |Lambda0|."""
     mean, precision = prior.coefficients
     of_prior = prior_sums(mean, np.diag(precision))[:, None, None]
     return mean[:, None, None], precision[:, None, None], of_prior, float(np.sum(np.log(precision)))
@@ -314,7 +313,6 @@ def _gauss_hermite(nodes: int) -> tuple[FloatArray, FloatArray]:
 def _over_nodes(
     law: SigmaLaw, tau: FloatArray, sd: FloatArray, constant: FloatArray, nodes: int
 ) -> Evidence:
-    """Quadrature over log sigma ~ about N(tau, sd^2)."""
     at, weights = _gauss_hermite(nodes)
     taus = tau + sd * at[:, None, None]
     each = [law.fit(one) for one in taus]

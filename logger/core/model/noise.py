@@ -1,7 +1,7 @@
 """Covariance of the mean levels of blocks under each hypothesis of the noise, and its whitener.
 
-Shadowing is averaged over the points of a block, which removes a part of what changes within it.
-With blocks taken for points, shadowing seems correlated over longer distances than it is.
+Shadowing is averaged over the points of a block: with blocks taken for points it would seem
+correlated over longer distances than it is.
 """
 
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ def covariances(blocks: Blocks, prior: Prior, numbers: Sequence[int] | None = No
 
 
 def correlation(apart_m: FloatArray, decorrelation_m: float) -> FloatArray:
-    """Correlation of the shadowing at points that are this far apart.
+    """Correlation of the shadowing at points this far apart.
 
     Gudmundson, Electronics Letters 27(23), 1991.
     """
@@ -64,7 +64,7 @@ def shares(hypothesis: Hypothesis) -> list[tuple[float, float]]:
 
 
 def shadowing(apart_m: FloatArray, hypothesis: Hypothesis) -> FloatArray:
-    """Covariance, in units of sigma^2, of the shadowing at points that are this far apart."""
+    """Covariance, in units of sigma^2, of the shadowing at points this far apart."""
     parts = (share * correlation(apart_m, scale_m) for share, scale_m in shares(hypothesis))
     return np.asarray(sum(parts, np.zeros_like(apart_m)), float)
 

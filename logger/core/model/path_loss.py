@@ -15,7 +15,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 
 MIN_DISTANCE_M = 1.0
-"""P0 is the level here; closer distances count as this one, as L would go to minus infinity."""
+"""P0 is the level here; closer distances count as this one: L would go to minus infinity."""
 
 DB_PER_E_FOLD = 10.0 / log(10.0)
 """Change of L where the distance grows by a factor of e: dL/dd = DB_PER_E_FOLD / d."""
@@ -75,7 +75,7 @@ def position_slopes(
 
 
 def receiver_error_db2(eta: float, sigma_m: FloatArray, distance_db: FloatArray) -> FloatArray:
-    """Variance of the level that the receiver's position error causes, at a given L."""
+    """Variance of the level by the receiver's position error, at a given L."""
     by_square_m2 = np.exp((-2.0 / DB_PER_E_FOLD) * distance_db)  # 1 / d^2: a power takes longer
     by_square_m2 *= np.square(DB_PER_E_FOLD * eta * sigma_m)
     return np.asarray(by_square_m2, float)
@@ -91,9 +91,9 @@ def level_gradient(
 ) -> tuple[float, float, float, float]:
     """Derivatives of the level by x, y and eta, and its variance per m^2 of receiver error.
 
-    Plain floats, for the filters. `beyond_m2` is height^2 + 2 sigma^2. The
-    derivative by P0 is 1, that by eta is -L, so that the expected level is P0 + eta times the third
-    value. The last value is (DB_PER_E_FOLD eta / d)^2.
+    Plain floats, for the filters. `beyond_m2` is height^2 + 2 sigma^2. The derivative by P0 is 1,
+    that by eta is -L: the expected level is P0 + eta times the third value. The last value is
+    (DB_PER_E_FOLD eta / d)^2.
     """
     squared_m2 = max(dx_m * dx_m + dy_m * dy_m + beyond_m2, 1.0)
     slope = -DB_PER_E_FOLD * eta / squared_m2

@@ -15,7 +15,7 @@ from logger.core.model.area import Area
 class Reach(NamedTuple):
     """How far from the walk the transmitter may stand, and how probable this is.
 
-    Within `flat_m` of the walk every position is as probable; beyond the density falls with the
+    Within `flat_m` of the walk every position is as probable; beyond, the density falls with the
     distance to the power of `power`, above 2.
     """
 
@@ -30,11 +30,11 @@ _FAR = (Reach(0.30, 500.0, 4.0), Reach(0.25, 1300.0, 5.0))
 REACHES = MappingProxyType({"any": (*_NEAR, *_FAR), "near": _NEAR, "far": _FAR})
 """Hypotheses of the distance from the walk, by the name of the reach.
 
-A rogue cell is looked for where it is strong, a mast stands 100 to 1500 m off the road. One density
-for both is too wide for the one or too narrow for the other: with "near" alone 95 % regions held
-.74 of the transmitters beyond 800 m of 506 measured walks, with "far" alone the regions of walks
-past a transmitter are six times as large. "any" lets the levels decide. The probabilities are
-relative to each other.
+A rogue cell is looked for where it is strong, a mast stands 100 to 1500 m off the road, and one
+density for both is too wide or too narrow: with "near" alone 95 % regions held .74 of the
+transmitters beyond 800 m of 506 measured walks, with "far" alone the regions of walks past a
+transmitter are six times as large. "any" lets the levels decide. The probabilities are relative to
+each other.
 """
 
 
@@ -181,9 +181,9 @@ class Prior:
 
     P0 and eta are normal, sigma is log-normal. The groups of `noise` are equally probable, as are
     the hypotheses within a group. `reaches` are hypotheses of the distance from the walk, up to
-    `reach_m`, and `stations` those of the antenna; the first station stands for all where one is
-    needed (`height_m`, `antenna_db`). Nothing outside of an `area` is possible. Modems read too
-    high or too low by `offset_sigma_db`: 3GPP TS 45.008, 8.1.2, allows 6 dB.
+    `reach_m`, and `stations` of the antenna; the first station stands for all where one is needed.
+    Nothing outside of an `area` is possible. Modems read too high or too low by `offset_sigma_db`:
+    3GPP TS 45.008, 8.1.2, allows 6 dB.
     """
 
     environment: str = "any"
@@ -217,8 +217,8 @@ class Prior:
     def radius_m(self, level: float) -> float:
         """Radius around a single reading that holds `level` of the positions; no reach has an end.
 
-        Within r of the reading a reach has r^2 / 2 where it is flat; beyond, its tail. Both are in
-        units of the square of its length, and the tail is 1 / (power - 2) altogether.
+        In units of the square of its length, a reach has r^2 / 2 within r of the reading where it
+        is flat; the tail beyond is 1 / (power - 2) altogether.
         """
         probability, flat_m, power = np.array(self.reaches).T
         tail = 1.0 / (power - 2.0)
@@ -246,8 +246,8 @@ class Prior:
     def station_log_odds(self) -> FloatArray:
         """Log probability of each station under each hypothesis of the noise, shape (s, c).
 
-        It is -inf for a pattern where the noise has no long part, unless all stations have one: an
-        antenna among houses and hills has no clean pattern.
+        It is -inf for a pattern where the noise has no long part, unless all stations have one:
+        among houses and hills no antenna has a clean pattern.
         """
         return _station_log_odds(self.stations, self.noise)
 

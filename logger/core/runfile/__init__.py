@@ -1,8 +1,7 @@
 """The run file: a journal while recording, plain HDF5 afterwards, read through one function.
 
 The only part of `core` that touches files, and the only one of the logger that imports h5py.
-Recording needs neither numpy nor h5py: a run begins before they are imported, and what needs them
-is imported when it is first used.
+Recording needs neither numpy nor h5py: they are imported when first used.
 """
 
 from importlib import import_module
@@ -68,7 +67,7 @@ _OF_FINISH = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import the modules that need HDF5 at the first use of their names."""
+    """Imports the modules that need HDF5 at the first use of their names."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{'finish' if name in _OF_FINISH else 'run'}"), name)

@@ -1,4 +1,4 @@
-"""From journal to HDF5, at the stop, the next boot and the desk; with a report of what was lost."""
+"""From journal to HDF5, at the stop, the next boot and the desk; reports what was lost."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -20,13 +20,12 @@ _NONE = Damage()
 
 
 def unfinished_journals(folder: Path) -> list[Path]:
-    """Journals in a folder with content and without an HDF5 file that no logger is writing."""
+    """Journals with content and without an HDF5 file that no logger is writing."""
     found = sorted({p for p in map(first_part, folder.iterdir()) if p.suffix == JOURNAL})
     return [p for p in found if not p.with_suffix(".h5").exists() and _waits(p)]
 
 
 def _waits(journal: Path) -> bool:
-    """Whether to convert it: also if it cannot be read, as the recovery reports the reason."""
     try:
         return bool(_n_bytes(journal)) and not _is_recording(journal)
     except (RunFileError, OSError):
@@ -36,8 +35,8 @@ def _waits(journal: Path) -> bool:
 def finish_journal(journal: Path) -> Path:
     """Make the HDF5 file of a journal beside it, under the same name; the journal stays as it is.
 
-    Safe to repeat, and to cut in the middle. Raises `RunFileError`, also where the HDF5 file of
-    another run has that name.
+    Safe to repeat, and to cut in the middle. Raises `RunFileError`, also where the HDF5 file is of
+    another run.
     """
     return _finish(journal)[0]
 
@@ -57,9 +56,7 @@ def _finish(journal: Path) -> tuple[Path, JournalParts]:
 def convert_journal(journal: Path, target: Path) -> Damage:
     """Make an HDF5 file of a journal under a given name, complete or not at all.
 
-    Returns what the journal has lost.
-
-    A file of that name is replaced. Raises `RunFileError`.
+    Returns what the journal has lost. Replaces a file of that name. Raises `RunFileError`.
     """
     return _convert(journal, target, lambda *_: None).damage
 
@@ -84,7 +81,7 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
 
 
 def _check_room(parts: JournalParts, target: Path) -> None:
-    """Raise `RunFileError` if the card is too full: HDF5 may crash on a full card."""
+    """Raises `RunFileError` if the card is too full: HDF5 may crash on a full card."""
     status = os.statvfs(target.parent)
     needed = _n_bytes(parts.path) + _MARGIN_BYTES
     if status.f_bavail * status.f_frsize < needed:
@@ -141,8 +138,7 @@ class Recovered:
 def recover(path: Path) -> Iterator[Recovered]:
     """Recover one journal, or all in a folder that have no HDF5 file yet.
 
-    In a folder, one that cannot be read does not keep the others. Raises `RunFileError` for a
-    single one.
+    In a folder, an unreadable one does not keep the others. Raises `RunFileError` for a single one.
     """
     if not path.is_dir():
         if path.is_file() and is_hdf5(path):

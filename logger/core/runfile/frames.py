@@ -4,11 +4,11 @@
     crc32(header) u32
     payload | crc32(payload) u32, all little-endian
 
-`run` is a random number of the journal, so that a stale block of another journal is never taken for
+`run` is a random number of the journal, so that a stale block of another journal is not taken for
 this one's. `schema` is the version of the tables, so that rows can be read even where their
 definition is lost. The header has its own CRC because a damaged length would swallow the good
-frames behind it. The payload is packed with zlib since version 2: what is written wears the card
-and waits in memory while it is full.
+frames behind it. The payload is packed with zlib since version 2: writing wears the card, and a
+full card leaves it in memory.
 """
 
 import struct
@@ -43,7 +43,7 @@ class Kind(IntEnum):
 
 
 class Frame(NamedTuple):
-    """An undamaged frame: its header, and where its payload is in which file of the journal."""
+    """An undamaged frame: its header, and the place of its payload."""
 
     file: int
     run: int
@@ -82,7 +82,7 @@ def encode(run: int, number: int, kind: Kind, payload: bytes, schema: int = 0) -
 
 
 def payload_of(packed: bytes, version: int) -> bytes | None:
-    """Unpack the payload of a frame; None if it is invalid although its CRC is right."""
+    """Unpack the payload of a frame; None if it is invalid in spite of its CRC."""
     if version == _PLAIN_VERSION:
         return packed
     unpack = zlib.decompressobj()
@@ -96,9 +96,8 @@ def payload_of(packed: bytes, version: int) -> bytes | None:
 def scan(data: Buffer) -> Iterator[Frame | Skipped]:
     """Find every undamaged frame in order, and the bytes between them.
 
-    Zeros at the end are reserved space, not damage. Raises `ForgedFramesError` where damaged
-    frames together are longer than the file: those of an honest journal follow each other, and
-    forged ones would take hours to check.
+    Zeros at the end are reserved space, not damage. Raises `ForgedFramesError` where damaged frames
+    together are longer than twice the file plus 1 MB: forged ones would take hours to check.
     """
     position = good_end = 0
     left = 2 * len(data) + _MOST_IN_VAIN
@@ -120,7 +119,7 @@ def scan(data: Buffer) -> Iterator[Frame | Skipped]:
 
 
 def _header_at(data: Buffer, at: int) -> Frame | None:
-    """The frame that an undamaged header announces, where the file is long enough for it."""
+    """None without an undamaged header, or where the file is too short for the frame."""
     header = data[at : at + HEADER_SIZE]
     if len(header) < HEADER_SIZE:
         return None
@@ -140,7 +139,7 @@ def _is_intact(data: Buffer, frame: Frame) -> bool:
 
 
 def _length_without_zeros(data: Buffer, start: int) -> int:
-    """Bytes from `start` to the last byte that is not zero."""
+    """Bytes from `start` to the last one that is not zero."""
     step = 1 << 20
     end = len(data)
     while end > start:

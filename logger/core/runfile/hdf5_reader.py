@@ -2,11 +2,11 @@
 
 Only what this program writes is taken: datasets of their own bytes, in the root, of known types,
 and no larger than the file can honestly hold. HDF5 itself would follow links to other files, run
-any filter that is named, and allocate any size that is declared.
+any named filter, and allocate any declared size.
 
 What a reader of a run can see is either under the hash chain (rows, raw bytes, description, stop),
 whose frames are made again from the rows, or follows from that (attributes, configuration, damage,
-units). Whatever is neither is a difference, and is named.
+units). Anything else is a difference, and is named.
 """
 
 from collections import Counter
@@ -243,8 +243,6 @@ def _hard_to_unpack(made: Any, row_bytes: int) -> str:
 
 
 class _Sealing:
-    """One file, gone through once."""
-
     def __init__(self, content: Content, earlier: str) -> None:
         self._content = content
         self._meta = content.meta()
@@ -354,7 +352,6 @@ class _Sealing:
 
 
 def _of_members(content: Content, tables: set[str]) -> Iterator[str]:
-    """Members and other things that no run has."""
     for name in content.member_names:
         if name not in tables and name not in TEXTS:
             yield f"{name}: it was added"
@@ -363,7 +360,6 @@ def _of_members(content: Content, tables: set[str]) -> Iterator[str]:
 
 
 def _of_table(name: str, table: h5py.Dataset, meta: RunMeta) -> Iterator[str]:
-    """Units and types of the columns."""
     if table.id.get_type() != h5py.h5t.py_create(table.dtype, logical=True):
         yield f"{name}: its columns are stored in another way"
     described = name in meta.columns
@@ -386,7 +382,6 @@ def _additions(name: str, dataset: h5py.Dataset, known: set[str]) -> Iterator[st
 
 
 def _short(differences: Iterator[str]) -> Iterator[str]:
-    """Not more than somebody reads."""
     for i, difference in enumerate(differences):
         if i == _MOST_NAMED:
             yield "and more"
@@ -395,8 +390,6 @@ def _short(differences: Iterator[str]) -> Iterator[str]:
 
 
 class _Reader:
-    """Rows of a dataset in their order, read by blocks."""
-
     def __init__(self, dataset: Any) -> None:
         self._dataset = dataset
         self._next = 0
@@ -410,7 +403,6 @@ class _Reader:
         return self._next >= len(self) and not len(self._block)
 
     def each(self) -> Iterator[tuple[Any, ...]]:
-        """All rows, as Python values."""
         while not self.at_end:
             yield from self.take(
                 min(BLOCK_ROWS, len(self) - self._next + len(self._block))
@@ -451,7 +443,6 @@ def _results(content: Content, made_from: str) -> tuple[dict[str, Any], Arrays]:
 def _datasets(
     content: Content, group: Any, name: str, depth: int
 ) -> Iterator[tuple[str, h5py.Dataset]]:
-    """Datasets of numbers in a group and those within it."""
     if not isinstance(group, h5py.Group) or not depth:
         raise RunFileError(f"{content.path}: {name} is no group of results")
     for key in group:

@@ -1,8 +1,6 @@
 """The finished run as plain HDF5: one compound dataset for each table.
 
-h5py, h5dump, PyTables and pandas read it.
-
-The oldest file format (superblock 0), so that every HDF5 program can open a run; gzip, shuffle and
+h5py, h5dump, PyTables and pandas read it: the oldest file format (superblock 0); gzip, shuffle and
 fletcher32 per chunk. `frames` states how the rows were divided into frames of the journal, so that
 the hash chain can be checked without the journal.
 """
@@ -33,7 +31,7 @@ FRAMES = "frames"
 FRAME_DTYPE = np.dtype(
     [("number", "<u4"), ("kind", "|u1"), ("table", "S16"), ("n_rows", "<u4"), ("crc32", "<u4")]
 )
-"""One row for each frame of the journal; the CRC-32 of its payload shows which rows changed."""
+"""One row for each frame; the CRC-32 of its payload shows which rows changed."""
 BLOCK_ROWS = 4096
 _LIBVER = ("earliest", "v108")
 _FILTERS = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "fletcher32": True}
@@ -42,8 +40,6 @@ Column = npt.NDArray[Any]
 
 
 class _Datasets:
-    """Datasets that grow by blocks, with a checksum of everything written."""
-
     def __init__(self, file: h5py.File) -> None:
         self._file = file
         self._waiting: dict[str, list[Column]] = {}
@@ -64,7 +60,7 @@ class _Datasets:
         self._add(part.table, rows)
 
     def finish(self, meta: RunMeta) -> None:
-        """Write what waits, and make the tables of the run's version of which it has no row."""
+        """Write what waits, and make the tables of the run's version that have no row."""
         of_run = {**parse_dtypes(meta.columns), RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
         for name, dtype in of_run.items():
             if name not in self.checksums:

@@ -18,7 +18,7 @@ from logger.core.runfile.seal import Chain
 from logger.core.schema import SCHEMA_VERSION
 
 DESCRIBE_EVERY_SYNCS = 60
-"""The description is repeated, so that a journal that lost its first block can still be read."""
+"""The description is repeated in case a journal loses its first block."""
 
 RESERVE_BYTES = 1 << 20
 """Written zeros ahead of the data: a flush then changes no file size, which is what lying cards
@@ -35,9 +35,9 @@ class Journal:
     """Frames are collected by `add` and made durable by `sync`.
 
     Raises `RunFileError` when the file exists or can never be made, `OSError` from `sync` when the
-    card is full or failing: everything since the last good sync then stays in memory, and the next
-    `sync` tries again, after anything but want of room in a new file (`file`): Linux may have
-    dropped what it did not write, and call the next sync good.
+    card is full or failing: everything since the last good sync then stays in memory for the next
+    one. After anything but want of room that goes into a new file (`file`): Linux may have dropped
+    what it did not write, and call the next sync good.
     """
 
     def __init__(self, path: Path, description: bytes) -> None:
@@ -191,7 +191,7 @@ class JournalFile:
             os.close(fd)
 
     def _reserve(self, needed: int) -> None:
-        """Reserve zeros ahead, as far as there is space; a full card still takes the last ones."""
+        """Reserves as far as there is space; a full card still takes the last zeros."""
         start = max(self._reserved, needed)
         with suppress(OSError), memoryview(bytes(needed + RESERVE_BYTES - start)) as zeros:
             while start < needed + RESERVE_BYTES:

@@ -60,8 +60,7 @@ class JournalParts:
     """Iterate once over the parts in their order; everything else is complete afterwards.
 
     The frames of all files of the journal are found first, so that one that stands in two files, or
-    was moved, counts once and in its order. Raises `RunFileError` for a file that holds no frame of
-    a journal.
+    was moved, counts once and in its order. Raises `RunFileError` for a file without a frame.
     """
 
     def __init__(self, path: Path) -> None:
@@ -86,7 +85,7 @@ class JournalParts:
 
     @property
     def digest(self) -> str:
-        """What the run was sealed with, or, when it was cut, the digest of what there is."""
+        """What the run was sealed with, or, when cut, the digest of what there is."""
         return self.end.digest if self.end else self.chain.digest
 
     @property
@@ -149,7 +148,7 @@ class JournalParts:
             yield part
 
     def _unpack(self, buffers: list[Buffer], frame: Frame) -> bytes | None:
-        """Unpack the payload of a frame; None if it is invalid.
+        """None if the payload is invalid.
 
         Raises `RunFileError` if all payloads together exceed the limit.
         """
@@ -163,7 +162,7 @@ class JournalParts:
         return payload
 
     def _index(self, buffers: list[Buffer]) -> Rows:
-        """Where the frames of the run are, in the order of their numbers."""
+        """Frames are in the order of their numbers."""
         if not any(len(buffer) for buffer in buffers):
             raise RunFileError(f"{self.path} is empty")
         found = np.fromiter(self._scan_frames(buffers), _INDEX)
@@ -246,7 +245,6 @@ def decode_damage(text: bytes | str, path: Path) -> Damage:
 
 @contextmanager
 def _open_all(paths: list[Path]) -> Iterator[list[Buffer]]:
-    """The files as buffers."""
     with ExitStack() as stack:
         yield [_buffer_of(stack, path) for path in paths]
 
@@ -254,8 +252,8 @@ def _open_all(paths: list[Path]) -> Iterator[list[Buffer]]:
 def _buffer_of(stack: ExitStack, path: Path) -> Buffer:
     """The bytes of a file on a card that may fail, with unreadable ones replaced.
 
-    A file without them is a memory map, which `stack` closes; a map of a sector that cannot be read
-    would end the program (SIGBUS).
+    A file without them is a memory map, which `stack` closes; a map of an unreadable sector would
+    end the program (SIGBUS).
     """
     file = stack.enter_context(path.open("rb", buffering=0))
     fd = file.fileno()
@@ -275,7 +273,6 @@ def _pieces(fd: int, size: int) -> Iterator[bytes]:
 
 
 def _bytes_at(fd: int, at: int, length: int) -> bytes | None:
-    """None where the card does not give them."""
     try:
         return os.pread(fd, length, at)
     except OSError:
@@ -289,7 +286,7 @@ def _frames(index: Rows) -> Iterator[Frame]:
 
 
 def _part(frame: Frame, payload: bytes, dtypes: Mapping[str, np.dtype[np.void]]) -> Part | None:
-    """Content of a frame; None if it does not match the frame's kind."""
+    """None if the payload does not match the frame's kind."""
     number, kind = frame.number, frame.kind
     try:
         match kind:

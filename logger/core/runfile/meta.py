@@ -46,7 +46,7 @@ def check_meta(meta: RunMeta) -> None:
 
 
 class RunStop(msgspec.Struct, frozen=True, kw_only=True):
-    """How a run stopped, in a frame before the last, so that it is under the hash chain."""
+    """How a run stopped, in a frame before the last: under the hash chain."""
 
     t_ns: int
     reason: str

@@ -45,18 +45,16 @@ from logger.core.types import (
 )
 
 HDF5_READER = "logger.core.runfile.hdf5_reader"
-"""The module of the tasks that read HDF5, which only the other process imports (`isolation`)."""
+"""The module of the tasks that read HDF5, imported only by the other process (`isolation`)."""
 
 
 @dataclass(frozen=True)  # without slots: `named_readings` is kept
 class Run:
     """Tables of a run as structured arrays (columns in `schema`).
 
-    `end` is None if the run was cut.
-
-    `digest` is that of the hash chain: what the run was sealed with, or, when it was cut, of what
-    there is. `raw_bytes` is empty where a port gave more than memory should hold; there are
-    `n_raw_bytes` in the file.
+    `end` is None if the run was cut. `digest` is that of the hash chain: what the run was sealed
+    with, or, when cut, of what there is. `raw_bytes` is empty where a port gave more than memory
+    should hold; there are `n_raw_bytes` in the file.
     """
 
     path: Path
@@ -109,7 +107,7 @@ class Run:
             yield next(streams[wanted[i]])
 
     def broadcasts(self) -> dict[tuple[int, int], Broadcast]:
-        """What cells broadcast, by the number of the scan and the position of the reading in it."""
+        """What cells broadcast, by number of the scan and position of the reading in it."""
         rows = values_of("broadcasts", self.tables["broadcasts"])
         return {(row["seq"], row["reading"]): _broadcast(row) for row in rows}
 
@@ -165,7 +163,7 @@ def read_sealed_run(path: Path) -> tuple[Run, Sealing]:
 def read_unaltered_run(path: Path) -> Run:
     """As `read_sound_run`, of a run that will be kept: raises `RunFileError` if it was altered.
 
-    Nothing is missed in a run that was cut or damaged; nobody can tell it from an altered one.
+    A run that was cut or damaged passes: nobody can tell it from an altered one.
     """
     run, sealing = read_sealed_run(path)
     if sealing.alterations:
@@ -236,7 +234,7 @@ def _without_meaningless(run: Run) -> Run:
 
 
 def _check_file(path: Path) -> None:
-    """Raise `RunFileError` for anything but a file with content."""
+    """Raises `RunFileError` for anything but a file with content."""
     try:
         status = path.stat()
     except FileNotFoundError:
@@ -309,7 +307,7 @@ def _journal_run(path: Path) -> Run:
 
 
 class _ReadingsBySeq:
-    """Readings grouped by the number of their scan; quick where scans are asked for in order."""
+    """Quick where scans are asked for in their order."""
 
     def __init__(self, run: Run) -> None:
         self._rows = run.tables["readings"]

@@ -18,7 +18,7 @@ _LATER_PART = re.compile(r"(.*\.journal)\.\d+")
 
 
 def journal_path(folder: Path) -> Path:
-    """Name of a new journal: one more than the highest number there is, of journals or HDF5."""
+    """Name of a new journal: one more than the highest number of journals or HDF5."""
     numbers = [int(match[1]) for path in folder.iterdir() if (match := _NUMBERED.match(path.name))]
     return folder / f"run-{max(numbers, default=0) + 1:06d}{JOURNAL}"
 

@@ -1,8 +1,6 @@
-"""Tables of an untrusted run made valid.
+"""Tables of an untrusted run made valid: impossible values become unknown and are counted.
 
-Values that no recorder writes become unknown and are counted.
-
-All readers of runs may then rely on it: sums of times fit into 64 bits, positions are on the Earth,
+Readers of runs may then rely on it: sums of times fit into 64 bits, positions are on the Earth,
 levels are in the range of a modem, text is UTF-8. A run by our recorder is returned unchanged.
 """
 
@@ -18,7 +16,7 @@ from logger.core.schema import MOST_NS, TABLES
 from logger.core.types import Level, Rat, Role
 
 _LAST_SEQ = 2**53
-"""More records than any card holds; a number beyond is no longer exact as a float."""
+"""More records than any card holds; larger numbers are inexact as floats."""
 _RANGES = {
     "lat_deg": (-90.0, 90.0),
     "lon_deg": (-180.0, 180.0),
@@ -61,7 +59,7 @@ def sanitise(tables: dict[str, Rows], n_raw_bytes: int) -> tuple[dict[str, Rows]
 
 
 class _Sanitiser:
-    """One table; it is copied when something must be changed."""
+    """One table, copied when something must be changed."""
 
     def __init__(self, table: str, rows: Rows, n_raw_bytes: int) -> None:
         self._table = table
@@ -93,7 +91,6 @@ class _Sanitiser:
         return self._rows, self._n_bad
 
     def _replace(self, name: str, bad: Truths, value: object) -> None:
-        """Replace the bad entries of a column."""
         if not (n := int(np.count_nonzero(bad))):
             return
         if not self._copied:
@@ -177,6 +174,6 @@ class _Sanitiser:
 
 
 def _utf8(text: bytes, size: int) -> bytes:
-    """The text, if it is UTF-8 without NUL; otherwise what can be decoded, shortened to fit."""
+    """Invalid UTF-8 and NUL are replaced, and the text is shortened to `size` bytes."""
     clean = text.replace(b"\0", b"?").decode("utf-8", "replace").encode()[:size]
     return clean.decode("utf-8", "ignore").encode()

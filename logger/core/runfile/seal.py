@@ -45,12 +45,11 @@ class Chain:
 class Sealing:
     """Results of the hash chain of a run.
 
-    `recomputed_digest` covers the frames before the END frame, or all frames without one.
-
-    `surplus` names a table of the HDF5 file with rows that are in no frame. `differences`
-    lists everything else that differs from the chained frames; `stop_is_sealed` is False for a run
-    of an earlier version, whose chain leaves the stop out. `continues` is whether the run begins
-    with all of the one that was asked for.
+    `recomputed_digest` covers the frames before the END frame, or all frames without one. `surplus`
+    names a table of the HDF5 file with rows that are in no frame, `differences` everything else
+    that differs from the chained frames; `stop_is_sealed` is False for a run of an earlier version,
+    whose chain leaves the stop out. `continues` is whether the run begins with all of the one that
+    was asked for.
     """
 
     end: RunEnd | None
@@ -64,14 +63,14 @@ class Sealing:
 
     @property
     def holds(self) -> bool:
-        """True when the run was sealed, and all frames are there as they were then."""
+        """True when the run was sealed and all frames are as they were then."""
         if self.end is None or self.broken_at is not None or self.surplus:
             return False
         return self.recomputed_digest == self.end.digest
 
     @property
     def chain_alteration(self) -> str:
-        """What the chain shows to have been altered; a frame that is missing is damage only."""
+        """What the chain shows to have been altered; a missing frame is damage only."""
         if self.broken_at is not None:
             return ""
         if self.surplus:

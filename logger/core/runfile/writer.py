@@ -27,8 +27,8 @@ RAW_COUNT = struct.Struct("<I")
 class RunWriter:
     """Owner of a run during recording: `append` numbers records, `sync` makes them durable.
 
-    A card that is full or failing at the start is waited for like one that is later. Raises what
-    `Journal` raises. One thread only.
+    Waits for a card that is full or failing already at the start. Raises what `Journal` raises. One
+    thread only.
     """
 
     def __init__(self, path: Path, meta: RunMeta) -> None:
@@ -84,7 +84,7 @@ class RunWriter:
         return seq
 
     def take_dropped(self) -> int:
-        """Records since the last call for which there was no memory while the card was full."""
+        """Records lost since the last call: no memory while the card was full."""
         dropped, self._dropped = self._dropped, 0
         return dropped
 
@@ -97,7 +97,7 @@ class RunWriter:
         self._journal.sync()
 
     def discard(self) -> None:
-        """Remove the journal of a run that cannot be: nothing was recorded in it."""
+        """Remove the journal of a run in which nothing was recorded."""
         self._journal.discard()
 
     def close(self, t_ns: int, reason: str) -> str:
@@ -134,8 +134,8 @@ def rows_payload(table: str, rows: bytes) -> bytes:
 
 
 def raw_payload(index: bytes, data: bytes) -> bytes:
-    """Payload of a RAW frame.
+    """Payload of a RAW frame: number of index rows, these rows packed, and the bytes.
 
-    It has the number of index rows, the packed rows with their offsets in `data`, and the bytes.
+    A row has an offset in `data`.
     """
     return RAW_COUNT.pack(len(index) // row_size("raw")) + index + data

@@ -12,14 +12,14 @@ from logger.core.suspicion.rule import Evidence, Rate, ScanRule, on_telephones
 _LATE_S = 300.0
 """A telephone that names its serving cell alone meets three cells in some minutes."""
 _WAIT_S = 20.0
-"""At the begin of a walk and at borders the second cell of an area follows soon."""
+"""At the begin of a walk and at borders a second cell of an area follows soon."""
 _BORDER_M, _BORDER_S = 100.0, 80.0
 """What is soon in a car takes longer on foot: the way of a car in `_WAIT_S` in a town, or the time
 that a walker takes for it. A walker who stands has not come to a border."""
 _FEWEST_NEIGHBOURS = 3
 _FEWEST_CELLS = 10
 _FEWEST_AFTER = 3
-"""Other cells heard after the first of an area: at a border they belong to the new area."""
+"""Other cells heard after the first of an area: at a border they are of the new area."""
 _ALONE_S = 60.0
 _STRONG_DBM = -90.0
 _HELD_S = 10.0
@@ -28,7 +28,7 @@ _SINGLE_S = 20.0
 _FEWEST_SCANS = 3
 _KNOWN_WALKS = 2  # that heard a cell of an area here, or one walk two cells: the area is known
 _HEARD_DBM = -105.0
-"""The other cells of a network beyond the border come as weakly as this one."""
+"""At a border the network's other cells come as weakly."""
 
 
 @ScanRule(
@@ -156,7 +156,7 @@ def _has_own_area(memory: Memory, cell: HeardCell) -> bool:
 
 
 class _ServingAreas:
-    """Areas of serving cells: `last` is the network and area of the last one.
+    """Areas of serving cells; `last` is the last network and area.
 
     By technology, and by technology and network: a log may be of several.
     """

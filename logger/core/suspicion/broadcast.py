@@ -23,7 +23,7 @@ _SUBTRACTED = 31
 class _Left:
     """Readings of the serving cell of late, and the cell that was left for it.
 
-    `other` is the cell now serving, when it began, the level that was left, and its own levels.
+    `other` is the cell now serving, its begin, the level that was left, and its own levels.
     """
 
     def __init__(self) -> None:
@@ -68,7 +68,6 @@ def _leave_for_weaker(memory: Memory, cell: HeardCell) -> Evidence | None:
 
 
 def _are_compared(memory: Memory, serving: Heard, left: Heard) -> bool:
-    """Whether a modem compares two cells by level."""
     is_apart = memory.are_apart(serving.operator, left.operator)
     return serving.rat == left.rat and not is_apart
 

@@ -51,8 +51,8 @@ class Countries:
     def is_listed(self, mcc: str, mnc: str) -> bool:
         """Whether a network is known.
 
-        02 and 002 are the same, since modems add or drop a zero. A network with three digits may
-        broadcast only the first two (3GPP TS 24.008, 10.5.1.3).
+        02 and 002 are the same: modems add or drop a zero. A network with three digits may
+        broadcast only two (3GPP TS 24.008, 10.5.1.3).
         """
         known = self.networks.get(mcc, {})
         if not mnc.isdecimal():

@@ -30,14 +30,14 @@ _APART_M = 50.0
 _MOST_CELLS = 128
 """As of a walk; those heard longest ago give way."""
 _FEWEST_COMMON = 3
-"""Cells of both today and earlier whose levels show that today's antenna is as good."""
+"""Cells of today and earlier whose levels show that today's antenna is as good."""
 
 
 class _Visit:
     """What full lists of one technology named in one square today.
 
     `limits_dbm` has the weakest level that a list named, by place; places are `_APART_M` apart.
-    `unnamed_channels` are those of cells whose identity was not printed. `weaker_db` is by how much
+    `unnamed_channels` are those of cells without a printed identity. `weaker_db` is by how much
     today's levels are below earlier ones; None without enough cells of both.
     """
 
@@ -49,7 +49,7 @@ class _Visit:
         self._sums: Latest[tuple[int, float]] = Latest(_MOST_CELLS)
 
     def add(self, x_m: float, y_m: float, levels_dbm: dict[str, float]) -> None:
-        """Take the levels of one list, by cell."""
+        """Add the levels of one list, by cell."""
         places = self.limits_dbm
         near = [at for at in places if hypot(at[0] - x_m, at[1] - y_m) < _APART_M]
         at = near[0] if near else (x_m, y_m)
@@ -59,7 +59,6 @@ class _Visit:
             self._sums.put(cell, (n + 1, sum_dbm + level_dbm))
 
     def compare(self, earlier: SquareHistory) -> None:
-        """Set `weaker_db`."""
         both = [
             earlier.cells[cell].mean_dbm - sum_dbm / n
             for cell, (n, sum_dbm) in self._sums.items()
@@ -88,7 +87,6 @@ def ground(memory: Memory) -> tuple[SquareHistory, ...]:
 
 
 def _n_walks(memory: Memory, cell: HeardCell) -> int:
-    """Earlier walks with the technology of a cell in the walker's square."""
     around = ground(memory)
     return around[0].n_walks.get(cell.rat, 0) if around else 0
 
@@ -99,7 +97,6 @@ _NEW = Rate(4, 233, 0.0, "walks of two routes after 7 to 14 others")
 
 
 def _new_nats(memory: Memory, cell: HeardCell) -> float:
-    """By the number of earlier walks."""
     is_many = _n_walks(memory, cell) >= _MANY_WALKS
     return log(_NAMED_NEW / (_NEW_AFTER_MANY if is_many else _NEW.per_cell))
 
@@ -159,7 +156,6 @@ def _always_heard_before(memory: Memory) -> Iterator[KnownCell]:
 
 
 def _is_heard(memory: Memory, name: str) -> bool:
-    """Whether this scan names a cell."""
     return any(cell.name == name for cell in memory.taken)
 
 
@@ -203,7 +199,6 @@ def _is_missed(memory: Memory, known: KnownCell) -> Evidence | None:
 
 
 def _full_lists(taken: Iterable[HeardCell]) -> dict[str, dict[str, float]]:
-    """Levels of the named cells of a scan by technology, where it names enough of them."""
     by_rat: dict[str, dict[str, float]] = {}
     for cell in taken:
         if cell.heard.level_dbm is not None:

@@ -14,22 +14,22 @@ from logger.core.suspicion.spots import Spots
 from logger.core.types import Broadcast, CellReading, Fix, Scan
 
 GAP_S = 15.0
-"""A cell that is not reported for longer is not held: modems print a list every 1 to 10 s."""
+"""A cell not reported for longer is not held: modems print a list every 1 to 10 s."""
 _MOST_CELLS = 128
 _MOST_PAIRS = 4
 STEADY = 3
 """Readings at a new level: one may be wrong."""
 FULL_LIST = 4
-"""Cells of a scan from which on its weakest level is a limit of what could be missed."""
+"""From so many cells on, the weakest level of a scan limits what could be missed."""
 PAIR_HELD_S = 10.0
 """Telephones print the old identity with the new channel for some seconds after a handover."""
 _LOWEST_DBM = -145.0
-"""Below the scale of RSRP (-144 dBm, 3GPP TS 36.133 9.1.4): some telephones print -200 for none."""
+"""Below RSRP (-144 dBm, 3GPP TS 36.133 9.1.4): some telephones print -200 for none."""
 MOST_NETWORKS = 128
 """More than all countries near a walk have."""
 _USUAL_S = 300.0
-"""A log of several telephones, or of a modem that tries networks in turn, names all of its networks
-in the first minutes."""
+"""A log of several telephones, or of a modem that tries networks in turn, names all of them in the
+first minutes."""
 _NO_AREA = frozenset({0, 0xFFFE, 0xFFFF})
 """Area codes of a cell that is not registered with (3GPP TS 23.003 4.1)."""
 
@@ -85,9 +85,9 @@ class Level(NamedTuple):
 class HeardCell:
     """Memory of one cell.
 
-    `heard` is its reading in the last scan that named it, `since_s` is when the present
-    uninterrupted reception began, `first_m` where the first did. `weakest_dbm` is the weakest of
-    the last `STEADY` levels, None before there are so many.
+    `heard` is its reading in the last scan that named it, `since_s` the begin of the present
+    uninterrupted reception, `first_m` the place of the first. `weakest_dbm` is the weakest of the
+    last `STEADY` levels, None before there are so many.
     """
 
     heard: Heard
@@ -129,7 +129,7 @@ class HeardCell:
             self._take_level(now, heard.level_dbm)
 
     def _take_pair(self, t_s: float, pair: tuple[int, int]) -> None:
-        """Channel and colour code; held for a while, as after a handover they are mixed."""
+        """Channel and colour code are held for a while: after a handover they are mixed."""
         if pair != self.pair or self.since_s > self.pair_last_s:
             self.pair, self.pair_last_s = pair, t_s
         if pair in self.held_s or len(self.held_s) < _MOST_PAIRS:
@@ -292,7 +292,7 @@ class Memory:
         return state
 
     def of_operator(self, operator: str, rat: str) -> Collection[HeardCell]:
-        """Cells of an operator with one technology, those heard last at the end."""
+        """Cells of an operator with one technology, the last heard at the end."""
         return self._by_operator.get((operator, rat), {}).values()
 
     def are_apart(self, operator: str, before: str) -> bool:
@@ -310,7 +310,7 @@ class Memory:
             self._usual.add(operator)
 
     def _put(self, cell: HeardCell) -> None:
-        """Make a cell the latest; if there are too many, the one heard longest ago gives way."""
+        """If there are too many cells, the one heard longest ago gives way."""
         if cell.name not in self.cells and len(self.cells) == _MOST_CELLS:
             self._forget(next(iter(self.cells.values())))
         self.cells.put(cell.name, cell)
@@ -319,7 +319,6 @@ class Memory:
         of_operator[cell.name] = cell
 
     def _forget(self, cell: HeardCell | None) -> None:
-        """Remove a cell from those of its operator."""
         if cell is not None:
             of_operator = self._by_operator[cell.operator, cell.rat]
             del of_operator[cell.name]

@@ -11,7 +11,7 @@ _FEWEST_SCANS = 3
 _EMPTY_S = 20.0
 _STRONG_DBM = -90.0
 _FULL_SCAN = 8
-"""Cells with an identity in one reply: more than the neighbours of a serving cell."""
+"""Cells with an identity in one reply: more than a serving cell's neighbours."""
 _FEWEST_LISTS = 3
 _FEWEST_LISTED = 2
 _MOST_LISTS = 128
@@ -75,7 +75,6 @@ class _Lists:
         self._seen: object = None
 
     def take(self, memory: Memory) -> None:
-        """Take a scan, once for all rules."""
         if memory.now is self._seen:
             return
         self._seen = memory.now
@@ -87,7 +86,7 @@ class _Lists:
                 self.of.put(cell.name, broadcast.neighbour_arfcns)
 
     def operators(self, cell: HeardCell) -> list[str]:
-        """Operators of the channels in the list of a cell, as far as these were heard."""
+        """Operators of the channels in a cell's list, as far as heard."""
         listed = self.of.get(cell.name, ())
         return [name for a in listed if (name := self.operator_of.get(f"{cell.rat} {a}"))]
 

@@ -18,8 +18,8 @@ _TWO_PLACES, _TWO_FAR_PLACES = 3.5, LEAST_EVIDENCE
 _FAR_M = 500.0
 """Log evidence for two places from which S5 is a finding, and the lower one for places this far
 apart. Hills, reflections and side lobes of one antenna make places 300 to 450 m apart: of the
-legitimate cells 1 reaches 3.3 there, and 1 the lower one farther apart, where no other has more
-than 1.2, and those of simulated cities have no more than 1.4."""
+legitimate cells 1 reaches 3.3 there, and 1 the lower one farther apart; no other has more than 1.2,
+and those of simulated cities no more than 1.4."""
 _NO_PLACE = 9.0
 """Log evidence from which S6 is a finding; tuned on the legitimate logs."""
 
@@ -31,7 +31,7 @@ that broke S5 or S6 were there."""
 
 
 class _Tests:
-    """Results of the test of two places, made once a scan for the three rules that ask."""
+    """The test is made once a scan for the three rules that ask."""
 
     def __init__(self) -> None:
         self._due: Latest[int] = Latest(128)
@@ -39,7 +39,6 @@ class _Tests:
         self._results: dict[str, Sources | None] = {}
 
     def result(self, memory: Memory, cell: HeardCell) -> Sources | None:
-        """The test of a cell in this scan, None where it is not due."""
         if memory.now is not self._now:
             self._now, self._results = memory.now, {}
         if cell.name not in self._results:
@@ -150,7 +149,6 @@ class _Means:
         self.lowest, self.highest = inf, -inf
 
     def add(self, t_s: float, level_dbm: float) -> None:
-        """Take a level."""
         if t_s - self._since_s >= _MEAN_S:
             if self._n_levels >= _FEWEST_LEVELS:
                 self._complete()
@@ -181,7 +179,6 @@ _STANDING = partial(Latest[_Means], 128)
 
 
 def _heard_while_standing(memory: Memory) -> list[HeardCell]:
-    """Cells of a scan, while the walker stands."""
     if memory.now.x_m is None or memory.now.still_s < _MEAN_S:
         memory.of(_STANDING).clear()
         return []

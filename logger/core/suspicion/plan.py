@@ -11,20 +11,18 @@ from logger.core.suspicion.rule import GSM, Evidence, Rate, ScanRule, on_telepho
 from logger.core.suspicion.spots import Spot
 
 _FEWEST_PUBLIC = 3
-"""Cells of networks of this country that must be heard before a test network is unusual: where all
-cells belong to it, the place is a laboratory or a simulation."""
+"""Cells of networks of this country that must be heard before a test network is unusual: else the
+place is a laboratory or a simulation."""
 _HELD_S = 10.0
 _NEAR_M = 300.0
 _STRONGER_DB = 10.0
-"""Of two cells on one channel the weaker one cannot be decoded below 9 dB (3GPP TS 45.005)."""
+"""Of two cells on one channel the weaker cannot be decoded below 9 dB (3GPP TS 45.005)."""
 _MOST_CHANNELS = 500
 _FEWEST_CELLS = 10
 """Of an operator, from which on its channels in earlier walks are known."""
 
 
 class _Networks:
-    """Which networks are expected near here."""
-
     def __init__(self) -> None:
         self.plan = countries()
         self._near: tuple[float, float, tuple[str, ...]] = (inf, inf, ())
@@ -32,7 +30,7 @@ class _Networks:
         self.public: set[str] = set()
 
     def why_not(self, mcc: str, mnc: str | None, lat_deg: float, lon_deg: float) -> str | None:
-        """Why a network is not expected here, None if it is or if that is unknown."""
+        """Why a network is not expected here, None if it is or that is unknown."""
         if hypot(lat_deg - self._near[0], lon_deg - self._near[1]) > 0.01:
             self._near = lat_deg, lon_deg, self.plan.near(lat_deg, lon_deg)
             self._whys = {}
@@ -90,7 +88,7 @@ _BY_CHANNEL = partial(Latest[list[str]], _MOST_CHANNELS)
 
 
 def _others(names_of: Latest[list[str]], key: str, name: str) -> list[str]:
-    """Other names of a key before; the name is one of them from now on."""
+    """Other names of the key; adds `name` to them."""
     names = names_of.get(key)
     if names is None:
         names_of.put(key, [name])
@@ -161,7 +159,7 @@ def _anothers_channel(memory: Memory, cell: HeardCell) -> Evidence | None:
 def _closest(cell: HeardCell, other: HeardCell) -> tuple[float, float]:
     """How much stronger a cell was than another where both were heard closest, and that distance.
 
-    Metres; infinite if either has no place.
+    The distance is in metres, infinite if either has no place.
     """
     here = cell.spots.here
     if here is None:

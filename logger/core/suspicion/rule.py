@@ -26,7 +26,7 @@ GSM = frozenset({"GSM"})
 ALL = frozenset({"GSM", "WCDMA", "LTE", "LTE-M", "NB-IoT", "NR"})
 
 _FEWEST_MEASURED = 100
-"""Cells from which on a technology has its own rate: below, 3/n says less than other logs."""
+"""Cells from which on a technology has its own rate: below, other logs say more than 3/n."""
 _FEWEST_ALARMS = 3
 """Alarms that show a rate by themselves."""
 
@@ -45,7 +45,7 @@ class Rate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval of the mean number of alarms (Poisson); that of 0 is one-sided."""
+        """95 % interval of the mean number of alarms (Poisson); of 0 it is one-sided."""
         if not self.alarms:
             return 0.0, _mean_with(0, 0.05)
         return _mean_with(self.alarms - 1, 0.975), _mean_with(self.alarms, 0.025)
@@ -75,7 +75,7 @@ _NONE_SEEN = 3.0
 
 
 def _mean_with(alarms: int, probability: float) -> float:
-    """Mean of the Poisson distribution with which so many alarms or fewer are that probable."""
+    """Mean with which so many alarms or fewer are that probable."""
     low, high = 0.0, 2.0 * alarms + 20.0
     for _ in range(60):
         mean = 0.5 * (low + high)
@@ -90,8 +90,7 @@ def _mean_with(alarms: int, probability: float) -> float:
 def on_telephones(**by_rat: tuple[int, int, float]) -> Mapping[str, Rate]:
     """Alarms, cells and hours by technology, as `benchmarks/suspicion.py rates --python` prints.
 
-    62 runs, 38.5 h, mostly in cars: GSM 2 h in calls, UMTS, LTE. Upper bounds for a modem that is
-    carried on foot.
+    62 runs, 38.5 h, mostly in cars: GSM 2 h in calls, UMTS, LTE. Upper bounds for a modem on foot.
     """
     where = "62 runs of telephones, mostly in cars"
     return {rat: Rate(*counts, where) for rat, counts in by_rat.items()}
@@ -113,9 +112,9 @@ class Rule(Generic[Source, Cell]):
 
     `detection` is an assumption: the share of rogue cells that break the rule among those that aim
     at what it checks. `measured` has the rate on legitimate logs by technology, `elsewhere` that of
-    other logs, for technologies with too few cells. `weigh` replaces the log likelihood ratio of
-    these. `strength`: a rule that "suffices" makes a cell suspicious without another family, one
-    that "warns" has no weight.
+    other logs, for technologies with too few cells. `weigh` replaces their log likelihood ratio.
+    `strength`: a rule that "suffices" makes a cell suspicious without another family, one that
+    "warns" has no weight.
     """
 
     id: str
@@ -135,14 +134,12 @@ class Rule(Generic[Source, Cell]):
     refuted_by: Callable[[Source, str], bool] | None = None
 
     def __call__(self, check: Callable[[Source, Cell], Evidence | None]) -> "Rule[Source, Cell]":
-        """The rule with its check, which it decorates."""
         return replace(self, check=check)
 
     def rate(self, rat: str) -> Rate | None:
         """Rate on legitimate logs: of the technology, of all of them, or of other logs.
 
-        A technology with an alarm never gets a lower rate than its own: few cells are no excuse.
-        None if it is not measured.
+        A technology with an alarm never gets a lower rate than its own. None if it is not measured.
         """
         own = self.measured.get(rat)
         if own is not None and (own.cells >= _FEWEST_MEASURED or own.alarms >= _FEWEST_ALARMS):
@@ -202,7 +199,7 @@ ScanRule = Rule[Memory, HeardCell]
 class Finding:
     """One rule that a cell broke: when, where (degrees, WGS 84), and the evidence as numbers.
 
-    A finding about a whole run has the time 0 and no place.
+    About a whole run the time is 0 and there is no place.
     """
 
     rule: Rule[Any, Any]

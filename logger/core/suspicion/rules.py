@@ -1,7 +1,7 @@
 """The rules that each scan asks, and the version that changes with any of them.
 
-A family's rules are in one file, in the order in which they are asked. A rule that asks a database
-of cells at the desk is in `postproc.suspicion.run_assessment`.
+A family's rules are asked in the order of its file. A rule that asks a database of cells at the
+desk is in `postproc.suspicion.run_assessment`.
 """
 
 import ast
@@ -49,9 +49,8 @@ def rules_note() -> Note:
 def rules_version() -> str:
     """Digest of the rules: of what each declares, and of the code and the tables of this package.
 
-    The code is that of the syntax trees, without positions and texts that nothing uses: neither
-    whitespace, comments and docstrings nor the version of Python change it, as they would change
-    a digest of the source or of the bytecode. What a rule calls outside this package is not in it:
+    The code is that of the syntax trees without positions, comments and docstrings, so neither
+    these nor the version of Python change it. What a rule calls outside this package is not in it:
     if that changes, replay says that findings differ, which is true.
     """
     digest = sha256(_package_digest())
@@ -62,7 +61,7 @@ def rules_version() -> str:
 
 
 def _text_of(value: Any) -> str:
-    """A value as text; a function by its name, as its code is in the package."""
+    """A function by its name: its code is in the package."""
     if callable(value):
         return f"{value.__module__}.{value.__qualname__}"
     return repr(sorted(value) if isinstance(value, frozenset) else value)
@@ -79,7 +78,7 @@ def _package_digest() -> bytes:
 
 
 def shape_of_code(node: object) -> str:
-    """A syntax tree as text, without fields that have nothing: versions of Python add such."""
+    """A syntax tree as text, without empty fields: versions of Python add such."""
     if isinstance(node, list):
         return "[" + " ".join(shape_of_code(one) for one in node if not _is_text(one)) + "]"
     if not isinstance(node, ast.AST):
@@ -90,7 +89,7 @@ def shape_of_code(node: object) -> str:
 
 
 def _is_text(node: object) -> bool:
-    """Whether a statement is a text, as docstrings are."""
+    """A docstring or another text that nothing uses."""
     if not isinstance(node, ast.Expr) or not isinstance(node.value, ast.Constant):
         return False
     return isinstance(node.value.value, str)

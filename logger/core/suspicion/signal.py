@@ -22,14 +22,14 @@ _PASSED_M = 120.0
 """Way of a car between the scan before a new cell and its third reading."""
 _EARLIER_S = 120.0
 _PLACE_M = 60.0
-"""Closer to a small cell than 150 m its level changes by more than 15 dB."""
+"""Closer than 150 m to a small cell its level changes by more than 15 dB."""
 _ABOVE_BEST_DB = 15.0
 _STRONG_DBM = -70.0
 _ABOVE_OTHERS_DB = 6.0
-"""As S3, weak by itself: with 10 and 20 dB, more cells were unusual and fewer stations found."""
+"""As S3, weak by itself: 10 and 20 dB made more cells unusual and found fewer stations."""
 _LATE_S = 300.0
 _STOOD_S = 30.0
-"""A modem that scans each second has moved cars around it between two readings: S2 is for it."""
+"""A modem that scans each second has cars move between two readings: S2 is for it."""
 _TAKEN_DBM = -75.0
 """A station beside the walker; at the end of the scale telephones print levels that jump."""
 _STAYS_DB = 10.0
@@ -52,7 +52,7 @@ class _Before(NamedTuple):
     is_full: bool
 
     def could_name(self, memory: Memory, cell: HeardCell) -> bool:
-        """Whether the scan had named a cell of this network if it had heard it."""
+        """Whether the scan would have named a cell of this network."""
         if cell.rat != self.rat:
             return False
         names = self.operators
@@ -60,7 +60,7 @@ class _Before(NamedTuple):
 
 
 def _steady_dbm(cell: HeardCell) -> float | None:
-    """Weakest of the last levels of a cell, None if this scan has none or before there are some."""
+    """None if this scan has no level or before there are `STEADY`."""
     return None if cell.heard.level_dbm is None else cell.weakest_dbm
 
 
@@ -193,7 +193,7 @@ def _rises_while_others_stay(memory: Memory, cell: HeardCell) -> Evidence | None
 
 
 def _stays(cell: HeardCell, since_s: float) -> bool:
-    """Whether the levels of a cell before and after a time, all of late, are near each other."""
+    """Whether the recent levels before and after a time are near each other."""
     levels_dbm = [level.level_dbm for level in cell.recent]
     is_known = len(levels_dbm) >= STEADY + 1 and cell.recent[0].t_s <= since_s
     return is_known and max(levels_dbm) - min(levels_dbm) <= _STAYS_DB
@@ -272,7 +272,6 @@ def _has_stood(now: Moment, since_s: float) -> bool:
 
 
 def _apart_m(before: _Before | Level, after: Level) -> float:
-    """Way between two readings; far where it is unknown."""
     if before.x_m is None or before.y_m is None or after.x_m is None or after.y_m is None:
         return 1e9
     return hypot(after.x_m - before.x_m, after.y_m - before.y_m)

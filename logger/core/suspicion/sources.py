@@ -1,10 +1,10 @@
 """Whether the levels of one identity come from one place, from two, or from a moving one.
 
-A coarse test, cheap enough for each cell on the walk. Spots of 50 m are split in two parts, by
-place or by time; each part gets its best position on a grid, with the power free and priors on the
-path loss exponent and on one lobe of the antenna: without it, the field before and behind a sector
-antenna looks like two stations. `locator.two_source_test` decides the same at the desk with the
-full model.
+A coarse test, cheap enough for each cell on the walk; `locator.two_source_test` decides the same at
+the desk with the full model. Spots of 50 m are split in two parts, by place or by time; each part
+gets its best position on a grid, with the power free and priors on the path loss exponent and on
+one lobe of the antenna: without it, the field before and behind a sector antenna looks like two
+stations.
 """
 
 from collections.abc import Sequence
@@ -25,8 +25,8 @@ _TRUST = 0.5
 """Spots of 50 m are not independent where houses shadow over 50 to 100 m."""
 _ETA = 3.2
 _PRIOR_SIGMA = np.array([0.7, 3.5, 3.5])
-"""Of the path loss exponent, and in dB of the lobe to the east and to the north: between that of an
-omnidirectional antenna and the 9.3 dB of a sector antenna.
+"""Of the path loss exponent, and in dB of the lobe to the east and to the north: less than the 9.3
+dB of a sector antenna.
 """
 _RIDGE = np.diag((_SIGMA_DB / _PRIOR_SIGMA) ** 2)[:, :, None]
 _UNIT_GRID = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 13)] * 2), axis=-1).reshape(-1, 2)
@@ -58,7 +58,7 @@ class _Fit(NamedTuple):
 def compare_sources(spots: Sequence[Spot]) -> Sources | None:
     """Compare the three explanations; None if the walk is too short to tell places apart.
 
-    Where `two_places` cannot reach `LEAST_EVIDENCE` it is 0, and `no_place` at least what it is.
+    Where `two_places` cannot reach `LEAST_EVIDENCE` it is 0, and `no_place` a lower bound.
     """
     xylt = np.array([(s.x_m, s.y_m, s.level_dbm, s.t_s) for s in spots])
     extent_m = float(np.max(np.ptp(xylt[:, :2], axis=0)))
@@ -105,7 +105,7 @@ def _best_split(xylt: FloatArray, limit: float) -> tuple[float, float]:
 
 
 def _fit(xylt: FloatArray, at_m: FloatArray) -> _Fit:
-    """Best candidate for the position; the cost is half the squared residual by sigma."""
+    """The cost is half the squared residual by sigma."""
     level_dbm = xylt[:, 2]
     # level = p0 - eta loss + lobe; p0 is free, eta and the lobe have priors
     columns = _columns(xylt, at_m)
@@ -119,7 +119,7 @@ def _fit(xylt: FloatArray, at_m: FloatArray) -> _Fit:
 def _gain(columns: FloatArray, residual_db: FloatArray) -> FloatArray:
     """By how much the columns lower the sum of squares, with what their priors take; shape (h,).
 
-    Cholesky's method in three steps for all candidates: numpy's solver takes them one by one.
+    Cholesky's method for all candidates together: numpy's solver takes them one by one.
     """
     (aa, ba, ca), (_, bb, cb), (_, _, cc) = _RIDGE + np.moveaxis(
         columns @ columns.transpose(0, 2, 1), 0, 2
@@ -145,13 +145,13 @@ def _candidates(xylt: FloatArray) -> FloatArray:
 
 
 def _grid(xylt: FloatArray) -> FloatArray:
-    """Places around the spots; shape (n, 2)."""
+    """Shape (n, 2)."""
     middle = xylt[:, :2].mean(axis=0)
     reach_m = max(float(np.max(np.ptp(xylt[:, :2], axis=0))), _LEAST_APART_M) * 0.75
     return np.asarray(middle + reach_m * _UNIT_GRID, float)
 
 
 def _beside(xylt: FloatArray) -> FloatArray:
-    """Places at the strongest spots and beside them; shape (n, 2)."""
+    """Shape (n, 2); the strongest spots themselves too."""
     strongest = xylt[np.argsort(-xylt[:, 2])[:_BESIDE], :2]
     return np.asarray((strongest[:, None, :] + _AROUND).reshape(-1, 2), float)

@@ -1,10 +1,10 @@
-"""Where and how strongly a cell was heard, over the whole walk and in bounded memory."""
+"""Where and how strongly a cell was heard on the whole walk, in bounded memory."""
 
 from collections.abc import Iterator
 from itertools import chain
 
 SPOT_M = 25.0
-"""Levels are averaged over squares of this side: shadowing differs from one to the next."""
+"""Levels are averaged over squares of this side; shadowing differs between them."""
 VISIT_S = 60.0
 """Later, a square is a new spot: a moving station gives it another level."""
 MOST_SPOTS = 48
@@ -12,7 +12,7 @@ MOST_SPOTS = 48
 
 
 class Spot:
-    """Levels of a cell in one square: place, mean, best, number, times of the first and last."""
+    """Levels of a cell in one square: place, mean, best, number, first and last time."""
 
     __slots__ = ("best_dbm", "last_s", "level_dbm", "n", "t_s", "x_m", "y_m")
 
@@ -22,18 +22,18 @@ class Spot:
         self.level_dbm = self.best_dbm = level_dbm
 
     def add(self, level_dbm: float, t_s: float) -> None:
-        """Take another level here."""
+        """Add another level here."""
         self.n += 1
         self.last_s = t_s
         self.best_dbm = max(self.best_dbm, level_dbm)
         self.level_dbm += (level_dbm - self.level_dbm) / self.n
 
     def is_of_visit(self, other: "Spot", pause_s: float) -> bool:
-        """Whether no longer pause than `pause_s` lies between this spot and another."""
+        """Whether at most `pause_s` lie between this spot and another."""
         return self.t_s - other.last_s <= pause_s and other.t_s - self.last_s <= pause_s
 
     def absorb(self, other: "Spot") -> None:
-        """Extend the times and the best level by those of a weaker spot of the same visit."""
+        """Extend times and best level by those of a weaker spot of the same visit."""
         self.t_s, self.last_s = min(self.t_s, other.t_s), max(self.last_s, other.last_s)
         self.best_dbm = max(self.best_dbm, other.best_dbm)
 
@@ -41,8 +41,8 @@ class Spot:
 class Spots:
     """Spots of one cell; `n` counts all, of which those remain that a coarser grid keeps.
 
-    Once there are too many, the squares double: each keeps its strongest spot, so that the peaks
-    beside transmitters remain, wherever on the walk they were.
+    If there are too many, the squares double: each keeps its strongest spot, so the peaks beside
+    transmitters remain.
     """
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ class Spots:
         return chain(chain.from_iterable(self._visits.values()), here)
 
     def add(self, x_m: float, y_m: float, level_dbm: float, t_s: float) -> None:
-        """Take a level at a place; metres, seconds."""
+        """Add a level at a place; metres, seconds."""
         square = int(x_m // SPOT_M), int(y_m // SPOT_M)
         here = self.here
         if here is not None and square == self._square and t_s - here.last_s <= VISIT_S:

@@ -18,10 +18,7 @@ _LATER = frozenset({"LTE", "LTE-M", "NB-IoT", "NR"})
 
 
 class _Downgrade:
-    """The last cell of 4G or 5G, None if it was not good and once it is reported.
-
-    Since when a cell of 3G serves, and since when one of 2G.
-    """
+    """`good` is the last cell of 4G or 5G if it was good, None once reported; since when 3G, 2G."""
 
     good: tuple[float, str, float, str] | None = None
     on_3g_s: float | None = None

@@ -45,7 +45,7 @@ def _rings_apart(memory: Memory, cell: HeardCell) -> Evidence | None:
 
 
 def _is_new(cell: HeardCell, x_m: float, y_m: float, ta: int) -> bool:
-    """Whether this ring says more than the last: an idle modem repeats the last value."""
+    """An idle modem repeats its last value."""
     if not cell.rings:
         return True
     last_x_m, last_y_m, last_ta = cell.rings[-1]

@@ -1,4 +1,4 @@
-"""All rules as a function of the records of a run, in their order: live and replay are equal."""
+"""All rules as a function of a run's records in their order: live and replay are equal."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -25,11 +25,10 @@ class SuspicionTracker:
     """Follows the records of one run; `feed` them in recorded order.
 
     Each modem has a memory of its own: another one reads higher or lower, hears other neighbours
-    and is served by another cell. A rule that holds for a cell in one of them counts once.
-    `worst` is the cell with the worst word so far, None while all are "nothing unusual".
-    `unnoticed_text` says what the rules could not see so far, "" before the first scan. `errors`
-    has, by cell, the first error of a rule, which is one of this program: the other rules and cells
-    go on. Without a cell it is under an empty name.
+    and is served by another cell. A rule that holds for a cell in several counts once. `worst` is
+    the cell with the worst word so far, None while all are "nothing unusual". `unnoticed_text` says
+    what the rules could not see so far, "" before the first scan. `errors` has, by cell ("" without
+    one), the first error of a rule, which is one of this program: the other rules and cells go on.
     """
 
     def __init__(self, max_fix_age_s: float = 3.0, baseline: Baseline = NO_BASELINE) -> None:
@@ -62,7 +61,7 @@ class SuspicionTracker:
 
     @property
     def earlier_walks(self) -> int:
-        """Earlier walks, with a technology heard today, of half of this ground or more."""
+        """Earlier walks, with a technology heard today, of at least half of this ground."""
         by_square = sorted(self._walks_by_square.values())
         return by_square[(len(by_square) - 1) // 2] if by_square else 0
 
@@ -113,7 +112,7 @@ class SuspicionTracker:
         self._walks_by_square.put(str(square), max([known, *heard]))
 
     def _ask(self, memory: Memory, rule: Rule[Memory, Any]) -> list[Finding]:
-        """New findings of a rule; it goes on with the next cell where it raises."""
+        """Goes on with the next cell where the rule raises."""
         new: list[Finding] = []
         check = rule.check
         try:
@@ -155,7 +154,6 @@ class SuspicionTracker:
         return [finding]
 
     def _withdraw(self, memory: Memory, name: str) -> None:
-        """Withdraw the findings of a cell that this scan refutes."""
         before = self._findings.get(name, [])
         left = [one for one in before if not _is_refuted(one, memory)]
         if not any(one.rule.refuted_by for one in left):
@@ -169,7 +167,6 @@ class SuspicionTracker:
             self._rank(self._findings)
 
     def _rat(self, name: str) -> str | None:
-        """Technology of a cell that two scans have named, of this walk or of earlier ones."""
         for memory in self._memories.values():
             if name in memory.cells:
                 return memory.cells[name].rat if name in self._identities else None
@@ -177,7 +174,6 @@ class SuspicionTracker:
         return None if known is None else known.rat
 
     def _rank(self, names: Iterable[str]) -> None:
-        """The worst cell is the worst of these."""
         worst = next(iter(by_word([self.assessment(name) for name in names])), None)
         self.worst = None if worst is None or not worst.is_conspicuous else worst.cell
 
@@ -226,7 +222,7 @@ class Capabilities:
         return [rat for rat in self._served if self.is_asked(rule, rat)]
 
     def not_asked(self, rules: Iterable[Rule[Any, Any]]) -> dict[str, tuple[str, ...]]:
-        """Rules that no technology heard could serve, with what was missing for the best one."""
+        """Rules that no technology heard could serve, with what the best one lacked."""
         result: dict[str, tuple[str, ...]] = {}
         for rule in rules:
             rats = [rat for rat in self._served if rat in rule.rats]

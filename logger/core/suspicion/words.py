@@ -1,7 +1,7 @@
 """From findings to one of three words, and to events of the run that `postproc replay` compares.
 
-The nats of findings add up over families, of each family the strongest one: new, strong and short
-come together, and one cause would count three times.
+The nats of findings add up over families, of each the strongest: new, strong and short come
+together, and one cause would count three times.
 """
 
 import re
@@ -16,11 +16,11 @@ from logger.core.types import Level, Note
 UNUSUAL_NATS = 3.5
 SUSPICIOUS_NATS = 5.0
 """Tuned on the legitimate logs: unusual at most twice an hour of driving, suspicious at most 0.1
-times an hour (`WORD_RATES`)."""
+times (`WORD_RATES`)."""
 CONFIRMING: frozenset[Family] = frozenset(
     {"area", "neighbours", "signal", "place", "technology", "earlier walks"}
 )
-"""One of these must be among the families: a plan or a database alone is often wrong."""
+"""One of these families is necessary: a plan or a database alone is often wrong."""
 
 _MOST_REASONS = 3
 _LOGS = "62 runs of telephones, mostly in cars"
@@ -31,7 +31,7 @@ WORD_RATES: Mapping[Word, Rate] = {
 """Legitimate cells that earned each word: `make suspicion`."""
 
 _OF_A_NEW_STATION = frozenset({"P1", "L1", "L2", "L4"})
-"""Rules one of which a strong station of an invented network or area most likely breaks."""
+"""Rules, one of which a strong station of an invented network or area most likely breaks."""
 _NEEDED = {
     "identity": "identities",
     "country code": "country codes",
@@ -82,7 +82,7 @@ def assess(cell: str, findings: Sequence[Finding]) -> Assessment:
 
 
 def false_alarms_per_hour(word: Word) -> float:
-    """Rate at which legitimate cells earn a word, or its upper bound; 0 for no alarm."""
+    """Rate of a word for legitimate cells, or its upper bound; 0 for no alarm."""
     rate = WORD_RATES.get(word)
     return 0.0 if rate is None else rate.per_hour
 
@@ -165,12 +165,12 @@ def conspicuous_in(notes: Iterable[Note]) -> set[str]:
 
 
 def in_plain_words(text: str) -> str:
-    """The text of an event of the rules without their names and weights; any other as it is."""
+    """The text of an event of the rules without names and weights; others as they are."""
     return _NAMES.sub(r"\1", _WEIGHT.sub(r"\1: ", text, count=1))
 
 
 def error_notes(errors: Iterable[tuple[str, str]]) -> Iterator[Note]:
-    """An event for each cell with the error of a rule; the name of none is empty."""
+    """An event for each cell with an error of a rule; the name may be empty."""
     for cell, text in errors:
         of = f"{cell}: " if cell else ""
         yield Note("warning", ERROR_CODE, f"{of}a rule of suspicion failed: {text}")

@@ -14,7 +14,7 @@ from typing import NamedTuple
 _END = b"\x7e"
 _ESCAPE = b"\x7d"
 REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-"""CRC-16/X.25 takes the lowest bit of a byte first, and `crc_hqx`, which is fast, the highest."""
+"""CRC-16/X.25 takes the lowest bit of a byte first, the fast `crc_hqx` the highest."""
 _RIGHT = 0x1D0F
 """What `crc_hqx` leaves of a packet with its CRC, bits reversed."""
 
@@ -40,7 +40,7 @@ class LogRecord(NamedTuple):
     """A log record that passed CRC and lengths.
 
     `time_ns` is the modem's clock as Unix time, of 1980 until a network sets it. `radio_id` tells
-    the receivers of one modem apart, 0 if the frame names none.
+    the receivers of one modem apart, 0 if unnamed.
     """
 
     code: int
@@ -52,9 +52,8 @@ class LogRecord(NamedTuple):
 class FrameReader:
     """Log records of allowed codes in a stream of bytes, cut anywhere.
 
-    A frame of another code is passed over where it stands: its content is neither copied nor
-    checked. Counts: `n_records` returned; `damaged` frames by reason; `skipped` by code; `n_other`
-    packets that are no log records.
+    A frame of another code is neither copied nor checked. Counts: `n_records` returned; `damaged`
+    frames by reason; `skipped` by code; `n_other` packets that are no log records.
     """
 
     def __init__(self, codes: frozenset[int]) -> None:
@@ -91,7 +90,7 @@ class FrameReader:
         self._rest = b""
 
     def _records_of(self, data: bytes, start: int, end: int) -> Iterator[LogRecord]:
-        """The record of a frame; two if the 7E between them was damaged."""
+        """Two records if the 7E between two frames was damaged."""
         head = unescape(data[start : min(end, start + _HEAD_BYTES)])
         at = _RADIO_HEADER.size if head[:1] == bytes([_RADIO]) else 0
         if head[at : at + 1] != bytes([_LOG]):
@@ -121,7 +120,7 @@ class FrameReader:
 
 
 def is_stream(head: bytes) -> bool:
-    """Whether bytes from a file's begin hold a frame with a log record, whatever its code."""
+    """Whether bytes from a file's begin hold a frame with a log record."""
     frames = (unescape(raw) for raw in head.split(_END))
     return any(
         packet[at : at + 1] == bytes([_LOG]) and _size(packet, at) == len(packet)
@@ -146,7 +145,6 @@ def _is_right(packet: bytes) -> bool:
 
 
 def _size(packet: bytes, at: int) -> int | None:
-    """Bytes of a packet and its CRC by the two lengths in it, None where these differ."""
     if len(packet) < at + _HEADER.size + _CRC_BYTES:
         return None
     _, outer, inner, _, _ = _HEADER.unpack_from(packet, at)

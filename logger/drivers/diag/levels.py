@@ -58,8 +58,6 @@ class _UnknownError(Exception):
 
 
 class _Bits(NamedTuple):
-    """A number in a record: first byte, bits, and the lowest of them."""
-
     at: int
     n: int
     lowest: int = 0
@@ -134,7 +132,7 @@ _gsm = partial(
 
 
 def _b193_one(size: int, words: int) -> _Cells:
-    """The cell of an early B193: bytes of its EARFCN, and where levels begin."""
+    """`size` is the bytes of its EARFCN, `words` where levels begin."""
     return _lte(
         "neighbour",
         _Bits(0, 8 * size),
@@ -195,7 +193,7 @@ _ACCESSES: Mapping[int, tuple[int, int, int]] = {
     49: (3, 5, 15),
     50: (3, 5, 18),
 }
-"""Where B062 has result, messages and timing advance, by version of the subpacket."""
+"""Where B062 has result, messages and timing advance, by subpacket version."""
 _SERVING_INFO: Mapping[int, tuple[int, int]] = {2: (16, 25), 3: (32, 29)}
 """Bits of an EARFCN in B0C2, and length, by version."""
 _RANKED: Mapping[int, tuple[int, int]] = {0: (2, 10), 1: (2, 11), 2: (7, 16)}
@@ -222,7 +220,7 @@ _RSCP_0_DBM = -21
 _MOST_TA = 1282  # 3GPP TS 36.213 4.2.3
 _NO_TA = 0xFFFF
 _ANSWERED = 2
-"""Bit of the messages of a random access that says that the cell sent its timing advance."""
+"""Bit of the messages of a random access: the cell sent its timing advance."""
 _TA_SETTLES_NS, _TA_WAITS_NS = 10**9, 10 * 10**9
 STAYS_NS = 300 * 10**9
 """A serving cell that was named longer ago may be another one now."""
@@ -235,8 +233,8 @@ _SI2, _SI3 = bytes.fromhex("061a"), bytes.fromhex("061b")
 class Decoder:
     """Observations of log records in their order.
 
-    `n_read` records were understood; `unknown` counts others by code and version, `refused` counts
-    by code those whose length or values cannot be.
+    `n_read` records were understood; `unknown` counts others by code and version, `refused` by code
+    those with an impossible length or value.
     """
 
     def __init__(self) -> None:
@@ -299,7 +297,6 @@ class Decoder:
                     yield from _cells_of(record, cells, body)
 
     def _last(self, record: LogRecord, rat: Rat, within_ns: int) -> Observation | None:
-        """The serving cell as a receiver last named it."""
         last = self._serving.get((record.radio_id, rat))
         return last if last and 0 <= record.time_ns - last.time_ns <= within_ns else None
 
@@ -345,7 +342,7 @@ class Decoder:
                 yield _again(last, record, level_dbm)
 
     def _gsm_broadcast(self, record: LogRecord, body: bytes) -> Iterator[Observation]:
-        """Identity, and the list of neighbours once the same cell was heard before and after it."""
+        """The list of neighbours follows once the same cell was heard before and after it."""
         if len(body) < 3 or body[2] != len(body) - 3:
             raise RefusedError
         kind, radio_id = body[4:6], record.radio_id
@@ -397,7 +394,7 @@ class Decoder:
 
 
 def _parts(record: LogRecord) -> Iterator[tuple[int, bytes]]:
-    """Version and bytes of what is read of a record."""
+    """Version and bytes of each part that is read."""
     code, body = record.code, record.body
     head = _Bits(0, 8).of(body)
     if record.radio_id > _MOST_RADIO_ID:
@@ -514,7 +511,7 @@ def _wcdma_cell(record: LogRecord, body: bytes) -> Observation:
 
 
 def _level(raw: int, rat: Rat, zero_dbm: float = 0.0) -> float | None:
-    """A level of a number in 1/16 dB; GSM writes 0 for a cell that was not measured."""
+    """`raw` is in 1/16 dB; GSM writes 0 for a cell that was not measured."""
     return None if rat == "GSM" and raw == 0 else _in_range(raw / 16 + zero_dbm, rat)
 
 

@@ -33,8 +33,6 @@ class Second:
 
 @dataclass(slots=True)
 class _Heard:
-    """What one second has of one cell."""
-
     role: Role = "neighbour"
     identity: Identity | None = None
     levels_dbm: list[float] = field(default_factory=list)
@@ -77,7 +75,7 @@ class _Heard:
 class Seconds:
     """Readings of observations in their order; a clock that jumps begins a new second.
 
-    A serving cell keeps the identity that it was heard with for as long as it is heard serving.
+    A serving cell keeps its identity for as long as it is heard serving.
     """
 
     def __init__(self) -> None:

@@ -36,9 +36,6 @@ class Command:
 
     A modem that refuses a `needed` one cannot be polled. `silence_s` is the documented time for
     which a full scan may be silent, infinite where no manual gives one.
-
-    `silence_s` is how long a full scan may be silent by what is documented, infinite where nothing
-    is.
     """
 
     text: str
@@ -143,7 +140,7 @@ class AtFramer:
 
     @property
     def late_final_due(self) -> bool:
-        """True while an expired command still owes its final code: bytes may belong to it."""
+        """True while an expired command still owes its final code."""
         return self._expired is not None
 
     def send(self, command: str, *, is_within_line: bool = False) -> None:
@@ -231,7 +228,7 @@ class AtFramer:
         return None
 
     def _final(self, line: str) -> str | None:
-        """Final result code that the line is, numeric ones translated to words."""
+        """Numeric codes become words."""
         text = line.strip()
         if text in _CODES or _ERROR.fullmatch(text):
             self._verbose = True
@@ -275,7 +272,7 @@ class AtFramer:
 
 
 def _names(command: str) -> frozenset[str]:
-    """Names whose lines answer the command: `AT+CPIN?;+CSQ` has +CPIN and +CSQ."""
+    """`AT+CPIN?;+CSQ` has +CPIN and +CSQ."""
     return frozenset(_NAME.findall(command.upper()))
 
 

@@ -15,7 +15,7 @@ MAX_LINE = 16_384
 """Bytes; gpsd cuts its own lines at 10240."""
 MAX_DEVICES = 16
 SAME_EPOCH_S = 0.9
-"""Reports without a time belong to one epoch for so long: gpsd repeats them without a fix."""
+"""Reports without a time are of one epoch for so long: gpsd repeats them without a fix."""
 
 Size = Annotated[float, msgspec.Meta(ge=0)]
 Count = Annotated[int, msgspec.Meta(ge=0, le=999)]
@@ -140,8 +140,7 @@ class GpsdFixes:
         """Fixes completed by a report stamped `t_ns`; a fix has the stamp of its epoch's first TPV.
 
         gpsd reports an epoch in one TPV or in several with more and more values, with SKY and GST
-        before or after them. It ends when the next begins, or by `flush`; a TPV that comes after
-        that is left out.
+        before or after them. It ends when the next begins, or by `flush`; later TPV are left out.
         """
         fixes: list[tuple[int, Fix]] = []
         if isinstance(report, Tpv):
@@ -231,8 +230,7 @@ def _accuracy_m(tpv: Tpv, gst: Gst, driver: str) -> float | None:
     """Radius that holds 68 % of the positions, where the receiver itself reports one.
 
     For an NMEA receiver gpsd makes up `eph`: a constant times the HDOP, often that of the epoch
-    before. Others report it themselves, with a certainty unknown to gpsd, which is taken
-    as 68 %.
+    before. Others report it themselves, with an unknown certainty, which is taken as 68 %.
     """
     if (
         tpv.time is not None
@@ -245,7 +243,7 @@ def _accuracy_m(tpv: Tpv, gst: Gst, driver: str) -> float | None:
 
 
 def _utc_ns(tpv: Tpv) -> int | None:
-    """Nanoseconds since 1970; None without a fix, for a leap second and a year that cannot be."""
+    """None without a fix, for a leap second and for an impossible year."""
     if tpv.mode < 2 or tpv.time is None:
         return None
     try:

@@ -57,7 +57,6 @@ def pieces(line: bytes, *, words: bool = False) -> Iterator[Piece]:
 
 
 def _named_pieces(part: bytes) -> Iterator[Piece]:
-    """A part that begins with text, up to the next one."""
     text = part.rstrip(_AROUND)
     if not _TEXT.fullmatch(text):
         yield Piece(part, is_text=False)

@@ -45,7 +45,7 @@ _TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d)(?:\.(\d{0,9}))?")
 
 
 def fix_of(epoch: Mapping[type[Any], Any]) -> Fix:
-    """Fix of the messages of one epoch by type; none where GGA (or GNS) and RMC disagree."""
+    """Fix of an epoch's messages by type; none where GGA (or GNS) and RMC disagree."""
     gga, rmc = epoch.get(pynmea2.GGA) or epoch.get(pynmea2.GNS), epoch.get(pynmea2.RMC)
     quality = _worse(_quality(gga), rmc)
     position = (_position(gga) or _position(rmc)) if _is_valid(gga, quality, rmc) else None
@@ -101,7 +101,6 @@ def _is_valid(gga: Any, quality: int | None, rmc: Any) -> bool:
 
 
 def _quality(gga: Any) -> int | None:
-    """GGA quality 0 to 9; of a GNS that of its best constellation."""
     if isinstance(gga, pynmea2.GNS):
         letter = _first(letter if letter in gga.mode_indicator else None for letter in _BEST_FIRST)
         return _QUALITY_OF_MODE[letter or "N"]
@@ -119,7 +118,6 @@ def _worse(quality: int | None, rmc: Any) -> int | None:
 
 
 def _position(message: Any) -> tuple[float, float] | None:
-    """Latitude and longitude in degrees; None unless both are printed in full."""
     if not message:
         return None
     lat_deg = _angle_deg(message.lat, message.lat_dir, "NS", 90.0)
@@ -130,7 +128,7 @@ def _position(message: Any) -> tuple[float, float] | None:
 
 
 def _angle_deg(text: str, letter: str, letters: str, limit_deg: float) -> float | None:
-    """Signed degrees of `dddmm.mmmm` and a hemisphere of `letters`, the second negative."""
+    """Signed degrees of `dddmm.mmmm`; the second of `letters` is negative."""
     match = _ANGLE.fullmatch(text)
     if not match or len(letter) != 1 or letter not in letters or float(match[2]) >= 60.0:
         return None
@@ -245,8 +243,8 @@ class NmeaFramer:
     def feed(self, data: bytes) -> Iterator[Sentence | Garbage]:
         """Events completed by `data`, all of which is consumed at the call.
 
-        A sentence is complete with its checksum: its line end need not have come. Noise is reported
-        as it comes, one event for each stretch in one call, without line ends.
+        A sentence is complete with its checksum, before its line end. Noise is reported as it
+        comes, one event for each stretch in one call, without line ends.
         """
         data = self._tail + data
         events: list[Sentence | Garbage] = []
@@ -302,9 +300,9 @@ class FixAssembler:
     def feed(self, sentence: Sentence, t_ns: int) -> Iterator[tuple[int, Fix]]:
         """Fixes completed by a sentence, with the stamp of the first GGA, GNS or RMC.
 
-        An epoch is complete when it has all that the last few had, so a receiver may print what it
-        likes in the order it likes. It ends without that when the next one begins, or by `flush`;
-        what comes later joins no other epoch.
+        An epoch is complete when it has all that the last few had, whatever the receiver prints in
+        whatever order. It ends without that when the next one begins, or by `flush`; what comes
+        later joins no other epoch.
         """
         message, address = sentence.message, sentence.text[1:6]
         kind = type(message)
@@ -325,7 +323,6 @@ class FixAssembler:
         return iter(list(self._epoch.take()) if self._epoch else [])
 
     def _begins_epoch(self, address: str, message: Any) -> bool:
-        """True for another time of day, or for a sentence that the epoch has already."""
         if self._epoch is None or address in self._epoch.received:
             return True
         return (
@@ -361,7 +358,7 @@ def _noise(data: bytes) -> list[Sentence | Garbage]:
 
 
 def _time_of_day(message: Any) -> int | str:
-    """Time of day for comparison: "120000" equals "120000.00"."""
+    """For comparison: "120000" equals "120000.00"."""
     time_ns = time_of_day_ns(message)
     text: str = message.data[0]
     return text if time_ns is None else time_ns

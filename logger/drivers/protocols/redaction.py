@@ -1,10 +1,10 @@
 """Redaction of everything that may be personal, before anything is recorded or read.
 
 Nothing here asks for IMSI, IMEI, SIM or telephone numbers or for messages, but modems volunteer
-them (ATI of a Sierra prints a serial number, +CLIP the caller, +CMT a message), each maker in forms
-of its own. So a line passes only where its form is known, of cells and levels or of a receiver, or
-where it answers a command that was sent; of all other lines the length and the name remain.
-Every port is redacted alike, since a modem may be behind any of them.
+them (ATI of a Sierra prints a serial number, +CLIP the caller, +CMT a message), each maker in its
+own forms. So a line passes only where its form is known, of cells and levels or of a receiver, or
+where it answers a command that was sent; of all other lines the length and the name remain. Every
+port is redacted alike, since a modem may be behind any of them.
 """
 
 import re
@@ -152,7 +152,7 @@ _NAME_OF_MODEL = re.compile(
     rb"(?!(?:.*?(?<![^ ])[0-9]){2}|(?:[0-9]{1,3}\.){3}[0-9]{1,3}\Z)"
     rb"[0-9A-Za-z][0-9A-Za-z ._,+&-]{0,47}"
 )
-"""A line of few words, one of them at most with a digit in front; no address of a network."""
+"""A line of few words, at most one with a digit in front; no address of a network."""
 _SURE_NAME = re.compile(rb"(?=.*[0-9])(?![0-9A-F]{8,}\Z)[0-9A-Z]*[A-Z][0-9A-Z._-]{1,23}")
 """One word of capitals and digits, which is no message in hexadecimal digits."""
 _MAKER = re.compile(
@@ -166,7 +166,7 @@ def words_of_model(line: bytes, *, is_sure: bool) -> bytes | None:
     """A line of a reply to ATI and its like, without the numbers of the device.
 
     None where it names something else than maker, model and firmware. A line that may belong to a
-    message (not `is_sure`) has to look like a name of a model, or to contain that of a maker.
+    message (not `is_sure`) has to look like a model's name, or to contain a maker's.
     """
     if len(line) > _LONGEST_OF_IDENTITY:
         return None
@@ -253,7 +253,7 @@ SEGMENT = re.compile(
     rb"|(?:(?<![0-9A-Za-z])AT[ ]?|;)(?P<command>[+^*#!$%][A-Za-z][A-Za-z0-9]*)",
     re.IGNORECASE,
 )
-"""The beginning of a row or of a command, also in the middle of a line that has lost its end."""
+"""The beginning of a row or command, also in the middle of a line."""
 
 _TOKEN = re.compile(rb"[0-9A-Za-z_]+(?:[" + NOISE + rb"]+[0-9A-Za-z_]+)*")
 """A number or a word, with the noise in it: a byte 0 hides no number."""
@@ -342,13 +342,11 @@ def _values(name: bytes, body: bytes) -> bytes:
 
 
 def _without_telephone_number(found: re.Match[bytes]) -> bytes:
-    """The name or code of a network as it came, where it is one."""
     is_name = sum(map(found[0].count, _DIGITS)) <= _MOST_OF_NETWORK
     return found[0] if is_name or _NETWORK_CODE.fullmatch(found[0]) else mask_digits(found[0])
 
 
 def _without_long_groups(found: re.Match[bytes]) -> bytes:
-    """Groups of digits as they came where they are no telephone number."""
     return found[0] if sum(map(found[0].count, _DIGITS)) < 8 else mask_digits(found[0])
 
 
@@ -442,7 +440,7 @@ _MOST_OF_REPORT = 7
 
 
 def sentence(data: bytes) -> bytes:
-    """A sentence with its numbers; where a text is masked, the checksum is that of what is left."""
+    """A sentence with its numbers; where text is masked, the checksum fits what is left."""
     if _NUMBERS_ALONE.fullmatch(data):
         return data
     body, star, checksum = data.partition(b"*")
@@ -457,7 +455,6 @@ def sentence(data: bytes) -> bytes:
 
 
 def _receiver_text(text: bytes) -> bytes:
-    """What a receiver says of itself, without its numbers."""
     return mask_labelled(without_device_numbers(text))
 
 
@@ -485,7 +482,7 @@ def report(line: bytes) -> bytes:
 
 
 _LONGEST = 4096
-"""Bytes of a line that are held back for its end; noise may have no line end at all."""
+"""Bytes of a line held back for its end; noise may have no line end at all."""
 _LONGEST_REPORT = 16_384
 """The same for gpsd."""
 _LATE_COMMANDS = 8
@@ -502,7 +499,7 @@ _PLAIN = re.compile(
     rb"|AT(?:I[0-9]?|[EV][01]|&F)?",
     re.IGNORECASE,
 )
-"""Results, reports of a start, and commands: lines of fixed words, and numbers of two digits."""
+"""Results, reports of a start, and commands: fixed words, and numbers of two digits."""
 _DIAL = re.compile(rb"[ \t]*ATD", re.IGNORECASE)
 _CAPITALS = re.compile(rb"[ \t]*[A-Z][A-Z_]{1,15}(?: SV)?(?=[ ]?[:=])")
 """The name of an unknown line (NMBR = 5551234)."""
@@ -620,7 +617,6 @@ class Redactor:
         return line[:end] + mask_text(line[end:])
 
     def _answer(self, line: bytes) -> bytes | None:
-        """A line that answers a command that was sent; None if it is none."""
         kept = row_without_name(line, self._answered) if self._answered else None
         if kept is None and self._asks_identity:
             is_sure = not (self._n_doubtful or self._text)

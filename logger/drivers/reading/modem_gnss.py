@@ -131,7 +131,7 @@ def _fix(
     valid: bool,
     utc_ns: int | None,
 ) -> Fix:
-    """Fix of a row; without a complete position there is none."""
+    """Without a complete position the fix is not valid."""
     if not valid or lat_deg is None or lon_deg is None:
         return Fix(valid=False, utc_ns=utc_ns, sats_used=decimal(named.get("used", ""), 0, 99))
     return Fix(
@@ -162,7 +162,6 @@ def _number(text: str, low: float, high: float) -> float | None:
 
 
 def _degrees(text: str, letters: str, limit_deg: float) -> float | None:
-    """Degrees of `ddmm.mmmm` and a hemisphere of `letters`, or decimal degrees."""
     found = _MINUTES.fullmatch(text)
     if not found:
         return _number(text, -limit_deg, limit_deg) if "." in text else None
@@ -184,7 +183,7 @@ def _utc_ns_of(date: str, time: str) -> int | None:
 def _utc_ns(
     year: str, month: str, day: str, hour: str, minute: str, second: str, fraction: str | None
 ) -> int | None:
-    """Nanoseconds since 1970; None for an impossible time and for a leap second."""
+    """None for an impossible time and for a leap second."""
     if int(year) < EARLIEST_YEAR:
         return None
     try:

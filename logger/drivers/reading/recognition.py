@@ -10,9 +10,9 @@ doubtful:
 - it is what a more frequent number of the same column becomes when a digit is lost or doubled.
 
 A number that is printed twice is sure. An identity with a doubtful number keeps its value and is
-marked; a level or a channel without one of its digits is useless and is dropped. `CellHistory`
-compares whole names with those before. What a cell broadcasts is marked until the same is printed
-of it twice, and half as often as anything else.
+marked; such a level or channel is useless and is dropped. `CellHistory` compares whole names with
+those before. What a cell broadcasts is marked until the same is printed of it twice, and half as
+often as anything else.
 """
 
 from collections import Counter
@@ -47,7 +47,7 @@ _MOST_PLACES = 8
 _USUAL = 4
 """A place is one of a cell where one of so many replies names it there, or `OFTEN` in all."""
 _OF_LATE = 300
-"""Replies, some minutes, for which a channel with its code is that of one cell. Other masts use
+"""Replies, some minutes, for which a channel with its code is that of one cell: other masts use
 them again.
 """
 
@@ -82,8 +82,6 @@ _NOBODY = Who(None, None, None, None)
 
 
 class _Likeness(Enum):
-    """What a name may be beside another one: its damaged form, or another sector as well."""
-
     NONE = 0
     SECTOR = 1
     DAMAGE = 2
@@ -93,8 +91,8 @@ class _Likeness(Enum):
 class _NamedCell:
     """What the replies so far show of a cell; `latest` is the number of the last one.
 
-    `digits` are those of name and usual place, sorted, and `widths` those of the numbers: where two
-    characters of a row are exchanged and one is the comma, a digit moves from one to the next.
+    `digits` are those of name and usual place, sorted, and `widths` those of the numbers: where a
+    comma is exchanged with a digit, that moves to the next number.
     """
 
     texts: tuple[str, str, str]
@@ -121,14 +119,14 @@ class _NamedCell:
     def is_repeated(self, run: int) -> bool:
         """True where so many replies in succession name the cell that it is no damage.
 
-        Of a name that was doubtful after its first pair, no further pair proves it, as one damage
-        may come twice at once again. Three do.
+        A name that was doubtful after its first pair needs three in succession: one damage may come
+        twice at once again.
         """
         is_first_pair = self.n_sure == 0 or self.n - run <= self.n_sure
         return run > _AGAIN or (run == _AGAIN and is_first_pair)
 
     def places(self) -> list[Place]:
-        """Where the cell is usually named: not where damage or a change of the cell put it once."""
+        """Where the cell is usually named, without places where damage put it."""
         often = min(OFTEN, self.n / _USUAL)
         return [place for place, n in self.n_by_place.items() if n >= often]
 
@@ -137,8 +135,8 @@ class _NamedCell:
 class CellHistory:
     """Cells by name, the one named last at the end, and how many replies have named any.
 
-    `runs` are the names in the last full scan (True) and in the last poll (False), and how many
-    scans or polls in succession have named each.
+    `runs` are the names in the last full scan (True) and in the last poll (False), and how many in
+    succession have named each.
     """
 
     cells: Mapping[Who, _NamedCell] = field(default_factory=dict)
@@ -178,7 +176,7 @@ class CellHistory:
         """Names of a reply of this history that may be damage.
 
         `repeated` are those that replies in succession have. A name that two replies have for
-        certain stays sure: it names a cell by then (`core.identities`).
+        certain stays sure: it names a cell by then (`core.cell_names`).
         """
         return frozenset(
             who
@@ -206,7 +204,7 @@ class CellHistory:
 
 
 def namings_of(pairs: Iterable[tuple[Row, Row]]) -> Namings:
-    """How the rows of a reply name cells; a row comes as it was read, and as it was marked."""
+    """How the rows of a reply name cells; each as read, and as marked."""
     namings: dict[Who, Naming] = {}
     for row, marked in pairs:
         who = who_of(row)
@@ -434,8 +432,7 @@ def network_of(row: Row) -> Network | None:
 SHARE = 2
 """A number that looks like a damaged one must come at least half as often as the other."""
 SPARSE = 50
-"""Lost digits make less than one value in so many too short; firmware without padding prints
-more."""
+"""Lost digits shorten less than one value in so many; firmware without padding prints more."""
 DECIMAL = 10
 """No modem pads numbers of this base, so their widths show nothing of the firmware."""
 _THREE = frozenset({"302", *map(str, range(310, 317))})  # Canada, USA
@@ -456,7 +453,7 @@ def mark_doubtful(
 def mark_doubtful_replies(
     replies: Sequence[Sequence[Row]], history: NumberHistory
 ) -> tuple[list[tuple[Row, ...]], NumberHistory]:
-    """The same for the replies of a transcript, where later replies count for earlier ones too."""
+    """The same for the replies of a transcript, where later ones count for earlier ones."""
     of_replies = [NumberHistory.of_reply(rows) for rows in replies]
     for reply in of_replies:
         history = history.with_reply(reply)
@@ -482,7 +479,6 @@ def mark_doubtful_replies(
 def _doubtful_names(
     replies: Sequence[Sequence[Row]], marked: Sequence[Sequence[Row]], cells: CellHistory
 ) -> tuple[CellHistory, list[frozenset[Who]]]:
-    """The cells after the replies, and the doubtful names of each reply."""
     namings = [namings_of(zip(*rows, strict=True)) for rows in zip(replies, marked, strict=True)]
     doubtful = []
     for rows, naming in zip(replies, namings, strict=True):
@@ -500,7 +496,7 @@ def _doubtful_names(
 
 
 def _contradictory_rows(rows: Sequence[Row]) -> set[int]:
-    """Ids of readings of one reply that name the serving cell of one channel differently."""
+    """Ids of readings that name the serving cell of one channel differently."""
     serving: dict[tuple[str, int], list[CellReading]] = {}
     for row in rows:
         if is_serving(row) and row.rat and row.arfcn is not None:
@@ -519,7 +515,6 @@ def _differ(first: CellReading, second: CellReading) -> bool:
 
 
 def _mark(row: Row, reply: NumberHistory, history: NumberHistory, *, unsure: bool) -> Row:
-    """The row with plain numbers."""
     if not has_identity(row):
         return row
     changes: dict[str, Any] = _broadcast_marked(row, history)
@@ -548,7 +543,6 @@ def _broadcast_marked(row: Row, history: NumberHistory) -> dict[str, Any]:
 
 
 def _is_in_other_reply(row: Row, reply: NumberHistory, history: NumberHistory) -> bool:
-    """True where another reply too has the area and the cell of a row."""
     codes = [(name in AREA, int(number)) for name, number in numbers(row) if name in IDENTITY]
     return bool(codes) and all(history.codes.get(code, 0) > reply.codes[code] for code in codes)
 
@@ -556,7 +550,6 @@ def _is_in_other_reply(row: Row, reply: NumberHistory, history: NumberHistory) -
 def _is_sure(
     column: Column, number: NumberText, reply: NumberHistory, history: NumberHistory
 ) -> bool:
-    """True where no digit of a part of an identity seems to be lost or doubled."""
     if number.confirmed:
         return True
     text, form = number.text, number.form
@@ -610,21 +603,18 @@ def _is_complete(number: NumberText, others: Texts) -> bool:
 
 
 def _others(column: Column, number: NumberText, history: NumberHistory) -> Texts:
-    """All numbers of the column but this one."""
     texts = dict(history.texts(column))
     texts[number.text] = texts.get(number.text, 1) - 1
     return {text: count for text, count in texts.items() if count}
 
 
 def _n_padded(texts: Texts, widths: Iterable[int]) -> int:
-    """How many of the texts begin with zeros and have one of the widths."""
     return sum(
         count for text, count in texts.items() if text.startswith("0") and len(text) in widths
     )
 
 
 def _n_short(texts: Texts, form: NumberForm) -> int:
-    """How many texts are short, begin with no zero and are no other number with a lost digit."""
     return sum(
         count
         for text, count in texts.items()

@@ -9,8 +9,8 @@ since a comma lost or added moves another value there. In a strict form every va
 one of its kind. Rows with labels or columns are searched for in a line (`listed_row`,
 `labelled_row`).
 
-What a name means stands in `values_like`; a family adds what only its modems print. An identity is
-read completely or not at all.
+What a name means stands in `values_like`; a family adds its own. An identity is read completely or
+not at all.
 """
 
 import re
@@ -51,7 +51,7 @@ class NumberText(int):
     confirmed: bool
 
     def __new__(cls, value: int, text: str, form: NumberForm, confirmed: bool = False) -> Self:
-        """Number of that value; its text has no blanks, sign and 0x."""
+        """The text has no blanks, sign and 0x."""
         number = super().__new__(cls, value)
         number.text = text.strip().lower().removeprefix("0x")
         number.form = form
@@ -59,7 +59,6 @@ class NumberText(int):
         return number
 
     def __reduce__(self) -> tuple[type["NumberText"], tuple[int, str, NumberForm, bool]]:
-        """What makes a copy of it."""
         return NumberText, (int(self), self.text, self.form, self.confirmed)
 
 
@@ -312,7 +311,7 @@ def bsic_of(ncc: int | None, bcc: int | None) -> int | None:
 
 
 HEX = r"[0-9A-Fa-f]{4}|[1-9A-Fa-f][0-9A-Fa-f]{0,2}|0?"
-"""A number of 16 bits: firmware pads to four digits or prints no leading zero; "013" is neither."""
+"""A number of 16 bits: padded to four digits or without a leading zero; "013" is neither."""
 
 
 def matches(patterns: Mapping[str, str], named: Mapping[str, str]) -> bool:
@@ -507,7 +506,7 @@ class Form:
         more: Mapping[str, Any] | None = None,
         **values: Any,
     ) -> CellReading | None:
-        """The cell of a row, with more `values`; None for a row of another form or without any."""
+        """The cell of a row, with more `values`; None for another form or without any."""
         named = self.texts_by_name(texts)
         if named is None:
             return None
@@ -569,7 +568,7 @@ def first_cell(
 
 
 def split(body: str) -> list[str]:
-    """Values of a row; no value contains a comma, so a lost quotation mark does no harm."""
+    """Values of a row; none contains a comma, so a lost quotation mark does no harm."""
     return [text.strip(" \t\"'") for text in body.split(",")]
 
 
@@ -631,7 +630,6 @@ def cell(
 
 
 def _names(name: str, kinds: Kinds) -> bool:
-    """True for a part of the name of a cell."""
     return name in kinds and kinds[name].attribute in _NETWORK | _AREA_AND_CELL
 
 

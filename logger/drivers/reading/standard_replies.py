@@ -33,7 +33,7 @@ _VALUE = r'(?:"[^"+]*"?|[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
 _REGISTRATION = re.compile(
     rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII
 )
-"""The values end where something else begins: another answer in the same line, or text of a log."""
+"""The values end where something else begins: another answer, or text of a log."""
 _AFTER_VALUE = re.compile(r"[\s+\\)\]},;\'<|]|\Z")
 """What may follow the last value; anything else is noise, which took the end of the value."""
 _LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
@@ -95,7 +95,7 @@ def _registrations(line: str) -> Iterator[Row]:
 
 
 def _reject_cause(domain: str, fields: list[str]) -> dict[str, Any]:
-    """Why the network refused the modem, printed where <n> is 3 (27.007 7.2, 10.1.20, 10.1.22)."""
+    """Printed where <n> is 3 (27.007 7.2, 10.1.20, 10.1.22)."""
     at_type = {"CREG": 4, "CEREG": 4, "CGREG": 5}.get(domain)
     if at_type is None or len(fields) < at_type + 2:
         return {}
@@ -112,7 +112,7 @@ def _quality(line: str) -> Iterator[Row]:
 
 
 def _extended_quality(line: str) -> Iterator[Row]:
-    """+CESQ (27.007 8.69): an index for each technology, those not in use 99 or 255."""
+    """+CESQ (27.007 8.69): an index for each technology, 99 or 255 if not in use."""
     for text in _CESQ.findall(line):
         rxlev, ber, rscp, ecn0, rsrq, rsrp = (int(value) for value in values(text))
         signals = (
@@ -220,7 +220,6 @@ def _parts(line: str, names: frozenset[str]) -> Iterator[str]:
 
 
 def _interrupts(line: str, before: str, names: frozenset[str]) -> bool:
-    """True for a line that belongs to no reply of the family."""
     if line == INTERRUPTION:
         return True
     prefix, own = _PREFIX.match(line), _PREFIX.match(before)
@@ -235,7 +234,6 @@ def _interrupts(line: str, before: str, names: frozenset[str]) -> bool:
 
 
 def _without_end(line: str) -> str:
-    """The line without its last value, unless that stands in quotation marks."""
     return line if _RESULT.match(line) or _CLOSED.search(line) else _LAST_VALUE.sub("", line)
 
 
@@ -258,7 +256,7 @@ def chosen_networks(rows: Iterable[Row]) -> Iterator[Operator]:
 
 
 def with_serving_cell(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """The rows behind the serving cell that +CREG, +COPS and a level describe, where they do."""
+    """The rows behind the serving cell of +CREG, +COPS and a level, if there is one."""
     registered = [row for row in rows if isinstance(row, Registration) and row.cid is not None]
     return (*(_registered_cell(row, rows) for row in registered[:1]), *rows)
 
@@ -286,8 +284,8 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
 def merge_serving_cells(rows: Iterable[Row]) -> tuple[Row, ...]:
     """Rows of one poll with each serving cell once, first.
 
-    What the first row of a cell leaves open is filled from the others. A level beside another one
-    is not taken over: they may be of different scales.
+    The others fill what the first row of a cell leaves open, but for a second level: it may be of a
+    different scale.
     """
     serving: dict[tuple[Rat | None, int], CellReading] = {}
     others: list[Row] = []

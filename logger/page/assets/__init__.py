@@ -27,7 +27,7 @@ class Asset:
 def assets(*, with_map: bool = False) -> dict[str, Asset]:
     """Every file of this folder by its name, and the programs of the map if it is shown.
 
-    `make page-map` puts those into the folder `map`; without them the plan has a plain grid.
+    `make page-map` puts those into the folder `map`; the plan has a plain grid without them.
     """
     here = files(__package__)
     folders = [here, here / "map"] if with_map else [here]
