@@ -274,7 +274,7 @@ def forget(run: str, config_path: Path, *, as_json: bool) -> None:
 @json_option
 def trust(cell: str, note: str, config_path: Path, *, as_json: bool) -> None:
     """Trust a cell in the device's baseline, with a NOTE that says why."""
-    if cell_names.identity_of(cell) is None:
+    if not cell_names.is_identity(cell):
         raise ConfigError(f"{cell!r} is no cell: mcc-mnc-area-cid is wanted, like 262-01-801-86355")
     own_baseline.trust(_own_folder(config_path), cell, note)
     content = {"cell": cell, "note": note}

@@ -5,14 +5,20 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from io import TextIOWrapper
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args, get_type_hints
 
 import msgspec
 
-from logger.core.cell_names import why_no_name
+from logger.core.cell_names import is_by_channel, is_identity, why_no_name
 from logger.core.errors import ConfigError
 from logger.core.foreign import open_regular
-from logger.core.live_settings import LIMITS, LONGEST_TARGET_BYTES, LiveSettings
+from logger.core.live_settings import (
+    LIMITS,
+    LONGEST_TARGET_BYTES,
+    STRONGEST,
+    SUSPICIOUS,
+    LiveSettings,
+)
 from logger.core.source_tables import GPSD, MODEM, NMEA, is_of_modem, source_tables
 
 PollInterval = Annotated[float, msgspec.Meta(gt=0)]
@@ -20,8 +26,8 @@ NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Percent = Annotated[float, msgspec.Meta(ge=0, le=95)]
 Baud = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 PortName = Annotated[str, msgspec.Meta(min_length=1)]
-FeedAddress = Annotated[str, msgspec.Meta(pattern=r"^(/.+|[1-9]\d{3,4})?$", max_length=107)]
-"""Nothing, an absolute path that fits into a socket's address, or a port without privileges."""
+_A_PORT = re.compile(r"/[^*?]+|[a-z]+://.+")
+"""A device, or a URL; a pattern of names would be any of them."""
 LedName = Annotated[str, msgspec.Meta(pattern="^[^/.]*$")]
 SourceName = Annotated[str, msgspec.Meta(pattern="^[a-z][a-z0-9_-]{0,15}$")]
 """As long as the column of the run file."""
@@ -41,6 +47,8 @@ _LONGEST_LINE = 4096
 A key of 100 000 dots would take tomllib 9 GB: it stores every prefix of a key.
 """
 
+_LONGEST_SOCKET_BYTES = 107
+"""Of the path in a socket's address (unix(7))."""
 _SHORT_FORMS = ("modem", "gnss")
 _RESERVED = frozenset({"battery", "live", "logger", "page"})
 """Names of what else writes records."""
@@ -53,7 +61,7 @@ class RunSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     make room on a full card.
     """
 
-    directory: str
+    directory: Annotated[str, msgspec.Meta(min_length=1)]
     longest_h: NotNegative = 0.0
     delete_oldest: bool = False
 
@@ -119,7 +127,7 @@ class StatusSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     led: LedName = ""
-    feed: FeedAddress = ""
+    feed: str = ""
 
 
 class PageSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -159,7 +167,7 @@ def load_config(path: Path) -> tuple[SiteConfig, str]:
     Raises `ConfigError`, which names the file, the table, the key and the nearest valid key.
     """
     try:
-        with TextIOWrapper(open_regular(path), encoding="utf-8") as file:
+        with TextIOWrapper(open_regular(path), encoding="utf-8-sig") as file:
             text = file.read(_MOST_CHARACTERS + 1)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
@@ -182,6 +190,8 @@ def parse_config(text: str, name: str) -> SiteConfig:
         for key in _unknown_of_own_receiver(site):
             valid = ("port", "baud")
             raise ConfigError(f'{name}: [gnss] unknown key "{key}"{_nearest(key, valid)}')
+        if isinstance(site.get("source"), dict):
+            raise ConfigError(f"{name}: [source] takes two brackets: [[source]], for each of them")
         if isinstance(site.get("source", []), list):
             site = {key: value for key, value in site.items() if key not in _SHORT_FORMS}
             site["source"] = sources
@@ -230,11 +240,13 @@ def _without_meaning(config: SiteConfig, labels: Sequence[str]) -> Iterator[str]
         for key in settings.__struct_fields__:
             if "\0" in str(getattr(settings, key)):
                 yield f'{label} "{key}": contains a NUL character'
-    if config.page.listen:
-        yield from _no_address(config.page.listen)
+        port = getattr(settings, "port", None)
+        if port is not None and not _A_PORT.fullmatch(port):
+            yield f'{label} "port": {port!r} is no device: name one, like /dev/ttyUSB0'
+    yield from _no_address(config)
     if not 0 < len(config.live.target.encode()) <= LONGEST_TARGET_BYTES:
         yield f'[live] "target": the name of a cell has between 1 and {LONGEST_TARGET_BYTES} bytes'
-    if why := why_no_name(config.live.target):
+    if why := _no_target(config.live.target):
         yield f'[live] "target": {why}'
 
 
@@ -280,7 +292,27 @@ def page_address(listen: str) -> tuple[str, int]:
     return str(address), int(port)
 
 
-def _no_address(listen: str) -> Iterator[str]:
+def _no_target(target: str) -> str:
+    """Why no modem can hear this target; empty where one can."""
+    if target in {STRONGEST, SUSPICIOUS} or is_identity(target):
+        return ""
+    other = f"{target!r} is neither a cell, like 262-01-801-86355, nor {STRONGEST} or {SUSPICIOUS}"
+    return why_no_name(target) or ("" if is_by_channel(target) else other)
+
+
+def _is_feed(address: str) -> bool:
+    if address.startswith("/"):
+        return len(address.encode()) <= _LONGEST_SOCKET_BYTES
+    return address.isascii() and address.isdecimal() and 1024 <= int(address) <= 65535
+
+
+def _no_address(config: SiteConfig) -> Iterator[str]:
+    listen, feed = config.page.listen, config.status.feed
+    if feed and not _is_feed(feed):
+        wanted = "an absolute path of at most 107 bytes or a port from 1024 to 65535"
+        yield f'[status] "feed": {feed[:60]!r} is not {wanted}'
+    if not listen:
+        return
     try:
         page_address(listen)
     except ValueError:
@@ -298,7 +330,11 @@ _TABLES: dict[str, type[msgspec.Struct]] = {
     "page": PageSettings,
     "power": PowerSettings,
 }
-_KINDS = {MODEM: ModemSettings, NMEA: NmeaSettings, GPSD: GpsdSettings}
+_KINDS: dict[str, type[SourceSettings]] = {
+    MODEM: ModemSettings,
+    NMEA: NmeaSettings,
+    GPSD: GpsdSettings,
+}
 
 
 def _explain(problem: str, labels: Sequence[str], sources: Sequence[Any]) -> str:
@@ -311,9 +347,9 @@ def _explain(problem: str, labels: Sequence[str], sources: Sequence[Any]) -> str
     key = ""
     if not is_table:
         table, _, key = table.rpartition(".")
-    label, valid = _label_and_keys(table, labels, sources)
+    label, settings = _label_and_settings(table, labels, sources)
     if unknown:
-        return f'{label}unknown key "{unknown[1]}"{_nearest(unknown[1], valid)}'
+        return f'{label}unknown key "{unknown[1]}"{_nearest(unknown[1], _keys(settings))}'
     if missing:
         kind = f" (one of {', '.join(_KINDS)})" if missing[1] == "kind" else ""
         return f'{label}missing {"key" if table else "table"} "{missing[1]}"{kind}'
@@ -323,21 +359,36 @@ def _explain(problem: str, labels: Sequence[str], sources: Sequence[Any]) -> str
         return f'{label}"kind": {what[0].lower()}{what[1:]}; valid are {", ".join(_KINDS)}'
     if key == "name" and "regex" in what:
         what = "a lower-case letter, then letters, digits, - and _, 16 at most"
+    if what.startswith("Invalid enum value"):
+        what += f"; valid: {_choices(settings, key)}"
+    if key == "directory" and "length" in what:
+        what = "it is empty"
     what = what.replace(" | null", "")  # TOML has none: the key is left out
     place = f'{label}"{key}": ' if key else label
     return f"{place}{what[0].lower()}{what[1:]}"
 
 
-def _label_and_keys(
+def _label_and_settings(
     table: str, labels: Sequence[str], sources: Sequence[Any]
-) -> tuple[str, tuple[str, ...]]:
+) -> tuple[str, type[msgspec.Struct]]:
     if of_source := re.fullmatch(r"source\[(\d+)\]", table):
         number = int(of_source[1])
         kind = sources[number].get("kind") if isinstance(sources[number], dict) else None
-        settings = _KINDS.get(str(kind), SourceSettings)
-        return f"{labels[number]} ", ("kind", *settings.__struct_fields__)
-    keys = _TABLES[table].__struct_fields__
-    return (f"[{table}] ", keys) if table else ("", (*_SHORT_FORMS, *keys))
+        return f"{labels[number]} ", _KINDS.get(str(kind), SourceSettings)
+    return f"[{table}] " if table else "", _TABLES[table]
+
+
+def _keys(settings: type[msgspec.Struct]) -> tuple[str, ...]:
+    if issubclass(settings, SourceSettings):
+        return ("kind", *settings.__struct_fields__)
+    short_forms = _SHORT_FORMS if settings is SiteConfig else ()
+    return (*short_forms, *settings.__struct_fields__)
+
+
+def _choices(settings: type[msgspec.Struct], key: str) -> str:
+    """The texts that a key may have."""
+    texts = get_args(get_type_hints(settings)[key])
+    return ", ".join(f'"{text}"' for text in texts if text)
 
 
 def _nearest(key: str, valid: Sequence[str]) -> str:

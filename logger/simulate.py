@@ -184,6 +184,8 @@ def _fault(text: str) -> tuple[str, float, float]:
             f"and NAME is one of {', '.join(FAULTS)}"
         ) from None
     _check_names("fault", [name], FAULTS)
+    if not 0.0 <= start_s < end_s:
+        raise ConfigError(f"{text!r} ends before it begins: NAME:FROM:TO, times in seconds")
     return name, start_s, end_s
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from logger.cli import main
-from logger.config import parse_config
+from logger.config import load_config, parse_config
 from logger.core.errors import ConfigError
 from logger.core.live import LiveTracker
 from logger.core.runfile import RunMeta, RunWriter, finish_journal, read_run
@@ -220,6 +220,12 @@ def test_short_forms_and_sources_are_one_list(tables, expected):
         (MORE + '[[source]]\nkind = "gpsd"\nport = "/d"\n', 'kind "gpsd" is for gpsd://host'),
         (MODEM + GNSS + MORE + "poll_interval_s = 1e9\n", '[[source]] 1 "poll_interval_s": 1'),
         (MODEM + '[gnss]\nport = "modem"\nprt = 1\n', '[gnss] unknown key "prt"; did you mean'),
+        (MODEM.replace("/a", "COM3") + GNSS, "'COM3' is no device: name one"),
+        (MODEM + GNSS.replace("/b", "/dev/serial/by-id/*"), "is no device: name one"),
+        (MODEM + GNSS.replace("/b", "gpsd://"), "'gpsd://' is no device: name one"),
+        (MODEM + GNSS + MORE.replace("[[source]]", "[source]"), "two brackets: [[source]]"),
+        (MODEM + 'set_mode = "GSM"\n' + GNSS, "invalid enum value 'GSM'; valid: \"gsm\""),
+        (MODEM + GNSS + '[live]\nreach = "wide"\n', 'valid: "any", "near", "far"'),
         ("source = 3\n" + MODEM + GNSS, '"source": expected `array`, got `int`'),
         ("source = [3]\n" + MODEM + GNSS, "[[source]] 1 expected `object`, got `int`"),
     ],
@@ -229,6 +235,33 @@ def test_sources_that_cannot_work_are_one_line(tables, says):
     with pytest.raises(ConfigError) as error:
         parse_config(text, "site.toml")
     assert says in str(error.value)
+
+
+OWN_NAMES = ["strongest", "suspicious", "262-01-801-86355", "LTE-5780-210"]
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "valid", "invalid"),
+    [
+        ("status", "feed", ["", "/run/x.sock", "1024", "65535"], ["80", "65536", "99999", "x"]),
+        ("live", "target", OWN_NAMES, ["strongest ", "26201-6699-15437", "262-1-801-86355"]),
+        ("run", "directory", ["runs"], [""]),
+    ],
+)
+def test_what_no_run_could_use_is_said_before_it(table, key, valid, invalid):
+    for value in (*valid, *invalid):
+        text = f'[{table}]\n{key} = "{value}"\n' + (SITE if table != "run" else "") + MODEM + GNSS
+        if value in valid:
+            parse_config(text, "site.toml")
+        else:
+            with pytest.raises(ConfigError, match=rf'\[{table}\] "{key}"'):
+                parse_config(text, "site.toml")
+
+
+def test_a_byte_order_mark_as_windows_writes_it_is_no_error(tmp_path):
+    file = tmp_path / "site.toml"
+    file.write_text(SITE + MODEM + GNSS, encoding="utf-8-sig")
+    assert load_config(file)[0].run.directory == "r"
 
 
 def _message_of(capsys):

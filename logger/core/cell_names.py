@@ -34,6 +34,7 @@ HIGHEST: Mapping[str, tuple[int, int]] = MappingProxyType(
 SAME_CARRIER: Mapping[str, str] = MappingProxyType({"LTE-M": "LTE"})
 """A modem of LTE-M hears cells of LTE."""
 
+_IDENTITY = re.compile(r"\d{3}-\d{2,3}-\d{1,8}-\d{1,11}", re.ASCII)
 _NAME = re.compile(r"(.+?)-(0|[1-9][0-9]{0,6})-(0|[1-9][0-9]{0,3})", re.ASCII)
 _BEGINS_SO = re.compile(r"(GSM|WCDMA|UMTS|LTE|LTE-M|NB-IoT|NR)-.*", re.ASCII | re.IGNORECASE)
 _EXAMPLES = "LTE-5780-210 (EARFCN, PCI), GSM-62-37 (ARFCN, BSIC), WCDMA-10737-25 or NR-632448-17"
@@ -99,6 +100,11 @@ class Identities:
             is_known = name in self._once or name in self._known
             self._once.pop(name, None)
             (self._known if is_known else self._once).put(name, None)
+
+
+def is_identity(cell: str) -> bool:
+    """Whether a text is the name of a cell with an identity, with the MNC in full."""
+    return _IDENTITY.fullmatch(cell) is not None
 
 
 def identity_of(name: str) -> tuple[int, int, int, int] | None:
