@@ -241,7 +241,7 @@ def estimate_cell(obs: Readings, options: Options = Options()) -> CellResult:
     result = _converged_only(all_estimates)
     comparison = compare(result.ekf, result.backward) if result.ekf and result.backward else None
     diagnosis = residuals.diagnose(
-        posterior.modes[0].state,
+        residuals.state_at_place(posterior, usable_aligned),
         all_aligned,
         result.ekf,
         height_m=options.prior.height_m,

@@ -25,7 +25,11 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
 DEGREE_DECIMALS = 6
 """0.1 m."""
 _ROUGH_M = 1000.0
-"""A place that is less sure is given to 0.01 degree, about a kilometre."""
+"""A place that is less sure is shown with the digits that its 50 % radius leaves."""
+_DECIMALS = ((1000.0, 2), (100.0, 3))
+"""From this radius on so many: rounding moves a place by 670 m or 67 m at most."""
+_HALF_OF_LEVEL = 0.48
+"""Radius with 50 % by that with 95 %, of a Gaussian."""
 
 
 CONSPICUOUS = ("suspicious", "unusual")
@@ -60,11 +64,12 @@ class OnMap(Struct, frozen=True, kw_only=True):
         lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (self.lat, self.lon))
         return replace(self, lat=lat, lon=lon)
 
-    def within(self, radius_m: float) -> str:
-        """Latitude and longitude as far as known within a radius."""
-        if radius_m > _ROUGH_M:
-            return f"about {self.lat:.2f} {self.lon:.2f}"
-        return f"{self.lat:.5f} {self.lon:.5f}"
+    def within(self, r95_m: float, r50_m: float) -> str:
+        """Latitude and longitude as far as known where these radii hold it."""
+        if r95_m <= _ROUGH_M:
+            return f"{self.lat:.5f} {self.lon:.5f}"
+        decimals = next((n for least_m, n in _DECIMALS if r50_m >= least_m), 4)
+        return f"about {self.lat:.{decimals}f} {self.lon:.{decimals}f}"
 
 
 class StrongestReading(OnMap, frozen=True, kw_only=True):
@@ -83,7 +88,8 @@ class Mode(OnMap, frozen=True, kw_only=True):
     @property
     def where(self) -> str:
         """Latitude and longitude as far as known, if it is this one."""
-        return self.within(self.ellipse95.semi_major_m)
+        r95_m = self.ellipse95.semi_major_m
+        return self.within(r95_m, _HALF_OF_LEVEL * r95_m)
 
     def in_short(self) -> Self:
         """With a probability of three digits."""
@@ -104,7 +110,7 @@ class Position(OnMap, frozen=True, kw_only=True):
     @property
     def where(self) -> str:
         """Latitude and longitude as far as known."""
-        return self.within(self.r95_m)
+        return self.within(self.r95_m, self.r50_m)
 
     def in_short(self) -> Self:
         """With radii to 0.1 m."""

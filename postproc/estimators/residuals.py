@@ -38,6 +38,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.locator.posterior import Posterior
 from logger.core.model import marginal, path_loss
 from logger.core.model.blocks import squares
 from logger.core.model.noise import Whitener, independent_variance, shadowing, whiteners_of
@@ -367,6 +368,25 @@ class Residuals:
     sector: Sector | None = None
     innovations: Consistency | None = None
     outliers: tuple[Outlier, ...] = ()
+
+
+def state_at_place(posterior: Posterior, obs: Readings) -> FloatArray:
+    """[x, y, P0, eta] of the place shown, with P0 and eta given that place.
+
+    Those of the posterior are means over all places that are possible and describe the levels as
+    seen from none of them: in most walks they miss these by 5 dB or more. `obs` are readings on one
+    scale.
+    """
+    inside, prior = obs.part(obs.limit == 0), posterior.prior
+    distance_db = inside.places.log_distance_to(posterior.place, prior.height_m)[:, 0]
+    columns = np.stack([np.ones(len(inside)), -distance_db], axis=1) / posterior.sigma_db
+    mean, precision = (values[:2] for values in prior.coefficients)
+    of_prior = np.diag(precision)
+    p0_dbm, eta = np.linalg.solve(
+        columns.T @ columns + of_prior,
+        columns.T @ (inside.level_dbm / posterior.sigma_db) + of_prior @ mean,
+    )
+    return np.array([posterior.x_m, posterior.y_m, p0_dbm, eta])
 
 
 def diagnose(

@@ -16,6 +16,7 @@ from logger.core.suspicion.rule import WORDS
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.region_outline import outline
+from postproc.estimators.residuals import state_at_place
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.survey import Box, Survey, plan_box
@@ -122,7 +123,7 @@ class Fit:
 
     `distance_m` is the model's, with the antenna's height and the receiver's error; the model is
     `p0_dbm - 10 eta lg distance_m`. `uncensored` are the readings within the modem's scale;
-    `residual_db` is level minus model, NaN for the others, and `sigma_db` its standard deviation.
+    `residual_db` is level minus model, NaN for the others, and `sigma_db` its root mean square.
     """
 
     distance_m: FloatArray
@@ -146,11 +147,11 @@ def fit_of(cell: CellResult) -> Fit | None:
     obs = obs.usable()
     if posterior.offsets is not None:
         obs = obs.on_one_scale(posterior.offsets.mean_db)
-    state, height_m = posterior.modes[0].state, posterior.prior.height_m
+    state, height_m = state_at_place(posterior, obs), posterior.prior.height_m
     x_m, y_m, p0_dbm, eta = state.tolist()
     uncensored = np.asarray(obs.limit == 0, np.bool_)
     residual_db = np.where(uncensored, -least_squares.residuals(state, obs, height_m), np.nan)
-    sigma_db = float(np.nanstd(residual_db)) if np.any(uncensored) else float("nan")
+    sigma_db = float(np.sqrt(np.mean(residual_db[uncensored] ** 2)))
     distance_db = log_distance_db(x_m - obs.x_m, y_m - obs.y_m, height_m, obs.position_sigma_m)
     distance_m = path_loss.distance_m(distance_db)
     return Fit(distance_m, obs.level_dbm, residual_db, uncensored, p0_dbm, eta, sigma_db)

@@ -189,7 +189,7 @@ def _distance_text(fit: Fit) -> str:
     text = (
         f"{len(fit.level_dbm)} readings at distances of {metres(near_m)} to {metres(far_m)} from "
         f"the most likely position. The model falls from {high_dbm:.0f} to {low_dbm:.0f} dBm. The "
-        f"residuals have a standard deviation of {fit.sigma_db:.1f} dB; {100.0 * beyond:.1f} % "
+        f"residuals have a root mean square of {fit.sigma_db:.1f} dB; {100.0 * beyond:.1f} % "
         "exceed twice that (4.6 % of a normal distribution would)."
     )
     n_censored = int(np.count_nonzero(~fit.uncensored))

@@ -28,10 +28,14 @@ def test_the_reason_stands_with_every_other_verdict(verdict):
     assert replace(answer, place=None).sentence == f"{verdict}: why"
 
 
-def test_a_wide_region_has_no_exact_middle():
-    place = msgspec.structs.replace(PLACE, r95_m=1001.0)
+@pytest.mark.parametrize(
+    ("r50_m", "where"),
+    [(20.0, "52.5000 13.4000"), (450.0, "52.500 13.400"), (1000.0, "52.50 13.40")],
+)
+def test_a_wide_region_is_rounded_by_less_than_what_most_likely_holds_it(r50_m, where):
+    place = msgspec.structs.replace(PLACE, r50_m=r50_m, r95_m=1001.0)
     wide = replace(LOCATED, verdict="cannot tell", place=place)
-    assert "; likeliest at about 52.50 13.40, most likely within 20 m, " in wide.sentence
+    assert f"; likeliest at about {where}, most likely within " in wide.sentence
 
 
 @pytest.mark.parametrize("word", ["unusual", "suspicious"])

@@ -32,7 +32,7 @@ from logger.core.locator.two_source_test import (
     divide,
     divide_in_time,
 )
-from logger.core.locator.verdict import LIVE_M, Decision, assess, place_text
+from logger.core.locator.verdict import LIVE_M, Decision, assess, may_move
 from logger.core.places import Places
 from logger.core.readings import Readings
 
@@ -87,7 +87,7 @@ class LiveVerdict:
             self._motion.try_moves(obs, posterior, _MOVES_TRIED)
             moves = self._motion.division()
             if moves is not None and moves.log_factor > _MOVES_LOG_FACTOR:
-                decision = Decision("cannot tell", [_may_move(moves)], moves)
+                decision = may_move(moves)
                 is_located = False
         else:
             self._motion = MotionTest()
@@ -97,14 +97,6 @@ class LiveVerdict:
             reason = f"{decision.reasons[0]}; walk one leg away to confirm it"
             return Decision("cannot tell", [reason], decision.division)
         return decision
-
-
-def _may_move(moves: Division) -> str:
-    one, other = map(place_text, (moves.one, moves.other))
-    return (
-        "the levels also fit a transmitter that moves, "
-        f"from near {one} to near {other}: come back after some minutes"
-    )
 
 
 class FollowedCell:

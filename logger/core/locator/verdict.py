@@ -190,6 +190,16 @@ def assess(
     return Decision(verdict, reasons, division, needed_m)
 
 
+def may_move(moves: Division) -> Decision:
+    """Cannot tell, since a transmitter that moves explains the levels as well."""
+    one, other = map(place_text, (moves.one, moves.other))
+    why = (
+        "the levels also fit a transmitter that moves, "
+        f"from near {one} to near {other}: come back after some minutes"
+    )
+    return Decision("cannot tell", [why], moves)
+
+
 def contradiction_of(posterior: Posterior) -> str:
     """That the readings contradict the area of the prior; empty where they do not."""
     if (posterior.outside_share or 0.0) <= _CONTRADICTION:

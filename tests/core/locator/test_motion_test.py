@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from logger.core.locator.pipeline import locate
+from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, MOVES_M, MotionTest
+from logger.core.locator.verdict import assess
 from logger.core.model.prior import Prior
 from tests.kit.guided_walks import line
 from tests.kit.walks import observations
@@ -15,15 +16,18 @@ AROUND = line(
 )  # fmt: skip
 
 
-def _division(emitter_m, seed=0):
-    """The test of a walk past a transmitter at (2,), or at (n, 2) with the readings."""
+def _walk_past(emitter_m, seed=0):
+    """Past a transmitter at (2,), or at (n, 2) with the readings."""
     rng = np.random.default_rng(seed)
     x_m, y_m = AROUND.T
     east_m, north_m = (AROUND - emitter_m).T
     away_m = np.hypot(np.hypot(east_m, north_m), 5.0)
     level_dbm = -25.0 - 28.0 * np.log10(away_m) + rng.normal(0.0, 3.0, len(x_m))
-    obs = observations(x_m, y_m, np.round(level_dbm), 4.0)
-    test = MotionTest()
+    return observations(x_m, y_m, np.round(level_dbm), 4.0)
+
+
+def _division(emitter_m, seed=0):
+    obs, test = _walk_past(emitter_m, seed), MotionTest()
     test.try_moves(obs, locate(obs, Prior(), EFFORT), len(MOVES_M))
     return test.division()
 
@@ -42,6 +46,20 @@ def test_one_that_moves_is_told_from_one_that_stands(way_m):
 def test_one_that_stands_does_not_move():
     for seed in range(3):
         assert _division(np.array([120.0, 90.0]), seed).log_factor < 0.0
+
+
+@pytest.mark.parametrize(
+    ("way_m", "says"),
+    [((0.0, 0.0), "one position holds"), ((250.0, 0.0), "transmitter that moves")],
+)
+def test_at_the_desk_one_that_moves_is_not_located(way_m, says):
+    share = np.linspace(-0.5, 0.5, len(AROUND))[:, None]
+    obs = _walk_past(np.array([60.0, 40.0]) + share * way_m)
+    posterior = locate(obs)
+    assert assess(posterior, obs, within_m=400.0).verdict == "located"
+    found = decide(posterior, obs, within_m=400.0)
+    assert says in found.reasons[0]
+    assert (found.verdict == "located") == (way_m == (0.0, 0.0))
 
 
 def test_nothing_is_said_before_every_move_has_been_tried():

@@ -3,13 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from logger.core.locator.pipeline import locate
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings
 from postproc.estimators import least_squares, residuals
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import consistency
 from postproc.estimators.residuals import diagnose, findings
-from tests.kit.walks import with_places
+from tests.kit.walks import observations, with_places
 
 SOURCE = np.array([130.0, 150.0, -30.0, 3.0])
 
@@ -232,3 +233,18 @@ def test_a_trend_is_the_generalised_least_squares_one():
     assert sector.chi2 == pytest.approx(
         coefficient @ np.linalg.solve(covariance, coefficient), rel=1e-6
     )
+
+
+def test_the_curve_at_the_place_shown_goes_through_the_levels():
+    """Beside a street the place is unsure, and the mean of P0 and eta is that of all places."""
+    rng = np.random.default_rng(5)
+    x_m = np.arange(0.0, 400.0, 2.0)
+    level_dbm = -25.0 - 30.0 * np.log10(np.hypot(x_m - 150.0, 80.0)) + rng.normal(0.0, 5.0, 200)
+    obs = observations(x_m, np.zeros(200), np.round(level_dbm), 4.0)
+    posterior = locate(obs)
+    mean_db, at_place_db = (
+        float(np.mean(least_squares.residuals(state, obs, posterior.prior.height_m)))
+        for state in (posterior.modes[0].state, residuals.state_at_place(posterior, obs))
+    )
+    assert abs(at_place_db) < 0.1
+    assert abs(mean_db) > 1.0
