@@ -120,16 +120,12 @@ class TruthCheck(Struct, kw_only=True):
 
 
 class SummaryRow(NamedTuple):
-    """A cell with its answer, and the truth of a simulated one; `form` is its JSON.
-
-    `shown` is its position, or where too few readings say that it may be.
-    """
+    """A cell with its answer, and the truth of a simulated one; `form` is its JSON."""
 
     result: CellResult
     answer: Answer
     truth: TruthCheck | None
     form: object
-    shown: Position | None
 
     @property
     def error(self) -> str | None:
@@ -346,13 +342,13 @@ def _begin(answer: Answer) -> tuple[Value, ...]:
 
 
 def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
-    begin, place, shown = _begin(row.answer), row.answer.place, row.shown
-    if shown is None:
-        return [(*begin, None)]
-    modes = () if place is None else place.likely_modes
-    radii = metres(shown.r50_m), metres(shown.r95_m)
+    begin, place = _begin(row.answer), row.answer.place
+    if place is None:
+        where = _heard_at(row.result)
+        return [(*begin, where and f"heard {where}")]
+    modes, radii = place.likely_modes, (metres(place.r50_m), metres(place.r95_m))
     rows: list[tuple[Value, ...]] = [
-        (*begin, shown.where, *radii, str(len(modes)) if modes else "")
+        (*begin, place.where, *radii, str(len(modes)) if modes else "")
     ]
     for i, mode in enumerate(modes if row.answer.verdict == "ambiguous" else (), 1):
         within_m = (radius_m(mode.ellipse95, level) for level in (HALF, LEVEL))
@@ -360,12 +356,12 @@ def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
     return rows
 
 
-def _position_of(cell: CellResult, answer: Answer, prior: Prior) -> Position | None:
-    """That of the answer; else the strongest reading, within any cell's reach."""
-    if answer.place is not None or cell.obs is None or not len(cell.obs):
-        return answer.place
-    lat, lon = cell.obs.places[int(np.argmax(cell.obs.level_dbm))].first_deg
-    return Position(lat=lat, lon=lon, r50_m=prior.radius_m(HALF), r95_m=prior.radius_m(LEVEL))
+def _heard_at(cell: CellResult) -> str | None:
+    """Where a cell without a position was heard best; None if nowhere."""
+    if cell.obs is None or not len(cell.obs):
+        return None
+    lat_deg, lon_deg = cell.obs.places[int(np.argmax(cell.obs.level_dbm))].first_deg
+    return f"{lat_deg:.4f} {lon_deg:.4f}"
 
 
 def _area_line(rows: Sequence[SummaryRow]) -> str:
@@ -407,9 +403,8 @@ def _cell_parts(row: SummaryRow, run_names: Sequence[str]) -> Parts:
     parts.append(Line(answer.sentence, bullet="  "))
     others = answer.reasons[answer.verdict != "located" :]
     parts += [Line(warning, bullet="  - ") for warning in others]
-    if answer.place is None and (shown := row.shown):
-        where = f"{metres(shown.r95_m)} of the strongest reading, at {shown.where}"
-        parts.append(Line(f"whatever the cell, 95 % lie within {where}", bullet="  "))
+    if answer.place is None and (where := _heard_at(result)):
+        parts.append(Line(f"best heard at {where}", bullet="  "))
     parts.append(estimator_table(answer))
     if answer.parameters is not None and answer.parameters.alternatives:
         parts.append(Line(alternatives_text(answer.parameters.alternatives), bullet="  "))
@@ -513,8 +508,7 @@ def _row_or_why_not(cell: CellResult, result: Result) -> SummaryRow:
 
     def row_of(cell: CellResult, truth: TruthCheck | None) -> SummaryRow:
         answer = result.answer(cell)
-        shown = _position_of(cell, answer, result.options.prior)
-        return SummaryRow(cell, answer, truth, json_form(cell, answer, truth, runs), shown)
+        return SummaryRow(cell, answer, truth, json_form(cell, answer, truth, runs))
 
     row = attempt(cell.cell, "its summary", lambda: row_of(cell, truth_of(cell, runs)))
     return row_of(cell.after(row), None) if isinstance(row, Failure) else row
