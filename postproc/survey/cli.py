@@ -307,7 +307,7 @@ def next_command(
     lines = read_streets(streets)
     with scheduling.Cluster(scheduler, workers) as cluster:
         found = location.locate_survey(whole, options, cluster=cluster)
-    walks = next_walks.next_walks(whole, found.cells, location.EVERY_RUN, options, n, where, lines)
+    walks = next_walks.next_walks(whole, found.cells, options, n, where, lines)
     content = [{"walker": walker} | next_walk.content_of(walk) for walker, walk in walks.items()]
     body: list[document.Part] = []
     for walker, walk in walks.items():
