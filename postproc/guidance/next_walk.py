@@ -33,9 +33,9 @@ from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.readings import Readings
 from postproc.atomic_write import whole_file
-from postproc.interop.outlines import DECIMALS
 from postproc.interop.writers.gpx import NAMESPACE
 from postproc.interop.xml_file import add, decimal, write
+from postproc.outlines import DECIMALS
 
 MOST_ROUTES = 5
 """Routes that are listed; the others differ from these by a leg."""
