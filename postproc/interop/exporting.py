@@ -59,8 +59,9 @@ class ExportWalk:
     track: tuple[Stretch, ...]
     start_ns: int
     has_utc: bool
-    n_without_identity: int
-    n_without_position: int
+    n_without_identity: int = 0
+    n_without_level: int = 0
+    n_without_position: int = 0
 
 
 def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
@@ -69,9 +70,10 @@ def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
     observed = observe(run.tables["fixes"], run.tables["scans"], readings)
     clock = utc_clock(run.meta.origin, run.tables["fixes"])
     track = _track(run, clock)
-    wanted = (readings["cell"] != b"") & np.isfinite(levels_dbm(readings))
+    named = readings["cell"] != b""
     if only is not None:
-        wanted &= np.isin(readings["cell"], [name.encode() for name in only])
+        named &= np.isin(readings["cell"], [name.encode() for name in only])
+    wanted = named & np.isfinite(levels_dbm(readings))
     sightings = _sightings(
         run, observed, wanted, [entry for stretch in track for entry in stretch], clock
     )
@@ -81,6 +83,7 @@ def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
         start_ns=sightings[0].t_ns if sightings else track[0][0][0],
         has_utc=track[0][0][1].utc_ns is not None,
         n_without_identity=int(np.count_nonzero(readings["cell"] == b"")) if only is None else 0,
+        n_without_level=int(np.count_nonzero(named & ~wanted)),
         n_without_position=int(np.count_nonzero(wanted)) - len(sightings),
     )
 
@@ -225,9 +228,8 @@ def write_walk(walk: ExportWalk, target: Path, name: str) -> Exported:
     if writable is not None and not sightings:
         why = "" if walk.has_utc else ": the format needs UTC, and the receiver never reported it"
         raise RunFileError(f"nothing in the run can be written as {name}{why}")
-    written = replace(walk, sightings=tuple(sightings), n_without_identity=0, n_without_position=0)
     with whole_file(target) as part:
-        form.write(written, part)
+        form.write(replace(walk, sightings=tuple(sightings)), part)
     n_fixes, left_out = sum(map(len, walk.track)), _left_out(walk, len(sightings))
     return Exported(target, name, len(sightings), n_fixes, 0, walk.has_utc, left_out)
 
@@ -291,6 +293,7 @@ def _left_out(walk: ExportWalk, n_written: int) -> tuple[str, ...]:
     counts = {
         "without a complete identity, which the format needs": len(walk.sightings) - n_written,
         "of cells without an identity": walk.n_without_identity,
+        "without a level": walk.n_without_level,
         "without a fix near in time": walk.n_without_position,
     }
     omissions = [f"{n} readings {what}" for what, n in counts.items() if n]
