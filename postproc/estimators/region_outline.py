@@ -54,11 +54,16 @@ def geojson(cells: Squares, utm: Utm, level: float = LEVEL) -> answer.MultiPolyg
         [_ring(np.asarray(r.coords, float), utm) for r in (part.exterior, *part.interiors)]
         for part in outline(cells, level)
     ]
-    return answer.MultiPolygon(type="MultiPolygon", coordinates=outlines.polygons(rings))
+    lon_deg = [lon for part in rings for ring in part for lon, _ in ring]
+    if max(lon_deg) - min(lon_deg) > 180.0:
+        rings = outlines.polygons(rings)
+    return answer.MultiPolygon(type="MultiPolygon", coordinates=rings)
 
 
 def _ring(xy_m: FloatArray, utm: Utm) -> answer.Ring:
-    lat_deg, lon_deg = (angles.tolist() for angles in utm.to_latlon_arrays(*xy_m.T))
+    lat_deg, lon_deg = (
+        np.round(angles, outlines.DECIMALS).tolist() for angles in utm.to_latlon_arrays(*xy_m.T)
+    )
     return list(zip(lon_deg, lat_deg, strict=True))
 
 

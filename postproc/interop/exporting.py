@@ -30,7 +30,7 @@ from postproc.atomic_write import whole_file
 from postproc.cell_work import Failure, attempt
 from postproc.interop import writers
 from postproc.interop.sighting import Sighting
-from postproc.outlines import Rings
+from postproc.outlines import Rings, polygons
 from postproc.result import ESTIMATORS, CellResult, Result, region_of
 
 _DEGREE_DECIMALS = 8
@@ -269,7 +269,7 @@ def _as_exported(result: Result, cell: CellResult, has_regions: bool) -> Answere
         regions = {}
         for percent, level in _LEVELS.items() if has_regions else ():
             if outline := region_of(cell, level).geojson:
-                regions[percent] = outline.coordinates
+                regions[percent] = polygons(outline.coordinates)
         return result.answer(cell), regions
 
     found = attempt(cell.cell, "its export", with_regions)
