@@ -23,7 +23,7 @@ from logger.core.readings import Observations, observe
 from logger.core.rows import levels_dbm, values_of
 from logger.core.runfile import Run
 from logger.core.suspicion.words import strongest_reasons
-from logger.core.timebase import utc_clock
+from logger.core.timebase import utc_clock, why_unknown
 from logger.core.types import Broadcast, CellReading, Fix
 from postproc.answer_table import answer_table
 from postproc.atomic_write import whole_file
@@ -52,23 +52,28 @@ class ExportWalk:
     """Levels in time order, and the track, divided where the receiver was silent for long.
 
     `n_without_..` count readings that are left out. Seconds count from `start_ns`, the time of the
-    first level.
+    first level. `no_utc` is why UTC is unknown, empty where it is known.
     """
 
     sightings: tuple[Sighting, ...]
     track: tuple[Stretch, ...]
     start_ns: int
-    has_utc: bool
+    no_utc: str = ""
     n_without_identity: int = 0
     n_without_level: int = 0
     n_without_position: int = 0
 
+    @property
+    def has_utc(self) -> bool:
+        """Whether levels and track have times in UTC."""
+        return not self.no_utc
+
 
 def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
     """Levels of all cells of a run, or of those named; raises `EstimationError` without a fix."""
-    readings = run.named_readings
-    observed = observe(run.tables["fixes"], run.tables["scans"], readings)
-    clock = utc_clock(run.meta.origin, run.tables["fixes"])
+    readings, fixes = run.named_readings, run.tables["fixes"]
+    observed = observe(fixes, run.tables["scans"], readings)
+    clock = utc_clock(run.meta.origin, fixes)
     track = _track(run, clock)
     named = readings["cell"] != b""
     if only is not None:
@@ -81,7 +86,7 @@ def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
         sightings=tuple(sightings),
         track=track,
         start_ns=sightings[0].t_ns if sightings else track[0][0][0],
-        has_utc=track[0][0][1].utc_ns is not None,
+        no_utc=why_unknown(run.meta.origin, fixes) if track[0][0][1].utc_ns is None else "",
         n_without_identity=int(np.count_nonzero(readings["cell"] == b"")) if only is None else 0,
         n_without_level=int(np.count_nonzero(named & ~wanted)),
         n_without_position=int(np.count_nonzero(wanted)) - len(sightings),
@@ -226,7 +231,7 @@ def write_walk(walk: ExportWalk, target: Path, name: str) -> Exported:
     writable = getattr(form, "writable", None)
     sightings = [s for s in walk.sightings if writable is None or writable(s)]
     if writable is not None and not sightings:
-        why = "" if walk.has_utc else ": the format needs UTC, and the receiver never reported it"
+        why = walk.no_utc and f": the format needs UTC, and {walk.no_utc}"
         raise RunFileError(f"nothing in the run can be written as {name}{why}")
     with whole_file(target) as part:
         form.write(replace(walk, sightings=tuple(sightings)), part)
@@ -299,5 +304,5 @@ def _left_out(walk: ExportWalk, n_written: int) -> tuple[str, ...]:
     omissions = [f"{n} readings {what}" for what, n in counts.items() if n]
     return (
         *omissions,
-        *([] if walk.has_utc else ["times in UTC: the receiver never reported them"]),
+        *([f"times in UTC: {walk.no_utc}"] if walk.no_utc else []),
     )

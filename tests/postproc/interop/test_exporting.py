@@ -163,7 +163,7 @@ def test_without_utc_a_format_that_needs_it_says_so(tmp_path, capsys, name):
     assert "needs UTC" in output.err
     assert not (tmp_path / "a").exists()
     output = _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a.csv", "--json")
-    assert json.loads(output.out)["left_out"] == ["times in UTC: the receiver never reported them"]
+    assert json.loads(output.out)["left_out"] == ["times in UTC: the receiver never reported UTC"]
 
 
 def test_readings_without_a_level_are_counted(tmp_path, capsys):
