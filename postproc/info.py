@@ -13,7 +13,7 @@ from logger.core.errors import ConfigError
 from logger.core.rows import levels_dbm, numbered_texts
 from logger.core.runfile import Run, Sealing, read_sealed_run
 from logger.core.suspicion.words import in_plain_words
-from logger.core.timebase import fit_run
+from logger.core.timebase import fit_run, why_unknown
 from logger.core.types import DEAD_RECKONING
 from logger.core.utc import utc_text
 from postproc.scan_counts import scans_of
@@ -73,7 +73,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunFacts:
-    """A run in single values; `started_utc` is None where GPS never reported the time."""
+    """A run in single values; `started_utc` is None where it is unknown."""
 
     path: str
     form: str
@@ -101,8 +101,12 @@ class RunFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Info(RunFacts):
-    """Summary of a run, with its cells, gaps and events."""
+    """Summary of a run, with its cells, gaps and events.
 
+    `no_utc` is why `started_utc` is unknown, empty where it is known.
+    """
+
+    no_utc: str
     cells: tuple[CellCount, ...]
     gaps: tuple[Gap, ...]
     events: tuple[Event, ...]
@@ -140,7 +144,7 @@ def _rest(n: int, what: str) -> Iterator[Line]:
 
 
 def _facts(info: Info) -> Iterator[tuple[Word | str, Word | str]]:
-    started = info.started_utc or "at an unknown time (the receiver never reported it)"
+    started = info.started_utc or f"at an unknown time ({info.no_utc})"
     yield "started", f"{started}, {info.duration_s:.0f} s"
     yield "stopped", info.stopped or "not: the plug was pulled, or it is still being recorded"
     if info.missing_frames or info.skipped_bytes or info.meaningless_values:
@@ -180,6 +184,7 @@ def describe(run: Run) -> Info:
         origin=run.meta.origin,
         program=run.meta.program,
         simulated=bool(run.meta.truth),
+        no_utc="" if timebase else why_unknown(run.meta.origin, fixes),
         started_utc=utc_text(timebase.utc_ns(start_ns)) if timebase else None,
         duration_s=(end_ns - start_ns) / 1e9,
         stopped=run.end.reason if run.end else None,

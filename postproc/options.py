@@ -66,7 +66,7 @@ streets_option = click.option(
 false_alarm_option = click.option(
     "--pfa",
     "p_fa",
-    type=float,
+    type=number(float, 0, 0.5, open_below=True),
     default=0.05,
     show_default=True,
     metavar="P",

@@ -12,6 +12,7 @@ from logger.core.baseline import baseline_of, has_whole_baseline
 from logger.core.errors import EstimationError, error_place
 from logger.core.live import ADVICE, LiveTracker
 from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED, SUSPICIOUS, WITHIN
+from logger.core.provenance import is_import
 from logger.core.runfile import Run
 from logger.core.suspicion.rules import RULES_CODE, rules_note
 from logger.core.suspicion.words import FINDING_CODE
@@ -25,6 +26,7 @@ class Replay:
     That holds on one kind of machine: between a Pi and a laptop log10 and BLAS may differ in the
     last bit, which moves the position by `largest_m`. Another version of the program may differ by
     more: `recorded_by` and `replayed_by` name both. Findings of `other_rules` are not compared.
+    Nothing is replayed of an import, which has no live estimates.
     """
 
     n_recorded: int
@@ -38,6 +40,7 @@ class Replay:
     findings_differ: bool = False
     advice_differs: bool = False
     other_rules: bool = False
+    is_import: bool = False
 
     @property
     def equal(self) -> bool:
@@ -51,6 +54,8 @@ class Replay:
     @property
     def text(self) -> str:
         """The result in a sentence."""
+        if self.is_import:
+            return "the run has no live estimates to compare with: another program recorded it"
         if not self.n_recorded and not self.n_replayed:
             return "the run contains no live estimate: no 2G cell was decoded while there was a fix"
         if self.equal:
@@ -153,6 +158,9 @@ def replay(run: Run) -> Replay:
     After a power cut, or on a slow device, the end of the recorded estimates may be missing.
     """
     recorded = [value for value in _values(run, "live") if isinstance(value, LiveEstimate)]
+    programs = run.meta.program, f"cellwalk {version('cellwalk')}"
+    if is_import(run.meta.origin) and not recorded:
+        return Replay(0, 0, 0, None, 0.0, *programs, is_import=True)
     values_replayed = list(live_values(run))
     replayed = [value for value in values_replayed if isinstance(value, LiveEstimate)]
     findings = _findings(_values(run, "notes"))
@@ -166,11 +174,10 @@ def replay(run: Run) -> Replay:
     return Replay(
         len(recorded),
         len(replayed),
-        n_equal=len(pairs) - len(different),
-        first_difference=different[0][0].scan_seq if different else None,
-        largest_m=max([0.0, *offsets_m]),  # NaN compares false and is passed over
-        recorded_by=run.meta.program,
-        replayed_by=f"cellwalk {version('cellwalk')}",
+        len(pairs) - len(different),
+        different[0][0].scan_seq if different else None,
+        max([0.0, *offsets_m]),  # NaN compares false and is passed over
+        *programs,
         n_findings=len(findings),
         findings_differ=_findings_differ(run, findings, findings_replayed),
         advice_differs=_advice_differs(run, values_replayed),

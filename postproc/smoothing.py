@@ -311,7 +311,7 @@ def locate_cell(obs: Readings, prior: Prior, within_m: float = DESK_M) -> CellRe
     """The posterior and its verdict, and no other estimator."""
     everywhere = obs.everywhere()
     usable = everywhere.usable()
-    remarks = _repeat_warnings(len(obs), len(obs.repeats)) + _spike_warnings(obs.spikes)
+    remarks = _repeat_warnings(len(obs), len(obs.repeats)) + _spike_warnings(len(obs), obs.spikes)
     remarks += _regularity_warnings(len(obs), len(everywhere) - len(usable))
     if why := too_few(obs, usable):
         return CellResult(
@@ -344,7 +344,7 @@ def _repeat_warnings(n: int, n_repeats: int) -> list[str]:
     return [f"{one}: each report counts once"]
 
 
-def _spike_warnings(spikes: Sequence[SpikeLevel]) -> list[str]:
+def _spike_warnings(n: int, spikes: Sequence[SpikeLevel]) -> list[str]:
     if not spikes:
         return []
     worst = max(spikes, key=lambda spike: abs(spike.above_db))
@@ -352,7 +352,7 @@ def _spike_warnings(spikes: Sequence[SpikeLevel]) -> list[str]:
     which = "1 level was" if len(spikes) == 1 else f"{len(spikes)} levels were"
     warning = (
         f"{which} set aside because the readings before and after contradict them: the largest "
-        f"deviation, {worst.level_dbm:.0f} dBm in scan {worst.scan_seq}, is "
+        f"deviation, {worst.level_dbm:.0f} dBm in reading {worst.k + 1} of {n}, is "
         f"{abs(worst.above_db):.0f} dB {how} those"
     )
     return [warning]

@@ -86,6 +86,17 @@ def fit_run(origin: str, fixes: Rows) -> TimeBase | None:
     )
 
 
+def why_unknown(origin: str, fixes: Rows) -> str:
+    """Why `fit_run` finds no UTC."""
+    own = is_import(origin)
+    utc_ns = fixes["utc_ns"][(fixes["utc_ns"] != UNKNOWN_TIME) & (own | (fixes["valid"] != 0))]
+    if not len(utc_ns):
+        return "the receiver never reported UTC"
+    if not own and not np.any((utc_ns >= EARLIEST_UTC_NS) & (utc_ns < LATEST_UTC_NS)):
+        return "the receiver reported a date that cannot be"
+    return "the times of the receiver contradict each other"
+
+
 def utc_clock(origin: str, fixes: Rows) -> Callable[[int], int | None]:
     """UTC to the microsecond by time since boot, None where unknown; an import has it per fix."""
     timebase = fit_run(origin, fixes)

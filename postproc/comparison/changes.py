@@ -33,6 +33,7 @@ from postproc.comparison.ground import (
     Differences,
     Grid,
     Ground,
+    blocks_text,
     differences_of,
     grounds_of,
     margins_db,
@@ -403,7 +404,7 @@ def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float
         word = "new" if change_db > 0.0 else "gone"
         walk, other = ("B", "A") if change_db > 0.0 else ("A", "B")
         text = (
-            f"only walk {walk} heard it in {len(one.differences)} blocks of 50 m, in which walk "
+            f"only walk {walk} heard it in {blocks_text(len(one.differences))}, in which walk "
             f"{other} could have; walk {other} heard it elsewhere"
         )
     elif changed:
@@ -421,7 +422,7 @@ def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float
 
 def _too_little(one: Differences, grounds: tuple[Ground, Ground]) -> CellChange:
     heard_a, heard_b = (ground.cells[one.cell] for ground in grounds)
-    text = f"heard by both walks in {len(one)} blocks of 50 m, {FEWEST_BLOCKS} are needed"
+    text = f"heard by both walks in {blocks_text(len(one))}, {FEWEST_BLOCKS} are needed"
     return CellChange(
         one.cell, one.rat, "not comparable", text, heard_a.n_readings, heard_b.n_readings,
         len(one), None, None, None, None, one.block, one.difference_db,
@@ -448,7 +449,7 @@ def _change_of_absent(
             "so another one may be there unheard"
         )
     else:
-        text = f"only in walk {walk}; walk {absent} could have heard it in {n} blocks of 50 m"
+        text = f"only in walk {walk}; walk {absent} could have heard it in {blocks_text(n)}"
         if p is not None and p <= limit:
             word = "gone" if side == 0 else "new"
     counts = (heard.n_readings, 0) if side == 0 else (0, heard.n_readings)

@@ -34,6 +34,11 @@ _MOST_ROWS = 4_000_000
 """Readings of which the scans are not yet summed: 0.1 GB, and as much again while they are."""
 
 
+def blocks_text(n: int) -> str:
+    """So many blocks, in words."""
+    return f"{n} block{'s' * (n != 1)} of {BLOCK_M:.0f} m"
+
+
 @dataclass(frozen=True, slots=True)
 class Grid:
     """Blocks of ground, numbered; east and north of a corner in half blocks."""

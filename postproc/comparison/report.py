@@ -9,7 +9,7 @@ import numpy as np
 from logger.core.document import Column, Document, Line, Measured, Table, Value
 from logger.core.places import Utm
 from postproc.comparison.changes import FALSE_WORDS, CellChange, ComparedRuns
-from postproc.comparison.ground import BLOCK_M, Grid
+from postproc.comparison.ground import BLOCK_M, Grid, blocks_text
 from postproc.html_page import page_environment
 
 _DECIMALS = 6
@@ -106,7 +106,7 @@ def ground_text(compared: ComparedRuns) -> str:
         f"{db:+.1f} dB ({rat or 'unknown technology'})" for rat, db in comparison.offset_db.items()
     )
     return (
-        f"Common ground: {comparison.n_common_blocks} blocks of {BLOCK_M:.0f} m. "
+        f"Common ground: {blocks_text(comparison.n_common_blocks)}. "
         f"Recorded with {modems}; offset of B against A: {offsets or 'not known'}."
     )
 

@@ -13,8 +13,8 @@ from logger.core import answer
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.region import LEVEL, Squares, highest_density
 from logger.core.places import Utm
+from postproc import outlines
 
-_DEGREE_DECIMALS = 7
 _SIMPLIFY_CELLS = 0.5
 _KEY_FACTORS = np.array([1 << 32, 1])
 """Combine column and row, counted in the finest squares, into one integer."""
@@ -49,19 +49,20 @@ def outline(cells: Squares, level: float = LEVEL) -> list[Polygon]:
 
 
 def geojson(cells: Squares, utm: Utm, level: float = LEVEL) -> answer.MultiPolygon:
-    """Outline as a GeoJSON MultiPolygon: lon/lat, 7 decimals (RFC 7946)."""
-    parts = outline(cells, level)
+    """Outline as a GeoJSON MultiPolygon: lon/lat, 7 decimals, cut at 180 degrees (RFC 7946)."""
     rings = [
         [_ring(np.asarray(r.coords, float), utm) for r in (part.exterior, *part.interiors)]
-        for part in parts
+        for part in outline(cells, level)
     ]
+    lon_deg = [lon for part in rings for ring in part for lon, _ in ring]
+    if max(lon_deg) - min(lon_deg) > 180.0:
+        rings = outlines.polygons(rings)
     return answer.MultiPolygon(type="MultiPolygon", coordinates=rings)
 
 
 def _ring(xy_m: FloatArray, utm: Utm) -> answer.Ring:
     lat_deg, lon_deg = (
-        np.round(angles, _DEGREE_DECIMALS).tolist()
-        for angles in utm.to_latlon_arrays(xy_m[:, 0], xy_m[:, 1])
+        np.round(angles, outlines.DECIMALS).tolist() for angles in utm.to_latlon_arrays(*xy_m.T)
     )
     return list(zip(lon_deg, lat_deg, strict=True))
 

@@ -333,8 +333,12 @@ _OUTLIER_CHANCE = 0.02  # that any level of normal noise is named
 
 
 class Outlier(NamedTuple):
-    """A reading too far from the model; `sigmas` is its residual divided by the robust sigma."""
+    """A reading too far from the model; `sigmas` is its residual divided by the robust sigma.
 
+    `k` numbers the readings of the cell from 0, `scan_seq` all records of the run.
+    """
+
+    k: int
     scan_seq: int
     t_ns: int
     residual_db: float
@@ -510,8 +514,8 @@ def _outliers(residual_db: FloatArray, sigma_db: float, obs: Readings) -> tuple[
     limit = -NormalDist().inv_cdf(0.5 * _OUTLIER_CHANCE / len(residual_db))
     beyond = np.flatnonzero(sigmas > limit)
     return tuple(
-        Outlier(int(obs.scan_seq[k]), int(obs.t_ns[k]), float(residual_db[k]), float(sigmas[k]))
-        for k in beyond[np.argsort(-sigmas[beyond])]
+        Outlier(k, int(obs.scan_seq[k]), int(obs.t_ns[k]), float(residual_db[k]), float(sigmas[k]))
+        for k in beyond[np.argsort(-sigmas[beyond])].tolist()
     )
 
 
@@ -554,8 +558,8 @@ def _noise(left: Residuals) -> Iterator[str]:
         how = "stronger" if worst.residual_db > 0.0 else "weaker"
         yield (
             f"{len(left.outliers)} outlying reading{'s' * (len(left.outliers) > 1)}: the worst, "
-            f"of scan {worst.scan_seq}, is {abs(worst.residual_db):.0f} dB {how} than the model "
-            f"({worst.sigmas:.1f} sigma)"
+            f"reading {worst.k + 1} of {len(left.residual_db)}, is {abs(worst.residual_db):.0f} dB "
+            f"{how} than the model ({worst.sigmas:.1f} sigma)"
         )
 
 

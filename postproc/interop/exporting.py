@@ -23,14 +23,14 @@ from logger.core.readings import Observations, observe
 from logger.core.rows import levels_dbm, values_of
 from logger.core.runfile import Run
 from logger.core.suspicion.words import strongest_reasons
-from logger.core.timebase import utc_clock
+from logger.core.timebase import utc_clock, why_unknown
 from logger.core.types import Broadcast, CellReading, Fix
 from postproc.answer_table import answer_table
 from postproc.atomic_write import whole_file
 from postproc.cell_work import Failure, attempt
 from postproc.interop import writers
-from postproc.interop.outlines import Rings, polygons
 from postproc.interop.sighting import Sighting
+from postproc.outlines import Rings, polygons
 from postproc.result import ESTIMATORS, CellResult, Result, region_of
 
 _DEGREE_DECIMALS = 8
@@ -52,26 +52,33 @@ class ExportWalk:
     """Levels in time order, and the track, divided where the receiver was silent for long.
 
     `n_without_..` count readings that are left out. Seconds count from `start_ns`, the time of the
-    first level.
+    first level. `no_utc` is why UTC is unknown, empty where it is known.
     """
 
     sightings: tuple[Sighting, ...]
     track: tuple[Stretch, ...]
     start_ns: int
-    has_utc: bool
-    n_without_identity: int
-    n_without_position: int
+    no_utc: str = ""
+    n_without_identity: int = 0
+    n_without_level: int = 0
+    n_without_position: int = 0
+
+    @property
+    def has_utc(self) -> bool:
+        """Whether levels and track have times in UTC."""
+        return not self.no_utc
 
 
 def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
     """Levels of all cells of a run, or of those named; raises `EstimationError` without a fix."""
-    readings = run.named_readings
-    observed = observe(run.tables["fixes"], run.tables["scans"], readings)
-    clock = utc_clock(run.meta.origin, run.tables["fixes"])
+    readings, fixes = run.named_readings, run.tables["fixes"]
+    observed = observe(fixes, run.tables["scans"], readings)
+    clock = utc_clock(run.meta.origin, fixes)
     track = _track(run, clock)
-    wanted = (readings["cell"] != b"") & np.isfinite(levels_dbm(readings))
+    named = readings["cell"] != b""
     if only is not None:
-        wanted &= np.isin(readings["cell"], [name.encode() for name in only])
+        named &= np.isin(readings["cell"], [name.encode() for name in only])
+    wanted = named & np.isfinite(levels_dbm(readings))
     sightings = _sightings(
         run, observed, wanted, [entry for stretch in track for entry in stretch], clock
     )
@@ -79,8 +86,9 @@ def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
         sightings=tuple(sightings),
         track=track,
         start_ns=sightings[0].t_ns if sightings else track[0][0][0],
-        has_utc=track[0][0][1].utc_ns is not None,
+        no_utc=why_unknown(run.meta.origin, fixes) if track[0][0][1].utc_ns is None else "",
         n_without_identity=int(np.count_nonzero(readings["cell"] == b"")) if only is None else 0,
+        n_without_level=int(np.count_nonzero(named & ~wanted)),
         n_without_position=int(np.count_nonzero(wanted)) - len(sightings),
     )
 
@@ -223,11 +231,10 @@ def write_walk(walk: ExportWalk, target: Path, name: str) -> Exported:
     writable = getattr(form, "writable", None)
     sightings = [s for s in walk.sightings if writable is None or writable(s)]
     if writable is not None and not sightings:
-        why = "" if walk.has_utc else ": the format needs UTC, and the receiver never reported it"
+        why = walk.no_utc and f": the format needs UTC, and {walk.no_utc}"
         raise RunFileError(f"nothing in the run can be written as {name}{why}")
-    written = replace(walk, sightings=tuple(sightings), n_without_identity=0, n_without_position=0)
     with whole_file(target) as part:
-        form.write(written, part)
+        form.write(replace(walk, sightings=tuple(sightings)), part)
     n_fixes, left_out = sum(map(len, walk.track)), _left_out(walk, len(sightings))
     return Exported(target, name, len(sightings), n_fixes, 0, walk.has_utc, left_out)
 
@@ -291,10 +298,11 @@ def _left_out(walk: ExportWalk, n_written: int) -> tuple[str, ...]:
     counts = {
         "without a complete identity, which the format needs": len(walk.sightings) - n_written,
         "of cells without an identity": walk.n_without_identity,
+        "without a level": walk.n_without_level,
         "without a fix near in time": walk.n_without_position,
     }
     omissions = [f"{n} readings {what}" for what, n in counts.items() if n]
     return (
         *omissions,
-        *([] if walk.has_utc else ["times in UTC: the receiver never reported them"]),
+        *([f"times in UTC: {walk.no_utc}"] if walk.no_utc else []),
     )

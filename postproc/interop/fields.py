@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any, get_args
 
+from logger.core.cell_names import channel_name
 from logger.core.errors import RunFileError
 from logger.core.places import check_position
 from logger.core.reportable import area_marks, identity_bits, identity_marks
@@ -222,7 +223,8 @@ class Transmitters:
                 "PSC": reading.psc,
                 "PCI": reading.pci,
             }
-            return " ".join(f"{k} {v}" for k, v in codes.items() if v is not None) or None
+            in_words = " ".join(f"{k} {v}" for k, v in codes.items() if v is not None)
+            return channel_name(reading) or in_words or None
         for column, values in self._values.items():
             if len(values) <= _MOST_VALUES and (value := text(fields, column)):
                 values[value] += 1

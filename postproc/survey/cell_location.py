@@ -23,6 +23,7 @@ from logger.core.locator.verdict import assess
 from logger.core.model.blocks import squares
 from logger.core.readings import Readings
 from logger.core.suspicion.rule import Word
+from logger.core.types import Verdict
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.region_outline import geojson
 from postproc.ground import elsewhere_reasons, middle_of, place_name, places_of
@@ -63,7 +64,7 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     cell: str
     rat: str
     area: str
-    verdict: str
+    verdict: Verdict
     reasons: tuple[str, ...]
     n_readings: int
     n_scans: int

@@ -30,6 +30,7 @@ with late_modules():
     from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, progress
     from postproc import result as estimation
+    from postproc.comparison import ground as blocks
     from postproc.comparison import report as comparing
     from postproc.guidance import next_walk
     from postproc.survey import dataset, intake, layers, location, scheduling, tasks
@@ -230,7 +231,7 @@ def diff(
     }
     n_changed = sum(cell.is_change for cell in compared.cells)
     ground = (
-        f"Both times have walked {compared.n_common_blocks} blocks of 50 m; of other ground "
+        f"Both times have walked {blocks.blocks_text(compared.n_common_blocks)}; of other ground "
         "nothing is said. Of surveys in which nothing changed, at most 5 % get a single word."
     )
     shown = [cell for cell in compared.cells if verbose or cell.word != "not comparable"]
@@ -307,7 +308,7 @@ def next_command(
     lines = read_streets(streets)
     with scheduling.Cluster(scheduler, workers) as cluster:
         found = location.locate_survey(whole, options, cluster=cluster)
-    walks = next_walks.next_walks(whole, found.cells, location.EVERY_RUN, options, n, where, lines)
+    walks = next_walks.next_walks(whole, found.cells, options, n, where, lines)
     content = [{"walker": walker} | next_walk.content_of(walk) for walker, walk in walks.items()]
     body: list[document.Part] = []
     for walker, walk in walks.items():

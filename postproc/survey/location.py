@@ -12,6 +12,7 @@ from logger.core.document import Column, Degrees, Document, Line, Table, Value, 
 from logger.core.ellipse import RADII
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
+from logger.core.types import Verdict
 from logger.core.utc import utc_text
 from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.ground import days_text
@@ -35,7 +36,7 @@ from postproc.survey.tasks import (
 EVERY_RUN = RunChoice()
 _MOST_ROWS = 40
 """Cells on the terminal; the files have all of them."""
-_ORDER = ("located", "ambiguous", "cannot tell")
+_ORDER: tuple[Verdict, ...] = ("located", "ambiguous", "cannot tell")
 CELL_COLUMNS = (
     Column("cell"),
     Column("verdict"),

@@ -3,7 +3,7 @@ import pytest
 
 from logger.core.column import UNKNOWN_TIME
 from logger.core.provenance import SIMULATED
-from logger.core.timebase import fit, fit_run
+from logger.core.timebase import fit, fit_run, why_unknown
 from logger.core.utc import utc_text
 
 UTC0 = 1_790_000_000 * 10**9
@@ -134,6 +134,21 @@ def test_only_of_a_simulated_run_may_sentences_be_read_that_late():
     fixes = {"t_ns": t_ns + _read_late(late_ns, 30.0), "utc_ns": utc_ns, "valid": valid}
     assert fit_run("walk", fixes) is None
     assert _error_s(fit_run(f"{SIMULATED}block", fixes), t_ns, utc_ns) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("utc_ns", "valid", "why"),
+    [
+        (np.full(9, UNKNOWN_TIME), 1, "never reported"),
+        (UTC0 + np.arange(9), 0, "never reported"),
+        (np.arange(9), 1, "cannot be"),
+        (UTC0 - np.arange(9) % 2 * 86_400 * 10**9, 1, "contradict each other"),
+    ],
+)
+def test_why_a_time_is_unknown(utc_ns, valid, why):
+    fixes = {"t_ns": np.arange(9), "utc_ns": utc_ns, "valid": np.full(9, valid)}
+    assert fit_run("walk", fixes) is None
+    assert why in why_unknown("walk", fixes)
 
 
 @pytest.mark.parametrize("jump_s", [HOUR, -HOUR, 18.0, -2.0])

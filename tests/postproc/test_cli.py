@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -55,6 +56,23 @@ def test_info_of_both_forms(tmp_path, capsys):
     }
     assert main(["info", str(tmp_path / "a.h5")]) == 0
     assert "the plug was pulled" in capsys.readouterr().out
+
+
+def test_times_that_contradict_each_other_are_not_called_missing(tmp_path, capsys):
+    """A receiver whose date is a day behind in some fixes."""
+    stream = runs.records(30)
+    for k, record in enumerate(stream):
+        if isinstance(record.value, Fix) and k % 2:
+            fix = replace(record.value, utc_ns=record.value.utc_ns - 86_400 * 10**9)
+            stream[k] = replace(record, value=fix)
+    runs.write_journal(tmp_path / "a.journal", stream)
+    why = "the times of the receiver contradict each other"
+    assert main(["info", str(tmp_path / "a.journal")]) == 0
+    assert f"at an unknown time ({why})" in capsys.readouterr().out
+    argv = "export", tmp_path / "a.journal", "-o", tmp_path / "a"
+    assert _json(capsys, *argv, "--format", "csv")["left_out"] == [f"times in UTC: {why}"]
+    assert main([*map(str, argv), "--format", "wigle"]) == 2
+    assert f"the format needs UTC, and {why}" in capsys.readouterr().err
 
 
 def test_recover_makes_hdf5_of_a_cut_journal(tmp_path, capsys):

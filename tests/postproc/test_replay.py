@@ -130,6 +130,16 @@ def test_one_bit_is_noticed(tmp_path):
     )
 
 
+def test_an_import_without_live_estimates_is_no_alarm(tmp_path, capsys):
+    lines = [f"{i},52.5{i:03},13.4,-60,GSM,262,01,4711,7" for i in range(60)]
+    text = "\n".join(["t_s,lat,lon,rssi_dbm,rat,mcc,mnc,lac,cid", *lines])
+    (tmp_path / "walk.csv").write_text(text)
+    assert main(["import", str(tmp_path / "walk.csv"), "-o", str(tmp_path / "run.h5")]) == 0
+    capsys.readouterr()
+    assert main(["replay", str(tmp_path / "run.h5")]) == 0
+    assert capsys.readouterr().out.startswith("the run has no live estimates to compare with")
+
+
 def test_a_cut_run_is_compared_as_far_as_it_goes(tmp_path):
     records = _record_walk()
     last = max(i for i, record in enumerate(records) if isinstance(record.value, LiveEstimate))

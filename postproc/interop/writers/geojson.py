@@ -9,8 +9,8 @@ from typing import Any
 from logger.core.document import Table
 from postproc.interop.exporting import Answered, ExportWalk
 from postproc.interop.fields import moment, seconds
-from postproc.interop.outlines import DECIMALS, lines
 from postproc.interop.sighting import Sighting
+from postproc.outlines import DECIMALS, lines
 
 Feature = dict[str, Any]
 

@@ -14,10 +14,10 @@ from logger.core.document import Column, Table, Value
 from logger.core.places import MAX_GAP_S
 from postproc.interop.exporting import Answered, ExportWalk, says_of, title_of
 from postproc.interop.fields import moment
-from postproc.interop.outlines import Line, LonLat, Rings, lines
 from postproc.interop.sighting import Sighting
 from postproc.interop.xml_file import add
 from postproc.interop.xml_file import write as write_xml
+from postproc.outlines import Line, LonLat, Rings, lines
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 CLASSES_DBM = (-60, -70, -80, -90, -100, -110)

@@ -6,7 +6,6 @@ from math import hypot
 
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.guidance.street_atlas import Line
-from logger.core.locator.pipeline import locate
 from logger.core.places import Places
 from postproc.ground import places_of
 from postproc.guidance.next_walk import NextWalk, next_walk
@@ -15,7 +14,6 @@ from postproc.result import Options
 from postproc.survey.alignment import align
 from postproc.survey.cell_location import LocatedCell, joined_readings, thin
 from postproc.survey.dataset import Survey
-from postproc.survey.tasks import RunChoice, runs_of
 
 _TRIED_EACH = 3
 """Cells that are considered for each walker."""
@@ -26,7 +24,6 @@ _APART_M = 500.0
 def next_walks(
     survey: Survey,
     located: Sequence[LocatedCell],
-    choice: RunChoice,
     options: Options,
     n_walkers: int,
     starts: Sequence[Places] = (),
@@ -34,8 +31,8 @@ def next_walks(
 ) -> dict[int, NextWalk]:
     """A walk for each walker, by number: unsure cells with most readings, by nats for each km.
 
-    `starts` are where the walkers are, in turn. Cells that are located need no walk. Raises
-    `ConfigError` where no cell is unsure.
+    The answer of each is that of `located`; cells that are located need no walk. `starts` are where
+    the walkers are, in turn. Raises `ConfigError` where no cell is unsure.
     """
     unsure = [cell for cell in located if cell.verdict != "located" and cell.x_m is not None]
     if not unsure:
@@ -49,7 +46,8 @@ def next_walks(
         walks = []
         for cell in with_progress(tried, "planning", len(tried), [one.cell for one in tried]):
             try:
-                walks.append(_walk(survey, cell, choice, options, start, lines))
+                runs = [run for one in located if one.cell == cell.cell for run in one.runs]
+                walks.append(_walk(survey, cell, runs, options, start, lines))
             except (ConfigError, EstimationError):  # no route, or no place
                 continue
         if walks:
@@ -62,20 +60,17 @@ def next_walks(
 def _walk(
     survey: Survey,
     cell: LocatedCell,
-    choice: RunChoice,
+    runs: Sequence[str],
     options: Options,
     start: Places | None,
     lines: Iterable[Line],
 ) -> NextWalk:
-    parts = survey.observations(cell.area, [cell.cell], runs_of(survey, choice))[cell.cell]
+    parts = survey.observations(cell.area, [cell.cell], runs)[cell.cell]
     parts = places_of(parts)[cell.place - 1]
     obs = joined_readings(parts, [survey.runs[digest].modem for digest in parts])
-    usable = thin(align(obs.usable()).obs)
-    if usable.modem is not None:  # forecasts are of one modem
-        offsets = locate(usable, options.prior).offsets
-        if offsets is not None:
-            usable = replace(usable.on_one_scale(offsets.mean_db), modem=None)
-    return next_walk(usable, options.prior, start, lines)
+    walk = next_walk(thin(align(obs.usable()).obs), options.prior, start, lines)
+    answer = replace(walk.answer, verdict=cell.verdict, reasons=cell.reasons)
+    return walk._replace(answer=answer)
 
 
 def _is_apart(cell: LocatedCell, walk: NextWalk) -> bool:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.comparison.ground import BLOCK_M, Grid, grounds_of, half_blocks_at
+from postproc.comparison.ground import BLOCK_M, Grid, blocks_text, grounds_of, half_blocks_at
 from tests.kit.walks import with_places
 from tests.postproc.comparison.city import LISTED, name, walk
 
@@ -21,6 +21,10 @@ def test_a_block_is_where_its_middle_is():
     assert np.all(np.abs(middle_x_m - x_m) <= 0.5 * BLOCK_M)
     assert np.all(np.abs(middle_y_m - y_m) <= 0.5 * BLOCK_M)
     assert np.all(grid.blocks_of(half_blocks_at(middle_x_m, middle_y_m)) == block)
+
+
+def test_blocks_are_counted_in_words():
+    assert [blocks_text(n) for n in (1, 2)] == ["1 block of 50 m", "2 blocks of 50 m"]
 
 
 def test_levels_are_means_of_their_block():

@@ -68,6 +68,18 @@ def test_geojson_is_small_valid_and_counterclockwise():
     assert back_y.max() == pytest.approx(NORTH + 49.0, abs=8.0)
 
 
+def test_a_region_is_cut_at_180_degrees():
+    """RFC 7946, 3.1.9."""
+    utm = Utm.at(-17.0, 179.9999)
+    east, north = utm.to_xy(-17.0, 180.0)
+    cells = Squares(np.array([east]), np.array([north]), np.array([100.0]), np.array([1.0]))
+    found = shape(msgspec.to_builtins(geojson(cells, utm)))
+    west, east = sorted(part.bounds[::2] for part in found.geoms)
+    assert found.is_valid
+    assert (west[0], east[1]) == (-180.0, 180.0)
+    assert (west[1] + 180.0, 180.0 - east[0]) == pytest.approx((0.00047, 0.00047), abs=2e-5)
+
+
 def test_holes_run_clockwise():
     part = geojson(gaussians((1.0, 0.0, 0.0, 60.0), (-0.55, 0.0, 0.0, 45.0)), UTM).coordinates[0]
     assert len(part) == 2

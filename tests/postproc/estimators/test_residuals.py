@@ -158,7 +158,7 @@ def test_an_azimuth_that_hardly_changes_gives_no_sector():
     assert not any("sector" in text for text in findings(result))
 
 
-def test_outliers_are_named_by_scan_and_size():
+def test_outliers_are_named_by_reading_and_size():
     obs = walk(np.random.default_rng(9))
     level = obs.level_dbm.copy()
     level[[40, 300]] += [-30.0, 22.0]
@@ -171,7 +171,7 @@ def test_outliers_are_named_by_scan_and_size():
     )
     (text,) = (text for text in findings(result) if "outlying" in text)
     assert "2 outlying readings" in text
-    assert "scan 1040" in text
+    assert f"the worst, reading 41 of {len(obs)}, is" in text
     assert "weaker" in text
 
 

@@ -163,7 +163,21 @@ def test_without_utc_a_format_that_needs_it_says_so(tmp_path, capsys, name):
     assert "needs UTC" in output.err
     assert not (tmp_path / "a").exists()
     output = _main(capsys, "export", tmp_path / "a.journal", "-o", tmp_path / "a.csv", "--json")
-    assert json.loads(output.out)["left_out"] == ["times in UTC: the receiver never reported them"]
+    assert json.loads(output.out)["left_out"] == ["times in UTC: the receiver never reported UTC"]
+
+
+def test_readings_without_a_level_are_counted(tmp_path, capsys):
+    lines = [
+        f"{i},52.5,13.4,{-60 if i % 3 else -120},GSM,262,01,4711,{7 + i % 2}" for i in range(60)
+    ]
+    text = "\n".join(["t_s,lat,lon,rssi_dbm,rat,mcc,mnc,lac,cid", *lines])
+    (tmp_path / "walk.csv").write_text(text)
+    _main(capsys, "import", tmp_path / "walk.csv", "-o", tmp_path / "run.h5")
+    argv = "export", tmp_path / "run.h5", "-o", tmp_path / "a.csv"
+    assert "left out: 20 readings without a level" in "".join(_main(capsys, *argv))
+    said = json.loads(_main(capsys, *argv, "--cell", "262-01-4711-7", "--json").out)
+    assert said["n_levels"] == 20
+    assert "10 readings without a level" in said["left_out"]
 
 
 @pytest.mark.parametrize(
@@ -253,7 +267,7 @@ def test_every_estimator_stands_in_columns_of_its_own(tmp_path, cells):
     write_answers([cells], tmp_path / "cells.csv", "csv", every=True)
     rows = rows_of(tmp_path / "cells.csv")
     end = cells.answer(cells.cells[0]).paths.ends["ekf"]
-    assert float(rows[0]["ekf_latitude_deg"]) == end.lat
+    assert rows[0]["ekf_latitude_deg"] == str(round(end.lat, 6))  # as the position of the cell
     assert rows[-1]["ekf_latitude_deg"] == ""
 
 

@@ -30,7 +30,7 @@ def over_the_date_line(tmp_path):
 
 def export_of(sightings):
     """Sightings as an export has them."""
-    return ExportWalk(tuple(sightings), (), 0, True, 0, 0)
+    return ExportWalk(tuple(sightings), (), 0)
 
 
 def read_walk(source):

@@ -34,6 +34,12 @@ def test_page_beside_the_run_and_pictures_where_wanted(run, tmp_path, capsys):
     run.with_suffix(".html").unlink()
 
 
+def test_a_wrong_rate_is_said_before_the_estimate(run, capsys, monkeypatch):
+    monkeypatch.setattr("postproc.report.cli.stored_or_estimated", None)
+    said = fails(capsys, "report", run, "--claim", "52.001,13.0", "--pfa", "2")
+    assert "at most 0.5" in said
+
+
 def test_json_describes_the_files(run, tmp_path, capsys):
     target = tmp_path / "x.html"
     claim = ("--claim", "52.001,13.0,30", "--cell", "262-01-4711-1")

@@ -84,14 +84,15 @@ def test_next_walks(survey, scheduler):
     with Cluster(scheduler) as cluster:
         found = locate_survey(survey, Options(), cluster=cluster).cells
     unsure = [replace(cell, verdict="cannot tell") for cell in found]
-    walks = next_walks(
-        survey, unsure[:1], EVERY_RUN, Options(), 2, [Places.of_degrees(52.52, 13.38)]
-    )
+    walks = next_walks(survey, unsure[:1], Options(), 2, [Places.of_degrees(52.52, 13.38)])
     assert {walker: walk.answer.cell for walker, walk in walks.items()} == {1: unsure[0].cell}
     assert walks[1].routes[0].nats > 0.0
+    answer = walks[1].answer
+    assert (answer.place.r50_m, answer.place.r95_m) == (unsure[0].r50_m, unsure[0].r95_m)
+    assert answer.reasons == unsure[0].reasons
     certain = [replace(cell, verdict="located") for cell in found]
     with pytest.raises(ConfigError, match="no walk is needed"):
-        next_walks(survey, certain, EVERY_RUN, Options(), 1)
+        next_walks(survey, certain, Options(), 1)
 
 
 @pytest.mark.slow
@@ -107,7 +108,7 @@ def test_several_walkers_have_areas_of_their_own(tmp_path, scheduler):
     utm = Utm(ZONE)
     starts_m = [np.array(ORIGIN_M), np.array(ORIGIN_M) + city.size_m]
     starts = [Places.of(*place, utm=utm) for place in starts_m]
-    walks = next_walks(survey, unsure, EVERY_RUN, Options(), 3, starts)
+    walks = next_walks(survey, unsure, Options(), 3, starts)
     assert list(walks) == [1, 2, 3]
     assert len({walk.answer.cell for walk in walks.values()}) == 3
     for walk, start_m in zip(walks.values(), [*starts_m, starts_m[0]], strict=True):
@@ -121,4 +122,4 @@ def test_several_walkers_have_areas_of_their_own(tmp_path, scheduler):
         assert apart_m > 500.0
     # there are no places for more walkers than areas of 500 m
     near = [cell for cell in unsure if cell.cell == walks[1].answer.cell] * 2
-    assert len(next_walks(survey, near, EVERY_RUN, Options(), 2, starts)) == 1
+    assert len(next_walks(survey, near, Options(), 2, starts)) == 1

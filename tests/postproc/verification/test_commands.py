@@ -175,7 +175,7 @@ def test_mistakes_are_one_line(run, tmp_path, capsys):
     assert "was not observed" in fails(
         capsys, "verify", run, "--claim", "52,13", "--cell", "nobody"
     )
-    assert "false-alarm rate" in fails(capsys, "verify", run, "--claim", "52,13", "--pfa", "7")
+    assert "at most 0.5" in fails(capsys, "verify", run, "--claim", "52,13", "--pfa", "7")
     assert "--against" in fails(capsys, "verify", run, "--claim", "52,13", "--against", run)
     assert "No such file" in fails(capsys, "verify", run, "--claims", tmp_path / "none")
     assert "no such file" in fails(

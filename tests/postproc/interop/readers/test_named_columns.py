@@ -118,6 +118,13 @@ def test_without_an_identity_channel_and_code_name_the_cell(tmp_path, head):
     assert names == ["channel 1300 PCI 7", "channel 1300 PCI 8", None, "channel 1300 PCI 7"]
 
 
+def test_with_its_technology_it_has_the_name_of_any_other_walk(tmp_path):
+    """As in docs/guide/desktop.md."""
+    source = tmp_path / "x.csv"
+    source.write_text(_table(WALK, "rat", "arfcn", "bsic", names=["GSM,62,37"] * 8))
+    assert {row.reading.cell for row in recognise(source).read(source)} == {"GSM-62-37"}
+
+
 def test_an_identity_without_its_network_is_a_name(tmp_path):
     rows = _rows(tmp_path, "time,lat,lon,lac,cid,rat,rxlev",
                  f"{TIME},41.0,28.9,7,99,GSM,-80", f"{TIME},41.0,28.9,7,98,GSM,-80",

@@ -110,7 +110,7 @@ def test_names_that_are_no_xml_are_written_all_the_same(tmp_path, schema):
     one = replace(
         walk.sightings[0], reading=replace(walk.sightings[0].reading, label="<b>&\x01\ud800 Café")
     )
-    kml.write(ExportWalk((one,), walk.track, 0, True, 0, 0), tmp_path / "w.kml")
+    kml.write(ExportWalk((one,), walk.track, 0), tmp_path / "w.kml")
     schema.validate(tmp_path / "w.kml")
     assert _folder(ET.parse(tmp_path / "w.kml").getroot(), "<b>& Café") is not None
 

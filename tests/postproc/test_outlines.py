@@ -5,7 +5,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from postproc.interop.outlines import lines, polygons
+from postproc.outlines import lines, polygons
 
 
 def _shape(found):
