@@ -4,7 +4,6 @@ A route's gain is predicted under the model. On simulated walks a radius that wa
 of 100 came true in 4: the figures are optimistic, their order is what counts.
 """
 
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -49,9 +48,6 @@ _FARTHEST_M = 20_000.0
 """Half an hour by car from the walk; a start beyond has latitude and longitude exchanged."""
 _DRAWS = 40
 """True positions that the radius after a route is predicted for."""
-
-_KNOWN_TO = re.compile(r"known to (\d+ m)")
-"""Words of the advice, which has no radii beside it and stays as replay compares it."""
 
 
 class RankedRoute(NamedTuple):
@@ -109,10 +105,7 @@ def next_walk(
         start,
         posterior,
         tuple(_rank(one, sample) for one in _different([best, *others])),
-        _KNOWN_TO.sub(
-            r"with 95 % within \1 of it",
-            sentence(best, sample, places, None, distance_m, task.mean_dbm)[0],
-        ),
+        sentence(best, sample, places, None, distance_m, task.mean_dbm)[0],
         forecaster,
         everywhere.places,
     )
