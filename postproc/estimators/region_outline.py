@@ -55,7 +55,7 @@ def geojson(cells: Squares, utm: Utm, level: float = LEVEL) -> answer.MultiPolyg
         for part in outline(cells, level)
     ]
     lon_deg = [lon for part in rings for ring in part for lon, _ in ring]
-    if max(lon_deg) - min(lon_deg) > 180.0:
+    if lon_deg and max(lon_deg) - min(lon_deg) > 180.0:
         rings = outlines.polygons(rings)
     return answer.MultiPolygon(type="MultiPolygon", coordinates=rings)
 
