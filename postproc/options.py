@@ -49,7 +49,7 @@ runs_argument = click.argument(
     "paths", type=INPUT, nargs=-1, required=True, metavar="RUN...", callback=_start_reader
 )
 cells_option = click.option(
-    "--cell", "cells", multiple=True, metavar="NAME", help="Only this cell (may be repeated)."
+    "--cell", "cells", multiple=True, metavar="NAME", help="Only this cell (repeatable)."
 )
 basemap_option = click.option(
     "--basemap",
@@ -86,7 +86,7 @@ def claims_options(command: Command) -> Command:
         "--claim",
         multiple=True,
         metavar="LAT,LON[,SIGMA_M]",
-        help="Claimed position of --cell or of every cell (may be repeated).",
+        help="Claimed position of --cell or of every cell (repeatable).",
     )(command)
 
 
@@ -105,7 +105,7 @@ def prior_options(command: Command) -> Command:
         default="any",
         show_default=True,
         metavar="NAME",
-        help="Any, omni, or sector: a beam of unknown azimuth.",
+        help="Any, omni, or sector of unknown azimuth.",
     )
     @click.option(
         "--reach",
@@ -121,7 +121,7 @@ def prior_options(command: Command) -> Command:
         default="any",
         show_default=True,
         metavar="M",
-        help="Antenna above the receiver in metres; any weighs several.",
+        help="Metres above the receiver; any weighs several.",
     )
     @functools.wraps(command)
     def with_prior(

@@ -286,7 +286,7 @@ def map_command(
 @click.option("--walkers", "n", type=number(int, 1, 100), default=1, show_default=True,
               metavar="N", help="How many will walk.")  # fmt: skip
 @click.option("--from", "starts", metavar="LAT,LON", multiple=True,
-              help="Where a walker begins (may be repeated).")  # fmt: skip
+              help="Where a walker begins (repeatable).")  # fmt: skip
 @streets_option
 @prior_options
 @json_option

@@ -47,7 +47,7 @@ _P_FA = 0.05
     "cells",
     multiple=True,
     metavar="NAME",
-    help="Cell to show in detail (may be repeated).",
+    help="Cell to show in detail (repeatable).",
 )
 @prior_options
 @area_options
