@@ -5,7 +5,7 @@
 3. Leaves with much of the posterior itself, and leaves much larger than such a neighbour.
 """
 
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from logger.core.arrays import BoolArray, FloatArray
 from logger.core.locator.packing import around, compact_groups
 from logger.core.locator.quadtree import Effort, Tree
 from logger.core.model.prior import Prior
+
+Split = Callable[[Tree, BoolArray], Tree]
+"""Gives the tree with the chosen leaves, a mask of shape (h,), split in four."""
 
 _POWERS = (0.03, 0.1, 0.3)
 """Of the likelihood in rule 1, from nearly flat to less flat."""
@@ -34,13 +37,7 @@ _TOUCH = 1.0 + 1e-9
 """Squares that share an edge touch in spite of rounding."""
 
 
-class Splitter(Protocol):
-    """Gives the tree with the chosen leaves, a mask of shape (h,), split in four."""
-
-    def __call__(self, tree: Tree, chosen: BoolArray, /) -> Tree: ...
-
-
-def grow(tree: Tree, split: Splitter, prior: Prior, effort: Effort) -> Tree:
+def grow(tree: Tree, split: Split, prior: Prior, effort: Effort) -> Tree:
     """Split leaves until none that holds much of the probability is large."""
     most = len(tree.x_m) + effort.most_squares
     tree = _split_flattened(tree, split, prior, effort)
@@ -54,7 +51,7 @@ def grow(tree: Tree, split: Splitter, prior: Prior, effort: Effort) -> Tree:
     return tree
 
 
-def _split_flattened(tree: Tree, split: Splitter, prior: Prior, effort: Effort) -> Tree:
+def _split_flattened(tree: Tree, split: Split, prior: Prior, effort: Effort) -> Tree:
     for power in _POWERS:
         p = tree.mixture(prior, power).probability
         is_heavy = p > 2.0 * effort.split_share
@@ -62,7 +59,7 @@ def _split_flattened(tree: Tree, split: Splitter, prior: Prior, effort: Effort) 
     return tree
 
 
-def _split_densest(tree: Tree, split: Splitter, prior: Prior, densest: int) -> Tree:
+def _split_densest(tree: Tree, split: Split, prior: Prior, densest: int) -> Tree:
     for _ in range(_DENSEST_TURNS):
         density = tree.mixture(prior, _POWERS[-1]).probability / tree.size_m**2
         least = np.sort(density)[-min(densest, len(density))]
