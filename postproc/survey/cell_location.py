@@ -15,7 +15,7 @@ from shapely.geometry import shape
 
 from logger.core.answer import place_of
 from logger.core.arrays import BoolArray
-from logger.core.locator.pipeline import locate
+from logger.core.locator.pipeline import locate, unless_it_moves
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
 from logger.core.locator.two_source_test import Division, divide, divide_in_time
@@ -181,6 +181,7 @@ def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
     reasons = [_TOO_MANY_MODEMS] if len(usable) < len(of_all_modems) else []
     at_once, in_time = _divisions(usable, posterior)
     decision = assess(posterior, usable, _likelier(at_once, in_time), within_m=options.within_m)
+    decision = unless_it_moves(decision, posterior, usable)
     place = place_of(posterior)
     region = shape(msgspec.to_builtins(geojson(posterior.squares, usable.utm)))
     return msgspec.structs.replace(

@@ -58,17 +58,27 @@ any more (11 with 1, 7 with 2.1); past 150 that stand, 10 are lost (16, 6), 4 of
 def decide(posterior: Posterior, obs: Readings, *, within_m: float = DESK_M) -> Decision:
     """The verdict: located where 95 % of the probability lie within `within_m`.
 
-    A location is of one modem's readings in their order only if neither two transmitters, one after
-    the other, nor one that moves explain them better.
+    A location is one only if no two transmitters explain the readings better, at once or one after
+    the other, nor one that moves. `obs` are in their order in time.
     """
     obs = obs.usable()
     decision = assess(posterior, obs, divide(obs, posterior), within_m=within_m)
+    if decision.verdict == "located":
+        in_time = divide_in_time(obs, posterior, LIVE)
+        decision = assess(posterior, obs, in_time, within_m=within_m)
+    return unless_it_moves(decision, posterior, obs)
+
+
+def unless_it_moves(decision: Decision, posterior: Posterior, obs: Readings) -> Decision:
+    """The decision, or cannot tell where a transmitter that moves explains a location better.
+
+    Readings of several modems, whose offsets look like a move, leave it as it is.
+    """
     if decision.verdict != "located" or obs.n_modems > 1:
         return decision
-    decision = assess(posterior, obs, divide_in_time(obs, posterior, LIVE), within_m=within_m)
     motion = MotionTest()
     motion.try_moves(obs, posterior, len(MOVES_M))
     moves = motion.division()
-    if moves is not None and moves.log_factor > _MOVES_LOG_FACTOR:
-        return may_move(moves)
-    return decision
+    if moves is None or moves.log_factor <= _MOVES_LOG_FACTOR:
+        return decision
+    return may_move(moves)
