@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from logger.core.locator.pipeline import decide, locate
+from logger.core.locator.pipeline import decide, locate, unless_it_moves
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, MOVES_M, MotionTest
-from logger.core.locator.verdict import assess
+from logger.core.locator.verdict import Decision, assess
 from logger.core.model.prior import Prior
 from tests.kit.guided_walks import line
 from tests.kit.walks import observations
@@ -50,7 +52,7 @@ def test_one_that_stands_does_not_move():
 
 @pytest.mark.parametrize(
     ("way_m", "says"),
-    [((0.0, 0.0), "one position holds"), ((250.0, 0.0), "transmitter that moves")],
+    [((0.0, 0.0), "one position holds"), ((250.0, 0.0), "the transmitter seems to have moved")],
 )
 def test_at_the_desk_one_that_moves_is_not_located(way_m, says):
     share = np.linspace(-0.5, 0.5, len(AROUND))[:, None]
@@ -60,6 +62,18 @@ def test_at_the_desk_one_that_moves_is_not_located(way_m, says):
     found = decide(posterior, obs, within_m=400.0)
     assert says in found.reasons[0]
     assert (found.verdict == "located") == (way_m == (0.0, 0.0))
+
+
+def test_a_location_stays_unless_one_that_moves_is_likelier():
+    located, share = Decision("located", ["why"]), np.linspace(0.0, 1.0, len(AROUND))[:, None]
+    stands = _walk_past(np.array([120.0, 90.0]))
+    moves = _walk_past(np.array([60.0, 40.0]) + share * (200.0, 100.0))
+    assert unless_it_moves(located, locate(stands), stands) is located
+    found = unless_it_moves(located, locate(moves), moves)
+    assert found.verdict == "cannot tell"
+    assert "transmitter that moves" in found.reasons[0]
+    two_modems = replace(moves, modem=np.arange(len(moves)) % 2)
+    assert unless_it_moves(located, locate(moves), two_modems) is located
 
 
 def test_nothing_is_said_before_every_move_has_been_tried():
