@@ -17,7 +17,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.document import Column, Degrees, Document, Table
 from logger.core.document import Line as TextLine
 from logger.core.ellipse import RADII, metres
-from logger.core.errors import ConfigError
+from logger.core.errors import ConfigError, EstimationError
 from logger.core.guidance.forecast import Forecast, Forecaster
 from logger.core.guidance.planner import Course, Plan, first_turn, plans
 from logger.core.guidance.routes import Route, compass_routes, street_routes
@@ -36,6 +36,7 @@ from postproc.atomic_write import whole_file
 from postproc.interop.writers.gpx import NAMESPACE
 from postproc.interop.xml_file import add, decimal, write
 from postproc.outlines import DECIMALS
+from postproc.smoothing import too_few
 
 MOST_ROUTES = 5
 """Routes that are listed; the others differ from these by a leg."""
@@ -83,10 +84,12 @@ def next_walk(
     """Rank routes from a start (default: where the readings end) by what they say about a cell.
 
     `lines` are the streets. Raises `ConfigError` without a
-    route from there, `EstimationError` without a level of the cell.
+    route from there, `EstimationError` for a cell of too few readings.
     """
     everywhere = obs.everywhere()  # the walk, wherever its readings count
     obs = everywhere.usable()
+    if why := too_few(everywhere, obs):
+        raise EstimationError(f"{why}; walk where it was heard")
     task = prepare(obs, prior, _EFFORT)
     tree = search(task)
     posterior = locate(obs, prior)  # the answer is that of every command

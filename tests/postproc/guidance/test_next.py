@@ -5,6 +5,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+from logger.core.errors import EstimationError
 from logger.core.guidance.routes import Route
 from logger.core.model.prior import Prior
 from logger.core.places import Utm
@@ -152,3 +153,10 @@ def test_a_mistake_is_one_line(run, capsys, arguments, reason):
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     assert reason in err
+
+
+def test_a_cell_of_too_few_readings_has_no_route(run):
+    """As `smooth`, which has no position of it."""
+    few = _readings_of([run], None).part(slice(4))
+    with pytest.raises(EstimationError, match="only 4 .* at least 5 are needed; walk where it was"):
+        next_walk(few, Prior())
