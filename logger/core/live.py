@@ -12,6 +12,7 @@ from logger.core.answer import Answer
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.cell_names import REUSED_M, Identities, is_by_channel
 from logger.core.errors import GeoError
+from logger.core.fix_gate import FixGate
 from logger.core.guidance.followed_cell import FollowedCell
 from logger.core.guidance.pursuit import Pursuit
 from logger.core.guidance.street_atlas import StreetAtlas, Streets
@@ -22,7 +23,7 @@ from logger.core.live_reference import LiveReference
 from logger.core.live_settings import FOLLOW, WITHIN, LiveSettings, within_of
 from logger.core.model.area import WalkArea
 from logger.core.model.prior import Prior, prior_for
-from logger.core.places import TIMING_S, FixGate, Places, Utm, place_of_fix, smeared_sigma_m
+from logger.core.places import TIMING_S, Places, Utm, place_of_fix, smeared_sigma_m
 from logger.core.readings import Readings, limit_of
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import error_notes, finding_notes

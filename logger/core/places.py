@@ -8,7 +8,7 @@ outside the zone.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from math import cos, floor, hypot, radians
+from math import floor, hypot
 from typing import ClassVar, Self
 
 import numpy as np
@@ -19,7 +19,6 @@ from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.errors import EstimationError, GeoError
 from logger.core.model.path_loss import log_distances_db
 from logger.core.rows import Rows
-from logger.core.squares import METRES_PER_DEG
 from logger.core.types import DEAD_RECKONING, Fix
 
 MAX_LATITUDE_DEG = 84.0
@@ -358,53 +357,6 @@ def place_of_fix(t_ns: int, fix: Fix, utm: Utm | None = None) -> Places | None:
         np.array([t_ns]),
         utm,
     )
-
-
-class FixGate:
-    """Which fixes may be true: none that the receiver cannot have reached since the one before.
-
-    One cold start, reflection or jammer gives fixes that are kilometres off. The others decide:
-    where those of `_RETURN_NS` are near each other, the one before was wrong. As an error of less
-    than `_ERROR_M` has its share in the sigma of a place, it passes.
-    """
-
-    _ERROR_M = 150.0
-    _FASTEST_MPS = 100.0
-    """360 km/h: a train."""
-    _RETURN_NS = 5 * 10**9
-
-    def __init__(self) -> None:
-        self._known: tuple[int, Fix] | None = None
-        self._doubtful: tuple[int, Fix] | None = None
-        self._doubtful_ns = 0
-
-    def passes(self, t_ns: int, fix: Fix) -> bool:
-        """Take the next fix; one without a position passes, and changes nothing."""
-        if not fix.valid or fix.lat_deg is None or fix.lon_deg is None:
-            return True
-        new = t_ns, fix
-        if self._known is not None and not self._is_within_reach(self._known, new):
-            if self._doubtful is None or not self._is_within_reach(self._doubtful, new):
-                self._doubtful_ns = t_ns
-            self._doubtful = new
-            if t_ns - self._doubtful_ns < self._RETURN_NS:
-                return False
-        self._known, self._doubtful = new, None
-        return True
-
-    def _is_within_reach(self, before: tuple[int, Fix], after: tuple[int, Fix]) -> bool:
-        seconds = max(after[0] - before[0], 0) / 1e9
-        return _apart_m(before[1], after[1]) <= self._ERROR_M + self._FASTEST_MPS * seconds
-
-
-def _apart_m(one: Fix, other: Fix) -> float:
-    """About the distance of two fixes on a globe, exact enough to tell a leap from a walk."""
-    lat_deg, lon_deg, other_lat_deg, other_lon_deg = (
-        angle_deg or 0.0 for fix in (one, other) for angle_deg in (fix.lat_deg, fix.lon_deg)
-    )
-    turn_deg = (other_lon_deg - lon_deg + 180.0) % 360.0 - 180.0
-    north_deg = other_lat_deg - lat_deg
-    return METRES_PER_DEG * hypot(turn_deg * cos(radians(lat_deg)), north_deg)
 
 
 def fix_sigma_m(acc_m: float | None, hdop: float | None, quality: int | None = None) -> float:

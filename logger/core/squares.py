@@ -13,6 +13,7 @@ from math import cos, floor, radians, sqrt
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.fix_gate import METRES_PER_DEG
 
 SQUARE_M = 300.0
 """Houses shadow over tens of metres, cells reach kilometres; a walker needs minutes for it."""
@@ -21,8 +22,6 @@ _BELTS_PER_DEG = 370
 _LAST_BELT = 180 * _BELTS_PER_DEG - 1
 _EQUATOR_M = 40_075_017.0
 """Circumference at the equator (WGS 84)."""
-METRES_PER_DEG = 111_320.0
-"""Of longitude at the equator; a degree of latitude is up to 0.7 % shorter."""
 _COLUMN_BITS = 18
 """The equator has 133 583 columns."""
 

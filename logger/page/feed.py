@@ -15,6 +15,7 @@ from typing import Any
 
 import msgspec
 
+from logger.core.fix_gate import METRES_PER_DEG
 from logger.core.foreign import open_regular
 from logger.core.latest import Latest
 from logger.core.live_settings import MARK
@@ -108,7 +109,6 @@ MOST_LEVELS = 20_000
 MOST_MARKS = 500
 MOST_CELLS = 64
 MINUTE_NS = 60 * 10**9
-_METRES_PER_DEG = 111_320.0
 
 
 class Walk:
@@ -162,8 +162,8 @@ class Walk:
         if len(self._lat) >= MOST_POINTS or not math.isfinite(lat_deg + lon_deg):
             return
         if self._lat:
-            north_m = (lat_deg - self._lat[-1]) * _METRES_PER_DEG
-            east_m = (lon_deg - self._lon[-1]) * _METRES_PER_DEG * math.cos(math.radians(lat_deg))
+            north_m = (lat_deg - self._lat[-1]) * METRES_PER_DEG
+            east_m = (lon_deg - self._lon[-1]) * METRES_PER_DEG * math.cos(math.radians(lat_deg))
             if math.hypot(north_m, east_m) < STEP_M:
                 return
         self._t_ns.append(t_ns)

@@ -38,7 +38,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.ellipse import CHI2_95_2DOF
 from logger.core.errors import EstimationError
-from logger.core.locator.normal_tail import log_cdf_and_slope
+from logger.core.locator.orthant import log_cdf_and_slope
 from logger.core.model import path_loss
 from logger.core.places import Places
 from logger.core.readings import Readings

@@ -5,9 +5,8 @@ import pytest
 
 from logger.core import shadow_ekf
 from logger.core.errors import GeoError
-from logger.core.places import FixGate, Places, Utm, join_places
+from logger.core.places import Places, Utm, join_places
 from logger.core.shadow_ekf import ShadowNoise
-from logger.core.types import Fix
 from logger.sim.world import Shadowing
 
 SHADOWED = ShadowNoise(6.0, 15.0, 2.0, 0.0)
@@ -135,31 +134,3 @@ def test_a_filter_stays_honest_over_a_street_walked_four_times(once, low, high):
         covariance = shadow_ekf.covariance_matrix(state.factors)[:2, :2]
         held.append(error @ np.linalg.solve(covariance, error) < 5.991)
     assert low <= np.mean(held) <= high
-
-
-def _which_pass(*at):
-    """Whether each fix passes: seconds, latitude and longitude."""
-    gate = FixGate()
-    return [gate.passes(round(t_s * 1e9), Fix(True, None, lat, lon)) for t_s, lat, lon in at]
-
-
-def test_a_fix_that_no_train_reaches_is_none_until_others_bear_it_out():
-    north_deg, far = 1e-5, (52.5, 15.6)
-    walk = [(t, 52.5 + t * north_deg, 13.4) for t in range(20)]
-    assert all(_which_pass(*walk))
-    leap = [*walk[:5], (5, *far), *walk[6:]]
-    assert [t for t, passes in enumerate(_which_pass(*leap)) if not passes] == [5]
-    cold_start = [(0, *far), *walk[1:]]
-    assert [t for t, passes in enumerate(_which_pass(*cold_start)) if not passes] == [1, 2, 3, 4, 5]
-    scattered = [*walk[:3], (3, *far), (4, -10.0, 20.0), (5, 40.0, 100.0), *walk[6:]]
-    assert [t for t, passes in enumerate(_which_pass(*scattered)) if not passes] == [3, 4, 5]
-
-
-def test_a_train_a_gap_and_the_antimeridian_are_no_leap():
-    assert all(_which_pass(*[(t, 52.5 + t * 83.0 / 111_320.0, 13.4) for t in range(10)]))
-    assert all(_which_pass((0, 52.5, 13.4), (600, 52.9, 13.4)))
-    assert all(_which_pass((0, -17.0, 179.9999), (1, -17.0, -179.9999)))
-    gate = FixGate()
-    assert gate.passes(0, Fix(True, None, 52.5, 13.4))
-    assert gate.passes(1, Fix(False))
-    assert not gate.passes(10**9, Fix(True, None, 52.6, 13.4))

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.locator.normal_tail import log_cdf_and_slope
+from logger.core.locator.orthant import log_cdf_and_slope
 from logger.core.model.blocks import Blocks, Censored
 from logger.core.model.columns import censored_columns, varying_columns
 from logger.core.model.elimination import (

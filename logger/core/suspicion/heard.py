@@ -7,9 +7,8 @@ from math import cos, hypot, radians
 from typing import Any, NamedTuple, TypeVar
 
 from logger.core.baseline import NO_BASELINE, Baseline
+from logger.core.fix_gate import METRES_PER_DEG, FixGate
 from logger.core.latest import Latest
-from logger.core.places import FixGate
-from logger.core.squares import METRES_PER_DEG
 from logger.core.suspicion.spots import Spots
 from logger.core.types import Broadcast, CellReading, Fix, Scan
 
