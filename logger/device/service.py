@@ -261,6 +261,8 @@ class Service:
             scanless_s = (now_ns - scan_ns) / 1e9
             if not port.is_open:
                 faults[link.name] = port.event
+            elif port.fault:
+                faults[link.name] = port.fault
             elif patience_s is not None and scanless_s > patience_s:
                 faults[link.name] = f"no scan for {scanless_s:.0f} s: {port.event}"
         return faults
