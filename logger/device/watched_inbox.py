@@ -152,11 +152,12 @@ def _fix_status(t_ns: int, fix: Fix) -> FixStatus:
 
 
 def _with_event(port: PortStatus, note: Note) -> PortStatus:
+    """A loss in a session is a fault also after the port is opened again."""
     match note.code:
         case "port-opened":
-            return PortStatus(port.url, is_open=True, event=note.text)
+            return replace(port, is_open=True, event=note.text)
         case "port-lost" | "internal":
-            return PortStatus(port.url, event=note.text)
+            return PortStatus(port.url, event=note.text, fault=note.text if port.is_open else "")
         case code:
             fault = note.text if code == NO_EPOCHS else port.fault
             return replace(port, event=note.text, fault=fault)

@@ -8,13 +8,15 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.device.clock import ScaledClock, SystemClock
+from logger.drivers import family
 from logger.drivers.registry import FAMILIES
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
 from logger.sim.walk import WalkTime
+from tests.kit import service
 from tests.kit.dialects import DIALECTS
-from tests.kit.recorded_runs import RecordedRun, make_service, record_until
+from tests.kit.recorded_runs import RecordedRun, make_service, record_until, recording
 
 BLOCK = scenario("clear")
 CELLS = {(t.mcc, t.mnc, t.lac, t.cid) for t in BLOCK.world.transmitters}
@@ -364,3 +366,49 @@ def test_a_poll_whose_row_was_cut_is_no_scan_without_cells(tmp_path):
     assert levels <= {-66.0, None}
     counted = [int(text.split()[0]) for text in walked.texts() if "had a row cut" in text]
     assert sum(counted) >= modem.n_cut
+
+
+class Deaf:
+    """A modem that answers nothing until it is told to."""
+
+    def __init__(self):
+        self._modem = BLOCK.modem(WalkTime(SystemClock()).now_s, DIALECTS["sim800"])
+        self.is_deaf = True
+
+    def feed(self, data):
+        return b"" if self.is_deaf else self._modem.feed(data)
+
+    def unsolicited(self):
+        return b""
+
+
+class BootedNow(SystemClock):
+    """The clock of a machine that has just booted."""
+
+    def __init__(self):
+        self._boot_ns = super().now_ns()
+
+    def now_ns(self):
+        return super().now_ns() - self._boot_ns
+
+
+@pytest.mark.parametrize("kind", [SystemClock, BootedNow])
+def test_a_modem_that_never_answered_is_a_fault_while_its_port_is_open(tmp_path, monkeypatch, kind):
+    """It may take its time after a boot."""
+    monkeypatch.setattr(family, "AUTOBAUD_TRIES", 1)
+    modem, clock, ports = Deaf(), kind(), []
+
+    def is_open():
+        ports.append(under_way.snapshot().ports["modem"])
+        return ports[-1].is_open
+
+    with (
+        PtyDevice(answering(modem)) as port,
+        recording(make_service(tmp_path, clock, port.path, 0.0, 0.1)) as under_way,
+    ):
+        record_until(under_way, clock, lambda walked: walked.notes().count("port-opened") > 1)
+        service.wait_for(is_open)
+        assert ("gives no answer" in ports[-1].fault) == (kind is SystemClock)
+        modem.is_deaf = False
+        record_until(under_way, clock, lambda walked: len(walked.scans()) > 1)
+        assert not under_way.snapshot().ports["modem"].fault
