@@ -2,6 +2,7 @@
 
 import os
 import pwd
+import socket
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -10,7 +11,7 @@ from pyproj.exceptions import ProjError
 
 from logger.baseline_file import BaselineFile, bound_heap, configured_file
 from logger.command_line import missing_library
-from logger.config import SiteConfig, load_config
+from logger.config import SiteConfig, load_config, page_address
 from logger.core.document import Document, Word, facts
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.guidance.street_atlas import StreetAtlas
@@ -101,6 +102,8 @@ def _site(config: SiteConfig) -> Iterator[Line]:  # noqa: C901 (one check after 
         yield _light(config.status.led)
     if config.status.feed.startswith("/"):
         yield _feed(Path(config.status.feed))
+    if config.page.listen:
+        yield _address(*page_address(config.page.listen))
     if config.page.map:
         yield _plan(Path(config.page.map))
 
@@ -139,7 +142,20 @@ def _feed(path: Path) -> Line:
     """A socket left by a service that was killed is replaced, anything else is not."""
     if path.exists() and not path.is_socket():
         return Line("fail", "feed", f"{path} is there and is no socket: remove it")
+    if not path.parent.is_dir():  # that of the service is made at its start
+        return Line("warn", "feed", f"there is no folder {path.parent} now")
     return Line("ok", "feed", str(path))
+
+
+def _address(address: str, port: int) -> Line:
+    """The page waits for its address, which a hotspot may bring; its port may be its own now."""
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    try:
+        with socket.socket(family) as probe:
+            probe.bind((address, 0))
+    except OSError:
+        return Line("warn", "page", f"no network of this machine has the address {address} now")
+    return Line("ok", "page", f"{address}, port {port}")
 
 
 def _plan(path: Path) -> Line:

@@ -111,6 +111,23 @@ def test_check_looks_at_all_files_that_the_configuration_names(site, capsys, tmp
     assert states["most_cells"] == "warn"
 
 
+def test_check_says_what_the_service_would_wait_for_or_miss(site, capsys):
+    _with(site, "status", 'feed = "/nonexistent/folder/feed"')
+    _with(site, "page", 'listen = "192.0.2.1:8080"')
+    assert main(["check", "--config", str(site)]) == 0
+    out = capsys.readouterr().out
+    assert "there is no folder /nonexistent/folder now" in out
+    assert "no network of this machine has the address 192.0.2.1 now" in out
+    site.write_text(site.read_text().replace("192.0.2.1:8080", "127.0.0.1:8080"))
+    assert main(["check", "--config", str(site)]) == 0
+    assert "page: 127.0.0.1, port 8080" in capsys.readouterr().out
+
+
+def test_check_refuses_a_port_of_the_page_that_only_root_has(site, capsys):
+    _with(site, "page", 'listen = "127.0.0.1:80"')
+    assert "a port from 1024" in _fails(capsys, "check", "--config", site)
+
+
 def test_check_refuses_what_is_no_port(site, capsys, tmp_path):
     site.write_text(site.read_text().replace("/dev/ttyUSB77", str(tmp_path / "site.toml")))
     assert main(["check", "--config", str(site)]) == 2

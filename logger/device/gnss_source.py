@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 from logger.config import GpsdSettings, NmeaSettings
 from logger.core.types import BY_HAND, DEAD_RECKONING, SIMULATED, Fix
 from logger.core.utc import EARLIEST_UTC_NS
-from logger.device.link import Device, Link, Source
+from logger.device.link import NO_EPOCHS, Device, Link, Source
 from logger.device.port import Port
 from logger.drivers.protocols.gpsd import (
     Device as GpsdDevice,
@@ -29,6 +29,8 @@ from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
 
 SILENT_S = 1.5
 """Longer than the pause between epochs at 1 Hz: after it an epoch is complete."""
+EPOCH_WITHIN_S = 10.0
+"""A receiver sends an epoch each second, without a fix too; a start or a busy Pi takes less."""
 PROBE_S = 1.3
 """A receiver at 1 Hz has printed an epoch by then."""
 _SENTENCES = 2
@@ -71,7 +73,9 @@ class NmeaSource(Source[NmeaSettings]):
 
     def session(self, link: Link, folder: Path) -> None:
         del folder
-        record_fixes(link, NmeaFramer(), FixAssembler(), SILENT_S)
+        unreadable = f"receiver sends nothing readable: is it NMEA at {self.settings.baud} baud?"
+        faults = ("receiver sends nothing: check its cable, port and baud rate", unreadable)
+        record_fixes(link, NmeaFramer(), FixAssembler(), SILENT_S, faults)
 
     @classmethod
     def probe(cls, port: Port) -> Device | None:
@@ -84,33 +88,52 @@ class NmeaSource(Source[NmeaSettings]):
         return None
 
 
-def record_fixes(link: Link, framer: Framer, assembler: Assembler, silent_s: float) -> None:
-    """Record the fixes of a receiver; an epoch also ends after a silence and at the stop."""
-    received_ns = link.clock.now_ns()
+def record_fixes(
+    link: Link, framer: Framer, assembler: Assembler, silent_s: float, faults: tuple[str, str]
+) -> None:
+    """Record the fixes of a receiver; an epoch also ends after a silence and at the stop.
+
+    `faults` are the notes about a receiver without epochs: where no byte comes, and where some do.
+    """
+    received_ns = heard_ns = epoch_ns = link.clock.now_ns()
+    fault = ""
     try:
         while not link.stop.is_set():
             t_ns, data = link.read()
+            heard_ns = t_ns if link.has_heard else heard_ns
+            n_fixes = 0
             if data:
                 received_ns = t_ns
-                _record(link, framer, assembler, data, t_ns)
+                n_fixes = _record(link, framer, assembler, data, t_ns)
             elif t_ns - received_ns > silent_s * 1e9:
-                _emit(link, assembler.flush())
+                n_fixes = _emit(link, assembler.flush())
+            if n_fixes:
+                epoch_ns, fault = t_ns, ""
+            due = faults[heard_ns > epoch_ns]
+            if t_ns - epoch_ns > EPOCH_WITHIN_S * 1e9 and due != fault:
+                fault = due
+                link.note("warning", NO_EPOCHS, fault)
     finally:
         _emit(link, assembler.flush())
 
 
-def _record(link: Link, framer: Framer, assembler: Assembler, data: bytes, t_ns: int) -> None:
+def _record(link: Link, framer: Framer, assembler: Assembler, data: bytes, t_ns: int) -> int:
+    n_fixes = 0
     for event in framer.feed(data):
         if isinstance(event, Garbage):
             link.count_garbage(len(event.data))
         else:
-            _emit(link, assembler.feed(event, t_ns))
+            n_fixes += _emit(link, assembler.feed(event, t_ns))
+    return n_fixes
 
 
-def _emit(link: Link, fixes: Iterator[tuple[int, Fix]]) -> None:
-    for fix_ns, fix in fixes:
+def _emit(link: Link, fixes: Iterator[tuple[int, Fix]]) -> int:
+    """Returns their number."""
+    emitted = list(fixes)
+    for fix_ns, fix in emitted:
         link.emit(fix, fix_ns)
         count_unmeasured(link, fix)
+    return len(emitted)
 
 
 def count_unmeasured(link: Link, fix: Fix) -> None:
@@ -136,7 +159,8 @@ class GpsdSource(Source[GpsdSettings]):
         del folder
         device = urlsplit(self.port).path
         link.write(watch(device))
-        record_fixes(link, GpsdFramer(), _FixesAndNotes(link, device), PAUSE_S)
+        fault = "gpsd sends no data of a receiver: does gpsmon show any?"
+        record_fixes(link, GpsdFramer(), _FixesAndNotes(link, device), PAUSE_S, (fault, fault))
 
 
 class _FixesAndNotes(GpsdFixes):

@@ -25,6 +25,8 @@ from logger.drivers.protocols.redaction import Redactor
 from logger.drivers.reading.recognition import NumberHistory
 
 NOT_THERE = "is not there now"
+NO_EPOCHS = "no-epochs"
+"""Code of the note that a receiver is at fault until its next fix record."""
 _MEMORY_DEVICES = 1
 """Their major number: /dev/zero and /dev/null are no ports (Linux admin-guide/devices.txt)."""
 State = Literal["ok", "warn", "fail"]

@@ -221,6 +221,9 @@ class ModemExchange:
             self._link.count("slow-answer", 1, "answers took more than half of the time they may")
         if reply.lines and len(reply.lines) == 2 * len(set(reply.lines)):
             self._link.count("repeated-lines", 1, "replies with each line twice")
+        if self.driver is not None and self.driver.is_cut(reply):
+            self._link.count("cut-rows", 1, "replies had a row cut by another line")
+            self.is_damaged = True
 
     def receive(self) -> Reply | None:
         """Read one chunk completely and return its reply, if any.
@@ -270,12 +273,14 @@ class ModemExchange:
         self.is_set_up = self.is_announced = False
 
     def close_block(self) -> None:
-        """Record the unsolicited rows as one scan, from the earliest time of the first on."""
+        """Record the unsolicited rows as one scan, from the earliest time of the first on.
+
+        They have had cells, so without any their values were cut.
+        """
         lines = self.unsolicited.take()
-        if lines and self.driver is not None:
-            self.emit_scan(
-                self.unsolicited.begin_ns, self.unsolicited.end_ns, self.driver.read(lines)
-            )
+        rows = self.driver.read(lines) if self.driver is not None else ()
+        if any(isinstance(row, CellReading) for row in rows):
+            self.emit_scan(self.unsolicited.begin_ns, self.unsolicited.end_ns, rows)
 
 
 class AfterStop:

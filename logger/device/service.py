@@ -41,6 +41,8 @@ TICK_S, PAGE_TICK_S = 1.0, 0.5
 """The second with a page on a phone, which should show a level within a second."""
 MOST_UNNAMED = 2
 """With a modem and a receiver the text of a fault says which it is."""
+ANSWER_WITHIN_S = 45.0
+"""After a boot, with which a modem gets its power: some answer after 30 s."""
 FIX_AGE_S = 5.0
 """The light shows `no fix` for an older position: a walker moves 7 m meanwhile."""
 
@@ -257,10 +259,13 @@ class Service:
         faults = {}
         for link in () if self._stop.is_set() else self._links:
             port, patience_s = self._inbox.ports[link.name], link.source.patience_s
+            has_scans = link.name in self._inbox.scan_ns
             scan_ns = self._inbox.scan_ns.get(link.name, self._started_ns)
             scanless_s = (now_ns - scan_ns) / 1e9
             if not port.is_open:
                 faults[link.name] = port.event
+            elif port.fault and not has_scans and now_ns > ANSWER_WITHIN_S * 1e9:
+                faults[link.name] = port.fault
             elif patience_s is not None and scanless_s > patience_s:
                 faults[link.name] = f"no scan for {scanless_s:.0f} s: {port.event}"
         return faults

@@ -3,11 +3,13 @@
 import threading
 from collections.abc import Mapping
 
+from msgspec.structs import replace
+
 from logger.core.live_settings import FOLLOW, STRONGEST, SUSPICIOUS
 from logger.core.source_tables import MODEM
 from logger.core.types import Fix, Note, RawBytes, Record, Scan
 from logger.core.utc import utc_text
-from logger.device.link import Inbox
+from logger.device.link import NO_EPOCHS, Inbox
 from logger.device.live_view import CellTable
 from logger.device.status import FixStatus, PortStatus
 
@@ -75,8 +77,8 @@ class PortSwap:
 class WatchedInbox(Inbox):
     """An inbox that keeps the latest fix, scan, cells and port events: the recorder only counts.
 
-    `scan_ns` is the time of the latest scan by source. `n_polls` grows while the
-    recorder runs; `swap` is fed with every record.
+    `scan_ns` is the time of the latest scan by source. The fault of an open port lasts until its
+    next fix. `n_polls` grows while the recorder runs; `swap` is fed with every record.
     """
 
     def __init__(self, ports: Mapping[str, str], swap: PortSwap | None = None) -> None:
@@ -106,6 +108,7 @@ class WatchedInbox(Inbox):
             case Fix() as fix:
                 self.fix = _fix_status(record.t_ns, fix)
                 self.valid_ns = record.t_ns if fix.valid else self.valid_ns
+                self._clear_fault(record.source)
             case Scan():
                 self.scan_ns[record.source] = record.t_ns
             case Note() as note if record.source in self.ports:
@@ -115,6 +118,11 @@ class WatchedInbox(Inbox):
                 self.followed = None if cell in {STRONGEST, SUSPICIOUS} else cell
         self.cells.feed(record)
         return super().put(record)
+
+    def _clear_fault(self, source: str) -> None:
+        with self._ports_lock:
+            if source in self.ports and self.ports[source].fault:
+                self.ports[source] = replace(self.ports[source], fault="")
 
     def move(self, source: str, url: str) -> None:
         """Note that a link continues at another port."""
@@ -144,7 +152,12 @@ def _fix_status(t_ns: int, fix: Fix) -> FixStatus:
 
 
 def _with_event(port: PortStatus, note: Note) -> PortStatus:
-    is_open = {"port-opened": True, "port-lost": False, "internal": False}.get(
-        note.code, port.is_open
-    )
-    return PortStatus(port.url, is_open, note.text)
+    """A loss in a session is a fault also after the port is opened again."""
+    match note.code:
+        case "port-opened":
+            return replace(port, is_open=True, event=note.text)
+        case "port-lost" | "internal":
+            return PortStatus(port.url, event=note.text, fault=note.text if port.is_open else "")
+        case code:
+            fault = note.text if code == NO_EPOCHS else port.fault
+            return replace(port, event=note.text, fault=fault)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 from logger.core.reportable import reportable
 from logger.core.types import CellReading, Role
 from logger.drivers.network_mode import ModeCommand
-from logger.drivers.protocols.at import Command, Dialogue
+from logger.drivers.protocols.at import RESULTS_OF_CALLS, Command, Dialogue, Reply
 from logger.drivers.reading.row_language import Row
 from logger.drivers.reading.standard_replies import drop_cut_values, names_of, standard_rows
 
@@ -146,6 +146,12 @@ class Family:
         lines = drop_cut_values(lines, self._names())
         rows = (*self.rows_in(lines), *standard_rows(lines))
         return tuple(reportable(row) if isinstance(row, CellReading) else row for row in rows)
+
+    def is_cut(self, reply: Reply) -> bool:
+        """Whether something else in a reply has taken a part of a row."""
+        is_torn = reply.is_torn and names_of(reply.command).isdisjoint(self.unnamed_rows)
+        is_shortened = drop_cut_values(reply.marked_lines, self._names()) != list(reply.lines)
+        return is_torn or is_shortened or reply.final in RESULTS_OF_CALLS
 
     @classmethod
     def _names(cls) -> frozenset[str]:

@@ -3,6 +3,7 @@
 import shutil
 import socket
 import subprocess
+import threading
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,11 +13,15 @@ import pytest
 from logger.config import parse_config
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
+from logger.device import gnss_source
+from logger.device.clock import SystemClock
 from logger.device.gnss_source import GpsdSource, NmeaSource
 from logger.device.sources import source_of
 from logger.sim.ptys import PtyDevice
+from logger.sim.receiver import sentence
 from tests.kit import service
 from tests.kit.recorded_replies import NmeaPlayer
+from tests.kit.recorded_runs import make_service, recording
 
 LOG = Path(__file__).parents[1] / "drivers/data/gpsd_unicore_um621_cut.nmea"
 GPSD = shutil.which(
@@ -105,3 +110,60 @@ def test_the_scheme_chooses_the_kind(port, kind):
     source = source_of(parse_config(text, "site.toml").source[1])
     assert type(source) is kind
     assert (source.name, source.port) == ("gnss", port)
+
+
+class Receiver:
+    """A receiver that sends `data` ten times a second."""
+
+    def __init__(self):
+        self.data = b""
+
+    def __call__(self, line):
+        while not line.stop.wait(0.1):
+            if line.has_listener():
+                line.write(self.data)
+
+
+WITHIN_S = 1.0
+NOISE = bytes(range(0x80, 0xA0))
+"""No line ends, as at a wrong baud rate."""
+
+
+def test_a_receiver_without_epochs_is_a_fault_until_one_comes(tmp_path, monkeypatch):
+    """One note about its silence, and one about bytes that cannot be read."""
+    monkeypatch.setattr(gnss_source, "EPOCH_WITHIN_S", WITHIN_S)
+    receiver, clock, none = Receiver(), SystemClock(), str(tmp_path / "none")
+
+    def fault():
+        return under_way.snapshot().ports["gnss"].fault
+
+    with (
+        PtyDevice(receiver) as gnss,
+        recording(make_service(tmp_path, clock, none, 0.0, 1.0, gnss.path)) as under_way,
+    ):
+        service.wait_for(lambda: "sends nothing:" in fault())
+        assert under_way.snapshot().state == "error"
+        clock.wait(threading.Event(), 3.0 * WITHIN_S)
+        receiver.data = NOISE
+        service.wait_for(lambda: "sends nothing readable" in fault())
+        clock.wait(threading.Event(), 3.0 * WITHIN_S)
+        assert "9600 baud" in fault()
+        receiver.data = sentence("GPGGA,000012.00,,,,,0,00,99.9,,M,,M,,")
+        service.wait_for(lambda: not fault())
+    (run,) = tmp_path.glob("*.h5")
+    notes = read_run(run).tables["notes"]
+    assert [row["source"] for row in notes if row["code"] == b"no-epochs"] == [b"gnss", b"gnss"]
+
+
+def test_a_gpsd_without_a_receiver_is_a_fault(tmp_path, monkeypatch):
+    monkeypatch.setattr(gnss_source, "EPOCH_WITHIN_S", WITHIN_S)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"gpsd://127.0.0.1:{server.getsockname()[1]}"
+        under_way = make_service(tmp_path, SystemClock(), str(tmp_path / "none"), 0.0, 1.0, url)
+        with recording(under_way):
+            peer, _ = server.accept()
+            peer.sendall(b'{"class":"DEVICES","devices":[]}\r\n')
+            service.wait_for(lambda: "gpsmon" in under_way.snapshot().ports["gnss"].fault)
+            peer.sendall(b'{"class":"TPV","device":"/dev/ttyACM0","mode":1}\r\n')
+            service.wait_for(lambda: not under_way.snapshot().ports["gnss"].fault)
+        peer.close()

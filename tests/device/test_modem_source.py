@@ -8,13 +8,15 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.device.clock import ScaledClock, SystemClock
+from logger.drivers import family
 from logger.drivers.registry import FAMILIES
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
 from logger.sim.walk import WalkTime
+from tests.kit import service
 from tests.kit.dialects import DIALECTS
-from tests.kit.recorded_runs import RecordedRun, make_service, record_until
+from tests.kit.recorded_runs import RecordedRun, make_service, record_until, recording
 
 BLOCK = scenario("clear")
 CELLS = {(t.mcc, t.mnc, t.lac, t.cid) for t in BLOCK.world.transmitters}
@@ -297,3 +299,116 @@ def test_every_family_recovers_from_every_fault(tmp_path, fault):
             assert all(
                 _is_of_the_world(reading) for _, readings in walked.scans() for reading in readings
             )
+
+
+EC25 = (
+    '+QENG: "servingcell","NOCONN","GSM",262,01,1A2C,3C4D,21,57,0,-66,255,255,0,39,41,1'
+    ',-,-,-,-,-,-,-,-,-,"-"'
+)
+CUTTERS = (
+    '\r\n+QIND: "csq",20,99\r\n', '\r\n+CMTI: "SM",1\r\n', "\r\n^MODE: 5\r\n", "\r\nRING\r\n",
+    "\r\n+CPIN: READY\r\n", "\r\nNO CARRIER\r\n", "\r\n+CREG: 5\r\n",
+    '+CREG: 1,"0001","0002",0\r\n',
+)  # fmt: skip
+
+
+class Interrupting:
+    """An EC25 of which one row in three is whole; a line stands in the others, at each place of
+    `places` for each of `CUTTERS`.
+    """
+
+    def __init__(self, places):
+        self._cuts = [(place, line) for place in places for line in CUTTERS]
+        self.n_asked = self.n_cut = 0
+
+    @property
+    def is_over(self):
+        return self.n_cut == len(self._cuts)
+
+    def feed(self, data):
+        return b"".join(self._reply(line.decode()) for line in data.split(b"\r") if line)
+
+    def unsolicited(self):
+        return b""
+
+    def _reply(self, command):
+        if command == "ATI":
+            text = "Quectel\r\nEC25\r\nRevision: EC25EFAR06A06M4G\r\n"
+        elif command == 'AT+QENG="servingcell"':
+            text = f"{self._row()}\r\n"
+        else:
+            text = ""
+        return f"\r\n{text}\r\nOK\r\n".encode()
+
+    def _row(self):
+        self.n_asked += 1
+        if self.n_asked % 3 == 0 or self.is_over:
+            return EC25
+        place, line = self._cuts[self.n_cut]
+        self.n_cut += 1
+        return EC25[:place] + line + EC25[place:]
+
+
+def test_a_poll_whose_row_was_cut_is_no_scan_without_cells(tmp_path):
+    """Where the row cannot be read the poll is counted in a note, and no identity is wrong."""
+    modem = Interrupting([28, 38, 46, 53, 61])
+    clock = SystemClock()
+    with PtyDevice(answering(modem)) as port:
+        under_way = make_service(tmp_path, clock, port.path, 0.0, 0.01)
+        under_way.start()
+        record_until(under_way, clock, lambda walked: modem.is_over and len(walked.scans()) > 15)
+        walked = RecordedRun(read_run(under_way.stop("end")))
+    assert modem.is_over
+    assert len(walked.scans()) > 15
+    cells = [[reading.cell for reading in readings] for _, readings in walked.scans()]
+    assert all(found == ["262-01-6700-15437"] for found in cells)
+    levels = {reading.level_dbm for _, readings in walked.scans() for reading in readings}
+    assert levels <= {-66.0, None}
+    counted = [int(text.split()[0]) for text in walked.texts() if "had a row cut" in text]
+    assert sum(counted) >= modem.n_cut
+
+
+class Deaf:
+    """A modem that answers nothing until it is told to."""
+
+    def __init__(self):
+        self._modem = BLOCK.modem(WalkTime(SystemClock()).now_s, DIALECTS["sim800"])
+        self.is_deaf = True
+
+    def feed(self, data):
+        return b"" if self.is_deaf else self._modem.feed(data)
+
+    def unsolicited(self):
+        return b""
+
+
+class BootedNow(SystemClock):
+    """The clock of a machine that has just booted."""
+
+    def __init__(self):
+        self._boot_ns = super().now_ns()
+
+    def now_ns(self):
+        return super().now_ns() - self._boot_ns
+
+
+@pytest.mark.parametrize("kind", [SystemClock, BootedNow])
+def test_a_modem_that_never_answered_is_a_fault_while_its_port_is_open(tmp_path, monkeypatch, kind):
+    """It may take its time after a boot."""
+    monkeypatch.setattr(family, "AUTOBAUD_TRIES", 1)
+    modem, clock, ports = Deaf(), kind(), []
+
+    def is_open():
+        ports.append(under_way.snapshot().ports["modem"])
+        return ports[-1].is_open
+
+    with (
+        PtyDevice(answering(modem)) as port,
+        recording(make_service(tmp_path, clock, port.path, 0.0, 0.1)) as under_way,
+    ):
+        record_until(under_way, clock, lambda walked: walked.notes().count("port-opened") > 1)
+        service.wait_for(is_open)
+        assert ("gives no answer" in ports[-1].fault) == (kind is SystemClock)
+        modem.is_deaf = False
+        record_until(under_way, clock, lambda walked: len(walked.scans()) > 1)
+        assert not under_way.snapshot().ports["modem"].fault

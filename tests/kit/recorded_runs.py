@@ -2,7 +2,8 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,6 +57,16 @@ def make_service(
     )
     config = parse_config(text, "site.toml")
     return Service(config, begin_run(config, text, clock), clock, threading.Event())
+
+
+@contextmanager
+def recording(under_way: Service) -> Iterator[Service]:
+    """A service that is stopped whatever happens; its threads would keep the test from ending."""
+    under_way.start()
+    try:
+        yield under_way
+    finally:
+        under_way.stop("end")
 
 
 def record_until(

@@ -339,7 +339,7 @@ def test_a_phone_is_served_while_six_others_hold_all_they_can(page, tmp_path, ki
             one.close()
     print(f"the slowest of {len(took_s)} took {max(took_s):.2f} s; {page.memory_kb / 1000:.0f} MB")
     assert max(took_s) < 2.0
-    assert page.memory_kb < 40_000
+    assert page.memory_kb < 48_000  # three quarters of what the unit allows
     assert len(list(Path(f"/proc/{page.process.pid}/fd").iterdir())) < 64 + 30
 
 
@@ -376,7 +376,7 @@ def test_phones_that_do_not_read_a_download_take_no_memory(page, tmp_path):
         time.sleep(2.0)
         assert page.request("", source="127.0.0.99")[0] == 200
     print(f"the page took {page.memory_kb / 1000:.0f} MB at most")
-    assert page.memory_kb < 40_000
+    assert page.memory_kb < 48_000  # three quarters of what the unit allows
 
 
 def test_an_eleventh_phone_is_told_to_come_later(page):

@@ -68,6 +68,12 @@ class Reply:
             lines += [line, INTERRUPTION] if number in self.interrupted else [line]
         return tuple(lines)
 
+    @property
+    def is_torn(self) -> bool:
+        """True where a line without a name follows one that has a name."""
+        named = [_PREFIX.match(line) is not None for line in self.lines]
+        return named != sorted(named)
+
 
 T = TypeVar("T")
 Dialogue = Generator[Command, Reply, T]
@@ -90,7 +96,9 @@ MAX_LINES = 1000  # lines of one reply; what comes beyond is passed on as unsoli
 _LINE_END = re.compile(rb"[\r\n]")
 _NAME = re.compile(r"[+*^#!$%][A-Z][A-Z0-9]*")
 _PREFIX = re.compile(rf"\s*({_NAME.pattern})\s?:")
-_CODES = frozenset({"OK", "ERROR", "NO CARRIER", "BUSY", "NO ANSWER", "NO DIALTONE"})
+RESULTS_OF_CALLS = frozenset({"NO CARRIER", "BUSY", "NO ANSWER", "NO DIALTONE"})
+"""No command here makes a call, but a caller who hangs up leaves one of them."""
+_CODES = RESULTS_OF_CALLS | {"OK", "ERROR"}
 _ERROR = re.compile(r"\+CM[ES] ERROR\b.*")
 # Result codes after ATV0. 2 is RING, which ends no reply.
 _ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)
