@@ -13,18 +13,21 @@ class FixGate:
 
     One cold start, reflection or jammer gives fixes that are kilometres off. The others decide:
     where those of `_RETURN_NS` are near each other, the one before was wrong. As an error of less
-    than `_ERROR_M` has its share in the sigma of a place, it passes.
+    than `_ERROR_M` has its share in the sigma of a place, it passes. Where `_MOST_LEAPS` are near
+    none before, the times are none, as in a table that counts its rows: from then on all pass.
     """
 
     _ERROR_M = 150.0
     _FASTEST_MPS = 100.0
     """360 km/h: a train."""
     _RETURN_NS = 5 * 10**9
+    _MOST_LEAPS = 10
 
     def __init__(self) -> None:
         self._known: tuple[int, Fix] | None = None
         self._doubtful: tuple[int, Fix] | None = None
         self._doubtful_ns = 0
+        self._leaps = 0
 
     def passes(self, t_ns: int, fix: Fix) -> bool:
         """Take the next fix; one without a position passes, and changes nothing."""
@@ -34,9 +37,12 @@ class FixGate:
         if self._known is not None and not self._is_within_reach(self._known, new):
             if self._doubtful is None or not self._is_within_reach(self._doubtful, new):
                 self._doubtful_ns = t_ns
+                self._leaps += 1
             self._doubtful = new
-            if t_ns - self._doubtful_ns < self._RETURN_NS:
+            if t_ns - self._doubtful_ns < self._RETURN_NS and self._leaps < self._MOST_LEAPS:
                 return False
+        elif self._leaps < self._MOST_LEAPS:
+            self._leaps = 0
         self._known, self._doubtful = new, None
         return True
 

@@ -28,3 +28,10 @@ def test_a_train_a_gap_and_the_antimeridian_are_no_leap():
     assert gate.passes(0, Fix(True, None, 52.5, 13.4))
     assert gate.passes(1, Fix(False))
     assert not gate.passes(10**9, Fix(True, None, 52.6, 13.4))
+
+
+def test_where_each_fix_is_a_leap_the_times_are_none():
+    """An import whose seconds are the number of the row, of a drive with a row each 500 m."""
+    passes = _which_pass(*[(t, 52.5 + t * 0.0045, 13.4) for t in range(60)])
+    assert not any(passes[1:10])
+    assert all(passes[10:])
