@@ -26,7 +26,7 @@ NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Percent = Annotated[float, msgspec.Meta(ge=0, le=95)]
 Baud = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 PortName = Annotated[str, msgspec.Meta(min_length=1)]
-_A_PORT = re.compile(r"/[^*?]+|[a-z]+://.+")
+_A_PORT = re.compile(r"/[^*?]+|(?!gpsd://$)[a-z][a-z0-9]*://.*")
 """A device, or a URL; a pattern of names would be any of them."""
 LedName = Annotated[str, msgspec.Meta(pattern="^[^/.]*$")]
 SourceName = Annotated[str, msgspec.Meta(pattern="^[a-z][a-z0-9_-]{0,15}$")]

@@ -89,8 +89,8 @@ class ObservedRun:
 class RunShare:
     """What a run contributes to a cell: `n` readings with a position, the offset of its modem.
 
-    `run` is the index in `Result.runs`. `offset_db` is how much higher its modem reads than that of
-    the first run that observed the cell, None if unknown.
+    `run` is the index in `Result.runs`. `offset_db` is how much higher its modem reads than the
+    one with most levels of the cell, None if unknown.
     """
 
     run: int

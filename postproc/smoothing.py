@@ -190,7 +190,7 @@ def _estimate_with_parts(parts: Parts, modems: Sequence[int], options: Options) 
     return replace(
         result,
         run_index=np.repeat(list(parts), [len(part) for part in parts.values()]),
-        shares=shares_of(parts, modems, result.posterior),
+        shares=tuple(sorted(shares_of(parts, modems, result.posterior), key=lambda one: one.run)),
         without=without,
     )
 

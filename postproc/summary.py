@@ -454,7 +454,7 @@ def _parameters(of: Parameters | PathEnd) -> tuple[Value, Value]:
 
 
 def run_table(cell: CellResult, run_names: Sequence[str]) -> Table:
-    """What each run contributes: its level against the first, and the answer without it."""
+    """What each run contributes: its level against the one with most, and the answer without it."""
     rows: list[tuple[Value, ...]] = []
     for share in cell.shares if cell.without else ():
         rest = cell.without[share.run]

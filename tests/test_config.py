@@ -190,6 +190,8 @@ MORE = '[[source]]\nkind = "modem"\nport = "/c"\n'
         (MODEM + GNSS + MORE + 'name = "modem"\n', "modem2:/a gnss:/b modem:/c"),
         (GNSS + MORE, "gnss:/b modem:/c"),
         (MORE + "fixes = true\n", "modem:/c:fixes"),
+        (MODEM.replace("/a", "rfc2217://h:4000") + GNSS, "modem:rfc2217://h:4000 gnss:/b"),
+        (MODEM.replace("/a", "loop://") + GNSS, "modem:loop:// gnss:/b"),
         (MORE + '[[source]]\nkind = "nmea"\nport = "/d"\n', "modem:/c gnss:/d"),
         (MORE + '[[source]]\nkind = "gpsd"\nport = "gpsd://h"\n', "modem:/c gnss:gpsd://h"),
     ],

@@ -13,8 +13,9 @@ class FixGate:
 
     One cold start, reflection or jammer gives fixes that are kilometres off. The others decide:
     where those of `_RETURN_NS` are near each other, the one before was wrong. As an error of less
-    than `_ERROR_M` has its share in the sigma of a place, it passes. Where `_MOST_LEAPS` are near
-    none before, the times are none, as in a table that counts its rows: from then on all pass.
+    than `_ERROR_M` has its share in the sigma of a place, it passes. Where `_MOST_LEAPS` in as many
+    seconds or more are near none before, the times are none, as in a table that counts its rows:
+    all pass until there is no leap for `_QUIET_NS`.
     """
 
     _ERROR_M = 150.0
@@ -22,12 +23,14 @@ class FixGate:
     """360 km/h: a train."""
     _RETURN_NS = 5 * 10**9
     _MOST_LEAPS = 10
+    _QUIET_NS = 60 * 10**9
 
     def __init__(self) -> None:
         self._known: tuple[int, Fix] | None = None
         self._doubtful: tuple[int, Fix] | None = None
         self._doubtful_ns = 0
         self._leaps = 0
+        self._leaps_since_ns = self._leap_ns = 0
 
     def passes(self, t_ns: int, fix: Fix) -> bool:
         """Take the next fix; one without a position passes, and changes nothing."""
@@ -37,14 +40,25 @@ class FixGate:
         if self._known is not None and not self._is_within_reach(self._known, new):
             if self._doubtful is None or not self._is_within_reach(self._doubtful, new):
                 self._doubtful_ns = t_ns
-                self._leaps += 1
+                self._count_leap(t_ns)
             self._doubtful = new
-            if t_ns - self._doubtful_ns < self._RETURN_NS and self._leaps < self._MOST_LEAPS:
+            if t_ns - self._doubtful_ns < self._RETURN_NS and not self._has_no_times(t_ns):
                 return False
-        elif self._leaps < self._MOST_LEAPS:
+        elif not self._has_no_times(t_ns):
             self._leaps = 0
         self._known, self._doubtful = new, None
         return True
+
+    def _count_leap(self, t_ns: int) -> None:
+        if not self._leaps:
+            self._leaps_since_ns = t_ns
+        self._leaps += 1
+        self._leap_ns = t_ns
+
+    def _has_no_times(self, t_ns: int) -> bool:
+        lasted_ns = self._leap_ns - self._leaps_since_ns
+        is_many = self._leaps >= self._MOST_LEAPS and lasted_ns >= (self._MOST_LEAPS - 1) * 10**9
+        return is_many and t_ns - self._leap_ns < self._QUIET_NS
 
     def _is_within_reach(self, before: tuple[int, Fix], after: tuple[int, Fix]) -> bool:
         seconds = max(after[0] - before[0], 0) / 1e9

@@ -1,3 +1,5 @@
+import numpy as np
+
 from logger.core.fix_gate import FixGate
 from logger.core.types import Fix
 
@@ -35,3 +37,19 @@ def test_where_each_fix_is_a_leap_the_times_are_none():
     passes = _which_pass(*[(t, 52.5 + t * 0.0045, 13.4) for t in range(60)])
     assert not any(passes[1:10])
     assert all(passes[10:])
+
+
+def test_after_a_jammer_the_gate_is_as_strict_as_before():
+    """Ten scattered fixes in a second or in ten; an hour later one leap is one."""
+    rng = np.random.default_rng(3)
+    for every_s in (0.1, 1.0):
+        far = [
+            (600 + k * every_s, *place)
+            for k, place in enumerate(rng.uniform(-60.0, 60.0, (10, 2)).tolist())
+        ]
+        before = [(t, 52.5, 13.4) for t in range(600)]
+        after = [(t, 52.5, 13.4) for t in range(615, 4200)]
+        passes = _which_pass(*before, *far, *after, (4201, 10.0, 10.0), (4202, 52.5, 13.4))
+        assert all(passes[:600])
+        assert not any(passes[600:609])
+        assert passes[-2:] == [False, True]

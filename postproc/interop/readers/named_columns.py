@@ -55,7 +55,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "alt": ("alt", "altitude", "height", "gpsaltitude"),
     "cell": (),
     "t_s": ("ts", "t", "seconds", "secs", "elapsedseconds", "elapsedtime"),
-    "serving": ("servingcell", "isserving", "isregistered"),
+    "serving": ("serving", "servingcell", "isserving", "registered", "isregistered"),
 }
 """Our names, which --columns takes, and what other programs call the same.
 
@@ -86,7 +86,11 @@ _SECONDS = re.compile(r"\d{1,8}(?:\.\d*)?")
 """Of a column of times: so few since 1970 were in 1973, so they count from the start."""
 _DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
 _NONE = frozenset({"-", "--", "n/a", "na", "nan", "null", "none"})
-_YES = frozenset({"true", "1", "yes", "y", "serving"})
+_ROLES: dict[str, Role] = {
+    **dict.fromkeys(("true", "1", "yes", "y", "serving", "registered"), "serving"),
+    **dict.fromkeys(("false", "0", "no", "n", "neighbour", "neighbor"), "neighbour"),
+}
+"""Another value may be the name of the serving cell."""
 _TIMES = frozenset({"t_s", "time"})
 _CODES = frozenset({"arfcn", "bsic", "psc", "pci"})
 
@@ -177,6 +181,8 @@ def _columns(names: list[str], chosen: Mapping[str, str]) -> list[Column]:
 
 def _meaning(name: str) -> tuple[str, Rat | None]:
     words = _WORD.findall(_UNIT.sub("", name.lower()))
+    if "".join(words) in _NAMES["serving"]:
+        return "serving", None
     rat = next((_TECHNOLOGIES[word] for word in words if word in _TECHNOLOGIES), None)
     left = "".join(word for word in words if word not in _DROPPED and word not in _TECHNOLOGIES)
     return f"cell{left}" if left in _OF_CELL and "cell" in words else left, rat
@@ -225,9 +231,7 @@ def _moment(columns: list[Column], line: int, fields: Fields) -> Moment:
 
 
 def _role(fields: Fields) -> Role:
-    if "serving" not in fields:
-        return "scan"
-    return "serving" if text(fields, "serving").lower() in _YES else "neighbour"
+    return _ROLES.get(text(fields, "serving").lower(), "scan") if "serving" in fields else "scan"
 
 
 def _plain(value: str) -> str:

@@ -191,3 +191,17 @@ def test_a_column_that_is_not_there_is_named(tmp_path, columns, says):
     (tmp_path / "x.csv").write_text("a,b\n1,2\n")
     with pytest.raises(RunFileError, match=says):
         recognise(tmp_path / "x.csv", columns)
+
+
+@pytest.mark.parametrize("head", ["serving", "is_serving", "isServing", "Registered"])
+def test_which_cell_serves(tmp_path, head):
+    values = {
+        "1": "serving",
+        "yes": "serving",
+        "false": "neighbour",
+        "": "neighbour",
+        "345": "scan",
+    }
+    lines = [f"{i},52.5,13.4,-85,LTE,{value}" for i, value in enumerate(values)]
+    rows = _rows(tmp_path, f"t_s,lat,lon,level,rat,{head}", *lines)
+    assert [row.reading.role for row in rows] == list(values.values())
