@@ -199,7 +199,6 @@ def test_which_cell_serves(tmp_path, head):
         "1": "serving",
         "yes": "serving",
         "false": "neighbour",
-        "": "neighbour",
         "345": "scan",
     }
     lines = [f"{i},52.5,13.4,-85,LTE,{value}" for i, value in enumerate(values)]
