@@ -9,6 +9,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -76,22 +77,30 @@ def in_one_zone(runs: Sequence[ObservedRun]) -> tuple[ObservedRun, ...]:
 
 
 def parts_by_cell(runs: Sequence[ObservedRun], cells: Collection[str]) -> dict[str, Parts]:
-    """Readings of each of the `cells` that has any with a position, by index of the run.
-
-    That with most levels is first, in whatever order the runs are: its modem gives the scale, and
-    readings at the limits of the others are as vague as their offsets.
-    """
+    """Readings of each of the `cells` that has any with a position, by index of the run."""
     parts: dict[str, dict[int, Readings]] = {}
     for i, run in enumerate(runs):
         for obs in run.observations.cells if run.observations else ():
             if obs.cell in cells:
                 parts.setdefault(obs.cell, {})[i] = obs
+    return {cell: scale_first(of_runs) for cell, of_runs in parts.items()}
 
-    def rank(part: tuple[int, Readings]) -> tuple[int, float]:
+
+Key = TypeVar("Key")
+
+
+def scale_first(parts: Mapping[Key, Readings]) -> dict[Key, Readings]:
+    """The parts of a cell, that with most levels first, in whatever order the runs are.
+
+    Its modem gives the scale, and readings at the limits of the others are as vague as their
+    offsets.
+    """
+
+    def rank(part: tuple[Key, Readings]) -> tuple[int, float]:
         obs = part[1]
         return -int(np.count_nonzero(obs.limit == 0)), -float(np.sum(obs.level_dbm))
 
-    return {cell: dict(sorted(of_runs.items(), key=rank)) for cell, of_runs in parts.items()}
+    return dict(sorted(parts.items(), key=rank))
 
 
 def modems_of(runs: Sequence[Run]) -> list[int]:

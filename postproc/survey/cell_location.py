@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 from shapely.geometry import shape
 
-from logger.core.answer import place_of
+from logger.core.answer import Position, place_of
 from logger.core.arrays import BoolArray
 from logger.core.locator.pipeline import locate, unless_it_moves
 from logger.core.locator.posterior import Posterior
@@ -27,7 +27,7 @@ from logger.core.types import Verdict
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.region_outline import geojson
 from postproc.ground import elsewhere_reasons, middle_of, place_name, places_of
-from postproc.multi_run import merge
+from postproc.multi_run import merge, scale_first
 from postproc.result import Options
 from postproc.scan_counts import too_rarely
 from postproc.smoothing import too_few
@@ -101,6 +101,15 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     region_wkb: bytes = b""
     error: str | None = None
 
+    @property
+    def where(self) -> str:
+        """As `Position.where`, empty without one."""
+        known = self.lat_deg, self.lon_deg, self.r95_m, self.r50_m
+        if None in known:
+            return ""
+        lat, lon, r95_m, r50_m = (value or 0.0 for value in known)
+        return Position(lat=lat, lon=lon, r95_m=r95_m, r50_m=r50_m).where
+
 
 _TOO_MANY_MODEMS = (
     f"of more than {MOST_MODEMS} modems of unknown offset those count that received most"
@@ -171,7 +180,9 @@ def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
     why = too_rarely(sum(heard.n_scans.values()))
     if why or not heard.parts:
         return msgspec.structs.replace(base, reasons=(why or "no reading has a position",))
-    obs = joined_readings(heard.parts, [run.modem for run in own])
+    parts = scale_first(heard.parts)
+    own = [runs[digest] for digest in parts]
+    obs = joined_readings(parts, [run.modem for run in own])
     if why := too_few(obs, obs.usable()):
         return msgspec.structs.replace(base, reasons=(why,))
     aligned = align(obs.usable())

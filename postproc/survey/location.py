@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import msgspec
 
-from logger.core.document import Column, Degrees, Document, Line, Table, Value, Word
+from logger.core.document import Column, Document, Line, Table, Value, Word
 from logger.core.ellipse import RADII
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
@@ -212,8 +212,8 @@ def _where(cell: LocatedCell) -> str:
 def cell_row(cell: LocatedCell) -> tuple[Value, ...]:
     """A cell in `CELL_COLUMNS`."""
     place: tuple[Value, ...] = (None, None, None)
-    if cell.lat_deg is not None and cell.lon_deg is not None:
-        place = (Degrees(cell.lat_deg, cell.lon_deg), cell.r50_m, cell.r95_m)
+    if cell.where:
+        place = (cell.where, cell.r50_m, cell.r95_m)
     name = cell.cell if cell.n_places == 1 else f"{cell.cell} ({cell.place} of {cell.n_places})"
     return (name, Word(cell.verdict), *place, cell.n_readings, cell.n_runs)
 
