@@ -155,6 +155,8 @@ def _address(address: str, port: int) -> Line:
             probe.bind((address, 0))
     except OSError:
         return Line("warn", "page", f"no network of this machine has the address {address} now")
+    if port < 1024:
+        return Line("warn", "page", f"port {port} is root's, and the page is not: take 8080")
     return Line("ok", "page", f"{address}, port {port}")
 
 

@@ -280,15 +280,14 @@ def _of_sources(config: SiteConfig, labels: Sequence[str]) -> Iterator[str]:
 def page_address(listen: str) -> tuple[str, int]:
     """IP address and port of "10.42.0.1:8080" or "[::1]:8080"; raises ValueError.
 
-    A page at 0.0.0.0 would be offered in every network of the Pi, so it is refused; ports below
-    1024 are root's, and the page is not.
+    A page at 0.0.0.0 would be offered in every network of the Pi, so it is refused.
     """
     # not at the start of a run without a page, which must be fast
     from ipaddress import ip_address  # noqa: PLC0415
 
     host, _, port = listen.rpartition(":")
     address = ip_address(host.removeprefix("[").removesuffix("]"))
-    if address.is_unspecified or address.is_multicast or not 1024 <= int(port) < 65536:
+    if address.is_unspecified or address.is_multicast or not 0 < int(port) < 65536:
         raise ValueError(listen)
     return str(address), int(port)
 
@@ -317,7 +316,7 @@ def _no_address(config: SiteConfig) -> Iterator[str]:
     try:
         page_address(listen)
     except ValueError:
-        wanted = 'one address of the Pi and a port from 1024, such as "10.42.0.1:8080"'
+        wanted = 'one address of the Pi and a port, such as "10.42.0.1:8080"'
         yield f'[page] "listen": {listen[:60]!r} is not {wanted}'
 
 

@@ -74,12 +74,8 @@ def _values(answer: Answer, beside: Sequence[str]) -> Iterator[Value]:
     yield "; ".join(answer.reasons)
     for key in beside:
         end = answer.paths.ends.get(key) if answer.paths else None
-        yield from _angles(end) if end is not None and _is_bounded(end) else (None, None)
-
-
-def _angles(end: PathEnd) -> tuple[float, float]:
-    end = end.in_short()
-    return end.lat, end.lon
+        shown = end.in_short() if end is not None and _is_bounded(end) else None
+        yield from (None, None) if shown is None else (shown.lat, shown.lon)
 
 
 def _place(answer: Answer) -> tuple[Value, ...]:
