@@ -9,6 +9,7 @@ from logger.core.guidance.street_atlas import Line
 from logger.core.places import Places
 from postproc.ground import places_of
 from postproc.guidance.next_walk import NextWalk, next_walk
+from postproc.multi_run import scale_first
 from postproc.progress import with_progress
 from postproc.result import Options
 from postproc.survey.alignment import align
@@ -66,7 +67,7 @@ def _walk(
     lines: Iterable[Line],
 ) -> NextWalk:
     parts = survey.observations(cell.area, [cell.cell], runs)[cell.cell]
-    parts = places_of(parts)[cell.place - 1]
+    parts = scale_first(places_of(parts)[cell.place - 1])
     obs = joined_readings(parts, [survey.runs[digest].modem for digest in parts])
     walk = next_walk(thin(align(obs.usable()).obs), options.prior, start, lines)
     answer = replace(walk.answer, verdict=cell.verdict, reasons=cell.reasons)
