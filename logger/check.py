@@ -11,7 +11,7 @@ from pyproj.exceptions import ProjError
 
 from logger.baseline_file import BaselineFile, bound_heap, configured_file
 from logger.command_line import missing_library
-from logger.config import SiteConfig, load_config, page_address
+from logger.config import FIRST_FREE_PORT, SiteConfig, load_config, page_address
 from logger.core.document import Document, Word, facts
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.guidance.street_atlas import StreetAtlas
@@ -155,7 +155,7 @@ def _address(address: str, port: int) -> Line:
             probe.bind((address, 0))
     except OSError:
         return Line("warn", "page", f"no network of this machine has the address {address} now")
-    if port < 1024:
+    if port < FIRST_FREE_PORT:
         return Line("warn", "page", f"port {port} is root's, and the page is not: take 8080")
     return Line("ok", "page", f"{address}, port {port}")
 

@@ -49,6 +49,8 @@ A key of 100 000 dots would take tomllib 9 GB: it stores every prefix of a key.
 
 _LONGEST_SOCKET_BYTES = 107
 """Of the path in a socket's address (unix(7))."""
+FIRST_FREE_PORT = 1024
+"""Those below are root's."""
 _SHORT_FORMS = ("modem", "gnss")
 _RESERVED = frozenset({"battery", "live", "logger", "page"})
 """Names of what else writes records."""
@@ -294,22 +296,23 @@ def page_address(listen: str) -> tuple[str, int]:
 
 def _no_target(target: str) -> str:
     """Why no modem can hear this target; empty where one can."""
-    if target in {STRONGEST, SUSPICIOUS} or is_identity(target):
+    if target in {STRONGEST, SUSPICIOUS} or is_identity(target) or is_by_channel(target):
         return ""
     other = f"{target!r} is neither a cell, like 262-01-801-86355, nor {STRONGEST} or {SUSPICIOUS}"
-    return why_no_name(target) or ("" if is_by_channel(target) else other)
+    return why_no_name(target) or other
 
 
 def _is_feed(address: str) -> bool:
     if address.startswith("/"):
         return len(address.encode()) <= _LONGEST_SOCKET_BYTES
-    return address.isascii() and address.isdecimal() and 1024 <= int(address) <= 65535
+    return address.isascii() and address.isdecimal() and FIRST_FREE_PORT <= int(address) < 65536
 
 
 def _no_address(config: SiteConfig) -> Iterator[str]:
     listen, feed = config.page.listen, config.status.feed
     if feed and not _is_feed(feed):
-        wanted = "an absolute path of at most 107 bytes or a port from 1024 to 65535"
+        path = f"an absolute path of at most {_LONGEST_SOCKET_BYTES} bytes"
+        wanted = f"{path} or a port from {FIRST_FREE_PORT} to 65535"
         yield f'[status] "feed": {feed[:60]!r} is not {wanted}'
     if not listen:
         return

@@ -5,7 +5,6 @@ from dataclasses import dataclass, fields
 from functools import partial
 from typing import NamedTuple
 
-import numpy as np
 import shapely
 from msgspec import Struct
 from pyproj import Geod
@@ -360,7 +359,7 @@ def _heard_at(cell: CellResult) -> str | None:
     """Where a cell without a position was heard best; None if nowhere."""
     if cell.obs is None or not len(cell.obs):
         return None
-    lat_deg, lon_deg = cell.obs.places[int(np.argmax(cell.obs.level_dbm))].first_deg
+    lat_deg, lon_deg = cell.obs.strongest.places.first_deg
     return f"{lat_deg:.4f} {lon_deg:.4f}"
 
 

@@ -205,6 +205,11 @@ class Readings:
         places = self.places.part(chosen)
         return replace(self, **parts, places=places, known_limit=self.limit[chosen])
 
+    @property
+    def strongest(self) -> "Readings":
+        """The reading with the highest level."""
+        return self[int(np.argmax(self.level_dbm))]
+
     def usable(self) -> "Readings":
         """The readings with a valid level and position that count, where scans name the cell.
 

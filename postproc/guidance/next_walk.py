@@ -89,7 +89,7 @@ def next_walk(
     everywhere = obs.everywhere()  # the walk, wherever its readings count
     obs = everywhere.usable()
     if why := too_few(everywhere, obs):
-        lat_deg, lon_deg = everywhere.places[int(np.argmax(everywhere.level_dbm))].first_deg
+        lat_deg, lon_deg = everywhere.strongest.places.first_deg
         raise EstimationError(f"{why}; walk where it was heard: {lat_deg:.4f} {lon_deg:.4f}")
     task = prepare(obs, prior, _EFFORT)
     tree = search(task)

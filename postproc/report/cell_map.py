@@ -126,8 +126,8 @@ def _place(survey: Survey, number: int, cell: CellResult) -> _Place | None:
         rings = regions["95"], regions["50"]
         return _Place(*named, what, survey.modes_m(modes), shares, *rings)
     if word in SIGNS and cell.obs is not None and len(cell.obs):
-        strongest = int(np.argmax(cell.obs.level_dbm))
-        where_m = survey.local(cell.obs.x_m, cell.obs.y_m)[[strongest]]
+        strongest = cell.obs.strongest
+        where_m = survey.local(strongest.x_m, strongest.y_m)
         return _Place(*named, "where it was strongest", where_m, ("",), [], [])
     return None
 

@@ -3,7 +3,7 @@
 In blocks of 50 m in which three or more heard a cell, the offsets of loggers are fitted like those
 of modems (`alignment`), and each logger is compared with the median of the others. One with a large
 offset has other levels; one whose levels scatter around those of the others was not where it says.
-Both are named and left out. A logger that walked alone is not judged.
+Both are named and left out. A logger that walked alone is not tested.
 """
 
 from collections.abc import Mapping, Sequence

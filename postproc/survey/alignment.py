@@ -105,7 +105,7 @@ def levels_by_place(obs: Readings, modem: IntArray, side_m: float) -> PlaceLevel
 def _excess(obs: Readings, modem: IntArray, n: int) -> float:
     """How much more the walks of a modem differ than the places say, as a ratio of variances.
 
-    Walks are told apart by falling times; two that are taken for one only say less.
+    Walks are distinguished by falling times; two that are taken for one only say less.
     """
     begins = np.ones(len(obs), np.bool_)
     begins[1:] = (np.diff(obs.t_ns) < 0) | (np.diff(modem) != 0)

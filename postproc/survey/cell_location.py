@@ -104,10 +104,9 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def where(self) -> str:
         """As `Position.where`, empty without one."""
-        known = self.lat_deg, self.lon_deg, self.r95_m, self.r50_m
-        if None in known:
+        lat, lon, r95_m, r50_m = self.lat_deg, self.lon_deg, self.r95_m, self.r50_m
+        if lat is None or lon is None or r95_m is None or r50_m is None:
             return ""
-        lat, lon, r95_m, r50_m = (value or 0.0 for value in known)
         return Position(lat=lat, lon=lon, r95_m=r95_m, r50_m=r50_m).where
 
 
@@ -170,13 +169,12 @@ def _row_of_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
     located = attempt(heard.cell, "its estimate", lambda: _locate_place(heard, runs, options))
     if not isinstance(located, Failure):
         return located
-    base = _without_position(heard, [runs[digest] for digest in heard.parts])
+    base = _without_position(heard, runs)
     return msgspec.structs.replace(base, reasons=(located.reason,), error=located.error)
 
 
 def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Options) -> LocatedCell:
-    own = [runs[digest] for digest in heard.parts]
-    base = _without_position(heard, own)
+    base = _without_position(heard, runs)
     why = too_rarely(sum(heard.n_scans.values()))
     if why or not heard.parts:
         return msgspec.structs.replace(base, reasons=(why or "no reading has a position",))
@@ -227,7 +225,8 @@ def joined_readings(parts: Mapping[str, Readings], modems: Sequence[str]) -> Rea
     return merge(dict(enumerate(parts.values())), [numbers[modem] for modem in modems])
 
 
-def _without_position(heard: CellRuns, own: Sequence[SurveyRun]) -> LocatedCell:
+def _without_position(heard: CellRuns, runs: Mapping[str, SurveyRun]) -> LocatedCell:
+    own = [runs[digest] for digest in heard.parts]
     times = [run.began_utc_ns for run in own if run.began_utc_ns is not None]
     return LocatedCell(
         cell=heard.cell,

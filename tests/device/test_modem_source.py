@@ -369,7 +369,7 @@ def test_a_poll_whose_row_was_cut_is_no_scan_without_cells(tmp_path):
 
 
 class Deaf:
-    """A modem that answers nothing until it is told to."""
+    """A modem that answers nothing while `is_deaf`."""
 
     def __init__(self):
         self._modem = BLOCK.modem(WalkTime(SystemClock()).now_s, DIALECTS["sim800"])

@@ -66,8 +66,7 @@ def prepare(obs: Readings, prior: Prior, effort: Effort) -> LocatorInput:
     limit = obs.limit
     if not np.any(limit == 0):
         raise EstimationError("there is no reading of this cell within the modem's scale")
-    best = int(np.argmax(obs.level_dbm))
-    strongest = obs[best]
+    strongest = obs.strongest
     obs = snap_to_curve(obs)
     seen = observables(obs)  # a mirror image is as far away
     timing = timing_of(obs, prior.height_m)
