@@ -31,7 +31,7 @@ with late_modules():
 Command = Callable[..., int | None]
 _Paths = TypeVar("_Paths", Path, tuple[Path, ...])
 
-_HDF5_READER = "logger.core.runfile.hdf5_reader"
+_HDF5_READER = "logger.core.runfile.hdf5"
 _FARTHEST_M = 30_000
 """Nothing farther is searched."""
 

@@ -7,10 +7,10 @@ Recording needs neither numpy nor h5py: they are imported when first used.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from logger.core.runfile.journal import RunWriter
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, Truth
 from logger.core.runfile.retention import FLOOR_BYTES, free_bytes, make_room, remove_oldest_runs
 from logger.core.runfile.run_names import journal_path
-from logger.core.runfile.writer import RunWriter
 
 if TYPE_CHECKING:
     from logger.core.runfile.finish import (
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         recover,
         unfinished_journals,
     )
+    from logger.core.runfile.frames import Sealing
     from logger.core.runfile.run import (
         Run,
         read_results,
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
         read_unaltered_run,
         sealing_of,
     )
-    from logger.core.runfile.seal import Sealing
 
 __all__ = [
     "FLOOR_BYTES",

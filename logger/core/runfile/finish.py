@@ -8,7 +8,7 @@ from pathlib import Path
 
 from logger.core.errors import RunFileError
 from logger.core.isolation import run_isolated
-from logger.core.runfile.hdf5_writer import write_hdf5
+from logger.core.runfile.hdf5 import write_hdf5
 from logger.core.runfile.journal import is_recording, sync_folder
 from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage

@@ -19,6 +19,7 @@ from logger.core.rows import Rows, dtypes_of, parse_dtypes
 from logger.core.runfile.frames import (
     MAX_PAYLOAD,
     Buffer,
+    Chain,
     ForgedFramesError,
     Frame,
     Kind,
@@ -26,10 +27,9 @@ from logger.core.runfile.frames import (
     payload_of,
     scan,
 )
+from logger.core.runfile.journal import RAW_COUNT
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, RunStop, check_end, check_meta
 from logger.core.runfile.run_names import first_part, parts_of
-from logger.core.runfile.seal import Chain
-from logger.core.runfile.writer import RAW_COUNT
 from logger.core.schema import MOST_NS, OLDEST_DESCRIBED, SCHEMA_VERSION, columns_of
 
 NO_ROWS: Rows = np.empty(0, np.dtype([]))

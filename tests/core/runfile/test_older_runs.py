@@ -11,7 +11,7 @@ import pytest
 
 from logger.core.live import LiveTracker
 from logger.core.runfile import convert_journal, read_run, sealing_of
-from logger.core.runfile.hdf5_writer import RAW_BYTES
+from logger.core.runfile.hdf5 import RAW_BYTES
 from logger.core.schema import columns_of
 from logger.core.types import LiveEstimate, Scan
 from postproc.cli import main

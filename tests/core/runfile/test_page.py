@@ -10,7 +10,7 @@ import pytest
 
 from logger.core.document import markdown_text
 from logger.core.runfile import convert_journal
-from logger.core.runfile.hdf5_writer import RAW_BYTES
+from logger.core.runfile.hdf5 import RAW_BYTES
 from logger.core.schema import SCHEMA_VERSION, TABLES, tables_text
 from tests.kit import runs
 
