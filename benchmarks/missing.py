@@ -38,7 +38,7 @@ from scoreboard.city import FLOOR_DBM, NOISES, SCANS, City, Report, city, outage
 from scoreboard.live import last_estimate
 
 from logger.core.arrays import BoolArray
-from logger.core.ellipse import CHI2_95_2DOF
+from logger.core.certainty import CHI2_95_2DOF
 from logger.core.errors import EstimationError
 from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort

@@ -25,7 +25,7 @@ from scoreboard.cases import CASES
 from scoreboard.live import last_estimate
 from scoreboard.world import World, observations
 
-from logger.core.ellipse import CHI2_95_2DOF
+from logger.core.certainty import CHI2_95_2DOF
 from logger.core.errors import EstimationError
 from logger.core.locator.pipeline import locate
 from logger.core.readings import Readings

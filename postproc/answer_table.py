@@ -5,9 +5,9 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from logger.core.answer import Answer, PathEnd
+from logger.core.certainty import share_text
 from logger.core.document import Column, Table, Value
 from logger.core.errors import ConfigError
-from logger.core.rivals import share_text
 from logger.core.suspicion.words import strongest_reasons
 from logger.core.utc import utc_text
 

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from logger.core.column import UNKNOWN_ID
 from logger.core.document import Column, Document, Line, Table, Word, facts
 from logger.core.errors import ConfigError
 from logger.core.rows import levels_dbm, numbered_texts
 from logger.core.runfile import Run, Sealing, read_sealed_run
 from logger.core.suspicion.words import in_plain_words
 from logger.core.timebase import fit_run, why_unknown
-from logger.core.types import DEAD_RECKONING
+from logger.core.types import DEAD_RECKONING, UNKNOWN_ID
 from logger.core.utc import utc_text
 from postproc.scan_counts import scans_of
 

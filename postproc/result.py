@@ -24,6 +24,7 @@ from logger.core.answer import (
     place_of,
 )
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.certainty import RADII, ellipse95, metres, radii_text, relevant_modes
 from logger.core.document import (
     Column,
     Document,
@@ -34,7 +35,6 @@ from logger.core.document import (
     terminal_lines,
 )
 from logger.core.document import Word as Mark
-from logger.core.ellipse import RADII, ellipse95, metres, radii_text
 from logger.core.errors import ConfigError
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import HALF, LEVEL, area_m2
@@ -43,7 +43,6 @@ from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import ENVIRONMENTS, Prior
 from logger.core.places import MAX_GAP_S, NO_MAP, Places, Utm
 from logger.core.readings import Observations, Readings, SpikeLevel
-from logger.core.rivals import relevant_modes
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import WORDS
 from logger.core.types import Verdict

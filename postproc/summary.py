@@ -10,6 +10,7 @@ from msgspec import Struct
 from pyproj import Geod
 
 from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position, Region
+from logger.core.certainty import RADII, Ellipse, metres, radius_m, share_text
 from logger.core.document import (
     Column,
     Degrees,
@@ -21,13 +22,11 @@ from logger.core.document import (
     Word,
     facts,
 )
-from logger.core.ellipse import RADII, Ellipse, metres, radius_m
 from logger.core.guidance.sentence import direction
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.region import HALF, LEVEL
 from logger.core.model.prior import Prior
 from logger.core.places import Places
-from logger.core.rivals import share_text
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import WORDS
 from logger.core.suspicion.words import reason_line, strongest_reasons

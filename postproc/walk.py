@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.column import UNKNOWN_TIME
 from logger.core.errors import EstimationError
 from logger.core.places import (
     TIMING_S,
@@ -21,6 +20,7 @@ from logger.core.provenance import has_times, is_import
 from logger.core.readings import NEAR_M, Observations, Readings, modems_of, observe, scan_times_ns
 from logger.core.rows import Rows, numbered_texts
 from logger.core.runfile import Run
+from logger.core.types import UNKNOWN_TIME
 from postproc.estimators import track_plausibility, walker
 from postproc.estimators.walker import SmoothedTrack
 from postproc.result import ObservedRun

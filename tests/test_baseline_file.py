@@ -8,10 +8,9 @@ import pytest
 
 from logger.baseline_file import BaselineFile
 from logger.baseline_store import BaselineStore, summarise_walk
-from logger.core.baseline import best_dbm, squares_around
+from logger.core.baseline import best_dbm, square_of, squares_around
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_sound_run
-from logger.core.squares import square_of
 from tests.postproc.baseline.walks import cell, name, write_walk
 
 LAT_DEG, LON_DEG = 52.5, 13.4

@@ -14,11 +14,10 @@ import pytest
 
 from logger import own_baseline
 from logger.baseline_file import OWN_FILE, BaselineFile, configured_file
-from logger.core.baseline import baseline_of, has_whole_baseline
+from logger.core.baseline import baseline_of, has_whole_baseline, square_of
 from logger.core.errors import ConfigError
 from logger.core.live_settings import LiveSettings
 from logger.core.runfile import RunWriter, convert_journal, read_sound_run
-from logger.core.squares import square_of
 from logger.core.suspicion.words import FINDING_CODE
 from logger.core.types import Fix, Note, Record, Scan
 from logger.device.estimator import Estimator

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.ellipse import CHI2_95_2DOF
+from logger.core.certainty import CHI2_95_2DOF
 
 from .world import Place
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Literal, Self
 from msgspec import Struct
 from msgspec.structs import replace
 
-from logger.core.ellipse import Ellipse, radii_text
-from logger.core.rivals import relevant_modes, whole_percents
+from logger.core.certainty import Ellipse, radii_text, relevant_modes, whole_percents
 from logger.core.types import Verdict
 
 if TYPE_CHECKING:  # the status is written before numpy is imported

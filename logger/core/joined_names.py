@@ -20,13 +20,12 @@ from logger.core.cell_names import (
     Identities,
     channel_name,
 )
-from logger.core.column import UNKNOWN_ID
 from logger.core.errors import EstimationError, GeoError
 from logger.core.latest import Latest
 from logger.core.places import Places, track_of
 from logger.core.readings import places_of
 from logger.core.rows import Rows, numbered_texts
-from logger.core.types import CellReading, Scan
+from logger.core.types import UNKNOWN_ID, CellReading, Scan
 
 JOIN_S = 300.0
 JOIN_M = 2000.0

@@ -18,7 +18,6 @@ import numpy as np
 
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
-from logger.core.filter_monitor import CLOSE, FilterMonitor, widest
 from logger.core.live_settings import EKF, LOCATOR, ONE_MODE
 from logger.core.locator.online import OnlineLocator
 from logger.core.locator.posterior import Mode
@@ -29,11 +28,14 @@ from logger.core.places import Places
 from logger.core.readings import Readings, in_order
 from logger.core.repeated_levels import CacheTest
 from logger.core.shadow_ekf import (
+    CLOSE,
+    FilterMonitor,
     ShadowNoise,
     ShadowState,
     candidates,
     likeliest,
     static_covariance,
+    widest,
 )
 from logger.core.spikes import SpikeFilter
 from logger.core.types import LiveEstimate

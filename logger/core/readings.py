@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.column import UNKNOWN_TIME
 from logger.core.places import (
     Places,
     Track,
@@ -31,7 +30,7 @@ from logger.core.places import (
 from logger.core.repeated_levels import repeats_along
 from logger.core.rows import Rows, levels_dbm, numbered_texts
 from logger.core.spikes import spikes_along
-from logger.core.types import RXLEV_0_DBM
+from logger.core.types import RXLEV_0_DBM, UNKNOWN_TIME
 
 GSM_FLOOR_DBM = RXLEV_0_DBM
 GSM_CEILING_DBM = RXLEV_0_DBM + 63.0

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.column import UNKNOWN_ID, Column
 from logger.core.schema import (
     EMPTY_LIST,
     HEAD,
@@ -18,7 +17,7 @@ from logger.core.schema import (
     columns_of,
     encode,
 )
-from logger.core.types import HIGHEST_ARFCN, RXLEV_0_DBM
+from logger.core.types import HIGHEST_ARFCN, RXLEV_0_DBM, UNKNOWN_ID, Column
 
 Rows = npt.NDArray[np.void]
 

@@ -14,9 +14,20 @@ from dataclasses import replace
 from typing import Any
 
 from logger.core import document
-from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME, Column
-from logger.core.column import columns_of as _stored
-from logger.core.types import Broadcast, CellReading, Fix, LiveEstimate, Note, Record, Scan, Value
+from logger.core.types import (
+    UNKNOWN_ID,
+    UNKNOWN_TIME,
+    Broadcast,
+    CellReading,
+    Column,
+    Fix,
+    LiveEstimate,
+    Note,
+    Record,
+    Scan,
+    Value,
+)
+from logger.core.types import columns_of as _stored
 
 SCHEMA_VERSION = 5
 OLDEST_DESCRIBED = 2

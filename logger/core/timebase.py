@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.column import UNKNOWN_TIME
 from logger.core.provenance import has_times, is_import, is_simulated
 from logger.core.rows import Rows
+from logger.core.types import UNKNOWN_TIME
 from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS
 
 STEP_S = 0.6

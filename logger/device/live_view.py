@@ -17,7 +17,7 @@ from msgspec.structs import asdict, replace
 
 from logger.core.answer import DEGREE_DECIMALS, Answer, MultiPolygon, NextWay, OnMap, Place
 from logger.core.cell_names import channel_name
-from logger.core.ellipse import Ellipse, ellipse95, radii_text, radius_m
+from logger.core.certainty import Ellipse, ellipse95, radii_text, radius_m
 from logger.core.latest import Latest
 from logger.core.live_settings import EKF, ONE_MODE, REFERENCE
 from logger.core.types import CellReading, LiveEstimate, Record, Scan, Verdict

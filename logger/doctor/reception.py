@@ -6,12 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from logger.config import ModemSettings, SourceSettings
-from logger.core.baseline import Baseline
+from logger.core.baseline import Baseline, square_of
 from logger.core.places import UERE_M
 from logger.core.rows import Rows, levels_dbm
 from logger.core.runfile import Run
 from logger.core.source_tables import GNSS, MODEM
-from logger.core.squares import square_of
 from logger.core.types import DEAD_RECKONING
 from logger.device.link import Line, State
 from logger.drivers.registry import FAMILIES

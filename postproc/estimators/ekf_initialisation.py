@@ -17,7 +17,6 @@ import numpy as np
 from logger.core import shadow_ekf
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import EstimationError
-from logger.core.filter_monitor import CLOSE
 from logger.core.locator.online import EFFORT
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Mode, Posterior
@@ -27,7 +26,7 @@ from logger.core.model import path_loss
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.readings import Readings
-from logger.core.shadow_ekf import ShadowNoise, candidates
+from logger.core.shadow_ekf import CLOSE, ShadowNoise, candidates
 from postproc.estimators import rts
 from postproc.estimators.filters import FilterPath, retained_rows, shadow_pass
 

@@ -36,7 +36,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.ellipse import CHI2_95_2DOF
+from logger.core.certainty import CHI2_95_2DOF
 from logger.core.errors import EstimationError
 from logger.core.locator.orthant import log_cdf_and_slope
 from logger.core.model import path_loss

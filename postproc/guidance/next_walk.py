@@ -14,9 +14,9 @@ import numpy as np
 from logger.command_line import late_modules
 from logger.core.answer import Answer, Provenance, answer_of
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.certainty import RADII, metres
 from logger.core.document import Column, Degrees, Document, Table
 from logger.core.document import Line as TextLine
-from logger.core.ellipse import RADII, metres
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.guidance.forecast import Forecast, Forecaster
 from logger.core.guidance.planner import Course, Plan, first_turn, plans

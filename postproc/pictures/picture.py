@@ -6,12 +6,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.ellipse import Ellipse, ellipse95, radii_text
+from logger.core.certainty import Ellipse, ellipse95, radii_text, share_text
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.region import HALF, LEVEL, Squares
 from logger.core.model import path_loss
 from logger.core.model.path_loss import log_distance_db
-from logger.core.rivals import share_text
 from logger.core.suspicion.rule import WORDS
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath

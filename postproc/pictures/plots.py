@@ -21,7 +21,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from logger.core.arrays import FloatArray
-from logger.core.ellipse import radii_text
+from logger.core.certainty import radii_text
 from postproc.atomic_write import kind_of, whole_file
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency

@@ -11,7 +11,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 from logger.core.arrays import FloatArray
-from logger.core.rivals import relevant_modes, share_text
+from logger.core.certainty import relevant_modes, share_text
 from postproc.basemap.reading import Basemap, read_basemap
 from postproc.cell_work import Attempts
 from postproc.pictures import colours

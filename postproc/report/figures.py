@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from logger.core.arrays import FloatArray
-from logger.core.ellipse import metres
+from logger.core.certainty import area_text, metres, share_text
 from logger.core.guidance.sentence import direction
-from logger.core.rivals import area_text, share_text
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency, consistency
 from postproc.pictures import colours

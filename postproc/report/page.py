@@ -10,10 +10,9 @@ from jinja2 import Template
 from markupsafe import Markup
 
 from logger.core.answer import CONSPICUOUS, Answer, Mode, Place
+from logger.core.certainty import RADII, metres, share_text
 from logger.core.document import Column, Degrees, Table, Value, Word
-from logger.core.ellipse import RADII, metres
 from logger.core.locator.alternatives import alternatives_text
-from logger.core.rivals import share_text
 from logger.core.runfile import Run
 from logger.core.suspicion.words import strongest_reasons, word_rate_text
 from postproc import summary

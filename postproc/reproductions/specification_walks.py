@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 
 from logger.core import ekf
 from logger.core.arrays import FloatArray
-from logger.core.ellipse import CHI2_95_2DOF
+from logger.core.certainty import CHI2_95_2DOF
 from logger.core.live import LiveTracker
 from logger.core.live_settings import STRONGEST, LiveSettings
 from logger.core.locator.pipeline import locate

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 import msgspec
 
+from logger.core.certainty import RADII
 from logger.core.document import Column, Document, Line, Table, Value, Word
-from logger.core.ellipse import RADII
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
 from logger.core.types import Verdict

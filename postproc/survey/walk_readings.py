@@ -12,11 +12,11 @@ import numpy as np
 
 from logger.baseline_store import content_digest, walk_digest
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
 from logger.core.errors import RunFileError
 from logger.core.readings import Readings
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
+from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 from postproc.multi_run import modem_identity, with_one_modem
 from postproc.scan_counts import scans_of
 from postproc.survey.rule_inputs import RuleInputs, rule_inputs

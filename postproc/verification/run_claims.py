@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.ellipse import metres
+from logger.core.certainty import metres
 from logger.core.errors import ConfigError
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior

@@ -11,7 +11,7 @@ import rerun as rr
 from PIL import Image
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.ellipse import ellipse95
+from logger.core.certainty import ellipse95
 from logger.core.locator.region import LEVEL, Squares
 from logger.core.places import MAX_GAP_S
 from postproc.basemap.reading import Basemap

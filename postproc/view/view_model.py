@@ -9,12 +9,11 @@ import msgspec
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.column import UNKNOWN_TIME
 from logger.core.locator.posterior import Posterior
 from logger.core.model.prior import Prior
 from logger.core.readings import Readings
 from logger.core.runfile import Run
-from logger.core.types import Verdict
+from logger.core.types import UNKNOWN_TIME, Verdict
 from postproc.cell_work import PROCESS_ENDED, Failure, failure
 from postproc.estimators.filters import FilterPath
 from postproc.pictures import colours

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from logger.core.answer import Answer, Mode, Place, Provenance, StrongestReading, Word
-from logger.core.ellipse import Ellipse
+from logger.core.certainty import Ellipse
 
 MODE = Mode(lat=52.5, lon=13.4, probability=1.0, percent=100, ellipse95=Ellipse(46.0, 30.0, 0.0))
 PLACE = Place(

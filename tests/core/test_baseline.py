@@ -6,8 +6,8 @@ from logger.core.baseline import (
     SquareHistory,
     best_dbm,
     squares_around,
+    squares_within,
 )
-from logger.core.squares import squares_within
 
 
 def test_without_a_baseline_nothing_is_known():

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from logger.core.ellipse import ellipse95, radii_text, radius_m
+from logger.core.certainty import ellipse95, radii_text, radius_m
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from logger.core import filter_monitor, shadow_ekf
+from logger.core import shadow_ekf
 from logger.core.ekf import EkfStep
-from logger.core.filter_monitor import FilterMonitor
 from logger.core.places import Places
-from logger.core.shadow_ekf import ShadowNoise
+from logger.core.shadow_ekf import FilterMonitor, ShadowNoise
 
 NOISE = ShadowNoise(0.0, 0.0, 3.0, 0.0)
 
@@ -37,7 +36,7 @@ def first_alarm(innovations):
 
 @pytest.mark.parametrize("dof", [3.0, 10.0, 59.0, 400.0])
 def test_bound_is_the_chi_square_quantile(dof):
-    assert filter_monitor.mean_bound(dof, 4.0) == pytest.approx(
+    assert shadow_ekf.mean_bound(dof, 4.0) == pytest.approx(
         chi2.isf(norm.sf(4.0), dof) / dof, rel=0.05 if dof < 20.0 else 0.01
     )
 
@@ -122,6 +121,6 @@ def test_a_walker_too_near_for_the_uncertainty_raises_the_alarm():
 
 
 def test_widest_axis_is_the_largest_eigenvalue():
-    assert filter_monitor.widest(5.0, -1.0, 2.0) ** 2 == pytest.approx(
+    assert shadow_ekf.widest(5.0, -1.0, 2.0) ** 2 == pytest.approx(
         np.linalg.eigvalsh([[5.0, -1.0], [-1.0, 2.0]])[1]
     )

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.filter_monitor import widest
 from logger.core.live import live_prior
 from logger.core.live_cell import EKF, LOCATOR, LiveCell
 from logger.core.live_settings import LiveSettings
+from logger.core.shadow_ekf import widest
 from tests.kit.walks import simulate, single_reading, with_places
 
 PRIOR = live_prior(LiveSettings(height_m=0.0))

@@ -2,8 +2,8 @@
 
 import pytest
 
+from logger.core.certainty import area_text
 from logger.core.locator.alternatives import ANTENNA, HEIGHT, REACH, Alternative, alternatives_text
-from logger.core.rivals import area_text
 
 NEAR = Alternative(REACH, "near", 0.62, 350_000.0, 0.05)
 FAR = Alternative(REACH, "far", 0.38, 4_130_000.0, 0.12)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pyproj import Geod
 
-from logger.core.squares import SQUARE_M, centre_of, square_of, squares_of, squares_within
+from logger.core.baseline import SQUARE_M, centre_of, square_of, squares_of, squares_within
 
 GEOD = Geod(ellps="WGS84")
 PLACES = [(0.0001, 0.0), (52.52, 13.4), (-33.9, 151.2), (60.0, 6.0), (69.6, -18.9), (83.9, 30.0)]

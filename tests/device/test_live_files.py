@@ -7,9 +7,9 @@ import pytest
 
 from logger.baseline_file import BaselineFile
 from logger.baseline_store import BaselineStore, summarise_walk
+from logger.core.baseline import square_of
 from logger.core.live_settings import LiveSettings
 from logger.core.runfile import read_sound_run
-from logger.core.squares import square_of
 from logger.core.types import Note
 from logger.device.estimator import Estimator
 from logger.device.link import Inbox

@@ -7,9 +7,9 @@ from itertools import groupby
 import numpy as np
 
 from logger.core.arrays import FloatArray
+from logger.core.certainty import area_text, share_text
 from logger.core.locator.region import Squares, area_m2, highest_density
 from logger.core.model.prior import REACHES, Prior
-from logger.core.rivals import area_text, share_text
 
 REACH, ANTENNA, HEIGHT = "reach", "antenna", "height"
 """Kinds of hypotheses that the levels weigh."""

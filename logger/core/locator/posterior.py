@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.ellipse import Ellipse, ellipse95
+from logger.core.certainty import Ellipse, ellipse95
 from logger.core.locator.alternatives import Alternative
 from logger.core.locator.offsets import Offsets
 from logger.core.locator.region import HALF, Squares, area_m2, contains, highest_density

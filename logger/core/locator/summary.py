@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.certainty import LEAST_PEAK
 from logger.core.locator.alternatives import Alternative, alternatives
 from logger.core.locator.mixture import Mixture, log_sum, rows_of_groups
 from logger.core.locator.observables import pool
@@ -24,7 +25,6 @@ from logger.core.locator.region import (
 from logger.core.model.evidence import Evidence
 from logger.core.model.prior import Prior
 from logger.core.places import Places, Utm
-from logger.core.rivals import LEAST_PEAK
 
 BIAS_SHARE = 1.0
 """Share of the variance of the receiver's position that lasts for the walk."""

@@ -17,13 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.ellipse import metres
+from logger.core.certainty import metres, relevant_modes, share_text, whole_percents
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.places import NO_MAP, Places
 from logger.core.readings import Readings
-from logger.core.rivals import relevant_modes, share_text, whole_percents
 from logger.core.types import Verdict
 
 _FEWEST_READINGS = 8

@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
 from logger.core.errors import RunFileError
 from logger.core.isolation import Outcome, run_isolated
 from logger.core.provenance import has_times
@@ -35,6 +34,8 @@ from logger.core.runfile.meta import Damage, RunEnd, RunMeta
 from logger.core.runfile.run_names import is_hdf5
 from logger.core.schema import MOST_NS, TABLES
 from logger.core.types import (
+    UNKNOWN_ID,
+    UNKNOWN_TIME,
     Broadcast,
     CellReading,
     Fix,

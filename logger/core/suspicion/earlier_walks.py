@@ -4,9 +4,8 @@ from collections.abc import Iterable, Iterator
 from math import hypot, log
 from statistics import median
 
-from logger.core.baseline import KnownCell, SquareHistory, squares_around
+from logger.core.baseline import KnownCell, SquareHistory, square_of, squares_around
 from logger.core.latest import Latest
-from logger.core.squares import square_of
 from logger.core.suspicion.heard import FULL_LIST, HeardCell, Memory
 from logger.core.suspicion.rule import Evidence, Rate, Rule, ScanRule
 

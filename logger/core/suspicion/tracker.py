@@ -5,11 +5,10 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from logger.core.baseline import NO_BASELINE, Baseline
+from logger.core.baseline import NO_BASELINE, Baseline, square_of
 from logger.core.cell_names import Identities
 from logger.core.errors import error_place
 from logger.core.latest import Latest
-from logger.core.squares import square_of
 from logger.core.suspicion.heard import Heard, Memory, Moment, Walker
 from logger.core.suspicion.rule import Evidence, Finding, Need, Rule
 from logger.core.suspicion.rules import RULES

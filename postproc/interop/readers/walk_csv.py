@@ -14,10 +14,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from logger.core.column import UNKNOWN_SIGNED
 from logger.core.places import check_position
 from logger.core.schema import TABLES
-from logger.core.types import Broadcast, CellReading, Fix
+from logger.core.types import UNKNOWN_SIGNED, Broadcast, CellReading, Fix
 from postproc.interop import csv_table
 from postproc.interop.contents import Contents, Format
 from postproc.interop.fields import (

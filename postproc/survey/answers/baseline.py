@@ -7,9 +7,9 @@ import numpy as np
 import pyarrow as pa
 
 from logger.baseline_store import FARTHEST_SIGMA_M, BaselineStore, WalkSummary, rows_by_square
+from logger.core.baseline import squares_of
 from logger.core.cell_names import FEWEST_SCANS, is_by_channel
 from logger.core.places import Places, Utm
-from logger.core.squares import squares_of
 from postproc.survey.dataset import Survey
 from postproc.survey.walk_readings import SurveyRun
 

@@ -11,8 +11,8 @@ import shapely
 
 from logger.core.answer import CONSPICUOUS, to_do_about
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.certainty import metres
 from logger.core.document import Column, Table, Word
-from logger.core.ellipse import metres
 from logger.core.errors import ConfigError
 from logger.core.places import Utm
 from logger.core.suspicion.rules import RULES

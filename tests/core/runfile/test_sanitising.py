@@ -5,8 +5,8 @@ it is.
 import numpy as np
 import pytest
 
-from logger.core.column import UNKNOWN_ID, UNKNOWN_TIME
 from logger.core.runfile import convert_journal, read_run, read_sound_run
+from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 from postproc.cli import main
 from tests.kit import runs
 

@@ -9,9 +9,9 @@ import pytest
 
 from logger.baseline_file import BaselineFile
 from logger.baseline_store import BaselineStore, summarise_walk
+from logger.core.baseline import square_of
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import read_sound_run
-from logger.core.squares import square_of
 from postproc.baseline import add_runs
 from tests.postproc.baseline.walks import STEP_DEG, cell, name, two_cells, write_walk
 

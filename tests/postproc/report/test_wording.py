@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from logger.core.ellipse import metres
+from logger.core.certainty import metres
 from postproc.report import page
 from tests.kit import sample_results as kit
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.ellipse import CHI2_95_2DOF
+from logger.core.certainty import CHI2_95_2DOF
 from postproc.reproductions import specification_walks as walks
 from postproc.reproductions.specification_walks import SPEC, circle, true_level_dbm
 

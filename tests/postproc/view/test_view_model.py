@@ -3,10 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.column import UNKNOWN_TIME
 from logger.core.model.prior import ENVIRONMENTS
 from logger.core.runfile import RunWriter, read_run
-from logger.core.types import CellReading, Fix, Record, Scan
+from logger.core.types import UNKNOWN_TIME, CellReading, Fix, Record, Scan
 from postproc.pictures import colours
 from postproc.pictures.survey import clock_of
 from postproc.result import CellResult
