@@ -23,7 +23,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from logger.drivers.diag.frames import REVERSED, escape, unescape
-from postproc.interop.diag_messages import CODES
+from postproc.interop.readers.diag import CODES
 from tests.kit.capture_walks import SCENES, Pair, side_by_side
 from tests.kit.diag_capture import (
     EARFCN,

@@ -16,7 +16,7 @@ from logger.drivers.protocols.at import AtFramer, Reply
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
 from logger.drivers.protocols.redaction import Redactor
 from logger.drivers.sim800 import Sim800
-from logger.sim.receiver import sentence
+from logger.sim.devices import sentence
 
 EPOCHS = 2_000
 CHUNK = 64

@@ -16,10 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from logger.device.clock import SystemClock
+from logger.sim.devices import SimulatedModem, SimulatedReceiver
 from logger.sim.dialects import DIALECTS, Answer, Settings, block, ceng_rows
-from logger.sim.modem import SimulatedModem
 from logger.sim.ptys import PtyDevice, PtyLine, Session, answering
-from logger.sim.receiver import SimulatedReceiver
 from logger.sim.scenario import BLOCK, ORIGIN_LAT_DEG, ORIGIN_LON_DEG, UTC_START
 from logger.sim.walk import Walk, WalkTime
 from logger.sim.world import Air, Radio, Transmitter, World

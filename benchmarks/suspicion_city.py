@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.suspicion_logs import Log, hours_of
 from logger.core.arrays import FloatArray
 from logger.core.types import CellReading, Fix, Record, Scan
-from logger.sim.city import GRAZ, city
+from logger.sim.scenario import GRAZ, city
 from logger.sim.walk import Walk
 from logger.sim.world import Radio, Transmitter, World
 

@@ -32,7 +32,7 @@ from logger.core.places import Places
 from logger.core.readings import Readings
 from postproc.area_file import area_of
 from postproc.smoothing import too_few
-from postproc.verification.claim_test import ClaimTest
+from postproc.verification.run_claims import ClaimTest
 
 SHAPES = ("L", "square", "random")
 NOISES = {"white 3 dB": Noise(3.0), "6 dB over 15 m + 1 dB": Noise(1.0, 6.0, 15.0, step_db=1.0)}

@@ -382,7 +382,7 @@ def parse(file: Path, driver_name: str, command: str | None, *, as_json: bool) -
     default="graz",
     metavar="NAME",
     cls=NameOption,
-    module="logger.sim.city",
+    module="logger.sim.scenario",
     variable="CITIES",
     help="City of the walks city-clean and city-rogue (default: graz).",
 )

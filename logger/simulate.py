@@ -23,11 +23,10 @@ from logger.device.notify import stop_signals
 from logger.device.service import Service
 from logger.device.startup import begin_run
 from logger.device.status import write_status
-from logger.sim.city import CITIES
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import AnsweringDevice, PtyDevice, answering, talking
-from logger.sim.scenario import SCENARIOS, Scenario, scenario
+from logger.sim.scenario import CITIES, SCENARIOS, Scenario, scenario
 from logger.sim.walk import GuidedWalk, WalkTime
 
 _SITE = """\

@@ -5,14 +5,18 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
 from click.shell_completion import get_completion_class
 
 from logger.command_line import (
+    FILE,
+    INPUT,
     Program,
     json_option,
     late_modules,
@@ -23,9 +27,8 @@ from logger.command_line import (
     under_old_name,
     version_option,
 )
-from logger.core.errors import SOMETHING_LOST
+from logger.core.errors import SOMETHING_LOST, ConfigError
 from postproc.baseline import baseline
-from postproc.comparison.cli import compare
 from postproc.guidance.cli import guide, next_command
 from postproc.interop.cli import export, import_, share
 from postproc.options import (
@@ -39,20 +42,23 @@ from postproc.options import (
     stored_or_estimated,
     within_option,
 )
-from postproc.pictures.cli import plot
 from postproc.report.cli import report
 from postproc.reproductions.cli import theory, toa, validate
 from postproc.survey.cli import survey
-from postproc.suspicion.cli import suspect
 from postproc.verification.cli import celldb, verify
 from postproc.view.cli import view
 
 with late_modules():
+    from logger import baseline_file, baseline_store
     from logger.core import document, runfile
     from logger.core.model import prior as priors
-    from postproc import cell_work, ground, progress, replay, result, results, summary
+    from postproc import atomic_write, cell_work, ground, progress, replay, result, results, summary
     from postproc import info as description
-    from postproc.suspicion import run_assessment
+    from postproc.comparison import changes, scene
+    from postproc.comparison import report as comparison_report
+    from postproc.pictures import plots
+    from postproc.suspicion import run_assessment, signalling
+    from postproc.verification import celldb as cell_database
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -86,9 +92,8 @@ def program() -> None:
 
 
 for _command in (
-    import_, export, share, view, plot, report, recover,
-    guide, next_command, suspect, validate, verify, celldb, baseline,
-    compare, survey,
+    import_, export, share, view, report, recover,
+    guide, next_command, validate, verify, celldb, baseline, survey,
     under_old_name(theory, "postproc verify-theory", "postproc validate theory"),
 ):  # fmt: skip
     program.add_command(_command)
@@ -189,6 +194,130 @@ def smooth(
         if not own_cells or not beside.exists():  # a few cells do not replace all
             results.write(estimated, said.content, beside, own_cells)
     return cell_work.exit_code(rows)
+
+
+@program.command
+@run_argument
+@click.option("-o", "--output", type=FILE, metavar="RUN.PNG", help="Default: beside the run.")
+@click.option(
+    "--cell", metavar="NAME", help="Cell to show (default: the one with the most information)."
+)
+@json_option
+def plot(path: Path, output: Path | None, cell: str | None, *, as_json: bool) -> int:
+    """Draw a run as a picture.
+
+    The exit code is 3 if an estimate failed.
+    """
+    run_now(plots)
+    target = output or path.with_suffix(".png")
+    atomic_write.check_picture(target)
+    estimated = stored_or_estimated([runfile.read_sound_run(path)], [cell] if cell else [])
+    cell_work.attempt_alone(
+        cell or path.name, "its picture", lambda: plots.draw_run(estimated, target)
+    )
+    content = {"path": target, "bytes": target.stat().st_size}
+    show(document.Document(content, body=[str(target)]), as_json=as_json)
+    return cell_work.exit_code(estimated.cells)
+
+
+def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) -> None:
+    if is_wanted:
+        show(run_assessment.document_of_rules(), as_json=False)
+        context.exit()
+
+
+@program.command
+@click.option(
+    "--rules", is_flag=True, is_eager=True, expose_value=False, callback=_print_rules,
+    help="Print all rules with their needs and rates instead.",
+)  # fmt: skip
+@runs_argument
+@click.option(
+    "--baseline", "baseline_path", type=INPUT, metavar="FILE",
+    help="Earlier walks, made by `postproc baseline add`.",
+)  # fmt: skip
+@click.option(
+    "--celldb", "celldb_path", type=INPUT, metavar="FILE",
+    help="A database of cells, made by `postproc celldb import`.",
+)  # fmt: skip
+@click.option(
+    "--signalling", "is_signalling", is_flag=True,
+    help="List what networks did in signalling instead; it gives no word.",
+)  # fmt: skip
+@click.option("-v", "--verbose", is_flag=True, help="Name the rules.")
+@json_option
+def suspect(
+    paths: Sequence[Path],
+    baseline_path: Path | None,
+    celldb_path: Path | None,
+    *,
+    is_signalling: bool,
+    verbose: bool,
+    as_json: bool,
+) -> int:
+    """Print which cells are suspicious, with the reasons.
+
+    Each cell gets one of three words: nothing unusual, unusual or suspicious. The exit
+    code is 3 if a rule failed.
+    """
+    with ExitStack() as stack:
+        baseline = database = None
+        groups = [group for group, _ in grouped_runs(paths)]
+        if is_signalling:
+            listed = [signalling.document_of(signalling.signals_of(one.runs)) for one in groups]
+            show(ground.document_of_groups(groups, listed), as_json=as_json)
+            return 0
+        if baseline_path is not None:
+            folder = Path(stack.enter_context(TemporaryDirectory()))
+            runs = [run for group in groups for run in group.runs]
+            others = baseline_store.without_runs(baseline_path, runs, folder)
+            baseline = stack.enter_context(closing(baseline_file.BaselineFile(others)))
+        if celldb_path is not None:
+            database = stack.enter_context(closing(cell_database.CellDb(celldb_path)))
+        assessed = [
+            run_assessment.assess_runs(
+                group.runs, baseline, database, progress.with_progress, group.several
+            )
+            for group in groups
+        ]
+    documents = [run_assessment.document_of(one, details=verbose) for one in assessed]
+    show(ground.document_of_groups(groups, documents), as_json=as_json)
+    return cell_work.exit_code([why for one in assessed for why in one.failures.values()])
+
+
+@program.command
+@click.argument("a", type=INPUT, metavar="A")
+@click.argument("b", type=INPUT, metavar="B")
+@click.option("-o", "--output", type=FILE, metavar="PAGE.HTML", help="Write a page as well.")
+@click.option(
+    "--save", type=FILE, metavar="CHANGES.RRD",
+    help="Write a recording as well; `postproc view CHANGES.RRD` shows it.",
+)  # fmt: skip
+@click.option("-v", "--verbose", is_flag=True, help="Every cell with its reason.")
+@json_option
+def compare(
+    a: Path, b: Path, output: Path | None, save: Path | None, *, verbose: bool, as_json: bool
+) -> int:
+    """Compare two walks: cells that are new, gone, moved, stronger or weaker in B.
+
+    A and B are runs. Cells are compared only where both walks could have heard them. The exit code
+    is 3 if a comparison failed.
+    """
+    if save is not None and save.suffix != ".rrd":
+        raise ConfigError(f"{save}: a rerun recording is named .rrd")
+    run_now(comparison_report, *[scene] * (save is not None))
+    for path in (output, save):
+        if path is not None:
+            atomic_write.check_output(path)
+    runs = runfile.read_sound_run(a), runfile.read_sound_run(b)
+    compared = changes.compare_runs(*runs, progress.with_progress)
+    if output is not None:
+        with atomic_write.whole_file(output) as part:
+            part.write_bytes(comparison_report.html(compared).encode())
+    if save is not None:
+        scene.write_comparison(compared, save)
+    show(comparison_report.document_of(compared, details=verbose), as_json=as_json)
+    return cell_work.exit_code(compared.comparison.cells)
 
 
 @program.command

@@ -17,9 +17,8 @@ from logger.core.live import LiveTracker
 from logger.core.live_settings import FOLLOW, LiveSettings
 from logger.core.types import CellReading, Fix, Note, Record, Role, Scan
 from logger.device.live_view import LiveView, live_view
-from logger.sim.city import CITIES, Place, city, with_lists
-from logger.sim.receiver import GnssNoise
-from logger.sim.scenario import SCENARIOS
+from logger.sim.devices import GnssNoise
+from logger.sim.scenario import CITIES, SCENARIOS, Place, city, with_lists
 from logger.sim.walk import GuidedWalk
 from logger.sim.world import Air, Radio, ReceivedCell, World
 

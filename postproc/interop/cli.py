@@ -23,7 +23,7 @@ with late_modules():
     from logger.core import answer, document, runfile
     from postproc import atomic_write, cell_work, progress, scan_counts
     from postproc.interop import (
-        decompression,
+        contents,
         exporting,
         importing,
         track_file,
@@ -161,7 +161,7 @@ def import_(
         zone=track_file.zone_named(zone) if zone else None,
         keep_name=keep_name,
     )
-    sizes = decompression.members(source)
+    sizes = contents.members(source)
     if member is not None and member not in sizes:
         inside = f"it has {', '.join(list(sizes)[:5])}" if sizes else "it is no zip"
         raise ConfigError(f"{source} has no file {member!r}: {inside}")

@@ -25,13 +25,12 @@ from logger.core.runfile import Run
 from logger.core.suspicion.words import strongest_reasons
 from logger.core.timebase import utc_clock, why_unknown
 from logger.core.types import Broadcast, CellReading, Fix
-from postproc.answer_table import answer_table
 from postproc.atomic_write import whole_file
 from postproc.cell_work import Failure, attempt
 from postproc.interop import writers
 from postproc.interop.sighting import Sighting
 from postproc.outlines import Rings, polygons
-from postproc.result import ESTIMATORS, CellResult, Result, region_of
+from postproc.result import ESTIMATORS, CellResult, Result, answer_table, region_of
 
 _DEGREE_DECIMALS = 8
 """A millimetre."""

@@ -34,8 +34,7 @@ from postproc.foreign_file import (
     with_limit,
 )
 from postproc.interop import readers
-from postproc.interop.contents import Contents, Format, look_at, unknown_format
-from postproc.interop.decompression import members, plain_file
+from postproc.interop.contents import Contents, Format, look_at, members, plain_file, unknown_format
 from postproc.interop.fields import RATS
 from postproc.interop.readers import named_columns, rayhunter
 from postproc.interop.readers.rayhunter import CLOCK_SET_NS

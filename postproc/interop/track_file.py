@@ -17,8 +17,7 @@ from logger.core.places import SIGMA_OF_RADIUS68, UNKNOWN_SIGMA_M
 from logger.core.types import Fix
 from postproc.foreign_file import MOST_READINGS, with_limit
 from postproc.interop import xml_file
-from postproc.interop.contents import look_at, unknown_format
-from postproc.interop.decompression import plain_file
+from postproc.interop.contents import look_at, plain_file, unknown_format
 from postproc.interop.fields import fix_of, maybe, utc_ns_of
 from postproc.interop.readers import gsmtap, rayhunter
 from postproc.interop.sighting import BadRow, Row, Sighting

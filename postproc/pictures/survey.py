@@ -20,8 +20,7 @@ from logger.core.rows import levels_dbm
 from logger.core.runfile import Run
 from logger.core.timebase import TimeBase, fit_run
 from logger.core.utc import utc_text
-from logger.sim.city import CITIES
-from logger.sim.scenario import SCENARIOS, scenario
+from logger.sim.scenario import CITIES, SCENARIOS, scenario
 from postproc.result import Result
 
 

@@ -12,7 +12,7 @@ from matplotlib.path import Path
 
 from logger.core.arrays import FloatArray
 from logger.core.certainty import relevant_modes, share_text
-from postproc.basemap.reading import Basemap, read_basemap
+from postproc.basemap import Basemap, read_basemap
 from postproc.cell_work import Attempts
 from postproc.pictures import colours
 from postproc.pictures.picture import Rings, picture_of, regions_of

@@ -9,7 +9,7 @@ import matplotlib as mpl
 
 from logger.core.suspicion.words import reason_line
 from postproc.atomic_write import whole_file
-from postproc.basemap.tiles import street_at
+from postproc.basemap import street_at
 from postproc.cell_work import Attempts, Failure, attempt, exit_code
 from postproc.pictures.picture import picture_of
 from postproc.pictures.plots import STYLE, save_figure

@@ -28,8 +28,8 @@ with late_modules():
     from logger.core import document, runfile
     from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, multi_run, progress
+    from postproc import basemap as basemaps
     from postproc import result as estimation
-    from postproc.basemap import reading
     from postproc.pictures import survey as surveys
     from postproc.suspicion import run_assessment
     from postproc.verification import claims as claiming
@@ -115,7 +115,7 @@ def view(
     def write(path: Path) -> int:
         """Estimate and draw, after it is known that the result can be shown."""
         model = _view_model(runs, cells, options, claim, claims)
-        ground = reading.read_basemap(basemap, model.survey, model.box) if basemap else None
+        ground = basemaps.read_basemap(basemap, model.survey, model.box) if basemap else None
         if basemap and ground is None:
             print(f"{basemap} is not drawn: the walk has no position", file=sys.stderr)
         failures = scene.write_scene(model, path, basemap=ground, online=not is_served)

@@ -14,7 +14,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.certainty import ellipse95
 from logger.core.locator.region import LEVEL, Squares
 from logger.core.places import MAX_GAP_S
-from postproc.basemap.reading import Basemap
+from postproc.basemap import Basemap
 from postproc.estimators.filters import FilterPath
 from postproc.notebook_plan import round_step
 from postproc.pictures import colours

@@ -19,7 +19,7 @@ from logger.core.baseline import NO_BASELINE
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import WORD_RATES
 from logger.core.types import Scan
-from logger.sim.city import GRAZ
+from logger.sim.scenario import GRAZ
 from tests.kit.street import CELLS, N_SCANS, STEP_S, street
 from tests.kit.suspicion_walks import gsm
 

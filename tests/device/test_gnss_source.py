@@ -17,8 +17,8 @@ from logger.device import gnss_source
 from logger.device.clock import SystemClock
 from logger.device.gnss_source import GpsdSource, NmeaSource
 from logger.device.sources import source_of
+from logger.sim.devices import sentence
 from logger.sim.ptys import PtyDevice
-from logger.sim.receiver import sentence
 from tests.kit import service
 from tests.kit.recorded_replies import NmeaPlayer
 from tests.kit.recorded_runs import make_service, recording

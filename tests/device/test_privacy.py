@@ -12,7 +12,7 @@ from logger.cli import main as fieldlogger
 from logger.core.runfile import read_run
 from logger.device import gnss_source
 from logger.probe import probe
-from logger.sim.modem import frame_text
+from logger.sim.devices import frame_text
 from logger.sim.ptys import PtyDevice, answering
 from postproc.cli import main as postproc
 from tests.kit import service

@@ -19,8 +19,8 @@ from logger.device.scan_timeout import (
     Wait,
 )
 from logger.drivers.protocols.at import Command
+from logger.sim.devices import SimulatedModem
 from logger.sim.faults import Misbehaving
-from logger.sim.modem import SimulatedModem
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
 from logger.sim.walk import WalkTime

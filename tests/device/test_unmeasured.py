@@ -5,8 +5,8 @@ import json
 import pytest
 
 from logger.core.runfile import read_run
+from logger.sim.devices import sentence
 from logger.sim.ptys import PtyDevice
-from logger.sim.receiver import sentence
 from postproc.cli import main as postproc
 from tests.kit import service
 from tests.kit.recorded_replies import NmeaPlayer

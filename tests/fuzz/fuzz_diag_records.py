@@ -4,11 +4,11 @@ import sys
 
 import atheris
 
-with atheris.instrument_imports(include=["logger", "postproc.interop.diag_messages"]):
+with atheris.instrument_imports(include=["logger", "postproc.interop.readers.diag"]):
     from logger.drivers.diag.frames import FrameReader, LogRecord
     from logger.drivers.diag.levels import ALLOWED_CODES, Decoder
     from logger.drivers.diag.seconds import Seconds
-    from postproc.interop.diag_messages import CODES, Messages
+    from postproc.interop.readers.diag import CODES, Messages
     from postproc.suspicion.signalling import Signal
 
 ALL_CODES = sorted(ALLOWED_CODES | CODES)

@@ -23,8 +23,7 @@ from pmtiles.tile import TileType
 from pyproj import CRS
 
 from logger.core.errors import FieldLoggerError
-from postproc.basemap.reading import open_ground
-from postproc.basemap.tiles import Area, street_at
+from postproc.basemap import Area, open_ground, street_at
 from postproc.interop.importing import import_walk
 from postproc.survey.dataset import Survey
 from postproc.verification.claims import read_claims

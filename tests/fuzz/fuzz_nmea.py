@@ -9,7 +9,7 @@ with atheris.instrument_imports(include=["logger", "pynmea2"]):
     from logger.drivers.protocols.line_noise import Garbage
     from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
 
-from logger.sim.receiver import sentence
+from logger.sim.devices import sentence
 
 KINDS = ("GNRMC", "GPGGA", "GNGSA", "GPGST", "GNGNS", "GPVTG", "GPZDA", "GPGSV")
 

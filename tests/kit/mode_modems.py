@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from logger.device.mode_switch import FILE
+from logger.sim.devices import SimulatedModem
 from logger.sim.dialects import Dialect, identity_replies, setting
-from logger.sim.modem import SimulatedModem
 from logger.sim.scenario import scenario
 from tests.kit.dialects import DIALECTS
 

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Sequence
 from typing import Literal
 
-from logger.sim.modem import AtTerminal, frame_text
+from logger.sim.devices import AtTerminal, frame_text
 from logger.sim.ptys import PtyLine
 
 CHUNK = 1024

@@ -14,7 +14,7 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
-from logger.sim.receiver import sentence
+from logger.sim.devices import sentence
 
 LIMIT_S = 120.0
 """Limit for actions that take a second on an idle machine."""

@@ -259,7 +259,7 @@ def test_its_part_of_the_page(step, run, capsys, monkeypatch):
 @pytest.mark.parametrize(
     "step",
     [
-        *("postproc.view.view_model.picture_of", "postproc.view.series._draw_area"),
+        *("postproc.view.view_model.picture_of", "postproc.view.scene._draw_area"),
         *("postproc.view.scene.cell_report", "postproc.view.scene._plots"),
     ],
 )

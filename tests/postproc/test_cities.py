@@ -16,7 +16,7 @@ from logger.core.errors import ConfigError, GeoError
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.suspicion.rule import WORDS
 from logger.core.types import CellReading, Fix, Record, Scan
-from logger.sim.city import GRAZ, city
+from logger.sim.scenario import GRAZ, city
 from logger.sim.walk import Walk
 from logger.sim.world import Radio, World
 from postproc.cli import main

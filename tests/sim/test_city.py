@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from logger.core.suspicion.countries import countries
-from logger.sim.city import CITIES, HALF_M, city, with_lists
-from logger.sim.scenario import scenario
+from logger.sim.scenario import CITIES, HALF_M, city, scenario, with_lists
 
 
 @pytest.mark.parametrize("name", CITIES)

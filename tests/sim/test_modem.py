@@ -6,7 +6,7 @@ import pytest
 
 from logger.drivers.protocols.at import AtFramer
 from logger.drivers.sim800 import Sim800
-from logger.sim.modem import SimulatedModem
+from logger.sim.devices import SimulatedModem
 from logger.sim.walk import Walk
 from logger.sim.world import Radio, Transmitter, World
 from tests.kit.dialects import DIALECTS

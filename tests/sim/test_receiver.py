@@ -5,7 +5,7 @@ import pynmea2
 import pytest
 
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer
-from logger.sim.receiver import GnssNoise, SimulatedReceiver, sentence
+from logger.sim.devices import GnssNoise, SimulatedReceiver, sentence
 from logger.sim.walk import Walk, waypoints
 from logger.sim.world import Radio, World
 

@@ -11,10 +11,9 @@ import pytest
 
 from logger.cli import main
 from logger.core.runfile import read_run
-from logger.sim.city import CITIES
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS
-from logger.sim.scenario import SCENARIOS
+from logger.sim.scenario import CITIES, SCENARIOS
 
 
 def test_another_modem_that_misbehaves(tmp_path, capsys):

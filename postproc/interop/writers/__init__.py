@@ -2,7 +2,7 @@
 
 A module has `write(walk, target)`, `writable(sighting)` if the format can represent only some
 levels, and `write_answers(answered, table, target)` if it has a place for cells: one row or feature
-for each row of `postproc.answer_table`. Without `HAS_REGIONS` the regions of each are empty. A
+for each row of `postproc.result`. Without `HAS_REGIONS` the regions of each are empty. A
 module is imported when its format is written.
 """
 

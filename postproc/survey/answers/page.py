@@ -17,7 +17,7 @@ from logger.core.errors import ConfigError
 from logger.core.places import Utm
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import WORD_RATES, word_rate_text
-from postproc.basemap.reading import read_basemap
+from postproc.basemap import read_basemap
 from postproc.ground import Towns
 from postproc.html_page import page_environment
 from postproc.notebook_plan import round_step

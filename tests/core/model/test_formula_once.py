@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 HOME = ROOT / "logger" / "core" / "model" / "path_loss.py"
-NO_LEVEL = {"postproc/notebook_plan.py", "postproc/view/series.py"}
+NO_LEVEL = {"postproc/notebook_plan.py", "postproc/view/scene.py"}
 """Logarithms of a scale bar and of areas."""
 
 

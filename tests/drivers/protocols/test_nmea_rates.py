@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 import pytest
 
 from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence, radius68_m
-from logger.sim.receiver import sentence
+from logger.sim.devices import sentence
 from tests.kit.framers import split_at
 
 SECONDS = 40

@@ -10,7 +10,7 @@ from logger.drivers.protocols.nmea import FixAssembler, NmeaFramer, Sentence
 from logger.drivers.protocols.redaction import Redactor, redact
 from logger.drivers.registry import FAMILIES, IDENTITY, family_of, reader_of
 from logger.drivers.telit import Telit
-from logger.sim.modem import frame_text
+from logger.sim.devices import frame_text
 from tests.drivers.test_claims import answers_of
 from tests.kit.corpus import entries
 from tests.kit.dialects import DIALECTS

@@ -20,8 +20,8 @@ LIMITED = """
 import resource, sys
 from pathlib import Path
 from logger.core.errors import ConfigError
-from postproc.basemap.reading import open_ground
-from postproc.basemap.tiles import street_at
+from postproc.basemap import open_ground
+from postproc.basemap import street_at
 from tests.fuzz.fuzz_foreign import LAT, LON, area
 def mb(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
 around, before = area(), mb()

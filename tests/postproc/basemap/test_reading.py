@@ -9,8 +9,8 @@ from PIL import Image
 from pyproj import CRS, Transformer
 
 from logger.core.errors import ConfigError
-from postproc.basemap import reading
-from postproc.basemap.reading import MOST_PIXELS
+from postproc import basemap
+from postproc.basemap import MOST_PIXELS
 from postproc.view.scene import write_scene
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks
@@ -54,7 +54,7 @@ def check(basemap):
 
 
 def read_basemap(path, view):
-    return reading.read_basemap(path, view.survey, view.box)
+    return basemap.read_basemap(path, view.survey, view.box)
 
 
 def mosaic(view, columns=4):

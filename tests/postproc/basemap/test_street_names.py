@@ -2,7 +2,7 @@ import pytest
 from pmtiles.tile import TileType
 
 from logger.core.errors import ConfigError
-from postproc.basemap.tiles import street_at
+from postproc.basemap import street_at
 from tests.kit.vector_tiles import feature, layer, tile_at, write_pmtiles
 
 LAT, LON = 52.5, 13.4

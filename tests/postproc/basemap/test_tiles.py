@@ -9,8 +9,7 @@ from pmtiles.tile import Compression, TileType
 from pyproj import CRS
 
 from logger.core.errors import ConfigError
-from postproc.basemap.tiles import Area, is_pmtiles, open_pmtiles
-from postproc.basemap.vector_tile import draw_tile, layers_of
+from postproc.basemap import Area, draw_tile, is_pmtiles, layers_of, open_pmtiles
 from tests.kit.vector_tiles import feature, layer, tile_at, write_pmtiles
 
 LAT, LON = 52.5, 13.4

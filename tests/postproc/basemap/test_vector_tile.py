@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from postproc.basemap.vector_tile import Feature, layers_of
+from postproc.basemap import Feature, layers_of
 from tests.kit.vector_tiles import feature, layer
 
 SQUARE = [(0, 0), (10, 0), (10, 10), (0, 10)]

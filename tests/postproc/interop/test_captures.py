@@ -15,7 +15,7 @@ from logger.core.errors import FieldLoggerError
 from logger.core.runfile import read_run
 from postproc.cli import main
 from postproc.interop import importing
-from postproc.interop.decompression import members, plain_file
+from postproc.interop.contents import members, plain_file
 from postproc.interop.importing import Reading, import_walk, walks_in
 from postproc.interop.readers import diag as diag_reader
 from postproc.interop.readers import gsmtap, rayhunter

@@ -9,7 +9,7 @@ import pytest
 
 from logger.core.runfile import read_run
 from postproc.cli import main
-from postproc.interop import decompression
+from postproc.interop import contents
 from postproc.interop.importing import import_walk
 from tests.postproc.interop.test_importing import WIGLE, _write
 
@@ -123,7 +123,7 @@ def test_a_zip_without_a_log_and_a_file_that_would_fill_the_disk(tmp_path, capsy
         archive.writestr("b.csv", "x")
     assert main(["import", str(tmp_path / "two.zip"), "-o", str(tmp_path / "run.h5")]) == 2
     assert "none of its 2 files could be imported" in capsys.readouterr().err
-    monkeypatch.setattr(decompression, "MOST_MEMBERS", 1)
+    monkeypatch.setattr(contents, "MOST_MEMBERS", 1)
     assert main(["import", str(tmp_path / "two.zip"), "-o", str(tmp_path / "run.h5")]) == 2
     assert "has 2 files" in capsys.readouterr().err
     (tmp_path / "bomb.gz").write_bytes(gzip.compress(b"0" * 2**27, mtime=0))

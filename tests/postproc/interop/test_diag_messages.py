@@ -13,9 +13,8 @@ from logger.core.runfile import read_run
 from logger.drivers.diag.frames import FrameReader, LogRecord
 from logger.drivers.diag.levels import ALLOWED_CODES, Decoder, Identity
 from postproc.cli import main
-from postproc.interop import diag_messages
-from postproc.interop.diag_messages import CODES, NAS_DOWN, NAS_UP, RRC, Messages
 from postproc.interop.readers import diag as reader
+from postproc.interop.readers.diag import CODES, NAS_DOWN, NAS_UP, RRC, Messages
 from postproc.suspicion.signalling import Signal, signals_of
 from tests.kit import diag_capture as diag
 
@@ -317,9 +316,7 @@ def test_the_cipher_of_gsm_is_a_signal_of_its_cell():
         rrc_body(BCCH, b"\xff" * 9),
         rrc_body(UL_DCCH, b"\x08"),
         rrc_body(DL_DCCH, b"\x28"),
-        rrc_body(BCCH, sib1(["262-01"]) if diag_messages.find_spec("pycrate_asn1dir") else b"")[
-            :-1
-        ],
+        rrc_body(BCCH, sib1(["262-01"]) if reader.find_spec("pycrate_asn1dir") else b"")[:-1],
         rrc_body(BCCH, b"", pci=504),
         rrc_body(BCCH, b"", earfcn=262_144),
     ],
@@ -347,7 +344,7 @@ def test_without_pycrate_the_rest_is_read(monkeypatch, tmp_path, capsys):
     stream += diag.log_frame(RRC, T_NS, rrc_body(DL_DCCH, release(GERAN)))
     source = tmp_path / "capture.qmdl"
     source.write_bytes(stream)
-    monkeypatch.setattr(diag_messages, "find_spec", lambda _: None)
+    monkeypatch.setattr(reader, "find_spec", lambda _: None)
     assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 0
     said = capsys.readouterr().err
     assert said.count("pip install 'cellwalk[diag]'): 2 not read") == 1
@@ -527,7 +524,7 @@ def test_bits_of_release_and_security_are_those_that_pycrate_reads():
             kind = record.body[19] >> 3 & 15
             if record.body[12] != (6 if record.body[0] == 8 else 7) or kind not in {5, 6}:
                 continue
-            content = diag_messages._decode("DL_DCCH_Message", lambda m: m, record.body[19:])
+            content = reader._decode("DL_DCCH_Message", lambda m: m, record.body[19:])
             _, parts = content["message"][1]
             parts = parts["criticalExtensions"][1][1]
             if kind == 6:
@@ -546,27 +543,27 @@ def test_bits_of_release_and_security_are_those_that_pycrate_reads():
 @needs_captures
 def test_measurements_alone_are_those_of_the_whole_message(monkeypatch):
     parts = []
-    decode = diag_messages._decode
+    decode = reader._decode
 
     def keep(form, take, body):
         parts.append(decode(form, take, body))
         return parts[-1]
 
-    monkeypatch.setattr(diag_messages, "_decode", keep)
+    monkeypatch.setattr(reader, "_decode", keep)
     for record in FrameReader(CODES).feed((CAPTURES / "attach_sample.mi2log").read_bytes()):
         before = len(parts)
         Messages().feed(record)
-        if parts[before:] and isinstance(parts[before], diag_messages._Changes):
-            whole = decode("DL_DCCH_Message", diag_messages._configuration, record.body[19:])
+        if parts[before:] and isinstance(parts[before], reader._Changes):
+            whole = decode("DL_DCCH_Message", reader._configuration, record.body[19:])
             assert whole == (None, "", parts[before])
-    assert sum(isinstance(one, diag_messages._Changes) for one in parts) > 50
+    assert sum(isinstance(one, reader._Changes) for one in parts) > 50
 
 
 @needs_captures
 def test_a_message_that_comes_again_is_decoded_once(monkeypatch):
     records, _, messages = read("attach_sample.mi2log")
     assert len(messages._decoded) > 500
-    monkeypatch.setattr(diag_messages, "_decode", lambda *_: pytest.fail("decoded again"))
+    monkeypatch.setattr(reader, "_decode", lambda *_: pytest.fail("decoded again"))
     for record in records:
         messages.feed(record)
 

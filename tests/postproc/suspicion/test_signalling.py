@@ -6,7 +6,7 @@ import pytest
 
 from logger.core.runfile import convert_journal, read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
-from logger.sim.city import GRAZ
+from logger.sim.scenario import GRAZ
 from postproc.cli import main
 from postproc.suspicion.signalling import CODE, Signal, signals_of
 from tests.kit import runs

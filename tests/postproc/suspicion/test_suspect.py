@@ -5,7 +5,7 @@ import pytest
 
 from logger.core.runfile import convert_journal
 from logger.core.types import Fix, Note, Record, Scan
-from logger.sim.city import GRAZ
+from logger.sim.scenario import GRAZ
 from postproc.cli import main
 from tests.kit import runs
 from tests.kit.suspicion_walks import gsm

@@ -8,9 +8,13 @@ from logger.core.locator.region import Squares
 from logger.core.model.area import Area
 from logger.core.model.prior import Prior
 from logger.core.places import Places
-from postproc.verification.claim_test import BEARINGS_DEG, ClaimTest
 from postproc.verification.claims import Claim
-from postproc.verification.run_claims import benjamini_hochberg, verify_cell
+from postproc.verification.run_claims import (
+    BEARINGS_DEG,
+    ClaimTest,
+    benjamini_hochberg,
+    verify_cell,
+)
 from tests.kit.walks import observations, path, simulate
 
 SIGMA_M = 50.0

@@ -9,8 +9,7 @@ from logger.core.readings import observe
 from postproc.estimators.filters import MOST_ROWS, FilterPath
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.view.plan import MOST_POINTS, level_strips
-from postproc.view.scene import write_scene
-from postproc.view.series import MOST_DOTS
+from postproc.view.scene import MOST_DOTS, write_scene
 from postproc.view.surface import MOST_STRIPS
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks

@@ -4,9 +4,9 @@ import re
 import pytest
 import shapely
 
-from postproc.answer_table import COLUMNS
 from postproc.interop.exporting import write_answers
 from postproc.interop.writers import geojson
+from postproc.result import COLUMNS
 from tests.postproc.interop import walks
 
 

@@ -6,9 +6,9 @@ from xml.etree import ElementTree as ET
 import pytest
 import xmlschema
 
-from postproc.answer_table import COLUMNS
 from postproc.interop.exporting import ExportWalk, write_answers
 from postproc.interop.writers import kml
+from postproc.result import COLUMNS
 from tests.postproc.interop import walks
 
 KML = {"k": kml.NAMESPACE}

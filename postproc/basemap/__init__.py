@@ -1,1 +1,0 @@
-"""Pictures of the ground from files on this machine: tiles, and images with a position."""
