@@ -13,8 +13,7 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from logger.core.cell_names import channel_name
-from logger.core.reportable import reportable
-from logger.core.types import CellReading, Fix, Record, Scan
+from logger.core.types import CellReading, Fix, Record, Scan, reportable
 from postproc.interop.contents import plain_file
 from postproc.interop.importing import recognise, scans_of
 from postproc.interop.sighting import Sighting

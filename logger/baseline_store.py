@@ -29,10 +29,10 @@ from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.baseline import SQUARE_M, squares_of
 from logger.core.errors import ConfigError, FieldLoggerError, RunFileError
 from logger.core.places import track_of
-from logger.core.provenance import is_import
 from logger.core.readings import places_of
 from logger.core.rows import Rows, levels_dbm
 from logger.core.runfile import Run, sealing_of
+from logger.core.runfile.meta import is_import
 from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 
 FARTHEST_SIGMA_M = SQUARE_M / 2.0

@@ -15,8 +15,8 @@ from time import sleep
 
 from logger.config import parse_config
 from logger.core.errors import ConfigError
-from logger.core.provenance import SIMULATED
 from logger.core.runfile import Truth
+from logger.core.runfile.meta import SIMULATED
 from logger.device.clock import ScaledClock
 from logger.device.live_view import LiveView
 from logger.device.notify import stop_signals

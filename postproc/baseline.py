@@ -11,7 +11,7 @@ from postproc.options import runs_argument
 
 with late_modules():
     from logger import baseline_store
-    from logger.core import cell_names, document, utc
+    from logger.core import cell_names, document, types
     from postproc import processes, progress
 
 DEFAULT_NAME = "baseline.db"
@@ -104,7 +104,7 @@ def list_walks(target: Path, *, as_json: bool) -> None:
         (
             walk.id,
             walk.digest[:_DIGEST_SHOWN],
-            "unknown" if walk.began_utc_ns is None else utc.utc_text(walk.began_utc_ns)[:16],
+            "unknown" if walk.began_utc_ns is None else types.utc_text(walk.began_utc_ns)[:16],
             walk.n_readings,
             walk.n_squares,
             walk.n_cells,

@@ -28,7 +28,7 @@ from logger.core.readings import places_of as at_readings
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
 from logger.core.timebase import utc_clock
-from logger.core.utc import utc_text
+from logger.core.types import utc_text
 from postproc.scan_counts import check_observed, heard_utc_ns
 
 REACH_M = 120_000.0

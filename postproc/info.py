@@ -13,8 +13,7 @@ from logger.core.rows import levels_dbm, numbered_texts
 from logger.core.runfile import Run, Sealing, read_sealed_run
 from logger.core.suspicion.words import in_plain_words
 from logger.core.timebase import fit_run, why_unknown
-from logger.core.types import DEAD_RECKONING, UNKNOWN_ID
-from logger.core.utc import utc_text
+from logger.core.types import DEAD_RECKONING, UNKNOWN_ID, utc_text
 from postproc.scan_counts import scans_of
 
 GAP_S = 5.0

@@ -12,8 +12,8 @@ from logger.core.baseline import baseline_of, has_whole_baseline
 from logger.core.errors import EstimationError, error_place
 from logger.core.live import ADVICE, LiveTracker
 from logger.core.live_settings import BEHIND, FAILED, FOLLOW, RESTARTED, SUSPICIOUS, WITHIN
-from logger.core.provenance import is_import
 from logger.core.runfile import Run
+from logger.core.runfile.meta import is_import
 from logger.core.suspicion.rules import RULES_CODE, rules_note
 from logger.core.suspicion.words import FINDING_CODE
 from logger.core.types import LiveEstimate, Note, Record, Scan

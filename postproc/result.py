@@ -47,8 +47,7 @@ from logger.core.readings import Observations, Readings, SpikeLevel
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import WORDS
 from logger.core.suspicion.words import strongest_reasons
-from logger.core.types import Verdict
-from logger.core.utc import utc_text
+from logger.core.types import Verdict, utc_text
 from postproc.cell_work import Failure
 from postproc.estimators.filters import Comparison, FilterPath
 from postproc.estimators.least_squares import BatchFit, Loss

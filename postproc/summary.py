@@ -30,7 +30,7 @@ from logger.core.places import Places
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import WORDS
 from logger.core.suspicion.words import reason_line, strongest_reasons
-from logger.core.utc import utc_text
+from logger.core.types import utc_text
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.filters import AXES
 from postproc.estimators.region_outline import polygons

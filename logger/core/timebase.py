@@ -12,10 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.provenance import has_times, is_import, is_simulated
 from logger.core.rows import Rows
-from logger.core.types import UNKNOWN_TIME
-from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS
+from logger.core.runfile.meta import has_times, is_import, is_simulated
+from logger.core.types import EARLIEST_UTC_NS, LATEST_UTC_NS, UNKNOWN_TIME
 
 STEP_S = 0.6
 """A serial line delays by less; a leap second is more."""

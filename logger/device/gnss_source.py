@@ -8,8 +8,7 @@ from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 from logger.config import GpsdSettings, NmeaSettings
-from logger.core.types import BY_HAND, DEAD_RECKONING, SIMULATED, Fix
-from logger.core.utc import EARLIEST_UTC_NS
+from logger.core.types import BY_HAND, DEAD_RECKONING, EARLIEST_UTC_NS, SIMULATED, Fix
 from logger.device.link import NO_EPOCHS, Device, Link, Source
 from logger.device.port import Port
 from logger.drivers.protocols.gpsd import (

@@ -7,8 +7,7 @@ from msgspec.structs import replace
 
 from logger.core.live_settings import FOLLOW, STRONGEST, SUSPICIOUS
 from logger.core.source_tables import MODEM
-from logger.core.types import Fix, Note, RawBytes, Record, Scan
-from logger.core.utc import utc_text
+from logger.core.types import Fix, Note, RawBytes, Record, Scan, utc_text
 from logger.device.link import NO_EPOCHS, Inbox
 from logger.device.live_view import CellTable
 from logger.device.status import FixStatus, PortStatus

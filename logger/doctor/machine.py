@@ -13,8 +13,7 @@ from logger.core.runfile import Run
 from logger.core.runfile.journal import is_recording
 from logger.core.runfile.run_names import JOURNAL, first_part
 from logger.core.timebase import fit_run
-from logger.core.types import UNKNOWN_TIME
-from logger.core.utc import EARLIEST_UTC_NS, LATEST_UTC_NS, utc_text
+from logger.core.types import EARLIEST_UTC_NS, LATEST_UTC_NS, UNKNOWN_TIME, utc_text
 from logger.device.battery import batteries, is_low
 from logger.device.link import Line, State
 from logger.device.machine import (

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
-from logger.core.reportable import reportable
-from logger.core.types import CellReading, Role
+from logger.core.types import CellReading, Role, reportable
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.at import RESULTS_OF_CALLS, Command, Dialogue, Reply
 from logger.drivers.reading.row_language import Row

@@ -14,8 +14,7 @@ from logger.core.locator.online import OnlineLocator
 from logger.core.model.prior import Prior
 from logger.core.places import TIMING_S, Places, place_of_fix
 from logger.core.readings import Readings, limit_of
-from logger.core.reportable import range_dbm
-from logger.core.types import Fix
+from logger.core.types import Fix, range_dbm
 from postproc.interop.fields import LEVEL_RANGE_DBM, RATS
 
 COLUMNS = ("t_s", "lat", "lon", "rssi_dbm")

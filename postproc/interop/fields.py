@@ -11,10 +11,18 @@ from typing import Any, get_args
 from logger.core.cell_names import channel_name
 from logger.core.errors import RunFileError
 from logger.core.places import check_position
-from logger.core.reportable import area_marks, identity_bits, identity_marks
 from logger.core.rows import channels_of
-from logger.core.types import Broadcast, CellReading, Fix, Rat, Role
-from logger.core.utc import utc_text
+from logger.core.types import (
+    Broadcast,
+    CellReading,
+    Fix,
+    Rat,
+    Role,
+    area_marks,
+    identity_bits,
+    identity_marks,
+    utc_text,
+)
 from postproc.interop.sighting import NoCell, Sighting
 
 Fields = Mapping[str, Any]

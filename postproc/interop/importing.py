@@ -20,11 +20,9 @@ import numpy as np
 from logger.core.cell_names import channel_name
 from logger.core.errors import FieldLoggerError, GeoError, RunFileError
 from logger.core.foreign import open_regular
-from logger.core.provenance import IMPORT, IMPORT_WITHOUT_TIMES
-from logger.core.reportable import range_dbm, reportable
 from logger.core.runfile import RunMeta, RunWriter, convert_journal, read_sound_run
-from logger.core.types import Fix, Note, Record, Scan
-from logger.core.utc import utc_text
+from logger.core.runfile.meta import IMPORT, IMPORT_WITHOUT_TIMES
+from logger.core.types import Fix, Note, Record, Scan, range_dbm, reportable, utc_text
 from postproc.estimators import track_plausibility
 from postproc.foreign_file import (
     MOST_BAD_ROWS,

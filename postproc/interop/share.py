@@ -26,8 +26,8 @@ from logger.core.errors import ConfigError
 from logger.core.live import LiveTracker
 from logger.core.live_settings import BEHIND, FOLLOW, MARK, STRONGEST, SUSPICIOUS, LiveSettings
 from logger.core.places import MAX_GAP_S, Track, track_of
-from logger.core.provenance import SHARED, origin_of_copy
 from logger.core.runfile import Run
+from logger.core.runfile.meta import SHARED, origin_of_copy
 from logger.core.schema import TABLES
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Rat, Record, Role, Scan
 from postproc.interop.fields import DEFAULT_CELL

@@ -14,12 +14,12 @@ from logger.core.answer import Word
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.posterior import Mode
 from logger.core.places import MAX_GAP_S, Utm
-from logger.core.provenance import SIMULATED
 from logger.core.readings import times_ns
 from logger.core.rows import levels_dbm
 from logger.core.runfile import Run
+from logger.core.runfile.meta import SIMULATED
 from logger.core.timebase import TimeBase, fit_run
-from logger.core.utc import utc_text
+from logger.core.types import utc_text
 from logger.sim.scenario import CITIES, SCENARIOS, scenario
 from postproc.result import Result
 

@@ -36,7 +36,7 @@ from postproc.pictures.plots import (
 )
 from postproc.pictures.survey import Box, Clock, Levels
 from postproc.summary import truth_of
-from postproc.verification.verdicts import CellVerdict
+from postproc.verification.claims import CellVerdict
 
 WIDTH_INCH = 4.0
 """Narrow, so that texts have 11 pixels or more on a telephone of 390."""

@@ -24,7 +24,7 @@ from postproc.report.svg import inline_svg
 from postproc.result import CellResult, ObservedRun, Result
 from postproc.summary import estimator_table, run_table, sentence
 from postproc.suspicion.signalling import signals_of, signals_table
-from postproc.verification.verdicts import CellVerdict, Verified
+from postproc.verification.claims import CellVerdict, Verified
 
 _NO_CLAIMS = Verified(0.0, (), (), ())
 _NO_TABLE = Table((), ())

@@ -26,7 +26,7 @@ from postproc.report.page import (
     section_without_details,
 )
 from postproc.result import CellResult, Result
-from postproc.verification.verdicts import Verified
+from postproc.verification.claims import Verified
 
 MOST_DETAILED = 8
 """Cells with figures, unless more are named; the others are in the table."""

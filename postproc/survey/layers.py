@@ -10,7 +10,7 @@ import msgspec
 import pandas as pd
 import shapely
 
-from logger.core.utc import utc_text
+from logger.core.types import utc_text
 from postproc.atomic_write import whole_file
 from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell

@@ -12,8 +12,7 @@ from logger.core.certainty import RADII
 from logger.core.document import Column, Document, Line, Table, Value, Word
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
-from logger.core.types import Verdict
-from logger.core.utc import utc_text
+from logger.core.types import Verdict, utc_text
 from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.ground import days_text
 from postproc.progress import with_progress

@@ -23,7 +23,7 @@ from logger.core.suspicion.words import (
     unnoticed_text,
     word_rate_text,
 )
-from logger.core.utc import utc_text
+from logger.core.types import utc_text
 from logger.drivers.family import cells_with
 from postproc.cell_work import Failure, failure
 from postproc.ground import SEVERAL, HeardIn, runs_text, several_evidence, several_text

@@ -17,8 +17,7 @@ from logger.core.errors import EstimationError, GeoError
 from logger.core.places import track_of
 from logger.core.runfile import Run
 from logger.core.timebase import utc_clock
-from logger.core.types import Note
-from logger.core.utc import utc_text
+from logger.core.types import Note, utc_text
 
 CODE = "signalling"
 """Of the notes."""

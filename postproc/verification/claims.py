@@ -1,15 +1,27 @@
-"""Claimed positions: from the command line, a CSV of our own, a cell export, or a cell database."""
+"""Claimed positions, from an option, a CSV, a cell export or database; and verdicts on them."""
 
 import csv
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Literal
 
+from msgspec import UNSET, Struct, UnsetType
 from pyproj import Geod
 
 from logger.core.cell_names import identity_of
+from logger.core.document import (
+    Column,
+    Document,
+    Line,
+    Part,
+    Table,
+    Value,
+    Word,
+    degrees_text,
+)
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.places import MAX_LATITUDE_DEG, check_position
 from logger.sqlite_file import is_sqlite
@@ -194,3 +206,179 @@ def _check(claim: Claim) -> Claim:
             f"the sigma of a claim is a number of metres, zero or larger, not {claim.sigma_m:g}"
         )
     return claim
+
+
+Verdict = Literal["consistent", "rejected", "cannot tell"]
+Followed = Literal["indirect"]
+_CONTROL = "Benjamini-Hochberg over the claims tested: q is p adjusted, rejected where q <= p_fa"
+
+
+@dataclass(frozen=True, slots=True)
+class Detectable:
+    """Smallest displacement towards an azimuth that is rejected with 95 %.
+
+    None where none up to `limit_m` is.
+
+    `indirect_blind_m` is a larger one that is not, such as the mirror image of a straight walk, if
+    any. `direct_m` and `direct_blind_m` are of a test that is no longer made.
+    """
+
+    azimuth_deg: float
+    indirect_m: float | None
+    indirect_blind_m: float | None
+    limit_m: float
+    direct_m: None = None
+    direct_blind_m: None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CellVerdict:
+    """One claim about one cell; values are None where they cannot be computed, `reasons` say why.
+
+    `p` is the p-value of the claim in the posterior, also named `p_indirect` (Verma et al.: the
+    test that `followed` names), and `q` the same adjusted for the number of claims. `level` is that
+    of the smallest highest-density region that contains the claim, `distance_m` the claim's from
+    the walk, `best_deg` the best position (latitude, longitude). `notices_m` is the least
+    displacement that is rejected with 95 %, whatever its direction. `p_direct`, `p_direct_model`,
+    `p_indirect_model` and `normality` are of tests that are no longer made. `error` is the error of
+    the program that ended the test, if any.
+    """
+
+    cell: str
+    n: int
+    claim: Claim
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    followed: Followed | None = None
+    p: float | None = None
+    q: float | None = None
+    p_direct: None = None
+    p_indirect: float | None = None
+    p_direct_model: None = None
+    p_indirect_model: None = None
+    level: float | None = None
+    distance_m: float | None = None
+    best_deg: tuple[float, float] | None = None
+    power: tuple[Detectable, ...] = ()
+    notices_m: float | None = None
+    normality: tuple[()] = ()
+    error: str | None = None
+
+    @property
+    def detectable_m(self) -> list[float | None]:
+        """Least displacement that the test rejects with probability 0.95, by direction."""
+        return [direction.indirect_m for direction in self.power]
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """Verdicts on all claims of a run.
+
+    `without_claim` are cells observed that no claim is about, which is no alarm; `heard_once` are
+    cells identified in one scan only or never without doubt, which are not tested.
+    """
+
+    p_fa: float
+    cells: tuple[CellVerdict, ...]
+    without_claim: tuple[str, ...]
+    warnings: tuple[str, ...]
+    heard_once: tuple[str, ...] = ()
+
+
+class SiteVerdict(Struct, kw_only=True):
+    """Whether a cell has one transmitter or two, as `postproc verify --sites --json` prints it.
+
+    `places` are latitude and longitude of the two likeliest positions; `log_factor` is the log
+    Bayes factor of two against one, and `p` the share of `draws` walks simulated past one
+    transmitter that have one as large. They are left out where `why_not` says why there is no test.
+    `error` is the error of the program that ended it, if any.
+    """
+
+    cell: str
+    verdict: Literal["two places", "no sign of two places"]
+    why_not: str | None = None
+    log_factor: float | UnsetType = UNSET
+    p: float | UnsetType = UNSET
+    draws: int | UnsetType = UNSET
+    places: list[tuple[float, float]] | UnsetType = UNSET
+    error: str | UnsetType = UNSET
+
+
+def document_of(verified: Verified) -> Document:
+    """Each claim with its verdict, its p-value and what the test would have detected."""
+    cells = [asdict(cell) | {"detectable_m": cell.detectable_m} for cell in verified.cells]
+    content = asdict(verified) | {"cells": cells, "false_discovery_control": _CONTROL}
+    return Document(content, warnings=verified.warnings, body=_verified_parts(verified))
+
+
+def _verified_parts(verified: Verified) -> Iterator[Part]:
+    for cell in verified.cells:
+        yield from _cell_parts(cell)
+    if verified.without_claim:
+        absent = "absence from a database is no alarm by itself"
+        yield f"\n{_cells(len(verified.without_claim))} observed without a claim: {absent}"
+    if verified.heard_once:
+        once = "observed in one scan only or never without doubt: not tested"
+        yield f"{_cells(len(verified.heard_once))} {once}"
+    tested = sum(cell.p is not None for cell in verified.cells)
+    if tested:
+        over = f"false discoveries over {tested} claim{'s' * (tested != 1)}"
+        yield f"false-alarm rate {verified.p_fa:g}; {over} controlled by Benjamini-Hochberg (q)"
+
+
+def _cells(n: int) -> str:
+    return f"{n} cell{'s' * (n != 1)}"
+
+
+def _cell_parts(cell: CellVerdict) -> Iterator[Part]:
+    claim = cell.claim
+    yield ""
+    # what the walk can tell comes before what it says
+    n_first = cell.p is not None
+    first = "".join(f": {notices}" for notices in cell.reasons[:n_first])
+    yield Line((Word(cell.cell, "bold"), f"  {cell.n} readings{first}"))
+    sigma = f" +- {claim.sigma_m:.0f} m" if claim.sigma_m else ""
+    away = f", {_distance(cell.distance_m)} from the walk" if cell.distance_m is not None else ""
+    at = f"claimed at {degrees_text(claim.lat_deg, claim.lon_deg)}{sigma} ({claim.source}){away}"
+    yield Line((Word(cell.verdict), f": {at}"), bullet="  ")
+    for reason in cell.reasons[n_first:]:
+        yield Line(reason, bullet="  - ")
+    if cell.p is None or cell.level is None or cell.q is None:
+        return
+    edge = f"the claim lies on the edge of the {cell.level:.1%} region"
+    yield Line(f"p {cell.p:.3g} ({edge}), q {cell.q:.3g}", bullet="  ")
+    columns = [
+        Column("detected with 95 %", unit="m"),
+        *(Column(f"{one.azimuth_deg:.0f} deg", ".0f") for one in cell.power),
+    ]
+    detected = (_metres(one.indirect_m, one.indirect_blind_m) for one in cell.power)
+    yield Table(columns, [["  displacement", *detected]])
+    if any(one.indirect_blind_m for one in cell.power):
+        blind = "* farther out in this direction a displacement would not be detected"
+        yield Line(blind, bullet="  ")
+
+
+def _distance(m: float) -> str:
+    return f"{m:.0f} m" if m < 10_000.0 else f"{m / 1000.0:.0f} km"
+
+
+def _metres(m: float | None, blind_m: float | None) -> Value:
+    return "none" if m is None else f"{m:.0f}*" if blind_m else m
+
+
+def document_of_sites(cells: Sequence[SiteVerdict], p_fa: float) -> Document:
+    """One place or two, cell by cell."""
+    parts = [part for cell in cells for part in _site_parts(cell)]
+    return Document({"p_fa": p_fa, "cells": cells}, body=parts)
+
+
+def _site_parts(tested: SiteVerdict) -> Iterator[Part]:
+    yield Line((Word(tested.cell, "bold"), f"  {tested.verdict}"))
+    if tested.places is UNSET:
+        yield Line(tested.why_not or "", bullet="  - ")
+        return
+    places = " and ".join(degrees_text(*place) for place in tested.places)
+    factor = f"two places against one: log factor {tested.log_factor:.1f}, near {places}"
+    yield Line(factor, bullet="  ")
+    share = f"share of {tested.draws} walks simulated past one transmitter with a factor as large"
+    yield Line(f"p {tested.p:.3g}: {share}", bullet="  ")

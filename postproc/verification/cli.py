@@ -22,14 +22,13 @@ from postproc.options import (
 with late_modules():
     from logger.core import document, runfile
     from logger.core.model import prior as priors
-    from postproc import atomic_write, cell_work, multi_run, progress, scan_counts
+    from postproc import atomic_write, cell_work, progress, scan_counts, walk
     from postproc import result as estimation
     from postproc.verification import celldb as databases
     from postproc.verification import (
         claims,
         run_claims,
         run_sites,
-        verdicts,
     )
 
 
@@ -40,7 +39,7 @@ def tested_claims(
     p_fa: float,
     texts: Sequence[str],
     path: Path | None,
-) -> verdicts.Verified | None:
+) -> claims.Verified | None:
     """The claims of `--claim` and `--claims` about some cells (None: every cell), tested.
 
     `result` is that of the run with this prior. None without claims.
@@ -61,7 +60,7 @@ def _test(
     prior: priors.Prior,
     only: Sequence[str] | None,
     result: estimation.Result | None,
-) -> verdicts.Verified:
+) -> claims.Verified:
     return run_claims.verify_claims(
         runs,
         claimed,
@@ -113,7 +112,7 @@ def verify(
     """
     only_one({"--claim": claim, "--claims": claims_path, "--sites": sites}, is_required=True)
     runs, only = list(map(runfile.read_sound_run, paths)), [cell] if cell else None
-    multi_run.check_different(runs)
+    walk.check_different(runs)
     if sites:
         if len(runs) > 1:
             raise ConfigError("--sites tests one run; a second one goes with --against")
@@ -130,7 +129,7 @@ def verify(
         claimed = claims.read_claims(claims_path, list(observed))
     result = stored_result(runs, only or [], estimation.Options(prior))
     verified = _test(runs, claimed, p_fa, prior, only, result)
-    show(verdicts.document_of(verified), as_json=as_json)
+    show(claims.document_of(verified), as_json=as_json)
     return cell_work.exit_code(verified.cells)
 
 
@@ -151,7 +150,7 @@ def _verify_sites(
         run_sites.site_verdict(run, name, other, prior, p_fa)
         for name in progress.with_progress(names, "one place or two:", len(names), names)
     ]
-    show(verdicts.document_of_sites(cells, p_fa), as_json=as_json)
+    show(claims.document_of_sites(cells, p_fa), as_json=as_json)
     return cell_work.exit_code(cells)
 
 

@@ -13,21 +13,32 @@ when several are (Besag & Clifford, Biometrika 78(2), 1991).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from msgspec import UNSET
 
 from logger.core.answer import OnMap
-from logger.core.arrays import FloatArray
+from logger.core.arrays import FloatArray, IntArray
 from logger.core.cell_names import FEWEST_SCANS
 from logger.core.errors import ConfigError
-from logger.core.locator.mixture import log_sum
+from logger.core.locator.mixture import log_sum, rows_of_groups
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
+from logger.core.locator.quadtree import PositionPrior, children, first_squares
 from logger.core.locator.two_source_test import divide
 from logger.core.model.blocks import Blocks, blocks
-from logger.core.model.noise import independent_variance, shadowing
+from logger.core.model.columns import distances_db, receiver_variance, varying_columns
+from logger.core.model.elimination import eliminate, packed_index, pivots, reduce_columns, side
+from logger.core.model.marginal import fit, prior_sums, products, row_weights, sums, whiten
+from logger.core.model.noise import (
+    Whitener,
+    covariances,
+    independent_variance,
+    shadowing,
+    whiteners_of,
+)
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.model.prior import Prior
 from logger.core.places import Places, Utm
@@ -35,17 +46,353 @@ from logger.core.readings import Readings
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
 from postproc.ground import REACH_M, apart_m
-from postproc.multi_run import merge, modems_of
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
 from postproc.smoothing import too_few
-from postproc.verification.likelihood_grid import (
-    PreparedWalk,
-    calibrate,
-    prepare_walk,
-    refine,
-)
-from postproc.verification.verdicts import SiteVerdict
-from postproc.walk import observe_run
+from postproc.verification.claims import SiteVerdict
+from postproc.walk import merge, modems_of, observe_run
+
+# The model is `logger.core.model`, with another prior of power and scale, so that thousands of
+# simulated walks cost a few matrix products: P0 is flat, the other coefficients are normal in
+# units of a reference sigma, sigma^2 is inverse gamma with a0 and b0. With whitened columns X, z =
+# W levels and weights of rows w (see `marginal`), Lambda the precision in units of sigma_ref^-2
+# and m the mean of the coefficients:
+#
+#     A = X'wX + Lambda,    g = X'wz + Lambda m,    S = z'wz + m'Lambda m - g'A^-1 g
+#     log p = -1/2 log|K| + 1/2 sum log w - 1/2 log|A| - (a0 + (n - 1) / 2) log(b0 + S / 2) + const
+
+Squares = FloatArray
+"""Rows x, y, side: shape (3, h).
+
+A position without extent has side 0 and no probability of its own.
+"""
+
+_STRIP = 32  # walks at once: these matrices stay in the cache
+_SIGMA_SHAPE = 1.7
+"""Of the inverse gamma law of sigma^2: about as wide as the locator's log-normal one (0.45)."""
+_LEAST_WEIGHT = 0.003  # of a hypothesis that is not ruled out
+_MOST_HYPOTHESES = 6
+_LEAST_SIDE_M = 1.0  # of a square that is split: far below what a walk can resolve
+_COARSE = 550  # squares: of the walk's posterior to be refined
+_FINE = 1600  # where the noise is estimated
+_LIKELY = 1e-4
+_TAIL = 16
+_LEAST = 1e-300
+
+
+class _Projections(NamedTuple):
+    """What turns levels into S, for one hypothesis.
+
+    `weight` (n, h) of rows, and for each of the q columns `rows` (n, h) and `shift` (q, h), so that
+    g'A^-1 g = sum (rows'z + shift)^2.
+
+    `log_det` (h,) is log|A|.
+    """
+
+    weight: FloatArray
+    rows: list[FloatArray]
+    shift: FloatArray
+    log_det: FloatArray
+
+
+@dataclass(frozen=True)
+class LikelihoodGrid:
+    """A walk of `blocks` at `squares` (3, h) under the hypotheses of some whiteners.
+
+    `columns` are those of the model that vary with the position, `extra` the variance of the
+    receiver's error: they do not depend on levels.
+    """
+
+    blocks: Blocks
+    prior: Prior
+    squares: Squares
+    whiteners: list[Whitener]
+    columns: list[FloatArray]
+    extra: FloatArray | None
+
+    @property
+    def numbers(self) -> IntArray:
+        """Hypotheses of the noise by their number in the prior, shape (c,)."""
+        return np.array([w.number for w in self.whiteners])
+
+    @property
+    def log_mass(self) -> FloatArray:
+        """Log prior probability of each square (h,), up to a constant; -inf without extent."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(self._log_density + 2.0 * np.log(self.squares[2]), float)
+
+    @cached_property
+    def _log_density(self) -> FloatArray:
+        with np.errstate(divide="ignore"):
+            position_prior = PositionPrior(self.blocks, self.prior, self.squares)
+        return position_prior.log_density(self.squares)
+
+    def with_squares(self, squares: Squares) -> "LikelihoodGrid":
+        """The same walk and hypotheses on another grid."""
+        return likelihood_grid(self.blocks, self.prior, squares, self.whiteners)
+
+    def with_walk(self, blocks: Blocks, whiteners: list[Whitener]) -> "LikelihoodGrid":
+        """The same squares for another walk."""
+        return likelihood_grid(blocks, self.prior, self.squares, whiteners)
+
+    def evaluate(self, level_dbm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Log evidence and mean of sigma^2 for levels (n, b), shape (c, h, b) each."""
+        log_p = np.empty((len(self.whiteners), self.squares.shape[1], level_dbm.shape[1]))
+        variance = np.empty_like(log_p)
+        for i, whitener in enumerate(self.whiteners):
+            self._evaluate(whitener, level_dbm, log_p[i], variance[i])
+        return log_p, variance
+
+    def _evaluate(
+        self, whitener: Whitener, level_dbm: FloatArray, log_p: FloatArray, variance: FloatArray
+    ) -> None:
+        mean, precision = self._coefficients
+        least = _SIGMA_SHAPE * self.prior.sigma_db**2
+        scale = least + 0.5 * float(np.sum(precision * mean**2))
+        shape = _SIGMA_SHAPE + 0.5 * (len(self.blocks) - 1)
+        of = self._projections(whitener)
+        log_weight = np.sum(np.log(of.weight), axis=0)
+        constant = 0.5 * (log_weight - whitener.log_det - of.log_det)[:, None]
+        z = whitener.matrix @ level_dbm
+        squares = z * z
+        for k in range(0, level_dbm.shape[1], _STRIP):
+            some = slice(k, k + _STRIP)
+            left = of.weight.T @ squares[:, some]
+            for rows, shift in zip(of.rows, of.shift, strict=True):
+                left = left - (rows.T @ z[:, some] + shift[:, None]) ** 2
+            total = np.maximum(scale + 0.5 * left, least)
+            np.subtract(constant, shape * np.log(total), out=log_p[:, some])
+            np.divide(total, shape - 1.0, out=variance[:, some])
+
+    def exponents(self, level_dbm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean of eta, and its variance by that of the noise, for one walk (n,): (c, h) each."""
+        fixed = np.stack([level_dbm, np.ones(len(level_dbm))])
+        of_prior = prior_sums(*self._normal)[:, None]
+        mean, variance = [], []
+        for whitener in self.whiteners:
+            total = sums(whitener.matrix, fixed, self.columns, self.extra)
+            posterior = fit(total, of_prior, np.zeros(total.shape[1]))
+            mean.append(posterior.theta[1])
+            variance.append(posterior.covariance(2)[1, 1])
+        return np.stack(mean), np.stack(variance)
+
+    @property
+    def _coefficients(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and precision by the reference sigma, shape (q,) each; P0 is flat."""
+        mean, precision = self.prior.coefficients
+        precision = precision * self.prior.sigma_db**2
+        precision[0] = 0.0
+        return mean, precision
+
+    @property
+    def _normal(self) -> tuple[FloatArray, FloatArray]:
+        mean, precision = self._coefficients
+        return mean, np.diag(precision)
+
+    def _projections(self, whitener: Whitener) -> _Projections:
+        n = len(self.blocks)
+        one = np.sum(whitener.matrix, axis=1)
+        varying = [whiten(whitener.matrix, column) for column in self.columns]
+        weight = None if self.extra is None else row_weights(whitener.matrix, self.extra)
+        system = products(np.stack([np.zeros(n), one]), varying, weight)[:-1]
+        system += prior_sums(*self._normal)[:, None]
+        eliminate(system)
+        size = np.sqrt(pivots(system))
+        shift = size * system[[packed_index(k, 0) for k in range(1, side(system))]]
+        weight = np.ones((n, 1)) if weight is None else weight
+        columns = reduce_columns(system, [one[:, None], *varying])
+        rows = [weight * column / each for column, each in zip(columns, size, strict=True)]
+        return _Projections(weight, rows, shift, 2.0 * np.sum(np.log(size), axis=0))
+
+    def weights(self, log_p: FloatArray) -> FloatArray:
+        """Probability of each hypothesis, over all positions, shape (c, b)."""
+        total = self.overall(log_p) + self.prior.noise_table.log_odds[self.numbers][:, None]
+        return np.asarray(np.exp(total - log_sum(total.T)), float)
+
+    def overall(self, log_p: FloatArray) -> FloatArray:
+        """Log evidence of each hypothesis over all squares, shape (c, b)."""
+        log_mass = self.log_mass - log_sum(self.log_mass)
+        return log_sum(np.swapaxes(log_p + log_mass[:, None], 1, 2))
+
+    def posterior_ratio(self, log_p: FloatArray, *, tempered: bool) -> FloatArray:
+        """Log of posterior by prior density of walks at each square, shape (h, b).
+
+        As in `mixture`: hypotheses (c, h, b) are mixed within their group, whose likelihood is then
+        `tempered` by its trust, or not.
+        """
+        log_mass = (self.log_mass - log_sum(self.log_mass))[:, None]
+        joint = log_p + self.prior.noise_table.log_odds[self.numbers][:, None, None]
+        densities, evidence = [], []
+        for rows, trust in rows_of_groups(self.numbers, self.prior):
+            log_group = log_sum(np.moveaxis(joint[rows], 0, 2))
+            evidence.append(log_sum((log_group + log_mass).T))
+            density = trust * log_group if tempered else log_group
+            densities.append(density - log_sum((density + log_mass).T) + evidence[-1])
+        total = log_sum(np.stack(evidence, axis=-1))
+        return log_sum(np.stack(densities, axis=-1)) - total
+
+    def densities(self, log_p: FloatArray, *, tempered: bool) -> FloatArray:
+        """Probability per square metre of each square, shape (h, b)."""
+        log_density = self._log_density - log_sum(self.log_mass)
+        return np.asarray(
+            np.exp(self.posterior_ratio(log_p, tempered=tempered) + log_density[:, None])
+        )
+
+    def plausible(self, level_dbm: FloatArray) -> "LikelihoodGrid":
+        """Without the hypotheses that one walk (n,) rules out, with six at most."""
+        p = self.weights(self.evaluate(level_dbm[:, None])[0])[:, 0]
+        keep = [i for i in np.argsort(-p)[:_MOST_HYPOTHESES].tolist() if p[i] > _LEAST_WEIGHT]
+        whiteners = [self.whiteners[i] for i in sorted(keep)]
+        return likelihood_grid(self.blocks, self.prior, self.squares, whiteners)
+
+
+def likelihood_grid(
+    blocks: Blocks, prior: Prior, squares: Squares, whiteners: list[Whitener]
+) -> LikelihoodGrid:
+    """The grid of a walk at squares (3, h)."""
+    columns = varying_columns(blocks, prior, Places.of(squares[0], squares[1]))
+    extra = receiver_variance(blocks, prior, -columns[0])
+    return LikelihoodGrid(blocks, prior, squares, whiteners, columns, extra)
+
+
+def refine(
+    grid: LikelihoodGrid, level_dbm: FloatArray, most: int, share: float = 0.01
+) -> LikelihoodGrid:
+    """Split squares until none holds over `share` of any walk (n, b) under any hypothesis.
+
+    No more than `most` squares are made.
+    """
+    while grid.squares.shape[1] < most:
+        log_p, _ = grid.evaluate(level_dbm)
+        # flattened, so that a peak inside a large square is not missed
+        log_mass = 0.5 * log_p + grid.log_mass[:, None]
+        p = np.max(np.exp(log_mass - log_sum(np.swapaxes(log_mass, 1, 2))[:, None]), axis=(0, 2))
+        heavy = p > share
+        order = np.argsort(-np.where(heavy, p, 0.0))[: max((most - len(p)) // 3, 0)]
+        split = np.zeros(len(p), np.bool_)
+        split[order] = heavy[order] & (grid.squares[2, order] > _LEAST_SIDE_M)
+        if not np.any(split):
+            break
+        quarters = children(grid.squares[:, split])
+        grid = grid.with_squares(np.concatenate([grid.squares[:, ~split], quarters], axis=1))
+    return grid
+
+
+def coarse_squares(blocks: Blocks, prior: Prior) -> Squares:
+    """Where a search begins."""
+    return first_squares(blocks, prior, 1.2)
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """A `root` (n, n) of the noise's covariance by the likeliest hypothesis.
+
+    It has for places (m,) their probability, sigma, and mean and variance of eta.
+    """
+
+    blocks: Blocks
+    prior: Prior
+    root: FloatArray
+    probability: FloatArray
+    sigma_db: FloatArray
+    eta: FloatArray
+    eta_variance: FloatArray
+
+    def walks(self, positions: Places, rng: np.random.Generator) -> FloatArray:
+        """Levels of one walk for each place (b,) of the transmitter, shape (n, b)."""
+        m = rng.choice(len(self.probability), len(positions), p=self.probability)
+        eta = self.eta[m] + np.sqrt(self.eta_variance[m]) * rng.normal(size=len(m))
+        sigma_db = self.sigma_db[m]
+        at_db = distances_db(self.blocks, self.prior.height_m, positions)
+        noise = self.root @ rng.normal(size=at_db.shape)
+        extra = receiver_variance(self.blocks, self.prior, at_db)
+        if extra is not None:
+            noise += np.sqrt(extra) * rng.normal(size=extra.shape)
+        levels_dbm = sigma_db * noise - eta * at_db
+        if self.prior.antenna_db:
+            size = sigma_db / self.prior.sigma_db
+            levels_dbm += antenna_patterns(self.blocks, self.prior, positions, size, rng)
+        return np.asarray(levels_dbm, float)
+
+
+def antenna_patterns(
+    blocks: Blocks,
+    prior: Prior,
+    positions: Places,
+    size: FloatArray,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Random antenna patterns in dB at positions (b,), `size` (b,) times the prior's: (n, b)."""
+    _, *harmonics = varying_columns(blocks, prior, positions)
+    sigma_db = np.repeat(prior.antenna_db, 2)[:, None] * size
+    walks = sigma_db * rng.normal(size=(len(harmonics), len(size)))
+    return np.asarray(np.einsum("knb,kb->nb", np.stack(harmonics), walks), float)
+
+
+def nuisances(field: LikelihoodGrid, level_dbm: FloatArray, k: FloatArray) -> Nuisances:
+    """Of a walk (n,), with the covariance `k` (c, n, n) by every hypothesis of the prior."""
+    log_p, variance = field.evaluate(level_dbm[:, None])
+    best = int(np.argmax(field.weights(log_p)[:, 0]))
+    eta, inverse = field.exponents(level_dbm)
+    joint = log_p[best, :, 0] + field.log_mass
+    p = np.exp(joint - np.max(joint))
+    likely = p > _LIKELY
+    of_noise = variance[best, likely, 0]
+    return Nuisances(
+        field.blocks,
+        field.prior,
+        np.asarray(np.linalg.cholesky(k[field.numbers[best]]), float),
+        p[likely] / np.sum(p[likely]),
+        np.sqrt(of_noise),
+        eta[best, likely],
+        of_noise * inverse[best, likely],
+    )
+
+
+@dataclass(frozen=True)
+class PreparedWalk:
+    """A walk ready for tests of claims: blocks with levels about zero, and estimated noise.
+
+    `covariances` (c, n, n) are those of every hypothesis of the prior. `field` has few places, to
+    be refined for a claim, `fine` those at which the noise is estimated.
+    """
+
+    blocks: Blocks
+    prior: Prior
+    level_dbm: FloatArray
+    covariances: FloatArray
+    field: LikelihoodGrid
+    fine: LikelihoodGrid
+    noise: Nuisances
+
+
+def prepare_walk(blocks: Blocks, prior: Prior) -> PreparedWalk:
+    """Learn from a walk what does not depend on the claim."""
+    level_dbm = blocks.level_dbm - float(np.mean(blocks.level_dbm))
+    k, coarse = covariances(blocks, prior), coarse_squares(blocks, prior)
+    every = whiteners_of(k)
+    # each hypothesis has its own peak: places too coarse for the sharpest would rule that one out
+    searched = refine(likelihood_grid(blocks, prior, coarse, every[::6]), level_dbm[:, None], _FINE)
+    fine = likelihood_grid(blocks, prior, searched.squares, every).plausible(level_dbm)
+    field = refine(
+        likelihood_grid(blocks, prior, coarse, fine.whiteners), level_dbm[:, None], _COARSE
+    )
+    return PreparedWalk(blocks, prior, level_dbm, k, field, fine, nuisances(fine, level_dbm, k))
+
+
+def calibrate(calm: FloatArray, statistics: FloatArray) -> FloatArray:
+    """Share of the sorted `calm` (d,) at or below each of `statistics`.
+
+    In the tail, where few are, it follows a power law through the least of them.
+    """
+    calm, statistics = np.maximum(calm, _LEAST), np.maximum(statistics, _LEAST)
+    count = np.searchsorted(calm, statistics, side="right")
+    edge = calm[_TAIL]
+    steep = float(
+        np.clip((_TAIL - 1.0) / max(float(np.sum(np.log(edge / calm[:_TAIL]))), 1e-9), 0.2, 5.0)
+    )
+    beyond = (_TAIL + 0.5) / (len(calm) + 1.0) * (np.minimum(statistics, edge) / edge) ** steep
+    return np.asarray(np.where(statistics < edge, beyond, (count + 0.5) / (len(calm) + 1.0)), float)
+
 
 DRAWS = 39
 """Walks simulated past one transmitter for one run: p can then be as small as 0.025."""

@@ -25,7 +25,7 @@ from postproc.pictures.picture import ETA, P0, Parameter, headline, legend_of
 from postproc.pictures.survey import Box
 from postproc.result import BATCH, EKF, REFERENCE, RTS, CellResult
 from postproc.summary import REFERENCE_NOTE, estimator_table
-from postproc.verification.verdicts import CellVerdict
+from postproc.verification.claims import CellVerdict
 from postproc.view.plan import (
     FOOT_HEIGHT,
     KEY_WIDTH,

@@ -23,7 +23,7 @@ from postproc.pictures.survey import Box, Survey, clock_of
 from postproc.processes import each
 from postproc.result import EKF, REFERENCE, CellResult, Estimator, Result
 from postproc.smoothing import FEWEST_READINGS, locate_cell
-from postproc.verification.verdicts import CellVerdict
+from postproc.verification.claims import CellVerdict
 
 PAUSE_NS = 60 * 10**9
 """Between two runs, so that the end of one and the start of the next can be distinguished."""

@@ -1,6 +1,6 @@
 import pytest
 
-from logger.core.provenance import (
+from logger.core.runfile.meta import (
     IMPORT,
     IMPORT_WITHOUT_TIMES,
     has_times,

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from logger.core.provenance import SIMULATED
+from logger.core.runfile.meta import SIMULATED
 from logger.core.timebase import fit, fit_run, why_unknown
-from logger.core.types import UNKNOWN_TIME
-from logger.core.utc import utc_text
+from logger.core.types import UNKNOWN_TIME, utc_text
 
 UTC0 = 1_790_000_000 * 10**9
 

@@ -24,8 +24,7 @@ from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath, reference_ekf
 from postproc.result import CellResult, ObservedRun, Result, RunShare
 from postproc.summary import document_of, summarise
-from postproc.verification.claims import Claim
-from postproc.verification.verdicts import CellVerdict, Verified
+from postproc.verification.claims import CellVerdict, Claim, Verified
 from tests.kit.runs import UTC0_NS, meta
 
 LAT, LON = 52.5, 13.4

@@ -16,7 +16,7 @@ from postproc.info import document_of as info_document
 from postproc.reproductions import toa
 from postproc.reproductions.checks import document_of as document_of_checks
 from postproc.summary import document_of, summarise
-from postproc.verification import verdicts as verification
+from postproc.verification import claims as verification
 from tests.kit import runs
 from tests.kit import sample_results as kit
 from tests.kit.terminal import COLOUR, postproc

@@ -40,7 +40,7 @@ from logger.core.runfile.journal_reader import (
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, stop_text
 from logger.core.schema import TABLES, columns_text, is_columns_text
 from logger.core.timebase import fit_run
-from logger.core.utc import utc_text
+from logger.core.types import utc_text
 
 # h5py, h5dump, PyTables and pandas read it: the oldest file format (superblock 0); gzip, shuffle
 # and fletcher32 per chunk. `frames` states how the rows were divided into frames of the journal,

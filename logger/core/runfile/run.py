@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from logger.core.errors import RunFileError
 from logger.core.isolation import Outcome, run_isolated
-from logger.core.provenance import has_times
 from logger.core.rows import (
     DTYPES,
     ROWS_AT_ONCE,
@@ -30,7 +29,7 @@ from logger.core.runfile.journal_reader import (
     decode_end,
     decode_meta,
 )
-from logger.core.runfile.meta import Damage, RunEnd, RunMeta
+from logger.core.runfile.meta import Damage, RunEnd, RunMeta, has_times
 from logger.core.runfile.run_names import is_hdf5
 from logger.core.schema import MOST_NS, TABLES
 from logger.core.types import (

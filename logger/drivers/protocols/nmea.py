@@ -16,8 +16,7 @@ from typing import Any, TypeVar
 
 import pynmea2
 
-from logger.core.types import Fix
-from logger.core.utc import EARLIEST_UTC_NS
+from logger.core.types import EARLIEST_UTC_NS, Fix
 from logger.drivers.protocols.line_noise import Garbage
 from logger.drivers.reading.row_language import MPS_PER_KNOT
 

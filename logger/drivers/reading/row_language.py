@@ -20,8 +20,7 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import Any, NamedTuple, Self
 
-from logger.core.reportable import area_marks, identity_marks, widest_dbm
-from logger.core.types import CellReading, Fix, Rat, Role
+from logger.core.types import CellReading, Fix, Rat, Role, area_marks, identity_marks, widest_dbm
 
 # The value of a5f is 2655 whether the modem sent that or a digit of a53f was lost. The width shows
 # it, beside the other numbers of the reply and of the modem; so the text travels with the value

@@ -3,7 +3,7 @@
 import csv
 from pathlib import Path
 
-from logger.core.utc import utc_text
+from logger.core.types import utc_text
 from postproc.interop.exporting import ExportWalk
 from postproc.interop.fields import is_plmn
 from postproc.interop.readers.wigle import PREFIX

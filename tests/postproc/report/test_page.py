@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from postproc.report.rendering import make_report
-from postproc.verification.claims import Claim
-from postproc.verification.verdicts import CellVerdict, Verified
+from postproc.verification.claims import CellVerdict, Claim, Verified
 from tests.kit import sample_results as kit
 from tests.kit.html_page import Page
 

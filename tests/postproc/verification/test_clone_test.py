@@ -5,8 +5,7 @@ from logger.core.locator.pipeline import locate
 from logger.core.model.blocks import blocks
 from logger.core.model.prior import Prior
 from logger.core.places import Places, Utm
-from postproc.verification.likelihood_grid import prepare_walk
-from postproc.verification.run_sites import between_two, within_one
+from postproc.verification.run_sites import between_two, prepare_walk, within_one
 from tests.kit.walks import observations, path
 
 PRIOR = Prior()

@@ -6,7 +6,7 @@ from logger.core.model.columns import distances_db, varying_columns
 from logger.core.model.noise import covariances, whiteners_of
 from logger.core.model.prior import Hypothesis, Prior, Station
 from logger.core.places import Places
-from postproc.verification.likelihood_grid import calibrate, likelihood_grid, prepare_walk
+from postproc.verification.run_sites import calibrate, likelihood_grid, prepare_walk
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, simulate
 

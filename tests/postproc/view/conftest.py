@@ -2,8 +2,7 @@
 
 import pytest
 
-from postproc.verification.claims import Claim
-from postproc.verification.verdicts import CellVerdict
+from postproc.verification.claims import CellVerdict, Claim
 from postproc.view.scene import write_scene
 from tests.kit import sample_results as kit
 from tests.kit.sample_view import sample_view
