@@ -25,8 +25,8 @@ from logger.core.runfile import Run, RunMeta
 from logger.core.runfile.meta import Damage
 from postproc.pictures.survey import survey_of
 from postproc.smoothing import smooth_runs
+from postproc.view.plan import RerunWriter
 from postproc.view.scene import draw_levels, write_scene
-from postproc.view.surface import RerunWriter
 from postproc.view.view_model import answer_steps, cell_view, view_model
 from tests.kit.headless_viewer import DRIVER, MISSING, headless_viewer, stable_screenshot
 

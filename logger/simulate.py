@@ -23,9 +23,10 @@ from logger.device.notify import stop_signals
 from logger.device.service import Service
 from logger.device.startup import begin_run
 from logger.device.status import write_status
+from logger.sim.devices import SimulatedModem
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS, Misbehaving
-from logger.sim.ptys import AnsweringDevice, PtyDevice, answering, talking
+from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import CITIES, SCENARIOS, Scenario, scenario
 from logger.sim.walk import GuidedWalk, WalkTime
 
@@ -83,7 +84,7 @@ def simulate(
     clock = ScaledClock(speed)
     time = WalkTime(clock)
     well = [walk.modem(time.now_s, DIALECTS[each], k) for k, each in enumerate(modem_names)]
-    modems: list[AnsweringDevice] = [*well]
+    modems: list[SimulatedModem | Misbehaving] = [*well]
     if misbehaviour is not None:
         modems[0] = Misbehaving(well[0], *misbehaviour, time.now_s, seed)
     receiver = talking(walk.receiver(), time)

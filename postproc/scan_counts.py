@@ -5,10 +5,13 @@ occurrence; later ones are marked as unsure. So a cell is reported when two scan
 without doubt.
 """
 
+from collections import Counter
 from collections.abc import Collection, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
+from logger.core.arrays import IntArray
 from logger.core.cell_names import FEWEST_SCANS, is_by_channel, why_no_name
 from logger.core.errors import ConfigError
 from logger.core.rows import numbered_texts
@@ -18,7 +21,7 @@ from logger.core.timebase import utc_clock
 
 def scans_of(runs: Sequence[Run]) -> dict[str, int]:
     """Scans of all runs in which each cell was identified without doubt; 0 where it never was."""
-    counts_by_name: dict[str, int] = {}
+    total: Counter[str] = Counter()
     for run in runs:
         readings = run.named_readings
         names, which = numbered_texts(readings["cell"])
@@ -28,25 +31,26 @@ def scans_of(runs: Sequence[Run]) -> dict[str, int]:
         scan, cell = scan[order], cell[order]
         is_first = np.ones(len(order), np.bool_)  # of its cell in its scan
         is_first[1:] = (np.diff(scan) != 0) | (np.diff(cell) != 0)
-        counts = np.bincount(cell[is_first], minlength=len(names))
-        for stored, count in zip(names.tolist(), counts.tolist(), strict=True):
-            name = stored.decode("utf-8", "replace")
-            counts_by_name[name] = counts_by_name.get(name, 0) + count
-    counts_by_name.pop("", None)
-    return counts_by_name
+        _add(total, names, cell[is_first])
+    del total[""]
+    return total
 
 
 def joined_of(runs: Sequence[Run]) -> dict[str, int]:
     """Readings of each cell that do not name it themselves: `logger.core.joined_names`."""
-    joined: dict[str, int] = {}
+    joined: Counter[str] = Counter()
     for run in runs:
         is_nameless = run.tables["readings"]["cell"] == b""
         names, which = numbered_texts(run.named_readings["cell"][is_nameless])
-        counts = np.bincount(which, minlength=len(names)).tolist()
-        for stored, count in zip(names.tolist(), counts, strict=True):
-            name = stored.decode("utf-8", "replace")
-            joined[name] = joined.get(name, 0) + count
+        _add(joined, names, which)
     return {name: n for name, n in joined.items() if name and not is_by_channel(name)}
+
+
+def _add(total: Counter[str], names: npt.NDArray[np.bytes_], which: IntArray) -> None:
+    """Count the rows of each name; `which` are their numbers."""
+    counts = np.bincount(which, minlength=len(names))
+    for stored, count in zip(names.tolist(), counts.tolist(), strict=True):
+        total[stored.decode("utf-8", "replace")] += count
 
 
 def heard_utc_ns(runs: Sequence[Run]) -> dict[str, tuple[int, int]]:

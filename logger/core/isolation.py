@@ -147,7 +147,8 @@ def _ask(process: subprocess.Popen[bytes], job: bytes) -> Outcome | str | int:
         with suppress(BrokenPipeError):  # its end is seen below
             process.stdin.write(job)
             process.stdin.flush()
-        error, value, described = json.loads(_read_reply_head(process.stdout))
+        n_bytes = int.from_bytes(_read(process.stdout, _LENGTH_BYTES), "little")
+        error, value, described = json.loads(_read(process.stdout, n_bytes))
         arrays = {name: (dtype, _read(process.stdout, n)) for name, dtype, n in described}
         found = error or (value, arrays)
     except EOFError:
@@ -161,10 +162,6 @@ def _ask(process: subprocess.Popen[bytes], job: bytes) -> Outcome | str | int:
 def _end(process: subprocess.Popen[bytes]) -> None:
     with suppress(BrokenPipeError), process:  # closes its pipes and waits for its end
         process.kill()
-
-
-def _read_reply_head(pipe: IO[bytes]) -> bytearray:
-    return _read(pipe, int.from_bytes(_read(pipe, _LENGTH_BYTES), "little"))
 
 
 def _read(pipe: IO[bytes], n_bytes: int) -> bytearray:

@@ -181,7 +181,6 @@ LAST_S = 60.0
 
 def run_lines(
     run: Run,
-    last_s: float = LAST_S,
     *,
     sources: Sequence[SourceSettings] = (),
     baseline: Baseline | None = None,
@@ -189,7 +188,7 @@ def run_lines(
     """Evaluate the end of a run; `sources` are those of the configuration."""
     tables = run.tables
     end_ns = max((int(rows["t_ns"].max()) for rows in tables.values() if len(rows)), default=0)
-    begin_ns = max(run.meta.started_ns, end_ns - round(last_s * 1e9))
+    begin_ns = max(run.meta.started_ns, end_ns - round(LAST_S * 1e9))
     minutes = max(end_ns - begin_ns, 1) / 60e9
     scans, readings, fixes = (
         tables[name][tables[name]["t_ns"] >= begin_ns] for name in ("scans", "readings", "fixes")

@@ -286,7 +286,6 @@ class SimulatedReceiver:
         rng: np.random.Generator,
         noise: GnssNoise | None = None,
         cold_start_s: float = 0.0,
-        altitude_m: float = 540.0,
     ) -> None:
         self._world = world
         self._walk = walk
@@ -294,7 +293,6 @@ class SimulatedReceiver:
         self._rng = rng
         self._noise = noise or GnssNoise()
         self._cold_start_s = cold_start_s
-        self._altitude_m = altitude_m
         self._wander_m = rng.normal(0.0, self._noise.wander_sigma_m, 3)  # east, north, up
         self._t_s = 0.0
 
@@ -320,7 +318,7 @@ class SimulatedReceiver:
         utc = self._utc_start + timedelta(seconds=t_s)
         time = f"{utc:%H%M%S}.{utc.microsecond // 10_000:02d}"
         position = f"{_angle(lat_deg, 2, 'NS')},{_angle(lon_deg, 3, 'EW')}"
-        altitude = f"{self._altitude_m + error_m[2]:.1f}"
+        altitude = f"{ALTITUDE_M + error_m[2]:.1f}"
         quality = f"{len(SATELLITES):02d},{HDOP:.2f}"
         satellites = ",".join(f"{number:02d}" for number in SATELLITES)
         return (

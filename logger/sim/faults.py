@@ -1,9 +1,10 @@
 """Modems that misbehave between two times of the walk, the same way for the same seed."""
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
+
+from logger.sim.devices import SimulatedModem
 
 BURST_EVERY_S = 0.3
 BURST_BYTES = 24  # so many random bytes are hardly ever all printable
@@ -16,25 +17,13 @@ URCS = (
 )  # fmt: skip
 
 
-class Modem(Protocol):
-    """A modem that can lose its power."""
-
-    def feed(self, data: bytes) -> bytes: ...
-
-    def unsolicited(self) -> bytes: ...
-
-    def restart(self) -> bytes: ...
-
-    def echo(self) -> None: ...
-
-
 class Fault:
     """What happens to a modem; the plain one lets everything through.
 
     Times are seconds since it began.
     """
 
-    def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
+    def __init__(self, modem: SimulatedModem, rng: np.random.Generator) -> None:
         self.modem = modem
         self.rng = rng
 
@@ -85,7 +74,7 @@ class Hang(Fault):
 class Stall(Hang):
     """A hang that answers everything at its end."""
 
-    def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
+    def __init__(self, modem: SimulatedModem, rng: np.random.Generator) -> None:
         super().__init__(modem, rng)
         self._pending = b""
 
@@ -126,7 +115,7 @@ class EchoOn(Fault):
 class SlowBytes(Fault):
     """One byte at a time; the modem reads nothing while it has bytes left to write."""
 
-    def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
+    def __init__(self, modem: SimulatedModem, rng: np.random.Generator) -> None:
         super().__init__(modem, rng)
         self._left = b""
         self._pending = b""
@@ -165,7 +154,7 @@ class DuplicatedLines(Fault):
 class RepeatedAnswers(Fault):
     """Each answer comes again a moment later, before that to the next command."""
 
-    def __init__(self, modem: Modem, rng: np.random.Generator) -> None:
+    def __init__(self, modem: SimulatedModem, rng: np.random.Generator) -> None:
         super().__init__(modem, rng)
         self._last = b""
 
@@ -206,7 +195,7 @@ class Misbehaving:
 
     def __init__(
         self,
-        modem: Modem,
+        modem: SimulatedModem,
         fault: str,
         start_s: float,
         end_s: float,

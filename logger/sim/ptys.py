@@ -11,8 +11,10 @@ import tty
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
+from logger.sim.devices import SimulatedModem, SimulatedReceiver
+from logger.sim.faults import Misbehaving
 from logger.sim.walk import WalkTime
 
 CHUNK = 4096
@@ -94,26 +96,6 @@ EPOCH_S = 1.0
 Session = Callable[[PtyLine], None]
 
 
-class AnsweringDevice(Protocol):
-    """A modem: it answers, and may write by itself."""
-
-    def feed(self, data: bytes) -> bytes:
-        """What it writes after these bytes."""
-        ...
-
-    def unsolicited(self) -> bytes:
-        """What it writes by itself since the last call."""
-        ...
-
-
-class TalkingDevice(Protocol):
-    """A receiver: it writes each second and reads nothing."""
-
-    def epoch(self, t_s: float) -> bytes:
-        """What it writes at that second of the walk."""
-        ...
-
-
 class PtyDevice:
     """A device behind a pty, in a thread of its own; `path` is what the service opens.
 
@@ -171,7 +153,7 @@ class PtyDevice:
         self._session(self._line)
 
 
-def answering(device: AnsweringDevice) -> Session:
+def answering(device: SimulatedModem | Misbehaving) -> Session:
     """Session of a modem: reads bytes and writes answers."""
 
     def session(line: PtyLine) -> None:
@@ -182,7 +164,7 @@ def answering(device: AnsweringDevice) -> Session:
     return session
 
 
-def talking(device: TalkingDevice, time: WalkTime) -> Session:
+def talking(device: SimulatedReceiver, time: WalkTime) -> Session:
     """Session of a receiver: an epoch each second of the walk, listener or not."""
 
     def session(line: PtyLine) -> None:

@@ -11,8 +11,8 @@ from logger.core.document import Column, Table, markdown_table, markdown_text
 from postproc.atomic_write import whole_file
 from postproc.comparison.changes import CellChange, ComparedRuns
 from postproc.comparison.ground import BLOCK_M, Grid
+from postproc.view.plan import entity
 from postproc.view.scene import APPLICATION
-from postproc.view.surface import entity
 
 _MOST_MAPS = 12
 _FULL_DB = 15.0

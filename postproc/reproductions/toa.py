@@ -284,7 +284,8 @@ def on_squares(
     p = np.empty((*position.shape, 2))
     p[:, :2] = covariance_m2(anchors, position[:, :2], sigma2_m2)
     state = np.concatenate([position[:, 1], position[:, 1] - position[:, 0]], axis=1)
-    covariance = _initial_covariance(p[:, 0], p[:, 1])
+    first, second = p[:, 0], p[:, 1]
+    covariance = np.block([[second, second], [second, second + first]])
     q = np.zeros((4, 4))
     q[2:, 2:] = turn_m2
     for k in range(2, position.shape[1]):
@@ -292,11 +293,6 @@ def on_squares(
         state, covariance = _correct(anchors, state, covariance, ranges_m[:, k] ** 2, sigma2_m2)
         position[:, k], p[:, k] = state[:, :2], covariance[:, :2, :2]
     return Track(position, p)
-
-
-def _initial_covariance(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Covariance of [second fix, second - first], shape (runs, 4, 4)."""
-    return np.block([[second, second], [second, second + first]])
 
 
 def _correct(

@@ -277,11 +277,6 @@ def refine(
     return grid
 
 
-def coarse_squares(blocks: Blocks, prior: Prior) -> Squares:
-    """Where a search begins."""
-    return first_squares(blocks, prior, 1.2)
-
-
 @dataclass(frozen=True)
 class Nuisances:
     """A `root` (n, n) of the noise's covariance by the likeliest hypothesis.
@@ -368,7 +363,7 @@ class PreparedWalk:
 def prepare_walk(blocks: Blocks, prior: Prior) -> PreparedWalk:
     """Learn from a walk what does not depend on the claim."""
     level_dbm = blocks.level_dbm - float(np.mean(blocks.level_dbm))
-    k, coarse = covariances(blocks, prior), coarse_squares(blocks, prior)
+    k, coarse = covariances(blocks, prior), first_squares(blocks, prior, 1.2)
     every = whiteners_of(k)
     # each hypothesis has its own peak: places too coarse for the sharpest would rule that one out
     searched = refine(likelihood_grid(blocks, prior, coarse, every[::6]), level_dbm[:, None], _FINE)

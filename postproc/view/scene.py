@@ -27,16 +27,21 @@ from postproc.result import BATCH, EKF, REFERENCE, RTS, CellResult
 from postproc.summary import REFERENCE_NOTE, estimator_table
 from postproc.verification.claims import CellVerdict
 from postproc.view.plan import (
+    FARTHEST_M,
     FOOT_HEIGHT,
     KEY_WIDTH,
     PAPER,
+    RerunWriter,
+    dots,
     draw_basemap,
     draw_map,
     draw_plan,
     ellipse_axes,
+    entity,
+    line,
+    step_line,
     zoom_of,
 )
-from postproc.view.surface import FARTHEST_M, RerunWriter, dots, entity, line, step_line
 from postproc.view.view_model import CellView, ViewModel
 
 MOST_DOTS = 40_000

@@ -69,7 +69,8 @@ class _Datasets:
         self.checksums: dict[str, int] = {}
 
     def take(self, part: Part) -> None:
-        self._add(FRAMES, np.array([_frame_row(part)], FRAME_DTYPE))
+        row = part.number, part.kind, part.table, len(part.rows), crc32(part.payload)
+        self._add(FRAMES, np.array([row], FRAME_DTYPE))
         if not part.table:
             return
         rows = part.rows
@@ -122,10 +123,6 @@ class _Datasets:
         dataset.resize((start + len(rows),))
         dataset[start:] = rows
         self.checksums[name] = crc32(rows.tobytes(), self.checksums[name])
-
-
-def _frame_row(part: Part) -> tuple[int, int, str, int, int]:
-    return part.number, part.kind, part.table, len(part.rows), crc32(part.payload)
 
 
 def write_hdf5(parts: JournalParts, path: Path) -> None:
@@ -462,7 +459,7 @@ class _Sealing:
             if name in self._tables:
                 yield from _of_table(name, self._tables[name], self._meta)
             elif name in TEXTS:
-                yield from _of_text(name, self._content.file[name])
+                yield from _additions(name, self._content.file[name], set())
 
     def _of_damage(self, damage: Damage) -> Iterator[str]:
         missing = max(self._numbers, default=-1) + 1 - len(set(self._numbers))
@@ -513,10 +510,6 @@ def _of_table(name: str, table: h5py.Dataset, meta: RunMeta) -> Iterator[str]:
         names = table.dtype.names or ()
         if not isinstance(text, str) or not is_columns_text(name, names, text):
             yield f"{name}: the units of its columns are not those that were recorded"
-
-
-def _of_text(name: str, text: h5py.Dataset) -> Iterator[str]:
-    yield from _additions(name, text, set())
 
 
 def _additions(name: str, dataset: h5py.Dataset, known: set[str]) -> Iterator[str]:

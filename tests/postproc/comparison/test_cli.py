@@ -6,7 +6,7 @@ import re
 import pytest
 
 from postproc.cli import main
-from postproc.view.surface import entity
+from postproc.view.plan import entity
 from tests.kit.rerun_recordings import rows, static_columns
 from tests.postproc.comparison.city import name, write_walk
 

@@ -8,9 +8,8 @@ from benchmarks.view import WALKS, walk
 from logger.core.readings import observe
 from postproc.estimators.filters import MOST_ROWS, FilterPath
 from postproc.result import CellResult, ObservedRun, Result
-from postproc.view.plan import MOST_POINTS, level_strips
+from postproc.view.plan import MOST_POINTS, MOST_STRIPS, level_strips
 from postproc.view.scene import MOST_DOTS, write_scene
-from postproc.view.surface import MOST_STRIPS
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks
 from tests.kit.sample_view import sample_view
