@@ -350,7 +350,7 @@ class LiveTracker:
         if receiver is None:
             return []
         results = self._step_reference(seq, record, scan, receiver.place)
-        for name, reading, level_dbm in _levels(scan):
+        for name, (reading, level_dbm) in _levels(scan).items():
             located = _at_receiver(name, receiver, level_dbm, reading)
             if name in self._identities:
                 results += self._take_reading(seq, name, modem, located)
@@ -431,14 +431,14 @@ def live_prior(settings: LiveSettings) -> Prior:
     )
 
 
-def _levels(scan: Scan) -> list[tuple[str, CellReading, float]]:
+def _levels(scan: Scan) -> dict[str, tuple[CellReading, float]]:
     """Of a cell that is listed twice the surer reading counts."""
-    first: dict[str, tuple[str, CellReading, float]] = {}
+    first: dict[str, tuple[CellReading, float]] = {}
     for reading in sorted(scan.readings, key=lambda reading: reading.identity_unsure):
         name, level_dbm = reading.cell, reading.level_dbm
         if name is not None and level_dbm is not None:
-            first.setdefault(name, (name, reading, level_dbm))
-    return list(first.values())
+            first.setdefault(name, (reading, level_dbm))
+    return first
 
 
 def _at_receiver(cell: str, receiver: Receiver, level_dbm: float, reading: CellReading) -> Readings:

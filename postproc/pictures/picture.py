@@ -218,7 +218,7 @@ def picture_of(survey: Survey, focus: CellResult | None) -> Picture:
 def focus_of(result: Result) -> CellResult | None:
     """The cell to show unless one is named: suspicious ones first, then located, most readings."""
 
-    def rank(cell: CellResult) -> tuple[int, bool, int]:
+    def rank(cell: CellResult) -> tuple[int, ...]:
         word = result.words.get(cell.cell)
         return WORDS.index(word.word) if word else 0, cell.verdict == "located", cell.n
 
