@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.types import CellReading, Record, Scan
-from postproc.interop.fields import reading_of
+from postproc.interop.sighting import reading_of
 
 CLONES = frozenset({"clone on its channel", "clone on another channel"})
 COPIES = CLONES | {"perfect copy"}

@@ -18,7 +18,7 @@ import numpy as np
 from logger.core.suspicion.rule import Word
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.types import CellReading, Fix, Record, Scan
-from postproc.interop.fields import with_name
+from postproc.interop.sighting import with_name
 
 CORPUS = Path(
     os.environ.get("CELLWALK_CORPUS", Path(__file__).resolve().parents[2] / "shared" / "corpus")

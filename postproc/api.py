@@ -28,7 +28,7 @@ from postproc.estimators.least_squares import Loss
 from postproc.ground import Group, check_one_place
 from postproc.ground import by_place as groups_of
 from postproc.interop.exporting import Exported, format_of, walk_of_run, write_answers, write_walk
-from postproc.interop.fields import LEVEL_RANGE_DBM
+from postproc.interop.sighting import LEVEL_RANGE_DBM
 from postproc.progress import Progress, with_progress
 from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import observed_cells

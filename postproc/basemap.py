@@ -207,28 +207,21 @@ _ROAD: Colour = (150, 146, 140)
 _PATH: Colour = (186, 178, 166)
 
 
-class _Pen(NamedTuple):
-    draw: ImageDraw.ImageDraw
-    scale: float
-
-    def points(self, part: Part) -> list[tuple[float, float]]:
-        return [(x * self.scale, y * self.scale) for x, y in part]
-
-
 def draw_tile(layers: list[Layer], size: int) -> Image.Image:
     """The layers as RGBA of `size` pixels a side."""
     picture = Image.new("RGBA", (size, size), (*_PAPER, 255))
     draw = ImageDraw.Draw(picture)
     by_name = {layer.name: layer for layer in layers}
+    scale = {layer.name: size / max(layer.extent, 1) for layer in layers}
     for name, colour in _AREAS.items():
         for feature in _features(by_name, name, "polygon"):
-            _draw_area(_pen(draw, by_name[name], size), feature, colour)
+            _draw_area(draw, scale[name], feature, colour)
     for name in _WATERWAYS:
         for feature in _features(by_name, name, "line"):
-            _draw_line(_pen(draw, by_name[name], size), feature, _AREAS["water"], size / 170)
+            _draw_line(draw, scale[name], feature, _AREAS["water"], size / 170)
     for name in _DRAWN_STREETS:
         for feature in _features(by_name, name, "line"):
-            _draw_street(_pen(draw, by_name[name], size), feature, size)
+            _draw_street(draw, scale[name], feature, size)
     return picture
 
 
@@ -237,17 +230,17 @@ def _features(by_name: dict[str, Layer], name: str, kind: str) -> list[Feature]:
     return [feature for feature in layer.features if feature.kind == kind] if layer else []
 
 
-def _pen(draw: ImageDraw.ImageDraw, layer: Layer, size: int) -> _Pen:
-    return _Pen(draw, size / max(layer.extent, 1))
+def _scaled(part: Part, scale: float) -> list[Point]:
+    return [(x * scale, y * scale) for x, y in part]
 
 
-def _draw_area(pen: _Pen, feature: Feature, colour: Colour) -> None:
+def _draw_area(draw: ImageDraw.ImageDraw, scale: float, feature: Feature, colour: Colour) -> None:
     kinds = {str(feature.tags.get(key, "")) for key in ("kind", "class", "subclass", "pmap:kind")}
     fill = _AREAS["park"] if kinds & _GREEN else colour
     for part in feature.parts:
         if len(part) >= 3:
             # a hole runs the other way round (4.3.4.4 of the specification)
-            pen.draw.polygon(pen.points(part), fill=fill if _area(part) > 0 else _PAPER)
+            draw.polygon(_scaled(part, scale), fill=fill if _area(part) > 0 else _PAPER)
 
 
 def _area(part: Part) -> float:
@@ -256,19 +249,22 @@ def _area(part: Part) -> float:
     return float(sum(x * v - u * y for (x, y), (u, v) in zip(part, following, strict=True)))
 
 
-def _draw_street(pen: _Pen, feature: Feature, size: int) -> None:
+def _draw_street(draw: ImageDraw.ImageDraw, scale: float, feature: Feature, size: int) -> None:
     kinds = {str(feature.tags.get(key, "")) for key in ("kind", "class", "kind_detail")}
     is_path = bool(kinds & _NARROW)
     width = size / 400 if is_path else size / 200
     if kinds & _WIDE:
         width = size / 110
-    _draw_line(pen, feature, _PATH if is_path else _ROAD, width)
+    _draw_line(draw, scale, feature, _PATH if is_path else _ROAD, width)
 
 
-def _draw_line(pen: _Pen, feature: Feature, colour: Colour, width: float) -> None:
+def _draw_line(
+    draw: ImageDraw.ImageDraw, scale: float, feature: Feature, colour: Colour, width: float
+) -> None:
     for part in feature.parts:
         if len(part) >= 2:
-            pen.draw.line(pen.points(part), fill=colour, width=max(round(width), 1), joint="curve")
+            ink_width = max(round(width), 1)
+            draw.line(_scaled(part, scale), fill=colour, width=ink_width, joint="curve")
 
 
 _NAMED_STREETS = frozenset({"roads", "transportation_name"})

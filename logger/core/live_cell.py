@@ -135,11 +135,6 @@ class _RunningEkf(NamedTuple):
     monitor: FilterMonitor = FilterMonitor()
 
 
-class _Modem(NamedTuple):
-    spikes: SpikeFilter[Readings]
-    cache: CacheTest
-
-
 class LiveCell:
     """Estimate of one cell; `news` are the events of the last reading, as (code, text).
 
@@ -155,7 +150,7 @@ class LiveCell:
         self._prior, self._where = prior, where
         self._locator = OnlineLocator(prior, where=where)
         self._first_spikes = spikes
-        self._modems: dict[str, _Modem] = {}
+        self._modems: dict[str, tuple[SpikeFilter[Readings], CacheTest]] = {}
         self._scale = LiveScale()
         self._ekf: _RunningEkf | None = None
         self._recent: deque[Readings] = deque(maxlen=_RECENT)
@@ -189,7 +184,7 @@ class LiveCell:
         self.news = []
         if modem not in self._modems:
             first = None if self._modems else self._first_spikes
-            self._modems[modem] = _Modem(first or SpikeFilter[Readings](), CacheTest())
+            self._modems[modem] = first or SpikeFilter[Readings](), CacheTest()
         spikes, cache = self._modems[modem]
         level = latest.places, latest.level_dbm.item(), latest.limit.item()
         if cache.take(*level) and cache.is_cached:

@@ -30,7 +30,9 @@ from logger.device.service import Service
 from logger.device.sources import source_of
 from logger.device.startup import begin_run, installed_versions, usable_folder
 from logger.device.status import FOLDER, read_status, status_folder
-from logger.doctor.machine import (
+from logger.doctor.single_tests import (
+    LAST_S,
+    TRIAL,
     battery,
     clock_line,
     disk,
@@ -39,13 +41,13 @@ from logger.doctor.machine import (
     open_journal,
     plug,
     power,
+    run_lines,
     speed,
     status_lines,
     temperature,
     unit,
     wall_minus_boot_ns,
 )
-from logger.doctor.reception import LAST_S, TRIAL, run_lines
 from logger.drivers.protocols.redaction import mask_labelled
 from logger.drivers.registry import FAMILIES
 

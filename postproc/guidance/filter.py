@@ -15,7 +15,7 @@ from logger.core.model.prior import Prior
 from logger.core.places import TIMING_S, Places, place_of_fix
 from logger.core.readings import Readings, limit_of
 from logger.core.types import Fix, range_dbm
-from postproc.interop.fields import LEVEL_RANGE_DBM, RATS
+from postproc.interop.sighting import LEVEL_RANGE_DBM, RATS
 
 COLUMNS = ("t_s", "lat", "lon", "rssi_dbm")
 """Columns that the header has to name; `cell`, `acc_m` and `rat` may follow."""

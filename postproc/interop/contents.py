@@ -20,8 +20,7 @@ from logger.drivers.diag.frames import is_stream
 from logger.sqlite_file import SQLITE_MAGIC, open_database
 from postproc.foreign_file import MOST_MEMBERS, most_unpacked_bytes
 from postproc.interop import csv_table
-from postproc.interop.fields import Columns
-from postproc.interop.sighting import Row, parse_rows
+from postproc.interop.sighting import Columns, Row, parse_rows
 from postproc.progress import with_count
 
 Kind = Literal["tables", "xml", "json", "text", "diag", "packets"]

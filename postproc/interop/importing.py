@@ -33,10 +33,10 @@ from postproc.foreign_file import (
 )
 from postproc.interop import readers
 from postproc.interop.contents import Contents, Format, look_at, members, plain_file, unknown_format
-from postproc.interop.fields import RATS
 from postproc.interop.readers import named_columns, rayhunter
 from postproc.interop.readers.rayhunter import CLOCK_SET_NS
 from postproc.interop.sighting import (
+    RATS,
     REMARK,
     BadRow,
     NoCell,

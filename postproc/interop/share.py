@@ -30,8 +30,8 @@ from logger.core.runfile import Run
 from logger.core.runfile.meta import SHARED, origin_of_copy
 from logger.core.schema import TABLES
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Rat, Record, Role, Scan
-from postproc.interop.fields import DEFAULT_CELL
 from postproc.interop.importing import Append, meta_of, spare, write_run
+from postproc.interop.sighting import DEFAULT_CELL
 
 BLUR_M = 200.0
 _SHIFT = 0.5

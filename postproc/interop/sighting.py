@@ -1,23 +1,39 @@
-"""A row of any third-party format: one cell received at one position."""
+"""A row of any third-party format: one cell received at one position, by names of its values."""
 
 import marshal
+import math
+import re
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from dataclasses import fields as fields_of
+from datetime import UTC, datetime
 from operator import attrgetter
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TypeVar
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 
 from logger.core.arrays import BoolArray, IntArray
-from logger.core.errors import GeoError
-from logger.core.places import Places, Track, fix_sigma_m
-from logger.core.types import Broadcast, CellReading, Fix
+from logger.core.cell_names import channel_name
+from logger.core.errors import GeoError, RunFileError
+from logger.core.places import Places, Track, check_position, fix_sigma_m
+from logger.core.rows import channels_of
+from logger.core.types import (
+    Broadcast,
+    CellReading,
+    Fix,
+    Rat,
+    Role,
+    area_marks,
+    identity_bits,
+    identity_marks,
+    utc_text,
+)
 
-Fields = TypeVar("Fields")
+Source = TypeVar("Source")
 REMARK = "remark"
 """Code of the note of a warning."""
 
@@ -83,7 +99,7 @@ Parsed = Row | Sequence[Row] | None
 
 
 def parse_rows(
-    rows: Iterable[tuple[int, Fields]], parse: Callable[[int, Fields], Parsed]
+    rows: Iterable[tuple[int, Source]], parse: Callable[[int, Source], Parsed]
 ) -> Iterator[Row]:
     """Parsed rows with line numbers; `parse` returns None for no cell, raises for bad rows."""
     for line, fields in rows:
@@ -220,3 +236,433 @@ class SightingFile:
         if broadcast is not None:
             more["broadcast"] = Broadcast(*broadcast)
         return Sighting(line, t_ns, Fix(*fix), CellReading(**more), receiver)
+
+
+Fields = Mapping[str, Any]
+
+LEVEL_RANGE_DBM = (-200.0, 50.0)
+"""Any receiver: from far below the noise to beside a strong transmitter."""
+_UNKNOWN = (2**31 - 1, 2**63 - 1)
+"""CellInfo.UNAVAILABLE and UNAVAILABLE_LONG of Android, which apps write unchanged."""
+_LARGEST = 2**31 - 2
+_LARGEST_CID = 2**36 - 1
+"""NR cell identity: 36 bit (3GPP TS 38.413 9.3.1.7)."""
+
+_NAMES: dict[Rat, tuple[str, ...]] = {
+    "GSM": ("2G", "GPRS", "EDGE"),
+    "WCDMA": ("3G", "UMTS", "HSPA", "HSPA+", "HSPAP", "HSDPA", "HSUPA"),
+    "LTE": ("4G", "LTE+", "LTE_CA", "LTE-A"),
+    "NR": ("5G", "NR5G", "NR5G-SA", "NR5G-NSA", "NRNSA", "NR_SA", "NR_NSA"),
+}
+RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {
+    n: rat for rat, ns in _NAMES.items() for n in ns
+}
+
+
+_ASU_MOST = {"GSM": 31, "LTE": 97, "NR": 97}
+_LAST_DAY = 100_000
+"""Days since 1970, the year 2243: nanoseconds still fit into 64 bit."""
+
+
+def text(fields: Fields, *names: str) -> str:
+    """First value among `names` that is not empty, "" without one."""
+    for name in names:
+        value = fields.get(name)
+        if value is not None and (value_text := str(value).strip()):
+            return value_text
+    return ""
+
+
+def number(fields: Fields, name: str, limits: tuple[float, float] = (-1e12, 1e12)) -> float:
+    """Finite number within limits; raises ValueError."""
+    value_text = text(fields, name)
+    if not value_text:
+        raise ValueError(f"{name} is empty")
+    try:
+        value = float(value_text)
+    except ValueError:
+        raise ValueError(f"{name} is no number: {value_text[:40]!r}") from None
+    if not (math.isfinite(value) and limits[0] <= value <= limits[1]):
+        raise ValueError(f"{name} is out of range: {value_text[:40]}")
+    return value
+
+
+def maybe(fields: Fields, name: str, limits: tuple[float, float] = (-1e12, 1e12)) -> float | None:
+    """As `number`, None for an empty or absent value."""
+    return number(fields, name, limits) if text(fields, name) else None
+
+
+def integer(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
+    """Integer from 0; None where it is empty or a mark: negative, or the largest there is."""
+    value_text = text(fields, *names)
+    if not value_text:
+        return None
+    try:
+        value = int(value_text.removesuffix(".0"))
+    except ValueError:
+        raise ValueError(f"{names[0]} is no integer: {value_text[:40]!r}") from None
+    if value < 0 or value in _UNKNOWN:
+        return None
+    if value > largest:
+        raise ValueError(f"{names[0]} is out of range: {value_text[:40]}")
+    return value
+
+
+def cell_identity(fields: Fields, *names: str) -> int | None:
+    """Cell identity of any technology."""
+    return integer(fields, *names, largest=_LARGEST_CID)
+
+
+def level_of(fields: Fields, column: str, rat: Rat) -> float:
+    """Level in dBm of a column that has dBm if it is negative, else Android's ASU of `rat`.
+
+    Raises ValueError where the level is not known. Sources: 3GPP TS 27.007 8.5 (GSM),
+    CellSignalStrengthLte and -Nr of Android; of WCDMA two scales exist, so none is read.
+    """
+    signal = number(fields, column, (LEVEL_RANGE_DBM[0], 2.0**31))
+    if signal < 0:
+        return signal
+    if signal > _ASU_MOST.get(rat, -1):
+        raise ValueError(f"{column} {signal:.0f} is no level of {rat}")
+    return 2.0 * signal - 113.0 if rat == "GSM" else signal - 140.0
+
+
+def plmn(fields: Fields) -> tuple[str | None, str | None]:
+    """Country and network code with their digits; both or none."""
+    mcc, mnc = network_code(fields, "mcc", 3), network_code(fields, "mnc", 2)
+    return (None, None) if mcc is None or mnc is None else (mcc, mnc)
+
+
+def network_code(fields: Fields, name: str, fewest_digits: int) -> str | None:
+    """Code of a country or a network; one with too few digits has lost its zeros in a table."""
+    code = integer(fields, name, largest=999)
+    if code is None:
+        return None
+    n_digits = len(text(fields, name).removesuffix(".0"))  # 020 is not 20
+    return f"{code:0{max(n_digits, fewest_digits)}d}"
+
+
+def is_plmn(mcc: str | None, mnc: str | None) -> bool:
+    """Whether the codes of country and network are numbers, as other programs take them to be."""
+    return all(code is not None and code.isascii() and code.isdecimal() for code in (mcc, mnc))
+
+
+def reading_of(
+    rat: Rat | None, role: Role, level_dbm: float | None, area: int | None, **values: Any
+) -> CellReading:
+    """A reading with its level and its area code where the technology, if known, has them."""
+    level = {None: "rssi_dbm", "GSM": "rssi_dbm", "WCDMA": "rscp_dbm"}.get(rat, "rsrp_dbm")
+    code = "lac" if rat in {None, "GSM", "WCDMA"} else "tac"
+    return with_name(CellReading(role, rat, **{level: level_dbm, code: area} | values))
+
+
+def with_name(reading: CellReading) -> CellReading:
+    """The reading without codes that mean no area or no cell, and with a name if it has none.
+
+    The name has question marks for missing parts of the identity: many telephones leave out the
+    network code, and without a name the level would be lost.
+    """
+    is_nr = reading.rat == "NR"
+    if {reading.lac, reading.tac} & area_marks(24 if is_nr else 16):
+        reading = replace(reading, lac=None, tac=None)
+    if reading.cid in identity_marks(identity_bits(reading.rat)):
+        reading = replace(reading, cid=None)
+    if reading.cid is None or reading.cell is not None:
+        return reading
+    area = reading.tac if reading.lac is None else reading.lac
+    parts = (reading.mcc, reading.mnc, area, reading.cid)
+    return replace(reading, label="-".join("?" if part is None else str(part) for part in parts))
+
+
+def fix_of(fields: Fields, lat: str, lon: str, utc_ns: int | None, **values: float | None) -> Fix:
+    """A fix; raises `GeoError` for no position, ValueError for 0, 0, written without a fix."""
+    lat_deg, lon_deg = number(fields, lat), number(fields, lon)
+    check_position(lat_deg, lon_deg)
+    if lat_deg == lon_deg == 0.0:
+        raise ValueError("the position is 0, 0: there was no fix")
+    return Fix(True, utc_ns=utc_ns, lat_deg=lat_deg, lon_deg=lon_deg, **values)  # type: ignore[arg-type]
+
+
+def utc_ns_of(time: str, name: str) -> int:
+    """Nanoseconds since 1970 of an ISO 8601 time, UTC where it names no zone; raises ValueError."""
+    try:
+        when = datetime.fromisoformat(time)
+    except ValueError:
+        raise ValueError(f"{name} is no ISO 8601 time: {time[:40]!r}") from None
+    if when.tzinfo is None:
+        when = when.replace(tzinfo=UTC)
+    return ns_since_1970(when, name)
+
+
+def ns_since_1970(when: datetime, name: str) -> int:
+    """Nanoseconds since 1970 of a time with a zone; raises ValueError outside of 1970 to 2243."""
+    since = when - datetime(1970, 1, 1, tzinfo=UTC)
+    if not 0 <= since.days < _LAST_DAY:
+        raise ValueError(f"{name} is no time of a walk: {when.isoformat()!r}")
+    return ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1000
+
+
+DEFAULT_CELL = "target"
+"""Name of the only cell of a table that names none."""
+_TRANSMITTERS = (
+    *("cell", "bssid", "mac", "macaddress", "transmitter", "transmitterid", "txid", "beacon"),
+    *("beaconid", "beaconuuid", "gateway", "gatewayid", "gatewayeui", "gateweui", "gtwid", "gweui"),
+    *("gw", "gwid", "eui", "basestation", "basestationid", "bts", "btsid", "cellname", "sitename"),
+)
+"""Columns that name the transmitter, by their letters and digits alone."""
+_DEVICES = (
+    *("device", "deviceid", "devicename", "dev", "devid", "deveui", "devaddr", "node", "nodeid"),
+    *("nodename", "sensor", "sensorid", "station", "stationid", "source", "src", "sourceid"),
+    *("sender", "senderid", "address", "addr", "id", "uid", "uuid", "name", "ssid", "tag", "tagid"),
+    *("tx", "emitter", "ap", "apname", "site", "siteid", "sector", "sectorid", "serial"),
+    *("enb", "enbid", "enodeb", "enodebid", "gnb", "gnbid", "nodeb", "nodebid"),
+)
+"""Columns that may name the transmitter, or the receiver, or number the rows."""
+_MOST_VALUES = 10_000
+"""A column with more values numbers the rows."""
+
+
+class Transmitters:
+    """Names of the transmitters in a table without cell identities."""
+
+    def __init__(self, columns: Iterable[str], *, has_codes: bool) -> None:
+        plain = {_plain(column): column for column in columns}
+        self._has_codes = has_codes
+        self._name = next((plain[name] for name in _TRANSMITTERS if name in plain), None)
+        self._values: dict[str, Counter[str]] = {}
+        if self._name is None and not has_codes:
+            self._values = {plain[name]: Counter() for name in _DEVICES if name in plain}
+
+    def name(self, fields: Fields, reading: CellReading) -> str | None:
+        """Name of the transmitter of a row by its column, else by code and channel."""
+        if self._name is not None:
+            return text(fields, self._name) or None
+        if self._has_codes:
+            codes = {
+                "channel": reading.arfcn,
+                "BSIC": reading.bsic,
+                "PSC": reading.psc,
+                "PCI": reading.pci,
+            }
+            in_words = " ".join(f"{k} {v}" for k, v in codes.items() if v is not None)
+            return channel_name(reading) or in_words or None
+        for column, values in self._values.items():
+            if len(values) <= _MOST_VALUES and (value := text(fields, column)):
+                values[value] += 1
+        return DEFAULT_CELL
+
+    def check(self, source: object) -> None:
+        """Raise `RunFileError` where a column seems to name several transmitters.
+
+        A single value, and another in each row, name none.
+        """
+        for column, values in self._values.items():
+            if 1 < len(values) <= min(_MOST_VALUES, values.total() // 2):
+                examples = ", ".join(repr(value[:20]) for value in list(values)[:3])
+                raise RunFileError(
+                    f"{source}: column {column!r} has {len(values)} values ({examples}). If they "
+                    f"are transmitters, add --columns cell={column}; if they are receivers, "
+                    "remove the column, or import each one's rows as a walk"
+                )
+
+
+def _plain(column: str) -> str:
+    return "".join(filter(str.isalnum, column.lower()))
+
+
+_YEAR_FIRST = re.compile(
+    r"(\d{4})[-./](\d{1,2})[-./](\d{1,2})[ T_](\d{1,2})[:.](\d{2})[:.](\d{2})(?:[.,](\d{1,9}))?"
+)
+_DAY_FIRST = re.compile(
+    r"(\d{1,2})\.(\d{1,2})\.(\d{4})[ T_](\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?"
+)
+"""With dots only: with slashes nobody knows which of two numbers is the month."""
+_TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?")
+_SINCE_1970 = re.compile(r"(\d{9,10})(?:[.,](\d{1,9}))?|(\d{12,13})(?:[.,]\d+)?")
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """Nanoseconds since 1970 in UTC, or by a clock whose zone the file does not name."""
+
+    t_ns: int
+    is_utc: bool
+
+    @property
+    def utc_ns(self) -> int | None:
+        return self.t_ns if self.is_utc else None
+
+
+def moment_of(time: str, name: str) -> Moment:
+    """The moment that a text means; raises ValueError, naming the column, for none.
+
+    Nine or ten digits are seconds since 1970, twelve or thirteen are milliseconds. A time of day
+    without a date counts from 1970.
+    """
+    if not time:
+        raise ValueError(f"{name} is empty")
+    if found := _SINCE_1970.fullmatch(time):
+        if found[3]:
+            t_ns = int(found[3]) * 10**6
+        else:
+            t_ns = int(found[1]) * 10**9 + _fraction_ns(found[2])
+        if t_ns >= _LAST_DAY * 86_400 * 10**9:
+            raise ValueError(f"{name} is no time of a walk: {time!r}")
+        return Moment(t_ns, is_utc=True)
+    if found := _YEAR_FIRST.fullmatch(time):
+        year, month, day, *clock = found.groups()
+        return _by_clock(time, name, (year, month, day), clock)
+    if found := _DAY_FIRST.fullmatch(time):
+        day, month, year, *clock = found.groups()
+        return _by_clock(time, name, (year, month, day), clock)
+    if found := _TIME_OF_DAY.fullmatch(time):
+        return _by_clock(time, name, ("1970", "1", "1"), list(found.groups()))
+    return Moment(utc_ns_of(time, name), is_utc=True)
+
+
+def _by_clock(time: str, name: str, date: tuple[str, str, str], clock: list[str | None]) -> Moment:
+    *of_day, fraction = clock
+    try:
+        year, month, day, hour, minute, second = (int(part or 0) for part in (*date, *of_day))
+        when = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
+    except ValueError as error:
+        raise ValueError(f"{name} is no time: {time[:40]!r} ({error})") from None
+    return Moment(ns_since_1970(when, name) + _fraction_ns(fraction), is_utc=False)
+
+
+def _fraction_ns(digits: str | None) -> int:
+    return int((digits or "0").ljust(9, "0"))
+
+
+def moment(utc_ns: int | None) -> str | None:
+    """ISO 8601 in UTC, to the millisecond."""
+    return None if utc_ns is None else f"{utc_text(utc_ns)[:-1]}.{utc_ns // 10**6 % 1000:03d}Z"
+
+
+def seconds(t_ns: int) -> float:
+    """Seconds, to the millisecond."""
+    return round(t_ns / 1e9, 3)
+
+
+Names = tuple[str, ...]
+"""Names of a column, of which the first that has a value counts."""
+ROW_NS = 10**9
+"""From row to row where only their order is known."""
+CODES: Mapping[Rat, str] = {"GSM": "bsic", "WCDMA": "psc", "LTE": "pci", "NR": "pci"}
+"""What a technology calls the code of a cell."""
+
+
+def in_order(line: int, _: Fields) -> Moment:
+    """The number of a row, where a file has no times."""
+    return Moment(line * ROW_NS, is_utc=False)
+
+
+def broadcast_of(fields: Fields) -> Broadcast | None:
+    """What the cell broadcasts; None where the row has nothing of it."""
+    channels = channels_of(text(fields, "neighbour_arfcns") or None)
+    if channels is None and text(fields, "neighbour_arfcns"):
+        raise ValueError("neighbour_arfcns is no list of GSM channels")
+    cro_db, penalty_time, t3212_raw = (
+        integer(fields, name) for name in ("cro_db", "penalty_time", "t3212_raw")
+    )
+    unsure = bool(integer(fields, "broadcast_unsure"))
+    found = Broadcast(channels, cro_db, penalty_time, t3212_raw, unsure)
+    return None if found == Broadcast(broadcast_unsure=unsure) else found
+
+
+def level_in(name: str) -> Callable[[Fields, Rat | None], float]:
+    """The level of a column in dBm; a row without it is a bad one."""
+    return lambda fields, _: number(fields, name, LEVEL_RANGE_DBM)
+
+
+def by_flag(*names: str, means: Role, otherwise: Role) -> Callable[[Fields], Role]:
+    """The role by a column of true and false; without a value it is `scan`."""
+
+    def role(fields: Fields) -> Role:
+        flag = text(fields, *names).lower()
+        if not flag:
+            return "scan"
+        return means if flag in {"true", "1"} else otherwise
+
+    return role
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Columns:
+    """Columns of a format in lower case.
+
+    `codes` are by technology the columns of the BSIC, PSC or PCI, `more` gives further values of a
+    reading by our names. With `half_networks` a country without a network counts as well. Rows
+    without a known technology are no cells if `needs_rat`.
+    """
+
+    level_dbm: Callable[[Fields, Rat | None], float | None]
+    when: Callable[[int, Fields], Moment] = in_order
+    role: Callable[[Fields], Role] = lambda _: "scan"
+    rat: Names = ("rat",)
+    place: tuple[str, str] = ("lat", "lon")
+    alt_m: Names = ()
+    acc_m: Names = ()
+    speed_mps: Names = ()
+    course_deg: Names = ()
+    area: Mapping[Rat, Names] | Names = ("lac",)
+    cid: Names = ("cid",)
+    arfcn: Names = ("arfcn",)
+    codes: Mapping[Rat, Names] = field(default_factory=dict)
+    ta: Mapping[Rat, Names] | Names = ()
+    more: Callable[[Fields, Rat | None], Mapping[str, Any]] = lambda *_: {}
+    half_networks: bool = False
+    needs_rat: bool = True
+
+    def sighting(self, line: int, fields: Fields) -> Sighting | NoCell:
+        """The row; raises ValueError or `GeoError` for a bad one."""
+        name = text(fields, *self.rat)
+        rat = RATS.get(name.upper())
+        if rat is None and self.needs_rat:
+            return NoCell(line, f"no technology of 2G to 5G is called {name[:40]!r}")
+        moment = self.when(line, fields)
+        acc = _name_in(fields, self.acc_m)
+        known = {
+            "alt_m": maybe(fields, _name_in(fields, self.alt_m)),
+            "acc_m": maybe(fields, acc, (0.0, 1e6)) or None,
+            "speed_mps": maybe(fields, _name_in(fields, self.speed_mps)),
+            "course_deg": maybe(fields, _name_in(fields, self.course_deg)),
+        }
+        lat, lon = self.place
+        fix = fix_of(fields, lat, lon, moment.utc_ns, **known)
+        mcc, mnc = plmn(fields)
+        if self.half_networks:
+            mcc, mnc = network_code(fields, "mcc", 3), network_code(fields, "mnc", 2)
+        values: dict[str, Any] = {
+            "mcc": mcc,
+            "mnc": mnc,
+            "cid": cell_identity(fields, *self.cid),
+            "arfcn": integer(fields, *self.arfcn),
+            "ta": _first_known(fields, _names(self.ta, rat)),
+        }
+        if rat is not None and rat in self.codes:
+            values[CODES[rat]] = _first_known(fields, self.codes[rat])
+        reading = reading_of(
+            rat,
+            self.role(fields),
+            self.level_dbm(fields, rat),
+            _first_known(fields, _names(self.area, rat)),
+            **values,
+            **self.more(fields, rat),
+        )
+        return Sighting(line, moment.t_ns, fix, reading)
+
+
+def _names(names: Mapping[Rat, Names] | Names, rat: Rat | None) -> Names:
+    if isinstance(names, Mapping):
+        return () if rat is None else names.get(rat, ())
+    return names
+
+
+def _name_in(fields: Fields, names: Names) -> str:
+    return next((name for name in names if name in fields), "")
+
+
+def _first_known(fields: Fields, names: Names) -> int | None:
+    """First known integer: an app writes a mark where another one leaves the column empty."""
+    return next((value for name in names if (value := integer(fields, name)) is not None), None)

@@ -18,9 +18,8 @@ from logger.core.types import Fix
 from postproc.foreign_file import MOST_READINGS, with_limit
 from postproc.interop import xml_file
 from postproc.interop.contents import look_at, plain_file, unknown_format
-from postproc.interop.fields import fix_of, maybe, utc_ns_of
 from postproc.interop.readers import gsmtap, rayhunter
-from postproc.interop.sighting import BadRow, Row, Sighting
+from postproc.interop.sighting import BadRow, Row, Sighting, fix_of, maybe, utc_ns_of
 
 MOST_APART_S = 60.0
 """Between points farther apart in time, a walker may have been anywhere in a block of houses."""

@@ -11,7 +11,7 @@ noise of the walk, and p is the share of them whose factor is as large. The simu
 when several are (Besag & Clifford, Biometrika 78(2), 1991).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -436,39 +436,36 @@ def within_one(
     p, done = 1.0, 0
     if division.log_factor > 0.0:
         usable = obs.usable()
-        one_source = _OneSource.of(_thin(usable.part(usable.limit == 0)), posterior)
-        p, done = _chance(one_source, posterior, division.log_factor, rng, draws)
+        simulate = _past_one_source(_thin(usable.part(usable.limit == 0)), posterior)
+        p, done = _chance(simulate, posterior, division.log_factor, rng, draws)
     return Sites(division.log_factor, p, done, division.one, division.other)
 
 
-class _OneSource(NamedTuple):
-    """Expected levels past the one transmitter of a posterior, and a root of their covariance."""
+def _past_one_source(
+    obs: Readings, posterior: Posterior
+) -> Callable[[np.random.Generator], Readings]:
+    """Draws levels past the one transmitter of a posterior."""
+    x_m, y_m, p0_dbm, eta = posterior.modes[0].state.tolist()
+    dx_m, dy_m, height_m = obs.x_m - x_m, obs.y_m - y_m, posterior.prior.height_m
+    distance_db = log_distance_db(dx_m, dy_m, height_m, obs.position_sigma_m)
+    expected_dbm = level_dbm(p0_dbm, eta, distance_db)
+    apart_m = np.hypot(obs.x_m[:, None] - obs.x_m, obs.y_m[:, None] - obs.y_m)
+    sigma_db = posterior.sigma_db
+    weighed = zip(posterior.noise_probability, posterior.prior.hypotheses, strict=True)
+    k = sum(p * shadowing(apart_m, one) for p, one in weighed if p > 0.0)
+    k += np.eye(len(k)) * independent_variance(1.0, posterior.white_share, sigma_db)
+    root = np.asarray(sigma_db * np.linalg.cholesky(k), float)
+    no_limit = np.zeros(len(obs), np.int64)
 
-    obs: Readings
-    level_dbm: FloatArray
-    root: FloatArray
+    def simulate(rng: np.random.Generator) -> Readings:
+        noise_db = root @ rng.normal(size=len(obs))
+        return replace(obs, level_dbm=expected_dbm + noise_db, known_limit=no_limit)
 
-    @classmethod
-    def of(cls, obs: Readings, posterior: Posterior) -> "_OneSource":
-        x_m, y_m, p0_dbm, eta = posterior.modes[0].state.tolist()
-        dx_m, dy_m, height_m = obs.x_m - x_m, obs.y_m - y_m, posterior.prior.height_m
-        distance_db = log_distance_db(dx_m, dy_m, height_m, obs.position_sigma_m)
-        apart_m = np.hypot(obs.x_m[:, None] - obs.x_m, obs.y_m[:, None] - obs.y_m)
-        sigma_db = posterior.sigma_db
-        weighed = zip(posterior.noise_probability, posterior.prior.hypotheses, strict=True)
-        k = sum(p * shadowing(apart_m, one) for p, one in weighed if p > 0.0)
-        k += np.eye(len(k)) * independent_variance(1.0, posterior.white_share, sigma_db)
-        root = np.asarray(sigma_db * np.linalg.cholesky(k), float)
-        return cls(obs, level_dbm(p0_dbm, eta, distance_db), root)
-
-    def simulate(self, rng: np.random.Generator) -> Readings:
-        noise_db = self.root @ rng.normal(size=len(self.obs))
-        no_limit = np.zeros(len(self.obs), np.int64)
-        return replace(self.obs, level_dbm=self.level_dbm + noise_db, known_limit=no_limit)
+    return simulate
 
 
 def _chance(
-    source: _OneSource,
+    simulate: Callable[[np.random.Generator], Readings],
     posterior: Posterior,
     log_factor: float,
     rng: np.random.Generator,
@@ -477,7 +474,7 @@ def _chance(
     """Share of simulated walks with a factor as large, and their number."""
     n_as_large = done = 0
     while done < draws and n_as_large < _ENOUGH:
-        division = divide(source.simulate(rng), posterior)
+        division = divide(simulate(rng), posterior)
         n_as_large += division is not None and division.log_factor >= log_factor
         done += 1
     if n_as_large >= _ENOUGH:

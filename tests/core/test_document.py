@@ -148,7 +148,7 @@ ELSEWHERE = {
     "logger/core/document.py": "the place where it belongs",
     "logger/drivers/protocols/nmea.py": "digits of a fraction of a second",
     "logger/drivers/reading/modem_gnss.py": "digits of a fraction of a second",
-    "postproc/interop/fields.py": "digits of a fraction of a second",
+    "postproc/interop/sighting.py": "digits of a fraction of a second",
     "logger/command_line.py": "one width of names under all titles of the help",
 }
 """Files that may, with what they pad or write."""

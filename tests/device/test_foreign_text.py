@@ -17,7 +17,7 @@ from logger.device.mode_switch import SavedModes
 from logger.device.page_requests import FILE, PageRequests
 from logger.device.status import report
 from logger.doctor.examination import without_private
-from logger.doctor.machine import holders, plug, power, temperature
+from logger.doctor.single_tests import holders, plug, power, temperature
 from logger.page.feed import TABLES, Feed, JournalTail
 from logger.page.server import open_run
 from logger.page.token import make_token, read_token

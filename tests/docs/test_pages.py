@@ -62,7 +62,7 @@ def test_pages_and_headings_that_the_source_names_exist():
     if not (ROOT / ".git").exists():
         pytest.skip("the list of files is that of git")
     found = mentions()
-    assert ("logger/doctor/machine.py", "systemd/README.md", "Read-only root") in found
+    assert ("logger/doctor/single_tests.py", "systemd/README.md", "Read-only root") in found
     missing = [
         (name, page, heading)
         for name, page, heading in found

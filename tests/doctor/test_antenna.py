@@ -3,7 +3,7 @@ import pytest
 from logger.core.baseline import HeardInSquare, NotedBaseline, SquareHistory, square_of
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan
-from logger.doctor.reception import antenna_line
+from logger.doctor.single_tests import antenna_line
 from tests.kit import runs
 
 S = 10**9

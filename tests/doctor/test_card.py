@@ -3,7 +3,7 @@ import time
 
 import pytest
 
-from logger.doctor import machine
+from logger.doctor import single_tests as machine
 
 
 def test_a_real_folder_has_a_speed_and_nothing_is_left_in_it(tmp_path):

@@ -2,7 +2,7 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.core.types import Fix, Record
-from logger.doctor.machine import clock_line
+from logger.doctor.single_tests import clock_line
 from tests.kit import runs
 
 S = 10**9

@@ -9,7 +9,7 @@ from logger.cli import main
 from logger.device.link import Line
 from logger.device.mode_switch import SavedMode, SavedModes
 from logger.doctor.examination import overall
-from logger.doctor.machine import open_journal
+from logger.doctor.single_tests import open_journal
 from logger.sim.ptys import PtyDevice, answering
 from tests.kit import service
 from tests.kit.dialects import DIALECTS

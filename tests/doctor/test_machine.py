@@ -3,7 +3,7 @@ import os
 import pytest
 
 from logger.config import PowerSettings
-from logger.doctor import machine
+from logger.doctor import single_tests as machine
 from tests.kit.simulated_devices import simulated_devices
 
 

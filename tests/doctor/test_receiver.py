@@ -2,7 +2,7 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.core.types import Fix, RawBytes, Record
-from logger.doctor.reception import fixes_lines, jumps, satellites_in_use
+from logger.doctor.single_tests import fixes_lines, jumps, satellites_in_use
 from tests.kit import runs
 
 S = 10**9

@@ -2,7 +2,7 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
-from logger.doctor.reception import run_lines
+from logger.doctor.single_tests import run_lines
 from logger.drivers.registry import FAMILIES
 from tests.kit import runs
 

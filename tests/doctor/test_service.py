@@ -2,7 +2,7 @@ import msgspec
 
 from logger.device.clock import SystemClock
 from logger.device.status import PortStatus, Status
-from logger.doctor.machine import status_lines
+from logger.doctor.single_tests import status_lines
 
 S = 10**9
 

@@ -17,21 +17,25 @@ from xml.etree import ElementTree as ET
 from logger.core.types import Fix, Rat
 from postproc.interop import csv_table, xml_file
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import CODES as _CODES
-from postproc.interop.fields import (
+from postproc.interop.sighting import CODES as _CODES
+from postproc.interop.sighting import (
     LEVEL_RANGE_DBM,
     RATS,
+    BadRow,
     Fields,
+    NoCell,
+    Row,
+    Sighting,
     cell_identity,
     fix_of,
     integer,
     maybe,
     moment_of,
+    parse_rows,
     plmn,
     reading_of,
     text,
 )
-from postproc.interop.sighting import BadRow, NoCell, Row, Sighting, parse_rows
 
 _LEVELS: dict[Rat, tuple[str, ...]] = {
     "GSM": ("level", "rxlev", "rxl", "rsrp"),

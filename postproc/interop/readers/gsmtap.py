@@ -22,9 +22,8 @@ from logger.core.types import Fix, Rat
 from logger.drivers.diag.levels import Observation
 from postproc.foreign_file import MOST_READINGS
 from postproc.interop.contents import PACKETS, Format
-from postproc.interop.fields import fix_of, number
 from postproc.interop.readers import diag
-from postproc.interop.sighting import NoCell, Row
+from postproc.interop.sighting import NoCell, Row, fix_of, number
 from postproc.progress import with_count
 
 _PORT = 4729

@@ -17,8 +17,18 @@ from logger.core.errors import RunFileError
 from logger.core.types import Rat
 from logger.sqlite_file import open_database
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import LEVEL_RANGE_DBM, Columns, Fields, Moment, integer, maybe
-from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
+from postproc.interop.sighting import (
+    LEVEL_RANGE_DBM,
+    Columns,
+    Fields,
+    Moment,
+    NoCell,
+    Row,
+    Sighting,
+    integer,
+    maybe,
+    parse_rows,
+)
 
 TYPES = ("Cellular", "CellModem", "Cell")
 _FIRST_REAL = 5

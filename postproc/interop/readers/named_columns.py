@@ -16,21 +16,24 @@ from logger.core.errors import ConfigError, RunFileError
 from logger.core.types import Rat, Role
 from postproc.interop import csv_table
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import (
+from postproc.interop.sighting import (
     LEVEL_RANGE_DBM,
     RATS,
     ROW_NS,
     Columns,
     Fields,
     Moment,
+    NoCell,
+    Row,
+    Sighting,
     Transmitters,
     integer,
     maybe,
     moment_of,
     number,
+    parse_rows,
     text,
 )
-from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
 NAME = "CSV by column names"
 _NAMES: dict[str, tuple[str, ...]] = {

@@ -18,19 +18,22 @@ from logger.core.types import Rat
 from logger.sqlite_file import open_database
 from postproc.interop import csv_table, json_lines
 from postproc.interop.contents import Contents, Format, of_json
-from postproc.interop.fields import (
+from postproc.interop.sighting import (
     CODES,
     LEVEL_RANGE_DBM,
     Columns,
     Fields,
     Moment,
+    NoCell,
+    Row,
+    Sighting,
     by_flag,
     integer,
     maybe,
+    parse_rows,
     text,
     utc_ns_of,
 )
-from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
 TABLES: dict[str, Rat] = {
     "GSM_MESSAGE": "GSM",

@@ -16,8 +16,7 @@ from logger.core.types import Fix
 from postproc.foreign_file import MOST_READINGS, with_limit
 from postproc.interop import json_lines
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import fix_of, moment_of, number, text
-from postproc.interop.sighting import BadRow, NoCell, Remark, Row
+from postproc.interop.sighting import BadRow, NoCell, Remark, Row, fix_of, moment_of, number, text
 
 CLOCK_SET_NS = 631_152_000 * 10**9
 """1990: a clock before it was never set. A modem's begins in 1980, that of a hotspot in 1970."""

@@ -23,23 +23,24 @@ from pathlib import Path
 from logger.core.types import Rat
 from postproc.interop import csv_table, json_lines
 from postproc.interop.contents import Contents, Format, of_columns, of_json
-from postproc.interop.fields import (
+from postproc.interop.sighting import (
     CODES,
     LEVEL_RANGE_DBM,
     RATS,
     Columns,
     Fields,
     Moment,
+    Row,
     broadcast_of,
     by_flag,
     level_in,
     level_of,
     maybe,
     number,
+    parse_rows,
     text,
     utc_ns_of,
 )
-from postproc.interop.sighting import Row, parse_rows
 
 _CELLMAPPER_HEADER = (
     "latitude", "longitude", "altitude", "mcc", "mnc", "lac", "cid", "signal", "type", "subtype",

@@ -12,8 +12,7 @@ from xml.etree import ElementTree as ET
 
 from postproc.interop import xml_file
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import Columns, Moment, level_in, utc_ns_of
-from postproc.interop.sighting import NoCell, Row, parse_rows
+from postproc.interop.sighting import Columns, Moment, NoCell, Row, level_in, parse_rows, utc_ns_of
 
 _CELL = re.compile(
     r"\((?:MCC (?P<mcc>\d+), )?MNC (?P<mnc>-?\d+), LAC (?P<lac>-?\d+), CID (?P<cid>-?\d+), "

@@ -19,21 +19,23 @@ from logger.core.schema import TABLES
 from logger.core.types import UNKNOWN_SIGNED, Broadcast, CellReading, Fix
 from postproc.interop import csv_table
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import (
+from postproc.interop.sighting import (
     LEVEL_RANGE_DBM,
     RATS,
     Fields,
+    Row,
+    Sighting,
     Transmitters,
     broadcast_of,
     cell_identity,
     integer,
     maybe,
     number,
+    parse_rows,
     text,
     utc_ns_of,
     with_name,
 )
-from postproc.interop.sighting import Row, Sighting, parse_rows
 
 _CELL_BYTES = 64
 PLACE = ("alt_m", "speed_mps", "course_deg")

@@ -12,20 +12,23 @@ from pathlib import Path
 
 from postproc.interop import csv_table
 from postproc.interop.contents import Contents, Format
-from postproc.interop.fields import (
+from postproc.interop.sighting import (
     LEVEL_RANGE_DBM,
     RATS,
     Fields,
+    NoCell,
+    Row,
+    Sighting,
     cell_identity,
     fix_of,
     integer,
     maybe,
     number,
+    parse_rows,
     reading_of,
     text,
     utc_ns_of,
 )
-from postproc.interop.sighting import NoCell, Row, Sighting, parse_rows
 
 PREFIX = "WigleWifi-"
 NO_LEVEL_DBM = -113.0

@@ -8,8 +8,7 @@ from typing import Any
 
 from logger.core.document import Table
 from postproc.interop.exporting import Answered, ExportWalk
-from postproc.interop.fields import moment, seconds
-from postproc.interop.sighting import Sighting
+from postproc.interop.sighting import Sighting, moment, seconds
 from postproc.outlines import DECIMALS, lines
 
 Feature = dict[str, Any]

@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 from logger.core.document import Table
 from logger.core.types import Fix
 from postproc.interop.exporting import Answered, ExportWalk, says_of, title_of
-from postproc.interop.fields import moment
+from postproc.interop.sighting import moment
 from postproc.interop.xml_file import add, decimal
 from postproc.interop.xml_file import write as write_xml
 from postproc.outlines import DECIMALS

@@ -13,8 +13,7 @@ from logger.core.answer import Answer
 from logger.core.document import Column, Table, Value
 from logger.core.places import MAX_GAP_S
 from postproc.interop.exporting import Answered, ExportWalk, says_of, title_of
-from postproc.interop.fields import moment
-from postproc.interop.sighting import Sighting
+from postproc.interop.sighting import Sighting, moment
 from postproc.interop.xml_file import add
 from postproc.interop.xml_file import write as write_xml
 from postproc.outlines import Line, LonLat, Rings, lines

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from postproc.interop.exporting import ExportWalk
-from postproc.interop.fields import is_plmn
-from postproc.interop.sighting import Sighting
+from postproc.interop.sighting import Sighting, is_plmn
 
 _COLUMNS = (
     "mcc", "mnc", "lac", "cellid", "lat", "lon", "signal", "measured_at", "rating",

@@ -5,9 +5,8 @@ from pathlib import Path
 
 from logger.core.types import utc_text
 from postproc.interop.exporting import ExportWalk
-from postproc.interop.fields import is_plmn
 from postproc.interop.readers.wigle import PREFIX
-from postproc.interop.sighting import Sighting
+from postproc.interop.sighting import Sighting, is_plmn
 
 _COLUMNS = (
     "MAC", "SSID", "AuthMode", "FirstSeen", "Channel", "Frequency", "RSSI",

@@ -1,6 +1,6 @@
 import pytest
 
-from postproc.interop.fields import Moment, moment_of
+from postproc.interop.sighting import Moment, moment_of
 
 NOON_NS = 1_714_564_807 * 10**9
 

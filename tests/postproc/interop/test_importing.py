@@ -422,7 +422,7 @@ def test_all_but_one_in_a_hundred_cells_of_a_real_sample_are_read(name):
 
 ONE_FILE = {
     "readers": """
-from postproc.interop.fields import Columns, level_in
+from postproc.interop.sighting import Columns, level_in
 from postproc.interop.contents import of_columns
 
 IMPORTS = (
