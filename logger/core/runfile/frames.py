@@ -17,10 +17,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 from hashlib import sha256
-from typing import NamedTuple, Protocol
+from mmap import mmap
+from typing import NamedTuple
 from zlib import crc32
 
 from logger.core.runfile.meta import Damage, RunEnd, stop_text
+
+Buffer = bytes | mmap
 
 MAGIC = b"CWJ1"
 FRAME_VERSION = 2
@@ -67,14 +70,6 @@ class Skipped:
 
 class ForgedFramesError(ValueError):
     """Headers announce more than a recorder can have written."""
-
-
-class Buffer(Protocol):
-    """What `scan` reads: bytes or a memory map."""
-
-    def __len__(self) -> int: ...
-    def __getitem__(self, key: slice, /) -> bytes: ...
-    def find(self, sub: bytes, start: int = ..., end: int = ..., /) -> int: ...
 
 
 def encode(run: int, number: int, kind: Kind, payload: bytes, schema: int = 0) -> bytes:
