@@ -19,9 +19,6 @@ from .strata import coverage, figure_of, groups, log_density
 from .tables import Table
 from .tree import Prior, with_trust
 
-AS_IT_IS = ""
-"""Variant with all constants as they are."""
-
 Variants = Mapping[str, Prior]
 
 _TRUST = (0.3, 0.45, 0.6, 0.8, 1.0)

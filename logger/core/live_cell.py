@@ -2,7 +2,7 @@
 
 The EKF starts from the locator's position when that has a sigma of at most 12 m and 0.15 of the
 walker's distance (a linearised filter is consistent only if it starts close), and takes the
-shadowing from the last readings. `filter_monitor` decides when to discard it.
+shadowing from the last readings. `FilterMonitor` decides when to discard it.
 
 One walker carries all modems, so what two of them read of a cell at one place differs only by their
 offset and by fading. `LiveScale` takes that offset reading by reading; the desktop program takes
