@@ -230,7 +230,7 @@ def _features(by_name: dict[str, Layer], name: str, kind: str) -> list[Feature]:
     return [feature for feature in layer.features if feature.kind == kind] if layer else []
 
 
-def _scaled(part: Part, scale: float) -> list[Point]:
+def _in_pixels(part: Part, scale: float) -> list[Point]:
     return [(x * scale, y * scale) for x, y in part]
 
 
@@ -240,7 +240,7 @@ def _draw_area(draw: ImageDraw.ImageDraw, scale: float, feature: Feature, colour
     for part in feature.parts:
         if len(part) >= 3:
             # a hole runs the other way round (4.3.4.4 of the specification)
-            draw.polygon(_scaled(part, scale), fill=fill if _area(part) > 0 else _PAPER)
+            draw.polygon(_in_pixels(part, scale), fill=fill if _area(part) > 0 else _PAPER)
 
 
 def _area(part: Part) -> float:
@@ -264,7 +264,7 @@ def _draw_line(
     for part in feature.parts:
         if len(part) >= 2:
             ink_width = max(round(width), 1)
-            draw.line(_scaled(part, scale), fill=colour, width=ink_width, joint="curve")
+            draw.line(_in_pixels(part, scale), fill=colour, width=ink_width, joint="curve")
 
 
 _NAMED_STREETS = frozenset({"roads", "transportation_name"})
