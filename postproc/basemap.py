@@ -308,6 +308,8 @@ def _to_segment(place: Point, start: Point, end: Point) -> float:
     return math.hypot(offset[0] - share * along[0], offset[1] - share * along[1])
 
 
+# --- maps of tiles ---
+
 MOST_TILES = 64
 """Eight by eight of 256 pixels: as many pixels as the plan can use."""
 _HALF_WORLD_M = math.pi * 6378137.0
@@ -609,6 +611,8 @@ def _unpack(data: bytes, packing: Compression, most: int) -> bytes:
         raise ValueError(f"a compressed part is cut, or has more than {most >> 20} MB")
     return plain
 
+
+# --- the picture ---
 
 MOST_PIXELS = 2048
 """Along the longer side: a megabyte as JPEG."""

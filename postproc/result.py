@@ -57,6 +57,7 @@ from postproc.notebook_plan import OnPlan, draw, new_axes, svg
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 COLUMNS = (
     "cell",
@@ -137,9 +138,7 @@ def _is_bounded(end: PathEnd) -> bool:
     return isfinite(end.lat) and end.is_bounded and major_m <= _WIDEST_M
 
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+# --- the result ---
 
 
 @dataclass(frozen=True, slots=True)

@@ -221,6 +221,8 @@ def _describe_moved_fixes(track: SmoothedTrack) -> list[str]:
     return warnings
 
 
+# --- several runs ---
+
 # Each track is smoothed alone and put into the UTM zone of the first. The difference between the
 # levels of two modems is unknown (`logger.core.locator.offsets`), unless two runs name the same
 # modem. A run may have several modems.

@@ -102,6 +102,8 @@ def _columns(belt: int) -> int:
     return max(round(_EQUATOR_M * cos(radians(_middle_deg(belt))) / SQUARE_M), 1)
 
 
+# --- earlier walks ---
+
 READ, UNREADABLE = "baseline", "baseline-unreadable"
 """Codes of the events: a baseline is read, and none is from now on."""
 FILE, SQUARE, CELL, CHANNELS, TRUST = "file", "square", "cell", "channels", "trust"

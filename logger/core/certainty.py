@@ -80,6 +80,8 @@ def radii_text(r50_m: float | None, r95_m: float | None) -> str:
     return ", ".join(f"{name} {metres(radius)}" for name, radius in named if radius is not None)
 
 
+# --- modes ---
+
 LEAST_PEAK = 0.05
 """A position with this share of the highest density is a mode, however improbable."""
 MINOR_MODE = 0.03

@@ -174,6 +174,8 @@ def level_of(scan: Scan, cell: str | None) -> float | None:
     return next((level_dbm for level_dbm in levels_dbm if level_dbm is not None), None)
 
 
+# --- all cells ---
+
 _LEAST_S = 1.0
 """Shorter intervals between fixes give no speed: times of arrival vary by as much."""
 _MOST_ONCE = 100

@@ -315,6 +315,8 @@ def _log_likelihood(noise: ShadowNoise, mean: FloatArray, readings: Readings) ->
     return total
 
 
+# --- the monitor ---
+
 # Three values are followed, each over several readings, so that one outlier discards nothing.
 #
 # - Normalised innovations squared (NIS), 1 on average for a consistent filter: their exponentially

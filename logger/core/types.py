@@ -65,6 +65,8 @@ def columns_of(record: type) -> tuple[Column, ...]:
     return tuple(columns)
 
 
+# --- records ---
+
 Role = Literal["serving", "neighbour", "scan"]
 Rat = Literal["GSM", "WCDMA", "LTE", "LTE-M", "NB-IoT", "NR"]
 Level = Literal["info", "warning", "error"]
@@ -269,6 +271,8 @@ class Record:
     source: str
     value: Value
 
+
+# --- ranges of levels and codes ---
 
 # Modems and other programs print fillers where they know no level or no cell. All of them are
 # outside of these ranges or among these codes.

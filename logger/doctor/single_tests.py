@@ -292,6 +292,8 @@ def status_lines(status: Status) -> Iterator[Line]:
             yield Line("fail", name, port.event or f"{port.url} is not open")
 
 
+# --- a run ---
+
 COARSE_M = 15.0
 """Median accuracy of a receiver under open sky is well below this."""
 

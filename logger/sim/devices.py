@@ -251,6 +251,8 @@ def frame_text(*texts: str) -> bytes:
     return "".join(f"\r\n{text}\r\n" for text in texts).encode("ascii")
 
 
+# --- the receiver ---
+
 MPS_PER_KNOT = 1852 / 3600
 SPEED_SIGMA_MPS = 0.05
 COURSE_FROM_MPS = 0.3

@@ -166,6 +166,8 @@ def _beside(rng: np.random.Generator, reach_m: float) -> tuple[float, float]:
     return float(east_m), float(north_m)
 
 
+# --- scenarios ---
+
 DEFAULT = "block"
 ORIGIN_LAT_DEG, ORIGIN_LON_DEG = 46.9480, 7.4474
 UTC_START = datetime(2024, 5, 14, 9, 0, tzinfo=UTC)

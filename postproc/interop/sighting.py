@@ -238,6 +238,8 @@ class SightingFile:
         return Sighting(line, t_ns, Fix(*fix), CellReading(**more), receiver)
 
 
+# --- values by name ---
+
 Fields = Mapping[str, Any]
 
 LEVEL_RANGE_DBM = (-200.0, 50.0)

@@ -208,6 +208,8 @@ def _check(claim: Claim) -> Claim:
     return claim
 
 
+# --- verdicts ---
+
 Verdict = Literal["consistent", "rejected", "cannot tell"]
 Followed = Literal["indirect"]
 _CONTROL = "Benjamini-Hochberg over the claims tested: q is p adjusted, rejected where q <= p_fa"

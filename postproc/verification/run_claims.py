@@ -214,6 +214,9 @@ it counts as if it had not passed closer.
 """
 
 
+# --- all claims of a run ---
+
+
 def verify_cell(
     obs: Readings, claim: Claim, p_fa: float, prior: Prior, posterior: Posterior | None = None
 ) -> CellVerdict:

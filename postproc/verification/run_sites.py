@@ -389,6 +389,8 @@ def calibrate(calm: FloatArray, statistics: FloatArray) -> FloatArray:
     return np.asarray(np.where(statistics < edge, beyond, (count + 0.5) / (len(calm) + 1.0)), float)
 
 
+# --- one transmitter or two ---
+
 DRAWS = 39
 """Walks simulated past one transmitter for one run: p can then be as small as 0.025."""
 

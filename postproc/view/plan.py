@@ -248,6 +248,8 @@ def draw_posterior(surface: Surface, view: ViewModel, cell: CellView) -> None:
     surface.points_over_time((*path, "modes"), cell.t_ns, positions_m, style, counts, labels=labels)
 
 
+# --- what the plan shows ---
+
 PAPER: Colour = (17, 20, 26)
 """The same on dark and on light screens, since the posterior's glow needs a dark ground."""
 KEY_WIDTH = 0.3

@@ -261,6 +261,8 @@ def _text(raw: bytes) -> str:
     return raw.decode("utf-8", "replace")
 
 
+# --- the recording ---
+
 SHARED_AXIS = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc/TimeAxis"
 """Where the viewer stores the time range of linked plots; it has no public name (rerun 0.41)."""
 

@@ -148,8 +148,8 @@ def _length_without_zeros(data: Buffer, start: int) -> int:
     return 0
 
 
-# The hash chain:
-#
+# --- the hash chain ---
+
 #     digest 0 = 32 zero bytes
 #     digest n+1 = SHA-256(digest n | number u32 | kind u8 | payload), little-endian
 #

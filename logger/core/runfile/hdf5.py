@@ -183,6 +183,8 @@ def _verify(path: Path, checksums: dict[str, int]) -> None:
                 raise RunFileError(f"{path}: {name} reads back differently from what was written")
 
 
+# --- read by another process ---
+
 TEXTS = ("meta", "config", "end", "damage")
 _MOST_TEXT_BYTES = 16 << 20
 """Of a text dataset; a configuration has at most 1 MiB, and is in two of them."""

@@ -230,6 +230,8 @@ def is_recording(path: Path) -> bool:
         return False
 
 
+# --- records ---
+
 FRAME_RECORDS = 4096
 """A frame is read and checked as one unit, so its size is limited."""
 

@@ -109,6 +109,8 @@ class Damage(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
+# --- origins ---
+
 IMPORT = "import of"
 IMPORT_WITHOUT_TIMES = "import without times of"
 SHARED = "shared copy"

@@ -216,6 +216,8 @@ def _utf8(text: bytes, size: int) -> bytes:
     return clean.decode("utf-8", "ignore").encode()
 
 
+# --- the run ---
+
 HDF5_READER = "logger.core.runfile.hdf5"
 """The module of the tasks that read HDF5, imported only by the other process (`isolation`)."""
 

@@ -510,6 +510,8 @@ def _reported_dbm(result: Mapping[str, int]) -> float | None:
     return step + _REPORT_0_DBM if 0 < step < 97 else None
 
 
+# --- the file ---
+
 _CHUNK = 1 << 20
 
 
