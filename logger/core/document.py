@@ -358,9 +358,9 @@ def html_text(text: str) -> str:
     return escape(plain_text(text))
 
 
-def html_value(value: Value, form: str = "") -> str:
+def html_value(value: Value) -> str:
     """A value in HTML outside a table."""
-    return Column("", form).html(value)
+    return Column("").html(value)
 
 
 def html_table(table: Table) -> str:
