@@ -29,6 +29,7 @@ from postproc.ground import Group, check_one_place
 from postproc.ground import by_place as groups_of
 from postproc.interop.exporting import Exported, format_of, walk_of_run, write_answers, write_walk
 from postproc.interop.sighting import LEVEL_RANGE_DBM
+from postproc.multi_run import named_apart
 from postproc.progress import Progress, with_progress
 from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import observed_cells
@@ -36,7 +37,7 @@ from postproc.smoothing import locate_cell, smooth_runs
 from postproc.suspicion.run_assessment import Suspicions, assess_runs, conspicuous_first
 from postproc.verification.claims import Claim, Verified, read_claims
 from postproc.verification.run_claims import verify_claims
-from postproc.walk import named_apart, observe_run
+from postproc.walk import observe_run
 
 RunOrPath = Run | Path | str
 

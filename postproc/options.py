@@ -25,7 +25,7 @@ with late_modules():
     from logger.core.locator import verdict
     from logger.core.model import area
     from logger.core.model import prior as priors
-    from postproc import area_file, ground, progress, results, smoothing, walk
+    from postproc import area_file, ground, multi_run, progress, results, smoothing
     from postproc import result as estimation
 
 Command = Callable[..., int | None]
@@ -235,7 +235,7 @@ def grouped_runs(
     """
     reading, names = map(runfile.read_sound_run, paths), [path.name for path in paths]
     read = progress.with_progress(reading, "reading", len(paths), names)
-    runs = walk.named_apart(list(read))
+    runs = multi_run.named_apart(list(read))
     groups = ground.by_place(runs)
     if where is not None and len(groups) > 1:
         is_kept = [ground.is_near(group, where) for group in groups]

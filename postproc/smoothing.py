@@ -24,6 +24,16 @@ from postproc.estimators.filters import FilterPath, compare, reference_ekf
 from postproc.estimators.least_squares import BatchFit
 from postproc.estimators.residuals import findings
 from postproc.ground import elsewhere_reasons, places_of
+from postproc.multi_run import (
+    Parts,
+    check_different,
+    in_one_zone,
+    merge,
+    modems_of,
+    parts_by_cell,
+    parts_of_most_heard_modems,
+    shares_of,
+)
 from postproc.processes import each
 from postproc.progress import Progress
 from postproc.result import (
@@ -37,17 +47,7 @@ from postproc.result import (
     joint_warnings,
 )
 from postproc.scan_counts import heard_utc_ns, joined_of, observed_cells, scans_of, too_rarely
-from postproc.walk import (
-    Parts,
-    check_different,
-    in_one_zone,
-    merge,
-    modems_of,
-    observe_run,
-    parts_by_cell,
-    parts_of_most_heard_modems,
-    shares_of,
-)
+from postproc.walk import observe_run
 
 FEWEST_READINGS = 5
 """Four unknowns and no redundancy: fewer readings determine nothing."""

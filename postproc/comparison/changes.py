@@ -40,8 +40,9 @@ from postproc.comparison.ground import (
     scale_db,
     variance_db2,
 )
+from postproc.multi_run import check_different, in_one_zone, modems_of, of_one_modem
 from postproc.progress import Progress
-from postproc.walk import check_different, in_one_zone, modems_of, observe_run, of_one_modem
+from postproc.walk import observe_run
 
 # The likelihood of a change m of the mean is that of Student's t for each difference, and of its
 # tail for each censored one. The test compares the best m with the best under the null hypothesis,

@@ -19,7 +19,7 @@ from postproc.options import prior_options, read_streets, runs_argument, streets
 with late_modules():
     from logger.core import places, readings, runfile
     from logger.core.model import prior as priors
-    from postproc import atomic_write, cell_work, foreign_file, walk
+    from postproc import atomic_write, cell_work, foreign_file, multi_run, walk
     from postproc.guidance import filter as guide_filter
     from postproc.guidance import next_walk
     from postproc.suspicion import run_assessment
@@ -127,15 +127,15 @@ def next_command(
 
 def _readings_of(paths: Sequence[Path], cell: str | None) -> readings.Readings:
     runs = [runfile.read_sound_run(path) for path in paths]
-    walk.check_different(runs)
-    observed = walk.in_one_zone([walk.observe_run(run) for run in runs])
+    multi_run.check_different(runs)
+    observed = multi_run.in_one_zone([walk.observe_run(run) for run in runs])
     every = [obs for run in observed if run.observations for obs in run.observations.cells]
     cell = cell or _first_to_look_for(runs, every)
-    parts = {} if cell is None else walk.parts_by_cell(observed, [cell])
+    parts = {} if cell is None else multi_run.parts_by_cell(observed, [cell])
     if cell is None or cell not in parts:
         names = ", ".join(sorted({obs.cell for obs in every})[:10]) or "none"
         raise ConfigError(f"no readings of {cell or 'any cell'} with a position; cells: {names}")
-    return walk.merge(parts[cell], walk.modems_of(runs))
+    return multi_run.merge(parts[cell], multi_run.modems_of(runs))
 
 
 def _first_to_look_for(runs: Sequence[runfile.Run], every: list[readings.Readings]) -> str | None:

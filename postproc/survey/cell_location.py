@@ -27,12 +27,12 @@ from logger.core.types import Verdict
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.region_outline import geojson
 from postproc.ground import elsewhere_reasons, middle_of, place_name, places_of
+from postproc.multi_run import merge, scale_first
 from postproc.result import Options
 from postproc.scan_counts import too_rarely
 from postproc.smoothing import too_few
 from postproc.survey.alignment import Alignment, align
 from postproc.survey.walk_readings import SurveyRun
-from postproc.walk import merge, scale_first
 
 MOST_READINGS = 200_000
 OF_A_SQUARE = 256

@@ -17,9 +17,10 @@ from logger.core.readings import Readings
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
 from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
+from postproc.multi_run import modem_identity, with_one_modem
 from postproc.scan_counts import scans_of
 from postproc.survey.rule_inputs import RuleInputs, rule_inputs
-from postproc.walk import modem_identity, observe_run, with_one_modem
+from postproc.walk import observe_run
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from postproc.options import (
 with late_modules():
     from logger.core import document, runfile
     from logger.core.model import prior as priors
-    from postproc import atomic_write, cell_work, progress, scan_counts, walk
+    from postproc import atomic_write, cell_work, multi_run, progress, scan_counts
     from postproc import result as estimation
     from postproc.verification import celldb as databases
     from postproc.verification import (
@@ -112,7 +112,7 @@ def verify(
     """
     only_one({"--claim": claim, "--claims": claims_path, "--sites": sites}, is_required=True)
     runs, only = list(map(runfile.read_sound_run, paths)), [cell] if cell else None
-    walk.check_different(runs)
+    multi_run.check_different(runs)
     if sites:
         if len(runs) > 1:
             raise ConfigError("--sites tests one run; a second one goes with --against")

@@ -23,6 +23,13 @@ from logger.core.places import Places, Track
 from logger.core.readings import Readings
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
+from postproc.multi_run import (
+    in_one_zone,
+    merge,
+    modems_of,
+    parts_by_cell,
+    parts_of_most_heard_modems,
+)
 from postproc.progress import Progress
 from postproc.result import Result
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
@@ -36,14 +43,7 @@ from postproc.verification.claims import (
     away_m,
     swap_hint,
 )
-from postproc.walk import (
-    in_one_zone,
-    merge,
-    modems_of,
-    observe_run,
-    parts_by_cell,
-    parts_of_most_heard_modems,
-)
+from postproc.walk import observe_run
 
 # A true claim is the transmitter's place with the claim's own error. So true claims have the
 # density of the posterior smeared by that error, and S is the probability of all that are less

@@ -46,10 +46,11 @@ from logger.core.readings import Readings
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
 from postproc.ground import REACH_M, apart_m
+from postproc.multi_run import merge, modems_of
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
 from postproc.smoothing import too_few
 from postproc.verification.claims import SiteVerdict
-from postproc.walk import merge, modems_of, observe_run
+from postproc.walk import observe_run
 
 # The model is `logger.core.model`, with another prior of power and scale, so that thousands of
 # simulated walks cost a few matrix products: P0 is flat, the other coefficients are normal in

@@ -27,7 +27,7 @@ from postproc.verification.cli import tested_claims
 with late_modules():
     from logger.core import document, runfile
     from logger.core.model import prior as priors
-    from postproc import atomic_write, cell_work, progress, walk
+    from postproc import atomic_write, cell_work, multi_run, progress
     from postproc import basemap as basemaps
     from postproc import result as estimation
     from postproc.pictures import survey as surveys
@@ -110,7 +110,7 @@ def view(
         )
     run_now(scene)
     _check(save, basemap, claim)
-    runs = walk.named_apart([runfile.read_sound_run(path) for path in paths])
+    runs = multi_run.named_apart([runfile.read_sound_run(path) for path in paths])
 
     def write(path: Path) -> int:
         """Estimate and draw, after it is known that the result can be shown."""

@@ -9,19 +9,19 @@ from logger.core.places import Places, Utm
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.cli import main
-from postproc.smoothing import estimate_cell, smooth_runs
-from postproc.survey.walk_readings import readings_of
-from postproc.walk import (
+from postproc.multi_run import (
     in_one_zone,
     merge,
     modems_of,
     named_apart,
-    observe_run,
     of_one_modem,
     parts_by_cell,
     shares_of,
     with_one_modem,
 )
+from postproc.smoothing import estimate_cell, smooth_runs
+from postproc.survey.walk_readings import readings_of
+from postproc.walk import observe_run
 from tests.kit import runs
 from tests.kit.runs import UTC0_NS
 

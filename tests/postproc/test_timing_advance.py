@@ -8,9 +8,10 @@ from logger.core.document import terminal_lines
 from logger.core.places import Utm
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import Fix, Record, Scan
+from postproc.multi_run import merge
 from postproc.smoothing import smooth_runs
 from postproc.summary import document_of, summarise
-from postproc.walk import merge, observe_run
+from postproc.walk import observe_run
 from tests.kit import runs
 
 

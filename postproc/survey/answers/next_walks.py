@@ -9,12 +9,12 @@ from logger.core.guidance.street_atlas import Line
 from logger.core.places import Places
 from postproc.ground import places_of
 from postproc.guidance.next_walk import NextWalk, next_walk
+from postproc.multi_run import scale_first
 from postproc.progress import with_progress
 from postproc.result import Options
 from postproc.survey.alignment import align
 from postproc.survey.cell_location import LocatedCell, joined_readings, thin
 from postproc.survey.dataset import Survey
-from postproc.walk import scale_first
 
 _TRIED_EACH = 3
 """Cells that are considered for each walker."""

@@ -16,10 +16,11 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_sound_run
 from postproc.cli import main
+from postproc.multi_run import merge
 from postproc.survey import parquet_batch
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
-from postproc.walk import merge, observe_run
+from postproc.walk import observe_run
 from tests.postproc.baseline.walks import cell, name, two_cells, write_walk
 
 ROOT = Path(__file__).parents[3]

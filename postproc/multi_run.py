@@ -1,0 +1,227 @@
+"""Several runs as one walk: one UTM zone, one series of readings per cell, an offset per modem.
+
+Each track is smoothed alone and put into the UTM zone of the first. The difference between the
+levels of two modems is unknown (`logger.core.locator.offsets`), unless two runs name the same
+modem. A run may have several modems.
+"""
+
+import tomllib
+from collections import Counter
+from collections.abc import Collection, Hashable, Mapping, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from logger.core.arrays import IntArray
+from logger.core.errors import ConfigError
+from logger.core.locator.posterior import Posterior
+from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
+from logger.core.places import Utm, join_places
+from logger.core.readings import Observations, Readings
+from logger.core.runfile import Run
+from logger.core.source_tables import MODEM, source_tables
+from postproc.ground import check_one_place
+from postproc.result import ObservedRun, RunShare
+
+Parts = Mapping[int, Readings]
+"""Readings of one cell by index of the run."""
+
+
+def named_apart(runs: Sequence[Run]) -> list[Run]:
+    """The runs; files of one name are named with their folders.
+
+    Raises `ConfigError` where two of the files are one run.
+    """
+    check_different(runs)
+    parts = [run.path.absolute().parts for run in runs]
+    depth = [1] * len(runs)
+    while True:
+        names = ["/".join(own[-n:]) for own, n in zip(parts, depth, strict=True)]
+        counts = Counter(names)
+        longer = [
+            n + (counts[name] > 1 and n < len(own))
+            for name, own, n in zip(names, parts, depth, strict=True)
+        ]
+        if longer == depth:
+            apart = zip(runs, names, depth, strict=True)
+            return [replace(run, shown_as=name) if n > 1 else run for run, name, n in apart]
+        depth = longer
+
+
+def check_different(runs: Sequence[Run]) -> None:
+    """Raise `ConfigError` where two of the files are one run."""
+    by_id: dict[str, Run] = {}
+    for run in runs:
+        if run.meta.run_id in by_id:
+            raise ConfigError(
+                f"{by_id[run.meta.run_id].path} and {run.path} are the same run: each counts once"
+            )
+        by_id[run.meta.run_id] = run
+
+
+def in_one_zone(runs: Sequence[ObservedRun]) -> tuple[ObservedRun, ...]:
+    """The runs in the UTM zone of the first that has a position.
+
+    Raises `GeoError` for runs of several places.
+    """
+    check_one_place([run.run for run in runs])
+    placed = [run.observations for run in runs if run.observations]
+    if not placed:
+        return tuple(runs)
+    utm = placed[0].track.utm
+    return tuple(
+        replace(run, observations=run.observations and _observations_in(run.observations, utm))
+        for run in runs
+    )
+
+
+def parts_by_cell(runs: Sequence[ObservedRun], cells: Collection[str]) -> dict[str, Parts]:
+    """Readings of each of the `cells` that has any with a position, by index of the run."""
+    parts: dict[str, dict[int, Readings]] = {}
+    for i, run in enumerate(runs):
+        for obs in run.observations.cells if run.observations else ():
+            if obs.cell in cells:
+                parts.setdefault(obs.cell, {})[i] = obs
+    return {cell: scale_first(of_runs) for cell, of_runs in parts.items()}
+
+
+Key = TypeVar("Key")
+
+
+def scale_first(parts: Mapping[Key, Readings]) -> dict[Key, Readings]:
+    """The parts of a cell, that with most levels first, in whatever order the runs are.
+
+    Its modem gives the scale, and readings at the limits of the others are as vague as their
+    offsets.
+    """
+
+    def rank(part: tuple[Key, Readings]) -> tuple[int, float]:
+        obs = part[1]
+        return -int(np.count_nonzero(obs.limit == 0)), -float(np.sum(obs.level_dbm))
+
+    return dict(sorted(parts.items(), key=rank))
+
+
+def modems_of(runs: Sequence[Run]) -> list[int]:
+    """Number of each run's modem; two runs have the same only if both certainly name the same."""
+    known: dict[Hashable, int] = {}
+    return [known.setdefault(modem_identity(run) or i, len(known)) for i, run in enumerate(runs)]
+
+
+def parts_of_most_heard_modems(parts: Parts, modems: Sequence[int]) -> Parts:
+    """The readings of the modems that the locator takes."""
+    numbers = _modem_numbers(parts, modems)
+    if len(np.unique(np.concatenate(numbers))) <= MOST_MODEMS:
+        return parts
+    most_heard = of_most_heard_modems(merge(parts, modems)).modem
+    assert most_heard is not None  # of many modems
+    chosen = zip(parts.items(), numbers, strict=True)
+    return {i: part for (i, part), number in chosen if np.any(np.isin(number, most_heard))}
+
+
+def merge(parts: Parts, modems: Sequence[int]) -> Readings:
+    """Readings of a cell, run after run, those of each in time order.
+
+    `modems` has the number of the modem of each run, or of all its modems.
+    """
+    series = list(parts.values())
+    numbers = np.concatenate(_modem_numbers(parts, modems))
+    modem = numbers if np.any(numbers) else None
+    rat = next((obs.rat for obs in series if obs.rat), None)
+    advances = [np.full(len(obs), -1) if obs.ta is None else obs.ta for obs in series]
+    ta = None if all(obs.ta is None for obs in series) else np.concatenate(advances)
+    shares = [np.ones(len(o)) if o.named_share is None else o.named_share for o in series]
+    is_unknown = all(obs.named_share is None for obs in series)
+    named_share = None if is_unknown else np.concatenate(shares)
+    return replace(
+        series[0],
+        rat=rat,
+        places=join_places([obs.places for obs in series]),
+        level_dbm=np.concatenate([obs.level_dbm for obs in series]),
+        scan_seq=np.concatenate([obs.scan_seq for obs in series]),
+        modem=modem,
+        ta=ta,
+        named_share=named_share,
+    )
+
+
+def shares_of(
+    parts: Parts, modems: Sequence[int], posterior: Posterior | None
+) -> tuple[RunShare, ...]:
+    """What each modem of each run contributes to a cell, in the order of `parts`."""
+    offsets = posterior.offsets if posterior else None
+
+    def share(run: int, n: int, modem: int) -> RunShare:
+        if modem == 0:
+            return RunShare(run, n, 0.0, 0.0)
+        if offsets is None or modem >= len(offsets.mean_db):
+            return RunShare(run, n, None, None)
+        return RunShare(run, n, float(offsets.mean_db[modem]), float(offsets.sigma_db[modem]))
+
+    shares = []
+    for run, of_readings in zip(parts, _modem_numbers(parts, modems), strict=True):
+        numbers, counts = np.unique(of_readings, return_counts=True)
+        pairs = zip(numbers.tolist(), counts.tolist(), strict=True)
+        shares += [share(run, n, modem) for modem, n in pairs]
+    return tuple(shares)
+
+
+def _modem_numbers(parts: Parts, modems: Sequence[int]) -> list[IntArray]:
+    """Number of the modem of each reading, from 0 in the order of appearance, for each part."""
+    known: dict[tuple[int, int], int] = {}
+    numbers = []
+    for i, obs in parts.items():
+        own = np.zeros(len(obs), np.int64) if obs.modem is None else obs.modem
+        different, first, which = np.unique(own, return_index=True, return_inverse=True)
+        for k in np.argsort(first).tolist():
+            known.setdefault((modems[i], int(different[k])), len(known))
+        of_different = [known[modems[i], int(one)] for one in different]
+        numbers.append(np.array(of_different, np.int64)[which])
+    return numbers
+
+
+def of_one_modem(obs: Readings) -> Readings:
+    """The readings of the modem of a run that read most of a cell."""
+    if obs.modem is None:
+        return obs
+    return replace(obs.part(obs.modem == np.argmax(np.bincount(obs.modem))), modem=None)
+
+
+def with_one_modem(run: Run) -> Run:
+    """A run without the scans of other modems than the one with most readings."""
+    sources, numbers = np.unique(run.tables["readings"]["source"], return_inverse=True)
+    if len(sources) < 2:
+        return run
+    modem = sources[np.argmax(np.bincount(numbers))]
+    kept = {
+        name: rows[rows["source"] == modem]
+        for name, rows in run.tables.items()
+        if name in {"scans", "readings", "broadcasts"} and len(rows)
+    }
+    return replace(run, tables=run.tables | kept)
+
+
+def modem_identity(run: Run) -> Hashable | None:
+    """Identity of a run's modem: its port, with the boot where the port has no serial number.
+
+    Several modems have all of theirs with their names. None where the run names none.
+    """
+    try:
+        tables = source_tables(tomllib.loads(run.meta.config_text))
+    except tomllib.TOMLDecodeError:
+        return None
+    modems = [one for one in tables if isinstance(one, dict) and one.get("kind") == MODEM]
+    if not modems or not all("port" in one for one in modems):
+        return None
+    ports, drivers = [str(one["port"]) for one in modems], [one.get("driver") for one in modems]
+    names = [str(one["name"]) for one in modems] if len(modems) > 1 else []
+    identity = (*ports, *drivers, *names)
+    if all("/by-id/" in port for port in ports):
+        return identity
+    return (*identity, run.meta.boot_id) if run.meta.boot_id else None
+
+
+def _observations_in(observations: Observations, utm: Utm) -> Observations:
+    cells = tuple(replace(obs, places=obs.places.in_zone(utm)) for obs in observations.cells)
+    return replace(observations, track=observations.track.in_zone(utm), cells=cells)
