@@ -177,7 +177,11 @@ class ModemExchange:
 
     def _reply(self, wait: Wait) -> Reply:
         command = wait.command
-        self.framer.send(command.text, is_within_line=self._link.is_within_line)
+        self.framer.send(
+            command.text,
+            is_within_line=self._link.is_within_line,
+            rows=self.driver.other_rows if self.driver else "",
+        )
         sent_ns = self._link.clock.now_ns()
         self.wire.write(command.text.encode("ascii") + b"\r")
         restarted = self.is_restarted

@@ -63,9 +63,8 @@ class Claim:
 class Family:
     """Driver of one family of modems, stateless: live ports and transcripts share it.
 
-    A family declares which modems it serves (`claim`) and the commands that prepare a modem, poll
-    the cells it receives now, scan all networks and ask its own GNSS receiver; `rows_in` reads the
-    lines of the replies. Numbers keep their text; `recognition` decides which of them are sure.
+    A family declares the modems it serves (`claim`) and its commands; `rows_in` reads the lines of
+    the replies. Numbers keep their text; `recognition` decides which of them are sure.
 
     No command transmits by choice, `mode_commands` apart, or asks for the subscriber's identity.
     """
@@ -89,7 +88,7 @@ class Family:
     Redaction keeps these rows, and those named as one of the family's commands.
     """
     other_rows: ClassVar[str] = ""
-    """Names of rows that are read although no command of the family asks for them."""
+    """Names of rows that are read although no command of the family has them."""
     rows_with_networks: ClassVar[str] = ""
     """Names of rows that contain names of networks, which are any words."""
     rows_in_columns: ClassVar[str] = ""
@@ -160,7 +159,7 @@ class Family:
             *cls.survey_commands,
             *cls.gnss_poll_commands,
         )
-        return names_of(" ".join(command.text for command in commands))
+        return names_of(" ".join((*(command.text for command in commands), cls.other_rows)))
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Rows in the forms of this family."""

@@ -89,7 +89,7 @@ _LABELS: Mapping[
 }
 _BAND = (
     r"(?:LTE band\s*:\s*(B\d{1,3})|NR5G band\s*:\s*(n\d{1,3})"
-    r"|%s band\s*:\s*((?!unknown)(?:WCDMA )?\w+))(?!\w)"
+    r"|%s band\s*:\s*((?!unknown|x+\b)(?:WCDMA )?\w+))(?!\w)"  # x: redacted
 )
 _WORDS = (
     "System mode Current Time Reset Counter Temperature PS state GMM MM CS EMM RRC IMS reg"
@@ -98,6 +98,7 @@ _WORDS = (
     " InterFreq EARFCN UARFCN ARFCN MCC MNC Bd D U SNR PCI PSC BSIC RXLV ThresholdLow ThresholdHi"
     " ThreshL ThreshH Priority Prio ONLINE OFFLINE Attached Not Detached Registered Registering"
     " Searching Normal Service Connected Disconnected Idle NO SRV No ASSIGNED INACTIVE ACTIVE"
+    " IMT2000 GSM850 GSM900 DCS1800 PCS1900 EGSM900 WCDMA800 WCDMA850 WCDMA900 WCDMA1900 WCDMA2100"
     " unknown MHz SSC1 SSC2 SSC3 SSC4 SCC1 SCC2 SCC3 SCC4 NCC MODE Limited"
 )
 """Words of !GSTATUS and !LTEINFO."""
@@ -262,6 +263,8 @@ def _tables(lines: Sequence[str]) -> Iterator[Row]:
             continue
         if kind == "SERVING":
             serving = reading
+        elif not reading.pci and reading.level_dbm is None and reading.rat == "LTE":
+            continue  # a channel without a cell, whose values are all 0
         elif kind == "INTRAFREQ":
             if reading.pci == serving.pci:
                 continue  # the serving cell again

@@ -55,7 +55,7 @@ from logger.drivers.reading.row_language import (
     rsrq_db,
     rssi_dbm,
 )
-from logger.drivers.reading.standard_replies import merge_serving_cells
+from logger.drivers.reading.standard_replies import merge_serving_cells, with_level
 
 _CPSI = re.compile(r"(?<![A-Z])CPSI:([-\w ,.]*)", re.ASCII | re.IGNORECASE)
 _FINAL = re.compile(r"\s*OK\s*\Z")
@@ -203,9 +203,9 @@ class Sim7600(Family):
     long_numbers: ClassVar[Mapping[str, str]] = {"+CPSI": "[0-9]{10,11}"}  # a cell of NR
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
-        """Cells received now, the serving one once."""
+        """Cells received now, the serving one once and with a level."""
         rows = yield from self.ask(self.poll_commands)
-        return None if rows is None else merge_serving_cells(rows)
+        return None if rows is None else with_level(merge_serving_cells(rows))
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in lines of CPSI, CCINFO and CMGRMI; fixes of the modem's receiver."""

@@ -114,7 +114,7 @@ _SLICES = tuple(
     for first, last in _BANDS
     for low in range(first, last + 1, _SLICE)
 )
-"""Ranges of channels that one survey command covers."""
+# ranges of channels that one survey command covers
 
 _STATUS = (
     "CELL_SUITABLE",
@@ -126,9 +126,8 @@ _STATUS = (
 )
 _WORDS = (
     "Network survey started ended Carrier BCCh arfcn uarfcn earfcn bsic rxLev ber mcc mnc lac tac"
-    " cellId scr_code cellIdentity cellStatus rscp ecio rsrp rsrq " + " ".join(_STATUS)
+    " cellId scr code cellIdentity cellStatus rscp ecio rsrp rsrq " + " ".join(_STATUS)
 )
-"""Words of a survey."""
 _STATE = r"[0-5]|" + "|".join(_STATUS)
 _RATIO = r"-?\d{1,3}(?:\.\d+)?"
 _KINDS: Kinds = {
@@ -196,7 +195,6 @@ _ENDS = tuple(
 """What follows the neighbours in #CSURVC: each has another number of values."""
 
 _BROADCAST_WORDS = " ".join((*_OWN, *_NEIGHBOURS, *_PACKET, *_RESELECTION))
-"""Words in front of the values."""
 
 _BROADCAST_LABEL = re.compile(
     r" ?([A-Z]\w*) ?:([^:]*?)(?= [A-Z]\w* ?:|\Z)", re.ASCII | re.IGNORECASE

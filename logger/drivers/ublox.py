@@ -54,7 +54,7 @@ from logger.drivers.reading.row_language import (
     padded_number,
     pieces,
 )
-from logger.drivers.reading.standard_replies import chosen_networks
+from logger.drivers.reading.standard_replies import chosen_networks, is_serving, with_name
 
 PCS_FLAG = 0x8000
 """Added to the channel in the 1900 MHz band (AT+CGED)."""
@@ -186,7 +186,7 @@ _RADIO_NAMES = {
     "ecn0 lev": "ecn0",
 }
 
-_UCGED_START = re.compile(r"\+UCGED:\s*2\b", re.IGNORECASE)
+_UCGED_START = re.compile(r"\+UCGED:\s*(?:2\b|\Z)", re.IGNORECASE)  # the mode may be cut
 _UCGED_STOP = re.compile(r"\bOK\b|\bERROR\b|\bAT\+", re.IGNORECASE)
 _NETWORK = re.compile(
     r"(?<![\w.,-])(?P<rat>[2346])\s*,(?:\s*(?P<service>\d{1,3})\s*,)?"
@@ -237,6 +237,7 @@ class Ublox(Family):
     )
     survey_commands = (Command("AT+COPS=5", timeout_s=200.0, silence_s=60.0),)
     mode_commands = network_mode.URAT
+    other_rows = "+RSRP +RSRQ"  # the answer of a SARA-R4 to AT+UCGED?
     unnamed_rows: ClassVar[Mapping[str, str]] = {
         "+COPS": _WORDS,
         "+CGED": _WORDS,
@@ -250,6 +251,9 @@ class Ublox(Family):
         for command in self.poll_commands:
             rows = yield from self.ask([command])
             if rows and any(isinstance(row, CellReading) for row in rows):
+                # a SARA-R4 does not name its cells
+                if any(is_serving(row) and row.cid is None for row in rows):
+                    rows = with_name(rows, (yield from Generic().poll()) or ())
                 return complete_networks((*rows, *network))
             answers += [] if rows is None else [rows]
         common = yield from Generic().poll()

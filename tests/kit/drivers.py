@@ -8,7 +8,9 @@ from typing import Any
 
 from logger.core.types import CellReading
 from logger.drivers.family import Family
-from logger.drivers.protocols.at import Command, Dialogue, Reply
+from logger.drivers.protocols import at
+from logger.drivers.protocols.at import AtFramer, Command, Dialogue, Reply
+from logger.drivers.protocols.redaction import Redactor
 
 Answer = tuple[Sequence[str], str | None]
 """Lines of a reply and its final result code, None for a time-out."""
@@ -134,3 +136,21 @@ _CHANGES: tuple[
     lambda before, after, rng: before + after.replace(rng.choice(',"\n:'), "", 1),
     lambda before, after, rng: before + after[after.find("\n", rng.randint(0, 80)) :],
 )
+
+
+def poll_on_the_wire(driver: Family, replies: Mapping[str, str]) -> Any:
+    """Rows of a poll whose replies come as bytes, through redaction and the framer.
+
+    A command without a reply is an error; a reply without a final code expires.
+    """
+    framer, redactor = AtFramer(), Redactor()
+
+    def answer(command: Command) -> Reply:
+        framer.send(command.text, rows=driver.other_rows)
+        redactor.send(command.text.encode())
+        reply = replies.get(command.text, "ERROR").replace("\n", "\r\n")
+        data = redactor.feed(f"\r\n{reply}\r\n".encode("latin-1"))
+        found = [event for event in framer.feed(data) if isinstance(event, Reply)]
+        return found[0] if found else framer.expire()
+
+    return at.run_dialogue(driver.poll(), answer)

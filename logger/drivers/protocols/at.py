@@ -98,12 +98,15 @@ _NAME = re.compile(r"[+*^#!$%][A-Z][A-Z0-9]*")
 _PREFIX = re.compile(rf"\s*({_NAME.pattern})\s?:")
 RESULTS_OF_CALLS = frozenset({"NO CARRIER", "BUSY", "NO ANSWER", "NO DIALTONE"})
 """No command here makes a call, but a caller who hangs up leaves one of them."""
+# Huawei's words for a command that it lacks, and V.250's for one that a byte on the line has ended
+REFUSALS = frozenset({"COMMAND NOT SUPPORT", "TOO MANY PARAMETERS", "ABORTED"})
 _CODES = RESULTS_OF_CALLS | {"OK", "ERROR"}
 _ERROR = re.compile(r"\+CM[ES] ERROR\b.*")
 # Result codes after ATV0. 2 is RING, which ends no reply.
 _ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)
 """Commands whose answer is plain words, which describe no cell."""
 _NUMERIC = {"0": "OK", "1": "CONNECT", "3": "NO CARRIER", "4": "ERROR"}
+_NAMED = re.compile(r"\s*([+*^#!$%][A-Za-z][A-Za-z0-9]*)")
 _UNASKED = re.compile(
     r"RDY|QCRDY|START|RING|Call Ready|SMS Ready|SMS DONE|PB DONE|NORMAL POWER DOWN"
     r"|(?:UNDER|OVER)-VOLTAGE.*|DST: .*|\^SYSSTART.*"
@@ -151,13 +154,14 @@ class AtFramer:
         """True while an expired command still owes its final code."""
         return self._expired is not None
 
-    def send(self, command: str, *, is_within_line: bool = False) -> None:
+    def send(self, command: str, *, is_within_line: bool = False, rows: str = "") -> None:
         """Note that `command` was written; a command that is still pending is forgotten.
 
-        `is_within_line` is whether a line has begun of which no byte has come here.
+        `is_within_line`: a line has begun of which no byte has come here. `rows`: names that any
+        answer may have.
         """
         self._command = command.strip()
-        self._names = _names(command)
+        self._names = _names(f"{command} {rows}")
         self._lines = []
         self._interrupted = set()
         self._stale = is_within_line or bool(self._buffer)
@@ -238,6 +242,7 @@ class AtFramer:
     def _final(self, line: str) -> str | None:
         """Numeric codes become words."""
         text = line.strip()
+        text = "ERROR" if text in REFUSALS else text
         if text in _CODES or _ERROR.fullmatch(text):
             self._verbose = True
             return text
@@ -258,9 +263,9 @@ class AtFramer:
         return self._close(final)
 
     def _belongs(self, line: str) -> bool:
-        prefix = _PREFIX.match(line)
-        if prefix:
-            return prefix[1] in self._names
+        name = _NAMED.match(line)
+        if name:
+            return name[1] in self._names
         return not _UNASKED.fullmatch(line.strip())
 
     def _is_late(self, line: str) -> bool:

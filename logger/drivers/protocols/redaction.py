@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from functools import reduce
 from operator import and_, or_, xor
 
+from logger.drivers.protocols.at import REFUSALS
 from logger.drivers.reading.standard_replies import names_of
 from logger.drivers.registry import FAMILIES, IDENTITY
 
@@ -493,7 +494,8 @@ _DOUBTFUL_COMMANDS = 2
 _END = re.compile(rb"[\r\n]")
 _AROUND = bytes(sorted({*range(256)} - {*range(0x21, 0x7F)}))
 _PLAIN = re.compile(
-    rb"OK|ERROR|NO|NO CARRIER|BUSY|NO ANSWER|NO DIALTONE|CONNECT|[0-9]{1,2}|>"
+    "|".join(REFUSALS).encode()
+    + rb"|OK|ERROR|NO|NO CARRIER|BUSY|NO ANSWER|NO DIALTONE|CONNECT|[0-9]{1,2}|>"
     rb"|Q?RDY|QCRDY|START|RING|(?:Call|SMS) Ready|(?:SMS|PB) DONE|DST: [0-9]|NORMAL POWER DOWN"
     rb"|(?:UNDER|OVER)-VOLTAGE(?: WARN+ING| WARNNING)?(?: POWER DOWN)?|\^SYSSTART[A-Z ]{0,24}"
     rb"|AT(?:I[0-9]?|[EV][01]|&F)?",

@@ -1,11 +1,12 @@
 """Replies of 3GPP TS 27.007, which all modems print, and the serving cell that they describe."""
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
 from typing import Any, TypeGuard
 
-from logger.core.types import CellReading, Rat
+from logger.core.types import CellReading
 from logger.drivers.protocols.at import INTERRUPTION
 from logger.drivers.reading.row_language import (
     CSQ_OF_INDEX,
@@ -22,6 +23,7 @@ from logger.drivers.reading.row_language import (
     Row,
     Signal,
     area,
+    area_values,
     at,
     cell_identity,
     confirm,
@@ -43,7 +45,11 @@ report.
 _CSQ = re.compile(r"\+CSQ:\s*(\d{1,2}),\s*(\d{1,2})(?!\d)")
 _CESQ = re.compile(r"\+CESQ:\s*(\d{1,3}(?:,\s*\d{1,3}){5})(?!\d)")
 _ERROR = re.compile(r"\+CM[ES] ERROR:\s*(?:(\d+)|([^\s\\][^\\]*?))\s*(?:\\.*)?\Z")
-_CHOSEN = re.compile(r'\+COPS:\s*[0-4],\s*([0-2]),\s*"([^"]*)"(?:,\s*(\d{1,2})(?!\d))?')
+_CHOSEN = re.compile(
+    r'\+COPS:\s*[0-4],\s*(?:([0-2]),\s*"([^"]*)"|(2),\s*(\d{5,6})(?!\d))(?:,\s*(\d{1,2})(?!\d))?',
+    re.ASCII,
+)
+# a Wavecom prints the number of a network without quotation marks
 _NAME = r'\s*(?:"([^"]*)"|([^",()]*))\s*,'
 _OFFERED = re.compile(
     r"\(\s*([0-3])\s*," + _NAME + _NAME + r'\s*"?(\d{5,7})"?\s*(?:\)?\s*,\s*(\d{1,2})(?=\s*\)))?',
@@ -147,10 +153,10 @@ def _refusals(line: str) -> Iterator[Row]:
 
 
 def _chosen_network(line: str) -> Iterator[Row]:
-    for form, text, act in _CHOSEN.findall(line):
+    for form, text, plain_form, plain, act in _CHOSEN.findall(line):
         number = decimal(act, 0, 15)
         rat = None if number is None else RAT_OF_ACT.get(number)
-        named = {"plmn" if form == "2" else "name": text}
+        named = {"plmn" if "2" in {form, plain_form} else "name": text or plain}
         yield Operator(rat, act=number, **named)
 
 
@@ -187,7 +193,7 @@ _RESULT = re.compile(
     r"\s*(?:OK|ERROR|\+CM[ES] ERROR\b.*|AT\b.*|AT[+^*$!#%&].*)?\s*\Z", re.IGNORECASE
 )
 _LAST_VALUE = re.compile(r"[^\s,]*\s*\Z")
-_CLOSED = re.compile(r'"[^"]*"\s*\Z')
+_CLOSED = re.compile(r'(?:"[^"]*"|:)\s*\Z')
 _COMMON = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
 """Names of the replies that every family reads (`standard_replies`)."""
 
@@ -241,6 +247,7 @@ _LEVELS = frozenset(
     {"rxlev_raw", "rxq", "rssi_dbm", "rscp_dbm", "ecio_db", "rsrp_dbm", "rsrq_db", "sinr_db"}
 )
 _AREA_AND_CELL = ("lac", "tac", "cid")
+_SIGNAL_LEVELS = ("rssi_dbm", "rscp_dbm", "ecio_db", "rsrp_dbm", "rsrq_db")
 
 
 def is_serving(row: Row) -> TypeGuard[CellReading]:
@@ -258,27 +265,53 @@ def chosen_networks(rows: Iterable[Row]) -> Iterator[Operator]:
 def with_serving_cell(rows: Sequence[Row]) -> tuple[Row, ...]:
     """The rows behind the serving cell of +CREG, +COPS and a level, if there is one."""
     registered = [row for row in rows if isinstance(row, Registration) and row.cid is not None]
-    return (*(_registered_cell(row, rows) for row in registered[:1]), *rows)
+    # an answer is newer than a report; the technology shows what the level is of
+    best = max(registered, key=lambda row: (row.n is not None, row.rat is not None), default=None)
+    return tuple(rows) if best is None else (_registered_cell(best, rows), *rows)
 
 
 def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellReading:
     plmn = next((network.plmn for network in chosen_networks(rows)), None) or ""
+    rat = registration.rat
+    area: dict[str, Any] = {"lac": registration.lac, "tac": registration.tac}
+    if rat is not None:  # on LTE +CREG prints the tracking area
+        area = area_values(rat, registration.tac if area["lac"] is None else area["lac"])
     signals = [row for row in rows if isinstance(row, Signal)]
-    of_rat = (row for row in signals if row.rat is not None and row.rat == registration.rat)
-    signal = next(of_rat, Signal())
+    signal = next((row for row in signals if row.rat is not None and row.rat == rat), Signal())
+    carriers = (row.rssi_dbm for row in signals if None in {row.rat, rat} or row.rat == rat)
     return CellReading(
         role="serving",
-        rat=registration.rat,
+        rat=rat,
         mcc=plmn[:3] or None,
         mnc=plmn[3:] or None,
-        lac=registration.lac,
-        tac=registration.tac,
+        **area,
         cid=registration.cid,
-        rssi_dbm=next((row.rssi_dbm for row in signals if row.rssi_dbm is not None), None),
+        rssi_dbm=next((level for level in carriers if level is not None), None),
         rscp_dbm=signal.rscp_dbm,
         rsrp_dbm=signal.rsrp_dbm,
         rsrq_db=signal.rsrq_db,
     )
+
+
+def with_level(rows: Sequence[Row]) -> tuple[Row, ...]:
+    """The rows, each serving cell without a level with that of +CESQ."""
+    signals = {row.rat: row for row in rows if isinstance(row, Signal) and row.rat is not None}
+    rats = Counter(row.rat for row in rows if is_serving(row))
+    return tuple(
+        replace(row, **{name: getattr(signals[row.rat], name) for name in _SIGNAL_LEVELS})
+        if is_serving(row) and row.level_dbm is None and row.rat in signals and rats[row.rat] == 1
+        else row
+        for row in rows
+    )
+
+
+def with_name(rows: Sequence[Row], common: Sequence[Row]) -> tuple[Row, ...]:
+    """The rows, a nameless serving cell with its name in `common`."""
+    nameless = [row for row in rows if is_serving(row) and row.cid is None]
+    named = next((row for row in common if is_serving(row) and row.cid is not None), None)
+    if named is None or len(nameless) != 1 or named.rat not in {None, nameless[0].rat}:
+        return tuple(rows)
+    return tuple(_merge(row, named) if row is nameless[0] else row for row in rows)
 
 
 def merge_serving_cells(rows: Iterable[Row]) -> tuple[Row, ...]:
@@ -287,15 +320,23 @@ def merge_serving_cells(rows: Iterable[Row]) -> tuple[Row, ...]:
     The others fill what the first row of a cell leaves open, but for a second level: it may be of a
     different scale.
     """
-    serving: dict[tuple[Rat | None, int], CellReading] = {}
+    serving: list[CellReading] = []
     others: list[Row] = []
     for row in rows:
         if not is_serving(row) or row.cid is None:
             others.append(row)
             continue
-        first = serving.get((row.rat, row.cid))
-        serving[row.rat, row.cid] = row if first is None else _merge(first, row)
-    return (*serving.values(), *others)
+        same = [i for i, one in enumerate(serving) if one.cid == row.cid and _agree(one, row)]
+        if same:
+            serving[same[0]] = _merge(serving[same[0]], row)
+        else:
+            serving.append(row)
+    return (*serving, *others)
+
+
+def _agree(one: CellReading, other: CellReading) -> bool:
+    # a cut row may lack its technology
+    return one.rat == other.rat or None in {one.rat, other.rat}
 
 
 def _merge(first: CellReading, second: CellReading) -> CellReading:

@@ -1,0 +1,169 @@
+"""Replies as bytes, through redaction and the framer to the driver: variants of firmware."""
+
+import pytest
+
+from logger.core.types import CellReading
+from logger.drivers.protocols.at import AtFramer, Reply, Unsolicited
+from logger.drivers.protocols.redaction import redact
+from logger.drivers.registry import FAMILIES
+from tests.kit.drivers import poll_on_the_wire
+
+CPSI_WITH_INDICES = "+CPSI: LTE,Online,262-02,0x333C,39589680,308,EUTRAN-BAND3,1650,5,0,28,50,0,6"
+
+
+def cells(name, replies):
+    rows = poll_on_the_wire(FAMILIES[name], replies)
+    return [row for row in rows if isinstance(row, CellReading)]
+
+
+def test_an_a76xx_has_its_level_of_lte_from_cesq():
+    replies = {
+        "AT+CPSI?": f"{CPSI_WITH_INDICES}\n\nOK",
+        "AT+CESQ": "+CESQ: 38,0,255,255,28,50\n\nOK",
+    }
+    (serving,) = cells("sim7600", replies)
+    assert (serving.cid, serving.rsrp_dbm, serving.rsrq_db) == (39589680, -91.0, -6.0)
+    assert serving.rssi_dbm is None, "the level of GSM is that of another cell"
+
+
+def test_cesq_replaces_no_level_of_the_row():
+    replies = {
+        "AT+CPSI?": "+CPSI: LTE,Online,262-01,0x2D18,28573696,236,EUTRAN-BAND3,1300,5,5,-94,-987,"
+        "-663,15\n\nOK",
+        "AT+CESQ": "+CESQ: 99,99,255,255,28,50\n\nOK",
+    }
+    (serving,) = cells("sim7600", replies)
+    assert serving.rsrp_dbm == -98.7
+
+
+SARA_R4 = {
+    "AT+COPS?": '+COPS: 0,2,"26202",7\n\nOK',
+    "AT+UCGED?": '+RSRP: 135,1300,"-098.00",136,1300,"-105.10",\n'
+    '+RSRQ: 135,1300,"-11.50",136,1300,"-15.50",\n\nOK',
+    "AT+CEREG?": '+CEREG: 2,1,"1A2B","2D00A0B",7\n\nOK',
+    "AT+CESQ": "+CESQ: 99,99,255,255,20,43\n\nOK",
+}
+
+
+def test_a_sara_r4_answers_ucged_with_rows_of_two_other_names():
+    serving, neighbour = cells("ublox", SARA_R4)
+    assert (serving.cell, serving.pci) == (f"262-02-{0x1A2B}-{0x2D00A0B}", 135)
+    assert (serving.rsrp_dbm, serving.rsrq_db) == (-98.0, -11.5)
+    assert (neighbour.pci, neighbour.rsrp_dbm, neighbour.cell) == (136, -105.1, None)
+
+
+def test_a_cell_of_another_technology_names_no_cell():
+    replies = SARA_R4 | {"AT+CEREG?": "ERROR", "AT+CREG?": '+CREG: 2,1,"1A2B","3C4D",0\n\nOK'}
+    assert [one.cid for one in cells("ublox", replies)] == [None, None]
+
+
+def test_a_report_behind_the_head_of_ucged_costs_no_cell():
+    reply = "+UCGED: 2\n{}6,4,262,02\n1300,3,25,50,1a2b,2d00a0b,135,a1b2c3d4,40,20,46,255,255\n\nOK"
+    plain = cells("ublox", {"AT+UCGED?": reply.format("")})
+    assert [one.cid for one in plain] == [0x2D00A0B]
+    assert cells("ublox", {"AT+UCGED?": reply.format("\n+CREG: 1\n\n")}) == plain
+
+
+def test_a_report_behind_a_heading_costs_no_neighbour():
+    reply = "^SMONP:\n2G:\n{}653,22,-88,262,02,1,3,17,17,0143,83BB,-,-\n\nOK"
+    plain = cells("cinterion", {"AT^SMONP=255": reply.format("")})
+    assert [one.cid for one in plain] == [0x83BB]
+    assert cells("cinterion", {"AT^SMONP=255": reply.format("\n+CREG: 1\n\n")}) == plain
+
+
+def test_a_report_without_a_colon_is_no_line_of_a_reply():
+    reply = "+GTCCINFO:\nLTE service cell:\n{}1,4,262,02,1A2B,2D00A0B,514,87,3,100,46,42,42,26\nOK"
+    plain = cells("fibocom", {"AT+GTCCINFO?": reply.format("")})
+    assert [one.cid for one in plain] == [0x2D00A0B]
+    for report in ("+PBREADY", "+SIM READY", "*EMRDY"):
+        assert cells("fibocom", {"AT+GTCCINFO?": reply.format(f"\n{report}\n\n")}) == plain
+
+
+def test_a_cut_header_makes_no_second_cell():
+    """The report takes the technology from the header; CPSI has the same cell with it."""
+    row = '+CENG: 0,"1550,339,-73,-47,-12,17,102,30361701,284,05,255"'
+    cpsi = (
+        "+CPSI: LTE CAT-M1,Online,284-05,0x0066,30361701,339,EUTRAN-BAND3,1550,3,3,-12,-73,-47,17"
+    )
+    replies = {
+        "AT+CENG?": f"+CENG: 1,1,1,LTE CAT-M1\n\n+CREG: 1\n\n{row}\n\nOK",
+        "AT+CPSI?": f"{cpsi}\n\nOK",
+    }
+    (serving,) = cells("sim7000", replies)
+    assert (serving.rat, serving.cid, serving.identity_unsure) == ("LTE-M", 30361701, False)
+
+
+def test_a_scrambling_code_of_a_survey_is_not_masked():
+    row = (
+        "uarfcn: 10638 rxLev: -70 mcc: 262 mnc: 02 scr code: 279 cellId: 47188491 lac: 12345"
+        " cellStatus: CELL_SUITABLE rscp: -84 ecio: -6.5"
+    )
+    lines = f"Network survey started ...\r\n{row}\r\nNetwork survey ended\r\n"
+    assert redact(lines.encode(), "AT#CSURV=0,62").decode() == lines
+
+
+GSM_STATUS = """!GSTATUS:
+System mode:   GSM        \tPS state:    Attached
+GSM band:      {}
+GSM channel:   72
+RX level (dBm): -71
+OK"""
+
+
+@pytest.mark.parametrize(("printed", "band"), [("GSM900", "GSM900"), ("SOMEBAND", None)])
+def test_a_masked_band_is_unknown(printed, band):
+    (serving,) = cells("sierra", {"AT!GSTATUS?": GSM_STATUS.format(printed)})
+    assert (serving.arfcn, serving.rssi_dbm, serving.band) == (72, -71.0, band)
+
+
+def test_a_channel_without_a_cell_has_no_code():
+    heading = "InterFreq: EARFCN ThresholdLow ThresholdHi Priority PCI  RSRQ   RSRP   RSSI RXLV"
+    rows = (
+        "             6300            0           0        0  77 -15.0 -101.0  -72.0   0",
+        "             3050            0           0        0   0   0.0    0.0    0.0   0",
+    )
+    reply = "\n".join(("!LTEINFO:", heading, *rows, "", "OK"))
+    assert [one.pci for one in cells("sierra", {"AT!LTEINFO?": reply})] == [77]
+
+
+# --- the standard replies
+
+
+def test_of_lte_the_area_of_creg_is_a_tracking_area():
+    replies = {
+        "AT+COPS?": '+COPS: 0,2,"26202",7\n\nOK',
+        "AT+CREG?": '+CREG: 2,1,"1A2B","02D00A0B",7\n\nOK',
+        "AT+CSQ": "+CSQ: 99,99\n\nOK",
+        "AT+CESQ": "+CESQ: 38,0,255,255,20,50\n\nOK",
+    }
+    (serving,) = cells("generic", replies)
+    assert (serving.lac, serving.tac) == (None, 0x1A2B)
+    assert (serving.rsrp_dbm, serving.rssi_dbm) == (-91.0, None)
+
+
+def test_an_answer_is_newer_than_a_report_and_names_the_technology():
+    replies = {
+        "AT+CREG?": '+CREG: 1,"0FB3","48FA"\n\n+CREG: 2,1,"1A2B","3C4D"\n\nOK',
+        "AT+CGREG?": '+CGREG: 2,1,"1A2B","3C4D",0\n\nOK',
+    }
+    (serving,) = cells("generic", replies)
+    assert (serving.lac, serving.cid, serving.rat) == (0x1A2B, 0x3C4D, "GSM")
+
+
+@pytest.mark.parametrize("network", ['0,2,"26202"', "0,2,26202", "0,2,26202,0"])
+def test_the_number_of_a_network_with_and_without_marks(network):
+    replies = {
+        "AT+COPS?": f"+COPS: {network}\n\nOK",
+        "AT+CREG?": '+CREG: 2,1,"1A2B","3C4D"\n\nOK',
+    }
+    assert [one.cell for one in cells("generic", replies)] == [f"262-02-{0x1A2B}-{0x3C4D}"]
+
+
+@pytest.mark.parametrize("words", ["COMMAND NOT SUPPORT", "TOO MANY PARAMETERS", "ABORTED"])
+def test_refusals_in_words_of_a_maker_end_a_reply(words):
+    framer = AtFramer()
+    framer.send("AT^MONSC")
+    assert list(framer.feed(redact(f"\r\n{words}\r\n".encode(), "AT^MONSC"))) == [
+        Reply("AT^MONSC", (), "ERROR")
+    ]
+    assert list(framer.feed(b"\r\nRING\r\n")) == [Unsolicited("RING")]
