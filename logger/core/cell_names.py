@@ -9,7 +9,7 @@ reuse codes some kilometres away, so two transmitters may have one such name.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 from logger.core.latest import Latest
@@ -49,6 +49,22 @@ def channel_name(reading: CellReading) -> str | None:
     """Name of a cell by channel and code, None where these are unknown."""
     rat = SAME_CARRIER.get(reading.rat or "", reading.rat or "")
     return _name(rat, reading.arfcn, getattr(reading, CODES.get(rat, ""), None))
+
+
+def each_once(readings: Iterable[CellReading]) -> tuple[CellReading, ...]:
+    """Readings of a scan, without neighbours that repeat a cell."""
+    unique = dict.fromkeys(readings)
+    with_level = [one for one in unique if one.level_dbm is not None]
+    seen = {channel_name(one) for one in with_level if one.role == "serving" or one.cell}
+    kept: list[CellReading] = []
+    for one in unique:
+        name = channel_name(one)
+        is_nameless = one.role == "neighbour" and one.cell is None and name is not None
+        if not is_nameless or name not in seen:
+            kept.append(one)
+        if is_nameless and one.level_dbm is not None:
+            seen.add(name)
+    return tuple(kept)
 
 
 def is_by_channel(cell: str) -> bool:

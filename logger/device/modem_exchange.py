@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
+from logger.core.cell_names import each_once
 from logger.core.errors import DeviceError
 from logger.core.types import CellReading, Scan
 from logger.device.link import Link
@@ -131,12 +132,12 @@ class ModemExchange:
         self._n_pending_queries = 0  # queries of the last full scan without an answer
 
     def emit_scan(self, start_ns: int, end_ns: int, rows: Sequence[Row]) -> None:
-        """Record the cells of one poll, each once however often the modem repeats its lines.
+        """Record the cells of one poll, each once.
 
         A scan without cells is recorded only if no line was lost that might have had one.
         """
         marked, self._link.known = mark_doubtful(rows, self._link.known)
-        readings = tuple(dict.fromkeys(row for row in marked if isinstance(row, CellReading)))
+        readings = each_once(row for row in marked if isinstance(row, CellReading))
         if readings or not self.is_damaged:
             self._link.emit(Scan(start_ns, readings), end_ns)
 

@@ -22,7 +22,7 @@ QUIET = (Command("ATE0"), Command("ATV1"), Command("AT+CMEE=1"))
 """No echo, results in words, errors as numbers: lost at every restart."""
 
 _RESTARTED = re.compile(
-    r"RDY|QCRDY|START|\^SYSSTART|\+CFUN: ?1|\*ATREADY\b.*"
+    r"RDY|QCRDY|START|\^SYSSTART.*|\+CFUN: ?1|\*ATREADY\b.*"
     r"|(?:UNDER|OVER)-VOLTAGE.*POWER DOWN|NORMAL POWER DOWN",
     re.IGNORECASE,
 )

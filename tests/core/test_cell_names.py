@@ -1,10 +1,19 @@
 """Names by channel and code: the same both ways, and one clear line for what is none."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from logger.core.cell_names import CODES, HIGHEST, channel_name, is_by_channel, why_no_name
+from logger.core.cell_names import (
+    CODES,
+    HIGHEST,
+    channel_name,
+    each_once,
+    is_by_channel,
+    why_no_name,
+)
 from logger.core.types import CellReading
 
 
@@ -75,3 +84,22 @@ def test_a_wrong_name_is_explained(name, why):
 @pytest.mark.parametrize("name", ["262-01-4711-1", "strongest", "my tower", "", "LTE-5780-210"])
 def test_other_names_are_not_judged(name):
     assert not why_no_name(name)
+
+
+def test_a_neighbour_without_identity_that_repeats_a_cell_counts_once():
+    """An EC25 lists the serving cell among the cells of its channel, an M66 all channels again."""
+    serving = CellReading("serving", "LTE", "262", "02", cid=7, tac=9, arfcn=1300, pci=135)
+    serving = replace(serving, rsrp_dbm=-98.0)
+    again = CellReading("neighbour", "LTE", arfcn=1300, pci=135, rsrp_dbm=-97.0)
+    other = CellReading("neighbour", "LTE", arfcn=1300, pci=136, rsrp_dbm=-108.0)
+    unnamed = CellReading("neighbour", "LTE", arfcn=1300, rsrp_dbm=-110.0)
+    named = replace(other, mcc="262", mnc="02", cid=8, tac=9)
+    assert each_once([serving, again, other, other, unnamed]) == (serving, other, unnamed)
+    assert each_once([other, serving, named]) == (serving, named)
+    assert each_once([replace(serving, rsrp_dbm=None), again]) == (
+        replace(serving, rsrp_dbm=None),
+        again,
+    )
+    assert each_once([named, replace(named, cid=10)]) == (named, replace(named, cid=10))
+    scanned = replace(again, role="scan")
+    assert each_once([serving, scanned]) == (serving, scanned)

@@ -126,6 +126,11 @@ def test_a_channel_without_a_cell_has_no_code():
     assert [one.pci for one in cells("sierra", {"AT!LTEINFO?": reply})] == [77]
 
 
+@pytest.mark.parametrize("banner", ["^SYSSTART", "^SYSSTART AIRPLANE MODE"])
+def test_a_start_in_any_mode_is_a_restart(banner):
+    assert FAMILIES["cinterion"].is_restart(banner)
+
+
 # --- the standard replies
 
 
@@ -157,6 +162,22 @@ def test_the_number_of_a_network_with_and_without_marks(network):
         "AT+CREG?": '+CREG: 2,1,"1A2B","3C4D"\n\nOK',
     }
     assert [one.cell for one in cells("generic", replies)] == [f"262-02-{0x1A2B}-{0x3C4D}"]
+
+
+def test_the_network_in_use_has_the_technology_where_creg_has_none():
+    """As an E173 prints it, which has no level but that of +CSQ."""
+    replies = {
+        "AT+COPS?": '+COPS: 0,2,"26202",2\n\nOK',
+        "AT+CREG?": "+CREG: 2,1,1A2B,2D00A0B\n\nOK",
+        "AT+CSQ": "+CSQ: 20,99\n\nOK",
+    }
+    (serving,) = cells("huawei", replies)
+    assert (serving.rat, serving.lac, serving.cid, serving.rssi_dbm) == (
+        "WCDMA",
+        0x1A2B,
+        0x2D00A0B,
+        -73.0,
+    )
 
 
 @pytest.mark.parametrize("words", ["COMMAND NOT SUPPORT", "TOO MANY PARAMETERS", "ABORTED"])

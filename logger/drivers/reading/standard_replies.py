@@ -271,8 +271,9 @@ def with_serving_cell(rows: Sequence[Row]) -> tuple[Row, ...]:
 
 
 def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellReading:
-    plmn = next((network.plmn for network in chosen_networks(rows)), None) or ""
-    rat = registration.rat
+    chosen = [row for row in rows if isinstance(row, Operator) and row.stat is None]
+    plmn = next((network.plmn for network in chosen if network.plmn), None) or ""
+    rat = registration.rat or next((row.rat for row in chosen if row.rat), None)
     area: dict[str, Any] = {"lac": registration.lac, "tac": registration.tac}
     if rat is not None:  # on LTE +CREG prints the tracking area
         area = area_values(rat, registration.tac if area["lac"] is None else area["lac"])
