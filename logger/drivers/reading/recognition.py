@@ -42,8 +42,7 @@ damage may come twice before the true name comes once, but hardly at once.
 """
 _MOST_CELLS = 2000
 """Cells remembered; beyond it those named longest ago are dropped."""
-_MOST_PLACES = 8
-"""Channels and codes remembered of a cell: its carriers, and damaged ones."""
+_MOST_PLACES = 8  # channels and codes remembered of a cell: its carriers, and damaged ones
 _USUAL = 4
 """A place is one of a cell where one of so many replies names it there, or `OFTEN` in all."""
 _OF_LATE = 300
@@ -341,6 +340,8 @@ CellBroadcast = tuple[int | None, str | None, Broadcast]
 """Channel and name of a cell, and what it broadcasts."""
 Code = tuple[bool, int]
 """An area (True) or a cell, in whatever base it was printed."""
+LevelKind = tuple[str | None, str, bool]
+# technology and role; whether it is the level of the cell (RSRP, RSCP) or of its carrier
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,6 +352,7 @@ class NumberHistory:
     networks: Mapping[Network, int] = field(default_factory=dict)
     codes: Mapping[Code, int] = field(default_factory=dict)
     broadcasts: Mapping[CellBroadcast, int] = field(default_factory=dict)
+    levels: Mapping[LevelKind, int] = field(default_factory=dict)
     cells: CellHistory = field(default_factory=CellHistory)
 
     @classmethod
@@ -368,7 +370,8 @@ class NumberHistory:
                 counted.add(id(number))
             networks.update(filter(None, [network_of(row)]))
         broadcasts = Counter(filter(None, map(broadcast_of, rows)))
-        return cls(columns, networks, codes, broadcasts)
+        levels = Counter(filter(None, map(level_kind_of, rows)))
+        return cls(columns, networks, codes, broadcasts, levels)
 
     def texts(self, column: Column) -> Texts:
         """Numbers of a column."""
@@ -387,6 +390,7 @@ class NumberHistory:
             _add(self.networks, reply.networks),
             _add(self.codes, reply.codes),
             _add(self.broadcasts, reply.broadcasts),
+            _add(self.levels, reply.levels),
             self.cells,
         )
 
@@ -399,6 +403,13 @@ def _add(counts: Mapping[Key, int], more: Mapping[Key, int]) -> Mapping[Key, int
 def has_identity(row: Row) -> TypeGuard[CellReading | Registration]:
     """True for rows of a kind that can name a cell."""
     return isinstance(row, CellReading | Registration)
+
+
+def level_kind_of(row: Row) -> LevelKind | None:
+    """The kind of a level, where the technology has two."""
+    if not isinstance(row, CellReading) or row.rat in {None, "GSM"} or row.level_dbm is None:
+        return None
+    return row.rat, row.role, (row.rsrp_dbm, row.rscp_dbm) != (None, None)
 
 
 def numbers(row: Row) -> Iterator[tuple[str, NumberText]]:
@@ -517,7 +528,7 @@ def _differ(first: CellReading, second: CellReading) -> bool:
 def _mark(row: Row, reply: NumberHistory, history: NumberHistory, *, unsure: bool) -> Row:
     if not has_identity(row):
         return row
-    changes: dict[str, Any] = _broadcast_marked(row, history)
+    changes: dict[str, Any] = _broadcast_marked(row, history) | _level_marked(row, history)
     unsure = unsure and not _is_in_other_reply(row, reply, history)
     unsure = unsure or row.identity_unsure or not _is_network_sure(network_of(row), history)
     for name, number in numbers(row):
@@ -540,6 +551,15 @@ def _broadcast_marked(row: Row, history: NumberHistory) -> dict[str, Any]:
     if count > 1 and count * SHARE >= max(rivals, default=0):
         return {}
     return {"broadcast": replace(printed[-1], broadcast_unsure=True)}
+
+
+def _level_marked(row: Row, history: NumberHistory) -> dict[str, Any]:
+    # where a reply has lost the level of the cell, that of the carrier is of another scale
+    kind = level_kind_of(row)
+    if kind is None or kind[-1]:
+        return {}
+    is_lost = history.levels.get((*kind[:-1], True), 0) >= history.levels.get(kind, 0)
+    return {"rssi_dbm": None} if is_lost else {}
 
 
 def _is_in_other_reply(row: Row, reply: NumberHistory, history: NumberHistory) -> bool:

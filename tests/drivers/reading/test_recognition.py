@@ -225,3 +225,28 @@ def test_replies_of_a_transcript_know_of_each_other():
         False,
         False,
     ]
+
+
+def _lte_status(level):
+    return [
+        "!GSTATUS:",
+        "System mode:   LTE        \tPS state:    Attached",
+        "LTE Rx chan:   1300\t\tLTE Tx chan: 19300",
+        f"PCC RxM RSSI:  -67\t\tPCC RxM RSRP: {level}",
+        "Tx Power:      0 \t\tTAC:         1A2B (6699)",
+        "RSRQ (dB):     -11.5\t\tCell ID:     02D00A0B (47188491)",
+    ]
+
+
+def _levels_of(levels):
+    known, found = NumberHistory(), []
+    for level in levels:
+        (row,), known = mark_doubtful(FAMILIES["sierra"].read(_lte_status(level)), known)
+        found.append(row.level_dbm)
+    return found
+
+
+def test_the_carrier_does_not_stand_for_a_lost_level_of_the_cell():
+    """A report behind the row takes its last value; the RSSI is some 30 dB above the RSRP."""
+    assert _levels_of(["-98", "", "-97"]) == [-98.0, None, -97.0]
+    assert _levels_of(["", "--", "---"]) == [-67.0] * 3, "a modem that has no other level"
