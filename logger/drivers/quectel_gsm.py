@@ -65,7 +65,10 @@ class QuectelGsm(Family):
         series=r"Quectel.*?(?<![A-Z0-9-])(?:M(?:10|12|20|23|25|26|27|35|50|56|66|72|80|85|89|90|95)"
         r"|MC(?:20|25|60|65|90)|BC(?:20|25|26|30|32|65|66))(?!\d\d)"
     )
-    setup_commands = (Command("AT+QENG=1,4"),)
+    setup_commands = (
+        Command("AT+QENG=1,1"),  # neighbours
+        Command("AT+QENG=1,4"),  # all channels too; firmware without them keeps 1
+    )
     poll_commands = (Command("AT+QENG?"),)
     survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
     nbiot_poll_commands = (Command("AT+QENG=0", timeout_s=15.0),)
@@ -77,7 +80,7 @@ class QuectelGsm(Family):
         which the next poll would see.)
         """
         reply = yield self.poll_commands[0]
-        if reply.final is not None and not reply.ok:
+        if reply.is_refusal:
             return (yield from self.ask(self.nbiot_poll_commands))
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
         answered = (reply.ok and modes) or any(map(self.role_of, reply.lines))

@@ -128,8 +128,9 @@ class Sim800(Family):
         reply = yield self.poll_commands[0]
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
         has_rows = any(map(self.role_of, reply.lines))
-        answered = has_rows or bool(modes) if reply.ok else has_rows and reply.final is None
-        return None if not answered or "0" in modes else self.read(reply.marked_lines)
+        answered = has_rows or (reply.ok and bool(modes))
+        is_off = reply.is_refusal or "0" in modes
+        return self.read(reply.marked_lines) if answered and not is_off else None
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in CENG rows of modes 1 to 4 and in CNETSCAN lines; fixes of the SIM808."""

@@ -131,6 +131,27 @@ def test_a_start_in_any_mode_is_a_restart(banner):
     assert FAMILIES["cinterion"].is_restart(banner)
 
 
+@pytest.mark.parametrize(
+    ("name", "command", "rows"),
+    [
+        (
+            "sim800",
+            "AT+CENG?",
+            '+CENG: 1,1\n\n+CENG: 0,"0082,41,99,240,08,09,48fa,05,05,0fb3,255"\n',
+        ),
+        (
+            "quectel_gsm",
+            "AT+QENG?",
+            "+QENG: 1,4\n\n+QENG: 0,262,02,1b2c,4d5e,72,11,-70,33,33,5,0,x,x,x,x,x,x,x\n",
+        ),
+    ],
+)
+def test_a_caller_who_hangs_up_refuses_no_command(name, command, rows):
+    """What came before is read; to a GSM modem AT+QENG=0 would mean: engineering mode off."""
+    asked = {command: rows + "\nNO CARRIER", "AT+QENG=0": None}
+    assert len(cells(name, asked)) == 1
+
+
 # --- the standard replies
 
 

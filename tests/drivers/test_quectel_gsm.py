@@ -247,10 +247,10 @@ AWAKE = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
 
 
 def test_setup():
-    assert run_exchange(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "OK")]) is True
-    assert (
-        run_exchange(MODEM.setup(), [*AWAKE, ("AT+QENG=1,4", [], "ERROR")]) is True
-    )  # an NB-IoT modem
+    """An old M95 refuses the second, an NB-IoT modem both."""
+    for first, second in (("OK", "OK"), ("OK", "ERROR"), ("ERROR", "ERROR")):
+        asked = [("AT+QENG=1,1", [], first), ("AT+QENG=1,4", [], second)]
+        assert run_exchange(MODEM.setup(), [*AWAKE, *asked]) is True
     assert run_exchange(MODEM.setup(), [("AT", [], None)] * 5) is False
 
 

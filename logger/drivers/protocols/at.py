@@ -61,6 +61,12 @@ class Reply:
         return self.final == "OK"
 
     @property
+    def is_refusal(self) -> bool:
+        """True for an error."""
+        # a caller who hangs up is none
+        return self.final not in {None, "OK", *RESULTS_OF_CALLS}
+
+    @property
     def marked_lines(self) -> tuple[str, ...]:
         """The lines, with `INTERRUPTION` where one may have lost its end."""
         lines: list[str] = []
