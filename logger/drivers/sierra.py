@@ -186,7 +186,7 @@ def complete_serving_cells(rows: Sequence[Row]) -> tuple[Row, ...]:
     complete = {row.rat for row in rows if is_serving(row) and row.cell}
     chosen = next(chosen_networks(rows), Operator(plmn=""))
     plmn = chosen.plmn or ""
-    mcc, mnc = network(plmn[:3], plmn[3:])
+    mcc, mnc = network(plmn[:3], plmn[3:].rstrip("Ff"))
     completed: list[Row] = []
     for row in rows:
         if not is_serving(row) or row.cell:

@@ -176,7 +176,7 @@ def test_an_answer_is_newer_than_a_report_and_names_the_technology():
     assert (serving.lac, serving.cid, serving.rat) == (0x1A2B, 0x3C4D, "GSM")
 
 
-@pytest.mark.parametrize("network", ['0,2,"26202"', "0,2,26202", "0,2,26202,0"])
+@pytest.mark.parametrize("network", ['0,2,"26202"', '0,2,"26202F"', "0,2,26202", "0,2,26202,0"])
 def test_the_number_of_a_network_with_and_without_marks(network):
     replies = {
         "AT+COPS?": f"+COPS: {network}\n\nOK",
@@ -199,6 +199,15 @@ def test_the_network_in_use_has_the_technology_where_creg_has_none():
         0x2D00A0B,
         -73.0,
     )
+
+
+@pytest.mark.parametrize("plmn", ["2620X", "262", "000000"])
+def test_what_is_no_number_of_a_network_names_none(plmn):
+    replies = {
+        "AT+COPS?": f'+COPS: 0,2,"{plmn}",0\n\nOK',
+        "AT+CREG?": '+CREG: 2,1,"1A2B","3C4D"\n\nOK',
+    }
+    assert [(one.mcc, one.mnc) for one in cells("generic", replies)] == [(None, None)]
 
 
 @pytest.mark.parametrize("words", ["COMMAND NOT SUPPORT", "TOO MANY PARAMETERS", "ABORTED"])

@@ -28,6 +28,7 @@ from logger.drivers.reading.row_language import (
     cell_identity,
     confirm,
     decimal,
+    network,
     values,
 )
 
@@ -272,7 +273,8 @@ def with_serving_cell(rows: Sequence[Row]) -> tuple[Row, ...]:
 
 def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellReading:
     chosen = [row for row in rows if isinstance(row, Operator) and row.stat is None]
-    plmn = next((network.plmn for network in chosen if network.plmn), None) or ""
+    plmn = next((one.plmn for one in chosen if one.plmn), None) or ""
+    mcc, mnc = network(plmn[:3], plmn[3:].rstrip("Ff"))  # F fills a code of two digits
     rat = registration.rat or next((row.rat for row in chosen if row.rat), None)
     area: dict[str, Any] = {"lac": registration.lac, "tac": registration.tac}
     if rat is not None:  # on LTE +CREG prints the tracking area
@@ -283,8 +285,8 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
     return CellReading(
         role="serving",
         rat=rat,
-        mcc=plmn[:3] or None,
-        mnc=plmn[3:] or None,
+        mcc=mcc,
+        mnc=mnc,
         **area,
         cid=registration.cid,
         rssi_dbm=next((level for level in carriers if level is not None), None),
