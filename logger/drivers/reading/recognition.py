@@ -409,6 +409,8 @@ def level_kind_of(row: Row) -> LevelKind | None:
     """The kind of a level, where the technology has two."""
     if not isinstance(row, CellReading) or row.rat in {None, "GSM"} or row.level_dbm is None:
         return None
+    if (row.cid, row.pci, row.psc) == (None, None, None):
+        return None  # a carrier of no cell
     return row.rat, row.role, (row.rsrp_dbm, row.rscp_dbm) != (None, None)
 
 

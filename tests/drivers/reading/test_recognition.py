@@ -250,3 +250,13 @@ def test_the_carrier_does_not_stand_for_a_lost_level_of_the_cell():
     """A report behind the row takes its last value; the RSSI is some 30 dB above the RSRP."""
     assert _levels_of(["-98", "", "-97"]) == [-98.0, None, -97.0]
     assert _levels_of(["", "--", "---"]) == [-67.0] * 3, "a modem that has no other level"
+
+
+def test_a_carrier_of_no_cell_keeps_its_level():
+    cell = "earfcn: 1300 rxLev: -70 mcc: 262 mnc: 02 cellId: 47188491 tac: 12345 cellIdentity: 135"
+    lines = [
+        f"{cell} cellStatus: CELL_SUITABLE rsrp: -98.00 rsrq: -11.00",
+        "earfcn: 6300 rxLev: -80",
+    ]
+    rows, _ = mark_doubtful(FAMILIES["telit"].read(lines), NumberHistory())
+    assert [row.level_dbm for row in rows] == [-98.0, -80.0]
