@@ -65,7 +65,7 @@ _NO_CHANNEL = 65535
 _IDENTITY = frozenset({"lac", "tac", "cid16", "cid28"})
 
 _HEX, _NUMBER, _INDEX, _TEXT = "[0-9A-F]{1,8}", r"\d{1,5}", r"-?\d{1,3}", r"\w{1,3}"
-_CODE = r"\d{1,5}|f{3,4}"
+_CODE = r"\d{1,5}|f{2,4}"
 _RATIO = r"-?\d{1,3}(?:\.\d+)?"
 
 

@@ -57,6 +57,24 @@ def test_a_cell_of_another_technology_names_no_cell():
     assert [one.cid for one in cells("ublox", replies)] == [None, None]
 
 
+def test_the_heading_of_a_neighbour_is_not_masked():
+    """Without it the neighbours of a SARA-G would be serving cells."""
+    reply = "+CGED: Service Cell:\n" + "".join(
+        f"{heading}MCC:262, MNC:02, LAC:1a2b, CI:3c4{n}, BSIC:18\nArfcn:0007{n}, {label}:034\n"
+        for n, heading, label in (
+            (1, "", "RxLevServ"),
+            (2, "Neighbour Cell 1:\n", "RxLev"),
+            (3, "Neighbour Cell 12:\n", "RxLev"),
+        )
+    )
+    found = cells("ublox", {"AT+CGED=5": f"{reply}OK"})
+    assert [(one.role, one.cid) for one in found] == [
+        ("serving", 0x3C41),
+        ("neighbour", 0x3C42),
+        ("neighbour", 0x3C43),
+    ]
+
+
 def test_a_report_behind_the_head_of_ucged_costs_no_cell():
     reply = "+UCGED: 2\n{}6,4,262,02\n1300,3,25,50,1a2b,2d00a0b,135,a1b2c3d4,40,20,46,255,255\n\nOK"
     plain = cells("ublox", {"AT+UCGED?": reply.format("")})

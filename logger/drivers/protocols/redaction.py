@@ -370,6 +370,7 @@ _ANYWHERE = frozenset((b"ok", b"error", b"dbm"))
 _COLON = re.compile(rb"[ ]?(?:\(dBm?\))?[ ]?:", re.IGNORECASE)
 _COLUMNS = re.compile(rb"[0-9A-Za-z)-](?:[ ]{2}|\t| -[0-9])|\A[ \t]+[0-9]")
 _CARRIER = re.compile(rb"\s*[0-9]{1,6},-[0-9]{2,3}\s*")
+_HEADING = re.compile(rb"[ \t]*([A-Za-z]+(?: [A-Za-z]+)*) [0-9]{1,2} ?:[ \t]*")
 _NETWORK = re.compile(rb"[ \t]*,?\(|.*\"[0-9]{5,7}\"")
 """The rest of a list of networks that a line end divides."""
 _OPERATOR = re.compile(rb"Operator:(\"[^\"\x00-\x1f]{0,40}\")(?=,)", re.IGNORECASE)
@@ -386,6 +387,9 @@ def row_without_name(line: bytes, commands: Iterable[bytes]) -> bytes | None:
     It has numbers in columns or between commas, or behind words of the form with a colon.
     """
     words = _ANYWHERE.union(*(_WORDS[name] for name in commands))
+    heading = _HEADING.fullmatch(line)
+    if heading and words.issuperset(heading[1].lower().split()):
+        return line
     if b"+COPS" in commands and _NETWORK.match(line):
         return mask_numbers(_values(b"+COPS", line))
     operator = _OPERATOR.search(line)
