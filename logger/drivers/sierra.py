@@ -108,6 +108,7 @@ _BITS: Mapping[Rat, tuple[int, int]] = {
     "LTE": (16, 28),
     "NR": (24, 36),
 }
+_DIGITS_OF_NR = 9
 _MODE = re.compile(r"System mode\s*:\s*([A-Za-z0-9]+(?: (?!PS\b)[A-Za-z]+)*)", _FLAGS)
 
 _TABLE = re.compile(
@@ -240,9 +241,13 @@ def _value(text: str, labels: Sequence[str]) -> str:
 def _in_brackets(text: str, label: str) -> tuple[str, bool]:
     """The decimal number in brackets after a hexadecimal one, and whether the two are equal."""
     found = re.search(
-        rf"(?<![A-Z]){label}\s*:\s*([0-9A-F]{{1,9}})\s*\((\d{{1,11}})\)", text, _FLAGS
+        rf"(?<![A-Z]){label}\s*:\s*([0-9A-F]{{1,9}})\s*\((\d{{1,11}}|x{{10,11}})\)", text, _FLAGS
     )
-    return (found[2], int(found[1], 16) == int(found[2])) if found else ("", True)
+    if found is None:
+        return "", True
+    if not found[2].isdecimal():  # redacted: a cell of NR is as long as a telephone number
+        return str(int(found[1], 16)), len(found[1]) == _DIGITS_OF_NR
+    return found[2], int(found[1], 16) == int(found[2])
 
 
 def _band(text: str, rat: Rat) -> str | None:

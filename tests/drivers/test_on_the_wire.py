@@ -134,6 +134,22 @@ def test_a_masked_band_is_unknown(printed, band):
     assert (serving.arfcn, serving.rssi_dbm, serving.band) == (72, -71.0, band)
 
 
+@pytest.mark.parametrize(("cell", "is_sure"), [("10A000001", True), ("A000001C", False)])
+def test_a_cell_of_nr_is_read_although_its_decimal_number_is_masked(cell, is_sure):
+    status = f"""!GSTATUS:
+System mode:   NR5G       \tPS state:    Attached
+NR5G band:     n78
+NR5G Rx chan:  627264\t\tNR5G Tx chan: 627264
+NR5G RSRP (dBm):  -95\tNR5G RSRQ (dB):  -11
+Tx Power:      -- \t\tTAC:         1A2B (6699)
+Cell ID:     {cell} ({int(cell, 16)})
+OK"""
+    network = '+COPS: 0,2,"26202",11\n\nOK'
+    (serving,) = cells("sierra", {"AT+COPS?": network, "AT!GSTATUS?": status})
+    assert (serving.mcc, serving.tac, serving.cid) == ("262", 0x1A2B, int(cell, 16))
+    assert serving.identity_unsure is not is_sure
+
+
 def test_a_channel_without_a_cell_has_no_code():
     heading = "InterFreq: EARFCN ThresholdLow ThresholdHi Priority PCI  RSRQ   RSRP   RSSI RXLV"
     rows = (
