@@ -83,8 +83,8 @@ def parse_claim(text: str, cell: str | None) -> Claim:
     )
 
 
-def read_claims(path: Path, observed: Sequence[str]) -> list[Claim]:
-    """Claims about the observed cells, from a file.
+def read_claims(path: Path, wanted: Sequence[str]) -> tuple[list[Claim], list[str]]:
+    """Claims about cells, from a file, and the other cells of our CSV.
 
     Raises `RunFileError` for a file that contains none, `ConfigError` for a bad claim.
 
@@ -93,28 +93,34 @@ def read_claims(path: Path, observed: Sequence[str]) -> list[Claim]:
     """
     if is_sqlite(path):
         with closing(CellDb(path)) as database:
-            return claims_of(database, observed)
+            return claims_of(database, wanted), []
     try:
         with text_lines(path) as lines:
             reader = csv.DictReader(lines)
             names = [name.strip().lower() for name in reader.fieldnames or ()]
             if set(_COLUMNS) <= set(names) and "radio" not in names:
                 reader.fieldnames = names
-                return list(
-                    with_limit(_of_csv(reader, lines, path, observed), path, "claims", _MOST)
-                )
+                others: dict[str, None] = {}
+                rows = _of_csv(reader, lines, path, wanted, others)
+                return list(with_limit(rows, path, "claims", _MOST)), list(others)
     except csv.Error as error:
         raise RunFileError(f"{path} is no CSV file: {error}") from error
-    return _of_export(path, observed)
+    return _of_export(path, wanted), []
 
 
 def _of_csv(
-    reader: "csv.DictReader[str]", lines: Lines, path: Path, observed: Sequence[str]
+    reader: "csv.DictReader[str]",
+    lines: Lines,
+    path: Path,
+    wanted: Sequence[str],
+    others: dict[str, None],
 ) -> Iterator[Claim]:
     for row in reader:
         lines.end_row()
-        if row["cell"] in observed:
+        if row["cell"] in wanted:
             yield _own(row, path, lines.number)
+        elif row["cell"] and len(others) < _MOST:
+            others[row["cell"]] = None
 
 
 def _own(row: dict[str, str], path: Path, line: int) -> Claim:

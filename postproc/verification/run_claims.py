@@ -7,6 +7,7 @@ is not rejected is "consistent" only where the walk would notice some displaceme
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from postproc.result import Result
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
 from postproc.smoothing import too_few
 from postproc.verification.claim_test import ClaimTest
-from postproc.verification.claims import Claim, away_m, swap_hint
+from postproc.verification.claims import Claim, away_m, read_claims, swap_hint
 from postproc.verification.verdicts import CellVerdict, Verdict, Verified
 from postproc.walk import observe_run
 
@@ -100,24 +101,29 @@ def verify_claims(
     prior: Prior,
     only: Sequence[str] | None = None,
     *,
+    file: Path | None = None,
     result: Result | None = None,
     progress: Progress | None = None,
 ) -> Verified:
     """Verdicts on all claims about the cells of runs, or about the cells in `only`.
 
-    `result` is that of `smooth` for these runs and the prior, if known. Raises `ConfigError` for a
-    cell that was not observed and for a rate outside 0 to 0.5.
+    `file` has further claims, `result` is that of `smooth` for these runs and the prior, if known.
+    Raises `ConfigError` for a cell that was not observed and for a rate outside 0 to 0.5.
     """
     if not 0.0 < p_fa <= 0.5:
         raise ConfigError(f"a false-alarm rate lies between 0 and 0.5, not at {p_fa:g}")
     runs = [runs] if isinstance(runs, Run) else list(runs)
+    every, others = observed_cells(runs, only), list[str]()
+    if file is not None:
+        in_file, others = read_claims(file, list(every))
+        claims = [*claims, *in_file]
     observed = result.runs if result else in_one_zone([observe_run(run) for run in runs])
     posteriors = {cell.cell: cell.posterior for cell in result.cells} if result else {}
     tracks = [one.observations.track for one in observed if one.observations]
     if prior.area is not None and tracks:
         prior = replace(prior, area=prior.area.at(tracks))
-    every, modems = observed_cells(runs, only), modems_of(runs)
-    of_cells = parts_by_cell(observed, set(observed_cells(runs, None)))
+    every_cell, modems = observed_cells(runs, None), modems_of(runs)
+    of_cells = parts_by_cell(observed, set(every_cell))
     by_name = {
         cell: merge(parts_of_most_heard_modems(parts, modems), modems)
         for cell, parts in of_cells.items()
@@ -154,6 +160,7 @@ def verify_claims(
         tuple(cell for cell in every if cell not in {*names, *rarely}),
         tuple(warning for one in observed for warning in one.warnings),
         tuple(cell for cell in every if cell in rarely),
+        tuple(cell for cell in others if cell not in every_cell),
     )
 
 

@@ -20,6 +20,7 @@ from postproc.verification.claims import Claim
 
 Verdict = Literal["consistent", "rejected", "cannot tell"]
 Followed = Literal["indirect"]
+_MOST_NAMES = 8
 _CONTROL = "Benjamini-Hochberg over the claims tested: q is p adjusted, rejected where q <= p_fa"
 
 
@@ -85,7 +86,8 @@ class Verified:
     """Verdicts on all claims of a run.
 
     `without_claim` are cells observed that no claim is about, which is no alarm; `heard_once` are
-    cells identified in one scan only or never without doubt, which are not tested.
+    cells identified in one scan only or never without doubt, which are not tested; `not_observed`
+    are cells of a file of claims that the runs lack.
     """
 
     p_fa: float
@@ -93,6 +95,16 @@ class Verified:
     without_claim: tuple[str, ...]
     warnings: tuple[str, ...]
     heard_once: tuple[str, ...] = ()
+    not_observed: tuple[str, ...] = ()
+
+    @property
+    def not_observed_text(self) -> str:
+        """How many of these cells there are, and some names."""
+        names, more = self.not_observed[:_MOST_NAMES], len(self.not_observed) - _MOST_NAMES
+        if not names:
+            return ""
+        which = ", ".join(names) + (f" and {more} more" if more > 0 else "")
+        return f"claimed but not observed, so not tested: {which}"
 
 
 class SiteVerdict(Struct, kw_only=True):
@@ -130,6 +142,8 @@ def _verified_parts(verified: Verified) -> Iterator[Part]:
     if verified.heard_once:
         once = "observed in one scan only or never without doubt: not tested"
         yield f"{_cells(len(verified.heard_once))} {once}"
+    if verified.not_observed:
+        yield verified.not_observed_text
     tested = sum(cell.p is not None for cell in verified.cells)
     if tested:
         over = f"false discoveries over {tested} claim{'s' * (tested != 1)}"
