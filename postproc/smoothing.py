@@ -15,6 +15,7 @@ from logger.core.locator.preparation import MOST_MODEMS
 from logger.core.locator.timing_advance import timing_of
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import Prior
+from logger.core.places import NO_MAP
 from logger.core.readings import LEAST_SHARE, Readings, SpikeLevel
 from logger.core.runfile import Run
 from postproc.cell_work import PROCESS_ENDED, Failure, attempt, failure
@@ -302,9 +303,19 @@ def too_few(obs: Readings, usable: Readings) -> str | None:
     which = "with a position" if within == n else f"within the modem's range ({n} with a position)"
     if n_used < within:
         which = f"of {within} count"
-    return (
-        f"only {n_used} reading{'s' * (n_used != 1)} {which}: at least {FEWEST_READINGS} are needed"
-    )
+    how_many = f"only {n_used} reading{'s' * (n_used != 1)} {which}"
+    where = heard_at(obs)
+    heard = f"; heard best at {where}" if where else ""
+    return f"{how_many}: at least {FEWEST_READINGS} are needed{heard}"
+
+
+def heard_at(obs: Readings | None) -> str | None:
+    """Where a cell without a position was heard best; None if nowhere on a map."""
+    heard = None if obs is None or obs.utm == NO_MAP else obs.everywhere()
+    if not heard:
+        return None
+    lat_deg, lon_deg = heard.strongest.places.first_deg
+    return f"{lat_deg:.4f} {lon_deg:.4f}"
 
 
 def locate_cell(obs: Readings, prior: Prior, within_m: float = DESK_M) -> CellResult:
