@@ -5,6 +5,8 @@ A run is recorded, simulated, imported, or a shared copy of such a run.
 
 IMPORT = "import of"
 IMPORT_WITHOUT_TIMES = "import without times of"
+DATED = ", with dates"
+"""At the end of an import of dated times without a known zone, which no fix has as UTC."""
 SHARED = "shared copy"
 SIMULATED = "simulated walk "
 """The name of the scenario follows."""
@@ -23,6 +25,11 @@ def has_times(origin: str) -> bool:
     return not origin.startswith(_WITHOUT_TIMES)
 
 
+def is_dated(origin: str) -> bool:
+    """Whether times of an import were dated, although no fix has UTC."""
+    return is_import(origin) and origin.endswith(DATED)
+
+
 def is_simulated(origin: str) -> bool:
     """Whether the simulator recorded it, perhaps faster than real: its receiver is never wrong."""
     return origin.startswith(SIMULATED)
@@ -32,4 +39,7 @@ def origin_of_copy(origin: str) -> str:
     """Origin of a copy to give away, which names no file of its owner."""
     if not is_import(origin):
         return SHARED
-    return f"{SHARED} of an import{'' if has_times(origin) else ' without times'}"
+    return (
+        f"{SHARED} of an import{'' if has_times(origin) else ' without times'}"
+        f"{DATED if is_dated(origin) else ''}"
+    )
