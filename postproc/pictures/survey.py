@@ -275,9 +275,15 @@ class Survey:
         return np.array(self.utm.to_xy(lat_deg, lon_deg)) - self.origin_m
 
     def degrees(self, positions_m: FloatArray) -> FloatArray:
-        """Latitude and longitude (n, 2) of local positions (n, 2); one run must have a fix."""
+        """Latitude and longitude (n, 2) of local positions (n, 2); one run must have a fix.
+
+        Across the antimeridian longitudes go on beyond 180 degrees: no line goes around the world.
+        """
         assert self.utm is not None
-        return np.column_stack(self.utm.to_latlon_arrays(*(positions_m + self.origin_m).T))
+        lat_deg, lon_deg = self.utm.to_latlon_arrays(*(positions_m + self.origin_m).T)
+        _, middle_deg = self.utm.to_latlon(*self.origin_m)
+        lon_deg = middle_deg + (lon_deg - middle_deg + 180.0) % 360.0 - 180.0
+        return np.column_stack([lat_deg, lon_deg])
 
 
 def survey_of(result: Result) -> Survey:
