@@ -153,6 +153,7 @@ def test_a_mistake_is_one_line(run, capsys, arguments, reason):
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     assert reason in err
+    assert "error of this program" not in err
 
 
 def test_a_cell_of_too_few_readings_has_no_route(run):
