@@ -310,7 +310,7 @@ def too_few(obs: Readings, usable: Readings) -> str | None:
 
 
 def heard_at(obs: Readings | None) -> str | None:
-    """Where a cell without a position was heard best; None if nowhere on a map."""
+    """Where a cell without a position was heard best; None if nowhere."""
     heard = None if obs is None or obs.utm == NO_MAP else obs.everywhere()
     if not heard:
         return None
@@ -348,7 +348,7 @@ def locate_cell(obs: Readings, prior: Prior, within_m: float = DESK_M) -> CellRe
 
 
 def _repeat_warnings(n: int, n_repeats: int) -> list[str]:
-    """How many of `n` readings are reports that were made again while the receiver moved."""
+    """How many of `n` readings were reported again while the receiver moved."""
     if not n_repeats:
         return []
     one = f"{n_repeats} of {n} readings repeat the one before while the receiver moves"

@@ -28,7 +28,6 @@ def test_the_version_is_that_of_the_package(name, main, capsys):
 
 @pytest.mark.parametrize(("redirect", "shown"), [("", b"walk?.h5 (hdf5)"), (">&-", b"")])
 def test_any_output_is_one(redirect, shown, tmp_path):
-    """One of ASCII, and one that was closed."""
     log = tmp_path / "log.csv"
     log.write_text("t_s,lat,lon,rssi_dbm\n0,52,13,-70\n1,52,13,-70\n")
     run = tmp_path / "walk–.h5"

@@ -65,8 +65,7 @@ def plain_streams() -> Iterator[None]:
 
 
 def _writable(stream: TextIO | None) -> TextIO:
-    """The stream, which may be closed, and may be of an encoding that lacks characters."""
-    if stream is None:
+    if stream is None:  # closed
         return StringIO()
     if isinstance(stream, TextIOWrapper) and lookup(stream.encoding).name != "utf-8":
         stream.reconfigure(errors="replace")

@@ -6,7 +6,7 @@ A run is recorded, simulated, imported, or a shared copy of such a run.
 IMPORT = "import of"
 IMPORT_WITHOUT_TIMES = "import without times of"
 DATED = ", with dates"
-"""At the end of an import of dated times without a known zone, which no fix has as UTC."""
+"""Ends an import of dated times of no known zone."""
 SHARED = "shared copy"
 SIMULATED = "simulated walk "
 """The name of the scenario follows."""
@@ -26,7 +26,7 @@ def has_times(origin: str) -> bool:
 
 
 def is_dated(origin: str) -> bool:
-    """Whether times of an import were dated, although no fix has UTC."""
+    """Whether an import had dates, although no fix has UTC."""
     return is_import(origin) and origin.endswith(DATED)
 
 

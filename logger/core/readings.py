@@ -127,7 +127,7 @@ class Readings:
     in steps of GSM or of LTE, -1 if unknown; None is none at all. `named_share` is the share of the
     scans near a reading that name the cell; None is unknown. `without_spikes`: repeated levels and
     those that their neighbours do not confirm have been removed, or are to stay. `is_timed`: in
-    the order of one clock, not of rows or runs.
+    the order of one clock.
     """
 
     cell: str

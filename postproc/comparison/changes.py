@@ -99,7 +99,7 @@ def probability(change: Change, offset: Offset, scale: float) -> float:
 def offset_of(others: list[Change], *, same_modem: bool) -> Offset:
     """Weighted median of the changes of other cells, with the prior.
 
-    A minority of changed cells does not move it; where the others disagree it is as uncertain.
+    A minority of changed cells does not move it, and disagreement widens it.
     """
     prior_db2 = (SAME_MODEM_DB if same_modem else OTHER_MODEM_DB) ** 2
     if not others:

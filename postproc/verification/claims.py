@@ -51,7 +51,7 @@ def away_m(one_deg: tuple[float, float], other_deg: tuple[float, float]) -> floa
 def swap_hint(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
     """Question whether the claim's latitude and longitude were exchanged.
 
-    `walk_deg` is the latitude and longitude of the walk. None where the claim can be received, or
+    `walk_deg` is that of the walk. None where the claim can be received, or
     is far away either way.
     """
     lat_deg, lon_deg = claim.lon_deg, claim.lat_deg
@@ -84,12 +84,9 @@ def parse_claim(text: str, cell: str | None) -> Claim:
 
 
 def read_claims(path: Path, wanted: Sequence[str]) -> tuple[list[Claim], list[str]]:
-    """Claims about cells, from a file, and the other cells of our CSV.
+    """Claims about cells, from a file, and the other cells of our CSV (cell, lat, lon[, sigma_m]).
 
     Raises `RunFileError` for a file that contains none, `ConfigError` for a bad claim.
-
-    Our CSV has columns cell, lat, lon and optionally sigma_m. Cells that a database or an export
-    does not know have no claim.
     """
     if is_sqlite(path):
         with closing(CellDb(path)) as database:

@@ -49,7 +49,7 @@ def verify_cell(
 ) -> CellVerdict:
     """Test of a claim; the verdict is open until the p-values of all claims are adjusted.
 
-    `posterior` is that of these readings and the prior, where it is known.
+    `posterior` is that of these readings and the prior, where known.
     """
     usable = obs.usable()
     if why := too_few(obs, usable):
@@ -86,7 +86,7 @@ def verify_cell(
 def undecided_verdict(
     cell: str, n: int, claim: Claim, why: str, error: str | None = None
 ) -> CellVerdict:
-    """A claim that cannot be tested, or whose test was ended by an error of the program."""
+    """A claim that cannot be tested, or whose test failed."""
     return CellVerdict(cell, n, claim, "cannot tell", (why,), error=error)
 
 
@@ -107,7 +107,7 @@ def verify_claims(
 ) -> Verified:
     """Verdicts on all claims about the cells of runs, or about the cells in `only`.
 
-    `file` has further claims, `result` is that of `smooth` for these runs and the prior, if known.
+    `file` has more; `result` is that of `smooth` for these runs and the prior, if known.
     Raises `ConfigError` for a cell that was not observed and for a rate outside 0 to 0.5.
     """
     if not 0.0 < p_fa <= 0.5:
@@ -185,7 +185,7 @@ def _middle_deg(track: Track) -> tuple[float, float]:
 
 
 def _geodesic(verdict: CellVerdict, walk_deg: tuple[float, float]) -> CellVerdict:
-    """The verdict with a distance that is true off the map, and a hint for a claim far away."""
+    """With a distance that is true off the map, and a hint for a far claim."""
     claim = verdict.claim
     if verdict.distance_m is not None and verdict.distance_m > _MAP_M:
         verdict = replace(verdict, distance_m=away_m((claim.lat_deg, claim.lon_deg), walk_deg))

@@ -99,7 +99,7 @@ class Verified:
 
     @property
     def not_observed_text(self) -> str:
-        """How many of these cells there are, and some names."""
+        """Names the first."""
         names, more = self.not_observed[:_MOST_NAMES], len(self.not_observed) - _MOST_NAMES
         if not names:
             return ""
@@ -127,7 +127,7 @@ class SiteVerdict(Struct, kw_only=True):
 
 
 def document_of(verified: Verified) -> Document:
-    """Each claim with its verdict, its p-value and what the test would have detected."""
+    """Each claim with verdict, p-value and what the test would have detected."""
     cells = [asdict(cell) | {"detectable_m": cell.detectable_m} for cell in verified.cells]
     content = asdict(verified) | {"cells": cells, "false_discovery_control": _CONTROL}
     return Document(content, warnings=verified.warnings, body=_verified_parts(verified))

@@ -72,8 +72,8 @@ def decide(posterior: Posterior, obs: Readings, *, within_m: float = DESK_M) -> 
 def unless_it_moves(decision: Decision, posterior: Posterior, obs: Readings) -> Decision:
     """The decision, or cannot tell where a transmitter that moves explains a location better.
 
-    Readings of several modems, whose offsets look like a move, leave it as it is, and those that
-    are not in the order of one clock.
+    Readings of several modems, whose offsets look like a move, leave it as it is, and those not of
+    one clock.
     """
     if decision.verdict != "located" or obs.n_modems > 1 or not obs.is_timed:
         return decision

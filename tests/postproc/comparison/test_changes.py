@@ -207,7 +207,6 @@ def test_a_changed_minority_does_not_move_the_offset():
 
 
 def test_two_cells_that_disagree_leave_the_offset_open():
-    """One of them has changed, and nobody knows which: the third is no finding."""
     random = np.random.default_rng(5)
     same, steady, changed = (
         change_of(differences(random, 12, db), 1.0) for db in (0.0, 0.0, -15.0)

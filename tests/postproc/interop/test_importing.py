@@ -284,7 +284,6 @@ def test_an_import_of_an_earlier_version_is_not_moved_either(tmp_path, monkeypat
 
 
 def test_what_an_import_decided_of_dated_times_holds_for_the_run_and_its_copy(tmp_path):
-    """Times of no known zone are not in the run: one a second, past a leap, they look like rows."""
     rows = [
         f"2026-05-01 12:{k // 60:02}:{k % 60:02},{52.5 + 1.2e-5 * k + 0.002 * (k > 60)},13.4,-80,5"
         for k in range(120)

@@ -38,7 +38,6 @@ def test_positions_convert_to_degrees_and_back(result):
 
 
 def test_longitudes_go_on_across_the_antimeridian(result):
-    """A line in the viewer's map would go around the world."""
     for lon_deg, zone in ((179.9999, -60), (-179.9999, -1)):
         utm = Utm(zone)
         at_180 = replace(survey_of(result), utm=utm, origin_m=np.array(utm.to_xy(-16.5, lon_deg)))
