@@ -99,7 +99,7 @@ class Verified:
 
     @property
     def not_observed_text(self) -> str:
-        """Names the first."""
+        """The first."""
         names, more = self.not_observed[:_MOST_NAMES], len(self.not_observed) - _MOST_NAMES
         if not names:
             return ""
