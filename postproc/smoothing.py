@@ -15,7 +15,6 @@ from logger.core.locator.preparation import MOST_MODEMS
 from logger.core.locator.timing_advance import timing_of
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import Prior
-from logger.core.places import NO_MAP
 from logger.core.readings import LEAST_SHARE, Readings, SpikeLevel
 from logger.core.runfile import Run
 from postproc.cell_work import PROCESS_ENDED, Failure, attempt, failure
@@ -45,6 +44,7 @@ from postproc.result import (
     Options,
     Result,
     RunShare,
+    heard_at,
     joint_warnings,
 )
 from postproc.scan_counts import heard_utc_ns, joined_of, observed_cells, scans_of, too_rarely
@@ -307,15 +307,6 @@ def too_few(obs: Readings, usable: Readings) -> str | None:
     where = heard_at(obs)
     heard = f"; heard best at {where}" if where else ""
     return f"{how_many}: at least {FEWEST_READINGS} are needed{heard}"
-
-
-def heard_at(obs: Readings | None) -> str | None:
-    """Where a cell without a position was heard best; None if nowhere."""
-    heard = None if obs is None or obs.utm == NO_MAP else obs.everywhere()
-    if not heard:
-        return None
-    lat_deg, lon_deg = heard.strongest.places.first_deg
-    return f"{lat_deg:.4f} {lon_deg:.4f}"
 
 
 def locate_cell(obs: Readings, prior: Prior, within_m: float = DESK_M) -> CellResult:

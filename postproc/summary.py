@@ -47,9 +47,9 @@ from postproc.result import (
     CellResult,
     ObservedRun,
     Result,
+    heard_at,
     region_of,
 )
-from postproc.smoothing import heard_at
 
 _PLACE = ("lat", "lon", "r95_m", "r50_m", "drms_m")
 _PARAMETERS = ("p0_dbm", "p0_sigma_db", "eta", "eta_sigma")

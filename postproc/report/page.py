@@ -22,8 +22,7 @@ from postproc.info import CellCount, Event, Gap, Info, describe
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
-from postproc.result import CellResult, ObservedRun, Result
-from postproc.smoothing import heard_at
+from postproc.result import CellResult, ObservedRun, Result, heard_at
 from postproc.summary import estimator_table, run_table, sentence
 from postproc.suspicion.signalling import signals_of, signals_table
 from postproc.verification.verdicts import CellVerdict, Verified
