@@ -35,7 +35,7 @@ from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import observed_cells
 from postproc.smoothing import locate_cell, smooth_runs
 from postproc.suspicion.run_assessment import Suspicions, assess_runs, conspicuous_first
-from postproc.verification.claims import Claim, Verified, read_claims
+from postproc.verification.claims import Claim, Verified
 from postproc.verification.run_claims import verify_claims
 from postproc.walk import observe_run
 
@@ -245,17 +245,17 @@ def verify(
     Raises `ConfigError` for a cell that was not observed or a rate outside 0 to 0.5, `RunFileError`
     for a file that cannot be read.
     """
-    every, cells = _runs(runs), _names(cells)
+    file = Path(claims) if isinstance(claims, (Path, str)) else None
     if isinstance(claims, Claim):
         claims = [claims]
-    elif isinstance(claims, (Path, str)):
-        claims = read_claims(Path(claims), list(observed_cells(every, cells)))
+    cells = _names(cells)
     return verify_claims(
-        every,
-        claims,
+        _runs(runs),
+        () if isinstance(claims, (Path, str)) else claims,
         p_fa,
         _prior(environment, height_m, antenna, reach, within_walk_m, area),
         cells,
+        file=file,
         progress=_progress(progress),
     )
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from os import strerror
 from pathlib import Path
 
 from logger.core.errors import ConfigError, RunFileError
@@ -48,9 +49,9 @@ def whole_file(path: Path, *, keep: bool = True) -> Iterator[Path]:
         if keep:
             part.replace(path)
     except (OSError, RuntimeError) as error:
-        raise RunFileError(
-            f"cannot write {path}: {getattr(error, 'strerror', None) or error}"
-        ) from error
+        number = getattr(error, "errno", None)  # HDF5 has a text of its own
+        why = strerror(number) if number else error
+        raise RunFileError(f"cannot write {path}: {why}") from error
     finally:
         with suppress(OSError):  # it could not be made
             part.unlink(missing_ok=True)

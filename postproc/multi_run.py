@@ -143,6 +143,7 @@ def merge(parts: Parts, modems: Sequence[int]) -> Readings:
         modem=modem,
         ta=ta,
         named_share=named_share,
+        is_timed=len(series) == 1 and series[0].is_timed,
     )
 
 

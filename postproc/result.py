@@ -501,3 +501,12 @@ def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:
     if n_runs > 1 and all(len({one.run for one in cell.shares if one.n}) < 2 for cell in cells):
         return ("no cell was observed in two of the runs: each answer is that of one run",)
     return ()
+
+
+def heard_at(obs: Readings | None) -> str | None:
+    """Where a cell without a position was heard best; None if nowhere."""
+    heard = None if obs is None or obs.utm == NO_MAP else obs.everywhere()
+    if not heard:
+        return None
+    lat_deg, lon_deg = heard.strongest.places.first_deg
+    return f"{lat_deg:.4f} {lon_deg:.4f}"

@@ -44,6 +44,7 @@ from postproc.result import (
     Options,
     Result,
     RunShare,
+    heard_at,
     joint_warnings,
 )
 from postproc.scan_counts import heard_utc_ns, joined_of, observed_cells, scans_of, too_rarely
@@ -302,9 +303,10 @@ def too_few(obs: Readings, usable: Readings) -> str | None:
     which = "with a position" if within == n else f"within the modem's range ({n} with a position)"
     if n_used < within:
         which = f"of {within} count"
-    return (
-        f"only {n_used} reading{'s' * (n_used != 1)} {which}: at least {FEWEST_READINGS} are needed"
-    )
+    how_many = f"only {n_used} reading{'s' * (n_used != 1)} {which}"
+    where = heard_at(obs)
+    heard = f"; heard best at {where}" if where else ""
+    return f"{how_many}: at least {FEWEST_READINGS} are needed{heard}"
 
 
 def locate_cell(obs: Readings, prior: Prior, within_m: float = DESK_M) -> CellResult:
@@ -337,7 +339,7 @@ def locate_cell(obs: Readings, prior: Prior, within_m: float = DESK_M) -> CellRe
 
 
 def _repeat_warnings(n: int, n_repeats: int) -> list[str]:
-    """How many of `n` readings are reports that were made again while the receiver moved."""
+    """How many of `n` readings were reported again while the receiver moved."""
     if not n_repeats:
         return []
     one = f"{n_repeats} of {n} readings repeat the one before while the receiver moves"

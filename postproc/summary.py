@@ -46,6 +46,7 @@ from postproc.result import (
     CellResult,
     ObservedRun,
     Result,
+    heard_at,
     region_of,
 )
 
@@ -342,7 +343,7 @@ def _begin(answer: Answer) -> tuple[Value, ...]:
 def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
     begin, place = _begin(row.answer), row.answer.place
     if place is None:
-        where = _heard_at(row.result)
+        where = heard_at(row.result.obs)
         return [(*begin, where and f"heard {where}")]
     modes, radii = place.likely_modes, (metres(place.r50_m), metres(place.r95_m))
     rows: list[tuple[Value, ...]] = [
@@ -352,14 +353,6 @@ def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
         within_m = (radius_m(mode.ellipse95, level) for level in (HALF, LEVEL))
         rows.append((f"  place {i}: {mode.percent} %", "", "", mode.where, *map(metres, within_m)))
     return rows
-
-
-def _heard_at(cell: CellResult) -> str | None:
-    """Where a cell without a position was heard best; None if nowhere."""
-    if cell.obs is None or not len(cell.obs):
-        return None
-    lat_deg, lon_deg = cell.obs.strongest.places.first_deg
-    return f"{lat_deg:.4f} {lon_deg:.4f}"
 
 
 def _area_line(rows: Sequence[SummaryRow]) -> str:
@@ -401,8 +394,6 @@ def _cell_parts(row: SummaryRow, run_names: Sequence[str]) -> Parts:
     parts.append(Line(answer.sentence, bullet="  "))
     others = answer.reasons[answer.verdict != "located" :]
     parts += [Line(warning, bullet="  - ") for warning in others]
-    if answer.place is None and (where := _heard_at(result)):
-        parts.append(Line(f"best heard at {where}", bullet="  "))
     parts.append(estimator_table(answer))
     if answer.parameters is not None and answer.parameters.alternatives:
         parts.append(Line(alternatives_text(answer.parameters.alternatives), bullet="  "))

@@ -19,7 +19,7 @@ from logger.core.places import (
 from logger.core.readings import NEAR_M, Observations, Readings, modems_of, observe, scan_times_ns
 from logger.core.rows import Rows, numbered_texts
 from logger.core.runfile import Run
-from logger.core.runfile.meta import has_times, is_import
+from logger.core.runfile.meta import has_times, is_dated, is_import
 from logger.core.types import UNKNOWN_TIME
 from postproc.estimators import track_plausibility, walker
 from postproc.estimators.walker import SmoothedTrack
@@ -129,20 +129,26 @@ def observe_run(run: Run) -> ObservedRun:
         return ObservedRun(run, None, (str(error),))
     if not has_times(run.meta.origin):
         warning = "the readings were imported without times: no position is smoothed"
-        return ObservedRun(run, observations, (warning,))
+        return ObservedRun(run, _in_order_of_rows(observations), (warning,))
     written = observations.track
     if is_import(run.meta.origin):
-        is_dated = bool(np.any(run.tables["fixes"]["utc_ns"] != UNKNOWN_TIME))
-        why = track_plausibility.why_no_clock(written, is_dated=is_dated)
+        has_utc = bool(np.any(run.tables["fixes"]["utc_ns"] != UNKNOWN_TIME))
+        has_dates = has_utc or is_dated(run.meta.origin)
+        why = track_plausibility.why_no_clock(written, is_dated=has_dates)
         if why := why or track_plausibility.too_fast(written):
             warning = f"the times cannot be right: {why}; so no position is smoothed"
-            return ObservedRun(run, observations, (warning,))
+            return ObservedRun(run, _in_order_of_rows(observations), (warning,))
     track = _smooth_track(run.tables, observations)
     if is_import(run.meta.origin) and (why := track_plausibility.too_many_apart(track)):
         warning = f"{why}: no position is smoothed, and each counts as less certain"
         return ObservedRun(run, _as_written(observations), (warning,))
     placed = with_named_shares(_place_readings(run.tables, observations, track), run.named_readings)
     return ObservedRun(run, placed, tuple(_describe_moved_fixes(track)))
+
+
+def _in_order_of_rows(observations: Observations) -> Observations:
+    cells = tuple(replace(obs, is_timed=False) for obs in observations.cells)
+    return replace(observations, cells=cells)
 
 
 def _as_written(observations: Observations) -> Observations:

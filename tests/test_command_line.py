@@ -1,6 +1,7 @@
 """What both programs share: their version, and what they say where a library is missing."""
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -23,6 +24,23 @@ CLAIM = 'listen = "127.0.0.1:8080"'
 def test_the_version_is_that_of_the_package(name, main, capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"{name} {metadata.version('cellwalk')}\n"
+
+
+@pytest.mark.parametrize(("redirect", "shown"), [("", b"walk?.h5 (hdf5)"), (">&-", b"")])
+def test_any_output_is_one(redirect, shown, tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text("t_s,lat,lon,rssi_dbm\n0,52,13,-70\n1,52,13,-70\n")
+    run = tmp_path / "walk–.h5"
+    assert postproc(["import", str(log), "-o", str(run)]) == 0
+    command = [sys.executable, "-m", "postproc.cli", "info", str(run)]
+    done = subprocess.run(
+        ["sh", "-c", f'"$@" {redirect}', "sh", *command],
+        env=os.environ | {"PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert shown in done.stdout
 
 
 @cache

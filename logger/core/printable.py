@@ -6,8 +6,10 @@ order of a text) and halves of surrogates become escapes as in JSON, so that JSO
 
 import re
 import sys
+from codecs import lookup
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import StringIO, TextIOWrapper
 from typing import Any, TextIO
 from unicodedata import category
 
@@ -54,9 +56,17 @@ class PlainStream:
 @contextmanager
 def plain_streams() -> Iterator[None]:
     """Print everything within the context through a `PlainStream`."""
-    out, errors = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = PlainStream(out), PlainStream(errors)
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (PlainStream(_writable(stream)) for stream in before)
     try:
         yield
     finally:
-        sys.stdout, sys.stderr = out, errors
+        sys.stdout, sys.stderr = before
+
+
+def _writable(stream: TextIO | None) -> TextIO:
+    if stream is None:  # closed
+        return StringIO()
+    if isinstance(stream, TextIOWrapper) and lookup(stream.encoding).name != "utf-8":
+        stream.reconfigure(errors="replace")
+    return stream

@@ -125,7 +125,8 @@ class Readings:
     one modem. `known_limit` is `limit` if the levels no longer show it. `ta` is the timing advance
     in steps of GSM or of LTE, -1 if unknown; None is none at all. `named_share` is the share of the
     scans near a reading that name the cell; None is unknown. `without_spikes`: repeated levels and
-    those that their neighbours do not confirm have been removed, or are to stay.
+    those that their neighbours do not confirm have been removed, or are to stay. `is_timed`: in
+    the order of one clock.
     """
 
     cell: str
@@ -138,6 +139,7 @@ class Readings:
     ta: IntArray | None = None
     named_share: FloatArray | None = None
     without_spikes: bool = False
+    is_timed: bool = True
 
     @classmethod
     def one(

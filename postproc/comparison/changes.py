@@ -99,7 +99,7 @@ def probability(change: Change, offset: Offset, scale: float) -> float:
 def offset_of(others: list[Change], *, same_modem: bool) -> Offset:
     """Weighted median of the changes of other cells, with the prior.
 
-    A minority of changed cells does not move it.
+    A minority of changed cells does not move it, and disagreement widens it.
     """
     prior_db2 = (SAME_MODEM_DB if same_modem else OTHER_MODEM_DB) ** 2
     if not others:
@@ -109,8 +109,9 @@ def offset_of(others: list[Change], *, same_modem: bool) -> Offset:
     order = np.argsort(changes_db)
     half = int(np.searchsorted(np.cumsum(weight[order]), 0.5 * np.sum(weight)))
     median_db = float(changes_db[order][min(half, len(order) - 1)])
+    spread = _MAD * float(np.median(np.abs(changes_db - median_db) * np.sqrt(weight)))
     # the median of Gaussians has pi/2 times the variance of the mean
-    of_median_db2 = 0.5 * np.pi / float(np.sum(weight))
+    of_median_db2 = 0.5 * np.pi / float(np.sum(weight)) * max(1.0, spread) ** 2
     gain = prior_db2 / (prior_db2 + of_median_db2)
     return Offset(gain * median_db, float(np.sqrt(gain * of_median_db2)))
 

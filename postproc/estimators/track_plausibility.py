@@ -52,7 +52,7 @@ SLOW_MPS = 0.5
 def why_no_clock(track: Track, *, is_dated: bool = False) -> str | None:
     """Why the times of a track were not taken from a clock; None where they may have been.
 
-    Those that are dated count no rows, whatever way they belong to.
+    Dated ones count no rows.
     """
     if not is_dated and _counts_rows(track):
         return "they count the rows"

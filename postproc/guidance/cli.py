@@ -112,11 +112,11 @@ def next_command(
         atomic_write.check_output(routes)
     if picture is not None:
         atomic_write.check_picture(picture)
-    obs = _readings_of(paths, cell)
+    begin, obs = _start(start), _readings_of(paths, cell)
     found = cell_work.attempt_alone(
         obs.cell,
         "its next walk",
-        lambda: next_walk.next_walk(obs, prior, _start(start), lines),
+        lambda: next_walk.next_walk(obs, prior, begin, lines),
     )
     if routes is not None:
         next_walk.write_gpx(found, routes)

@@ -89,8 +89,7 @@ def next_walk(
     everywhere = obs.everywhere()  # the walk, wherever its readings count
     obs = everywhere.usable()
     if why := too_few(everywhere, obs):
-        lat_deg, lon_deg = everywhere.strongest.places.first_deg
-        raise EstimationError(f"{why}; walk where it was heard: {lat_deg:.4f} {lon_deg:.4f}")
+        raise EstimationError(f"{why}; walk there")
     task = prepare(obs, prior, _EFFORT)
     tree = search(task)
     posterior = locate(obs, prior)  # the answer is that of every command

@@ -21,7 +21,7 @@ from logger.core.cell_names import channel_name
 from logger.core.errors import FieldLoggerError, GeoError, RunFileError
 from logger.core.foreign import open_regular
 from logger.core.runfile import RunMeta, RunWriter, convert_journal, read_sound_run
-from logger.core.runfile.meta import IMPORT, IMPORT_WITHOUT_TIMES
+from logger.core.runfile.meta import DATED, IMPORT, IMPORT_WITHOUT_TIMES
 from logger.core.types import Fix, Note, Record, Scan, range_dbm, reportable, utc_text
 from postproc.estimators import track_plausibility
 from postproc.foreign_file import (
@@ -384,6 +384,13 @@ def _write(
     if sha256 is not None:
         what = f"{what if reading.keep_name else 'a capture'}, SHA-256 {sha256}"
     origin = f"{IMPORT if has_times else IMPORT_WITHOUT_TIMES} {what}"
+    if (
+        has_times
+        and sightings
+        and _is_dated(sightings)
+        and next(iter(sightings)).fix.utc_ns is None
+    ):
+        origin += DATED
     rows = with_progress(
         sightings if has_times else _without_times(sightings), "writing", len(sightings)
     )
@@ -519,8 +526,7 @@ def _why_no_clock(source: Path, form: Format, sightings: SightingFile) -> str | 
         track = sightings.track()
     except GeoError:  # outside of UTM: the estimators report that
         return None
-    is_dated = sightings.span_ns()[0] >= track_plausibility.FIRST_DATED_NS
-    if why := track_plausibility.why_no_clock(track, is_dated=is_dated):
+    if why := track_plausibility.why_no_clock(track, is_dated=_is_dated(sightings)):
         return why
     n_of_one_time = int(np.count_nonzero(np.diff(track.t_ns) == 0))
     if not form.unrepeated and n_of_one_time > _SHARE_OF_ONE_TIME * len(track.t_ns):
@@ -533,6 +539,10 @@ def _why_no_clock(source: Path, form: Format, sightings: SightingFile) -> str | 
             "or import the rows in their order, without times: --times none"
         )
     return None
+
+
+def _is_dated(sightings: SightingFile) -> bool:
+    return sightings.span_ns()[0] >= track_plausibility.FIRST_DATED_NS
 
 
 def _n_hidden(sightings: Iterable[Sighting]) -> int:

@@ -276,7 +276,11 @@ class Survey:
     def degrees(self, positions_m: FloatArray) -> FloatArray:
         """Latitude and longitude (n, 2) of local positions (n, 2); one run must have a fix."""
         assert self.utm is not None
-        return np.column_stack(self.utm.to_latlon_arrays(*(positions_m + self.origin_m).T))
+        lat_deg, lon_deg = self.utm.to_latlon_arrays(*(positions_m + self.origin_m).T)
+        _, middle_deg = self.utm.to_latlon(*self.origin_m)
+        # on beyond 180 degrees: no line goes around the world
+        lon_deg = middle_deg + (lon_deg - middle_deg + 180.0) % 360.0 - 180.0
+        return np.column_stack([lat_deg, lon_deg])
 
 
 def survey_of(result: Result) -> Survey:

@@ -206,4 +206,4 @@ def _alt_text(places: Sequence[_Place], n_cells: int) -> str:
         f"the regions that hold 50 % and 95 % of its probability: {'; '.join(named)}."
     )
     left = n_cells - len(places)
-    return text + (f" The other {left} have no position to show." if left else "")
+    return text + (f" The plan does not show the other {left}." if left else "")

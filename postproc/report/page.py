@@ -21,7 +21,7 @@ from postproc.info import CellCount, Event, Gap, Info, describe
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
-from postproc.result import CellResult, ObservedRun, Result
+from postproc.result import CellResult, ObservedRun, Result, heard_at
 from postproc.summary import estimator_table, run_table, sentence
 from postproc.suspicion.signalling import signals_of, signals_table
 from postproc.verification.claims import CellVerdict, Verified
@@ -278,7 +278,8 @@ def _cell_table(result: Result, counts: Mapping[str, CellCount]) -> Table:
     for number, cell in enumerate(result.cells, 1):
         word = result.words.get(cell.cell)
         count, place = counts.get(cell.cell), cell.place
-        shown: tuple[Value, ...] = (None, None, None)
+        heard = None if place else heard_at(cell.obs)
+        shown: tuple[Value, ...] = (heard and f"heard {heard}", None, None)
         if place is not None:
             shown = (place.where, place.r50_m, place.r95_m)
         rows.append(

@@ -307,4 +307,5 @@ def _observations(cell: str, rat: str | None, rows: dict[str, np.ndarray[Any, An
         scan_seq=rows["scan_seq"],
         ta=ta if np.any(ta >= 0) else None,
         named_share=None if np.any(np.isnan(named_share)) else named_share,
+        is_timed=bool(np.any(rows["t_ns"])),
     )

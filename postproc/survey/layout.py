@@ -19,7 +19,7 @@ READINGS = pa.schema(
     [
         pa.field("cell", pa.string(), metadata={"unit": "name of the cell"}),
         pa.field("run", pa.string(), metadata={"unit": "digest of the run"}),
-        pa.field("t_ns", pa.int64(), metadata={"unit": "ns since the run began"}),
+        pa.field("t_ns", pa.int64(), metadata={"unit": "ns since the run began, 0 without times"}),
         pa.field("zone", pa.int8(), metadata={"unit": "UTM zone, negative south of the equator"}),
         pa.field("x_m", pa.float64(), metadata={"unit": "m east"}),
         pa.field("y_m", pa.float64(), metadata={"unit": "m north"}),

@@ -133,7 +133,8 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
         ),
         observed.track.utm.zone,
         np.repeat(np.arange(len(series)), [len(obs) for obs in series]),
-        join(column("t_ns")).astype(np.int64) - run.meta.started_ns,
+        (join(column("t_ns")).astype(np.int64) - run.meta.started_ns)
+        * all(obs.is_timed for obs in series),
         join(column("x_m")),
         join(column("y_m")),
         join(column("position_sigma_m")),

@@ -63,7 +63,7 @@ def away_m(one_deg: tuple[float, float], other_deg: tuple[float, float]) -> floa
 def swap_hint(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
     """Question whether the claim's latitude and longitude were exchanged.
 
-    `walk_deg` is the latitude and longitude of the walk. None where the claim can be received, or
+    `walk_deg` is that of the walk. None where the claim can be received, or
     is far away either way.
     """
     lat_deg, lon_deg = claim.lon_deg, claim.lat_deg
@@ -95,38 +95,41 @@ def parse_claim(text: str, cell: str | None) -> Claim:
     )
 
 
-def read_claims(path: Path, observed: Sequence[str]) -> list[Claim]:
-    """Claims about the observed cells, from a file.
+def read_claims(path: Path, wanted: Sequence[str]) -> tuple[list[Claim], list[str]]:
+    """Claims about cells, from a file, and the other cells of our CSV (cell, lat, lon[, sigma_m]).
 
     Raises `RunFileError` for a file that contains none, `ConfigError` for a bad claim.
-
-    Our CSV has columns cell, lat, lon and optionally sigma_m. Cells that a database or an export
-    does not know have no claim.
     """
     if is_sqlite(path):
         with closing(CellDb(path)) as database:
-            return claims_of(database, observed)
+            return claims_of(database, wanted), []
     try:
         with text_lines(path) as lines:
             reader = csv.DictReader(lines)
             names = [name.strip().lower() for name in reader.fieldnames or ()]
             if set(_COLUMNS) <= set(names) and "radio" not in names:
                 reader.fieldnames = names
-                return list(
-                    with_limit(_of_csv(reader, lines, path, observed), path, "claims", _MOST)
-                )
+                others: dict[str, None] = {}
+                rows = _of_csv(reader, lines, path, wanted, others)
+                return list(with_limit(rows, path, "claims", _MOST)), list(others)
     except csv.Error as error:
         raise RunFileError(f"{path} is no CSV file: {error}") from error
-    return _of_export(path, observed)
+    return _of_export(path, wanted), []
 
 
 def _of_csv(
-    reader: "csv.DictReader[str]", lines: Lines, path: Path, observed: Sequence[str]
+    reader: "csv.DictReader[str]",
+    lines: Lines,
+    path: Path,
+    wanted: Sequence[str],
+    others: dict[str, None],
 ) -> Iterator[Claim]:
     for row in reader:
         lines.end_row()
-        if row["cell"] in observed:
+        if row["cell"] in wanted:
             yield _own(row, path, lines.number)
+        elif row["cell"] and len(others) < _MOST:
+            others[row["cell"]] = None
 
 
 def _own(row: dict[str, str], path: Path, line: int) -> Claim:
@@ -212,6 +215,7 @@ def _check(claim: Claim) -> Claim:
 
 Verdict = Literal["consistent", "rejected", "cannot tell"]
 Followed = Literal["indirect"]
+_MOST_NAMES = 8
 _CONTROL = "Benjamini-Hochberg over the claims tested: q is p adjusted, rejected where q <= p_fa"
 
 
@@ -277,7 +281,8 @@ class Verified:
     """Verdicts on all claims of a run.
 
     `without_claim` are cells observed that no claim is about, which is no alarm; `heard_once` are
-    cells identified in one scan only or never without doubt, which are not tested.
+    cells identified in one scan only or never without doubt, which are not tested; `not_observed`
+    are cells of a file of claims that the runs lack.
     """
 
     p_fa: float
@@ -285,6 +290,16 @@ class Verified:
     without_claim: tuple[str, ...]
     warnings: tuple[str, ...]
     heard_once: tuple[str, ...] = ()
+    not_observed: tuple[str, ...] = ()
+
+    @property
+    def not_observed_text(self) -> str:
+        """The first."""
+        names, more = self.not_observed[:_MOST_NAMES], len(self.not_observed) - _MOST_NAMES
+        if not names:
+            return ""
+        which = ", ".join(names) + (f" and {more} more" if more > 0 else "")
+        return f"claimed but not observed, so not tested: {which}"
 
 
 class SiteVerdict(Struct, kw_only=True):
@@ -307,7 +322,7 @@ class SiteVerdict(Struct, kw_only=True):
 
 
 def document_of(verified: Verified) -> Document:
-    """Each claim with its verdict, its p-value and what the test would have detected."""
+    """Each claim with verdict, p-value and what the test would have detected."""
     cells = [asdict(cell) | {"detectable_m": cell.detectable_m} for cell in verified.cells]
     content = asdict(verified) | {"cells": cells, "false_discovery_control": _CONTROL}
     return Document(content, warnings=verified.warnings, body=_verified_parts(verified))
@@ -322,6 +337,8 @@ def _verified_parts(verified: Verified) -> Iterator[Part]:
     if verified.heard_once:
         once = "observed in one scan only or never without doubt: not tested"
         yield f"{_cells(len(verified.heard_once))} {once}"
+    if verified.not_observed:
+        yield verified.not_observed_text
     tested = sum(cell.p is not None for cell in verified.cells)
     if tested:
         over = f"false discoveries over {tested} claim{'s' * (tested != 1)}"

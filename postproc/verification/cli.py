@@ -48,14 +48,13 @@ def tested_claims(
         return None
     runs, only = [one.run for one in result.runs], [cell for cell in cells if cell] or None
     claimed = [claims.parse_claim(text, cell) for text in texts for cell in cells]
-    if path is not None:
-        claimed += claims.read_claims(path, list(scan_counts.observed_cells(runs, only)))
-    return _test(runs, claimed, p_fa, prior, only, result)
+    return _test(runs, claimed, path, p_fa, prior, only, result)
 
 
 def _test(
     runs: Sequence[runfile.Run],
     claimed: Sequence[claims.Claim],
+    path: Path | None,
     p_fa: float,
     prior: priors.Prior,
     only: Sequence[str] | None,
@@ -67,6 +66,7 @@ def _test(
         p_fa,
         prior,
         only,
+        file=path,
         result=result,
         progress=progress.with_progress,
     )
@@ -122,13 +122,10 @@ def verify(
         return _verify_sites(runs[0], other, only, p_fa, prior, as_json=as_json)
     if against is not None:
         raise ConfigError("--against goes with --sites")
-    observed = scan_counts.observed_cells(runs, only)
-    if claim is not None:
-        claimed = [claims.parse_claim(claim, cell)]
-    elif claims_path is not None:
-        claimed = claims.read_claims(claims_path, list(observed))
+    scan_counts.observed_cells(runs, only)
+    claimed = [] if claim is None else [claims.parse_claim(claim, cell)]
     result = stored_result(runs, only or [], estimation.Options(prior))
-    verified = _test(runs, claimed, p_fa, prior, only, result)
+    verified = _test(runs, claimed, claims_path, p_fa, prior, only, result)
     show(claims.document_of(verified), as_json=as_json)
     return cell_work.exit_code(verified.cells)
 

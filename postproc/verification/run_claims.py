@@ -8,6 +8,7 @@ is not rejected is "consistent" only where the walk would notice some displaceme
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -41,6 +42,7 @@ from postproc.verification.claims import (
     Verdict,
     Verified,
     away_m,
+    read_claims,
     swap_hint,
 )
 from postproc.walk import observe_run
@@ -222,7 +224,7 @@ def verify_cell(
 ) -> CellVerdict:
     """Test of a claim; the verdict is open until the p-values of all claims are adjusted.
 
-    `posterior` is that of these readings and the prior, where it is known.
+    `posterior` is that of these readings and the prior, where known.
     """
     usable = obs.usable()
     if why := too_few(obs, usable):
@@ -259,7 +261,7 @@ def verify_cell(
 def undecided_verdict(
     cell: str, n: int, claim: Claim, why: str, error: str | None = None
 ) -> CellVerdict:
-    """A claim that cannot be tested, or whose test was ended by an error of the program."""
+    """A claim that cannot be tested, or whose test failed."""
     return CellVerdict(cell, n, claim, "cannot tell", (why,), error=error)
 
 
@@ -274,24 +276,29 @@ def verify_claims(
     prior: Prior,
     only: Sequence[str] | None = None,
     *,
+    file: Path | None = None,
     result: Result | None = None,
     progress: Progress | None = None,
 ) -> Verified:
     """Verdicts on all claims about the cells of runs, or about the cells in `only`.
 
-    `result` is that of `smooth` for these runs and the prior, if known. Raises `ConfigError` for a
-    cell that was not observed and for a rate outside 0 to 0.5.
+    `file` has more; `result` is that of `smooth` for these runs and the prior, if known.
+    Raises `ConfigError` for a cell that was not observed and for a rate outside 0 to 0.5.
     """
     if not 0.0 < p_fa <= 0.5:
         raise ConfigError(f"a false-alarm rate lies between 0 and 0.5, not at {p_fa:g}")
     runs = [runs] if isinstance(runs, Run) else list(runs)
+    every, others = observed_cells(runs, only), list[str]()
+    if file is not None:
+        in_file, others = read_claims(file, list(every))
+        claims = [*claims, *in_file]
     observed = result.runs if result else in_one_zone([observe_run(run) for run in runs])
     posteriors = {cell.cell: cell.posterior for cell in result.cells} if result else {}
     tracks = [one.observations.track for one in observed if one.observations]
     if prior.area is not None and tracks:
         prior = replace(prior, area=prior.area.at(tracks))
-    every, modems = observed_cells(runs, only), modems_of(runs)
-    of_cells = parts_by_cell(observed, set(observed_cells(runs, None)))
+    every_cell, modems = observed_cells(runs, None), modems_of(runs)
+    of_cells = parts_by_cell(observed, set(every_cell))
     by_name = {
         cell: merge(parts_of_most_heard_modems(parts, modems), modems)
         for cell, parts in of_cells.items()
@@ -328,6 +335,7 @@ def verify_claims(
         tuple(cell for cell in every if cell not in {*names, *rarely}),
         tuple(warning for one in observed for warning in one.warnings),
         tuple(cell for cell in every if cell in rarely),
+        tuple(cell for cell in others if cell not in every_cell),
     )
 
 
@@ -352,7 +360,7 @@ def _middle_deg(track: Track) -> tuple[float, float]:
 
 
 def _geodesic(verdict: CellVerdict, walk_deg: tuple[float, float]) -> CellVerdict:
-    """The verdict with a distance that is true off the map, and a hint for a claim far away."""
+    """With a distance that is true off the map, and a hint for a far claim."""
     claim = verdict.claim
     if verdict.distance_m is not None and verdict.distance_m > _MAP_M:
         verdict = replace(verdict, distance_m=away_m((claim.lat_deg, claim.lon_deg), walk_deg))

@@ -166,10 +166,14 @@ def _view_model(
     result, conspicuous = run_assessment.conspicuous_first(result)
     cells = view_model.select_cells(result, names or conspicuous[:1])
     detailed = [cell.cell for cell in cells]
-    verified = tested_claims(result, detailed, options.prior, _P_FA, claim, claims)
-    if verified is not None and not verified.cells:
-        about = ", ".join(detailed) or "any cell"
-        raise ConfigError(f"{claims} claims nothing about {about}; see --cell")
+    # the claims about all cells, as for verify: their number adjusts q
+    verified = tested_claims(result, names or [None], options.prior, _P_FA, claim, claims)
+    if verified is not None:
+        if not any(tested.cell in detailed for tested in verified.cells):
+            about = ", ".join(detailed) or "any cell"
+            raise ConfigError(f"{claims} claims nothing about {about}; see --cell")
+        if verified.not_observed:
+            print(verified.not_observed_text, file=sys.stderr)
 
     survey = surveys.survey_of(result)
 

@@ -14,7 +14,12 @@ def test_a_file_appears_when_it_is_whole(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "failure", [OSError(28, "No space left on device"), RuntimeError("the writer gave up")]
+    "failure",
+    [
+        OSError(28, "No space left on device"),
+        OSError(28, "Unable to synchronously create file (name = 'a.part', errno = 28)"),  # HDF5
+        RuntimeError("the writer gave up"),
+    ],
 )
 def test_a_failure_leaves_what_was_there(tmp_path, failure):
     path = tmp_path / "a.txt"

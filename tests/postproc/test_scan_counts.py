@@ -85,6 +85,22 @@ def test_what_was_heard_once_is_never_located(path):
     assert found[BOTH].posterior is not None
 
 
+def test_every_output_says_where_a_cell_of_few_readings_was_heard(tmp_path, capsys):
+    path, out = tmp_path / "few.journal", tmp_path / "out.csv"
+    runs.write_journal(path, runs.records(3))
+    says = "heard best at 52.0000 13.0000"
+    for cell in json_output(capsys, "smooth", path, "--json")["cells"]:
+        assert cell["warnings"][0].endswith(says)
+    assert main(["smooth", str(path)]) == 0
+    assert capsys.readouterr().out.count(says) == 2
+    assert main(["export", str(path), "--estimates", "-o", str(out)]) == 0
+    assert out.read_text().count(says) == 2
+    assert main(["report", str(path), "-o", str(out)]) == 0
+    page = out.read_text()
+    assert page.count(says) >= 2
+    assert page.count(">heard 52.0000 13.0000</td>") == 2
+
+
 def test_json_says_in_how_many_scans(path, capsys):
     cells = json_output(capsys, "smooth", path, "--json")["cells"]
     assert {cell["cell"]: cell["n_scans"] for cell in cells} == {

@@ -6,6 +6,7 @@ import numpy as np
 
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan
+from postproc.multi_run import merge
 from postproc.walk import observe_run
 from tests.kit import runs
 
@@ -48,6 +49,14 @@ def test_a_recorded_run_is_smoothed_however_fast_it_was(tmp_path):
     for origin, asked in (("test", False), ("import of train.csv", True)):
         warnings = observe_run(_run(tmp_path, north_m, origin=origin)).warnings
         assert any("the times cannot be right" in warning for warning in warnings) == asked
+
+
+def test_only_readings_in_the_order_of_one_clock_are_timed(tmp_path):
+    north_m = np.arange(100) * 1.4
+    for origin, is_timed in (("test", True), ("import without times of x", False)):
+        (obs,) = observe_run(_run(tmp_path, north_m, origin=origin)).observations.cells
+        assert obs.is_timed == merge({0: obs}, [0]).is_timed == is_timed
+        assert not merge({0: obs, 1: obs}, [0, 0]).is_timed
 
 
 def test_readings_of_a_scan_whose_row_is_lost_are_placed_by_their_own_time(tmp_path):

@@ -11,8 +11,6 @@
 result with each reading (`online`) by the same functions.
 """
 
-import numpy as np
-
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import LocatorInput, prepare
 from logger.core.locator.quadtree import Effort, Tree
@@ -74,10 +72,10 @@ def decide(posterior: Posterior, obs: Readings, *, within_m: float = DESK_M) -> 
 def unless_it_moves(decision: Decision, posterior: Posterior, obs: Readings) -> Decision:
     """The decision, or cannot tell where a transmitter that moves explains a location better.
 
-    Readings of several modems, whose offsets look like a move, leave it as it is, and those of
-    several runs, whose times are not those of one clock.
+    Readings of several modems, whose offsets look like a move, leave it as it is, and those not of
+    one clock.
     """
-    if decision.verdict != "located" or obs.n_modems > 1 or np.any(np.diff(obs.t_ns) < 0):
+    if decision.verdict != "located" or obs.n_modems > 1 or not obs.is_timed:
         return decision
     motion = MotionTest()
     motion.try_moves(obs, posterior, len(MOVES_M))

@@ -71,9 +71,9 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
         part.replace(target)
         sync_folder(target.parent)
     except (OSError, RuntimeError) as error:  # HDF5 reports a full card by RuntimeError too
-        raise RunFileError(
-            f"cannot write {target}: {getattr(error, 'strerror', None) or error}"
-        ) from error
+        number = getattr(error, "errno", None)  # HDF5 has a text of its own
+        why = os.strerror(number) if number else error
+        raise RunFileError(f"cannot write {target}: {why}") from error
     finally:
         with suppress(OSError):
             part.unlink()

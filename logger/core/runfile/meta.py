@@ -113,6 +113,8 @@ class Damage(msgspec.Struct, frozen=True, kw_only=True):
 
 IMPORT = "import of"
 IMPORT_WITHOUT_TIMES = "import without times of"
+DATED = ", with dates"
+"""Ends an import of dated times of no known zone."""
 SHARED = "shared copy"
 SIMULATED = "simulated walk "
 """The name of the scenario follows."""
@@ -131,6 +133,11 @@ def has_times(origin: str) -> bool:
     return not origin.startswith(_WITHOUT_TIMES)
 
 
+def is_dated(origin: str) -> bool:
+    """Whether an import had dates, although no fix has UTC."""
+    return is_import(origin) and origin.endswith(DATED)
+
+
 def is_simulated(origin: str) -> bool:
     """Whether the simulator recorded it, perhaps faster than real: its receiver is never wrong."""
     return origin.startswith(SIMULATED)
@@ -140,4 +147,7 @@ def origin_of_copy(origin: str) -> str:
     """Origin of a copy to give away, which names no file of its owner."""
     if not is_import(origin):
         return SHARED
-    return f"{SHARED} of an import{'' if has_times(origin) else ' without times'}"
+    return (
+        f"{SHARED} of an import{'' if has_times(origin) else ' without times'}"
+        f"{DATED if is_dated(origin) else ''}"
+    )

@@ -74,6 +74,8 @@ def test_a_location_stays_unless_one_that_moves_is_likelier():
     assert "transmitter that moves" in found.reasons[0]
     two_modems = replace(moves, modem=np.arange(len(moves)) % 2)
     assert unless_it_moves(located, locate(moves), two_modems) is located
+    in_order_of_rows = replace(moves, is_timed=False)
+    assert unless_it_moves(located, locate(moves), in_order_of_rows) is located
 
 
 def test_nothing_is_said_before_every_move_has_been_tried():

@@ -206,6 +206,17 @@ def test_a_changed_minority_does_not_move_the_offset():
     assert abs(offset_of(steady + changed, same_modem=False).db - 3.0) < 2.0
 
 
+def test_two_cells_that_disagree_leave_the_offset_open():
+    random = np.random.default_rng(5)
+    same, steady, changed = (
+        change_of(differences(random, 12, db), 1.0) for db in (0.0, 0.0, -15.0)
+    )
+    offset = offset_of([steady, changed], same_modem=False)
+    assert offset.sigma_db > 4.0
+    assert probability(same, offset, 1.0) > 0.05
+    assert offset_of([steady, same], same_modem=False).sigma_db < 2.0
+
+
 def test_without_other_cells_the_offset_is_the_prior():
     assert offset_of([], same_modem=True) == (0.0, 2.0)
     assert offset_of([], same_modem=False) == (0.0, 6.0)

@@ -153,12 +153,13 @@ def test_a_mistake_is_one_line(run, capsys, arguments, reason):
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     assert reason in err
+    assert "error of this program" not in err
 
 
 def test_a_cell_of_too_few_readings_has_no_route(run):
     """As `smooth`, which has no position of it."""
     few = _readings_of([run], None).part(slice(4))
     with pytest.raises(
-        EstimationError, match="only 4 .* at least 5 are needed; walk where it was heard: "
+        EstimationError, match="only 4 .* at least 5 are needed; heard best at .*; walk there"
     ):
         next_walk(few, Prior())

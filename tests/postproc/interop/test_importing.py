@@ -283,6 +283,20 @@ def test_an_import_of_an_earlier_version_is_not_moved_either(tmp_path, monkeypat
     assert set(np.round(obs.x_m, 3)) <= set(np.round(track.x_m, 3))
 
 
+def test_what_an_import_decided_of_dated_times_holds_for_the_run_and_its_copy(tmp_path):
+    rows = [
+        f"2026-05-01 12:{k // 60:02}:{k % 60:02},{52.5 + 1.2e-5 * k + 0.002 * (k > 60)},13.4,-80,5"
+        for k in range(120)
+    ]
+    source = _write(tmp_path, "\n".join(["Timestamp,lat,lon,rsrp,cid", *rows]))
+    assert import_walk(source, tmp_path / "run.h5").has_times
+    share = ["share", str(tmp_path / "run.h5"), "--blur-m", "20", "-o", str(tmp_path / "copy.h5")]
+    assert main(share) == 0
+    for name in ("run.h5", "copy.h5"):
+        observed = observe_run(read_run(tmp_path / name))
+        assert not any("times cannot be right" in warning for warning in observed.warnings)
+
+
 # --- the date ---
 
 

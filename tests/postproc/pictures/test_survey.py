@@ -4,6 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from logger.core.places import Utm
 from postproc.pictures.survey import (
     Box,
     evenly_spaced,
@@ -34,6 +35,15 @@ def test_positions_convert_to_degrees_and_back(result):
     for position_m, degrees in zip(positions_m, survey.degrees(positions_m), strict=True):
         np.testing.assert_allclose(survey.position_m(*degrees), position_m, atol=1e-6)
     np.testing.assert_allclose(survey.degrees(np.zeros((1, 2))), [(kit.LAT, kit.LON)], atol=1e-6)
+
+
+def test_longitudes_go_on_across_the_antimeridian(result):
+    for lon_deg, zone in ((179.9999, -60), (-179.9999, -1)):
+        utm = Utm(zone)
+        at_180 = replace(survey_of(result), utm=utm, origin_m=np.array(utm.to_xy(-16.5, lon_deg)))
+        found_deg = at_180.degrees(np.array([(-50.0, 0.0), (0.0, 0.0), (50.0, 0.0)]))[:, 1]
+        np.testing.assert_allclose(found_deg[1], lon_deg, atol=1e-7)
+        assert np.all((np.diff(found_deg) > 0.0) & (np.diff(found_deg) < 0.001))
 
 
 def test_tracks_of_all_runs_have_one_origin(result):

@@ -124,3 +124,10 @@ def test_a_file_that_does_not_cover_the_walk_is_an_error(result, tmp_path):
     far = write_pmtiles(tmp_path / "far.pmtiles", {(14, 3, 3): layer("roads", [])})
     with pytest.raises(ConfigError, match="does not cover"):
         make_report(result, basemap=far)
+
+
+def test_cells_that_the_plan_leaves_out_may_have_a_position_elsewhere_on_the_page(result):
+    cells = [replace(cell, verdict="cannot tell") for cell in result.cells]
+    cells[0] = replace(cells[0], verdict="located")
+    text = cell_map(survey_of(result), cells, None).alt_text
+    assert text.endswith(f" The plan does not show the other {len(cells) - 1}.")

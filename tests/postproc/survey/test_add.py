@@ -16,6 +16,7 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_sound_run
 from postproc.cli import main
+from postproc.interop.importing import import_walk
 from postproc.multi_run import merge
 from postproc.survey import parquet_batch
 from postproc.survey.dataset import Survey
@@ -56,6 +57,19 @@ def test_readings_are_those_of_smooth(walks, tmp_path):
             np.testing.assert_array_equal(getattr(kept, column), getattr(own, column))
         assert (kept.rat, kept.utm, kept.ta) == (own.rat, own.utm, own.ta)
     assert len(merge(dict(enumerate(by_run.values())), range(3))) == 120
+
+
+def test_readings_without_times_are_known_as_such(tmp_path):
+    log = tmp_path / "log.csv"
+    rows = [f"{3 * k},{52.5 + 3e-5 * k},13.4,{-60 - k % 7},cell" for k in range(30)]
+    log.write_text("\n".join(["t_s,lat,lon,rssi_dbm,cell", *rows, ""]))
+    for has_times in (True, False):
+        path = tmp_path / f"{has_times}.h5"
+        import_walk(log, path, times=has_times)
+        survey = Survey.open_or_make(tmp_path / f"survey-{has_times}")
+        list(add_files(survey, [path]))
+        (kept,) = Survey.open(survey.folder).observations("none", ["cell"])["cell"].values()
+        assert kept.is_timed == has_times
 
 
 def test_each_run_once(walks, tmp_path, capsys):

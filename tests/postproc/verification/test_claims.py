@@ -30,10 +30,9 @@ def test_our_own_csv(tmp_path):
         "Cell,lat,lon,sigma_m,note\ntarget,52.5,13.4,25,x\n"
         "nobody,1,2,3,\n262-01-801-9,52.6,13.5,,\n"
     )
-    assert [(c.cell, c.sigma_m) for c in read_claims(file, HEARD)] == [
-        ("target", 25.0),
-        ("262-01-801-9", 0.0),
-    ]
+    found, others = read_claims(file, HEARD)
+    assert [(c.cell, c.sigma_m) for c in found] == [("target", 25.0), ("262-01-801-9", 0.0)]
+    assert others == ["nobody"]
     for row, says in (
         ("target,x,13", "line 2"),
         ("target,99,13", "line 2"),
@@ -49,7 +48,8 @@ def test_an_export_and_a_database_of_it_claim_the_same(tmp_path):
     file.write_text(EXPORT)
     list(CellImport([file], tmp_path / "c.db"))
     of_export, of_database = read_claims(file, HEARD), read_claims(tmp_path / "c.db", HEARD)
-    for found in (of_export, of_database):
+    for found, others in (of_export, of_database):
+        assert others == []
         places = [(c.cell, c.lat_deg, c.lon_deg, c.sigma_m) for c in found]
         assert places == [
             ("262-01-801-86355", 52.5, 13.4, 1000 * RANGE_SIGMA),

@@ -84,6 +84,22 @@ def test_only_the_cells_asked_about_are_counted(run, tmp_path, capsys):
     assert (output["cells"], output["without_claim"]) == ([], [cell_name(1)])
 
 
+def test_claims_about_cells_that_were_not_observed_are_named(run, tmp_path, capsys):
+    file = tmp_path / "claims.csv"
+    rows = [f"{cell},{LAT},{LON}" for cell in (cell_name(0), "262-1-1-1", "262-1-1-1", "other")]
+    file.write_text("\n".join(["cell,lat,lon", *rows, ""]))
+    says = "claimed but not observed, so not tested: 262-1-1-1, other\n"
+    for only in ((), ("--cell", cell_name(0)), ("--cell", cell_name(1))):
+        assert says in tell(capsys, "verify", run, "--claims", file, *only)
+    output = json.loads(tell(capsys, "verify", run, "--claims", file, "--json"))
+    assert output["not_observed"] == ["262-1-1-1", "other"]
+    file.write_text("cell,lat,lon\n" + "".join(f"{k},1,2\n" for k in range(20)))
+    assert "0, 1, 2, 3, 4, 5, 6, 7 and 12 more\n" in tell(capsys, "verify", run, "--claims", file)
+    page = tmp_path / "page.html"
+    tell(capsys, "report", run, "--claims", file, "-o", page)
+    assert "Claimed but not observed, so not tested: 0, 1" in page.read_text()
+
+
 def test_a_swapped_claim_is_asked_about(run, capsys):
     lat, lon = place(*TRANSMITTER_M)
     output = json.loads(

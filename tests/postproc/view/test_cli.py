@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from logger.core.runfile import finish_journal
+from logger.core.runfile import finish_journal, read_run
 from logger.core.types import Fix
+from postproc import verify
 from postproc.cli import main
+from postproc.result import Options
+from postproc.view.cli import _view_model
 from tests.kit import runs
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks, rows, static_columns
@@ -131,6 +134,14 @@ def test_claims_of_a_file_are_drawn(run, tmp_path):
         == 0
     )
     assert f"/plan/cells/{SHOWN}/claims/1/two_sigma" in chunks(saved)
+
+
+def test_claims_are_tested_with_those_about_all_cells(run, tmp_path):
+    (tmp_path / "claims.csv").write_text(f"cell,lat,lon\n{SHOWN},52.5,13.4\n{OTHER},52.5,13.4\n")
+    tested = verify(run, tmp_path / "claims.csv").cells[0]
+    assert tested.q > tested.p
+    model = _view_model([read_run(run)], (), Options(), (), tmp_path / "claims.csv")
+    assert [claim.q for claim in model.cell_views[0].claims] == [tested.q]
 
 
 def test_a_missing_screen_is_reported_before_estimating(run, fails, monkeypatch):
