@@ -235,7 +235,7 @@ State = TypeVar("State")
 
 
 class Memory:
-    """All that the rules see: the scan `now`, cells of late, and earlier walks (`baseline`).
+    """All that the rules see: the scan `now`, the `latest`, cells of late, earlier walks.
 
     `taken` are the named cells of the scan, each once, and `serving` the one that serves, if it is
     named. `foreign` are cells whose network is not of this place. What a rule keeps itself it gets
@@ -246,6 +246,7 @@ class Memory:
 
     def __init__(self, baseline: Baseline = NO_BASELINE) -> None:
         self.baseline = baseline
+        self.latest: deque[Moment] = deque(maxlen=2 * STEADY)
         self.taken: list[HeardCell] = []
         self.serving: HeardCell | None = None
         self.cells: Latest[HeardCell] = Latest(_MOST_CELLS)
@@ -261,6 +262,7 @@ class Memory:
     def take(self, now: Moment) -> None:
         """Remember a scan."""
         self.now = now
+        self.latest.append(now)
         self._take_serving(now)
         taken: dict[str, HeardCell] = {}
         for heard in now.cells:
