@@ -66,6 +66,13 @@ def test_p1_a_test_network_counts_where_there_are_others():
     alone = [gsm(cid, mcc="001") for cid in range(5)]
     assert Walk().scan(*alone, times=8).rules == set()
     assert ("P1", 99) in Walk().scan(*HOME, gsm(99, mcc="001"), times=8).rules
+    # a modem that names the serving cell alone, and is caught where the walker stands
+    caught = (
+        Walk().scan(gsm(10), metres=0.0, times=20).scan(gsm(99, mcc="001"), metres=0.0, times=8)
+    )
+    assert caught.word("001-01-1201-99") == "suspicious"
+    damaged = Walk().scan(*alone, times=4).scan(gsm(10), *alone).scan(*alone, times=4)
+    assert damaged.rules == set()
 
 
 def test_p4_one_cell_identity_in_two_areas():
