@@ -286,11 +286,6 @@ class CellTable:
                 for row in rows
             ]
         rows.sort(key=_importance)
-        if (known := view.position) is not None:  # the whole region, where it is known
-            rows = [
-                replace(row, verdict=known.verdict) if row.cell == known.cell else row
-                for row in rows
-            ]
         return replace(view, cells=tuple(rows[:MOST_SHOWN]))
 
     def _take(self, t_ns: int, scan: Scan, modem: str) -> None:

@@ -128,6 +128,15 @@ def test_one_distance_is_said_beside_the_arrow_alone(phone):
     assert todo == "Walk as the arrow shows."
 
 
+def test_the_arrow_and_the_plan_cross_180_degrees(phone):
+    """Taveuni is on both sides of it."""
+    fix = "fix: {valid: true, lat_deg: -16.8, lon_deg: 179.999}"
+    way = phone.result_of("geometry.js", f"m.wayOf({{{fix}, next: {{lat: -16.8, lon: -179.999}}}})")
+    assert way == {"azimuthDeg": 90, "metres": pytest.approx(213.0, abs=1.0)}
+    region = "m.metres({lat: -16.8, lon: 179.999}, -16.8, -179.999)"
+    assert phone.result_of("geometry.js", region)[0] == pytest.approx(213.0, abs=1.0)
+
+
 def test_the_arrow_leads_from_where_the_walker_is_now(phone):
     fix = "fix: {valid: true, lat_deg: 52.5, lon_deg: 13.4}"
     north_m = "next: {azimuth_deg: 90, distance_m: 250, lat: 52.501, lon: 13.4}"

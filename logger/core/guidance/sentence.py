@@ -112,7 +112,7 @@ def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) 
     if away_m < _CLOSE_M and spread_m < _CLOSE_M:
         return f"it is within {spread_m:.0f} m of a place {where}", "hear it from another side"
     if spread_m < _OPEN_M:
-        return f"the likeliest place is {where}, known to {spread_m:.0f} m", _PASSING
+        return f"the likeliest place is {where}", _PASSING  # the answer has the radius
     return f"the position is open, likeliest {where}", _SAYS_MOST
 
 

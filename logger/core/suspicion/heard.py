@@ -22,6 +22,7 @@ FULL_LIST = 4
 """From so many cells on, the weakest level of a scan limits what could be missed."""
 PAIR_HELD_S = 10.0
 """Telephones print the old identity with the new channel for some seconds after a handover."""
+_MOST_MET, _LATE_S = 4, 300.0  # cells that begin to serve a walker who stands
 _LOWEST_DBM = -145.0
 """Below RSRP (-144 dBm, 3GPP TS 36.133 9.1.4): some telephones print -200 for none."""
 MOST_NETWORKS = 128
@@ -235,7 +236,7 @@ State = TypeVar("State")
 
 
 class Memory:
-    """All that the rules see: the scan `now`, cells of late, and earlier walks (`baseline`).
+    """All that the rules see: the scan `now`, the `latest`, cells of late, earlier walks.
 
     `taken` are the named cells of the scan, each once, and `serving` the one that serves, if it is
     named. `foreign` are cells whose network is not of this place. What a rule keeps itself it gets
@@ -246,6 +247,7 @@ class Memory:
 
     def __init__(self, baseline: Baseline = NO_BASELINE) -> None:
         self.baseline = baseline
+        self.latest: deque[Moment] = deque(maxlen=2 * STEADY)
         self.taken: list[HeardCell] = []
         self.serving: HeardCell | None = None
         self.cells: Latest[HeardCell] = Latest(_MOST_CELLS)
@@ -253,6 +255,8 @@ class Memory:
         self.foreign: Latest[None] = Latest(_MOST_CELLS)
         self.changed_rat_s = -1e9
         self._serving_rat: str | None = None
+        self._served: Latest[None] = Latest(_MOST_CELLS)
+        self._met_s: deque[float] = deque(maxlen=_MOST_MET)
         self._by_operator: dict[tuple[str, str], dict[str, HeardCell]] = {}
         self._first_s: float | None = None
         self._usual: set[str] = set()
@@ -260,7 +264,9 @@ class Memory:
 
     def take(self, now: Moment) -> None:
         """Remember a scan."""
+        now = self._at_rest(now)
         self.now = now
+        self.latest.append(now)
         self._take_serving(now)
         taken: dict[str, HeardCell] = {}
         for heard in now.cells:
@@ -282,6 +288,18 @@ class Memory:
         self.taken = list(taken.values())
         serving = now.serving
         self.serving = None if serving is None or serving.name is None else taken[serving.name]
+
+    def _at_rest(self, now: Moment) -> Moment:
+        # a receiver may repeat its position in a train: who stands meets few new cells
+        name = None if now.serving is None else now.serving.name
+        if name is not None:
+            if name not in self._served:
+                self._met_s.append(now.t_s)
+            self._served.put(name, None)
+        met_s = [t_s for t_s in self._met_s if t_s > now.t_s - min(now.still_s, _LATE_S)]
+        if len(met_s) < _MOST_MET:
+            return now
+        return now._replace(still_s=now.t_s - met_s[-1])
 
     def of(self, make: Callable[[], State]) -> State:
         """What the rules of a family keep, made by this class or function when first asked for."""

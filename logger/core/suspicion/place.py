@@ -141,12 +141,16 @@ _STEADY_S = 60.0
 class _Means:
     """Means of a level over 15 s each: their number, limits and times."""
 
-    __slots__ = ("_n_levels", "_since_s", "_sum", "first_s", "highest", "last_s", "lowest", "n")
+    __slots__ = (
+        *("_n_levels", "_since_s", "_sum", "first_s", "last_s", "n"),
+        *("highest", "highest_s", "lowest", "lowest_s"),
+    )
 
     def __init__(self, t_s: float) -> None:
         self._since_s, self._sum, self._n_levels = t_s, 0.0, 0
         self.n, self.first_s, self.last_s = 0, t_s, t_s
         self.lowest, self.highest = inf, -inf
+        self.lowest_s = self.highest_s = t_s
 
     def add(self, t_s: float, level_dbm: float) -> None:
         if t_s - self._since_s >= _MEAN_S:
@@ -160,18 +164,22 @@ class _Means:
         mean_dbm = self._sum / self._n_levels
         self.first_s = self.first_s if self.n else self._since_s
         self.last_s, self.n = self._since_s, self.n + 1
-        self.lowest = min(self.lowest, mean_dbm)
-        self.highest = max(self.highest, mean_dbm)
+        if mean_dbm < self.lowest:
+            self.lowest, self.lowest_s = mean_dbm, self._since_s
+        if mean_dbm > self.highest:
+            self.highest, self.highest_s = mean_dbm, self._since_s
 
     @property
     def spread_db(self) -> float:
         """Highest minus lowest mean; negative before there is one."""
         return self.highest - self.lowest
 
-    @property
-    def is_long(self) -> bool:
-        """Whether it was heard long enough to be a reference for the others."""
-        return self.last_s - self.first_s >= _STEADY_S
+    def is_beside(self, other: "_Means") -> bool:
+        """Whether it was heard long enough, and when the other changed."""
+        if self.last_s - self.first_s < _STEADY_S:
+            return False
+        changed = sorted((other.lowest_s, other.highest_s))
+        return self.first_s <= changed[0] and self.last_s >= changed[1]
 
 
 _STANDING = partial(Latest[_Means], 128)
@@ -189,7 +197,8 @@ def _heard_while_standing(memory: Memory) -> list[HeardCell]:
     id="S7",
     family="place",
     needs=("identity", "level", "position"),
-    gate="means over 15 s, at least 4, the walker within 30 m; another cell stays within 10 dB",
+    gate="means over 15 s, at least 4, the walker within 30 m; another cell, heard before and "
+    "after the change, stays within 10 dB",
     sentence="the level changed by {change_db} dB while the walker stood for {still_s} s and "
     "{cells} other cells changed by at most {other_db} dB: it moves",
     harmless="a telephone that was moved in the house, a door, a vehicle before the antenna",
@@ -206,7 +215,7 @@ def _changes(memory: Memory, cell: HeardCell) -> Evidence | None:
     means.add(now.t_s, level_dbm)
     if means.n < _FEWEST_MEANS or means.spread_db < _CHANGE_DB:
         return None
-    others = [other for key, other in all_means.items() if key != cell.name and other.is_long]
+    others = [one for name, one in all_means.items() if name != cell.name and one.is_beside(means)]
     widest_db = max((other.spread_db for other in others), default=inf)
     if widest_db > _STEADY_DB:
         return None

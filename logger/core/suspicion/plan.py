@@ -10,9 +10,9 @@ from logger.core.suspicion.heard import HeardCell, Memory
 from logger.core.suspicion.rule import GSM, Evidence, Rate, ScanRule, on_telephones
 from logger.core.suspicion.spots import Spot
 
-_FEWEST_PUBLIC = 3
-"""Cells of networks of this country that must be heard before a test network is unusual: else the
-place is a laboratory or a simulation."""
+_FEWEST_SCANS = 2
+"""With a cell of a network of this country before a test network is unusual: else the place is a
+laboratory or a simulation."""
 _HELD_S = 10.0
 _NEAR_M = 300.0
 _STRONGER_DB = 10.0
@@ -27,7 +27,7 @@ class _Networks:
         self.plan = countries()
         self._near: tuple[float, float, tuple[str, ...]] = (inf, inf, ())
         self._whys: dict[tuple[str, str | None], str | None] = {}
-        self.public: set[str] = set()
+        self.has_public = False
 
     def why_not(self, mcc: str, mnc: str | None, lat_deg: float, lon_deg: float) -> str | None:
         """Why a network is not expected here, None if it is or that is unknown."""
@@ -59,7 +59,7 @@ class _Networks:
     id="P1",
     family="plan",
     needs=("position", "country code"),
-    gate="railways are named; a test network counts once 3 cells of this country were heard",
+    gate="railways are named; a test network counts once 2 scans heard a cell of this country",
     sentence="network {operator}: {why}",
     harmless="borders, ships and aircraft, private networks",
     detection=0.9,
@@ -73,10 +73,10 @@ def _foreign(memory: Memory, cell: HeardCell) -> Evidence | None:
         return None
     why = networks.why_not(mcc, mnc, now.lat_deg, now.lon_deg)
     if why is None:
-        networks.public.add(cell.name)
+        networks.has_public |= cell.n_scans >= _FEWEST_SCANS
         return None
     is_railway = networks.plan.is_railway(mcc, mnc) or reading.arfcn in GSMR_ARFCNS
-    if is_railway or (mcc in TEST_MCCS and len(networks.public) < _FEWEST_PUBLIC):
+    if is_railway or (mcc in TEST_MCCS and not networks.has_public):
         return None
     memory.foreign.put(cell.name, None)
     return {"operator": cell.operator, "why": why}

@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Iterator
 from functools import partial
 from math import hypot
+from statistics import median
 from typing import NamedTuple
 
 from logger.core.baseline import best_dbm
@@ -69,7 +70,7 @@ def _steady_dbm(cell: HeardCell) -> float | None:
     family="signal",
     needs=("identity", "level", "position"),
     gate="3 readings at the new level, the walker within 30 m; a rise that took more than 10 s "
-    "counts if the walker has stood since before it",
+    "counts if the walker has stood since before it; other cells have not risen by 10 dB as well",
     sentence="the level rose by {rise_db} dB within {seconds} s while the walker hardly moved",
     harmless="a door, a car or a street corner between",
     detection=0.4,
@@ -86,11 +87,32 @@ def _jump(memory: Memory, cell: HeardCell) -> Evidence | None:
         return None
     if _apart_m(recent[-STEADY - 2], recent[-1]) > _NEAR_M:
         return None
+    rises_s = memory.of(_RISES)
+    if _others_rise_db(memory, cell, recent[-STEADY].t_s) > _STAYS_DB:
+        rises_s.append(recent[-STEADY].t_s)
+    if rises_s and rises_s[0] > before.t_s:
+        return None
     return {
         "rise_db": round(rise_db),
         "seconds": round(seconds),
         "level_dbm": round(recent[-1].level_dbm),
     }
+
+
+# when all levels rose: the walker has left a house or uncovered the antenna
+_RISES = partial(deque[float], maxlen=1)
+
+
+def _others_rise_db(memory: Memory, cell: HeardCell, since_s: float) -> float:
+    # median of the others
+    before: dict[object, float] = {}
+    after: dict[object, float] = {}
+    for moment in memory.latest:
+        for heard in moment.cells:
+            key = heard.name or (heard.rat, heard.reading.arfcn, heard.code)
+            if key != cell.name and heard.level_dbm is not None:
+                (before if moment.t_s < since_s else after)[key] = heard.level_dbm
+    return median([after[key] - before[key] for key in before.keys() & after.keys()] or [0.0])
 
 
 _SCANS = partial(deque[_Before], maxlen=12)

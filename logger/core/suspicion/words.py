@@ -26,7 +26,7 @@ _MOST_REASONS = 3
 _LOGS = "62 runs of telephones, mostly in cars"
 WORD_RATES: Mapping[Word, Rate] = {
     "suspicious": Rate(1, 924, 38.5, _LOGS),
-    "unusual": Rate(4, 924, 38.5, _LOGS),
+    "unusual": Rate(3, 924, 38.5, _LOGS),
 }
 """Legitimate cells that earned each word: `make suspicion`."""
 

@@ -19,10 +19,13 @@ export function onScreen(azimuthDeg, courseDeg) {
 
 export const pointOf = azimuthDeg => POINTS[Math.round(azimuthDeg / 45) % 8];
 
+/** A longitude within half a turn of another one: a walk may cross 180 degrees. */
+export const lonNear = (lon, other) => lon + 360 * Math.round((other - lon) / 360);
+
 /** Metres east and north of a place. */
 export function metres(from, lat, lon) {
   const east = METRES_PER_DEG * Math.cos(from.lat * Math.PI / 180);
-  return [(lon - from.lon) * east, (lat - from.lat) * METRES_PER_DEG];
+  return [(lonNear(lon, from.lon) - from.lon) * east, (lat - from.lat) * METRES_PER_DEG];
 }
 
 /** Whether the target is located: the arrow then points at its place. */

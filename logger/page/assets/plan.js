@@ -1,6 +1,6 @@
 // The plan: track coloured by level, heading, region and places, over a plain grid.
 
-import {METRES_PER_DEG, course, metres, roundStep} from './geometry.js';
+import {METRES_PER_DEG, course, lonNear, metres, roundStep} from './geometry.js';
 import {prepared, stopOf} from './drawing.js';
 import {showGround} from './map.js';
 
@@ -43,9 +43,13 @@ function places(status, isNear) {
   if (isNear && fix.length) return fix;
   const next = status?.next?.lat != null ? [[status.next.lat, status.next.lon]] : [];
   const modes = (position?.modes ?? []).map(mode => [mode.lat, mode.lon]);
-  const walked = [...fix, ...track.points, ...next];
-  return [...walked, ...near([...modes, ...ringsOf(position?.region).flat().map(([lon, lat]) => [lat, lon])], walked)];
+  const region = ringsOf(position?.region).flat().map(([lon, lat]) => [lat, lon]);
+  const walked = beside([...fix, ...track.points, ...next]);
+  return [...walked, ...near(beside([...walked, ...modes, ...region]).slice(walked.length), walked)];
 }
+
+/** Places with longitudes that do not jump from the first. */
+const beside = places => places.map(([lat, lon]) => [lat, lonNear(lon, places[0][1])]);
 
 /** Places moved to within `BEYOND_M` of the walk: of a larger region the walk would be a dot. */
 function near(places, walked) {

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from logger.core.guidance.sentence import direction
+from logger.core.guidance.planner import Plan
+from logger.core.guidance.routes import Route
+from logger.core.guidance.sample import Cluster, PositionSample
+from logger.core.guidance.sentence import direction, sentence
+from logger.core.places import Places
 
 
 @pytest.mark.parametrize(
@@ -19,3 +23,15 @@ from logger.core.guidance.sentence import direction
 )
 def test_directions_are_those_of_a_compass(east, north, text):
     assert direction(np.array([east, north])) == text
+
+
+def test_the_radius_is_said_by_the_answer_alone():
+    """That of the advice is of the device's own posterior, and would stand beside another one."""
+    likely = Places.of(200.0 + np.array([0.0, 60.0, -60.0]), np.full(3, 5.2e6))
+    sample = PositionSample(likely, np.array([0.4, 0.3, 0.3]), *[None] * 6)
+    best = Plan(Route(np.array([[0.0, 5.2e6], [100.0, 5.2e6]])), 5.0, None, None)
+    there = Cluster(0.9, Places.of(200.0, 5.2e6))
+    text, _ = sentence(best, sample, [there], 90.0, 100.0, -80.0)
+    assert text == (
+        "straight on, east, 100 m: the likeliest place is 200 m east; passing it says most"
+    )

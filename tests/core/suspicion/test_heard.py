@@ -40,3 +40,13 @@ def test_one_network_says_nothing_of_another():
 def test_a_network_that_comes_late_has_to_be_explained():
     walk = Walk().scan(*FIRST, metres=0.0, times=70).scan(*SECOND, metres=0.0, times=15)
     assert ("L3", 60) in walk.rules
+
+
+def test_a_receiver_that_repeats_its_position_in_a_train_does_not_stand():
+    """Other cells serve again and again; L3 would name the border of an area."""
+    walk = Walk().scan(*FIRST, metres=0.0, times=20)
+    for k in range(5):
+        walk.scan(gsm(20 + k, -75), metres=0.0, times=6)
+    assert ("L3", 50) not in walk.scan(gsm(50, -75, lac=1300), metres=0.0, times=4).rules
+    stands = Walk().scan(*FIRST, metres=0.0, times=20).scan(*FIRST[::-1], metres=0.0, times=30)
+    assert ("L3", 50) in stands.scan(gsm(50, -75, lac=1300), metres=0.0, times=4).rules

@@ -74,5 +74,12 @@ def test_s7_is_silent_without_another_cell_to_compare_with():
     assert ("S7", 99) not in walk.rules
 
 
+def test_s7_is_silent_where_the_others_are_heard_after_the_change_alone():
+    """A walker who enters a house, with a modem that lists other cells there."""
+    walk = Walk().scan(gsm(9, -60), metres=0.0, times=15)
+    walk.scan(gsm(9, -85), gsm(10, -90), gsm(11, -92), metres=0.0, times=40)
+    assert not {one for one in walk.rules if one[0] == "S7"}
+
+
 def test_s7_is_silent_while_walking():
     assert ("S7", 99) not in _stand(range(-85, -55, 2), metres=7.0).rules

@@ -66,6 +66,13 @@ def test_p1_a_test_network_counts_where_there_are_others():
     alone = [gsm(cid, mcc="001") for cid in range(5)]
     assert Walk().scan(*alone, times=8).rules == set()
     assert ("P1", 99) in Walk().scan(*HOME, gsm(99, mcc="001"), times=8).rules
+    # a modem that names the serving cell alone, and is caught where the walker stands
+    caught = (
+        Walk().scan(gsm(10), metres=0.0, times=20).scan(gsm(99, mcc="001"), metres=0.0, times=8)
+    )
+    assert caught.word("001-01-1201-99") == "suspicious"
+    damaged = Walk().scan(*alone, times=4).scan(gsm(10), *alone).scan(*alone, times=4)
+    assert damaged.rules == set()
 
 
 def test_p4_one_cell_identity_in_two_areas():
@@ -282,6 +289,48 @@ def test_l1_waits_for_the_second_cell_of_a_border_as_long_as_a_walker_needs(metr
     assert (("L1", 99) in walk.rules) == is_accused
     walk.scan(*HOME, gsm(99, -70, lac=1202), metres=metres, times=20)
     assert ("L1", 99) in walk.rules
+
+
+def test_l1_l2_are_withdrawn_where_another_cell_of_the_area_comes_later():
+    """What looked like an invented area was a border; a single scan may be damaged."""
+    many = [gsm(cid, -80) for cid in range(10, 20)]
+    first, second = gsm(99, -70, lac=1202), gsm(98, -75, lac=1202)
+    walk = Walk().scan(*many, times=3).scan(*many, first, times=25)
+    assert {("L1", 99), ("L2", 99)} <= walk.rules
+    assert walk.scan(first, second).word(first.cell) == "suspicious"
+    assert walk.scan(first, second).word(first.cell) == "nothing unusual"
+    other_rat = replace(second, cid=97, rat="WCDMA", bsic=None, psc=5, rscp_dbm=-75.0)
+    walk = Walk().scan(*many, times=3).scan(*many, first, times=25).scan(first, other_rat, times=3)
+    assert walk.word(first.cell) == "suspicious"
+
+
+@pytest.mark.parametrize(("metres", "is_accused"), [(180.0, True), (350.0, False)])
+def test_l1_is_silent_in_an_aircraft(metres, is_accused):
+    walk = Walk().scan(*HOME, metres=metres, times=3)
+    walk.scan(*HOME, gsm(99, -70, lac=1202), metres=metres, times=20)
+    assert (("L1", 99) in walk.rules) == is_accused
+
+
+def _weaker(cells, by_db):
+    return [replace(cell, rssi_dbm=cell.rssi_dbm - by_db) for cell in cells]
+
+
+def test_s2_is_silent_where_all_levels_rise():
+    """A walker who leaves a house, also with a cell that the modem lists now and then."""
+    inside = _weaker(HOME, 25.0)
+    walk = Walk().scan(*inside, metres=0.0, times=2).scan(*inside[:-1], metres=0.0, times=8)
+    walk.scan(*HOME[:-1], metres=0.0, times=4).scan(*HOME, metres=0.0, times=4)
+    assert walk.rules == set()
+    alone = Walk().scan(*inside[:-1], inside[-1], metres=0.0, times=5)
+    assert ("S2", 15) in alone.scan(*inside[:-1], HOME[-1], metres=0.0, times=4).rules
+
+
+def test_s2_compares_with_neighbours_that_have_no_identity():
+    nameless = [replace(cell, mcc=None, mnc=None, lac=None, cid=None) for cell in HOME[1:]]
+    walk = Walk().scan(*_weaker([HOME[0], *nameless], 25.0), metres=0.0, times=5)
+    assert walk.scan(HOME[0], *nameless, metres=0.0, times=5).rules == set()
+    walk = Walk().scan(*_weaker(HOME[:1], 25.0), *nameless, metres=0.0, times=5)
+    assert ("S2", 10) in walk.scan(HOME[0], *nameless, metres=0.0, times=5).rules
 
 
 def test_a_doubtful_identity_breaks_no_rule():
