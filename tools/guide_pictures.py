@@ -48,7 +48,7 @@ WORDS = {
 }
 
 TRANSMITTER_M = (10.0, 0.0)
-_NOISE_DB, _STEP_M, _SEED = 5.0, 2.0, 9
+_NOISE_DB, _STEP_M, _SEED = 5.0, 2.0, 17
 _HALF_M = 220
 _PANEL, _GAP, _TOP = 300, 20, 34
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.locator.mixture import Mixture
+from logger.core.locator.mixture import Mixture, log_sum
 from logger.core.places import Places
 from logger.core.readings import Readings
 
@@ -28,6 +28,12 @@ _POSTERIOR_WEIGHT = 0.8
 """w. With .9 half of the gain; with .7 campaigns whose levels say more lose up to .3 nat."""
 _TOP_DB = 10.0
 """Levels so close to the strongest make up the place where the cell is strong."""
+_UNSURE_DB = 1.0
+"""A level is no surer than this. Else 0.01 dB decides which of two equal readings is the strongest,
+and which are within 10 dB of it: of a measured walk that halved the region.
+"""
+_MOST_PLACES = 20
+"""Of readings that may be the strongest: of those that are nearly as strong so many are enough."""
 _LOG_M, _PER_LOG_SPREAD, _PER_DB, _SIGMA = 2.80, 0.68, -0.022, 0.94
 """The line, and the standard deviation of the log of the distance in metres about it."""
 _LEAST_M = 10.0
@@ -37,28 +43,37 @@ _PART_OF_SIDE = 0.4
 
 
 class Observables(NamedTuple):
-    """The place of the strongest reading, and the two observables."""
+    """The places of readings that may be the strongest, and the two observables.
 
-    place: Places
+    `weight` (k,) is the probability that it was at each of the `places`.
+    """
+
+    places: Places
+    weight: FloatArray
     spread_m: float
     above_median_db: float
 
     def log_density(self, square: FloatArray) -> FloatArray:
         """Log density per square metre at squares (3, h), up to a constant."""
-        away_m = np.hypot(square[0] - self.place.x_m, square[1] - self.place.y_m)
+        away_m = self.places.distances_m(Places.of(*square[:2]))
         log_m = np.log(np.maximum(away_m, np.maximum(_LEAST_M, _PART_OF_SIDE * square[2])))
         middle = _LOG_M + _PER_LOG_SPREAD * log(self.spread_m) + _PER_DB * self.above_median_db
-        return np.asarray(-0.5 * ((log_m - middle) / _SIGMA) ** 2 - 2.0 * log_m, float)
+        of_places = -0.5 * ((log_m - middle) / _SIGMA) ** 2 - 2.0 * log_m
+        return log_sum(of_places.T + np.log(self.weight))
 
 
 def observables(obs: Readings) -> Observables:
     """Those of the readings."""
-    x_m, y_m, level_dbm = obs.x_m, obs.y_m, obs.level_dbm
-    best = int(np.argmax(level_dbm))
-    is_top = level_dbm >= level_dbm[best] - _TOP_DB
-    spread_m = float(np.sqrt(np.var(x_m[is_top]) + np.var(y_m[is_top])))
-    above_db = float(level_dbm[best] - np.median(level_dbm))
-    return Observables(obs.places[best], max(spread_m, _LEAST_M), above_db)
+    level_dbm = obs.level_dbm
+    below_db = np.max(level_dbm) - level_dbm
+    strongest = np.argsort(below_db, kind="stable")[:_MOST_PLACES]
+    weight = np.exp(-below_db[strongest] / _UNSURE_DB)
+    is_top = 1.0 / (1.0 + np.exp((below_db - _TOP_DB) / _UNSURE_DB))
+    from_middle_m = obs.places.xy_m - np.average(obs.places.xy_m, axis=1, weights=is_top)[:, None]
+    spread_m = float(np.sqrt(np.sum(np.average(from_middle_m**2, axis=1, weights=is_top))))
+    above_db = float(np.max(level_dbm) - np.median(level_dbm))
+    places = obs.places.part(strongest)
+    return Observables(places, weight / np.sum(weight), max(spread_m, _LEAST_M), above_db)
 
 
 def pool(mixed: Mixture, square: FloatArray, seen: Observables) -> Mixture:

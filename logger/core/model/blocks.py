@@ -13,6 +13,8 @@ from logger.core.readings import Readings
 FINEST_BLOCK_M = 2.0
 READINGS_BELIEVED = 16
 _MOST_POINTS = 1000
+_POINTS_EACH = 4
+"""Supporting points for each block that is allowed: L changes little within a quarter of one."""
 _MOST_CENSORED = 100
 _CLEAR_M = 15.0
 _COARSER = 1.25
@@ -132,7 +134,7 @@ def blocks(obs: Readings, most: int, origin: Origin = NO_SHIFT) -> Blocks:
     inside = obs.limit == 0
     at, level = obs.places.part(inside), obs.level_dbm[inside]
     modem = _modems(obs)[inside]
-    fine = squares(at, _MOST_POINTS, modem, origin=origin)[0]
+    fine = squares(at, min(_POINTS_EACH * most, _MOST_POINTS), modem, origin=origin)[0]
     count = np.bincount(fine).astype(float)
     mean = [np.bincount(fine, v) / count for v in (at.x_m, at.y_m, level, at.sigma_m**2)]
     count = np.maximum(np.bincount(fine, _is_new(level, modem, fine)), 1.0)
