@@ -113,7 +113,8 @@ def _jacobian(state: FloatArray, walk: Walk, noise_db: float) -> FloatArray:
 def disc_of_observables(world: World) -> Answer:
     """The strongest reading, and the disc about it that `observables` alone holds for 95 %."""
     seen = observables(observations(world, world.walk).usable())
-    x_m, y_m = seen.place.x_m.item(), seen.place.y_m.item()
+    seen = seen._replace(places=seen.places[0], weight=np.ones(1))
+    x_m, y_m = seen.places.xy_m[:, 0].tolist()
     squares = np.stack([x_m + _RADII_M, np.full(len(_RADII_M), y_m), np.zeros(len(_RADII_M))])
     share = np.cumsum(np.exp(seen.log_density(squares)) * _RADII_M * np.gradient(_RADII_M))
     radius_m = float(_RADII_M[np.searchsorted(share, LEVEL * share[-1])])

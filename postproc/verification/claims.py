@@ -216,6 +216,8 @@ def _check(claim: Claim) -> Claim:
 Verdict = Literal["consistent", "rejected", "cannot tell"]
 Followed = Literal["indirect"]
 _MOST_NAMES = 8
+LEAST_P = 0.0005
+"""Smaller p-values only order claims: 2000 true ones are drawn."""
 _CONTROL = "Benjamini-Hochberg over the claims tested: q is p adjusted, rejected where q <= p_fa"
 
 
@@ -321,6 +323,11 @@ class SiteVerdict(Struct, kw_only=True):
     error: str | UnsetType = UNSET
 
 
+def p_text(p: float) -> str:
+    """A p-value, no smaller than is known."""
+    return f"below {LEAST_P:g}" if p < LEAST_P else f"{p:.3g}"
+
+
 def document_of(verified: Verified) -> Document:
     """Each claim with verdict, p-value and what the test would have detected."""
     cells = [asdict(cell) | {"detectable_m": cell.detectable_m} for cell in verified.cells]
@@ -365,7 +372,7 @@ def _cell_parts(cell: CellVerdict) -> Iterator[Part]:
     if cell.p is None or cell.level is None or cell.q is None:
         return
     edge = f"the claim lies on the edge of the {cell.level:.1%} region"
-    yield Line(f"p {cell.p:.3g} ({edge}), q {cell.q:.3g}", bullet="  ")
+    yield Line(f"p {p_text(cell.p)} ({edge}), q {p_text(cell.q)}", bullet="  ")
     columns = [
         Column("detected with 95 %", unit="m"),
         *(Column(f"{one.azimuth_deg:.0f} deg", ".0f") for one in cell.power),

@@ -122,7 +122,7 @@ def verify(
         return _verify_sites(runs[0], other, only, p_fa, prior, as_json=as_json)
     if against is not None:
         raise ConfigError("--against goes with --sites")
-    scan_counts.observed_cells(runs, only)
+    scan_counts.observed_cells(runs, only)  # a wrong --cell is an error before the work begins
     claimed = [] if claim is None else [claims.parse_claim(claim, cell)]
     result = stored_result(runs, only or [], estimation.Options(prior))
     verified = _test(runs, claimed, claims_path, p_fa, prior, only, result)

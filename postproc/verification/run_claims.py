@@ -36,12 +36,14 @@ from postproc.result import Result
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
 from postproc.smoothing import too_few
 from postproc.verification.claims import (
+    LEAST_P,
     CellVerdict,
     Claim,
     Detectable,
     Verdict,
     Verified,
     away_m,
+    p_text,
     read_claims,
     swap_hint,
 )
@@ -68,7 +70,7 @@ _LEAST_M, _FARTHEST_M, _TRIED = 10.0, 30_000.0, 25
 """Displacements tried, up to the reach of the prior."""
 _DRAWS = 300
 """True claims that the power is a mean over."""
-_SAMPLE = 2000
+_SAMPLE = round(1.0 / LEAST_P)
 """True claims that S is a share of: below one in so many it only orders."""
 _NEGLIGIBLE = 1e-6
 """Of the probability: the squares that hold no more together are left out of a sum over all."""
@@ -387,9 +389,10 @@ def _decide(undecided_yet: CellVerdict, q: float, p_fa: float) -> CellVerdict:
         why = f"this walk would notice a claim that is {metres(notices_m)} off"
     reasons = [why, *undecided_yet.reasons]
     verdict: Verdict = "cannot tell"
-    if q <= p_fa:
+    if undecided_yet.p is not None and q <= p_fa:
         verdict = "rejected"
-        reasons.append(f"so unlikely a place is the true one in {undecided_yet.p:.2g} of all walks")
+        share = p_text(undecided_yet.p)
+        reasons.append(f"so unlikely a place is the true one in {share} of all walks")
     elif notices_m is not None:
         is_sharp = notices_m <= _MOST_DISTANCES * max(distance_m, _LEAST_DISTANCE_M)
         verdict = "consistent" if is_sharp else "cannot tell"

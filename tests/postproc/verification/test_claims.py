@@ -2,7 +2,13 @@ import pytest
 
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from postproc.verification.celldb import CellImport
-from postproc.verification.claims import RANGE_SIGMA, UNKNOWN_SIGMA_M, parse_claim, read_claims
+from postproc.verification.claims import (
+    RANGE_SIGMA,
+    UNKNOWN_SIGMA_M,
+    p_text,
+    parse_claim,
+    read_claims,
+)
 
 HEARD = ["262-01-801-86355", "262-01-801-9", "target"]
 EXPORT = (
@@ -64,3 +70,10 @@ def test_files_that_hold_no_claim(tmp_path):
     file.write_text("some,thing,else\n")
     with pytest.raises(RunFileError, match="no cell export"):
         read_claims(file, HEARD)
+
+
+@pytest.mark.parametrize(
+    ("p", "text"), [(0.04, "0.04"), (1e-40, "below 0.0005"), (0.0, "below 0.0005"), (1.0, "1")]
+)
+def test_a_p_value_is_no_smaller_than_is_known(p, text):
+    assert p_text(p) == text
