@@ -2,10 +2,9 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from os import strerror
 from pathlib import Path
 
-from logger.core.errors import ConfigError, RunFileError
+from logger.core.errors import ConfigError, RunFileError, why_not_written
 
 
 def check_writable(path: Path) -> None:
@@ -49,9 +48,7 @@ def whole_file(path: Path, *, keep: bool = True) -> Iterator[Path]:
         if keep:
             part.replace(path)
     except (OSError, RuntimeError) as error:
-        number = getattr(error, "errno", None)  # HDF5 has a text of its own
-        why = strerror(number) if number else error
-        raise RunFileError(f"cannot write {path}: {why}") from error
+        raise RunFileError(f"cannot write {path}: {why_not_written(error)}") from error
     finally:
         with suppress(OSError):  # it could not be made
             part.unlink(missing_ok=True)

@@ -8,6 +8,7 @@ FieldLoggerError
 +-- EstimationError   the data do not hold the answer
 """
 
+from os import strerror
 from pathlib import Path
 
 SOMETHING_LOST = 3
@@ -51,6 +52,12 @@ def error_text(error: Exception) -> str:
     """Type, text and place of an unexpected error, in one line."""
     text = " ".join(str(error).split())[:_MOST_CHARACTERS]
     return f"{type(error).__name__}{f': {text}' * bool(text)}{_place_of(error)}"
+
+
+def why_not_written(error: OSError | RuntimeError) -> str:
+    """As the system says."""
+    number = getattr(error, "errno", None)  # HDF5 has a text of its own
+    return strerror(number) if number else str(error)
 
 
 def _place_of(error: Exception) -> str:

@@ -45,7 +45,7 @@ from logger.drivers.reading.row_language import (
     cell_identity,
     confirm,
     form,
-    network,
+    network_of,
     number,
     pieces,
     read_values,
@@ -187,7 +187,7 @@ def complete_serving_cells(rows: Sequence[Row]) -> tuple[Row, ...]:
     complete = {row.rat for row in rows if is_serving(row) and row.cell}
     chosen = next(chosen_networks(rows), Operator(plmn=""))
     plmn = chosen.plmn or ""
-    mcc, mnc = network(plmn[:3], plmn[3:].rstrip("Ff"))
+    mcc, mnc = network_of(plmn)
     completed: list[Row] = []
     for row in rows:
         if not is_serving(row) or row.cell:

@@ -382,7 +382,13 @@ def fix_of(fields: Fields, lat: str, lon: str, utc_ns: int | None, **values: flo
     check_position(lat_deg, lon_deg)
     if lat_deg == lon_deg == 0.0:
         raise ValueError("the position is 0, 0: there was no fix")
-    return Fix(True, utc_ns=utc_ns, lat_deg=lat_deg, lon_deg=lon_deg, **values)  # type: ignore[arg-type]
+    return Fix(
+        True,
+        utc_ns=utc_ns,
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
+        **values,  # type: ignore[arg-type]
+    )
 
 
 def utc_ns_of(time: str, name: str) -> int:

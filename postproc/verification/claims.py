@@ -296,7 +296,7 @@ class Verified:
 
     @property
     def not_observed_text(self) -> str:
-        """The first."""
+        """Their first names."""
         names, more = self.not_observed[:_MOST_NAMES], len(self.not_observed) - _MOST_NAMES
         if not names:
             return ""

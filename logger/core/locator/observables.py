@@ -33,7 +33,7 @@ _UNSURE_DB = 1.0
 and which are within 10 dB of it: of a measured walk that halved the region.
 """
 _MOST_PLACES = 20
-"""Of readings that may be the strongest: of those that are nearly as strong so many are enough."""
+"""So many of the readings that are nearly as strong are enough."""
 _LOG_M, _PER_LOG_SPREAD, _PER_DB, _SIGMA = 2.80, 0.68, -0.022, 0.94
 """The line, and the standard deviation of the log of the distance in metres about it."""
 _LEAST_M = 10.0
@@ -45,7 +45,7 @@ _PART_OF_SIDE = 0.4
 class Observables(NamedTuple):
     """The places of readings that may be the strongest, and the two observables.
 
-    `weight` (k,) is the probability that it was at each of the `places`.
+    `weight` (k,): the probability of each of the `places`.
     """
 
     places: Places
@@ -69,7 +69,8 @@ def observables(obs: Readings) -> Observables:
     strongest = np.argsort(below_db, kind="stable")[:_MOST_PLACES]
     weight = np.exp(-below_db[strongest] / _UNSURE_DB)
     is_top = 1.0 / (1.0 + np.exp((below_db - _TOP_DB) / _UNSURE_DB))
-    from_middle_m = obs.places.xy_m - np.average(obs.places.xy_m, axis=1, weights=is_top)[:, None]
+    xy_m = obs.places.xy_m
+    from_middle_m = xy_m - np.average(xy_m, axis=1, weights=is_top)[:, None]
     spread_m = float(np.sqrt(np.sum(np.average(from_middle_m**2, axis=1, weights=is_top))))
     above_db = float(np.max(level_dbm) - np.median(level_dbm))
     places = obs.places.part(strongest)

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from logger.core.errors import RunFileError
+from logger.core.errors import RunFileError, why_not_written
 from logger.core.isolation import run_isolated
 from logger.core.runfile.hdf5 import write_hdf5
 from logger.core.runfile.journal import is_recording, sync_folder
@@ -71,9 +71,7 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
         part.replace(target)
         sync_folder(target.parent)
     except (OSError, RuntimeError) as error:  # HDF5 reports a full card by RuntimeError too
-        number = getattr(error, "errno", None)  # HDF5 has a text of its own
-        why = os.strerror(number) if number else error
-        raise RunFileError(f"cannot write {target}: {why}") from error
+        raise RunFileError(f"cannot write {target}: {why_not_written(error)}") from error
     finally:
         with suppress(OSError):
             part.unlink()

@@ -324,6 +324,11 @@ def network(mcc: str, mnc: str) -> tuple[str, str] | tuple[None, None]:
     return (mcc, mnc) if _MCC.fullmatch(mcc) and _MNC.fullmatch(mnc) else (None, None)
 
 
+def network_of(plmn: str) -> tuple[str, str] | tuple[None, None]:
+    """Of one number."""
+    return network(plmn[:3], plmn[3:].rstrip("Ff"))  # F fills a code of two digits
+
+
 def pieces(lines: Iterable[str]) -> Iterator[str]:
     """Lines that a log has joined, with CR and LF as text, apart again; no empty ones."""
     for line in lines:

@@ -28,7 +28,7 @@ from logger.drivers.reading.row_language import (
     cell_identity,
     confirm,
     decimal,
-    network,
+    network_of,
     values,
 )
 
@@ -274,7 +274,7 @@ def with_serving_cell(rows: Sequence[Row]) -> tuple[Row, ...]:
 def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellReading:
     chosen = [row for row in rows if isinstance(row, Operator) and row.stat is None]
     plmn = next((one.plmn for one in chosen if one.plmn), None) or ""
-    mcc, mnc = network(plmn[:3], plmn[3:].rstrip("Ff"))  # F fills a code of two digits
+    mcc, mnc = network_of(plmn)
     rat = registration.rat or next((row.rat for row in chosen if row.rat), None)
     area: dict[str, Any] = {"lac": registration.lac, "tac": registration.tac}
     if rat is not None:  # on LTE +CREG prints the tracking area
