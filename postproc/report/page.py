@@ -13,7 +13,6 @@ from logger.core.answer import CONSPICUOUS, Answer, Mode, Place
 from logger.core.certainty import RADII, metres, share_text
 from logger.core.document import Column, Degrees, Table, Value, Word
 from logger.core.locator.alternatives import alternatives_text
-from logger.core.runfile import Run
 from logger.core.suspicion.words import strongest_reasons, word_rate_text
 from postproc import summary
 from postproc.html_page import page_environment
@@ -21,7 +20,7 @@ from postproc.info import CellCount, Event, Gap, Info, describe
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
-from postproc.result import CellResult, ObservedRun, Result, heard_at
+from postproc.result import CellResult, Result, heard_at
 from postproc.summary import estimator_table, run_table, sentence
 from postproc.suspicion.signalling import signals_of, signals_table
 from postproc.verification.claims import CellVerdict, Verified
@@ -46,16 +45,6 @@ def no_street(_lat_deg: float, _lon_deg: float) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class PageFigure:
-    """A figure on the page; `key` is unique there."""
-
-    key: str
-    title: str
-    svg: Markup
-    alt_text: str
-
-
-@dataclass(frozen=True, slots=True)
 class CellSection:
     """A cell in detail: its number, answer, advice, warnings beside the answer, and figures.
 
@@ -70,7 +59,7 @@ class CellSection:
     advice: str
     findings: tuple[str, ...]
     places: tuple[Coordinates, ...]
-    figures: tuple[PageFigure, ...]
+    figures: tuple[ReportFigure, ...]
     estimators: Table
     runs: Table
     word: str = ""
@@ -89,42 +78,37 @@ class CellSection:
         return self.word in CONSPICUOUS
 
 
-@dataclass(frozen=True, slots=True)
-class RunSection:
-    """One run; `events` and `gaps` are bounded: the most severe and the longest."""
+def gap_table(gaps: Sequence[Gap], run_name: str) -> Table:
+    """Times without a record."""
+    columns = (Column("missing"), Column("start", is_right=True), Column("duration"))
+    rows = [(gap.of, time_text(gap.start_s), duration_text(gap.length_s)) for gap in gaps]
+    return Table(columns, rows, f"Gaps of {run_name}", scrolls=True)
 
-    run: Run
-    info: Info
-    warnings: tuple[str, ...]
-    events: tuple[Event, ...]
-    gaps: tuple[Gap, ...]
 
-    @property
-    def gap_table(self) -> Table:
-        """Times without a record."""
-        columns = (Column("missing"), Column("start", is_right=True), Column("duration"))
-        rows = [(gap.of, time_text(gap.start_s), duration_text(gap.length_s)) for gap in self.gaps]
-        return Table(columns, rows, f"Gaps of {self.run.name}", scrolls=True)
+def event_table(events: Sequence[Event], run_name: str) -> Table:
+    """Notes of the recorder."""
+    columns = (
+        Column("time", is_right=True),
+        Column("level"),
+        Column("source"),
+        Column("event", is_long=True),
+    )
+    rows = [
+        (time_text(event.t_s), Word(event.level), event.source, event.in_short) for event in events
+    ]
+    return Table(columns, rows, f"Events of {run_name}", scrolls=True)
 
-    @property
-    def event_table(self) -> Table:
-        """Notes of the recorder."""
-        columns = (
-            Column("time", is_right=True),
-            Column("level"),
-            Column("source"),
-            Column("event", is_long=True),
-        )
-        rows = [
-            (
-                time_text(event.t_s),
-                Word(event.level),
-                event.source,
-                event.in_short,
-            )
-            for event in self.events
-        ]
-        return Table(columns, rows, f"Events of {self.run.name}", scrolls=True)
+
+def longest_gaps(gaps: Sequence[Gap]) -> list[Gap]:
+    """The longest ones, in the order of time."""
+    longest = sorted(gaps, key=lambda gap: -gap.length_s)
+    return sorted(longest[:_MOST_GAPS], key=lambda gap: gap.start_s)
+
+
+def gravest_events(events: Sequence[Event]) -> list[Event]:
+    """Warnings and errors before others, in the order of time."""
+    severe = sorted(events, key=lambda event: event.level not in {"warning", "error"})
+    return sorted(severe[:_MOST_EVENTS], key=lambda event: event.t_s)
 
 
 def cell_section(
@@ -146,7 +130,7 @@ def cell_section(
         advice=advice,
         findings=tuple(text for text in result.warnings if text.lower() not in answered),
         places=tuple(_places(result, streets)),
-        figures=tuple(_page_figure(f"cell-{number}-{figure.name}", figure) for figure in figures),
+        figures=tuple(figures),
         estimators=estimator_table(answer),
         runs=run_table(result, run_names),
         word=word,
@@ -185,16 +169,6 @@ def _places(result: CellResult, streets: Streets) -> Iterator[Coordinates]:
         yield coordinates(mode.lat, mode.lon, radius_m, share, street)
 
 
-def run_section(observed: ObservedRun) -> RunSection:
-    """A run with its events and gaps, in the order of time."""
-    info = describe(observed.run)
-    severe = sorted(info.events, key=lambda event: event.level not in {"warning", "error"})
-    longest = sorted(info.gaps, key=lambda gap: -gap.length_s)
-    events = sorted(severe[:_MOST_EVENTS], key=lambda event: event.t_s)
-    gaps = sorted(longest[:_MOST_GAPS], key=lambda gap: gap.start_s)
-    return RunSection(observed.run, info, observed.warnings, tuple(events), tuple(gaps))
-
-
 def html(
     result: Result,
     cells: Sequence[CellSection],
@@ -203,7 +177,7 @@ def html(
     cell_map: ReportFigure | None = None,
 ) -> str:
     """The page; the same input gives the same text."""
-    runs = [run_section(observed) for observed in result.runs]
+    infos = [describe(observed.run) for observed in result.runs]
     return _template("report.html").render(
         heading=heading(result),
         located=located_text(result.cells),
@@ -212,13 +186,13 @@ def html(
         has_suspicious=any(word.word == "suspicious" for word in result.words.values()),
         details=cells,
         cells=result.cells,
-        warnings=[text for run in runs for text in run.warnings] + list(result.warnings),
+        warnings=[text for one in result.runs for text in one.warnings] + list(result.warnings),
         prior=next((cell.posterior.prior for cell in result.cells if cell.posterior), None),
-        cell_table=_cell_table(result, _strongest_counts(runs)),
+        cell_table=_cell_table(result, _strongest_counts(infos)),
         claim_table=_claim_table(verified or _NO_CLAIMS),
-        overview=_page_figure(overview.name, overview) if overview else None,
-        cell_map=_page_figure(cell_map.name, cell_map) if cell_map else None,
-        runs=runs,
+        overview=overview,
+        cell_map=cell_map,
+        runs=[(one.run, info) for one, info in zip(result.runs, infos, strict=True)],
         claims=verified or _NO_CLAIMS,
         signalling=_signalling(result),
         program=f"cellwalk {result.version}",
@@ -230,16 +204,16 @@ def _signalling(result: Result) -> Table | None:
     return signals_table(listed) if listed else None
 
 
-def _strongest_counts(runs: Sequence[RunSection]) -> dict[str, CellCount]:
+def _strongest_counts(infos: Sequence[Info]) -> dict[str, CellCount]:
     """Counts of every cell, from the run in which it was strongest."""
-    counts = [count for run in runs for count in run.info.cells]
+    counts = [count for info in infos for count in info.cells]
     counts.sort(key=lambda count: count.strongest_dbm or -inf)
     return {count.cell: count for count in counts}
 
 
-def _page_figure(key: str, figure: ReportFigure) -> PageFigure:
-    svg = inline_svg(figure.figure, key, f"{key}-title", f"{key}-text")
-    return PageFigure(key, figure.title, svg, figure.alt_text)
+def _svg(figure: ReportFigure, key: str) -> Markup:
+    """The figure under a title and above a text that are named by its key, unique on the page."""
+    return inline_svg(figure.figure, key, f"{key}-title", f"{key}-text")
 
 
 @cache
@@ -253,6 +227,11 @@ def _template(name: str) -> Template:
         "of": number_of,
         "time": time_text,
         "duration": duration_text,
+        "svg": _svg,
+        "longest": longest_gaps,
+        "gravest": gravest_events,
+        "gap_table": gap_table,
+        "event_table": event_table,
     }
     environment.globals["MOST_RUNS"] = 2
     return environment.get_template(name)
