@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -39,18 +39,10 @@ _MOST_INLINE = 32
 """Elements of an array that stands among the values, such as a state or a covariance."""
 
 Array = npt.NDArray[Any]
-Value = TypeVar("Value")
 _TABLES = ("fixes", "scans", "readings")
 """What is estimated from; notes, raw bytes and the live estimate change no result."""
 _SOURCES = ("*.py", "estimators/*.py", "survey/*.py")
 """Of this package: what may change a result. Pictures, reports and exports are made from one."""
-
-
-class Encoded(NamedTuple):
-    """MessagePack of the values, and the arrays that it names."""
-
-    values: bytes
-    arrays: dict[str, Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +63,8 @@ class _Document:
     version: str
 
 
-def encode(result: Result) -> Encoded:
-    """The values of a result, and its arrays; equal arrays are there once."""
+def encode(result: Result) -> tuple[bytes, dict[str, Array]]:
+    """MessagePack of the values, and the arrays that it names; equal arrays are there once."""
     runs = tuple(_Run(run.run.meta.run_id, run.observations, run.warnings) for run in result.runs)
     document = _Document(runs, result.cells, result.warnings, result.options, result.version)
     arrays: dict[str, Array] = {}
@@ -94,10 +86,10 @@ def encode(result: Result) -> Encoded:
             return name_of[id(value)]
         return value.dtype.str, value.shape, value.ravel().tolist()
 
-    return Encoded(msgspec.msgpack.encode(document, enc_hook=plain), arrays)
+    return msgspec.msgpack.encode(document, enc_hook=plain), arrays
 
 
-def decode(encoded: Encoded, runs: Sequence[Run]) -> Result:
+def decode(values: bytes, arrays: Mapping[str, Array], runs: Sequence[Run]) -> Result:
     """The result about these runs, in any order.
 
     Raises ValueError for values that are none, or that name other arrays or runs.
@@ -105,12 +97,12 @@ def decode(encoded: Encoded, runs: Sequence[Run]) -> Result:
 
     def restore(_: Any, value: Any) -> Array:
         if isinstance(value, str):
-            return encoded.arrays[value]
+            return arrays[value]
         dtype, shape, elements = value
         return np.array(elements, np.dtype(dtype)).reshape(shape)
 
     try:
-        document = msgspec.msgpack.decode(encoded.values, type=_Document, dec_hook=restore)
+        document = msgspec.msgpack.decode(values, type=_Document, dec_hook=restore)
     except (msgspec.MsgspecError, KeyError, TypeError, RecursionError) as error:
         raise ValueError(f"the values are no result: {error}") from error
     by_id = {run.meta.run_id: run for run in runs}
@@ -172,14 +164,14 @@ def write(result: Result, summary: object, path: Path, cells: Sequence[str] = ()
     """
     import h5py  # noqa: PLC0415 (files are read in another process)
 
-    encoded = encode(result)
+    values, arrays = encode(result)
     runs = [observed.run for observed in result.runs]
     made_from = _made_from_text(runs, result.options)
     selected = msgspec.json.encode(list(cells))
     run_ids = [run.meta.run_id for run in runs]
     with whole_file(path) as part, h5py.File(part, "w", libver=("earliest", "v108")) as file:
         file.attrs["format"] = "cellwalk results"
-        file.attrs["digest"] = _digest(made_from, selected, encoded)
+        file.attrs["digest"] = _digest(made_from, selected, values, arrays)
         if len(run_ids) == 1:
             file.attrs["run_id"] = run_ids[0]
         else:
@@ -187,8 +179,8 @@ def write(result: Result, summary: object, path: Path, cells: Sequence[str] = ()
         file["summary"] = np.bytes_(json_text(summary).encode())
         file["made_from"] = np.bytes_(made_from)
         file["selected"] = np.bytes_(selected)
-        file["values"] = np.frombuffer(encoded.values, np.uint8)
-        for name, array in encoded.arrays.items():
+        file["values"] = np.frombuffer(values, np.uint8)
+        for name, array in arrays.items():
             file[name] = array
         for i, cell in enumerate(result.cells):
             file.require_group(f"cells/{i}").attrs["cell"] = cell.cell
@@ -210,11 +202,10 @@ def read(path: Path, runs: Sequence[Run], only: Sequence[str] | None, options: O
         stored = read_results(path, made_from.decode())
         if stored.made_from != made_from:
             raise NotStored(_difference(stored.made_from, made_from))
-        encoded = Encoded(stored.values, stored.arrays)
-        if stored.digest != _digest(made_from, stored.selected, encoded):
+        if stored.digest != _digest(made_from, stored.selected, stored.values, stored.arrays):
             raise NotStored("it is damaged")
         selected: list[str] = msgspec.json.decode(stored.selected, type=list[str])
-        result = decode(encoded, runs)
+        result = decode(stored.values, stored.arrays, runs)
     except (RunFileError, msgspec.MsgspecError, ValueError) as error:
         raise NotStored(f"it is damaged ({error})") from error
     if selected and (missing := set(wanted) - set(selected)):
@@ -241,11 +232,11 @@ def _digest_of_run(run: Run) -> str:
     return digest.hexdigest()
 
 
-def _digest(made_from: bytes, selected: bytes, encoded: Encoded) -> str:
+def _digest(made_from: bytes, selected: bytes, values: bytes, arrays: Mapping[str, Array]) -> str:
     digest = sha256(msgspec.json.encode([made_from.decode(), selected.decode()]))
-    digest.update(encoded.values)
-    for name in sorted(encoded.arrays):
-        array: Array = np.ascontiguousarray(encoded.arrays[name])
+    digest.update(values)
+    for name in sorted(arrays):
+        array: Array = np.ascontiguousarray(arrays[name])
         digest.update(msgspec.json.encode([name, array.dtype.str, array.shape]))
         digest.update(array.data)
     return digest.hexdigest()

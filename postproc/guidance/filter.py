@@ -36,7 +36,7 @@ _RAT = "GSM"
 class GuideLine(msgspec.Struct, frozen=True, omit_defaults=False):
     """What is known after a row, as a line of JSON; `text` is a sentence.
 
-    `error` says why the row was not used.
+    `error` says why the row was not used, and is left out where it was.
     """
 
     t_s: float | None
@@ -45,12 +45,7 @@ class GuideLine(msgspec.Struct, frozen=True, omit_defaults=False):
     area_m2: float | None = None
     next: NextWay | None = None
     text: str = ""
-
-
-class BadRow(GuideLine, frozen=True):
-    """The answer to a row that could not be used."""
-
-    error: str = ""
+    error: str | msgspec.UnsetType = msgspec.UNSET
 
 
 class GuideFilter:
@@ -85,8 +80,7 @@ class GuideFilter:
             if place is not None:
                 self._take(t_s, place, level_dbm, row)
         except (ValueError, GeoError) as error:
-            known = msgspec.structs.asdict(self._answer_after_fix(t_s))
-            return BadRow(**known, error=str(error))
+            return msgspec.structs.replace(self._answer_after_fix(t_s), error=str(error))
         return self._answer_after_fix(t_s)
 
     def _take(

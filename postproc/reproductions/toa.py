@@ -460,14 +460,21 @@ def _row(setting: Setting, sigma2_m2: float, rng: np.random.Generator) -> Row:
     middle_m = np.mean(setting.anchors.position_m, axis=0)
     anchors, path_m = Anchors(setting.anchors.position_m - middle_m), setting.path_m - middle_m
     noise = published or closed_form(anchors, path_m, sigma2_m2)
+    p1 = initial_p_m2(anchors, path_m, sigma2_m2)
+    turns_m = np.diff(path_m, 2, axis=0)
+    turn_m2 = turns_m.T @ turns_m / len(turns_m)
     error_m, nees_sum, apart_m = np.zeros((3, len(path_m))), np.zeros(2), 0.0
     for begin in range(0, setting.runs, _CHUNK):
         size = min(_CHUNK, setting.runs - begin), len(path_m), len(anchors)
         ranges_m = anchors.ranges_m(path_m) + np.sqrt(sigma2_m2) * rng.normal(size=size)
-        sums = _sums(anchors, path_m, sigma2_m2, noise, ranges_m)
-        error_m += sums.error_m
-        nees_sum += sums.nees
-        apart_m = max(apart_m, sums.apart_m)
+        kf = by_independent_rows(anchors, ranges_m, sigma2_m2, noise, p1)
+        full_rank = on_squares(anchors, ranges_m, sigma2_m2, turn_m2)
+        off_m = np.stack([fix_m(anchors, ranges_m), kf.position_m, full_rank.position_m]) - path_m
+        error_m += np.sum(np.linalg.norm(off_m, axis=-1), axis=1)
+        nees_sum += (_nees(kf, path_m), _nees(full_rank, path_m))
+        pinv = by_pseudo_inverse(anchors, ranges_m[:_COMPARED_RUNS], sigma2_m2, noise, p1)
+        apart = np.abs(pinv.position_m - kf.position_m[:_COMPARED_RUNS])
+        apart_m = max(apart_m, float(np.max(apart)))
     epoch_m2 = epoch_bound_m2(anchors, path_m, sigma2_m2)
     motion_bound_m = None
     if setting.has_constant_velocity:
@@ -486,37 +493,6 @@ def _row(setting: Setting, sigma2_m2: float, rng: np.random.Generator) -> Row:
         kf_nees=kf_nees,
         squares_nees=squares_nees,
         pinv_difference_m=apart_m,
-    )
-
-
-class _Sums(NamedTuple):
-    """Sums over some runs: errors (3, steps) and NEES of both filters (2,).
-
-    `apart_m` is the largest difference between pseudo-inverse and independent rows.
-    """
-
-    error_m: FloatArray
-    nees: FloatArray
-    apart_m: float
-
-
-def _sums(
-    anchors: Anchors,
-    path_m: FloatArray,
-    sigma2_m2: float,
-    noise: Process,
-    ranges_m: FloatArray,
-) -> _Sums:
-    p1 = initial_p_m2(anchors, path_m, sigma2_m2)
-    turns_m = np.diff(path_m, 2, axis=0)
-    kf = by_independent_rows(anchors, ranges_m, sigma2_m2, noise, p1)
-    full_rank = on_squares(anchors, ranges_m, sigma2_m2, turns_m.T @ turns_m / len(turns_m))
-    off_m = np.stack([fix_m(anchors, ranges_m), kf.position_m, full_rank.position_m]) - path_m
-    pinv = by_pseudo_inverse(anchors, ranges_m[:_COMPARED_RUNS], sigma2_m2, noise, p1)
-    return _Sums(
-        np.sum(np.linalg.norm(off_m, axis=-1), axis=1),
-        np.array([_nees(kf, path_m), _nees(full_rank, path_m)]),
-        float(np.max(np.abs(pinv.position_m - kf.position_m[:_COMPARED_RUNS]))),
     )
 
 

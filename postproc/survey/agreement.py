@@ -14,9 +14,14 @@ import numpy as np
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.readings import Readings
 from postproc.comparison.ground import BLOCK_M
-from postproc.survey.alignment import clear_of_floor, levels_by_place, robust_fit
+from postproc.survey.alignment import (
+    PlaceLevels,
+    clear_of_floor,
+    levels_by_place,
+    on_common_ground,
+    robust_fit,
+)
 
-_FEWEST_OTHERS = 2
 _FEWEST_BLOCKS = 30
 """Of all cells: fewer tell too little to accuse somebody."""
 FEWEST_LOGGERS = 3
@@ -67,12 +72,10 @@ def agreements(obs: Readings, loggers: Sequence[str]) -> list[Agreement]:
         return []
     levels = levels_by_place(obs, obs.modem, BLOCK_M)
     levels = clear_of_floor(levels, np.arange(len(loggers)))
-    is_common = np.bincount(levels.place)[levels.place] > _FEWEST_OTHERS
-    place = np.unique(levels.place[is_common], return_inverse=True)[1]
-    modem, level_dbm = levels.modem[is_common], levels.level_dbm[is_common]
-    offset_db = robust_fit(place, modem, level_dbm, len(loggers)).offset_db
-    free_dbm = level_dbm - offset_db[modem]
-    away_db = free_dbm - _median_of_others(place, free_dbm)
+    levels = on_common_ground(levels, FEWEST_LOGGERS)
+    modem, offset_db = levels.modem, robust_fit(levels, len(loggers)).offset_db
+    free_dbm = levels.level_dbm - offset_db[modem]
+    away_db = free_dbm - _median_of_others(levels.place, free_dbm)
     by_modem = np.argsort(modem, kind="stable")
     found = []
     for rows in np.split(by_modem, np.flatnonzero(np.diff(modem[by_modem])) + 1):
@@ -132,13 +135,12 @@ def _offsets(found: Sequence[Agreement]) -> Mapping[str, float]:
     loggers = {name: i for i, name in enumerate(dict.fromkeys(one.logger for one in found))}
     places = dict.fromkeys((one.cell, one.place) for one in found)
     cells = {name: i for i, name in enumerate(places)}
-    fit = robust_fit(
+    levels = PlaceLevels(
         np.array([cells[one.cell, one.place] for one in found], np.int64),
         np.array([loggers[one.logger] for one in found], np.int64),
         np.array([one.offset_db for one in found], float),
-        len(loggers),
     )
-    return dict(zip(loggers, fit.offset_db.tolist(), strict=True))
+    return dict(zip(loggers, robust_fit(levels, len(loggers)).offset_db.tolist(), strict=True))
 
 
 def _over_cells(logger: str, some: Sequence[Agreement], offset_db: float) -> LoggerReport:

@@ -116,10 +116,10 @@ def _excess(obs: Readings, modem: IntArray, n: int) -> float:
     chosen = number[walk_of] >= 0
     modem_of_walk = modem_of_walk[few]
     levels = levels_by_place(obs.part(chosen), number[walk_of[chosen]], PLACE_M)
-    place, walk, level_dbm = _on_common_ground(clear_of_floor(levels, modem_of_walk))
-    if not len(place):
+    common = on_common_ground(clear_of_floor(levels, modem_of_walk))
+    if not len(common.place):
         return _USUAL_EXCESS
-    fit = robust_fit(place, walk, level_dbm, len(modem_of_walk))
+    fit = robust_fit(common, len(modem_of_walk))
     precision = np.linalg.pinv(fit.inverse, hermitian=True, rcond=_RANK)
     of_modem = np.zeros((len(modem_of_walk), n))
     of_modem[np.arange(len(modem_of_walk)), modem_of_walk] = 1.0
@@ -154,11 +154,12 @@ def _offsets(levels: PlaceLevels, n: int) -> tuple[FloatArray, FloatArray, IntAr
 
     A part are modems that are connected by places.
     """
-    place, modem, level_dbm = _on_common_ground(levels)
+    common = on_common_ground(levels)
+    place, modem = common.place, common.modem
     n_places = int(np.max(place, initial=-1)) + 1
     links = coo_array((np.ones(len(place)), (modem, n + place)), shape=(n + n_places,) * 2)
     part = connected_components(links, directed=False)[1][:n]
-    fit = robust_fit(place, modem, level_dbm, n)
+    fit = robust_fit(common, n)
     first = np.array([int(np.flatnonzero(part == own)[0]) for own in part])
     inverse = fit.inverse
     spread = np.diag(inverse) + inverse[first, first] - 2.0 * inverse[np.arange(n), first]
@@ -167,20 +168,21 @@ def _offsets(levels: PlaceLevels, n: int) -> tuple[FloatArray, FloatArray, IntAr
     return relative_db, np.asarray(sigma_db, float), np.asarray(part, np.int64)
 
 
-def _on_common_ground(levels: PlaceLevels) -> tuple[IntArray, IntArray, FloatArray]:
-    """Place, numbered from 0, modem and level where a place has more than one of them."""
-    shared = np.bincount(levels.place)[levels.place] > 1
+def on_common_ground(levels: PlaceLevels, least: int = 2) -> PlaceLevels:
+    """Levels in places that have at least so many of them; places are numbered anew from 0."""
+    shared = np.bincount(levels.place)[levels.place] >= least
     place = np.unique(levels.place[shared], return_inverse=True)[1]
-    return place, levels.modem[shared], levels.level_dbm[shared]
+    return PlaceLevels(place, levels.modem[shared], levels.level_dbm[shared])
 
 
-def robust_fit(place: IntArray, modem: IntArray, level_dbm: FloatArray, n: int) -> OffsetFit:
-    """Least squares with Huber's weights."""
+def robust_fit(levels: PlaceLevels, n: int) -> OffsetFit:
+    """Offsets of `n` modems by least squares with Huber's weights."""
+    place = levels.place
     weight, error_db2 = np.ones(len(place)), _LEAST_SIGMA_DB**2
     offset_db: FloatArray = np.zeros(n)
     inverse: FloatArray = np.zeros((n, n))
     for _ in range(_TURNS if len(place) else 0):
-        inverse, offset_db, residual_db = _solve(place, modem, level_dbm, weight, n)
+        inverse, offset_db, residual_db = _solve(levels, weight, n)
         # a place of two has half of its variance in its own mean
         count = np.bincount(place)[place]
         free_db = residual_db * np.sqrt(count / (count - 1.0))
@@ -191,9 +193,10 @@ def robust_fit(place: IntArray, modem: IntArray, level_dbm: FloatArray, n: int) 
 
 
 def _solve(
-    place: IntArray, modem: IntArray, level_dbm: FloatArray, weight: FloatArray, n: int
+    levels: PlaceLevels, weight: FloatArray, n: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Weighted least squares without the levels of the places; pseudo-inverse, b, residuals."""
+    place, modem, level_dbm = levels
     total = np.bincount(place, weight)
     mean_dbm = np.bincount(place, weight * level_dbm) / total
     of_place = np.zeros((len(total), n))

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -23,7 +24,7 @@ from logger.core.readings import Readings
 from postproc.ground import Ground
 from postproc.survey import layout
 from postproc.survey.parquet_batch import read_columns
-from postproc.survey.rule_inputs import RuleColumn, RuleInputs
+from postproc.survey.rule_inputs import RuleColumn
 from postproc.survey.walk_readings import SurveyRun
 
 _FORMAT = {"format": "cellwalk survey", "version": 2}
@@ -188,15 +189,17 @@ class Survey:
         tables = [read_columns(file, layout.READINGS, columns) for file in files]
         return pa.concat_tables(tables).unify_dictionaries()
 
-    def rule_inputs(self, batch: str, runs: Sequence[str]) -> Iterator[tuple[str, RuleInputs]]:
+    def rule_inputs(
+        self, batch: str, runs: Sequence[str]
+    ) -> Iterator[tuple[str, list[RuleColumn]]]:
         """What the rules see of some runs of a batch; nothing of runs that came otherwise."""
         file = layout.rules_file(self.folder, batch)
         if not file.exists():
             return
         table = read_columns(file, layout.RULES, filters=_is_one_of("run", runs))
         columns = (table[name].to_pylist() for name in layout.RULES.names)
-        for (run, age_s), rows in groupby(zip(*columns, strict=True), key=lambda row: row[:2]):
-            yield run, RuleInputs(age_s, tuple(RuleColumn(*row[2:]) for row in rows))
+        for run, rows in groupby(zip(*columns, strict=True), key=itemgetter(0)):
+            yield run, [RuleColumn(*row[1:]) for row in rows]
 
     @cached_property
     def runs_of_batches(self) -> dict[str, list[str]]:

@@ -148,12 +148,7 @@ def _runs(walks: list[WalkReadings]) -> pa.Table:
 
 
 def _rules(walks: list[WalkReadings]) -> pa.Table:
-    rows = [
-        (walk.run.digest, walk.rules.max_fix_age_s, *column)
-        for walk in walks
-        if walk.rules
-        for column in walk.rules.columns
-    ]
+    rows = [(walk.run.digest, *column) for walk in walks for column in walk.rules]
     columns = zip(*rows, strict=True)
     arrays = [
         pa.array(column, kind) for column, kind in zip(columns, layout.RULES.types, strict=True)

@@ -33,9 +33,11 @@ _SCHEMA = {table: {column.name: column for column in TABLES[table]} for table in
 class RuleColumn(NamedTuple):
     """A column of a table of a run: numpy dtype, length, and the bytes of its values.
 
-    Of a column with one value throughout, that value is kept.
+    Of a column with one value throughout, that value is kept. `max_fix_age_s`, the age at which
+    fixes of the run end, is the same in all its columns.
     """
 
+    max_fix_age_s: float
     table: str
     column: str
     kind: str
@@ -43,22 +45,14 @@ class RuleColumn(NamedTuple):
     values: bytes
 
 
-class RuleInputs(NamedTuple):
-    """What the rules see of a run, and nothing else of it; the age at which its fixes end."""
-
-    max_fix_age_s: float
-    columns: tuple[RuleColumn, ...]
-
-
-def rule_inputs(run: Run) -> RuleInputs:
-    """What the rules see of a run."""
-    columns = tuple(
-        _pack(table, name, run.tables[table][name], run.meta.started_ns)
+def rule_inputs(run: Run) -> list[RuleColumn]:
+    """What the rules see of a run, and nothing else of it."""
+    return [
+        _pack(run, table, name)
         for table, names in _COLUMNS.items()
         if len(run.tables[table])
         for name in names
-    )
-    return RuleInputs(run.meta.live.max_fix_age_s, columns)
+    ]
 
 
 def records_of(columns: Sequence[RuleColumn]) -> list[Record]:
@@ -71,13 +65,15 @@ def records_of(columns: Sequence[RuleColumn]) -> list[Record]:
     return [records[i] for i in np.argsort(np.array(seq, np.int64), kind="stable").tolist()]
 
 
-def _pack(table: str, name: str, values: NDArray[Any], started_ns: int) -> RuleColumn:
+def _pack(run: Run, table: str, name: str) -> RuleColumn:
+    values: NDArray[Any] = run.tables[table][name]
     if name == "t_ns":
-        values = values - started_ns
+        values = values - run.meta.started_ns
     n = len(values)
     if np.all(values == values[0]) or (values.dtype.kind == "f" and np.all(np.isnan(values))):
         values = values[:1]
-    return RuleColumn(table, name, values.dtype.str, n, np.ascontiguousarray(values).tobytes())
+    stored = np.ascontiguousarray(values).tobytes()
+    return RuleColumn(run.meta.live.max_fix_age_s, table, name, values.dtype.str, n, stored)
 
 
 def _unpack(packed: RuleColumn) -> list[Any]:

@@ -20,7 +20,7 @@ from postproc.survey import layout
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
 from postproc.survey.estimates import append_lines, whole_lines
-from postproc.survey.rule_inputs import RuleInputs, records_of
+from postproc.survey.rule_inputs import RuleColumn, records_of
 from postproc.survey.scheduling import Cluster
 from postproc.suspicion.run_assessment import failures_of
 
@@ -130,9 +130,9 @@ def _tasks(survey: Survey, waiting: set[str]) -> Iterator[WordsTask]:
             yield WordsTask(folder, batch, tuple(some[first : first + _RUNS_AT_ONCE]))
 
 
-def _ask(run: str, inputs: RuleInputs) -> RunWords:
-    tracker = SuspicionTracker(inputs.max_fix_age_s)
-    for record in records_of(inputs.columns):
+def _ask(run: str, inputs: Sequence[RuleColumn]) -> RunWords:
+    tracker = SuspicionTracker(inputs[0].max_fix_age_s)
+    for record in records_of(inputs):
         tracker.feed(record)
     failures_of(tracker)  # logged, as the words of the other cells and rules stand
     cells = []

@@ -4,6 +4,7 @@ Raw bytes, configuration, notes, names of ports, the number of the boot and the 
 left out, as by `share`. The ends of the walk stay, since they are ground that was walked.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -19,7 +20,7 @@ from logger.core.runfile import Run
 from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 from postproc.multi_run import modem_identity, with_one_modem
 from postproc.scan_counts import scans_of
-from postproc.survey.rule_inputs import RuleInputs, rule_inputs
+from postproc.survey.rule_inputs import RuleColumn, rule_inputs
 from postproc.walk import observe_run
 
 
@@ -79,7 +80,7 @@ class WalkReadings:
     scan_seq: IntArray
     ta: IntArray
     named_share: FloatArray
-    rules: RuleInputs | None = None
+    rules: Sequence[RuleColumn] = ()
     remark: str = ""
 
     def __len__(self) -> int:

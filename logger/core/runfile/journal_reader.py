@@ -28,7 +28,7 @@ from logger.core.runfile.frames import (
     scan,
 )
 from logger.core.runfile.journal import RAW_COUNT
-from logger.core.runfile.meta import Damage, RunEnd, RunMeta, RunStop, check_end, check_meta
+from logger.core.runfile.meta import Damage, RunEnd, RunMeta, check_end, check_meta
 from logger.core.runfile.run_names import first_part, parts_of
 from logger.core.schema import MOST_NS, OLDEST_DESCRIBED, SCHEMA_VERSION, columns_of
 
@@ -302,7 +302,7 @@ def _part(frame: Frame, payload: bytes, dtypes: Mapping[str, np.dtype[np.void]])
             case Kind.END:
                 check_end(msgspec.json.decode(payload, type=RunEnd))
             case Kind.STOP:
-                msgspec.json.decode(payload, type=RunStop)
+                msgspec.json.decode(payload, type=RunEnd)
     except (msgspec.MsgspecError, ValueError, KeyError, IndexError, RecursionError, struct.error):
         return None
     return Part(number, kind, payload)

@@ -48,14 +48,6 @@ def check_meta(meta: RunMeta) -> None:
         raise ValueError("the position of a transmitter is not on the Earth")
 
 
-class RunStop(msgspec.Struct, frozen=True, kw_only=True):
-    """How a run stopped, in a frame before the last: under the hash chain."""
-
-    t_ns: int
-    reason: str
-    n_records: int
-
-
 class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
     """How a run stopped: written last, so its absence means that the power failed.
 
@@ -69,8 +61,10 @@ class RunEnd(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def stop_text(end: RunEnd) -> bytes:
-    """Payload of the frame that an END repeats."""
-    return msgspec.json.encode(RunStop(t_ns=end.t_ns, reason=end.reason, n_records=end.n_records))
+    """Payload of the frame before an END, which repeats it: the stop is under the hash chain."""
+    stop = msgspec.structs.asdict(end)
+    del stop["digest"]
+    return msgspec.json.encode(stop)
 
 
 def check_end(end: RunEnd) -> None:

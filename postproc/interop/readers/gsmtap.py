@@ -55,38 +55,32 @@ class Packet(NamedTuple):
     comment: bytes
 
 
-class _Counts:
-    def __init__(self) -> None:
-        self.versions: Counter[int] = Counter()
-        self.n_other = self.n_without_level = 0
-        self.is_cut = False
+_NO_LEVEL, _NO_GSMTAP = "packets without a level", "packets that are no GSMTAP"
+_CUT = "damaged packets, cut"
+_WITH_LEVELS = 3
+"""Of the versions of GSMTAP."""
 
 
 def read(source: Path) -> Iterator[Row]:
     """A row for each second and cell; raises `RunFileError` for a capture without levels."""
-    counts = _Counts()
-    yield from diag.rows_of(_observations(source, counts))
-    if 3 not in counts.versions and counts.versions:
-        version = max(counts.versions)
+    left: Counter[str] = Counter()
+    versions: Counter[int] = Counter()
+    yield from diag.rows_of(_observations(source, versions, left))
+    if _WITH_LEVELS not in versions and versions:
         raise RunFileError(
-            f"{source} has GSMTAP version {version}, which has no levels: import the recording "
-            "itself (.qmdl); its places count with --track"
+            f"{source} has GSMTAP version {max(versions)}, which has no levels: import the "
+            "recording itself (.qmdl); its places count with --track"
         )
-    left = {
-        f"GSMTAP version {version}": n for version, n in counts.versions.items() if version != 3
-    }
-    left |= {
-        "packets without a level": counts.n_without_level,
-        "packets that are no GSMTAP": counts.n_other,
-        "damaged packets, cut": int(counts.is_cut),
-    }
-    yield from (NoCell(0, why, n) for why, n in left.items() if n)
+    for version, n in versions.items():
+        if version != _WITH_LEVELS:
+            yield NoCell(0, f"GSMTAP version {version}", n)
+    yield from (NoCell(0, why, left[why]) for why in (_NO_LEVEL, _NO_GSMTAP, _CUT) if left[why])
 
 
 def positions(source: Path) -> list[Fix]:
     """Places in comments of packets, each once, by the clock of the modem."""
     by_time: dict[int, Fix] = {}
-    for packet in _packets(source, _Counts()):
+    for packet in _packets(source, Counter()):
         if not packet.comment:
             continue
         with suppress(ValueError, GeoError, RecursionError):
@@ -99,17 +93,19 @@ def positions(source: Path) -> list[Fix]:
     return list(by_time.values())
 
 
-def _observations(source: Path, counts: _Counts) -> Iterator[Observation]:
-    for packet in _packets(source, counts):
+def _observations(
+    source: Path, versions: Counter[int], left: Counter[str]
+) -> Iterator[Observation]:
+    for packet in _packets(source, left):
         gsmtap = _gsmtap(packet)
         if not gsmtap:
-            counts.n_other += 1
+            left[_NO_GSMTAP] += 1
             continue
-        counts.versions[gsmtap[0]] += 1
-        if gsmtap[0] == 3:
+        versions[gsmtap[0]] += 1
+        if gsmtap[0] == _WITH_LEVELS:
             observation = _observation(packet.time_ns, gsmtap)
             if observation is None:
-                counts.n_without_level += 1
+                left[_NO_LEVEL] += 1
             else:
                 yield observation
 
@@ -156,23 +152,23 @@ def _gsmtap(packet: Packet) -> bytes:
     return data[udp + 8 :]
 
 
-def _packets(source: Path, counts: _Counts) -> Iterator[Packet]:
+def _packets(source: Path, left: Counter[str]) -> Iterator[Packet]:
     try:
         with open_regular(source) as file:
             begin = file.read(4)
             read = _of_pcapng if begin == PACKETS[0] else _of_pcap
-            packets = read(file, begin, counts)
+            packets = read(file, begin, left)
             yield from with_count(packets, f"{source.name}: packets")
     except OSError as error:
         raise RunFileError(f"{source}: {error.strerror or error}") from error
 
 
-def _of_pcap(file: IO[bytes], begin: bytes, counts: _Counts) -> Iterator[Packet]:
+def _of_pcap(file: IO[bytes], begin: bytes, left: Counter[str]) -> Iterator[Packet]:
     order = ">" if begin == PACKETS[2] else "<"
     unit_ns = 1 if begin == PACKETS[3] else 1000
     header = file.read(20)
     if len(header) < 20:
-        counts.is_cut = True
+        left[_CUT] = 1
         return
     link = struct.unpack_from(f"{order}I", header, 16)[0] & 0xFFFF
     while head := file.read(16):
@@ -181,12 +177,12 @@ def _of_pcap(file: IO[bytes], begin: bytes, counts: _Counts) -> Iterator[Packet]
             seconds, parts, size, _ = struct.unpack(f"{order}IIII", head)
         data = file.read(size) if 0 < size <= _MOST_BYTES else b""
         if not data or len(data) < size:
-            counts.is_cut = True
+            left[_CUT] = 1
             return
         yield Packet(seconds * 10**9 + parts * unit_ns, link, data, b"")
 
 
-def _of_pcapng(file: IO[bytes], begin: bytes, counts: _Counts) -> Iterator[Packet]:
+def _of_pcapng(file: IO[bytes], begin: bytes, left: Counter[str]) -> Iterator[Packet]:
     order, links = "<", list[tuple[int, int]]()
     head = begin + file.read(4)
     while head:
@@ -197,7 +193,7 @@ def _of_pcapng(file: IO[bytes], begin: bytes, counts: _Counts) -> Iterator[Packe
         kind, size = struct.unpack_from(f"{order}II", head) if len(head) >= 8 else (0, 0)
         body = head[8:] + file.read(max(0, min(size, _MOST_BYTES) - len(head)))
         if not 12 <= size <= _MOST_BYTES or size % 4 or len(body) != size - 8:
-            counts.is_cut = True
+            left[_CUT] = 1
             return
         if kind == _INTERFACE and len(body) >= 12 and len(links) < 1000:
             link = int(struct.unpack_from(f"{order}H", body)[0])

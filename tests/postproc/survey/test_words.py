@@ -47,8 +47,8 @@ def test_the_rules_find_the_same_in_what_a_survey_keeps(files):
     for file in files:
         run = read_sound_run(file)
         inputs = rule_inputs(run)
-        tracker = SuspicionTracker(inputs.max_fix_age_s)
-        for record in records_of(inputs.columns):
+        tracker = SuspicionTracker(inputs[0].max_fix_age_s)
+        for record in records_of(inputs):
             tracker.feed(record)
         expected = track(run).assessments()
         assert tracker.assessments() == expected
@@ -58,7 +58,7 @@ def test_the_rules_find_the_same_in_what_a_survey_keeps(files):
 def test_readings_are_kept_as_the_rules_see_them(files):
     run = read_sound_run(files[0])
     (_, kept), *_ = [
-        (n, r.value) for n, r in enumerate(records_of(rule_inputs(run).columns))
+        (n, r.value) for n, r in enumerate(records_of(rule_inputs(run)))
         if hasattr(r.value, "readings")
     ]  # fmt: skip
     (_, own), *_ = run.records("scans")
