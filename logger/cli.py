@@ -263,7 +263,7 @@ def learn(config_path: Path, *, as_json: bool) -> None:
 def forget(run: str, config_path: Path, *, as_json: bool) -> None:
     """Remove for good what a run has taught the device's baseline."""
     n_runs = own_baseline.forget(_own_folder(config_path), run)
-    text = f"{n_runs} run{'s' * (n_runs != 1)} forgotten"
+    text = f"{document.number_of(n_runs, 'run')} forgotten"
     show(document.Document({"forgotten": n_runs}, body=[text]), as_json=as_json)
 
 

@@ -68,7 +68,7 @@ def add(paths: Sequence[Path], target: Path, *, as_json: bool) -> int:
     n_known = sum(result.is_known for result in results)
     n_added = len(results) - n_known - len(failed)
     known = f", {n_known} in it already" if n_known else ""
-    walks = f"{n_walks} walk{'s' * (n_walks != 1)}"
+    walks = document.number_of(n_walks, "walk")
     content = {"baseline": target, "walks": n_walks, "cells": n_cells, "runs": results}
     said = document.Document(
         content,
@@ -114,7 +114,7 @@ def list_walks(target: Path, *, as_json: bool) -> None:
     ]
     said = document.Document(
         content,
-        f"{target}: {len(walks)} walk{'s' * (len(walks) != 1)}",
+        f"{target}: {document.number_of(len(walks), 'walk')}",
         body=[
             document.Table(columns, rows),
             *(document.Line(f"{cell}: {note}", bullet="trusted: ") for cell, note in trust.items()),

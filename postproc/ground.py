@@ -19,7 +19,7 @@ import numpy as np
 from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.cell_names import FEWEST_SCANS, REUSED_M, identity_of, is_by_channel
-from logger.core.document import Document, Line, Part
+from logger.core.document import Document, Line, Part, number_of
 from logger.core.errors import ConfigError, EstimationError, GeoError
 from logger.core.model.area import Area
 from logger.core.places import MAX_LATITUDE_DEG, Places, Track, Utm, track_of
@@ -234,9 +234,8 @@ class Group:
     @property
     def title(self) -> str:
         """The place with its runs and days."""
-        n = len(self.runs)
         days = days_text(self.first_utc, self.last_utc)
-        return f"{self.name} ({n} run{'s' * (n != 1)}{days})"
+        return f"{self.name} ({number_of(len(self.runs), 'run')}{days})"
 
     @property
     def file_name(self) -> str:

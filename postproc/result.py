@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, get_args
 
 import numpy as np
 
@@ -25,7 +25,15 @@ from logger.core.answer import (
     place_of,
 )
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.certainty import RADII, ellipse95, metres, radii_text, relevant_modes, share_text
+from logger.core.certainty import (
+    RADII,
+    Ellipse,
+    ellipse95,
+    metres,
+    radii_text,
+    relevant_modes,
+    share_text,
+)
 from logger.core.document import (
     Column,
     Document,
@@ -33,12 +41,13 @@ from logger.core.document import (
     Value,
     html_table,
     html_text,
+    number_of,
     terminal_lines,
 )
 from logger.core.document import Word as Mark
 from logger.core.errors import ConfigError
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.region import HALF, LEVEL, area_m2
+from logger.core.locator.region import HALF, LEVEL, Squares, area_m2
 from logger.core.locator.timing_advance import TimingCheck
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import ENVIRONMENTS, Prior
@@ -59,6 +68,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
+VERDICTS: Final[tuple[Verdict, ...]] = get_args(Verdict)
+"""From the best to none."""
 COLUMNS = (
     "cell",
     "word",
@@ -197,6 +208,25 @@ ESTIMATORS: Final = (BATCH, EKF, BACKWARD, RTS, REFERENCE)
 """In the order of the tables."""
 
 
+class Estimate(NamedTuple):
+    """Final state of one estimator after `n` readings.
+
+    `x` (4,) is a position in metres, P0 in dBm and eta; `p` (4, 4) its covariance, which only
+    readings that bound the fit give.
+    """
+
+    estimator: Estimator
+    x: FloatArray
+    p: FloatArray
+    n: int
+    is_bounded: bool = True
+
+    @property
+    def ellipse(self) -> Ellipse:
+        """95 % ellipse."""
+        return ellipse95(*self.p[[0, 0, 1], [0, 1, 1]].tolist())
+
+
 @dataclass(frozen=True, slots=True)
 class CellResult:
     """What each estimator states about one cell; None where it has nothing reliable to state.
@@ -287,7 +317,10 @@ class CellResult:
 
     def answer(self, runs: Sequence[Run], word: Word | None = None) -> Answer:
         """The answer from the `runs` of the result, with the word of suspicion if it was asked."""
-        paths = None if self.obs is None else self._paths(self.obs.utm)
+        paths = None
+        if self.obs is not None:
+            ends = {one.estimator.key: _end(one, self.obs.utm) for one in self.estimates}
+            paths = Paths(ends, self.failed)
         names = tuple(dict.fromkeys(runs[share.run].name for share in self.shares))
         first_utc_ns, last_utc_ns = self.heard_utc_ns or (None, None)
         made_from = Provenance(self.n, first_utc_ns, last_utc_ns, self.n_scans, names, self.error)
@@ -295,16 +328,16 @@ class CellResult:
             self.cell, self.verdict, self.warnings, made_from, self.posterior, word, paths
         )
 
-    def _paths(self, utm: Utm) -> Paths:
-        ends = {}
+    @property
+    def estimates(self) -> Iterator[Estimate]:
+        """Where each estimator beside the posterior ends; positions are UTM."""
         for estimator in ESTIMATORS:
             path: FilterPath | BatchFit | None = getattr(self, estimator.key)
             if isinstance(path, BatchFit):
-                ends[estimator.key] = _end(path.state, path.covariance, utm, path.n, path.bounded)
-            elif path is not None:
+                yield Estimate(estimator, path.state, path.covariance, path.n, path.bounded)
+            elif path is not None and len(path):
                 n = path.consistency.n if path.consistency else len(path)
-                ends[estimator.key] = _end(path.x[-1, :4], path.p[-1, :4, :4], utm, n)
-        return Paths(ends, self.failed)
+                yield Estimate(estimator, path.x[-1, :4], path.p[-1, :4, :4], n)
 
     def after(self, why: Failure) -> "CellResult":
         """The row of the cell where work on its result failed."""
@@ -321,15 +354,21 @@ def _on_plan(cell: CellResult, label: str = "", word: str = "") -> list[OnPlan]:
     modes = relevant_modes(cell.posterior.modes) if cell.verdict == "ambiguous" else ()
     places_m = [(mode.x_m, mode.y_m) for mode in modes or cell.posterior.modes[:1]]
     levels = {95: LEVEL, 50: HALF} if cell.posterior.is_strongest_inside else {95: LEVEL}
-    regions = {
-        percent: [
-            np.asarray(ring.coords, float)
-            for polygon in outline(cell.posterior.squares, level)
-            for ring in (polygon.exterior, *polygon.interiors)
-        ]
-        for percent, level in levels.items()
-    }
+    squares = cell.posterior.squares
+    regions = {percent: rings_of(squares, level) for percent, level in levels.items()}
     return [OnPlan(label or cell.cell, word, np.array(places_m), regions)]
+
+
+def rings_of(squares: Squares, level: float) -> list[FloatArray]:
+    """Outline of the smallest region with this probability: closed rings (k, 2), in metres.
+
+    Outer ones run counterclockwise, holes clockwise.
+    """
+    return [
+        np.asarray(ring.coords, float)
+        for polygon in outline(squares, level)
+        for ring in (polygon.exterior, *polygon.interiors)
+    ]
 
 
 def region_of(cell: CellResult, level: float) -> Region:
@@ -345,8 +384,8 @@ def region_of(cell: CellResult, level: float) -> Region:
     )
 
 
-def _end(x: FloatArray, p: FloatArray, utm: Utm, n: int, is_bounded: bool = True) -> PathEnd:
-    """The end at the state `x` (4,) with the covariance `p` (4, 4)."""
+def _end(of: Estimate, utm: Utm) -> PathEnd:
+    x, p = of.x, of.p
     lat, lon = Places.of(x[0], x[1], utm=utm).first_deg
     return PathEnd(
         lat=lat,
@@ -357,9 +396,14 @@ def _end(x: FloatArray, p: FloatArray, utm: Utm, n: int, is_bounded: bool = True
         eta=float(x[3]),
         eta_sigma=float(np.sqrt(max(p[3, 3], 0.0))),
         ellipse95=ellipse95(p[0, 0], p[0, 1], p[1, 1]),
-        n=n,
-        is_bounded=is_bounded,
+        n=of.n,
+        is_bounded=of.is_bounded,
     )
+
+
+def split_at_gaps(t_ns: IntArray, points_m: FloatArray) -> list[FloatArray]:
+    """Points (n, 2) cut into strips (k, 2) where nothing came for more than `MAX_GAP_S`."""
+    return np.split(points_m, np.flatnonzero(np.diff(t_ns) > MAX_GAP_S * 1e9) + 1)
 
 
 def program_version() -> str:
@@ -450,7 +494,7 @@ class Result:
         words = Counter(cell.word for cell in self.cells)
         n_located = sum(cell.verdict == "located" for cell in self.cells)
         counts = [f"{words[word]} {word}" for word in WORDS[:0:-1] if words[word]]
-        n_cells = f"{len(self.cells)} cell{'s' * (len(self.cells) != 1)}"
+        n_cells = number_of(len(self.cells), "cell")
         said = ", ".join([n_cells, *counts, f"{n_located} located"])
         return f"{', '.join(names[:3])}{more}: {said}"
 
@@ -465,8 +509,7 @@ class Result:
         for observed in self.runs:
             if observed.observations is not None:
                 track = observed.observations.track
-                gaps = np.flatnonzero(np.diff(track.t_ns) > MAX_GAP_S * 1e9) + 1
-                strips += np.split(track.xy_m.T, gaps)
+                strips += split_at_gaps(track.t_ns, track.xy_m.T)
         return strips
 
     def answer(self, cell: CellResult) -> Answer:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from logger.core.cell_names import is_by_channel
+from logger.core.document import number_of
 from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import MOST_MODEMS
@@ -146,7 +147,7 @@ def without_position(cell: str, n: int, n_scans: int, heard: Sequence[int]) -> C
     """Result of a cell that the runs `heard` too rarely, or without a position."""
     why = (
         too_rarely(n_scans)
-        or f"none of its {n} reading{'s' * (n != 1)} has both a level and a position"
+        or f"none of its {number_of(n, 'reading')} has both a level and a position"
     )
     shares = tuple(RunShare(run, 0, None, None) for run in heard)
     return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans, shares=shares)
@@ -303,7 +304,7 @@ def too_few(obs: Readings, usable: Readings) -> str | None:
     which = "with a position" if within == n else f"within the modem's range ({n} with a position)"
     if n_used < within:
         which = f"of {within} count"
-    how_many = f"only {n_used} reading{'s' * (n_used != 1)} {which}"
+    how_many = f"only {number_of(n_used, 'reading')} {which}"
     where = heard_at(obs)
     heard = f"; heard best at {where}" if where else ""
     return f"{how_many}: at least {FEWEST_READINGS} are needed{heard}"

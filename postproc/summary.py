@@ -21,6 +21,7 @@ from logger.core.document import (
     Value,
     Word,
     facts,
+    number_of,
 )
 from logger.core.guidance.sentence import direction
 from logger.core.locator.alternatives import alternatives_text
@@ -43,6 +44,7 @@ from postproc.result import (
     ESTIMATORS,
     REFERENCE,
     RTS,
+    VERDICTS,
     CellResult,
     ObservedRun,
     Result,
@@ -65,7 +67,6 @@ _STATISTICS = (
     "independent",
 )
 
-_ORDER = ("located", "ambiguous", "cannot tell")
 REFERENCE_NOTE = (
     "* the filter of the specification, for comparison: neither its position nor its ellipse "
     "can be trusted"
@@ -196,7 +197,7 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
 def _in_order(rows: Sequence[SummaryRow]) -> list[SummaryRow]:
     """Conspicuous cells first, then the located, then by readings."""
     by_size = sorted(rows, key=lambda row: -row.answer.provenance.n)
-    by_verdict = sorted(by_size, key=lambda row: _ORDER.index(row.answer.verdict))
+    by_verdict = sorted(by_size, key=lambda row: VERDICTS.index(row.answer.verdict))
     return sorted(by_verdict, key=_suspicion, reverse=True)
 
 
@@ -282,7 +283,7 @@ def _overview(rows: Sequence[SummaryRow]) -> tuple[Parts, list[Failure]]:
         how_many = "all" if n_few == len(folded) else n_few
         few = f", {how_many} for want of readings" if n_few else ""
         ordinary = "; none is unusual" if all(row.answer.word for row in folded) else ""
-        n_more = f"{len(folded)} more cell{'s' * (len(folded) != 1)}"
+        n_more = f"{number_of(len(folded), 'more cell')}"
         more = f"{n_more} cannot be located{few}{ordinary} (-v shows them)"
         parts.append(Line(more, "dim"))
     parts += map(_failure_line, failures)
@@ -387,7 +388,7 @@ def _cell_parts(row: SummaryRow, run_names: Sequence[str]) -> Parts:
     answer, result = row.answer, row.result
     made_from, scans = answer.provenance, ""
     if made_from.n_scans is not None:
-        scans = f", observed in {made_from.n_scans} scan{'s' * (made_from.n_scans != 1)}"
+        scans = f", observed in {number_of(made_from.n_scans, 'scan')}"
     heard = f", heard in {_heard_text(answer)}" if len(run_names) > 1 else ""
     counts = f"  {made_from.n} readings{scans}{heard}"
     parts: Parts = ["", Line((Word(answer.cell, "bold"), counts))]

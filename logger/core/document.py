@@ -224,6 +224,11 @@ def facts(named: Iterable[tuple[Text, Text]], width: int = 0) -> Iterator[Line]:
         yield Line(text, bullet=Word(bullet, _style(name)))
 
 
+def number_of(count: int, noun: str) -> str:
+    """A number with its noun."""
+    return f"{count} {noun}{'s' * (count != 1)}"
+
+
 def degrees_text(lat_deg: float, lon_deg: float) -> str:
     """Latitude and longitude to a metre."""
     return f"{lat_deg:.5f} {lon_deg:.5f}"

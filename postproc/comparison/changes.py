@@ -106,14 +106,19 @@ def offset_of(others: list[Change], *, same_modem: bool) -> Offset:
         return Offset(0.0, float(np.sqrt(prior_db2)))
     changes_db = np.array([change.db for change in others])
     weight = np.array([1.0 / change.sigma_db**2 for change in others])
-    order = np.argsort(changes_db)
-    half = int(np.searchsorted(np.cumsum(weight[order]), 0.5 * np.sum(weight)))
-    median_db = float(changes_db[order][min(half, len(order) - 1)])
+    median_db = weighted_median(changes_db, weight)
     spread = _MAD * float(np.median(np.abs(changes_db - median_db) * np.sqrt(weight)))
     # the median of Gaussians has pi/2 times the variance of the mean
     of_median_db2 = 0.5 * np.pi / float(np.sum(weight)) * max(1.0, spread) ** 2
     gain = prior_db2 / (prior_db2 + of_median_db2)
     return Offset(gain * median_db, float(np.sqrt(gain * of_median_db2)))
+
+
+def weighted_median(values: FloatArray, weight: FloatArray) -> float:
+    """The value (n,) below which half of the weight lies; there is at least one."""
+    order = np.argsort(values, kind="stable")
+    half = int(np.searchsorted(np.cumsum(weight[order]), 0.5 * np.sum(weight)))
+    return float(values[order][min(half, len(order) - 1)])
 
 
 def scale_of(differences: list[Differences]) -> float:
@@ -458,6 +463,26 @@ def _change_of_absent(
         cell, heard.rat, word, text, *counts, n, None, None, None, p,
         heard.block, np.full(len(heard.block), np.nan),
     )  # fmt: skip
+
+
+_MOST_MAPS = 12
+"""More are not read."""
+_FULL_DB = 15.0
+"""Difference from which a colour is full."""
+Shade = Literal["more", "less", "single"]
+"""Of a block that is stronger in B or weaker, or that one walk alone heard the cell in."""
+
+
+def cells_on_maps(cells: Iterable[CellChange]) -> list[CellChange]:
+    """Cells with a change that are drawn on the ground."""
+    return [cell for cell in cells if cell.is_change][:_MOST_MAPS]
+
+
+def shade_of(difference_db: float) -> tuple[Shade, float]:
+    """Colour of a block on a map, and its strength from 0 to 1."""
+    if np.isnan(difference_db):
+        return "single", 1.0
+    return "more" if difference_db > 0.0 else "less", min(abs(difference_db) / _FULL_DB, 1.0)
 
 
 def _n_common(a: Ground, b: Ground) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.cell_names import FEWEST_SCANS
+from logger.core.document import number_of
 from logger.core.readings import Readings
 from postproc.cell_work import Attempts
 
@@ -36,7 +37,7 @@ _MOST_ROWS = 4_000_000
 
 def blocks_text(n: int) -> str:
     """So many blocks, in words."""
-    return f"{n} block{'s' * (n != 1)} of {BLOCK_M:.0f} m"
+    return f"{number_of(n, 'block')} of {BLOCK_M:.0f} m"
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,16 +8,19 @@ import numpy as np
 
 from logger.core.document import Column, Document, Line, Measured, Table, Value
 from logger.core.places import Utm
-from postproc.comparison.changes import FALSE_WORDS, CellChange, ComparedRuns
+from postproc.comparison.changes import (
+    FALSE_WORDS,
+    CellChange,
+    ComparedRuns,
+    cells_on_maps,
+    shade_of,
+)
 from postproc.comparison.ground import BLOCK_M, Grid, blocks_text
 from postproc.html_page import page_environment
+from postproc.pictures.survey import Box
 
 _DECIMALS = 6
 """Of degrees: 0.1 m."""
-_MOST_MAPS = 12
-"""A page with more maps is not read."""
-_FULL_DB = 15.0
-"""Difference from which a colour is full."""
 _COLUMNS = (
     Column("cell"),
     Column("word"),
@@ -157,25 +160,16 @@ class Square:
     label: str
 
 
-@dataclass(frozen=True, slots=True)
-class BlockMap:
-    """Differences of a cell on the ground; width and height in metres."""
-
-    width_m: float
-    height_m: float
-    squares: tuple[Square, ...]
-
-
 def html(compared: ComparedRuns) -> str:
     """The page; text from the runs is escaped."""
-    cells = compared.comparison.cells
-    changed = [cell for cell in cells if cell.is_change]
+    cells, grid = compared.comparison.cells, compared.comparison.grid
+    shown = cells_on_maps(cells)
     template = page_environment("postproc.comparison").get_template("comparison.html")
     return template.render(
         compared=compared,
         table=_page_table(cells),
-        maps=[(cell, map_of(cell, compared.comparison.grid)) for cell in changed[:_MOST_MAPS]],
-        n_without_map=max(len(changed) - _MOST_MAPS, 0),
+        maps=[(cell, *map_of(cell, grid)) for cell in shown],
+        n_without_map=sum(cell.is_change for cell in cells) - len(shown),
         headline=headline(compared),
         ground_text=ground_text(compared),
         chance_text=chance_text(),
@@ -189,22 +183,14 @@ def _page_table(cells: Sequence[CellChange]) -> Table:
     return Table(columns, rows, "All cells")
 
 
-def map_of(cell: CellChange, grid: Grid) -> BlockMap:
-    """Blocks of a cell, north up."""
+def map_of(cell: CellChange, grid: Grid) -> tuple[Box, list[Square]]:
+    """The ground around a cell, and its blocks from the north-west corner."""
     x_m, y_m = grid.centres_m(cell.block)
-    west_m, north_m = float(np.min(x_m)) - BLOCK_M, float(np.max(y_m)) + BLOCK_M
-    squares = tuple(
-        _square(float(x - west_m), float(north_m - y), float(db))
-        for x, y, db in zip(x_m, y_m, cell.difference_db, strict=True)
-    )
-    width_m, height_m = (float(np.ptp(values)) + 2.0 * BLOCK_M for values in (x_m, y_m))
-    return BlockMap(width_m, height_m, squares)
-
-
-def _square(x_m: float, y_m: float, difference_db: float) -> Square:
-    left_m, top_m = x_m - 0.5 * BLOCK_M, y_m - 0.5 * BLOCK_M
-    if np.isnan(difference_db):
-        return Square(left_m, top_m, "single", 1.0, "heard by one walk")
-    kind = "more" if difference_db > 0.0 else "less"
-    strength = min(abs(difference_db) / _FULL_DB, 1.0)
-    return Square(left_m, top_m, kind, round(strength, 2), f"{difference_db:+.0f} dB")
+    box = Box.around(np.column_stack([x_m, y_m])).enlarge(BLOCK_M)
+    squares = []
+    for x, y, db in zip(x_m.tolist(), y_m.tolist(), cell.difference_db.tolist(), strict=True):
+        kind, strength = shade_of(db)
+        label = "heard by one walk" if kind == "single" else f"{db:+.0f} dB"
+        left_m, top_m = x - box.west - 0.5 * BLOCK_M, box.north - y - 0.5 * BLOCK_M
+        squares.append(Square(left_m, top_m, kind, round(strength, 2), label))
+    return box, squares

@@ -6,23 +6,23 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from logger.core.arrays import FloatArray
 from logger.core.document import Column, Table, markdown_table, markdown_text
 from postproc.atomic_write import whole_file
-from postproc.comparison.changes import CellChange, ComparedRuns
+from postproc.comparison.changes import CellChange, ComparedRuns, Shade, cells_on_maps, shade_of
 from postproc.comparison.ground import BLOCK_M, Grid
 from postproc.view.plan import entity
 from postproc.view.scene import APPLICATION
 
-_MOST_MAPS = 12
-_FULL_DB = 15.0
-"""Difference from which a colour is full."""
-_MORE, _LESS, _SINGLE = (200, 60, 40), (40, 90, 200), (150, 150, 150)
+_INKS: dict[Shade, tuple[int, int, int]] = {
+    "more": (200, 60, 40),
+    "less": (40, 90, 200),
+    "single": (150, 150, 150),
+}
 
 
 def write_comparison(compared: ComparedRuns, path: Path) -> None:
     """Write the recording (.rrd), complete or not at all; raises `RunFileError`."""
-    changed = [cell for cell in compared.comparison.cells if cell.is_change][:_MOST_MAPS]
+    changed = cells_on_maps(compared.comparison.cells)
     with whole_file(path) as part:
         rr.set_strict_mode(True)
         name = f"{compared.a.name} {compared.b.name}"
@@ -63,20 +63,11 @@ def _blocks(cell: CellChange, grid: Grid) -> rr.Boxes2D:
     """North up: the vertical axis of a 2D view points down."""
     x_m, y_m = grid.centres_m(cell.block)
     labels = ["one walk" if np.isnan(db) else f"{db:+.0f} dB" for db in cell.difference_db]
+    shades = map(shade_of, cell.difference_db.tolist())
     return rr.Boxes2D(
         centers=np.column_stack([x_m - np.min(x_m), np.max(y_m) - y_m]),
         half_sizes=np.full((len(x_m), 2), 0.5 * BLOCK_M),
-        colors=_colours(cell.difference_db),
+        colors=[(*_INKS[kind], round(60 + 195 * strength)) for kind, strength in shades],
         labels=labels,
         show_labels=False,
     )
-
-
-def _colours(difference_db: FloatArray) -> list[tuple[int, int, int, int]]:
-    """Grey where only one walk heard the cell."""
-    colours = []
-    for db in difference_db:
-        ink = _SINGLE if np.isnan(db) else _MORE if db > 0.0 else _LESS
-        strength = 1.0 if np.isnan(db) else min(abs(float(db)) / _FULL_DB, 1.0)
-        colours.append((*ink, round(60 + 195 * strength)))
-    return colours

@@ -92,7 +92,7 @@ def export(
             for group, own_cells in groups
         ]
         exported, answers = exporting.write_answers(with_words, output, name, every=all_estimators)
-        counts = f"{exported.n_estimates} cell{'s' * (exported.n_estimates != 1)}"
+        counts = document.number_of(exported.n_estimates, "cell")
         if len(groups) > 1:
             counts = f"{counts} of {len(groups)} places: {', '.join(g.name for g, _ in groups)}"
     else:

@@ -5,7 +5,7 @@ The file does not identify the walker or the hardware: no configuration, names o
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -22,9 +22,10 @@ from logger.core.places import MAX_GAP_S, SIGMA_OF_RADIUS68
 from logger.core.readings import Observations, observe
 from logger.core.rows import levels_dbm, values_of
 from logger.core.runfile import Run
+from logger.core.runfile.run import reading_of
 from logger.core.suspicion.words import strongest_reasons
 from logger.core.timebase import utc_clock, why_unknown
-from logger.core.types import Broadcast, CellReading, Fix
+from logger.core.types import Fix
 from postproc.atomic_write import whole_file
 from postproc.cell_work import Failure, attempt
 from postproc.interop import writers
@@ -34,8 +35,6 @@ from postproc.result import ESTIMATORS, CellResult, Result, answer_table, region
 
 _DEGREE_DECIMALS = 8
 """A millimetre."""
-
-_CELL = [f.name for f in fields(CellReading) if f.name not in {"broadcast", "label", "more"}]
 
 Regions = Mapping[int, list[Rings]]
 """Outlines of the regions of a cell by their percentage."""
@@ -146,15 +145,10 @@ def _sightings(
     in_scan = (np.arange(len(rows)) - np.searchsorted(rows["seq"], rows["seq"]))[chosen].tolist()
     broadcasts = run.broadcasts()
     sightings = [
-        Sighting(row["seq"], *fixes[row["seq"]], _reading(row, broadcasts.get((row["seq"], i))))
+        Sighting(row["seq"], *fixes[row["seq"]], reading_of(row, broadcasts.get((row["seq"], i))))
         for row, i in zip(values_of("readings", rows[chosen]), in_scan, strict=True)
     ]
     return sorted(sightings, key=lambda sighting: sighting.t_ns)
-
-
-def _reading(row: Mapping[str, Any], broadcast: Broadcast | None) -> CellReading:
-    reading = CellReading(**{name: row[name] for name in _CELL}, broadcast=broadcast)
-    return reading if reading.cell == row["cell"] else replace(reading, label=row["cell"])
 
 
 def _all(observed: Observations, name: str) -> npt.NDArray[Any]:

@@ -6,20 +6,26 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.certainty import Ellipse, ellipse95, radii_text, share_text
+from logger.core.certainty import radii_text, share_text
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.region import HALF, LEVEL, Squares
 from logger.core.model import path_loss
 from logger.core.model.path_loss import log_distance_db
 from logger.core.suspicion.rule import WORDS
 from postproc.estimators import least_squares
-from postproc.estimators.filters import FilterPath
-from postproc.estimators.region_outline import outline
 from postproc.estimators.residuals import state_at_place
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.survey import Box, Survey, plan_box
-from postproc.result import BACKWARD, BATCH, ESTIMATORS, REFERENCE, CellResult, Estimator, Result
+from postproc.result import (
+    BACKWARD,
+    REFERENCE,
+    CellResult,
+    Estimate,
+    Estimator,
+    Result,
+    rings_of,
+)
 
 Rings = list[FloatArray]
 """Outline of a region: closed rings (k, 2), outer ones counterclockwise, holes clockwise."""
@@ -35,11 +41,7 @@ def regions_of(posterior: Posterior, origin_m: tuple[float, float]) -> dict[str,
 
 def region_rings(cells: Squares, share: float, origin_m: tuple[float, float]) -> Rings:
     """Outline of the smallest region with this `share` of the probability, in m from `origin_m`."""
-    return [
-        np.asarray(ring.coords, float) - origin_m
-        for polygon in outline(cells, share)
-        for ring in (polygon.exterior, *polygon.interiors)
-    ]
+    return [ring - origin_m for ring in rings_of(cells, share)]
 
 
 class Parameter(NamedTuple):
@@ -74,40 +76,6 @@ class Parameter(NamedTuple):
 
 P0: Final = Parameter("P0", "dBm", 1, 2, "p0_dbm", "p0_sigma_db")
 ETA: Final = Parameter("eta", "", 2, 3, "eta", "eta_sigma")
-
-
-class Estimate(NamedTuple):
-    """Final state of one estimator after `n` readings.
-
-    `x` (4,) is a position in metres, P0 in dBm and eta; `p` (4, 4) its covariance.
-    """
-
-    estimator: Estimator
-    x: FloatArray
-    p: FloatArray
-    n: int
-
-    @property
-    def ellipse(self) -> Ellipse:
-        """95 % ellipse."""
-        return ellipse95(*self.p[[0, 0, 1], [0, 1, 1]].tolist())
-
-
-def final_estimates(cell: CellResult) -> tuple[Estimate, ...]:
-    """Final state of each estimator that has a finite one; positions are UTM."""
-    estimates = []
-    if (fit := cell.batch) is not None:
-        estimates.append(Estimate(BATCH, fit.state, fit.covariance, fit.n))
-    for estimator in ESTIMATORS:
-        path = getattr(cell, estimator.key)
-        if isinstance(path, FilterPath) and len(path):
-            n = path.consistency.n if path.consistency else len(path)
-            estimates.append(Estimate(estimator, path.x[-1, :4], path.p[-1, :4, :4], n))
-    return tuple(
-        estimate
-        for estimate in estimates
-        if np.all(np.isfinite(estimate.x)) and np.all(np.isfinite(estimate.p))
-    )
 
 
 def legend_of(estimator: Estimator) -> tuple[str, Colour]:
@@ -254,12 +222,14 @@ def colour_range_dbm(level_dbm: FloatArray) -> tuple[float, float]:
 
 
 def _estimates(survey: Survey, focus: CellResult | None) -> tuple[Estimate, ...]:
-    """Local estimates that are drawn: the EKF backward has no picture."""
+    """Local estimates that are drawn: finite ones, and not the EKF backward."""
     shift = np.array([*survey.origin_m, 0.0, 0.0])
     return tuple(
         estimate._replace(x=estimate.x - shift)
-        for estimate in (final_estimates(focus) if focus else ())
+        for estimate in (focus.estimates if focus else ())
         if estimate.estimator != BACKWARD
+        and np.all(np.isfinite(estimate.x))
+        and np.all(np.isfinite(estimate.p))
     )
 
 

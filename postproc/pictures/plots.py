@@ -29,7 +29,6 @@ from postproc.notebook_plan import round_step
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import (
-    Estimate,
     Fit,
     Parameter,
     Picture,
@@ -51,7 +50,7 @@ from postproc.pictures.survey import (
     survey_of,
     with_inset,
 )
-from postproc.result import RTS, Result
+from postproc.result import RTS, Estimate, Result
 
 MOST_VECTORS = 400
 """More dots or corners than this are drawn as pixels, whose number is bounded."""

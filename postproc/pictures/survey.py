@@ -13,7 +13,7 @@ import numpy as np
 from logger.core.answer import Word
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.posterior import Mode
-from logger.core.places import MAX_GAP_S, Utm
+from logger.core.places import Utm
 from logger.core.readings import times_ns
 from logger.core.rows import levels_dbm
 from logger.core.runfile import Run
@@ -21,7 +21,7 @@ from logger.core.runfile.meta import SIMULATED
 from logger.core.timebase import TimeBase, fit_run
 from logger.core.types import utc_text
 from logger.sim.scenario import CITIES, SCENARIOS, scenario
-from postproc.result import Result
+from postproc.result import Result, split_at_gaps
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,12 +193,6 @@ def _at_least_half_as_wide(box: Box) -> Box:
     """With the shorter side at least half the longer one: a straight walk needs room as well."""
     margins = (0.5 * max(0.5 * box.size - side, 0.0) for side in (box.width, box.height))
     return box.enlarge(*margins)
-
-
-def split_at_gaps(t_ns: IntArray, points_m: FloatArray) -> list[FloatArray]:
-    """Points (n, 2) cut into strips (k, 2) where nothing came for more than `MAX_GAP_S`."""
-    starts = np.flatnonzero(np.diff(t_ns) > MAX_GAP_S * 1e9) + 1
-    return np.split(points_m, starts)
 
 
 def evenly_spaced(count: int, most: int) -> IntArray:

@@ -31,7 +31,6 @@ with late_modules():
     from logger.core.model import prior as priors
     from postproc import atomic_write, ground, progress
     from postproc import result as estimation
-    from postproc.report import page as report_page
     from postproc.report import rendering
     from postproc.suspicion import run_assessment
 
@@ -123,7 +122,7 @@ def _write_page(
         pictures = list(progress.with_progress(writing, "writing pictures", page.n_pictures))
     took_s = perf_counter() - start_s
     more = f", {len(pictures)} pictures in {picture_folder}" if pictures else ""
-    detailed = f"{report_page.number_of(len(page.cells), 'cell')} in detail"
+    detailed = f"{document.number_of(len(page.cells), 'cell')} in detail"
     content = {
         "path": target,
         "bytes": size,

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from logger.core.answer import CONSPICUOUS, Answer, Mode, Place
 from logger.core.certainty import RADII, metres, share_text
-from logger.core.document import Column, Degrees, Table, Value, Word
+from logger.core.document import Column, Degrees, Table, Value, Word, number_of
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.suspicion.words import strongest_reasons, word_rate_text
 from postproc import summary
@@ -346,11 +346,6 @@ def located_text(cells: Sequence[CellResult]) -> str:
     if n_undecided := counts["cannot tell"]:
         parts.append(f"{n_undecided} not located")
     return ", ".join(parts)
-
-
-def number_of(count: int, noun: str) -> str:
-    """A number with its noun."""
-    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 def where_text(place: Place | Mode) -> str:

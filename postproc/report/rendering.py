@@ -25,13 +25,11 @@ from postproc.report.page import (
     no_street,
     section_without_details,
 )
-from postproc.result import CellResult, Result
+from postproc.result import VERDICTS, CellResult, Result
 from postproc.verification.claims import Verified
 
 MOST_DETAILED = 8
 """Cells with figures, unless more are named; the others are in the table."""
-
-_RANK = ("located", "ambiguous", "cannot tell")
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +123,7 @@ def select_cells(
     shown.sort(
         key=lambda cell: (
             named.get(cell.cell, len(named)),
-            _RANK.index(cell.verdict),
+            VERDICTS.index(cell.verdict),
             -cell.n,
         )
     )

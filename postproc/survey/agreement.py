@@ -13,6 +13,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.readings import Readings
+from postproc.comparison.changes import weighted_median
 from postproc.comparison.ground import BLOCK_M
 from postproc.survey.alignment import (
     PlaceLevels,
@@ -146,14 +147,8 @@ def _offsets(found: Sequence[Agreement]) -> Mapping[str, float]:
 def _over_cells(logger: str, some: Sequence[Agreement], offset_db: float) -> LoggerReport:
     """Medians over cells, each weighted by its blocks."""
     weight = np.array([one.n_blocks for one in some], float)
-    scatter_db = _weighted_median(np.array([one.scatter_db for one in some]), weight)
+    scatter_db = weighted_median(np.array([one.scatter_db for one in some]), weight)
     return LoggerReport(logger, int(np.sum(weight)), offset_db, scatter_db)
-
-
-def _weighted_median(values: FloatArray, weight: FloatArray) -> float:
-    order = np.argsort(values, kind="stable")
-    half = int(np.searchsorted(np.cumsum(weight[order]), 0.5 * np.sum(weight)))
-    return float(values[order][min(half, len(order) - 1)])
 
 
 def _remark(one: LoggerReport, usual_db: float) -> str:

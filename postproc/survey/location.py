@@ -9,14 +9,14 @@ from typing import TypeVar
 import msgspec
 
 from logger.core.certainty import RADII
-from logger.core.document import Column, Document, Line, Table, Value, Word
+from logger.core.document import Column, Document, Line, Table, Value, Word, number_of
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
-from logger.core.types import Verdict, utc_text
+from logger.core.types import utc_text
 from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.ground import days_text
 from postproc.progress import with_progress
-from postproc.result import Options
+from postproc.result import VERDICTS, Options
 from postproc.survey.agreement import FEWEST_LOGGERS, Agreement, LoggerReport, liars, report
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey, SurveyCell
@@ -35,7 +35,6 @@ from postproc.survey.tasks import (
 EVERY_RUN = RunChoice()
 _MOST_ROWS = 40
 """Cells on the terminal; the files have all of them."""
-_ORDER: tuple[Verdict, ...] = ("located", "ambiguous", "cannot tell")
 CELL_COLUMNS = (
     Column("cell"),
     Column("verdict"),
@@ -166,10 +165,11 @@ def document_of(location: Location, files: Sequence[Path]) -> Document:
         del cell["region_wkb"], cell["runs"]
     loggers = [one._asdict() for one in location.loggers]
     ordered = sorted(
-        location.cells, key=lambda cell: (_ORDER.index(cell.verdict), cell.r95_m or 0.0, cell.cell)
+        location.cells,
+        key=lambda cell: (VERDICTS.index(cell.verdict), cell.r95_m or 0.0, cell.cell),
     )
     counts = Counter(cell.verdict for cell in ordered)
-    text = ", ".join(f"{counts[verdict]} {verdict}" for verdict in _ORDER if counts[verdict])
+    text = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
     known = f"; {location.n_known} known from before" if location.n_known else ""
     return Document(
         {"files": files, "loggers": loggers, "cells": cells},
@@ -205,7 +205,7 @@ def _parts(location: Location, cells: Sequence[LocatedCell]) -> Iterator[str | L
 def _where(cell: LocatedCell) -> str:
     times_ns = cell.first_utc_ns, cell.last_utc_ns
     days = days_text(*(None if at_ns is None else utc_text(at_ns) for at_ns in times_ns))
-    return f"{cell.heard_near} ({cell.n_runs} run{'s' * (cell.n_runs != 1)}{days})"
+    return f"{cell.heard_near} ({number_of(cell.n_runs, 'run')}{days})"
 
 
 def cell_row(cell: LocatedCell) -> tuple[Value, ...]:

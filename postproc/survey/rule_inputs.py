@@ -1,21 +1,24 @@
-"""What the rules of suspicion see of a run: its columns as a survey keeps them, and the records.
+"""What the rules of suspicion see of a run: its columns as a survey keeps them, and back.
 
 Positions are those of the receiver, since the rules say something else of smoothed ones, and
 readings without an identity are among them. Times count from the start of the run.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from itertools import groupby
+from operator import attrgetter
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from logger.core.arrays import IntArray
-from logger.core.rows import channels_of
-from logger.core.runfile import Run
-from logger.core.schema import TABLES
-from logger.core.types import Broadcast, CellReading, Fix, Record, Scan
+from logger.core.live_settings import LiveSettings
+from logger.core.rows import DTYPES, Rows
+from logger.core.runfile import Damage, Run, RunMeta
+from logger.core.schema import TABLES, encode
+from logger.core.types import Broadcast
 
 _COLUMNS: Mapping[str, tuple[str, ...]] = {
     "fixes": ("seq", "t_ns", "valid", "lat_deg", "lon_deg"),
@@ -27,7 +30,6 @@ _COLUMNS: Mapping[str, tuple[str, ...]] = {
     ),
     "broadcasts": ("seq", "reading", *(field.name for field in fields(Broadcast))),
 }  # fmt: skip
-_SCHEMA = {table: {column.name: column for column in TABLES[table]} for table in _COLUMNS}
 
 
 class RuleColumn(NamedTuple):
@@ -55,14 +57,27 @@ def rule_inputs(run: Run) -> list[RuleColumn]:
     ]
 
 
-def records_of(columns: Sequence[RuleColumn]) -> list[Record]:
-    """Fixes and scans in recorded order, with what the rules ask."""
-    tables: dict[str, dict[str, list[Any]]] = {table: {} for table in _COLUMNS}
-    for column in columns:
-        tables[column.table][column.column] = _unpack(column)
-    records = [*_fixes(tables["fixes"]), *_scans(tables)]
-    seq = tables["fixes"].get("seq", []) + tables["scans"].get("seq", [])
-    return [records[i] for i in np.argsort(np.array(seq, np.int64), kind="stable").tolist()]
+def run_of(columns: Sequence[RuleColumn]) -> Run:
+    """The run that these are the columns of; all else of it is unknown."""
+    tables: dict[str, Rows] = {table: np.zeros(0, dtype) for table, dtype in DTYPES.items()}
+    tables |= {
+        table: _rows(table, {one.column: one for one in of_table})
+        for table, of_table in groupby(columns, key=attrgetter("table"))
+    }
+    live = LiveSettings(max_fix_age_s=columns[0].max_fix_age_s)
+    meta = RunMeta(run_id="", boot_id="", started_ns=0, origin="", program="", live=live)
+    return Run(Path(), "survey", meta, None, Damage(), tables, np.zeros(0, np.uint8))
+
+
+def _rows(table: str, packed: Mapping[str, RuleColumn]) -> Rows:
+    rows = np.zeros(packed["seq"].n, DTYPES[table])
+    for column in TABLES[table]:
+        if column.name in packed:
+            one = packed[column.name]
+            rows[column.name] = np.frombuffer(one.values, one.kind)
+        elif column.unknown is not None or column.dtype == "<f8":
+            rows[column.name] = encode(column, None)
+    return rows
 
 
 def _pack(run: Run, table: str, name: str) -> RuleColumn:
@@ -74,67 +89,3 @@ def _pack(run: Run, table: str, name: str) -> RuleColumn:
         values = values[:1]
     stored = np.ascontiguousarray(values).tobytes()
     return RuleColumn(run.meta.live.max_fix_age_s, table, name, values.dtype.str, n, stored)
-
-
-def _unpack(packed: RuleColumn) -> list[Any]:
-    stored = np.frombuffer(packed.values, np.dtype(packed.kind))
-    column = _SCHEMA[packed.table][packed.column]
-    values: list[Any] = stored.tolist()
-    if stored.dtype.kind == "S":
-        texts = {text: text.decode("utf-8", "replace") or None for text in set(values)}
-        values = [texts[text] for text in values]
-    elif stored.dtype.kind == "f":
-        values = [value if value == value else None for value in values]  # noqa: PLR0124 (NaN)
-    elif column.unknown is not None:
-        values = [None if value == column.unknown else value for value in values]
-    return values * packed.n if len(values) == 1 else values
-
-
-def _fixes(columns: Mapping[str, list[Any]]) -> Iterator[Record]:
-    names = ("t_ns", "valid", "lat_deg", "lon_deg")
-    for t_ns, valid, lat_deg, lon_deg in zip(
-        *(columns.get(name, []) for name in names), strict=True
-    ):
-        yield Record(t_ns, "", Fix(bool(valid), None, lat_deg, lon_deg))
-
-
-def _scans(tables: Mapping[str, Mapping[str, list[Any]]]) -> Iterator[Record]:
-    scans = tables["scans"]
-    readings = _readings(tables["readings"], _broadcasts(tables["broadcasts"]))
-    seq: IntArray = np.array(tables["readings"].get("seq", []), np.int64)
-    own = np.array(scans.get("seq", []), np.int64)
-    first, end = (np.searchsorted(seq, own, side).tolist() for side in ("left", "right"))
-    for i, t_ns in enumerate(scans.get("t_ns", [])):
-        yield Record(t_ns, "", Scan(t_ns, tuple(readings[first[i] : end[i]])))
-
-
-def _readings(
-    columns: Mapping[str, list[Any]], broadcasts: Mapping[tuple[int, int], Broadcast]
-) -> list[CellReading]:
-    names = [name for name in columns if name not in {"seq", "cell", "identity_unsure"}]
-    rows = zip(*(columns[name] for name in names), strict=True)
-    heads = (columns.get(name, []) for name in ("seq", "cell", "identity_unsure"))
-    readings, scan, place = [], None, 0
-    for row, seq, cell, is_unsure in zip(rows, *heads, strict=True):
-        place = place + 1 if seq == scan else 0
-        scan = seq
-        reading = CellReading(
-            **dict(zip(names, row, strict=True)),
-            identity_unsure=bool(is_unsure),
-            broadcast=broadcasts.get((seq, place)),
-        )
-        # a cell named by its identity needs no label
-        readings.append(reading if reading.cell == cell else replace(reading, label=cell))
-    return readings
-
-
-def _broadcasts(columns: Mapping[str, list[Any]]) -> dict[tuple[int, int], Broadcast]:
-    """By the number of the scan and the position of the reading in it."""
-    names = [field.name for field in fields(Broadcast)]
-    found = {}
-    for i in range(len(columns.get("seq", []))):
-        values = {name: columns[name][i] for name in names}
-        values["broadcast_unsure"] = bool(values["broadcast_unsure"])
-        values["neighbour_arfcns"] = channels_of(values["neighbour_arfcns"])
-        found[columns["seq"][i], columns["reading"][i]] = Broadcast(**values)
-    return found

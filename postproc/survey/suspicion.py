@@ -13,16 +13,15 @@ import msgspec
 
 from logger.core.suspicion.rule import WORDS, Word
 from logger.core.suspicion.rules import RULES, rules_version
-from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import strongest_reasons, unnoticed_text
 from postproc.progress import with_progress
 from postproc.survey import layout
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
 from postproc.survey.estimates import append_lines, whole_lines
-from postproc.survey.rule_inputs import RuleColumn, records_of
+from postproc.survey.rule_inputs import RuleColumn, run_of
 from postproc.survey.scheduling import Cluster
-from postproc.suspicion.run_assessment import failures_of
+from postproc.suspicion.run_assessment import failures_of, track
 
 _RUNS_AT_ONCE = 16
 """Of a task: a second or two of work for walks of an hour."""
@@ -131,9 +130,7 @@ def _tasks(survey: Survey, waiting: set[str]) -> Iterator[WordsTask]:
 
 
 def _ask(run: str, inputs: Sequence[RuleColumn]) -> RunWords:
-    tracker = SuspicionTracker(inputs[0].max_fix_age_s)
-    for record in records_of(inputs):
-        tracker.feed(record)
+    tracker = track(run_of(inputs))
     failures_of(tracker)  # logged, as the words of the other cells and rules stand
     cells = []
     for one in tracker.assessments():

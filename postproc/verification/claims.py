@@ -21,6 +21,7 @@ from logger.core.document import (
     Value,
     Word,
     degrees_text,
+    number_of,
 )
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.places import MAX_LATITUDE_DEG, check_position
@@ -340,20 +341,17 @@ def _verified_parts(verified: Verified) -> Iterator[Part]:
         yield from _cell_parts(cell)
     if verified.without_claim:
         absent = "absence from a database is no alarm by itself"
-        yield f"\n{_cells(len(verified.without_claim))} observed without a claim: {absent}"
+        cells = number_of(len(verified.without_claim), "cell")
+        yield f"\n{cells} observed without a claim: {absent}"
     if verified.heard_once:
         once = "observed in one scan only or never without doubt: not tested"
-        yield f"{_cells(len(verified.heard_once))} {once}"
+        yield f"{number_of(len(verified.heard_once), 'cell')} {once}"
     if verified.not_observed:
         yield verified.not_observed_text
     tested = sum(cell.p is not None for cell in verified.cells)
     if tested:
-        over = f"false discoveries over {tested} claim{'s' * (tested != 1)}"
+        over = f"false discoveries over {number_of(tested, 'claim')}"
         yield f"false-alarm rate {verified.p_fa:g}; {over} controlled by Benjamini-Hochberg (q)"
-
-
-def _cells(n: int) -> str:
-    return f"{n} cell{'s' * (n != 1)}"
 
 
 def _cell_parts(cell: CellVerdict) -> Iterator[Part]:

@@ -20,9 +20,9 @@ from postproc.estimators.filters import FilterPath
 from postproc.notebook_plan import round_step
 from postproc.pictures import colours
 from postproc.pictures.colours import Bytes, Colour
-from postproc.pictures.picture import Estimate, legend_of, mode_label, region_rings
+from postproc.pictures.picture import legend_of, mode_label, region_rings
 from postproc.pictures.survey import Box, Clock, Walk, evenly_spaced
-from postproc.result import BATCH, RTS
+from postproc.result import BATCH, RTS, Estimate
 from postproc.view.view_model import CellView, ViewModel
 
 # `RerunWriter` draws points and lines on both. Positions come in local metres and paths without the

@@ -495,7 +495,7 @@ class _ReadingsBySeq:
             ahead = self._rows[first : max(last, first + ROWS_AT_ONCE)]
             self._first, self._decoded = first, list(values_of("readings", ahead))
         rows = self._decoded[first - self._first : last - self._first]
-        return tuple(_reading(row, self._broadcasts.get((seq, i))) for i, row in enumerate(rows))
+        return tuple(reading_of(row, self._broadcasts.get((seq, i))) for i, row in enumerate(rows))
 
 
 def _broadcast(row: dict[str, Any]) -> Broadcast:
@@ -505,7 +505,8 @@ def _broadcast(row: dict[str, Any]) -> Broadcast:
     return Broadcast(**named)
 
 
-def _reading(row: dict[str, Any], broadcast: Broadcast | None) -> CellReading:
+def reading_of(row: Mapping[str, Any], broadcast: Broadcast | None) -> CellReading:
+    """The reading of a row of `rows.values_of`, with what its cell broadcasts."""
     named = {name: row[name] for name in _READING_FIELDS}
     named["broadcast"] = broadcast
     named["identity_unsure"] = bool(row["identity_unsure"])

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from logger.core.answer import CONSPICUOUS, to_do_about
+from logger.core.answer import CONSPICUOUS, OnMap, to_do_about
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.certainty import metres
 from logger.core.document import Column, Table, Word
@@ -18,11 +18,12 @@ from logger.core.places import Utm
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import WORD_RATES, word_rate_text
 from postproc.basemap import read_basemap
-from postproc.ground import Towns
+from postproc.ground import Towns, place_name
 from postproc.html_page import page_environment
 from postproc.notebook_plan import round_step
 from postproc.pictures.survey import Box, Clock
 from postproc.pictures.survey import Survey as Frame
+from postproc.result import VERDICTS
 from postproc.summary import sentence
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
@@ -47,7 +48,6 @@ _MOST_LABELS = 40
 """Cells without a word on a plan that has their numbers too."""
 _MOST_ODD = 8
 """Cells with a word that a page shows before they are folded."""
-_ORDER = ("located", "ambiguous", "cannot tell")
 
 
 class Shape(NamedTuple):
@@ -85,10 +85,7 @@ class Walked(NamedTuple):
         box = self.box
         middle_m = 0.5 * (box.west + box.east), 0.5 * (box.south + box.north)
         lat_deg, lon_deg = self.utm.to_latlon(*middle_m)
-        return (
-            f"{abs(lat_deg):.2f}° {'N' if lat_deg >= 0.0 else 'S'}, "
-            f"{abs(lon_deg):.2f}° {'E' if lon_deg >= 0.0 else 'W'}"
-        )
+        return place_name(OnMap(lat=lat_deg, lon=lon_deg))
 
 
 class Plan(NamedTuple):
@@ -183,7 +180,14 @@ def _rank(cell: LocatedCell) -> tuple[int, int, int, bool, float, str]:
     word = word_of(cell)
     by_word = CONSPICUOUS.index(word) if word else len(CONSPICUOUS)
     radius_m = cell.r95_m or 0.0
-    return by_word, -cell.word_runs, _ORDER.index(cell.verdict), _is_few(cell), radius_m, cell.cell
+    return (
+        by_word,
+        -cell.word_runs,
+        VERDICTS.index(cell.verdict),
+        _is_few(cell),
+        radius_m,
+        cell.cell,
+    )
 
 
 def _is_few(cell: LocatedCell) -> bool:

@@ -9,10 +9,10 @@ from postproc.pictures.survey import (
     Box,
     evenly_spaced,
     plan_box,
-    split_at_gaps,
     survey_of,
     with_inset,
 )
+from postproc.result import split_at_gaps
 from tests.kit import sample_results as kit
 
 

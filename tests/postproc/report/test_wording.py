@@ -3,6 +3,7 @@ from dataclasses import replace
 import pytest
 
 from logger.core.certainty import metres
+from logger.core.document import number_of
 from postproc.report import page
 from tests.kit import sample_results as kit
 
@@ -38,7 +39,7 @@ def test_times():
         "31 min",
         "2 h 05 min",
     ]
-    assert [page.number_of(n, "cell") for n in (0, 1, 2)] == ["0 cells", "1 cell", "2 cells"]
+    assert [number_of(n, "cell") for n in (0, 1, 2)] == ["0 cells", "1 cell", "2 cells"]
 
 
 def advice(result, **changes):

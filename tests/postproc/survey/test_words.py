@@ -7,14 +7,13 @@ import pytest
 
 from logger.core.runfile import read_sound_run
 from logger.core.suspicion.rules import RULES, rules_version
-from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import strongest_reasons
 from logger.core.types import Broadcast
 from postproc.cli import main
 from postproc.summary import sentence
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
-from postproc.survey.rule_inputs import records_of, rule_inputs
+from postproc.survey.rule_inputs import rule_inputs, run_of
 from postproc.suspicion.run_assessment import assess_runs, track
 from tests.postproc.baseline.walks import cell, write_walk
 
@@ -46,10 +45,7 @@ def files(tmp_path):
 def test_the_rules_find_the_same_in_what_a_survey_keeps(files):
     for file in files:
         run = read_sound_run(file)
-        inputs = rule_inputs(run)
-        tracker = SuspicionTracker(inputs[0].max_fix_age_s)
-        for record in records_of(inputs):
-            tracker.feed(record)
+        tracker = track(run_of(rule_inputs(run)))
         expected = track(run).assessments()
         assert tracker.assessments() == expected
         assert any(one.findings for one in expected) == (file != files[2])
@@ -57,13 +53,10 @@ def test_the_rules_find_the_same_in_what_a_survey_keeps(files):
 
 def test_readings_are_kept_as_the_rules_see_them(files):
     run = read_sound_run(files[0])
-    (_, kept), *_ = [
-        (n, r.value) for n, r in enumerate(records_of(rule_inputs(run)))
-        if hasattr(r.value, "readings")
-    ]  # fmt: skip
+    (_, kept), *_ = run_of(rule_inputs(run)).records("scans")
     (_, own), *_ = run.records("scans")
-    assert kept.readings == own.value.readings
-    assert kept.readings[0].broadcast.neighbour_arfcns == (21, 22, 23)
+    assert kept.value.readings == own.value.readings
+    assert kept.value.readings[0].broadcast.neighbour_arfcns == (21, 22, 23)
 
 
 @pytest.fixture
