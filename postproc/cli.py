@@ -182,11 +182,10 @@ def smooth(
         with_words, _ = run_assessment.conspicuous_first(
             estimated, progress.with_progress, group.several
         )
-        summed = summary.summarise(with_words)
-        said, failures = summary.document_of(summed, details=bool(cells or verbose))
+        said, told = summary.document_of(with_words, details=bool(cells or verbose))
         estimates.append(estimated)
         documents.append(said)
-        rows += [*summed.rows, *failures]
+        rows += told
     # printed first: a run on a read-only card has an answer too
     show(ground.document_of_groups([group for group, _ in groups], documents), as_json=as_json)
     for (group, own_cells), estimated, said in zip(groups, estimates, documents, strict=True):

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version
 from itertools import chain, groupby
@@ -395,9 +396,14 @@ def _write(
         sightings if has_times else _without_times(sightings), "writing", len(sightings)
     )
     scans = scans_of(rows, form) if form.has_scans and has_times else ([row] for row in rows)
-    walk = _Walk(scans, left.remarks, track)
-    fill = _fill_capture if form.capture else _fill
-    write_run(target, meta_of(origin), lambda append: fill(append, walk, imported), "imported")
+    fill = partial(
+        _fill_capture if form.capture else _fill,
+        notes=_notes(imported),
+        scans=scans,
+        remarks=left.remarks,
+        track=track,
+    )
+    write_run(target, meta_of(origin), fill, "imported")
     return imported
 
 
@@ -497,21 +503,13 @@ class _Left:
         return "".join(f"; {n} rows: {why}" for why, n in (*self.other, *self.no_level))
 
 
-@dataclass(frozen=True, slots=True)
-class _Walk:
-    """Content of a run; the track counts where no level has a position of its own."""
-
-    scans: Iterator[list[Sighting]]
-    remarks: Sequence[Remark]
-    track: GpsTrack | None
-
-    def start_ns(self, first: list[Sighting]) -> int:
-        """Time of the first scan, of which there may be none, or of what comes before it."""
-        starts = [first[0].t_ns] if first else []
-        starts += [min(remark.utc_ns for remark in self.remarks)] if self.remarks else []
-        if not first and self.track:
-            starts.append(self.track.fixes[0].utc_ns or 0)
-        return min(starts)
+def _start_ns(first: Sequence[Sighting], remarks: Sequence[Remark], track: GpsTrack | None) -> int:
+    """Time of the first scan, of which there may be none, or of what comes before it."""
+    starts = [first[0].t_ns] if first else []
+    starts += [min(remark.utc_ns for remark in remarks)] if remarks else []
+    if not first and track:
+        starts.append(track.fixes[0].utc_ns or 0)
+    return min(starts)
 
 
 def _without_times(sightings: Iterable[Sighting]) -> Iterator[Sighting]:
@@ -583,20 +581,29 @@ def _cell_of(row: Sighting) -> tuple[object, ...]:
     return reading.role, reading.rat, reading.cell, reading.arfcn, *codes
 
 
-def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
-    """Notes, then each scan, with a fix before it wherever position or time changes."""
-    first = next(walk.scans, [])
-    start_ns = walk.start_ns(first)
-    for note in _notes(imported):
+def _fill(
+    append: Append,
+    notes: Iterable[Note],
+    scans: Iterator[list[Sighting]],
+    remarks: Sequence[Remark],
+    track: GpsTrack | None,
+) -> int:
+    """Notes, then each scan, with a fix before it wherever position or time changes.
+
+    The track counts where no level has a position of its own.
+    """
+    first = next(scans, [])
+    start_ns = _start_ns(first, remarks, track)
+    for note in notes:
         append(Record(0, "import", note))
-    for remark in walk.remarks:
-        note = Note("warning", REMARK, _with_place(remark, walk.track))
+    for remark in remarks:
+        note = Note("warning", REMARK, _with_place(remark, track))
         append(Record(remark.utc_ns - start_ns, "import", note))
     if not first:
-        return _fill_track(append, walk, start_ns)
+        return _fill_track(append, remarks, track, start_ns)
     last: tuple[int, Fix] | None = None
     fix_seq = t_ns = 0
-    for rows in chain([first], walk.scans):
+    for rows in chain([first], scans):
         row = rows[0]
         t_ns = row.t_ns - start_ns
         if last != (row.t_ns, row.fix):
@@ -606,32 +613,38 @@ def _fill(append: Append, walk: _Walk, imported: Imported) -> int:
     return t_ns
 
 
-def _fill_capture(append: Append, walk: _Walk, imported: Imported) -> int:
+def _fill_capture(
+    append: Append,
+    notes: Iterable[Note],
+    scans: Iterator[list[Sighting]],
+    remarks: Sequence[Remark],
+    track: GpsTrack | None,
+) -> int:
     """As `_fill`, but with the fixes of a receiver beside the modem, or their times alone.
 
     Between fixes the smoother knows how far a walker may be from the straight line.
     """
-    first = next(walk.scans, [])
-    fixes = list(walk.track.fixes) if walk.track else []
-    start_ns = min([walk.start_ns(first), *((fix.utc_ns or 0) for fix in fixes[:1])])
-    for note in _notes(imported):
+    first = next(scans, [])
+    fixes = list(track.fixes) if track else []
+    start_ns = min([_start_ns(first, remarks, track), *((fix.utc_ns or 0) for fix in fixes[:1])])
+    for note in notes:
         append(Record(0, "import", note))
-    for remark in walk.remarks:
+    for remark in remarks:
         note = Note("info", remark.code, remark.text)
         if remark.code == REMARK:
-            note = Note("warning", remark.code, _with_place(remark, walk.track))
+            note = Note("warning", remark.code, _with_place(remark, track))
         append(Record(max(remark.utc_ns - start_ns, 0), "import", note))
     fixes.reverse()
     latest: tuple[int, int] | None = None
     t_ns = 0
-    for rows in chain([first] if first else [], walk.scans):
+    for rows in chain([first] if first else [], scans):
         at_ns = rows[0].t_ns
         t_ns = at_ns - start_ns
         while fixes and (fixes[-1].utc_ns or 0) <= at_ns:
             fix = fixes.pop()
             utc_ns = fix.utc_ns or 0
             latest = utc_ns, append(Record(utc_ns - start_ns, "import", fix))
-        if walk.track is None and rows[0].fix.utc_ns is not None:
+        if track is None and rows[0].fix.utc_ns is not None:
             append(Record(t_ns, "import", rows[0].fix))
         is_current = latest is not None and at_ns - latest[0] <= _CURRENT_NS
         fix_seq = latest[1] if latest is not None and is_current else None
@@ -641,13 +654,15 @@ def _fill_capture(append: Append, walk: _Walk, imported: Imported) -> int:
     for fix in reversed(fixes):
         t_ns = (fix.utc_ns or 0) - start_ns
         append(Record(t_ns, "import", fix))
-    return max([t_ns, *(remark.utc_ns - start_ns for remark in walk.remarks)])
+    return max([t_ns, *(remark.utc_ns - start_ns for remark in remarks)])
 
 
-def _fill_track(append: Append, walk: _Walk, start_ns: int) -> int:
+def _fill_track(
+    append: Append, remarks: Sequence[Remark], track: GpsTrack | None, start_ns: int
+) -> int:
     """The walk of a log that has remarks and no levels."""
-    end_ns = max(remark.utc_ns for remark in walk.remarks)
-    for fix in walk.track.fixes if walk.track else []:
+    end_ns = max(remark.utc_ns for remark in remarks)
+    for fix in track.fixes if track else []:
         end_ns = max(end_ns, fix.utc_ns or 0)
         append(Record((fix.utc_ns or 0) - start_ns, "import", fix))
     return end_ns - start_ns

@@ -14,7 +14,6 @@ when several are (Besag & Clifford, Biometrika 78(2), 1991).
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from msgspec import UNSET
@@ -80,21 +79,6 @@ _TAIL = 16
 _LEAST = 1e-300
 
 
-class _Projections(NamedTuple):
-    """What turns levels into S, for one hypothesis.
-
-    `weight` (n, h) of rows, and for each of the q columns `rows` (n, h) and `shift` (q, h), so that
-    g'A^-1 g = sum (rows'z + shift)^2.
-
-    `log_det` (h,) is log|A|.
-    """
-
-    weight: FloatArray
-    rows: list[FloatArray]
-    shift: FloatArray
-    log_det: FloatArray
-
-
 @dataclass(frozen=True)
 class LikelihoodGrid:
     """A walk of `blocks` at `squares` (3, h) under the hypotheses of some whiteners.
@@ -150,15 +134,28 @@ class LikelihoodGrid:
         least = _SIGMA_SHAPE * self.prior.sigma_db**2
         scale = least + 0.5 * float(np.sum(precision * mean**2))
         shape = _SIGMA_SHAPE + 0.5 * (len(self.blocks) - 1)
-        of = self._projections(whitener)
-        log_weight = np.sum(np.log(of.weight), axis=0)
-        constant = 0.5 * (log_weight - whitener.log_det - of.log_det)[:, None]
+        n = len(self.blocks)
+        one = np.sum(whitener.matrix, axis=1)
+        varying = [whiten(whitener.matrix, column) for column in self.columns]
+        extra = None if self.extra is None else row_weights(whitener.matrix, self.extra)
+        # for each of the q columns of the model, g'A^-1 g = sum (rows'z + shift)^2
+        system = products(np.stack([np.zeros(n), one]), varying, extra)[:-1]
+        system += prior_sums(*self._normal)[:, None]
+        eliminate(system)
+        size = np.sqrt(pivots(system))
+        shifts = size * system[[packed_index(k, 0) for k in range(1, side(system))]]
+        weight = np.ones((n, 1)) if extra is None else extra
+        reduced = zip(reduce_columns(system, [one[:, None], *varying]), size, strict=True)
+        of_columns = [weight * column / each for column, each in reduced]
+        log_det = 2.0 * np.sum(np.log(size), axis=0)
+        log_weight = np.sum(np.log(weight), axis=0)
+        constant = 0.5 * (log_weight - whitener.log_det - log_det)[:, None]
         z = whitener.matrix @ level_dbm
         squares = z * z
         for k in range(0, level_dbm.shape[1], _STRIP):
             some = slice(k, k + _STRIP)
-            left = of.weight.T @ squares[:, some]
-            for rows, shift in zip(of.rows, of.shift, strict=True):
+            left = weight.T @ squares[:, some]
+            for rows, shift in zip(of_columns, shifts, strict=True):
                 left = left - (rows.T @ z[:, some] + shift[:, None]) ** 2
             total = np.maximum(scale + 0.5 * left, least)
             np.subtract(constant, shape * np.log(total), out=log_p[:, some])
@@ -188,21 +185,6 @@ class LikelihoodGrid:
     def _normal(self) -> tuple[FloatArray, FloatArray]:
         mean, precision = self._coefficients
         return mean, np.diag(precision)
-
-    def _projections(self, whitener: Whitener) -> _Projections:
-        n = len(self.blocks)
-        one = np.sum(whitener.matrix, axis=1)
-        varying = [whiten(whitener.matrix, column) for column in self.columns]
-        weight = None if self.extra is None else row_weights(whitener.matrix, self.extra)
-        system = products(np.stack([np.zeros(n), one]), varying, weight)[:-1]
-        system += prior_sums(*self._normal)[:, None]
-        eliminate(system)
-        size = np.sqrt(pivots(system))
-        shift = size * system[[packed_index(k, 0) for k in range(1, side(system))]]
-        weight = np.ones((n, 1)) if weight is None else weight
-        columns = reduce_columns(system, [one[:, None], *varying])
-        rows = [weight * column / each for column, each in zip(columns, size, strict=True)]
-        return _Projections(weight, rows, shift, 2.0 * np.sum(np.log(size), axis=0))
 
     def weights(self, log_p: FloatArray) -> FloatArray:
         """Probability of each hypothesis, over all positions, shape (c, b)."""
@@ -279,34 +261,41 @@ def refine(
 
 
 @dataclass(frozen=True)
-class Nuisances:
-    """A `root` (n, n) of the noise's covariance by the likeliest hypothesis.
+class PreparedWalk:
+    """A walk ready for tests: levels about zero, a `field` of few places to be refined, its noise.
 
-    It has for places (m,) their probability, sigma, and mean and variance of eta.
+    `root` (n, n) is that of the noise's covariance by the likeliest hypothesis. For places (m,) it
+    has their probability, sigma, and mean and variance of eta.
     """
 
-    blocks: Blocks
-    prior: Prior
+    field: LikelihoodGrid
+    level_dbm: FloatArray
     root: FloatArray
     probability: FloatArray
     sigma_db: FloatArray
     eta: FloatArray
     eta_variance: FloatArray
 
+    @property
+    def blocks(self) -> Blocks:
+        """Of its field."""
+        return self.field.blocks
+
     def walks(self, positions: Places, rng: np.random.Generator) -> FloatArray:
         """Levels of one walk for each place (b,) of the transmitter, shape (n, b)."""
+        prior = self.field.prior
         m = rng.choice(len(self.probability), len(positions), p=self.probability)
         eta = self.eta[m] + np.sqrt(self.eta_variance[m]) * rng.normal(size=len(m))
         sigma_db = self.sigma_db[m]
-        at_db = distances_db(self.blocks, self.prior.height_m, positions)
+        at_db = distances_db(self.blocks, prior.height_m, positions)
         noise = self.root @ rng.normal(size=at_db.shape)
-        extra = receiver_variance(self.blocks, self.prior, at_db)
+        extra = receiver_variance(self.blocks, prior, at_db)
         if extra is not None:
             noise += np.sqrt(extra) * rng.normal(size=extra.shape)
         levels_dbm = sigma_db * noise - eta * at_db
-        if self.prior.antenna_db:
-            size = sigma_db / self.prior.sigma_db
-            levels_dbm += antenna_patterns(self.blocks, self.prior, positions, size, rng)
+        if prior.antenna_db:
+            size = sigma_db / prior.sigma_db
+            levels_dbm += antenna_patterns(self.blocks, prior, positions, size, rng)
         return np.asarray(levels_dbm, float)
 
 
@@ -324,43 +313,6 @@ def antenna_patterns(
     return np.asarray(np.einsum("knb,kb->nb", np.stack(harmonics), walks), float)
 
 
-def nuisances(field: LikelihoodGrid, level_dbm: FloatArray, k: FloatArray) -> Nuisances:
-    """Of a walk (n,), with the covariance `k` (c, n, n) by every hypothesis of the prior."""
-    log_p, variance = field.evaluate(level_dbm[:, None])
-    best = int(np.argmax(field.weights(log_p)[:, 0]))
-    eta, inverse = field.exponents(level_dbm)
-    joint = log_p[best, :, 0] + field.log_mass
-    p = np.exp(joint - np.max(joint))
-    likely = p > _LIKELY
-    of_noise = variance[best, likely, 0]
-    return Nuisances(
-        field.blocks,
-        field.prior,
-        np.asarray(np.linalg.cholesky(k[field.numbers[best]]), float),
-        p[likely] / np.sum(p[likely]),
-        np.sqrt(of_noise),
-        eta[best, likely],
-        of_noise * inverse[best, likely],
-    )
-
-
-@dataclass(frozen=True)
-class PreparedWalk:
-    """A walk ready for tests of claims: blocks with levels about zero, and estimated noise.
-
-    `covariances` (c, n, n) are those of every hypothesis of the prior. `field` has few places, to
-    be refined for a claim, `fine` those at which the noise is estimated.
-    """
-
-    blocks: Blocks
-    prior: Prior
-    level_dbm: FloatArray
-    covariances: FloatArray
-    field: LikelihoodGrid
-    fine: LikelihoodGrid
-    noise: Nuisances
-
-
 def prepare_walk(blocks: Blocks, prior: Prior) -> PreparedWalk:
     """Learn from a walk what does not depend on the claim."""
     level_dbm = blocks.level_dbm - float(np.mean(blocks.level_dbm))
@@ -372,7 +324,22 @@ def prepare_walk(blocks: Blocks, prior: Prior) -> PreparedWalk:
     field = refine(
         likelihood_grid(blocks, prior, coarse, fine.whiteners), level_dbm[:, None], _COARSE
     )
-    return PreparedWalk(blocks, prior, level_dbm, k, field, fine, nuisances(fine, level_dbm, k))
+    log_p, variance = fine.evaluate(level_dbm[:, None])
+    best = int(np.argmax(fine.weights(log_p)[:, 0]))
+    eta, inverse = fine.exponents(level_dbm)
+    joint = log_p[best, :, 0] + fine.log_mass
+    p = np.exp(joint - np.max(joint))
+    likely = p > _LIKELY
+    of_noise = variance[best, likely, 0]
+    return PreparedWalk(
+        field,
+        level_dbm,
+        np.asarray(np.linalg.cholesky(k[fine.numbers[best]]), float),
+        p[likely] / np.sum(p[likely]),
+        np.sqrt(of_noise),
+        eta[best, likely],
+        of_noise * inverse[best, likely],
+    )
 
 
 def calibrate(calm: FloatArray, statistics: FloatArray) -> FloatArray:
@@ -508,7 +475,7 @@ def between_two(
     p = np.exp(joint - log_sum(joint))
     at = Places.of(*fine.squares[:2, rng.choice(len(p), _PAIRS, p=p / np.sum(p))])
     simulated = [
-        field.posterior_ratio(field.evaluate(walk.noise.walks(at, rng))[0], tempered=False)
+        field.posterior_ratio(field.evaluate(walk.walks(at, rng))[0], tempered=False)
         for field, walk in zip(fields, walks, strict=True)
     ]
     log_factor = float(_log_factor(log_p[0], log_p[1], log_mass)[0])

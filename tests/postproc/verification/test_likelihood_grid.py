@@ -71,8 +71,8 @@ def test_white_noise_is_known_for_white():
     """
     for seed, shape in enumerate(("square", "L", "random", "L")):
         walk, _ = walk_of(200 + seed, shape, Prior())
-        assert np.count_nonzero(walk.noise.root) == len(walk.blocks)
-        assert walk.noise.probability @ walk.noise.sigma_db == pytest.approx(3.0, rel=0.3)
+        assert np.count_nonzero(walk.root) == len(walk.blocks)
+        assert walk.probability @ walk.sigma_db == pytest.approx(3.0, rel=0.3)
 
 
 def test_calibration_is_a_rank_and_goes_on_below_the_least():
