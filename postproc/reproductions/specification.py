@@ -333,10 +333,9 @@ def _fifty_updates() -> list[Check]:
 
 
 def _noiseless_path() -> list[ekf.EkfState]:
-    x_m, y_m = circle(50)
-    states = [ekf.start(Places.of(x_m[0], y_m[0]))]
-    levels_dbm = true_level_dbm(SPEC, x_m, y_m).tolist()
-    for reading in zip(x_m.tolist(), y_m.tolist(), levels_dbm, strict=True):
+    at = circle(50)
+    states, levels_dbm = [ekf.start(at[0])], true_level_dbm(SPEC, at).tolist()
+    for reading in zip(at.x_m.tolist(), at.y_m.tolist(), levels_dbm, strict=True):
         states.append(ekf.step(states[-1], *reading).state)
     return states
 
@@ -380,11 +379,11 @@ def _bytes(value: object) -> int:
 
 def _locator_mb() -> float:
     """Memory of one cell's locator after its first search."""
-    x_m, y_m = _STEP_M * np.arange(30.0), np.zeros(30)
-    level_dbm = true_level_dbm(Station(40.0, 60.0, -30.0, 3.0), x_m, y_m)
+    at = Places.of(_STEP_M * np.arange(30.0), np.zeros(30))
+    level_dbm = true_level_dbm(Station(40.0, 60.0, -30.0, 3.0), at)
     tracemalloc.start()
     tracker = LiveTracker(LiveSettings())
-    for number, record in records(x_m, y_m, level_dbm[None]):
+    for number, record in records(at, level_dbm[None]):
         tracker.feed(number, record)
     size_bytes, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
@@ -401,13 +400,13 @@ def _step_ms(steps: int) -> float:
 
 def _cycles_ms(count: int) -> list[float]:
     x_m = _STEP_M * np.arange(count, dtype=float)
-    y_m = np.asarray(40.0 * np.sin(x_m / 140.0), float)
+    at = Places.of(x_m, 40.0 * np.sin(x_m / 140.0))
     positions = np.random.default_rng(0).uniform(-200.0, 200.0, (_CELLS, 2)).tolist()
     stations = [Station(x, y, -30.0, 3.0) for x, y in positions]
-    level_dbm = [noisy_level_dbm(s, x_m, y_m, [k], 3.0) for k, s in enumerate(stations)]
+    level_dbm = [noisy_level_dbm(s, at, [k], 3.0) for k, s in enumerate(stations)]
     tracker = LiveTracker(LiveSettings())
     spent_ms = []
-    for number, record in records(x_m, y_m, np.array(level_dbm)):
+    for number, record in records(at, np.array(level_dbm)):
         begin_s = thread_time()
         tracker.feed(number, record)
         spent_ms.append(1000.0 * (thread_time() - begin_s))

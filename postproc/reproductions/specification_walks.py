@@ -30,7 +30,7 @@ from logger.core.locator.verdict import assess
 from logger.core.model import path_loss
 from logger.core.model.path_loss import level_slopes
 from logger.core.model.prior import Prior
-from logger.core.places import Places, Utm
+from logger.core.places import Places, Utm, join_places
 from logger.core.readings import GSM_FLOOR_DBM, Readings
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
 from postproc.reproductions.checks import Check, ours, theirs, under
@@ -63,35 +63,33 @@ SPEC = Station(0.0, 0.0, -45.0, 2.5)
 RADIUS_M = 500.0
 
 
-def circle(count: int, radius_m: float = RADIUS_M, of: int = 50) -> tuple[FloatArray, FloatArray]:
-    """The first `count` of `of` points around the origin, shape (count,) each."""
+def circle(count: int, radius_m: float = RADIUS_M, of: int = 50) -> Places:
+    """The first `count` of `of` points around the origin."""
     angle = 2.0 * np.pi * np.arange(count) / of
-    return radius_m * np.cos(angle), radius_m * np.sin(angle)
+    return Places.of(radius_m * np.cos(angle), radius_m * np.sin(angle))
 
 
-def true_level_dbm(station: Station, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+def true_level_dbm(station: Station, at: Places) -> FloatArray:
     """Levels without noise, shape (n,)."""
-    distance_db = path_loss.log_distance_db(x_m - station.x_m, y_m - station.y_m)
+    distance_db = path_loss.log_distance_db(at.x_m - station.x_m, at.y_m - station.y_m)
     return path_loss.level_dbm(station.p0_dbm, station.eta, distance_db)
 
 
-def noisy_level_dbm(
-    station: Station, x_m: FloatArray, y_m: FloatArray, seed: list[int], noise_db: float
-) -> FloatArray:
+def noisy_level_dbm(station: Station, at: Places, seed: list[int], noise_db: float) -> FloatArray:
     """Levels with white noise, shape (n,)."""
-    noise = np.random.default_rng(seed).normal(size=len(x_m))
-    return true_level_dbm(station, x_m, y_m) + noise_db * noise
+    noise = np.random.default_rng(seed).normal(size=len(at))
+    return true_level_dbm(station, at) + noise_db * noise
 
 
-def observations(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> Readings:
+def observations(at: Places, level_dbm: FloatArray) -> Readings:
     """The walk for the locator, with exact positions of the receiver and no limit of the levels."""
-    count = len(x_m)
+    count = len(at)
     return Readings(
         cell="cell",
         rat=None,
         places=Places.of(
-            x_m + ORIGIN_M[0],
-            y_m + ORIGIN_M[1],
+            at.x_m + ORIGIN_M[0],
+            at.y_m + ORIGIN_M[1],
             utm=UTM,
             t_ns=np.asarray(np.round(np.arange(count) * INTERVAL_S * 1e9), np.int64),
         ),
@@ -107,14 +105,12 @@ def _gsm_reading(cid: int, level_dbm: float) -> CellReading:
     return CellReading("serving", "GSM", "001", "01", lac=1, cid=cid, rssi_dbm=level_dbm)
 
 
-def records(
-    x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray
-) -> Iterator[tuple[int, Record]]:
+def records(at: Places, level_dbm: FloatArray) -> Iterator[tuple[int, Record]]:
     """Records of a walk with their numbers.
 
     Levels have shape (cells, n), NaN where a cell was not received.
     """
-    points = zip(x_m.tolist(), y_m.tolist(), level_dbm.T.tolist(), strict=True)
+    points = zip(at.x_m.tolist(), at.y_m.tolist(), level_dbm.T.tolist(), strict=True)
     for k, (x, y, levels_dbm) in enumerate(points):
         t_ns = round(k * INTERVAL_S * 1e9)
         lat_deg, lon_deg = UTM.to_latlon(x + ORIGIN_M[0], y + ORIGIN_M[1])
@@ -124,7 +120,7 @@ def records(
         yield 2 * k + 1, Record(t_ns, "modem", Scan(t_ns, tuple(cells), 2 * k, 2 * k))
 
 
-def track(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> list[Note | LiveEstimate]:
+def track(at: Places, level_dbm: FloatArray) -> list[Note | LiveEstimate]:
     """Notes and estimates of the live tracker along a walk; levels as of `records`.
 
     A scan before the first fix makes the cells known, so the first reading is used.
@@ -132,7 +128,7 @@ def track(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> list[Note 
     tracker = LiveTracker(LiveSettings(target=STRONGEST))
     cells = tuple(_gsm_reading(cid, GSM_FLOOR_DBM) for cid in range(1, len(level_dbm) + 1))
     tracker.feed(0, Record(0, "modem", Scan(0, cells)))
-    return [output for record in records(x_m, y_m, level_dbm) for output in tracker.feed(*record)]
+    return [output for record in records(at, level_dbm) for output in tracker.feed(*record)]
 
 
 def of_stage(outputs: list[Note | LiveEstimate], *stages: str) -> list[LiveEstimate]:
@@ -153,9 +149,9 @@ def claimed_radius_m(estimate: LiveEstimate) -> float:
 _DIRECTIONS = 720  # every half degree: the median is right to 1e-6
 
 
-def slopes(station: Station, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+def slopes(station: Station, at: Places) -> FloatArray:
     """G, shape (n, 4)."""
-    return level_slopes(station.x_m - x_m, station.y_m - y_m, station.eta)
+    return level_slopes(station.x_m - at.x_m, station.y_m - at.y_m, station.eta)
 
 
 def least_covariance(g: FloatArray, r_db2: float, precision: FloatArray) -> FloatArray:
@@ -216,7 +212,7 @@ class Outcome(NamedTuple):
     verdict: str
 
 
-Estimator = Callable[[Station, FloatArray, FloatArray, FloatArray], Outcome]
+Estimator = Callable[[Station, Places, FloatArray], Outcome]
 
 
 def convergence_checks(effort: Effort) -> list[Check]:
@@ -230,15 +226,13 @@ def convergence_checks(effort: Effort) -> list[Check]:
 
 def compare(claim: Claim, runs: int) -> list[Check]:
     """One row of the table: position, P0 and eta, and error radius."""
-    x_m, y_m = circle(claim.readings)
-    levels_dbm = [
-        noisy_level_dbm(SPEC, x_m, y_m, [claim.readings, run], NOISE_DB) for run in range(runs)
-    ]
-    reference, by_reference = _medians(run_reference, x_m, y_m, levels_dbm)
-    cellwalk, by_cellwalk = _medians(run_locator, x_m, y_m, levels_dbm)
+    at = circle(claim.readings)
+    levels_dbm = [noisy_level_dbm(SPEC, at, [claim.readings, run], NOISE_DB) for run in range(runs)]
+    reference, by_reference = _medians(run_reference, at, levels_dbm)
+    cellwalk, by_cellwalk = _medians(run_locator, at, levels_dbm)
     prior = Prior()
     precision = np.array([prior.p0_sigma_db, prior.eta_sigma]) ** -2.0
-    least = least_covariance(slopes(SPEC, x_m, y_m), NOISE_DB**2, precision)
+    least = least_covariance(slopes(SPEC, at), NOISE_DB**2, precision)
     least_m = median_error_m(least[:2, :2])
     verdicts = ", ".join(sorted({outcome.verdict for outcome in by_cellwalk}))
     beyond = ", which the claim is beyond" if claim.position_m < least_m else ""
@@ -270,20 +264,18 @@ def compare(claim: Claim, runs: int) -> list[Check]:
 
 
 def _medians(
-    estimate: Estimator, x_m: FloatArray, y_m: FloatArray, levels_dbm: list[FloatArray]
+    estimate: Estimator, at: Places, levels_dbm: list[FloatArray]
 ) -> tuple[Outcome, list[Outcome]]:
     """Medians over the runs, and the outcome of each."""
-    outcomes = [estimate(SPEC, x_m, y_m, level_dbm) for level_dbm in levels_dbm]
+    outcomes = [estimate(SPEC, at, level_dbm) for level_dbm in levels_dbm]
     position_m, p0_db, eta, radius_m = np.median([o[:4] for o in outcomes], axis=0).tolist()
     return Outcome(position_m, p0_db, eta, radius_m, covers=False, verdict=""), outcomes
 
 
-def run_reference(
-    station: Station, x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray
-) -> Outcome:
+def run_reference(station: Station, at: Places, level_dbm: FloatArray) -> Outcome:
     """The reference EKF along a walk, started at the first point."""
-    state = ekf.start(Places.of(x_m[0], y_m[0]))
-    for reading in zip(x_m.tolist(), y_m.tolist(), level_dbm.tolist(), strict=True):
+    state = ekf.start(at[0])
+    for reading in zip(at.x_m.tolist(), at.y_m.tolist(), level_dbm.tolist(), strict=True):
         state = ekf.step(state, *reading).state
     error = np.subtract(state[:4], station)
     plane = ekf.covariance_matrix(state.p)[:2, :2]
@@ -291,16 +283,14 @@ def run_reference(
     return _outcome(error, ekf.drms_m(state.p), covers, "")
 
 
-def run_locator(
-    station: Station, x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray
-) -> Outcome:
+def run_locator(station: Station, at: Places, level_dbm: FloatArray) -> Outcome:
     """Our locator on a walk."""
-    obs = observations(x_m, y_m, level_dbm)
+    obs = observations(at, level_dbm)
     posterior = locate(obs)
-    true_x_m, true_y_m = station.x_m + ORIGIN_M[0], station.y_m + ORIGIN_M[1]
+    true = Places.of(station.x_m + ORIGIN_M[0], station.y_m + ORIGIN_M[1])
     estimate = posterior.x_m, posterior.y_m, posterior.p0_dbm, posterior.eta
-    error = np.subtract(estimate, (true_x_m, true_y_m, station.p0_dbm, station.eta))
-    covers = _covers(posterior, true_x_m, true_y_m)
+    error = np.subtract(estimate, (*true.xy_m[:, 0], station.p0_dbm, station.eta))
+    covers = _covers(posterior, true)
     return _outcome(error, posterior.r95_m, covers, assess(posterior, obs).verdict)
 
 
@@ -309,15 +299,17 @@ def _outcome(error: FloatArray, radius_m: float, covers: bool, status: str) -> O
     return Outcome(float(np.hypot(*error[:2])), p0_db, eta, radius_m, covers, status)
 
 
-def _covers(posterior: Posterior, x_m: float, y_m: float) -> bool:
+def _covers(posterior: Posterior, true: Places) -> bool:
     squares, region = posterior.squares, highest_density(posterior.squares)
-    off_m = np.maximum(np.abs(squares.x_m[region] - x_m), np.abs(squares.y_m[region] - y_m))
+    off_m = np.maximum(
+        np.abs(squares.x_m[region] - true.x_m), np.abs(squares.y_m[region] - true.y_m)
+    )
     return bool(np.any(off_m <= 0.5 * squares.size_m[region]))
 
 
 def observability() -> Check:
     """Rank of the slopes on the circle."""
-    rank = int(np.linalg.matrix_rank(slopes(SPEC, *circle(50))))
+    rank = int(np.linalg.matrix_rank(slopes(SPEC, circle(50))))
     return Check(
         "parameters are well estimated on a circle around the station",
         f"the slopes of 50 readings have rank {rank} of 4: at one distance P0 and eta appear as "
@@ -327,7 +319,7 @@ def observability() -> Check:
 
 
 def _below_the_scale() -> Check:
-    level_dbm = float(true_level_dbm(SPEC, *circle(1))[0])
+    level_dbm = float(true_level_dbm(SPEC, circle(1))[0])
     return Check(
         "P0 = -45 dBm, eta = 2.5, 500 m: a GSM modem can measure it",
         f"the level there is {level_dbm:.1f} dBm, below the censoring limit of -110 dBm; "
@@ -350,8 +342,7 @@ _AROUND = 240  # readings once around a block
 class SimulatedWalk(NamedTuple):
     """A simulated walk and the live estimates: the reference filter's, and ours."""
 
-    x_m: FloatArray
-    y_m: FloatArray
+    at: Places
     level_dbm: FloatArray
     reference: list[LiveEstimate]
     ours: list[LiveEstimate]
@@ -363,11 +354,11 @@ def scenario_checks(effort: Effort) -> list[Check]:
     return [*stationary(), *_circle(runs), *_line(runs), *_noise(runs), *target_change()]
 
 
-def _walk(x_m: FloatArray, y_m: FloatArray, run: int, noise_db: float = NOISE_DB) -> SimulatedWalk:
-    level_dbm = noisy_level_dbm(STATION, x_m, y_m, [len(x_m), run], noise_db)
-    outputs = track(x_m, y_m, level_dbm[None])
+def _walk(at: Places, run: int, noise_db: float = NOISE_DB) -> SimulatedWalk:
+    level_dbm = noisy_level_dbm(STATION, at, [len(at), run], noise_db)
+    outputs = track(at, level_dbm[None])
     reference = of_stage(outputs, "reference-ekf")
-    return SimulatedWalk(x_m, y_m, level_dbm, reference, of_stage(outputs, "locator", "ekf"))
+    return SimulatedWalk(at, level_dbm, reference, of_stage(outputs, "locator", "ekf"))
 
 
 def _error_m(estimate: LiveEstimate) -> float:
@@ -381,7 +372,7 @@ def _median_errors_m(walks: list[SimulatedWalk]) -> tuple[float, float]:
 
 def stationary() -> list[Check]:
     """A user who stays 200 m from the station."""
-    walk = _walk(np.full(COUNT, 200.0), np.zeros(COUNT), 0)
+    walk = _walk(Places.of(np.full(COUNT, 200.0), np.zeros(COUNT)), 0)
     first, last, late = walk.reference[0], walk.reference[-1], walk.reference[COUNT // 2 :]
     positions_m = np.array([estimated_m(estimate) for estimate in late])
     moved_m = float(np.max(np.hypot(*(positions_m - positions_m[-1]).T)))
@@ -410,7 +401,7 @@ def stationary() -> list[Check]:
 
 
 def _circle(runs: int) -> list[Check]:
-    walks = [_walk(*circle(COUNT, 300.0, COUNT), run) for run in range(runs)]
+    walks = [_walk(circle(COUNT, 300.0, COUNT), run) for run in range(runs)]
     reference_m, ours_m = _median_errors_m(walks)
     claimed_m = median(claimed_radius_m(walk.reference[-1]) for walk in walks)
     radius_m = median(claimed_radius_m(walk.ours[-1]) for walk in walks)
@@ -433,15 +424,16 @@ def _circle(runs: int) -> list[Check]:
 
 def _line(runs: int) -> list[Check]:
     x_m, y_m = np.linspace(-200.0, 200.0, COUNT), np.full(COUNT, _AWAY_M)
-    walks = [_walk(x_m, y_m, run) for run in range(runs)]
+    line = Places.of(x_m, y_m)
+    walks = [_walk(line, run) for run in range(runs)]
     left_m = median(abs(estimated_m(walk.reference[-1])[1] - _AWAY_M) for walk in walks)
     along, across = (
         median(getattr(walk.reference[-1], p) for walk in walks) ** 0.5 for p in ("p_xx", "p_yy")
     )
-    once = median(mirror_probability(walk.x_m, walk.y_m, walk.level_dbm) for walk in walks)
-    twice = median(_with_line(walk, x_m, y_m, run) for run, walk in enumerate(walks))
-    crossing_m = np.full(COUNT, -150.0), y_m + x_m
-    crossed = median(_with_line(walk, *crossing_m, run) for run, walk in enumerate(walks))
+    once = median(mirror_probability(walk.at, walk.level_dbm) for walk in walks)
+    twice = median(_with_line(walk, line, run) for run, walk in enumerate(walks))
+    crossing = Places.of(np.full(COUNT, -150.0), y_m + x_m)
+    crossed = median(_with_line(walk, crossing, run) for run, walk in enumerate(walks))
     return under(
         "3 straight line",
         Check(
@@ -464,28 +456,28 @@ def _line(runs: int) -> list[Check]:
     )
 
 
-def _with_line(walk: SimulatedWalk, x_m: FloatArray, y_m: FloatArray, run: int) -> float:
-    line = x_m, y_m, noisy_level_dbm(STATION, x_m, y_m, [1, run], NOISE_DB)
-    return mirror_probability(*(np.append(*pair) for pair in zip(walk[:3], line, strict=True)))
+def _with_line(walk: SimulatedWalk, line: Places, run: int) -> float:
+    level_dbm = noisy_level_dbm(STATION, line, [1, run], NOISE_DB)
+    at = join_places([walk.at, line])
+    return mirror_probability(at, np.append(walk.level_dbm, level_dbm))
 
 
-def mirror_probability(x_m: FloatArray, y_m: FloatArray, level_dbm: FloatArray) -> float:
+def mirror_probability(at: Places, level_dbm: FloatArray) -> float:
     """Probability of the side of the first line where the station is not."""
-    obs = observations(x_m, y_m, level_dbm)
+    obs = observations(at, level_dbm)
     squares = locate(obs).squares
     return float(np.sum(squares.probability[squares.y_m > float(obs.y_m[0])]))
 
 
 def _noise(runs: int) -> list[Check]:
-    x_m, y_m = around_block()
+    at = around_block()
     quiet, loud = (
-        [_walk(x_m, y_m, run, noise_db) for run in range(runs)]
-        for noise_db in (NOISE_DB, LOUD_NOISE_DB)
+        [_walk(at, run, noise_db) for run in range(runs)] for noise_db in (NOISE_DB, LOUD_NOISE_DB)
     )
     (_, quiet_m), (reference_m, ours_m) = _median_errors_m(quiet), _median_errors_m(loud)
     claimed_m = median(claimed_radius_m(walk.reference[-1]) for walk in loud)
     covered, ours_covered = (
-        sum(run(STATION, *walk[:3]).covers for walk in loud) for run in (run_reference, run_locator)
+        sum(run(STATION, *walk[:2]).covers for walk in loud) for run in (run_reference, run_locator)
     )
     return under(
         "4 noise of 5 dB",
@@ -510,21 +502,21 @@ def _noise(runs: int) -> list[Check]:
     )
 
 
-def around_block() -> tuple[FloatArray, FloatArray]:
-    """Once around a block with the station inside, off its middle: x and y, shape (n,)."""
+def around_block() -> Places:
+    """Once around a block with the station inside, off its middle."""
     side_m = 0.25 * _AROUND * STEP_M
     way_m, corners_m = STEP_M * np.arange(_AROUND), side_m * np.arange(5)
     x_m = np.interp(way_m, corners_m, side_m * np.array([0.0, 1.0, 1.0, 0.0, 0.0]))
     y_m = np.interp(way_m, corners_m, side_m * np.array([0.0, 0.0, 1.0, 1.0, 0.0]))
-    return x_m - 0.3 * side_m, y_m - 0.4 * side_m
+    return Places.of(x_m - 0.3 * side_m, y_m - 0.4 * side_m)
 
 
 def target_change() -> list[Check]:
     """One cell fades while another grows, 1 dB a reading, without noise."""
     falling_dbm = -55.0 - np.arange(40.0)
     rising_dbm = falling_dbm[::-1]
-    x_m, y_m = STEP_M * np.arange(40.0), np.zeros(40)
-    outputs = track(x_m, y_m, np.stack([falling_dbm, rising_dbm]))
+    x_m = STEP_M * np.arange(40.0)
+    outputs = track(Places.of(x_m, np.zeros(40)), np.stack([falling_dbm, rising_dbm]))
     changes = [o for o in outputs if isinstance(o, Note) and o.code == "target-changed"]
     steps = of_stage(outputs, "reference-ekf")
     cells = [step.cell for step in steps]

@@ -7,9 +7,9 @@ from postproc.reproductions.specification_walks import SPEC, circle, true_level_
 
 
 def irregular_walk():
-    x_m, y_m = walks.around_block()
-    noise_db = np.random.default_rng(0).normal(size=len(x_m))
-    return walks.STATION, x_m, y_m, true_level_dbm(walks.STATION, x_m, y_m) + noise_db
+    at = walks.around_block()
+    noise_db = np.random.default_rng(0).normal(size=len(at))
+    return walks.STATION, at, true_level_dbm(walks.STATION, at) + noise_db
 
 
 def test_our_locator_locates_an_observable_station():
@@ -28,8 +28,8 @@ def test_a_region_that_is_elsewhere_does_not_cover():
 
 
 def test_the_reference_filter_stays_where_it_started():
-    x_m, y_m = circle(50)
-    result = walks.run_reference(SPEC, x_m, y_m, true_level_dbm(SPEC, x_m, y_m))
+    at = circle(50)
+    result = walks.run_reference(SPEC, at, true_level_dbm(SPEC, at))
     assert result.position_m == pytest.approx(500.0, abs=1.0)
     assert not result.covers
     assert result.position_m**2 > CHI2_95_2DOF * result.radius_m**2

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from logger.core import ekf
-from logger.core.places import Places
+from logger.core.places import Places, join_places
 from logger.core.types import Note
 from postproc.reproductions import specification
 from postproc.reproductions import specification_walks as walks
@@ -11,11 +11,12 @@ from postproc.reproductions.specification_walks import ORIGIN_M, true_level_dbm
 
 
 def test_the_live_reference_is_the_filter_itself():
-    x_m, y_m = walks.around_block()
-    level_dbm = true_level_dbm(walks.STATION, x_m, y_m)
-    steps = walks.of_stage(walks.track(x_m, y_m, level_dbm[None]), "reference-ekf")
-    state = ekf.start(Places.of(x_m[0] + ORIGIN_M[0], y_m[0] + ORIGIN_M[1]))
-    for step, *reading in zip(steps, x_m + ORIGIN_M[0], y_m + ORIGIN_M[1], level_dbm, strict=True):
+    at = walks.around_block()
+    level_dbm = true_level_dbm(walks.STATION, at)
+    steps = walks.of_stage(walks.track(at, level_dbm[None]), "reference-ekf")
+    x_m, y_m = at.x_m + ORIGIN_M[0], at.y_m + ORIGIN_M[1]
+    state = ekf.start(Places.of(x_m[0], y_m[0]))
+    for step, *reading in zip(steps, x_m, y_m, level_dbm, strict=True):
         state = ekf.step(state, *reading).state
         assert (step.x_m, step.y_m) == pytest.approx(state[:2], abs=1e-3)
         assert walks.claimed_radius_m(step) == pytest.approx(ekf.drms_m(state.p), rel=1e-3)
@@ -23,22 +24,17 @@ def test_the_live_reference_is_the_filter_itself():
 
 def test_a_cell_that_was_not_received_is_not_in_the_scan():
     levels = np.array([[-70.0, np.nan], [-80.0, -60.0]])
-    scans = [record.value for _, record in walks.records(np.zeros(2), np.zeros(2), levels)][1::2]
+    at = Places.of(np.zeros(2), np.zeros(2))
+    scans = [record.value for _, record in walks.records(at, levels)][1::2]
     assert [[reading.cid for reading in scan.readings] for scan in scans] == [[1, 2], [2]]
 
 
 def test_the_mirror_image_is_as_likely_until_the_line_is_left():
-    x_m, y_m = np.linspace(-200.0, 200.0, 80), np.full(80, 100.0)
-    level_dbm = true_level_dbm(walks.STATION, x_m, y_m)
-    assert walks.mirror_probability(x_m, y_m, level_dbm) == pytest.approx(0.5, abs=0.02)
-    bent_x, bent_y = (
-        np.append(x_m, np.full(40, 200.0)),
-        np.append(y_m, np.linspace(100.0, -100.0, 40)),
-    )
-    assert (
-        walks.mirror_probability(bent_x, bent_y, true_level_dbm(walks.STATION, bent_x, bent_y))
-        < 0.05
-    )
+    line = Places.of(np.linspace(-200.0, 200.0, 80), np.full(80, 100.0))
+    level_dbm = true_level_dbm(walks.STATION, line)
+    assert walks.mirror_probability(line, level_dbm) == pytest.approx(0.5, abs=0.02)
+    bent = join_places([line, Places.of(np.full(40, 200.0), np.linspace(100.0, -100.0, 40))])
+    assert walks.mirror_probability(bent, true_level_dbm(walks.STATION, bent)) < 0.05
 
 
 def test_stationary_and_target_change_are_as_the_checklist_has_them():
