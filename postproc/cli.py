@@ -182,10 +182,11 @@ def smooth(
         with_words, _ = run_assessment.conspicuous_first(
             estimated, progress.with_progress, group.several
         )
-        said, told = summary.document_of(with_words, details=bool(cells or verbose))
+        summed = summary.summarise(with_words)
+        said, failures = summary.document_of(summed, details=bool(cells or verbose))
         estimates.append(estimated)
         documents.append(said)
-        rows += told
+        rows += [*summed.rows, *failures]
     # printed first: a run on a read-only card has an answer too
     show(ground.document_of_groups([group for group, _ in groups], documents), as_json=as_json)
     for (group, own_cells), estimated, said in zip(groups, estimates, documents, strict=True):

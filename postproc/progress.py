@@ -60,55 +60,42 @@ def _with_lines(items: Iterable[Item], what: str, total: int = 0) -> Iterator[It
         lines.join()
 
 
-def _with_bar(items: Iterable[Item], what: str, total: int, names: Sequence[str]) -> Iterator[Item]:
+def _with_bar(
+    items: Iterable[Item], what: str, total: int | None = None, names: Sequence[str] = ()
+) -> Iterator[Item]:
     from rich.console import Console  # noqa: PLC0415 (0.1 s; this and the next for a terminal only)
     from rich.progress import (  # noqa: PLC0415
         BarColumn,
         Progress,
+        ProgressColumn,
         TextColumn,
         TimeElapsedColumn,
         TimeRemainingColumn,
     )
 
+    def text(form: str) -> ProgressColumn:
+        return TextColumn(form, markup=False)
+
+    columns = [text("{task.description}"), text("{task.completed:,}"), TimeElapsedColumn()]
+    every = _COUNT_EVERY
+    if total is not None:
+        bar, count = BarColumn(_BAR_CELLS), text("{task.completed} of {task.total}")
+        columns = [columns[0], bar, count, columns[2], text("left"), TimeRemainingColumn()]
+        every = 1
     console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(_BAR_CELLS),
-        TextColumn("{task.completed} of {task.total}", markup=False),
-        TimeElapsedColumn(),
-        TextColumn("left", markup=False),
-        TimeRemainingColumn(),
-    )
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as progress:
         task = progress.add_task(_now(what, names, 0), total=total)
         for done, item in enumerate(items, 1):
             yield item
-            progress.update(task, completed=done, description=_now(what, names, done))
+            if done % every == 0 or done < every:
+                progress.update(task, completed=done, description=_now(what, names, done))
 
 
 def with_count(items: Iterable[Item], what: str) -> Iterator[Item]:
     """Show on stderr the count alone, of items whose total nobody knows."""
-    return _with_count(items, what) if sys.stderr.isatty() else _with_lines(items, printable(what))
-
-
-def _with_count(items: Iterable[Item], what: str) -> Iterator[Item]:
-    from rich.console import Console  # noqa: PLC0415 (as above)
-    from rich.progress import Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415
-
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        TextColumn("{task.completed:,}", markup=False),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(printable(what), total=None)
-        for done, item in enumerate(items, 1):
-            if done % _COUNT_EVERY == 0 or done < _COUNT_EVERY:
-                progress.update(task, completed=done)
-            yield item
+    return (_with_bar if sys.stderr.isatty() else _with_lines)(items, printable(what))
 
 
 def _now(what: str, names: Sequence[str], done: int) -> str:

@@ -133,23 +133,28 @@ class SummaryRow(NamedTuple):
         return self.answer.provenance.error
 
 
-def document_of(result: Result, *, details: bool) -> tuple[Document, list[SummaryRow | Failure]]:
+class Summary(NamedTuple):
+    """What is said of a result: of its runs, of them together, and of each cell."""
+
+    runs: list[RunSummary]
+    warnings: tuple[str, ...]
+    rows: list[SummaryRow]
+    unnoticed: str
+    run_names: Sequence[str]
+
+
+def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Failure]]:
     """Reasons of conspicuous cells, a line for each cell, and why it is not located.
 
-    With `details` all reasons and estimators. Also returns the cells, and those of which a part
-    could not be said. `docs/result.schema.json` describes the content: positions in degrees
-    (WGS84), lengths in metres, levels in dBm, times in ns since boot. A value that is unknown or
-    not finite is null.
+    With `details` all reasons and estimators. Also returns the cells of which a part could not be
+    said. `docs/result.schema.json` describes the content: positions in degrees (WGS84), lengths in
+    metres, levels in dBm, times in ns since boot. A value that is unknown or not finite is null.
     """
-    more = result.warnings if len(result.runs) == 1 else ()
-    runs = [_run(observed, more) for observed in result.runs]
-    run_names = [observed.run.name for observed in result.runs]
-    cells = [_row_or_why_not(cell, result) for cell in result.cells]
-    forms = [row.form for row in cells]
-    content: object = {"runs": runs, "warnings": result.warnings, "cells": forms}
+    runs, forms = summary.runs, [row.form for row in summary.rows]
+    content: object = {"runs": runs, "warnings": summary.warnings, "cells": forms}
     if len(runs) == 1:
         content = {"run": runs[0], "cells": forms}
-    rows = _in_order(cells)
+    rows = _in_order(summary.rows)
     conspicuous = {
         row.answer.cell: row.answer.word
         for row in rows
@@ -167,11 +172,13 @@ def document_of(result: Result, *, details: bool) -> tuple[Document, list[Summar
         if warning not in said_above
     ]
     if len(runs) > 1:
-        parts += [Line(one, "yellow") for one in result.warnings if one not in said_above]
+        parts += [Line(one, "yellow") for one in summary.warnings if one not in said_above]
     failures: list[Failure] = []
     if details:
         for row in rows:
-            said = attempt(row.answer.cell, "its details", partial(_cell_parts, row, run_names))
+            said = attempt(
+                row.answer.cell, "its details", partial(_cell_parts, row, summary.run_names)
+            )
             if isinstance(said, Failure):
                 failures.append(said)
             else:
@@ -182,9 +189,9 @@ def document_of(result: Result, *, details: bool) -> tuple[Document, list[Summar
     elif rows:
         overview, failures = _overview(rows)
         parts += overview
-    if result.unnoticed:
-        parts += ["", result.unnoticed]
-    return Document(content, body=parts), [*cells, *failures]
+    if summary.unnoticed:
+        parts += ["", summary.unnoticed]
+    return Document(content, body=parts), failures
 
 
 def _in_order(rows: Sequence[SummaryRow]) -> list[SummaryRow]:
@@ -459,6 +466,18 @@ def _radii(place: Place) -> str:
 
 def _axes(ellipse: Ellipse) -> str:
     return f"{ellipse.semi_major_m:.0f} x {ellipse.semi_minor_m:.0f}"
+
+
+def summarise(result: Result) -> Summary:
+    """What is said of one run or of several."""
+    more = result.warnings if len(result.runs) == 1 else ()
+    return Summary(
+        [_run(observed, more) for observed in result.runs],
+        result.warnings,
+        [_row_or_why_not(cell, result) for cell in result.cells],
+        result.unnoticed,
+        [observed.run.name for observed in result.runs],
+    )
 
 
 def _run(observed: ObservedRun, more: Sequence[str]) -> RunSummary:

@@ -15,6 +15,7 @@ import csv
 import gzip
 import sqlite3
 import zlib
+from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
@@ -37,6 +38,7 @@ from logger.core.places import check_position
 from logger.sqlite_file import connect
 from postproc.atomic_write import whole_file
 from postproc.foreign_file import Lines
+from postproc.progress import Progress
 
 FARTHEST_M = 200_000.0
 
@@ -374,51 +376,52 @@ class Imported:
     bad_rows: tuple[BadRow, ...]
 
 
-class CellImport:
-    """Import of exports into a database file, which is replaced at the end or not at all."""
+def import_exports(
+    files: Sequence[Path], target: Path, progress: Progress | None = None
+) -> Imported:
+    """Import exports into a database file, which is replaced at the end or not at all.
 
-    def __init__(self, files: list[Path], target: Path) -> None:
-        self.files, self.target = files, target
-        self.imported: Imported | None = None
-        if target.exists():
-            with closing(open_celldb(target)):
-                pass  # raises for a file that is something else
+    `progress` shows hundredths of files. Raises `RunFileError`, and nothing has changed then.
+    """
+    if target.exists():
+        with closing(open_celldb(target)):
+            pass  # raises for a file that is something else
+    counts, bad = Counter[str](), list[BadRow]()
+    names = [path.name for path in files for _ in range(100)]
+    try:
+        with whole_file(target) as part:
+            if target.exists():
+                copyfile(target, part)
+            with closing(sqlite3.connect(part, isolation_level=None)) as db:
+                db.executescript(f"{_FAST}; PRAGMA application_id = {APPLICATION_ID}; {_TABLE}")
+                db.executescript("DROP INDEX IF EXISTS identity; DROP INDEX IF EXISTS place")
+                steps: Iterable[int] = _fill(db, files, counts, bad)
+                for _ in progress(steps, "importing", len(names), names) if progress else steps:
+                    pass
+                db.executescript(f"{_IDENTITY}; {_PLACE}; {_TWICE}")
+                n_replaced = db.execute(_OLDER).rowcount
+                n_cells = db.execute("SELECT count(*) FROM cell").fetchone()[0]
+    except (sqlite3.Error, UnicodeDecodeError) as error:
+        raise RunFileError(f"cannot write {target}: {error}") from error
+    return Imported(target, counts["rows"], counts["bad"], n_replaced, n_cells, tuple(bad))
 
-    def __iter__(self) -> Iterator[int]:
-        """Do it; yields once for each hundredth of a file.
 
-        Raises `RunFileError`, and nothing has changed then.
-        """
-        try:
-            with whole_file(self.target) as part:
-                if self.target.exists():
-                    copyfile(self.target, part)
-                with closing(sqlite3.connect(part, isolation_level=None)) as db:
-                    db.executescript(f"{_FAST}; PRAGMA application_id = {APPLICATION_ID}; {_TABLE}")
-                    db.executescript("DROP INDEX IF EXISTS identity; DROP INDEX IF EXISTS place")
-                    yield from self._fill(db)
-        except (sqlite3.Error, UnicodeDecodeError) as error:
-            raise RunFileError(f"cannot write {self.target}: {error}") from error
-
-    def _fill(self, db: sqlite3.Connection) -> Iterator[int]:
-        bad: list[BadRow] = []
-        n_rows = n_bad = 0
-        for path in self.files:
-            first = db.execute("SELECT coalesce(max(rowid), 0) FROM cell").fetchone()[0]
-            with cell_export(path) as export:
-                n_short = yield from _insert(db, export)
-            read = db.execute("SELECT coalesce(max(rowid), 0) FROM cell").fetchone()[0] - first
-            bad_rows = _without_bad(db, path, first)
-            good = db.execute("SELECT count(*) FROM cell WHERE rowid > ?", (first,)).fetchone()[0]
-            if not good:
-                why = f"; its row {bad_rows[0].row} is {bad_rows[0].text}" if bad_rows else ""
-                raise RunFileError(f"{path} has no usable row{why}")
-            bad += bad_rows
-            n_rows, n_bad = n_rows + read + n_short, n_bad + read - good + n_short
-        db.executescript(f"{_IDENTITY}; {_PLACE}; {_TWICE}")
-        n_replaced = db.execute(_OLDER).rowcount
-        n_cells = db.execute("SELECT count(*) FROM cell").fetchone()[0]
-        self.imported = Imported(self.target, n_rows, n_bad, n_replaced, n_cells, tuple(bad))
+def _fill(
+    db: sqlite3.Connection, files: Sequence[Path], counts: Counter[str], bad: list[BadRow]
+) -> Iterator[int]:
+    """Yields once for each hundredth of a file."""
+    for path in files:
+        first = db.execute("SELECT coalesce(max(rowid), 0) FROM cell").fetchone()[0]
+        with cell_export(path) as export:
+            n_short = yield from _insert(db, export)
+        read = db.execute("SELECT coalesce(max(rowid), 0) FROM cell").fetchone()[0] - first
+        bad_rows = _without_bad(db, path, first)
+        good = db.execute("SELECT count(*) FROM cell WHERE rowid > ?", (first,)).fetchone()[0]
+        if not good:
+            why = f"; its row {bad_rows[0].row} is {bad_rows[0].text}" if bad_rows else ""
+            raise RunFileError(f"{path} has no usable row{why}")
+        bad += bad_rows
+        counts.update(rows=read + n_short, bad=read - good + n_short)
 
 
 def _insert(db: sqlite3.Connection, export: Export) -> Generator[int, None, int]:

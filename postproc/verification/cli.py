@@ -160,26 +160,19 @@ def celldb() -> None:
 @click.argument("paths", type=INPUT, nargs=-1, required=True, metavar="FILE...")
 @click.option("-o", "--output", type=FILE, required=True, metavar="CELLS.DB")
 @json_option
-def import_exports(paths: Sequence[Path], output: Path, *, as_json: bool) -> int:
+def import_exports(paths: Sequence[Path], output: Path, *, as_json: bool) -> None:
     """Add exports to a database file.
 
     FILE is a world, country or MLS export, .gz or plain.
     """
     atomic_write.check_writable(output)
-    work = databases.CellImport(list(paths), output)
-    names = [path.name for path in paths for _ in range(100)]
-    for _ in progress.with_progress(work, "importing", len(names), names):
-        pass
-    imported = work.imported
-    if imported is None:
-        return 1
+    imported = databases.import_exports(paths, output, progress.with_progress)
     text = (
         f"{imported.path}: {imported.n_cells} cells; {imported.n_rows} rows read, "
         f"{imported.n_bad} bad, {imported.n_replaced} replaced by newer ones"
     )
     remarks = [f"{bad.file}: row {bad.row} is no cell: {bad.text}" for bad in imported.bad_rows]
     show(document.Document(imported, body=[text], remarks=remarks), as_json=as_json)
-    return 0
 
 
 @celldb.command

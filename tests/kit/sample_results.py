@@ -23,7 +23,7 @@ from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath, reference_ekf
 from postproc.result import CellResult, ObservedRun, Result, RunShare
-from postproc.summary import document_of
+from postproc.summary import document_of, summarise
 from postproc.verification.claims import CellVerdict, Claim, Verified
 from tests.kit.runs import UTC0_NS, meta
 
@@ -256,4 +256,4 @@ def sample_claims(result: Result) -> Verified:
 
 def json_of(result: Result) -> dict[str, Any]:
     """What `postproc smooth --json` prints."""
-    return json.loads(json_text(document_of(result, details=False)[0].content))
+    return json.loads(json_text(document_of(summarise(result), details=False)[0].content))

@@ -10,7 +10,7 @@ from logger.core.runfile import RunWriter, read_run
 from logger.core.types import Fix, Record, Scan
 from postproc.multi_run import merge
 from postproc.smoothing import smooth_runs
-from postproc.summary import document_of
+from postproc.summary import document_of, summarise
 from postproc.walk import observe_run
 from tests.kit import runs
 
@@ -53,7 +53,8 @@ def test_smooth_says_whether_the_ta_agree(tmp_path):
     assert contradicted.timing.disagree > 8
     assert any("timing advance disagrees" in warning for warning in contradicted.warnings)
     said_of_none, said_of_near = (
-        "\n".join(terminal_lines(document_of(one, details=True)[0])) for one in (none, near)
+        "\n".join(terminal_lines(document_of(summarise(one), details=True)[0]))
+        for one in (none, near)
     )
     assert f"timing advance: read at {points} points, 0 disagree" in said_of_near
     assert "timing" not in said_of_none

@@ -6,17 +6,21 @@ from pyproj import Geod
 
 from logger.core.cell_names import identity_of
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from postproc.verification.celldb import COLUMNS, CellDb, CellImport
+from postproc.verification.celldb import COLUMNS, CellDb, import_exports
 
 HEADER = ",".join(COLUMNS) + "\n"
 ROW = "GSM,262,1,4711,100,0,13.4,52.5,1000,7,1,1282569574,1300155341,0\n"
 
 
 def load(target, *files):
-    work = CellImport(list(files), target)
-    ticks = list(work)
-    assert len(ticks) == 100 * len(files)
-    return work.imported
+    ticks = []
+
+    def progress(steps, _what, total, _names):
+        ticks.extend(steps)
+        assert len(ticks) == total == 100 * len(files)
+        return ticks
+
+    return import_exports(files, target, progress)
 
 
 @pytest.fixture
@@ -115,7 +119,7 @@ def test_files_that_are_no_export_leave_the_database_as_it_was(make, tmp_path, d
 
 def test_what_is_no_database_is_neither_read_nor_replaced(make, tmp_path):
     precious = make("my thesis", "c.db")
-    for broken in (lambda: CellImport([make(HEADER + ROW)], precious), lambda: CellDb(precious)):
+    for broken in (lambda: load(precious, make(HEADER + ROW)), lambda: CellDb(precious)):
         with pytest.raises(RunFileError, match="no cell database"):
             broken()
     with pytest.raises(RunFileError, match="no such file"):

@@ -1,7 +1,7 @@
 import pytest
 
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from postproc.verification.celldb import CellImport
+from postproc.verification.celldb import import_exports
 from postproc.verification.claims import (
     RANGE_SIGMA,
     UNKNOWN_SIGMA_M,
@@ -52,7 +52,7 @@ def test_our_own_csv(tmp_path):
 def test_an_export_and_a_database_of_it_claim_the_same(tmp_path):
     file = tmp_path / "262.csv"
     file.write_text(EXPORT)
-    list(CellImport([file], tmp_path / "c.db"))
+    import_exports([file], tmp_path / "c.db")
     of_export, of_database = read_claims(file, HEARD), read_claims(tmp_path / "c.db", HEARD)
     for found, others in (of_export, of_database):
         assert others == []
