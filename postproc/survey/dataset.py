@@ -85,6 +85,10 @@ class Survey:
             part.replace(layout.description(folder))
         return cls.open(folder)
 
+    def without_contents(self, *batches: str) -> "Survey":
+        """The same for another process, which reads for itself; of some batches, or of all."""
+        return Survey(self.folder.absolute(), batches or self.batches, self.salt)
+
     def check(self, batch: str) -> None:
         """Raise `RunFileError` where a file of a batch is missing or has another size."""
         path = layout.runs_file(self.folder, batch)

@@ -6,8 +6,6 @@ receiver. The number of runs stands beside the word.
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
 import msgspec
 
@@ -51,13 +49,8 @@ class RunWords(msgspec.Struct, frozen=True):
     unnoticed: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class WordsTask:
-    """Runs of one batch."""
-
-    folder: str
-    batch: str
-    runs: tuple[str, ...]
+RunsOfBatch = tuple[Survey, tuple[str, ...]]
+"""A survey of one batch, and some of its runs."""
 
 
 def words_of_runs(survey: Survey, runs: Sequence[str], cluster: Cluster) -> list[RunWords]:
@@ -77,10 +70,10 @@ def words_of_runs(survey: Survey, runs: Sequence[str], cluster: Cluster) -> list
     return [known[digest] for digest in runs if digest in known]
 
 
-def ask_runs(task: WordsTask) -> list[RunWords]:
+def ask_runs(task: RunsOfBatch) -> list[RunWords]:
     """The words of some runs of a batch."""
-    survey = Survey(Path(task.folder), (task.batch,), "")
-    return [_ask(run, inputs) for run, inputs in survey.rule_inputs(task.batch, task.runs)]
+    survey, runs = task
+    return [_ask(run, inputs) for run, inputs in survey.rule_inputs(survey.batches[0], runs)]
 
 
 def with_words(
@@ -120,13 +113,13 @@ def _with_word(cell: LocatedCell, said: Sequence[CellWord]) -> LocatedCell:
     )
 
 
-def _tasks(survey: Survey, waiting: set[str]) -> Iterator[WordsTask]:
-    folder = str(survey.folder.absolute())
+def _tasks(survey: Survey, waiting: set[str]) -> Iterator[RunsOfBatch]:
     for batch, runs in survey.runs_of_batches.items():
         has_rules = layout.rules_file(survey.folder, batch).exists()
         some = [run for run in runs if has_rules and run in waiting]
         for first in range(0, len(some), _RUNS_AT_ONCE):
-            yield WordsTask(folder, batch, tuple(some[first : first + _RUNS_AT_ONCE]))
+            few = tuple(some[first : first + _RUNS_AT_ONCE])
+            yield survey.without_contents(batch), few
 
 
 def _ask(run: str, inputs: Sequence[RuleColumn]) -> RunWords:

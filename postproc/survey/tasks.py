@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import groupby
-from pathlib import Path
 
 from postproc.cell_work import Failure, attempt
 from postproc.ground import places_of
@@ -51,11 +50,9 @@ class RunChoice:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Cells of one area, as the survey was when it had these batches."""
+    """Cells of one area of a survey."""
 
-    folder: str
-    batches: tuple[str, ...]
-    salt: str
+    survey: Survey
     area: str
     cells: tuple[str, ...]
     choice: RunChoice
@@ -71,28 +68,19 @@ def tasks_of(
     survey: Survey, cells: Sequence[SurveyCell], choice: RunChoice, options: Options
 ) -> list[Task]:
     """All cells in tasks of bounded size, largest first: the last ones to end are small."""
-    found = []
+    found, bare = [], survey.without_contents()
     for area, some in groupby(cells, key=lambda cell: cell.area):
         for few in _limit_size(list(some)):
             n = sum(cell.n_readings for cell in few)
             names = tuple(cell.cell for cell in few)
-            task = Task(
-                str(survey.folder.absolute()),
-                survey.batches,
-                survey.salt,
-                area,
-                names,
-                choice,
-                options,
-            )
-            found.append((n, task))
+            found.append((n, Task(bare, area, names, choice, options)))
     found.sort(key=lambda one: -one[0])
     return [task for _, task in found]
 
 
 def locate_cells(task: Task) -> list[LocatedCell]:
     """Estimates of the cells of a task."""
-    survey = _survey(task)
+    survey = _checked(task.survey)
     with small_matrices():
         return [
             row
@@ -103,7 +91,7 @@ def locate_cells(task: Task) -> list[LocatedCell]:
 
 def compare_loggers(task: Task) -> list[Agreement]:
     """Loggers against each other in each of the cells of a task."""
-    survey = _survey(task)
+    survey = _checked(task.survey)
     found: list[Agreement] = []
     with small_matrices():
         for cell in _cells_of(survey, task):
@@ -144,13 +132,8 @@ def _cells_of(survey: Survey, task: Task) -> Iterator[CellRuns]:
         )
 
 
-def _survey(task: Task) -> Survey:
-    return _open(task.folder, task.batches, task.salt)
-
-
 @lru_cache(maxsize=1)  # what is known of its runs and cells serves all tasks of a worker
-def _open(folder: str, batches: tuple[str, ...], salt: str) -> Survey:
-    survey = Survey(Path(folder), batches, salt)
-    for batch in batches:
+def _checked(survey: Survey) -> Survey:
+    for batch in survey.batches:
         survey.check(batch)
     return survey

@@ -99,17 +99,13 @@ class LikelihoodGrid:
         """Hypotheses of the noise by their number in the prior, shape (c,)."""
         return np.array([w.number for w in self.whiteners])
 
-    @property
+    @cached_property
     def log_mass(self) -> FloatArray:
         """Log prior probability of each square (h,), up to a constant; -inf without extent."""
         with np.errstate(divide="ignore"):
-            return np.asarray(self._log_density + 2.0 * np.log(self.squares[2]), float)
-
-    @cached_property
-    def _log_density(self) -> FloatArray:
-        with np.errstate(divide="ignore"):
             position_prior = PositionPrior(self.blocks, self.prior, self.squares)
-        return position_prior.log_density(self.squares)
+            log_density = position_prior.log_density(self.squares)
+            return np.asarray(log_density + 2.0 * np.log(self.squares[2]), float)
 
     def with_squares(self, squares: Squares) -> "LikelihoodGrid":
         """The same walk and hypotheses on another grid."""
@@ -212,13 +208,6 @@ class LikelihoodGrid:
             densities.append(density - log_sum((density + log_mass).T) + evidence[-1])
         total = log_sum(np.stack(evidence, axis=-1))
         return log_sum(np.stack(densities, axis=-1)) - total
-
-    def densities(self, log_p: FloatArray, *, tempered: bool) -> FloatArray:
-        """Probability per square metre of each square, shape (h, b)."""
-        log_density = self._log_density - log_sum(self.log_mass)
-        return np.asarray(
-            np.exp(self.posterior_ratio(log_p, tempered=tempered) + log_density[:, None])
-        )
 
     def plausible(self, level_dbm: FloatArray) -> "LikelihoodGrid":
         """Without the hypotheses that one walk (n,) rules out, with six at most."""
