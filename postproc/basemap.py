@@ -18,6 +18,7 @@ from typing import Any, BinaryIO, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 from PIL import Image, ImageDraw
 from pmtiles.tile import (
     Compression,
@@ -295,17 +296,8 @@ def _named_parts(layer: Layer) -> Iterator[tuple[str, Part]]:
 def _distance(layer: Layer, part: Part, place: Point) -> float:
     """From a place in a tile to a line of it, both as shares of the tile."""
     points = [(x / layer.extent, y / layer.extent) for x, y in part]
-    ends = zip(points, points[1:] or points, strict=False)
-    return min((_to_segment(place, *pair) for pair in ends), default=math.inf)
-
-
-def _to_segment(place: Point, start: Point, end: Point) -> float:
-    along = end[0] - start[0], end[1] - start[1]
-    length = along[0] ** 2 + along[1] ** 2
-    offset = place[0] - start[0], place[1] - start[1]
-    share = 0.0 if length == 0.0 else (offset[0] * along[0] + offset[1] * along[1]) / length
-    share = min(max(share, 0.0), 1.0)
-    return math.hypot(offset[0] - share * along[0], offset[1] - share * along[1])
+    line = shapely.LineString(points) if len(points) > 1 else shapely.MultiPoint(points)
+    return float(line.distance(shapely.Point(place))) if points else math.inf
 
 
 # --- maps of tiles ---

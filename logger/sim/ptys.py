@@ -63,14 +63,6 @@ class PtyLine:
             pass
         return self._is_open()
 
-    def wait_for_listener(self) -> bool:
-        """Wait until a program opens the far end; False when `stop` was set before."""
-        while not self.stop.is_set():
-            if self.has_listener():
-                return True
-            self.stop.wait(PAUSE_S)
-        return False
-
     def _wait(self, event: int, timeout_s: float) -> bool:
         """Sleeps while the far end is closed."""
         ready = self._poll(event, timeout_s)

@@ -25,7 +25,6 @@ _RAILWAY_AREA = 6001
 _ROOFTOPS = 12
 _APART_M = 350.0
 _MOST_TRIES = 2000
-_T3212 = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,12 +132,9 @@ def with_lists(cells: Sequence[Transmitter]) -> tuple[Transmitter, ...]:
     channels: dict[tuple[str, str], list[int]] = {}
     for cell in cells:
         channels.setdefault((cell.mcc, cell.mnc), []).append(cell.arfcn)
-    listed = [
-        tuple(sorted(a for a in channels[cell.mcc, cell.mnc] if a != cell.arfcn)) for cell in cells
-    ]
     return tuple(
-        replace(cell, broadcast=Broadcast(arfcns, cro_db=0, penalty_time=0, t3212_raw=_T3212))
-        for cell, arfcns in zip(cells, listed, strict=True)
+        replace(cell, broadcast=_broadcast(sorted(a for a in own if a != cell.arfcn)))
+        for cell, own in ((cell, channels[cell.mcc, cell.mnc]) for cell in cells)
     )
 
 

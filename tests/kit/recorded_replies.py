@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from logger.sim.devices import AtTerminal, frame_text
-from logger.sim.ptys import PtyLine
+from logger.sim.ptys import PAUSE_S, PtyLine
 
 CHUNK = 1024
 FINAL_CODES = (b"OK", b"ERROR")
@@ -28,8 +28,9 @@ class NmeaPlayer:
         """Begin when a program opens the port, pause while it is closed, fall silent at the end."""
         for start in range(0, len(self._data), CHUNK):
             chunk = self._data[start : start + CHUNK]
-            if not line.wait_for_listener():
-                return
+            while not line.has_listener():
+                if line.stop.wait(PAUSE_S):
+                    return
             line.write(chunk)
             if self._bytes_per_s is not None:
                 line.stop.wait(len(chunk) / self._bytes_per_s)

@@ -15,17 +15,16 @@ from postproc.interop.contents import Contents, Format
 from postproc.interop.sighting import (
     LEVEL_RANGE_DBM,
     RATS,
+    Columns,
     Fields,
+    Moment,
     NoCell,
     Row,
     Sighting,
-    cell_identity,
-    fix_of,
     integer,
-    maybe,
+    level_in,
     number,
     parse_rows,
-    reading_of,
     text,
     utc_ns_of,
 )
@@ -55,30 +54,28 @@ def _sighting(line: int, fields: Fields) -> Sighting | NoCell:
     cell = _CELL.fullmatch(mac)
     if cell is None:
         raise ValueError(f"MAC is no cell, which is network_area_cell: {mac[:40]!r}")
-    level_dbm = number(fields, "rssi", LEVEL_RANGE_DBM)
-    if level_dbm == NO_LEVEL_DBM:
+    if number(fields, "rssi", LEVEL_RANGE_DBM) == NO_LEVEL_DBM:
         raise ValueError("RSSI is -113, which stands for an unknown level")
-    fields_of_cell = {"area": cell[3], "cell": cell[4]}
+    cell_of_mac = dict(zip(("mcc", "mnc", "area", "cid"), cell.groups(), strict=True))
+    channel = integer(fields, "channel") or ""
+    return _COLUMNS.sighting(line, {**fields, **cell_of_mac, "rat": rat, "arfcn": channel})
+
+
+def _when(_: int, fields: Fields) -> Moment:
     utc_ns = utc_ns_of(text(fields, "firstseen"), "FirstSeen")
     if utc_ns <= 0:
         raise ValueError("FirstSeen is no time")
-    known = {
-        "alt_m": maybe(fields, "altitudemeters"),
-        "acc_m": maybe(fields, "accuracymeters", (0.0, 1e6)) or None,
-    }
-    fix = fix_of(fields, "currentlatitude", "currentlongitude", utc_ns, **known)
-    more = {
-        "mcc": cell[1],
-        "mnc": cell[2],
-        "cid": cell_identity(fields_of_cell, "cell"),
-        "arfcn": integer(fields, "channel") or None,
-    }
-    return Sighting(
-        line,
-        utc_ns,
-        fix,
-        reading_of(rat, "scan", level_dbm, integer(fields_of_cell, "area"), **more),
-    )
+    return Moment(utc_ns, is_utc=True)
+
+
+_COLUMNS = Columns(
+    when=_when,
+    level_dbm=level_in("rssi"),
+    place=("currentlatitude", "currentlongitude"),
+    alt_m=("altitudemeters",),
+    acc_m=("accuracymeters",),
+    area=("area",),
+)
 
 
 def _is_it(seen: Contents) -> bool:
