@@ -80,7 +80,7 @@ def tasks_of(
 
 def locate_cells(task: Task) -> list[LocatedCell]:
     """Estimates of the cells of a task."""
-    survey = _checked(task.survey)
+    survey = _open(task.survey)
     with small_matrices():
         return [
             row
@@ -91,7 +91,7 @@ def locate_cells(task: Task) -> list[LocatedCell]:
 
 def compare_loggers(task: Task) -> list[Agreement]:
     """Loggers against each other in each of the cells of a task."""
-    survey = _checked(task.survey)
+    survey = _open(task.survey)
     found: list[Agreement] = []
     with small_matrices():
         for cell in _cells_of(survey, task):
@@ -133,7 +133,7 @@ def _cells_of(survey: Survey, task: Task) -> Iterator[CellRuns]:
 
 
 @lru_cache(maxsize=1)  # what is known of its runs and cells serves all tasks of a worker
-def _checked(survey: Survey) -> Survey:
+def _open(survey: Survey) -> Survey:
     for batch in survey.batches:
         survey.check(batch)
     return survey
