@@ -41,7 +41,7 @@ def folder(tmp_path, monkeypatch):
         "postproc.smoothing.smooth_runs",
         "postproc.interop.importing.import_walk",
         "postproc.interop.share.share",
-        "postproc.verification.celldb.CellImport",
+        "postproc.verification.celldb.import_exports",
         "postproc.reproductions.toa.simulate",
     ):
         monkeypatch.setattr(
