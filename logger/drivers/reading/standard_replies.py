@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
 from typing import Any, TypeGuard
 
-from logger.core.types import CellReading
+from logger.core.types import CellReading, Rat, reportable
 from logger.drivers.protocols.at import INTERRUPTION
 from logger.drivers.reading.row_language import (
     CSQ_OF_INDEX,
@@ -59,6 +59,8 @@ _OFFERED = re.compile(
 """A network of AT+COPS=?; lists close the bracket early, lack quotes and names, and break lines."""
 
 _MOST_STAT, _WIDEST_STAT = 11, 3
+_RAT_OF_EPS: dict[int, Rat] = {8: "LTE-M", 9: "NB-IoT"}
+"""Where only LTE and its kin are reported; elsewhere 8 may be CDMA or GSM."""
 _CAUSE_TYPES = frozenset({0, 1})
 _CELL, _NR_CELL = NumberForm(16, frozenset({4, 7, 8})), NumberForm(16, frozenset({9, 16}))
 """A registration prints the cells of all technologies in one field, GSM with four digits."""
@@ -84,6 +86,7 @@ def _registrations(line: str) -> Iterator[Row]:
         if not at(fields, 1) and at(fields, 2):
             fields[2:3] = [""]  # a cell never comes without its area: a comma stands twice
         act = decimal(at(fields, 3).rstrip("])"), 0, 15)
+        rats = RAT_OF_ACT | _RAT_OF_EPS if domain == "CEREG" else RAT_OF_ACT
         bits, form = (36, _NR_CELL) if domain == "C5GREG" else (28, _CELL)
         cid = cell_identity(at(fields, 2), bits, form=form)
         where: dict[str, Any] = {
@@ -92,7 +95,7 @@ def _registrations(line: str) -> Iterator[Row]:
         yield Registration(
             domain,
             stat,
-            rat=None if act is None else RAT_OF_ACT.get(act),
+            rat=None if act is None else rats.get(act),
             n=decimal(n),
             cid=cid,
             act=act,
@@ -249,6 +252,9 @@ _LEVELS = frozenset(
 )
 _AREA_AND_CELL = ("lac", "tac", "cid")
 _SIGNAL_LEVELS = ("rssi_dbm", "rscp_dbm", "ecio_db", "rsrp_dbm", "rsrq_db")
+_OF_EUTRA: frozenset[Rat | None] = frozenset({"LTE", "LTE-M", "NB-IoT"})
+_MOST_BETWEEN = 8
+"""Change of an index between two answers; one that has lost a digit is 9 lower at least."""
 
 
 def is_serving(row: Row) -> TypeGuard[CellReading]:
@@ -277,12 +283,12 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
     mcc, mnc = network_of(plmn)
     rat = registration.rat or next((row.rat for row in chosen if row.rat), None)
     area: dict[str, Any] = {"lac": registration.lac, "tac": registration.tac}
-    if rat is not None:  # on LTE +CREG prints the tracking area
-        area = area_values(rat, registration.tac if area["lac"] is None else area["lac"])
+    if rat is not None:
+        area = area_values(rat, _area_of(registration, rat, rows))
     signals = [row for row in rows if isinstance(row, Signal)]
-    signal = next((row for row in signals if row.rat is not None and row.rat == rat), Signal())
+    signal = next((row for row in signals if row.rat and _is_kin(row.rat, rat)), Signal())
     carriers = (row.rssi_dbm for row in signals if None in {row.rat, rat} or row.rat == rat)
-    return CellReading(
+    reading = CellReading(
         role="serving",
         rat=rat,
         mcc=mcc,
@@ -294,25 +300,53 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
         rsrp_dbm=signal.rsrp_dbm,
         rsrq_db=signal.rsrq_db,
     )
+    return reportable(reading)
+
+
+def _area_of(registration: Registration, rat: Rat, rows: Sequence[Row]) -> int | None:
+    # on LTE +CREG may print the area of circuit-switched service, or FFFE where there is none
+    same = [row for row in rows if isinstance(row, Registration) and row.cid == registration.cid]
+    tacs, lacs = [row.tac for row in same], [row.lac for row in (registration, *same)]
+    codes = (*lacs, *tacs) if rat in {"GSM", "WCDMA"} else (*tacs, *lacs)
+    return next((code for code in codes if code is not None), None)
+
+
+def _is_kin(one: Rat | None, other: Rat | None) -> bool:
+    """Whether two technologies are one, or both are of E-UTRA, as firmware calls them."""
+    return one == other or {one, other} <= _OF_EUTRA
 
 
 def with_level(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """The rows, each serving cell without a level with that of +CESQ."""
+    """The rows, each serving cell without a level with that of +CESQ, unless the two differ."""
     signals = {row.rat: row for row in rows if isinstance(row, Signal) and row.rat is not None}
     rats = Counter(row.rat for row in rows if is_serving(row))
     return tuple(
-        replace(row, **{name: getattr(signals[row.rat], name) for name in _SIGNAL_LEVELS})
-        if is_serving(row) and row.level_dbm is None and row.rat in signals and rats[row.rat] == 1
+        reportable(
+            replace(row, **{name: getattr(signals[row.rat], name) for name in _SIGNAL_LEVELS})
+        )
+        if is_serving(row)
+        and row.level_dbm is None
+        and row.rat in signals
+        and rats[row.rat] == 1
+        and not _differ(row, signals[row.rat])
         else row
         for row in rows
     )
+
+
+def _differ(row: CellReading, signal: Signal) -> bool:
+    printed = row.more.get("rsrp_raw"), signal.more.get("rsrp_raw")
+    indices = [index for index in printed if isinstance(index, int)]
+    return len(indices) > 1 and max(indices) - min(indices) > _MOST_BETWEEN
 
 
 def with_name(rows: Sequence[Row], common: Sequence[Row]) -> tuple[Row, ...]:
     """The rows, a nameless serving cell with its name in `common`."""
     nameless = [row for row in rows if is_serving(row) and row.cid is None]
     named = next((row for row in common if is_serving(row) and row.cid is not None), None)
-    if named is None or len(nameless) != 1 or named.rat not in {None, nameless[0].rat}:
+    if named is None or len(nameless) != 1:
+        return tuple(rows)
+    if named.rat is not None and not _is_kin(named.rat, nameless[0].rat):
         return tuple(rows)
     return tuple(_merge(row, named) if row is nameless[0] else row for row in rows)
 
