@@ -53,7 +53,7 @@ def serving_cell(**lines):
 
 @pytest.mark.parametrize("circuit_switched", ["FFFE", "0A0B"])
 def test_the_tracking_area_is_that_of_cereg(circuit_switched):
-    """+CREG prints the area of circuit-switched service, which FFFE says is missing."""
+    # +CREG prints the area of circuit-switched service, which FFFE says is missing
     reading = serving_cell(
         COPS='+COPS: 0,2,"26201",7',
         CREG=f'+CREG: 2,1,"{circuit_switched}","1A2D001",7',

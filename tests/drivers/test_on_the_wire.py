@@ -28,7 +28,6 @@ def test_an_a76xx_has_its_level_of_lte_from_cesq():
 
 @pytest.mark.parametrize("printed", ["5", "0", "00", "150"])
 def test_an_index_that_has_lost_a_digit_is_no_level(printed):
-    """The row prints the index too; the two answers differ by little more than a digit."""
     replies = {
         "AT+CPSI?": f"{CPSI_WITH_INDICES}\n\nOK",
         "AT+CESQ": f"+CESQ: 99,99,255,255,28,{printed}\n\nOK",

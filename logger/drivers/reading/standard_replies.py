@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from typing import Any, TypeGuard
 
 from logger.core.types import CellReading, Rat, reportable
-from logger.drivers.protocols.at import INTERRUPTION
+from logger.drivers.protocols.at import INTERRUPTION, Command
 from logger.drivers.reading.row_language import (
     CSQ_OF_INDEX,
     ECN0_OF_INDEX,
@@ -37,12 +37,10 @@ _REGISTRATION = re.compile(
     rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII
 )
 """The values end where something else begins: another answer, or text of a log."""
+# what may follow the last value; anything else is noise, which took the end of the value
 _AFTER_VALUE = re.compile(r"[\s+\\)\]},;\'<|]|\Z")
-"""What may follow the last value; anything else is noise, which took the end of the value."""
+# an answer begins with two small numbers, a report with one: +CREG: 1,"CE00","00005449"
 _LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
-"""An answer begins with two small numbers, a report with one: `+CREG: 1,"CE00","00005449"` is a
-report.
-"""
 _CSQ = re.compile(r"\+CSQ:\s*(\d{1,2}),\s*(\d{1,2})(?!\d)")
 _CESQ = re.compile(r"\+CESQ:\s*(\d{1,3}(?:,\s*\d{1,3}){5})(?!\d)")
 _ERROR = re.compile(r"\+CM[ES] ERROR:\s*(?:(\d+)|([^\s\\][^\\]*?))\s*(?:\\.*)?\Z")
@@ -59,8 +57,8 @@ _OFFERED = re.compile(
 """A network of AT+COPS=?; lists close the bracket early, lack quotes and names, and break lines."""
 
 _MOST_STAT, _WIDEST_STAT = 11, 3
+# +CEREG reports LTE and its kin alone; elsewhere 8 may be CDMA or GSM
 _RAT_OF_EPS: dict[int, Rat] = {8: "LTE-M", 9: "NB-IoT"}
-"""Where only LTE and its kin are reported; elsewhere 8 may be CDMA or GSM."""
 _CAUSE_TYPES = frozenset({0, 1})
 _CELL, _NR_CELL = NumberForm(16, frozenset({4, 7, 8})), NumberForm(16, frozenset({9, 16}))
 """A registration prints the cells of all technologies in one field, GSM with four digits."""
@@ -198,6 +196,8 @@ _RESULT = re.compile(
 )
 _LAST_VALUE = re.compile(r"[^\s,]*\s*\Z")
 _CLOSED = re.compile(r'(?:"[^"]*"|:)\s*\Z')
+NAME = (Command("AT+COPS?"), Command("AT+CEREG?"))
+"""Commands that name a cell of NB-IoT."""
 _COMMON = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
 """Names of the replies that every family reads (`standard_replies`)."""
 
@@ -253,8 +253,7 @@ _LEVELS = frozenset(
 _AREA_AND_CELL = ("lac", "tac", "cid")
 _SIGNAL_LEVELS = ("rssi_dbm", "rscp_dbm", "ecio_db", "rsrp_dbm", "rsrq_db")
 _OF_EUTRA: frozenset[Rat | None] = frozenset({"LTE", "LTE-M", "NB-IoT"})
-_MOST_BETWEEN = 8
-"""Change of an index between two answers; one that has lost a digit is 9 lower at least."""
+_MOST_BETWEEN = 8  # of an index in two answers; one that has lost a digit is 9 lower at least
 
 
 def is_serving(row: Row) -> TypeGuard[CellReading]:
@@ -312,12 +311,12 @@ def _area_of(registration: Registration, rat: Rat, rows: Sequence[Row]) -> int |
 
 
 def _is_kin(one: Rat | None, other: Rat | None) -> bool:
-    """Whether two technologies are one, or both are of E-UTRA, as firmware calls them."""
+    # what one command calls LTE, another may call LTE-M
     return one == other or {one, other} <= _OF_EUTRA
 
 
 def with_level(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """The rows, each serving cell without a level with that of +CESQ, unless the two differ."""
+    """The rows, each serving cell without a level with that of +CESQ."""
     signals = {row.rat: row for row in rows if isinstance(row, Signal) and row.rat is not None}
     rats = Counter(row.rat for row in rows if is_serving(row))
     return tuple(
@@ -342,9 +341,9 @@ def _differ(row: CellReading, signal: Signal) -> bool:
 
 def with_name(rows: Sequence[Row], common: Sequence[Row]) -> tuple[Row, ...]:
     """The rows, a nameless serving cell with its name in `common`."""
-    nameless = [row for row in rows if is_serving(row) and row.cid is None]
+    nameless = [row for row in rows if is_serving(row) and row.cell is None]
     named = next((row for row in common if is_serving(row) and row.cid is not None), None)
-    if named is None or len(nameless) != 1:
+    if named is None or len(nameless) != 1 or nameless[0].cid not in {None, named.cid}:
         return tuple(rows)
     if named.rat is not None and not _is_kin(named.rat, nameless[0].rat):
         return tuple(rows)
