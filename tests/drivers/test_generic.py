@@ -45,8 +45,8 @@ def test_set_up_fails_only_where_the_modem_does_not_answer():
 
 
 def serving_cell(**lines):
-    replies = {f"AT+{name}?": ([text], "OK") for name, text in lines.items() if name != "CESQ"}
-    replies["AT+CESQ"] = ([lines["CESQ"]], "OK")
+    marks = {"CESQ": "", "CSQ": ""}
+    replies = {f"AT+{name}{marks.get(name, '?')}": ([text], "OK") for name, text in lines.items()}
     rows, _ = run_dialogue(Generic().poll(), replies)
     return rows[0]
 
@@ -82,6 +82,14 @@ def test_lte_for_things_has_the_level_of_its_reference_signal(act, rat):
         CESQ="+CESQ: 99,99,255,255,20,60",
     )
     assert (reading.rat, reading.rsrp_dbm, reading.tac) == (rat, -81.0, 0x2AFE)
+
+
+@pytest.mark.parametrize("printed", ["5", "0", "8"])
+def test_a_level_far_below_that_of_its_carrier_has_lost_a_digit(printed):
+    lines = {"CEREG": '+CEREG: 2,1,"2AFE","1A2D001",7', "CSQ": "+CSQ: 25,99"}
+    assert serving_cell(**lines, CESQ="+CESQ: 99,99,255,255,20,58").rsrp_dbm == -83.0
+    damaged = serving_cell(**lines, CESQ=f"+CESQ: 99,99,255,255,20,{printed}")
+    assert (damaged.cid, damaged.level_dbm) == (0x1A2D001, None)
 
 
 def test_a_level_below_the_scale_is_none():

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
 from typing import Any, TypeGuard
 
-from logger.core.types import CellReading, Rat, reportable
+from logger.core.types import CARRIER_ABOVE_DB, CellReading, Rat, reportable
 from logger.drivers.protocols.at import INTERRUPTION, Command
 from logger.drivers.reading.row_language import (
     CSQ_OF_INDEX,
@@ -299,6 +299,10 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
         rsrp_dbm=signal.rsrp_dbm,
         rsrq_db=signal.rsrq_db,
     )
+    carrier_dbm, level_dbm = reading.rssi_dbm, reading.level_dbm
+    if carrier_dbm and level_dbm and carrier_dbm - level_dbm > max(CARRIER_ABOVE_DB):
+        # one of the two has lost a digit
+        reading = replace(reading, rssi_dbm=None, rscp_dbm=None, rsrp_dbm=None)
     return reportable(reading)
 
 
