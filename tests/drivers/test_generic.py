@@ -51,16 +51,17 @@ def serving_cell(**lines):
     return rows[0]
 
 
+@pytest.mark.parametrize("act", [",7", ""])
 @pytest.mark.parametrize("circuit_switched", ["FFFE", "0A0B"])
-def test_the_tracking_area_is_that_of_cereg(circuit_switched):
+def test_the_tracking_area_is_that_of_cereg(circuit_switched, act):
     # +CREG prints the area of circuit-switched service, which FFFE says is missing
     reading = serving_cell(
-        COPS='+COPS: 0,2,"26201",7',
-        CREG=f'+CREG: 2,1,"{circuit_switched}","1A2D001",7',
-        CEREG='+CEREG: 2,1,"2AFE","1A2D001",7',
+        COPS=f'+COPS: 0,2,"26201"{act}',
+        CREG=f'+CREG: 2,1,"{circuit_switched}","1A2D001"{act}',
+        CEREG=f'+CEREG: 2,1,"2AFE","1A2D001"{act}',
         CESQ="+CESQ: 99,99,255,255,20,60",
     )
-    assert (reading.rat, reading.cell) == ("LTE", f"262-01-{0x2AFE}-{0x1A2D001}")
+    assert (reading.lac, reading.cell) == (None, f"262-01-{0x2AFE}-{0x1A2D001}")
 
 
 def test_the_area_of_gsm_is_that_of_cgreg_where_no_circuit_is_switched():

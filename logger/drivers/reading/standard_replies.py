@@ -281,9 +281,6 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
     plmn = next((one.plmn for one in chosen if one.plmn), None) or ""
     mcc, mnc = network_of(plmn)
     rat = registration.rat or next((row.rat for row in chosen if row.rat), None)
-    area: dict[str, Any] = {"lac": registration.lac, "tac": registration.tac}
-    if rat is not None:
-        area = area_values(rat, _area_of(registration, rat, rows))
     signals = [row for row in rows if isinstance(row, Signal)]
     signal = next((row for row in signals if row.rat and _is_kin(row.rat, rat)), Signal())
     carriers = (row.rssi_dbm for row in signals if None in {row.rat, rat} or row.rat == rat)
@@ -292,7 +289,7 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
         rat=rat,
         mcc=mcc,
         mnc=mnc,
-        **area,
+        **_area_of(registration, rat, rows),
         cid=registration.cid,
         rssi_dbm=next((level for level in carriers if level is not None), None),
         rscp_dbm=signal.rscp_dbm,
@@ -306,12 +303,15 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
     return reportable(reading)
 
 
-def _area_of(registration: Registration, rat: Rat, rows: Sequence[Row]) -> int | None:
+def _area_of(registration: Registration, rat: Rat | None, rows: Sequence[Row]) -> dict[str, Any]:
     # on LTE +CREG may print the area of circuit-switched service, or FFFE where there is none
     same = [row for row in rows if isinstance(row, Registration) and row.cid == registration.cid]
-    tacs, lacs = [row.tac for row in same], [row.lac for row in (registration, *same)]
-    codes = (*lacs, *tacs) if rat in {"GSM", "WCDMA"} else (*tacs, *lacs)
-    return next((code for code in codes if code is not None), None)
+    tacs = [row.tac for row in same if row.tac is not None]
+    lacs = [row.lac for row in (registration, *same) if row.lac is not None]
+    if rat is None:
+        rat = "LTE" if tacs else "GSM"
+    codes = [*lacs, *tacs] if rat in {"GSM", "WCDMA"} else [*tacs, *lacs]
+    return area_values(rat, next(iter(codes), None))
 
 
 def _is_kin(one: Rat | None, other: Rat | None) -> bool:
