@@ -40,6 +40,7 @@ from logger.core.types import HIGHEST_ARFCN, MOST_NEIGHBOURS, Broadcast, CellRea
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.protocols.at import Command, Dialogue
+from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
     VALUES,
     Kinds,
@@ -272,6 +273,8 @@ class Telit(Family):
     survey_commands = tuple(
         Command(f"AT#CSURV={low},{high}", timeout_s=120.0, silence_s=15.0) for low, high in _SLICES
     )
+    gnss_start_commands = modem_gnss.GPSACP_ON
+    gnss_poll_commands = modem_gnss.GPSACP
     mode_commands = network_mode.WS46
     unnamed_rows: ClassVar[Mapping[str, str]] = {
         "#CSURV": f"{_WORDS} {_BROADCAST_WORDS}",
@@ -287,9 +290,10 @@ class Telit(Family):
         return None if rows is None else complete_serving_cell(rows)
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
-        """Readings in #MONI and #SERVINFO rows and in network surveys."""
+        """Readings in #MONI, #SERVINFO and surveys; fixes of the receiver."""
         plain = [piece.replace('\\"', '"') for piece in pieces(lines)]
-        return (*(row for line in plain for row in _monitor_rows(line)), *_survey_rows(plain))
+        cells = (row for line in plain for row in _monitor_rows(line))
+        return (*cells, *_survey_rows(plain), *modem_gnss.read_qgpsloc(plain))
 
 
 def complete_serving_cell(rows: tuple[Row, ...]) -> tuple[Row, ...]:

@@ -1,6 +1,7 @@
 import pytest
 
 from logger.core.types import CellReading
+from logger.drivers.protocols.redaction import redact
 from logger.drivers.reading.standard_replies import is_serving
 from logger.drivers.telit import Telit
 from tests.kit.drivers import run_dialogue
@@ -71,6 +72,19 @@ def test_the_network_of_servinfo_joins_the_cell_of_moni():
     }
     serving = [row for row in run_dialogue(MODEM.poll(), answers)[0] if is_serving(row)]
     assert [(row.cell, row.pci) for row in serving] == [(f"262-03-{0x4E5F}-{0x0A1B2C3}", 178)]
+
+
+def test_the_receiver_of_a_telit_has_fixes():
+    for printed in (
+        "141320.000,3324.6600S,07031.3800W,1.1,560.0,3,0.00,36.0,19.4,210926,09",
+        "141320.000,3324.6600S,07031.3800W,1.1,560.0,3,0.00,36.0,19.4,210926,09,04",
+    ):
+        line = redact(f"$GPSACP: {printed}\r\n".encode(), "AT$GPSACP").decode()
+        (fix,) = MODEM.read([line])
+        assert (fix.valid, fix.sats_used) == (True, 9)
+        assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(-33.411), pytest.approx(-70.523))
+    (nothing,) = MODEM.read(["$GPSACP: 141320.000,,,,,0,,,,210926,"])
+    assert not nothing.valid
 
 
 def test_poll_without_an_answer():
