@@ -38,7 +38,7 @@ from logger.drivers.reading.row_language import (
     number,
     split,
 )
-from logger.drivers.reading.standard_replies import NAME, with_name, with_serving_cell
+from logger.drivers.reading.standard_replies import NAME, is_serving, with_name, with_serving_cell
 
 _GSM = form("GSM", "mcc mnc lac cid16 arfcn! bsic! rssi* c1 c2 _ _ _ _ _ _ _ _ _", KINDS)
 _GSM_NEIGHBOUR = form("GSM", "order* arfcn* rssi* bsic! c1 c2 mcc mnc lac cid16", KINDS)
@@ -84,7 +84,6 @@ class QuectelGsm(Family):
         r"|MC(?:20|25|60|65|90)|BC(?:20|25|26|28|30|32|35|65|66|68|92|95))(?!\d\d)"
     )
     setup_commands = (
-        *Generic.setup_commands,
         Command("AT+QENG=1,1"),  # neighbours
         Command("AT+QENG=1,4"),  # all channels too; firmware without them keeps 1
     )
@@ -115,7 +114,9 @@ class QuectelGsm(Family):
                 return with_name(rows, with_serving_cell(common))
             if not reply.is_refusal:
                 return () if reply.ok else None
-        return (yield from Generic().poll())
+        yield from self.ask(NAME)
+        common = (yield from Generic().poll()) or ()
+        return common if any(map(is_serving, common)) else None
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in rows of QENG and NUESTATS."""

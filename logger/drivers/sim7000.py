@@ -116,7 +116,7 @@ class Sim7000(Family):
         }
     )
     claim = Claim(series=r"SIM70(?:00|2\d|70|80|90)(?!\d)")
-    setup_commands = (ENGINEERING_ON, *Generic.setup_commands)
+    setup_commands = (ENGINEERING_ON,)
     poll_commands = (Command("AT+CENG?"), Command("AT+CPSI?"))
     survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
     gnss_start_commands = modem_gnss.CGNSINF_ON
@@ -138,7 +138,9 @@ class Sim7000(Family):
         rows = merge_serving_cells(self.read(lines))
         is_read = any(isinstance(row, CellReading | NoCell) for row in rows)
         if is_refused and not is_read and not any(map(_has_header, lines)):
-            return (yield from Generic().poll())  # a SIM7020 with other rows, or without AT+CENG
+            yield from self.ask(NAME)  # a SIM7020 with other rows, or without AT+CENG
+            common = (yield from Generic().poll()) or ()
+            return common if any(map(is_serving, common)) else None
         if any(map(_lacks_network, rows)):
             common = (yield from self.ask(NAME)) or ()
             rows = with_name(rows, with_serving_cell(common))

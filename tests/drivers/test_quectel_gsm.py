@@ -7,6 +7,7 @@ from logger.core.types import CellReading
 from logger.drivers.generic import Generic
 from logger.drivers.quectel_gsm import QuectelGsm
 from logger.drivers.reading.row_language import NoCell
+from logger.drivers.reading.standard_replies import NAME
 from tests.kit.corpus import check_recorded
 from tests.kit.drivers import (
     NO_IDENTITY,
@@ -14,6 +15,7 @@ from tests.kit.drivers import (
     identity_of,
     only_cell_of,
     poll_on_the_wire,
+    run_dialogue,
     run_exchange,
 )
 
@@ -258,8 +260,7 @@ AWAKE = [(text, [], "OK") for text in ("AT", "ATE0", "ATV1", "AT+CMEE=1")]
 def test_setup():
     """An old M95 refuses the second, an NB-IoT modem both."""
     for first, second in (("OK", "OK"), ("OK", "ERROR"), ("ERROR", "ERROR")):
-        asked = [(one.text, [], "OK") for one in Generic.setup_commands]
-        asked += [("AT+QENG=1,1", [], first), ("AT+QENG=1,4", [], second)]
+        asked = [("AT+QENG=1,1", [], first), ("AT+QENG=1,4", [], second)]
         assert run_exchange(MODEM.setup(), [*AWAKE, *asked]) is True
     assert run_exchange(MODEM.setup(), [("AT", [], None)] * 5) is False
 
@@ -282,13 +283,21 @@ def test_poll_without_an_answer(lines, final):
 
 def test_poll_of_an_nbiot_modem():
     refused = ("AT+QENG?", [], "+CME ERROR: 50")
-    names = [("AT+COPS?", [], "ERROR"), ("AT+CEREG?", [], "ERROR")]
+    names = [(one.text, [], "ERROR") for one in NAME]
     asked = [refused, ("AT+QENG=0", [NBIOT], "OK"), *names]
     assert run_exchange(MODEM.poll(), asked) == (one(NBIOT),)
     assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], "OK")]) == ()
     assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], None)]) is None
-    others = ("AT+QENG=0", "AT+NUESTATS=CELL", *(one.text for one in Generic.poll_commands))
-    assert run_exchange(MODEM.poll(), [refused, *((text, [], "ERROR") for text in others)]) is None
+    common = [one.text for one in (*NAME, *Generic.poll_commands)]
+    others = [(text, [], "ERROR") for text in ("AT+QENG=0", "AT+NUESTATS=CELL", *common)]
+    assert run_exchange(MODEM.poll(), [refused, *others]) is None
+
+
+def test_a_modem_that_refuses_all_rows_is_reported_unless_it_names_its_cell():
+    unnamed = {"AT+CREG?": (["+CREG: 0,2"], "OK")}
+    assert run_dialogue(MODEM.poll(), unnamed)[0] is None
+    named = {"AT+CEREG?": (['+CEREG: 2,1,"A924","00288516",9'], "OK")}
+    assert run_dialogue(MODEM.poll(), named)[0][0].cid == 0x288516
 
 
 NETWORK = {"AT+COPS?": '+COPS:0,2,"26202"\n\nOK'}

@@ -196,7 +196,7 @@ _RESULT = re.compile(
 )
 _LAST_VALUE = re.compile(r"[^\s,]*\s*\Z")
 _CLOSED = re.compile(r'(?:"[^"]*"|:)\s*\Z')
-NAME = (Command("AT+COPS?"), Command("AT+CEREG?"))
+NAME = tuple(map(Command, ("AT+COPS=3,2", "AT+CEREG=2", "AT+COPS?", "AT+CEREG?")))
 """Commands that name a cell of NB-IoT."""
 _COMMON = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
 """Names of the replies that every family reads (`standard_replies`)."""
