@@ -304,7 +304,7 @@ _OWN = {
     "NR": "rsrp_dbm",
 }
 """The level of the cell alone, not replaced by the carrier's where damaged."""
-_CARRIER_ABOVE_DB = (-3.0, 60.0)
+CARRIER_ABOVE_DB = (-3.0, 60.0)
 """Carrier above cell: up to 20 dB (resource blocks) and 34 dB (RSRQ), averaged separately."""
 _IDENTITY_BITS: Mapping[Rat | None, int] = {"GSM": 16, "NR": 36}
 """Others have 28 (3GPP TS 23.003 4.3, TS 36.413 9.2.1.38, TS 38.413 9.3.1.7)."""
@@ -350,7 +350,7 @@ def identity_bits(rat: Rat | None) -> int:
 
 
 def _holds(carrier_dbm: float | None, cell_dbm: float | None) -> bool:
-    low, high = _CARRIER_ABOVE_DB
+    low, high = CARRIER_ABOVE_DB
     return carrier_dbm is None or cell_dbm is None or low <= carrier_dbm - cell_dbm <= high
 
 

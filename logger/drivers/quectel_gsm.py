@@ -1,32 +1,44 @@
-"""Quectel M95, M66, MC60, M35 (GSM) and BC26, BC66, BC660 (NB-IoT): AT+QENG rows.
+"""Quectel M95, M66, MC60, M35 (GSM) and BC26, BC66, BC660, BC95 (NB-IoT): AT+QENG, +NUESTATS.
 
     AT+QENG?
     +QENG: 1,0                                                     header: mode, dump
     +QENG: 0,460,00,7108,80c4,554,41,-95,18,50,0,10,x,x,x,x,x,x,x  serving cell
-    +QENG: 1,1,5,-76,30,35,35,262,01,1b2c,4d5f,2,11,-80,..         neighbours, ten values each
+    +QENG: 1,1,5,-76,30,35,35,262,01,1b2c,4d5f,2,11,-80,..         neighbours
     +QENG: 4,3,(5,-76,30),(11,-80,17),(16,-101,x)                  channel, dBm, BSIC
     OK
 
     AT+QENG=0
     +QENG: 0,1769,9,400,"00288516",-103,-9,-94,5,3,"A924",0,14,2   NB-IoT, the same prefix
+    NUESTATS:CELL,3740,137,1,-1012,-108,-921,62                    BC95: tenths of a dB
 
 Needs: engineering mode, AT+QENG=1,4, on GSM; nothing on NB-IoT.
 Known by: the maker with a series M, MC or BC.
-Doubts: the column of the level, the only negative number, distinguishes the two serving rows. Area
-and cell are hexadecimal; of NB-IoT only in quotation marks.
-Sources: measured serving rows in public code; neighbours with values of our own in the layout of
-other public code, since no GSM manual could be had; manuals of BC26 and BC660K 4.8
-(firmware_notes/quectel.md).
+Doubts: the column of the only negative number distinguishes the serving rows. Area and cell are
+hexadecimal; of NB-IoT only in quotation marks. +COPS and +CEREG complete its name.
+Sources: measured serving rows in public code; neighbours of our own in the layout of public code;
+manuals of BC26 and BC660K 4.8; the row of a BC95 is not verified (firmware_notes/quectel.md).
 """
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
+from typing import ClassVar
 
 from logger.drivers.family import Claim, Family, cells_with
+from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.quectel import KINDS
-from logger.drivers.reading.row_language import NoCell, Row, decimal, first_cell, form, split
+from logger.drivers.reading.row_language import (
+    TENTHS,
+    NoCell,
+    Row,
+    decimal,
+    first_cell,
+    form,
+    number,
+    split,
+)
+from logger.drivers.reading.standard_replies import NAME, is_serving, with_name, with_serving_cell
 
 _GSM = form("GSM", "mcc mnc lac cid16 arfcn! bsic! rssi* c1 c2 _ _ _ _ _ _ _ _ _", KINDS)
 _GSM_NEIGHBOUR = form("GSM", "order* arfcn* rssi* bsic! c1 c2 mcc mnc lac cid16", KINDS)
@@ -36,8 +48,14 @@ _NBIOT_NEIGHBOURS = (
     form("NB-IoT", "earfcn* _ pci* rsrp*", KINDS),  # BC26: with the offset of the channel
     form("NB-IoT", "earfcn* pci* rsrp* rsrq*", KINDS),  # BC660
 )
+_NUESTATS_CELL = form(
+    "NB-IoT",
+    "earfcn* pci* primary* rsrp* rsrq rssi _",
+    {**KINDS, **TENTHS, "primary": number("", 0, 1)},
+)
 _NBIOT_IDS = frozenset({3, 9})  # where cell and area stand; hexadecimal only in quotation marks
 
+_NUESTATS = re.compile(r"\+?NUESTATS\s*:\s*\"?CELL\"?\s*,\s*([-\d, ]*)", re.IGNORECASE)
 _ROW = re.compile(r"\+QENG\s*:\s*(\d)\s*,\s*(.*)", re.IGNORECASE)
 _NEXT = re.compile(r"\\[rn]|(?=\+Q[A-Z0-9]+\s*:)", re.IGNORECASE)
 _VALUES = re.compile(r"[-\dA-Fa-fx,()\s]+")
@@ -58,12 +76,12 @@ class QuectelGsm(Family):
     gives = MappingProxyType(
         {
             "GSM": cells_with("neighbours", "C1 and C2"),
-            "NB-IoT": cells_with(without=("identity", "country code")),
+            "NB-IoT": cells_with("neighbours", without=("identity", "country code")),
         }
     )
     claim = Claim(
         series=r"Quectel.*?(?<![A-Z0-9-])(?:M(?:10|12|20|23|25|26|27|35|50|56|66|72|80|85|89|90|95)"
-        r"|MC(?:20|25|60|65|90)|BC(?:20|25|26|30|32|65|66))(?!\d\d)"
+        r"|MC(?:20|25|60|65|90)|BC(?:20|25|26|28|30|32|35|65|66|68|92|95))(?!\d\d)"
     )
     setup_commands = (
         Command("AT+QENG=1,1"),  # neighbours
@@ -71,7 +89,9 @@ class QuectelGsm(Family):
     )
     poll_commands = (Command("AT+QENG?"),)
     survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
-    nbiot_poll_commands = (Command("AT+QENG=0", timeout_s=15.0),)
+    nbiot_poll_commands = (Command("AT+QENG=0", timeout_s=15.0), Command("AT+NUESTATS=CELL"))
+    unnamed_rows: ClassVar[Mapping[str, str]] = {"+NUESTATS": "NUESTATS CELL"}
+    other_rows = "+NUESTATS"
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells received now; None without an answer or where engineering mode is off.
@@ -81,21 +101,40 @@ class QuectelGsm(Family):
         """
         reply = yield self.poll_commands[0]
         if reply.is_refusal:
-            return (yield from self.ask(self.nbiot_poll_commands))
+            return (yield from self._nbiot_poll())
         modes = [header[1] for header in map(_HEADER.search, reply.lines) if header]
         answered = (reply.ok and modes) or any(map(self.role_of, reply.lines))
         return self.read(reply.marked_lines) if answered and _OFF not in modes else None
 
+    def _nbiot_poll(self) -> Dialogue[tuple[Row, ...] | None]:
+        for command in self.nbiot_poll_commands:
+            reply = yield command
+            if rows := self.read(reply.marked_lines):
+                common = (yield from self.ask(NAME)) or ()
+                return with_name(rows, with_serving_cell(common))
+            if not reply.is_refusal:
+                return () if reply.ok else None
+        yield from self.ask(NAME)
+        common = (yield from Generic().poll()) or ()
+        return common if any(map(is_serving, common)) else None
+
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
-        """Cells in QENG rows of both technologies."""
-        rows = map(_ROW.search, _join_wrapped_rows(line.replace('\\"', '"') for line in lines))
-        return tuple(
+        """Cells in rows of QENG and NUESTATS."""
+        plain = [line.replace('\\"', '"') for line in lines]
+        rows = map(_ROW.search, _join_wrapped_rows(plain))
+        found = [
             reading
             for row in rows
             if row and row[1] in _READERS
             for reading in _READERS[row[1]](row[2])
-            if reading is not None
-        )
+        ]
+        found += [_nuestats(text) for line in plain for text in _NUESTATS.findall(line)]
+        return tuple(reading for reading in found if reading is not None)
+
+
+def _nuestats(text: str) -> Row | None:
+    texts = split(text)
+    return _NUESTATS_CELL.cell("serving" if texts[2:3] == ["1"] else "neighbour", texts)
 
 
 def _join_wrapped_rows(lines: Iterable[str]) -> Iterator[str]:
@@ -105,11 +144,11 @@ def _join_wrapped_rows(lines: Iterable[str]) -> Iterator[str]:
     """
     row = ""
     for line in lines:
-        for number, piece in enumerate(_NEXT.split(line)):
+        for at, piece in enumerate(_NEXT.split(line)):
             text = piece.strip()
-            if number == 0 and _ROW.search(row) and _VALUES.fullmatch(text):
+            if at == 0 and _ROW.search(row) and _VALUES.fullmatch(text):
                 row += text
-            elif text or number:
+            elif text or at:
                 yield row
                 row = text
     yield row

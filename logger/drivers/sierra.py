@@ -27,7 +27,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from logger.core.types import CellReading, Rat
 from logger.drivers import network_mode
@@ -67,6 +67,7 @@ _RATS: Mapping[str, Rat] = {
     "GSM": "GSM",
     "NR5G": "NR",
 }
+_WITH_NR = "ENDC"  # LTE, and a carrier of NR beside it
 _UMTS_LEVEL = (r"RX level C0", r"RxM RSSI C0", r"RX level \(dBm\)", r"RX level")
 _LABELS: Mapping[
     Rat, Mapping[str, tuple[str, ...]]
@@ -87,10 +88,11 @@ _LABELS: Mapping[
     "WCDMA": {"nrarfcn": (r"WCDMA channel",), "rssi": _UMTS_LEVEL},
     "GSM": {"nrarfcn": (r"GSM channel",), "rssi": _UMTS_LEVEL},
 }
-_BAND = (
-    r"(?:LTE band\s*:\s*(B\d{1,3})|NR5G band\s*:\s*(n\d{1,3})"
-    r"|%s band\s*:\s*((?!unknown|x+\b)(?:WCDMA )?\w+))(?!\w)"  # x: redacted
-)
+_BANDS: Mapping[Rat, str] = {
+    "LTE": r"LTE band\s*:\s*(B\d{1,3})(?!\w)",
+    "NR": r"NR5G band\s*:\s*(n\d{1,3})(?!\w)",
+}
+_OTHER_BAND = r"%s band\s*:\s*((?!unknown|x+\b)(?:WCDMA )?\w+)(?!\w)"  # x: redacted
 _WORDS = (
     "System mode Current Time Reset Counter Temperature PS state GMM MM CS EMM RRC IMS reg"
     " L1 LTE WCDMA UMTS GSM NR5G ENDC CDMA band bw Rx Tx chan channel level RX RxM RxD PCC SCC C0"
@@ -154,7 +156,10 @@ class Sierra(Family):
             "WCDMA": cells_with(without=("identity", "country code", "colour code")),
         }
     )
-    claim = Claim(maker=r"\A(?!.*\b(?:HL|SL|Q2)\d)(?:.*\bSIERRA WIRELESS\b|.*\bAIRPRIME\b)")
+    claim = Claim(
+        maker=r"\A(?!.*\b(?:HL|SL|Q2)\d)(?:.*\bSIERRA WIRELESS\b|.*\bAIRPRIME\b)",
+        series=r"\bAIRCARD\b|\bAC(?:3[0-4]\dU|7\d\dS|81\dS)\b",  # NETGEAR sells these
+    )
     setup_commands = (Command("AT+COPS=3,2"),)  # the form of the answer; it chooses none
     poll_commands = (
         Command("AT+COPS?"),
@@ -212,11 +217,8 @@ def _status(text: str) -> Iterator[Row]:
     cell_text, cells_agree = _in_brackets(text, "Cell ID")
     area_code = area(area_text, 10, area_bits) if cell_text else None
     cid = cell_identity(cell_text, cell_bits, 10) if area_text else None
-    named = {name: _value(text, labels) for name, labels in _LABELS[rat].items()}
-    values = read_values(named)
+    values = _values(text, rat)
     values["tac" if is_lte_or_later else "lac"] = confirm(area_code)
-    if values["arfcn"] == _NO_CHANNEL:
-        values["arfcn"] = None
     reading = CellReading(
         role="serving",
         rat=rat,
@@ -227,6 +229,15 @@ def _status(text: str) -> Iterator[Row]:
     )
     nothing = reading.level_dbm is None and reading.cid is None and reading.arfcn is None
     yield NoCell(rat, status=mode[1]) if nothing else reading
+    if mode[1].upper() == _WITH_NR:
+        carrier = CellReading("serving", "NR", band=_band(text, "NR"), **_values(text, "NR"))
+        if carrier.level_dbm is not None:
+            yield carrier
+
+
+def _values(text: str, rat: Rat) -> dict[str, Any]:
+    values = read_values({name: _value(text, labels) for name, labels in _LABELS[rat].items()})
+    return values | ({"arfcn": None} if values["arfcn"] == _NO_CHANNEL else {})
 
 
 def _value(text: str, labels: Sequence[str]) -> str:
@@ -251,8 +262,8 @@ def _in_brackets(text: str, label: str) -> tuple[str, bool]:
 
 
 def _band(text: str, rat: Rat) -> str | None:
-    found = re.search(_BAND % rat, text, _FLAGS)
-    return next((name for name in found.groups() if name), None) if found else None
+    found = re.search(_BANDS.get(rat, _OTHER_BAND % rat), text, _FLAGS)
+    return found[1] if found else None
 
 
 def _tables(lines: Sequence[str]) -> Iterator[Row]:

@@ -1,4 +1,4 @@
-"""SIMCom SIM7000, SIM7070, SIM7080, SIM7090: cells from AT+CENG and AT+CPSI.
+"""SIMCom SIM7000, SIM702x, SIM7070, SIM7080, SIM7090: cells from AT+CENG and AT+CPSI.
 
     AT+CENG?
     +CENG: 1,1,2,LTE CAT-M1                                    header: mode, Ncell, cells, system
@@ -9,11 +9,15 @@
     +CENG: 1,1,6,GSM
     +CENG: 0,"0665,35,02,4b2c,404,95,c1c0"                     any cell, hexadecimal
 
+    +CENG: 3740,1,137,"02D3C4B5",-101,-11,-92,6,20,"4E5F",0,9  SIM7020, serving cell
+    +CENG: 3740,1,138,-108
+
 Needs: engineering mode, AT+CENG=1,1; a poll switches it on again where it is off.
-Known by: the series SIM7000, SIM7070, SIM7080 and SIM7090.
+Known by: the series SIM7000, SIM702x, SIM7070, SIM7080 and SIM7090.
 Doubts: the level of a GSM row is an index; AT+CPSI? has it in dBm. A SIM800 prints other rows under
 a header of two values: under such a header nothing is read.
-Sources: measured replies in public code (firmware_notes/simcom.md).
+Sources: measured replies in public code; those of a SIM7020 not verified
+(firmware_notes/simcom.md).
 """
 
 import re
@@ -24,6 +28,7 @@ from types import MappingProxyType
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family, cells_with
+from logger.drivers.generic import Generic
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
@@ -39,7 +44,13 @@ from logger.drivers.reading.row_language import (
     number,
     padded_number,
 )
-from logger.drivers.reading.standard_replies import merge_serving_cells
+from logger.drivers.reading.standard_replies import (
+    NAME,
+    is_serving,
+    merge_serving_cells,
+    with_name,
+    with_serving_cell,
+)
 from logger.drivers.sim7600 import cpsi_cells
 
 ENGINEERING_ON = Command("AT+CENG=1,1")
@@ -77,6 +88,16 @@ _KINDS: Kinds = {
 _LTE = form(None, "earfcn pci rsrp rssi rsrq sinr", _KINDS, unknown="(?!)")
 _LTE_IDENTITY, _LTE_VALUES = ("tac_10", "cid28_10", "mcc", "mnc"), 11
 _GSM = form("GSM", "bcch rxl bsic cid16 mcc mnc lac", _KINDS, unknown="(?!)")
+# the number of the row, which its manual has in one place only, may stand in front
+_SIM7020 = re.compile(
+    r'\s*(?:0,)?(?P<earfcn>\d{2,6}),\d{0,2},(?P<pci>\d{1,3}),"(?P<cid28>[0-9A-F]{1,8})",'
+    r"(?P<rsrp>-\d{2,3})?,(?P<rsrq>-?\d{1,2})?,(?P<rssi>-\d{2,3})?,(?:-?\d{1,3})?,"
+    r'(?P<band>\d{1,2}),"(?P<tac>[0-9A-F]{1,4})"',
+    re.ASCII | re.IGNORECASE,
+)
+_SIM7020_NEIGHBOUR = re.compile(
+    r"\s*(?:1,)?(?P<earfcn>\d{2,6}),\d{0,2},(?P<pci>\d{1,3}),(?P<rsrp>-\d{2,3})\s*\Z", re.ASCII
+)
 _FULL_LAC = re.compile("[0-9A-Fa-f]{4}")
 _FULL_LEVEL = {"bcch": r"\d{4}", "rxl": r"\d\d"}
 
@@ -91,10 +112,10 @@ class Sim7000(Family):
             "WCDMA": cells_with(),
             "LTE": cells_with(),
             "LTE-M": cells_with("neighbours"),
-            "NB-IoT": cells_with(),
+            "NB-IoT": cells_with("neighbours"),
         }
     )
-    claim = Claim(series=r"SIM70(?:00|70|80|90)(?!\d)")
+    claim = Claim(series=r"SIM70(?:00|2\d|70|80|90)(?!\d)")
     setup_commands = (ENGINEERING_ON,)
     poll_commands = (Command("AT+CENG?"), Command("AT+CPSI?"))
     survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
@@ -106,19 +127,36 @@ class Sim7000(Family):
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells received now; switches a lost engineering mode on again."""
         lines: list[str] = []
-        answered = False
+        answered = is_refused = False
         for command in self.poll_commands:
             reply = yield command
             answered |= reply.ok
+            is_refused |= reply.is_refusal
             lines += [*reply.marked_lines, *filter(None, [reply.final])]
         if any(map(_OFF.search, lines)):
             yield ENGINEERING_ON
         rows = merge_serving_cells(self.read(lines))
+        is_read = any(isinstance(row, CellReading | NoCell) for row in rows)
+        if is_refused and not is_read and not any(map(_has_header, lines)):
+            yield from self.ask(NAME)  # a SIM7020 with other rows, or without AT+CENG
+            common = (yield from Generic().poll()) or ()
+            return common if any(map(is_serving, common)) else None
+        if any(map(_lacks_network, rows)):
+            common = (yield from self.ask(NAME)) or ()
+            rows = with_name(rows, with_serving_cell(common))
         return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in CENG rows and CPSI lines; fixes of the modem's receiver."""
         return (*_engineering(lines), *cpsi_cells(lines), *modem_gnss.read_cgnsinf(lines))
+
+
+def _has_header(line: str) -> bool:
+    return any(map(_HEADER.match, _PREFIX.split(line)[1:]))
+
+
+def _lacks_network(row: Row) -> bool:
+    return is_serving(row) and row.rat == "NB-IoT" and (row.mcc, row.cid is None) == (None, False)
 
 
 def _engineering(lines: Sequence[str]) -> Iterator[Row]:
@@ -130,10 +168,18 @@ def _engineering(lines: Sequence[str]) -> Iterator[Row]:
                 system = (header[3] or "").strip().upper()
                 if system == _NO_SERVICE:
                     yield NoCell(status=system)
+            elif reading := _sim7020(text):
+                yield reading
             elif system != "" and (row := _ROW.match(text)):
                 reading = _reading(row, system)
                 if reading is not None:
                     yield reading
+
+
+def _sim7020(text: str) -> CellReading | None:
+    row = _SIM7020.match(text) or _SIM7020_NEIGHBOUR.match(text)
+    named = row.groupdict("") if row else {}
+    return cell("serving" if "tac" in named else "neighbour", "NB-IoT", named, _KINDS)
 
 
 def _reading(row: re.Match[str], system: str | None) -> CellReading | None:

@@ -36,6 +36,7 @@ from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
+    TENTHS,
     VALUES,
     Form,
     Kinds,
@@ -151,15 +152,9 @@ _CCINFO_LEVELS = frozenset({"rxlev", "rscp", "ecio"})
 _CMGRMI = re.compile(r"(?<![A-Z])CMGRMI:\s*(\w+)\s*,([-\w, ]*)", re.IGNORECASE | re.ASCII)
 
 
-def _tenths(read: Callable[[str, float], float | None]) -> Callable[[str], float | None]:
-    return lambda text: None if (found := read(text, 0.1)) is None else round(found, 1)
-
-
 _CMGRMI_KINDS: Kinds = {
     **VALUES,
-    "rsrq": Value("rsrq_db", _tenths(rsrq_db)),
-    "rsrp": Value("rsrp_dbm", _tenths(rsrp_dbm)),
-    "rssi": Value("rssi_dbm", _tenths(rssi_dbm)),
+    **TENTHS,
     "sinr": VALUES["sinr"],
     "digits": Value("", str, "[23]"),
 }

@@ -40,6 +40,7 @@ from logger.core.types import HIGHEST_ARFCN, MOST_NEIGHBOURS, Broadcast, CellRea
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.protocols.at import Command, Dialogue
+from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
     VALUES,
     Kinds,
@@ -78,7 +79,9 @@ _MONI_TABLE = re.compile(
     r"(?:\s+(?P<ta>\d+)\s+(?P<rxq>\d)\b\s*(?P<name>.*))?",
     re.IGNORECASE | re.ASCII,
 )
-_LABELS = "Cc|Nc|BSIC|RxQual|LAC|TAC|Id|ARFCN|UARFCN|EARFCN|PWR|TA|PSC|SCR|RSCP|EcIo|DRX|RSRP|RSRQ"
+_LABELS = (
+    "Cc|Nc|BSIC|RxQual|LAC|TAC|Id|ARFCN|UARFCN|EARFCN|PWR|TA|PSC|SCR|RSCP|EcIo|DRX|RSRP|RSRQ|PCI"
+)
 _MONI_LABEL = re.compile(
     rf"(?<!\w)({_LABELS})\s?:[\s,]*([^\s,:]*+)(?!\s?:)", re.IGNORECASE | re.ASCII
 )
@@ -97,7 +100,7 @@ _LABEL_OF_ONE: Mapping[str, Rat] = {
 _NO_CHANNEL = 65535
 _ADJACENT = re.compile(r"adj\b", re.IGNORECASE)
 _MONI_IDENTITY = frozenset({"cc", "nc", "lac", "tac", "id"})
-_LEVELS = ("psc", "rscp", "ecio", "rsrp", "rsrq")  # labels that are names of values
+_LEVELS = ("psc", "rscp", "ecio", "rsrp", "rsrq", "pci")  # labels that are names of values
 
 _SERVINFO_FORMS: Mapping[Rat, tuple[str, ...]] = {
     "GSM": ("channel", "rssi", "name", "code", "bsic_octal", "lac", "ta_of_last_call", "gprs"),
@@ -270,6 +273,8 @@ class Telit(Family):
     survey_commands = tuple(
         Command(f"AT#CSURV={low},{high}", timeout_s=120.0, silence_s=15.0) for low, high in _SLICES
     )
+    gnss_start_commands = modem_gnss.GPSACP_ON
+    gnss_poll_commands = modem_gnss.GPSACP
     mode_commands = network_mode.WS46
     unnamed_rows: ClassVar[Mapping[str, str]] = {
         "#CSURV": f"{_WORDS} {_BROADCAST_WORDS}",
@@ -285,9 +290,10 @@ class Telit(Family):
         return None if rows is None else complete_serving_cell(rows)
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
-        """Readings in #MONI and #SERVINFO rows and in network surveys."""
+        """Readings in #MONI, #SERVINFO and surveys; fixes of the receiver."""
         plain = [piece.replace('\\"', '"') for piece in pieces(lines)]
-        return (*(row for line in plain for row in _monitor_rows(line)), *_survey_rows(plain))
+        cells = (row for line in plain for row in _monitor_rows(line))
+        return (*cells, *_survey_rows(plain), *modem_gnss.read_qgpsloc(plain))
 
 
 def complete_serving_cell(rows: tuple[Row, ...]) -> tuple[Row, ...]:
@@ -295,7 +301,7 @@ def complete_serving_cell(rows: tuple[Row, ...]) -> tuple[Row, ...]:
 
     #MONI names the cell, #SERVINFO the network, +CxREG what is missing.
     """
-    serving = [row for row in rows if is_serving(row)]
+    serving = [_of_lte(row, rows) for row in rows if is_serving(row)]
     if not serving:
         return rows
     best = max(serving, key=lambda row: (row.cid is not None, _area(row) is not None))
@@ -308,7 +314,27 @@ def complete_serving_cell(rows: tuple[Row, ...]) -> tuple[Row, ...]:
         registered = (row for row in rows if isinstance(row, Registration))
         cids = (row.cid for row in registered if _area(row) == _area(best))
         best = replace(best, cid=next(cids, None))
-    return (best, *(row for row in rows if row not in serving))
+    return (best, *(row for row in rows if not is_serving(row)))
+
+
+def _of_lte(row: CellReading, rows: Sequence[Row]) -> CellReading:
+    # one of #SERVINFO with a PCI looks like one of WCDMA
+    registered = [one for one in rows if isinstance(one, Registration) and one.cid is not None]
+    is_of_lte = any(one.domain == "CEREG" for one in registered) and not any(
+        one.rat in {"GSM", "WCDMA"} for one in registered
+    )
+    if row.rat != "WCDMA" or row.cid is not None or not is_of_lte:
+        return row
+    return replace(
+        row,
+        rat="LTE",
+        lac=None,
+        tac=row.lac,
+        psc=None,
+        pci=row.psc,
+        rscp_dbm=None,
+        rsrp_dbm=row.rscp_dbm,
+    )
 
 
 def _area(row: CellReading | Registration) -> int | None:
@@ -376,6 +402,9 @@ def _labelled_row(text: str) -> CellReading | None:
     named["rssi"] = found.get("pwr", "").lower().removesuffix("dbm")
     named["rxq"] = found.get("rxqual", "")
     named["ta"] = found.get("ta", "") if rat == "GSM" else ""
+    read = read_values(named)
+    if on_lte and "tac" not in found:
+        read["pci"] = hexadecimal(code, 0, _HIGHEST_PCI)
     reading = CellReading(
         role=_role(name, found),
         rat=rat,
@@ -383,11 +412,10 @@ def _labelled_row(text: str) -> CellReading | None:
         mnc=mnc,
         **area_values(rat, area_code),
         cid=None if area_code is None else _identity(code, rat),
-        pci=hexadecimal(code, 0, _HIGHEST_PCI) if on_lte and "tac" not in found else None,
         arfcn=channel,
         bsic=_octal_bsic(found.get("bsic", "")),
         more=_operator("" if _ADJACENT.match(name) else name),
-        **read_values(named),
+        **read,
     )
     has_value = channel is not None or area_code is not None or reading.level_dbm is not None
     return reading if has_value else None

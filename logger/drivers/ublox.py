@@ -114,7 +114,7 @@ _KINDS: Kinds = {
 _LISTED: Kinds = {  # of +UCELLINFO
     **_KINDS,
     "mode": Value("", str, "[01]"),
-    "type": Value("", str, "[0-4]"),
+    "type": Value("", str, "[0-3]"),  # of 2G and 3G; no document at hand gives a row of LTE
     **{name: _KINDS[name]._replace(pattern=_NUMBER) for name in ("rxlev", "rscp", "ecn0")},
 }
 _HEAD = "mode type mcc mnc lac ci "

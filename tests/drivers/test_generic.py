@@ -1,3 +1,5 @@
+import pytest
+
 from logger.core.types import CellReading
 from logger.drivers.generic import Generic
 from tests.kit.drivers import run_dialogue
@@ -40,3 +42,57 @@ def test_no_cell_is_no_reading_and_no_answer_is_none():
 def test_set_up_fails_only_where_the_modem_does_not_answer():
     assert run_dialogue(Generic().setup(), {"AT": ((), "OK")})[0] is True
     assert run_dialogue(Generic().setup(), {})[0] is False
+
+
+def serving_cell(**lines):
+    marks = {"CESQ": "", "CSQ": ""}
+    replies = {f"AT+{name}{marks.get(name, '?')}": ([text], "OK") for name, text in lines.items()}
+    rows, _ = run_dialogue(Generic().poll(), replies)
+    return rows[0]
+
+
+@pytest.mark.parametrize("act", [",7", ""])
+@pytest.mark.parametrize("circuit_switched", ["FFFE", "0A0B"])
+def test_the_tracking_area_is_that_of_cereg(circuit_switched, act):
+    # +CREG prints the area of circuit-switched service, which FFFE says is missing
+    reading = serving_cell(
+        COPS=f'+COPS: 0,2,"26201"{act}',
+        CREG=f'+CREG: 2,1,"{circuit_switched}","1A2D001"{act}',
+        CEREG=f'+CEREG: 2,1,"2AFE","1A2D001"{act}',
+        CESQ="+CESQ: 99,99,255,255,20,60",
+    )
+    assert (reading.lac, reading.cell) == (None, f"262-01-{0x2AFE}-{0x1A2D001}")
+
+
+def test_the_area_of_gsm_is_that_of_cgreg_where_no_circuit_is_switched():
+    reading = serving_cell(
+        COPS='+COPS: 0,2,"26201",0',
+        CREG='+CREG: 2,3,"FFFE","5449",0',
+        CGREG='+CGREG: 2,1,"CE00","5449",0',
+        CESQ="+CESQ: 40,0,255,255,255,255",
+    )
+    assert (reading.cell, reading.tac) == (f"262-01-{0xCE00}-{0x5449}", None)
+
+
+@pytest.mark.parametrize(("act", "rat"), [(8, "LTE-M"), (9, "NB-IoT")])
+def test_lte_for_things_has_the_level_of_its_reference_signal(act, rat):
+    reading = serving_cell(
+        COPS=f'+COPS: 0,2,"26201",{act}',
+        CREG="+CREG: 2,0",
+        CEREG=f'+CEREG: 2,1,"2AFE","1A2D001",{act}',
+        CESQ="+CESQ: 99,99,255,255,20,60",
+    )
+    assert (reading.rat, reading.rsrp_dbm, reading.tac) == (rat, -81.0, 0x2AFE)
+
+
+@pytest.mark.parametrize("printed", ["5", "0", "8"])
+def test_a_level_far_below_that_of_its_carrier_has_lost_a_digit(printed):
+    lines = {"CEREG": '+CEREG: 2,1,"2AFE","1A2D001",7', "CSQ": "+CSQ: 25,99"}
+    assert serving_cell(**lines, CESQ="+CESQ: 99,99,255,255,20,58").rsrp_dbm == -83.0
+    damaged = serving_cell(**lines, CESQ=f"+CESQ: 99,99,255,255,20,{printed}")
+    assert (damaged.cid, damaged.level_dbm) == (0x1A2D001, None)
+
+
+def test_a_level_below_the_scale_is_none():
+    reading = serving_cell(CEREG='+CEREG: 2,1,"2AFE","1A2D001",7', CESQ="+CESQ: 99,99,255,255,20,0")
+    assert reading.level_dbm is None

@@ -26,6 +26,19 @@ def test_an_a76xx_has_its_level_of_lte_from_cesq():
     assert serving.rssi_dbm is None, "the level of GSM is that of another cell"
 
 
+@pytest.mark.parametrize("printed", ["5", "0", "00", "150"])
+def test_an_index_that_has_lost_a_digit_is_no_level(printed):
+    replies = {
+        "AT+CPSI?": f"{CPSI_WITH_INDICES}\n\nOK",
+        "AT+CESQ": f"+CESQ: 99,99,255,255,28,{printed}\n\nOK",
+    }
+    (serving,) = cells("sim7600", replies)
+    assert (serving.cid, serving.level_dbm) == (39589680, None)
+    damaged = CPSI_WITH_INDICES.replace(",28,50,", ",28,5,")
+    replies = {"AT+CPSI?": f"{damaged}\n\nOK", "AT+CESQ": "+CESQ: 99,99,255,255,28,50\n\nOK"}
+    assert [one.level_dbm for one in cells("sim7600", replies)] == [None]
+
+
 def test_cesq_replaces_no_level_of_the_row():
     replies = {
         "AT+CPSI?": "+CPSI: LTE,Online,262-01,0x2D18,28573696,236,EUTRAN-BAND3,1300,5,5,-94,-987,"
@@ -73,6 +86,12 @@ def test_the_heading_of_a_neighbour_is_not_masked():
         ("neighbour", 0x3C42),
         ("neighbour", 0x3C43),
     ]
+
+
+@pytest.mark.parametrize("act", [7, 8])
+def test_a_sara_r4_that_says_lte_m_is_named_too(act):
+    replies = SARA_R4 | {"AT+CEREG?": f'+CEREG: 2,1,"1A2B","2D00A0B",{act}\n\nOK'}
+    assert cells("ublox", replies)[0].cell == f"262-02-{0x1A2B}-{0x2D00A0B}"
 
 
 def test_a_report_behind_the_head_of_ucged_costs_no_cell():

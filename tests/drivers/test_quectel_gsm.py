@@ -1,12 +1,23 @@
 import re
+from dataclasses import replace
 
 import pytest
 
 from logger.core.types import CellReading
+from logger.drivers.generic import Generic
 from logger.drivers.quectel_gsm import QuectelGsm
 from logger.drivers.reading.row_language import NoCell
+from logger.drivers.reading.standard_replies import NAME
 from tests.kit.corpus import check_recorded
-from tests.kit.drivers import NO_IDENTITY, cells_of, identity_of, only_cell_of, run_exchange
+from tests.kit.drivers import (
+    NO_IDENTITY,
+    cells_of,
+    identity_of,
+    only_cell_of,
+    poll_on_the_wire,
+    run_dialogue,
+    run_exchange,
+)
 
 MODEM = QuectelGsm()
 
@@ -272,10 +283,62 @@ def test_poll_without_an_answer(lines, final):
 
 def test_poll_of_an_nbiot_modem():
     refused = ("AT+QENG?", [], "+CME ERROR: 50")
-    assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [NBIOT], "OK")]) == (one(NBIOT),)
+    names = [(one.text, [], "ERROR") for one in NAME]
+    asked = [refused, ("AT+QENG=0", [NBIOT], "OK"), *names]
+    assert run_exchange(MODEM.poll(), asked) == (one(NBIOT),)
     assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], "OK")]) == ()
-    assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], "ERROR")]) is None
     assert run_exchange(MODEM.poll(), [refused, ("AT+QENG=0", [], None)]) is None
+    common = [one.text for one in (*NAME, *Generic.poll_commands)]
+    others = [(text, [], "ERROR") for text in ("AT+QENG=0", "AT+NUESTATS=CELL", *common)]
+    assert run_exchange(MODEM.poll(), [refused, *others]) is None
+
+
+def test_a_modem_that_refuses_all_rows_is_reported_unless_it_names_its_cell():
+    unnamed = {"AT+CREG?": (["+CREG: 0,2"], "OK")}
+    assert run_dialogue(MODEM.poll(), unnamed)[0] is None
+    named = {"AT+CEREG?": (['+CEREG: 2,1,"A924","00288516",9'], "OK")}
+    assert run_dialogue(MODEM.poll(), named)[0][0].cid == 0x288516
+
+
+NETWORK = {"AT+COPS?": '+COPS:0,2,"26202"\n\nOK'}
+
+
+def test_the_network_of_an_nbiot_cell_is_that_of_cops():
+    registration = {"AT+CEREG?": '+CEREG: 2,1,"A924","00288516",9\n\nOK'}
+    replies = {"AT+QENG=0": f"{NBIOT}\n\nOK", **NETWORK, **registration}
+    cell = one(NBIOT)
+    (row,) = poll_on_the_wire(MODEM, replies)
+    assert (row, row.cid) == (replace(cell, mcc="262", mnc="02"), 0x288516)
+
+
+@pytest.mark.parametrize("form", ["NUESTATS:CELL,{}", '+NUESTATS: "CELL",{}'])
+def test_cells_of_a_bc95(form):
+    rows = ("3740,137,1,-1012,-108,-921,62", "3740,138,0,-1090,-145,-932,-31")
+    replies = {
+        "AT+NUESTATS=CELL": "\n".join(map(form.format, rows)) + "\n\nOK",
+        "AT+CEREG?": "+CEREG:2,1,4E5F,2D3C4B5,7\n\nOK",
+        **NETWORK,
+    }
+    serving, neighbour = poll_on_the_wire(MODEM, replies)
+    assert serving == CellReading(
+        "serving",
+        "NB-IoT",
+        "262",
+        "02",
+        tac=0x4E5F,
+        cid=0x2D3C4B5,
+        arfcn=3740,
+        pci=137,
+        rssi_dbm=-92.1,
+        rsrp_dbm=-101.2,
+        rsrq_db=-10.8,
+    )
+    assert (neighbour.role, neighbour.pci, neighbour.rsrp_dbm) == ("neighbour", 138, -109.0)
+
+
+@pytest.mark.parametrize("damaged", ["-101", "-10", "1012", "-101x", "-"])
+def test_a_damaged_level_of_a_bc95_is_none(damaged):
+    assert cells(f"NUESTATS:CELL,3740,137,1,{damaged},-108,-921,62") == []
 
 
 @pytest.mark.parametrize("end", [r"\r\n", "\\r\\n\n", "\\r\n", r"\n"])

@@ -248,3 +248,28 @@ def test_poll_reports_the_serving_cell_once():
     assert [row.cell for row in rows if isinstance(row, CellReading) and row.role == "serving"] == [
         "262-03-11111-19088743"
     ]
+
+
+def test_the_carrier_of_nr_beside_lte_is_a_reading_of_its_own():
+    lines = [
+        *(line.replace("LTE        \t", "ENDC       \t") for line in LTE[:-1]),
+        "NR5G band:     n78",
+        "NR5G dl bw:    100 MHz\t\tNR5G ul bw:  100 MHz",
+        "NR5G Tx chan:  636666\t\tNR5G Rx chan: 636666",
+        "NR5G RSRP (dBm): -93\t\tNR5G RSRQ (dB): -11",
+        "NR5G SINR (dB):  15.5",
+        "OK",
+    ]
+    lte, nr = MODEM.read(lines)
+    assert (lte.rat, lte.band, lte.rsrp_dbm) == ("LTE", "B3", -111.0)
+    assert nr == CellReading(
+        "serving",
+        "NR",
+        arfcn=636666,
+        band="n78",
+        rsrp_dbm=-93.0,
+        rsrq_db=-11.0,
+        sinr_db=15.5,
+    )
+    without_level = [line.replace("-93", "--").replace("-11\n", "--") for line in lines]
+    assert [row.rat for row in MODEM.read(without_level)] == ["LTE"]

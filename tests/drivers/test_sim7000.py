@@ -2,10 +2,12 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.family import AUTOBAUD_TRIES
+from logger.drivers.generic import Generic
 from logger.drivers.reading.row_language import NoCell, as_json
+from logger.drivers.reading.standard_replies import NAME as NAMING
 from logger.drivers.sim7000 import Sim7000
 from tests.kit.corpus import check_entry, entries, lines_of
-from tests.kit.drivers import NO_IDENTITY, identity_of, run_exchange
+from tests.kit.drivers import NO_IDENTITY, identity_of, poll_on_the_wire, run_exchange
 
 MODEM = Sim7000()
 
@@ -238,9 +240,9 @@ def test_poll_with_one_of_the_two_answers(ceng):
 
 def test_poll_without_an_answer():
     assert run_exchange(MODEM.poll(), [("AT+CENG?", [], None), ("AT+CPSI?", [], None)]) is None
-    assert (
-        run_exchange(MODEM.poll(), [("AT+CENG?", [], "ERROR"), ("AT+CPSI?", [], "ERROR")]) is None
-    )
+    refused = [("AT+CENG?", [], "ERROR"), ("AT+CPSI?", [], "ERROR")]
+    common = [(one.text, [], "ERROR") for one in (*NAMING, *Generic.poll_commands)]
+    assert run_exchange(MODEM.poll(), [*refused, *common]) is None
 
 
 @pytest.mark.parametrize("header", ["+CENG: 0,0", "+CENG: 0,1,0,LTE CAT-M1"])
@@ -255,6 +257,49 @@ def test_poll_without_service():
         ("AT+CPSI?", ["+CPSI: NO SERVICE,Online"], "OK"),
     ]
     assert all(isinstance(row, NoCell) for row in run_exchange(MODEM.poll(), answers))
+
+
+# --- SIM7020
+
+SIM7020 = '3740,1,137,"02D3C4B5",-101,-11,-92,6,20,"4E5F",0,9'
+NAME = {
+    "AT+COPS?": '+COPS: 0,2,"26202",9\n\nOK',
+    "AT+CEREG?": '+CEREG: 2,1,"4E5F","02D3C4B5",9\n\nOK',
+}
+
+
+@pytest.mark.parametrize(("first", "second"), [("", ""), ("0,", "1,")])
+def test_cells_of_a_sim7020(first, second):
+    ceng = f"+CENG: {first}{SIM7020}\n+CENG: {second}3740,1,138,-108\n\nOK"
+    serving, neighbour = poll_on_the_wire(MODEM, {"AT+CENG?": ceng, **NAME})
+    assert serving == CellReading(
+        "serving",
+        "NB-IoT",
+        "262",
+        "02",
+        tac=0x4E5F,
+        cid=0x2D3C4B5,
+        arfcn=3740,
+        band=20,
+        pci=137,
+        rssi_dbm=-92.0,
+        rsrp_dbm=-101.0,
+        rsrq_db=-11.0,
+    )
+    assert (neighbour.role, neighbour.pci, neighbour.rsrp_dbm) == ("neighbour", 138, -108.0)
+
+
+def test_a_sim7020_that_has_changed_its_cell_meanwhile_has_no_network():
+    other = NAME | {"AT+CEREG?": '+CEREG: 2,1,"4E5F","02D3C4B6",9\n\nOK'}
+    (serving,) = poll_on_the_wire(MODEM, {"AT+CENG?": f"+CENG: {SIM7020}\n\nOK", **other})
+    assert (serving.cid, serving.mcc) == (0x2D3C4B5, None)
+
+
+@pytest.mark.parametrize("ceng", ["ERROR", "+CENG: 7,8,9\n\nOK"])
+def test_a_sim7020_without_such_rows_has_the_cell_of_the_standard_commands(ceng):
+    replies = {"AT+CENG?": ceng, "AT+CESQ": "+CESQ: 99,99,255,255,20,60\n\nOK", **NAME}
+    serving = poll_on_the_wire(MODEM, replies)[0]
+    assert (serving.cell, serving.rsrp_dbm) == (f"262-02-{0x4E5F}-{0x2D3C4B5}", -81.0)
 
 
 # --- recorded

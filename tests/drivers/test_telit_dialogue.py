@@ -1,4 +1,8 @@
+import pytest
+
 from logger.core.types import CellReading
+from logger.drivers.protocols.redaction import redact
+from logger.drivers.reading.standard_replies import is_serving
 from logger.drivers.telit import Telit
 from tests.kit.drivers import run_dialogue
 
@@ -38,6 +42,49 @@ def test_poll_on_lte_takes_the_cell_from_the_registration():
     assert rows[0].cell == f"262-03-{0x4E5F}-{0x0A1B2C3}"
     answers["AT+CEREG?"] = (['+CEREG: 2,1,"4E60","0A1B2C3",7'], "OK")
     assert run_dialogue(MODEM.poll(), answers)[0][0].cid is None
+
+
+PCI_OF_SERVINFO = '#SERVINFO: 6300,-55,"Example Net","26203",178,4E5F,32,3,-84'
+
+
+@pytest.mark.parametrize(
+    ("command", "registration", "rat"),
+    [
+        ("AT+CEREG?", '+CEREG: 2,1,"4E5F","0A1B2C3",7', "LTE"),
+        ("AT+CEREG?", '+CEREG: 2,1,"4E5F","0A1B2C3",8', "LTE"),
+        ("AT+CREG?", '+CREG: 2,1,"4E5F","0A1B2C3",2', "WCDMA"),
+    ],
+)
+def test_the_registration_shows_whether_a_row_is_of_lte(command, registration, rat):
+    answers = {"AT#SERVINFO": ([PCI_OF_SERVINFO], "OK"), command: ([registration], "OK")}
+    cell = run_dialogue(MODEM.poll(), answers)[0][0]
+    assert (cell.rat, cell.cell) == (rat, f"262-03-{0x4E5F}-{0x0A1B2C3}")
+    codes = (cell.pci, cell.rsrp_dbm, cell.psc, cell.rscp_dbm)
+    assert codes == ((178, -84.0, None, None) if rat == "LTE" else (None, None, 178, -84.0))
+
+
+def test_the_network_of_servinfo_joins_the_cell_of_moni():
+    moni = "#MONI: Example Net RSRP:-84 RSRQ:-9 TAC:4E5F Id:0A1B2C3 EARFCN:6300 PWR:-55dBm DRX:32"
+    answers = {
+        "AT#MONI": ([f"{moni} pci:178 QRxLevMin:-122"], "OK"),
+        "AT#SERVINFO": ([PCI_OF_SERVINFO], "OK"),
+        "AT+CEREG?": (['+CEREG: 2,1,"4E5F","0A1B2C3",7'], "OK"),
+    }
+    serving = [row for row in run_dialogue(MODEM.poll(), answers)[0] if is_serving(row)]
+    assert [(row.cell, row.pci) for row in serving] == [(f"262-03-{0x4E5F}-{0x0A1B2C3}", 178)]
+
+
+def test_the_receiver_of_a_telit_has_fixes():
+    for printed in (
+        "141320.000,3324.6600S,07031.3800W,1.1,560.0,3,0.00,36.0,19.4,210926,09",
+        "141320.000,3324.6600S,07031.3800W,1.1,560.0,3,0.00,36.0,19.4,210926,09,04",
+    ):
+        line = redact(f"$GPSACP: {printed}\r\n".encode(), "AT$GPSACP").decode()
+        (fix,) = MODEM.read([line])
+        assert (fix.valid, fix.sats_used) == (True, 9)
+        assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(-33.411), pytest.approx(-70.523))
+    (nothing,) = MODEM.read(["$GPSACP: 141320.000,,,,,0,,,,210926,"])
+    assert not nothing.valid
 
 
 def test_poll_without_an_answer():

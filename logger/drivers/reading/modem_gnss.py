@@ -1,4 +1,4 @@
-"""GNSS receivers in modems: +CGNSINF, +CGPSINFO (SIMCom) and +QGPSLOC (Quectel).
+"""Receivers in modems: +CGNSINF, +CGPSINFO (SIMCom), +QGPSLOC (Quectel), $GPSACP (Telit).
 
     +CGNSINF:
     1,1,20150327014838.000,31.221783,121.354528,114.600,0.28,0.0,1,,1.9,2.2,1.0,,8,4,,,42,,
@@ -25,6 +25,8 @@ CGPSINFO_ON = (Command("AT+CGPS=1"), Command("AT+CGNSSPWR=1"))  # the second for
 CGPSINFO = (Command("AT+CGPSINFO"),)
 QGPSLOC_ON = (Command("AT+QGPS=1"),)
 QGPSLOC = (Command("AT+QGPSLOC=2"),)
+GPSACP_ON = (Command("AT$GPSP=1"),)
+GPSACP = (Command("AT$GPSACP"),)
 
 # A receiver that counts weeks modulo 1024 and has lost count prints a date 19.6 years early, one
 # without a fix that of
@@ -36,7 +38,7 @@ MPS_PER_KMH = 1 / 3.6
 _BODY = r"([-+\w. ,]*)"
 _CGNSINF = re.compile(r"\+U?C?GNSINF:" + _BODY, re.ASCII)
 _CGPSINFO = re.compile(r"\+CGPSINFO:" + _BODY, re.ASCII)
-_QGPSLOC = re.compile(r"\+QGPSLOC:" + _BODY, re.ASCII)
+_QGPSLOC = re.compile(r"(?:\+QGPSLOC|\$GPSACP):" + _BODY, re.ASCII)
 _QGPSLOC_COMMAND = re.compile(r"AT\+QGPSLOC", re.IGNORECASE)
 _NOT_FIXED = re.compile(r"\+CME ERROR:\s*516(?!\d)")
 _COMMAND = re.compile(r"(?:\A|\W)AT\+", re.IGNORECASE)
@@ -70,7 +72,7 @@ def read_cgpsinfo(lines: Sequence[str]) -> tuple[Fix, ...]:
 
 
 def read_qgpsloc(lines: Sequence[str]) -> tuple[Fix, ...]:
-    """Fixes in +QGPSLOC lines of its three formats; error 516 reports that there is none."""
+    """Fixes in +QGPSLOC (all formats) and $GPSACP lines; error 516 reports that there is none."""
     fixes: list[Fix] = []
     is_answer = False
     for line in lines:

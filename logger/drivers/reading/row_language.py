@@ -473,7 +473,17 @@ def values_like(levels: str = _SIGNED, padding: str = "(?:0x)?0*") -> Kinds:
     }
 
 
+def _tenths(read: Callable[[str, float], float | None]) -> Callable[[str], float | None]:
+    return lambda text: None if (found := read(text, 0.1)) is None else round(found, 1)
+
+
 VALUES = values_like()
+TENTHS: Kinds = {
+    "rsrq": Value("rsrq_db", _tenths(rsrq_db)),
+    "rsrp": Value("rsrp_dbm", _tenths(rsrp_dbm)),
+    "rssi": Value("rssi_dbm", _tenths(rssi_dbm)),
+}
+"""Levels in tenths of a dB."""
 _NETWORK = frozenset({"mcc", "mnc"})
 _AREA_AND_CELL = frozenset({"lac", "tac", "cid"})
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
 from typing import Any, TypeGuard
 
-from logger.core.types import CellReading
-from logger.drivers.protocols.at import INTERRUPTION
+from logger.core.types import CARRIER_ABOVE_DB, CellReading, Rat, reportable
+from logger.drivers.protocols.at import INTERRUPTION, Command
 from logger.drivers.reading.row_language import (
     CSQ_OF_INDEX,
     ECN0_OF_INDEX,
@@ -37,12 +37,10 @@ _REGISTRATION = re.compile(
     rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII
 )
 """The values end where something else begins: another answer, or text of a log."""
+# what may follow the last value; anything else is noise, which took the end of the value
 _AFTER_VALUE = re.compile(r"[\s+\\)\]},;\'<|]|\Z")
-"""What may follow the last value; anything else is noise, which took the end of the value."""
+# an answer begins with two small numbers, a report with one: +CREG: 1,"CE00","00005449"
 _LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
-"""An answer begins with two small numbers, a report with one: `+CREG: 1,"CE00","00005449"` is a
-report.
-"""
 _CSQ = re.compile(r"\+CSQ:\s*(\d{1,2}),\s*(\d{1,2})(?!\d)")
 _CESQ = re.compile(r"\+CESQ:\s*(\d{1,3}(?:,\s*\d{1,3}){5})(?!\d)")
 _ERROR = re.compile(r"\+CM[ES] ERROR:\s*(?:(\d+)|([^\s\\][^\\]*?))\s*(?:\\.*)?\Z")
@@ -59,6 +57,8 @@ _OFFERED = re.compile(
 """A network of AT+COPS=?; lists close the bracket early, lack quotes and names, and break lines."""
 
 _MOST_STAT, _WIDEST_STAT = 11, 3
+# +CEREG reports LTE and its kin alone; elsewhere 8 may be CDMA or GSM
+_RAT_OF_EPS: dict[int, Rat] = {8: "LTE-M", 9: "NB-IoT"}
 _CAUSE_TYPES = frozenset({0, 1})
 _CELL, _NR_CELL = NumberForm(16, frozenset({4, 7, 8})), NumberForm(16, frozenset({9, 16}))
 """A registration prints the cells of all technologies in one field, GSM with four digits."""
@@ -84,6 +84,7 @@ def _registrations(line: str) -> Iterator[Row]:
         if not at(fields, 1) and at(fields, 2):
             fields[2:3] = [""]  # a cell never comes without its area: a comma stands twice
         act = decimal(at(fields, 3).rstrip("])"), 0, 15)
+        rats = RAT_OF_ACT | _RAT_OF_EPS if domain == "CEREG" else RAT_OF_ACT
         bits, form = (36, _NR_CELL) if domain == "C5GREG" else (28, _CELL)
         cid = cell_identity(at(fields, 2), bits, form=form)
         where: dict[str, Any] = {
@@ -92,7 +93,7 @@ def _registrations(line: str) -> Iterator[Row]:
         yield Registration(
             domain,
             stat,
-            rat=None if act is None else RAT_OF_ACT.get(act),
+            rat=None if act is None else rats.get(act),
             n=decimal(n),
             cid=cid,
             act=act,
@@ -195,6 +196,8 @@ _RESULT = re.compile(
 )
 _LAST_VALUE = re.compile(r"[^\s,]*\s*\Z")
 _CLOSED = re.compile(r'(?:"[^"]*"|:)\s*\Z')
+NAME = tuple(map(Command, ("AT+COPS=3,2", "AT+CEREG=2", "AT+COPS?", "AT+CEREG?")))
+"""Commands that name a cell of NB-IoT."""
 _COMMON = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
 """Names of the replies that every family reads (`standard_replies`)."""
 
@@ -249,6 +252,8 @@ _LEVELS = frozenset(
 )
 _AREA_AND_CELL = ("lac", "tac", "cid")
 _SIGNAL_LEVELS = ("rssi_dbm", "rscp_dbm", "ecio_db", "rsrp_dbm", "rsrq_db")
+_OF_EUTRA: frozenset[Rat | None] = frozenset({"LTE", "LTE-M", "NB-IoT"})
+_MOST_BETWEEN = 8  # of an index in two answers; one that has lost a digit is 9 lower at least
 
 
 def is_serving(row: Row) -> TypeGuard[CellReading]:
@@ -276,24 +281,42 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
     plmn = next((one.plmn for one in chosen if one.plmn), None) or ""
     mcc, mnc = network_of(plmn)
     rat = registration.rat or next((row.rat for row in chosen if row.rat), None)
-    area: dict[str, Any] = {"lac": registration.lac, "tac": registration.tac}
-    if rat is not None:  # on LTE +CREG prints the tracking area
-        area = area_values(rat, registration.tac if area["lac"] is None else area["lac"])
     signals = [row for row in rows if isinstance(row, Signal)]
-    signal = next((row for row in signals if row.rat is not None and row.rat == rat), Signal())
+    signal = next((row for row in signals if row.rat and _is_kin(row.rat, rat)), Signal())
     carriers = (row.rssi_dbm for row in signals if None in {row.rat, rat} or row.rat == rat)
-    return CellReading(
+    reading = CellReading(
         role="serving",
         rat=rat,
         mcc=mcc,
         mnc=mnc,
-        **area,
+        **_area_of(registration, rat, rows),
         cid=registration.cid,
         rssi_dbm=next((level for level in carriers if level is not None), None),
         rscp_dbm=signal.rscp_dbm,
         rsrp_dbm=signal.rsrp_dbm,
         rsrq_db=signal.rsrq_db,
     )
+    carrier_dbm, level_dbm = reading.rssi_dbm, reading.level_dbm
+    if carrier_dbm and level_dbm and carrier_dbm - level_dbm > max(CARRIER_ABOVE_DB):
+        # one of the two has lost a digit
+        reading = replace(reading, rssi_dbm=None, rscp_dbm=None, rsrp_dbm=None)
+    return reportable(reading)
+
+
+def _area_of(registration: Registration, rat: Rat | None, rows: Sequence[Row]) -> dict[str, Any]:
+    # on LTE +CREG may print the area of circuit-switched service, or FFFE where there is none
+    same = [row for row in rows if isinstance(row, Registration) and row.cid == registration.cid]
+    tacs = [row.tac for row in same if row.tac is not None]
+    lacs = [row.lac for row in (registration, *same) if row.lac is not None]
+    if rat is None:
+        rat = "LTE" if tacs else "GSM"
+    codes = [*lacs, *tacs] if rat in {"GSM", "WCDMA"} else [*tacs, *lacs]
+    return area_values(rat, next(iter(codes), None))
+
+
+def _is_kin(one: Rat | None, other: Rat | None) -> bool:
+    # what one command calls LTE, another may call LTE-M
+    return one == other or {one, other} <= _OF_EUTRA
 
 
 def with_level(rows: Sequence[Row]) -> tuple[Row, ...]:
@@ -301,18 +324,32 @@ def with_level(rows: Sequence[Row]) -> tuple[Row, ...]:
     signals = {row.rat: row for row in rows if isinstance(row, Signal) and row.rat is not None}
     rats = Counter(row.rat for row in rows if is_serving(row))
     return tuple(
-        replace(row, **{name: getattr(signals[row.rat], name) for name in _SIGNAL_LEVELS})
-        if is_serving(row) and row.level_dbm is None and row.rat in signals and rats[row.rat] == 1
+        reportable(
+            replace(row, **{name: getattr(signals[row.rat], name) for name in _SIGNAL_LEVELS})
+        )
+        if is_serving(row)
+        and row.level_dbm is None
+        and row.rat in signals
+        and rats[row.rat] == 1
+        and not _differ(row, signals[row.rat])
         else row
         for row in rows
     )
 
 
+def _differ(row: CellReading, signal: Signal) -> bool:
+    printed = row.more.get("rsrp_raw"), signal.more.get("rsrp_raw")
+    indices = [index for index in printed if isinstance(index, int)]
+    return len(indices) > 1 and max(indices) - min(indices) > _MOST_BETWEEN
+
+
 def with_name(rows: Sequence[Row], common: Sequence[Row]) -> tuple[Row, ...]:
     """The rows, a nameless serving cell with its name in `common`."""
-    nameless = [row for row in rows if is_serving(row) and row.cid is None]
+    nameless = [row for row in rows if is_serving(row) and row.cell is None]
     named = next((row for row in common if is_serving(row) and row.cid is not None), None)
-    if named is None or len(nameless) != 1 or named.rat not in {None, nameless[0].rat}:
+    if named is None or len(nameless) != 1 or nameless[0].cid not in {None, named.cid}:
+        return tuple(rows)
+    if named.rat is not None and not _is_kin(named.rat, nameless[0].rat):
         return tuple(rows)
     return tuple(_merge(row, named) if row is nameless[0] else row for row in rows)
 

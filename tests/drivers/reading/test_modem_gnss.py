@@ -47,8 +47,9 @@ def test_cgpsinfo():
     )
 
 
-def test_qgpsloc():
-    (fix,) = modem_gnss.read_qgpsloc([QGPSLOC])
+@pytest.mark.parametrize("name", ["+QGPSLOC:", "$GPSACP:"])
+def test_qgpsloc(name):
+    (fix,) = modem_gnss.read_qgpsloc([QGPSLOC.replace("+QGPSLOC:", name)])
     assert (fix.lat_deg, fix.lon_deg) == (pytest.approx(-33.411), pytest.approx(-70.523))
     assert (fix.utc_ns, fix.alt_m, fix.hdop, fix.sats_used) == (
         utc_ns(2026, 9, 21, 14, 13, 20),
