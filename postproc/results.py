@@ -170,13 +170,12 @@ def path_beside(runs: Sequence[Path]) -> Path:
 
 _LIBVER = ("earliest", "v108")
 _MARGIN_BYTES = 1 << 20
-_OBJECT_BYTES = 2048
-"""What HDF5 adds for each."""
+_OBJECT_BYTES = 2048  # what HDF5 adds for each
 
 
 @contextmanager
 def _file_with_room(path: Path, encoded: Encoded, texts: Sequence[bytes]) -> Iterator[Path]:
-    """As `whole_file`; HDF5 may crash on a full disk."""
+    # HDF5 may crash on a full disk
     with whole_file(path) as part:
         n_bytes = sum(array.nbytes for array in encoded.arrays.values())
         n_bytes += len(encoded.values) + sum(map(len, texts))

@@ -144,7 +144,7 @@ def _with_name_remarks(cells: Sequence[CellResult], runs: Sequence[Run]) -> Iter
 
 
 def without_position(cell: str, n: int, n_scans: int, heard: Mapping[int, int]) -> CellResult:
-    """Result of a cell that runs heard too rarely, or without a position: `heard` so often."""
+    """Result of a cell `heard` by runs so often: too rarely, or without position."""
     why = (
         too_rarely(n_scans)
         or f"none of its {n} reading{'s' * (n != 1)} has both a level and a position"

@@ -390,13 +390,13 @@ def _absence(
     return n, float(np.prod(MISS + (1.0 - MISS) * below))
 
 
+# by the number of other cells
 _THAN = ("", " than the other cell explains", " than the other cells explain")
 _OR = (
     "without another cell, it may as well be the modem or its antenna",
     "compared with one other cell: it may be that one that changed",
     "also another power or antenna, or works at the site",
 )
-"""By the number of other cells."""
 
 
 def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float) -> CellChange:

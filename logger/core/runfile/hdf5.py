@@ -345,8 +345,8 @@ def open_content(
         raise RunFileError(f"{path} is damaged: {why}") from error
 
 
+# what HDF5 says of a file whose copying was interrupted
 _CUT = re.compile(r"truncated file: eof = (\d+),.* stored_eof = (\d+)")
-"""What HDF5 says of a file whose copying was interrupted."""
 
 
 def member_names(path: Path, file: h5py.File) -> tuple[str, ...]:

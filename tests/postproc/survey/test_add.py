@@ -66,7 +66,8 @@ def test_timing_advances_are_those_of_smooth(tmp_path):
     """LTE counts to 1282, more than the column of older surveys holds."""
 
     def hear(k):
-        return (replace(cell(1, -70.0), rat="LTE", ta_16ts=100 * (k % 12)),)
+        heard = cell(1, -70.0)
+        return (replace(heard, rat="LTE", role="serving", ta_16ts=100 * (k % 12)),)
 
     survey = Survey.open_or_make(tmp_path / "survey")
     list(add_files(survey, [write_walk(tmp_path, 1, hear, n=40)]))
