@@ -40,14 +40,15 @@ class _LateLoader(SourceFileLoader):
     def exec_module(self, module: ModuleType) -> None:
         try:
             super().exec_module(module)
-        except ImportError as error:
+        except (ImportError, KeyboardInterrupt) as error:
             # where `from module import name` is the first use, Python drops the error of the run
-            # and asks the half-made module for the name
+            # and asks the half-made module for the name, which must not be there yet
+            module.__dict__.clear()
             module.__dict__["__getattr__"] = partial(_raise, error)
             raise
 
 
-def _raise(error: ImportError, _: str) -> NoReturn:
+def _raise(error: BaseException, _: str) -> NoReturn:
     raise error
 
 

@@ -122,15 +122,16 @@ def locate(
 ) -> CellResult:
     """Posterior of a transmitter's position and the verdict, from the readings of one cell.
 
-    Either `Readings`, or bare arrays in the order of the walk: receiver positions `x_m` and `y_m`,
-    shape (n,), metres in any plane with the same scale on both axes, and `level_dbm`, shape (n,).
-    `position_sigma_m`, scalar or shape (n,), is the receiver's standard deviation per axis. `rat`
-    ("GSM", "LTE", ...) sets the modem's reporting range: readings there are censored. `environment`
-    (any, open, suburban, urban) chooses the prior of P0 and eta. The levels weigh the hypotheses of
-    `height_m`, the antenna above the receiver, of `antenna` (omni, sector) and of `reach` (near,
-    far), the distance from the walk, unless one is fixed. Located means that `within_m` holds 95 %
-    of the probability. The answer may suppose that the transmitter stands within `within_walk_m` of
-    the hull of these positions, or inside the polygons of `area`, a GeoJSON file.
+    Either `Readings`, or bare arrays in the order of the walk, evenly in time: receiver positions
+    `x_m` and `y_m`, shape (n,), metres in any plane with the same scale on both axes, and
+    `level_dbm`, shape (n,). `position_sigma_m`, scalar or shape (n,), is the receiver's standard
+    deviation per axis. `rat` ("GSM", "LTE", ...) sets the modem's reporting range: readings there
+    are censored. `environment` (any, open, suburban, urban) chooses the prior of P0 and eta. The
+    levels weigh the hypotheses of `height_m`, the antenna above the receiver, of `antenna` (omni,
+    sector) and of `reach` (near, far), the distance from the walk, unless one is fixed. Located
+    means that `within_m` holds 95 % of the probability. The answer may suppose that the transmitter
+    stands within `within_walk_m` of the hull of these positions, or inside the polygons of `area`,
+    a GeoJSON file.
 
     The result has `verdict` ("located", "ambiguous", "cannot tell"), `warnings` with the reasons,
     and `posterior`, None for too few readings: `x_m`, `y_m`, `r50_m`, `r95_m` in metres, `p0_dbm`
@@ -139,7 +140,7 @@ def locate(
     Raises `ConfigError` for arrays of different shapes or beside `Readings`, values that
     are not finite, levels outside -200 to 50 dBm, degrees in place of metres, and an unknown
     environment.
-    Source: `logger.core.locator.pipeline`, where the steps of the algorithm are listed.
+    Source: `logger.core.locator.pipeline`, which lists the steps.
     """
     prior = _prior(environment, height_m, antenna, reach, within_walk_m, area)
     if area is not None and not isinstance(x_m, Readings):

@@ -65,11 +65,11 @@ class Replay:
             return "replay differs from live: the findings of the rules are not the recorded ones"
         if self.advice_differs and self.n_equal == self.n_recorded == self.n_replayed:
             return "replay differs from live: the advice where to walk is not the recorded one"
+        largest = f", largest {self.largest_m:.3g} m" if self.largest_m else ""
         return (
             f"replay differs from live: {self.n_recorded} recorded, {self.n_replayed} replayed, "
-            f"{self.n_equal} equal; first difference at record {self.first_difference}, largest "
-            f"{self.largest_m:.3g} m; recorded by {self.recorded_by}, replayed by "
-            f"{self.replayed_by}"
+            f"{self.n_equal} equal; first difference at record {self.first_difference}{largest}; "
+            f"recorded by {self.recorded_by}, replayed by {self.replayed_by}"
         )
 
 
@@ -170,12 +170,14 @@ def replay(run: Run) -> Replay:
         recorded, replayed = recorded[:common], replayed[:common]
     pairs = list(zip(recorded, replayed, strict=False))
     different = [(a, b) for a, b in pairs if not _are_equal(a, b)]
+    alone = [*recorded[len(pairs) :], *replayed[len(pairs) :]]
+    first = next(iter([*(a for a, _ in different), *alone]), None)
     offsets_m = [abs(off) for a, b in different for off in (a.x_m - b.x_m, a.y_m - b.y_m)]
     return Replay(
         len(recorded),
         len(replayed),
         len(pairs) - len(different),
-        different[0][0].scan_seq if different else None,
+        first.scan_seq if first else None,
         max([0.0, *offsets_m]),  # NaN compares false and is passed over
         *programs,
         n_findings=len(findings),

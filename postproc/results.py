@@ -8,7 +8,11 @@ so a new field needs no change here. An array is named by the way to it, such as
 small ones stand among the values. A `Run` is read from its own file.
 """
 
+import errno
+import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from hashlib import sha256
@@ -157,6 +161,24 @@ def path_beside(runs: Sequence[Path]) -> Path:
     return first.with_suffix(".together.post.h5" if len(runs) > 1 else ".post.h5")
 
 
+_LIBVER = ("earliest", "v108")
+_MARGIN_BYTES = 1 << 20
+_OBJECT_BYTES = 2048  # what HDF5 adds for each
+
+
+@contextmanager
+def _file_with_room(
+    path: Path, arrays: Mapping[str, Array], texts: Sequence[bytes]
+) -> Iterator[Path]:
+    # HDF5 may crash on a full disk
+    with whole_file(path) as part:
+        n_bytes = sum(array.nbytes for array in arrays.values()) + sum(map(len, texts))
+        n_bytes += _OBJECT_BYTES * len(arrays) + _MARGIN_BYTES
+        if shutil.disk_usage(part.parent).free < n_bytes:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        yield part
+
+
 def write(result: Result, summary: object, path: Path, cells: Sequence[str] = ()) -> None:
     """Write what `smooth --json` prints and the complete result, complete or not at all.
 
@@ -169,16 +191,18 @@ def write(result: Result, summary: object, path: Path, cells: Sequence[str] = ()
     made_from = _made_from_text(runs, result.options)
     selected = msgspec.json.encode(list(cells))
     run_ids = [run.meta.run_id for run in runs]
-    with whole_file(path) as part, h5py.File(part, "w", libver=("earliest", "v108")) as file:
+    texts = [np.bytes_(text) for text in (json_text(summary).encode(), made_from, selected)]
+    with (
+        _file_with_room(path, arrays, [*texts, values]) as part,
+        h5py.File(part, "w", libver=_LIBVER) as file,
+    ):
         file.attrs["format"] = "cellwalk results"
         file.attrs["digest"] = _digest(made_from, selected, values, arrays)
         if len(run_ids) == 1:
             file.attrs["run_id"] = run_ids[0]
         else:
             file.attrs["run_ids"] = run_ids
-        file["summary"] = np.bytes_(json_text(summary).encode())
-        file["made_from"] = np.bytes_(made_from)
-        file["selected"] = np.bytes_(selected)
+        file["summary"], file["made_from"], file["selected"] = texts
         file["values"] = np.frombuffer(values, np.uint8)
         for name, array in arrays.items():
             file[name] = array

@@ -1,6 +1,6 @@
 """Every estimator over every cell of one run or of several, side by side."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import hypot
@@ -83,9 +83,9 @@ def smooth_runs(
     if options.prior.area is not None and walks_on_map:
         prior = replace(options.prior, area=options.prior.area.at(walks_on_map))
         options = replace(options, prior=prior)
-    certain = {cell for cell in n_readings if not too_rarely(n_scans[cell])}
-    parts = parts_by_cell(observed, certain)
-    places = {cell: places_of(of_cell) for cell, of_cell in parts.items()}
+    parts = parts_by_cell(observed, n_readings)
+    certain = {cell for cell in parts if not too_rarely(n_scans[cell])}
+    places = {cell: places_of(parts[cell]) for cell in parts if cell in certain}
     near = [part for of_cell in places.values() for part in of_cell]
     near.sort(key=_n_readings, reverse=True)
     estimate = partial(_estimate, modems=modems_of(runs), options=options)
@@ -96,10 +96,11 @@ def smooth_runs(
         _with_counts(cell, part, places[cell.cell], n_scans[cell.cell], runs)
         for cell, part in zip(estimated, near, strict=True)
     ]
-    nowhere = [cell for cell in n_readings if cell not in parts]
+    nowhere = [cell for cell in n_readings if cell not in certain]
     heard = [observed_cells([run], None) for run in runs] if nowhere else []
     for cell in nowhere:
-        of_runs = [i for i, own in enumerate(heard) if cell in own]
+        placed = parts.get(cell, {})
+        of_runs = {i: len(placed.get(i, ())) for i, own in enumerate(heard) if cell in own}
         cells.append(without_position(cell, n_readings[cell], n_scans[cell], of_runs))
     utc_ns = heard_utc_ns(runs)
     cells = [
@@ -143,14 +144,15 @@ def _with_name_remarks(cells: Sequence[CellResult], runs: Sequence[Run]) -> Iter
         yield replace(cell, warnings=remarks)
 
 
-def without_position(cell: str, n: int, n_scans: int, heard: Sequence[int]) -> CellResult:
-    """Result of a cell that the runs `heard` too rarely, or without a position."""
+def without_position(cell: str, n: int, n_scans: int, heard: Mapping[int, int]) -> CellResult:
+    """Result of a cell `heard` by runs so often: too rarely, or without position."""
     why = (
         too_rarely(n_scans)
         or f"none of its {number_of(n, 'reading')} has both a level and a position"
     )
-    shares = tuple(RunShare(run, 0, None, None) for run in heard)
-    return CellResult(cell, 0, None, "cannot tell", (why,), n_scans=n_scans, shares=shares)
+    shares = tuple(RunShare(run, n_placed, None, None) for run, n_placed in heard.items())
+    n_placed = sum(heard.values())
+    return CellResult(cell, n_placed, None, "cannot tell", (why,), n_scans=n_scans, shares=shares)
 
 
 _WHAT = "its estimate"

@@ -180,6 +180,35 @@ def test_a_late_module_tells_at_each_use_which_library_is_missing():
     subprocess.run([sys.executable, "-c", WITHOUT], check=True)
 
 
+INTERRUPTED = """
+import sys
+from logger.command_line import late_modules
+
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == "pyproj":
+            raise KeyboardInterrupt
+
+with late_modules():
+    from logger.core import places
+sys.meta_path.insert(0, Interrupt())
+for is_there in (True, False):
+    try:
+        if is_there:
+            from logger.core.places import hypot  # imported before the interrupt
+        else:
+            from logger.core.places import Utm
+    except KeyboardInterrupt:
+        pass
+    else:
+        raise AssertionError
+"""
+
+
+def test_an_interrupt_while_a_late_module_runs_is_no_missing_name():
+    subprocess.run([sys.executable, "-c", INTERRUPTED], check=True)
+
+
 def test_help_of_a_command_is_that_of_its_option(capsys):
     assert postproc(["help", "survey", "add"]) == 0
     by_name = capsys.readouterr().out

@@ -292,6 +292,7 @@ class _Tested:
     differences: Differences
     change: Change
     offset: Offset
+    n_others: int
     p_level: float
     contrast_db: float
     p_pattern: float
@@ -337,7 +338,9 @@ def compare(
     ]  # fmt: skip
     cells = [*(row for _, row in rows), *map(_without_comparison, tries.failures.values())]
     cells.sort(key=lambda cell: (not cell.is_change, -cell.n_blocks, -cell.n_a - cell.n_b))
-    return Comparison(grounds[0].grid, tuple(cells), offsets, _n_common(*grounds), n_tests)
+    # that of a cell alone is its own change
+    known_db = {one.differences.rat: offsets[one.differences.rat] for one in tested if one.n_others}
+    return Comparison(grounds[0].grid, tuple(cells), known_db, _n_common(*grounds), n_tests)
 
 
 def _test(
@@ -355,9 +358,8 @@ def _test(
             others = [other for of, other in changes if of is not differences]  # noqa: B023
             offset = offset_of(others, same_modem=same_modem)
             p_level = probability(change, offset, scale)  # noqa: B023
-            return _Tested(
-                differences, change, offset, p_level, *pattern_of(differences, change.db, grid)
-            )
+            pattern = pattern_of(differences, change.db, grid)
+            return _Tested(differences, change, offset, len(others), p_level, *pattern)
 
         tested += [one for _, one in tries.each(changes, lambda one: one[0].cell, test)]
     return tested
@@ -393,13 +395,22 @@ def _absence(
     return n, float(np.prod(MISS + (1.0 - MISS) * below))
 
 
+# by the number of other cells
+_THAN = ("", " than the other cell explains", " than the other cells explain")
+_OR = (
+    "without another cell, it may as well be the modem or its antenna",
+    "compared with one other cell: it may be that one that changed",
+    "also another power or antenna, or works at the site",
+)
+
+
 def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float) -> CellChange:
     change_db = one.change.db - one.offset.db
     moved = one.p_pattern <= limit and one.contrast_db >= LEAST_CONTRAST_DB
     changed = one.p_level <= limit and abs(change_db) >= LEAST_DB
     how = f"{abs(change_db):.1f} dB {'stronger' if change_db > 0.0 else 'weaker'}"
     word: Word = "same"
-    text = f"{how} than the other cells explain, within the noise of two walks"
+    text = f"{how}{_THAN[min(one.n_others, 2)]}, within the noise of two walks"
     if moved:
         word = "moved"
         text = (
@@ -415,7 +426,7 @@ def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float
         )
     elif changed:
         word = "stronger" if change_db > 0.0 else "weaker"
-        text = f"{how} all along; also another power or antenna, or works at the site"
+        text = f"{how} all along; {_OR[min(one.n_others, 2)]}"
     heard_a, heard_b = (ground.cells[one.differences.cell] for ground in grounds)
     return CellChange(
         one.differences.cell, one.differences.rat, word, text,

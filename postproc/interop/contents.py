@@ -146,7 +146,7 @@ _HOW: dict[Kind | None, str] = {
     "json": "its values as a table (CSV with a line of column names)",
     "xml": "its values as a table (CSV with a line of column names)",
     "text": "any table",
-    None: "any table",
+    None: "any table of text (CSV with a line of column names)",
 }
 
 
@@ -243,6 +243,8 @@ def members(source: Path) -> dict[str, int]:
     except (OSError, *_DAMAGE) as error:
         raise _not_unpacked(source, error) from error
     sizes = {one.filename: one.file_size for one in files}
+    if "[Content_Types].xml" in sizes:
+        raise unknown_format(source, "an Excel workbook (save its sheet as CSV)")
     if len(files) > MOST_MEMBERS:
         raise RunFileError(f"{source} has {len(files)} files: unpack it and import some of them")
     if len(sizes) < len(files):

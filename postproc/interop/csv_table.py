@@ -14,6 +14,7 @@ from postproc.foreign_file import MOST_COLUMNS, Lines
 
 Line = tuple[int, dict[str, str]]
 
+_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+")
 _MOST_LINES = 10
 """Of a value: names of cells and networks have one, comments some."""
 
@@ -74,7 +75,10 @@ def _rows_of(lines: Lines, delimiter: str, names: list[str]) -> Iterator[Line]:
         if any(value.strip() for value in values):
             # a short row lacks its last columns; what it lacks is then empty
             padded = values + [""] * (len(names) - len(values))
-            yield number, {n: v.strip() for n, v in zip(names, padded, strict=False)}
+            row = {n: v.strip() for n, v in zip(names, padded, strict=False)}
+            if delimiter != ",":  # as spreadsheets write numbers in most languages
+                row = {n: v.replace(",", ".") if _COMMA.fullmatch(v) else v for n, v in row.items()}
+            yield number, row
 
 
 def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int, list[str]]]:

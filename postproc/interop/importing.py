@@ -128,9 +128,11 @@ def recognise(
 
     Raises `RunFileError` for a file that is none of them.
     """
-    if columns:
-        return named_columns.format_of(source, columns, times=times)
     seen = look_at(source)
+    if columns and seen.kind == "text":
+        return named_columns.format_of(source, columns, times=times)
+    if columns:
+        raise unknown_format(source, seen.words, seen.kind)
     if _is_cell_list(seen):
         raise RunFileError(
             f"{source} is a list of cells, not a walk; `postproc celldb import` reads those of "

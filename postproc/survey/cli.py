@@ -89,7 +89,7 @@ def survey() -> None:
 
 @survey.command
 @click.argument("paths", type=PATH, nargs=-1, required=True, metavar="DIR...")
-@click.option("-o", "--output", "folder", type=FILE, required=True, metavar="SURVEY",
+@click.option("-o", "--output", "folder", type=PATH, required=True, metavar="SURVEY",
               help="Folder, made if there is none.")  # fmt: skip
 @click.option("--logger", metavar="NAME",
               help="Who recorded these runs (default: a pseudonym of each modem).")  # fmt: skip

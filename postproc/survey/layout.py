@@ -26,7 +26,7 @@ READINGS = pa.schema(
         pa.field("position_sigma_m", pa.float64(), metadata={"unit": "m, per axis"}),
         pa.field("level_dbm", pa.float64(), metadata={"unit": "dBm"}),
         pa.field("scan_seq", pa.int64(), metadata={"unit": "number of the scan in the run"}),
-        pa.field("ta", pa.int8(), metadata={"unit": "timing advance of GSM, -1 if unknown"}),
+        pa.field("ta", pa.int16(), metadata={"unit": "timing advance in steps, -1 if unknown"}),
         pa.field(
             "named_share", pa.float64(), metadata={"unit": "of the scans near, NaN if unknown"}
         ),

@@ -207,7 +207,10 @@ def read_columns(
                 continue
             kind = table.schema.field(name).type
             kind = kind.value_type if pa.types.is_dictionary(kind) else kind
-            if kind != schema.field(name).type:
+            if kind == pa.int8() and schema.field(name).type == pa.int16():  # of older surveys
+                at = table.schema.get_field_index(name)
+                table = table.set_column(at, schema.field(name), table[name].cast(pa.int16()))
+            elif kind != schema.field(name).type:
                 raise pa.ArrowInvalid(f"column {name} holds {kind}")
     # the library takes what it reads for names, sizes and types of Python
     except (OSError, ValueError, LookupError, TypeError, MemoryError, pa.ArrowException) as error:

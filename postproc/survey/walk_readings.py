@@ -141,15 +141,15 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
         join(column("position_sigma_m")),
         join(column("level_dbm")),
         join(column("scan_seq")).astype(np.int64),
-        join([_ta_of_gsm(o) for o in series]).astype(np.int64),
+        join([_ta(o) for o in series]).astype(np.int64),
         join([_named_share(o) for o in series]),
         rule_inputs(one),
         "" if one is run else "of its modems, the one with most readings counts",
     )
 
 
-def _ta_of_gsm(obs: Readings) -> IntArray:
-    return np.full(len(obs), -1) if obs.ta is None or obs.rat != "GSM" else obs.ta
+def _ta(obs: Readings) -> IntArray:
+    return np.full(len(obs), -1) if obs.ta is None else obs.ta
 
 
 def _named_share(obs: Readings) -> FloatArray:

@@ -48,28 +48,10 @@ def tested_claims(
         return None
     runs, only = [one.run for one in result.runs], [cell for cell in cells if cell] or None
     claimed = [claims.parse_claim(text, cell) for text in texts for cell in cells]
-    return _test(runs, claimed, path, p_fa, prior, only, result)
-
-
-def _test(
-    runs: Sequence[runfile.Run],
-    claimed: Sequence[claims.Claim],
-    path: Path | None,
-    p_fa: float,
-    prior: priors.Prior,
-    only: Sequence[str] | None,
-    result: estimation.Result | None,
-) -> claims.Verified:
     return run_claims.verify_claims(
-        runs,
-        claimed,
-        p_fa,
-        prior,
-        only,
-        file=path,
-        result=result,
-        progress=progress.with_progress,
-    )
+        runs, claimed, p_fa, prior, only,
+        file=path, result=result, progress=progress.with_progress,
+    )  # fmt: skip
 
 
 @click.command
@@ -125,7 +107,10 @@ def verify(
     scan_counts.observed_cells(runs, only)  # a wrong --cell is an error before the work begins
     claimed = [] if claim is None else [claims.parse_claim(claim, cell)]
     result = stored_result(runs, only or [], estimation.Options(prior))
-    verified = _test(runs, claimed, claims_path, p_fa, prior, only, result)
+    verified = run_claims.verify_claims(
+        runs, claimed, p_fa, prior, only,
+        file=claims_path, result=result, progress=progress.with_progress,
+    )  # fmt: skip
     show(claims.document_of(verified), as_json=as_json)
     return cell_work.exit_code(verified.cells)
 

@@ -33,7 +33,7 @@ from postproc.multi_run import (
 )
 from postproc.progress import Progress
 from postproc.result import Result
-from postproc.scan_counts import observed_cells, scans_of, too_rarely
+from postproc.scan_counts import check_observed, observed_cells, scans_of, too_rarely
 from postproc.smoothing import too_few
 from postproc.verification.claims import (
     LEAST_P,
@@ -290,23 +290,25 @@ def verify_claims(
     if not 0.0 < p_fa <= 0.5:
         raise ConfigError(f"a false-alarm rate lies between 0 and 0.5, not at {p_fa:g}")
     runs = [runs] if isinstance(runs, Run) else list(runs)
-    every, others = observed_cells(runs, only), list[str]()
+    every_cell, others = observed_cells(runs, None), list[str]()
+    check_observed(set(only or ()) - set(every_cell))
+    every = [cell for cell in every_cell if not only or cell in only]
     if file is not None:
-        in_file, others = read_claims(file, list(every))
+        in_file, others = read_claims(file, every)
         claims = [*claims, *in_file]
     observed = result.runs if result else in_one_zone([observe_run(run) for run in runs])
     posteriors = {cell.cell: cell.posterior for cell in result.cells} if result else {}
     tracks = [one.observations.track for one in observed if one.observations]
     if prior.area is not None and tracks:
         prior = replace(prior, area=prior.area.at(tracks))
-    every_cell, modems = observed_cells(runs, None), modems_of(runs)
-    of_cells = parts_by_cell(observed, set(every_cell))
+    modems, of_cells = modems_of(runs), parts_by_cell(observed, every_cell)
     by_name = {
         cell: merge(parts_of_most_heard_modems(parts, modems), modems)
         for cell, parts in of_cells.items()
     }
     rarely = {cell: why for cell, n in scans_of(runs).items() if (why := too_rarely(n))}
-    pairs = _pairs(runs, claims)
+    check_observed({claim.cell for claim in claims if claim.cell} - set(every_cell))
+    pairs = [(cell, claim) for claim in claims for cell in ([claim.cell] if claim.cell else every)]
     walk_deg = _middle_deg(tracks[0]) if tracks else None
 
     def test(cell: str, claim: Claim) -> CellVerdict:
@@ -348,13 +350,6 @@ def benjamini_hochberg(p: FloatArray) -> FloatArray:
     adjusted = np.empty(len(p))
     adjusted[order] = np.minimum.accumulate(p[order] * len(p) / rank)
     return np.minimum(adjusted, 1.0)
-
-
-def _pairs(runs: Sequence[Run], claims: Sequence[Claim]) -> list[tuple[str, Claim]]:
-    observed = observed_cells(runs, [claim.cell for claim in claims if claim.cell] or None)
-    return [
-        (cell, claim) for claim in claims for cell in ([claim.cell] if claim.cell else observed)
-    ]
 
 
 def _middle_deg(track: Track) -> tuple[float, float]:

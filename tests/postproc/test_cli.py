@@ -254,7 +254,8 @@ def test_a_cell_seen_twice_cannot_be_told(tmp_path, capsys):
 @pytest.mark.parametrize("command", ["info", "replay", "smooth", "view", "plot", "recover"])
 def test_a_text_file_given_as_run_is_one_line(tmp_path, capsys, command):
     (tmp_path / "run.h5").write_text("lat,lon\n1,2\n")
-    assert "no cellwalk run" in _fails(capsys, command, tmp_path / "run.h5")
+    said = _fails(capsys, command, tmp_path / "run.h5")
+    assert "no cellwalk run; `postproc import` makes one of a log" in said
 
 
 def test_polar_run_is_refused_in_one_line(tmp_path, capsys):

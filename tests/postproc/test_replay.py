@@ -130,6 +130,19 @@ def test_one_bit_is_noticed(tmp_path):
     )
 
 
+def test_what_is_recorded_or_replayed_alone_is_a_difference(tmp_path):
+    records = _record_walk()
+    last = _live(records)[-1]
+    without = [one for one in records if not isinstance(one.value, LiveEstimate | Note)]
+    found = _replay(tmp_path, without)
+    assert found.n_recorded == 0
+    assert isinstance(without[found.first_difference].value, Scan)
+    assert f"first difference at record {found.first_difference}; recorded by" in found.text
+    (tmp_path / "more").mkdir()
+    more = _replay(tmp_path / "more", [*records, Record(records[-1].t_ns, "live", last)])
+    assert (more.equal, more.first_difference) == (False, last.scan_seq)
+
+
 def test_an_import_without_live_estimates_is_no_alarm(tmp_path, capsys):
     lines = [f"{i},52.5{i:03},13.4,-60,GSM,262,01,4711,7" for i in range(60)]
     text = "\n".join(["t_s,lat,lon,rssi_dbm,rat,mcc,mnc,lac,cid", *lines])

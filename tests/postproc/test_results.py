@@ -1,11 +1,15 @@
 """Stored results are used where they are what would be computed, and nowhere else."""
 
+import errno
+import os
 from dataclasses import replace
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 
+from logger.core.errors import RunFileError
 from logger.core.model.prior import prior_for
 from logger.core.runfile import read_sound_run
 from postproc import results
@@ -61,6 +65,17 @@ def test_a_stored_result_is_the_computed_one(walk):
     assert_equal(stored, result)
     assert stored.cells[0].posterior.modes[0].ellipse == result.cells[0].posterior.modes[0].ellipse
     assert kit.json_of(stored) == kit.json_of(result)
+
+
+def test_nothing_is_left_on_a_full_disk(walk, tmp_path, monkeypatch):
+    """Asked before: HDF5 ends with a segmentation fault where a file cannot be closed."""
+    _, result, path = walk
+    room = path.stat().st_size - 1
+    disk = SimpleNamespace(free=room)
+    monkeypatch.setattr(results.shutil, "disk_usage", lambda _: disk)
+    with pytest.raises(RunFileError, match=f"cannot write .*: {os.strerror(errno.ENOSPC)}"):
+        results.write(result, kit.json_of(result), tmp_path / "a.post.h5")
+    assert not list(tmp_path.iterdir())
 
 
 def test_it_holds_for_some_of_its_cells(walk):

@@ -76,6 +76,8 @@ def test_what_was_heard_once_is_never_located(path):
         ("observed in one scan only",),
     )
     assert (found[UNSURE].verdict, found[UNSURE].n_scans) == ("cannot tell", 0)
+    # with a position, as `postproc survey` counts them
+    assert (found[FALSE].n, found[FALSE].shares[0].n) == (10, 10)
     assert all(
         found[name].posterior is None and found[name].reference is None for name in (FALSE, UNSURE)
     )

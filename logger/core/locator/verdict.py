@@ -159,7 +159,7 @@ def assess(
     `division` are two transmitters that were tried instead of one.
     """
     if division is not None and division.log_factor > LEAST_LOG_FACTOR:
-        return Decision("cannot tell", [_two_transmitters(division)], division)
+        return Decision("cannot tell", [_two_transmitters(division, obs)], division)
     case = _Case(posterior, obs.usable())
     percents = whole_percents(case.modes)
     is_single = len(case.modes) == 1
@@ -225,9 +225,14 @@ def _too_wide(case: _Case, radius_m: float, within_m: float) -> str:
     return f"the widest of {len(case.modes)} places reaches over {radius}"
 
 
-def _two_transmitters(division: Division) -> str:
+def _two_transmitters(division: Division, obs: Readings) -> str:
     first = place_text(division.one)
     second = place_text(division.other)
+    if division.is_in_time and not obs.is_timed:  # those of several walks have no order in time
+        return (
+            "one position does not explain the data: the transmitter seems to have moved, between "
+            f"{first} and {second}"
+        )
     if division.is_in_time:
         return (
             "one position does not explain the data: the transmitter seems to have moved, "

@@ -10,6 +10,7 @@ units). Anything else is a difference, and is named.
 """
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -338,7 +339,14 @@ def open_content(
                 raise RunFileError(f"{path} {otherwise}")
             yield Content(path, file, member_names(path, file), path.stat().st_size)
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
-        raise RunFileError(f"{path} is damaged: {error}") from error
+        why = str(error)
+        if cut := _CUT.search(why):
+            why = f"{int(cut[1]):,} of its {int(cut[2]):,} bytes are there; copy it again"
+        raise RunFileError(f"{path} is damaged: {why}") from error
+
+
+# what HDF5 says of a file whose copying was interrupted
+_CUT = re.compile(r"truncated file: eof = (\d+),.* stored_eof = (\d+)")
 
 
 def member_names(path: Path, file: h5py.File) -> tuple[str, ...]:

@@ -167,7 +167,9 @@ class JournalParts:
             raise RunFileError(f"{self.path} is empty")
         found = np.fromiter(self._scan_frames(buffers), _INDEX)
         if not len(found):
-            raise RunFileError(f"{self.path} is no cellwalk run: it holds no journal frame")
+            raise RunFileError(
+                f"{self.path} is no cellwalk run; `postproc import` makes one of a log"
+            )
         ((run, _),) = Counter(found["run"].tolist()).most_common(1)
         stale = found["run"] != run
         self._skipped += int(found["length"][stale].sum())

@@ -14,7 +14,7 @@ from logger.core.locator.online import OnlineLocator
 from logger.core.locator.pipeline import locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, LIVE, divide_in_time
-from logger.core.locator.verdict import LIVE_M
+from logger.core.locator.verdict import LIVE_M, assess
 from logger.core.model.prior import Prior
 from logger.core.places import Places, Utm
 from tests.kit.guided_walks import line
@@ -121,7 +121,9 @@ def test_a_transmitter_that_moved_is_two_positions_in_time():
     assert division.log_factor > LEAST_LOG_FACTOR
     decision = LiveVerdict().update(posterior, obs)
     assert decision.verdict == "cannot tell"
-    assert "seems to have moved" in decision.reasons[0]
+    assert "seems to have moved, from near" in decision.reasons[0]
+    of_two_walks = assess(posterior, replace(obs, is_timed=False), division)
+    assert "seems to have moved, between" in of_two_walks.reasons[0]
 
 
 def test_one_that_stays_is_one_position():

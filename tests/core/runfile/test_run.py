@@ -232,6 +232,15 @@ def test_damaged_hdf5_is_refused(tmp_path):
         read_run(tmp_path / "a.h5")
 
 
+def test_half_of_a_copy_says_so(tmp_path):
+    runs.write_journal(tmp_path / "a.journal", runs.records(300))
+    convert_journal(tmp_path / "a.journal", tmp_path / "a.h5")
+    data = (tmp_path / "a.h5").read_bytes()
+    (tmp_path / "a.h5").write_bytes(data[:5000])
+    with pytest.raises(RunFileError, match=f"5,000 of its {len(data):,} bytes .* copy it again"):
+        read_run(tmp_path / "a.h5")
+
+
 def test_a_newer_schema_is_refused(tmp_path):
     from logger.core.runfile import RunWriter
 

@@ -108,6 +108,19 @@ def test_a_louder_modem_is_no_change():
     assert compared.offset_db["GSM"] == pytest.approx(12.0, abs=1.5)
 
 
+def test_few_cells_do_not_show_whether_a_modem_changed():
+    for n, says in ((1, "it may as well be the modem"), (2, "it may be that one that changed")):
+        a, b = (
+            [obs for obs in one if obs.cell in (name(2), name(3))[:n]]
+            for one in (walk(1), walk(2, extra_db={2: -25.0}))
+        )
+        compared = compare(a, b, same_modem=False)
+        changed = next(cell for cell in compared.cells if cell.cell == name(2))
+        assert changed.word in {"weaker", "gone"}
+        assert says in changed.text
+        assert ("GSM" in compared.offset_db) == (n > 1)
+
+
 def test_ground_that_only_one_walk_covered_says_nothing():
     def part(cells, chosen):
         parts = (obs.part(chosen(obs.x_m - 390_000.0)) for obs in cells)

@@ -5,6 +5,7 @@ import re
 import sqlite3
 import subprocess
 import sys
+import zipfile
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -119,6 +120,54 @@ def test_what_is_missing_is_named_in_one_line(tmp_path, capsys, data, says):
     assert says in output
     assert output.count("\n") == 1
     assert not (tmp_path / "run.h5").exists()
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        ("lat,lon,level\n52,13,-70\n".encode("utf-16"), "I read text in UTF-16"),
+        (b"PAR1\x15\x04", "I read a Parquet table"),
+        (b'[{"lat": 1}]', "I read a JSON list with the keys lat"),
+    ],
+)
+def test_columns_are_those_of_a_table_of_text(tmp_path, capsys, data, says):
+    (tmp_path / "source").write_bytes(data)
+    columns = "lat=lat,lon=lon,level=level"
+    target = tmp_path / "run.h5"
+    assert main(["import", str(tmp_path / "source"), "-o", str(target), "--columns", columns]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_a_workbook_is_named_once(tmp_path, capsys):
+    with zipfile.ZipFile(tmp_path / "a.xlsx", "w") as archive:
+        for name in ("[Content_Types].xml", "xl/workbook.xml", "xl/worksheets/sheet1.xml"):
+            archive.writestr(name, "<a/>")
+    assert main(["import", str(tmp_path / "a.xlsx"), "-o", str(tmp_path / "run.h5")]) == 2
+    output = capsys.readouterr().err
+    assert "I read an Excel workbook (save its sheet as CSV)" in output
+    assert output.count("\n") == 1
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_a_spreadsheet_writes_decimals_with_a_comma(tmp_path, delimiter):
+    rows = ["t_s,lat,lon,rssi_dbm,cell", *(f"{k}.5,{52 + k / 1e4},13.4,-70.5,1" for k in range(9))]
+    written = {}
+    for name, text in (
+        ("point", "\n".join(rows)),
+        ("comma", "\n".join(row.replace(",", delimiter).replace(".", ",") for row in rows)),
+    ):
+        (tmp_path / f"{name}.csv").write_text(text)
+        import_walk(tmp_path / f"{name}.csv", tmp_path / f"{name}.h5")
+        tables = read_run(tmp_path / f"{name}.h5").tables
+        written[name] = [
+            (table[column].tolist())
+            for table, column in (
+                (tables["fixes"], "lat_deg"),
+                (tables["readings"], "rssi_dbm"),
+                (tables["scans"], "t_ns"),
+            )
+        ]
+    assert written["comma"] == written["point"]
 
 
 def test_an_import_is_in_time_order_and_counts_what_it_leaves_out(tmp_path, capsys):
@@ -452,6 +501,7 @@ def write(walk, target):
 }
 WITH_FILE = """
 import sys
+import zipfile
 from importlib import import_module
 import_module(f"postproc.interop.{sys.argv[1]}").__path__.append(sys.argv[2])
 from postproc.cli import main

@@ -7,10 +7,13 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import duckdb
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from logger.core.errors import RunFileError
@@ -18,7 +21,7 @@ from logger.core.runfile import read_sound_run
 from postproc.cli import main
 from postproc.interop.importing import import_walk
 from postproc.multi_run import merge
-from postproc.survey import parquet_batch
+from postproc.survey import layout, parquet_batch
 from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
 from postproc.walk import observe_run
@@ -57,6 +60,26 @@ def test_readings_are_those_of_smooth(walks, tmp_path):
             np.testing.assert_array_equal(getattr(kept, column), getattr(own, column))
         assert (kept.rat, kept.utm, kept.ta) == (own.rat, own.utm, own.ta)
     assert len(merge(dict(enumerate(by_run.values())), range(3))) == 120
+
+
+def test_timing_advances_are_those_of_smooth(tmp_path):
+    """LTE counts to 1282, more than the column of older surveys holds."""
+
+    def hear(k):
+        heard = cell(1, -70.0)
+        return (replace(heard, rat="LTE", role="serving", ta_16ts=100 * (k % 12)),)
+
+    survey = Survey.open_or_make(tmp_path / "survey")
+    list(add_files(survey, [write_walk(tmp_path, 1, hear, n=40)]))
+    survey = Survey.open(survey.folder)
+    rows = survey.rows("262-01-801")
+    assert rows["ta"].to_pylist() == [100 * (k % 12) for k in range(40)]
+    (file,) = (survey.folder / "readings").glob("*/*.parquet")
+    at = rows.schema.get_field_index("ta")
+    older = rows.set_column(at, "ta", pa.array([k % 12 for k in range(40)], pa.int8()))
+    pq.write_table(older, file)
+    assert survey.rows("262-01-801")["ta"].to_pylist() == [k % 12 for k in range(40)]
+    assert survey.rows("262-01-801").schema.field("ta") == layout.READINGS.field("ta")
 
 
 def test_readings_without_times_are_known_as_such(tmp_path):
