@@ -85,7 +85,7 @@ def test_s7_is_silent_while_walking():
     assert ("S7", 99) not in _stand(range(-85, -55, 2), metres=7.0).rules
 
 
-def _street(k, *, loss_db=0.0, doors=()):
+def _street(k, *, loss_db=0.0):
     """Four cells whose levels stay along a street, and two that the walk passes."""
     here_m = 6.0 * k
     past = [(91, 300.0), (92, 900.0)]
