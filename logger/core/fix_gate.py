@@ -19,6 +19,7 @@ class FixGate:
     """
 
     _ERROR_M = 150.0
+    _SHORT_M = 50.0
     _FASTEST_MPS = 100.0
     """360 km/h: a train."""
     _RETURN_NS = 5 * 10**9
@@ -29,6 +30,7 @@ class FixGate:
         self._known: tuple[int, Fix] | None = None
         self._doubtful: tuple[int, Fix] | None = None
         self._doubtful_ns = 0
+        self.leapt_ns: int | None = None  # when the last fix out of reach passed
         self._leaps = 0
         self._leaps_since_ns = self._leap_ns = 0
 
@@ -46,6 +48,8 @@ class FixGate:
                 return False
         elif not self._has_no_times(t_ns):
             self._leaps = 0
+        if not self._is_within_reach(self._known or new, new, self._SHORT_M):
+            self.leapt_ns = None if self._has_no_times(t_ns) else t_ns
         self._known, self._doubtful = new, None
         return True
 
@@ -60,9 +64,11 @@ class FixGate:
         is_many = self._leaps >= self._MOST_LEAPS and lasted_ns >= (self._MOST_LEAPS - 1) * 10**9
         return is_many and t_ns - self._leap_ns < self._QUIET_NS
 
-    def _is_within_reach(self, before: tuple[int, Fix], after: tuple[int, Fix]) -> bool:
+    def _is_within_reach(
+        self, before: tuple[int, Fix], after: tuple[int, Fix], error_m: float = _ERROR_M
+    ) -> bool:
         seconds = max(after[0] - before[0], 0) / 1e9
-        return _apart_m(before[1], after[1]) <= self._ERROR_M + self._FASTEST_MPS * seconds
+        return _apart_m(before[1], after[1]) <= error_m + self._FASTEST_MPS * seconds
 
 
 def _apart_m(one: Fix, other: Fix) -> float:

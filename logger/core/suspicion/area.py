@@ -95,7 +95,7 @@ def _is_past_a_border(memory: Memory, name: str) -> bool:
     "minutes; the cell at least -90 dBm; an area of which no other cell comes later, and that two "
     "earlier walks did not hear where a cell of it is heard; not faster than a car",
     sentence="area {area} is that of none of the {neighbours} other cells heard with it",
-    harmless="the border of two areas",
+    harmless="the border of two areas, a small cell in a house or shop",
     detection=0.8,
     # the one of LTE was withdrawn later; on the walk it was an alarm
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(1, 83, 9.8)),
@@ -140,7 +140,7 @@ def _is_past_border(now: Moment, cell: HeardCell) -> bool:
     gate="10 cells of the operator heard, 3 of them after this one; not of a railway; an area as "
     "in L1",
     sentence="area {area} has this cell alone, of {cells} cells of the operator",
-    harmless="the border of two areas, an indoor cell",
+    harmless="the border of two areas, a small cell in a house or shop",
     detection=0.8,
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
     elsewhere=Rate(1, 194, 0.0, "full scans of 197 cells, railways left out"),
@@ -187,10 +187,10 @@ class _ServingAreas:
     id="L3",
     family="area",
     needs=("identity", "area code", "position"),
-    gate="standing for 60 s, the new area for 10 s, no cell of it heard before, another one of "
-    "the same network was; an area as in L1",
+    gate="standing for 60 s, the new area for 10 s, no cell of it heard before; not between "
+    "networks of the first 5 minutes; an area as in L1",
     sentence="the area changed from {other_area} to {area} after {still_s} s of standing",
-    harmless="the border of two areas, a cell switched off",
+    harmless="the border of two areas, a cell switched off, another card or a roaming network",
     detection=0.4,
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
     refuted_by=_is_of_known_area,

@@ -3,13 +3,14 @@
 from collections import deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
-from math import cos, hypot, radians
+from math import cos, hypot, inf, radians
+from statistics import median
 from typing import Any, NamedTuple, TypeVar
 
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.fix_gate import METRES_PER_DEG, FixGate
 from logger.core.latest import Latest
-from logger.core.suspicion.spots import Spots
+from logger.core.suspicion.spots import Spot, Spots
 from logger.core.types import Broadcast, CellReading, Fix, Scan
 
 GAP_S = 15.0
@@ -25,11 +26,14 @@ PAIR_HELD_S = 10.0
 _MOST_MET, _LATE_S = 4, 300.0  # cells that begin to serve a walker who stands
 _LOWEST_DBM = -145.0
 """Below RSRP (-144 dBm, 3GPP TS 36.133 9.1.4): some telephones print -200 for none."""
-MOST_NETWORKS = 128
-"""More than all countries near a walk have."""
+MOST_NETWORKS = 128  # more than all countries near a walk have
 _USUAL_S = 300.0
 """A log of several telephones, or of a modem that tries networks in turn, names all of them in the
 first minutes."""
+_INDOORS_DB, _OUTDOORS_DB = 10.0, -5.0
+_DOOR_M = 60.0  # within which a door is passed; indoor positions are as far off
+_LEFT_M = 300.0  # where the levels of before are no longer to be compared
+_FEWEST_TO_COMPARE = 3  # cells of two scans
 _NO_AREA = frozenset({0, 0xFFFE, 0xFFFF})
 """Area codes of a cell that is not registered with (3GPP TS 23.003 4.1)."""
 
@@ -111,8 +115,8 @@ class HeardCell:
     longest_s: float = 0.0
     first_m: tuple[float, float] | None = None
 
-    def take(self, now: "Moment", heard: Heard) -> None:
-        """Remember a reading."""
+    def take(self, now: "Moment", heard: Heard, is_indoors: bool) -> None:
+        """Remember a reading."""  # indoors its level says nothing of the place
         self.heard = heard
         t_s = now.t_s
         if t_s - self.last_s > GAP_S:
@@ -126,7 +130,7 @@ class HeardCell:
         if arfcn is not None and code is not None:
             self._take_pair(t_s, (arfcn, code))
         if heard.level_dbm is not None:
-            self._take_level(now, heard.level_dbm)
+            self._take_level(now, heard.level_dbm, is_indoors)
 
     def _take_pair(self, t_s: float, pair: tuple[int, int]) -> None:
         """Channel and colour code are held for a while: after a handover they are mixed."""
@@ -151,14 +155,14 @@ class HeardCell:
         held = [pair[0] for pair, held_s in self.held_s.items() if held_s >= PAIR_HELD_S]
         return list(dict.fromkeys(held))
 
-    def _take_level(self, now: "Moment", level_dbm: float) -> None:
+    def _take_level(self, now: "Moment", level_dbm: float, is_indoors: bool) -> None:
         self.best_dbm = max(self.best_dbm, level_dbm)
         recent = self.recent
         recent.append(Level(now.t_s, level_dbm, now.x_m, now.y_m))
         if len(recent) >= STEADY:
             last = recent[-1].level_dbm, recent[-2].level_dbm, recent[-3].level_dbm
             self.weakest_dbm = min(last)
-        if now.x_m is not None and now.y_m is not None:
+        if now.x_m is not None and now.y_m is not None and not is_indoors:
             self.spots.add(now.x_m, now.y_m, level_dbm, now.t_s)
 
 
@@ -166,7 +170,7 @@ class Moment(NamedTuple):
     """One scan: time in seconds since boot, place, and its cells, each once.
 
     `x_m, y_m` are east and north of the first fix; `still_s` how long the walker has stood here.
-    `serving` is its first serving cell.
+    `serving` is its first serving cell, `leapt_s` the last leap of position.
     """
 
     t_ns: int
@@ -178,6 +182,7 @@ class Moment(NamedTuple):
     still_s: float
     cells: tuple[Heard, ...]
     serving: Heard | None
+    leapt_s: float
 
 
 class Walker:
@@ -185,6 +190,7 @@ class Walker:
 
     STILL_M = 30.0
     """Positions of a standing receiver in a street scatter by this much."""
+    DOUBTFUL_S = 70.0  # before and after a leap: reflections displace a receiver for a minute
 
     def __init__(self, max_fix_age_s: float) -> None:
         self._max_age_s = max_fix_age_s
@@ -212,12 +218,14 @@ class Walker:
         t_s = t_ns / 1e9
         cells = tuple([heard_of(reading) for reading in scan.readings])
         serving = next((heard for heard in cells if heard.is_serving), None)
-        if self._last is None or t_s - self._last[0] > self._max_age_s:
-            return Moment(t_ns, t_s, None, None, None, None, 0.0, cells, serving)
+        leapt_s = (self._gate.leapt_ns or -inf) / 1e9
+        is_doubtful = t_s - leapt_s < self.DOUBTFUL_S
+        if self._last is None or is_doubtful or t_s - self._last[0] > self._max_age_s:
+            return Moment(t_ns, t_s, None, None, None, None, 0.0, cells, serving, leapt_s)
         _, lat_deg, lon_deg = self._last
         x_m, y_m = self._to_metres(lat_deg, lon_deg)
         still_s = t_s - self._still[0]
-        return Moment(t_ns, t_s, lat_deg, lon_deg, x_m, y_m, still_s, cells, serving)
+        return Moment(t_ns, t_s, lat_deg, lon_deg, x_m, y_m, still_s, cells, serving, leapt_s)
 
     def _to_metres(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
         lat0_deg, lon0_deg = self._origin or (lat_deg, lon_deg)
@@ -230,6 +238,31 @@ def may_be_same(operator: str, other: str) -> bool:
     """Whether two networks `mcc-mnc` may be one; `?` is a code that the modem did not print."""
     pairs = zip(operator.split("-"), other.split("-"), strict=False)
     return all("?" in pair or pair[0] == pair[1] for pair in pairs)
+
+
+def levels_dbm(now: Moment) -> dict[object, float]:
+    # by cell, or by channel and code
+    levels = {
+        heard.name or (heard.rat, heard.reading.arfcn, heard.code): heard.level_dbm
+        for heard in now.cells
+    }
+    return {key: level_dbm for key, level_dbm in levels.items() if level_dbm is not None}
+
+
+def _change_db(before: Moment, now: Moment) -> float | None:
+    # what all cells have in common; a new cell or one that moves has no say
+    old_dbm = levels_dbm(before)
+    new = [(key, level_dbm) for key, level_dbm in levels_dbm(now).items() if key in old_dbm]
+    if len(new) < _FEWEST_TO_COMPARE:
+        return None
+    return median([level_dbm - old_dbm[key] for key, level_dbm in new])
+
+
+def _is_near(before: Moment, now: Moment, way_m: float) -> bool:
+    # a place that is not known may be near
+    if before.x_m is None or before.y_m is None or now.x_m is None or now.y_m is None:
+        return True
+    return hypot(now.x_m - before.x_m, now.y_m - before.y_m) <= way_m
 
 
 State = TypeVar("State")
@@ -261,6 +294,8 @@ class Memory:
         self._first_s: float | None = None
         self._usual: set[str] = set()
         self._of: dict[Callable[[], Any], Any] = {}
+        self._beside: deque[Moment] = deque(maxlen=2 * STEADY)
+        self._outdoors: Moment | None = None
 
     def take(self, now: Moment) -> None:
         """Remember a scan."""
@@ -268,6 +303,7 @@ class Memory:
         self.now = now
         self.latest.append(now)
         self._take_serving(now)
+        self._take_walls(now)
         taken: dict[str, HeardCell] = {}
         for heard in now.cells:
             name = heard.name
@@ -281,13 +317,39 @@ class Memory:
                 cell = HeardCell(
                     heard, name, heard.rat, heard.operator, heard.area, cid, t_s, t_s, t_s
                 )
-            cell.take(now, heard)
+            cell.take(now, heard, self._outdoors is not None)
             cell.area = heard.area if cell.area is None else cell.area
             self._put(cell)
             taken[name] = cell
         self.taken = list(taken.values())
         serving = now.serving
         self.serving = None if serving is None or serving.name is None else taken[serving.name]
+
+    def _take_walls(self, now: Moment) -> None:
+        # what all levels lose or gain at one place is of the receiver, not of one cell
+        outdoors, before = self._outdoors, self._beside
+        if before and now.leapt_s > before[-1].leapt_s:
+            self._forget_spots(lambda s: s.last_s > now.leapt_s - Walker.DOUBTFUL_S)
+        if outdoors is not None:
+            change_db = _change_db(outdoors, now)
+            is_out = change_db is not None and change_db >= _OUTDOORS_DB
+            if is_out or not _is_near(outdoors, now, _LEFT_M):
+                self._outdoors = None
+                before.clear()
+        elif (first := next((m for m in before if _is_near(m, now, _DOOR_M)), None)) is not None:
+            change_db = _change_db(first, now) or 0.0
+            if abs(change_db) >= _INDOORS_DB:
+                before.clear()
+            if change_db <= -_INDOORS_DB:
+                self._outdoors = first
+            elif change_db >= _INDOORS_DB and now.x_m is not None and now.y_m is not None:
+                x_m, y_m = now.x_m, now.y_m  # the walk began indoors
+                self._forget_spots(lambda s: hypot(s.x_m - x_m, s.y_m - y_m) <= _DOOR_M)
+        before.append(now)
+
+    def _forget_spots(self, is_wrong: Callable[[Spot], bool]) -> None:
+        for cell in self.cells.values():
+            cell.spots.forget(is_wrong)
 
     def _at_rest(self, now: Moment) -> Moment:
         # a receiver may repeat its position in a train: who stands meets few new cells

@@ -132,7 +132,7 @@ def _two_areas(memory: Memory, cell: HeardCell) -> Evidence | None:
     sentence="channel {channel} with code {code} is also that of {other}, heard {apart_m} m away",
     harmless="a telephone that prints the old identity with the new channel",
     detection=0.5,
-    measured=on_telephones(GSM=(1, 21, 2.0)),
+    measured=on_telephones(GSM=(0, 21, 2.0)),
     rats=GSM,
 )
 def _anothers_channel(memory: Memory, cell: HeardCell) -> Evidence | None:

@@ -9,7 +9,15 @@ from typing import NamedTuple
 
 from logger.core.baseline import best_dbm
 from logger.core.suspicion.earlier_walks import FEWEST_WALKS, ground
-from logger.core.suspicion.heard import FULL_LIST, STEADY, HeardCell, Level, Memory, Moment
+from logger.core.suspicion.heard import (
+    FULL_LIST,
+    STEADY,
+    HeardCell,
+    Level,
+    Memory,
+    Moment,
+    levels_dbm,
+)
 from logger.core.suspicion.rule import Evidence, Rate, ScanRule, on_telephones
 
 _JUMP_DB = 20.0
@@ -108,11 +116,9 @@ def _others_rise_db(memory: Memory, cell: HeardCell, since_s: float) -> float:
     before: dict[object, float] = {}
     after: dict[object, float] = {}
     for moment in memory.latest:
-        for heard in moment.cells:
-            key = heard.name or (heard.rat, heard.reading.arfcn, heard.code)
-            if key != cell.name and heard.level_dbm is not None:
-                (before if moment.t_s < since_s else after)[key] = heard.level_dbm
-    return median([after[key] - before[key] for key in before.keys() & after.keys()] or [0.0])
+        (before if moment.t_s < since_s else after).update(levels_dbm(moment))
+    both = before.keys() & after.keys() - {cell.name}
+    return median([after[key] - before[key] for key in both] or [0.0])
 
 
 _SCANS = partial(deque[_Before], maxlen=12)

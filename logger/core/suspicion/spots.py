@@ -1,6 +1,6 @@
 """Where and how strongly a cell was heard on the whole walk, in bounded memory."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import chain
 
 SPOT_M = 25.0
@@ -72,6 +72,14 @@ class Spots:
             self._coarsen()
         self.here, self._square = Spot(x_m, y_m, level_dbm, t_s), square
         self.n += 1
+
+    def forget(self, is_wrong: Callable[[Spot], bool]) -> None:
+        """Drop spots."""
+        kept = [spot for spot in self if not is_wrong(spot)]
+        if len(kept) < len(self):
+            self.here, self._visits, self._n_kept = None, {}, 0
+            for spot in kept:
+                self._keep(spot)
 
     def _keep(self, spot: Spot) -> None:
         square = int(spot.x_m // self._side_m), int(spot.y_m // self._side_m)

@@ -83,3 +83,42 @@ def test_s7_is_silent_where_the_others_are_heard_after_the_change_alone():
 
 def test_s7_is_silent_while_walking():
     assert ("S7", 99) not in _stand(range(-85, -55, 2), metres=7.0).rules
+
+
+def _street(k, *, loss_db=0.0):
+    """Four cells whose levels stay along a street, and two that the walk passes."""
+    here_m = 6.0 * k
+    past = [(91, 300.0), (92, 900.0)]
+    levels = [(cid, -76.0 - cid % 10) for cid in range(10, 14)]
+    levels += [(cid, -45.0 - 30.0 * log10(max(abs(here_m - at), 30.0) / 30.0)) for cid, at in past]
+    return [gsm(cid, round(level_dbm - loss_db)) for cid, level_dbm in levels]
+
+
+def _walk_with_houses(loss_db, indoors, drift_m, n=180):
+    """North along the street; `indoors` are scans, while the position drifts there and back."""
+    steps = round(drift_m / 25.0)
+    walk, k = Walk(), 0
+    for scan in range(n):
+        is_indoors = scan in indoors
+        k += not is_indoors
+        metres = (25.0 if scan % (2 * steps) < steps else -25.0) if is_indoors else 6.0
+        walk.scan(*_street(k, loss_db=loss_db if is_indoors else 0.0), metres=metres, seconds=10.0)
+    return walk
+
+
+@pytest.mark.parametrize(("indoors", "drift_m"), [(range(60, 100), 125.0), (range(40), 50.0)])
+def test_walls_that_weaken_all_cells_are_of_no_cell(indoors, drift_m):
+    """In a house on the way, and where the walk begins."""
+    rules = {rule for rule, _ in _walk_with_houses(30.0, indoors, drift_m).rules}
+    assert not rules & {"S4", "S5", "S6"}
+
+
+@pytest.mark.parametrize("leap_m", [500.0, 1500.0])
+def test_a_position_that_leaps_for_a_minute_is_of_no_cell(leap_m):
+    """A reflection puts the receiver elsewhere; the levels stay those of the street."""
+    walk, off_m = Walk(), 0.0
+    for k in range(360):
+        to_m = leap_m if 180 <= k < 240 else 0.0
+        walk.scan(*_street(0.7 * k), metres=4.2 + to_m - off_m, seconds=1.0)
+        off_m = to_m
+    assert not {rule for rule, _ in walk.rules} & {"S4", "S5", "S6", "S9"}
