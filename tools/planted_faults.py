@@ -159,7 +159,7 @@ FAULTS = (
     Fault(
         "import",
         "each row is a scan of its own",
-        "groupby(A__, key=lambda row: (row.t_ns, row.receiver))",
+        "groupby(A__, key=key)",
         "groupby(A__, key=id)",
         "tests/postproc/interop",
         ("test_rows_of_one_time_are_one_scan",),
