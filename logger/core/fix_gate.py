@@ -19,7 +19,7 @@ class FixGate:
     """
 
     _ERROR_M = 150.0
-    _SHORT_M = 50.0
+    _SHORT_M = 50.0  # out of reach by more is a leap, though the fix may be true
     _FASTEST_MPS = 100.0
     """360 km/h: a train."""
     _RETURN_NS = 5 * 10**9

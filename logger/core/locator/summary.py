@@ -51,7 +51,7 @@ _CORNER_M = 35.0  # of the transmitter from that corner: standard deviation per 
 _CORNER_NOISE_DB = 6.5  # sigma at which a corner is half as probable
 _CORNER_NOISE_WIDTH_DB = 0.7
 """Without corners 10 of 47 transmitters at street level are located wrongly, with them 2 of 48
-(`benchmarks/streets.py`); 506 measured walks have equal verdicts.
+(`benchmarks/streets.py`).
 """
 _BESIDE_WALK_M = 25.0
 """A position this close to the walk is beside the street that was walked."""
