@@ -45,12 +45,12 @@ _BLUR_SIGMAS = 7.0
 """Farther than this many standard deviations the blur carries nothing: less than 1e-10."""
 _CORNER_SHARE = 0.4
 """Probability, in much noise, that what is found is a corner that the waves come around (ITU-R
-P.1411). A walk that only crosses the transmitter's street finds the crossing.
+P.1411): a walk that crosses the transmitter's street finds the crossing.
 """
 _CORNER_M = 35.0  # of the transmitter from that corner: standard deviation per axis
 _CORNER_NOISE_DB = 6.5  # sigma at which a corner is half as probable
 _CORNER_NOISE_WIDTH_DB = 0.7
-"""Without corners 10 of 47 transmitters at street level are located wrongly, with them 2 of 48
+"""Without corners 10 of 47 located at street level are wrong, with them 2 of 48
 (`benchmarks/streets.py`).
 """
 _BESIDE_WALK_M = 25.0
@@ -223,7 +223,7 @@ def _offsets(task: LocatorInput, tree: Tree, mixed: Mixture, region: _Region) ->
 def _displace(
     prior: Prior, tree: Tree, evidence: Evidence, mixed: Mixture, bias_m: float
 ) -> FloatArray:
-    """Probability (h,) after an error of the receiver's position, and after a corner."""
+    """Probability (h,) after an error of the receiver and a corner."""
     steepness = (evidence.sigma_db - _CORNER_NOISE_DB) / _CORNER_NOISE_WIDTH_DB
     around_corner = np.sum(mixed.share * (_CORNER_SHARE / (1.0 + np.exp(-steepness))), axis=0)
     room_m2 = tree.size_m**2

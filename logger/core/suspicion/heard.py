@@ -116,7 +116,7 @@ class HeardCell:
     first_m: tuple[float, float] | None = None
 
     def take(self, now: "Moment", heard: Heard, is_indoors: bool) -> None:
-        """Remember a reading; indoors its level is of no place."""
+        """Remember a reading; indoors without its level."""
         self.heard = heard
         t_s = now.t_s
         if t_s - self.last_s > GAP_S:
@@ -241,7 +241,7 @@ def may_be_same(operator: str, other: str) -> bool:
 
 
 def levels_dbm(now: Moment) -> dict[object, float]:
-    """Levels by cell, or channel and code."""
+    """By cell, or channel and code."""
     levels = {
         heard.name or (heard.rat, heard.reading.arfcn, heard.code): heard.level_dbm
         for heard in now.cells
