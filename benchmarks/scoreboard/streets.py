@@ -4,12 +4,11 @@ Loss along a street as in free space up to the breakpoint and with the fourth po
 corner 15 to 28 dB more within 30 m, then 60 dB a decade (the form of ITU-R P.1411, propagation
 within street canyons). Through and over the houses 10 to 22 dB more than along a street, exponent
 3.2 to 4. The stronger way counts. A transmitter on a roof has the second way only, with an exponent
-of 2.6 to 3.6. No constant of the locator is a parameter of this world but the order of distances.
+of 2.6 to 3.6.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import exp
 from multiprocessing import Pool
 from typing import NamedTuple
 from zlib import crc32
@@ -22,6 +21,7 @@ from logger.core.arrays import BoolArray, FloatArray, IntArray
 from . import tree
 from .tables import Table
 from .world import Walk, World, observations
+from .worlds import gauss_markov
 
 KINDS = ("street", "room", "roof", "far")
 """In the street; behind a front, 8 to 18 dB weaker; on a roof; in a street 120 to 400 m away."""
@@ -232,11 +232,8 @@ def _level_dbm(
 def _shadowing_db(rng: np.random.Generator, points: FloatArray) -> FloatArray:
     """Exponentially correlated along the way, 2 to 4 dB over 8 to 25 m."""
     sigma_db, over_m = rng.uniform(2.0, 4.0), rng.uniform(8.0, 25.0)
-    values = sigma_db * rng.normal(size=len(points))
-    for k, step_m in enumerate(np.hypot(*np.diff(points, axis=0).T), 1):
-        memory = exp(-step_m / over_m)
-        values[k] = memory * values[k - 1] + np.sqrt(1.0 - memory**2) * values[k]
-    return values
+    memory = np.exp(-np.hypot(*np.diff(points, axis=0).T) / over_m)
+    return np.asarray(sigma_db * gauss_markov(rng, len(points), memory), float)
 
 
 def _along_streets_db(

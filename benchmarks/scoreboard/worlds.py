@@ -70,7 +70,7 @@ def with_gps_errors(rng: np.random.Generator, shape: str, kind: GpsError) -> Wor
     world = _simulate_walk(rng, points, source, Noise(3.0))
     count = len(world.walk)
     memory = {"white": 0.0, "slow": np.exp(-1.0 / _GPS_MEMORY_S), "constant": 1.0}[kind]
-    east_m, north_m = (GPS_SIGMA_M * _gauss_markov(rng, count, memory) for _ in range(2))
+    east_m, north_m = (GPS_SIGMA_M * gauss_markov(rng, count, memory) for _ in range(2))
     walk = replace(world.walk, x_m=world.walk.x_m + east_m, y_m=world.walk.y_m + north_m)
     return _place_randomly(rng, replace(world, walk=walk, position_sigma_m=GPS_SIGMA_M))
 
@@ -228,9 +228,12 @@ def _level_dbm(
     return np.asarray(p0_dbm - eta * distance_db, float)
 
 
-def _gauss_markov(rng: np.random.Generator, count: int, memory: float) -> FloatArray:
-    """Stationary series of unit variance with correlation `memory`, shape (count,)."""
-    values = rng.normal(size=count)
-    for k in range(1, count):
-        values[k] = memory * values[k - 1] + np.sqrt(1.0 - memory**2) * values[k]
+def gauss_markov(rng: np.random.Generator, count: int, memory: FloatArray | float) -> FloatArray:
+    """Stationary series (count,) of unit variance.
+
+    `memory` is the correlation with the value before, one for all or of shape (count - 1,).
+    """
+    values, of_step = rng.normal(size=count), np.broadcast_to(memory, count - 1).tolist()
+    for k, kept in enumerate(of_step, 1):
+        values[k] = kept * values[k - 1] + np.sqrt(1.0 - kept**2) * values[k]
     return values
