@@ -19,7 +19,9 @@ from types import MappingProxyType
 from logger.drivers.family import Family, cells_with
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import Row
-from logger.drivers.reading.standard_replies import with_serving_cell
+from logger.drivers.reading.standard_replies import is_serving, with_name, with_serving_cell
+
+NAME = tuple(map(Command, ("AT+COPS=3,2", "AT+CEREG=2", "AT+COPS?", "AT+CEREG?")))  # of LTE
 
 
 class Generic(Family):
@@ -56,3 +58,12 @@ class Generic(Family):
         """Ask, and put together what describes the serving cell."""
         rows = yield from self.ask(self.poll_commands)
         return None if rows is None else with_serving_cell(rows)
+
+
+def name_nbiot(family: Family, rows: Sequence[Row]) -> Dialogue[tuple[Row, ...] | None]:
+    """Rows with names, or the registered cell."""
+    common = (yield from family.ask(NAME)) or ()
+    if rows:
+        return with_name(rows, with_serving_cell(common))
+    common = (yield from Generic().poll()) or ()
+    return common if any(map(is_serving, common)) else None

@@ -25,7 +25,7 @@ from types import MappingProxyType
 from typing import ClassVar
 
 from logger.drivers.family import Claim, Family, cells_with
-from logger.drivers.generic import Generic
+from logger.drivers.generic import name_nbiot
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.quectel import KINDS
 from logger.drivers.reading.row_language import (
@@ -38,7 +38,6 @@ from logger.drivers.reading.row_language import (
     number,
     split,
 )
-from logger.drivers.reading.standard_replies import NAME, is_serving, with_name, with_serving_cell
 
 _GSM = form("GSM", "mcc mnc lac cid16 arfcn! bsic! rssi* c1 c2 _ _ _ _ _ _ _ _ _", KINDS)
 _GSM_NEIGHBOUR = form("GSM", "order* arfcn* rssi* bsic! c1 c2 mcc mnc lac cid16", KINDS)
@@ -110,13 +109,10 @@ class QuectelGsm(Family):
         for command in self.nbiot_poll_commands:
             reply = yield command
             if rows := self.read(reply.marked_lines):
-                common = (yield from self.ask(NAME)) or ()
-                return with_name(rows, with_serving_cell(common))
+                return (yield from name_nbiot(self, rows))
             if not reply.is_refusal:
                 return () if reply.ok else None
-        yield from self.ask(NAME)
-        common = (yield from Generic().poll()) or ()
-        return common if any(map(is_serving, common)) else None
+        return (yield from name_nbiot(self, ()))
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in rows of QENG and NUESTATS."""

@@ -28,7 +28,7 @@ from types import MappingProxyType
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family, cells_with
-from logger.drivers.generic import Generic
+from logger.drivers.generic import name_nbiot
 from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading import modem_gnss
 from logger.drivers.reading.row_language import (
@@ -44,13 +44,7 @@ from logger.drivers.reading.row_language import (
     number,
     padded_number,
 )
-from logger.drivers.reading.standard_replies import (
-    NAME,
-    is_serving,
-    merge_serving_cells,
-    with_name,
-    with_serving_cell,
-)
+from logger.drivers.reading.standard_replies import is_serving, merge_serving_cells
 from logger.drivers.sim7600 import cpsi_cells
 
 ENGINEERING_ON = Command("AT+CENG=1,1")
@@ -138,12 +132,10 @@ class Sim7000(Family):
         rows = merge_serving_cells(self.read(lines))
         is_read = any(isinstance(row, CellReading | NoCell) for row in rows)
         if is_refused and not is_read and not any(map(_has_header, lines)):
-            yield from self.ask(NAME)  # a SIM7020 with other rows, or without AT+CENG
-            common = (yield from Generic().poll()) or ()
-            return common if any(map(is_serving, common)) else None
+            # a SIM7020 with other rows, or without AT+CENG
+            return (yield from name_nbiot(self, ()))
         if any(map(_lacks_network, rows)):
-            common = (yield from self.ask(NAME)) or ()
-            rows = with_name(rows, with_serving_cell(common))
+            rows = (yield from name_nbiot(self, rows)) or rows
         return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:

@@ -4,10 +4,9 @@ from dataclasses import replace
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.generic import Generic
+from logger.drivers.generic import NAME, Generic
 from logger.drivers.quectel_gsm import QuectelGsm
 from logger.drivers.reading.row_language import NoCell
-from logger.drivers.reading.standard_replies import NAME
 from tests.kit.corpus import check_recorded
 from tests.kit.drivers import (
     NO_IDENTITY,

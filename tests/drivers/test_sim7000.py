@@ -2,9 +2,9 @@ import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.family import AUTOBAUD_TRIES
+from logger.drivers.generic import NAME as NAMING
 from logger.drivers.generic import Generic
 from logger.drivers.reading.row_language import NoCell, as_json
-from logger.drivers.reading.standard_replies import NAME as NAMING
 from logger.drivers.sim7000 import Sim7000
 from tests.kit.corpus import check_entry, entries, lines_of
 from tests.kit.drivers import NO_IDENTITY, identity_of, poll_on_the_wire, run_exchange

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from typing import Any, TypeGuard
 
 from logger.core.types import CARRIER_ABOVE_DB, CellReading, Rat, reportable
-from logger.drivers.protocols.at import INTERRUPTION, Command
+from logger.drivers.protocols.at import INTERRUPTION
 from logger.drivers.reading.row_language import (
     CSQ_OF_INDEX,
     ECN0_OF_INDEX,
@@ -196,8 +196,6 @@ _RESULT = re.compile(
 )
 _LAST_VALUE = re.compile(r"[^\s,]*\s*\Z")
 _CLOSED = re.compile(r'(?:"[^"]*"|:)\s*\Z')
-NAME = tuple(map(Command, ("AT+COPS=3,2", "AT+CEREG=2", "AT+COPS?", "AT+CEREG?")))
-"""Commands that name a cell of NB-IoT."""
 _COMMON = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
 """Names of the replies that every family reads (`standard_replies`)."""
 
