@@ -199,32 +199,32 @@ def _import_all(
 
 def _counts(imported: importing.Imported) -> str:
     again = f", {imported.n_repeated} repeated" if imported.n_repeated else ""
-    remarks = f", {imported.n_remarks} remarks" if imported.n_remarks else ""
-    counts = f"{imported.n_rows} readings{remarks}, {imported.n_bad} bad rows{again}"
+    remarks = f", {len(imported.left.remarks)} remarks" if imported.left.remarks else ""
+    counts = f"{imported.n_rows} readings{remarks}, {imported.left.n_bad} bad rows{again}"
     return f"{imported.path}: {counts} ({imported.format})"
 
 
 def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
-    for bad in imported.bad_rows[:_MOST_PRINTED]:
+    for bad in imported.left.bad[:_MOST_PRINTED]:
         yield f"{source}: line {bad.line}: {bad.why}"
-    if imported.n_bad > _MOST_PRINTED:
-        more = imported.n_bad - _MOST_PRINTED
+    if imported.left.n_bad > _MOST_PRINTED:
+        more = imported.left.n_bad - _MOST_PRINTED
         yield f"{source}: ... and {more} more bad rows (--json lists them)"
     if imported.no_clock:
         what = f"its times are no clock's, {imported.no_clock}"
         yield f"{source}: {what}: imported as with --times none"
     if imported.was_sorted:
         yield f"{source}: rows were out of order and have been sorted by time"
-    for why, n in imported.other:
+    for why, n in imported.left.other:
         what = f"{why}: {n} not read" if imported.sha256 else f"left out: {n} rows, {why}"
         yield f"{imported.path}: {what}"
     if imported.no_track:
         yield f"{imported.path}: no positions: {imported.no_track}"
-    for why, n in imported.no_level:
+    for why, n in imported.left.no_level:
         yield f"{imported.path}: left out: {n} levels, {why}"
-    if imported.n_unnamed:
-        every = ", so no cell can be located" if imported.n_unnamed == imported.n_rows else ""
-        yield f"{imported.path}: {imported.n_unnamed} readings name no cell{every}"
+    if imported.left.n_unnamed:
+        every = ", so no cell can be located" if imported.left.n_unnamed == imported.n_rows else ""
+        yield f"{imported.path}: {imported.left.n_unnamed} readings name no cell{every}"
 
 
 @click.command

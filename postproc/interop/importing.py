@@ -165,30 +165,89 @@ _CURRENT_NS = 10 * 10**9
 """An older fix is not current at a scan."""
 
 
+class LeftOut:
+    """What of a file does not become part of the run: the first bad rows, and how many others."""
+
+    def __init__(self) -> None:
+        self.bad: list[BadRow] = []
+        self.n_bad = 0
+        self.remarks: list[Remark] = []
+        self.n_levels = self.n_unnamed = 0
+        self._other: Counter[str] = Counter()
+        self._no_level: Counter[str] = Counter()
+
+    def in_range(self, row: Row) -> Row:
+        """A row without a level that its technology cannot report; one without a name is none."""
+        if not isinstance(row, Sighting):
+            return row
+        reading = row.reading if row.reading.rat is None else reportable(row.reading)
+        self.n_levels += reading.level_dbm is not None
+        if row.reading.rat is not None and reading.level_dbm != row.reading.level_dbm is not None:
+            low, high = range_dbm(row.reading.rat)
+            why = f"level outside of what {row.reading.rat} reports, {low:g} to {high:g} dBm"
+            if reading.cell is None:
+                return NoCell(row.line, why)
+            if reading.level_dbm is None:
+                self._no_level[why] += 1
+        self.n_unnamed += (reading.cell or channel_name(reading)) is None
+        return row if reading is row.reading else replace(row, reading=reading)
+
+    def take(self, row: BadRow | NoCell | Remark) -> None:
+        """Count a row; raises `RunFileError` for more remarks than a walk has."""
+        if isinstance(row, NoCell):
+            self._other[row.why] += row.n
+        elif isinstance(row, Remark):
+            if len(self.remarks) >= MOST_REMARKS and row.code != REMARK:
+                self._other[f"signals after the first {MOST_REMARKS:,}"] += 1
+                return
+            if len(self.remarks) == MOST_REMARKS:
+                raise RunFileError(f"line {row.line} is the {MOST_REMARKS:,}th with a remark")
+            self.remarks.append(row)
+        else:
+            self.n_bad += 1
+            if len(self.bad) < MOST_BAD_ROWS:
+                self.bad.append(row)
+
+    @property
+    def other(self) -> tuple[tuple[str, int], ...]:
+        return tuple(self._other.most_common())
+
+    @property
+    def no_level(self) -> tuple[tuple[str, int], ...]:
+        return tuple(self._no_level.most_common())
+
+    @property
+    def n_other(self) -> int:
+        return self._other.total()
+
+    @property
+    def reason(self) -> str:
+        """Why nothing is left, as the end of a sentence."""
+        if self.bad:
+            return f"; line {self.bad[0].line}: {self.bad[0].why}"
+        if self.remarks:
+            return (
+                f"; {len(self.remarks)} remarks have no place: "
+                "add the GPX track of the walk with --track"
+            )
+        return "".join(f"; {n} rows: {why}" for why, n in (*self.other, *self.no_level))
+
+
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """The result of an import; `n_other` counts rows that are no cells, `n_repeated` repetitions.
+    """The result of an import, and what of the file it has `left` out; `n_repeated` rows repeat.
 
     Without `has_times` the run's times only count the rows; `no_clock` states why those of the
-    file, if asked for, are not used. `other` states why the rows of `n_other` were passed over and
-    how many each, `n_remarks` counts what another program noticed. `bad_rows` are the first of
-    `n_bad`. `no_level` states how many rows count without their level, and why; `n_unnamed` counts
-    levels of no named cell.
+    file, if asked for, are not used, `no_track` why there are no positions.
     """
 
     path: Path
     format: str
     n_rows: int
-    n_other: int
     n_repeated: int
-    bad_rows: tuple[BadRow, ...]
     was_sorted: bool
+    left: LeftOut
     has_times: bool = True
-    other: tuple[tuple[str, int], ...] = ()
-    n_remarks: int = 0
-    n_bad: int = 0
-    no_level: tuple[tuple[str, int], ...] = ()
-    n_unnamed: int = 0
     no_clock: str | None = None
     sha256: str | None = None
     no_track: str | None = None
@@ -230,7 +289,7 @@ def import_walk(
     spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
     name = source if member is None else Path(f"{source}/{member}")
     with closing(_sighting_file(target)) as sightings, ExitStack() as files:
-        left = _Left()
+        left = LeftOut()
         plain = files.enter_context(plain_file(source, member))
         if member is not None and member.endswith(_CAPTURES[1]):
             plain = files.enter_context(plain_file(plain))
@@ -337,7 +396,7 @@ def _write(
     target: Path,
     form: Format,
     sightings: SightingFile,
-    left: "_Left",
+    left: LeftOut,
     reading: Reading,
     sha256: str | None,
 ) -> Imported:
@@ -369,16 +428,10 @@ def _write(
         target,
         form.name,
         len(sightings),
-        left.n_other,
         n_repeated,
-        tuple(left.bad),
         was_sorted,
+        left,
         has_times,
-        left.other,
-        len(left.remarks),
-        left.n_bad,
-        left.no_level,
-        left.n_unnamed,
         no_clock,
         sha256,
         no_track,
@@ -435,74 +488,6 @@ def _with_places(rows: Iterable[Row], reading: Reading) -> Iterator[Row]:
     if reading.zone is not None:
         rows = in_zone(rows, reading.zone)
     return on_track(rows, reading.track) if reading.track else with_position(rows)
-
-
-class _Left:
-    """What of a file does not become part of the run: the first bad rows, and how many others."""
-
-    def __init__(self) -> None:
-        self.bad: list[BadRow] = []
-        self.n_bad = 0
-        self.remarks: list[Remark] = []
-        self.n_levels = self.n_unnamed = 0
-        self._other: Counter[str] = Counter()
-        self._no_level: Counter[str] = Counter()
-
-    def in_range(self, row: Row) -> Row:
-        """A row without a level that its technology cannot report; one without a name is none."""
-        if not isinstance(row, Sighting):
-            return row
-        reading = row.reading if row.reading.rat is None else reportable(row.reading)
-        self.n_levels += reading.level_dbm is not None
-        if row.reading.rat is not None and reading.level_dbm != row.reading.level_dbm is not None:
-            low, high = range_dbm(row.reading.rat)
-            why = f"level outside of what {row.reading.rat} reports, {low:g} to {high:g} dBm"
-            if reading.cell is None:
-                return NoCell(row.line, why)
-            if reading.level_dbm is None:
-                self._no_level[why] += 1
-        self.n_unnamed += (reading.cell or channel_name(reading)) is None
-        return row if reading is row.reading else replace(row, reading=reading)
-
-    def take(self, row: BadRow | NoCell | Remark) -> None:
-        """Count a row; raises `RunFileError` for more remarks than a walk has."""
-        if isinstance(row, NoCell):
-            self._other[row.why] += row.n
-        elif isinstance(row, Remark):
-            if len(self.remarks) >= MOST_REMARKS and row.code != REMARK:
-                self._other[f"signals after the first {MOST_REMARKS:,}"] += 1
-                return
-            if len(self.remarks) == MOST_REMARKS:
-                raise RunFileError(f"line {row.line} is the {MOST_REMARKS:,}th with a remark")
-            self.remarks.append(row)
-        else:
-            self.n_bad += 1
-            if len(self.bad) < MOST_BAD_ROWS:
-                self.bad.append(row)
-
-    @property
-    def other(self) -> tuple[tuple[str, int], ...]:
-        return tuple(self._other.most_common())
-
-    @property
-    def no_level(self) -> tuple[tuple[str, int], ...]:
-        return tuple(self._no_level.most_common())
-
-    @property
-    def n_other(self) -> int:
-        return self._other.total()
-
-    @property
-    def reason(self) -> str:
-        """Why nothing is left, as the end of a sentence."""
-        if self.bad:
-            return f"; line {self.bad[0].line}: {self.bad[0].why}"
-        if self.remarks:
-            return (
-                f"; {len(self.remarks)} remarks have no place: "
-                "add the GPX track of the walk with --track"
-            )
-        return "".join(f"; {n} rows: {why}" for why, n in (*self.other, *self.no_level))
 
 
 def _start_ns(first: Sequence[Sighting], remarks: Sequence[Remark], track: GpsTrack | None) -> int:
@@ -683,10 +668,10 @@ def _notes(imported: Imported) -> Iterator[Note]:
         yield Note("warning", "no-times", text)
     if imported.was_sorted:
         yield Note("warning", "sorted", "rows were out of order and have been sorted by time")
-    for why, n in imported.other:
+    for why, n in imported.left.other:
         what = f"{why}: {n} not read" if imported.sha256 else f"{n} rows were passed over: {why}"
         yield Note("info", "no-cells", what)
-    for why, n in imported.no_level:
+    for why, n in imported.left.no_level:
         yield Note("info", "no-level", f"{n} levels were not read: {why}")
     if imported.no_track:
         yield Note("warning", "no-positions", f"no positions: {imported.no_track}")
@@ -694,9 +679,9 @@ def _notes(imported: Imported) -> Iterator[Note]:
         yield Note(
             "info", "repeated", f"{imported.n_repeated} rows repeat others and were left out"
         )
-    for bad in imported.bad_rows:
+    for bad in imported.left.bad:
         yield Note("warning", "bad-row", f"line {bad.line}: {bad.why}")
-    if more := imported.n_bad - len(imported.bad_rows):
+    if more := imported.left.n_bad - len(imported.left.bad):
         yield Note("warning", "bad-rows", f"{more} more rows could not be read")
 
 
@@ -706,19 +691,19 @@ def summary(imported: Imported) -> dict[str, object]:
         "run": str(imported.path),
         "format": imported.format,
         "rows": imported.n_rows,
-        "other_rows": imported.n_other,
-        "left_out": dict(imported.other),
-        "left_out_levels": dict(imported.no_level),
-        "unnamed_rows": imported.n_unnamed,
+        "other_rows": imported.left.n_other,
+        "left_out": dict(imported.left.other),
+        "left_out_levels": dict(imported.left.no_level),
+        "unnamed_rows": imported.left.n_unnamed,
         "repeated_rows": imported.n_repeated,
-        "remarks": imported.n_remarks,
+        "remarks": len(imported.left.remarks),
         "sorted": imported.was_sorted,
         "times": imported.has_times,
         "no_clock": imported.no_clock,
         "sha256": imported.sha256,
         "no_positions": imported.no_track,
-        "n_bad_rows": imported.n_bad,
-        "bad_rows": [{"line": bad.line, "why": bad.why} for bad in imported.bad_rows],
+        "n_bad_rows": imported.left.n_bad,
+        "bad_rows": [{"line": bad.line, "why": bad.why} for bad in imported.left.bad],
     }
 
 

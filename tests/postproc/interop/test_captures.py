@@ -145,7 +145,7 @@ def test_rows_that_nothing_dates_are_left_out_and_counted(tmp_path):
     source.write_bytes(stream(range(60), shift=jump))
     result, run = import_file(source, tmp_path)
     assert result.n_rows == 80
-    assert ("readings of before the modem's clock was set", 40) in result.other
+    assert ("readings of before the modem's clock was set", 40) in result.left.other
     assert len(run.tables["scans"]) == 40
 
 
@@ -168,7 +168,7 @@ def test_a_packed_recording_may_lack_its_end(tmp_path):
     source.write_bytes(packed[: len(packed) * 2 // 3])
     result, _ = import_file(source, tmp_path)
     assert 60 < result.n_rows < 120
-    assert ("damaged frames, cut", 1) in result.other
+    assert ("damaged frames, cut", 1) in result.left.other
 
 
 def test_damage_and_unknown_versions_are_counted(tmp_path, capsys):
@@ -226,7 +226,7 @@ def test_levels_of_gsmtap_version_3(tmp_path):
     (tmp_path / "a.pcapng").write_bytes(diag.pcapng(packets))
     result, run = import_file(tmp_path / "a.pcapng", tmp_path)
     assert run.tables["readings"]["rsrp_dbm"].tolist() == [-90.0 - s for s in range(20)]
-    assert result.other == (("packets without a level", 1),)
+    assert result.left.other == (("packets without a level", 1),)
     assert b"secretsecret" not in (tmp_path / "run.h5").read_bytes()
 
 
@@ -243,7 +243,10 @@ def test_signals_of_a_year_do_not_end_an_import(tmp_path, monkeypatch):
     data = b"".join(diag.log_frame(0x512F, T0_NS + s * 10**9, cipher) for s in range(30))
     (tmp_path / "walk.qmdl").write_bytes(stream(range(30)) + data)
     result, _ = import_file(tmp_path / "walk.qmdl", tmp_path)
-    assert (result.n_remarks, result.other) == (20, (("signals after the first 20", 10),))
+    assert (len(result.left.remarks), result.left.other) == (
+        20,
+        (("signals after the first 20", 10),),
+    )
 
 
 def test_signals_on_a_track_need_no_level(tmp_path, capsys):
@@ -253,8 +256,8 @@ def test_signals_on_a_track_need_no_level(tmp_path, capsys):
     data = b"".join(diag.log_frame(0x512F, t_ns, cipher) for t_ns in times_ns)
     source = diag.rayhunter_zip(tmp_path / "a.zip", data, lines(range(0, 31, 5)))
     result, run = import_file(source, tmp_path)
-    assert (result.n_rows, result.n_remarks, result.no_track) == (0, 2, None)
-    assert result.other == (("remarks and signals of before the modem's clock was set", 1),)
+    assert (result.n_rows, len(result.left.remarks), result.no_track) == (0, 2, None)
+    assert result.left.other == (("remarks and signals of before the modem's clock was set", 1),)
     assert len(fixes_of(run)) == 7
     assert run.end.t_ns == run.tables["notes"]["t_ns"].max() == 40 * 10**9
     assert main(["suspect", "--signalling", str(tmp_path / "run.h5")]) == 0
@@ -286,7 +289,7 @@ def test_positions_survive_a_power_cut_and_any_order(tmp_path):
     assert fixes_of(run)["utc_ns"].tolist() == [
         T0_NS + s * 10**9 for s in range(0, 61, 5) if s not in {15, 35}
     ]
-    assert result.other == (("lines of positions that have none", 2),)
+    assert result.left.other == (("lines of positions that have none", 2),)
 
 
 def test_positions_as_rayhunter_wrote_them_first(tmp_path):

@@ -50,10 +50,10 @@ def test_a_compressed_file_is_what_is_in_it(tmp_path, form, kind):
     }[form]()
     first = import_walk(plain, tmp_path / "plain.h5")
     packed = import_walk(_pack(tmp_path, plain, kind), tmp_path / "packed.h5")
-    assert (packed.format, packed.n_rows, packed.bad_rows) == (
+    assert (packed.format, packed.n_rows, packed.left.bad) == (
         first.format,
         first.n_rows,
-        first.bad_rows,
+        first.left.bad,
     )
     one, other = (
         read_run(tmp_path / name).tables["readings"] for name in ("plain.h5", "packed.h5")
