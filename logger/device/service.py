@@ -341,8 +341,8 @@ def run_service(
         def publish() -> None:
             manager.heartbeat(service.heartbeat)
             status = service.snapshot()
-            for sink in sinks:
-                sink.publish(status)
+            for show in sinks:
+                show(status)
 
         reason, at_stop = "internal error of the logger", None
         try:

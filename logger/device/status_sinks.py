@@ -5,7 +5,7 @@ It has the state, the counts, the machine's ports and the cells that are unusual
 position, no time of day and no file. Identities of cells tell others about where the walker is:
 therefore the socket is local.
 
-A new output is a class with `publish` and `close`, one line in `status_sinks`, and its settings in
+A new output is a class with `publish`, one line in `status_sinks`, and its settings in
 `StatusSettings`.
 """
 
@@ -14,10 +14,10 @@ import os
 import selectors
 import socket
 import stat
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 
@@ -32,16 +32,6 @@ _LOOPBACK = "127.0.0.1"
 _MOST_READERS = 16
 _BACKLOG = 4
 _GROUP_MAY_CONNECT = 0o660
-
-
-class StatusSink(Protocol):
-    """An output of the status. Neither method raises: no output may stop a recording."""
-
-    def publish(self, status: Status) -> None:
-        """Show a status; called once a second."""
-
-    def close(self) -> None:
-        """Release what the output holds."""
 
 
 class StatusFile:
@@ -63,9 +53,6 @@ class StatusFile:
         else:
             self._fails = False
 
-    def close(self) -> None:
-        self._folder = None
-
 
 class SystemdStatus:
     """The line that `systemctl status` shows."""
@@ -79,26 +66,20 @@ class SystemdStatus:
             self._text = status.text
             self._manager.status(status.text)
 
-    def close(self) -> None:
-        """Leave the last line, which systemd shows after the end."""
-
 
 @contextmanager
 def status_sinks(
     settings: StatusSettings, manager: ServiceManager, environ: Mapping[str, str] = os.environ
-) -> Iterator[list[StatusSink]]:
-    """Open every output that the configuration and the environment name; close them at the end."""
-    sinks: list[StatusSink] = [
-        StatusLight(settings.led),
-        StatusFile(status_folder(environ)),
-        SystemdStatus(manager),
-        StatusFeed(settings.feed),
-    ]
-    try:
-        yield sinks
-    finally:
-        for sink in sinks:
-            sink.close()
+) -> Iterator[list[Callable[[Status], None]]]:
+    """Outputs of a status, called once a second; what they hold is released at the end.
+
+    All that the configuration and the environment name. None raises: no output may stop a
+    recording.
+    """
+    light, feed = StatusLight(settings.led), StatusFeed(settings.feed)
+    file, line = StatusFile(status_folder(environ)), SystemdStatus(manager)
+    with closing(feed), closing(light):
+        yield [light.publish, file.publish, line.publish, feed.publish]
 
 
 class StatusFeed:

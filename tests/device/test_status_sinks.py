@@ -44,8 +44,8 @@ def systemd():
 def test_all_sinks_show_the_status(tmp_path, systemd):
     manager = ServiceManager(systemd.address)
     with status_sinks(StatusSettings(), manager, {"RUNTIME_DIRECTORY": str(tmp_path)}) as sinks:
-        for sink in sinks:
-            sink.publish(STATUS)
+        for show in sinks:
+            show(STATUS)
     assert read_status(tmp_path) == STATUS
     assert systemd.messages() == ["STATUS=card full"]
 
