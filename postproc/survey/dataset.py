@@ -215,11 +215,6 @@ class Survey:
             for batch in self.batches
         }
 
-    @cached_property
-    def n_scans(self) -> dict[str, int]:
-        """Scans of all runs that named each cell without doubt."""
-        return {cell.cell: cell.n_scans for cell in self.cells()}
-
     def heard_in(self, batch: str) -> dict[str, dict[str, dict[str, Any]]]:
         """What each run of a batch heard: rows of `layout.CELLS` by run and cell."""
         heard: dict[str, dict[str, dict[str, Any]]] = {}

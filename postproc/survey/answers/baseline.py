@@ -19,7 +19,7 @@ def add_walks(survey: Survey, store: BaselineStore) -> Iterator[bool]:
 
     A cell counts where a scan of the run named it without doubt and two of the survey did.
     """
-    known = {name for name, n in survey.n_scans.items() if n >= FEWEST_SCANS}
+    known = {cell.cell for cell in survey.cells() if cell.n_scans >= FEWEST_SCANS}
     for batch in survey.batches:
         heard = survey.heard_in(batch)
         table = survey.batch_rows(batch)
