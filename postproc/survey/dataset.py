@@ -21,6 +21,7 @@ from logger.core.errors import ConfigError, RunFileError
 from logger.core.foreign import check_regular, open_regular
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings
+from postproc.atomic_write import whole_file
 from postproc.ground import Ground
 from postproc.survey import layout
 from postproc.survey.parquet_batch import read_columns
@@ -80,9 +81,8 @@ class Survey:
             if folder.exists() and any(folder.iterdir()):
                 raise ConfigError(f"{folder} has other files; choose an empty or a new folder")
             folder.mkdir(parents=True, exist_ok=True)
-            part = folder / "survey.json.part"
-            part.write_text(json.dumps(_FORMAT | {"salt": secrets.token_hex(8)}))
-            part.replace(layout.description(folder))
+            with whole_file(layout.description(folder)) as part:
+                part.write_text(json.dumps(_FORMAT | {"salt": secrets.token_hex(8)}))
         return cls.open(folder)
 
     def without_contents(self, *batches: str) -> "Survey":
