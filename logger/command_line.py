@@ -300,7 +300,8 @@ def _reason(error: Exception) -> str:
             raise error
         return missing_library(error.name)
     if isinstance(error, OSError):
-        return f"{error.filename or ''}: {error.strerror or error}".removeprefix(": ")
+        name = error.filename2 or error.filename or ""  # of a copy what it is written to
+        return f"{name}: {error.strerror or error}".removeprefix(": ")
     return str(error)
 
 
