@@ -128,6 +128,9 @@ def test_one_bit_is_noticed(tmp_path):
         runs.meta().program,
         f"cellwalk {version('cellwalk')}",
     )
+    assert f"recorded by {found.recorded_by}, replayed by {found.replayed_by}" in found.text
+    alike = replace(found, recorded_by=found.replayed_by)
+    assert alike.text.endswith(f"both by {found.replayed_by}, with other code or on another machine")
 
 
 def test_what_is_recorded_or_replayed_alone_is_a_difference(tmp_path):
