@@ -39,6 +39,7 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
     file does not stop the others. Raises `RunFileError` where nothing can be written.
     """
     with survey.exclusive():
+        survey = Survey.open(survey.folder)  # another command may have added to it meanwhile
         known = {run.digest for run in survey.all_runs}
         states: dict[str, list[SurveyRun]] = {}
         for run in survey.runs.values():
