@@ -129,7 +129,7 @@ _EARLIER_WORDS = frozenset(
         "reject_cause: why the network refused to register the modem",
     }
 )
-"""Lines of runs of schema 1 to 4; a changed unit or meaning is added here, or old files look altered."""
+"""Lines of runs of schema 1 to 4; a changed unit is added here, or old files look altered."""
 
 
 def packing_of(version: int) -> dict[str, struct.Struct]:

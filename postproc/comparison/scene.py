@@ -28,7 +28,7 @@ def write_comparison(compared: ComparedRuns, path: Path) -> None:
         name = f"{compared.a.name} {compared.b.name}"
         recording = rr.RecordingStream(APPLICATION, recording_id=f"comparison {name}")
         recording.set_log_time_enabled(False)
-        content = recording.memory_recording()  # rerun writes to a full disk for ever, or in silence
+        content = recording.memory_recording()  # on a full disk rerun's file never ends
         recording.send_blueprint(_layout(changed), make_active=True, make_default=True)
         recording.send_recording_name(name)
         text = rr.TextDocument(_report(compared), media_type=rr.MediaType.MARKDOWN)

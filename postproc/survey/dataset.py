@@ -256,8 +256,8 @@ class Survey:
         }
 
     @contextmanager
-    def exclusive(self) -> Iterator[None]:
-        """Change the survey alone, without the files that a killed program has left."""
+    def exclusive(self) -> Iterator["Survey"]:
+        """To change the survey of now alone, without what a killed program left."""
         with (self.folder / ".lock").open("w") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -266,15 +266,16 @@ class Survey:
                     f"{self.folder} is being changed by another program; try again when it has "
                     "ended"
                 ) from None
-            self._remove_leftovers()
-            yield
+            survey = Survey.open(self.folder)  # another may have added to it since this was opened
+            _remove_leftovers(survey)
+            yield survey
 
-    def _remove_leftovers(self) -> None:
-        for path in self.folder.glob("*/**/*"):
-            if path.suffix == ".part" or (
-                path.suffix == ".parquet" and path.stem not in self.batches
-            ):
-                path.unlink(missing_ok=True)
+
+def _remove_leftovers(survey: Survey) -> None:
+    for path in survey.folder.glob("*/**/*"):
+        is_unknown = path.suffix == ".parquet" and path.stem not in survey.batches
+        if path.suffix == ".part" or is_unknown:
+            path.unlink(missing_ok=True)
 
 
 def _is_one_of(column: str, texts: Sequence[str]) -> pc.Expression:
