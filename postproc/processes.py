@@ -75,7 +75,7 @@ def _processes(count: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(count, get_context("spawn"), _begin_process)
 
 
-def _submitted(
+def _submit(
     pool: ProcessPoolExecutor, work: Callable[[Item], Result], item: Item
 ) -> Future[Result]:
     # a process that this starts inherits the mask: it has no interrupt before `_begin_process`
@@ -95,8 +95,8 @@ def _alone(work: Callable[[Item], Result], item: Item, lost: Callable[[Item], Re
     is_begun = False
     try:
         with _processes(1) as pool:
-            is_begun = _submitted(pool, abs, 1).result() > 0
-            return _submitted(pool, work, item).result()
+            is_begun = _submit(pool, abs, 1).result() > 0
+            return _submit(pool, work, item).result()
     except BrokenExecutor:
         return lost(item) if is_begun else _here(work, item)
     except (NotImplementedError, OSError):
@@ -120,7 +120,7 @@ def _shared_out(
         while i not in here and not (i in there and there[i].done()):
             while left and sum(not one.done() for one in there.values()) < _IN_HAND * helpers:
                 first = left.popleft()
-                there[first] = _submitted(pool, work, items[first])
+                there[first] = _submit(pool, work, items[first])
             if not left:
                 break
             last = left.pop()
