@@ -89,7 +89,7 @@ INTERRUPTED = 130
 class PathType(click.Path):
     """A path; with `is_file` one that names a file, with `is_input` one that can also be read.
 
-    `/` and `..` name no file. A pipe or a device may never end and is no input.
+    `/` and `..` name no file. A pipe or a device may never end; a folder has no content.
     """
 
     def __init__(self, *, is_file: bool = False, is_input: bool = False) -> None:
@@ -108,7 +108,7 @@ class PathType(click.Path):
             self.fail(f"{str(path)!r} contains a NUL character", param, ctx)
         if self._is_file and path.name in {"", ".."}:
             self.fail(f"{str(path)!r} names no file", param, ctx)
-        if self._is_input and path.exists() and not path.is_dir():
+        if self._is_input and path.exists():
             try:
                 foreign.check_regular(path)
             except OSError as error:
@@ -300,7 +300,8 @@ def _reason(error: Exception) -> str:
             raise error
         return missing_library(error.name)
     if isinstance(error, OSError):
-        return f"{error.filename or ''}: {error.strerror or error}".removeprefix(": ")
+        name = error.filename2 or error.filename or ""  # of a copy what it is written to
+        return f"{name}: {error.strerror or error}".removeprefix(": ")
     return str(error)
 
 

@@ -8,7 +8,7 @@ are `logger.core.errors.FieldLoggerError`.
 from collections.abc import Sequence
 from math import inf
 from pathlib import Path
-from typing import overload
+from typing import get_args, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ from logger.core.model.prior import Prior, prior_for
 from logger.core.places import NO_MAP, Places
 from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run, read_sound_run
+from logger.core.types import Rat
 from postproc.area_file import area_of
 from postproc.atomic_write import check_output
 from postproc.estimators.least_squares import Loss
@@ -41,6 +42,7 @@ from postproc.walk import observe_run
 
 RunOrPath = Run | Path | str
 
+_TECHNOLOGIES: tuple[str, ...] = get_args(Rat)
 _DEGREES_WITHIN = 3.0
 """Degrees that a drive of a day spans; a walk within so few metres could not locate anything."""
 
@@ -138,8 +140,8 @@ def locate(
     at 1 m, `eta`, `modes` and `squares`, each in the frame of the input.
 
     Raises `ConfigError` for arrays of different shapes or beside `Readings`, values that
-    are not finite, levels outside -200 to 50 dBm, degrees in place of metres, and an unknown
-    environment.
+    are not finite, levels outside -200 to 50 dBm, degrees in place of metres, and unknown
+    names.
     Source: `logger.core.locator.pipeline`, which lists the steps.
     """
     prior = _prior(environment, height_m, antenna, reach, within_walk_m, area)
@@ -340,6 +342,8 @@ def _bare(
         raise ConfigError(
             f"x_m, y_m and level_dbm are of one shape (n,), not {x.shape}, {y.shape}, {level.shape}"
         )
+    if rat is not None and rat.upper() not in map(str.upper, _TECHNOLOGIES):
+        raise ConfigError(f"rat {rat!r} is unknown: one of {', '.join(_TECHNOLOGIES)}")
     sigma_m = _broadcast(position_sigma_m, len(x))
     low_dbm, high_dbm = LEVEL_RANGE_DBM
     if not all(np.all(np.isfinite(values)) for values in (x, y, level, sigma_m)):

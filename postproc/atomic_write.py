@@ -1,5 +1,6 @@
 """Files that are written completely or not at all."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -41,7 +42,8 @@ def whole_file(path: Path, *, keep: bool = True) -> Iterator[Path]:
     Without `keep` nothing is left in any case. Raises `RunFileError` where it cannot be written;
     HDF5 and rerun report that by RuntimeError too.
     """
-    part = path.parent / f"{path.name}.part"  # of a path without a name too
+    # of a path without a name too; another process that writes the same file has its own part
+    part = path.parent / f"{path.name}.{os.getpid()}.part"
     try:
         _check_name(path)
         yield part

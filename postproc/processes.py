@@ -1,7 +1,6 @@
 """Work shared out over processes, where that is worth it and possible; and runs read ahead."""
 
 import ctypes
-import os
 import platform
 import signal
 from collections import deque
@@ -76,6 +75,17 @@ def _processes(count: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(count, get_context("spawn"), _begin_process)
 
 
+def _submit(
+    pool: ProcessPoolExecutor, work: Callable[[Item], Result], item: Item
+) -> Future[Result]:
+    # a process that this starts inherits the mask: it has no interrupt before `_begin_process`
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return pool.submit(work, item)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
 def _is_finished(future: Future[Result]) -> bool:
     return future.done() and not future.cancelled() and future.exception() is None
 
@@ -85,8 +95,8 @@ def _alone(work: Callable[[Item], Result], item: Item, lost: Callable[[Item], Re
     is_begun = False
     try:
         with _processes(1) as pool:
-            is_begun = pool.submit(os.getpid).result() > 0
-            return pool.submit(work, item).result()
+            is_begun = _submit(pool, abs, 1).result() > 0
+            return _submit(pool, work, item).result()
     except BrokenExecutor:
         return lost(item) if is_begun else _here(work, item)
     except (NotImplementedError, OSError):
@@ -110,7 +120,7 @@ def _shared_out(
         while i not in here and not (i in there and there[i].done()):
             while left and sum(not one.done() for one in there.values()) < _IN_HAND * helpers:
                 first = left.popleft()
-                there[first] = pool.submit(work, items[first])
+                there[first] = _submit(pool, work, items[first])
             if not left:
                 break
             last = left.pop()
@@ -152,6 +162,7 @@ def _begin_process() -> None:
     _keep_freed_memory()
     threadpool_limits(1)
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends without a traceback
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def read_ahead(

@@ -66,10 +66,13 @@ class Replay:
         if self.advice_differs and self.n_equal == self.n_recorded == self.n_replayed:
             return "replay differs from live: the advice where to walk is not the recorded one"
         largest = f", largest {self.largest_m:.3g} m" if self.largest_m else ""
+        programs = f"recorded by {self.recorded_by}, replayed by {self.replayed_by}"
+        if self.recorded_by == self.replayed_by:
+            programs = f"both by {self.replayed_by}, with other code or on another machine"
         return (
             f"replay differs from live: {self.n_recorded} recorded, {self.n_replayed} replayed, "
             f"{self.n_equal} equal; first difference at record {self.first_difference}{largest}; "
-            f"recorded by {self.recorded_by}, replayed by {self.replayed_by}"
+            f"{programs}"
         )
 
 

@@ -3,6 +3,7 @@
 import ast
 import os
 import re
+import shutil
 import subprocess
 import sys
 from functools import cache
@@ -16,6 +17,7 @@ from logger import command_line
 from logger.cli import main as fieldlogger
 from postproc.cli import main as postproc
 from tests.docs.pages import ROOT
+from tests.kit.faulty_card import small_file_system
 
 CLAIM = 'listen = "127.0.0.1:8080"'
 
@@ -216,3 +218,19 @@ def test_help_of_a_command_is_that_of_its_option(capsys):
     assert by_name == capsys.readouterr().out
     assert postproc(["help", "survey", "none"]) == 2
     assert "No such command 'none'" in capsys.readouterr().err
+
+
+def test_a_copy_names_the_file_that_has_no_room(tmp_path, capsys):
+    source = tmp_path / "source"
+    source.write_bytes(bytes(1 << 20))
+
+    @click.group
+    def program():
+        pass
+
+    with small_file_system(tmp_path / "disk", "size=64k") as disk:
+        copy = click.Command("copy", callback=lambda: shutil.copy(source, disk / "target"))
+        program.add_command(copy)
+        assert command_line.run_program(program, "postproc", ["copy"]) == 2
+    said = f"postproc: {disk / 'target'}: No space left on device\n"
+    assert capsys.readouterr().err == said

@@ -121,9 +121,15 @@ _EARLIER_WORDS = frozenset(
         "lac: location area code",
         "bsic: 8 NCC + BCC",
         "fix_seq: seq of the fix current at the scan",
+        "t_start_ns: ns since boot, when the modem was asked",
+        "fix_start_seq: seq of the fix current when the modem was asked",
+        "probability: 1, of the place; below 1 there are others",
+        "identity_unsure: 1 where a byte of the identity may be damaged",
+        "reject_cause_type: 0: cause of 3GPP TS 24.008 or 24.301, 1: of the maker",
+        "reject_cause: why the network refused to register the modem",
     }
 )
-"""Lines of runs of schema 1; a changed unit or meaning is added here, or old files look altered."""
+"""Lines of runs of schema 1 to 4; a changed unit is added here, or old files look altered."""
 
 
 def packing_of(version: int) -> dict[str, struct.Struct]:

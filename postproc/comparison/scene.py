@@ -28,7 +28,7 @@ def write_comparison(compared: ComparedRuns, path: Path) -> None:
         name = f"{compared.a.name} {compared.b.name}"
         recording = rr.RecordingStream(APPLICATION, recording_id=f"comparison {name}")
         recording.set_log_time_enabled(False)
-        recording.save(part)
+        content = recording.memory_recording()  # on a full disk rerun's file never ends
         recording.send_blueprint(_layout(changed), make_active=True, make_default=True)
         recording.send_recording_name(name)
         text = rr.TextDocument(_report(compared), media_type=rr.MediaType.MARKDOWN)
@@ -36,7 +36,7 @@ def write_comparison(compared: ComparedRuns, path: Path) -> None:
         for cell in changed:
             blocks = _blocks(cell, compared.comparison.grid)
             recording.log(entity("change", cell.cell), blocks, static=True)
-        recording.flush()
+        part.write_bytes(content.drain_as_bytes())
         recording.disconnect()
 
 

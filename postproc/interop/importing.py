@@ -6,7 +6,7 @@ import re
 import secrets
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
@@ -288,7 +288,7 @@ def import_walk(
         member = next(iter(walks))
     spare(target, (IMPORT, IMPORT_WITHOUT_TIMES), "import")
     name = source if member is None else Path(f"{source}/{member}")
-    with closing(_sighting_file(target)) as sightings, ExitStack() as files:
+    with _sighting_file(target) as sightings, ExitStack() as files:
         left = LeftOut()
         plain = files.enter_context(plain_file(source, member))
         if member is not None and member.endswith(_CAPTURES[1]):
@@ -306,7 +306,7 @@ def import_walk(
             if not isinstance(row, Sighting):
                 left.take(row)
             elif len(sightings) < MOST_READINGS:
-                _append(sightings, row, target)
+                sightings.append(row)
             else:
                 raise RunFileError(
                     f"{name} has more than {MOST_READINGS:,} readings, the last in line "
@@ -377,16 +377,11 @@ def _sha256(source: Path) -> str:
         raise RunFileError(f"{source}: {error.strerror}") from error
 
 
-def _sighting_file(target: Path) -> SightingFile:
+@contextmanager
+def _sighting_file(target: Path) -> Iterator[SightingFile]:
     try:
-        return SightingFile(target.parent)
-    except OSError as error:
-        raise RunFileError(f"cannot write {target}: {error.strerror}") from error
-
-
-def _append(sightings: SightingFile, row: Sighting, target: Path) -> None:
-    try:
-        sightings.append(row)
+        with closing(SightingFile(target.parent)) as sightings:
+            yield sightings
     except OSError as error:
         raise RunFileError(f"cannot write {target}: {error.strerror}") from error
 

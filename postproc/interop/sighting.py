@@ -6,6 +6,7 @@ import re
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from dataclasses import fields as fields_of
 from datetime import UTC, datetime
@@ -145,7 +146,8 @@ class SightingFile:
 
     def close(self) -> None:
         """Remove the file."""
-        self._file.close()
+        with suppress(OSError):  # what a full disk did not take is not wanted
+            self._file.close()
 
     def append(self, one: Sighting) -> None:
         """Add a sighting behind the others, before anything is asked."""

@@ -21,6 +21,7 @@ from logger.core.errors import ConfigError, RunFileError
 from logger.core.foreign import check_regular, open_regular
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings
+from postproc.atomic_write import whole_file
 from postproc.ground import Ground
 from postproc.survey import layout
 from postproc.survey.parquet_batch import read_columns
@@ -80,9 +81,8 @@ class Survey:
             if folder.exists() and any(folder.iterdir()):
                 raise ConfigError(f"{folder} has other files; choose an empty or a new folder")
             folder.mkdir(parents=True, exist_ok=True)
-            part = folder / "survey.json.part"
-            part.write_text(json.dumps(_FORMAT | {"salt": secrets.token_hex(8)}))
-            part.replace(layout.description(folder))
+            with whole_file(layout.description(folder)) as part:
+                part.write_text(json.dumps(_FORMAT | {"salt": secrets.token_hex(8)}))
         return cls.open(folder)
 
     def without_contents(self, *batches: str) -> "Survey":
@@ -251,8 +251,8 @@ class Survey:
         }
 
     @contextmanager
-    def exclusive(self) -> Iterator[None]:
-        """Change the survey alone, without the files that a killed program has left."""
+    def exclusive(self) -> Iterator["Survey"]:
+        """To change the survey of now alone, without what a killed program left."""
         with (self.folder / ".lock").open("w") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -261,15 +261,16 @@ class Survey:
                     f"{self.folder} is being changed by another program; try again when it has "
                     "ended"
                 ) from None
-            self._remove_leftovers()
-            yield
+            survey = Survey.open(self.folder)  # another may have added to it since this was opened
+            _remove_leftovers(survey)
+            yield survey
 
-    def _remove_leftovers(self) -> None:
-        for path in self.folder.glob("*/**/*"):
-            if path.suffix == ".part" or (
-                path.suffix == ".parquet" and path.stem not in self.batches
-            ):
-                path.unlink(missing_ok=True)
+
+def _remove_leftovers(survey: Survey) -> None:
+    for path in survey.folder.glob("*/**/*"):
+        is_unknown = path.suffix == ".parquet" and path.stem not in survey.batches
+        if path.suffix == ".part" or is_unknown:
+            path.unlink(missing_ok=True)
 
 
 def _is_one_of(column: str, texts: Sequence[str]) -> pc.Expression:

@@ -38,14 +38,14 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
     What is yielded is durable at the end of a batch; the last one ends with the iteration. A bad
     file does not stop the others. Raises `RunFileError` where nothing can be written.
     """
-    with survey.exclusive():
-        known = {run.digest for run in survey.all_runs}
+    with survey.exclusive() as current:
+        known = {run.digest for run in current.all_runs}
         states: dict[str, list[SurveyRun]] = {}
-        for run in survey.runs.values():
+        for run in current.runs.values():
             states.setdefault(run.run_id, []).append(run)
-        number = max((int(batch) for batch in survey.batches), default=0)
+        number = max((int(batch) for batch in current.batches), default=0)
         batch = Batch()
-        for path, walk in _walks(files, survey.salt, logger):
+        for path, walk in _walks(files, current.salt, logger):
             if isinstance(walk, FieldLoggerError):
                 yield Added(path, problem=with_name(path, walk))
                 continue
@@ -66,10 +66,10 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
             yield Added(path, run.digest, len(walk), len(walk.cells), remark=remark)
             if batch.is_full:
                 number += 1
-                batch.write(survey.folder, f"{number:06d}")
+                batch.write(current.folder, f"{number:06d}")
                 batch = Batch()
         if batch.walks:
-            batch.write(survey.folder, f"{number + 1:06d}")
+            batch.write(current.folder, f"{number + 1:06d}")
 
 
 def _continues(path: Path, earlier: SurveyRun) -> bool:

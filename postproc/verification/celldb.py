@@ -337,7 +337,8 @@ def _export(lines: Lines, path: Path, read_share: Callable[[], float]) -> Export
     if "radio" not in names:
         if len(first) != len(COLUMNS):
             raise RunFileError(
-                f"{path} is no cell export: it has {len(first)} columns and no header line"
+                f"{path} is no cell export: its first line names no column radio, as separated by "
+                "commas; claims of your own have cell,lat,lon"
             )
         return Export(
             chain([first], rows),

@@ -348,6 +348,8 @@ def _verified_parts(verified: Verified) -> Iterator[Part]:
         yield f"{number_of(len(verified.heard_once), 'cell')} {once}"
     if verified.not_observed:
         yield verified.not_observed_text
+    if not (verified.cells or verified.without_claim or verified.heard_once):
+        yield "no cell was observed: no claim is tested"
     tested = sum(cell.p is not None for cell in verified.cells)
     if tested:
         over = f"false discoveries over {number_of(tested, 'claim')}"
@@ -360,7 +362,7 @@ def _cell_parts(cell: CellVerdict) -> Iterator[Part]:
     # what the walk can tell comes before what it says
     n_first = cell.p is not None
     first = "".join(f": {notices}" for notices in cell.reasons[:n_first])
-    yield Line((Word(cell.cell, "bold"), f"  {cell.n} readings{first}"))
+    yield Line((Word(cell.cell, "bold"), f"  {number_of(cell.n, 'reading')}{first}"))
     sigma = f" +- {claim.sigma_m:.0f} m" if claim.sigma_m else ""
     away = f", {_distance(cell.distance_m)} from the walk" if cell.distance_m is not None else ""
     at = f"claimed at {degrees_text(claim.lat_deg, claim.lon_deg)}{sigma} ({claim.source}){away}"

@@ -560,7 +560,7 @@ def _write(view: ViewModel, path: Path, basemap: Basemap | None, *, online: bool
     ids = " ".join(walk.run.meta.run_id for walk in view.survey.walks)
     recording = rr.RecordingStream(APPLICATION, recording_id=f"{ids} {view.name}")
     recording.set_log_time_enabled(False)
-    recording.save(path)
+    content = recording.memory_recording()  # on a full disk rerun's file never ends
     # active as well: the layout that the viewer remembers from another run overrides a default
     recording.send_blueprint(layout(view, online=online), make_active=True, make_default=True)
     recording.send_recording_name(view.name)
@@ -573,7 +573,7 @@ def _write(view: ViewModel, path: Path, basemap: Basemap | None, *, online: bool
         draw_map(writer, view)
     draw_series(writer, view)
     draw_states(writer, view)
-    recording.flush()
+    path.write_bytes(content.drain_as_bytes())
     recording.disconnect()
 
 

@@ -130,6 +130,9 @@ def test_what_cannot_be_located_says_why(tmp_path):
         locate(x_m=[0.0], level_dbm=[0.0])
     with pytest.raises(ConfigError, match="environment"):
         locate([0.0] * 6, [0.0] * 6, [0.0] * 6, environment="moon")
+    with pytest.raises(ConfigError, match="'5G' is unknown: one of GSM, WCDMA"):
+        locate([0.0] * 6, [0.0] * 6, [0.0] * 6, rat="5G")
+    assert locate([0.0], [0.0], [-60.0], rat="gsm").verdict == "cannot tell"
     with pytest.raises(RunFileError):
         postproc.read_run(tmp_path / "none.h5")
     runs.write_journal(tmp_path / "lost.journal", [])

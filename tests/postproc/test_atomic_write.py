@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import pytest
 
 from logger.core.errors import RunFileError
@@ -10,6 +13,22 @@ def test_a_file_appears_when_it_is_whole(tmp_path):
         part.write_text("whole")
         assert not path.exists()
     assert path.read_text() == "whole"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_two_programs_that_write_one_file_each_write_it_whole(tmp_path):
+    path = tmp_path / "a.txt"
+    other = (
+        "import sys; from pathlib import Path; from postproc.atomic_write import whole_file\n"
+        "with whole_file(Path(sys.argv[1])) as part: part.write_text('theirs')"
+    )
+    with whole_file(path) as part, part.open("w") as file:
+        file.write("ours, ")
+        file.flush()
+        subprocess.run([sys.executable, "-c", other, str(path)], check=True)
+        assert path.read_text() == "theirs"
+        file.write("whole")
+    assert path.read_text() == "ours, whole"
     assert list(tmp_path.iterdir()) == [path]
 
 

@@ -71,8 +71,8 @@ def test_a_plain_file_and_a_link_to_it(tmp_path):
         ["next", "run.h5", "--streets", "x"],
     ],
 )
-@pytest.mark.parametrize("what", ["pipe", "device"])
-def test_each_command_refuses_a_pipe_and_a_device(tmp_path, monkeypatch, capsys, argv, what):
+@pytest.mark.parametrize("what", ["pipe", "device", "folder"])
+def test_each_command_refuses_what_is_no_plain_file(tmp_path, monkeypatch, capsys, argv, what):
     _make(tmp_path, what)
     (tmp_path / "log.csv").write_text("t_s,lat,lon,rssi_dbm\n0,52,13,-70\n1,52,13,-71\n")
     monkeypatch.chdir(tmp_path)

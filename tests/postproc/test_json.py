@@ -52,3 +52,11 @@ def test_recover(journal, capsys):
     assert bad["run"] is None
     assert "bad.journal" in bad["loss"]
     assert shown.err == ""
+
+
+@pytest.mark.parametrize("command", ["info", "smooth", "suspect", "replay", "verify", "no-command"])
+def test_an_error_is_a_line_on_stderr_alone(command, tmp_path, capsys):
+    assert main([command, str(tmp_path / "none.h5"), "--json"]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.count("\n") == 1

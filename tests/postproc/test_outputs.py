@@ -2,10 +2,13 @@
 writes one.
 """
 
+import shutil
+
 import pytest
 
 from postproc.cli import main
 from tests.kit import runs
+from tests.kit.faulty_card import small_file_system
 
 NAMES = {
     "no such folder": "none/x{suffix}",
@@ -86,3 +89,32 @@ def test_a_run_is_never_replaced(capsys, folder, name):
 @pytest.mark.parametrize("name", ["plot", "toa"])
 def test_a_picture_of_no_known_format(capsys, folder, name):
     assert "a picture ends in" in _fails(capsys, folder, COMMANDS[name][0], folder / "x.walk")
+
+
+FILLS = {
+    "import": (["import", "CSV", "-o"], "x.h5", [0]),
+    "view": (["view", "RUN", "--save"], "x.rrd", [0, 16384, 65536]),
+    "compare": (["compare", "RUN", "OTHER", "--save"], "x.rrd", [0, 8192, 16384]),
+    "survey": (["survey", "add", "RUN", "-o"], "x", [0]),
+}
+
+
+@pytest.mark.parametrize("name", FILLS)
+def test_a_full_disk_is_named_with_the_file_and_leaves_none(capsys, tmp_path, name):
+    command, target, rooms = FILLS[name]
+    names = {"RUN": "walk.journal", "OTHER": "other.journal", "CSV": "walk.csv"}
+    given = {word: tmp_path / name for word, name in names.items()}
+    runs.write_journal(given["RUN"], runs.records(60))
+    runs.write_journal(given["OTHER"], runs.records(50), run_id="f" * 32)
+    given["CSV"].write_text("t_s,lat,lon,rssi_dbm\n" + "1,52,13,-70\n" * 9)
+    words = [str(given.get(word, word)) for word in command]
+    with small_file_system(tmp_path / "disk", "size=256k") as disk:
+        (disk / "x").mkdir()
+        for room in rooms:
+            (disk / "ballast").write_bytes(bytes(shutil.disk_usage(disk).free - room))
+            assert main([*words, str(disk / target)]) == 2
+            *_, line = capsys.readouterr().err.splitlines()
+            assert line.startswith(f"postproc: cannot write {disk / target}")
+            assert line.endswith("No space left on device")
+            assert sorted(path.name for path in disk.rglob("*")) == ["ballast", "x"]
+            (disk / "ballast").unlink()

@@ -1,4 +1,7 @@
 import os
+import signal
+import subprocess
+import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import active_children
@@ -104,3 +107,27 @@ def test_an_item_that_ends_its_process_is_lost_alone(ends):
     lost = [result for result in results if isinstance(result, str)]
     assert 0 < len(lost) <= len(ends)
     assert set(lost) <= {f"lost {item}" for item in ends}
+
+
+_STARTS_SLOWLY = """
+import sys, time
+from pathlib import Path
+from postproc.processes import each
+if __name__ == "__main__":
+    list(each(time.sleep, [60.0] * 4, 2))
+else:
+    Path(sys.argv[1]).touch()
+    time.sleep(1.0)
+"""
+
+
+def test_an_interrupt_while_a_process_starts_leaves_no_traceback_of_it(tmp_path):
+    program, starts = tmp_path / "program.py", tmp_path / "starts"
+    program.write_text(_STARTS_SLOWLY)
+    command = [sys.executable, str(program), str(starts)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, process_group=0) as process:
+        while not starts.exists() and process.poll() is None:
+            time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGINT)
+        _, said = process.communicate(timeout=60.0)
+    assert said.count("Traceback") == 1, said  # that of this program, which leaves it to Python

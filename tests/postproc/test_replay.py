@@ -115,6 +115,9 @@ def test_an_area_is_recorded_and_replayed(tmp_path):
     assert replay(run).equal
 
 
+_CAUSES = ", with other code or on another machine"
+
+
 def test_one_bit_is_noticed(tmp_path):
     records = _record_walk()
     at = [i for i, record in enumerate(records) if isinstance(record.value, LiveEstimate)][20]
@@ -128,6 +131,9 @@ def test_one_bit_is_noticed(tmp_path):
         runs.meta().program,
         f"cellwalk {version('cellwalk')}",
     )
+    assert f"recorded by {found.recorded_by}, replayed by {found.replayed_by}" in found.text
+    alike = replace(found, recorded_by=found.replayed_by)
+    assert alike.text.endswith("; both by " + alike.replayed_by + _CAUSES)
 
 
 def test_what_is_recorded_or_replayed_alone_is_a_difference(tmp_path):

@@ -1,6 +1,5 @@
 """From journal to HDF5, at the stop, the next boot and the desk; reports what was lost."""
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from logger.core.runfile.hdf5 import write_hdf5
 from logger.core.runfile.journal import is_recording, sync_folder
 from logger.core.runfile.journal_reader import JournalParts
 from logger.core.runfile.meta import Damage
+from logger.core.runfile.retention import free_bytes
 from logger.core.runfile.run import HDF5_READER
 from logger.core.runfile.run_names import JOURNAL, first_part, is_hdf5, parts_of
 
@@ -80,9 +80,8 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
 
 def _check_room(parts: JournalParts, target: Path) -> None:
     """Raises `RunFileError` if the card is too full: HDF5 may crash on a full card."""
-    status = os.statvfs(target.parent)
     needed = _n_bytes(parts.path) + _MARGIN_BYTES
-    if status.f_bavail * status.f_frsize < needed:
+    if free_bytes(target.parent) < needed:
         raise RunFileError(
             f"no room for {target}: {needed / 1e6:.0f} MB must be free; the journal is safe"
         )

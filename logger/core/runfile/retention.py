@@ -3,7 +3,7 @@
 A run is removed only where the configuration says so.
 """
 
-import os
+import shutil
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,8 +18,7 @@ FLOOR_BYTES = 200_000_000
 
 def free_bytes(folder: Path) -> int:
     """Bytes that may still be written there; raises OSError."""
-    status = os.statvfs(folder)
-    return status.f_bavail * status.f_frsize
+    return shutil.disk_usage(folder).free
 
 
 def make_room(folder: Path, floor_bytes: int) -> Iterator[Path]:

@@ -80,3 +80,22 @@ def test_a_table_that_its_version_did_not_have_was_added(tmp_path):
         "broadcasts: it was added"
     ]
     assert len(read_run(path).tables["broadcasts"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("table", "today", "earlier"),
+    [
+        ("scans", "when the command was sent", "when the modem was asked"),
+        ("live", "of this position; below 1 there are other possible positions",
+         "of the place; below 1 there are others"),
+        ("readings", "may be lost or doubled", "may be damaged"),
+    ],
+)  # fmt: skip
+def test_columns_in_words_of_an_earlier_version_are_not_altered(table, today, earlier, tmp_path):
+    path = tmp_path / "a.h5"
+    path.write_bytes((DATA / "schema-3.h5").read_bytes())
+    with h5py.File(path, "r+") as file:
+        text = file[table].attrs["columns"]
+        file[table].attrs["columns"] = text.replace(today, earlier)
+        assert file[table].attrs["columns"] != text
+    assert not sealing_of(path).differences

@@ -277,3 +277,12 @@ def test_batches_are_bounded(walks, tmp_path, monkeypatch):
     survey = Survey.open_or_make(tmp_path / "s")
     list(add_files(survey, sorted(walks.glob("*.h5"))))
     assert Survey.open(tmp_path / "s").batches == ("000001", "000002")
+
+
+def test_what_was_added_after_a_survey_was_opened_stays(walks, tmp_path):
+    first, *others = sorted(walks.glob("*.h5"))
+    opened = Survey.open_or_make(tmp_path / "s")
+    list(add_files(Survey.open(opened.folder), others))
+    (added,) = add_files(opened, [first])
+    assert not added.problem
+    assert len(Survey.open(opened.folder).runs) == 3

@@ -102,6 +102,7 @@ def test_bad_rows_are_counted_and_named(make, tmp_path):
     [
         (b"", "is empty"),
         (b"a,b,c\n1,2,3\n", "no cell export"),
+        (b"cell;lat;lon\nx;1,5;2,5\n", "by commas; claims of your own have cell,lat,lon"),
         (b"radio,mcc,net\nGSM,1,2\n", "no column area"),
         ((HEADER + "GSM,262,1,x,1,0,1,1,1,1,1,1,1,1\n").encode(), "no usable row"),
         (gzip.compress((HEADER + ROW * 500).encode(), mtime=0)[:-30], "damaged or cut"),

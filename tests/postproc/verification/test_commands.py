@@ -4,6 +4,7 @@ import re
 import pytest
 
 from logger.core.errors import GeoError
+from logger.core.types import Fix
 from postproc.cli import main
 from postproc.verification.claims import parse_claim, swap_hint
 from tests.kit import runs
@@ -212,3 +213,10 @@ def test_a_run_without_places_has_no_verdict(tmp_path, capsys):
     )
     assert {cell["verdict"] for cell in output["cells"]} == {"cannot tell"}
     assert output["warnings"]
+
+
+def test_a_run_without_a_cell_says_that_nothing_is_tested(tmp_path, capsys):
+    fixes = [record for record in runs.records(30) if isinstance(record.value, Fix)]
+    runs.write_journal(tmp_path / "walk.journal", fixes)
+    assert main(["verify", str(tmp_path / "walk.journal"), "--claim", "52,13"]) == 0
+    assert capsys.readouterr().out == "no cell was observed: no claim is tested\n"
