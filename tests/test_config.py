@@ -320,6 +320,12 @@ def test_a_directory_that_cannot_be_is_one_error(directory):
         usable_folder(directory)
 
 
+def test_a_directory_that_is_a_dangling_link_says_so(tmp_path):
+    (tmp_path / "runs").symlink_to(tmp_path / "usb")
+    with pytest.raises(ConfigError, match=f"link to {tmp_path / 'usb'}, which is missing"):
+        usable_folder(str(tmp_path / "runs"))
+
+
 NASTY = ["a\0b", "/dev/null/x", "x" * 5000, "\x1b[2J", "/", "", "~nouser/x", "\udcff", "a\nb"]
 
 

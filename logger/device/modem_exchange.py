@@ -112,8 +112,8 @@ class Wire:
 class ModemExchange:
     """One open port of a modem, with what its lines have shown of the modem's state.
 
-    `driver` is None until the modem is identified. `is_answered` (any answer) and `is_damaged` (any
-    damage to what was received) cover the time since the caller cleared them.
+    `driver` is None until the modem is identified. `is_heard` (any byte), `is_answered` (any
+    answer) and `is_damaged` (any damage to them) cover the time since the caller cleared them.
     """
 
     def __init__(self, link: Link, driver: Family | None) -> None:
@@ -126,6 +126,7 @@ class ModemExchange:
         self.is_set_up = False
         self.is_announced = False
         self.is_restarted = False
+        self.is_heard = False
         self.is_answered = False
         self.is_damaged = False
         self._has_bytes = False
@@ -237,6 +238,7 @@ class ModemExchange:
         """
         data = self.wire.read()
         self._has_bytes = self.wire.has_heard
+        self.is_heard |= self._has_bytes
         reply = None
         for event in self.framer.feed(data):
             match event:

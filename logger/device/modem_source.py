@@ -155,15 +155,26 @@ class _Session:
             due_ns = self._link.clock.now_ns() + round(self._settings.poll_interval_s * 1e9)
             self._modem.is_answered = False
             self._turn()
-            unanswered = 0 if self._modem.is_answered else unanswered + 1
+            if self._modem.is_answered:
+                unanswered, self._modem.is_heard = 0, False
+            else:
+                unanswered += 1
             if unanswered >= SILENT_POLLS and not self._modem.wire.is_over:
                 raise DeviceError(
-                    f"modem gives no answer ({unanswered} polls); opening the port again"
+                    f"modem gives no answer ({unanswered} polls){self._advice}; opening the port "
+                    "again"
                 )
             self._listen_until(due_ns)
         self._modem.close_block()
         self._modem.wire.raise_loss()
         self._mode.set_back(self._modem.driver, AfterStop(self._link, self._modem.framer))
+
+    @property
+    def _advice(self) -> str:
+        if not self._modem.is_heard:
+            return ""
+        baud = self._settings.baud
+        return f", nothing readable: is it at {baud} baud, and does no other program use it?"
 
     def _turn(self) -> None:
         """Polls after the set-up if that is due, and before the next command of a full scan."""

@@ -183,6 +183,10 @@ _ADVICE = {
 }
 
 
+_NUMBERED = re.compile(r"/dev/tty(?:USB|ACM)\d+")  # by the kernel, as devices come
+_ANOTHER_NUMBER = "It may have another number now: configure its name under /dev/serial/by-id/"
+
+
 @contextmanager
 def _device_errors(url: str) -> Iterator[None]:
     """Convert what pyserial raises: OSError, termios.error, and TypeError after a hang-up.
@@ -193,7 +197,10 @@ def _device_errors(url: str) -> Iterator[None]:
         yield
     except (OSError, termios.error, TypeError, ValueError, LookupError, re.error) as error:
         number = _errno(error)
-        raise DeviceError(f"port {url}: {_ADVICE.get(number) or error}") from error
+        advice = _ADVICE.get(number) or error
+        if number == errno.ENOENT and _NUMBERED.fullmatch(url):
+            advice = f"{advice} {_ANOTHER_NUMBER}"
+        raise DeviceError(f"port {url}: {advice}") from error
 
 
 def _errno(error: Exception) -> int:

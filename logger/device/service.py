@@ -267,7 +267,7 @@ class Service:
             elif port.fault and not has_scans and now_ns > ANSWER_WITHIN_S * 1e9:
                 faults[link.name] = port.fault
             elif patience_s is not None and scanless_s > patience_s:
-                faults[link.name] = f"no scan for {scanless_s:.0f} s: {port.event}"
+                faults[link.name] = f"no scan for {scanless_s:.0f} s: {port.fault or port.event}"
         return faults
 
     def _sign(self, now_ns: int) -> Sign:

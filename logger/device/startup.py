@@ -71,13 +71,15 @@ def begin_run(
 
 def usable_folder(directory: str) -> Path:
     """Folder of the runs, made if need be; raises `ConfigError`."""
+    folder = Path(directory)
     try:
-        folder = Path(directory).expanduser()
+        folder = folder.expanduser()
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ConfigError(
-            f"[run] directory {directory} cannot be made: {error.strerror}"
-        ) from error
+        why = error.strerror
+        if isinstance(error, FileExistsError) and not folder.exists():
+            why = f"it is a link to {folder.readlink()}, which is missing; is its drive mounted?"
+        raise ConfigError(f"[run] directory {directory} cannot be made: {why}") from error
     except (RuntimeError, ValueError) as error:  # no such user; a NUL
         raise ConfigError(f"[run] directory {directory!r} cannot be made: {error}") from error
     return folder

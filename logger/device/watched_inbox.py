@@ -76,8 +76,8 @@ class PortSwap:
 class WatchedInbox(Inbox):
     """An inbox that keeps the latest fix, scan, cells and port events: the recorder only counts.
 
-    `scan_ns` is the time of the latest scan by source. The fault of an open port lasts until its
-    next fix. `n_polls` grows while the recorder runs; `swap` is fed with every record.
+    `scan_ns` is the time of the latest scan by source. A fault lasts until the port's next fix
+    or scan. `n_polls` grows while the recorder runs; `swap` is fed with every record.
     """
 
     def __init__(self, ports: Mapping[str, str], swap: PortSwap | None = None) -> None:
@@ -110,6 +110,7 @@ class WatchedInbox(Inbox):
                 self._clear_fault(record.source)
             case Scan():
                 self.scan_ns[record.source] = record.t_ns
+                self._clear_fault(record.source)
             case Note() as note if record.source in self.ports:
                 with self._ports_lock:
                     self.ports[record.source] = _with_event(self.ports[record.source], note)

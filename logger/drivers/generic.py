@@ -33,12 +33,14 @@ class Generic(Family):
             "GSM": cells_with(without=("channel", "colour code")),
             "WCDMA": cells_with(without=("channel", "colour code")),
             "LTE": cells_with(without=("channel", "colour code")),
+            "NR": cells_with(without=("channel", "colour code")),
         }
     )
     setup_commands = (
         Command("AT+CREG=2"),
         Command("AT+CGREG=2"),
         Command("AT+CEREG=2"),
+        Command("AT+C5GREG=2"),
         Command("AT+COPS=3,2"),  # the form in which AT+COPS? names the network; it chooses none
     )
     poll_commands = (
@@ -46,6 +48,7 @@ class Generic(Family):
         Command("AT+CREG?"),
         Command("AT+CGREG?"),
         Command("AT+CEREG?"),
+        Command("AT+C5GREG?"),
         Command("AT+CSQ"),
         Command("AT+CESQ"),
     )

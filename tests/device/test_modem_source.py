@@ -8,6 +8,7 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.device.clock import ScaledClock, SystemClock
+from logger.device.modem_source import ModemSource
 from logger.drivers import family
 from logger.drivers.registry import FAMILIES
 from logger.sim.faults import FAULTS, Misbehaving
@@ -380,6 +381,33 @@ class Deaf:
 
     def unsolicited(self):
         return b""
+
+
+class Unreadable(Deaf):
+    """A modem that sends noise while `is_deaf`, as one at another rate does."""
+
+    def feed(self, data):
+        return b"\0\x9b" * len(data) if self.is_deaf else super().feed(data)
+
+
+def test_a_modem_that_becomes_unreadable_is_a_fault_that_says_what_to_look_at(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(ModemSource, "patience_s", 3.0)
+    modem, clock = Unreadable(), SystemClock()
+    modem.is_deaf = False
+    with (
+        PtyDevice(answering(modem)) as port,
+        recording(make_service(tmp_path, clock, port.path, 0.0, 0.1)) as under_way,
+    ):
+        record_until(under_way, clock, lambda walked: len(walked.scans()) > 1)
+        modem.is_deaf = True
+        record_until(under_way, clock, lambda walked: walked.notes().count("port-opened") > 2)
+        service.wait_for(lambda: "no scan" in under_way.snapshot().ports["modem"].fault)
+        assert "is it at 115200 baud" in under_way.snapshot().ports["modem"].fault
+        modem.is_deaf = False
+        record_until(under_way, clock, lambda walked: walked.notes().count("modem-ready") > 1)
+        service.wait_for(lambda: not under_way.snapshot().ports["modem"].fault)
 
 
 class BootedNow(SystemClock):

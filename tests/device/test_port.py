@@ -29,6 +29,13 @@ def _read(port, n):
     return data
 
 
+def test_a_numbered_name_that_is_gone_may_have_another_number():
+    with pytest.raises(DeviceError, match="/dev/serial/by-id/"):
+        Port("/dev/ttyUSB77", 9600, 0.1)
+    with pytest.raises(DeviceError, match=r"plugged in\?\Z"):
+        Port("/dev/cellwalk-nothing", 9600, 0.1)
+
+
 def test_reads_and_writes_a_socket_and_hears_it_close():
     with socket.create_server(("127.0.0.1", 0)) as server:
         url = f"socket://127.0.0.1:{server.getsockname()[1]}"

@@ -85,6 +85,17 @@ def test_lte_for_things_has_the_level_of_its_reference_signal(act, rat):
     assert (reading.rat, reading.rsrp_dbm, reading.tac) == (rat, -81.0, 0x2AFE)
 
 
+def test_a_cell_of_nr_has_the_level_of_its_own_reference_signal():
+    reading = serving_cell(
+        COPS='+COPS: 0,2,"26201",11',
+        CREG="+CREG: 2,0",
+        C5GREG='+C5GREG: 2,1,"0002AFE","0012D6870",11',
+        CESQ="+CESQ: 99,99,255,255,20,60,65,76,90",
+    )
+    assert (reading.rat, reading.cid, reading.rsrp_dbm) == ("NR", 0x12D6870, -81.0)
+    assert reading.rsrq_db == -11.0
+
+
 @pytest.mark.parametrize("printed", ["5", "0", "8"])
 def test_a_level_far_below_that_of_its_carrier_has_lost_a_digit(printed):
     lines = {"CEREG": '+CEREG: 2,1,"2AFE","1A2D001",7', "CSQ": "+CSQ: 25,99"}

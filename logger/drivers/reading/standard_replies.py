@@ -16,6 +16,8 @@ from logger.drivers.reading.row_language import (
     RSRP_OF_INDEX,
     RSRQ_OF_INDEX,
     RXLEV_OF_INDEX,
+    SS_RSRP_OF_INDEX,
+    SS_RSRQ_OF_INDEX,
     NumberForm,
     Operator,
     Refusal,
@@ -42,7 +44,7 @@ _AFTER_VALUE = re.compile(r"[\s+\\)\]},;\'<|]|\Z")
 # an answer begins with two small numbers, a report with one: +CREG: 1,"CE00","00005449"
 _LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
 _CSQ = re.compile(r"\+CSQ:\s*(\d{1,2}),\s*(\d{1,2})(?!\d)")
-_CESQ = re.compile(r"\+CESQ:\s*(\d{1,3}(?:,\s*\d{1,3}){5})(?!\d)")
+_CESQ = re.compile(r"\+CESQ:\s*(\d{1,3}(?:,\s*\d{1,3}){5}(?:(?:,\s*\d{1,3}){3})?)(?!\d)")
 _ERROR = re.compile(r"\+CM[ES] ERROR:\s*(?:(\d+)|([^\s\\][^\\]*?))\s*(?:\\.*)?\Z")
 _CHOSEN = re.compile(
     r'\+COPS:\s*[0-4],\s*(?:([0-2]),\s*"([^"]*)"|(2),\s*(\d{5,6})(?!\d))(?:,\s*(\d{1,2})(?!\d))?',
@@ -122,7 +124,8 @@ def _quality(line: str) -> Iterator[Row]:
 def _extended_quality(line: str) -> Iterator[Row]:
     """+CESQ (27.007 8.69): an index for each technology, 99 or 255 if not in use."""
     for text in _CESQ.findall(line):
-        rxlev, ber, rscp, ecn0, rsrq, rsrp = (int(value) for value in values(text))
+        rxlev, ber, rscp, ecn0, rsrq, rsrp, *nr = (int(value) for value in values(text))
+        ss_rsrq, ss_rsrp, _ss_sinr = nr or (None, None, None)
         signals = (
             Signal(
                 "GSM",
@@ -141,6 +144,12 @@ def _extended_quality(line: str) -> Iterator[Row]:
                 rsrp_dbm=RSRP_OF_INDEX.value_at(rsrp),
                 rsrq_db=RSRQ_OF_INDEX.value_at(rsrq),
                 more={"rsrp_raw": rsrp, "rsrq_raw": rsrq},
+            ),
+            Signal(
+                "NR",
+                rsrp_dbm=SS_RSRP_OF_INDEX.value_at(ss_rsrp),
+                rsrq_db=SS_RSRQ_OF_INDEX.value_at(ss_rsrq),
+                more={"rsrp_raw": ss_rsrp, "rsrq_raw": ss_rsrq},
             ),
         )
         for signal in signals:

@@ -124,6 +124,10 @@ def test_levels_without_a_cell():
     assert (gsm[0]["rat"], gsm[0]["rssi_dbm"], gsm[0]["rxlev_raw"]) == ("GSM", -70.0, 40)
     assert (lte[0]["rat"], lte[0]["rsrp_dbm"], lte[0]["rsrq_db"]) == ("LTE", -81.0, -10.0)
     assert rows("+CESQ: 99,99,255,255,255,255") == []
+    lte, nr = rows("+CESQ: 99,99,255,255,20,60,65,76,90")
+    assert (lte["rat"], lte["rsrp_dbm"]) == ("LTE", -81.0)
+    assert (nr["rat"], nr["rsrp_dbm"], nr["rsrq_db"]) == ("NR", -81.0, -11.0)
+    assert rows("+CESQ: 99,99,255,255,255,255,255,255,255") == []
 
 
 def test_a_list_of_networks_broken_between_lines_and_without_quotes():
