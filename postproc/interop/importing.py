@@ -1,5 +1,6 @@
 """A walk recorded by another program, made into a run."""
 
+import errno
 import hashlib
 import pkgutil
 import re
@@ -379,10 +380,17 @@ def _sha256(source: Path) -> str:
 
 @contextmanager
 def _sighting_file(target: Path) -> Iterator[SightingFile]:
+    """Raises `RunFileError` where the target's folder takes no file, or is full."""
     try:
-        with closing(SightingFile(target.parent)) as sightings:
+        sightings = SightingFile(target.parent)
+    except OSError as error:
+        raise RunFileError(f"cannot write {target}: {error.strerror}") from error
+    try:
+        with closing(sightings):
             yield sightings
     except OSError as error:
+        if error.errno not in {errno.ENOSPC, errno.EDQUOT}:  # of the file that is read
+            raise
         raise RunFileError(f"cannot write {target}: {error.strerror}") from error
 
 
