@@ -26,7 +26,6 @@ _STRONG_DBM = -90.0
 _HELD_S = 10.0
 _STILL_S = 60.0
 _SINGLE_S = 20.0
-_FEWEST_SCANS = 3
 _KNOWN_WALKS = 2  # that heard a cell of an area here, or one walk two cells: the area is known
 _HEARD_DBM = -105.0
 """At a border the network's other cells come as weakly."""
@@ -37,7 +36,7 @@ _FEWEST_TO_EXIST = 2  # scans: an identity in one may be damaged
     id="L4",
     family="area",
     needs=("identity", "position", "country code"),
-    gate="rule P1 holds; 3 scans over 20 s, the cell at least -105 dBm",
+    gate="rule P1 holds; heard for 20 s, at least -105 dBm",
     sentence="network {operator} has no other cell here, after {seconds} s",
     harmless="a ship or an aircraft, a private network",
     detection=0.8,
@@ -48,7 +47,7 @@ def _single(memory: Memory, cell: HeardCell) -> Evidence | None:
     since_s, level_dbm = memory.now.t_s - cell.first_s, cell.heard.level_dbm
     if cell.name not in memory.foreign or since_s < _SINGLE_S:
         return None
-    if level_dbm is None or level_dbm < _HEARD_DBM or cell.n_scans < _FEWEST_SCANS:
+    if level_dbm is None or level_dbm < _HEARD_DBM:
         return None
     if len(memory.of_operator(cell.operator, cell.rat)) > 1:
         return None
@@ -212,4 +211,8 @@ def _change(memory: Memory, cell: HeardCell) -> Evidence | None:
     is_after_change = abs(cell.since_s - memory.changed_rat_s) < _HELD_S
     if before is None or is_after_change or not is_still or _is_known_area(memory, cell):
         return None
+    arrived_s = now.t_s - now.still_s + _STILL_S
+    for other in memory.of_operator(cell.operator, cell.rat):  # neighbours of it, at a border
+        if other.area == cell.area and other.first_s < arrived_s:
+            return None
     return {"area": cell.area, "other_area": before[1], "still_s": round(now.still_s)}

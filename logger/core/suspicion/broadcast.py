@@ -35,12 +35,13 @@ class _Left:
     id="C2",
     family="broadcast",
     needs=("identity", "level"),
-    gate="3 readings before of at least -85 dBm, 3 after, all within 40 s and of one network",
+    gate="3 readings before of at least -85 dBm, 3 after, all within 40 s and of one network; a "
+    "cell heard later than the one left",
     sentence="the modem left {left_dbm} dBm for this cell with {level_dbm} dBm",
     harmless="a call that was handed over, another band of the operator",
     about=serving_cell,
     detection=0.4,  # so that it makes no cell unusual by itself, as 12 of 16 false words were
-    measured=on_telephones(GSM=(1, 23, 2.7), LTE=(12, 814, 36.1), WCDMA=(4, 87, 10.1)),
+    measured=on_telephones(GSM=(1, 23, 2.7), LTE=(10, 814, 36.1), WCDMA=(4, 87, 10.1)),
 )
 def _leave_for_weaker(memory: Memory, cell: HeardCell) -> Evidence | None:
     t_s, serving, past = memory.now.t_s, memory.now.serving, memory.of(_Left)
@@ -51,7 +52,10 @@ def _leave_for_weaker(memory: Memory, cell: HeardCell) -> Evidence | None:
     if before and before[-1][1].name != cell.name:
         past.other = None
         is_late = t_s - before[0][0] > _LATE_S
-        is_compared = _are_compared(memory, serving, before[-1][1])
+        left = memory.cells.get(before[-1][1].name or "")
+        # the way back from a rogue cell that fell silent accuses nobody
+        is_newer = left is not None and left.first_s < cell.first_s
+        is_compared = is_newer and _are_compared(memory, serving, before[-1][1])
         if len(before) == _STEADY and is_compared and not is_late:
             past.other = cell.name, t_s, min(b[2] for b in before), []
         past.serving.clear()

@@ -15,6 +15,7 @@ _MANY_WALKS = 15
 _NEW_AFTER_MANY = 1 / 228
 """Share of the cells of 31 commutes that 15 others or more of this ground had not heard: with one
 reading at the level 1 of 228, with three, as the gate demands, none of 220."""
+FEWEST_MOVED = 3  # cells with a new area code: the operator has renumbered
 _STRONG_DBM = -95.0
 """A cell that is new and weak was too weak before."""
 _PLACE_M = 150.0
@@ -90,6 +91,28 @@ def _n_walks(memory: Memory, cell: HeardCell) -> int:
     return around[0].n_walks.get(cell.rat, 0) if around else 0
 
 
+def _is_renumbered(memory: Memory, name: str) -> bool:
+    # nearly no rogue cell has the numbers of several legitimate ones
+    cell = memory.cells.get(name)
+    known = {heard for square in ground(memory) for heard in square.cells}
+    if cell is None or name in known:
+        return False
+    numbers = {_without_area(heard) for heard in known}
+    moved = [
+        other.name
+        for other in memory.of_operator(cell.operator, cell.rat)
+        if other.area == cell.area
+        and other.name not in known
+        and _without_area(other.name) in numbers
+    ]
+    return name in moved and len(moved) >= FEWEST_MOVED
+
+
+def _without_area(name: str) -> tuple[str, str]:
+    operator, _, cid = name.rsplit("-", 2)  # of `mcc-mnc-area-cid`
+    return operator, cid
+
+
 _UNHEARD = "did not hear this cell here"
 _NAMED_NEW = 0.9
 _NEW = Rate(4, 233, 0.0, "walks of two routes after 7 to 14 others")
@@ -105,13 +128,14 @@ def _new_nats(memory: Memory, cell: HeardCell) -> float:
     family="earlier walks",
     needs=("identity", "level", "position", "earlier walks"),
     gate="7 earlier walks with this technology here, 3 readings of at least -95 dBm; from 15 "
-    "walks on it suffices",
+    "walks on it suffices; not where 3 cells have another area code than then",
     sentence="{walks} earlier walks {what}, today it has {level_dbm} dBm",
     harmless="a new cell, a cell that was repaired, one that earlier walks heard and did not learn",
     detection=_NAMED_NEW,
     elsewhere=_NEW,
     strength="suffices",
     weigh=_new_nats,
+    refuted_by=_is_renumbered,
 )
 def _is_new(memory: Memory, cell: HeardCell) -> Evidence | None:
     n_walks, level_dbm, weakest_dbm = _n_walks(memory, cell), cell.heard.level_dbm, cell.weakest_dbm

@@ -329,7 +329,7 @@ class Memory:
         # what all levels lose or gain at one place is of the receiver, not of one cell
         outdoors, before = self._outdoors, self._beside
         if before and now.leapt_s > before[-1].leapt_s:
-            self._forget_spots(lambda s: s.last_s > now.leapt_s - Walker.DOUBTFUL_S)
+            self._forget_spots(lambda _: True)  # nobody knows since when they were displaced
         if outdoors is not None:
             change_db = _change_db(outdoors, now)
             is_out = change_db is not None and change_db >= _OUTDOORS_DB

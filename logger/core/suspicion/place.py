@@ -61,7 +61,7 @@ _TWO_SENTENCE = (
     "the levels fit two places {apart_m} m apart better than one (log evidence {log_evidence})"
 )
 # of S5 and S9: of findings with one sentence `words.sentences` prints the strongest
-_TWO_HARMLESS = "hills and tall buildings, a cell with two antennas"
+_TWO_HARMLESS = "hills and tall buildings, a repeater, a cell with two antennas"
 
 
 @ScanRule(

@@ -6,6 +6,7 @@ from math import hypot, inf
 
 from logger.core.latest import Latest
 from logger.core.suspicion.countries import GSMR_ARFCNS, INTERNATIONAL, TEST_MCCS, countries
+from logger.core.suspicion.earlier_walks import FEWEST_MOVED
 from logger.core.suspicion.heard import HeardCell, Memory
 from logger.core.suspicion.rule import GSM, Evidence, Rate, ScanRule, on_telephones
 from logger.core.suspicion.spots import Spot
@@ -99,23 +100,41 @@ def _others(names_of: Latest[list[str]], key: str, name: str) -> list[str]:
     return [other for other in names if other != name] if len(names) > 1 else []
 
 
+def _number(cell: HeardCell) -> str:
+    return f"{cell.operator} {cell.rat} {cell.cid}"
+
+
+def _is_renumbered(memory: Memory, name: str) -> bool:
+    cell = memory.cells.get(name)
+    if cell is None:
+        return False
+    names_of = memory.of(_BY_CID)
+    of_area = [
+        other
+        for other in memory.of_operator(cell.operator, cell.rat)
+        if other.area == cell.area and len(names_of.get(_number(other), ())) > 1
+    ]
+    return len(of_area) >= FEWEST_MOVED
+
+
 @ScanRule(
     id="P4",
     family="plan",
     needs=("identity", "area code"),
-    gate="both heard for 10 s, not within 10 s of a change of technology",
+    gate="both heard for 10 s, not within 10 s of a change of technology; not where 3 cells of "
+    "the area are also heard in another",
     sentence="cell identity {cid} is heard in area {area} and in area {other_area}",
     harmless="an operator has renumbered, or two areas meet and use the number twice",
     detection=0.8,
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
+    refuted_by=_is_renumbered,
 )
 def _two_areas(memory: Memory, cell: HeardCell) -> Evidence | None:
     if cell.area is None or cell.longest_s < _HELD_S:
         return None
     if abs(cell.since_s - memory.changed_rat_s) < _HELD_S:
         return None
-    key = f"{cell.operator} {cell.rat} {cell.cid}"
-    for name in _others(memory.of(_BY_CID), key, cell.name):
+    for name in _others(memory.of(_BY_CID), _number(cell), cell.name):
         other = memory.cells.get(name)
         if other is None or other.area is None or other.area == cell.area:
             continue

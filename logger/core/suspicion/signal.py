@@ -59,10 +59,12 @@ class _Before(NamedTuple):
     limit_dbm: float
     operators: frozenset[str]
     is_full: bool
+    unnamed: frozenset[tuple[int | None, int | None]]  # channel and code, without an identity
 
-    def could_name(self, memory: Memory, cell: HeardCell) -> bool:
-        """Whether the scan would have named a cell of this network."""
-        if cell.rat != self.rat:
+    def lacks(self, memory: Memory, cell: HeardCell) -> bool:
+        """Whether it could have heard a cell of this network."""
+        arfcn = cell.heard.reading.arfcn
+        if cell.rat != self.rat or self.unnamed & {(arfcn, cell.heard.code), (arfcn, None)}:
             return False
         names = self.operators
         return len(names) > 1 or not any(memory.are_apart(cell.operator, name) for name in names)
@@ -142,7 +144,10 @@ def _new_cells(memory: Memory) -> Iterator[HeardCell]:
         else:
             continue
         operators = frozenset([heard.operator for heard in of_rat])
-        before = _Before(now.t_s, now.x_m, now.y_m, rat, limit_dbm, operators, is_full)
+        unnamed = frozenset(
+            [(h.reading.arfcn, h.code) for h in now.cells if h.name is None and h.rat == rat]
+        )
+        before = _Before(now.t_s, now.x_m, now.y_m, rat, limit_dbm, operators, is_full, unnamed)
         memory.of(_SCANS).append(before)
 
 
@@ -156,15 +161,15 @@ def _new_cells(memory: Memory) -> Iterator[HeardCell]:
     "s before",
     harmless="a legitimate cell switched on, the exit of a tunnel",
     about=_new_cells,
-    detection=0.5,
-    measured=on_telephones(GSM=(13, 23, 2.7), LTE=(13, 814, 36.1), WCDMA=(2, 87, 10.1)),
+    detection=0.45,  # so that S3 and N1, which both come under ground, are not enough
+    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(13, 814, 36.1), WCDMA=(2, 87, 10.1)),
 )
 def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
     weakest_dbm = _steady_dbm(cell)
     if weakest_dbm is None:
         return None
     first = cell.recent[0]
-    before = [b for b in memory.of(_SCANS) if b.t_s < first.t_s and b.could_name(memory, cell)]
+    before = [b for b in memory.of(_SCANS) if b.t_s < first.t_s and b.lacks(memory, cell)]
     before = [
         b
         for b in before[-STEADY:]
@@ -186,7 +191,8 @@ def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
     family="signal",
     needs=("identity", "level", "position", "neighbours"),
     gate="the walker has stood for 5 scans over 30 s; 3 readings of at least -75 dBm, 20 dB above "
-    "the 2 before or what 2 scans of its network could have missed; 3 others stay within 10 dB",
+    "the 2 before or what 2 scans of its network could have missed; 3 others stay within 10 dB, "
+    "and over twice as many as rise by more",
     sentence="{level_dbm} dBm, where it had at most {before_dbm} dBm {seconds} s before, while the "
     "walker stood and {cells} other cells stayed",
     harmless="a cell switched on or repaired, a door, a vehicle that was before the antenna",
@@ -203,14 +209,17 @@ def _rises_while_others_stay(memory: Memory, cell: HeardCell) -> Evidence | None
     before = [(t_s, dbm) for t_s, dbm in before if t_s >= since_s]
     if not before:
         scans = [b for b in memory.of(_SCANS) if since_s <= b.t_s < first_s]
-        before = [(b.t_s, b.limit_dbm) for b in scans if b.is_full and b.could_name(memory, cell)]
+        before = [(b.t_s, b.limit_dbm) for b in scans if b.is_full and b.lacks(memory, cell)]
     before = before[-2:]
     if len(before) < 2 or now.t_s - before[0][0] < _STOOD_S:
         return None
     if weakest_dbm < max(dbm for _, dbm in before) + _JUMP_DB:
         return None
-    n_steady = sum(_stays(other, before[0][0]) for other in memory.taken if other is not cell)
-    if n_steady < STEADY:
+    others = [other for other in memory.taken if other is not cell]
+    n_steady = sum(_stays(other, before[0][0]) for other in others)
+    # a lift, or a vehicle that was before the antenna, raises many
+    n_raised = sum(_rises(other, first_s) for other in others)
+    if n_steady < STEADY or n_steady <= 2 * n_raised:
         return None
     return {
         "level_dbm": round(weakest_dbm),
@@ -225,6 +234,12 @@ def _stays(cell: HeardCell, since_s: float) -> bool:
     levels_dbm = [level.level_dbm for level in cell.recent]
     is_known = len(levels_dbm) >= STEADY + 1 and cell.recent[0].t_s <= since_s
     return is_known and max(levels_dbm) - min(levels_dbm) <= _STAYS_DB
+
+
+def _rises(cell: HeardCell, since_s: float) -> bool:
+    before = [level.level_dbm for level in cell.recent if level.t_s < since_s]
+    after = [level.level_dbm for level in cell.recent if level.t_s >= since_s]
+    return bool(before and after) and min(after) > max(before) + _STAYS_DB
 
 
 @ScanRule(

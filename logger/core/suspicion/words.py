@@ -106,7 +106,7 @@ def unnoticed_text(not_asked: Mapping[str, Sequence[str]], n_walks: int | None) 
     needs = [_NEEDED[need] for need in missing if need in _NEEDED]
     can_see_new = not not_asked.keys() >= _OF_A_NEW_STATION
     can_compare = {*not_asked.get("B1", ())} <= {"earlier walks"}
-    unseen = ["a weak one"] if can_see_new else []
+    unseen = ["a weak one", "one on the air for a minute or two"] if can_see_new else []
     if n_walks is None or n_walks < FEWEST_WALKS or not can_compare:
         unseen.append(f"{'one' if can_see_new else 'a cell'} with a plausible identity")
     unseen.append("a copy of a cell beside it")

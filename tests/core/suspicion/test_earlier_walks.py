@@ -131,6 +131,17 @@ def test_b1_weighs_by_the_number_of_earlier_walks(n_walks, word):
     assert Walk(baseline=earlier).scan(*HOME, new, times=4).word(new.cell) == word
 
 
+@pytest.mark.parametrize(("n_moved", "word"), [(2, "suspicious"), (3, "nothing unusual")])
+def test_b1_is_silent_where_the_operator_has_renumbered(n_moved, word):
+    """Overnight all cells of an area have another code; a rogue cell has the number of one."""
+    earlier = Earlier(n_walks=15, heard=0)
+    moved = [gsm(cid, -85, lac=1300) for cid in range(10, 10 + n_moved)]
+    walk = Walk(baseline=earlier).scan(*moved, *HOME[n_moved:], times=4)
+    assert {walk.word(cell.cell) for cell in moved} == {word}
+    new = gsm(99, -85, lac=1300)
+    assert walk.scan(*moved, *HOME[n_moved:], new, times=4).word(new.cell) == "suspicious"
+
+
 def test_b1_wants_three_readings_of_its_level():
     earlier = Earlier(n_walks=15, heard=0)
     weak = gsm(99, -96)

@@ -114,11 +114,12 @@ def test_walls_that_weaken_all_cells_are_of_no_cell(indoors, drift_m):
 
 
 @pytest.mark.parametrize("leap_m", [500.0, 1500.0])
-def test_a_position_that_leaps_for_a_minute_is_of_no_cell(leap_m):
-    """A reflection puts the receiver elsewhere; the levels stay those of the street."""
+@pytest.mark.parametrize(("begin", "end"), [(180, 240), (0, 240), (120, 360)])
+def test_a_position_that_leaps_for_a_while_is_of_no_cell(leap_m, begin, end):
+    """A reflection or a cold start puts it elsewhere; the levels stay those of the street."""
     walk, off_m = Walk(), 0.0
-    for k in range(360):
-        to_m = leap_m if 180 <= k < 240 else 0.0
+    for k in range(600):
+        to_m = leap_m if begin <= k < end else 0.0
         walk.scan(*_street(0.7 * k), metres=4.2 + to_m - off_m, seconds=1.0)
         off_m = to_m
     assert not {rule for rule, _ in walk.rules} & {"S4", "S5", "S6", "S9"}

@@ -80,6 +80,14 @@ def test_p4_one_cell_identity_in_two_areas():
     assert ("P4", 10) in walk.rules
 
 
+def test_p4_is_withdrawn_where_the_operator_renumbers():
+    walk = Walk().scan(*HOME, times=5)
+    walk.scan(*[replace(cell, lac=1202) for cell in HOME[:2]], *HOME[2:], times=5)
+    assert walk.word("232-01-1202-10") == "unusual"
+    walk.scan(*[replace(cell, lac=1202) for cell in HOME], times=5)
+    assert not walk.tracker.conspicuous()
+
+
 def test_p6_one_identity_on_two_channels_for_a_while():
     other = gsm(10, arfcn=77)
     assert ("P6", 10) in Walk().scan(*HOME, times=5).scan(other, *HOME[1:], times=5).rules
@@ -102,6 +110,22 @@ def test_l3_a_new_area_while_standing():
     assert ("L3", 50) in standing.rules
     walking = Walk().scan(*HOME, metres=7.0, times=15).scan(elsewhere, metres=7.0, times=4)
     assert ("L3", 50) not in walking.rules
+
+
+def test_l3_is_silent_where_neighbours_of_the_area_were_heard_before():
+    """At a border; a station that was heard since the walker stands is still a new one."""
+    border = [gsm(50, lac=1300), gsm(51, lac=1300)]
+    walk = Walk().scan(*HOME, border[1], metres=0.0, times=15)
+    assert ("L3", 50) not in walk.scan(*border, *HOME, metres=0.0, times=4).rules
+    walk = Walk().scan(*HOME, metres=0.0, times=15).scan(*HOME, border[0], metres=0.0, times=2)
+    assert ("L3", 50) in walk.scan(border[0], *HOME, metres=0.0, times=4).rules
+
+
+def test_l4_takes_two_scans_of_a_slow_modem():
+    """A test network on the air for a minute, where a scan of all channels takes half of one."""
+    walk = Walk().scan(*HOME, seconds=30.0, times=3)
+    walk.scan(*HOME, gsm(99, -60, mcc="001"), seconds=30.0, times=2)
+    assert walk.word("001-01-1201-99") == "suspicious"
 
 
 def test_n1_no_neighbours_for_a_while():
@@ -166,6 +190,31 @@ def test_s12_is_silent_about_walkers_and_about_what_changes_all_levels():
     turned = [gsm(cid, -95 - cid % 7) for cid in range(10, 15)]
     assert "S12" not in _standing(*turned, louder)[0]
     assert "S12" not in _standing(*HOME[:5], gsm(15, -76))[0]  # not beside the walker
+
+
+def _nameless(cell):
+    return replace(cell, mcc=None, mnc=None, lac=None, cid=None)
+
+
+@pytest.mark.parametrize(("bsic", "is_new"), [(8, False), (9, True), (None, False)])
+def test_s3_s12_a_neighbour_without_an_identity_was_heard(bsic, is_new):
+    """It appears only by name, as where a modem names none but its serving cell."""
+    new = gsm(99, -50)
+    before = replace(_nameless(new), bsic=bsic)
+    walk = Walk().scan(*HOME, before, metres=0.0, seconds=10.0, times=6)
+    walk.scan(new, *HOME, metres=0.0, seconds=10.0, times=4)
+    assert (("S3", 99) in walk.rules) == is_new
+    assert (("S12", 99) in walk.rules) == is_new
+
+
+@pytest.mark.parametrize(("raised", "is_named"), [(0, True), (1, True), (3, False)])
+def test_s12_is_silent_in_a_lift(raised, is_named):
+    """Above the roofs many cells become stronger, and some stay."""
+    many = [gsm(cid, -85 - cid % 7) for cid in range(10, 17)]
+    louder = [gsm(cid, -60 - cid % 7) for cid in range(10, 10 + raised)]
+    walk = Walk().scan(*many, metres=0.0, seconds=30.0, times=5)
+    walk.scan(*louder, *many[raised:6], gsm(16, -50), metres=0.0, seconds=30.0, times=3)
+    assert (("S12", 16) in walk.rules) == is_named
 
 
 def test_s4_stronger_than_on_the_first_visit():
@@ -235,6 +284,11 @@ def test_c2_a_modem_that_leaves_a_good_cell_for_a_weak_one():
     assert walk.word("232-01-1201-99") == "nothing unusual"  # most words that it gave were false
     walk = Walk().scan(gsm(10, -70), times=4).scan(gsm(99, -74), times=4)
     assert ("C2", 99) not in walk.rules
+
+
+def test_c2_the_way_back_from_a_rogue_cell_that_fell_silent():
+    walk = Walk().scan(gsm(10, -85), times=4).scan(gsm(99, -55), times=4)
+    assert ("C2", 10) not in walk.scan(gsm(10, -85), times=4).rules
 
 
 def test_s3_a_full_list_of_several_networks_could_name_another():

@@ -80,6 +80,12 @@ def test_more_walks_are_promised_to_help_only_where_they_would(missing, helps):
     assert ("plausible identity" in unnoticed_text({"B1": missing}, 7)) != helps
 
 
+def test_a_station_that_is_on_the_air_for_a_minute_is_not_said_to_be_noticed():
+    """L1 waits for the second cell of a border: on foot 80 s."""
+    assert "one on the air for a minute or two" in unnoticed_text({}, 0)
+    assert "nothing was noticed" in unnoticed_text(dict.fromkeys(("P1", "L1", "L2", "L4"), ()), 0)
+
+
 def test_what_no_scan_told_stands_in_a_sentence():
     not_asked = {
         "P1": ("country code", "position"),
