@@ -131,5 +131,6 @@ def _ask(run: str, inputs: Sequence[RuleColumn]) -> RunWords:
             strongest = sorted(one.findings, key=lambda finding: -finding.nats)
             rules = tuple(dict.fromkeys(finding.rule.id for finding in strongest))
             cells.append(CellWord(one.cell, one.word, rules, tuple(strongest_reasons(one))))
-    not_asked = tracker.capabilities.not_asked(RULES.values())
-    return RunWords(run, rules_version(), tuple(cells), unnoticed_text(not_asked, None))
+    capabilities = tracker.capabilities
+    unnoticed = unnoticed_text(capabilities.not_asked(RULES.values()), capabilities.heard_s, None)
+    return RunWords(run, rules_version(), tuple(cells), unnoticed)

@@ -179,8 +179,9 @@ class Suspicions:
     """The most suspicious cell first.
 
     `runs` named each cell, `run_of` is that of a finding by its `id`. `not_asked` has rules that no
-    run could serve, with what was missing, `earlier_walks` their least number. `failures` are the
-    cells for which a rule failed; without a cell the name is empty.
+    run could serve, with what was missing, `heard_s` the longest time that one heard cells,
+    `earlier_walks` their least number. `failures` are the cells for which a rule failed; without a
+    cell the name is empty.
     """
 
     cells: tuple[Assessment, ...]
@@ -188,12 +189,13 @@ class Suspicions:
     run_of: Mapping[int, Run]
     not_asked: dict[str, tuple[str, ...]]
     failures: dict[str, Failure]
+    heard_s: float = 0.0
     earlier_walks: int = 0
 
     @property
     def unnoticed_text(self) -> str:
         """What no rule could see."""
-        return unnoticed_text(self.not_asked, self.earlier_walks)
+        return unnoticed_text(self.not_asked, self.heard_s, self.earlier_walks)
 
     def __repr__(self) -> str:
         said = [f"{cell.cell} is {cell.word}" for cell in self.cells if cell.is_conspicuous]
@@ -237,6 +239,7 @@ def assess_runs(
     run_of: dict[int, Run] = {}
     not_asked: list[dict[str, tuple[str, ...]]] = []
     earlier_walks: list[int] = []
+    heard_s: list[float] = []
     failures: dict[str, Failure] = {}
     checked: Iterable[SuspicionTracker] = (track(run, baselines[id(run)]) for run in runs)
     if progress is not None:
@@ -252,6 +255,7 @@ def assess_runs(
             run_of |= {id(finding): run for finding in cell.findings}
         not_asked.append(tracker.capabilities.not_asked(ALL_RULES))
         earlier_walks.append(tracker.earlier_walks)
+        heard_s.append(tracker.capabilities.heard_s)
     for finding in findings_at_desk([_in_several_places], several):
         if finding.cell in findings:
             findings[finding.cell].append(finding)
@@ -264,7 +268,9 @@ def assess_runs(
     cells = by_word([assess(name, found) for name, found in findings.items()])
     everywhere = set(not_asked[0]).intersection(*not_asked)
     missing = {rule: needs for rule, needs in not_asked[0].items() if rule in everywhere}
-    return Suspicions(tuple(cells), named_by, run_of, missing, failures, min(earlier_walks))
+    return Suspicions(
+        tuple(cells), named_by, run_of, missing, failures, max(heard_s), min(earlier_walks)
+    )
 
 
 def track(run: Run, baseline: Baseline = NO_BASELINE) -> SuspicionTracker:

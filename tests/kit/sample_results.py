@@ -140,7 +140,7 @@ def with_word(result: Result, number: int = 0, word: Word = "suspicious") -> Res
     if word != "nothing unusual":
         words[named] = Assessment(word, 7.0, tuple(findings), named)
     not_asked = {"B1": ("earlier walks",), "T1": ("timing advance",)}
-    unnoticed = unnoticed_text(not_asked, 0)
+    unnoticed = unnoticed_text(not_asked, 600.0, 0)
     return dataclasses.replace(result, words=words, not_asked=not_asked, unnoticed=unnoticed)
 
 

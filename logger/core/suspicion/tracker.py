@@ -68,7 +68,8 @@ class SuspicionTracker:
     def unnoticed_text(self) -> str:
         if self._unnoticed is None:
             not_asked = self.capabilities.not_asked(RULES.values())
-            self._unnoticed = unnoticed_text(not_asked, self.earlier_walks)
+            heard_s = self.capabilities.heard_s
+            self._unnoticed = unnoticed_text(not_asked, heard_s, self.earlier_walks)
         return self._unnoticed
 
     def technologies(self) -> dict[str, str]:
@@ -183,11 +184,16 @@ def _is_refuted(finding: Finding, memory: Memory) -> bool:
 
 
 class Capabilities:
-    """Needs of rules that some scan has served: without them a rule is "not asked", not "fine"."""
+    """Needs of rules that some scan has served: without them a rule is "not asked", not "fine".
+
+    `heard_s` is the time from the first cell to the last one.
+    """
 
     def __init__(self, served: Mapping[str, Iterable[Need]] = MappingProxyType({})) -> None:
         self._served = {rat: set(needs) for rat, needs in served.items()}
         self._always: set[Need] = {"second technology"} if len(self._served) > 1 else set()
+        self._first_s: float | None = None
+        self.heard_s = 0.0
 
     def serve(self, need: Need) -> None:
         """Take what does not come from the modem."""
@@ -195,6 +201,9 @@ class Capabilities:
 
     def add(self, now: Moment) -> None:
         """Take what a scan serves."""
+        if now.cells:
+            self._first_s = now.t_s if self._first_s is None else self._first_s
+            self.heard_s = now.t_s - self._first_s
         for heard in now.cells:
             served = self._served.setdefault(heard.rat, set())
             for need, is_served in _OF_READING.items():

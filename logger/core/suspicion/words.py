@@ -32,6 +32,8 @@ WORD_RATES: Mapping[Word, Rate] = {
 
 _OF_A_NEW_STATION = frozenset({"P1", "L1", "L2", "L4"})
 """Rules, one of which a strong station of an invented network or area most likely breaks."""
+_SHORT_S = 120.0
+"""Strong stations are named after up to 72 s, the median of kinds of modems and walks."""
 _NEEDED = {
     "identity": "identities",
     "country code": "country codes",
@@ -97,11 +99,18 @@ def word_rate_text(word: Word) -> str:
     )
 
 
-def unnoticed_text(not_asked: Mapping[str, Sequence[str]], n_walks: int | None) -> str:
+def unnoticed_text(
+    not_asked: Mapping[str, Sequence[str]], heard_s: float, n_walks: int | None
+) -> str:
     """What would have been noticed, and what not, where these rules were not asked.
 
-    `n_walks` is the number of earlier walks of the ground, None where that differs.
+    Cells were heard for `heard_s`; `n_walks` is the number of earlier walks of the ground, None
+    where that differs.
     """
+    if heard_s < _SHORT_S:
+        return (
+            "Cells were heard for less than two minutes: even a strong new station may be missed."
+        )
     missing = dict.fromkeys(need for needs in not_asked.values() for need in needs)
     needs = [_NEEDED[need] for need in missing if need in _NEEDED]
     can_see_new = not not_asked.keys() >= _OF_A_NEW_STATION
@@ -113,7 +122,11 @@ def unnoticed_text(not_asked: Mapping[str, Sequence[str]], n_walks: int | None) 
     if needs:
         listed = " or ".join(filter(None, (", ".join(needs[:-1]), needs[-1])))
         unseen.append(f"one that only {listed} would betray")
-    seen = "a strong new station would most likely have been" if can_see_new else "nothing was"
+    seen = (
+        "a strong new station would most likely have been"
+        if can_see_new
+        else "no station would certainly have been"
+    )
     text = f"Here {seen} noticed; {', '.join(unseen[:-1])} or {unseen[-1]} would not"
     if n_walks is None:
         return f"{text}."

@@ -76,14 +76,19 @@ def test_a_rate_is_printed_with_its_interval_and_hours():
 
 @pytest.mark.parametrize(("missing", "helps"), [(("earlier walks",), True), (("identity",), False)])
 def test_more_walks_are_promised_to_help_only_where_they_would(missing, helps):
-    assert ("from 7 on" in unnoticed_text({"B1": missing}, 0)) == helps
-    assert ("plausible identity" in unnoticed_text({"B1": missing}, 7)) != helps
+    assert ("from 7 on" in unnoticed_text({"B1": missing}, 600.0, 0)) == helps
+    assert ("plausible identity" in unnoticed_text({"B1": missing}, 600.0, 7)) != helps
 
 
 def test_a_station_that_is_on_the_air_for_a_minute_is_not_said_to_be_noticed():
     """L1 waits for the second cell of a border: on foot 80 s."""
-    assert "one on the air for a minute or two" in unnoticed_text({}, 0)
-    assert "nothing was noticed" in unnoticed_text(dict.fromkeys(("P1", "L1", "L2", "L4"), ()), 0)
+    assert "one on the air for a minute or two" in unnoticed_text({}, 600.0, 0)
+    of_a_new_station = dict.fromkeys(("P1", "L1", "L2", "L4"), ())
+    assert "no station would certainly" in unnoticed_text(of_a_new_station, 600.0, 0)
+
+
+def test_a_walk_of_seconds_promises_nothing():
+    assert "even a strong new station may be missed" in unnoticed_text({}, 119.0, 30)
 
 
 def test_what_no_scan_told_stands_in_a_sentence():
@@ -93,5 +98,5 @@ def test_what_no_scan_told_stands_in_a_sentence():
         "R1": ("cell of GSM",),
         "B1": ("earlier walks",),
     }
-    said = unnoticed_text(not_asked, 0)
+    said = unnoticed_text(not_asked, 600.0, 0)
     assert "one that only country codes, positions or neighbour lists would betray" in said

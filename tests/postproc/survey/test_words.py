@@ -86,7 +86,7 @@ def test_worst_word_over_all_runs(files, folder, scheduler, capsys):
     shown = " ".join(capsys.readouterr().out.split())
     assert f"{FOREIGN} is suspicious in 2 runs: network 310-260" in shown
     assert shown.index("is suspicious") < shown.index("verdict")
-    assert "would most likely have been noticed" in shown
+    assert "even a strong new station may be missed" in shown
 
 
 def test_each_place_of_an_identity_has_its_own_word(files, folder, scheduler, capsys):
