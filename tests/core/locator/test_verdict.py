@@ -230,7 +230,7 @@ def test_the_reach_of_the_region_is_no_reason_of_its_own():
 # --- never located ---
 
 
-@pytest.mark.parametrize("eta", [-3.0, -0.09, 0.3, 6.5, 20.0])
+@pytest.mark.parametrize("eta", [-3.0, -0.09, 0.3, 1.4, 6.5, 20.0])
 def test_an_exponent_that_no_walk_has_is_never_located(eta):
     obs, found = clear()
     best = found.modes[0]
