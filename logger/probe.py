@@ -118,11 +118,6 @@ def usual_folder() -> Path:
     return Path.home() / "cellwalk"
 
 
-def site_toml(found: Iterable[PortReport], folder: Path | None = None) -> str:
-    """The text alone."""
-    return propose_config(found, folder).text
-
-
 @dataclass(frozen=True, slots=True)
 class _Table:
     lines: list[str]

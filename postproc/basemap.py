@@ -55,7 +55,7 @@ Colour = tuple[int, int, int]
 
 _KINDS: dict[int, Kind] = {1: "point", 2: "line", 3: "polygon"}
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
-_MOVE, _LINE, _CLOSE = 1, 2, 7
+_MOVE, _CLOSE = 1, 7
 _FARTHEST = 1 << 24
 """Units of a tile, which has 4096: a drawing program would take hours for a line beyond."""
 _MOST_BITS = 70

@@ -19,6 +19,15 @@ from logger.core.runfile import Run
 from logger.core.timebase import utc_clock
 
 
+def distinct_pairs(first: IntArray, second: IntArray) -> tuple[IntArray, IntArray]:
+    """Each pair of values (n,) once, in ascending order."""
+    order = np.lexsort((second, first))
+    first, second = first[order], second[order]
+    is_new = np.ones(len(order), np.bool_)
+    is_new[1:] = (np.diff(first) != 0) | (np.diff(second) != 0)
+    return first[is_new], second[is_new]
+
+
 def scans_of(runs: Sequence[Run]) -> dict[str, int]:
     """Scans of all runs in which each cell was identified without doubt; 0 where it never was."""
     total: Counter[str] = Counter()
@@ -27,11 +36,7 @@ def scans_of(runs: Sequence[Run]) -> dict[str, int]:
         names, which = numbered_texts(readings["cell"])
         sure = readings["identity_unsure"] == 0
         scan, cell = readings["seq"][sure], which[sure]
-        order = np.lexsort((scan, cell))
-        scan, cell = scan[order], cell[order]
-        is_first = np.ones(len(order), np.bool_)  # of its cell in its scan
-        is_first[1:] = (np.diff(scan) != 0) | (np.diff(cell) != 0)
-        _add(total, names, cell[is_first])
+        _add(total, names, distinct_pairs(cell, scan)[0])
     del total[""]
     return total
 

@@ -251,8 +251,8 @@ def estimate_cell(obs: Readings, options: Options = Options()) -> CellResult:
         height_m=options.prior.height_m,
     )
     warnings = [*result.warnings, *_batch_warnings(result.batch, posterior), *findings(diagnosis)]
-    if isinstance(forward, ekf_initialisation.NoRun) and result.verdict == "located":
-        warnings.append(f"no EKF and no RTS: {forward.reason}")
+    if isinstance(forward, str) and result.verdict == "located":
+        warnings.append(f"no EKF and no RTS: {forward}")
     if comparison and comparison.warning:
         warnings.append(comparison.warning)
     return replace(result, warnings=tuple(warnings), comparison=comparison, residuals=diagnosis)
@@ -374,12 +374,10 @@ def _regularity_warnings(n: int, n_left_out: int) -> list[str]:
     return [warning]
 
 
-def _passes(
-    obs: Readings, posterior: Posterior
-) -> Iterator[ekf_initialisation.EkfRun | ekf_initialisation.NoRun]:
+def _passes(obs: Readings, posterior: Posterior) -> Iterator[ekf_initialisation.EkfRun | str]:
     if obs.n_modems > 1:
         why = "several modems, and the filter does not estimate the offset between them"
-        return iter((ekf_initialisation.NoRun(why), ekf_initialisation.NoRun(why)))
+        return iter((why, why))
     if why_not := ekf_initialisation.why_not_located(obs, posterior):
         return iter((why_not, why_not))
     noise = ekf_initialisation.noise_of(obs, posterior)

@@ -10,7 +10,7 @@ from logger.config import parse_config
 from logger.device import gnss_source, modem_source
 from logger.device.clock import ScaledClock
 from logger.drivers.registry import FAMILIES
-from logger.probe import PortReport, probe, propose_config, site_toml
+from logger.probe import PortReport, probe, propose_config
 from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
 from logger.sim.walk import WalkTime
@@ -88,7 +88,7 @@ def test_check_accepts_every_proposal_or_says_what_to_fill_in(
 @pytest.mark.parametrize(("driver", "asked"), [*product(FAMILIES, [True, None])])
 def test_the_receiver_of_a_modem_is_proposed_where_its_driver_reads_one(driver, asked):
     found = [PortReport("/dev/ttyUSB2", "", "modem", 115_200, driver, "a modem", asked)]
-    port = tomllib.loads(site_toml(found))["gnss"]["port"]
+    port = tomllib.loads(propose_config(found).text)["gnss"]["port"]
     assert port == ("modem" if FAMILIES[driver].gnss_poll_commands else "")
 
 
@@ -97,11 +97,11 @@ def test_the_proposal_is_a_configuration():
         PortReport("/dev/ttyUSB0", "", "gnss", 9600),
         PortReport("/dev/ttyUSB1", "", "modem", 115_200, "sim800", "SIM800"),
     ]
-    config = parse_config(site_toml(found), "proposal")
+    config = parse_config(propose_config(found).text, "proposal")
     modem, receiver = config.source
     assert (modem.port, modem.driver) == ("/dev/ttyUSB1", "sim800")
     assert receiver.port == "/dev/ttyUSB0"
-    nothing = tomllib.loads(site_toml([]))
+    nothing = tomllib.loads(propose_config([]).text)
     assert (nothing["modem"]["port"], nothing["gnss"]["port"]) == ("", "")
 
 
@@ -114,7 +114,7 @@ def test_more_modems_are_proposed_as_sources_once_each():
         PortReport("/dev/serial/by-id/usb-CP2102-if00-port0", "", "modem", 9600, "sim800", "A"),
         PortReport("/dev/ttyUSB9", "", "gnss", 9600),
     ]
-    config = parse_config(site_toml(found), "proposal")
+    config = parse_config(propose_config(found).text, "proposal")
     ports = {source.name: source.port for source in config.source}
     assert ports == {"modem": found[0].port, "gnss": found[3].port, "modem2": found[2].port}
     assert config.source[-1].baud == 9600
@@ -126,7 +126,7 @@ def test_no_name_and_no_word_of_a_modem_breaks_the_file():
         PortReport(f"/dev/{odd}", "", "modem", 9600, "sim800", f"says {odd}\nport = 1"),
         PortReport("/dev/ü", "", "gnss", 9600),
     ]
-    config = parse_config(site_toml(found), "proposal")
+    config = parse_config(propose_config(found).text, "proposal")
     assert [source.port for source in config.source] == [f"/dev/{odd}", "/dev/ü"]
 
 

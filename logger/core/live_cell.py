@@ -138,7 +138,8 @@ class _RunningEkf(NamedTuple):
 class LiveCell:
     """Estimate of one cell; `news` are the events of the last reading, as (code, text).
 
-    `latest` is the newest estimate, None before the first. Levels are on the scale of `LiveScale`.
+    `latest` is the newest estimate, None before the first; `locator` has the posterior of the
+    position. Levels are on the scale of `LiveScale`.
     """
 
     def __init__(
@@ -148,7 +149,7 @@ class LiveCell:
         where: WalkArea | None = None,
     ) -> None:
         self._prior, self._where = prior, where
-        self._locator = OnlineLocator(prior, where=where)
+        self.locator = OnlineLocator(prior, where=where)
         self._first_spikes = spikes
         self._modems: dict[str, tuple[SpikeFilter[Readings], CacheTest]] = {}
         self._scale = LiveScale()
@@ -160,19 +161,9 @@ class LiveCell:
         self.news: list[tuple[str, str]] = []
         self.latest: LiveEstimate | None = None
 
-    @property
-    def stale(self) -> float:
-        """As `OnlineLocator.stale`."""
-        return self._locator.stale
-
     def away_m(self, place: Places) -> float:
         """Distance of a place from where the cell was heard last; 0 before that."""
         return self._recent[-1].places.away_m(place) if self._recent else 0.0
-
-    @property
-    def locator(self) -> OnlineLocator:
-        """The posterior of the position."""
-        return self._locator
 
     def take(self, latest: Readings, modem: str = "", scan_seq: int = 0) -> LiveEstimate | None:
         """Take a reading of a modem's scan; None while there is no estimate.
@@ -217,7 +208,7 @@ class LiveCell:
         if waiting := self._scale.waiting(modem, self.n):
             text = f"begun anew with {modem}, which cannot be compared with {self._scale.first}"
             self.news.append(("modem-changed", text))
-            self._locator = OnlineLocator(self._prior, where=self._where)
+            self.locator = OnlineLocator(self._prior, where=self._where)
             self._scale = LiveScale()
             self._recent.clear()
             self._ekf, self._may_start, self.n = None, True, 0
@@ -229,7 +220,7 @@ class LiveCell:
 
     def search(self) -> None:
         """Search the positions again."""
-        self._locator.search()
+        self.locator.search()
         self._may_start = True
 
     def _set_aside(self, latest: Readings, spike_db: float) -> None:
@@ -242,10 +233,10 @@ class LiveCell:
 
     def _update(self, latest: Readings, scan_seq: int) -> LiveEstimate | None:
         self.n += 1
-        before, before_db = self._locator.strongest_mode(), self._locator.level_sigma_db
-        self._locator.take(latest)
+        before, before_db = self.locator.strongest_mode(), self.locator.level_sigma_db
+        self.locator.take(latest)
         self._recent.append(latest)
-        mode = self._locator.strongest_mode()
+        mode = self.locator.strongest_mode()
         step = self._step_ekf(latest, mode)
         source = latest.cell, self.n, latest.utm.zone
         if step is not None:
@@ -281,9 +272,9 @@ class LiveCell:
         return None
 
     def _start_ekf(self, mode: Mode) -> None:
-        white_share, decorrelation_m = self._locator.noise()
+        white_share, decorrelation_m = self.locator.noise()
         height_m = self._prior.height_m
-        noises = candidates(self._locator.level_sigma_db, decorrelation_m, white_share, height_m)
+        noises = candidates(self.locator.level_sigma_db, decorrelation_m, white_share, height_m)
         noise = likeliest(noises, mode.state, in_order(self._recent))
         state = shadow_ekf.hold(mode.state, noise, self._recent[0].places)
         for latest in self._recent:

@@ -30,6 +30,7 @@ import numpy as np
 
 from logger.core import ekf
 from logger.core.arrays import FloatArray
+from logger.core.certainty import CHI2_95_2DOF
 from logger.core.ekf import EkfStep
 from logger.core.errors import EstimationError
 from logger.core.model.path_loss import level_gradient
@@ -151,18 +152,14 @@ def step(
     return ekf.EkfStep(_shift(state, gain, innovation / variance, factors), nan, nan)
 
 
-def shadow_correlation(noise: ShadowNoise, moved_m: float) -> float:
-    """Correlation rho of the shadowing at two points."""
-    return exp(-moved_m / noise.decorrelation_m) if noise.decorrelation_m > 0.0 else 0.0
-
-
 def _move(
     state: ShadowState, noise: ShadowNoise, receiver_x_m: float, receiver_y_m: float
 ) -> ShadowState:
     """Part of the shadowing is forgotten."""
     x, y, p0, eta, s, last_x, last_y, factors = state
     ds, dx, dy, d0, de, sx, sy, s0, se, xy, x0, xe, y0, ye, oe = factors
-    rho = shadow_correlation(noise, hypot(receiver_x_m - last_x, receiver_y_m - last_y))
+    moved_m = hypot(receiver_x_m - last_x, receiver_y_m - last_y)
+    rho = exp(-moved_m / noise.decorrelation_m) if noise.decorrelation_m > 0.0 else 0.0
     fresh_db2 = noise.shadow_db * noise.shadow_db * (1.0 - rho * rho)
     ds = rho * rho * ds + fresh_db2
     sx, sy, s0, se = rho * sx, rho * sy, rho * s0, rho * se
@@ -345,8 +342,6 @@ _MOST_NIS = 9.0
 """A larger one (3 sigma) counts as this: one gross error does not fill the mean."""
 _NIS_SIGMAS = 4.0
 """The bound of the mean is tested at every reading, so chance must seldom exceed it."""
-_CHI2_95_2DOF = 5.991
-"""Squared distance of two positions that 5 % exceed."""
 _NIS_READINGS, _APART_READINGS, _NEAR_READINGS = 5, 3, 3
 """Net readings beyond a bound that raise its alarm."""
 
@@ -424,7 +419,7 @@ class FilterMonitor(NamedTuple):
         east, north = state.x_m - x_m, state.y_m - y_m
         squares = yy * east * east - 2.0 * xy * east * north + xx * north * north
         apart2 = squares / (xx * yy - xy * xy)
-        exceeded = apart2 > _CHI2_95_2DOF
+        exceeded = apart2 > CHI2_95_2DOF
         apart_alarm = self.apart_alarm.update(exceeded=exceeded, most=_APART_READINGS)
         return self._replace(apart2=apart2, apart_alarm=apart_alarm)
 

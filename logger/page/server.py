@@ -16,7 +16,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO
 
 import msgspec
 from tornado.http1connection import HTTP1Connection
@@ -149,14 +149,6 @@ class Limits:
         return bucket.take(now_s)
 
 
-class Connection(Protocol):
-    """What `Places` needs of tornado's IOStream."""
-
-    def close(self) -> None: ...
-    def closed(self) -> bool: ...
-    def writing(self) -> bool: ...
-
-
 @dataclass
 class _Holder:
     """`is_known` after a request with the token, `is_busy` during one."""
@@ -181,9 +173,9 @@ class Places:
     ) -> None:
         self._most, self._most_of_one = most, most_of_one
         self._clock_s = clock_s
-        self._holders: dict[Connection, _Holder] = {}
+        self._holders: dict[IOStream, _Holder] = {}
 
-    def admit(self, connection: Connection, address: str) -> bool:
+    def admit(self, connection: IOStream, address: str) -> bool:
         """Give a place, if need be that of another, which is closed; False without one."""
         self._holders = {one: who for one, who in self._holders.items() if not one.closed()}
         n_held = Counter(who.address for who in self._holders.values())
@@ -197,17 +189,17 @@ class Places:
         self._holders[connection] = _Holder(address, self._clock_s())
         return True
 
-    def begin(self, connection: Connection) -> None:
+    def begin(self, connection: IOStream) -> None:
         """Note that a connection has brought a complete request with the token."""
         if holder := self._holders.get(connection):
             holder.is_known = holder.is_busy = True
 
-    def end(self, connection: Connection) -> None:
+    def end(self, connection: IOStream) -> None:
         """Note that its request is answered; what is written may still be under way."""
         if holder := self._holders.get(connection):
             holder.is_busy = False
 
-    def _one_to_leave(self, n_held: Counter[str], address: str) -> Connection | None:
+    def _one_to_leave(self, n_held: Counter[str], address: str) -> IOStream | None:
         has_all_of_one = n_held[address] >= self._most_of_one
         holders = [
             (one, who)
@@ -325,7 +317,7 @@ class Guarded(RequestHandler):
     def initialize(self, site: Site) -> None:
         self.site = site
         assert isinstance(self.request.connection, HTTP1Connection)
-        self.stream: Connection = self.request.connection.stream
+        self.stream = self.request.connection.stream
 
     def set_default_headers(self) -> None:
         for name, value in _HEADERS.items():
@@ -359,12 +351,9 @@ class Guarded(RequestHandler):
         if not self.path_args or not is_token(self.path_args[0] or "", site.token):
             return HTTPStatus.FORBIDDEN
         origin = request.headers.get("Origin")
-        if writes if origin is None else origin not in self._origins():
+        if writes if origin is None else origin not in {f"http://{host}" for host in site.hosts}:
             return HTTPStatus.FORBIDDEN
         return None
-
-    def _origins(self) -> set[str]:
-        return {f"http://{host}" for host in self.site.hosts}
 
     async def send_pieces(self, pieces: AsyncIterator[bytes]) -> None:
         """Send piece by piece, so that a slow phone holds one of them in memory."""

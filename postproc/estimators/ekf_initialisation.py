@@ -63,21 +63,14 @@ class EkfRun:
     rows: IntArray
 
 
-@dataclass(frozen=True)
-class NoRun:
-    """Why the EKF was not started."""
-
-    reason: str
-
-
 def run(
     obs: Readings,
     full: Posterior,
     noise: ShadowNoise | None = None,
     *,
     backward: bool = False,
-) -> EkfRun | NoRun:
-    """Find the start, filter the remaining readings, smooth all.
+) -> EkfRun | str:
+    """Find the start, filter the remaining readings, smooth all; a text says why there is no run.
 
     `full` is the posterior of all readings; where it locates nothing, no prefix is tried. `noise`
     is that of `noise_of` by default. States have shape (m, 5): x, y in metres, P0 in dBm, eta and
@@ -89,7 +82,7 @@ def run(
     noise = noise or noise_of(obs, full)
     thinned = _thin(readings, noise)
     start = _find_start(readings, thinned, full, noise)
-    if isinstance(start, NoRun):
+    if isinstance(start, str):
         return start
     first, posterior = start
     filtered, smoothed = _filter_and_smooth(thinned, first, posterior.modes[0], noise)
@@ -99,11 +92,11 @@ def run(
     return EkfRun(posterior, noise, first, filtered, smoothed, rows)
 
 
-def why_not_located(obs: Readings, full: Posterior) -> NoRun | None:
+def why_not_located(obs: Readings, full: Posterior) -> str | None:
     """Why no prefix is tried: not even all readings locate the transmitter; None where they do."""
     if assess(full, obs).verdict == "located":
         return None
-    return NoRun("the complete walk does not locate the transmitter")
+    return "the complete walk does not locate the transmitter"
 
 
 def noise_of(obs: Readings, full: Posterior) -> ShadowNoise:
@@ -127,12 +120,12 @@ def _thin(obs: Readings, noise: ShadowNoise) -> Readings:
 
 def _find_start(
     obs: Readings, thinned: Readings, full: Posterior, noise: ShadowNoise
-) -> tuple[int, Posterior] | NoRun:
+) -> tuple[int, Posterior] | str:
     """About the shortest prefix after which there is one close mode, and its posterior."""
     end = int(np.flatnonzero(np.isfinite(thinned.level_dbm))[-1]) + 1
     shortest = _shortest_promising(thinned, end, full, noise)
     if shortest is None:
-        return NoRun(
+        return (
             "no part of the walk locates the transmitter to "
             f"{CLOSE:.0%} of its distance from the rest"
         )
@@ -144,14 +137,12 @@ def _find_start(
 
     count = _bisect(shortest, end, lambda count: locate_prefix(count, _ROUGH) is not None)
     if count is None:
-        return NoRun("only the complete walk locates the transmitter: no reading is left to filter")
+        return "only the complete walk locates the transmitter: no reading is left to filter"
     # a rough search may miss one of two modes
     for candidate in sorted({count, (count + end) // 2}):
         if posterior := locate_prefix(candidate, Effort()):
             return candidate, posterior
-    return NoRun(
-        "a closer look at the parts that seemed to locate the transmitter does not bear them out"
-    )
+    return "a closer look at the parts that seemed to locate the transmitter does not bear them out"
 
 
 def _likely_noise(full: Posterior) -> Prior:

@@ -44,7 +44,13 @@ from logger.core.places import Places
 from logger.core.readings import Readings
 from postproc.estimators.convergence import REACH_M, ended_well, is_lost, is_possible
 from postproc.estimators.least_squares_rows import Rows, each_reading, group
-from postproc.estimators.residuals import Shapes, averages, residual_noise
+from postproc.estimators.residuals import (
+    ROUNDING_DB,
+    SIGMA_PER_MEDIAN,
+    Shapes,
+    averages,
+    residual_noise,
+)
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 
@@ -71,10 +77,13 @@ _MOST_DAMPING = 1e30  # no step improves: the cost is flat to the last bit, or n
 _ArrayFunction = Callable[[FloatArray], FloatArray]
 
 
-class Ending(NamedTuple):
-    """Where a search ended, half the sum of squares there, and whether that is a minimum."""
+class Minimum(NamedTuple):
+    """Where a search ended, half the sum of squares there, and whether that is a minimum.
 
-    x: FloatArray
+    Of a search for [x, y, P0, eta] it has to be one that can be, too.
+    """
+
+    state: FloatArray
     cost: float
     converged: bool
 
@@ -86,7 +95,7 @@ def minimise(
     scale: Sequence[float],
     most_steps: int,
     is_lost: Callable[[FloatArray], bool] | None = None,
-) -> Ending:
+) -> Minimum:
     """Minimum of |misfit|^2 / 2 over the unknowns, shape (k,), from a start.
 
     `misfit` maps the unknowns to shape (n,), `slope` to its derivative (n, k). `scale` has the
@@ -104,7 +113,7 @@ def minimise(
             damping = damping or _FIRST_DAMPING * float(np.max(np.diag(normal)))
         step = -np.linalg.solve(normal + damping * np.eye(len(x)), gradient)
         if float(np.max(np.abs(step))) < _LEAST_STEP:
-            return Ending(x, cost, converged=True)
+            return Minimum(x, cost, converged=True)
         further = x + unit * step
         e_further = misfit(further)
         gain = cost - 0.5 * float(e_further @ e_further)
@@ -115,14 +124,14 @@ def minimise(
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain / promised - 1.0) ** 3)
             growth = 2.0
             if is_lost is not None and is_lost(x):
-                return Ending(x, cost, converged=False)
+                return Minimum(x, cost, converged=False)
             if gain < _LEAST_GAIN * cost:
-                return Ending(x, cost, converged=True)
+                return Minimum(x, cost, converged=True)
         else:
             damping, growth = damping * growth, 2.0 * growth
             if not damping < _MOST_DAMPING:
-                return Ending(x, cost, converged=bool(np.isfinite(cost)))
-    return Ending(x, cost, converged=False)
+                return Minimum(x, cost, converged=bool(np.isfinite(cost)))
+    return Minimum(x, cost, converged=False)
 
 
 _Pair = tuple[FloatArray, FloatArray]
@@ -131,14 +140,6 @@ _STEPS = 100  # searches that converge take some 20
 _SCALE = (10.0, 10.0, 3.0, 0.3)  # usual sigmas of x, y (m), P0 (dB) and eta
 _LEAST_SCALE_DB = 1.0  # of a robust loss: levels are rounded to 1 dB
 _LEAST_RATE, _LEAST_SLOPE = 1e-3, 0.1  # below these a row is far beyond what the loss follows
-
-
-class Minimum(NamedTuple):
-    """A state [x, y, P0, eta], its cost chi2 / 2, and whether it is one that can be."""
-
-    state: FloatArray
-    cost: float
-    converged: bool
 
 
 class Search(NamedTuple):
@@ -174,7 +175,7 @@ class Search(NamedTuple):
 
         def search() -> Minimum:
             end = minimise(misfit, slope, np.array(start, float), _SCALE[:2], _STEPS)
-            state = self.rows.best_at(float(end.x[0]), float(end.x[1]))
+            state = self.rows.best_at(float(end.state[0]), float(end.state[1]))
             return self._minimum(state, end.cost, end.converged)
 
         return _tolerate_divergence(search, self.rows.best_at(*start))
@@ -216,7 +217,7 @@ class Search(NamedTuple):
                 end = minimise(misfit, slope, state, _SCALE, _STEPS, is_lost)
             else:
                 end = _minimise_loss(misfit, slope, state, self.loss, self._scale_db)
-            return self._minimum(end.x, end.cost, end.converged)
+            return self._minimum(end.state, end.cost, end.converged)
 
         return _tolerate_divergence(search, state)
 
@@ -272,13 +273,13 @@ def _latest(function: Callable[[FloatArray], _Pair]) -> Callable[[FloatArray], _
 
 def _minimise_loss(
     misfit: _ArrayFunction, slope: _ArrayFunction, start: FloatArray, loss: Loss, scale_db: float
-) -> Ending:
+) -> Minimum:
     from scipy.optimize import least_squares  # noqa: PLC0415 (half a second; rarely used)
 
     end = least_squares(
         misfit, start, jac=slope, x_scale=_SCALE, loss=loss, f_scale=scale_db, max_nfev=_STEPS
     )
-    return Ending(np.asarray(end.x, float), float(end.cost), bool(end.success))
+    return Minimum(np.asarray(end.x, float), float(end.cost), bool(end.success))
 
 
 def _tolerate_divergence(search: Callable[[], Minimum], start: FloatArray) -> Minimum:
@@ -387,8 +388,6 @@ def profile_misfit(rows: Rows, x_m: float, y_m: float) -> float:
 
 _FEWEST = 5  # levels; four unknowns fit four exactly
 _SAME_POSITION_M = 5.0  # searches that end nearer have found the same minimum
-_ROUNDING_DB = 12.0**-0.5  # of levels in whole dB
-_SIGMA_PER_MEDIAN = 1.0 / 0.6745  # of the absolute value, of a normal law
 
 
 @dataclass(frozen=True)
@@ -412,16 +411,6 @@ class BatchFit:
     inflation: float
     bounded: bool
     rivals: tuple[FloatArray, ...]
-
-
-def residuals(state: FloatArray, obs: Readings, height_m: float = 0.0) -> FloatArray:
-    """Model minus level in dB of each reading, shape (n,), for a state [x, y, P0, eta]."""
-    return each_reading(obs, height_m).residuals(state)
-
-
-def jacobian(state: FloatArray, obs: Readings, height_m: float = 0.0) -> FloatArray:
-    """Derivative of `residuals` by the state, shape (n, 4)."""
-    return each_reading(obs, height_m).jacobian(state)
 
 
 def fit(
@@ -479,10 +468,10 @@ def _sigma_db(levels: Rows, state: FloatArray, *, robust: bool) -> float:
     """Size of one reading's residual, at least that of rounding."""
     r = levels.residuals(state)
     if robust:
-        sigma_db = float(np.median(np.abs(r))) * _SIGMA_PER_MEDIAN
+        sigma_db = float(np.median(np.abs(r))) * SIGMA_PER_MEDIAN
     else:
         sigma_db = float(np.sqrt(r @ r / max(len(r) - 4, 1)))
-    return max(sigma_db, _ROUNDING_DB)
+    return max(sigma_db, ROUNDING_DB)
 
 
 def _distinct(best: FloatArray, others: Sequence[FloatArray]) -> tuple[FloatArray, ...]:

@@ -326,8 +326,8 @@ def bin_means(ground: Ground, noise: ResidualNoise, number: IntArray, centre: Fl
 _FEWEST = 20  # levels; fewer show no distribution
 _DISTANCE_BINS = 8
 _AZIMUTH_BINS = 12
-_ROUNDING_DB = 12.0**-0.5  # of levels in whole dB
-_SIGMA_PER_MEDIAN = 1.0 / 0.6745  # of the absolute value, of a normal law
+ROUNDING_DB = 12.0**-0.5  # of levels in whole dB
+SIGMA_PER_MEDIAN = 1.0 / 0.6745  # of the absolute value, of a normal law
 _MOST_STEPS = 2000  # of the autocorrelation along the walk
 _OUTLIER_CHANCE = 0.02  # that any level of normal noise is named
 
@@ -415,9 +415,9 @@ def diagnose(
     e = ground.e_db
     sigma_db = nan
     if len(e):
-        sigma_db = max(float(np.median(np.abs(e))) * _SIGMA_PER_MEDIAN, _ROUNDING_DB)
+        sigma_db = max(float(np.median(np.abs(e))) * SIGMA_PER_MEDIAN, ROUNDING_DB)
     innovations = _innovations(filtered)
-    if len(e) < _FEWEST or float(np.std(e)) < _ROUNDING_DB:
+    if len(e) < _FEWEST or float(np.std(e)) < ROUNDING_DB:
         return Residuals(
             residual_db=residual_db,
             sigma_db=sigma_db,
@@ -468,7 +468,8 @@ def _correlation_lengths_m(ground: Ground) -> tuple[float, float]:
     number = np.minimum((way_m / max(length_m, 1e-9) * steps).astype(np.int64), steps - 1)
     count = np.bincount(number, minlength=steps)
     mean = np.bincount(number, ground.e_db - np.mean(ground.e_db), steps) / np.maximum(count, 1)
-    products, pairs = (_autocorrelation_sums(v) for v in (mean, (count > 0).astype(float)))
+    series = mean, (count > 0).astype(float)
+    products, pairs = (np.correlate(v, v, "full")[steps - 1 :] for v in series)  # at lags from 0
     lag = np.flatnonzero(pairs >= 0.5)
     correlation = products[lag] / pairs[lag] / max(float(products[0] / pairs[0]), 1e-12)
     below = int(np.argmax(correlation < np.exp(-1.0)))
@@ -477,11 +478,6 @@ def _correlation_lengths_m(ground: Ground) -> tuple[float, float]:
     around = [below, below - 1]
     fall = np.interp(np.exp(-1.0), correlation[around], lag[around])
     return float(fall) * length_m / steps, length_m
-
-
-def _autocorrelation_sums(values: FloatArray) -> FloatArray:
-    """Sums of products at lags 0 to n - 1."""
-    return np.asarray(np.correlate(values, values, "full")[len(values) - 1 :], float)
 
 
 def _by_distance(ground: Ground, noise: ResidualNoise) -> Bins:

@@ -33,8 +33,6 @@ from logger.core.places import MAX_GAP_S, Places, Track
 from logger.core.rows import Rows
 from postproc.estimators.walker_kalman import Model, Series, excess_variance, score, smooth
 
-USABLE_SIGMA_M = 20.0
-"""A position less certain than this per axis is better left out."""
 VELOCITY_SIGMA_MPS = 0.3
 """Per axis, of velocities a second apart; denser ones carry no more information."""
 WANDER_S = 60.0

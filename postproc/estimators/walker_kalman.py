@@ -249,11 +249,6 @@ def _earlier_matrix(m: Symmetric, dt: float, a: float) -> Symmetric:
     return m00, before01, a * m02, m11 + dt * (m01 + before01), a * (m12 + dt * m02), a * a * m22
 
 
-def _log_student(apart2: float, variance: float) -> float:
-    """Log density of an innovation on two axes, but for a constant."""
-    return -log(variance) - 0.5 * (STUDENT_DOF + 2.0) * log1p(apart2 / variance / STUDENT_DOF)
-
-
 def _square(packed: list[Symmetric]) -> FloatArray:
     """The symmetric matrices (n, 3, 3)."""
     return np.array(packed)[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
@@ -287,7 +282,8 @@ def _filter(model: Model, excess: FloatArray, steps: list[_Step] | None) -> floa
                 added[k][kind] = 0.0
                 if k > 0:  # the first fix has no prediction
                     apart2 = east * east + north * north
-                    log_likelihood += _log_student(apart2, variance)
+                    tail = log1p(apart2 / variance / STUDENT_DOF)
+                    log_likelihood += -log(variance) - 0.5 * (STUDENT_DOF + 2.0) * tail
                     expected = variance + slack[k][kind]
                     added[k][kind] = max(apart2 - 2.0 * expected, 0.0) / (STUDENT_DOF + 2.0)
             noise += added[k][kind]

@@ -12,7 +12,7 @@ from logger.core.locator.region import HALF, LEVEL, Squares
 from logger.core.model import path_loss
 from logger.core.model.path_loss import log_distance_db
 from logger.core.suspicion.rule import WORDS
-from postproc.estimators import least_squares
+from postproc.estimators.least_squares_rows import each_reading
 from postproc.estimators.residuals import state_at_place
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
@@ -117,7 +117,7 @@ def fit_of(cell: CellResult) -> Fit | None:
     state, height_m = state_at_place(posterior, obs), posterior.prior.height_m
     x_m, y_m, p0_dbm, eta = state.tolist()
     uncensored = np.asarray(obs.limit == 0, np.bool_)
-    residual_db = np.where(uncensored, -least_squares.residuals(state, obs, height_m), np.nan)
+    residual_db = np.where(uncensored, -each_reading(obs, height_m).residuals(state), np.nan)
     sigma_db = float(np.sqrt(np.mean(residual_db[uncensored] ** 2)))
     distance_db = log_distance_db(x_m - obs.x_m, y_m - obs.y_m, height_m, obs.position_sigma_m)
     distance_m = path_loss.distance_m(distance_db)

@@ -246,7 +246,7 @@ def draw_levels(axes: Axes, picture: Picture, most_others: int = 12) -> None:
     """Levels of the cell over time, and behind it those of the other cells observed most often."""
     clock = picture.survey.clock
     axes.set_title("levels over time")
-    by_cell = [levels for walk in picture.survey.walks for levels in walk.levels]
+    by_cell = picture.survey.levels
     if not by_cell:
         draw_message(axes, "no level was read")
         return

@@ -250,6 +250,11 @@ class Survey:
         return np.vstack([walk.track_m for walk in self.walks])
 
     @property
+    def levels(self) -> list[Levels]:
+        """Those of every cell of each walk."""
+        return [levels for walk in self.walks for levels in walk.levels]
+
+    @property
     def is_simulated(self) -> bool:
         """Whether one of the runs is."""
         return any(walk.run.meta.truth for walk in self.walks)

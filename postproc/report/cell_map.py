@@ -29,7 +29,7 @@ from postproc.pictures.plots import (
     rgb,
 )
 from postproc.pictures.survey import Box, Survey, plan_box, with_inset
-from postproc.report.figures import WIDTH_INCH, ReportFigure
+from postproc.report.figures import WIDTH_INCH, ReportFigure, legends_inch
 from postproc.report.svg import PLACE
 from postproc.result import CellResult
 
@@ -109,8 +109,7 @@ def cell_map(
             _draw_basemap(enlarged, ground, inset[0])
         tries.each(places[:1], lambda one: one.cell, lambda one: _draw_place(enlarged, one))
     legend_below(figure, axes)
-    legends = (legend.get_window_extent().height / figure.dpi for legend in figure.legends)
-    figure.set_size_inches(WIDTH_INCH, min(height_inch + sum(legends), _TALLEST_INCH))
+    figure.set_size_inches(WIDTH_INCH, min(height_inch + legends_inch(figure), _TALLEST_INCH))
     return ReportFigure("map", "All cells on one plan", figure, _alt_text(places, len(cells)))
 
 

@@ -97,9 +97,14 @@ def _plan(picture: Picture, box: Box, claims: Sequence[CellVerdict]) -> Figure:
     box = draw_plan(figure, axes, picture) or box
     # the plan is to scale, so the walk determines its height
     plan_inch = (WIDTH_INCH - _BESIDE_INCH) * box.height / box.width
-    legends = (legend.get_window_extent().height / figure.dpi for legend in figure.legends)
-    figure.set_size_inches(WIDTH_INCH, plan_inch + _ABOVE_INCH + sum(legends))
+    figure.set_size_inches(WIDTH_INCH, plan_inch + _ABOVE_INCH + legends_inch(figure))
     return figure
+
+
+def legends_inch(figure: Figure) -> float:
+    """Height of the legends below the axes."""
+    heights = (legend.get_window_extent().height / figure.dpi for legend in figure.legends)
+    return float(sum(heights))
 
 
 def _draw_claim(axes: Axes, picture: Picture, box: Box, tested: CellVerdict) -> None:
@@ -199,7 +204,7 @@ def _distance_text(fit: Fit) -> str:
 
 def _levels_text(picture: Picture) -> str:
     name = picture.focus.cell if picture.focus else None
-    by_cell = [levels for walk in picture.survey.walks for levels in walk.levels]
+    by_cell = picture.survey.levels
     own = next((levels for levels in by_cell if levels.cell == name), None)
     n_others = len(by_cell) - (own is not None)
     others = ""

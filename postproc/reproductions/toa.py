@@ -216,35 +216,14 @@ class Track(NamedTuple):
     p_m2: FloatArray
 
 
-def by_pseudo_inverse(
-    anchors: Anchors, ranges_m: FloatArray, sigma2_m2: float, process: Process, p1: FloatArray
+def by_readme(
+    rows: Rows, ranges_m: FloatArray, sigma2_m2: float, process: Process, p1: FloatArray
 ) -> Track:
-    """All pairs as the README has them, S inverted on its range.
-
-    The arguments are those of `by_independent_rows`.
-    """
-    return _filter(all_pairs(anchors), ranges_m, sigma2_m2, process, p1)
-
-
-def by_independent_rows(
-    anchors: Anchors, ranges_m: FloatArray, sigma2_m2: float, process: Process, p1: FloatArray
-) -> Track:
-    """The same filter over n - 1 rows, where S has an inverse.
+    """The README's filter over all pairs, with S inverted on its range, or independent rows.
 
     `ranges_m` has shape (runs, steps, n) with two steps or more; `p1` (2, 2) is P after the second
     step.
     """
-    return _filter(independent(anchors), ranges_m, sigma2_m2, process, p1)
-
-
-def initial_p_m2(anchors: Anchors, path_m: FloatArray, sigma2_m2: float) -> FloatArray:
-    """Covariance of the fix at step 1, shape (2, 2), for the P that the README does not publish."""
-    return covariance_m2(anchors, path_m[1], sigma2_m2)
-
-
-def _filter(
-    rows: Rows, ranges_m: FloatArray, sigma2_m2: float, process: Process, p1: FloatArray
-) -> Track:
     h, rank = rows.h, len(rows.anchors) - 1
     position = fix_m(rows.anchors, ranges_m)
     p = np.broadcast_to(p1, (*position.shape, 2)).copy()
@@ -460,19 +439,19 @@ def _row(setting: Setting, sigma2_m2: float, rng: np.random.Generator) -> Row:
     middle_m = np.mean(setting.anchors.position_m, axis=0)
     anchors, path_m = Anchors(setting.anchors.position_m - middle_m), setting.path_m - middle_m
     noise = published or closed_form(anchors, path_m, sigma2_m2)
-    p1 = initial_p_m2(anchors, path_m, sigma2_m2)
-    turns_m = np.diff(path_m, 2, axis=0)
+    p1 = covariance_m2(anchors, path_m[1], sigma2_m2)  # the README publishes none
+    pairs, turns_m = all_pairs(anchors), np.diff(path_m, 2, axis=0)
     turn_m2 = turns_m.T @ turns_m / len(turns_m)
     error_m, nees_sum, apart_m = np.zeros((3, len(path_m))), np.zeros(2), 0.0
     for begin in range(0, setting.runs, _CHUNK):
         size = min(_CHUNK, setting.runs - begin), len(path_m), len(anchors)
         ranges_m = anchors.ranges_m(path_m) + np.sqrt(sigma2_m2) * rng.normal(size=size)
-        kf = by_independent_rows(anchors, ranges_m, sigma2_m2, noise, p1)
+        kf = by_readme(independent(anchors), ranges_m, sigma2_m2, noise, p1)
         full_rank = on_squares(anchors, ranges_m, sigma2_m2, turn_m2)
         off_m = np.stack([fix_m(anchors, ranges_m), kf.position_m, full_rank.position_m]) - path_m
         error_m += np.sum(np.linalg.norm(off_m, axis=-1), axis=1)
         nees_sum += (_nees(kf, path_m), _nees(full_rank, path_m))
-        pinv = by_pseudo_inverse(anchors, ranges_m[:_COMPARED_RUNS], sigma2_m2, noise, p1)
+        pinv = by_readme(pairs, ranges_m[:_COMPARED_RUNS], sigma2_m2, noise, p1)
         apart = np.abs(pinv.position_m - kf.position_m[:_COMPARED_RUNS])
         apart_m = max(apart_m, float(np.max(apart)))
     epoch_m2 = epoch_bound_m2(anchors, path_m, sigma2_m2)

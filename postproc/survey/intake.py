@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 from logger.baseline_store import CONTRADICTION
 from logger.core.errors import FieldLoggerError, RunFileError
-from logger.core.runfile import Run, read_sound_run, sealing_of
+from logger.core.runfile import read_sound_run, sealing_of
 from postproc.interop.importing import import_walk
 from postproc.processes import outcome_of, read_ahead
 from postproc.survey.dataset import Survey
@@ -87,14 +87,10 @@ def _walks(
 
 
 def _readings_of_log(log: Path, salt: str, logger: str | None) -> WalkReadings:
-    return readings_of(_import_log(log), salt, logger)
-
-
-def _import_log(log: Path) -> Run:
     with TemporaryDirectory() as scratch:
         target = Path(scratch) / log.name
         import_walk(log, target)
-        return read_sound_run(target)
+        return readings_of(read_sound_run(target), salt, logger)
 
 
 _LOGS = frozenset(

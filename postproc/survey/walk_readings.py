@@ -7,6 +7,7 @@ left out, as by `share`. The ends of the walk stay, since they are ground that w
 from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,11 @@ import numpy as np
 from logger.baseline_store import content_digest, walk_digest
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import RunFileError
-from logger.core.readings import Readings
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
 from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 from postproc.multi_run import modem_identity, with_one_modem
-from postproc.scan_counts import scans_of
+from postproc.scan_counts import distinct_pairs, scans_of
 from postproc.survey.rule_inputs import RuleColumn, rule_inputs
 from postproc.walk import observe_run
 
@@ -141,19 +141,11 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
         join(column("position_sigma_m")),
         join(column("level_dbm")),
         join(column("scan_seq")).astype(np.int64),
-        join([_ta(o) for o in series]).astype(np.int64),
-        join([_named_share(o) for o in series]),
+        join([np.full(len(o), -1) if o.ta is None else o.ta for o in series]).astype(np.int64),
+        join([np.full(len(o), nan) if o.named_share is None else o.named_share for o in series]),
         rule_inputs(one),
         "" if one is run else "of its modems, the one with most readings counts",
     )
-
-
-def _ta(obs: Readings) -> IntArray:
-    return np.full(len(obs), -1) if obs.ta is None else obs.ta
-
-
-def _named_share(obs: Readings) -> FloatArray:
-    return np.full(len(obs), np.nan) if obs.named_share is None else obs.named_share
 
 
 def _devices(run: Run, salt: str, logger: str | None, digest: str) -> tuple[str, str]:
@@ -171,13 +163,9 @@ def _channels(run: Run) -> dict[str, tuple[tuple[int, int], ...]]:
     names, cell = numbered_texts(rows["cell"])
     sure = rows["identity_unsure"] == 0
     packed = (rows["arfcn"].astype(np.int64) << 32) + code
-    cell, packed = cell[sure], packed[sure]
-    order = np.lexsort((packed, cell))
-    cell, packed = cell[order], packed[order]
-    is_first = np.ones(len(order), np.bool_)
-    is_first[1:] = (np.diff(cell) != 0) | (np.diff(packed) != 0)
+    cell, packed = distinct_pairs(cell[sure], packed[sure])
     found: dict[str, list[tuple[int, int]]] = {}
-    for number, value in zip(cell[is_first].tolist(), packed[is_first].tolist(), strict=True):
+    for number, value in zip(cell.tolist(), packed.tolist(), strict=True):
         channel = (value + 1) >> 32
         pair = channel, value - (channel << 32)
         if pair != (UNKNOWN_ID, UNKNOWN_ID):

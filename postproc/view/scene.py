@@ -90,7 +90,7 @@ def axis_range(cell: CellView, key: str) -> tuple[float, float] | None:
 def draw_levels(writer: RerunWriter, view: ViewModel) -> None:
     """Levels of all cells: the detailed ones as lines on top, the others as dots below them."""
     detailed = {cell.name for cell in view.cell_views}
-    by_cell = [levels for walk in view.survey.walks for levels in walk.levels]
+    by_cell = view.survey.levels
     n_others = sum(len(levels.t_ns) for levels in by_cell if levels.cell not in detailed)
     for levels in sorted(by_cell, key=lambda levels: levels.cell in detailed):
         name, ink = levels.cell, view.cell_colours[levels.cell]
@@ -104,9 +104,8 @@ def draw_levels(writer: RerunWriter, view: ViewModel) -> None:
 
 def _time_span_ns(view: ViewModel) -> IntArray | None:
     """First and last time since boot of anything plotted."""
-    walks = view.survey.walks
-    times = [walk.t_ns for walk in walks]
-    times += [levels.t_ns for walk in walks for levels in walk.levels]
+    times = [walk.t_ns for walk in view.survey.walks]
+    times += [levels.t_ns for levels in view.survey.levels]
     ends = np.concatenate([t_ns[[0, -1]] for t_ns in times if len(t_ns)] or [np.zeros(0, np.int64)])
     return np.array([ends.min(), ends.max()]) if len(ends) else None
 
@@ -461,7 +460,7 @@ def _runs(view: ViewModel) -> str:
         f"{survey.clock.start_text(i) or 'unknown date'}"
         for i, walk in enumerate(survey.walks)
     ]
-    cells = {levels.cell for walk in survey.walks for levels in walk.levels}
+    cells = {levels.cell for levels in survey.levels}
     return "; ".join([*runs, f"{len(cells)} cells observed"])
 
 

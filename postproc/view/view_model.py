@@ -219,7 +219,7 @@ def cell_view(
 
 def _cell_colours(survey: Survey, detailed: Sequence[str]) -> dict[str, Colour]:
     """The first detailed cell has the colour of the walker, the others theirs in turn."""
-    observed = [levels.cell for walk in survey.walks for levels in walk.levels]
+    observed = [levels.cell for levels in survey.levels]
     others = [name for name in dict.fromkeys([*detailed, *observed]) if name not in detailed[:1]]
     inks = {name: colours.OTHERS[i % len(colours.OTHERS)] for i, name in enumerate(others)}
     return inks | dict.fromkeys(detailed[:1], colours.WALKER)

@@ -11,7 +11,7 @@ from logger.core.guidance.planner import Course, azimuth_deg, first_turn, plans
 from logger.core.guidance.routes import Route, compass_routes, street_routes
 from logger.core.guidance.sample import Cluster, clusters, draw
 from logger.core.guidance.sentence import sentence
-from logger.core.guidance.street_map import StreetMap
+from logger.core.guidance.street_map import StreetMap, along_line_m
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree
 from logger.core.places import Places, join_places
@@ -106,7 +106,7 @@ class Guide:
 
     def _course(self, here: Places) -> Course:
         track = join_places([*self._track, here]).xy_m.T
-        along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=0).T))])
+        along_m = along_line_m(track)
         before = track[along_m <= along_m[-1] - _COURSE_M]
         azimuth = azimuth_deg(track[-1] - before[-1]) if len(before) else None
         return Course(azimuth, track[along_m < along_m[-1] - _LATEST_M])

@@ -8,7 +8,7 @@ import numpy as np
 from logger.core.arrays import FloatArray
 from logger.core.guidance.forecast import STEP_M
 from logger.core.guidance.sample import Cluster
-from logger.core.guidance.street_map import Leg, OnStreet, StreetMap, part_of
+from logger.core.guidance.street_map import Leg, OnStreet, StreetMap, along_line_m, part_of
 from logger.core.places import Places
 
 LEG_M = 100.0
@@ -42,7 +42,7 @@ class Route(NamedTuple):
 
     def points(self) -> FloatArray:
         """Points (m, 2) in the middle of equal parts of about `STEP_M`."""
-        along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.corner_m, axis=0).T))])
+        along_m = along_line_m(self.corner_m)
         count = max(1, round(along_m[-1] / STEP_M))
         at_m = (np.arange(count) + 0.5) / count * along_m[-1]
         return np.stack([np.interp(at_m, along_m, v) for v in self.corner_m.T], axis=1)
@@ -51,16 +51,14 @@ class Route(NamedTuple):
 def compass_routes(here: Places, places: Sequence[Cluster]) -> list[Route]:
     """Legs in all directions, a route to each place, and one leg beyond it."""
     found = [
-        _legs(here, [first, second]) for first in range(DIRECTIONS) for second in _onward(first)
+        _legs(here, [first, first + turn])
+        for first in range(DIRECTIONS)
+        for turn in range(-_RIGHT_ANGLE, _RIGHT_ANGLE + 1)
     ]
     found += [_legs(here, [direction] * _STRAIGHT_LEGS) for direction in range(DIRECTIONS)]
     for place in places:
         found += _to_place(here, place)
     return found
-
-
-def _onward(direction: int) -> list[int]:
-    return [(direction + k) % DIRECTIONS for k in range(-_RIGHT_ANGLE, _RIGHT_ANGLE + 1)]
 
 
 def _legs(here: Places, directions: Sequence[int]) -> Route:

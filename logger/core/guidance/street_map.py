@@ -108,10 +108,15 @@ def _way(last: Mapping[int, tuple[Leg, int | None]], end: int) -> tuple[Leg, ...
     return tuple(reversed(legs))
 
 
+def along_line_m(line_m: FloatArray) -> FloatArray:
+    """Way from the start of a line (k, 2) to each of its points."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line_m, axis=0).T))])
+
+
 def part_of(leg: Leg, from_m: float) -> Leg:
     """The rest of a leg from a point `from_m` along it."""
     line = leg.line_m
-    along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    along_m = along_line_m(line)
     point = [float(np.interp(from_m, along_m, v)) for v in line.T]
     rest = np.concatenate([[point], line[along_m > from_m + 1e-6]])
     return leg._replace(line_m=rest, length_m=max(float(along_m[-1]) - from_m, 0.0))
@@ -257,7 +262,7 @@ def _chains(beside: list[list[int]]) -> list[list[int]]:
 
 def _divide(line_m: FloatArray, start: int, end: int, crossings: list[FloatArray]) -> list[Leg]:
     """Appends to `crossings` where the line is divided."""
-    along_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line_m, axis=0).T))])
+    along_m = along_line_m(line_m)
     count = max(1, int(np.ceil(along_m[-1] / _LONGEST_LEG_M)))
     if count == 1 and start != end:
         return [Leg(start, end, line_m, float(along_m[-1]))]

@@ -52,8 +52,8 @@ def filter_run(obs, prior=FLAT, **options):
 
 def reason(obs):
     run = ekf_initialisation.run(obs, locate(obs, FLAT, EFFORT))
-    assert isinstance(run, ekf_initialisation.NoRun)
-    return run.reason
+    assert isinstance(run, str)
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -184,8 +184,8 @@ def test_a_walk_that_ends_too_near_for_its_knowledge_gives_a_reason(walk):
     )
     whole = locate(obs, FLAT, EFFORT)
     run = ekf_initialisation.run(at_source, whole)
-    assert isinstance(run, ekf_initialisation.NoRun)
-    assert "15% of its distance" in run.reason
+    assert isinstance(run, str)
+    assert "15% of its distance" in run
 
 
 def test_a_point_counts_once_where_there_is_shadowing(walk):
@@ -206,7 +206,7 @@ def test_a_mirror_image_half_way_is_no_start():
     """
     obs, source = simulate(np.random.default_rng(113), "L")
     run = ekf_initialisation.run(obs, locate(obs, FLAT, EFFORT))
-    assert isinstance(run, ekf_initialisation.NoRun) or nees(run, source) < 13.8
+    assert isinstance(run, str) or nees(run, source) < 13.8
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import scipy.optimize
 
 from logger.core.errors import EstimationError
 from postproc.estimators import least_squares
+from postproc.estimators.least_squares_rows import each_reading
 from tests.kit.bent_walk import SOURCE, nees, walk
 
 
@@ -15,7 +16,7 @@ def test_finds_the_minimum_scipy_finds(loss, height_m):
     obs = walk(np.random.default_rng(3))
     fit = least_squares.fit(obs, [(40.0, 70.0), (300.0, 300.0)], loss=loss, height_m=height_m)
     expected = scipy.optimize.least_squares(
-        lambda s: least_squares.residuals(s, obs, height_m),
+        lambda s: each_reading(obs, height_m).residuals(s),
         SOURCE,
         x_scale=(10, 10, 3, 0.3),
         xtol=1e-12,

@@ -7,7 +7,7 @@ import scipy.linalg
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings
 from postproc.estimators import least_squares
-from postproc.estimators.least_squares_rows import group
+from postproc.estimators.least_squares_rows import each_reading, group
 from tests.kit.bent_walk import SOURCE, nees, walk
 from tests.kit.walks import with_places
 
@@ -37,14 +37,14 @@ def test_jacobian_agrees_with_central_differences(height_m):
     step = 1e-4
     numeric = [
         (
-            least_squares.residuals(SOURCE + d, obs, height_m)
-            - least_squares.residuals(SOURCE - d, obs, height_m)
+            each_reading(obs, height_m).residuals(SOURCE + d)
+            - each_reading(obs, height_m).residuals(SOURCE - d)
         )
         / (2 * step)
         for d in step * np.eye(4)
     ]
     np.testing.assert_allclose(
-        least_squares.jacobian(SOURCE, obs, height_m),
+        each_reading(obs, height_m).jacobian(SOURCE),
         np.column_stack(numeric),
         rtol=1e-6,
         atol=1e-8,

@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import norm
 
-from postproc.estimators import least_squares
 from postproc.estimators.least_squares import Search
 from postproc.estimators.least_squares_rows import each_reading, group
 from tests.kit.bent_walk import SOURCE, walk
@@ -29,7 +28,7 @@ def test_deviation_at_a_limit_has_the_returned_derivative():
     ahead, behind = (search.deviation(SOURCE + side * step)[0] for side in (1, -1))
     np.testing.assert_allclose(rate, (ahead - behind) / 2e-5, rtol=1e-5, atol=1e-7)
     # the deviation is the root of the log-likelihood that a level lies beyond the limit
-    model = least_squares.residuals(SOURCE, obs) + obs.level_dbm
+    model = each_reading(obs, 0.0).residuals(SOURCE) + obs.level_dbm
     hidden = np.where(
         rows.limit < 0,
         norm.logcdf(obs.level_dbm, model, 4.0),

@@ -21,7 +21,7 @@ def test_it_ends_where_scipy_does():
     expected = least_squares(_decay, start, jac=_decay_slope, method="lm", xtol=1e-12, ftol=1e-12)
     assert end.converged
     assert end.cost == pytest.approx(expected.cost, rel=1e-9)
-    np.testing.assert_allclose(end.x, expected.x, rtol=1e-4)
+    np.testing.assert_allclose(end.state, expected.x, rtol=1e-4)
 
 
 def test_a_curved_valley():
@@ -34,7 +34,7 @@ def test_a_curved_valley():
         200,
     )
     assert end.converged
-    np.testing.assert_allclose(end.x, [1.0, 1.0], atol=1e-6)
+    np.testing.assert_allclose(end.state, [1.0, 1.0], atol=1e-6)
 
 
 def test_too_few_steps_are_no_minimum():
@@ -67,6 +67,6 @@ def test_a_search_that_is_lost_ends_at_once():
 
     far = minimise(misfit, slope, np.zeros(1), (1.0,), 50)
     bounded = minimise(misfit, slope, np.zeros(1), (1.0,), 50, lambda x: x[0] > 5.0)
-    assert far.x[0] > 10.0
+    assert far.state[0] > 10.0
     assert not bounded.converged
-    assert 5.0 < bounded.x[0] == seen[-1] < 10.0
+    assert 5.0 < bounded.state[0] == seen[-1] < 10.0

@@ -8,6 +8,7 @@ from logger.core.places import Places, Utm
 from logger.core.readings import Readings
 from postproc.estimators import least_squares, residuals
 from postproc.estimators.filters import FilterPath
+from postproc.estimators.least_squares_rows import each_reading
 from postproc.estimators.metrics import consistency
 from postproc.estimators.residuals import diagnose, findings
 from tests.kit.walks import observations, with_places
@@ -214,7 +215,7 @@ def test_standing_still_is_survived():
 
 def test_a_trend_is_the_generalised_least_squares_one():
     obs = walk(np.random.default_rng(13), white_db=2.0, shadow_db=3.0)
-    design = least_squares.jacobian(SOURCE, obs)
+    design = each_reading(obs, 0.0).jacobian(SOURCE)
     distance, azimuth = around(obs)
     ground = residuals.Ground(obs.places, obs.level_dbm, 10.0 * np.log10(distance), azimuth, design)
     noise = residuals.noise_of(ground, np.sin(azimuth), np.cos(azimuth))
@@ -243,7 +244,7 @@ def test_the_curve_at_the_place_shown_goes_through_the_levels():
     obs = observations(x_m, np.zeros(200), np.round(level_dbm), 4.0)
     posterior = locate(obs)
     mean_db, at_place_db = (
-        float(np.mean(least_squares.residuals(state, obs, posterior.prior.height_m)))
+        float(np.mean(each_reading(obs, posterior.prior.height_m).residuals(state)))
         for state in (posterior.modes[0].state, residuals.state_at_place(posterior, obs))
     )
     assert abs(at_place_db) < 0.1

@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 
 from postproc.reproductions import toa
-from postproc.reproductions.toa import README_ANCHORS_M, README_PATH_M, Anchors, all_pairs, fix_m
+from postproc.reproductions.toa import (
+    README_ANCHORS_M,
+    README_PATH_M,
+    Anchors,
+    all_pairs,
+    fix_m,
+    independent,
+)
 
 README, PATH = Anchors(np.array(README_ANCHORS_M)), np.array(README_PATH_M)
 
@@ -31,11 +38,11 @@ def textbook(anchors, ranges, sigma2, noise, p):
 def test_pseudo_inverse_and_independent_rows_agree(sigma2):
     noise, p1 = (
         toa.readme_values(README, PATH, sigma2),
-        toa.initial_p_m2(README, PATH, sigma2),
+        toa.covariance_m2(README, PATH[1], sigma2),
     )
     ranges = simulate_runs(README, PATH, sigma2, 300)
-    rows = toa.by_independent_rows(README, ranges, sigma2, noise, p1)
-    pinv = toa.by_pseudo_inverse(README, ranges, sigma2, noise, p1)
+    rows = toa.by_readme(independent(README), ranges, sigma2, noise, p1)
+    pinv = toa.by_readme(all_pairs(README), ranges, sigma2, noise, p1)
     assert np.max(np.abs(rows.position_m - pinv.position_m)) < 1e-9
     assert np.max(np.abs(rows.p_m2[:, 1:] - pinv.p_m2[:, 1:])) < 1e-9 * max(sigma2, 1.0)
 
@@ -44,9 +51,9 @@ def test_pseudo_inverse_and_independent_rows_agree(sigma2):
 def test_the_filter_is_the_textbook_one_for_any_anchors(count):
     rng = np.random.default_rng(count)
     anchors = Anchors(rng.uniform(-20.0, 20.0, (count, 2)))
-    noise, p1 = toa.closed_form(anchors, PATH, 0.5), toa.initial_p_m2(anchors, PATH, 0.5)
+    noise, p1 = toa.closed_form(anchors, PATH, 0.5), toa.covariance_m2(anchors, PATH[1], 0.5)
     ranges = simulate_runs(anchors, PATH, 0.5, 3, count)
-    result = toa.by_independent_rows(anchors, ranges, 0.5, noise, p1)
+    result = toa.by_readme(independent(anchors), ranges, 0.5, noise, p1)
     for run in range(3):
         place, p = textbook(anchors, ranges[run], 0.5, noise, p1)
         assert result.position_m[run] == pytest.approx(place, abs=1e-8)
@@ -64,4 +71,4 @@ def test_the_innovation_covariance_of_the_readme_has_no_inverse():
 def test_the_initial_p_is_the_closed_form():
     for sigma2 in toa.README_SIGMA2_M2:
         expected = (0.82 * sigma2 + 0.005 * sigma2**2) * np.eye(2)
-        assert toa.initial_p_m2(README, PATH, sigma2) == pytest.approx(expected)
+        assert toa.covariance_m2(README, PATH[1], sigma2) == pytest.approx(expected)
