@@ -97,9 +97,7 @@ def test_a_recorder_that_fails_says_so(tmp_path):
     assert isinstance(bench.recorder.error, TypeError)
 
 
-def test_a_card_that_is_read_only_to_the_end_is_one_line_with_advice(
-    tmp_path, monkeypatch, caplog
-):
+def test_a_card_that_is_read_only_to_the_end_is_one_line_with_advice(tmp_path, monkeypatch, caplog):
     def read_only(path):
         raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
 
