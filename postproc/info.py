@@ -182,7 +182,7 @@ def describe(run: Run) -> Info:
         origin=run.meta.origin,
         program=run.meta.program,
         simulated=bool(run.meta.truth),
-        no_utc="" if timebase else why_unknown(run.meta.origin, fixes),
+        no_utc="" if timebase else why_unknown(run.meta.origin, fixes, run.tables["notes"]),
         started_utc=utc_text(timebase.utc_ns(start_ns)) if timebase else None,
         duration_s=(end_ns - start_ns) / 1e9,
         stopped=run.end.reason if run.end else None,

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.rows import Rows
 from logger.core.runfile.meta import has_times, is_import, is_simulated
-from logger.core.types import EARLIEST_UTC_NS, LATEST_UTC_NS, UNKNOWN_TIME
+from logger.core.types import EARLIEST_UTC_NS, IMPOSSIBLE_DATE, LATEST_UTC_NS, UNKNOWN_TIME
 
 STEP_S = 0.6
 """A serial line delays by less; a leap second is more."""
@@ -85,11 +85,12 @@ def fit_run(origin: str, fixes: Rows) -> TimeBase | None:
     )
 
 
-def why_unknown(origin: str, fixes: Rows) -> str:
-    """Why `fit_run` finds no UTC."""
+def why_unknown(origin: str, fixes: Rows, notes: Rows | None = None) -> str:
+    """Why `fit_run` finds no UTC; `notes` are those of the run."""
     own = is_import(origin)
     utc_ns = fixes["utc_ns"][(fixes["utc_ns"] != UNKNOWN_TIME) & (own | (fixes["valid"] != 0))]
-    if not len(utc_ns):
+    is_noted = notes is not None and np.any(notes["code"] == IMPOSSIBLE_DATE.encode())
+    if not len(utc_ns) and not is_noted:
         return "the receiver never reported UTC"
     if not own and not np.any((utc_ns >= EARLIEST_UTC_NS) & (utc_ns < LATEST_UTC_NS)):
         return "the receiver reported a date that cannot be"

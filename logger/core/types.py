@@ -17,6 +17,8 @@ A receiver that is wrong by a rollover of GPS's week counter is outside of the 1
 as is a clock that was never set.
 """
 LATEST_UTC_NS = EARLIEST_UTC_NS + 1024 * 7 * 86_400 * 10**9
+IMPOSSIBLE_DATE = "impossible-date"
+"""Code of the note that a receiver's date is before them."""
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 

@@ -3,12 +3,20 @@
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 from logger.config import GpsdSettings, NmeaSettings
-from logger.core.types import BY_HAND, DEAD_RECKONING, EARLIEST_UTC_NS, SIMULATED, Fix
+from logger.core.types import (
+    BY_HAND,
+    DEAD_RECKONING,
+    EARLIEST_UTC_NS,
+    IMPOSSIBLE_DATE,
+    SIMULATED,
+    Fix,
+)
 from logger.device.link import NO_EPOCHS, Device, Link, Source
 from logger.device.port import Port
 from logger.drivers.protocols.gpsd import (
@@ -45,6 +53,7 @@ _UNMEASURED = {
     SIMULATED: ("position-simulated", 1, "positions simulated by the receiver; none is used"),
 }
 """By quality: code of the note, count of each, text."""
+_NOT_USED = "is the receiver's date, which cannot be (a rollover of its GPS weeks?); it is not used"
 PAUSE_S = 0.1
 """gpsd writes an epoch in one go: after a pause there is no more of it."""
 
@@ -60,6 +69,8 @@ class Assembler(Protocol):
 
     def feed(self, event: Any, t_ns: int, /) -> Iterator[tuple[int, Fix]]: ...
     def flush(self) -> Iterator[tuple[int, Fix]]: ...
+    @property
+    def impossible_date(self) -> date | None: ...
 
 
 class NmeaSource(Source[NmeaSettings]):
@@ -95,7 +106,7 @@ def record_fixes(
     `faults` are the notes about a receiver without epochs: where no byte comes, and where some do.
     """
     received_ns = heard_ns = epoch_ns = link.clock.now_ns()
-    fault = ""
+    fault, is_date_noted = "", False
     try:
         while not link.stop.is_set():
             t_ns, data = link.read()
@@ -108,6 +119,9 @@ def record_fixes(
                 n_fixes = _emit(link, assembler.flush())
             if n_fixes:
                 epoch_ns, fault = t_ns, ""
+                if not is_date_noted and (day := assembler.impossible_date):
+                    is_date_noted = True
+                    link.note("warning", IMPOSSIBLE_DATE, f"{day} {_NOT_USED}")
             due = faults[heard_ns > epoch_ns]
             if t_ns - epoch_ns > EPOCH_WITHIN_S * 1e9 and due != fault:
                 fault = due

@@ -3,6 +3,7 @@
 It also passes fixes, scans and the walker's choice of a cell to the live estimate.
 """
 
+import errno
 import logging
 import threading
 import time
@@ -12,6 +13,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from logger.core.errors import FieldLoggerError, RunFileError, why_not_written
 from logger.core.latest import SampleHold
 from logger.core.live_settings import BEHIND, FOLLOW, WITHIN, LiveSettings
 from logger.core.runfile import FLOOR_BYTES, RunWriter, free_bytes, make_room, remove_oldest_runs
@@ -91,7 +93,8 @@ class Recorder:
                 self._flush()
             self._close(self._stop_reason)
         except Exception as error:
-            log.exception("the recorder has failed")
+            if not isinstance(error, FieldLoggerError):
+                log.exception("the recorder has failed")
             self.error = error
             self._ended.set()
 
@@ -109,7 +112,11 @@ class Recorder:
             time.sleep(TICK_S)
             self._flush()
         self._append(self._note("info", "stop", reason))
-        digest = self._writer.close(self._clock.now_ns(), reason)
+        try:
+            digest = self._writer.close(self._clock.now_ns(), reason)
+        except OSError as error:
+            text = f"{_refusal(error, self._writer.path.parent)}; what waited in memory is lost"
+            raise RunFileError(text) from error
         log.info("%s is sealed with digest %s", self._writer.path, digest)
 
     def _empty_inbox(self) -> None:
@@ -167,8 +174,8 @@ class Recorder:
             what = error.strerror or str(error)
             if what != self.failing:
                 self.failing = what
-                message = "cannot write the run (%s); keeping records in memory"
-                log.error(message, what)  # noqa: TRY400
+                message = "cannot write the run: %s; keeping records in memory"
+                log.error(message, _refusal(error, self._writer.path.parent))  # noqa: TRY400
                 self._append(self._note("error", "write-failed", f"card: {what}"))
             return
         if self.failing:
@@ -196,6 +203,13 @@ class Recorder:
 
     def _note(self, level: Level, code: str, text: str) -> Record:
         return Record(self._clock.now_ns(), "logger", Note(level, code, text))
+
+
+def _refusal(error: OSError, folder: Path) -> str:
+    text = why_not_written(error)
+    if error.errno == errno.EROFS:
+        text = f"{text}: make {folder} writable, or set another [run] directory"
+    return text
 
 
 def _is_for_estimate(record: Record) -> bool:

@@ -43,6 +43,8 @@ MOST_UNNAMED = 2
 """With a modem and a receiver the text of a fault says which it is."""
 ANSWER_WITHIN_S = 45.0
 """After a boot, with which a modem gets its power: some answer after 30 s."""
+RARE_SHARE = 0.25
+"""Of its patience: the time without a scan that the status tells."""
 FIX_AGE_S = 5.0
 """The light shows `no fix` for an older position: a walker moves 7 m meanwhile."""
 
@@ -200,10 +202,23 @@ class Service:
         text, fix = f"{elapsed_s:.0f} s: {records}", self._inbox.fix
         if fix is not None and fix.valid and fix.quality == DEAD_RECKONING:
             text = f"{text}; the position is by dead reckoning"
+        text = f"{text}{self._rare_scans()}"
         view = self.recorder.estimator.view
         if view.position is not None and not view.no_estimate:
             return f"{text}; {view.position.cell}: {view.position.text}"
         return f"{text}; {view.no_estimate or view.target or 'no target yet'}"
+
+    def _rare_scans(self) -> str:
+        """About modems with far fewer scans than they are asked for."""
+        text, now_ns = "", self._clock.now_ns()
+        for link in self._links:
+            scan_ns = self._inbox.scan_ns.get(link.name)
+            if link.source.patience_s is not None and scan_ns is not None:
+                gap_s = max(self._inbox.scan_gap_ns[link.name], now_ns - scan_ns) / 1e9
+                if gap_s > RARE_SHARE * link.source.patience_s:
+                    event = self._inbox.ports[link.name].event
+                    text += f"; {link.name}: only one scan in {gap_s:.0f} s ({event})"
+        return text
 
     @property
     def low_battery(self) -> str:

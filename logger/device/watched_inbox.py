@@ -76,8 +76,9 @@ class PortSwap:
 class WatchedInbox(Inbox):
     """An inbox that keeps the latest fix, scan, cells and port events: the recorder only counts.
 
-    `scan_ns` is the time of the latest scan by source. A fault lasts until the port's next fix
-    or scan. `n_polls` grows while the recorder runs; `swap` is fed with every record.
+    By source, `scan_ns` is the time of the latest scan, `scan_gap_ns` that since the one before. A
+    fault lasts until the port's next fix or scan. `n_polls` grows while the recorder runs; `swap`
+    is fed with every record.
     """
 
     def __init__(self, ports: Mapping[str, str], swap: PortSwap | None = None) -> None:
@@ -89,6 +90,7 @@ class WatchedInbox(Inbox):
         self.fix: FixStatus | None = None
         self.valid_ns: int | None = None
         self.scan_ns: dict[str, int] = {}
+        self.scan_gap_ns: dict[str, int] = {}
         self.n_polls = 0
         self.followed: str | None = None
 
@@ -109,6 +111,8 @@ class WatchedInbox(Inbox):
                 self.valid_ns = record.t_ns if fix.valid else self.valid_ns
                 self._clear_fault(record.source)
             case Scan():
+                before_ns = self.scan_ns.get(record.source, record.t_ns)
+                self.scan_gap_ns[record.source] = record.t_ns - before_ns
                 self.scan_ns[record.source] = record.t_ns
                 self._clear_fault(record.source)
             case Note() as note if record.source in self.ports:

@@ -84,7 +84,9 @@ def walk_of_run(run: Run, only: Sequence[str] | None = None) -> ExportWalk:
         sightings=tuple(sightings),
         track=track,
         start_ns=sightings[0].t_ns if sightings else track[0][0][0],
-        no_utc=why_unknown(run.meta.origin, fixes) if track[0][0][1].utc_ns is None else "",
+        no_utc=why_unknown(run.meta.origin, fixes, run.tables["notes"])
+        if track[0][0][1].utc_ns is None
+        else "",
         n_without_identity=int(np.count_nonzero(readings["cell"] == b"")) if only is None else 0,
         n_without_level=int(np.count_nonzero(named & ~wanted)),
         n_without_position=int(np.count_nonzero(wanted)) - len(sightings),

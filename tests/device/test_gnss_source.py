@@ -5,6 +5,7 @@ import socket
 import subprocess
 import threading
 from contextlib import contextmanager
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from logger.device import gnss_source
 from logger.device.clock import SystemClock
 from logger.device.gnss_source import GpsdSource, NmeaSource
 from logger.device.sources import source_of
+from logger.drivers.protocols.gpsd import GpsdFixes, Tpv
 from logger.sim.devices import sentence
 from logger.sim.ptys import PtyDevice
 from tests.kit import service
@@ -167,3 +169,20 @@ def test_a_gpsd_without_a_receiver_is_a_fault(tmp_path, monkeypatch):
             peer.sendall(b'{"class":"TPV","device":"/dev/ttyACM0","mode":1}\r\n')
             service.wait_for(lambda: not under_way.snapshot().ports["gnss"].fault)
         peer.close()
+
+
+_EARLY = Tpv(3, time="2007-02-04T12:00:00Z", lat=52.5, lon=13.4)
+
+
+@pytest.mark.parametrize(
+    ("report", "day"),
+    [
+        (_EARLY, date(2007, 2, 4)),
+        (Tpv(1, time=_EARLY.time), None),
+        (Tpv(3, time="2026-09-21T12:00:00Z", lat=52.5, lon=13.4), None),
+    ],
+)
+def test_of_a_gpsd_too(report, day):
+    fixes = GpsdFixes()
+    list(fixes.feed(report, 0))
+    assert fixes.impossible_date == day

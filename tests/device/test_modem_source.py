@@ -410,6 +410,23 @@ def test_a_modem_that_becomes_unreadable_is_a_fault_that_says_what_to_look_at(
         service.wait_for(lambda: not under_way.snapshot().ports["modem"].fault)
 
 
+def test_scans_that_become_rare_are_told_by_the_status(tmp_path, monkeypatch):
+    """Another program may eat most answers."""
+    monkeypatch.setattr(ModemSource, "patience_s", 6.0)
+    modem, clock = Deaf(), SystemClock()
+    modem.is_deaf = False
+    with (
+        PtyDevice(answering(modem)) as port,
+        recording(make_service(tmp_path, clock, port.path, 0.0, 0.1)) as under_way,
+    ):
+        record_until(under_way, clock, lambda walked: len(walked.scans()) > 1)
+        assert "only one scan" not in under_way.status()
+        modem.is_deaf = True
+        service.wait_for(lambda: "modem: only one scan in" in under_way.status())
+        modem.is_deaf = False
+        service.wait_for(lambda: "only one scan" not in under_way.status())
+
+
 class BootedNow(SystemClock):
     """The clock of a machine that has just booted."""
 

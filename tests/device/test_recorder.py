@@ -1,10 +1,13 @@
+import errno
+import os
 import threading
 
 import pytest
 
 from logger.core.live_settings import LiveSettings
-from logger.core.runfile import RunWriter, finish_journal, read_run, sealing_of
+from logger.core.runfile import RunWriter, finish_journal, journal, read_run, sealing_of
 from logger.core.types import Fix, RawBytes, Record, Scan
+from logger.device import recorder
 from logger.device.clock import SystemClock
 from logger.device.link import Inbox
 from logger.device.recorder import Recorder
@@ -92,6 +95,23 @@ def test_a_recorder_that_fails_says_so(tmp_path):
     assert bench.ended.wait(service.LIMIT_S)
     bench.thread.join()
     assert isinstance(bench.recorder.error, TypeError)
+
+
+def test_a_card_that_is_read_only_to_the_end_is_one_line_with_advice(tmp_path, monkeypatch, caplog):
+    def read_only(path):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+
+    monkeypatch.setattr(journal, "JournalFile", read_only)
+    monkeypatch.setattr(recorder, "STOP_PATIENCE_TICKS", 0)
+    bench = Bench(tmp_path)
+    bench.recorder.finish("test")
+    bench.thread.start()
+    bench.thread.join()
+    advice = f"Read-only file system: make {tmp_path} writable, or set another [run] directory"
+    assert str(bench.recorder.error) == f"{advice}; what waited in memory is lost"
+    assert [(one.getMessage(), one.exc_info) for one in caplog.records] == [
+        (f"cannot write the run: {advice}; keeping records in memory", None)
+    ]
 
 
 def test_the_watchdog_is_told_of_every_flush_and_the_state_in_words(tmp_path):

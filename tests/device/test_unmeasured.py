@@ -12,12 +12,12 @@ from tests.kit import service
 from tests.kit.recorded_replies import NmeaPlayer
 
 
-def _epochs(quality, mode, n=8):
+def _epochs(quality, mode, day="210926", n=8):
     out = []
     for second in range(n):
         clock, place = f"1200{second:02d}.00", f"5231.00000,N,01324.{second:05d},E"
         out += [
-            sentence(f"GNRMC,{clock},A,{place},2.7,90.0,210926,,,{mode},V"),
+            sentence(f"GNRMC,{clock},A,{place},2.7,90.0,{day},,,{mode},V"),
             sentence(f"GNGGA,{clock},{place},{quality},00,9.9,34.0,M,40.0,M,,"),
         ]
     return b"".join(out)
@@ -54,3 +54,21 @@ def test_they_are_told(tmp_path, capsys, quality, mode, kept, code, n_valid):
     assert ("8 of these by dead reckoning" in capsys.readouterr().out) is (kept == 6)
     assert postproc(["info", str(path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["n_fixes_by_dead_reckoning"] == 8 * (kept == 6)
+
+
+@pytest.mark.parametrize(("day", "told"), [("040207", ["2007-02-04"]), ("210926", [])])
+def test_a_date_before_a_rollover_is_told_once(tmp_path, capsys, day, told):
+    player = NmeaPlayer(_epochs(1, "A", day))
+    with PtyDevice(player) as gnss:
+        with service.running_service(
+            service.site_toml(tmp_path, str(tmp_path / "none"), gnss.path)
+        ) as logger:
+            service.wait_for(player.finished.is_set)
+            service.wait_for(lambda: service.n_recorded(tmp_path / "runs", "fixes") == 8)
+            service.stop_service(logger)
+    (path,) = (tmp_path / "runs").glob("run-*.h5")
+    notes = read_run(path).tables["notes"]
+    texts = [row["text"].decode() for row in notes if row["code"] == b"impossible-date"]
+    assert [text.split()[0] for text in texts] == told
+    assert postproc(["info", str(path)]) == 0
+    assert ("reported a date that cannot be" in capsys.readouterr().out) is bool(told)

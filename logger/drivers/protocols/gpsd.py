@@ -1,7 +1,7 @@
 """gpsd (gpsd_json(5), protocol 3): lines of JSON in, reports out, joined to fixes."""
 
 from collections.abc import Iterator
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 from typing import Annotated, Any
 
 import msgspec
@@ -171,6 +171,12 @@ class GpsdFixes:
             self._sky = Sky()  # the next position is made of other satellites
         return iter([(self._t_ns, _fix(self._tpv, sky, accuracy_m))])
 
+    @property
+    def impossible_date(self) -> date | None:
+        """As that of `FixAssembler`."""
+        when = _when(self._tpv) if self._tpv else None
+        return when.date() if when and when.date() < EARLIEST_UTC else None
+
     def _is_same_epoch(self, tpv: Tpv, t_ns: int) -> bool:
         if self._tpv is None or (tpv.device, tpv.time) != (self._tpv.device, self._tpv.time):
             return False
@@ -244,13 +250,18 @@ def _accuracy_m(tpv: Tpv, gst: Gst, driver: str) -> float | None:
 
 def _utc_ns(tpv: Tpv) -> int | None:
     """None without a fix, for a leap second and for an impossible year."""
+    when = _when(tpv)
+    if when is None or when.date() < EARLIEST_UTC:
+        return None
+    utc_ns = (when - _EPOCH) // timedelta(microseconds=1) * 1000
+    return utc_ns if utc_ns < 1 << 63 else None  # from the year 2262 on no column holds it
+
+
+def _when(tpv: Tpv) -> datetime | None:
     if tpv.mode < 2 or tpv.time is None:
         return None
     try:
         when = datetime.fromisoformat(tpv.time)
     except ValueError:
         return None
-    if when.tzinfo is None or when.date() < EARLIEST_UTC:
-        return None
-    utc_ns = (when - _EPOCH) // timedelta(microseconds=1) * 1000
-    return utc_ns if utc_ns < 1 << 63 else None  # from the year 2262 on no column holds it
+    return None if when.tzinfo is None else when

@@ -321,6 +321,15 @@ class FixAssembler:
         """The fix of what is pending, for a receiver that has fallen silent."""
         return iter(list(self._epoch.take()) if self._epoch else [])
 
+    @property
+    def impossible_date(self) -> date | None:
+        """Date of the latest position if that is too early to be true."""
+        messages = self._epoch.messages if self._epoch else {}
+        dated = (messages.get(kind) for kind in (pynmea2.RMC, pynmea2.ZDA))
+        day = _first(_date(message) for message in dated if message)
+        is_early = day is not None and day < EARLIEST_UTC
+        return day if is_early and fix_of(messages).valid else None
+
     def _begins_epoch(self, address: str, message: Any) -> bool:
         if self._epoch is None or address in self._epoch.received:
             return True
