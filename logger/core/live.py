@@ -418,8 +418,8 @@ class LiveTracker:
         return notes
 
     def _search(self) -> None:
-        cell = max(self._cells.values(), key=lambda cell: cell.locator.stale, default=None)
-        if cell is not None and cell.locator.stale > 1.0:
+        cell = max(self._cells.values(), key=lambda cell: cell.stale, default=None)
+        if cell is not None and cell.stale > 1.0:
             cell.search()
 
 

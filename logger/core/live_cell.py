@@ -161,6 +161,11 @@ class LiveCell:
         self.news: list[tuple[str, str]] = []
         self.latest: LiveEstimate | None = None
 
+    @property
+    def stale(self) -> float:
+        """As `OnlineLocator.stale`."""
+        return self.locator.stale
+
     def away_m(self, place: Places) -> float:
         """Distance of a place from where the cell was heard last; 0 before that."""
         return self._recent[-1].places.away_m(place) if self._recent else 0.0

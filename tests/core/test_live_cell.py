@@ -21,7 +21,7 @@ def estimates(readings, cell=None):
     for reading in readings:
         found.append(cell.take(reading))
         news += cell.news
-        if cell.locator.stale > 1.0:
+        if cell.stale > 1.0:
             cell.search()
     return found, news
 

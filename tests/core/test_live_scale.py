@@ -33,7 +33,7 @@ def locate(readings):
     for modem, reading in readings:
         cell.take(reading, modem)
         news += cell.news
-        if cell.locator.stale > 1.0:
+        if cell.stale > 1.0:
             cell.search()
     cell.search()
     return summarise(*cell.locator.last_search()), news, cell
