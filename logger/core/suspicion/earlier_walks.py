@@ -5,6 +5,7 @@ from math import hypot, log
 from statistics import median
 
 from logger.core.baseline import KnownCell, SquareHistory, square_of, squares_around
+from logger.core.cell_names import identity_of
 from logger.core.latest import Latest
 from logger.core.suspicion.heard import FULL_LIST, HeardCell, Memory
 from logger.core.suspicion.rule import Evidence, Rate, Rule, ScanRule
@@ -73,6 +74,7 @@ class _Here:
     def __init__(self) -> None:
         self.now: object = None
         self.around: tuple[SquareHistory, ...] = ()
+        self.numbers: frozenset[tuple[str, int]] | None = None  # of all there, once asked for
         self.visits: dict[str, _Visit] = {}
 
 
@@ -80,7 +82,7 @@ def ground(memory: Memory) -> tuple[SquareHistory, ...]:
     """Squares of earlier walks within 150 m, the walker's first; empty without walks or place."""
     now, kept = memory.now, memory.of(_Here)
     if now is not kept.now:
-        kept.now, kept.around = now, ()
+        kept.now, kept.around, kept.numbers = now, (), None
         if memory.baseline.n_walks and now.lat_deg is not None and now.lon_deg is not None:
             kept.around = squares_around(memory.baseline, now.lat_deg, now.lon_deg, _PLACE_M)
     return kept.around
@@ -93,24 +95,30 @@ def _n_walks(memory: Memory, cell: HeardCell) -> int:
 
 def _is_renumbered(memory: Memory, name: str) -> bool:
     # nearly no rogue cell has the numbers of several legitimate ones
-    cell = memory.cells.get(name)
-    known = {heard for square in ground(memory) for heard in square.cells}
-    if cell is None or name in known:
+    cell, around = memory.cells.get(name), ground(memory)
+    if cell is None or _is_known(around, name):
         return False
-    numbers = {_without_area(heard) for heard in known}
+    kept = memory.of(_Here)
+    if kept.numbers is None:
+        heard = {heard for square in around for heard in square.cells}
+        kept.numbers = frozenset(_without_area(one) for one in heard if identity_of(one))
     moved = [
         other.name
         for other in memory.of_operator(cell.operator, cell.rat)
         if other.area == cell.area
-        and other.name not in known
-        and _without_area(other.name) in numbers
+        and (other.operator, other.cid) in kept.numbers
+        and not _is_known(around, other.name)
     ]
     return name in moved and len(moved) >= FEWEST_MOVED
 
 
-def _without_area(name: str) -> tuple[str, str]:
+def _is_known(around: tuple[SquareHistory, ...], name: str) -> bool:
+    return any(name in square.cells for square in around)
+
+
+def _without_area(name: str) -> tuple[str, int]:
     operator, _, cid = name.rsplit("-", 2)  # of `mcc-mnc-area-cid`
-    return operator, cid
+    return operator, int(cid)
 
 
 _UNHEARD = "did not hear this cell here"
