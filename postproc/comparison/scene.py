@@ -11,7 +11,7 @@ from postproc.atomic_write import whole_file
 from postproc.comparison.changes import CellChange, ComparedRuns, Shade, cells_on_maps, shade_of
 from postproc.comparison.ground import BLOCK_M, Grid
 from postproc.view.plan import entity
-from postproc.view.scene import APPLICATION
+from postproc.view.scene import recording_of
 
 _INKS: dict[Shade, tuple[int, int, int]] = {
     "more": (200, 60, 40),
@@ -23,21 +23,16 @@ _INKS: dict[Shade, tuple[int, int, int]] = {
 def write_comparison(compared: ComparedRuns, path: Path) -> None:
     """Write the recording (.rrd), complete or not at all; raises `RunFileError`."""
     changed = cells_on_maps(compared.comparison.cells)
-    with whole_file(path) as part:
-        rr.set_strict_mode(True)
-        name = f"{compared.a.name} {compared.b.name}"
-        recording = rr.RecordingStream(APPLICATION, recording_id=f"comparison {name}")
-        recording.set_log_time_enabled(False)
-        content = recording.memory_recording()  # on a full disk rerun's file never ends
-        recording.send_blueprint(_layout(changed), make_active=True, make_default=True)
-        recording.send_recording_name(name)
+    name = f"{compared.a.name} {compared.b.name}"
+    with (
+        whole_file(path) as part,
+        recording_of(part, f"comparison {name}", name, _layout(changed)) as recording,
+    ):
         text = rr.TextDocument(_report(compared), media_type=rr.MediaType.MARKDOWN)
         recording.log("words", text, static=True)
         for cell in changed:
             blocks = _blocks(cell, compared.comparison.grid)
             recording.log(entity("change", cell.cell), blocks, static=True)
-        part.write_bytes(content.drain_as_bytes())
-        recording.disconnect()
 
 
 def _layout(changed: list[CellChange]) -> rrb.Blueprint:

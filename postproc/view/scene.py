@@ -1,6 +1,7 @@
 """A view model as a recording for the rerun viewer: its layout, its texts and all that it draws."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from math import hypot
 from pathlib import Path
@@ -555,23 +556,33 @@ def _undrawable(view: ViewModel, path: Path, *, online: bool) -> list[Failure]:
 
 
 def _write(view: ViewModel, path: Path, basemap: Basemap | None, *, online: bool) -> None:
-    rr.set_strict_mode(True)
     ids = " ".join(walk.run.meta.run_id for walk in view.survey.walks)
-    recording = rr.RecordingStream(APPLICATION, recording_id=f"{ids} {view.name}")
+    blueprint = layout(view, online=online)
+    with recording_of(path, f"{ids} {view.name}", view.name, blueprint) as recording:
+        writer = RerunWriter(recording, view.survey.clock)
+        _draw_texts(writer, view)
+        draw_plan(writer, view)
+        if basemap is not None:
+            draw_basemap(writer, basemap)
+        if online:
+            draw_map(writer, view)
+        draw_series(writer, view)
+        draw_states(writer, view)
+
+
+@contextmanager
+def recording_of(
+    path: Path, identity: str, name: str, blueprint: rrb.Blueprint
+) -> Iterator[rr.RecordingStream]:
+    """A recording to fill, written to `path` (.rrd) at the end."""
+    rr.set_strict_mode(True)
+    recording = rr.RecordingStream(APPLICATION, recording_id=identity)
     recording.set_log_time_enabled(False)
     content = recording.memory_recording()  # on a full disk rerun's file never ends
     # active as well: the layout that the viewer remembers from another run overrides a default
-    recording.send_blueprint(layout(view, online=online), make_active=True, make_default=True)
-    recording.send_recording_name(view.name)
-    writer = RerunWriter(recording, view.survey.clock)
-    _draw_texts(writer, view)
-    draw_plan(writer, view)
-    if basemap is not None:
-        draw_basemap(writer, basemap)
-    if online:
-        draw_map(writer, view)
-    draw_series(writer, view)
-    draw_states(writer, view)
+    recording.send_blueprint(blueprint, make_active=True, make_default=True)
+    recording.send_recording_name(name)
+    yield recording
     path.write_bytes(content.drain_as_bytes())
     recording.disconnect()
 
