@@ -44,7 +44,7 @@ MOST_UNNAMED = 2
 ANSWER_WITHIN_S = 45.0
 """After a boot, with which a modem gets its power: some answer after 30 s."""
 RARE_SHARE = 0.25
-"""Of its patience: the time without a scan that the status tells."""
+"""Of its patience: the time without a scan that stands in the status."""
 FIX_AGE_S = 5.0
 """The light shows `no fix` for an older position: a walker moves 7 m meanwhile."""
 

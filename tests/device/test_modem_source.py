@@ -410,7 +410,7 @@ def test_a_modem_that_becomes_unreadable_is_a_fault_that_says_what_to_look_at(
         service.wait_for(lambda: not under_way.snapshot().ports["modem"].fault)
 
 
-def test_scans_that_become_rare_are_told_by_the_status(tmp_path, monkeypatch):
+def test_scans_that_become_rare_stand_in_the_status(tmp_path, monkeypatch):
     """Another program may eat most answers."""
     monkeypatch.setattr(ModemSource, "patience_s", 6.0)
     modem, clock = Deaf(), SystemClock()

@@ -23,6 +23,20 @@ def _epochs(quality, mode, day="210926", n=8):
     return b"".join(out)
 
 
+def _record(folder, epochs):
+    """The run of a service whose receiver sends these."""
+    player = NmeaPlayer(epochs)
+    with PtyDevice(player) as gnss:
+        with service.running_service(
+            service.site_toml(folder, str(folder / "none"), gnss.path)
+        ) as logger:
+            service.wait_for(player.finished.is_set)
+            service.wait_for(lambda: service.n_recorded(folder / "runs", "fixes") == 8)
+            service.stop_service(logger)
+    (path,) = (folder / "runs").glob("run-*.h5")
+    return path
+
+
 @pytest.mark.parametrize(
     ("quality", "mode", "kept", "code", "n_valid"),
     [
@@ -36,15 +50,7 @@ def _epochs(quality, mode, day="210926", n=8):
     ],
 )
 def test_they_are_told(tmp_path, capsys, quality, mode, kept, code, n_valid):
-    player = NmeaPlayer(_epochs(quality, mode))
-    with PtyDevice(player) as gnss:
-        with service.running_service(
-            service.site_toml(tmp_path, str(tmp_path / "none"), gnss.path)
-        ) as logger:
-            service.wait_for(player.finished.is_set)
-            service.wait_for(lambda: service.n_recorded(tmp_path / "runs", "fixes") == 8)
-            service.stop_service(logger)
-    (path,) = (tmp_path / "runs").glob("run-*.h5")
+    path = _record(tmp_path, _epochs(quality, mode))
     run = read_run(path)
     assert run.tables["fixes"]["quality"].tolist() == [kept] * 8
     assert run.tables["fixes"]["valid"].sum() == n_valid
@@ -56,19 +62,11 @@ def test_they_are_told(tmp_path, capsys, quality, mode, kept, code, n_valid):
     assert json.loads(capsys.readouterr().out)["n_fixes_by_dead_reckoning"] == 8 * (kept == 6)
 
 
-@pytest.mark.parametrize(("day", "told"), [("040207", ["2007-02-04"]), ("210926", [])])
-def test_a_date_before_a_rollover_is_told_once(tmp_path, capsys, day, told):
-    player = NmeaPlayer(_epochs(1, "A", day))
-    with PtyDevice(player) as gnss:
-        with service.running_service(
-            service.site_toml(tmp_path, str(tmp_path / "none"), gnss.path)
-        ) as logger:
-            service.wait_for(player.finished.is_set)
-            service.wait_for(lambda: service.n_recorded(tmp_path / "runs", "fixes") == 8)
-            service.stop_service(logger)
-    (path,) = (tmp_path / "runs").glob("run-*.h5")
+@pytest.mark.parametrize(("day", "dates"), [("040207", ["2007-02-04"]), ("210926", [])])
+def test_a_date_before_a_rollover_is_noted_once(tmp_path, capsys, day, dates):
+    path = _record(tmp_path, _epochs(1, "A", day))
     notes = read_run(path).tables["notes"]
     texts = [row["text"].decode() for row in notes if row["code"] == b"impossible-date"]
-    assert [text.split()[0] for text in texts] == told
+    assert [text.split()[0] for text in texts] == dates
     assert postproc(["info", str(path)]) == 0
-    assert ("reported a date that cannot be" in capsys.readouterr().out) is bool(told)
+    assert ("reported a date that cannot be" in capsys.readouterr().out) is bool(dates)
