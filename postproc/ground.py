@@ -23,7 +23,7 @@ from logger.core.document import Document, Line, Part, number_of
 from logger.core.errors import ConfigError, EstimationError, GeoError
 from logger.core.model.area import Area
 from logger.core.places import MAX_LATITUDE_DEG, Places, Track, Utm, track_of
-from logger.core.readings import Readings
+from logger.core.readings import CELL_REACH_M, Readings
 from logger.core.readings import places_of as at_readings
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
@@ -31,9 +31,6 @@ from logger.core.timebase import utc_clock
 from logger.core.types import utc_text
 from postproc.scan_counts import check_observed, heard_utc_ns
 
-REACH_M = 120_000.0
-"""No cell is heard farther away: 3GPP TS 45.010 has 120 km for GSM with extended timing advance,
-TS 36.211 100 km for LTE. So two readings of one cell are at most twice as far from each other."""
 _TILE_M = 5000.0
 """Readings are first taken together in squares of their own zone: a city has some hundred."""
 _APART_M = 25_000.0
@@ -81,7 +78,7 @@ def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
     tile = {digest: _tiles(ground_of(obs)) for digest, obs in parts.items()}
     tiles = np.unique(np.concatenate(list(tile.values()))) if tile else np.zeros(0, np.int64)
     is_reused = any(is_by_channel(obs.cell) for obs in parts.values())
-    apart_m = REUSED_M if is_reused else 2.0 * REACH_M
+    apart_m = REUSED_M if is_reused else 2.0 * CELL_REACH_M
     number = place_numbers(*tile_centres_deg(tiles), apart_m)
     places: list[dict[Key, Readings]] = [{} for _ in range(np.max(number, initial=-1) + 1)]
     for digest, obs in parts.items():
@@ -270,8 +267,8 @@ def by_place(runs: Sequence[Run]) -> list[Group]:
     """The runs in groups that have no ground and no cell in common, in the order of their runs.
 
     Ground that is 25 km apart is not shared. An identity is one cell where readings of it are not
-    farther apart than twice `REACH_M`. Runs without a position are a group of their own only where
-    the others are several.
+    farther apart than twice `CELL_REACH_M`. Runs without a position are a group of their own only
+    where the others are several.
     """
     walks = [walk for walk in map(_walk_of, runs) if walk is not None]
     groups = _groups_of(walks) if len(walks) > 1 else [walks]
@@ -427,7 +424,7 @@ def _groups_of(walks: Sequence[_Walk]) -> list[list[_Walk]]:
     n_runs = Counter(cell for walk in walks for cell in walk.heard)
     for cell in (cell for cell, n in n_runs.items() if n > 1):
         tiles = {k: walk.tiles_of(cell) for k, walk in enumerate(walks) if cell in walk.heard}
-        shared.append((2.0 * REACH_M, tiles))
+        shared.append((2.0 * CELL_REACH_M, tiles))
     first, second = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for apart_m, tiles in shared:
         run = np.repeat(list(tiles), [len(own) for own in tiles.values()])
@@ -450,7 +447,7 @@ def _heard_in_several(walks: Sequence[_Walk]) -> dict[str, list[tuple[list[str],
         heard = [(walk, walk.heard[cell]) for walk in walks if cell in walk.heard]
         tiles = [_tiles_of(walk.at.part(rows)) for walk, rows in heard]
         different = np.unique(np.concatenate(tiles))
-        number = place_numbers(*tile_centres_deg(different), 2.0 * REACH_M)
+        number = place_numbers(*tile_centres_deg(different), 2.0 * CELL_REACH_M)
         places = []
         for place in dict.fromkeys(number.tolist()) if np.any(number) else ():
             near = different[number == place]

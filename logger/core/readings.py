@@ -48,6 +48,9 @@ LAST_TA = 63
 """Largest timing advance; base stations farther away have it too (3GPP TS 45.010)."""
 LAST_LTE_TA = 1282
 """3GPP TS 36.213 4.2.3."""
+CELL_REACH_M = 120_000.0
+"""No cell is heard farther away: 3GPP TS 45.010 has 120 km for GSM with extended timing advance,
+TS 36.211 100 km for LTE. So two readings of one cell are at most twice as far from each other."""
 _FARTHEST_M = 1e8
 """No coordinate or level on this Earth is larger."""
 _PER_READING = ("level_dbm", "scan_seq", "modem", "ta", "named_share")
@@ -296,7 +299,11 @@ class Readings:
     def _is_valid(self) -> BoolArray:
         places = self.places
         columns = np.stack([places.x_m, places.y_m, places.sigma_m, self.level_dbm])
-        return np.asarray(np.all(np.abs(columns) < _FARTHEST_M, axis=0))  # NaN compares false
+        is_valid = np.asarray(np.all(np.abs(columns) < _FARTHEST_M, axis=0))  # NaN compares false
+        if np.any(is_valid):  # a place that has no cell in common with the middle one is an error
+            x_m, y_m = (np.median(v[is_valid]) for v in (places.x_m, places.y_m))
+            is_valid &= np.hypot(places.x_m - x_m, places.y_m - y_m) < 2.0 * CELL_REACH_M
+        return is_valid
 
 
 @dataclass(frozen=True, slots=True)

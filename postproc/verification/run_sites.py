@@ -41,10 +41,10 @@ from logger.core.model.noise import (
 from logger.core.model.path_loss import level_dbm, log_distance_db
 from logger.core.model.prior import Prior
 from logger.core.places import Places, Utm
-from logger.core.readings import Readings
+from logger.core.readings import CELL_REACH_M, Readings
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
-from postproc.ground import REACH_M, apart_m
+from postproc.ground import apart_m
 from postproc.multi_run import merge, modems_of
 from postproc.scan_counts import observed_cells, scans_of, too_rarely
 from postproc.smoothing import too_few
@@ -532,7 +532,7 @@ def _sites_of(
         return _within_one_walk(walks[0], prior, rng)
     first_deg = [obs.places.first_deg for obs in walks]
     far_m = apart_m([OnMap(lat=lat, lon=lon) for lat, lon in first_deg])
-    if far_m > 2.0 * REACH_M:
+    if far_m > 2.0 * CELL_REACH_M:
         raise ConfigError(
             f"{cell} is heard {far_m / 1000.0:.0f} km apart, farther than any cell reaches: "
             "these are two transmitters, and no test is needed"

@@ -18,6 +18,7 @@ from logger.core.locator.bordered_sums import BorderedSums, station_rows
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
 from logger.core.locator.observables import observables
+from logger.core.locator.position_evidence import with_possible_exponent
 from logger.core.locator.posterior import Mode
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Effort, Tree
@@ -383,7 +384,9 @@ class OnlineLocator:
         ):
             near_db = None if before is None else before.sigma_db[rows]
             alone = prior.of_station(one)
-            found = marginal(total, self._n, log_det[rows], alone, EFFORT.nodes, near_db)
+            found = with_possible_exponent(
+                marginal(total, self._n, log_det[rows], alone, EFFORT.nodes, near_db)
+            )
             parts.append(parts[0].replace(rows, everywhere, found) if parts else found)
         found = parts[0]
         if len(parts) > 1:

@@ -84,7 +84,7 @@ def log_all_positive(
         )
         of_cavity = np.maximum(1.0 / variance - precision, _LEAST_PRECISION)
         without = (at / variance - shift) / of_cavity
-        log_phi, tilted, narrowed = _tilted_moments(without, 1.0 / of_cavity, own_variance)
+        log_phi, tilted, narrowed = tilted_moments(without, 1.0 / of_cavity, own_variance)
         log_site = 0.5 * (
             np.log1p(precision / of_cavity)
             + of_cavity * without**2
@@ -117,7 +117,7 @@ def _gaussian_integral(
     return float(log_integral), mean + moved, variance
 
 
-def _tilted_moments(
+def tilted_moments(
     mean: FloatArray, variance: FloatArray, own_variance: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Log probability that a noisy normal is positive, and its moments given that."""
