@@ -509,7 +509,7 @@ def _prior(result: CellResult) -> str:
     prior = result.posterior.prior
     return (
         f"Prior: P0 {prior.p0_dbm:.0f} ± {prior.p0_sigma_db:.0f} dBm, "
-        f"eta {prior.eta:.1f} ± {prior.eta_sigma:.1f}, "
+        f"eta {prior.eta:.1f} ± {prior.eta_sigma:.1f}, at least {prior.least_eta:.0f}, "
         f"level standard deviation about {prior.sigma_db:.0f} dB, "
         f"at most {prior.reach_m / 1000:.0f} km away; "
         f"{alternatives_text(result.posterior.alternatives)}."

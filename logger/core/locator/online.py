@@ -384,9 +384,8 @@ class OnlineLocator:
         ):
             near_db = None if before is None else before.sigma_db[rows]
             alone = prior.of_station(one)
-            found = with_possible_exponent(
-                marginal(total, self._n, log_det[rows], alone, EFFORT.nodes, near_db)
-            )
+            found = marginal(total, self._n, log_det[rows], alone, EFFORT.nodes, near_db)
+            found = with_possible_exponent(found, prior.least_eta)
             parts.append(parts[0].replace(rows, everywhere, found) if parts else found)
         found = parts[0]
         if len(parts) > 1:

@@ -27,12 +27,7 @@ _CHUNK = 512
 _NEAR_HEIGHTS = 4.0
 """Farther from the walk than so many times its height a station's height moves no level by more
 than .13 dB times the exponent."""
-_LEAST_ETA, _LEAST_ETA_SIGMA = 1.0, 0.1
-"""Exponents end softly here: a wave that spreads in a plane has 1, corridors have 1.6 (Rappaport,
-table 4.2), space 2. Lower ones let a narrow peak explain levels that hardly fall: of 40 measured
-regions within 150 m four missed the transmitter, three of them with .6 to 1.1; those that held it
-had 2 or more.
-"""
+_LEAST_ETA_SIGMA = 0.1
 
 
 class BlocksEvidence(NamedTuple):
@@ -141,29 +136,29 @@ class BlocksEvidence(NamedTuple):
     ) -> Evidence:
         """Evidence of the only station of a prior; `rows` are its hypotheses."""
         log_det = np.array([noise.log_det for noise in self.whiteners])[rows, None]
-        if not self.conditionals:
-            return with_possible_exponent(marginal(total, len(self.blocks), log_det, prior, nodes))
-        conditionals = [self.conditionals[row] for row in rows]
-        begin = near and near.of_hypotheses(rows)
-        return with_possible_exponent(
-            tobit_evidence(
+        if self.conditionals:
+            conditionals = [self.conditionals[row] for row in rows]
+            begin = near and near.of_hypotheses(rows)
+            found = tobit_evidence(
                 total, log_det, self.blocks, conditionals, prior, positions, begin, varying
             )
-        )
+        else:
+            found = marginal(total, len(self.blocks), log_det, prior, nodes)
+        return with_possible_exponent(found, prior.least_eta)
 
 
-def with_possible_exponent(found: Evidence) -> Evidence:
-    """The evidence where the normal prior of the exponent ends at 1, by Phi((eta - 1) / .1).
+def with_possible_exponent(found: Evidence, least_eta: float) -> Evidence:
+    """The evidence where the normal prior of the exponent is cut by Phi((eta - `least_eta`) / .1).
 
     That leaves each position its probability, and the moments of P0 and eta given it.
     """
     of_p0, of_both, of_eta = found.theta_cov
     log_phi, above, narrowed = tilted_moments(
-        found.theta[1] - _LEAST_ETA, of_eta, np.full_like(of_eta, _LEAST_ETA_SIGMA**2)
+        found.theta[1] - least_eta, of_eta, np.full_like(of_eta, _LEAST_ETA_SIGMA**2)
     )
     theta, per_eta = found.theta.copy(), of_both / of_eta
-    theta[0] += per_eta * (above + _LEAST_ETA - theta[1])
-    theta[1] = above + _LEAST_ETA
+    theta[0] += per_eta * (above + least_eta - theta[1])
+    theta[1] = above + least_eta
     less = narrowed - of_eta
     spread = [of_p0 + per_eta**2 * less, of_both + per_eta * less, narrowed]
     return found._replace(log_p=found.log_p + log_phi, theta=theta, theta_cov=np.stack(spread))

@@ -179,11 +179,11 @@ class Coefficients(NamedTuple):
 class Prior:
     """What is assumed before the walk; printed with every result.
 
-    P0 and eta are normal, sigma is log-normal. The groups of `noise` are equally probable, as are
-    the hypotheses within a group. `reaches` are hypotheses of the distance from the walk, up to
-    `reach_m`, and `stations` of the antenna; the first station stands for all where one is needed.
-    Nothing outside of an `area` is possible. Modems read too high or too low by `offset_sigma_db`:
-    3GPP TS 45.008, 8.1.2, allows 6 dB.
+    P0 and eta are normal, eta from `least_eta` on; sigma is log-normal. The groups of `noise` are
+    equally probable, as are the hypotheses within a group. `reaches` are hypotheses of the distance
+    from the walk, up to `reach_m`, and `stations` of the antenna; the first station stands for all
+    where one is needed. Nothing outside of an `area` is possible. Modems read too high or too low
+    by `offset_sigma_db`: 3GPP TS 45.008, 8.1.2, allows 6 dB.
     """
 
     environment: str = "any"
@@ -191,6 +191,7 @@ class Prior:
     p0_sigma_db: float = 30.0
     eta: float = 2.6
     eta_sigma: float = 0.9
+    least_eta: float = 1.0
     sigma_db: float = 5.4
     sigma_log_sd: float = 0.45
     noise: tuple[NoiseGroup, ...] = NOISE
@@ -307,7 +308,9 @@ ENVIRONMENTS = {
 
 "any" is as broad as 464 measured walks demand (eta 0.95 to 4.26 in 90 % of them); the others follow
 the usual tables (Rappaport, Wireless Communications, 2nd ed., table 4.2: free space 2, urban
-2.7-3.5, shadowed urban 3-5).
+2.7-3.5, shadowed urban 3-5). Waves that spread in a plane have 1; less lets a narrow peak explain
+levels that hardly fall. Of 40 measured regions within 150 m four missed the transmitter, three of
+them with .6 to 1.1; those that held it had 2 or more.
 """
 
 

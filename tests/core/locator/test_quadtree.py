@@ -286,7 +286,8 @@ def test_probability_and_moments_of_a_possible_exponent_are_those_of_a_sum(eta, 
     spread = covariance[[0, 0, 1], [0, 1, 1]]
     one = np.zeros((1, 1))
     found = with_possible_exponent(
-        Evidence(one - 5.0, mean[:, None, None], spread[:, None, None], one + 4.0, one[None] + 1.0)
+        Evidence(one - 5.0, mean[:, None, None], spread[:, None, None], one + 4.0, one[None] + 1.0),
+        1.0,
     )
     steps = np.linspace(-9.0, 9.0, 1201)
     p0, exponent = np.meshgrid(mean[0] + sd[0] * steps, mean[1] + sd[1] * steps)
