@@ -316,7 +316,11 @@ def test_without_times_no_place_moves_and_each_keeps_its_sigma(tmp_path, capsys,
     np.testing.assert_allclose([obs.x_m, obs.y_m], places, atol=1e-6)
     np.testing.assert_array_equal(obs.position_sigma_m, UNKNOWN_SIGMA_M)
     assert "without times" in observed.warnings[0]
-    assert describe(run).started_utc is None
+    info = describe(run)
+    assert (info.started_utc, info.no_utc) == (None, "the log never reported UTC")
+    (said,) = (event.in_short for event in info.events if event.code == "no-times")
+    assert "seconds count the rows" in said
+    assert ":" not in said  # of a line that begins with "import:"
 
 
 @pytest.mark.parametrize("name", BAD_TIMES)
