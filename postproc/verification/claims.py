@@ -11,7 +11,7 @@ from typing import Literal
 from msgspec import UNSET, Struct, UnsetType
 from pyproj import Geod
 
-from logger.core.cell_names import identity_of
+from logger.core.cell_names import identity_of, with_hint
 from logger.core.document import (
     Column,
     Document,
@@ -301,7 +301,9 @@ class Verified:
         names, more = self.not_observed[:_MOST_NAMES], len(self.not_observed) - _MOST_NAMES
         if not names:
             return ""
-        which = ", ".join(names) + (f" and {more} more" if more > 0 else "")
+        observed = {*(one.cell for one in self.cells), *self.without_claim, *self.heard_once}
+        said = ", ".join(with_hint(name, sorted(observed)) for name in names)
+        which = said + (f" and {more} more" if more > 0 else "")
         return f"claimed but not observed, so not tested: {which}"
 
 

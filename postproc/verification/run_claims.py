@@ -291,7 +291,7 @@ def verify_claims(
         raise ConfigError(f"a false-alarm rate lies between 0 and 0.5, not at {p_fa:g}")
     runs = [runs] if isinstance(runs, Run) else list(runs)
     every_cell, others = observed_cells(runs, None), list[str]()
-    check_observed(set(only or ()) - set(every_cell))
+    check_observed(only or (), every_cell)
     every = [cell for cell in every_cell if not only or cell in only]
     if file is not None:
         in_file, others = read_claims(file, every)
@@ -307,7 +307,7 @@ def verify_claims(
         for cell, parts in of_cells.items()
     }
     rarely = {cell: why for cell, n in scans_of(runs).items() if (why := too_rarely(n))}
-    check_observed({claim.cell for claim in claims if claim.cell} - set(every_cell))
+    check_observed((claim.cell for claim in claims if claim.cell), every_cell)
     pairs = [(cell, claim) for claim in claims for cell in ([claim.cell] if claim.cell else every)]
     walk_deg = _middle_deg(tracks[0]) if tracks else None
 

@@ -101,6 +101,17 @@ def test_claims_about_cells_that_were_not_observed_are_named(run, tmp_path, caps
     assert "Claimed but not observed, so not tested: 0, 1" in page.read_text()
 
 
+def test_a_cell_written_with_other_zeros_is_asked_about(run, tmp_path, capsys):
+    other = cell_name(0).replace("-01-", "-1-")
+    assert other != cell_name(0)
+    (tmp_path / "claims.csv").write_text(f"cell,lat,lon\n{other},{LAT},{LON}\n")
+    hint = f"{other} (did you mean {cell_name(0)}?)"
+    said = tell(capsys, "verify", run, "--claims", tmp_path / "claims.csv")
+    assert f"claimed but not observed, so not tested: {hint}\n" in said
+    assert main(["verify", str(run), "--claim", f"{LAT},{LON}", "--cell", other]) == 2
+    assert f"cell {hint} was not observed" in capsys.readouterr().err
+
+
 def test_a_swapped_claim_is_asked_about(run, capsys):
     lat, lon = place(*TRANSMITTER_M)
     output = json.loads(
