@@ -83,13 +83,12 @@ _NEARLY = 0.9
 
 @dataclass(frozen=True)
 class ClaimTest:
-    """The test of the claim of one place, of `sigma_m` per axis, in the squares of a posterior.
+    """The test of claims of `sigma_m` per axis in the squares of a posterior.
 
     `has_area`: the prior of the posterior has one.
     """
 
     squares: Squares
-    place: Places
     sigma_m: float = 0.0
     has_area: bool = False
 
@@ -97,14 +96,13 @@ class ClaimTest:
         """Of S; both of one shape."""
         return np.asarray(tail if self.has_area else tail**_EXPONENT, float)
 
-    @property
-    def p(self) -> float:
-        """Of the claim."""
-        return float(self.p_values(np.array(self.tail())))
+    def p(self, place: Places) -> float:
+        """Of the claim of one place."""
+        return float(self.p_values(np.array(self.tail(place))))
 
-    def tail(self) -> float:
+    def tail(self, place: Places) -> float:
         """S of the claim."""
-        return float(self._tails(self._densities(self.place.xy_m))[0])
+        return float(self._tails(self._densities(place.xy_m))[0])
 
     def power(self, displacement_m: FloatArray, p_fa: float) -> FloatArray:
         """Probability that a claim so far off, (d,), is rejected, by azimuth; shape (8, d)."""
@@ -221,17 +219,27 @@ it counts as if it had not passed closer.
 # --- all claims of a run ---
 
 
+_Shared = tuple[ClaimTest, tuple[float | None, tuple[Detectable, ...]]]
+"""What claims of one cell and sigma share: nearly all of the time."""
+
+
 def verify_cell(
-    obs: Readings, claim: Claim, p_fa: float, prior: Prior, posterior: Posterior | None = None
+    obs: Readings,
+    claim: Claim,
+    p_fa: float,
+    prior: Prior,
+    posteriors: dict[str, Posterior | None] | None = None,
+    tests: dict[tuple[str, float], _Shared] | None = None,
 ) -> CellVerdict:
     """Test of a claim; the verdict is open until the p-values of all claims are adjusted.
 
-    `posterior` is that of these readings and the prior, where known.
+    `posteriors` by cell, with this prior, and `tests` are kept for other claims.
     """
     usable = obs.usable()
     if why := too_few(obs, usable):
         return undecided_verdict(obs.cell, len(obs), claim, why)
-    posterior = posterior or locate(usable, prior)
+    posteriors, tests = {} if posteriors is None else posteriors, {} if tests is None else tests
+    posterior = posteriors[obs.cell] = posteriors.get(obs.cell) or locate(usable, prior)
     if why := contradiction_of(posterior):
         return undecided_verdict(obs.cell, len(obs), claim, why)
     area = posterior.prior.area
@@ -240,9 +248,12 @@ def verify_cell(
     # the lasting part of the receiver's error displaces a true claim as well
     lasting_m = float(np.median(usable.places.sigma_m))
     sigma_m = float(np.hypot(claim.sigma_m, lasting_m))
-    test = ClaimTest(posterior.squares, place, sigma_m, area is not None)
-    distance_m, p = float(np.min(usable.places.distances_m(place))), test.p
-    notices_m, power = test.detectable(p_fa)
+    key = obs.cell, sigma_m
+    if key not in tests:
+        test = ClaimTest(posterior.squares, sigma_m, area is not None)
+        tests[key] = test, test.detectable(p_fa)
+    test, (notices_m, power) = tests[key]
+    distance_m, p = float(np.min(usable.places.distances_m(place))), test.p(place)
     return CellVerdict(
         obs.cell,
         len(obs),
@@ -252,7 +263,7 @@ def verify_cell(
         followed="indirect",
         p=p,
         p_indirect=p,
-        level=1.0 - test.tail(),
+        level=1.0 - test.tail(place),
         distance_m=distance_m,
         best_deg=obs.utm.to_latlon(posterior.x_m, posterior.y_m),
         power=power,
@@ -310,6 +321,7 @@ def verify_claims(
     check_observed((claim.cell for claim in claims if claim.cell), every_cell)
     pairs = [(cell, claim) for claim in claims for cell in ([claim.cell] if claim.cell else every)]
     walk_deg = _middle_deg(tracks[0]) if tracks else None
+    tests: dict[tuple[str, float], _Shared] = {}
 
     def test(cell: str, claim: Claim) -> CellVerdict:
         obs = by_name.get(cell)
@@ -318,7 +330,7 @@ def verify_claims(
         if obs is None:
             why = "none of its readings has both a level and a position"
             return undecided_verdict(cell, 0, claim, why)
-        return verify_cell(obs, claim, p_fa, prior, posteriors.get(cell))
+        return verify_cell(obs, claim, p_fa, prior, posteriors, tests)
 
     def on_earth(verdict: CellVerdict) -> CellVerdict:
         return verdict if walk_deg is None else _geodesic(verdict, walk_deg)
@@ -331,8 +343,8 @@ def verify_claims(
         return undecided_verdict(cell, n, claim, verdict.reason, verdict.error)
 
     names = [cell for cell, _ in pairs]
-    tests = (test_or_why_not(*pair) for pair in pairs)
-    verdicts = list(progress(tests, "verifying", len(names), names) if progress else tests)
+    each = (test_or_why_not(*pair) for pair in pairs)
+    verdicts = list(progress(each, "verifying", len(names), names) if progress else each)
     return Verified(
         p_fa,
         _adjust(verdicts, p_fa),

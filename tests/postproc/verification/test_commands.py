@@ -6,6 +6,7 @@ import pytest
 from logger.core.errors import GeoError
 from logger.core.types import Fix
 from postproc.cli import main
+from postproc.verification import run_claims
 from postproc.verification.claims import parse_claim, swap_hint
 from tests.kit import runs
 from tests.kit.sample_results import LAT, LON, TRANSMITTER_M, UTM, cell_name, write_run
@@ -83,6 +84,30 @@ def test_only_the_cells_asked_about_are_counted(run, tmp_path, capsys):
         tell(capsys, "verify", run, "--claims", file, "--cell", cell_name(1), "--json")
     )
     assert (output["cells"], output["without_claim"]) == ([], [cell_name(1)])
+
+
+def test_claims_of_one_cell_share_its_estimate_and_its_power(run, tmp_path, capsys, monkeypatch):
+    made = []
+    for owner, work in ((run_claims, "locate"), (run_claims.ClaimTest, "power")):
+        monkeypatch.setattr(owner, work, _noting(made, getattr(owner, work)))
+    rows = [(k % 2, *place(50.0 * k, 0.0), 30.0 * (k // 10)) for k in range(20)]
+    file = tmp_path / "claims.csv"
+    lines = [f"{cell_name(i)},{lat},{lon},{sigma_m}" for i, lat, lon, sigma_m in rows]
+    file.write_text("\n".join(["cell,lat,lon,sigma_m", *lines, ""]))
+    together = json.loads(tell(capsys, "verify", run, "--claims", file, "--json"))["cells"]
+    assert sorted(made) == ["locate"] * 2 + ["power"] * 4  # two cells, two sigmas
+    file.write_text("\n".join(["cell,lat,lon,sigma_m", lines[15], ""]))
+    (alone,) = json.loads(tell(capsys, "verify", run, "--claims", file, "--json"))["cells"]
+    same = ("p", "level", "notices_m", "power", "best_deg")
+    assert {key: together[15][key] for key in same} == {key: alone[key] for key in same}
+
+
+def _noting(made, work):
+    def noted(*args):
+        made.append(work.__name__)
+        return work(*args)
+
+    return noted
 
 
 def test_claims_about_cells_that_were_not_observed_are_named(run, tmp_path, capsys):
