@@ -13,6 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from logger.baseline_store import walk_digest
 from logger.core.arrays import IntArray
 from logger.core.errors import ConfigError
 from logger.core.locator.posterior import Posterior
@@ -20,6 +21,7 @@ from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
 from logger.core.places import Utm, join_places
 from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run
+from logger.core.runfile.meta import is_import
 from logger.core.source_tables import MODEM, source_tables
 from postproc.ground import check_one_place
 from postproc.result import ObservedRun, RunShare
@@ -50,14 +52,15 @@ def named_apart(runs: Sequence[Run]) -> list[Run]:
 
 
 def check_different(runs: Sequence[Run]) -> None:
-    """Raise `ConfigError` where two of the files are one run."""
-    by_id: dict[str, Run] = {}
+    """Raise `ConfigError` where two of the files are one run, or imports of one log."""
+    known: dict[str, Run] = {}
     for run in runs:
-        if run.meta.run_id in by_id:
-            raise ConfigError(
-                f"{by_id[run.meta.run_id].path} and {run.path} are the same run: each counts once"
-            )
-        by_id[run.meta.run_id] = run
+        names = [run.meta.run_id]
+        if is_import(run.meta.origin) and len(run.tables["readings"]):
+            names.append(walk_digest(run))
+        if same := [known[name] for name in names if name in known]:
+            raise ConfigError(f"{same[0].path} and {run.path} are the same run: each counts once")
+        known |= dict.fromkeys(names, run)
 
 
 def in_one_zone(runs: Sequence[ObservedRun]) -> tuple[ObservedRun, ...]:

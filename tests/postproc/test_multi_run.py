@@ -397,6 +397,19 @@ def test_runs_whose_files_share_a_name_are_told_apart_by_their_folders(tmp_path)
     assert [one.name for one in named_apart(given[:1])] == ["1.h5"]
 
 
+def test_a_log_that_was_imported_twice_counts_once(tmp_path, capsys):
+    rows = [f"{k},{48.0 + k * 1e-5},11.0,{-60 - k % 9}" for k in range(40)]
+    for name, end in (("a", "\n"), ("b", "\r\n")):
+        log = tmp_path / f"{name}.csv"
+        log.write_text(end.join(["t_s,lat,lon,rssi_dbm", *rows, ""]), newline="")
+        assert main(["import", str(log), "-o", str(tmp_path / f"{name}.h5")]) == 0
+    both = [tmp_path / "a.h5", tmp_path / "b.h5"]
+    capsys.readouterr()
+    for command in ("smooth", "compare", "report"):
+        assert "a.h5 and" in (line := fails(capsys, command, *both))
+        assert "are the same run" in line
+
+
 def test_the_order_of_the_runs_is_not_that_of_the_answer(tmp_path):
     """Of two halves of a walk, both with readings at the floor of their modem's scale."""
     halves = []
