@@ -89,7 +89,7 @@ def test_only_the_cells_asked_about_are_counted(run, tmp_path, capsys):
 def test_claims_of_one_cell_share_its_estimate_and_its_power(run, tmp_path, capsys, monkeypatch):
     made = []
     for owner, work in ((run_claims, "locate"), (run_claims.ClaimTest, "power")):
-        monkeypatch.setattr(owner, work, _noting(made, getattr(owner, work)))
+        monkeypatch.setattr(owner, work, _with_notes(made, getattr(owner, work)))
     rows = [(k % 2, *place(50.0 * k, 0.0), 30.0 * (k // 10)) for k in range(20)]
     file = tmp_path / "claims.csv"
     lines = [f"{cell_name(i)},{lat},{lon},{sigma_m}" for i, lat, lon, sigma_m in rows]
@@ -102,12 +102,12 @@ def test_claims_of_one_cell_share_its_estimate_and_its_power(run, tmp_path, caps
     assert {key: together[15][key] for key in same} == {key: alone[key] for key in same}
 
 
-def _noting(made, work):
-    def noted(*args):
+def _with_notes(made, work):
+    def with_note(*args):
         made.append(work.__name__)
         return work(*args)
 
-    return noted
+    return with_note
 
 
 def test_claims_about_cells_that_were_not_observed_are_named(run, tmp_path, capsys):
