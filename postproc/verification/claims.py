@@ -35,6 +35,7 @@ observed: the position is the centre of these observations, not that of the tran
 """
 UNKNOWN_SIGMA_M = 1000.0
 """Sigma of a position in an export without a range."""
+_MOST_SIGMA_M = 1e6
 _MOST = 100_000
 """Claims about cells of the runs: more than a city has cells."""
 _COLUMNS = ("cell", "lat", "lon")
@@ -50,6 +51,12 @@ class Claim:
     lon_deg: float
     sigma_m: float = 0.0
     source: str = ""
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.sigma_m <= _MOST_SIGMA_M:
+            raise ConfigError(
+                f"the sigma of a claim is a number of metres, zero or larger, not {self.sigma_m:g}"
+            )
 
 
 _REACH_KM = 50.0
@@ -193,7 +200,7 @@ def _of_export(path: Path, observed: Sequence[str]) -> list[Claim]:
 
 
 def _sigma_m(range_m: int | None) -> float:
-    return RANGE_SIGMA * range_m if range_m else UNKNOWN_SIGMA_M
+    return min(RANGE_SIGMA * range_m, _MOST_SIGMA_M) if range_m else UNKNOWN_SIGMA_M
 
 
 def _check(claim: Claim) -> Claim:
@@ -205,10 +212,6 @@ def _check(claim: Claim) -> Claim:
         ):
             raise GeoError(f"{error}; latitude and longitude swapped?") from error
         raise
-    if not 0.0 <= claim.sigma_m < 1e6:
-        raise ConfigError(
-            f"the sigma of a claim is a number of metres, zero or larger, not {claim.sigma_m:g}"
-        )
     return claim
 
 

@@ -68,6 +68,8 @@ Within an area there is no such reserve, and S is the p-value.
 """
 _LEAST_M, _FARTHEST_M, _TRIED = 10.0, 30_000.0, 25
 """Displacements tried, up to the reach of the prior."""
+_VAGUEST_M = _FARTHEST_M / 3.0
+"""A displacement by less than 3.9 sigma is not rejected with 95 %; squares reach no farther."""
 _DRAWS = 300
 """True claims that the power is a mean over."""
 _SAMPLE = round(1.0 / LEAST_P)
@@ -116,6 +118,8 @@ class ClaimTest:
 
     def detectable(self, p_fa: float) -> tuple[float | None, tuple[Detectable, ...]]:
         """Displacements that are detected: whatever their direction, and for each azimuth."""
+        if self.sigma_m > _VAGUEST_M:
+            return None, tuple(Detectable(deg, None, None, _FARTHEST_M) for deg in BEARINGS_DEG)
         radius_m = np.geomspace(_LEAST_M, _FARTHEST_M, _TRIED)
         shares = self.power(radius_m, p_fa)
         directions = tuple(

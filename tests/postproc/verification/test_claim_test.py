@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, ncx2
 
+from logger.core.errors import ConfigError
 from logger.core.locator.region import Squares
 from logger.core.model.area import Area
 from logger.core.model.prior import Prior
@@ -113,6 +114,19 @@ def test_p_of_true_claims_is_uniform_whatever_their_error():
 def test_the_power_falls_with_the_error_of_the_claim():
     notices_m = [ClaimTest(gaussian(), sigma_m).detectable(0.05)[0] for sigma_m in (0.0, 200.0)]
     assert notices_m[1] > 3.0 * notices_m[0]
+
+
+@pytest.mark.parametrize("sigma_m", [12_000.0, 100_000.0, 900_000.0])
+def test_no_walk_notices_where_a_claim_as_vague_as_a_country_is(sigma_m):
+    notices_m, directions = ClaimTest(gaussian(), sigma_m).detectable(0.05)
+    assert notices_m is None
+    assert [one.indirect_m for one in directions] == [None] * len(BEARINGS_DEG)
+
+
+@pytest.mark.parametrize("sigma_m", [-5.0, np.nan, np.inf])
+def test_a_claim_without_a_true_sigma_is_refused(sigma_m):
+    with pytest.raises(ConfigError, match="the sigma of a claim is a number of metres"):
+        Claim("a", 48.0, 11.0, sigma_m)
 
 
 def test_an_area_that_the_readings_contradict_decides_nothing():

@@ -63,6 +63,15 @@ def test_an_export_and_a_database_of_it_claim_the_same(tmp_path):
         ]
 
 
+def test_an_export_with_an_absurd_range_is_a_vague_claim(tmp_path):
+    file = tmp_path / "262.csv"
+    file.write_text(EXPORT.replace(",1000,", ",50000000,", 1))
+    import_exports([file], tmp_path / "c.db")
+    for path in (file, tmp_path / "c.db"):
+        found, _ = read_claims(path, HEARD)
+        assert [one.sigma_m for one in found] == [1e6, UNKNOWN_SIGMA_M]
+
+
 def test_files_that_hold_no_claim(tmp_path):
     file = tmp_path / "x"
     with pytest.raises(RunFileError, match="No such file"):
