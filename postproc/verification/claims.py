@@ -1,6 +1,5 @@
 """Claimed positions, from an option, a CSV, a cell export or database; and verdicts on them."""
 
-import csv
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import closing
@@ -26,7 +25,8 @@ from logger.core.document import (
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.places import MAX_LATITUDE_DEG, check_position
 from logger.sqlite_file import is_sqlite
-from postproc.foreign_file import Lines, text_lines, with_limit
+from postproc.foreign_file import with_limit
+from postproc.interop import csv_table
 from postproc.verification.celldb import CellDb, cell_export
 
 RANGE_SIGMA = 0.5
@@ -111,31 +111,19 @@ def read_claims(path: Path, wanted: Sequence[str]) -> tuple[list[Claim], list[st
     if is_sqlite(path):
         with closing(CellDb(path)) as database:
             return claims_of(database, wanted), []
-    try:
-        with text_lines(path) as lines:
-            reader = csv.DictReader(lines)
-            names = [name.strip().lower() for name in reader.fieldnames or ()]
-            if set(_COLUMNS) <= set(names) and "radio" not in names:
-                reader.fieldnames = names
-                others: dict[str, None] = {}
-                rows = _of_csv(reader, lines, path, wanted, others)
-                return list(with_limit(rows, path, "claims", _MOST)), list(others)
-    except csv.Error as error:
-        raise RunFileError(f"{path} is no CSV file: {error}") from error
+    with csv_table.text_lines(path) as lines:
+        names = csv_table.names_of(next(lines, ""))
+    if set(_COLUMNS) <= set(names) and "radio" not in names:
+        others: dict[str, None] = {}
+        rows = _of_csv(path, wanted, others)
+        return list(with_limit(rows, path, "claims", _MOST)), list(others)
     return _of_export(path, wanted), []
 
 
-def _of_csv(
-    reader: "csv.DictReader[str]",
-    lines: Lines,
-    path: Path,
-    wanted: Sequence[str],
-    others: dict[str, None],
-) -> Iterator[Claim]:
-    for row in reader:
-        lines.end_row()
+def _of_csv(path: Path, wanted: Sequence[str], others: dict[str, None]) -> Iterator[Claim]:
+    for line, row in csv_table.rows(path):
         if row["cell"] in wanted:
-            yield _own(row, path, lines.number)
+            yield _own(row, path, line)
         elif row["cell"] and len(others) < _MOST:
             others[row["cell"]] = None
 

@@ -39,6 +39,12 @@ def test_our_own_csv(tmp_path):
     found, others = read_claims(file, HEARD)
     assert [(c.cell, c.sigma_m) for c in found] == [("target", 25.0), ("262-01-801-9", 0.0)]
     assert others == ["nobody"]
+    file.write_bytes(
+        b"\xef\xbb\xbfcell; lat;lon;sigma_m\r\n target ;52,5;13,4;25\r\n"
+    )  # of a spreadsheet
+    ((claim,), others) = read_claims(file, HEARD)
+    assert (claim.cell, claim.lat_deg, claim.lon_deg, claim.sigma_m) == ("target", 52.5, 13.4, 25.0)
+    assert others == []
     for row, says in (
         ("target,x,13", "line 2"),
         ("target,99,13", "line 2"),
