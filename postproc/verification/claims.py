@@ -25,8 +25,8 @@ from logger.core.document import (
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.places import MAX_LATITUDE_DEG, check_position
 from logger.sqlite_file import is_sqlite
+from postproc import csv_table
 from postproc.foreign_file import with_limit
-from postproc.interop import csv_table
 from postproc.verification.celldb import CellDb, cell_export
 
 RANGE_SIGMA = 0.5
