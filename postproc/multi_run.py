@@ -103,10 +103,10 @@ Key = TypeVar("Key")
 def in_order(
     parts: Mapping[Key, Readings], when: Mapping[Key, tuple[Hashable, int | None]]
 ) -> dict[Key, Readings]:
-    """The parts of a cell in time order, or with most levels first, in whatever order the runs are.
+    """The parts of a cell: of one modem in time order, else that with most levels first.
 
     `when` has modem and UTC of each run. The first of several modems gives the scale, and readings
-    at the limits of the others are as vague as their offsets; so does the first without a time.
+    at the limits of the others are as vague as their offsets.
     """
     modems, began_ns = zip(*(when[key] for key in parts), strict=True) if parts else ((), ())
     is_one_modem = len(set(modems)) == 1 and all(obs.modem is None for obs in parts.values())

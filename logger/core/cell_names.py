@@ -40,10 +40,9 @@ _BEGINS_SO = re.compile(r"(GSM|WCDMA|UMTS|LTE|LTE-M|NB-IoT|NR)-.*", re.ASCII | r
 _EXAMPLES = "LTE-5780-210 (EARFCN, PCI), GSM-62-37 (ARFCN, BSIC), WCDMA-10737-25 or NR-632448-17"
 FEWEST_SCANS = 2
 _THREE = frozenset({"302", *map(str, range(310, 317))})  # Canada, USA
+# tests, India, Malaysia, El Salvador, Honduras, Panama, Argentina, Colombia, Falkland Islands,
+# private networks
 _EITHER = frozenset({"001", "405", "502", "706", "708", "714", "722", "732", "750", "999"})
-"""Tests, India, Malaysia, El Salvador, Honduras, Panama, Argentina, Colombia, Falkland Islands,
-private networks.
-"""
 
 _MOST_ONCE = 1000
 """With a false name in each second, a real cell has a quarter of an hour to be named again."""

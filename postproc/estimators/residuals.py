@@ -518,8 +518,8 @@ def _outliers(residual_db: FloatArray, sigma_db: float, obs: Readings) -> tuple[
 # limits at which a change is named in 1 % of honest walks
 _CHANGE_SIGMAS = 2.6
 _SECTOR_CHI2 = 9.2
+# antennas are weaker to the back by 25 to 40 dB: more is another effect, seen from one side
 _MOST_SECTOR_DB = 40.0
-"""Antennas are weaker to the back by 25 to 40 dB: more is another effect, seen from one side."""
 _CERTAINLY_CORRELATED = 0.99
 
 

@@ -68,10 +68,9 @@ Within an area there is no such reserve, and S is the p-value.
 """
 _LEAST_M, _FARTHEST_M, _TRIED = 10.0, 30_000.0, 25
 """Displacements tried, up to the reach of the prior."""
+# a displacement by less than 3.9 sigma is not rejected with 95 %, and no square is farther away
 _VAGUEST_M = _FARTHEST_M / 3.0
-"""A displacement by less than 3.9 sigma is not rejected with 95 %; squares reach no farther."""
-_DRAWS = 300
-"""True claims that the power is a mean over."""
+_DRAWS = 300  # true claims that the power is a mean over
 _SAMPLE = round(1.0 / LEAST_P)
 """True claims that S is a share of: below one in so many it only orders."""
 _NEGLIGIBLE = 1e-6
@@ -99,11 +98,11 @@ class ClaimTest:
         return np.asarray(tail if self.has_area else tail**_EXPONENT, float)
 
     def p(self, place: Places) -> float:
-        """Of the claim of one place."""
+        """Of a claim."""
         return float(self.p_values(np.array(self.tail(place))))
 
     def tail(self, place: Places) -> float:
-        """S of the claim."""
+        """S of a claim."""
         return float(self._tails(self._densities(place.xy_m))[0])
 
     def power(self, displacement_m: FloatArray, p_fa: float) -> FloatArray:
@@ -223,8 +222,8 @@ it counts as if it had not passed closer.
 # --- all claims of a run ---
 
 
+# what claims of one cell and sigma share, which takes nearly all of the time
 _Shared = tuple[ClaimTest, tuple[float | None, tuple[Detectable, ...]]]
-"""What claims of one cell and sigma share: nearly all of the time."""
 
 
 def verify_cell(

@@ -102,7 +102,8 @@ def _two_places(
 
 
 def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) -> tuple[str, str]:
-    """Where it may be; what the way is good for. The answer has the radius."""
+    """Where it may be; what the way is good for."""
+    # without a radius: the answer has one
     if not places:
         return "the position is open", _SAYS_MOST
     place = places[0]
