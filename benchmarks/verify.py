@@ -108,8 +108,8 @@ def _walk(rng: np.random.Generator, k: int, noise: Noise) -> tuple[World, Readin
     return world, obs, locate(obs, PRIOR)
 
 
-def _test(posterior: Posterior, place: Places, sigma_m: float = 0.0) -> ClaimTest:
-    return ClaimTest(posterior.squares, place, sigma_m, posterior.prior.area is not None)
+def _test(posterior: Posterior, sigma_m: float = 0.0) -> ClaimTest:
+    return ClaimTest(posterior.squares, sigma_m, posterior.prior.area is not None)
 
 
 def alarms(options: argparse.Namespace) -> Json:
@@ -120,7 +120,7 @@ def alarms(options: argparse.Namespace) -> Json:
         for k in _within(60.0 * options.minutes / len(NOISES), options.walks):
             rng = np.random.default_rng([options.seed, k])
             world, _, posterior = _walk(rng, k, noise)
-            p.append(_test(posterior, Places.of(*world.sources[0])).p)
+            p.append(_test(posterior).p(Places.of(*world.sources[0])))
         shares = {rate: float(np.mean(np.array(p) <= rate)) for rate in RATES}
         figures[name] = {
             "walks": len(p),
@@ -171,9 +171,9 @@ def _rejected_and_predicted(
     off_m = share * max(float(np.min(obs.places.distances_m(true))), LEAST_M)
     angle = rng.uniform(0.0, 2.0 * np.pi)
     claim = true.xy_m[:, 0] + off_m * np.array([np.cos(angle), np.sin(angle)])
-    test = _test(posterior, Places.of(*claim), sigma_m)
+    test = _test(posterior, sigma_m)
     power = float(np.mean(test.power(np.array([off_m]), RATES[0])))
-    return test.p <= RATES[0], power
+    return test.p(Places.of(*claim)) <= RATES[0], power
 
 
 def measured_walks(options: argparse.Namespace) -> Json:
@@ -191,7 +191,7 @@ def measured_walks(options: argparse.Namespace) -> Json:
         posterior = locate(obs.usable(), prior)
         sigma_m = float(np.hypot(world.slack_m / 2.0, np.median(world.position_sigma_m)))
         true = Places.of(*world.sources[0])
-        p = _test(posterior, true, sigma_m).p
+        p = _test(posterior, sigma_m).p(true)
         rules = cellguard(obs, true), crocodile_hunter(obs, true)
         rows[0.0].append((p <= RATES[0], p <= RATES[1], *rules))
         for share in DISPLACED:

@@ -190,6 +190,8 @@ def smooth(
     `by_place` tells apart.
     """
     prior = _prior(environment, height_m, antenna, reach, within_walk_m, area)
+    if loss not in (known := get_args(Loss)):
+        raise ConfigError(f"loss {loss!r} is unknown: one of {', '.join(known)}")
     options = Options(prior, loss, _radius_m(within_m))
     result = smooth_runs(
         named_apart(_runs(runs)),
@@ -319,7 +321,10 @@ def _run(run: RunOrPath) -> Run:
 
 
 def _runs(runs: RunOrPath | Sequence[RunOrPath]) -> list[Run]:
-    return list(map(_run, [runs] if isinstance(runs, RunOrPath) else runs))
+    every = list(map(_run, [runs] if isinstance(runs, RunOrPath) else runs))
+    if not every:
+        raise ConfigError("no run is given")
+    return every
 
 
 def _names(cells: str | Sequence[str] | None) -> Sequence[str] | None:

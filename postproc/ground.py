@@ -324,7 +324,7 @@ def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[tuple
          for name in np.unique(run.named_readings["cell"]).tolist()}
         for group in groups
     ]  # fmt: skip
-    check_observed(set(cells).difference(*named))
+    check_observed(cells, set().union(*named))
     for group, names in zip(groups, named, strict=True):
         own = [cell for cell in cells if cell in names]
         if own or not cells:

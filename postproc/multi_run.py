@@ -13,6 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from logger.baseline_store import walk_digest
 from logger.core.arrays import IntArray
 from logger.core.errors import ConfigError
 from logger.core.locator.posterior import Posterior
@@ -20,7 +21,9 @@ from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
 from logger.core.places import Utm, join_places
 from logger.core.readings import Observations, Readings
 from logger.core.runfile import Run
+from logger.core.runfile.meta import is_import
 from logger.core.source_tables import MODEM, source_tables
+from logger.core.timebase import fit_run
 from postproc.ground import check_one_place
 from postproc.result import ObservedRun, RunShare
 
@@ -50,14 +53,15 @@ def named_apart(runs: Sequence[Run]) -> list[Run]:
 
 
 def check_different(runs: Sequence[Run]) -> None:
-    """Raise `ConfigError` where two of the files are one run."""
-    by_id: dict[str, Run] = {}
+    """Raise `ConfigError` where two of the files are one run, or imports of one log."""
+    known: dict[str, Run] = {}
     for run in runs:
-        if run.meta.run_id in by_id:
-            raise ConfigError(
-                f"{by_id[run.meta.run_id].path} and {run.path} are the same run: each counts once"
-            )
-        by_id[run.meta.run_id] = run
+        names = [run.meta.run_id]
+        if is_import(run.meta.origin) and len(run.tables["readings"]):
+            names.append(walk_digest(run))
+        if same := [known[name] for name in names if name in known]:
+            raise ConfigError(f"{same[0].path} and {run.path} are the same run: each counts once")
+        known |= dict.fromkeys(names, run)
 
 
 def in_one_zone(runs: Sequence[ObservedRun]) -> tuple[ObservedRun, ...]:
@@ -83,18 +87,36 @@ def parts_by_cell(runs: Sequence[ObservedRun], cells: Collection[str]) -> dict[s
         for obs in run.observations.cells if run.observations else ():
             if obs.cell in cells:
                 parts.setdefault(obs.cell, {})[i] = obs
-    return {cell: scale_first(of_runs) for cell, of_runs in parts.items()}
+    every = [run.run for run in runs]
+    when = dict(enumerate(zip(modems_of(every), map(_began_utc_ns, every), strict=True)))
+    return {cell: in_order(of_runs, when) for cell, of_runs in parts.items()}
+
+
+def _began_utc_ns(run: Run) -> int | None:
+    clock = fit_run(run.meta.origin, run.tables["fixes"])
+    return clock.utc_ns(run.meta.started_ns) if clock else None
 
 
 Key = TypeVar("Key")
 
 
-def scale_first(parts: Mapping[Key, Readings]) -> dict[Key, Readings]:
-    """The parts of a cell, that with most levels first, in whatever order the runs are.
+def in_order(
+    parts: Mapping[Key, Readings], when: Mapping[Key, tuple[Hashable, int | None]]
+) -> dict[Key, Readings]:
+    """The parts of a cell: of one modem in time order, else that with most levels first.
 
-    Its modem gives the scale, and readings at the limits of the others are as vague as their
-    offsets.
+    `when` has modem and UTC of each run. The first of several modems gives the scale, and readings
+    at the limits of the others are as vague as their offsets.
     """
+    modems, began_ns = zip(*(when[key] for key in parts), strict=True) if parts else ((), ())
+    is_one_modem = len(set(modems)) == 1 and all(obs.modem is None for obs in parts.values())
+    by_scale = _scale_first(parts)
+    if not is_one_modem or None in began_ns:
+        return by_scale
+    return dict(sorted(by_scale.items(), key=lambda part: when[part[0]][1] or 0))
+
+
+def _scale_first(parts: Mapping[Key, Readings]) -> dict[Key, Readings]:
 
     def rank(part: tuple[Key, Readings]) -> tuple[int, float]:
         obs = part[1]

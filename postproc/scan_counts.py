@@ -6,13 +6,13 @@ without doubt.
 """
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from logger.core.arrays import IntArray
-from logger.core.cell_names import FEWEST_SCANS, is_by_channel, why_no_name
+from logger.core.cell_names import FEWEST_SCANS, is_by_channel, why_no_name, with_hint
 from logger.core.errors import ConfigError
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
@@ -88,17 +88,16 @@ def observed_cells(runs: Sequence[Run], only: Sequence[str] | None) -> dict[str,
     names, which = numbered_texts(np.concatenate([run.named_readings["cell"] for run in runs]))
     counts = np.bincount(which, minlength=len(names)).tolist()
     every = {name.decode(): n for name, n in zip(names, counts, strict=True) if name}
-    check_observed(set(only or ()) - set(every))
+    check_observed(only or (), every)
     return {name: n for name, n in every.items() if not only or name in only}
 
 
-def check_observed(unknown: Collection[str]) -> None:
+def check_observed(names: Iterable[str], observed: Collection[str]) -> None:
     """Raise `ConfigError` for names that were not observed."""
-    for cell in sorted(unknown):
+    unknown = sorted({name for name in names if name not in observed})
+    for cell in unknown:
         if why := why_no_name(cell):
             raise ConfigError(why)
     if unknown:
-        raise ConfigError(
-            f"cell {', '.join(sorted(unknown))} was not observed; `postproc info` lists those that "
-            "were"
-        )
+        cells = ", ".join(with_hint(cell, observed) for cell in unknown)
+        raise ConfigError(f"cell {cells} was not observed; `postproc info` lists those that were")

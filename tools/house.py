@@ -6,6 +6,7 @@ Ends with 1 where modules, classes, types of an answer or words are more than in
 import ast
 import json
 import re
+import signal
 import subprocess
 import sys
 from collections import Counter
@@ -329,4 +330,5 @@ def _print_lists(found: Sequence[Module]) -> None:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `| head` ends it without a word
     sys.exit(main(sys.argv[1:]))

@@ -39,6 +39,10 @@ _NAME = re.compile(r"(.+?)-(0|[1-9][0-9]{0,6})-(0|[1-9][0-9]{0,3})", re.ASCII)
 _BEGINS_SO = re.compile(r"(GSM|WCDMA|UMTS|LTE|LTE-M|NB-IoT|NR)-.*", re.ASCII | re.IGNORECASE)
 _EXAMPLES = "LTE-5780-210 (EARFCN, PCI), GSM-62-37 (ARFCN, BSIC), WCDMA-10737-25 or NR-632448-17"
 FEWEST_SCANS = 2
+_THREE = frozenset({"302", *map(str, range(310, 317))})  # Canada, USA
+# tests, India, Malaysia, El Salvador, Honduras, Panama, Argentina, Colombia, Falkland Islands,
+# private networks
+_EITHER = frozenset({"001", "405", "502", "706", "708", "714", "722", "732", "750", "999"})
 
 _MOST_ONCE = 1000
 """With a false name in each second, a real cell has a quarter of an hour to be named again."""
@@ -132,3 +136,20 @@ def identity_of(name: str) -> tuple[int, int, int, int] | None:
         return None
     mcc, net, area, cell = map(int, parts)
     return mcc, net, area, cell
+
+
+def with_hint(name: str, others: Iterable[str]) -> str:
+    """A name, and that of `others` with the same numbers."""
+    identity = identity_of(name)
+    same = [one for one in others if identity is not None and identity_of(one) == identity]
+    return f"{name} (did you mean {same[0]}?)" if same else name
+
+
+def mnc_digits(mcc: str) -> int | None:
+    """Digits of the network codes of a country (ITU-T E.212 and its list of networks).
+
+    None where two and three are in use, as on many islands of zone 3.
+    """
+    if mcc in _THREE:
+        return 3
+    return None if mcc in _EITHER or mcc.startswith("3") else 2

@@ -91,7 +91,7 @@ def why_unknown(origin: str, fixes: Rows, notes: Rows | None = None) -> str:
     utc_ns = fixes["utc_ns"][(fixes["utc_ns"] != UNKNOWN_TIME) & (own | (fixes["valid"] != 0))]
     is_noted = notes is not None and np.any(notes["code"] == IMPOSSIBLE_DATE.encode())
     if not len(utc_ns) and not is_noted:
-        return "the receiver never reported UTC"
+        return f"the {'log' if own else 'receiver'} never reported UTC"
     if not own and not np.any((utc_ns >= EARLIEST_UTC_NS) & (utc_ns < LATEST_UTC_NS)):
         return "the receiver reported a date that cannot be"
     return "the times of the receiver contradict each other"

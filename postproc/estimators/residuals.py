@@ -518,6 +518,8 @@ def _outliers(residual_db: FloatArray, sigma_db: float, obs: Readings) -> tuple[
 # limits at which a change is named in 1 % of honest walks
 _CHANGE_SIGMAS = 2.6
 _SECTOR_CHI2 = 9.2
+# antennas are weaker to the back by 25 to 40 dB: more is another effect, seen from one side
+_MOST_SECTOR_DB = 40.0
 _CERTAINLY_CORRELATED = 0.99
 
 
@@ -534,7 +536,8 @@ def _trends(left: Residuals) -> Iterator[str]:
             f"levels fall {how} beyond {change.distance_m:.0f} m: "
             f"the exponent changes by {change.eta_change:+.1f} +- {change.eta_sigma:.1f}"
         )
-    if sector is not None and sector.chi2 > _SECTOR_CHI2:
+    least_db = sector.difference_db - 2.0 * sector.difference_sigma_db if sector else 0.0
+    if sector is not None and sector.chi2 > _SECTOR_CHI2 and least_db < _MOST_SECTOR_DB:
         yield (
             f"sector antenna suspected: {sector.difference_db:.0f} +- "
             f"{sector.difference_sigma_db:.0f} dB stronger towards {sector.azimuth_deg:.0f} deg "

@@ -99,7 +99,8 @@ def export(
         run = runfile.read_sound_run(paths[0])
         only = list(scan_counts.observed_cells([run], cells)) if cells else None
         exported = exporting.write_walk(exporting.walk_of_run(run, only), output, name)
-        counts = f"{exported.n_levels} levels, {exported.n_fixes} fixes"
+        levels = document.number_of(exported.n_levels, "level")
+        counts = f"{levels}, {exported.n_fixes} fix{'es' * (exported.n_fixes != 1)}"
     said = document.Document(
         exported,
         body=[f"{exported.path}: {counts} ({name})"],
@@ -200,7 +201,9 @@ def _import_all(
 def _counts(imported: importing.Imported) -> str:
     again = f", {imported.n_repeated} repeated" if imported.n_repeated else ""
     remarks = f", {len(imported.left.remarks)} remarks" if imported.left.remarks else ""
-    counts = f"{imported.n_rows} readings{remarks}, {imported.left.n_bad} bad rows{again}"
+    readings = document.number_of(imported.n_rows, "reading")
+    bad = document.number_of(imported.left.n_bad, "bad row")
+    counts = f"{readings}{remarks}, {bad}{again}"
     return f"{imported.path}: {counts} ({imported.format})"
 
 

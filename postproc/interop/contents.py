@@ -18,8 +18,8 @@ from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
 from logger.drivers.diag.frames import is_stream
 from logger.sqlite_file import SQLITE_MAGIC, open_database
+from postproc import csv_table
 from postproc.foreign_file import MOST_MEMBERS, most_unpacked_bytes
-from postproc.interop import csv_table
 from postproc.interop.sighting import Columns, Row, parse_rows
 from postproc.progress import with_count
 

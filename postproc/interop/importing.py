@@ -666,8 +666,8 @@ def _with_place(remark: Remark, track: GpsTrack | None) -> str:
 
 def _notes(imported: Imported) -> Iterator[Note]:
     if not imported.has_times:
-        why = f", since those of the file are no clock's: {imported.no_clock}"
-        text = f"imported without times{why if imported.no_clock else ''}: seconds count the rows"
+        why = f", since those of the file are no clock's ({imported.no_clock})"
+        text = f"seconds count the rows, without times{why if imported.no_clock else ''}"
         yield Note("warning", "no-times", text)
     if imported.was_sorted:
         yield Note("warning", "sorted", "rows were out of order and have been sorted by time")

@@ -18,7 +18,7 @@ from typing import Any, TypeVar, get_args
 import numpy as np
 
 from logger.core.arrays import BoolArray, IntArray
-from logger.core.cell_names import channel_name
+from logger.core.cell_names import channel_name, mnc_digits
 from logger.core.errors import GeoError, RunFileError
 from logger.core.places import Places, Track, check_position, fix_sigma_m
 from logger.core.rows import channels_of
@@ -333,11 +333,17 @@ def level_of(fields: Fields, column: str, rat: Rat) -> float:
 
 def plmn(fields: Fields) -> tuple[str | None, str | None]:
     """Country and network code with their digits; both or none."""
-    mcc, mnc = network_code(fields, "mcc", 3), network_code(fields, "mnc", 2)
+    mcc, mnc = half_plmn(fields)
     return (None, None) if mcc is None or mnc is None else (mcc, mnc)
 
 
-def network_code(fields: Fields, name: str, fewest_digits: int) -> str | None:
+def half_plmn(fields: Fields) -> tuple[str | None, str | None]:
+    """As `plmn`, each by itself."""
+    mcc = _network_code(fields, "mcc", 3)
+    return mcc, _network_code(fields, "mnc", (mnc_digits(mcc) if mcc else None) or 2)
+
+
+def _network_code(fields: Fields, name: str, fewest_digits: int) -> str | None:
     """Code of a country or a network; one with too few digits has lost its zeros in a table."""
     code = integer(fields, name, largest=999)
     if code is None:
@@ -640,9 +646,7 @@ class Columns:
         }
         lat, lon = self.place
         fix = fix_of(fields, lat, lon, moment.utc_ns, **known)
-        mcc, mnc = plmn(fields)
-        if self.half_networks:
-            mcc, mnc = network_code(fields, "mcc", 3), network_code(fields, "mnc", 2)
+        mcc, mnc = half_plmn(fields) if self.half_networks else plmn(fields)
         values: dict[str, Any] = {
             "mcc": mcc,
             "mnc": mnc,

@@ -27,7 +27,7 @@ from logger.core.types import Verdict
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.region_outline import geojson
 from postproc.ground import elsewhere_reasons, middle_of, place_name, places_of
-from postproc.multi_run import merge, scale_first
+from postproc.multi_run import in_order, merge
 from postproc.result import Options
 from postproc.scan_counts import too_rarely
 from postproc.smoothing import too_few
@@ -178,7 +178,7 @@ def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
     why = too_rarely(sum(heard.n_scans.values()))
     if why or not heard.parts:
         return msgspec.structs.replace(base, reasons=(why or "no reading has a position",))
-    parts = scale_first(heard.parts)
+    parts = in_time_order(heard.parts, runs)
     own = [runs[digest] for digest in parts]
     obs = joined_readings(parts, [run.modem for run in own])
     if why := too_few(obs, obs.usable()):
@@ -217,6 +217,14 @@ def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
         offsets=_offsets(own, obs.usable(), aligned, posterior),
         region_wkb=shapely.to_wkb(region),
     )
+
+
+def in_time_order(
+    parts: Mapping[str, Readings], runs: Mapping[str, SurveyRun]
+) -> dict[str, Readings]:
+    """As `multi_run.in_order`."""
+    when = {digest: (runs[digest].modem, runs[digest].began_utc_ns) for digest in parts}
+    return in_order(parts, when)
 
 
 def joined_readings(parts: Mapping[str, Readings], modems: Sequence[str]) -> Readings:

@@ -1,6 +1,5 @@
 """Claimed positions, from an option, a CSV, a cell export or database; and verdicts on them."""
 
-import csv
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import closing
@@ -11,7 +10,7 @@ from typing import Literal
 from msgspec import UNSET, Struct, UnsetType
 from pyproj import Geod
 
-from logger.core.cell_names import identity_of
+from logger.core.cell_names import identity_of, with_hint
 from logger.core.document import (
     Column,
     Document,
@@ -26,7 +25,8 @@ from logger.core.document import (
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.places import MAX_LATITUDE_DEG, check_position
 from logger.sqlite_file import is_sqlite
-from postproc.foreign_file import Lines, text_lines, with_limit
+from postproc import csv_table
+from postproc.foreign_file import with_limit
 from postproc.verification.celldb import CellDb, cell_export
 
 RANGE_SIGMA = 0.5
@@ -35,6 +35,7 @@ observed: the position is the centre of these observations, not that of the tran
 """
 UNKNOWN_SIGMA_M = 1000.0
 """Sigma of a position in an export without a range."""
+_MOST_SIGMA_M = 1e6
 _MOST = 100_000
 """Claims about cells of the runs: more than a city has cells."""
 _COLUMNS = ("cell", "lat", "lon")
@@ -50,6 +51,12 @@ class Claim:
     lon_deg: float
     sigma_m: float = 0.0
     source: str = ""
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.sigma_m <= _MOST_SIGMA_M:
+            raise ConfigError(
+                f"the sigma of a claim is a number of metres, zero or larger, not {self.sigma_m:g}"
+            )
 
 
 _REACH_KM = 50.0
@@ -104,31 +111,19 @@ def read_claims(path: Path, wanted: Sequence[str]) -> tuple[list[Claim], list[st
     if is_sqlite(path):
         with closing(CellDb(path)) as database:
             return claims_of(database, wanted), []
-    try:
-        with text_lines(path) as lines:
-            reader = csv.DictReader(lines)
-            names = [name.strip().lower() for name in reader.fieldnames or ()]
-            if set(_COLUMNS) <= set(names) and "radio" not in names:
-                reader.fieldnames = names
-                others: dict[str, None] = {}
-                rows = _of_csv(reader, lines, path, wanted, others)
-                return list(with_limit(rows, path, "claims", _MOST)), list(others)
-    except csv.Error as error:
-        raise RunFileError(f"{path} is no CSV file: {error}") from error
+    with csv_table.text_lines(path) as lines:
+        names = csv_table.names_of(next(lines, ""))
+    if set(_COLUMNS) <= set(names) and "radio" not in names:
+        others: dict[str, None] = {}
+        rows = _of_csv(path, wanted, others)
+        return list(with_limit(rows, path, "claims", _MOST)), list(others)
     return _of_export(path, wanted), []
 
 
-def _of_csv(
-    reader: "csv.DictReader[str]",
-    lines: Lines,
-    path: Path,
-    wanted: Sequence[str],
-    others: dict[str, None],
-) -> Iterator[Claim]:
-    for row in reader:
-        lines.end_row()
+def _of_csv(path: Path, wanted: Sequence[str], others: dict[str, None]) -> Iterator[Claim]:
+    for line, row in csv_table.rows(path):
         if row["cell"] in wanted:
-            yield _own(row, path, lines.number)
+            yield _own(row, path, line)
         elif row["cell"] and len(others) < _MOST:
             others[row["cell"]] = None
 
@@ -193,7 +188,7 @@ def _of_export(path: Path, observed: Sequence[str]) -> list[Claim]:
 
 
 def _sigma_m(range_m: int | None) -> float:
-    return RANGE_SIGMA * range_m if range_m else UNKNOWN_SIGMA_M
+    return min(RANGE_SIGMA * range_m, _MOST_SIGMA_M) if range_m else UNKNOWN_SIGMA_M
 
 
 def _check(claim: Claim) -> Claim:
@@ -205,10 +200,6 @@ def _check(claim: Claim) -> Claim:
         ):
             raise GeoError(f"{error}; latitude and longitude swapped?") from error
         raise
-    if not 0.0 <= claim.sigma_m < 1e6:
-        raise ConfigError(
-            f"the sigma of a claim is a number of metres, zero or larger, not {claim.sigma_m:g}"
-        )
     return claim
 
 
@@ -301,7 +292,9 @@ class Verified:
         names, more = self.not_observed[:_MOST_NAMES], len(self.not_observed) - _MOST_NAMES
         if not names:
             return ""
-        which = ", ".join(names) + (f" and {more} more" if more > 0 else "")
+        observed = {*(one.cell for one in self.cells), *self.without_claim, *self.heard_once}
+        said = ", ".join(with_hint(name, sorted(observed)) for name in names)
+        which = said + (f" and {more} more" if more > 0 else "")
         return f"claimed but not observed, so not tested: {which}"
 
 

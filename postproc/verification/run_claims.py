@@ -68,8 +68,9 @@ Within an area there is no such reserve, and S is the p-value.
 """
 _LEAST_M, _FARTHEST_M, _TRIED = 10.0, 30_000.0, 25
 """Displacements tried, up to the reach of the prior."""
-_DRAWS = 300
-"""True claims that the power is a mean over."""
+# a displacement by less than 3.9 sigma is not rejected with 95 %, and no square is farther away
+_VAGUEST_M = _FARTHEST_M / 3.0
+_DRAWS = 300  # true claims that the power is a mean over
 _SAMPLE = round(1.0 / LEAST_P)
 """True claims that S is a share of: below one in so many it only orders."""
 _NEGLIGIBLE = 1e-6
@@ -83,13 +84,12 @@ _NEARLY = 0.9
 
 @dataclass(frozen=True)
 class ClaimTest:
-    """The test of the claim of one place, of `sigma_m` per axis, in the squares of a posterior.
+    """The test of claims of `sigma_m` per axis in the squares of a posterior.
 
     `has_area`: the prior of the posterior has one.
     """
 
     squares: Squares
-    place: Places
     sigma_m: float = 0.0
     has_area: bool = False
 
@@ -97,14 +97,13 @@ class ClaimTest:
         """Of S; both of one shape."""
         return np.asarray(tail if self.has_area else tail**_EXPONENT, float)
 
-    @property
-    def p(self) -> float:
-        """Of the claim."""
-        return float(self.p_values(np.array(self.tail())))
+    def p(self, place: Places) -> float:
+        """Of a claim."""
+        return float(self.p_values(np.array(self.tail(place))))
 
-    def tail(self) -> float:
-        """S of the claim."""
-        return float(self._tails(self._densities(self.place.xy_m))[0])
+    def tail(self, place: Places) -> float:
+        """S of a claim."""
+        return float(self._tails(self._densities(place.xy_m))[0])
 
     def power(self, displacement_m: FloatArray, p_fa: float) -> FloatArray:
         """Probability that a claim so far off, (d,), is rejected, by azimuth; shape (8, d)."""
@@ -118,6 +117,8 @@ class ClaimTest:
 
     def detectable(self, p_fa: float) -> tuple[float | None, tuple[Detectable, ...]]:
         """Displacements that are detected: whatever their direction, and for each azimuth."""
+        if self.sigma_m > _VAGUEST_M:
+            return None, tuple(Detectable(deg, None, None, _FARTHEST_M) for deg in BEARINGS_DEG)
         radius_m = np.geomspace(_LEAST_M, _FARTHEST_M, _TRIED)
         shares = self.power(radius_m, p_fa)
         directions = tuple(
@@ -221,17 +222,27 @@ it counts as if it had not passed closer.
 # --- all claims of a run ---
 
 
+# what claims of one cell and sigma share, which takes nearly all of the time
+_Shared = tuple[ClaimTest, tuple[float | None, tuple[Detectable, ...]]]
+
+
 def verify_cell(
-    obs: Readings, claim: Claim, p_fa: float, prior: Prior, posterior: Posterior | None = None
+    obs: Readings,
+    claim: Claim,
+    p_fa: float,
+    prior: Prior,
+    posteriors: dict[str, Posterior | None] | None = None,
+    tests: dict[tuple[str, float], _Shared] | None = None,
 ) -> CellVerdict:
     """Test of a claim; the verdict is open until the p-values of all claims are adjusted.
 
-    `posterior` is that of these readings and the prior, where known.
+    `posteriors` by cell, with this prior, and `tests` are kept for other claims.
     """
     usable = obs.usable()
     if why := too_few(obs, usable):
         return undecided_verdict(obs.cell, len(obs), claim, why)
-    posterior = posterior or locate(usable, prior)
+    posteriors, tests = {} if posteriors is None else posteriors, {} if tests is None else tests
+    posterior = posteriors[obs.cell] = posteriors.get(obs.cell) or locate(usable, prior)
     if why := contradiction_of(posterior):
         return undecided_verdict(obs.cell, len(obs), claim, why)
     area = posterior.prior.area
@@ -240,9 +251,12 @@ def verify_cell(
     # the lasting part of the receiver's error displaces a true claim as well
     lasting_m = float(np.median(usable.places.sigma_m))
     sigma_m = float(np.hypot(claim.sigma_m, lasting_m))
-    test = ClaimTest(posterior.squares, place, sigma_m, area is not None)
-    distance_m, p = float(np.min(usable.places.distances_m(place))), test.p
-    notices_m, power = test.detectable(p_fa)
+    key = obs.cell, sigma_m
+    if key not in tests:
+        test = ClaimTest(posterior.squares, sigma_m, area is not None)
+        tests[key] = test, test.detectable(p_fa)
+    test, (notices_m, power) = tests[key]
+    distance_m, p = float(np.min(usable.places.distances_m(place))), test.p(place)
     return CellVerdict(
         obs.cell,
         len(obs),
@@ -252,7 +266,7 @@ def verify_cell(
         followed="indirect",
         p=p,
         p_indirect=p,
-        level=1.0 - test.tail(),
+        level=1.0 - test.tail(place),
         distance_m=distance_m,
         best_deg=obs.utm.to_latlon(posterior.x_m, posterior.y_m),
         power=power,
@@ -291,7 +305,7 @@ def verify_claims(
         raise ConfigError(f"a false-alarm rate lies between 0 and 0.5, not at {p_fa:g}")
     runs = [runs] if isinstance(runs, Run) else list(runs)
     every_cell, others = observed_cells(runs, None), list[str]()
-    check_observed(set(only or ()) - set(every_cell))
+    check_observed(only or (), every_cell)
     every = [cell for cell in every_cell if not only or cell in only]
     if file is not None:
         in_file, others = read_claims(file, every)
@@ -307,9 +321,10 @@ def verify_claims(
         for cell, parts in of_cells.items()
     }
     rarely = {cell: why for cell, n in scans_of(runs).items() if (why := too_rarely(n))}
-    check_observed({claim.cell for claim in claims if claim.cell} - set(every_cell))
+    check_observed((claim.cell for claim in claims if claim.cell), every_cell)
     pairs = [(cell, claim) for claim in claims for cell in ([claim.cell] if claim.cell else every)]
     walk_deg = _middle_deg(tracks[0]) if tracks else None
+    tests: dict[tuple[str, float], _Shared] = {}
 
     def test(cell: str, claim: Claim) -> CellVerdict:
         obs = by_name.get(cell)
@@ -318,7 +333,7 @@ def verify_claims(
         if obs is None:
             why = "none of its readings has both a level and a position"
             return undecided_verdict(cell, 0, claim, why)
-        return verify_cell(obs, claim, p_fa, prior, posteriors.get(cell))
+        return verify_cell(obs, claim, p_fa, prior, posteriors, tests)
 
     def on_earth(verdict: CellVerdict) -> CellVerdict:
         return verdict if walk_deg is None else _geodesic(verdict, walk_deg)
@@ -331,8 +346,8 @@ def verify_claims(
         return undecided_verdict(cell, n, claim, verdict.reason, verdict.error)
 
     names = [cell for cell, _ in pairs]
-    tests = (test_or_why_not(*pair) for pair in pairs)
-    verdicts = list(progress(tests, "verifying", len(names), names) if progress else tests)
+    each = (test_or_why_not(*pair) for pair in pairs)
+    verdicts = list(progress(each, "verifying", len(names), names) if progress else each)
     return Verified(
         p_fa,
         _adjust(verdicts, p_fa),

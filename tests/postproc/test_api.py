@@ -256,6 +256,19 @@ def test_bare_arrays_that_cannot_be_a_walk_are_refused(x, y, level, sigma_m, say
         locate(x, y, level, position_sigma_m=sigma_m)
 
 
+def test_no_run_at_all_is_said():
+    for function in (postproc.smooth, postproc.suspect, postproc.by_place):
+        with pytest.raises(ConfigError, match="no run is given"):
+            function([])
+    with pytest.raises(ConfigError, match="no run is given"):
+        postproc.verify([], [])
+
+
+def test_an_unknown_loss_is_refused(path):
+    with pytest.raises(ConfigError, match="loss 'l1' is unknown: one of linear, soft_l1"):
+        postproc.smooth(path, loss="l1")
+
+
 @pytest.mark.parametrize("within_m", [0.0, -5.0, np.nan, np.inf])
 def test_a_radius_that_is_none_is_refused(within_m):
     with pytest.raises(ConfigError, match="a radius is more than 0 m"):

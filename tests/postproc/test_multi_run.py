@@ -5,12 +5,14 @@ import h5py
 import numpy as np
 import pytest
 
+from logger.core.locator.pipeline import decide, locate
 from logger.core.places import Places, Utm
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.cli import main
 from postproc.multi_run import (
     in_one_zone,
+    in_order,
     merge,
     modems_of,
     named_apart,
@@ -24,6 +26,7 @@ from postproc.survey.walk_readings import readings_of
 from postproc.walk import observe_run
 from tests.kit import runs
 from tests.kit.runs import UTC0_NS
+from tests.kit.walks import observations, path, shadowing
 
 UTM = Utm(32)
 BORDER = (52.0, 12.0)
@@ -51,6 +54,7 @@ def record_walk(
     at_deg=BORDER,
     truth=True,
     second_db=None,
+    utc0_ns=UTC0_NS,
     **meta,
 ):
     """A run: a fix and a scan of one cell every two seconds along a way.
@@ -66,7 +70,7 @@ def record_walk(
     level = np.round(-35 - 30 * np.log10(distance) + rng.normal(0, 2.5, len(lat)) + shift_db)
     for i, (a, b, dbm) in enumerate(zip(lat.tolist(), lon.tolist(), level.tolist(), strict=True)):
         t_ns = 2 * i * 10**9
-        writer.append(Record(t_ns, "gnss", Fix(True, UTC0_NS + t_ns, a, b, acc_m=2.0)))
+        writer.append(Record(t_ns, "gnss", Fix(True, utc0_ns + t_ns, a, b, acc_m=2.0)))
         reading = CellReading("serving", "GSM", "262", "01", 4711, cid, rssi_dbm=dbm)
         writer.append(Record(t_ns + 5, "modem", Scan(t_ns, (reading,), None)))
         if second_db is not None:
@@ -395,6 +399,59 @@ def test_runs_whose_files_share_a_name_are_told_apart_by_their_folders(tmp_path)
     names = [one.name for one in named_apart(given)]
     assert names == ["x/mon/1.h5", "tue/1.h5", "y/mon/1.h5", "2.h5"]
     assert [one.name for one in named_apart(given[:1])] == ["1.h5"]
+
+
+def test_a_log_that_was_imported_twice_counts_once(tmp_path, capsys):
+    rows = [f"{k},{48.0 + k * 1e-5},11.0,{-60 - k % 9}" for k in range(40)]
+    for name, end in (("a", "\n"), ("b", "\r\n")):
+        log = tmp_path / f"{name}.csv"
+        log.write_text(end.join(["t_s,lat,lon,rssi_dbm", *rows, ""]), newline="")
+        assert main(["import", str(log), "-o", str(tmp_path / f"{name}.h5")]) == 0
+    both = [tmp_path / "a.h5", tmp_path / "b.h5"]
+    capsys.readouterr()
+    for command in ("smooth", "compare", "report"):
+        assert "a.h5 and" in (line := fails(capsys, command, *both))
+        assert "are the same run" in line
+
+
+def test_runs_of_one_modem_are_in_time_order(tmp_path):
+    port = "/dev/serial/by-id/usb-SimTech_123-if03"
+    one_modem = f'[[source]]\nkind = "modem"\nname = "modem"\ndriver = "sim800"\nport = "{port}"\n'
+    for config_text, in_time in ((one_modem, True), ("", False)):
+        given = [
+            read_run(
+                record_walk(
+                    tmp_path / f"{in_time}{day}.h5",
+                    tuple(axis[:n] for axis in BENT),
+                    utc0_ns=UTC0_NS + day * DAY_NS,
+                    config_text=config_text,
+                )
+            )
+            for day, n in ((2, 60), (0, 40), (1, 80))
+        ]
+        for order in ([0, 1, 2], [2, 1, 0], [1, 2, 0]):
+            observed = [observe_run(given[k]) for k in order]
+            counts = list(map(len, parts_by_cell(observed, [CELL])[CELL].values()))
+            assert counts == ([40, 80, 60] if in_time else [80, 60, 40])
+
+
+def test_a_transmitter_that_moved_between_the_walks_is_not_located():
+    rng = np.random.default_rng(2)
+    far_m, angle = rng.uniform(100, 250), rng.uniform(0, 6.28)
+    before = np.array([60.0, 80.0])
+    after = before + far_m * np.array([np.cos(angle), np.sin(angle)])
+    parts = {}
+    for day, (count, source_m) in enumerate(((150, before), (300, after), (220, after))):
+        x, y = path("square", count, 840.0 / count)
+        distance_m = np.maximum(np.hypot(x - source_m[0], y - source_m[1]), 10.0)
+        level_dbm = -30.0 - 30.0 * np.log10(distance_m) + 2.0 * rng.normal(size=count)
+        level_dbm = np.round(level_dbm + shadowing(rng, x, y, 3.0, 15.0))
+        parts[day] = observations(x, y, level_dbm, 3.0)
+    when = {day: ("modem", UTC0_NS + day * DAY_NS) for day in parts}
+    obs = merge(in_order({day: parts[day] for day in (1, 2, 0)}, when), [0, 0, 0])
+    decision = decide(locate(obs.usable()), obs)
+    assert decision.verdict == "cannot tell"
+    assert "seems to have moved, between" in decision.reasons[0]
 
 
 def test_the_order_of_the_runs_is_not_that_of_the_answer(tmp_path):

@@ -2,6 +2,9 @@
 
 import ast
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -91,3 +94,12 @@ def test_a_figure_that_has_risen_is_an_error(small_tree, tmp_path, monkeypatch, 
     assert capsys.readouterr().err == (
         f"more than committed: modules, {figures['modules']} and not 1\n"
     )
+
+
+def test_a_reader_that_takes_one_line_ends_it_without_a_traceback():
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as closed:
+        command = [sys.executable, house.__file__, "--list"]
+        ended = subprocess.run(command, stdout=closed, stderr=subprocess.PIPE, check=False)
+    assert ended.stderr == b""

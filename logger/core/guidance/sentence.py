@@ -103,6 +103,7 @@ def _two_places(
 
 def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) -> tuple[str, str]:
     """Where it may be; what the way is good for."""
+    # without a radius: the answer has one
     if not places:
         return "the position is open", _SAYS_MOST
     place = places[0]
@@ -110,9 +111,9 @@ def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) 
     spread_m = _spread_m(sample, place)
     where = f"{away_m:.0f} m {direction(place.place.xy_m[:, 0] - here.xy_m[:, 0])}"
     if away_m < _CLOSE_M and spread_m < _CLOSE_M:
-        return f"it is within {spread_m:.0f} m of a place {where}", "hear it from another side"
+        return f"the likeliest place is {where}", "hear it from another side"
     if spread_m < _OPEN_M:
-        return f"the likeliest place is {where}", _PASSING  # the answer has the radius
+        return f"the likeliest place is {where}", _PASSING
     return f"the position is open, likeliest {where}", _SAYS_MOST
 
 

@@ -39,7 +39,7 @@ from logger.core.runfile.journal_reader import (
     decode_meta,
 )
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, stop_text
-from logger.core.schema import TABLES, columns_text, is_columns_text
+from logger.core.schema import OLDEST_DESCRIBED, TABLES, columns_text, is_columns_text
 from logger.core.timebase import fit_run
 from logger.core.types import utc_text
 
@@ -282,6 +282,10 @@ class Content:
 
     def tables(self, meta: RunMeta) -> Mapping[str, h5py.Dataset]:
         """All tables, with the bytes and the frames, by name."""
+        if meta.schema < OLDEST_DESCRIBED and FRAMES not in self.member_names:
+            raise RunFileError(
+                f"{self.path} has schema {meta.schema}, which this cellwalk reads as a journal only"
+            )
         dtypes = {**parse_dtypes(meta.columns), RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
         found = {name: self.table(name, dtype) for name, dtype in dtypes.items()}
         n_bytes = sum(dataset.nbytes for dataset in found.values())

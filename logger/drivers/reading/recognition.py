@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, NamedTuple, TypeGuard, TypeVar
 
-from logger.core.cell_names import FEWEST_SCANS
+from logger.core.cell_names import FEWEST_SCANS, mnc_digits
 from logger.core.types import Broadcast, CellReading
 from logger.drivers.reading.row_language import NumberForm, NumberText, Registration, Row
 from logger.drivers.reading.standard_replies import is_serving
@@ -448,11 +448,6 @@ SPARSE = 50
 """Lost digits shorten less than one value in so many; firmware without padding prints more."""
 DECIMAL = 10
 """No modem pads numbers of this base, so their widths show nothing of the firmware."""
-_THREE = frozenset({"302", *map(str, range(310, 317))})  # Canada, USA
-_EITHER = frozenset({"001", "405", "502", "706", "708", "714", "722", "732", "750", "999"})
-"""Tests, India, Malaysia, El Salvador, Honduras, Panama, Argentina, Colombia, Falkland Islands,
-private networks.
-"""
 
 
 def mark_doubtful(
@@ -668,18 +663,8 @@ def _is_network_sure(network: Network | None, history: NumberHistory) -> bool:
     if network is None:
         return True
     mcc, mnc = network
-    digits = _mnc_digits(mcc)
+    digits = mnc_digits(mcc)
     if len(mnc) == digits:
         return True
     codes = {code: n for (country, code), n in history.networks.items() if country == mcc}
     return not _is_slip(mnc, codes, None) and (digits is None or codes[mnc] > 1)
-
-
-def _mnc_digits(mcc: str) -> int | None:
-    """Digits of the network codes of a country (ITU-T E.212 and its list of networks).
-
-    None where two and three are in use, as on many islands of zone 3.
-    """
-    if mcc in _THREE:
-        return 3
-    return None if mcc in _EITHER or mcc.startswith("3") else 2

@@ -15,7 +15,8 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from logger.core.types import Fix, Rat
-from postproc.interop import csv_table, xml_file
+from postproc import csv_table
+from postproc.interop import xml_file
 from postproc.interop.contents import Contents, Format
 from postproc.interop.sighting import CODES as _CODES
 from postproc.interop.sighting import (

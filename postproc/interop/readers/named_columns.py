@@ -14,7 +14,7 @@ from typing import Any
 
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.types import Rat, Role
-from postproc.interop import csv_table
+from postproc import csv_table
 from postproc.interop.contents import Contents, Format
 from postproc.interop.sighting import (
     LEVEL_RANGE_DBM,

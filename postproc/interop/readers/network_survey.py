@@ -16,7 +16,8 @@ from typing import Any
 from logger.core.errors import RunFileError
 from logger.core.types import Rat
 from logger.sqlite_file import open_database
-from postproc.interop import csv_table, json_lines
+from postproc import csv_table
+from postproc.interop import json_lines
 from postproc.interop.contents import Contents, Format, of_json
 from postproc.interop.sighting import (
     CODES,

@@ -21,7 +21,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from logger.core.types import Rat
-from postproc.interop import csv_table, json_lines
+from postproc import csv_table
+from postproc.interop import json_lines
 from postproc.interop.contents import Contents, Format, of_columns, of_json
 from postproc.interop.sighting import (
     CODES,

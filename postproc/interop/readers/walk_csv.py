@@ -17,7 +17,7 @@ from typing import Any
 from logger.core.places import check_position
 from logger.core.schema import TABLES
 from logger.core.types import UNKNOWN_SIGNED, Broadcast, CellReading, Fix
-from postproc.interop import csv_table
+from postproc import csv_table
 from postproc.interop.contents import Contents, Format
 from postproc.interop.sighting import (
     LEVEL_RANGE_DBM,

@@ -6,7 +6,7 @@ from pathlib import Path
 from logger.core.document import Table
 from logger.core.schema import list_text
 from logger.core.types import utc_text
-from postproc.interop.csv_table import escape, line
+from postproc.csv_table import escape, line
 from postproc.interop.exporting import Answered, ExportWalk
 from postproc.interop.readers.walk_csv import BROADCAST, CELL, LEVELS, PLACE, READINGS
 from postproc.interop.sighting import Sighting

@@ -9,11 +9,10 @@ from logger.core.guidance.street_atlas import Line
 from logger.core.places import Places
 from postproc.ground import places_of
 from postproc.guidance.next_walk import NextWalk, next_walk
-from postproc.multi_run import scale_first
 from postproc.progress import with_progress
 from postproc.result import Options
 from postproc.survey.alignment import align
-from postproc.survey.cell_location import LocatedCell, joined_readings, thin
+from postproc.survey.cell_location import LocatedCell, in_time_order, joined_readings, thin
 from postproc.survey.dataset import Survey
 
 _TRIED_EACH = 3
@@ -67,7 +66,7 @@ def _walk(
     lines: Iterable[Line],
 ) -> NextWalk:
     parts = survey.observations(cell.area, [cell.cell], runs)[cell.cell]
-    parts = scale_first(places_of(parts)[cell.place - 1])
+    parts = in_time_order(places_of(parts)[cell.place - 1], survey.runs)
     obs = joined_readings(parts, [survey.runs[digest].modem for digest in parts])
     walk = next_walk(thin(align(obs.usable()).obs), options.prior, start, lines)
     answer = replace(walk.answer, verdict=cell.verdict, reasons=cell.reasons)

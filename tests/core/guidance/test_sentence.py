@@ -25,13 +25,15 @@ def test_directions_are_those_of_a_compass(east, north, text):
     assert direction(np.array([east, north])) == text
 
 
-def test_the_radius_is_said_by_the_answer_alone():
+@pytest.mark.parametrize(
+    ("away_m", "spread_m", "why"),
+    [(200.0, 60.0, "passing it says most"), (50.0, 10.0, "hear it from another side")],
+)
+def test_the_radius_is_said_by_the_answer_alone(away_m, spread_m, why):
     """That of the advice is of the device's own posterior, and would stand beside another one."""
-    likely = Places.of(200.0 + np.array([0.0, 60.0, -60.0]), np.full(3, 5.2e6))
+    likely = Places.of(away_m + np.array([0.0, spread_m, -spread_m]), np.full(3, 5.2e6))
     sample = PositionSample(likely, np.array([0.4, 0.3, 0.3]), *[None] * 6)
     best = Plan(Route(np.array([[0.0, 5.2e6], [100.0, 5.2e6]])), 5.0, None, None)
-    there = Cluster(0.9, Places.of(200.0, 5.2e6))
+    there = Cluster(0.9, Places.of(away_m, 5.2e6))
     text, _ = sentence(best, sample, [there], 90.0, 100.0, -80.0)
-    assert text == (
-        "straight on, east, 100 m: the likeliest place is 200 m east; passing it says most"
-    )
+    assert text == f"straight on, east, 100 m: the likeliest place is {away_m:.0f} m east; {why}"

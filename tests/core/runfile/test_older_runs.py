@@ -7,8 +7,10 @@ cells broadcast had a table, and `data/schema-3.h5` is the HDF5 file that it mad
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 
+from logger.core.errors import RunFileError
 from logger.core.live import LiveTracker
 from logger.core.runfile import convert_journal, read_run, sealing_of
 from logger.core.runfile.hdf5 import RAW_BYTES
@@ -80,6 +82,17 @@ def test_a_table_that_its_version_did_not_have_was_added(tmp_path):
         "broadcasts: it was added"
     ]
     assert len(read_run(path).tables["broadcasts"]) == 0
+
+
+def test_a_file_of_a_version_without_frames_is_not_called_damaged(tmp_path):
+    path = tmp_path / "a.h5"
+    path.write_bytes((DATA / "schema-3.h5").read_bytes())
+    with h5py.File(path, "r+") as file:
+        text = file["meta"][()]
+        del file["meta"], file["frames"]
+        file["meta"] = np.bytes_(text.replace(b'"schema":3', b'"schema":1'))
+    with pytest.raises(RunFileError, match="has schema 1, which this cellwalk reads as a journal"):
+        read_run(path)
 
 
 @pytest.mark.parametrize(

@@ -159,6 +159,15 @@ def test_an_azimuth_that_hardly_changes_gives_no_sector():
     assert not any("sector" in text for text in findings(result))
 
 
+def test_a_difference_that_no_antenna_has_is_no_sector():
+    result = diagnose(SOURCE, walk(np.random.default_rng(8), white_db=1.5))
+    for difference_db, is_named in ((12.0, True), (1175.0, False)):
+        named = replace(
+            result, sector=residuals.Sector(331.0, difference_db, 0.1 * difference_db, 80.0)
+        )
+        assert any("sector" in text for text in findings(named)) is is_named
+
+
 def test_outliers_are_named_by_reading_and_size():
     obs = walk(np.random.default_rng(9))
     level = obs.level_dbm.copy()

@@ -316,7 +316,11 @@ def test_without_times_no_place_moves_and_each_keeps_its_sigma(tmp_path, capsys,
     np.testing.assert_allclose([obs.x_m, obs.y_m], places, atol=1e-6)
     np.testing.assert_array_equal(obs.position_sigma_m, UNKNOWN_SIGMA_M)
     assert "without times" in observed.warnings[0]
-    assert describe(run).started_utc is None
+    info = describe(run)
+    assert (info.started_utc, info.no_utc) == (None, "the log never reported UTC")
+    (said,) = (event.in_short for event in info.events if event.code == "no-times")
+    assert "seconds count the rows" in said
+    assert ":" not in said  # of a line that begins with "import:"
 
 
 @pytest.mark.parametrize("name", BAD_TIMES)
@@ -546,3 +550,11 @@ def test_a_file_of_no_known_format_is_answered_with_how_to_read_it(tmp_path):
         with pytest.raises(RunFileError, match="--columns lat=") as refused:
             recognise(tmp_path / name)
         assert how in str(refused.value)
+
+
+def test_one_reading_is_counted_as_one(tmp_path, capsys):
+    source = _write(tmp_path, "t_s,lat,lon,rssi_dbm\n1,48.0,11.0,-70\n")
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 0
+    assert "run.h5: 1 reading, 0 bad rows (CSV)" in capsys.readouterr().out
+    assert main(["export", str(tmp_path / "run.h5"), "-o", str(tmp_path / "a.csv")]) == 0
+    assert "a.csv: 1 level, 1 fix (csv)" in capsys.readouterr().out

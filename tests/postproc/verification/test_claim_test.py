@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, ncx2
 
+from logger.core.errors import ConfigError
 from logger.core.locator.region import Squares
 from logger.core.model.area import Area
 from logger.core.model.prior import Prior
@@ -40,11 +41,11 @@ def at(x_m, y_m):
 def test_s_is_the_probability_of_what_is_less_likely():
     squares = gaussian()
     for away_m in (0.0, 30.0, 70.0, 120.0):
-        tail = ClaimTest(squares, at(0.6 * away_m, 0.8 * away_m)).tail()
+        tail = ClaimTest(squares).tail(at(0.6 * away_m, 0.8 * away_m))
         assert tail == pytest.approx(np.exp(-0.5 * (away_m / SIGMA_M) ** 2), abs=0.05)
-    far, farther = (ClaimTest(squares, at(x_m, 0.0)).tail() for x_m in (300.0, 400.0))
+    far, farther = (ClaimTest(squares).tail(at(x_m, 0.0)) for x_m in (300.0, 400.0))
     assert 1e-3 > far > farther > 0.0
-    assert ClaimTest(squares, at(5000.0, 0.0)).tail() == 0.0
+    assert ClaimTest(squares).tail(at(5000.0, 0.0)) == 0.0
 
 
 def test_every_square_is_found_by_its_places():
@@ -53,13 +54,13 @@ def test_every_square_is_found_by_its_places():
     chosen = rng.integers(len(squares), size=200)
     inside = rng.uniform(-0.49, 0.49, (2, 200)) * squares.size_m[chosen]
     places = np.stack([squares.x_m, squares.y_m])[:, chosen] + inside
-    test = ClaimTest(squares, at(0.0, 0.0))
+    test = ClaimTest(squares)
     found = test._densities_by_square(places)
     assert found == pytest.approx(test._density_of_squares[chosen])
 
 
 def test_power_is_that_of_the_posterior():
-    test = ClaimTest(gaussian(), at(0.0, 0.0))
+    test = ClaimTest(gaussian())
     off_m = np.array([0.0, 100.0, 150.0, 250.0])
     power = test.power(off_m, 0.05)
     edge = -2.0 * np.log(0.05 ** (1.0 / 1.1))  # squared, where p is .05
@@ -73,10 +74,11 @@ def test_power_is_that_of_the_posterior():
 
 def test_the_p_value_is_s_within_an_area_and_less_without():
     tail = np.array([0.0, 0.05, 0.0656, 1.0])
-    free, within = (ClaimTest(gaussian(), at(0.0, 0.0), 0.0, one) for one in (False, True))
+    free, within = (ClaimTest(gaussian(), 0.0, one) for one in (False, True))
     assert within.p_values(tail) == pytest.approx(tail)
     assert free.p_values(tail) == pytest.approx([0.0, 0.0371, 0.05, 1.0], abs=0.001)
-    assert free.p <= within.p == within.tail()
+    place = at(0.0, 0.0)
+    assert free.p(place) <= within.p(place) == within.tail(place)
 
 
 def test_true_claims_pass_and_false_ones_fail():
@@ -92,27 +94,39 @@ def test_true_claims_pass_and_false_ones_fail():
 
 @pytest.mark.parametrize("sigma_m", [0.0, 20.0, 50.0, 200.0, 5000.0])
 def test_a_vague_claim_is_as_hard_to_reject_as_it_is_vague(sigma_m):
-    test = ClaimTest(gaussian(), at(0.0, 0.0), sigma_m)
-    assert test.p > 0.95
+    test = ClaimTest(gaussian(), sigma_m)
+    assert test.p(at(0.0, 0.0)) > 0.95
     together_m = np.hypot(SIGMA_M, sigma_m)
     for away in (0.5, 1.5, 2.5):
-        off = ClaimTest(gaussian(), at(away * together_m, 0.0), sigma_m)
-        assert off.tail() == pytest.approx(np.exp(-0.5 * away**2), abs=0.05)
+        tail = test.tail(at(away * together_m, 0.0))
+        assert tail == pytest.approx(np.exp(-0.5 * away**2), abs=0.05)
 
 
 def test_p_of_true_claims_is_uniform_whatever_their_error():
     rng = np.random.default_rng(4)
     for sigma_m in (30.0, 300.0):
         place_m = np.hypot(SIGMA_M, sigma_m) * rng.standard_normal((200, 2))
-        tails = [ClaimTest(gaussian(20.0), at(*one), sigma_m).tail() for one in place_m]
+        test = ClaimTest(gaussian(20.0), sigma_m)
+        tails = [test.tail(at(*one)) for one in place_m]
         assert kstest(tails, "uniform").pvalue > 0.01
 
 
 def test_the_power_falls_with_the_error_of_the_claim():
-    notices_m = [
-        ClaimTest(gaussian(), at(0.0, 0.0), sigma_m).detectable(0.05)[0] for sigma_m in (0.0, 200.0)
-    ]
+    notices_m = [ClaimTest(gaussian(), sigma_m).detectable(0.05)[0] for sigma_m in (0.0, 200.0)]
     assert notices_m[1] > 3.0 * notices_m[0]
+
+
+@pytest.mark.parametrize("sigma_m", [12_000.0, 100_000.0, 900_000.0])
+def test_no_walk_notices_where_a_claim_as_vague_as_a_country_is(sigma_m):
+    notices_m, directions = ClaimTest(gaussian(), sigma_m).detectable(0.05)
+    assert notices_m is None
+    assert [one.indirect_m for one in directions] == [None] * len(BEARINGS_DEG)
+
+
+@pytest.mark.parametrize("sigma_m", [-5.0, np.nan, np.inf])
+def test_a_claim_without_a_true_sigma_is_refused(sigma_m):
+    with pytest.raises(ConfigError, match="the sigma of a claim is a number of metres"):
+        Claim("a", 48.0, 11.0, sigma_m)
 
 
 def test_an_area_that_the_readings_contradict_decides_nothing():

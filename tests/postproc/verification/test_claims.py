@@ -39,6 +39,12 @@ def test_our_own_csv(tmp_path):
     found, others = read_claims(file, HEARD)
     assert [(c.cell, c.sigma_m) for c in found] == [("target", 25.0), ("262-01-801-9", 0.0)]
     assert others == ["nobody"]
+    file.write_bytes(
+        b"\xef\xbb\xbfcell; lat;lon;sigma_m\r\n target ;52,5;13,4;25\r\n"
+    )  # of a spreadsheet
+    ((claim,), others) = read_claims(file, HEARD)
+    assert (claim.cell, claim.lat_deg, claim.lon_deg, claim.sigma_m) == ("target", 52.5, 13.4, 25.0)
+    assert others == []
     for row, says in (
         ("target,x,13", "line 2"),
         ("target,99,13", "line 2"),
@@ -61,6 +67,15 @@ def test_an_export_and_a_database_of_it_claim_the_same(tmp_path):
             ("262-01-801-86355", 52.5, 13.4, 1000 * RANGE_SIGMA),
             ("262-01-801-9", 52.6, 13.5, UNKNOWN_SIGMA_M),
         ]
+
+
+def test_an_export_with_an_absurd_range_is_a_vague_claim(tmp_path):
+    file = tmp_path / "262.csv"
+    file.write_text(EXPORT.replace(",1000,", ",50000000,", 1))
+    import_exports([file], tmp_path / "c.db")
+    for path in (file, tmp_path / "c.db"):
+        found, _ = read_claims(path, HEARD)
+        assert [one.sigma_m for one in found] == [1e6, UNKNOWN_SIGMA_M]
 
 
 def test_files_that_hold_no_claim(tmp_path):

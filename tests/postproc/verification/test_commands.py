@@ -6,6 +6,7 @@ import pytest
 from logger.core.errors import GeoError
 from logger.core.types import Fix
 from postproc.cli import main
+from postproc.verification import run_claims
 from postproc.verification.claims import parse_claim, swap_hint
 from tests.kit import runs
 from tests.kit.sample_results import LAT, LON, TRANSMITTER_M, UTM, cell_name, write_run
@@ -85,6 +86,30 @@ def test_only_the_cells_asked_about_are_counted(run, tmp_path, capsys):
     assert (output["cells"], output["without_claim"]) == ([], [cell_name(1)])
 
 
+def test_claims_of_one_cell_share_its_estimate_and_its_power(run, tmp_path, capsys, monkeypatch):
+    made = []
+    for owner, work in ((run_claims, "locate"), (run_claims.ClaimTest, "power")):
+        monkeypatch.setattr(owner, work, _with_notes(made, getattr(owner, work)))
+    rows = [(k % 2, *place(50.0 * k, 0.0), 30.0 * (k // 10)) for k in range(20)]
+    file = tmp_path / "claims.csv"
+    lines = [f"{cell_name(i)},{lat},{lon},{sigma_m}" for i, lat, lon, sigma_m in rows]
+    file.write_text("\n".join(["cell,lat,lon,sigma_m", *lines, ""]))
+    together = json.loads(tell(capsys, "verify", run, "--claims", file, "--json"))["cells"]
+    assert sorted(made) == ["locate"] * 2 + ["power"] * 4  # two cells, two sigmas
+    file.write_text("\n".join(["cell,lat,lon,sigma_m", lines[15], ""]))
+    (alone,) = json.loads(tell(capsys, "verify", run, "--claims", file, "--json"))["cells"]
+    same = ("p", "level", "notices_m", "power", "best_deg")
+    assert {key: together[15][key] for key in same} == {key: alone[key] for key in same}
+
+
+def _with_notes(made, work):
+    def with_note(*args):
+        made.append(work.__name__)
+        return work(*args)
+
+    return with_note
+
+
 def test_claims_about_cells_that_were_not_observed_are_named(run, tmp_path, capsys):
     file = tmp_path / "claims.csv"
     rows = [f"{cell},{LAT},{LON}" for cell in (cell_name(0), "262-1-1-1", "262-1-1-1", "other")]
@@ -99,6 +124,17 @@ def test_claims_about_cells_that_were_not_observed_are_named(run, tmp_path, caps
     page = tmp_path / "page.html"
     tell(capsys, "report", run, "--claims", file, "-o", page)
     assert "Claimed but not observed, so not tested: 0, 1" in page.read_text()
+
+
+def test_a_cell_written_with_other_zeros_is_asked_about(run, tmp_path, capsys):
+    other = cell_name(0).replace("-01-", "-1-")
+    assert other != cell_name(0)
+    (tmp_path / "claims.csv").write_text(f"cell,lat,lon\n{other},{LAT},{LON}\n")
+    hint = f"{other} (did you mean {cell_name(0)}?)"
+    said = tell(capsys, "verify", run, "--claims", tmp_path / "claims.csv")
+    assert f"claimed but not observed, so not tested: {hint}\n" in said
+    assert main(["verify", str(run), "--claim", f"{LAT},{LON}", "--cell", other]) == 2
+    assert f"cell {hint} was not observed" in capsys.readouterr().err
 
 
 def test_a_swapped_claim_is_asked_about(run, capsys):

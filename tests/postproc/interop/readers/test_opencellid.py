@@ -112,6 +112,22 @@ def test_unknown_marks_and_codes(tmp_path):
     assert unnamed.reading == CellReading("scan", "LTE", "262", "01", pci=269, rsrp_dbm=-90.0)
 
 
+@pytest.mark.parametrize(
+    ("mcc", "mnc", "code"),
+    [
+        (310, 26, "026"),  # a number has lost its zero
+        (310, "26", "026"),
+        (310, 410, "410"),
+        (262, 1, "01"),
+        (262, "026", "026"),  # is another network than 26 on the air
+        (405, 26, "26"),  # both lengths are in use
+    ],
+)
+def test_a_network_code_has_at_least_the_digits_of_its_country(tmp_path, mcc, mnc, code):
+    (row,) = _read(tmp_path, {"signal": -70, "mcc": mcc, "mnc": mnc})
+    assert (row.reading.mcc, row.reading.mnc) == (str(mcc), code)
+
+
 def test_times_and_order_of_columns(tmp_path):
     text = (
         "lon,lat,mcc,mnc,lac,cellid,signal,measured_at,act\n"

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from logger.core.types import CellReading, Fix
-from postproc.interop.csv_table import escape, unescape
+from postproc.csv_table import escape, unescape
 from postproc.interop.sighting import Sighting
 from postproc.interop.writers import csv as write_csv
 from tests.postproc.interop.walks import export_of, read_walk

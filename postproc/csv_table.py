@@ -15,8 +15,7 @@ from postproc.foreign_file import MOST_COLUMNS, Lines
 Line = tuple[int, dict[str, str]]
 
 _COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+")
-_MOST_LINES = 10
-"""Of a value: names of cells and networks have one, comments some."""
+_MOST_LINES = 10  # of a value: names of cells and networks have one, comments some
 
 
 @contextmanager
