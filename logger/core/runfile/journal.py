@@ -30,10 +30,11 @@ RESERVE_BYTES = 1 << 20
 lose.
 """
 
-ROOM_MAY_COME = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
-"""Errors after which the same file may be tried again: the card refused, it did not fail."""
+ROOM_MAY_COME = frozenset({errno.ENOSPC, errno.EDQUOT})
+"""Errors after which the same file may be tried again: the card is full, it did not fail."""
 
-_CARD_ERRORS = ROOM_MAY_COME | {errno.EIO}
+# an ext4 that has turned read-only stays so for open files, also where it is mounted anew
+_CARD_ERRORS = ROOM_MAY_COME | {errno.EROFS, errno.EIO}
 
 
 class Journal:
