@@ -20,7 +20,14 @@ from logger.core.runfile.journal import is_recording
 from logger.core.runfile.run_names import JOURNAL, first_part
 from logger.core.source_tables import GNSS, MODEM
 from logger.core.timebase import fit_run
-from logger.core.types import DEAD_RECKONING, EARLIEST_UTC_NS, LATEST_UTC_NS, UNKNOWN_TIME, utc_text
+from logger.core.types import (
+    DEAD_RECKONING,
+    EARLIEST_UTC_NS,
+    IMPOSSIBLE_DATE,
+    LATEST_UTC_NS,
+    UNKNOWN_TIME,
+    utc_text,
+)
 from logger.device.battery import batteries, is_low
 from logger.device.link import Line, State
 from logger.device.machine import (
@@ -150,6 +157,9 @@ def clock_line(run: Run, wall_ns: int) -> Line:
     fixes = run.tables["fixes"]
     valid = fixes[(fixes["valid"] == 1) & (fixes["utc_ns"] != UNKNOWN_TIME)]
     if not len(valid):
+        for note in run.tables["notes"]:
+            if note["code"] == IMPOSSIBLE_DATE.encode():
+                return Line("warn", "clock", note["text"].decode())
         return Line("ok", "clock", "no time from the receiver yet; the machine's clock is not used")
     utc_ns = int(valid["utc_ns"][-1])
     if not EARLIEST_UTC_NS <= utc_ns < LATEST_UTC_NS:
