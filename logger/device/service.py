@@ -80,7 +80,9 @@ class Service:
         modem = next(source.name for source in config.source if source.gives_cells)
         self._swap = PortSwap(self._started_ns, second_ns, modem)
         ports = {source.name: source.port for source in sources}
-        self._inbox = WatchedInbox(ports, self._swap)
+        self._modems: dict[str, str] = {}
+        self._modems_lock = threading.Lock()
+        self._inbox = WatchedInbox(ports, self._swap, self._settle_modem)
         self._battery = battery
         self._tick_s = PAGE_TICK_S if config.page.listen else TICK_S
         self._requests = page_requests(status_folder()) if config.page.listen else None
@@ -305,14 +307,31 @@ class Service:
             return
         if self._swap.is_wrong(now_ns):
             self._swap.swap(now_ns)
-            ports = [others[0].source.port, one.source.port]
-            where = ", ".join(
-                f"{link.name} at {url}" for link, url in zip(self._links, ports, strict=True)
-            )
-            one.note("warning", "ports-exchanged", f"no readable data; trying {where}")
-            for link, url in zip(self._links, ports, strict=True):
-                self._inbox.move(link.name, url)
-                link.move(url)
+            self._exchange(one, others[0], "no readable data; trying")
+
+    def _settle_modem(self, name: str) -> None:
+        """Exchange the ports of two modems where one answers at the other's, before its first scan.
+
+        The kernel numbers ports as modems are plugged in, and a name stands for the levels of one.
+        """
+        with self._modems_lock:
+            here = self._inbox.modems
+            one = next(link for link in self._links if link.name == name)
+            if one.is_leaving or here[name] == self._modems.setdefault(name, here[name]):
+                return
+            for other in self._links:
+                if self._modems.get(other.name) == here[name] != here.get(other.name):
+                    self._exchange(one, other, "each modem has its name:")
+                    return
+        one.note("warning", "other-modem", "another modem than before; its levels may differ")
+
+    def _exchange(self, one: Link, other: Link, why: str) -> None:
+        ports = {one: other.source.port, other: one.source.port}
+        where = ", ".join(f"{link.name} at {url}" for link, url in ports.items())
+        one.note("warning", "ports-exchanged", f"{why} {where}")
+        for link, url in ports.items():
+            self._inbox.move(link.name, url)
+            link.move(url)
 
 
 def _finish_run(journal: Path) -> Path:
