@@ -7,6 +7,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -268,8 +269,11 @@ def _systemctl(verb: str) -> str:
 
 def open_journal(folder: Path) -> Path | None:
     """The journal in a folder that a logger is writing, None without one."""
-    journals = (first_part(path) for path in folder.glob(f"*{JOURNAL}*") if is_recording(path))
-    return next(journals, None)
+    for path in folder.glob(f"*{JOURNAL}*"):
+        with suppress(PermissionError):  # of another user, who does not record here now
+            if is_recording(path):
+                return first_part(path)
+    return None
 
 
 def status_lines(status: Status) -> Iterator[Line]:
