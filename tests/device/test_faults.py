@@ -100,6 +100,20 @@ def test_after_an_error_of_the_card_the_run_goes_on_in_a_new_file(card, operatio
     assert raw_counts(read_run(finish_journal(first))) == list(range(n_put))
 
 
+def test_a_run_whose_file_is_removed_goes_on_in_a_new_file(card):
+    with running_recorder(card) as recorder:
+        recorder.wait_durable(50)
+        (card.folder / "run-000001.journal").unlink()
+        second = card.folder / "run-000001.journal.2"
+        service.wait_for(second.exists)
+        recorder.wait_durable(50)
+        n_put = recorder.stop()
+    run = read_run(second)
+    got = raw_counts(run)
+    assert got == list(range(got[0], n_put))
+    assert "new-file" in _codes(run)
+
+
 def test_a_name_that_is_taken_does_not_stop_it(card):
     """An empty file that the failing card did not let go."""
     with running_recorder(card) as recorder:
