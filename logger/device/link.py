@@ -303,7 +303,7 @@ class Link:
 
     @property
     def is_leaving(self) -> bool:
-        """Whether the open port was left for another."""
+        """Whether the open port was left."""
         return self.source is not self._open_source
 
     def read(self) -> tuple[int, bytes]:

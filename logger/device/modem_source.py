@@ -252,7 +252,7 @@ class _Session:
             note_impossible_date(self._link, utc_text(reported.utc_ns or 0)[:10])
 
     def _continue_survey(self, driver: Family) -> None:
-        """One command between two polls; starts a scan that is due."""
+        # one command between two polls
         now_ns = self._link.clock.now_ns()
         if (
             not self._survey

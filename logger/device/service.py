@@ -158,7 +158,7 @@ class Service:
             self._attempt("log", now_ns, self._log_status)
 
     def _attempt(self, part: str, now_ns: int, work: Callable[[int], None]) -> None:
-        """A bug in one part of a tick must not end the recording."""
+        # a bug in one part of a tick must not end the recording
         try:
             work(now_ns)
         except Exception as error:
@@ -301,7 +301,7 @@ class Service:
         self._n_syncs += 1
 
     def _check_ports(self, now_ns: int) -> None:
-        """Swap the ports of one modem and one receiver if each seems to be at the other's."""
+        # one modem and one receiver: each may be at the other's
         one, *others = self._links
         if len(others) != 1 or not all(link.source.may_be_swapped for link in self._links):
             return
@@ -310,10 +310,7 @@ class Service:
             self._exchange(one, others[0], "no readable data; trying")
 
     def _settle_modem(self, name: str) -> None:
-        """Exchange the ports of two modems where one answers at the other's, before its first scan.
-
-        The kernel numbers ports as modems are plugged in, and a name stands for the levels of one.
-        """
+        # the kernel numbers ports as modems are plugged in, and a name stands for the levels of one
         with self._modems_lock:
             here = self._inbox.modems
             one = next(link for link in self._links if link.name == name)

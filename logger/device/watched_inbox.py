@@ -78,8 +78,7 @@ class WatchedInbox(Inbox):
 
     By source, `scan_ns` is the time of the latest scan, `scan_gap_ns` that since the one before. A
     fault lasts until the port's next fix or scan. `n_polls` grows while the recorder runs; `swap`
-    is fed with every record; `identified` is called with the source whose modem names itself, which
-    `modems` keeps.
+    is fed with every record, `identified` with the source of each name that `modems` gets.
     """
 
     def __init__(

@@ -119,7 +119,7 @@ class PtyDevice:
             self._name.unlink()
 
     def plug(self, name: Path | None = None) -> None:
-        """Put it in again, or under another name."""
+        """Put it in again."""
         self._name = name or self._name
         self._open()
         self._thread.start()

@@ -209,7 +209,7 @@ def test_a_caller_who_hangs_up_refuses_no_command(name, command, rows):
 
 
 def _command_of(driver, reply):
-    """The command that a reply answers; of rows without a name one that has such rows."""
+    # rows without a name answer any command that has such rows
     names = names_of(reply.partition(":")[0]) or frozenset(driver.unnamed_rows)
     return next((text for text in driver.sends() if names_of(text) & names), None)
 

@@ -147,7 +147,6 @@ def poll_on_the_wire(driver: Family, replies: Mapping[str, str]) -> Any:
 
 
 def on_the_wire(driver: Family, dialogue: Dialogue[Any], replies: Mapping[str, str]) -> Any:
-    """As `poll_on_the_wire`, for any dialogue of the driver."""
     framer, redactor = AtFramer(), Redactor()
 
     def answer(command: Command) -> Reply:

@@ -218,9 +218,9 @@ def names_of(commands: str) -> frozenset[str]:
 def drop_cut_values(lines: Sequence[str], names: frozenset[str]) -> list[str]:
     """The lines without last values that may be cut, and without `INTERRUPTION`.
 
-    `names` are the result names of the family (`names_of`). A line that goes on with a number that
-    was cut at its beginning is left out: its first value would look whole.
+    `names` are the result names of the family (`names_of`).
     """
+    # the rest of a cut number is left out: it would look whole
     parts = [part for line in lines if line.strip() for part in _parts(line, names)]
     kept: list[str] = []
     is_rest = False
