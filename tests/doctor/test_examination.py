@@ -84,11 +84,11 @@ def _doctor(site, capsys):
 
 def test_a_journal_of_another_user_ends_no_examination(tmp_path, monkeypatch):
     (tmp_path / "run-000001.journal").touch()
-    monkeypatch.setattr(Path, "open", _denied)
+    monkeypatch.setattr(Path, "open", _deny)
     assert open_journal(tmp_path) is None
 
 
-def _denied(path, *_):
+def _deny(path, *_):
     raise PermissionError(path)
 
 
