@@ -280,7 +280,8 @@ class Service:
             scan_ns = self._inbox.scan_ns.get(link.name, self._started_ns)
             scanless_s = (now_ns - scan_ns) / 1e9
             if not port.is_open:
-                faults[link.name] = port.event
+                if port.event:  # else it is just being opened
+                    faults[link.name] = port.event
             elif port.fault and not has_scans and now_ns > ANSWER_WITHIN_S * 1e9:
                 faults[link.name] = port.fault
             elif patience_s is not None and scanless_s > patience_s:

@@ -145,11 +145,18 @@ def test_modems_that_come_back_exchanged_keep_their_names(tmp_path):
             for port, path in zip(ports, reversed([port.path for port in ports]), strict=True):
                 port.plug(Path(path))
             least = {name: counts[name] + 60 for name in ("sim7600", "sim800")}
-            service.wait_for(lambda: all(counts[name] > n for name, n in least.items()))
+            texts = set()
+            service.wait_for(
+                lambda: (
+                    texts.add(under_way.snapshot().text)
+                    or all(counts[name] > n for name, n in least.items())
+                )
+            )
             status = under_way.snapshot()
         finally:
             run = read_run(under_way.stop("end"))
     assert status.state != "error"
+    assert not any(fault.strip().endswith(":") for text in texts for fault in text.split(";"))
     assert [Path(status.ports[name].url).name for name in least] == ["sim800", "sim7600"]
     assert _apart_db(run, back_ns) == pytest.approx(APART_DB, abs=4.0)
 
