@@ -162,7 +162,7 @@ class JournalFile:
 
     @property
     def is_in_place(self) -> bool:
-        """False once it was removed, or hidden by a mount."""
+        """False once removed, or hidden."""
         try:
             return os.path.samestat(os.fstat(self._fd), self._path.stat())
         except OSError:
