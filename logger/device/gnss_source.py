@@ -121,7 +121,7 @@ def record_fixes(
                 epoch_ns, fault = t_ns, ""
                 if not is_date_noted and (day := assembler.impossible_date):
                     is_date_noted = True
-                    link.note("warning", IMPOSSIBLE_DATE, f"{day} {_NOT_USED}")
+                    note_impossible_date(link, day)
             due = faults[heard_ns > epoch_ns]
             if t_ns - epoch_ns > EPOCH_WITHIN_S * 1e9 and due != fault:
                 fault = due
@@ -147,6 +147,11 @@ def _emit(link: Link, fixes: Iterator[tuple[int, Fix]]) -> int:
         link.emit(fix, fix_ns)
         count_unmeasured(link, fix)
     return len(emitted)
+
+
+def note_impossible_date(link: Link, day: date | str) -> None:
+    """Note that the receiver's date is not used."""
+    link.note("warning", IMPOSSIBLE_DATE, f"{day} {_NOT_USED}")
 
 
 def count_unmeasured(link: Link, fix: Fix) -> None:

@@ -301,11 +301,16 @@ class Link:
         """Leave the port and continue at another."""
         self.source = self.source.at(url)
 
+    @property
+    def is_leaving(self) -> bool:
+        """Whether the open port was left."""
+        return self.source is not self._open_source
+
     def read(self) -> tuple[int, bytes]:
         """Time and bytes of the next chunk, which is recorded raw before it is interpreted."""
         if self._port is None:
             raise DeviceError(f"{self.name}: port is closed")
-        if self.source is not self._open_source:
+        if self.is_leaving:
             raise DeviceError(f"port {self._open_source.port}: left for {self.source.port}")
         self._note_tallies(self.clock.now_ns())
         return self._take(self._port.read())

@@ -9,8 +9,8 @@ from typing import TypeVar
 from logger.config import ModemSettings
 from logger.core.errors import DeviceError
 from logger.core.source_tables import GNSS, MODEM
-from logger.core.types import CellReading, Fix
-from logger.device.gnss_source import count_unmeasured, credible
+from logger.core.types import CellReading, Fix, utc_text
+from logger.device.gnss_source import count_unmeasured, credible, note_impossible_date
 from logger.device.link import Device, Line, Link, Source
 from logger.device.mode_switch import ModeSwitch, SavedModes
 from logger.device.modem_exchange import AfterStop, ModemExchange
@@ -146,6 +146,7 @@ class _Session:
         self._mode = ModeSwitch(link, modes, gsm_only=settings.set_mode == "gsm")
         self._modem = ModemExchange(link, driver_of(settings.driver))
         self._echoes = False
+        self._is_date_noted = False
         self._survey: list[Command] = []
         self._survey_ns = link.clock.now_ns()
 
@@ -240,11 +241,18 @@ class _Session:
         if self._settings.fixes:
             for row in self._modem.talk(driver.ask(driver.gnss_poll_commands)) or ():
                 if isinstance(row, Fix):
-                    self._link.emit(credible(row), self._modem.wire.received_ns, source=GNSS)
-                    count_unmeasured(self._link, row)
+                    self._record_fix(row)
+
+    def _record_fix(self, reported: Fix) -> None:
+        fix = credible(reported)
+        self._link.emit(fix, self._modem.wire.received_ns, source=GNSS)
+        count_unmeasured(self._link, fix)
+        if fix.valid and fix.utc_ns != reported.utc_ns and not self._is_date_noted:
+            self._is_date_noted = True
+            note_impossible_date(self._link, utc_text(reported.utc_ns or 0)[:10])
 
     def _continue_survey(self, driver: Family) -> None:
-        """One command between two polls; starts a scan that is due."""
+        # one command between two polls
         now_ns = self._link.clock.now_ns()
         if (
             not self._survey

@@ -187,7 +187,9 @@ class Recorder:
             self._file = self._writer.file
             self._append(
                 self._note(
-                    "warning", "new-file", f"the card has failed; going on in {self._file.name}"
+                    "warning",
+                    "new-file",
+                    f"the file has failed or is gone; going on in {self._file.name}",
                 )
             )
         self._durable()

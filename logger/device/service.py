@@ -80,7 +80,9 @@ class Service:
         modem = next(source.name for source in config.source if source.gives_cells)
         self._swap = PortSwap(self._started_ns, second_ns, modem)
         ports = {source.name: source.port for source in sources}
-        self._inbox = WatchedInbox(ports, self._swap)
+        self._modems: dict[str, str] = {}
+        self._modems_lock = threading.Lock()
+        self._inbox = WatchedInbox(ports, self._swap, self._settle_modem)
         self._battery = battery
         self._tick_s = PAGE_TICK_S if config.page.listen else TICK_S
         self._requests = page_requests(status_folder()) if config.page.listen else None
@@ -156,7 +158,7 @@ class Service:
             self._attempt("log", now_ns, self._log_status)
 
     def _attempt(self, part: str, now_ns: int, work: Callable[[int], None]) -> None:
-        """A bug in one part of a tick must not end the recording."""
+        # a bug in one part of a tick must not end the recording
         try:
             work(now_ns)
         except Exception as error:
@@ -278,7 +280,8 @@ class Service:
             scan_ns = self._inbox.scan_ns.get(link.name, self._started_ns)
             scanless_s = (now_ns - scan_ns) / 1e9
             if not port.is_open:
-                faults[link.name] = port.event
+                if port.event:  # else it is just being opened
+                    faults[link.name] = port.event
             elif port.fault and not has_scans and now_ns > ANSWER_WITHIN_S * 1e9:
                 faults[link.name] = port.fault
             elif patience_s is not None and scanless_s > patience_s:
@@ -299,20 +302,34 @@ class Service:
         self._n_syncs += 1
 
     def _check_ports(self, now_ns: int) -> None:
-        """Swap the ports of one modem and one receiver if each seems to be at the other's."""
+        # one modem and one receiver: each may be at the other's
         one, *others = self._links
         if len(others) != 1 or not all(link.source.may_be_swapped for link in self._links):
             return
         if self._swap.is_wrong(now_ns):
             self._swap.swap(now_ns)
-            ports = [others[0].source.port, one.source.port]
-            where = ", ".join(
-                f"{link.name} at {url}" for link, url in zip(self._links, ports, strict=True)
-            )
-            one.note("warning", "ports-exchanged", f"no readable data; trying {where}")
-            for link, url in zip(self._links, ports, strict=True):
-                self._inbox.move(link.name, url)
-                link.move(url)
+            self._exchange(one, others[0], "no readable data; trying")
+
+    def _settle_modem(self, name: str) -> None:
+        # the kernel numbers ports as modems are plugged in, and a name stands for the levels of one
+        with self._modems_lock:
+            here = self._inbox.modems
+            one = next(link for link in self._links if link.name == name)
+            if one.is_leaving or here[name] == self._modems.setdefault(name, here[name]):
+                return
+            for other in self._links:
+                if self._modems.get(other.name) == here[name] != here.get(other.name):
+                    self._exchange(one, other, "each modem has its name:")
+                    return
+        one.note("warning", "other-modem", "another modem than before; its levels may differ")
+
+    def _exchange(self, one: Link, other: Link, why: str) -> None:
+        ports = {one: other.source.port, other: one.source.port}
+        where = ", ".join(f"{link.name} at {url}" for link, url in ports.items())
+        one.note("warning", "ports-exchanged", f"{why} {where}")
+        for link, url in ports.items():
+            self._inbox.move(link.name, url)
+            link.move(url)
 
 
 def _finish_run(journal: Path) -> Path:

@@ -1,7 +1,7 @@
 """The inbox of the recorder, which also keeps what the status shows."""
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from msgspec.structs import replace
 
@@ -78,12 +78,18 @@ class WatchedInbox(Inbox):
 
     By source, `scan_ns` is the time of the latest scan, `scan_gap_ns` that since the one before. A
     fault lasts until the port's next fix or scan. `n_polls` grows while the recorder runs; `swap`
-    is fed with every record.
+    is fed with every record, `identified` with the source of each name that `modems` gets.
     """
 
-    def __init__(self, ports: Mapping[str, str], swap: PortSwap | None = None) -> None:
+    def __init__(
+        self,
+        ports: Mapping[str, str],
+        swap: PortSwap | None = None,
+        identified: Callable[[str], None] = lambda _: None,
+    ) -> None:
         super().__init__()
         self._swap = swap
+        self._identified = identified
         self._ports_lock = threading.Lock()
         self.cells = CellTable()
         self.ports = {source: PortStatus(url) for source, url in ports.items()}
@@ -91,6 +97,7 @@ class WatchedInbox(Inbox):
         self.valid_ns: int | None = None
         self.scan_ns: dict[str, int] = {}
         self.scan_gap_ns: dict[str, int] = {}
+        self.modems: dict[str, str] = {}
         self.n_polls = 0
         self.followed: str | None = None
 
@@ -118,6 +125,11 @@ class WatchedInbox(Inbox):
             case Note() as note if record.source in self.ports:
                 with self._ports_lock:
                     self.ports[record.source] = _with_event(self.ports[record.source], note)
+                if note.code == "port-lost":
+                    self.modems.pop(record.source, None)
+                elif note.code == "modem-identified":
+                    self.modems[record.source] = note.text
+                    self._identified(record.source)
             case Note(code=code, text=cell) if code == FOLLOW:
                 self.followed = None if cell in {STRONGEST, SUSPICIOUS} else cell
         self.cells.feed(record)

@@ -7,6 +7,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,14 @@ from logger.core.runfile.journal import is_recording
 from logger.core.runfile.run_names import JOURNAL, first_part
 from logger.core.source_tables import GNSS, MODEM
 from logger.core.timebase import fit_run
-from logger.core.types import DEAD_RECKONING, EARLIEST_UTC_NS, LATEST_UTC_NS, UNKNOWN_TIME, utc_text
+from logger.core.types import (
+    DEAD_RECKONING,
+    EARLIEST_UTC_NS,
+    IMPOSSIBLE_DATE,
+    LATEST_UTC_NS,
+    UNKNOWN_TIME,
+    utc_text,
+)
 from logger.device.battery import batteries, is_low
 from logger.device.link import Line, State
 from logger.device.machine import (
@@ -150,6 +158,9 @@ def clock_line(run: Run, wall_ns: int) -> Line:
     fixes = run.tables["fixes"]
     valid = fixes[(fixes["valid"] == 1) & (fixes["utc_ns"] != UNKNOWN_TIME)]
     if not len(valid):
+        for note in run.tables["notes"]:
+            if note["code"] == IMPOSSIBLE_DATE.encode():
+                return Line("warn", "clock", note["text"].decode())
         return Line("ok", "clock", "no time from the receiver yet; the machine's clock is not used")
     utc_ns = int(valid["utc_ns"][-1])
     if not EARLIEST_UTC_NS <= utc_ns < LATEST_UTC_NS:
@@ -258,8 +269,11 @@ def _systemctl(verb: str) -> str:
 
 def open_journal(folder: Path) -> Path | None:
     """The journal in a folder that a logger is writing, None without one."""
-    journals = (first_part(path) for path in folder.glob(f"*{JOURNAL}*") if is_recording(path))
-    return next(journals, None)
+    for path in folder.glob(f"*{JOURNAL}*"):
+        with suppress(PermissionError):  # of another user, who does not record here now
+            if is_recording(path):
+                return first_part(path)
+    return None
 
 
 def status_lines(status: Status) -> Iterator[Line]:

@@ -61,6 +61,9 @@ _KINDS: Kinds = {
     "rsrq": Value(
         "rsrq_db", partial(level, low=-43.0, high=20.0), r"[-+]?\d{1,4}"
     ),  # -44 is not measured
+    # other makers' marks for unknown
+    "rxq": VALUES["rxq"]._replace(pattern=r"\d|99"),
+    "ta": VALUES["ta"]._replace(pattern=r"\d{1,2}|255"),
     "drx": number("", 0, 99999),
     "ura": number("", 0, 99999),
 }

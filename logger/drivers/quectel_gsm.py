@@ -42,7 +42,7 @@ from logger.drivers.reading.row_language import (
 _GSM = form("GSM", "mcc mnc lac cid16 arfcn! bsic! rssi* c1 c2 _ _ _ _ _ _ _ _ _", KINDS)
 _GSM_NEIGHBOUR = form("GSM", "order* arfcn* rssi* bsic! c1 c2 mcc mnc lac cid16", KINDS)
 _GSM_CHANNEL = form("GSM", "arfcn* rssi* bsic!", KINDS)
-_NBIOT = form("NB-IoT", "earfcn* _ pci! cid28 rsrp! rsrq rssi sinr band tac _ _ _", KINDS)
+_NBIOT = form("NB-IoT", "earfcn* _ pci* cid28 rsrp! rsrq rssi sinr band tac _ _ _", KINDS)
 _NBIOT_NEIGHBOURS = (
     form("NB-IoT", "earfcn* _ pci* rsrp*", KINDS),  # BC26: with the offset of the channel
     form("NB-IoT", "earfcn* pci* rsrp* rsrq*", KINDS),  # BC660

@@ -480,7 +480,10 @@ def _servinfo_rat(fields: list[str]) -> Rat | None:
     if not re.fullmatch(r"\d{0,6}", at(fields, 0)) or not 8 <= len(fields) <= 13:
         return None
     if re.fullmatch(r"-\d{1,3}", at(fields, 8)):  # a level, where GSM has a channel
-        return "LTE" if re.fullmatch(r"[0-9A-Fa-f]{6,8}", at(fields, 4)) else "WCDMA"
+        text = at(fields, 4)
+        # a scrambling code is decimal, so letters show a PCI
+        is_pci = decimal(text) is None and hexadecimal(text, 0, _HIGHEST_PCI) is not None
+        return "LTE" if is_pci or re.fullmatch(r"[0-9A-Fa-f]{6,8}", text) else "WCDMA"
     narrow = decimal(at(fields, 0), 0, 1023) is not None or at(fields, 0) in {"", str(_NO_CHANNEL)}
     return "GSM" if narrow and re.fullmatch(r"\d{0,3}|[Ff]{2}", at(fields, 4)) else None
 

@@ -118,8 +118,9 @@ class PtyDevice:
         if self._name is not None:
             self._name.unlink()
 
-    def plug(self) -> None:
+    def plug(self, name: Path | None = None) -> None:
         """Put it in again."""
+        self._name = name or self._name
         self._open()
         self._thread.start()
 

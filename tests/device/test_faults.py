@@ -73,12 +73,15 @@ def test_a_card_that_fails_for_a_while_loses_nothing(card, failing):
     assert {"write-failed", "write-resumed"} <= set(_codes(run))
 
 
-@pytest.mark.parametrize("operation", ["pwrite", "fdatasync"])
-def test_after_an_io_error_the_run_goes_on_in_a_new_file(card, operation):
+@pytest.mark.parametrize(
+    ("operation", "error"),
+    [("pwrite", errno.EIO), ("fdatasync", errno.EIO), ("pwrite", errno.EROFS)],
+)
+def test_after_an_error_of_the_card_the_run_goes_on_in_a_new_file(card, operation, error):
     with running_recorder(card) as recorder:
         recorder.wait_durable(50)
-        card.fails(**{operation: errno.EIO})
-        recorder.wait_state("waiting for the card: Input/output error")
+        card.fails(**{operation: error})
+        recorder.wait_state(f"waiting for the card: {os.strerror(error)}")
         card.fails()
         recorder.wait_durable(50)
         n_put = recorder.stop()
@@ -95,6 +98,20 @@ def test_after_an_io_error_the_run_goes_on_in_a_new_file(card, operation):
     first.write_bytes(data[:lost] + bytes(len(data) - lost))
     assert raw_counts(read_run(first)) == list(range(n_put))
     assert raw_counts(read_run(finish_journal(first))) == list(range(n_put))
+
+
+def test_a_run_whose_file_is_removed_goes_on_in_a_new_file(card):
+    with running_recorder(card) as recorder:
+        recorder.wait_durable(50)
+        (card.folder / "run-000001.journal").unlink()
+        second = card.folder / "run-000001.journal.2"
+        service.wait_for(second.exists)
+        recorder.wait_durable(50)
+        n_put = recorder.stop()
+    run = read_run(second)
+    got = raw_counts(run)
+    assert got == list(range(got[0], n_put))
+    assert "new-file" in _codes(run)
 
 
 def test_a_name_that_is_taken_does_not_stop_it(card):

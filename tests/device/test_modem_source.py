@@ -2,6 +2,8 @@
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from datetime import timedelta
 from itertools import pairwise
 
 import pytest
@@ -157,6 +159,18 @@ def test_the_receiver_of_the_modem_gives_the_fixes(tmp_path, name):
         east_m, north_m = BLOCK.world.to_local(fix["lat_deg"], fix["lon_deg"])
         t_s = fix["utc_ns"] / 1e9 - BLOCK.utc_start.timestamp()
         assert BLOCK.walk.position(t_s) == pytest.approx((east_m, north_m), abs=2.0)
+
+
+def test_a_date_before_a_rollover_is_noted_once(tmp_path):
+    clock = ScaledClock(SPEED)
+    early = replace(BLOCK, utc_start=BLOCK.utc_start - timedelta(weeks=1024))
+    with PtyDevice(answering(early.modem(WalkTime(clock).now_s, DIALECTS["sim808"]))) as port:
+        under_way = make_service(tmp_path, clock, port.path, 0, 1.0, gnss="modem")
+        under_way.start()
+        record_until(under_way, clock, lambda walked: walked.run.tables["fixes"]["valid"].sum() > 5)
+        run = RecordedRun(read_run(under_way.stop("end")))
+    assert run.notes().count("impossible-date") == 1
+    assert any(str(early.utc_start.date()) in text for text in run.texts())
 
 
 class Story:

@@ -4,6 +4,7 @@ import subprocess
 import sys
 import threading
 from contextlib import ExitStack
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -104,17 +105,60 @@ def test_records_name_their_modem(two_modems):
     ready = [row for row in run.tables["notes"] if row["code"] == b"modem-ready"]
     drivers = {row["source"]: row["text"].split()[-1] for row in ready}
     assert drivers == {b"sim7600": b"sim7600", b"sim800": b"sim800"}
+    assert _apart_db(run) == pytest.approx(APART_DB, abs=4.0)
+
+
+def _apart_db(run, from_ns=0):
     mean_dbm = {
         name: np.mean(
             [
                 record.value.readings[0].level_dbm
                 for _, record in run.records("scans")
-                if record.source == name and record.value.readings
+                if record.source == name and record.value.readings and record.t_ns > from_ns
             ]
         )
         for name in ("sim7600", "sim800")
     }
-    assert mean_dbm["sim7600"] - mean_dbm["sim800"] == pytest.approx(APART_DB, abs=4.0)
+    return mean_dbm["sim7600"] - mean_dbm["sim800"]
+
+
+def test_modems_that_come_back_exchanged_keep_their_names(tmp_path):
+    clock = ScaledClock(SPEED)
+    walk, time = scenario("block", 3), WalkTime(clock)
+    with ExitStack() as stack:
+        ports = [
+            stack.enter_context(
+                PtyDevice(answering(walk.modem(time.now_s, DIALECTS[name], k)), tmp_path / name)
+            )
+            for k, name in enumerate(("sim7600", "sim800"))
+        ]
+        gnss = stack.enter_context(PtyDevice(talking(walk.receiver(cold_start_s=0.0), time)))
+        config, text = _site(tmp_path, *(port.path for port in ports), gnss.path)
+        under_way = Service(config, begin_run(config, text, clock), clock, threading.Event())
+        under_way.start()
+        try:
+            counts = under_way.recorder.counts
+            service.wait_for(lambda: counts["sim800"] > 60 and counts["sim7600"] > 60)
+            for port in ports:
+                port.unplug()
+            back_ns = clock.now_ns()
+            for port, path in zip(ports, reversed([port.path for port in ports]), strict=True):
+                port.plug(Path(path))
+            least = {name: counts[name] + 60 for name in ("sim7600", "sim800")}
+            texts = set()
+            service.wait_for(
+                lambda: (
+                    texts.add(under_way.snapshot().text)
+                    or all(counts[name] > n for name, n in least.items())
+                )
+            )
+            status = under_way.snapshot()
+        finally:
+            run = read_run(under_way.stop("end"))
+    assert status.state != "error"
+    assert not any(fault.strip().endswith(":") for text in texts for fault in text.split(";"))
+    assert [Path(status.ports[name].url).name for name in least] == ["sim800", "sim7600"]
+    assert _apart_db(run, back_ns) == pytest.approx(APART_DB, abs=4.0)
 
 
 def _peak_mb(folder, *modems):

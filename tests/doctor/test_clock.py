@@ -1,16 +1,16 @@
 import pytest
 
 from logger.core.runfile import read_run
-from logger.core.types import Fix, Record
+from logger.core.types import IMPOSSIBLE_DATE, Fix, Note, Record
 from logger.doctor.single_tests import clock_line
 from tests.kit import runs
 
 S = 10**9
 
 
-def _line(tmp_path, wall_off_s, utc=lambda t: runs.UTC0_NS + t * S):
+def _line(tmp_path, wall_off_s, utc=lambda t: runs.UTC0_NS + t * S, *notes):
     fixes = [Record(t * S, "gnss", Fix(True, utc(t), 52.0, 13.0, hdop=1.0)) for t in range(1, 41)]
-    runs.write_journal(tmp_path / "a.journal", fixes)
+    runs.write_journal(tmp_path / "a.journal", [*(Record(0, "gnss", n) for n in notes), *fixes])
     return clock_line(read_run(tmp_path / "a.journal"), runs.UTC0_NS + round(wall_off_s * S))
 
 
@@ -39,3 +39,9 @@ def test_times_that_contradict_each_other(tmp_path):
 
 def test_without_a_time(tmp_path):
     assert "no time from the receiver" in _line(tmp_path, 0.0, lambda _: None).text
+
+
+def test_a_date_that_was_dropped_is_reported(tmp_path):
+    note = Note("warning", IMPOSSIBLE_DATE, "2007-02-04 is the receiver's date")
+    line = _line(tmp_path, 0.0, lambda _: None, note)
+    assert (line.state, line.text) == ("warn", note.text)

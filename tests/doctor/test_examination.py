@@ -82,6 +82,16 @@ def _doctor(site, capsys):
     return out if "is being written" in out else ""
 
 
+def test_a_journal_of_another_user_ends_no_examination(tmp_path, monkeypatch):
+    (tmp_path / "run-000001.journal").touch()
+    monkeypatch.setattr(Path, "open", _deny)
+    assert open_journal(tmp_path) is None
+
+
+def _deny(path, *_):
+    raise PermissionError(path)
+
+
 def test_a_missing_configuration_is_one_line(capsys):
     assert main(["doctor", "--config", str(Path("nowhere.toml"))]) == 2
     assert capsys.readouterr().err.startswith("fieldlogger: nowhere.toml")

@@ -55,6 +55,10 @@ def test_gsm():
     )
 
 
+def test_numbers_for_unknown_cost_no_row():
+    assert one(GSM.replace("-72,,", "-72,99,255")) == one(GSM)
+
+
 def test_wcdma():
     cell = one(WCDMA)
     assert (cell.cell, cell.psc, cell.rscp_dbm, cell.rssi_dbm) == (

@@ -1,12 +1,15 @@
 """Replies as bytes, through redaction and the framer to the driver: variants of firmware."""
 
+from dataclasses import fields
+
 import pytest
 
 from logger.core.types import CellReading
-from logger.drivers.protocols.at import AtFramer, Reply, Unsolicited
+from logger.drivers.protocols.at import AtFramer, Command, Reply, Unsolicited
 from logger.drivers.protocols.redaction import redact
+from logger.drivers.reading.standard_replies import names_of
 from logger.drivers.registry import FAMILIES
-from tests.kit.drivers import poll_on_the_wire
+from tests.kit.drivers import cells_of, on_the_wire, own_replies, poll_on_the_wire
 
 CPSI_WITH_INDICES = "+CPSI: LTE,Online,262-02,0x333C,39589680,308,EUTRAN-BAND3,1650,5,0,28,50,0,6"
 
@@ -203,6 +206,35 @@ def test_a_caller_who_hangs_up_refuses_no_command(name, command, rows):
     """What came before is read; to a GSM modem AT+QENG=0 would mean: engineering mode off."""
     asked = {command: rows + "\nNO CARRIER", "AT+QENG=0": None}
     assert len(cells(name, asked)) == 1
+
+
+def _command_of(driver, reply):
+    # rows without a name answer any command that has such rows
+    names = names_of(reply.partition(":")[0]) or frozenset(driver.unnamed_rows)
+    return next((text for text in driver.sends() if names_of(text) & names), None)
+
+
+def _is_part(reading, whole):
+    names = {field.name for field in fields(CellReading)} - {"more", "broadcast", "identity_unsure"}
+    return all(getattr(reading, name) in {None, getattr(whole, name)} for name in names)
+
+
+@pytest.mark.parametrize("report", ["RING", '+CREG: 5,"1A2B","3C4D"', "NO CARRIER"])
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_report_within_a_row_makes_no_other_values(name, report):
+    driver = FAMILIES[name]
+
+    def read(text):
+        rows = on_the_wire(driver, driver.ask([Command(command)]), {command: f"{text}\n\nOK"})
+        return [row for row in rows or () if isinstance(row, CellReading)]
+
+    for reply in own_replies(name):
+        if command := _command_of(driver, reply):
+            whole = cells_of(driver, reply.split("\n"))
+            for at in range(1, len(reply)):
+                text = f"{reply[:at]}\n{report}\n{reply[at:]}"
+                for reading in read(text):
+                    assert any(_is_part(reading, one) for one in whole), text
 
 
 # --- the standard replies

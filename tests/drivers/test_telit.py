@@ -193,6 +193,12 @@ def test_rows_in_a_log():
 # --- AT#SERVINFO
 
 
+def test_letters_in_a_pci_are_no_scrambling_code():
+    reading = one(SERVINFO_LTE.replace("2D3C4B5", "7B"))
+    assert (reading.rat, reading.tac, reading.cid) == ("LTE", 0x4E5F, None)
+    assert (reading.rsrp_dbm, reading.rscp_dbm) == (-98, None)
+
+
 def test_servinfo_of_the_three_technologies():
     gsm, umts, lte = (one(line) for line in (SERVINFO, SERVINFO_UMTS, SERVINFO_LTE))
     assert (gsm.rat, gsm.arfcn, gsm.lac, gsm.rssi_dbm, gsm.bsic, gsm.ta) == (

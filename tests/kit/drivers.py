@@ -143,6 +143,10 @@ def poll_on_the_wire(driver: Family, replies: Mapping[str, str]) -> Any:
 
     A command without a reply is an error; a reply without a final code expires.
     """
+    return on_the_wire(driver, driver.poll(), replies)
+
+
+def on_the_wire(driver: Family, dialogue: Dialogue[Any], replies: Mapping[str, str]) -> Any:
     framer, redactor = AtFramer(), Redactor()
 
     def answer(command: Command) -> Reply:
@@ -153,4 +157,4 @@ def poll_on_the_wire(driver: Family, replies: Mapping[str, str]) -> Any:
         found = [event for event in framer.feed(data) if isinstance(event, Reply)]
         return found[0] if found else framer.expire()
 
-    return at.run_dialogue(driver.poll(), answer)
+    return at.run_dialogue(dialogue, answer)

@@ -30,10 +30,11 @@ RESERVE_BYTES = 1 << 20
 lose.
 """
 
-ROOM_MAY_COME = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
-"""Errors after which the same file may be tried again: the card refused, it did not fail."""
+ROOM_MAY_COME = frozenset({errno.ENOSPC, errno.EDQUOT})
+"""Errors after which the same file may be tried again: the card is full, it did not fail."""
 
-_CARD_ERRORS = ROOM_MAY_COME | {errno.EIO}
+# an ext4 that has turned read-only stays so for open files, also where it is mounted anew
+_CARD_ERRORS = ROOM_MAY_COME | {errno.EROFS, errno.EIO}
 
 
 class Journal:
@@ -75,6 +76,8 @@ class Journal:
 
     def sync(self) -> None:
         """Write what is queued and wait until the card has it."""
+        if self._file is not None and not self._file.is_in_place:
+            self._give_up_file()
         if self._undescribed_syncs >= DESCRIBE_EVERY_SYNCS:
             self.add(Kind.META, self._description)
             self._undescribed_syncs = 0
@@ -124,7 +127,7 @@ class Journal:
         """
         if self._file is None:
             return
-        if self._file.is_empty and self.file != self.path:
+        if self._file.is_empty and self._file.is_in_place and self.file != self.path:
             self._file.discard()
         else:
             self._failed.append(self._file)
@@ -156,6 +159,14 @@ class JournalFile:
     def is_empty(self) -> bool:
         """True until an `append` has succeeded."""
         return self._end == 0
+
+    @property
+    def is_in_place(self) -> bool:
+        """False once removed, or hidden."""
+        try:
+            return os.path.samestat(os.fstat(self._fd), self._path.stat())
+        except OSError:
+            return False
 
     def append(self, data: bytes | bytearray) -> None:
         """Append data and wait until the card has it.

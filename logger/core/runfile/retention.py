@@ -48,7 +48,7 @@ def remove_oldest_runs(folder: Path, floor_bytes: int, is_wanted: bool) -> Itera
         if free_bytes(folder) >= floor_bytes:
             return
         files = sorted(runs[name], key=lambda file: file.suffix == ".h5")  # what is whole goes last
-        if any(map(is_recording, files)):
+        if _may_be_recording(files):
             continue
         for file in files:
             file.unlink()
@@ -56,9 +56,16 @@ def remove_oldest_runs(folder: Path, floor_bytes: int, is_wanted: bool) -> Itera
         yield name
 
 
+def _may_be_recording(files: list[Path]) -> bool:
+    try:
+        return any(map(is_recording, files))
+    except PermissionError:  # of another user: it stays, and keeps no other run from making room
+        return True
+
+
 def _is_spare(journal: Path) -> bool:
     hdf5 = journal.with_suffix(".h5")
-    if not hdf5.exists() or any(map(is_recording, parts_of(journal))):
+    if not hdf5.exists() or _may_be_recording(parts_of(journal)):
         return False
     # needs HDF5, which only a full card makes necessary
     from logger.core.runfile.run import sealing_of  # noqa: PLC0415

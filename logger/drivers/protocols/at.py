@@ -72,6 +72,8 @@ class Reply:
         lines: list[str] = []
         for number, line in enumerate(self.lines):
             lines += [line, INTERRUPTION] if number in self.interrupted else [line]
+        if self.final in RESULTS_OF_CALLS:
+            lines.append(INTERRUPTION)
         return tuple(lines)
 
     @property

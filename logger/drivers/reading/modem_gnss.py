@@ -28,10 +28,9 @@ QGPSLOC = (Command("AT+QGPSLOC=2"),)
 GPSACP_ON = (Command("AT$GPSP=1"),)
 GPSACP = (Command("AT$GPSACP"),)
 
-# A receiver that counts weeks modulo 1024 and has lost count prints a date 19.6 years early, one
-# without a fix that of
-# 1980. No time before this year is one, and none 19.6 years early is after it until 2029.
-EARLIEST_YEAR = 2010
+# A receiver without a fix prints a date of 1980. One 19.6 years early, from a lost count of weeks,
+# is for whoever records it to judge.
+EARLIEST_YEAR = 1981
 
 MPS_PER_KMH = 1 / 3.6
 

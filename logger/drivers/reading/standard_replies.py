@@ -203,6 +203,7 @@ _UNASKED = re.compile(r"\s*(?:RING|RDY|QCRDY|Call Ready|SMS Ready|SMS DONE|PB DO
 _RESULT = re.compile(
     r"\s*(?:OK|ERROR|\+CM[ES] ERROR\b.*|AT\b.*|AT[+^*$!#%&].*)?\s*\Z", re.IGNORECASE
 )
+_ONLY_A_NUMBER = re.compile(r"\s*[0-9x]+\s*\Z")  # x: redacted
 _LAST_VALUE = re.compile(r"[^\s,]*\s*\Z")
 _CLOSED = re.compile(r'(?:"[^"]*"|:)\s*\Z')
 _COMMON = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
@@ -219,12 +220,19 @@ def drop_cut_values(lines: Sequence[str], names: frozenset[str]) -> list[str]:
 
     `names` are the result names of the family (`names_of`).
     """
+    # the rest of a cut number is left out: it would look whole
     parts = [part for line in lines if line.strip() for part in _parts(line, names)]
-    return [
-        _without_end(line) if _interrupts(following, line, names) else line
-        for line, following in zip(parts, [*parts[1:], ""], strict=False)
-        if line != INTERRUPTION
-    ]
+    kept: list[str] = []
+    is_rest = False
+    for before, line, following in zip(["", *parts], parts, [*parts[1:], ""], strict=False):
+        is_cut = _interrupts(following, line, names)
+        if line == INTERRUPTION:
+            continue
+        if not is_rest or _PREFIX.match(line):
+            kept.append(_without_end(line) if is_cut else line)
+        if not _interrupts(line, before, names):
+            is_rest = is_cut and _ONLY_A_NUMBER.match(line) is not None
+    return kept
 
 
 def _parts(line: str, names: frozenset[str]) -> Iterator[str]:

@@ -4,7 +4,7 @@ import fcntl
 
 import pytest
 
-from logger.core.runfile import free_bytes, remove_oldest_runs
+from logger.core.runfile import free_bytes, remove_oldest_runs, retention
 
 FULL = 1 << 62
 """A floor that no card reaches."""
@@ -51,6 +51,17 @@ def test_a_run_that_is_recorded_stays(folder):
     with (folder / "run-000001.journal").open("rb") as journal:
         fcntl.flock(journal, fcntl.LOCK_EX)
         assert list(remove_oldest_runs(folder, FULL, is_wanted=True)) == ["run-000002"]
+    assert "run-000001.h5" in names(folder)
+
+
+def test_a_run_of_another_user_stays_and_keeps_no_other(folder, monkeypatch):
+    def is_recording(path):
+        if path.name.startswith("run-000001"):
+            raise PermissionError(path)
+        return False
+
+    monkeypatch.setattr(retention, "is_recording", is_recording)
+    assert list(remove_oldest_runs(folder, FULL, is_wanted=True)) == ["run-000002"]
     assert "run-000001.h5" in names(folder)
 
 
