@@ -29,12 +29,12 @@ from logger.core.certainty import (
     RADII,
     Ellipse,
     ellipse95,
-    metres,
     radii_text,
     relevant_modes,
     share_text,
 )
 from logger.core.document import (
+    LENGTH,
     Column,
     Document,
     Table,
@@ -519,13 +519,14 @@ class Result:
 
 _MOST_LINES, _MOST_ROWS, _MOST_DRAWN = 7, 12, 6
 _CAPTION = "<p>Grey: {}. Strong colour: most likely there (50 %). Faint: surely there (95 %).</p>"
+RADIUS_COLUMNS = tuple(Column(name, LENGTH) for name in RADII)
 _NOTEBOOK_COLUMNS = (
     Column("no.", "d"),
     Column("cell"),
     Column("word"),
     Column("verdict"),
     Column("likeliest place"),
-    *(Column(name, is_right=True) for name in RADII),
+    *RADIUS_COLUMNS,
     Column("readings", "d"),
 )
 
@@ -533,7 +534,7 @@ _NOTEBOOK_COLUMNS = (
 def _row(number: int, answer: Answer) -> tuple[Value, ...]:
     word = Mark(answer.word.word) if answer.word and answer.is_conspicuous else ""
     begin, place = (number, answer.cell, word, Mark(answer.verdict)), answer.place
-    at = (place.where, metres(place.r50_m), metres(place.r95_m)) if place else (None, None, None)
+    at = (place.where, place.r50_m, place.r95_m) if place else (None, None, None)
     return (*begin, *at, answer.provenance.n)
 
 

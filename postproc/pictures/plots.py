@@ -25,7 +25,7 @@ from logger.core.certainty import radii_text
 from postproc.atomic_write import kind_of, whole_file
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
-from postproc.notebook_plan import round_step
+from postproc.notebook_plan import length_text, round_step
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import (
@@ -452,7 +452,7 @@ def _draw_scale_bar(axes: Axes, box: Box) -> None:
     ends = [west, west + length_m], [south, south]
     axes.plot(*ends, color=rgb(colours.INK), linewidth=2.5, solid_capstyle="butt", zorder=10)
     middle = (west + length_m / 2, south)
-    label = axes.annotate(f"{length_m:.0f} m", middle, (0, 4), textcoords="offset points")
+    label = axes.annotate(length_text(length_m), middle, (0, 4), textcoords="offset points")
     label.set(ha="center", fontsize=SMALLEST_POINTS, zorder=10)
 
 

@@ -19,6 +19,11 @@ VOID = {
 }
 
 
+def with_spaces(html: str) -> str:
+    """The page with blanks where a line must not end, for a search."""
+    return html.replace("\N{NO-BREAK SPACE}", " ")
+
+
 @dataclass
 class Element:
     """One element: its name, attributes, ancestors' names and the text in it."""

@@ -148,7 +148,10 @@ def test_values_are_those_of_the_summary(page, result):
         ]
         wanted += [one[name] for one in others for name in ("lat", "lon", "n")]
         assert {value for value in wanted if value is not None} <= shown
-    assert all(abs(float(one.get("value")) - float(one.text)) < 1.0 for one in values)
+    units_m = {"": 1.0, "m": 1.0, "km": 1000.0}
+    for one in values:
+        number, _, unit = one.text.partition(" ")
+        assert float(number) * units_m[unit] == pytest.approx(float(one.get("value")), abs=1.0)
 
 
 def test_a_cell_names_reach_antenna_and_height(page):
