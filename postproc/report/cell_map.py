@@ -205,7 +205,9 @@ def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> list[Annot
 
 def _set_apart(axes: Axes, notes: Sequence[Annotation]) -> None:
     """Put each label beside its mark where it hides least of marks, of labels, and of itself."""
-    marks = axes.transData.transform([note.xy for note in notes]) if notes else []
+    if not notes:
+        return
+    marks: FloatArray = axes.transData.transform([note.xy for note in notes])
     middle = 0.5 * (axes.bbox.x0 + axes.bbox.x1)
     taken: list[Bbox] = []
     for note, (x, _) in zip(notes, marks, strict=True):
