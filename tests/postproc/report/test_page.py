@@ -124,6 +124,16 @@ def test_without_a_suspicious_cell_the_page_says_what_it_cannot_see(result):
     assert said.startswith("Here a strong new station would most likely have been noticed; a weak")
 
 
+def test_no_line_ends_within_a_value_and_nothing_is_said_twice(page, result, tmp_path):
+    make_report(result).write(tmp_path / "page.html")
+    html = (tmp_path / "page.html").read_text()
+    first = result.cells[0]
+    where = first.place.where.replace(" ", "\N{NO-BREAK SPACE}")
+    assert html.count(where) >= 2  # card and table
+    assert f"within {first.place.r50_m:.0f}\N{NO-BREAK SPACE}m" in html
+    assert html.count("1 of 3 cells located") == 2  # title and heading
+
+
 def test_values_are_those_of_the_summary(page, result):
     values = [one for one in page.elements if one.tag == "data"]
     shown = {float(one.get("value")) for one in values}
