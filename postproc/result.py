@@ -289,8 +289,7 @@ class CellResult:
         return None if self.place is None else self.place.lon
 
     def __repr__(self) -> str:
-        word = f"{self.word}; " if self.word else ""
-        return f"{self.cell or 'cell'}, {self.n} readings: {word}{self._sentence()}"
+        return f"{self.cell or 'cell'}, {self.n} readings: {self._sentence()}"
 
     def _repr_html_(self) -> str:
         head = f"<p><b>{html_text(self.cell)}</b>, {self.n} readings: "
@@ -305,12 +304,14 @@ class CellResult:
         return axes
 
     def _sentence(self) -> str:
+        word = f"{self.word}; " if self.word else ""
         posterior = self.posterior
         if posterior is not None and self.place is None:
             at = f"x {posterior.x_m:.0f} m, y {posterior.y_m:.0f} m"
-            return f"{self.verdict}, {at}, {radii_text(posterior.r50_m, posterior.r95_m)}"
+            return f"{word}{self.verdict}, {at}, {radii_text(posterior.r50_m, posterior.r95_m)}"
         made_from = Provenance(self.n)
-        return Answer(self.cell, self.verdict, self.warnings, made_from, self.place).sentence
+        answer = Answer(self.cell, self.verdict, self.warnings, made_from, self.place)
+        return f"{word}{answer.sentence}"
 
     def _heard_m(self) -> FloatArray:
         return np.empty((0, 2)) if self.obs is None else self.obs.places.xy_m.T

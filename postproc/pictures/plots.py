@@ -21,7 +21,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from logger.core.arrays import FloatArray
-from logger.core.certainty import radii_text
+from logger.core.certainty import metres, radii_text
 from postproc.atomic_write import kind_of, whole_file
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
@@ -428,7 +428,7 @@ def outside_note(box: Box, east_m: float, north_m: float) -> str:
         max(box.west - east_m, east_m - box.east, 0.0),
         max(box.south - north_m, north_m - box.north, 0.0),
     )
-    return f" ({distance_m:.0f} m outside)" if distance_m < _FAR_M else " (far outside)"
+    return f", {metres(distance_m) if distance_m < _FAR_M else 'far'} outside the plan"
 
 
 def draw_ground(axes: Axes, box: Box) -> None:
