@@ -30,7 +30,7 @@ def page_environment(package: str) -> Environment:
 
 
 def _table(table: Table) -> Markup:
-    return Markup(_unbroken(html_table(table)))  # noqa: S704 (it escapes all text)
+    return Markup(_with_whole_values(html_table(table)))  # noqa: S704 (it escapes all text)
 
 
 def _word(verdict: str) -> Markup:
@@ -43,8 +43,8 @@ def _printable(value: Any) -> Any:
         return DASH
     if isinstance(value, Markup) or not isinstance(value, str):
         return value
-    return _unbroken(plain_text(value))
+    return _with_whole_values(plain_text(value))
 
 
-def _unbroken(text: str) -> str:
+def _with_whole_values(text: str) -> str:
     return _WITHIN_A_VALUE.sub("\N{NO-BREAK SPACE}", text)

@@ -213,7 +213,7 @@ def _set_apart(axes: Axes, notes: Sequence[Annotation]) -> None:
     for note, (x, _) in zip(notes, marks, strict=True):
         aligned = ("right", "left") if x > middle else ("left", "right")
         sides = [(each, above) for above in (6, -14) for each in aligned]
-        hidden = [_hidden(_beside(note, *side), axes.bbox, marks, taken) for side in sides]
+        hidden = [_hidden_px2(_beside(note, *side), axes.bbox, marks, taken) for side in sides]
         taken.append(_beside(note, *sides[int(np.argmin(hidden))]))
 
 
@@ -223,7 +223,7 @@ def _beside(note: Annotation, aligned: str, above: int) -> Bbox:
     return note.get_window_extent()
 
 
-def _hidden(label: Bbox, plan: BboxBase, marks: FloatArray, taken: Sequence[Bbox]) -> int:
+def _hidden_px2(label: Bbox, plan: BboxBase, marks: FloatArray, taken: Sequence[Bbox]) -> int:
     """Square pixels of the label outside of the plan and over others, and its own for a mark."""
     seen, *shared = (Bbox.intersection(label, other) for other in (plan, *taken))
     areas = [0.0 if part is None else part.width * part.height for part in (seen, *shared)]

@@ -22,7 +22,7 @@ from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.region import covering
+from logger.core.locator.region import coarse_cover
 from logger.core.locator.summary import summarise
 from logger.core.locator.two_source_test import (
     LIVE,
@@ -205,7 +205,7 @@ def true_azimuth_deg(start: Places, end: Places) -> float:
 def squares_of_region(posterior: Posterior) -> MultiPolygon:
     """The 95 % region in squares; instead of very many, fewer that cover somewhat more."""
     utm = posterior.place.utm
-    x_m, y_m, side_m = covering(posterior.squares, _MOST_SQUARES)
+    x_m, y_m, side_m = coarse_cover(posterior.squares, _MOST_SQUARES)
     half_m = 0.5 * side_m
     corners = [
         Places.of(x_m + east * half_m, y_m + north * half_m, utm=utm).lat_lon_deg[::-1]

@@ -55,7 +55,7 @@ def highest_density(
     return densest_first[:count]
 
 
-def covering(squares: Squares, most: int) -> FloatArray:
+def coarse_cover(squares: Squares, most: int) -> FloatArray:
     """At most so many squares (3, n) that cover the 95 % region: centre and side in m.
 
     Where there are more, the smallest give way to those of the tree that have them inside.

@@ -102,7 +102,7 @@ def test_a_common_corner_is_in_the_squares_in_spite_of_rounding():
     assert not region.contains(cells, np.zeros(1, int), Places.of(corner_m + 1e-3, corner_m))
 
 
-# --- covering ---
+# --- cover ---
 
 
 @pytest.mark.parametrize("most", [4, 40, 400, 10_000])
@@ -110,7 +110,7 @@ def test_few_squares_cover_the_whole_region(most):
     cells = gaussians((0.6, -100.0, 50.0, 12.0), (0.4, 80.0, -60.0, 30.0), count=64)
     cells = quarter_squares(cells, cells.x_m < 0.0)
     chosen = region.highest_density(cells)
-    x_m, y_m, side_m = region.covering(cells, most)
+    x_m, y_m, side_m = region.coarse_cover(cells, most)
     assert len(side_m) <= most
     reach_m = 0.5 * (side_m - cells.size_m[chosen, None]) + 1e-6
     inside = np.abs(x_m - cells.x_m[chosen, None]) <= reach_m
