@@ -8,8 +8,8 @@ from markupsafe import Markup
 
 from logger.core.document import DASH, Table, Word, html_table, html_value, plain_text
 
+# spaces before a unit or a longitude, where a line must not end
 _WITHIN_A_VALUE = re.compile(r"(?<=\d) (?=(?:km?|m|dBm?|s|h|min|%)(?!\w)|-?\d+\.\d\d)")
-"""Spaces before a unit or a longitude, where a line must not end."""
 
 
 def page_environment(package: str) -> Environment:

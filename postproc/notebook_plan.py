@@ -109,7 +109,7 @@ def round_step(span: float, most: int) -> float:
 
 
 def length_text(length_m: float) -> str:
-    """The length of a scale bar."""
+    """Of a scale bar."""
     return f"{length_m:g} m" if length_m < 1000.0 else f"{length_m / 1000.0:g} km"
 
 

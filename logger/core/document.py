@@ -84,7 +84,7 @@ class Degrees(NamedTuple):
 
 
 LENGTH = "length"
-"""Form of a column of lengths in m, each with its unit: kilometres from 1000 m on."""
+"""Form of lengths in m, each with its unit."""
 Text = str | Word
 Value = Text | float | Measured | Degrees | None
 

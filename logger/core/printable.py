@@ -16,8 +16,8 @@ from unicodedata import category
 _CONTROLS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 """Unicode: control, format, surrogate, and the separators of lines and paragraphs."""
 _LAYOUT = "\n\t"
+# of our own characters, where a terminal has none: "4.8 km?" would be a doubt
 _INSTEAD = {"±": "+-", "²": "2", "\N{NARROW NO-BREAK SPACE}": " "}
-"""Of our own characters, where a terminal has none; "4.8 km?" would be a doubt."""
 # printable ASCII, which nearly all text is, needs no escape
 _SUSPECT = re.compile(r"[^ -~]")
 

@@ -147,7 +147,7 @@ def plan_box(walked_m: FloatArray, extras_m: Iterable[FloatArray]) -> Box:
 Inset = tuple[Box, Box]
 """What is drawn larger, and the part of the plan that it takes for that."""
 _LEAST_ENLARGED = 2.0
-"""An inset that shows an answer less enlarged than this adds nothing."""
+"""Less adds nothing."""
 _INSET_SIDE = 0.38
 """Side of an inset, as a share of the shorter side of the plan."""
 _LEAST_INSET_M = 30.0

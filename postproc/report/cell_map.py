@@ -176,7 +176,6 @@ def _draw_basemap(axes: Axes, basemap: Basemap, shown: Box) -> None:
 
 
 def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> list[Annotation]:
-    """The place and, where `box` is the plan, its labels."""
     notes = []
     colour = colours.word_colour(place.word)
     # faint where no verdict stands for it: the side that it is on shows all the same
@@ -204,7 +203,7 @@ def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> list[Annot
 
 
 def _set_apart(axes: Axes, notes: Sequence[Annotation]) -> None:
-    """Put each label beside its mark where it hides least of marks, of labels, and of itself."""
+    # each label beside its mark, where it hides least of marks, of labels, and of itself
     if not notes:
         return
     marks: FloatArray = axes.transData.transform([note.xy for note in notes])
@@ -218,13 +217,12 @@ def _set_apart(axes: Axes, notes: Sequence[Annotation]) -> None:
 
 
 def _beside(note: Annotation, aligned: str, above: int) -> Bbox:
-    """Put a label beside its mark; where it is then, in pixels."""
     note.set(ha=aligned, position=(-9 if aligned == "right" else 9, above))
     return note.get_window_extent()
 
 
 def _hidden_px2(label: Bbox, plan: BboxBase, marks: FloatArray, taken: Sequence[Bbox]) -> int:
-    """Square pixels of the label outside of the plan and over others, and its own for a mark."""
+    # outside of the plan, over other labels, and all of it for each mark that it covers
     seen, *shared = (Bbox.intersection(label, other) for other in (plan, *taken))
     areas = [0.0 if part is None else part.width * part.height for part in (seen, *shared)]
     own = label.width * label.height

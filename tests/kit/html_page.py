@@ -20,7 +20,7 @@ VOID = {
 
 
 def with_spaces(html: str) -> str:
-    """The page with blanks where a line must not end, for a search."""
+    """Without no-break spaces."""
     return html.replace("\N{NO-BREAK SPACE}", " ")
 
 

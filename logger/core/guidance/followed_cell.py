@@ -203,7 +203,7 @@ def true_azimuth_deg(start: Places, end: Places) -> float:
 
 
 def squares_of_region(posterior: Posterior) -> MultiPolygon:
-    """The 95 % region in squares; instead of very many, fewer that cover somewhat more."""
+    """The 95 % region in few squares."""
     utm = posterior.place.utm
     x_m, y_m, side_m = coarse_cover(posterior.squares, _MOST_SQUARES)
     half_m = 0.5 * side_m

@@ -56,15 +56,13 @@ def highest_density(
 
 
 def coarse_cover(squares: Squares, most: int) -> FloatArray:
-    """At most so many squares (3, n) that cover the 95 % region: centre and side in m.
-
-    Where there are more, the smallest give way to those of the tree that have them inside.
-    """
+    """At most so many squares (3, n) that cover the 95 % region: centre and side in m."""
     square = np.stack([squares.x_m, squares.y_m, squares.size_m])
     largest = square[:, np.argmax(squares.size_m)]
     corner_m = largest[:2, None] - 0.5 * largest[2]  # is one of squares of every size
     square = square[:, highest_density(squares)]
     side_m = float(np.min(square[2]))
+    # the smallest give way to those of the tree that have them inside
     while square.shape[1] > most:
         side_m *= 2.0
         is_small = square[2] < 0.75 * side_m
