@@ -121,9 +121,10 @@ def legend_below(figure: Figure | SubFigure, *axes: Axes) -> None:
     width_inch = figure.bbox.width / figure.dpi
     most_letters = width_inch * _LETTERS_PER_INCH / 2.0 - _LETTERS_OF_A_SYMBOL
     columns = 2 if max(map(len, artists)) <= most_letters else 1
+    letters = int(width_inch * _LETTERS_PER_INCH - 2.0 * _LETTERS_OF_A_SYMBOL)  # of wide ones
     figure.legend(
         handles=list(artists.values()),
-        labels=list(artists),
+        labels=[textwrap.fill(name, letters) for name in artists],
         loc="outside lower left",
         ncols=columns,
     )

@@ -185,11 +185,12 @@ def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> list[Annot
             path = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
             style = {"edgecolor": rgb(colour), "linestyle": line, "zorder": 4}
             axes.add_patch(PathPatch(path, facecolor=(*rgb(colour), alpha), **style))
-    for i, (position_m, share) in enumerate(
-        zip(place.positions_m.tolist(), place.shares, strict=True)
-    ):
+    positions_m = place.positions_m.tolist()
+    n_outside = sum(not box.contains(*each) for each in positions_m) if box else 0
+    outside = f", {n_outside} of {len(positions_m)} places outside the plan" if n_outside else ""
+    for i, (position_m, share) in enumerate(zip(positions_m, place.shares, strict=True)):
         what = f", {place.what}" if place.what else ""
-        label = "_nolegend_" if i else f"{place.label}: {place.cell}{what}"
+        label = "_nolegend_" if i else f"{place.label}: {place.cell}{what}{outside}"
         gid = f"{PLACE}{place.number}" if box and not i else None
         draw_cell_mark(axes, position_m, place.word, colour, label=label, gid=gid)
         if box is None:

@@ -18,7 +18,7 @@ from logger.sim.scenario import scenario
 from postproc.pictures.survey import survey_of
 from postproc.report.cell_map import cell_map
 from postproc.report.rendering import make_report
-from tests.kit.sample_results import UTM, with_word
+from tests.kit.sample_results import UTM, sample_result, with_word
 from tests.kit.vector_tiles import feature, layer, tile_at, write_pmtiles
 
 ORIGIN = "simulated walk block"
@@ -62,6 +62,22 @@ def test_labels_of_near_places_hide_neither_each_other_nor_a_mark(result):
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
     marks = axes.transData.transform([text.xy for text in labels])
     assert not any(box.count_contains(marks) for box in boxes)
+
+
+def test_places_outside_the_plan_are_counted(result):
+    far = sample_result(result.runs[0].run, verdict="ambiguous", places=4)
+    (legend,) = cell_map(survey_of(far), far.cells, None).figure.legends
+    said = legend.get_texts()[0].get_text()
+    assert " ".join(said.split()).endswith(", 3 of 4 places outside the plan")
+
+
+def test_a_long_name_is_whole_in_the_legend(result):
+    long = replace(result.cells[0], cell="x" * 120)
+    figure = cell_map(survey_of(result), [long], None).figure
+    figure.draw_without_rendering()
+    extent = figure.legends[0].get_window_extent()
+    assert extent.x1 <= figure.bbox.x1
+    assert extent.y0 >= figure.bbox.y0
 
 
 def test_a_cell_with_a_word_is_marked_in_shape_and_word(result):
