@@ -183,7 +183,7 @@ docs: .venv/docs.stamp
 	touch $@
 
 .venv/post.stamp: .venv/pip.stamp pyproject.toml
-	$(BIN)/pip install --disable-pip-version-check -e '.[view]'
+	$(BIN)/pip install --disable-pip-version-check -e '.[page,view]'
 	touch $@
 
 .venv/dev.stamp: .venv/pip.stamp pyproject.toml

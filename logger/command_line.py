@@ -5,6 +5,7 @@ A mistake of the user is one line on stderr and exit code 2; no exception leaves
 
 import copy
 import os
+import shlex
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -305,7 +306,7 @@ def _reason(error: Exception) -> str:
     return str(error)
 
 
-def missing_library(module: str) -> str:
+def missing_library(module: str, extra: str = "") -> str:
     """The extra that brings a library, or Debian's package for the program of Debian."""
     library = module.partition(".")[0]
     if library in sys.stdlib_module_names:
@@ -313,8 +314,9 @@ def missing_library(module: str) -> str:
     if Path(__file__).is_relative_to(_DEBIAN_FOLDER):
         package = _DEBIAN_NAMES.get(library, library)
         return f"{library} is missing: sudo apt-get install python3-{package}"
-    extra = _EXTRAS.get(library, "[post]")
-    return f"{library} is missing: pip install 'cellwalk{extra}'"
+    # of this Python, which knows our version: another would install a stranger's cellwalk
+    pip = f"{shlex.quote(sys.executable)} -m pip install"
+    return f"{library} is missing: {pip} 'cellwalk{extra or _EXTRAS.get(library, '[post]')}'"
 
 
 _EXTRAS = (

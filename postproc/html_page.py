@@ -1,11 +1,15 @@
 """Pages of HTML that need no network."""
 
+import re
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from logger.core.document import DASH, Table, Word, html_table, html_value, plain_text
+
+# spaces before a unit or a longitude, where a line must not end
+_WITHIN_A_VALUE = re.compile(r"(?<=\d) (?=(?:km?|m|dBm?|s|h|min|%)(?!\w)|-?\d+\.\d\d)")
 
 
 def page_environment(package: str) -> Environment:
@@ -26,7 +30,7 @@ def page_environment(package: str) -> Environment:
 
 
 def _table(table: Table) -> Markup:
-    return Markup(html_table(table))  # noqa: S704 (it escapes all text)
+    return Markup(_with_whole_values(html_table(table)))  # noqa: S704 (it escapes all text)
 
 
 def _word(verdict: str) -> Markup:
@@ -39,4 +43,8 @@ def _printable(value: Any) -> Any:
         return DASH
     if isinstance(value, Markup) or not isinstance(value, str):
         return value
-    return plain_text(value)
+    return _with_whole_values(plain_text(value))
+
+
+def _with_whole_values(text: str) -> str:
+    return _WITHIN_A_VALUE.sub("\N{NO-BREAK SPACE}", text)

@@ -108,6 +108,11 @@ def round_step(span: float, most: int) -> float:
     return next(step for step in steps if span / step <= most + 1e-9)
 
 
+def length_text(length_m: float) -> str:
+    """Of a scale bar."""
+    return f"{length_m:g} m" if length_m < 1000.0 else f"{length_m / 1000.0:g} km"
+
+
 def new_axes() -> "Axes":
     """Axes of a new figure of pyplot."""
     from matplotlib import pyplot as plt  # noqa: PLC0415 (a second; only for those who draw)
@@ -177,7 +182,7 @@ def _whole(shapes: str, height: float, scale: float, cells: Sequence[OnPlan]) ->
         f'aria-label="Plan of the walk, north above: {escape(named)}" '
         f'font-family="sans-serif" font-size="12" fill="currentColor">{shapes}'
         f'<path d="{bar}" stroke="currentColor" stroke-width="2"/>'
-        f'<text x="{right:g}" y="{below - 5:g}" text-anchor="end">{bar_m:,.0f} m</text>'
+        f'<text x="{right:g}" y="{below - 5:g}" text-anchor="end">{length_text(bar_m)}</text>'
         '<path d="M12 24V8M8 13l4-5l4 5" fill="none" stroke="currentColor"/>'
         '<text x="12" y="36" text-anchor="middle">N</text></svg>'
     )

@@ -29,12 +29,12 @@ from logger.core.certainty import (
     RADII,
     Ellipse,
     ellipse95,
-    metres,
     radii_text,
     relevant_modes,
     share_text,
 )
 from logger.core.document import (
+    LENGTH,
     Column,
     Document,
     Table,
@@ -289,8 +289,7 @@ class CellResult:
         return None if self.place is None else self.place.lon
 
     def __repr__(self) -> str:
-        word = f"{self.word}; " if self.word else ""
-        return f"{self.cell or 'cell'}, {self.n} readings: {word}{self._sentence()}"
+        return f"{self.cell or 'cell'}, {self.n} readings: {self._sentence()}"
 
     def _repr_html_(self) -> str:
         head = f"<p><b>{html_text(self.cell)}</b>, {self.n} readings: "
@@ -305,12 +304,14 @@ class CellResult:
         return axes
 
     def _sentence(self) -> str:
+        word = f"{self.word}; " if self.word else ""
         posterior = self.posterior
         if posterior is not None and self.place is None:
             at = f"x {posterior.x_m:.0f} m, y {posterior.y_m:.0f} m"
-            return f"{self.verdict}, {at}, {radii_text(posterior.r50_m, posterior.r95_m)}"
+            return f"{word}{self.verdict}, {at}, {radii_text(posterior.r50_m, posterior.r95_m)}"
         made_from = Provenance(self.n)
-        return Answer(self.cell, self.verdict, self.warnings, made_from, self.place).sentence
+        answer = Answer(self.cell, self.verdict, self.warnings, made_from, self.place)
+        return f"{word}{answer.sentence}"
 
     def _heard_m(self) -> FloatArray:
         return np.empty((0, 2)) if self.obs is None else self.obs.places.xy_m.T
@@ -519,13 +520,14 @@ class Result:
 
 _MOST_LINES, _MOST_ROWS, _MOST_DRAWN = 7, 12, 6
 _CAPTION = "<p>Grey: {}. Strong colour: most likely there (50 %). Faint: surely there (95 %).</p>"
+RADIUS_COLUMNS = tuple(Column(name, LENGTH) for name in RADII)
 _NOTEBOOK_COLUMNS = (
     Column("no.", "d"),
     Column("cell"),
     Column("word"),
     Column("verdict"),
     Column("likeliest place"),
-    *(Column(name, is_right=True) for name in RADII),
+    *RADIUS_COLUMNS,
     Column("readings", "d"),
 )
 
@@ -533,7 +535,7 @@ _NOTEBOOK_COLUMNS = (
 def _row(number: int, answer: Answer) -> tuple[Value, ...]:
     word = Mark(answer.word.word) if answer.word and answer.is_conspicuous else ""
     begin, place = (number, answer.cell, word, Mark(answer.verdict)), answer.place
-    at = (place.where, metres(place.r50_m), metres(place.r95_m)) if place else (None, None, None)
+    at = (place.where, place.r50_m, place.r95_m) if place else (None, None, None)
     return (*begin, *at, answer.provenance.n)
 
 

@@ -92,12 +92,13 @@ def _message_without(library: str, monkeypatch, capsys) -> str:
     return line
 
 
+PIP = f"{sys.executable} -m pip install"
+
+
 @pytest.mark.parametrize("library", sorted(_imported_libraries()))
 def test_a_missing_library_is_in_the_extra_that_is_named(library, monkeypatch, capsys):
     line = _message_without(library, monkeypatch, capsys)
-    named = re.fullmatch(
-        rf"program: {library} is missing: pip install 'cellwalk(?:\[(\w+)\])?'", line
-    )
+    named = re.fullmatch(rf"program: {library} is missing: {PIP} 'cellwalk(?:\[(\w+)\])?'", line)
     assert named, line
     distributions = metadata.packages_distributions().get(library)
     if distributions is None:
@@ -140,7 +141,7 @@ def test_the_page_names_its_extra(library, option, tmp_path, monkeypatch):
         assert done.returncode == 2
         return done.stdout + done.stderr
 
-    missing = f"{library} is missing: pip install 'cellwalk[page]'"
+    missing = f"{library} is missing: {PIP} 'cellwalk[page]'"
     assert error_of("page", *option).strip().endswith(missing)
     assert f"page: {missing}" in error_of("check")
 

@@ -16,6 +16,7 @@ from unicodedata import category, combining, east_asian_width
 
 import msgspec
 
+from logger.core.certainty import metres
 from logger.core.printable import printable
 
 DASH = "–"
@@ -82,6 +83,8 @@ class Degrees(NamedTuple):
     lon_deg: float
 
 
+LENGTH = "length"
+"""Form of lengths in m, each with its unit."""
 Text = str | Word
 Value = Text | float | Measured | Degrees | None
 
@@ -123,7 +126,10 @@ class Column:
                 return Word(f"{self.text(value.value).text}{sigma}")
             case str():
                 return Word(printable(value))
-        return Word(format(value, self.form))
+        return Word(self._number(value))
+
+    def _number(self, value: float) -> str:
+        return metres(value) if self.form == LENGTH else format(value, self.form)
 
     def _sigma(self, sigma: float) -> str:
         return format(sigma, self.form.replace("+", ""))
@@ -143,7 +149,7 @@ class Column:
                 beside = f'<span class="sigma">± {_data(sigma, self._sigma(sigma))}</span>'
                 return f"{_data(mean, format(mean, self.form))} {beside}"
             case float() | int():
-                return _data(value, format(value, self.form))
+                return _data(value, self._number(value))
         return html_text(self.text(value).text if not isinstance(value, str) else value)
 
 

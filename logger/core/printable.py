@@ -6,7 +6,7 @@ order of a text) and halves of surrogates become escapes as in JSON, so that JSO
 
 import re
 import sys
-from codecs import lookup
+from codecs import lookup, register_error
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import StringIO, TextIOWrapper
@@ -16,6 +16,8 @@ from unicodedata import category
 _CONTROLS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 """Unicode: control, format, surrogate, and the separators of lines and paragraphs."""
 _LAYOUT = "\n\t"
+# of our own characters, where a terminal has none: "4.8 km?" would be a doubt
+_INSTEAD = {"±": "+-", "²": "2", "\N{NARROW NO-BREAK SPACE}": " "}
 # printable ASCII, which nearly all text is, needs no escape
 _SUSPECT = re.compile(r"[^ -~]")
 
@@ -68,5 +70,15 @@ def _writable(stream: TextIO | None) -> TextIO:
     if stream is None:  # closed
         return StringIO()
     if isinstance(stream, TextIOWrapper) and lookup(stream.encoding).name != "utf-8":
-        stream.reconfigure(errors="replace")
+        stream.reconfigure(errors=_replace.__name__)
     return stream
+
+
+def _replace(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lacking = error.object[error.start : error.end]
+    return "".join(_INSTEAD.get(character, "?") for character in lacking), error.end
+
+
+register_error(_replace.__name__, _replace)

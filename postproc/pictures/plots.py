@@ -21,11 +21,11 @@ from matplotlib.path import Path as Outline
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from logger.core.arrays import FloatArray
-from logger.core.certainty import radii_text
+from logger.core.certainty import metres, radii_text
 from postproc.atomic_write import kind_of, whole_file
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
-from postproc.notebook_plan import round_step
+from postproc.notebook_plan import length_text, round_step
 from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import (
@@ -121,9 +121,10 @@ def legend_below(figure: Figure | SubFigure, *axes: Axes) -> None:
     width_inch = figure.bbox.width / figure.dpi
     most_letters = width_inch * _LETTERS_PER_INCH / 2.0 - _LETTERS_OF_A_SYMBOL
     columns = 2 if max(map(len, artists)) <= most_letters else 1
+    letters = int(width_inch * _LETTERS_PER_INCH - 2.0 * _LETTERS_OF_A_SYMBOL)  # of wide ones
     figure.legend(
         handles=list(artists.values()),
-        labels=list(artists),
+        labels=[textwrap.fill(name, letters) for name in artists],
         loc="outside lower left",
         ncols=columns,
     )
@@ -428,7 +429,7 @@ def outside_note(box: Box, east_m: float, north_m: float) -> str:
         max(box.west - east_m, east_m - box.east, 0.0),
         max(box.south - north_m, north_m - box.north, 0.0),
     )
-    return f" ({distance_m:.0f} m outside)" if distance_m < _FAR_M else " (far outside)"
+    return f", {metres(distance_m) if distance_m < _FAR_M else 'far'} outside the plan"
 
 
 def draw_ground(axes: Axes, box: Box) -> None:
@@ -452,7 +453,7 @@ def _draw_scale_bar(axes: Axes, box: Box) -> None:
     ends = [west, west + length_m], [south, south]
     axes.plot(*ends, color=rgb(colours.INK), linewidth=2.5, solid_capstyle="butt", zorder=10)
     middle = (west + length_m / 2, south)
-    label = axes.annotate(f"{length_m:.0f} m", middle, (0, 4), textcoords="offset points")
+    label = axes.annotate(length_text(length_m), middle, (0, 4), textcoords="offset points")
     label.set(ha="center", fontsize=SMALLEST_POINTS, zorder=10)
 
 

@@ -146,8 +146,8 @@ def plan_box(walked_m: FloatArray, extras_m: Iterable[FloatArray]) -> Box:
 
 Inset = tuple[Box, Box]
 """What is drawn larger, and the part of the plan that it takes for that."""
-_INSET_AREA = 0.05
-"""An answer that takes less of the plan is drawn larger, in an inset."""
+_LEAST_ENLARGED = 2.0
+"""Less adds nothing."""
 _INSET_SIDE = 0.38
 """Side of an inset, as a share of the shorter side of the plan."""
 _LEAST_INSET_M = 30.0
@@ -168,12 +168,12 @@ def with_inset(
     )
     if around is None or is_outside:
         return box, None
-    if around.width * around.height >= _INSET_AREA * box.width * box.height:
-        return box, None
     half_m = max(0.75 * around.size, 0.5 * _LEAST_INSET_M)
+    side_m = _INSET_SIDE * min(box.width, box.height)
+    if side_m < _LEAST_ENLARGED * 2.0 * half_m:
+        return box, None
     middle_m = 0.5 * (around.west + around.east), 0.5 * (around.south + around.north)
     shown = Box(*middle_m, *middle_m).enlarge(half_m)
-    side_m = _INSET_SIDE * min(box.width, box.height)
     gap_m = 0.015 * box.size
     west, south = box.west + gap_m, box.south + gap_m
     east, north = box.east - gap_m, box.north - gap_m

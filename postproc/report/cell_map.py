@@ -9,6 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
+from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox, BboxBase
 
 from logger.core.arrays import FloatArray
 from logger.core.certainty import relevant_modes, share_text
@@ -102,7 +104,9 @@ def cell_map(
     _draw_ground(axes, box, ground)
     draw_walks(figure, axes, picture)
     _name_directly(axes, picture.survey)
-    tries.each(places, lambda place: place.cell, lambda place: _draw_place(axes, place, box))
+    drawn = tries.each(
+        places, lambda place: place.cell, lambda place: _draw_place(axes, place, box)
+    )
     if inset is not None:
         enlarged = draw_inset(axes, inset, picture)
         if ground is not None:
@@ -110,6 +114,8 @@ def cell_map(
         tries.each(places[:1], lambda one: one.cell, lambda one: _draw_place(enlarged, one))
     legend_below(figure, axes)
     figure.set_size_inches(WIDTH_INCH, min(height_inch + legends_inch(figure), _TALLEST_INCH))
+    figure.draw_without_rendering()  # from now on lengths of texts are known
+    _set_apart(axes, [note for _, notes in drawn for note in notes])
     return ReportFigure("map", "All cells on one plan", figure, _alt_text(places, len(cells)))
 
 
@@ -169,7 +175,8 @@ def _draw_basemap(axes: Axes, basemap: Basemap, shown: Box) -> None:
     axes.grid(visible=False)
 
 
-def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> None:
+def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> list[Annotation]:
+    notes = []
     colour = colours.word_colour(place.word)
     # faint where no verdict stands for it: the side that it is on shows all the same
     wide: tuple[float, Any] = (0.05, DASHED) if place.what else (0.16, "solid")
@@ -178,21 +185,49 @@ def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> None:
             path = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
             style = {"edgecolor": rgb(colour), "linestyle": line, "zorder": 4}
             axes.add_patch(PathPatch(path, facecolor=(*rgb(colour), alpha), **style))
-    for i, (position_m, share) in enumerate(
-        zip(place.positions_m.tolist(), place.shares, strict=True)
-    ):
+    positions_m = place.positions_m.tolist()
+    n_outside = sum(not box.contains(*each) for each in positions_m) if box else 0
+    outside = f", {n_outside} of {len(positions_m)} places outside the plan" if n_outside else ""
+    for i, (position_m, share) in enumerate(zip(positions_m, place.shares, strict=True)):
         what = f", {place.what}" if place.what else ""
-        label = "_nolegend_" if i else f"{place.label}: {place.cell}{what}"
+        label = "_nolegend_" if i else f"{place.label}: {place.cell}{what}{outside}"
         gid = f"{PLACE}{place.number}" if box and not i else None
         draw_cell_mark(axes, position_m, place.word, colour, label=label, gid=gid)
         if box is None:
             continue
-        text = place.label + (f" ({share})" if share else "")
-        is_east = position_m[0] > 0.5 * (box.west + box.east)
-        beside = {"ha": "right", "xytext": (-9, 6)} if is_east else {"xytext": (9, 6)}
-        note = axes.annotate(text, position_m, textcoords="offset points", **beside)
+        text = f"{place.number} ({share})" if i else place.label + (f" ({share})" if share else "")
+        note = axes.annotate(text, position_m, (9, 6), textcoords="offset points")
         note.set(fontsize=10, fontweight="bold", zorder=9, annotation_clip=True)
         note.set_bbox({"facecolor": rgb(colours.PAPER), "alpha": 0.8, "linewidth": 0, "pad": 1})
+        notes.append(note)
+    return notes
+
+
+def _set_apart(axes: Axes, notes: Sequence[Annotation]) -> None:
+    # each label beside its mark, where it hides least of marks, of labels, and of itself
+    if not notes:
+        return
+    marks: FloatArray = axes.transData.transform([note.xy for note in notes])
+    middle = 0.5 * (axes.bbox.x0 + axes.bbox.x1)
+    taken: list[Bbox] = []
+    for note, (x, _) in zip(notes, marks, strict=True):
+        aligned = ("right", "left") if x > middle else ("left", "right")
+        sides = [(each, above) for above in (6, -14) for each in aligned]
+        hidden = [_hidden_px2(_beside(note, *side), axes.bbox, marks, taken) for side in sides]
+        taken.append(_beside(note, *sides[int(np.argmin(hidden))]))
+
+
+def _beside(note: Annotation, aligned: str, above: int) -> Bbox:
+    note.set(ha=aligned, position=(-9 if aligned == "right" else 9, above))
+    return note.get_window_extent()
+
+
+def _hidden_px2(label: Bbox, plan: BboxBase, marks: FloatArray, taken: Sequence[Bbox]) -> int:
+    # outside of the plan, over other labels, and all of it for each mark that it covers
+    seen, *shared = (Bbox.intersection(label, other) for other in (plan, *taken))
+    areas = [0.0 if part is None else part.width * part.height for part in (seen, *shared)]
+    own = label.width * label.height
+    return round(own * (1 + label.count_contains(marks)) - areas[0] + sum(areas[1:]))
 
 
 def _alt_text(places: Sequence[_Place], n_cells: int) -> str:

@@ -9,19 +9,18 @@ from math import inf
 from jinja2 import Template
 from markupsafe import Markup
 
-from logger.core.answer import CONSPICUOUS, Answer, Mode, Place
-from logger.core.certainty import RADII, metres, share_text
+from logger.core.answer import CONSPICUOUS, Answer
+from logger.core.certainty import metres, share_text
 from logger.core.document import Column, Degrees, Table, Value, Word, number_of
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.suspicion.words import strongest_reasons, word_rate_text
-from postproc import summary
 from postproc.html_page import page_environment
 from postproc.info import CellCount, Event, Gap, Info, describe
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
-from postproc.result import CellResult, Result, heard_at
-from postproc.summary import estimator_table, run_table, sentence
+from postproc.result import RADIUS_COLUMNS, CellResult, Result, heard_at
+from postproc.summary import advice, estimator_table, run_table, sentence
 from postproc.suspicion.signalling import signals_of, signals_table
 from postproc.verification.claims import CellVerdict, Verified
 
@@ -121,13 +120,13 @@ def cell_section(
 ) -> CellSection:
     """A cell of runs with its answer and figures; the number identifies it on the page."""
     word = answer.word.word if answer.word else ""
-    said, advice = sentence(answer.verdict_sentence), advice_text(answer, result)
-    answered = f"{said} {advice}".lower()
+    said, to_do = sentence(answer.verdict_sentence), advice(answer, result)
+    answered = f"{said} {to_do}".lower()
     section = CellSection(
         number=number,
         result=result,
         sentence=said,
-        advice=advice,
+        advice=to_do,
         findings=tuple(text for text in result.warnings if text.lower() not in answered),
         places=tuple(_places(result, streets)),
         figures=tuple(figures),
@@ -238,7 +237,6 @@ def _template(name: str) -> Template:
 
 
 _POSITION = Column("latitude and longitude")
-_RADII = tuple(Column(radius, ".0f", "m") for radius in RADII)
 
 
 def _cell_table(result: Result, counts: Mapping[str, CellCount]) -> Table:
@@ -251,7 +249,7 @@ def _cell_table(result: Result, counts: Mapping[str, CellCount]) -> Table:
         Column("readings used", "d"),
         Column("highest level", ".0f", "dBm"),
         _POSITION,
-        *_RADII,
+        *RADIUS_COLUMNS,
     )
     rows = []
     for number, cell in enumerate(result.cells, 1):
@@ -315,12 +313,6 @@ def _detectable(tested: CellVerdict) -> str:
     return f"{metres(min(displacements_m))} to {metres(max(displacements_m))}"
 
 
-def advice_text(answer: Answer, cell: CellResult) -> str:
-    """What to do."""
-    text, place = summary.advice(answer, cell), answer.place
-    return text if place is None else text.replace(place.where, where_text(place))
-
-
 def heading(result: Result) -> str:
     """Which cell is suspicious, or that none is."""
     if not result.cells:
@@ -346,11 +338,6 @@ def located_text(cells: Sequence[CellResult]) -> str:
     if n_undecided := counts["cannot tell"]:
         parts.append(f"{n_undecided} not located")
     return ", ".join(parts)
-
-
-def where_text(place: Place | Mode) -> str:
-    """Latitude and longitude as far as they are known, on one line."""
-    return place.where.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def time_text(seconds: float) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import click
 
-from logger.command_line import FILE, PATH, json_option, late_modules, number, show
+from logger.command_line import FILE, PATH, json_option, late_modules, missing_library, number, show
 from logger.core.errors import SOMETHING_LOST, ConfigError
 from postproc.options import (
     Command,
@@ -59,7 +59,7 @@ def _check_libraries(*names: str) -> None:
     """Raise `ConfigError`, with what to install; nothing else of the product needs these."""
     missing = [name for name in names if find_spec(name) is None]
     if missing:
-        raise ConfigError(f"{missing[0]} is missing: pip install 'cellwalk[survey]'")
+        raise ConfigError(missing_library(missing[0], "[survey]"))
 
 
 def _day_utc_ns(text: str) -> int:

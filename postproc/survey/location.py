@@ -8,7 +8,6 @@ from typing import TypeVar
 
 import msgspec
 
-from logger.core.certainty import RADII
 from logger.core.document import Column, Document, Line, Table, Value, Word, number_of
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
@@ -16,7 +15,7 @@ from logger.core.types import utc_text
 from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.ground import days_text
 from postproc.progress import with_progress
-from postproc.result import VERDICTS, Options
+from postproc.result import RADIUS_COLUMNS, VERDICTS, Options
 from postproc.survey.agreement import FEWEST_LOGGERS, Agreement, LoggerReport, liars, report
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey, SurveyCell
@@ -39,7 +38,7 @@ CELL_COLUMNS = (
     Column("cell"),
     Column("verdict"),
     Column("position"),
-    *(Column(radius, ".0f", "m") for radius in RADII),
+    *RADIUS_COLUMNS,
     Column("readings", "d"),
     Column("runs", "d"),
 )

@@ -17,7 +17,7 @@ from logger.core.locator.region import LEVEL, Squares
 from logger.core.places import MAX_GAP_S
 from postproc.basemap import Basemap
 from postproc.estimators.filters import FilterPath
-from postproc.notebook_plan import round_step
+from postproc.notebook_plan import length_text, round_step
 from postproc.pictures import colours
 from postproc.pictures.colours import Bytes, Colour
 from postproc.pictures.picture import legend_of, mode_label, region_rings
@@ -274,9 +274,10 @@ def draw_ground(plan: Surface, box: Box) -> None:
     _draw_grid(plan, box)
     length_m = round_step(box.size, 8)
     y = box.south - 0.05 * box.height
-    label = f"{length_m:g} m" if length_m < 1000.0 else f"{length_m / 1000.0:g} km"
     bar = [[(box.west, y), (box.west + length_m, y)]]
-    scale = rr.LineStrips2D(bar, colors=[_INK], radii=on_screen(2.0), labels=[label])
+    scale = rr.LineStrips2D(
+        bar, colors=[_INK], radii=on_screen(2.0), labels=[length_text(length_m)]
+    )
     plan.log_static(("ground", "scale"), scale)
     arrow_m = 0.08 * box.height
     foot = (box.west + 0.03 * box.width, box.north - 1.5 * arrow_m)

@@ -2,12 +2,13 @@
 
 import io
 import json
+import sys
 import unicodedata
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from logger.core.printable import PlainStream, printable
+from logger.core.printable import PlainStream, plain_streams, printable
 
 
 @given(st.text())
@@ -40,3 +41,12 @@ def test_a_stream_keeps_lines_and_tabs_and_all_else_of_the_stream_below():
     plain.flush()
     assert stream.getvalue() == "a\tb\n\\u001b]0;title\\u0007\n"
     assert plain.isatty() is False
+
+
+def test_a_terminal_without_our_characters_shows_no_doubt(monkeypatch):
+    written = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(written, encoding="ascii"))
+    with plain_streams():
+        print("-12.4 ± 19.0 dBm, 1\N{NARROW NO-BREAK SPACE}400 m², Zoë")
+        sys.stdout.flush()
+    assert written.getvalue() == b"-12.4 +- 19.0 dBm, 1 400 m2, Zo?\n"

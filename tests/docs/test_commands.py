@@ -120,3 +120,16 @@ def test_other_commands_name_what_exists(line):
             assert (ROOT / script).stat().st_mode & 0o100
         case words:
             pytest.fail(f"unknown command: {words}")
+
+
+def test_make_page_installs_the_libraries_of_the_page():
+    rules = re.split(r"\n(?=\S+:)", (ROOT / "Makefile").read_text("utf-8"))
+    recipes = {rule.partition(":")[0]: rule for rule in rules}
+    needed = recipes["page"].splitlines()[0].split()[1:]
+    extras = {
+        extra
+        for each in needed
+        for listed in re.findall(r"-e '\.\[(.*?)\]'", recipes[each])
+        for extra in listed.split(",")
+    }
+    assert "page" in extras

@@ -19,6 +19,11 @@ VOID = {
 }
 
 
+def with_spaces(html: str) -> str:
+    """Without no-break spaces."""
+    return html.replace("\N{NO-BREAK SPACE}", " ")
+
+
 @dataclass
 class Element:
     """One element: its name, attributes, ancestors' names and the text in it."""

@@ -78,6 +78,7 @@ def test_the_page_shows_the_walk_and_calls_nobody_else(recorded_walk, phone, tmp
         phone.network()
         assert phone.sign in {"recording", "suspicious"}
         assert phone.chromium.overflowing_elements() == []
+        assert phone.chromium.box("#within")["height"] < 60  # one line of text
         urls = phone.chromium.requested_urls()
         assert urls
         assert all(url.startswith(page.address) for url in urls)

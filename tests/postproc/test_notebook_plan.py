@@ -66,6 +66,7 @@ def test_a_result_shows_its_walk_and_both_regions(result):
 
 def test_a_cell_shows_where_it_was_heard(result):
     html = result.cells[0]._repr_html_()
+    assert "readings: suspicious; " in html
     assert len(html.encode()) < MOST_BYTES
     assert opacities(picture_in(html)) == ["0.15", "0.35"]
     without = replace(result.cells[0], posterior=None, obs=None, verdict="cannot tell")

@@ -22,7 +22,7 @@ from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.region import highest_density
+from logger.core.locator.region import coarse_cover
 from logger.core.locator.summary import summarise
 from logger.core.locator.two_source_test import (
     LIVE,
@@ -203,11 +203,10 @@ def true_azimuth_deg(start: Places, end: Places) -> float:
 
 
 def squares_of_region(posterior: Posterior) -> MultiPolygon:
-    """The squares of the 95 % region; of very many the least likely are left out."""
-    squares, utm = posterior.squares, posterior.place.utm
-    chosen = highest_density(squares)[:_MOST_SQUARES]
-    half_m = 0.5 * squares.size_m[chosen]
-    x_m, y_m = squares.x_m[chosen], squares.y_m[chosen]
+    """The 95 % region in few squares."""
+    utm = posterior.place.utm
+    x_m, y_m, side_m = coarse_cover(posterior.squares, _MOST_SQUARES)
+    half_m = 0.5 * side_m
     corners = [
         Places.of(x_m + east * half_m, y_m + north * half_m, utm=utm).lat_lon_deg[::-1]
         for east, north in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))

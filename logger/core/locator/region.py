@@ -55,6 +55,23 @@ def highest_density(
     return densest_first[:count]
 
 
+def coarse_cover(squares: Squares, most: int) -> FloatArray:
+    """At most so many squares (3, n) that cover the 95 % region: centre and side in m."""
+    square = np.stack([squares.x_m, squares.y_m, squares.size_m])
+    largest = square[:, np.argmax(squares.size_m)]
+    corner_m = largest[:2, None] - 0.5 * largest[2]  # is one of squares of every size
+    square = square[:, highest_density(squares)]
+    side_m = float(np.min(square[2]))
+    # the smallest give way to those of the tree that have them inside
+    while square.shape[1] > most:
+        side_m *= 2.0
+        is_small = square[2] < 0.75 * side_m
+        at = np.unique(np.floor((square[:2, is_small] - corner_m) / side_m), axis=1)
+        larger = np.vstack([corner_m + (at + 0.5) * side_m, np.full((1, at.shape[1]), side_m)])
+        square = np.hstack([square[:, ~is_small], larger])
+    return square
+
+
 def contains(squares: Squares, indices: IntArray, place: Places) -> bool:
     """Whether a position is in one of the squares `indices`, or on its corner."""
     half_m = 0.5 * _TOUCH * squares.size_m[indices]

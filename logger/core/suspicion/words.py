@@ -123,14 +123,14 @@ def unnoticed_text(
         listed = " or ".join(filter(None, (", ".join(needs[:-1]), needs[-1])))
         unseen.append(f"one that only {listed} would betray")
     seen = (
-        "a strong new station would most likely have been"
+        "a strong new station would most likely have been noticed, but not"
         if can_see_new
-        else "no station would certainly have been"
+        else "no station would certainly have been noticed, least of all"
     )
-    text = f"Here {seen} noticed; {', '.join(unseen[:-1])} or {unseen[-1]} would not"
+    text = f"Here {seen} {', '.join(unseen[:-1])} or {unseen[-1]}."
     if n_walks is None:
-        return f"{text}."
-    text += f": {n_walks} earlier walk{'s' * (n_walks != 1)} of this ground"
+        return text
+    text += f" Earlier walks of this ground: {n_walks}"
     if n_walks < FEWEST_WALKS and can_compare:
         text += f" (from {FEWEST_WALKS} on, a strong one with a plausible identity is noticed too)"
     return f"{text}."

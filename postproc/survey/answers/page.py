@@ -20,7 +20,7 @@ from logger.core.suspicion.words import WORD_RATES, word_rate_text
 from postproc.basemap import read_basemap
 from postproc.ground import Towns, place_name
 from postproc.html_page import page_environment
-from postproc.notebook_plan import round_step
+from postproc.notebook_plan import length_text, round_step
 from postproc.pictures.survey import Box, Clock
 from postproc.pictures.survey import Survey as Frame
 from postproc.result import VERDICTS
@@ -126,7 +126,7 @@ def html(survey: Survey, location: Location, choice: RunChoice, basemap: Path | 
     odd = [number for number, cell in numbered.items() if word_of(cell)]
     counts = Counter(map(word_of, ordered))
     environment = page_environment("postproc.survey.answers")
-    environment.filters |= {"metres": metres, "sentence": sentence}
+    environment.filters |= {"length_text": length_text, "metres": metres, "sentence": sentence}
     environment.globals |= {"word_of": word_of, "reasons_of": reasons_of}
     template = environment.get_template("survey.html")
     shown, few, unsure = (

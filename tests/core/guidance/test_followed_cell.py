@@ -8,6 +8,7 @@ from logger.core.guidance.followed_cell import (
     CONFIRMED_AFTER,
     FollowedCell,
     LiveVerdict,
+    squares_of_region,
     true_azimuth_deg,
 )
 from logger.core.locator.online import OnlineLocator
@@ -164,3 +165,12 @@ def test_directions_are_from_true_north_also_across_zones_equator_and_date_line(
     )
     # the flattening of the Earth is not part of it: 0.2 degrees at the equator
     assert abs((found_deg - direction_deg + 180.0) % 360.0 - 180.0) < 0.3
+
+
+def test_the_region_on_the_page_is_not_smaller_than_its_area():
+    obs = _walk(line((0.0, 0.0), (150.0, 0.0)), np.array([400.0, 900.0]), noise_db=5.0)
+    posterior = locate(obs, Prior(), Effort(most_squares=4000, split_share=1e-4, nodes=1))
+    rings = np.array(squares_of_region(posterior).coordinates)
+    assert len(rings) <= 400
+    areas_m2 = [abs(WGS84.polygon_area_perimeter(*ring.T)[0]) for ring in rings[:, 0]]
+    assert 0.99 < sum(areas_m2) / posterior.region_area_m2 < 2.0

@@ -102,6 +102,24 @@ def test_a_common_corner_is_in_the_squares_in_spite_of_rounding():
     assert not region.contains(cells, np.zeros(1, int), Places.of(corner_m + 1e-3, corner_m))
 
 
+# --- cover ---
+
+
+@pytest.mark.parametrize("most", [4, 40, 400, 10_000])
+def test_few_squares_cover_the_whole_region(most):
+    cells = gaussians((0.6, -100.0, 50.0, 12.0), (0.4, 80.0, -60.0, 30.0), count=64)
+    cells = quarter_squares(cells, cells.x_m < 0.0)
+    chosen = region.highest_density(cells)
+    x_m, y_m, side_m = region.coarse_cover(cells, most)
+    assert len(side_m) <= most
+    reach_m = 0.5 * (side_m - cells.size_m[chosen, None]) + 1e-6
+    inside = np.abs(x_m - cells.x_m[chosen, None]) <= reach_m
+    inside &= np.abs(y_m - cells.y_m[chosen, None]) <= reach_m
+    assert (np.sum(inside, axis=1) == 1).all()
+    if most >= len(chosen):
+        assert np.sum(side_m**2) == pytest.approx(region.area_m2(cells))
+
+
 # --- modes ---
 
 

@@ -91,7 +91,7 @@ def test_the_legend_names_positions_outside_the_plan(result):
     cell = result.cells[0]
     state = cell.batch.state + np.array([6000.0, 0.0, 0.0, 0.0])
     away = replace(result, cells=(replace(cell, batch=replace(cell.batch, state=state)),))
-    assert "least squares (5" in with_progress(figure_of(away))
+    assert "least squares, 5." in with_progress(figure_of(away))
 
 
 @pytest.mark.parametrize(

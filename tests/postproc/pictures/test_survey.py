@@ -131,7 +131,7 @@ def test_an_inset_hides_no_walk_but_gets_room():
     assert not any(frame.contains(*point) for point in walk_m[1:].tolist())
 
 
-@pytest.mark.parametrize("answer_m", [None, SMALL_M * 5.0 - 800.0, SMALL_M + 300.0])
+@pytest.mark.parametrize("answer_m", [None, SMALL_M * 3.0 - 400.0, SMALL_M + 300.0])
 def test_a_large_an_unknown_or_a_distant_answer_has_none(answer_m):
-    """The second takes a sixteenth of the plan, the last is outside."""
+    """The second would be drawn 1.7 times larger, the last is outside."""
     assert with_inset(PLAN, answer_m, SMALL_M) == (PLAN, None)

@@ -4,6 +4,7 @@ import base64
 import re
 from dataclasses import replace
 from io import BytesIO
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -12,11 +13,12 @@ from PIL import Image
 from pmtiles.tile import TileType
 
 from logger.core.errors import ConfigError
+from logger.core.places import Places
 from logger.sim.scenario import scenario
 from postproc.pictures.survey import survey_of
 from postproc.report.cell_map import cell_map
 from postproc.report.rendering import make_report
-from tests.kit.sample_results import with_word
+from tests.kit.sample_results import UTM, sample_result, with_word
 from tests.kit.vector_tiles import feature, layer, tile_at, write_pmtiles
 
 ORIGIN = "simulated walk block"
@@ -41,6 +43,41 @@ def test_positions_have_the_numbers_of_the_table(result):
     numbers = [i for i, cell in enumerate(result.cells, 1) if cell.verdict != "cannot tell"]
     assert {text for text in texts if text.isdecimal()} == set(map(str, numbers))
     assert f"{numbers[0]} is {result.cells[numbers[0] - 1].cell}" in figure.alt_text
+
+
+def test_labels_of_near_places_hide_neither_each_other_nor_a_mark(result):
+    posterior = result.cells[0].posterior
+    at_m = np.array([posterior.place.xy_m[:, 0] + (k, -0.6 * k) for k in (0.0, 25.0, 50.0)])
+    modes = tuple(
+        replace(posterior.modes[0], probability=share, place=Places.of(*xy_m, utm=UTM))
+        for xy_m, share in zip(at_m, (0.6, 0.3, 0.1), strict=True)
+    )
+    cells = (replace(result.cells[0], posterior=replace(posterior, modes=modes)),)
+    odd = with_word(replace(result, cells=cells))
+    axes = cell_map(survey_of(odd), odd.cells, None).figure.axes[0]
+    axes.figure.draw_without_rendering()
+    labels = [text for text in axes.texts if text.get_text().startswith("1 ")]
+    assert [text.get_text() for text in labels] == ["1 suspicious (60%)", "1 (30%)", "1 (10%)"]
+    boxes = [text.get_window_extent() for text in labels]
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+    marks = axes.transData.transform([text.xy for text in labels])
+    assert not any(box.count_contains(marks) for box in boxes)
+
+
+def test_places_outside_the_plan_are_counted(result):
+    far = sample_result(result.runs[0].run, verdict="ambiguous", places=4)
+    (legend,) = cell_map(survey_of(far), far.cells, None).figure.legends
+    said = legend.get_texts()[0].get_text()
+    assert " ".join(said.split()).endswith(", 3 of 4 places outside the plan")
+
+
+def test_a_long_name_is_whole_in_the_legend(result):
+    long = replace(result.cells[0], cell="x" * 120)
+    figure = cell_map(survey_of(result), [long], None).figure
+    figure.draw_without_rendering()
+    extent = figure.legends[0].get_window_extent()
+    assert extent.x1 <= figure.bbox.x1
+    assert extent.y0 >= figure.bbox.y0
 
 
 def test_a_cell_with_a_word_is_marked_in_shape_and_word(result):

@@ -82,7 +82,9 @@ def test_a_suspicious_cell_comes_before_all(result):
     harmless = "Harmless causes: The border of two areas, a small cell in a house or shop, a legit"
     assert harmless in more.text
     assert "0.03 times an hour (0.00 to 0.14, 95 %) in 38.5 h of 62 runs" in more.text
-    assert "one that only timing advances would betray would not: 0 earlier walks" in more.text
+    assert (
+        "one that only timing advances would betray. Earlier walks of this ground: 0" in more.text
+    )
     row = next(one for one in page.all("tr") if odd.cells[1].cell in one.text)
     assert "✕ suspicious" in row.text
 
@@ -121,7 +123,19 @@ def test_without_a_suspicious_cell_the_page_says_what_it_cannot_see(result):
     page = Page(make_report(kit.with_word(result, word="nothing unusual"), most=1).html)
     assert page.all("h1")[0].text == "No cell is suspicious"
     said = page.by_id("unnoticed").text
-    assert said.startswith("Here a strong new station would most likely have been noticed; a weak")
+    assert said.startswith(
+        "Here a strong new station would most likely have been noticed, but not a weak"
+    )
+
+
+def test_no_line_ends_within_a_value_and_nothing_is_said_twice(page, result, tmp_path):
+    make_report(result).write(tmp_path / "page.html")
+    html = (tmp_path / "page.html").read_text()
+    first = result.cells[0]
+    where = first.place.where.replace(" ", "\N{NO-BREAK SPACE}")
+    assert html.count(where) >= 2  # card and table
+    assert f"within {first.place.r50_m:.0f}\N{NO-BREAK SPACE}m" in html
+    assert html.count("1 of 3 cells located") == 2  # title and heading
 
 
 def test_values_are_those_of_the_summary(page, result):
@@ -148,7 +162,10 @@ def test_values_are_those_of_the_summary(page, result):
         ]
         wanted += [one[name] for one in others for name in ("lat", "lon", "n")]
         assert {value for value in wanted if value is not None} <= shown
-    assert all(abs(float(one.get("value")) - float(one.text)) < 1.0 for one in values)
+    units_m = {"": 1.0, "m": 1.0, "km": 1000.0}
+    for one in values:
+        number, _, unit = one.text.partition(" ")
+        assert float(number) * units_m[unit] == pytest.approx(float(one.get("value")), abs=1.0)
 
 
 def test_a_cell_names_reach_antenna_and_height(page):
@@ -173,7 +190,7 @@ def test_a_claim_on_another_continent(result, degrees):
         cell.cell, cell.n, Claim(cell.cell, *degrees, 5000.0, "x"), "rejected", ("because",)
     )
     page = Page(make_report(result, Verified(0.05, (claim,), (), ()), most=1).html)
-    assert "outside)" in "".join(one.text for one in page.all("text"))
+    assert "outside the plan" in "".join(one.text for one in page.all("text"))
 
 
 def test_without_claims_there_is_no_such_section(result):

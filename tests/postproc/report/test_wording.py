@@ -4,6 +4,7 @@ import pytest
 
 from logger.core.certainty import metres
 from logger.core.document import number_of
+from postproc import summary
 from postproc.report import page
 from tests.kit import sample_results as kit
 
@@ -44,7 +45,7 @@ def test_times():
 
 def advice(result, **changes):
     cell = replace(result.cells[0], **changes)
-    return page.advice_text(result.answer(cell), cell)
+    return summary.advice(result.answer(cell), cell)
 
 
 def test_a_located_cell_needs_no_further_walk_and_a_conspicuous_one_is_searched(result):

@@ -268,7 +268,7 @@ def test_without_the_libraries(walks, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("postproc.survey.cli.find_spec", lambda name: None)
     assert main(["survey", "add", str(walks), "-o", str(tmp_path / "s")]) == 2
     assert capsys.readouterr().err == (
-        "postproc: pyarrow is missing: pip install 'cellwalk[survey]'\n"
+        f"postproc: pyarrow is missing: {sys.executable} -m pip install 'cellwalk[survey]'\n"
     )
 
 

@@ -72,7 +72,7 @@ def _walked_m2(page):
     """Area of the path of the ground that was walked, by its rectangles and the scale bar."""
     bar = re.search(r'<rect class="bar" [^>]* width="([0-9.]+)%" height="4"/>', page)
     width = re.search(r'viewBox="0 0 ([0-9.]+) ', page)
-    label = re.search(r">(\d+) m</text>", page)
+    label = re.search(r">(\d+)\sm</text>", page)
     scale = float(width[1]) * float(bar[1]) / 100.0 / float(label[1])
     path = re.search(r'<path class="walked" d="([^"]*)"', page)[1]
     sizes = re.findall(r"h([0-9.]+)v([0-9.]+)h-", path)

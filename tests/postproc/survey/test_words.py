@@ -15,6 +15,7 @@ from postproc.survey.dataset import Survey
 from postproc.survey.intake import add_files
 from postproc.survey.rule_inputs import rule_inputs, run_of
 from postproc.suspicion.run_assessment import assess_runs, track
+from tests.kit.html_page import with_spaces
 from tests.postproc.baseline.walks import cell, write_walk
 
 FOREIGN = "310-260-9-77"
@@ -140,7 +141,7 @@ def test_words_of_a_version_that_was_a_number_are_asked_again(folder, scheduler,
 
 def test_the_map_begins_with_the_suspicious_cell_and_its_reasons(files, folder, scheduler, capsys):
     assert main(["survey", "map", str(folder), "--scheduler", scheduler]) == 0
-    lead, others = (folder / "survey.html").read_text().split("All cells</h2>")
+    lead, others = with_spaces((folder / "survey.html").read_text()).split("All cells</h2>")
     assert "1 cell is suspicious" in lead
     assert f'<span class="no">1</span> <bdi class="cell">{FOREIGN}</bdi>' in lead
     (word,) = (one for one in assess_runs([read_sound_run(files[0])]).cells if one.cell == FOREIGN)
