@@ -148,10 +148,7 @@ class BlocksEvidence(NamedTuple):
 
 
 def with_possible_exponent(found: Evidence, least_eta: float) -> Evidence:
-    """The evidence where the normal prior of the exponent is cut by Phi((eta - `least_eta`) / .1).
-
-    That leaves each position its probability, and the moments of P0 and eta given it.
-    """
+    """The evidence where the prior of the exponent is cut by Phi((eta - `least_eta`) / .1)."""
     of_p0, of_both, of_eta = found.theta_cov
     log_phi, above, narrowed = tilted_moments(
         found.theta[1] - least_eta, of_eta, np.full_like(of_eta, _LEAST_ETA_SIGMA**2)

@@ -170,8 +170,7 @@ def _parts(walk: Walk, noise: list[Whitener], shift: FloatArray) -> list[BlocksE
 
     Long shadowing says something of the position over hundreds of metres only. Readings closer than
     a coarse block weigh it against short noise (`shift`), but sharpen positions beyond what is
-    true: on 165 measured walks the region missed the transmitter 6 times in a hundred with long
-    noise in 300 blocks, and 3 times in 80.
+    true: with long noise in 300 blocks regions missed 6 % of 165 measured transmitters, in 80 3 %.
     """
     prior, is_long = walk.prior, walk.prior.noise_table.is_long
     short = [one for one in noise if not is_long[one.number]]

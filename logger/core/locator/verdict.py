@@ -32,9 +32,7 @@ _SHORTEST_WALK_M = 20.0
 _LEAST_SPAN_DB = 6.0
 """Half the distance is 6 dB in free space: over less, noise alone may look like an approach."""
 _ETA_RANGE = (1.5, 6.0)
-"""Exponents of the 27 measured walks that are located are 2.0 to 3.7. Three more regions as small
-had less than 1.5: two missed the transmitter, the third did after changes of 1 m and 0.3 dB.
-"""
+"""Measured walks that are located have 2.0 to 3.7."""
 _ONE_SIDED_DEG = 90.0
 """A walk around less than a quarter of the circle cannot bound its distance."""
 _PASSING_M = 20.0
