@@ -130,8 +130,8 @@ def _over_grids(walk: Walk, tree: Tree) -> Tree:
     """The log probability over positions is averaged over grids of the coarse blocks.
 
     As in a composite likelihood (Varin, Reid & Firth, Statistica Sinica 21, 2011): averaged
-    probabilities are as wide as the widest grid's, and 1 m changes which one that is. Of each
-    hypothesis only the shape changes, not the evidence.
+    probabilities are as wide as the widest grid's, and 1 m changes which. Of each hypothesis only
+    the shape changes, not the evidence.
     """
     mixed = tree.mixture(walk.prior)
     is_coarse = walk.prior.noise_table.is_long[tree.numbers] | (not walk.is_searched_twice)
