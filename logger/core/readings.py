@@ -299,11 +299,7 @@ class Readings:
     def _is_valid(self) -> BoolArray:
         places = self.places
         columns = np.stack([places.x_m, places.y_m, places.sigma_m, self.level_dbm])
-        is_valid = np.asarray(np.all(np.abs(columns) < _FARTHEST_M, axis=0))  # NaN compares false
-        if np.any(is_valid):  # a place that has no cell in common with the middle one is an error
-            x_m, y_m = (np.median(v[is_valid]) for v in (places.x_m, places.y_m))
-            is_valid &= np.hypot(places.x_m - x_m, places.y_m - y_m) < 2.0 * CELL_REACH_M
-        return is_valid
+        return np.asarray(np.all(np.abs(columns) < _FARTHEST_M, axis=0))  # NaN compares false
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from logger.core.locator.symmetry import snap_to_curve
 from logger.core.locator.timing_advance import timing_of
 from logger.core.model.blocks import blocks
 from logger.core.model.prior import Prior
-from logger.core.readings import Readings
+from logger.core.readings import CELL_REACH_M, Readings
 
 COARSE_BLOCKS = 80
 """Blocks of the coarse search: its time grows with their square."""
@@ -58,7 +58,7 @@ def prepare(obs: Readings, prior: Prior, effort: Effort) -> LocatorInput:
     n_modems = obs.n_modems
     if prior.area is not None:
         prior = replace(prior, area=prior.area.at([obs.places]))
-    obs = of_most_heard_modems(obs.usable())
+    obs = of_most_heard_modems(_near_the_middle(obs.usable()))
     limit = obs.limit
     if not np.any(limit == 0):
         raise EstimationError("there is no reading of this cell within the modem's scale")
@@ -74,6 +74,15 @@ def prepare(obs: Readings, prior: Prior, effort: Effort) -> LocatorInput:
     walk_prior = replace(prior, p0_dbm=prior.p0_dbm - mean_dbm)
     walk = _on_one_scale(_in_blocks(centred, walk_prior, effort), centred)
     return LocatorInput(walk._replace(timing=timing), prior, mean_dbm, n_modems, strongest, seen)
+
+
+def _near_the_middle(obs: Readings) -> Readings:
+    # a fix that has no cell in common with the middle one is an error
+    if not len(obs):
+        return obs
+    away_m = np.hypot(obs.x_m - np.median(obs.x_m), obs.y_m - np.median(obs.y_m))
+    is_near = away_m < 2.0 * CELL_REACH_M
+    return obs if np.all(is_near) else obs.part(is_near)
 
 
 def of_most_heard_modems(obs: Readings) -> Readings:

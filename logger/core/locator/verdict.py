@@ -33,6 +33,7 @@ _LEAST_SPAN_DB = 6.0
 """Half the distance is 6 dB in free space: over less, noise alone may look like an approach."""
 _ETA_RANGE = (1.5, 6.0)
 """Measured walks that are located have 2.0 to 3.7."""
+_ETA_SIGMAS = 2.0  # closer to the least exponent it is the prior that makes levels fall
 _ONE_SIDED_DEG = 90.0
 """A walk around less than a quarter of the circle cannot bound its distance."""
 _PASSING_M = 20.0
@@ -111,12 +112,16 @@ def _small_span(case: _Case) -> str | None:
 
 
 def _eta_at_bound(case: _Case) -> str | None:
-    eta = float(case.modes[0].state[3])
+    mode, least = case.modes[0], case.posterior.prior.least_eta
+    eta, sigma = float(mode.state[3]), float(np.sqrt(mode.covariance[3, 3]))
     low, high = _ETA_RANGE
-    if low < eta < high:
+    if eta >= high:
+        how = "fall too steeply with the distance"
+    elif eta <= low or eta - _ETA_SIGMAS * sigma < least:
+        how = "hardly fall with the distance"
+    else:
         return None
-    how = "hardly fall with the distance" if eta <= low else "fall too steeply with the distance"
-    return f"the levels {how} from the position: a path loss exponent of {eta:.1f}"
+    return f"the levels {how} from the position: a path loss exponent of {eta:.1f} ± {sigma:.1f}"
 
 
 def _beyond_reach(case: _Case) -> str | None:

@@ -190,7 +190,7 @@ def test_a_claim_on_another_continent(result, degrees):
         cell.cell, cell.n, Claim(cell.cell, *degrees, 5000.0, "x"), "rejected", ("because",)
     )
     page = Page(make_report(result, Verified(0.05, (claim,), (), ()), most=1).html)
-    assert "outside the plan" in "".join(one.text for one in page.all("text"))
+    assert "outside the plan" in " ".join(one.text for one in page.all("text"))
 
 
 def test_without_claims_there_is_no_such_section(result):
