@@ -116,12 +116,17 @@ def _eta_at_bound(case: _Case) -> str | None:
     eta, sigma = float(mode.state[3]), float(np.sqrt(mode.covariance[3, 3]))
     low, high = _ETA_RANGE
     if eta >= high:
-        how = "fall too steeply with the distance"
-    elif eta <= low or eta - _ETA_SIGMAS * sigma < least:
-        how = "hardly fall with the distance"
+        how = "fall too steeply"
+    elif eta <= low:
+        how = "hardly fall"
+    elif eta - _ETA_SIGMAS * sigma < least:
+        how = "may hardly fall"
     else:
         return None
-    return f"the levels {how} from the position: a path loss exponent of {eta:.1f} ± {sigma:.1f}"
+    return (
+        f"the levels {how} with the distance from the position: "
+        f"a path loss exponent of {eta:.1f} ± {sigma:.1f}"
+    )
 
 
 def _beyond_reach(case: _Case) -> str | None:
