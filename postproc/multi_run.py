@@ -117,7 +117,6 @@ def in_order(
 
 
 def _scale_first(parts: Mapping[Key, Readings]) -> dict[Key, Readings]:
-
     def rank(part: tuple[Key, Readings]) -> tuple[int, float]:
         obs = part[1]
         return -int(np.count_nonzero(obs.limit == 0)), -float(np.sum(obs.level_dbm))

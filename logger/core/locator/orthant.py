@@ -118,7 +118,7 @@ def _gaussian_integral(
 
 
 def tilted_moments(
-    mean: FloatArray, variance: FloatArray, own_variance: FloatArray
+    mean: FloatArray, variance: FloatArray, own_variance: FloatArray | float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Log probability that a noisy normal is positive, and its moments given that."""
     sd = np.sqrt(variance + own_variance)

@@ -151,7 +151,7 @@ def with_possible_exponent(found: Evidence, least_eta: float) -> Evidence:
     """The evidence where the prior of the exponent is cut by Phi((eta - `least_eta`) / .1)."""
     of_p0, of_both, of_eta = found.theta_cov
     log_phi, above, narrowed = tilted_moments(
-        found.theta[1] - least_eta, of_eta, np.full_like(of_eta, _LEAST_ETA_SIGMA**2)
+        found.theta[1] - least_eta, of_eta, _LEAST_ETA_SIGMA**2
     )
     theta, per_eta = found.theta.copy(), of_both / of_eta
     theta[0] += per_eta * (above + least_eta - theta[1])
