@@ -8,21 +8,14 @@ import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.errors import EstimationError
-from logger.core.places import (
-    TIMING_S,
-    UNKNOWN_SIGMA_M,
-    Places,
-    index_of,
-    join_places,
-    smeared_sigma_m,
-)
+from logger.core.places import UNKNOWN_SIGMA_M, Places, index_of, join_places
 from logger.core.readings import NEAR_M, Observations, Readings, modems_of, observe, scan_times_ns
 from logger.core.rows import Rows, numbered_texts
 from logger.core.runfile import Run
 from logger.core.runfile.meta import has_times, is_dated, is_import
 from logger.core.types import UNKNOWN_TIME
-from postproc.estimators import track_plausibility, walker
-from postproc.estimators.walker import SmoothedTrack
+from logger.core.walker import SmoothedTrack, places_during, smooth_track, velocities
+from postproc.estimators import track_plausibility
 from postproc.result import ObservedRun
 
 _LEAST_LISTS = 0.05
@@ -165,16 +158,15 @@ def _as_written(observations: Observations) -> Observations:
 
 def _smooth_track(tables: Mapping[str, Rows], observations: Observations) -> SmoothedTrack:
     track = track_plausibility.without_stale(observations.track)
-    return walker.smooth_track(track, walker.velocities(tables["fixes"], track))
+    return smooth_track(track, velocities(tables["fixes"], track))
 
 
 def _place_readings(
     tables: Mapping[str, Rows], observations: Observations, track: SmoothedTrack
 ) -> Observations:
-    """A level is an average over seconds or a scan: its place is unsure by the way walked then."""
     scans = tables["scans"]
     begin_ns, end_ns = scans["t_start_ns"], scans["t_ns"]
-    of_scan = _place(track, (begin_ns + end_ns) // 2, begin_ns, end_ns)
+    of_scan = places_during(track.at, (begin_ns + end_ns) // 2, begin_ns, end_ns)
 
     def place_cell(obs: Readings) -> Readings:
         index, is_there = (
@@ -183,19 +175,10 @@ def _place_readings(
         if np.all(is_there):  # all cells of a scan are at one place
             places = replace(of_scan.part(index), t_ns=obs.t_ns)
         else:
-            places = _place(track, obs.t_ns, *scan_times_ns(scans, obs))
+            places = places_during(track.at, obs.t_ns, *scan_times_ns(scans, obs))
         return replace(obs, places=places)
 
     return replace(observations, cells=tuple(place_cell(obs) for obs in observations.cells))
-
-
-def _place(track: SmoothedTrack, t_ns: IntArray, begin_ns: IntArray, end_ns: IntArray) -> Places:
-    placed = track.at(t_ns)
-    before, after = (track.at(t_ns + shift) for shift in (-(10**9) // 2, 10**9 // 2))
-    late_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
-    begun, ended = track.at(begin_ns), track.at(end_ns)
-    smear_m = smeared_sigma_m(np.hypot(ended.x_m - begun.x_m, ended.y_m - begun.y_m))
-    return replace(placed, sigma_m=np.sqrt(placed.sigma_m**2 + late_m**2 + smear_m**2))
 
 
 def _describe_moved_fixes(track: SmoothedTrack) -> list[str]:

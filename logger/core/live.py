@@ -9,6 +9,8 @@ from collections.abc import Collection, Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from logger.core import ekf
 from logger.core.answer import Answer
 from logger.core.baseline import NO_BASELINE, Baseline
@@ -37,6 +39,7 @@ from logger.core.readings import Readings, limit_of
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import error_notes, finding_notes
 from logger.core.types import CellReading, Fix, LiveEstimate, Note, Record, Scan
+from logger.core.walker import LiveTrack
 
 # The filter starts at the receiver, and again when the target changes. Its estimates are recorded
 # with the stage `REFERENCE`.
@@ -190,13 +193,21 @@ class Receiver(NamedTuple):
     place: Places
     speed_mps: float
 
+    def at(self, t_ns: int) -> "Receiver":
+        """The same at another time."""
+        return self._replace(place=replace(self.place, t_ns=np.array([t_ns])))
+
 
 class ReceiverTrack:
-    """Fixes in their recorded order; `utm` is the zone of the first position, None before."""
+    """Fixes in their recorded order; `utm` is the zone of the first position, None before.
+
+    `walk` has them smoothed.
+    """
 
     def __init__(self, max_fix_age_s: float) -> None:
         self.utm: Utm | None = None
         self._fixes = SampleHold[Receiver](max_fix_age_s)
+        self.walk = LiveTrack()
         self._gate = FixGate()
         self._warned: set[str] = set()
 
@@ -217,22 +228,24 @@ class ReceiverTrack:
         except GeoError as error:
             warnings = self._warn_once("unmapped", f"no live estimate: {error}")
         self._fixes.add(t_ns, receiver)
+        if receiver is not None:
+            self.walk.add(receiver.place, fix)
         return warnings
 
     def at_scan(self, t_ns: int, scan: Scan) -> Receiver | None:
         """The receiver at the middle of a scan that ended at `t_ns`, None if unknown.
 
-        The way walked during the scan adds to its sigma.
+        The way walked during the scan adds to its sigma. Its time is that of the middle.
         """
-        end = self._fixes.at(t_ns)
+        end, middle_ns = self._fixes.at(t_ns), (scan.t_start_ns + t_ns) // 2
         if end is None or t_ns - scan.t_start_ns <= TIMING_S * 1e9:
-            return end
-        begin = self._fixes.at(scan.t_start_ns)
-        middle = self._fixes.at((scan.t_start_ns + t_ns) // 2)
+            return end and end.at(middle_ns)
+        begin, middle = self._fixes.at(scan.t_start_ns), self._fixes.at(middle_ns)
         if begin is None or middle is None:
             return None
+        self.walk.add_scan(scan.t_start_ns, t_ns)
         smear_m = smeared_sigma_m(end.place.away_m(begin.place))
-        return middle._replace(place=middle.place.less_sure(float(smear_m)))
+        return middle._replace(place=middle.place.less_sure(float(smear_m))).at(middle_ns)
 
     def _receiver(self, t_ns: int, fix: Fix) -> Receiver | None:
         place = place_of_fix(t_ns, fix, self.utm)
@@ -403,7 +416,8 @@ class LiveTracker:
             return []
         here, target, before_end = receiver.place, pursuit.cell, pursuit.over
         if self.followed is None or self.followed.cell != target:
-            self.followed = FollowedCell(target, self._streets.near(here))
+            streets = self._streets.near(here)
+            self.followed = FollowedCell(target, streets, self._track.walk)
         before = self.followed.way
         word = self.suspicion.assessment(target).word
         pursuit.walk(t_ns, here, is_suspicious=word == "suspicious")

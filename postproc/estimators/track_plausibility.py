@@ -13,7 +13,7 @@ import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.places import TIMING_S, Track, smeared_sigma_m
-from postproc.estimators.walker import SmoothedTrack
+from logger.core.walker import SmoothedTrack
 
 FASTEST_MPS = 60.0
 """Half of the steps faster than 216 km/h: no walk, no bus and hardly a train."""

@@ -15,6 +15,7 @@ from logger.core.model.prior import Prior
 from logger.core.places import TIMING_S, Places, place_of_fix
 from logger.core.readings import Readings, limit_of
 from logger.core.types import Fix, range_dbm
+from logger.core.walker import LiveTrack
 from postproc.interop.sighting import LEVEL_RANGE_DBM, RATS
 
 COLUMNS = ("t_s", "lat", "lon", "rssi_dbm")
@@ -60,6 +61,7 @@ class GuideFilter:
         self._prior, self._cell, self._atlas = prior, cell, StreetAtlas(lines)
         self.locator = OnlineLocator(prior)
         self._start: Places | None = None
+        self._walk = LiveTrack()
         self._followed: FollowedCell | None = None
         self._last: tuple[float, Places] | None = None  # time in seconds
         self._strongest: Readings | None = None
@@ -98,7 +100,8 @@ class GuideFilter:
         if followed is None:
             streets = self._atlas.near(place)
             self.is_off_map = streets is not None and not _is_within(streets, place)
-            followed = self._followed = FollowedCell(self._cell or "", streets)
+            followed = self._followed = FollowedCell(self._cell or "", streets, self._walk)
+        self._walk.add(place)
         timed = place.less_sure(TIMING_S * self._speed_mps(t_s, place))
         if level_dbm is not None and self._is_followed(row):
             self.levels += 1

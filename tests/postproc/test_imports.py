@@ -84,7 +84,7 @@ def estimated_run(run):
 
 def test_smooth_imports_nothing_to_draw_with_and_no_general_optimiser(estimated_run):
     loaded = _modules_after("smooth", estimated_run)
-    assert "postproc.estimators.walker_kalman" in loaded  # it has estimated anew
+    assert "logger.core.walker_kalman" in loaded  # it has estimated anew
     assert not loaded & {"matplotlib", "rerun", "PIL", "jinja2", "pandas", "scipy.stats"}
     assert "scipy.optimize" not in loaded
 
@@ -101,7 +101,7 @@ def test_a_stored_result_is_shown_without_estimators(estimated_run, tmp_path, ar
     command, *options, output = argv
     loaded = _modules_after(command, estimated_run, *options, str(tmp_path / output))
     assert loaded & HEAVY == {"pyproj", "shapely"} | drawn_with
-    assert not loaded & {"h5py", "postproc.smoothing", "postproc.estimators.walker_kalman"}
+    assert not loaded & {"h5py", "postproc.smoothing", "logger.core.walker_kalman"}
 
 
 def test_recover_imports_no_estimator(run, tmp_path):

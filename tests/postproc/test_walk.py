@@ -3,7 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from logger.core.live import LiveTracker
+from logger.core.live_settings import LiveSettings
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.multi_run import merge
@@ -80,3 +83,27 @@ def test_fixes_that_fit_on_no_path_are_used_as_written_and_count_as_less_certain
     step_m = np.abs(np.diff(north_m))
     assert np.all(obs.position_sigma_m[1:] > 2.0 * step_m / 11.0)  # late by two seconds
     assert np.all(obs.position_sigma_m > track.sigma_m)
+
+
+@pytest.mark.parametrize("scan_s", [1, 12])
+def test_the_device_places_the_readings_of_its_answer_where_the_desktop_does(tmp_path, scan_s):
+    rng, records, tracker = np.random.default_rng(5), [], LiveTracker(LiveSettings())
+    for t_s in range(240):
+        noise_m = rng.normal(0.0, 3.0, 2)
+        lat_deg, lon_deg = 52.0 + noise_m[0] / 111_200.0, 13.0 + (1.4 * t_s + noise_m[1]) / 68_500.0
+        fix = Fix(True, None, lat_deg, lon_deg, hdop=1.0, speed_mps=1.4, course_deg=90.0)
+        records.append(Record(t_s * 10**9, "gnss", fix))
+        if t_s % scan_s == 0 and t_s > scan_s:
+            scan = Scan((t_s - scan_s) * 10**9, (runs.reading(1, -70.0 - t_s // 10),))
+            records.append(Record(t_s * 10**9 + 10**8, "modem", scan))
+    for seq, record in enumerate(records):
+        tracker.feed(seq, record)
+    runs.write_journal(tmp_path / "walk.journal", records)
+    (desk,) = observe_run(read_run(tmp_path / "walk.journal")).observations.cells
+    (cell,) = tracker._cells.values()
+    device = tracker._track.walk.place(cell.locator.readings.readings())
+    row = np.searchsorted(desk.t_ns, device.t_ns)
+    np.testing.assert_array_equal(desk.t_ns[row], device.t_ns)
+    for name, atol_m in (("x_m", 0.02), ("y_m", 0.02), ("position_sigma_m", 0.05)):
+        of_desk, of_device = getattr(desk, name)[row], getattr(device, name)
+        np.testing.assert_allclose(of_device, of_desk, rtol=0.0, atol=atol_m)

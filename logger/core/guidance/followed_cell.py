@@ -35,6 +35,7 @@ from logger.core.locator.two_source_test import (
 from logger.core.locator.verdict import LIVE_M, Decision, assess, may_move
 from logger.core.places import Places
 from logger.core.readings import Readings
+from logger.core.walker import LiveTrack
 
 CONFIRMED_AFTER = 4
 """Updates, 25 m each: a leg away from a place shows whether it is wrong."""
@@ -102,11 +103,15 @@ class LiveVerdict:
 class FollowedCell:
     """Answer and advice for one `cell`, renewed as the walker moves, and once where he stops.
 
-    `region` is that of the answer; both are None before the first search. `way` is the advice.
+    Readings are placed on the smoothed `walk`, as on the desktop. `region` is that of the answer;
+    both are None before the first search. `way` is the advice.
     """
 
-    def __init__(self, cell: str, streets: StreetMap | None = None) -> None:
+    def __init__(
+        self, cell: str, streets: StreetMap | None = None, walk: LiveTrack | None = None
+    ) -> None:
         self.cell = cell
+        self._walk = walk or LiveTrack()
         self._guide = Guide(streets)
         self._verdict = LiveVerdict()
         self._latest: _Latest | None = None
@@ -146,7 +151,7 @@ class FollowedCell:
 
     def _answer(self, locator: OnlineLocator, *, stands: bool) -> float:
         """Answer by all kept readings; returns the 95 % radius, NaN without an answer."""
-        obs = locator.readings.readings()
+        obs = self._walk.place(locator.readings.readings())
         try:
             posterior = locate(obs, locator.prior)
         except EstimationError:  # of few levels within the scale the thinning has dropped all

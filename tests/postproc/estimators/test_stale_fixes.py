@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from logger.core import walker
 from logger.core.places import Track, Utm
-from postproc.estimators import track_plausibility, walker
+from postproc.estimators import track_plausibility
 
 
 def track(t_s, x_m, y_m=None, sigma_m=7.0):

@@ -21,7 +21,7 @@ errors", erols.com/dlwilson).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from math import sqrt
 from typing import NamedTuple
@@ -29,9 +29,20 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
-from logger.core.places import MAX_GAP_S, Places, Track
+from logger.core.places import (
+    MAX_GAP_S,
+    PLANE,
+    TIMING_S,
+    Places,
+    Track,
+    Utm,
+    join_places,
+    smeared_sigma_m,
+)
+from logger.core.readings import Readings
 from logger.core.rows import Rows
-from postproc.estimators.walker_kalman import Model, Series, excess_variance, score, smooth
+from logger.core.types import Fix
+from logger.core.walker_kalman import Model, Series, excess_variance, score, smooth
 
 VELOCITY_SIGMA_MPS = 0.3
 """Per axis, of velocities a second apart; denser ones carry no more information."""
@@ -61,6 +72,12 @@ _STRETCHES, _STRETCH = 5, 1000
 over the run."""
 _LONGEST_STEP_S = 3600.0  # beyond it nothing is known, and floats would lose the rest
 _LEAST_STEP_S = 0.1  # for the rate of velocities: no receiver used here is faster
+_MOST_FIXES = 2000
+"""Fixes of a walk that goes on: half an hour, smoothed in .2 s of a laptop."""
+_OVERLAP = 60
+"""Fixes that are smoothed once more with those after them: a minute, in which errors wander."""
+_FEWEST_FIXES = 10
+"""For a likeliest motion."""
 
 
 class Velocities(NamedTuple):
@@ -110,30 +127,40 @@ class SmoothedTrack:
 def velocities(fixes: Rows, track: Track) -> Velocities:
     """Speed and course from the table `fixes`, joined to a track by record number.
 
-    Unknown where the table has none. Receivers print no course at rest: below 0.5 m/s the velocity
-    is then zero with the speed as sigma.
+    Unknown where the table has none.
     """
     order = np.argsort(fixes["seq"])
     number = np.searchsorted(fixes["seq"], track.seq, sorter=order)
     row = fixes[order[np.minimum(number, len(fixes) - 1)]]
-    speed = np.where(row["seq"] == track.seq, row["speed_mps"], np.nan)
-    still = ~np.isfinite(row["course_deg"]) & (speed < _STILL_MPS)
-    moving = np.isfinite(speed * row["course_deg"])
-    azimuth = np.radians(row["course_deg"]) - _convergence(row, track)
-    east, north = (np.where(moving, speed * f(azimuth), 0.0) for f in (np.sin, np.cos))
-    sigma = np.hypot(VELOCITY_SIGMA_MPS, np.where(still, speed, 0.0))
+    speed_mps = np.where(row["seq"] == track.seq, row["speed_mps"], np.nan)
+    return _velocities(speed_mps, row["course_deg"], track)
+
+
+def _velocities(speed_mps: FloatArray, course_deg: FloatArray, track: Track) -> Velocities:
+    """At rest receivers print no course: below 0.5 m/s the velocity is zero, sigma the speed."""
+    still = ~np.isfinite(course_deg) & (speed_mps < _STILL_MPS)
+    moving = np.isfinite(speed_mps * course_deg)
+    azimuth = np.radians(course_deg) - _convergence(track)
+    east, north = (np.where(moving, speed_mps * f(azimuth), 0.0) for f in (np.sin, np.cos))
+    sigma = np.hypot(VELOCITY_SIGMA_MPS, np.where(still, speed_mps, 0.0))
     return Velocities(east, north, np.where(still | moving, sigma, np.inf))
 
 
-def _convergence(row: Rows, track: Track) -> FloatArray:
+def _convergence(track: Track) -> FloatArray:
     """Azimuth of grid north, radians: tan = tan(dlon) sin(lat), dlon from the central meridian."""
     middle_deg = 6.0 * abs(track.utm.zone) - 183.0
-    dlon = np.radians((row["lon_deg"] - middle_deg + 180.0) % 360.0 - 180.0)
-    return np.asarray(np.arctan(np.tan(dlon) * np.sin(np.radians(row["lat_deg"]))), float)
+    lat_deg, lon_deg = track.lat_lon_deg
+    dlon = np.radians((lon_deg - middle_deg + 180.0) % 360.0 - 180.0)
+    return np.asarray(np.arctan(np.tan(dlon) * np.sin(np.radians(lat_deg))), float)
 
 
-def smooth_track(track: Track, velocity: Velocities | None = None) -> SmoothedTrack:
-    """Smooth the fixes of a run, in time that grows linearly with their number."""
+def smooth_track(
+    track: Track, velocity: Velocities | None = None, *, like: SmoothedTrack | None = None
+) -> SmoothedTrack:
+    """Smooth the fixes of a run, in time that grows linearly with their number.
+
+    q and the white share are those of `like`, by default the likeliest.
+    """
     excess = np.zeros((len(track.t_ns), 2))
     stretches = _stretches(len(track.t_ns))
 
@@ -141,7 +168,7 @@ def smooth_track(track: Track, velocity: Velocities | None = None) -> SmoothedTr
         model = _model(track, velocity, q, share)
         return sum(score(model.part(some), excess[some]) for some in stretches)
 
-    q, share = _likeliest(likelihood)
+    q, share = (like.accel_m2s3, like.white_share) if like else _likeliest(likelihood)
     model = _model(track, velocity, q, share)
     score(model, excess)  # the first weights come from the fixes before each
     series, apart2, expected = smooth(model, excess)
@@ -258,3 +285,95 @@ def interpolate(
     u[before == last] = 0.0  # no fix follows
     mean += np.einsum("ni,nij->nj", u, r)
     return mean, variance - np.einsum("ni,nij,nj->n", u, n, u)
+
+
+def places_during(
+    at: Callable[[IntArray], Places], t_ns: IntArray, begin_ns: IntArray, end_ns: IntArray
+) -> Places:
+    """Places of scans by the walker's places `at` times; arrays of shape (n,).
+
+    A level is an average over seconds or a scan: its place is unsure by the way walked then.
+    """
+    placed = at(t_ns)
+    before, after = (at(t_ns + shift) for shift in (-(10**9) // 2, 10**9 // 2))
+    late_m = TIMING_S * np.hypot(after.x_m - before.x_m, after.y_m - before.y_m)
+    begun, ended = at(begin_ns), at(end_ns)
+    smear_m = smeared_sigma_m(np.hypot(ended.x_m - begun.x_m, ended.y_m - begun.y_m))
+    return replace(placed, sigma_m=np.sqrt(placed.sigma_m**2 + late_m**2 + smear_m**2))
+
+
+class LiveTrack:
+    """The walk so far, for readings on the device to have the places that the desktop gives them.
+
+    Its latest `_MOST_FIXES` are smoothed when readings are placed; older ones no longer change.
+    Without times nothing is smoothed.
+    """
+
+    def __init__(self) -> None:
+        self._utm: Utm | None = None
+        self._fixes: list[tuple[float, ...]] = []
+        self._settled: Places | None = None
+        self._n, self._is_timed = 0, True
+        self._scan_ns: dict[int, int] = {}
+        self._smoothed: SmoothedTrack | None = None
+        self._like: SmoothedTrack | None = None
+        self._n_like = 0
+
+    def add(self, place: Places, fix: Fix | None = None) -> None:
+        """Take the next position, and the velocity of its fix if there is one."""
+        t_ns = place.t_ns.item()
+        self._is_timed &= t_ns > 0 or not self._n
+        if self._fixes and t_ns <= self._fixes[-1][4]:
+            return
+        speed_mps, course_deg = (fix.speed_mps, fix.course_deg) if fix else (None, None)
+        velocity = (np.nan if one is None else one for one in (speed_mps, course_deg))
+        columns = place.x_m, place.y_m, place.z_m, place.sigma_m, place.t_ns
+        self._fixes.append((*(column.item() for column in columns), *velocity))
+        self._utm, self._smoothed, self._n = place.utm, None, self._n + 1
+        if len(self._fixes) == _MOST_FIXES:
+            self._settle()
+
+    def add_scan(self, begin_ns: int, end_ns: int) -> None:
+        """Take the time of a scan that lasted so long that the way walked counts."""
+        self._scan_ns[(begin_ns + end_ns) // 2] = end_ns - begin_ns
+
+    def place(self, obs: Readings) -> Readings:
+        """The readings in order of time, at their smoothed places."""
+        if len(self._fixes) < _FEWEST_FIXES or not self._is_timed:
+            return obs
+        obs = obs.part(np.argsort(obs.t_ns, kind="stable"))
+        half_ns = np.array([self._scan_ns.get(t_ns, 0) for t_ns in obs.t_ns.tolist()]) // 2
+        places = places_during(self._at, obs.t_ns, obs.t_ns - half_ns, obs.t_ns + half_ns)
+        return replace(obs, places=places)
+
+    def _at(self, t_ns: IntArray) -> Places:
+        if self._smoothed is None:
+            self._smoothed = self._smooth()
+        placed = self._smoothed.at(t_ns)
+        if self._settled is None:
+            return placed
+        is_old, settled = t_ns <= self._settled.t_ns[-1], self._settled.at(t_ns)
+        names = ("x_m", "y_m", "z_m", "sigma_m")
+        return replace(
+            placed,
+            **{k: np.where(is_old, getattr(settled, k), getattr(placed, k)) for k in names},
+        )
+
+    def _settle(self) -> None:
+        half = _MOST_FIXES // 2
+        smoothed = self._smooth()
+        places = smoothed.at(smoothed.track.t_ns[:half])
+        if self._settled is not None:
+            is_new = places.t_ns > self._settled.t_ns[-1]
+            places = join_places([self._settled, places.part(is_new)])
+        self._settled, self._fixes = places, self._fixes[half - _OVERLAP :]
+
+    def _smooth(self) -> SmoothedTrack:
+        x_m, y_m, z_m, sigma_m, t_ns, speed_mps, course_deg = np.array(self._fixes).T
+        utm, seq = self._utm or PLANE, np.arange(len(t_ns))
+        track = Track(x_m, y_m, z_m, sigma_m, t_ns.astype(np.int64), utm, seq=seq)
+        like = self._like if self._n < 2 * self._n_like else None
+        smoothed = smooth_track(track, _velocities(speed_mps, course_deg, track), like=like)
+        if like is None:
+            self._like, self._n_like = smoothed, self._n
+        return smoothed

@@ -7,7 +7,7 @@ from operator import mul
 import numpy as np
 import pytest
 
-from postproc.estimators import walker, walker_kalman
+from logger.core import walker, walker_kalman
 from tests.kit.walker_tracks import track
 
 

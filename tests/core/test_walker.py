@@ -4,9 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from logger.core.places import Utm
+from logger.core import walker, walker_kalman
+from logger.core.places import Places, Utm
+from logger.core.readings import Readings
 from logger.core.rows import DTYPES
-from postproc.estimators import walker, walker_kalman
 from tests.kit.scaling import check_growth
 from tests.kit.walker_tracks import at, streets, track, wander
 
@@ -198,9 +199,10 @@ def test_velocities_come_from_speed_and_course_on_the_grid():
     fixes["lat_deg"], fixes["lon_deg"] = 52.0, 17.5  # 2.5 deg east of the middle of zone 33
     fixes["speed_mps"] = [2.0, 0.1, np.nan, 2.0]
     fixes["course_deg"] = [0.0, np.nan, 90.0, np.nan]
-    given = replace(track(np.arange(3.0), np.zeros((3, 2))), seq=np.array([3, 7, 8]))
-    result = walker.velocities(fixes, given)
     utm = Utm(33)
+    given = replace(track(np.arange(3.0), np.zeros((3, 2))), seq=np.array([3, 7, 8]))
+    x_m, y_m = (np.full(3, value) for value in utm.to_xy(52.0, 17.5))
+    result = walker.velocities(fixes, replace(given, x_m=x_m, y_m=y_m))
     north = np.subtract(utm.to_xy(52.001, 17.5), utm.to_xy(52.0, 17.5))
     np.testing.assert_allclose(
         [result.east_mps[0], result.north_mps[0]], 2.0 * north / np.hypot(*north), atol=1e-4
@@ -247,3 +249,76 @@ def test_stretches_of_a_long_run_tell_its_motion_as_all_of_it_does(monkeypatch):
     complete = walker.smooth_track(fixes)
     assert stretched.accel_m2s3 == complete.accel_m2s3
     assert stretched.white_share == complete.white_share
+
+
+# --- while the walk goes on ---
+
+
+def _live(fixes):
+    live = walker.LiveTrack()
+    for k in range(len(fixes)):
+        live.add(fixes[k])
+    return live
+
+
+def _readings(t_ns):
+    places = Places.of(np.zeros(len(t_ns)), np.zeros(len(t_ns)), t_ns=t_ns, utm=Utm(33))
+    return Readings("a", "GSM", places, np.full(len(t_ns), -70.0), np.arange(len(t_ns)))
+
+
+def _noisy_streets(seconds, seed=3):
+    rng = np.random.default_rng(seed)
+    t_s, xy = streets(rng, seconds)
+    return track(t_s, xy + wander(rng, t_s, 2.0, 60.0) + rng.normal(size=xy.shape))
+
+
+def test_readings_on_the_way_are_placed_as_after_the_walk():
+    fixes = _noisy_streets(300)
+    readings = _readings(np.sort(np.random.default_rng(0).choice(fixes.t_ns, 100)) + 4 * 10**8)
+    places = _live(fixes).place(readings).places
+    after = walker.places_during(
+        walker.smooth_track(fixes).at, readings.t_ns, readings.t_ns, readings.t_ns
+    )
+    for name in ("x_m", "y_m", "sigma_m"):
+        np.testing.assert_allclose(getattr(places, name), getattr(after, name), atol=1e-6)
+
+
+def test_places_of_a_long_walk_settle_where_the_complete_walk_has_them(monkeypatch):
+    fixes = _noisy_streets(6000)
+    sizes = []
+    smooth = walker.smooth_track
+    live = walker.LiveTrack()
+    monkeypatch.setattr(
+        walker, "smooth_track", lambda t, *a, **k: sizes.append(len(t)) or smooth(t, *a, **k)
+    )
+    for k in range(len(fixes)):
+        live.add(fixes[k])
+        if k % 500 == 0:
+            live.place(_readings(fixes.t_ns[: k + 1]))
+    places = live.place(_readings(fixes.t_ns)).places
+    after = smooth(fixes).at(fixes.t_ns)
+    apart_m = np.hypot(places.x_m - after.x_m, places.y_m - after.y_m)
+    raw_m = np.hypot(fixes.x_m - after.x_m, fixes.y_m - after.y_m)
+    print(
+        f"apart {np.median(apart_m):.3f}, at most {np.max(apart_m):.2f}; raw {np.median(raw_m):.2f}"
+    )
+    assert max(sizes) == 2000
+    assert np.median(apart_m) < 0.1 * np.median(raw_m)
+    assert np.max(apart_m) < 2.0
+
+
+def test_the_way_walked_in_a_long_scan_adds_to_the_sigma_of_its_place():
+    t_s = np.arange(200.0)
+    fixes = track(t_s, np.column_stack([1.4 * t_s, np.zeros(200)]), 1.0)
+    live, middle_ns = _live(fixes), fixes.t_ns[[100]]
+    (before_m,) = live.place(_readings(middle_ns)).places.sigma_m
+    live.add_scan(fixes.t_ns[80].item(), fixes.t_ns[120].item())
+    (sigma_m,) = live.place(_readings(middle_ns)).places.sigma_m
+    assert sigma_m**2 - before_m**2 == pytest.approx((40.0 * 1.4) ** 2 / 12.0, rel=0.05)
+
+
+def test_without_times_places_stay_as_they_are():
+    fixes = _noisy_streets(60)
+    live = _live(replace(fixes, t_ns=np.zeros(60, np.int64)))
+    readings = _readings(np.zeros(20, np.int64))
+    assert live.place(readings) is readings
