@@ -58,7 +58,7 @@ class _Tests:
 
 
 _TWO_SENTENCE = (
-    "the levels fit two places {apart_m} m apart better than one (log evidence {log_evidence})"
+    "the levels fit two places {apart_m} apart better than one (log evidence {log_evidence})"
 )
 # of S5 and S9: of findings with one sentence `words.sentences` prints the strongest
 _TWO_HARMLESS = "hills and tall buildings, a repeater, a cell with two antennas"

@@ -148,7 +148,7 @@ def _two_areas(memory: Memory, cell: HeardCell) -> Evidence | None:
     family="plan",
     needs=("identity", "channel", "colour code", "position"),
     gate="each held for 10 s; within 300 m of each other one is 10 dB stronger",
-    sentence="channel {channel} with code {code} is also that of {other}, heard {apart_m} m away",
+    sentence="channel {channel} with code {code} is also that of {other}, heard {apart_m} away",
     harmless="a telephone that prints the old identity with the new channel",
     detection=0.5,
     measured=on_telephones(GSM=(0, 21, 2.0)),

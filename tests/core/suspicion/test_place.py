@@ -4,6 +4,7 @@ from math import log10
 
 import pytest
 
+from logger.core.suspicion.rules import RULES
 from tests.kit.suspicion_walks import Walk, gsm
 
 HOME = [gsm(cid, -80) for cid in range(10, 14)]
@@ -31,6 +32,11 @@ def test_far_places_need_less_evidence_than_near_ones(apart_m, slope_db, rules):
     found = _past((100.0, 100.0 + apart_m), slope_db).found
     assert {finding.rule.id for finding in found} == rules
     assert all(finding.evidence["log_evidence"] < 3.5 for finding in found)
+
+
+@pytest.mark.parametrize(("apart_m", "text"), [(437, "437 m apart"), (1307, "1.3 km apart")])
+def test_a_distance_is_rounded_as_other_lengths(apart_m, text):
+    assert text in RULES["S5"].says({"apart_m": apart_m, "log_evidence": 3.6})
 
 
 def test_one_place_is_no_finding():
