@@ -161,7 +161,7 @@ def _anothers_channel(memory: Memory, cell: HeardCell) -> Evidence | None:
     key = f"{cell.rat} {pair[0]} {pair[1]}"
     for name in _others(memory.of(_BY_CHANNEL), key, cell.name):
         other = memory.cells.get(name)
-        if other is None or other.usual_pair != pair:
+        if other is None or other.usual_pair != pair or cell.is_renamed or other.is_renamed:
             continue
         above_db, apart_m = _closest(cell, other)
         if apart_m <= _NEAR_M and abs(above_db) >= _STRONGER_DB:

@@ -87,6 +87,12 @@ def test_s7_is_silent_where_the_others_are_heard_after_the_change_alone():
     assert not {one for one in walk.rules if one[0] == "S7"}
 
 
+def test_s7_is_silent_where_most_of_a_list_come_and_go():
+    """The walker goes on, the receiver repeats its position, and two far cells stay by chance."""
+    passed = lambda k: [*HOME[:2], *[gsm(20 + 4 * (k // 3) + i, -80) for i in range(4)]]  # noqa: E731
+    assert ("S7", 99) not in _stand(range(-85, -55, 2), passed).rules
+
+
 def test_s7_is_silent_while_walking():
     assert ("S7", 99) not in _stand(range(-85, -55, 2), metres=7.0).rules
 
