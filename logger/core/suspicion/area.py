@@ -124,7 +124,7 @@ def _unlike_neighbours(memory: Memory, cell: HeardCell) -> Evidence | None:
 
 
 def _is_past_border(now: Moment, cell: HeardCell) -> bool:
-    """Whether a cell is too far from where it was heard first to be that of a border just met."""
+    """Whether a cell is too far from its first place for a border just met."""
     since_s = now.t_s - cell.first_s
     if now.x_m is None or now.y_m is None or cell.first_m is None:
         return True

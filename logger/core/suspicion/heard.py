@@ -26,8 +26,7 @@ PAIR_HELD_S = 10.0
 _MOST_MET, _LATE_S = 4, 300.0  # cells that begin to serve a walker who stands
 _LOWEST_DBM = -145.0
 """Below RSRP (-144 dBm, 3GPP TS 36.133 9.1.4): some telephones print -200 for none."""
-TAKES_OVER_DB = 9.0
-"""Of two cells on one channel the weaker cannot be decoded below (3GPP TS 45.005)."""
+_TAKES_OVER_DB = 9.0  # of two cells on one channel the weaker cannot be decoded (TS 45.005)
 MOST_NETWORKS = 128  # more than all countries near a walk have
 _USUAL_S = 300.0
 """A log of several telephones, or of a modem that tries networks in turn, names all of them in the
@@ -93,8 +92,7 @@ class HeardCell:
 
     `heard` is its reading in the last scan that named it, `since_s` the begin of the present
     uninterrupted reception, `first_m` the place of the first. `weakest_dbm` is the weakest of the
-    last `STEADY` levels, None before there are so many. `is_renamed`: the station was heard before
-    under a name with another area code.
+    last `STEADY` levels, None before there are so many.
     """
 
     heard: Heard
@@ -117,7 +115,7 @@ class HeardCell:
     rings: list[tuple[float, float, int]] = field(default_factory=list)
     longest_s: float = 0.0
     first_m: tuple[float, float] | None = None
-    is_renamed: bool = False
+    is_renamed: bool = False  # the station was heard before, under another area code
 
     def take(self, now: "Moment", heard: Heard, is_indoors: bool) -> None:
         """Remember a reading; indoors without its level."""
@@ -276,8 +274,8 @@ class Memory:
     """All that the rules see: the scan `now`, the `latest`, cells of late, earlier walks.
 
     `taken` are the named cells of the scan, each once, and `serving` the one that serves, if it is
-    named. `foreign` are cells whose network is not of this place, `silent_s` is the last scan that
-    heard nothing. What a rule keeps itself it gets by `of`.
+    named. `foreign` are cells whose network is not of this place. What a rule keeps itself it gets
+    by `of`.
     """
 
     now: Moment
@@ -291,7 +289,7 @@ class Memory:
         self.gave_neighbours: set[str] = set()
         self.foreign: Latest[None] = Latest(_MOST_CELLS)
         self.changed_rat_s = -1e9
-        self.silent_s = -1e9
+        self.silent_s = -1e9  # the last scan that heard nothing
         self._serving_rat: str | None = None
         self._served: Latest[None] = Latest(_MOST_CELLS)
         self._met_s: deque[float] = deque(maxlen=_MOST_MET)
@@ -341,7 +339,7 @@ class Memory:
             if cell.cid != heard.reading.cid or cell.pair != pair or cell.name in names:
                 continue
             last = cell.recent[-1] if cell.recent else None
-            if last is not None and abs(level_dbm - last.level_dbm) < TAKES_OVER_DB:
+            if last is not None and abs(level_dbm - last.level_dbm) < _TAKES_OVER_DB:
                 return _is_near(last, now, _DOOR_M)
         return False
 

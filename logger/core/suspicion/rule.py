@@ -163,7 +163,7 @@ class Rule(Generic[Source, Cell]):
         return max(log(self.detection / rate.per_cell), 0.0)
 
     def says(self, evidence: Evidence) -> str:
-        """The sentence about this evidence; metres, whose names end with `_m`, rounded."""
+        """The sentence; what ends with `_m` is metres."""
         texts = {
             name: metres(float(value)) if name.endswith("_m") else value
             for name, value in evidence.items()

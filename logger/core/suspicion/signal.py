@@ -207,7 +207,7 @@ def _rise_nats(memory: Memory, cell: HeardCell) -> float:
 
 
 def _levels_before(memory: Memory, cell: HeardCell) -> list[tuple[float, float]]:
-    """Times and levels since the walker stands, before the last `STEADY`."""
+    # times and levels since the walker stands, before those that are compared
     since_s = memory.now.t_s - memory.now.still_s
     before = list(cell.recent)[:-STEADY]
     return [(level.t_s, level.level_dbm) for level in before if level.t_s >= since_s]
@@ -268,7 +268,7 @@ def _rises_while_others_stay(memory: Memory, cell: HeardCell) -> Evidence | None
 
 
 def _stays(cell: HeardCell, since_s: float) -> bool:
-    """Whether the recent levels before and after a time are near each other."""
+    """Whether recent levels before and after a time are near."""
     levels_dbm = [level.level_dbm for level in cell.recent]
     is_known = len(levels_dbm) >= STEADY + 1 and cell.recent[0].t_s <= since_s
     return is_known and max(levels_dbm) - min(levels_dbm) <= _STAYS_DB

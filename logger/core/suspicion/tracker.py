@@ -75,14 +75,14 @@ class SuspicionTracker:
         return self._unnoticed
 
     def technologies(self) -> dict[str, str]:
-        """Technology of each cell of late, and of those with findings."""
+        """Technology of cells of late and of those with findings."""
         rats = {name: self._rat(name) for name in self._findings}
         for memory in self._memories.values():
             rats |= {name: cell.rat for name, cell in memory.cells.items()}
         return {name: rat for name, rat in rats.items() if rat is not None}
 
     def assessments(self) -> list[Assessment]:
-        """The words of all cells that two scans have named, and of those with findings."""
+        """The words of cells named by two scans, and of those with findings."""
         checked = [name for name in self._asked if name in self._identities]
         return [self.assessment(name) for name in dict.fromkeys([*checked, *self._findings])]
 

@@ -220,7 +220,8 @@ def test_s12_a_cell_vanishes_where_a_modem_prints_no_channels():
     home = [replace(cell, arfcn=None) for cell in HOME]
     walk = Walk().scan(*home, metres=0.0, seconds=10.0, times=9)
     new = replace(gsm(99, -50), arfcn=None)
-    assert walk.scan(*home[:5], new, metres=0.0, seconds=10.0, times=4).word(new.cell) == "suspicious"
+    walk.scan(*home[:5], new, metres=0.0, seconds=10.0, times=4)
+    assert walk.word(new.cell) == "suspicious"
 
 
 def test_s12_is_silent_about_walkers_and_about_what_changes_all_levels():

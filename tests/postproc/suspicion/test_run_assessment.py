@@ -64,7 +64,7 @@ def test_a_cell_of_one_scan_has_no_word(tmp_path):
     assert {cell.cell for cell in assess_runs([run]).cells} == result.words.keys()
     text = "\n".join(terminal_lines(document_of(summarise(result), details=False)[0]))
     assert "None of 30 cells is suspicious or unusual" in text
-    assert "cells cannot be located, all for want of readings; none of 18 checked is unusual" in text
+    assert "cannot be located, all for want of readings; none of 18 checked is unusual" in text
 
 
 def test_more_cells_than_are_remembered_have_their_words(tmp_path):
