@@ -91,7 +91,7 @@ def _is_past_a_border(memory: Memory, name: str) -> bool:
     family="area",
     needs=("identity", "area code", "level"),
     gate="for 20 s, on foot for 100 m or 80 s, with 3 other cells of the operator within 5 "
-    "minutes and since a scan without any; the cell at least -90 dBm; an area of which no other "
+    "minutes and since two scans without any; the cell at least -90 dBm; an area of which no other "
     "cell comes later, and that two earlier walks did not hear where a cell of it is heard; not "
     "faster than a car",
     sentence="area {area} is that of none of the {neighbours} other cells heard with it",

@@ -289,7 +289,7 @@ class Memory:
         self.gave_neighbours: set[str] = set()
         self.foreign: Latest[None] = Latest(_MOST_CELLS)
         self.changed_rat_s = -1e9
-        self.silent_s = -1e9  # the last scan that heard nothing
+        self.silent_s = -1e9  # when two scans in turn heard nothing at last
         self._serving_rat: str | None = None
         self._served: Latest[None] = Latest(_MOST_CELLS)
         self._met_s: deque[float] = deque(maxlen=_MOST_MET)
@@ -371,8 +371,8 @@ class Memory:
 
     def _at_rest(self, now: Moment) -> Moment:
         # a receiver may repeat its position in a train: who stands meets few new cells, and hears
-        # some; who hears none is in a lift or a tunnel
-        if not now.cells:
+        # some; who hears none is in a lift or a tunnel, or the modem has failed once
+        if not now.cells and self.latest and not self.latest[-1].cells:
             self.silent_s = now.t_s
         name = None if now.serving is None else now.serving.name
         if name is not None:
