@@ -220,8 +220,9 @@ def _words(rows: Sequence[SummaryRow], *, has_several_runs: bool) -> Iterator[Li
         if answer.verdict != "located" and (walk := advice(answer, row.result)):
             yield Line(walk)
     yield from map(Line, dict.fromkeys(row.answer.to_do for row in rows if row.answer.to_do))
-    if rows and not conspicuous and all(row.answer.word for row in rows):
-        cells = "The cell is not" if len(rows) == 1 else f"None of {len(rows)} cells is"
+    n_checked = sum(row.answer.word is not None for row in rows)
+    if n_checked and not conspicuous:
+        cells = "The cell is not" if len(rows) == 1 else f"None of {n_checked} cells is"
         yield Line(f"{cells} suspicious or unusual, by the rules that could be checked.")
 
 
@@ -282,7 +283,9 @@ def _overview(rows: Sequence[SummaryRow]) -> tuple[Parts, list[Failure]]:
         n_few = sum(row.answer.place is None for row in folded)
         how_many = "all" if n_few == len(folded) else n_few
         few = f", {how_many} for want of readings" if n_few else ""
-        ordinary = "; none is unusual" if all(row.answer.word for row in folded) else ""
+        n_checked = sum(row.answer.word is not None for row in folded)
+        of_checked = "" if n_checked == len(folded) else f" of {n_checked} checked"
+        ordinary = f"; none{of_checked} is unusual" if n_checked else ""
         n_more = f"{number_of(len(folded), 'more cell')}"
         more = f"{n_more} cannot be located{few}{ordinary} (-v shows them)"
         parts.append(Line(more, "dim"))

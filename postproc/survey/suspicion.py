@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import msgspec
 
+from logger.core.cell_names import is_by_channel
 from logger.core.suspicion.rule import WORDS, Word
 from logger.core.suspicion.rules import RULES, rules_version
 from logger.core.suspicion.words import strongest_reasons, unnoticed_text
@@ -91,10 +92,15 @@ def with_words(
             [one for run, one in said.get(cell.cell, {}).items()
              if cell.n_places == 1 or run in cell.runs],
         )
-        if cell.cell in asked
+        if cell.cell in asked and _is_checked(cell)
         else cell
         for cell in cells
     )  # fmt: skip
+
+
+def _is_checked(cell: LocatedCell) -> bool:
+    # rules are about cells that two scans of a run have named
+    return cell.n_scans > cell.n_runs and not is_by_channel(cell.cell)
 
 
 def unnoticed_in(runs: Sequence[RunWords]) -> str:

@@ -113,7 +113,7 @@ def _rejected_positions(desk: _Desk) -> Iterator[_Cell]:
     family="place",
     needs=("identity", "level", "position", "cell database"),
     gate="a test of the whole walk rejects the position at a level of 1 %",
-    sentence="the levels reject its position in the database by {apart_m} m (p = {p})",
+    sentence="the levels reject its position in the database by {apart_m} (p = {p})",
     harmless="a wrong or old position in the database, hills and tall buildings",
     about=_rejected_positions,
     detection=0.25,
@@ -164,7 +164,7 @@ def findings_at_desk(rules: Iterable[Rule[Source, Any]], source: Source) -> Iter
             if evidence is not None:
                 nats = rule.nats("") if rule.weigh is None else rule.weigh(source, cell)
                 name = cell if isinstance(cell, str) else cell.name
-                text = rule.sentence.format(**evidence)
+                text = rule.says(evidence)
                 yield Finding(rule, name, 0, None, None, text, evidence, nats)
 
 
@@ -310,8 +310,7 @@ def conspicuous_first(
     of_none = [failures[""].reason] if "" in failures else []
     lines = [reason_line(cell.cell, cell) for cell in unusual]
     warnings = (*lines, *of_none, *result.warnings)
-    words = {name: assess(name, ()) for name in there}
-    words |= {cell.cell: cell for cell in suspicions.cells}
+    words = {cell.cell: cell for cell in suspicions.cells}
     cells = [
         replace(cell, warnings=(*cell.warnings, several_text(several[cell.cell])))
         if cell.cell in several

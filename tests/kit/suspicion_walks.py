@@ -20,8 +20,13 @@ def gsm(cid, dbm=-80.0, *, lac=1201, mcc="232", mnc="01", arfcn=None, role="neig
 
 def write_walk(path, cells):
     """A journal of 20 scans of the same cells, 6 m to the north of each other."""
+    write_scans(path, [cells] * 20)
+
+
+def write_scans(path, scans):
+    """A journal of scans, 6 m to the north of each other."""
     records = []
-    for k in range(20):
+    for k, cells in enumerate(scans):
         t_ns = (k + 1) * 5 * 10**9
         lat_deg = LAT_DEG + k * 6.0 / _METRES_PER_DEG
         records.append(Record(t_ns, "gnss", Fix(True, lat_deg=lat_deg, lon_deg=LON_DEG)))

@@ -77,7 +77,8 @@ def test_each_cell_that_is_not_located_has_its_reason(folder, monkeypatch, capsy
         if re.search(rf"^{cell['cell']}  {re.escape(cell['warnings'][0])}", text, re.MULTILINE)
     ]
     assert int(wide) + int(folded) + len(said) == len(answer["cells"]) == 19
-    assert {cell["word"] for cell in answer["cells"]} == {"suspicious", "nothing unusual"}
+    words = {cell.get("word") for cell in answer["cells"]}
+    assert words == {"suspicious", "nothing unusual", None}  # one scan alone named a cell
 
 
 def test_the_weight_of_an_event_is_left_out():

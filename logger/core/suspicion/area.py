@@ -91,8 +91,9 @@ def _is_past_a_border(memory: Memory, name: str) -> bool:
     family="area",
     needs=("identity", "area code", "level"),
     gate="for 20 s, on foot for 100 m or 80 s, with 3 other cells of the operator within 5 "
-    "minutes; the cell at least -90 dBm; an area of which no other cell comes later, and that two "
-    "earlier walks did not hear where a cell of it is heard; not faster than a car",
+    "minutes and since two scans without any; the cell at least -90 dBm; an area of which no other "
+    "cell comes later, and that two earlier walks did not hear where a cell of it is heard; not "
+    "faster than a car",
     sentence="area {area} is that of none of the {neighbours} other cells heard with it",
     harmless="the border of two areas, a small cell in a house or shop",
     detection=0.8,
@@ -109,8 +110,9 @@ def _unlike_neighbours(memory: Memory, cell: HeardCell) -> Evidence | None:
     if not _has_own_area(memory, cell):
         return None
     of_operator = memory.of_operator(cell.operator, cell.rat)
+    late_s = max(now.t_s - _LATE_S, memory.silent_s)
     late = [c for c in of_operator
-            if c is not cell and c.area is not None and now.t_s - c.last_s <= _LATE_S]  # fmt: skip
+            if c is not cell and c.area is not None and c.last_s > late_s]  # fmt: skip
     if len(late) < _FEWEST_NEIGHBOURS:
         return None
     return {
@@ -122,7 +124,7 @@ def _unlike_neighbours(memory: Memory, cell: HeardCell) -> Evidence | None:
 
 
 def _is_past_border(now: Moment, cell: HeardCell) -> bool:
-    """Whether a cell is too far from where it was heard first to be that of a border just met."""
+    """Whether a cell is too far from its first place for a border just met."""
     since_s = now.t_s - cell.first_s
     if now.x_m is None or now.y_m is None or cell.first_m is None:
         return True
@@ -161,7 +163,12 @@ def _alone(memory: Memory, cell: HeardCell) -> Evidence | None:
 def _has_own_area(memory: Memory, cell: HeardCell) -> bool:
     """Whether no other cell of the operator has the area code of a cell, after a while."""
     area = cell.area
-    if area is None or cell.heard.reading.arfcn in GSMR_ARFCNS or cell.operator.startswith("?"):
+    if (
+        area is None
+        or cell.is_renamed
+        or cell.heard.reading.arfcn in GSMR_ARFCNS
+        or cell.operator.startswith("?")
+    ):
         return False
     if memory.now.t_s - cell.first_s < _WAIT_S:
         return False
@@ -209,7 +216,9 @@ def _change(memory: Memory, cell: HeardCell) -> Evidence | None:
     areas.known.add(key)
     is_still = now.x_m is not None and now.still_s >= _STILL_S + _HELD_S
     is_after_change = abs(cell.since_s - memory.changed_rat_s) < _HELD_S
-    if before is None or is_after_change or not is_still or _is_known_area(memory, cell):
+    if before is None or is_after_change or not is_still or cell.is_renamed:
+        return None
+    if _is_known_area(memory, cell):
         return None
     arrived_s = now.t_s - now.still_s + _STILL_S
     for other in memory.of_operator(cell.operator, cell.rat):  # neighbours of it, at a border

@@ -26,6 +26,7 @@ PAIR_HELD_S = 10.0
 _MOST_MET, _LATE_S = 4, 300.0  # cells that begin to serve a walker who stands
 _LOWEST_DBM = -145.0
 """Below RSRP (-144 dBm, 3GPP TS 36.133 9.1.4): some telephones print -200 for none."""
+_TAKES_OVER_DB = 9.0  # of two cells on one channel the weaker cannot be decoded (TS 45.005)
 MOST_NETWORKS = 128  # more than all countries near a walk have
 _USUAL_S = 300.0
 """A log of several telephones, or of a modem that tries networks in turn, names all of them in the
@@ -114,6 +115,7 @@ class HeardCell:
     rings: list[tuple[float, float, int]] = field(default_factory=list)
     longest_s: float = 0.0
     first_m: tuple[float, float] | None = None
+    is_renamed: bool = False  # the station was heard before, under another area code
 
     def take(self, now: "Moment", heard: Heard, is_indoors: bool) -> None:
         """Remember a reading; indoors without its level."""
@@ -258,7 +260,7 @@ def _change_db(before: Moment, now: Moment) -> float | None:
     return median([level_dbm - old_dbm[key] for key, level_dbm in new])
 
 
-def _is_near(before: Moment, now: Moment, way_m: float) -> bool:
+def _is_near(before: Moment | Level, now: Moment, way_m: float) -> bool:
     # a place that is not known may be near
     if before.x_m is None or before.y_m is None or now.x_m is None or now.y_m is None:
         return True
@@ -287,6 +289,7 @@ class Memory:
         self.gave_neighbours: set[str] = set()
         self.foreign: Latest[None] = Latest(_MOST_CELLS)
         self.changed_rat_s = -1e9
+        self.silent_s = -1e9  # when two scans in turn heard nothing at last
         self._serving_rat: str | None = None
         self._served: Latest[None] = Latest(_MOST_CELLS)
         self._met_s: deque[float] = deque(maxlen=_MOST_MET)
@@ -317,6 +320,7 @@ class Memory:
                 cell = HeardCell(
                     heard, name, heard.rat, heard.operator, heard.area, cid, t_s, t_s, t_s
                 )
+                cell.is_renamed = self._is_renamed(now, heard)
             cell.take(now, heard, self._outdoors is not None)
             cell.area = heard.area if cell.area is None else cell.area
             self._put(cell)
@@ -324,6 +328,20 @@ class Memory:
         self.taken = list(taken.values())
         serving = now.serving
         self.serving = None if serving is None or serving.name is None else taken[serving.name]
+
+    def _is_renamed(self, now: Moment, heard: Heard) -> bool:
+        # the operator has renumbered; one who takes over a channel is stronger
+        pair, level_dbm = (heard.reading.arfcn, heard.code), heard.level_dbm
+        if level_dbm is None or None in pair:
+            return False
+        names = [other.name for other in now.cells]
+        for cell in self.of_operator(heard.operator, heard.rat):
+            if cell.cid != heard.reading.cid or cell.pair != pair or cell.name in names:
+                continue
+            last = cell.recent[-1] if cell.recent else None
+            if last is not None and abs(level_dbm - last.level_dbm) < _TAKES_OVER_DB:
+                return _is_near(last, now, _DOOR_M)
+        return False
 
     def _take_walls(self, now: Moment) -> None:
         # what all levels lose or gain at one place is of the receiver, not of one cell
@@ -352,16 +370,18 @@ class Memory:
             cell.spots.forget(is_wrong)
 
     def _at_rest(self, now: Moment) -> Moment:
-        # a receiver may repeat its position in a train: who stands meets few new cells
+        # a receiver may repeat its position in a train: who stands meets few new cells, and hears
+        # some; who hears none is in a lift or a tunnel, or the modem has failed once
+        if not now.cells and self.latest and not self.latest[-1].cells:
+            self.silent_s = now.t_s
         name = None if now.serving is None else now.serving.name
         if name is not None:
             if name not in self._served:
                 self._met_s.append(now.t_s)
             self._served.put(name, None)
         met_s = [t_s for t_s in self._met_s if t_s > now.t_s - min(now.still_s, _LATE_S)]
-        if len(met_s) < _MOST_MET:
-            return now
-        return now._replace(still_s=now.t_s - met_s[-1])
+        moved_s = max(self.silent_s, met_s[-1] if len(met_s) == _MOST_MET else -inf)
+        return now._replace(still_s=min(now.still_s, now.t_s - moved_s))
 
     def of(self, make: Callable[[], State]) -> State:
         """What the rules of a family keep, made by this class or function when first asked for."""

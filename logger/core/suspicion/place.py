@@ -58,7 +58,7 @@ class _Tests:
 
 
 _TWO_SENTENCE = (
-    "the levels fit two places {apart_m} m apart better than one (log evidence {log_evidence})"
+    "the levels fit two places {apart_m} apart better than one (log evidence {log_evidence})"
 )
 # of S5 and S9: of findings with one sentence `words.sentences` prints the strongest
 _TWO_HARMLESS = "hills and tall buildings, a repeater, a cell with two antennas"
@@ -198,7 +198,7 @@ def _heard_while_standing(memory: Memory) -> list[HeardCell]:
     family="place",
     needs=("identity", "level", "position"),
     gate="means over 15 s, at least 4, the walker within 30 m; another cell, heard before and "
-    "after the change, stays within 10 dB",
+    "after the change, stays within 10 dB, or half of those that scans list",
     sentence="the level changed by {change_db} dB while the walker stood for {still_s} s and "
     "{cells} other cells changed by at most {other_db} dB: it moves",
     harmless="a telephone that was moved in the house, a door, a vehicle before the antenna",
@@ -217,7 +217,9 @@ def _changes(memory: Memory, cell: HeardCell) -> Evidence | None:
         return None
     others = [one for name, one in all_means.items() if name != cell.name and one.is_beside(means)]
     widest_db = max((other.spread_db for other in others), default=inf)
-    if widest_db > _STEADY_DB:
+    # where scans list several cells, most of them stay if the walker does
+    listed = {heard.name for moment in memory.latest for heard in moment.cells}
+    if widest_db > _STEADY_DB or 2 * len(others) < len(listed - {None, cell.name}):
         return None
     return {
         "change_db": round(means.spread_db),

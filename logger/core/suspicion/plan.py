@@ -148,7 +148,7 @@ def _two_areas(memory: Memory, cell: HeardCell) -> Evidence | None:
     family="plan",
     needs=("identity", "channel", "colour code", "position"),
     gate="each held for 10 s; within 300 m of each other one is 10 dB stronger",
-    sentence="channel {channel} with code {code} is also that of {other}, heard {apart_m} m away",
+    sentence="channel {channel} with code {code} is also that of {other}, heard {apart_m} away",
     harmless="a telephone that prints the old identity with the new channel",
     detection=0.5,
     measured=on_telephones(GSM=(0, 21, 2.0)),
@@ -161,7 +161,7 @@ def _anothers_channel(memory: Memory, cell: HeardCell) -> Evidence | None:
     key = f"{cell.rat} {pair[0]} {pair[1]}"
     for name in _others(memory.of(_BY_CHANNEL), key, cell.name):
         other = memory.cells.get(name)
-        if other is None or other.usual_pair != pair:
+        if other is None or other.usual_pair != pair or cell.is_renamed or other.is_renamed:
             continue
         above_db, apart_m = _closest(cell, other)
         if apart_m <= _NEAR_M and abs(above_db) >= _STRONGER_DB:

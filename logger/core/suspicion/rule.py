@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from math import exp, isclose, log
 from typing import Any, Generic, Literal, TypeVar
 
+from logger.core.certainty import metres
 from logger.core.suspicion.heard import HeardCell, Memory, cells_of_scan
 
 Word = Literal["nothing unusual", "unusual", "suspicious"]
@@ -160,6 +161,14 @@ class Rule(Generic[Source, Cell]):
         if self.strength == "warns" or rate is None:
             return 0.0
         return max(log(self.detection / rate.per_cell), 0.0)
+
+    def says(self, evidence: Evidence) -> str:
+        """The sentence; what ends with `_m` is metres."""
+        texts = {
+            name: metres(float(value)) if name.endswith("_m") else value
+            for name, value in evidence.items()
+        }
+        return self.sentence.format(**texts)
 
     @property
     def text(self) -> str:

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Iterator
 from functools import partial
-from math import hypot
+from math import hypot, log
 from statistics import median
 from typing import NamedTuple
 
@@ -64,7 +64,11 @@ class _Before(NamedTuple):
     def lacks(self, memory: Memory, cell: HeardCell) -> bool:
         """Whether it could have heard a cell of this network."""
         arfcn = cell.heard.reading.arfcn
-        if cell.rat != self.rat or self.unnamed & {(arfcn, cell.heard.code), (arfcn, None)}:
+        if (
+            cell.is_renamed
+            or cell.rat != self.rat
+            or self.unnamed & {(arfcn, cell.heard.code), (arfcn, None)}
+        ):
             return False
         names = self.operators
         return len(names) > 1 or not any(memory.are_apart(cell.operator, name) for name in names)
@@ -93,7 +97,11 @@ def _jump(memory: Memory, cell: HeardCell) -> Evidence | None:
     before = recent[-STEADY - 1]
     rise_db = weakest_dbm - max(recent[-STEADY - 2].level_dbm, before.level_dbm)
     seconds = recent[-STEADY].t_s - before.t_s
-    if rise_db < _JUMP_DB or (seconds > _JUMP_S and not _has_stood(memory.now, before.t_s)):
+    if (
+        rise_db < _JUMP_DB
+        or before.t_s < memory.silent_s
+        or (seconds > _JUMP_S and not _has_stood(memory.now, before.t_s))
+    ):
         return None
     if _apart_m(recent[-STEADY - 2], recent[-1]) > _NEAR_M:
         return None
@@ -168,8 +176,10 @@ def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
     weakest_dbm = _steady_dbm(cell)
     if weakest_dbm is None:
         return None
-    first = cell.recent[0]
-    before = [b for b in memory.of(_SCANS) if b.t_s < first.t_s and b.lacks(memory, cell)]
+    first, silent_s = cell.recent[0], memory.silent_s
+    before = [
+        b for b in memory.of(_SCANS) if silent_s < b.t_s < first.t_s and b.lacks(memory, cell)
+    ]
     before = [
         b
         for b in before[-STEADY:]
@@ -186,27 +196,55 @@ def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
     }
 
 
+def _rise_nats(memory: Memory, cell: HeardCell) -> float:
+    # legitimate cells are switched on too, at a rate that no log shows: alone they are unusual;
+    # nobody else takes over a station or its channel
+    rule = _rises_while_others_stay
+    rate = rule.rate(cell.rat)
+    if rate is None or _levels_before(memory, cell) or _takes_channel(memory, cell):
+        return rule.nats(cell.rat)
+    return log(rule.detection * rate.cells / rate.interval[1])
+
+
+def _levels_before(memory: Memory, cell: HeardCell) -> list[tuple[float, float]]:
+    # times and levels since the walker stands, before those that are compared
+    since_s = memory.now.t_s - memory.now.still_s
+    before = list(cell.recent)[:-STEADY]
+    return [(level.t_s, level.level_dbm) for level in before if level.t_s >= since_s]
+
+
+def _takes_channel(memory: Memory, cell: HeardCell) -> bool:
+    # where a modem prints no channels, of any cell
+    now, arfcn = memory.now, cell.heard.reading.arfcn
+    return any(
+        other.heard.reading.arfcn == arfcn
+        and other.rat == cell.rat
+        and now.t_s - now.still_s <= other.last_s < cell.first_s
+        for other in memory.cells.values()
+    )
+
+
 @ScanRule(
     id="S12",
     family="signal",
     needs=("identity", "level", "position", "neighbours"),
     gate="the walker has stood for 5 scans over 30 s; 3 readings of at least -75 dBm, 20 dB above "
     "the 2 before or what 2 scans of its network could have missed; 3 others stay within 10 dB, "
-    "and over twice as many as rise by more",
+    "and over twice as many as rise by more; a cell that appears on a free channel is unusual",
     sentence="{level_dbm} dBm, where it had at most {before_dbm} dBm {seconds} s before, while the "
     "walker stood and {cells} other cells stayed",
     harmless="a cell switched on or repaired, a door, a vehicle that was before the antenna",
     detection=0.9,
     elsewhere=Rate(1, 247, 3.7, "drives with all neighbours while they stood, a scan every 10 s"),
     strength="suffices",
+    weigh=_rise_nats,
 )
 def _rises_while_others_stay(memory: Memory, cell: HeardCell) -> Evidence | None:
     now, weakest_dbm = memory.now, _steady_dbm(cell)
     if weakest_dbm is None or weakest_dbm < _TAKEN_DBM or now.x_m is None:
         return None
     since_s, first_s = now.t_s - now.still_s, cell.recent[-STEADY].t_s
-    before = [(level.t_s, level.level_dbm) for level in list(cell.recent)[:-STEADY]]
-    before = [(t_s, dbm) for t_s, dbm in before if t_s >= since_s]
+    before = _levels_before(memory, cell)
     if not before:
         scans = [b for b in memory.of(_SCANS) if since_s <= b.t_s < first_s]
         before = [(b.t_s, b.limit_dbm) for b in scans if b.is_full and b.lacks(memory, cell)]
@@ -230,7 +268,7 @@ def _rises_while_others_stay(memory: Memory, cell: HeardCell) -> Evidence | None
 
 
 def _stays(cell: HeardCell, since_s: float) -> bool:
-    """Whether the recent levels before and after a time are near each other."""
+    """Whether recent levels before and after a time are near."""
     levels_dbm = [level.level_dbm for level in cell.recent]
     is_known = len(levels_dbm) >= STEADY + 1 and cell.recent[0].t_s <= since_s
     return is_known and max(levels_dbm) - min(levels_dbm) <= _STAYS_DB

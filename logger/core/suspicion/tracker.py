@@ -16,6 +16,7 @@ from logger.core.suspicion.words import Assessment, assess, by_word, unnoticed_t
 from logger.core.types import Fix, Record, Scan
 
 _MOST_SQUARES = 10_000
+_MOST_ASKED = 10_000
 _MOST_FOUND = 500
 """Cells with findings that are remembered: beyond, the log itself is broken."""
 
@@ -35,6 +36,7 @@ class SuspicionTracker:
         self._walker = Walker(max_fix_age_s)
         self._memories: dict[str, Memory] = {}
         self._identities = Identities()
+        self._asked: Latest[None] = Latest(_MOST_ASKED)  # cells about which rules were asked
         self._findings: Latest[list[Finding]] = Latest(_MOST_FOUND)
         self._refutable: dict[str, None] = {}
         self.worst: str | None = None
@@ -73,17 +75,16 @@ class SuspicionTracker:
         return self._unnoticed
 
     def technologies(self) -> dict[str, str]:
-        """Technology of each cell of late, and of those with findings."""
+        """Technology of cells of late and of those with findings."""
         rats = {name: self._rat(name) for name in self._findings}
         for memory in self._memories.values():
             rats |= {name: cell.rat for name, cell in memory.cells.items()}
         return {name: rat for name, rat in rats.items() if rat is not None}
 
     def assessments(self) -> list[Assessment]:
-        """The words of all cells of late, and of those with findings."""
-        of_late = [name for memory in self._memories.values() for name in memory.cells]
-        known = [name for name in of_late if name in self._identities]
-        return [self.assessment(name) for name in dict.fromkeys([*known, *self._findings])]
+        """The words of cells named by two scans, and of those with findings."""
+        checked = [name for name in self._asked if name in self._identities]
+        return [self.assessment(name) for name in dict.fromkeys([*checked, *self._findings])]
 
     def conspicuous(self) -> list[Assessment]:
         """The words of unusual and suspicious cells, the most suspicious first."""
@@ -96,6 +97,9 @@ class SuspicionTracker:
         self.capabilities.add(now)
         memory = self._memories.setdefault(modem, Memory(self._baseline))
         memory.take(now)
+        for cell in memory.taken:
+            if cell.n_scans == 1:
+                self._asked.put(cell.name, None)
         self._count_walks(now)
         for name in tuple(self._refutable):
             self._withdraw(memory, name)
@@ -144,7 +148,7 @@ class SuspicionTracker:
         if refuted_by and any(refuted_by(each, cell.name) for each in self._memories.values()):
             return []  # another modem hears it
         nats = rule.nats(rat) if rule.weigh is None else rule.weigh(memory, cell)
-        now, text = memory.now, rule.sentence.format(**evidence)
+        now, text = memory.now, rule.says(evidence)
         at_deg = now.lat_deg, now.lon_deg
         finding = Finding(rule, cell.name, now.t_ns, *at_deg, text, evidence, nats)
         self._findings.put(cell.name, [*before, finding])

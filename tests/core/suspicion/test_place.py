@@ -4,6 +4,7 @@ from math import log10
 
 import pytest
 
+from logger.core.suspicion.rules import RULES
 from tests.kit.suspicion_walks import Walk, gsm
 
 HOME = [gsm(cid, -80) for cid in range(10, 14)]
@@ -31,6 +32,11 @@ def test_far_places_need_less_evidence_than_near_ones(apart_m, slope_db, rules):
     found = _past((100.0, 100.0 + apart_m), slope_db).found
     assert {finding.rule.id for finding in found} == rules
     assert all(finding.evidence["log_evidence"] < 3.5 for finding in found)
+
+
+@pytest.mark.parametrize(("apart_m", "text"), [(437, "437 m apart"), (1307, "1.3 km apart")])
+def test_a_distance_is_rounded_as_other_lengths(apart_m, text):
+    assert text in RULES["S5"].says({"apart_m": apart_m, "log_evidence": 3.6})
 
 
 def test_one_place_is_no_finding():
@@ -79,6 +85,12 @@ def test_s7_is_silent_where_the_others_are_heard_after_the_change_alone():
     walk = Walk().scan(gsm(9, -60), metres=0.0, times=15)
     walk.scan(gsm(9, -85), gsm(10, -90), gsm(11, -92), metres=0.0, times=40)
     assert not {one for one in walk.rules if one[0] == "S7"}
+
+
+def test_s7_is_silent_where_most_of_a_list_come_and_go():
+    """The walker goes on, the receiver repeats its position, and two far cells stay by chance."""
+    passed = lambda k: [*HOME[:2], *[gsm(20 + 4 * (k // 3) + i, -80) for i in range(4)]]  # noqa: E731
+    assert ("S7", 99) not in _stand(range(-85, -55, 2), passed).rules
 
 
 def test_s7_is_silent_while_walking():

@@ -88,6 +88,24 @@ def test_p4_is_withdrawn_where_the_operator_renumbers():
     assert not walk.tracker.conspicuous()
 
 
+@pytest.mark.parametrize(("rise_db", "word"), [(5.0, "unusual"), (20.0, "suspicious")])
+def test_an_area_that_the_operator_renumbers_is_one_cause(rise_db, word):
+    """A standing walker whose modem names its serving cell alone cannot see the others change."""
+    walk = Walk().scan(HOME[0], metres=0.0, times=15)
+    renamed = gsm(10, HOME[0].rssi_dbm + rise_db, lac=1300)
+    walk.scan(renamed, metres=0.0, times=6)
+    assert walk.word(renamed.cell) == word
+
+
+@pytest.mark.parametrize("n_silent", [0, 1, 2])
+def test_what_was_heard_before_a_lift_is_not_compared(n_silent):
+    """Its doors close: no cell is heard, then other ones, above the roofs."""
+    above = gsm(50, -60, lac=1300)
+    walk = Walk().scan(*HOME, metres=0.0, times=15).scan(metres=0.0, times=n_silent)
+    walk.scan(above, gsm(15, -55), metres=0.0, times=30)
+    assert {rule for rule, _ in walk.rules} == (set() if n_silent > 1 else {"L1", "L3", "S2", "S3"})
+
+
 def test_p6_one_identity_on_two_channels_for_a_while():
     other = gsm(10, arfcn=77)
     assert ("P6", 10) in Walk().scan(*HOME, times=5).scan(other, *HOME[1:], times=5).rules
@@ -181,6 +199,29 @@ def test_s12_a_channel_is_taken_over_beside_a_walker_who_stands(cid, seconds):
     rules, word = _standing(*HOME[:5], gsm(cid, -50, arfcn=16), seconds=seconds)
     assert "S12" in rules
     assert word == "suspicious"
+
+
+@pytest.mark.parametrize(
+    ("before", "new", "word"),
+    [
+        (HOME, gsm(99, -50), "unusual"),
+        (HOME, gsm(99, -50, lac=1300), "suspicious"),  # and L3
+        ([replace(cell, arfcn=None) for cell in HOME], gsm(99, -50, arfcn=7), "unusual"),
+    ],
+)
+def test_s12_a_cell_switched_on_is_unusual(before, new, word):
+    walk = Walk().scan(*before, metres=0.0, seconds=10.0, times=9)
+    walk.scan(new, *before, metres=0.0, seconds=10.0, times=4)
+    assert ("S12", 99) in walk.rules
+    assert walk.word(new.cell) == word
+
+
+def test_s12_a_cell_vanishes_where_a_modem_prints_no_channels():
+    home = [replace(cell, arfcn=None) for cell in HOME]
+    walk = Walk().scan(*home, metres=0.0, seconds=10.0, times=9)
+    new = replace(gsm(99, -50), arfcn=None)
+    walk.scan(*home[:5], new, metres=0.0, seconds=10.0, times=4)
+    assert walk.word(new.cell) == "suspicious"
 
 
 def test_s12_is_silent_about_walkers_and_about_what_changes_all_levels():

@@ -80,7 +80,9 @@ def test_worst_word_over_all_runs(files, folder, scheduler, capsys):
     assert found["word"] == one_run[FOREIGN].word == "suspicious"
     assert found["word_runs"] == 2
     assert set(found["word_rules"]) == {finding.rule.id for finding in one_run[FOREIGN].findings}
-    assert {one["word"] for name, one in cells.items() if name != FOREIGN} == {"nothing unusual"}
+    words = {name: one["word"] for name, one in cells.items() if name != FOREIGN}
+    assert words.pop("GSM-33-9") is None  # the rules ask about identities
+    assert set(words.values()) == {"nothing unusual"}
     # each run is asked once: nothing is left for a scheduler
     assert _locate(capsys, folder, "tcp://127.0.0.1:1") == cells
     main(["survey", "locate", str(folder), "--scheduler", "tcp://127.0.0.1:1"])
@@ -88,6 +90,16 @@ def test_worst_word_over_all_runs(files, folder, scheduler, capsys):
     assert f"{FOREIGN} is suspicious in 2 runs: network 310-260" in shown
     assert shown.index("is suspicious") < shown.index("verdict")
     assert "even a strong new station may be missed" in shown
+
+
+def test_a_cell_of_one_scan_has_no_word(files, folder, scheduler, capsys):
+    """No rule was asked about it, nor about one without an identity."""
+    readings = lambda k: [cell(1, -80.0 - k % 3), *[cell(8, -80.0, channel=8)] * (k == 5)]  # noqa: E731
+    list(add_files(Survey.open(folder), [write_walk(files[0].parent, 9, readings)], "one"))
+    cells = _locate(capsys, folder, scheduler)
+    assert cells["262-01-801-8"]["n_scans"] == 1
+    assert cells["262-01-801-8"]["word"] is None
+    assert cells["262-01-801-1"]["word"] == "nothing unusual"
 
 
 def test_each_place_of_an_identity_has_its_own_word(files, folder, scheduler, capsys):

@@ -11,12 +11,13 @@ from postproc.smoothing import smooth_runs
 from postproc.summary import document_of, summarise
 from postproc.suspicion.run_assessment import (
     ALL_RULES,
+    assess_runs,
     conspicuous_first,
     findings_at_desk,
     table_of_sources,
 )
 from postproc.view.view_model import select_cells
-from tests.kit.suspicion_walks import gsm, write_walk
+from tests.kit.suspicion_walks import gsm, write_scans, write_walk
 
 HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]
 ROGUE = gsm(99, -60, mcc="310", mnc="260")
@@ -50,6 +51,27 @@ def test_without_one_nothing_changes(tmp_path):
         word = after.answer(cell).word
         assert (word.word, word.findings) == ("nothing unusual", ())
         assert before.answer(cell).word is None  # it was not asked
+
+
+def test_a_cell_of_one_scan_has_no_word(tmp_path):
+    """Nothing was checked on it: all outputs say nothing, as `suspect` does."""
+    home = [gsm(cid) for cid in range(10, 40)]
+    write_scans(tmp_path / "run.journal", [home, [*home, ROGUE], home])
+    run = read_run(tmp_path / "run.journal")
+    result, _ = conspicuous_first(smooth_runs([run]))
+    (once,) = [cell for cell in result.cells if cell.cell == ROGUE.cell]
+    assert result.answer(once).word is None
+    assert {cell.cell for cell in assess_runs([run]).cells} == result.words.keys()
+    text = "\n".join(terminal_lines(document_of(summarise(result), details=False)[0]))
+    assert "None of 30 cells is suspicious or unusual" in text
+    assert "cannot be located, all for want of readings; none of 18 checked is unusual" in text
+
+
+def test_more_cells_than_are_remembered_have_their_words(tmp_path):
+    """The rules forget the cell heard longest ago, but they were asked about it."""
+    several = [[gsm(cid, -80), gsm(cid + 1, -80)] for cid in range(1000, 1300)]
+    write_scans(tmp_path / "run.journal", several)
+    assert len(assess_runs([read_run(tmp_path / "run.journal")]).cells) == 299
 
 
 @pytest.mark.parametrize(
