@@ -83,11 +83,8 @@ def swap_hint(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
     )
     if claimed_km <= _REACH_KM or other_km > _REACH_KM:
         return None
-    near = (
-        f"at {lat_deg:.5f} {lon_deg:.5f} it would be {max(other_km, 1.0):.0f} km or less from "
-        "the walk"
-    )
-    return f"latitude and longitude swapped? {near} instead of {claimed_km:.0f} km"
+    meant = f"{round(lat_deg, 7)},{round(lon_deg, 7)}"
+    return f"did you mean {meant}? It is near the walk; the claim is off by {claimed_km:.0f} km"
 
 
 def parse_claim(text: str, cell: str | None) -> Claim:
@@ -97,7 +94,11 @@ def parse_claim(text: str, cell: str | None) -> Claim:
     except ValueError:
         values = []
     if len(values) not in {2, 3} or not all(map(math.isfinite, values)):
-        raise ConfigError(f"{text!r} is no claim: LAT,LON or LAT,LON,SIGMA_M is wanted")
+        several = "; of several places give each with a --claim of its own"
+        raise ConfigError(
+            f"{text!r} is no claim: LAT,LON or LAT,LON,SIGMA_M is wanted"
+            f"{several if len(values) > 3 else ''}"
+        )
     return _check(
         Claim(cell, values[0], values[1], values[2] if len(values) == 3 else 0.0, "command line")
     )

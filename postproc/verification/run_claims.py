@@ -24,6 +24,7 @@ from logger.core.places import Places, Track
 from logger.core.readings import Readings
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
+from postproc.ground import places_of
 from postproc.multi_run import (
     in_one_zone,
     merge,
@@ -317,7 +318,7 @@ def verify_claims(
         prior = replace(prior, area=prior.area.at(tracks))
     modems, of_cells = modems_of(runs), parts_by_cell(observed, every_cell)
     by_name = {
-        cell: merge(parts_of_most_heard_modems(parts, modems), modems)
+        cell: [merge(parts_of_most_heard_modems(near, modems), modems) for near in places_of(parts)]
         for cell, parts in of_cells.items()
     }
     rarely = {cell: why for cell, n in scans_of(runs).items() if (why := too_rarely(n))}
@@ -327,13 +328,18 @@ def verify_claims(
     tests: dict[tuple[str, float], _Shared] = {}
 
     def test(cell: str, claim: Claim) -> CellVerdict:
-        obs = by_name.get(cell)
+        places = by_name.get(cell, [])
         if cell in rarely:
-            return undecided_verdict(cell, 0 if obs is None else len(obs), claim, rarely[cell])
-        if obs is None:
+            return undecided_verdict(cell, sum(map(len, places)), claim, rarely[cell])
+        if not places:
             why = "none of its readings has both a level and a position"
             return undecided_verdict(cell, 0, claim, why)
-        return verify_cell(obs, claim, p_fa, prior, posteriors, tests)
+        if len(places) == 1:
+            return verify_cell(places[0], claim, p_fa, prior, posteriors, tests)
+        # another place has another transmitter
+        claimed_deg = claim.lat_deg, claim.lon_deg
+        nearest = min(places, key=lambda obs: away_m(claimed_deg, obs.places.first_deg))
+        return verify_cell(nearest, claim, p_fa, prior)
 
     def on_earth(verdict: CellVerdict) -> CellVerdict:
         return verdict if walk_deg is None else _geodesic(verdict, walk_deg)
@@ -342,7 +348,7 @@ def verify_claims(
         verdict = attempt(cell, "the test of its claim", lambda: on_earth(test(cell, claim)))
         if not isinstance(verdict, Failure):
             return verdict
-        n = len(by_name[cell]) if cell in by_name else 0
+        n = sum(map(len, by_name.get(cell, ())))
         return undecided_verdict(cell, n, claim, verdict.reason, verdict.error)
 
     names = [cell for cell, _ in pairs]
