@@ -31,7 +31,6 @@ from logger.core.certainty import (
     ellipse95,
     radii_text,
     relevant_modes,
-    share_text,
 )
 from logger.core.document import (
     LENGTH,
@@ -138,7 +137,7 @@ def _place(answer: Answer) -> tuple[Value, ...]:
     if answer.place is None:
         return None, None, None, None, 0, None
     place = answer.place.in_short()
-    others = (f"{share_text(one.probability)}: {one.lat} {one.lon}" for one in place.modes[1:])
+    others = (f"{one.share}: {one.lat} {one.lon}" for one in place.modes[1:])
     radii_m = place.r50_m, place.r95_m
     return place.lat, place.lon, *radii_m, len(place.modes), "; ".join(others) or None
 

@@ -352,7 +352,7 @@ def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
     ]
     for i, mode in enumerate(modes if row.answer.verdict == "ambiguous" else (), 1):
         within_m = (radius_m(mode.ellipse95, level) for level in (HALF, LEVEL))
-        rows.append((f"  place {i}: {mode.percent} %", "", "", mode.where, *map(metres, within_m)))
+        rows.append((f"  place {i}: {mode.share}", "", "", mode.where, *map(metres, within_m)))
     return rows
 
 
@@ -423,8 +423,7 @@ def _estimator_rows(answer: Answer) -> Iterator[tuple[Value, ...]]:
         n = answer.provenance.n
         yield ("posterior", _position(place), _radii(place), *_parameters(parameters), n)
         for i, mode in enumerate(place.modes if len(place.modes) > 1 else (), 1):
-            share = share_text(mode.probability) if mode.percent is None else f"{mode.percent}%"
-            yield f"  position {i}: {share}", _position(mode), _axes(mode.ellipse95)
+            yield f"  position {i}: {mode.share}", _position(mode), _axes(mode.ellipse95)
     paths = answer.paths or Paths({}, ())
     for estimator in ESTIMATORS:
         title = f"{estimator.name}*" if estimator == REFERENCE else estimator.name

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, Self
 from msgspec import Struct
 from msgspec.structs import replace
 
-from logger.core.certainty import Ellipse, radii_text, relevant_modes, whole_percents
+from logger.core.certainty import Ellipse, mode_share_text, radii_text, relevant_percents
 from logger.core.types import Verdict
 
 if TYPE_CHECKING:  # the status is written before numpy is imported
@@ -89,6 +89,11 @@ class Mode(OnMap, frozen=True, kw_only=True):
         """Latitude and longitude as far as known, if it is this one."""
         r95_m = self.ellipse95.semi_major_m
         return self.within(r95_m, _HALF_OF_LEVEL * r95_m)
+
+    @property
+    def share(self) -> str:
+        """Its probability in words."""
+        return mode_share_text(self.probability, self.percent)
 
     def in_short(self) -> Self:
         """With a probability of three digits."""
@@ -315,20 +320,18 @@ def answer_of(
 
 def place_of(posterior: "Posterior") -> Place:
     """A posterior in degrees."""
-    relevant = relevant_modes(posterior.modes)
-    percents = dict(zip(map(id, relevant), whole_percents(relevant), strict=True))
     strongest = posterior.strongest
     strongest_lat, strongest_lon = strongest.places.first_deg
     lat, lon = posterior.place.first_deg
     modes = []
-    for mode in posterior.modes:
+    for mode, percent in zip(posterior.modes, relevant_percents(posterior.modes), strict=True):
         mode_lat, mode_lon = mode.place.first_deg
         modes.append(
             Mode(
                 lat=mode_lat,
                 lon=mode_lon,
                 probability=mode.probability,
-                percent=percents.get(id(mode)),
+                percent=percent,
                 ellipse95=mode.ellipse,
             )
         )

@@ -97,9 +97,7 @@ def report(
         findings = [f"{cell} is {ground.several_text(at)}" for cell, at in group.several.items()]
         page = rendering.make_report(
             replace(result, warnings=(*findings, *result.warnings)),
-            tested_claims(result, group.runs, own_cells or [None], prior, p_fa, claim, claims)
-            if claim or claims is not None
-            else None,
+            tested_claims(result, own_cells or [None], prior, p_fa, claim, claims),
             most=max(rendering.MOST_DETAILED, len(own_cells)),
             first=conspicuous,
             basemap=basemap,

@@ -10,7 +10,7 @@ from jinja2 import Template
 from markupsafe import Markup
 
 from logger.core.answer import CONSPICUOUS, Answer
-from logger.core.certainty import metres, share_text
+from logger.core.certainty import metres
 from logger.core.document import Column, Degrees, Table, Value, Word, number_of
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.suspicion.words import strongest_reasons, word_rate_text
@@ -163,7 +163,7 @@ def _places(result: CellResult, streets: Streets) -> Iterator[Coordinates]:
     for mode in modes:
         is_only = len(modes) == 1
         radius_m = place.r95_m if is_only else None
-        share = "" if is_only else share_text(mode.probability)
+        share = "" if is_only else mode.share
         street = streets(mode.lat, mode.lon) or ""
         yield coordinates(mode.lat, mode.lon, radius_m, share, street)
 

@@ -164,7 +164,7 @@ def findings_at_desk(rules: Iterable[Rule[Source, Any]], source: Source) -> Iter
             if evidence is not None:
                 nats = rule.nats("") if rule.weigh is None else rule.weigh(source, cell)
                 name = cell if isinstance(cell, str) else cell.name
-                text = rule.sentence.format(**evidence)
+                text = rule.text_of(evidence)
                 yield Finding(rule, name, 0, None, None, text, evidence, nats)
 
 

@@ -365,7 +365,7 @@ def _cell_parts(cell: CellVerdict) -> Iterator[Part]:
         yield Line(reason, bullet="  - ")
     if cell.p is None or cell.level is None or cell.q is None:
         return
-    edge = f"the claim lies on the edge of the {cell.level:.1%} region"
+    edge = f"the claim lies on the edge of the {_level_text(cell.level)} region"
     yield Line(f"p {p_text(cell.p)} ({edge}), q {p_text(cell.q)}", bullet="  ")
     columns = [
         Column("detected with 95 %", unit="m"),
@@ -376,6 +376,10 @@ def _cell_parts(cell: CellVerdict) -> Iterator[Part]:
     if any(one.indirect_blind_m for one in cell.power):
         blind = "* farther out in this direction a displacement would not be detected"
         yield Line(blind, bullet="  ")
+
+
+def _level_text(level: float) -> str:
+    return "> 99.9 %" if level > 1.0 - 1e-3 else f"{100.0 * level:.1f} %"
 
 
 def _distance(m: float) -> str:

@@ -34,19 +34,20 @@ with late_modules():
 
 
 def tested_claims(
-    result: estimation.Result | None,
-    runs: Sequence[runfile.Run],
+    result: estimation.Result,
     cells: Sequence[str | None],
     prior: priors.Prior,
     p_fa: float,
     texts: Sequence[str],
     path: Path | None,
-) -> claims.Verified:
+) -> claims.Verified | None:
     """The claims of `--claim` and `--claims` about some cells (None: every cell), tested.
 
-    `result` is that of the runs with this prior, if known.
+    `result` is that of the run with this prior. None without claims.
     """
-    only = [cell for cell in cells if cell] or None
+    if not texts and path is None:
+        return None
+    runs, only = [one.run for one in result.runs], [cell for cell in cells if cell] or None
     claimed = [claims.parse_claim(text, cell) for text in texts for cell in cells]
     return run_claims.verify_claims(
         runs, claimed, p_fa, prior, only,
@@ -61,7 +62,7 @@ def tested_claims(
     "texts",
     multiple=True,
     metavar="LAT,LON[,SIGMA_M]",
-    help="Claimed position of --cell or of every cell (repeatable).",
+    help="Claimed position of --cell or every cell (repeatable).",
 )
 @click.option(
     "--claims",
@@ -110,12 +111,18 @@ def verify(
         raise ConfigError("--against goes with --sites")
     groups = grouped_runs(paths, only, prior.area)
     found = [
-        tested_claims(
-            stored_result(group.runs, own, estimation.Options(prior)), group.runs,
-            own or [None], prior, p_fa, texts, claims_path,
+        run_claims.verify_claims(
+            group.runs,
+            [claims.parse_claim(text, cell) for text in texts],
+            p_fa,
+            prior,
+            own,
+            file=claims_path,
+            result=stored_result(group.runs, own, estimation.Options(prior)),
+            progress=progress.with_progress,
         )
         for group, own in groups
-    ]  # fmt: skip
+    ]
     documents = list(map(claims.document_of, found))
     show(ground.document_of_groups([group for group, _ in groups], documents), as_json=as_json)
     return cell_work.exit_code([one for verified in found for one in verified.cells])

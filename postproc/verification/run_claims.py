@@ -44,7 +44,6 @@ from postproc.verification.claims import (
     Verdict,
     Verified,
     away_m,
-    p_text,
     read_claims,
     swap_hint,
 )
@@ -329,17 +328,12 @@ def verify_claims(
 
     def test(cell: str, claim: Claim) -> CellVerdict:
         places = by_name.get(cell, [])
-        if cell in rarely:
-            return undecided_verdict(cell, sum(map(len, places)), claim, rarely[cell])
-        if not places:
-            why = "none of its readings has both a level and a position"
-            return undecided_verdict(cell, 0, claim, why)
-        if len(places) == 1:
-            return verify_cell(places[0], claim, p_fa, prior, posteriors, tests)
-        # another place has another transmitter
-        claimed_deg = claim.lat_deg, claim.lon_deg
-        nearest = min(places, key=lambda obs: away_m(claimed_deg, obs.places.first_deg))
-        return verify_cell(nearest, claim, p_fa, prior)
+        if cell in rarely or not places:
+            why = rarely.get(cell, "none of its readings has both a level and a position")
+            return undecided_verdict(cell, sum(map(len, places)), claim, why)
+        if len(places) > 1:  # each has a transmitter of its own
+            return verify_cell(_nearest(places, claim), claim, p_fa, prior)
+        return verify_cell(places[0], claim, p_fa, prior, posteriors, tests)
 
     def on_earth(verdict: CellVerdict) -> CellVerdict:
         return verdict if walk_deg is None else _geodesic(verdict, walk_deg)
@@ -371,6 +365,11 @@ def benjamini_hochberg(p: FloatArray) -> FloatArray:
     adjusted = np.empty(len(p))
     adjusted[order] = np.minimum.accumulate(p[order] * len(p) / rank)
     return np.minimum(adjusted, 1.0)
+
+
+def _nearest(places: Sequence[Readings], claim: Claim) -> Readings:
+    at_deg = claim.lat_deg, claim.lon_deg
+    return min(places, key=lambda obs: away_m(at_deg, obs.places.first_deg))
 
 
 def _middle_deg(track: Track) -> tuple[float, float]:
@@ -407,8 +406,9 @@ def _decide(undecided_yet: CellVerdict, q: float, p_fa: float) -> CellVerdict:
     verdict: Verdict = "cannot tell"
     if undecided_yet.p is not None and q <= p_fa:
         verdict = "rejected"
-        share = p_text(undecided_yet.p)
-        reasons.append(f"so unlikely a place is the true one in {share} of all walks")
+        p = undecided_yet.p
+        share = f"fewer than {100.0 * LEAST_P:g}" if p < LEAST_P else f"{100.0 * p:.2g}"
+        reasons.append(f"so unlikely a place is the true one in {share} % of all walks")
     elif notices_m is not None:
         is_sharp = notices_m <= _MOST_DISTANCES * max(distance_m, _LEAST_DISTANCE_M)
         verdict = "consistent" if is_sharp else "cannot tell"

@@ -13,7 +13,7 @@ PLACE = Place(
     lat=52.5, lon=13.4, r50_m=20.4, r95_m=45.6, drms_m=25.0, area_m2=6000.0, modes=(MODE,),
     strongest=StrongestReading(lat=52.5, lon=13.4, level_dbm=-60.0),
 )  # fmt: skip
-LOCATED = Answer("262-01-1-1", "located", ("one position holds 100%",), Provenance(20), PLACE)
+LOCATED = Answer("262-01-1-1", "located", ("one position holds > 99 %",), Provenance(20), PLACE)
 RADII = "most likely within 20 m, surely within 46 m"
 
 

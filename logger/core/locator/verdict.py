@@ -181,7 +181,7 @@ def assess(
     if contradiction:
         reasons.insert(0, contradiction)
     elif outside_share > _MOST_OUTSIDE:
-        needed = f"{outside}, and a location needs at most {_MOST_OUTSIDE:.0%}"
+        needed = f"{outside}, and a location needs at most {share_text(_MOST_OUTSIDE)}"
         reasons.append(f"the readings do not show that it is in the area: {needed}")
     needed_m = within_m if is_wide and not contradiction else None
     if reasons:
@@ -189,7 +189,7 @@ def assess(
         verdict: Verdict = "cannot tell"
     elif is_single:
         radius = f"95 % lie within {posterior.r95_m:.0f} m of it"
-        verdict, reasons = "located", [f"one position holds {percents[0]}%; {radius}"]
+        verdict, reasons = "located", [f"one position holds {_share_text(percents[0])}; {radius}"]
     else:
         verdict, reasons = "ambiguous", [_shares(case, percents), _advice(case)]
     if outside and outside_share <= _MOST_OUTSIDE:
@@ -253,13 +253,17 @@ def _two_transmitters(division: Division, obs: Readings) -> str:
     )
 
 
+def _share_text(percent: int) -> str:
+    return share_text(percent / 100.0)
+
+
 def _shares(case: _Case, percents: Sequence[int]) -> str:
     names = [
-        f"{percent}% at {place_text(mode.place)}"
+        f"{_share_text(percent)} at {place_text(mode.place)}"
         for percent, mode in zip(percents, case.modes, strict=True)
     ]
     rest = 100 - sum(percents)
-    elsewhere = [f"{rest}% elsewhere"] if rest > 0 else []
+    elsewhere = [f"{rest} % elsewhere"] if rest > 0 else []
     return f"the levels fit several places: {', '.join(names + elsewhere)}"
 
 

@@ -161,6 +161,10 @@ class Rule(Generic[Source, Cell]):
             return 0.0
         return max(log(self.detection / rate.per_cell), 0.0)
 
+    def text_of(self, evidence: Evidence) -> str:
+        """The sentence of a finding."""
+        return self.sentence.format(**evidence).replace("%", " %")
+
     @property
     def text(self) -> str:
         """All that is declared, in sentences."""
@@ -188,7 +192,7 @@ class Rule(Generic[Source, Cell]):
         share = min(self.detection / exp(nats), 1.0) if nats > 0.0 else 1.0
         if share >= 0.3:
             return "Rate not measured here."
-        return f"Seen with {share:.1%} of legitimate cells or fewer."
+        return f"Seen with {100.0 * share:.1f} % of legitimate cells or fewer."
 
 
 ScanRule = Rule[Memory, HeardCell]
