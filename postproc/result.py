@@ -470,7 +470,7 @@ class Result:
 
     def _repr_html_(self) -> str:
         drawn, shown = self._to_draw(), self._listed[:_MOST_ROWS]
-        shown = (*shown, *(cell for cell in drawn if all(cell is not one for one in shown)))
+        shown += [cell for cell in drawn if all(cell is not one for one in shown)]
         on_plan = [
             part
             for i, cell in enumerate(shown, 1)

@@ -9,7 +9,17 @@ import shapely
 from msgspec import Struct
 from pyproj import Geod
 
-from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position, Region
+from logger.core.answer import (
+    Answer,
+    Mode,
+    Parameters,
+    PathEnd,
+    Paths,
+    Place,
+    Position,
+    Region,
+    decimals_within,
+)
 from logger.core.certainty import RADII, Ellipse, metres, radius_m, share_text
 from logger.core.document import (
     Column,
@@ -456,7 +466,9 @@ def run_table(cell: CellResult, run_names: Sequence[str]) -> Table:
 
 
 def _position(at: Position | Mode | PathEnd) -> Degrees:
-    return Degrees(at.lat, at.lon)
+    if isinstance(at, Position):
+        return Degrees(at.lat, at.lon, decimals_within(at.r95_m, at.r50_m))
+    return Degrees(at.lat, at.lon, decimals_within(at.ellipse95.semi_major_m))
 
 
 def _radii(place: Place) -> str:

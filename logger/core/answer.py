@@ -23,8 +23,8 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
 
 DEGREE_DECIMALS = 6
 """0.1 m."""
-_ROUGH_M = 1000.0
-"""A place that is less sure is shown with the digits that its 50 % radius leaves."""
+_SHARP_M, _ROUGH_M = 150.0, 1000.0
+"""Up to these 95 % radii a place has 5 and 4 decimals of degrees; less sure, by its 50 % radius."""
 _DECIMALS = ((1000.0, 2), (100.0, 3))
 """From this radius on so many: rounding moves a place by 670 m or 67 m at most."""
 _HALF_OF_LEVEL = 0.48
@@ -52,6 +52,14 @@ class Region(Struct, kw_only=True):
     geojson: MultiPolygon | None = None
 
 
+def decimals_within(r95_m: float, r50_m: float | None = None) -> int:
+    """Decimals of the degrees of a place that these radii hold."""
+    if r95_m <= _ROUGH_M:
+        return 5 if r95_m <= _SHARP_M else 4
+    half_m = _HALF_OF_LEVEL * r95_m if r50_m is None else r50_m
+    return next((n for least_m, n in _DECIMALS if half_m >= least_m), 4)
+
+
 class OnMap(Struct, frozen=True, kw_only=True):
     """A place in degrees, WGS 84."""
 
@@ -63,12 +71,11 @@ class OnMap(Struct, frozen=True, kw_only=True):
         lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (self.lat, self.lon))
         return replace(self, lat=lat, lon=lon)
 
-    def within(self, r95_m: float, r50_m: float) -> str:
+    def within(self, r95_m: float, r50_m: float | None = None) -> str:
         """Latitude and longitude as far as known where these radii hold it."""
-        if r95_m <= _ROUGH_M:
-            return f"{self.lat:.5f} {self.lon:.5f}"
-        decimals = next((n for least_m, n in _DECIMALS if r50_m >= least_m), 4)
-        return f"about {self.lat:.{decimals}f} {self.lon:.{decimals}f}"
+        decimals = decimals_within(r95_m, r50_m)
+        about = "" if r95_m <= _ROUGH_M else "about "
+        return f"{about}{self.lat:.{decimals}f} {self.lon:.{decimals}f}"
 
 
 class StrongestReading(OnMap, frozen=True, kw_only=True):
@@ -87,8 +94,7 @@ class Mode(OnMap, frozen=True, kw_only=True):
     @property
     def where(self) -> str:
         """Latitude and longitude as far as known, if it is this one."""
-        r95_m = self.ellipse95.semi_major_m
-        return self.within(r95_m, _HALF_OF_LEVEL * r95_m)
+        return self.within(self.ellipse95.semi_major_m)
 
     @property
     def share(self) -> str:

@@ -221,9 +221,10 @@ def parts_of(walk: NextWalk) -> Iterator[str | TextLine | Table]:
             number,
             one.route.length_m,
             metres(one.r95_after_m),
-            Degrees(*_degrees(walk, one)[-1]),
+            Degrees(lat_deg, lon_deg),
         )
         for number, one in enumerate(walk.routes, 1)
+        for lat_deg, lon_deg in _degrees(walk, one)[-1:]
     ]
     yield Table(_COLUMNS, rows)
     yield OPTIMISTIC

@@ -9,7 +9,7 @@ from math import inf
 from jinja2 import Template
 from markupsafe import Markup
 
-from logger.core.answer import CONSPICUOUS, Answer
+from logger.core.answer import CONSPICUOUS, Answer, decimals_within
 from logger.core.certainty import metres
 from logger.core.document import Column, Degrees, Table, Value, Word, number_of
 from logger.core.locator.alternatives import alternatives_text
@@ -165,7 +165,9 @@ def _places(result: CellResult, streets: Streets) -> Iterator[Coordinates]:
         radius_m = place.r95_m if is_only else None
         share = "" if is_only else mode.share
         street = streets(mode.lat, mode.lon) or ""
-        yield coordinates(mode.lat, mode.lon, radius_m, share, street)
+        wide_m = place.r95_m if is_only else mode.ellipse95.semi_major_m
+        decimals = decimals_within(wide_m)
+        yield coordinates(mode.lat, mode.lon, radius_m, share, street, decimals)
 
 
 def html(

@@ -38,6 +38,14 @@ def test_a_wide_region_is_rounded_by_less_than_what_most_likely_holds_it(r50_m, 
     assert f"; likeliest at about {where}, most likely within " in wide.sentence
 
 
+@pytest.mark.parametrize(
+    ("r95_m", "where"), [(150.0, "52.50000 13.40000"), (990.0, "52.5000 13.4000")]
+)
+def test_a_place_has_the_decimals_of_its_radius(r95_m, where):
+    place = msgspec.structs.replace(PLACE, r50_m=40.0, r95_m=r95_m)
+    assert f"likeliest at {where}, " in replace(LOCATED, verdict="ambiguous", place=place).sentence
+
+
 @pytest.mark.parametrize("word", ["unusual", "suspicious"])
 def test_the_word_of_a_conspicuous_cell_comes_first(word):
     assert replace(LOCATED, word=Word(word, 6.0, ())).sentence == f"{word}; {LOCATED.sentence}"

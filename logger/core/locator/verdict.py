@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logger.core.answer import OnMap
 from logger.core.certainty import metres, relevant_modes, share_text, whole_percents
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
@@ -259,7 +260,7 @@ def _share_text(percent: int) -> str:
 
 def _shares(case: _Case, percents: Sequence[int]) -> str:
     names = [
-        f"{_share_text(percent)} at {place_text(mode.place)}"
+        f"{_share_text(percent)} at {place_text(mode.place, mode.ellipse.semi_major_m)}"
         for percent, mode in zip(percents, case.modes, strict=True)
     ]
     rest = 100 - sum(percents)
@@ -275,7 +276,7 @@ def _advice(case: _Case) -> str:
     if_near_dbm = _expected_dbm(case, near, _PASSING_M)
     if_far_dbm = _expected_dbm(case, far, apart_m)
     return (
-        f"to decide, walk past {place_text(near.place)}, "
+        f"to decide, walk past {place_text(near.place, near.ellipse.semi_major_m)}, "
         f"{way_m:.0f} m from where this walk ended: about {if_near_dbm:.0f} dBm there "
         f"if it is this position, {if_far_dbm:.0f} dBm if it is the one {apart_m:.0f} m away"
     )
@@ -289,9 +290,13 @@ def _expected_dbm(case: _Case, mode: Mode, distance_m: float) -> float:
     return float(level_dbm(p0_dbm, eta, distance_db))
 
 
-def place_text(place: Places) -> str:
+_NEAR_M = 500.0
+"""Two transmitters are located by half of the readings each."""
+
+
+def place_text(place: Places, r95_m: float = _NEAR_M) -> str:
     """Latitude and longitude of a place, as reasons name it; on no map x and y in metres."""
     if place.utm == NO_MAP:
         return f"x {place.x_m.item():.0f} m, y {place.y_m.item():.0f} m"
-    lat_deg, lon_deg = place.first_deg
-    return f"{lat_deg:.5f} {lon_deg:.5f}"
+    lat, lon = place.first_deg
+    return OnMap(lat=lat, lon=lon).within(r95_m)
