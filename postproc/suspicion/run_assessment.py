@@ -415,7 +415,7 @@ def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
         where = f"{cell_name}: " if cell_name else ""
         yield Line(f"{where}{failed.reason}", "red")
     if not suspicions.cells:
-        yield "no cell was named by two scans"
+        yield "no cell with an identity was named by two scans, so no rule was asked"
     if suspicions.not_asked:
         yield f"not checked, as these were missing: {not_asked_text(suspicions, details=details)}"
     yield suspicions.unnoticed_text

@@ -193,14 +193,7 @@ def _sigma_m(range_m: int | None) -> float:
 
 
 def _check(claim: Claim) -> Claim:
-    try:
-        check_position(claim.lat_deg, claim.lon_deg)
-    except GeoError as error:
-        if abs(claim.lat_deg) <= 180.0 and abs(claim.lon_deg) <= MAX_LATITUDE_DEG < abs(
-            claim.lat_deg
-        ):
-            raise GeoError(f"{error}; latitude and longitude swapped?") from error
-        raise
+    check_position(claim.lat_deg, claim.lon_deg)
     return claim
 
 

@@ -61,6 +61,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "cell": (),
     "t_s": ("ts", "t", "seconds", "secs", "elapsedseconds", "elapsedtime"),
     "serving": ("serving", "servingcell", "isserving", "registered", "isregistered"),
+    "date": ("date", "gpsdate", "utcdate", "day"),
 }
 """Our names, which --columns takes, and what other programs call the same.
 
@@ -154,15 +155,21 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
 
 
 def _is_month_first(source: Path, columns: list[Column]) -> bool | None:
-    for name in (name for ours, name, _ in columns if ours == "time"):
-        try:
-            return is_month_first(row[name].strip() for _, row in csv_table.rows(source))
-        except ValueError as why:
-            raise RunFileError(
-                f"{source}: column {name!r}: {why}: write them as 2024-05-14 09:00:00, or add "
-                "--times none"
-            ) from None
-    return None
+    named = {ours: name for ours, name, _ in columns if ours in {"date", "time"}}
+    if "time" not in named:
+        return None
+    rows = (row for _, row in csv_table.rows(source))
+    try:
+        return is_month_first(
+            " ".join(row[named[ours]].strip() for ours in sorted(named)) for row in rows
+        )
+    except ValueError as why:
+        if "date" in named:
+            return None  # the time of day counts alone
+        raise RunFileError(
+            f"{source}: column {named['time']!r}: {why}: write them as 2024-05-14 09:00:00, or add "
+            "--times none"
+        ) from None
 
 
 def _names_of_file(source: Path) -> list[str]:
@@ -253,7 +260,10 @@ def _moment(
         time = text(fields, "time")
         if _SECONDS.fullmatch(time):
             return Moment(round(float(time) * 1e9), is_utc=False)
-        return moment_of(time, "time", month_first=month_first)
+        try:  # a date of its own column belongs to a time of day
+            return moment_of(f"{text(fields, 'date')} {time}", "time", month_first=month_first)
+        except ValueError:
+            return moment_of(time, "time", month_first=month_first)
     if known:
         return Moment(round(number(fields, "t_s", (-1e9, 1e9)) * 1e9), is_utc=False)
     return Moment(line * ROW_NS, is_utc=False)

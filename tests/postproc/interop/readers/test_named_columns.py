@@ -236,3 +236,14 @@ def test_times_with_two_meanings_are_not_read(tmp_path, capsys, time, said):
     assert main(["import", str(source), "-o", str(tmp_path / "a.h5")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
+
+
+@pytest.mark.parametrize(
+    ("date", "hours"),
+    [("2024-05-14", 476577), ("5/14/2024", 476577), ("05/06/2024", 9), ("Tuesday", 9)],
+)
+def test_a_date_of_its_own_column_belongs_to_the_time(tmp_path, date, hours):
+    """Where it cannot be read the time of day counts alone."""
+    head = "Date,Time,Latitude,Longitude,RSSI,Cell ID"
+    (row,) = _rows(tmp_path, head, f"{date},09:00:00,52.5,13.4,-70,7")
+    assert row.t_ns == hours * 3600 * 10**9
