@@ -500,7 +500,7 @@ class Result:
 
     @property
     def _listed(self) -> list[CellResult]:
-        """The cells in the order of the report, which numbers them too."""
+        """In the order of the report."""
 
         def rank(cell: CellResult) -> tuple[float, ...]:
             score_nats = self.words[cell.cell].score_nats if cell.word else 0.0

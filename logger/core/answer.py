@@ -23,10 +23,10 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
 
 DEGREE_DECIMALS = 6
 """0.1 m."""
+# of 95 %, up to which a place has 5 and 4 decimals; beyond, what its 50 % radius leaves
 _SHARP_M, _ROUGH_M = 150.0, 1000.0
-"""Up to these 95 % radii a place has 5 and 4 decimals of degrees; less sure, by its 50 % radius."""
+# from this radius on so many: rounding moves a place by 670 m or 67 m at most
 _DECIMALS = ((1000.0, 2), (100.0, 3))
-"""From this radius on so many: rounding moves a place by 670 m or 67 m at most."""
 _HALF_OF_LEVEL = 0.48
 """Radius with 50 % by that with 95 %, of a Gaussian."""
 

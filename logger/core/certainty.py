@@ -127,14 +127,14 @@ def whole_percents(modes: Sequence[Peak]) -> list[int]:
 
 
 def relevant_percents(modes: Sequence[Peak]) -> list[int | None]:
-    """Whole percents of the relevant of some modes, None of the others."""
+    """As `whole_percents`; None of irrelevant modes."""
     relevant = relevant_modes(modes)
     percents = dict(zip(map(id, relevant), whole_percents(relevant), strict=True))
     return [percents.get(id(mode)) for mode in modes]
 
 
 def mode_share_text(probability: float, percent: int | None) -> str:
-    """Share of a mode, by its whole percents where it is relevant."""
+    """By its whole percents, if any."""
     return share_text(probability if percent is None else percent / 100.0)
 
 

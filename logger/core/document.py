@@ -237,7 +237,7 @@ def number_of(count: int, noun: str) -> str:
 
 
 def degrees_text(lat_deg: float, lon_deg: float, decimals: int = 5) -> str:
-    """Latitude and longitude, by default to a metre."""
+    """Latitude and longitude."""
     return f"{lat_deg:.{decimals}f} {lon_deg:.{decimals}f}"
 
 

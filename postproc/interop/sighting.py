@@ -353,7 +353,7 @@ def _network_code(fields: Fields, name: str, fewest_digits: int) -> str | None:
 
 
 def with_whole_codes(name: str) -> str:
-    """A name of a cell, of which a table has taken zeros of the network code."""
+    """A cell's name with the zeros of its network code."""
     mcc, *rest = name.split("-")
     if len(mcc) != 3 or identity_of(name) is None:
         return name
@@ -498,8 +498,8 @@ def _plain(column: str) -> str:
 _CLOCK = r"(\d{1,2})[:.](\d{2})(?:[:.](\d{2})(?:[.,](\d{1,9}))?)?(?: ?([AaPp])\.?[Mm]\.?)?"
 _YEAR_FIRST = re.compile(r"(\d{4})[-./](\d{1,2})[-./](\d{1,2})[ T_]" + _CLOCK)
 _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4}),?[ T_]" + _CLOCK)
+# only all times of a file show which of the first two numbers is the month
 _SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}),?[ T_]" + _CLOCK)
-"""Only all times of a file show which of the first two numbers is the month."""
 _TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?(?: ?([AaPp])\.?[Mm]\.?)?")
 _SINCE_1970 = re.compile(r"(\d{9,10})(?:[.,](\d{1,9}))?|(\d{12,13})(?:[.,]\d+)?")
 
@@ -517,9 +517,9 @@ class Moment:
 
 
 def is_month_first(times: Iterable[str]) -> bool | None:
-    """Whether dates with slashes begin with the month; None where there are none or none tells.
+    """Whether dates with slashes begin with the month; None without such dates.
 
-    Raises ValueError, with an example, where each may begin with the month or the day.
+    Raises ValueError where none tells.
     """
     example = ""
     for time in filter(None, times):

@@ -48,7 +48,7 @@ def coordinates(
 ) -> Coordinates:
     """Every notation of a position; `r95_m` becomes the uncertainty of the geo URI.
 
-    The decimal one is for readers, with as many `decimals` as are known; others are for programs.
+    `decimals` are those of `decimal`.
     """
     lat, lon = (f"{value:.{_DECIMALS}f}" for value in (lat_deg, lon_deg))
     uncertain = "" if r95_m is None else f";u={r95_m:.0f}"

@@ -75,7 +75,7 @@ class Guide:
         return self._planned is None or self._here.away_m(self._planned) >= AGAIN_M
 
     def decide(self, task: LocatorInput, tree: Tree, modes: Sequence[Mode] | None = None) -> None:
-        """Plan from the posterior that is known now; `modes` are those of the answer beside it."""
+        """Plan from the posterior that is known now; `modes` are the answer's."""
         here = self._here
         if here is None:
             return

@@ -33,12 +33,10 @@ _POINTS = (
     "west",
     "north-west",
 )
-_DISTINCT = 2.0
-"""Standard deviations between two expected levels that a walker can tell apart."""
+_DISTINCT = 2.0  # standard deviations between two levels that a walker can tell apart
 _CLOSE_M = 120.0
 """Within a block of the likeliest place the sentence speaks of its other sides."""
-_OPEN_M = 500.0
-"""Farther than this around the likeliest place nobody searches."""
+_OPEN_M = 500.0  # farther than this around the likeliest place nobody searches
 _COUNTS = {2: "two", 3: "three", 4: "four"}
 _PASSING, _SAYS_MOST = "passing it says most", "this way says most about it"
 
@@ -63,10 +61,7 @@ def sentence(
     distance_m: float,
     mean_dbm: float,
 ) -> tuple[str, str]:
-    """Advice and reason of a plan; `mean_dbm` was subtracted from its levels.
-
-    `places` are those of the answer, which stands beside it.
-    """
+    """Advice and reason of a plan; `mean_dbm` was subtracted from levels, `places` the answer's."""
     here = Places.of(*best.route.corner_m[0])
     way_m = best.route.corner_m[1] - best.route.corner_m[0]
     go = f"{turn(course_deg, azimuth_deg(way_m))}, {direction(way_m)}, "

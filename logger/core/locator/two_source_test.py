@@ -46,10 +46,8 @@ _LEAST_LONG_SHARE = 0.5
 _FEWEST_BLOCKS = 8  # of a part: twice the unknowns of a transmitter
 FEWEST_READINGS = 40
 """A shorter walk is not divided."""
-_MOST_MOMENTS = 4
-"""Between runs: those that divide the readings most evenly."""
-_PASSED_M = 200.0
-"""A walk that comes no closer to a position does not pass it."""
+_MOST_MOMENTS = 4  # between runs
+_PASSED_M = 200.0  # a walk that comes no closer to a position does not pass it
 _APART = 0.12  # of peaks, by the extent of the walk
 _PEAK_REACH = 0.7  # by that distance: a peak is the highest level within it
 _SMOOTHING = 0.03  # of the level, by the extent of the walk
@@ -151,8 +149,8 @@ def divide_in_time(
 ) -> Division | None:
     """The readings before and after a moment, each part with a transmitter of its own.
 
-    It reveals a transmitter that jumps: between two of several runs, or in the middle of one. None
-    for several modems, and for a walk too short.
+    It reveals a transmitter that jumps, between runs or within one. None for several modems, and
+    for a walk too short.
     """
     obs = obs.usable()
     if not _is_divisible(obs):
@@ -168,7 +166,7 @@ def divide_in_time(
 
 
 def _moments(obs: Readings) -> list[BoolArray]:
-    """Which readings (n,) are early, for each moment that is tried."""
+    """Which readings (n,) are early."""
     n = len(obs)
     parts = [] if obs.run is None else [obs.run <= run for run in np.unique(obs.run)[:-1]]
     parts.sort(key=lambda is_early: abs(2 * np.count_nonzero(is_early) - n))

@@ -290,8 +290,7 @@ def _expected_dbm(case: _Case, mode: Mode, distance_m: float) -> float:
     return float(level_dbm(p0_dbm, eta, distance_db))
 
 
-_NEAR_M = 500.0
-"""Two transmitters are located by half of the readings each."""
+_NEAR_M = 500.0  # each of two transmitters has half of the readings
 
 
 def place_text(place: Places, r95_m: float = _NEAR_M) -> str:

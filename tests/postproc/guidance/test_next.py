@@ -62,7 +62,6 @@ def test_the_answer_is_that_of_smooth(run, capsys):
 
 
 def test_the_sentence_has_the_places_of_the_answer():
-    """A walk that a sample of the posterior takes for one place, and one it takes for several."""
     for to_m, emitter_m in (((900.0, 0.0), (150.0, 90.0)), ((300.0, 0.0), (-300.0, 200.0))):
         rng = np.random.default_rng(1)
         x_m, y_m = np.array(line((0.0, 0.0), to_m)).T

@@ -121,7 +121,6 @@ def test_comments_before_the_header(tmp_path):
     ("header", "cell"), [("mcc,mnc,lac,cid", "722,7,1201,9"), ("cell", "722-7-1201-9")]
 )
 def test_a_network_code_has_its_zeros_whatever_the_columns(tmp_path, header, cell):
-    """A spreadsheet has taken them."""
     (tmp_path / "log.csv").write_text(f"t_s,lat,lon,rssi_dbm,{header}\n0,-34.6,-58.4,-60,{cell}\n")
     (row,), _ = read_walk(tmp_path / "log.csv")
     assert row.reading.cell == "722-07-1201-9"
