@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
+from logger.core.certainty import metres
 from logger.core.guidance.forecast import Forecast
 from logger.core.guidance.planner import Plan, azimuth_deg, turn_deg
 from logger.core.guidance.sample import PositionSample
@@ -79,7 +80,8 @@ def _two_places(
 ) -> str:
     one, other = places[:2]
     apart_m = one.away_m(other)
-    fit = f"{apart_m:.0f} m apart" if len(places) == 2 else f"the likeliest {apart_m:.0f} m apart"
+    fit = f"{metres(apart_m)} apart"
+    fit = fit if len(places) == 2 else f"the likeliest {fit}"
     to_one_m, to_other_m = (_away_m(sample, place) for place in (one, other))
     at_one = to_one_m < to_other_m
     if at_one.all() or not at_one.any():
@@ -102,7 +104,7 @@ def _one_place(sample: PositionSample, place: Places, here: Places) -> tuple[str
     # without a radius: the answer has one
     away_m = place.away_m(here)
     spread_m = _spread_m(sample, place)
-    where = f"{away_m:.0f} m {direction(place.xy_m[:, 0] - here.xy_m[:, 0])}"
+    where = f"{metres(away_m)} {direction(place.xy_m[:, 0] - here.xy_m[:, 0])}"
     if away_m < _CLOSE_M and spread_m < _CLOSE_M:
         return f"the likeliest place is {where}", "hear it from another side"
     if spread_m < _OPEN_M:

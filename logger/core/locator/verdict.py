@@ -277,8 +277,8 @@ def _advice(case: _Case) -> str:
     if_far_dbm = _expected_dbm(case, far, apart_m)
     return (
         f"to decide, walk past {place_text(near.place, near.ellipse.semi_major_m)}, "
-        f"{way_m:.0f} m from where this walk ended: about {if_near_dbm:.0f} dBm there "
-        f"if it is this position, {if_far_dbm:.0f} dBm if it is the one {apart_m:.0f} m away"
+        f"{metres(way_m)} from where this walk ended: about {if_near_dbm:.0f} dBm there "
+        f"if it is this position, {if_far_dbm:.0f} dBm if it is the one {metres(apart_m)} away"
     )
 
 

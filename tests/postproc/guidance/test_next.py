@@ -73,6 +73,24 @@ def test_the_sentence_has_the_places_of_the_answer():
         assert ("places fit" in found.text) == (len(places) > 1)
 
 
+def test_the_next_walk_is_in_one_place(tmp_path, capsys):
+    """Networks use channels and codes again: each place has an answer of its own."""
+    lines = ["t_s,lat,lon,rsrp_dbm,rat,arfcn,pci"]
+    for place, lon in enumerate((13.4, 14.4)):
+        for k, row in enumerate(rows(line((0.0, 0.0), (300.0, 0.0)), EMITTER_M)):
+            east = float(row["lon"]) - LON_DEG + lon
+            level_dbm = float(row["rssi_dbm"]) - 20.0
+            t_s = 7200 * place + k
+            lines.append(f"{t_s},{row['lat']},{east},{level_dbm},LTE,1300,210")
+    (tmp_path / "walk.csv").write_text("\n".join([*lines, ""]))
+    path = tmp_path / "run.h5"
+    assert main(["import", str(tmp_path / "walk.csv"), "-o", str(path)]) == 0
+    for asked, lon in (((), 13.4), (("--from", f"{LAT_DEG},14.4"), 14.4)):
+        document = _json(capsys, path, *asked)
+        assert document["best"]["r95_m"] < 5000.0
+        assert document["best"]["lon"] == pytest.approx(lon, abs=0.05)
+
+
 def test_the_sentence_has_the_metres_to_the_first_turn(run, capsys, tmp_path):
     path = tmp_path / "streets.geojson"
     north, east = [LON_DEG, LAT_DEG + 0.0008], [LON_DEG + 0.004, LAT_DEG + 0.0008]
