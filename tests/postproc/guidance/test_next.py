@@ -74,7 +74,6 @@ def test_the_sentence_has_the_places_of_the_answer():
 
 
 def test_the_next_walk_is_in_one_place(tmp_path, capsys):
-    """Networks use channels and codes again: each place has an answer of its own."""
     lines = ["t_s,lat,lon,rsrp_dbm,rat,arfcn,pci"]
     for place, lon in enumerate((13.4, 14.4)):
         for k, row in enumerate(rows(line((0.0, 0.0), (300.0, 0.0)), EMITTER_M)):
