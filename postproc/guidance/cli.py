@@ -129,7 +129,6 @@ def next_command(
 def _readings_of(
     paths: Sequence[Path], cell: str | None, begin: places.Places | None = None
 ) -> readings.Readings:
-    """Of the place near the begin, by default that with most readings."""
     runs = [runfile.read_sound_run(path) for path in paths]
     multi_run.check_different(runs)
     observed = multi_run.in_one_zone([walk.observe_run(run) for run in runs])
@@ -141,7 +140,7 @@ def _readings_of(
         raise ConfigError(f"no readings of {cell or 'any cell'} with a position; cells: {names}")
     modems = multi_run.modems_of(runs)
     near, *others = [multi_run.merge(part, modems) for part in ground.places_of(parts[cell])]
-    if begin is None or not others:
+    if begin is None or not others:  # the place with most readings
         return near
     return min((near, *others), key=lambda obs: begin.in_zone(obs.utm).away_m(obs.places[-1]))
 

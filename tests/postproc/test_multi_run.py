@@ -444,6 +444,7 @@ def test_one_run_needs_no_order(tmp_path, monkeypatch):
 
 
 def _walks_of_days(*days):
+    """Readings of one cell, by day; each day has a count and where the transmitter is."""
     rng, parts = np.random.default_rng(2), {}
     for day, (count, source_m) in enumerate(days):
         x, y = path("square", count, 840.0 / count)
@@ -468,6 +469,7 @@ def test_a_transmitter_that_moved_between_the_walks_is_not_located():
 
 @pytest.mark.parametrize("modems", ["aaa", "abc"])
 def test_walks_are_divided_between_days(modems):
+    """Not in the middle of one, and not by modem: the first of several has most levels."""
     parts = _walks_of_days((120, BEFORE_M), (400, AFTER_M), (90, AFTER_M))
     when = {day: (modem, UTC0_NS + day * DAY_NS) for day, modem in enumerate(modems)}
     obs = merge(in_order(parts, when), [0, 0, 0])

@@ -67,6 +67,7 @@ def test_a_result_shows_its_walk_and_both_regions(result):
 
 
 def test_cells_are_numbered_as_in_the_report(result):
+    """The conspicuous, then the located, then by readings, whatever their order in the result."""
     first, *others, last = result.cells
     located = replace(last, verdict="located", n=1)
     mixed = replace(result, cells=(*others, located, first))

@@ -62,6 +62,7 @@ def test_the_answer_is_that_of_smooth(run, capsys):
 
 
 def test_the_sentence_has_the_places_of_the_answer():
+    """A walk that a sample of the posterior takes for one place, and one it takes for several."""
     for to_m, emitter_m in (((900.0, 0.0), (150.0, 90.0)), ((300.0, 0.0), (-300.0, 200.0))):
         rng = np.random.default_rng(1)
         x_m, y_m = np.array(line((0.0, 0.0), to_m)).T
@@ -74,6 +75,7 @@ def test_the_sentence_has_the_places_of_the_answer():
 
 
 def test_the_next_walk_is_in_one_place(tmp_path, capsys):
+    """Networks use channels and codes again: each place has an answer of its own."""
     lines = ["t_s,lat,lon,rsrp_dbm,rat,arfcn,pci"]
     for place, lon in enumerate((13.4, 14.4)):
         for k, row in enumerate(rows(line((0.0, 0.0), (300.0, 0.0)), EMITTER_M)):

@@ -42,6 +42,7 @@ def test_headline_states_the_verdict_and_its_extent(result):
 
 
 def test_shares_of_places_are_the_same_in_pictures_and_answers(result):
+    """Two of 0.485 and one of 0.03 have 49, 48 and 3 %, not 48, 48 and 3."""
     cell = result.cells[0]
     one, other = cell.posterior.modes
     third = replace(other, probability=0.03, peak=0.01)

@@ -165,6 +165,7 @@ def test_each_of_several_claims_is_tested(run, capsys):
 
 
 def test_claims_are_tested_with_runs_of_several_places(run, tmp_path, capsys):
+    """As `smooth`, which has an answer for each place."""
     log, far = tmp_path / "far.csv", tmp_path / "far.h5"
     rows = [f"{k},{48.1 + k * 1e-5:.5f},11.5,{-60 - k % 9},{cell_name(0)}" for k in range(60)]
     log.write_text("\n".join(["t_s,lat,lon,rssi_dbm,cell", *rows, ""]))
@@ -177,6 +178,7 @@ def test_claims_are_tested_with_runs_of_several_places(run, tmp_path, capsys):
 
 
 def test_a_claim_is_tested_where_it_is_heard(tmp_path, capsys):
+    """One log with an identity in two towns: that of the other town says nothing about it."""
     log, path, cell = tmp_path / "tour.csv", tmp_path / "tour.h5", "262-01-4711-1"
     rows = []
     for n, lat in ((200, 52.5), (150, 48.1)):

@@ -216,6 +216,7 @@ def test_which_cell_serves(tmp_path, head):
     ],
 )
 def test_dates_are_read_by_all_times_of_a_file(tmp_path, times, minutes):
+    """Only a day beyond 12 shows which number is the month."""
     head = "Date Time;Latitude;Longitude;RSSI;Cell ID"
     first, second = _rows(tmp_path, head, *(f"{time};52.5;13.4;-70;7" for time in times))
     assert (second.t_ns - first.t_ns) / 60e9 == minutes
@@ -242,6 +243,7 @@ def test_times_with_two_meanings_are_not_read(tmp_path, capsys, time, said):
     [("2024-05-14", 476577), ("5/14/2024", 476577), ("05/06/2024", 9), ("Tuesday", 9)],
 )
 def test_a_date_of_its_own_column_belongs_to_the_time(tmp_path, date, hours):
+    """Where it cannot be read the time of day counts alone."""
     head = "Date,Time,Latitude,Longitude,RSSI,Cell ID"
     (row,) = _rows(tmp_path, head, f"{date},09:00:00,52.5,13.4,-70,7")
     assert row.t_ns == hours * 3600 * 10**9
