@@ -465,11 +465,13 @@ class Result:
     def __repr__(self) -> str:
         more = len(self.cells) - _MOST_LINES
         after = [f"and {more} more: .to_frame() has all"] * (more > 0)
-        said = Document(None, body=[self._title(), self._table(self._listed[:_MOST_LINES]), *after])
+        said = Document(
+            None, body=[self._title(), self._table(self._cells_in_order[:_MOST_LINES]), *after]
+        )
         return "\n".join(terminal_lines(said))
 
     def _repr_html_(self) -> str:
-        drawn, shown = self._to_draw(), self._listed[:_MOST_ROWS]
+        drawn, shown = self._to_draw(), self._cells_in_order[:_MOST_ROWS]
         shown += [cell for cell in drawn if all(cell is not one for one in shown)]
         on_plan = [
             part
@@ -499,7 +501,7 @@ class Result:
         return f"{', '.join(names[:3])}{more}: {said}"
 
     @property
-    def _listed(self) -> list[CellResult]:
+    def _cells_in_order(self) -> list[CellResult]:
         """In the order of the report."""
 
         def rank(cell: CellResult) -> tuple[float, ...]:
@@ -512,7 +514,7 @@ class Result:
 
     def _to_draw(self) -> list[CellResult]:
         """The conspicuous, located and ambiguous cells; without any the first that has a place."""
-        placed = [cell for cell in self._listed if cell.posterior is not None]
+        placed = [cell for cell in self._cells_in_order if cell.posterior is not None]
         known = [cell for cell in placed if cell.word or cell.verdict != "cannot tell"]
         return known[:_MOST_DRAWN] or placed[:1]
 
