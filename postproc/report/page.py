@@ -165,8 +165,8 @@ def _places(result: CellResult, streets: Streets) -> Iterator[Coordinates]:
         radius_m = place.r95_m if is_only else None
         share = "" if is_only else mode.share
         street = streets(mode.lat, mode.lon) or ""
-        wide_m = place.r95_m if is_only else mode.ellipse95.semi_major_m
-        decimals = decimals_within(wide_m)
+        radii_m = (place.r95_m, place.r50_m) if is_only else (mode.ellipse95.semi_major_m,)
+        decimals = decimals_within(*radii_m)
         yield coordinates(mode.lat, mode.lon, radius_m, share, street, decimals)
 
 
