@@ -88,7 +88,8 @@ def parts_by_cell(runs: Sequence[ObservedRun], cells: Collection[str]) -> dict[s
             if obs.cell in cells:
                 parts.setdefault(obs.cell, {})[i] = obs
     every = [run.run for run in runs]
-    when = dict(enumerate(zip(modems_of(every), map(_began_utc_ns, every), strict=True)))
+    began_ns = [_began_utc_ns(run) if len(every) > 1 else None for run in every]
+    when = dict(enumerate(zip(modems_of(every), began_ns, strict=True)))
     return {cell: in_order(of_runs, when) for cell, of_runs in parts.items()}
 
 
@@ -103,7 +104,7 @@ Key = TypeVar("Key")
 def in_order(
     parts: Mapping[Key, Readings], when: Mapping[Key, tuple[Hashable, int | None]]
 ) -> dict[Key, Readings]:
-    """The parts of a cell: of one modem in time order, else that with most levels first.
+    """The parts of a cell, numbered: of one modem in time order, else that with most levels first.
 
     `when` has modem and UTC of each run. The first of several modems gives the scale, and readings
     at the limits of the others are as vague as their offsets.
@@ -111,9 +112,14 @@ def in_order(
     modems, began_ns = zip(*(when[key] for key in parts), strict=True) if parts else ((), ())
     is_one_modem = len(set(modems)) == 1 and all(obs.modem is None for obs in parts.values())
     by_scale = _scale_first(parts)
-    if not is_one_modem or None in began_ns:
-        return by_scale
-    return dict(sorted(by_scale.items(), key=lambda part: when[part[0]][1] or 0))
+    in_time = by_scale
+    if None not in began_ns:
+        in_time = dict(sorted(by_scale.items(), key=lambda part: when[part[0]][1] or 0))
+    number = {key: n for n, key in enumerate(in_time)}
+    return {
+        key: replace(obs, run=np.full(len(obs), number[key]))
+        for key, obs in (in_time if is_one_modem else by_scale).items()
+    }
 
 
 def _scale_first(parts: Mapping[Key, Readings]) -> dict[Key, Readings]:
@@ -153,6 +159,7 @@ def merge(parts: Parts, modems: Sequence[int]) -> Readings:
     advances = [np.full(len(obs), -1) if obs.ta is None else obs.ta for obs in series]
     ta = None if all(obs.ta is None for obs in series) else np.concatenate(advances)
     shares = [np.ones(len(o)) if o.named_share is None else o.named_share for o in series]
+    numbered = [obs.run for obs in series if obs.run is not None]
     is_unknown = all(obs.named_share is None for obs in series)
     named_share = None if is_unknown else np.concatenate(shares)
     return replace(
@@ -165,6 +172,7 @@ def merge(parts: Parts, modems: Sequence[int]) -> Readings:
         ta=ta,
         named_share=named_share,
         is_timed=len(series) == 1 and series[0].is_timed,
+        run=np.concatenate(numbered) if len(numbered) == len(series) else None,
     )
 
 

@@ -31,7 +31,6 @@ from logger.core.certainty import (
     ellipse95,
     radii_text,
     relevant_modes,
-    share_text,
 )
 from logger.core.document import (
     LENGTH,
@@ -138,7 +137,7 @@ def _place(answer: Answer) -> tuple[Value, ...]:
     if answer.place is None:
         return None, None, None, None, 0, None
     place = answer.place.in_short()
-    others = (f"{share_text(one.probability)}: {one.lat} {one.lon}" for one in place.modes[1:])
+    others = (f"{one.share}: {one.lat} {one.lon}" for one in place.modes[1:])
     radii_m = place.r50_m, place.r95_m
     return place.lat, place.lon, *radii_m, len(place.modes), "; ".join(others) or None
 
@@ -466,12 +465,14 @@ class Result:
     def __repr__(self) -> str:
         more = len(self.cells) - _MOST_LINES
         after = [f"and {more} more: .to_frame() has all"] * (more > 0)
-        said = Document(None, body=[self._title(), self._table(self.cells[:_MOST_LINES]), *after])
+        said = Document(
+            None, body=[self._title(), self._table(self._cells_in_order[:_MOST_LINES]), *after]
+        )
         return "\n".join(terminal_lines(said))
 
     def _repr_html_(self) -> str:
-        drawn, shown = self._to_draw(), self.cells[:_MOST_ROWS]
-        shown = (*shown, *(cell for cell in drawn if all(cell is not one for one in shown)))
+        drawn, shown = self._to_draw(), self._cells_in_order[:_MOST_ROWS]
+        shown += [cell for cell in drawn if all(cell is not one for one in shown)]
         on_plan = [
             part
             for i, cell in enumerate(shown, 1)
@@ -499,9 +500,21 @@ class Result:
         said = ", ".join([n_cells, *counts, f"{n_located} located"])
         return f"{', '.join(names[:3])}{more}: {said}"
 
+    @property
+    def _cells_in_order(self) -> list[CellResult]:
+        """In the order of the report."""
+
+        def rank(cell: CellResult) -> tuple[float, ...]:
+            score_nats = self.words[cell.cell].score_nats if cell.word else 0.0
+            is_nowhere = cell.obs is None and not cell.error
+            word, verdict = WORDS.index(cell.word or WORDS[0]), VERDICTS.index(cell.verdict)
+            return -word, -score_nats, is_nowhere, verdict, -cell.n
+
+        return sorted(self.cells, key=rank)
+
     def _to_draw(self) -> list[CellResult]:
         """The conspicuous, located and ambiguous cells; without any the first that has a place."""
-        placed = [cell for cell in self.cells if cell.posterior is not None]
+        placed = [cell for cell in self._cells_in_order if cell.posterior is not None]
         known = [cell for cell in placed if cell.word or cell.verdict != "cannot tell"]
         return known[:_MOST_DRAWN] or placed[:1]
 

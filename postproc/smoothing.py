@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from logger.core.cell_names import is_by_channel
+from logger.core.certainty import share_text
 from logger.core.document import number_of
 from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.posterior import Posterior
@@ -368,7 +369,7 @@ def _regularity_warnings(n: int, n_left_out: int) -> list[str]:
     if not n_left_out:
         return []
     warning = (
-        f"{n_left_out} of {n} readings do not count: fewer than {LEAST_SHARE:.0%} of the "
+        f"{n_left_out} of {n} readings do not count: fewer than {share_text(LEAST_SHARE)} of the "
         "scans near them name the cell, so they are too high for their places"
     )
     return [warning]

@@ -9,7 +9,17 @@ import shapely
 from msgspec import Struct
 from pyproj import Geod
 
-from logger.core.answer import Answer, Mode, Parameters, PathEnd, Paths, Place, Position, Region
+from logger.core.answer import (
+    Answer,
+    Mode,
+    Parameters,
+    PathEnd,
+    Paths,
+    Place,
+    Position,
+    Region,
+    decimals_within,
+)
 from logger.core.certainty import RADII, Ellipse, metres, radius_m, share_text
 from logger.core.document import (
     Column,
@@ -355,7 +365,7 @@ def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
     ]
     for i, mode in enumerate(modes if row.answer.verdict == "ambiguous" else (), 1):
         within_m = (radius_m(mode.ellipse95, level) for level in (HALF, LEVEL))
-        rows.append((f"  place {i}: {mode.percent} %", "", "", mode.where, *map(metres, within_m)))
+        rows.append((f"  place {i}: {mode.share}", "", "", mode.where, *map(metres, within_m)))
     return rows
 
 
@@ -426,8 +436,7 @@ def _estimator_rows(answer: Answer) -> Iterator[tuple[Value, ...]]:
         n = answer.provenance.n
         yield ("posterior", _position(place), _radii(place), *_parameters(parameters), n)
         for i, mode in enumerate(place.modes if len(place.modes) > 1 else (), 1):
-            share = share_text(mode.probability) if mode.percent is None else f"{mode.percent}%"
-            yield f"  position {i}: {share}", _position(mode), _axes(mode.ellipse95)
+            yield f"  position {i}: {mode.share}", _position(mode), _axes(mode.ellipse95)
     paths = answer.paths or Paths({}, ())
     for estimator in ESTIMATORS:
         title = f"{estimator.name}*" if estimator == REFERENCE else estimator.name
@@ -460,7 +469,9 @@ def run_table(cell: CellResult, run_names: Sequence[str]) -> Table:
 
 
 def _position(at: Position | Mode | PathEnd) -> Degrees:
-    return Degrees(at.lat, at.lon)
+    if isinstance(at, Position):
+        return Degrees(at.lat, at.lon, decimals_within(at.r95_m, at.r50_m))
+    return Degrees(at.lat, at.lon, decimals_within(at.ellipse95.semi_major_m))
 
 
 def _radii(place: Place) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, Self
 from msgspec import Struct
 from msgspec.structs import replace
 
-from logger.core.certainty import Ellipse, radii_text, relevant_modes, whole_percents
+from logger.core.certainty import Ellipse, mode_share_text, radii_text, relevant_percents
 from logger.core.types import Verdict
 
 if TYPE_CHECKING:  # the status is written before numpy is imported
@@ -23,10 +23,10 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
 
 DEGREE_DECIMALS = 6
 """0.1 m."""
-_ROUGH_M = 1000.0
-"""A place that is less sure is shown with the digits that its 50 % radius leaves."""
+# of 95 %, up to which a place has 5 and 4 decimals; beyond, what its 50 % radius leaves
+_SHARP_M, _ROUGH_M = 150.0, 1000.0
+# from this radius on so many: rounding moves a place by 670 m or 67 m at most
 _DECIMALS = ((1000.0, 2), (100.0, 3))
-"""From this radius on so many: rounding moves a place by 670 m or 67 m at most."""
 _HALF_OF_LEVEL = 0.48
 """Radius with 50 % by that with 95 %, of a Gaussian."""
 
@@ -52,6 +52,14 @@ class Region(Struct, kw_only=True):
     geojson: MultiPolygon | None = None
 
 
+def decimals_within(r95_m: float, r50_m: float | None = None) -> int:
+    """Decimals of the degrees of a place that these radii hold."""
+    if r95_m <= _ROUGH_M:
+        return 5 if r95_m <= _SHARP_M else 4
+    half_m = _HALF_OF_LEVEL * r95_m if r50_m is None else r50_m
+    return next((n for least_m, n in _DECIMALS if half_m >= least_m), 4)
+
+
 class OnMap(Struct, frozen=True, kw_only=True):
     """A place in degrees, WGS 84."""
 
@@ -63,12 +71,11 @@ class OnMap(Struct, frozen=True, kw_only=True):
         lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (self.lat, self.lon))
         return replace(self, lat=lat, lon=lon)
 
-    def within(self, r95_m: float, r50_m: float) -> str:
+    def within(self, r95_m: float, r50_m: float | None = None) -> str:
         """Latitude and longitude as far as known where these radii hold it."""
-        if r95_m <= _ROUGH_M:
-            return f"{self.lat:.5f} {self.lon:.5f}"
-        decimals = next((n for least_m, n in _DECIMALS if r50_m >= least_m), 4)
-        return f"about {self.lat:.{decimals}f} {self.lon:.{decimals}f}"
+        decimals = decimals_within(r95_m, r50_m)
+        about = "" if r95_m <= _ROUGH_M else "about "
+        return f"{about}{self.lat:.{decimals}f} {self.lon:.{decimals}f}"
 
 
 class StrongestReading(OnMap, frozen=True, kw_only=True):
@@ -87,8 +94,12 @@ class Mode(OnMap, frozen=True, kw_only=True):
     @property
     def where(self) -> str:
         """Latitude and longitude as far as known, if it is this one."""
-        r95_m = self.ellipse95.semi_major_m
-        return self.within(r95_m, _HALF_OF_LEVEL * r95_m)
+        return self.within(self.ellipse95.semi_major_m)
+
+    @property
+    def share(self) -> str:
+        """Its probability in words."""
+        return mode_share_text(self.probability, self.percent)
 
     def in_short(self) -> Self:
         """With a probability of three digits."""
@@ -315,20 +326,18 @@ def answer_of(
 
 def place_of(posterior: "Posterior") -> Place:
     """A posterior in degrees."""
-    relevant = relevant_modes(posterior.modes)
-    percents = dict(zip(map(id, relevant), whole_percents(relevant), strict=True))
     strongest = posterior.strongest
     strongest_lat, strongest_lon = strongest.places.first_deg
     lat, lon = posterior.place.first_deg
     modes = []
-    for mode in posterior.modes:
+    for mode, percent in zip(posterior.modes, relevant_percents(posterior.modes), strict=True):
         mode_lat, mode_lon = mode.place.first_deg
         modes.append(
             Mode(
                 lat=mode_lat,
                 lon=mode_lon,
                 probability=mode.probability,
-                percent=percents.get(id(mode)),
+                percent=percent,
                 ellipse95=mode.ellipse,
             )
         )

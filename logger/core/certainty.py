@@ -126,11 +126,23 @@ def whole_percents(modes: Sequence[Peak]) -> list[int]:
     return percents
 
 
+def relevant_percents(modes: Sequence[Peak]) -> list[int | None]:
+    """As `whole_percents`; None of irrelevant modes."""
+    relevant = relevant_modes(modes)
+    percents = dict(zip(map(id, relevant), whole_percents(relevant), strict=True))
+    return [percents.get(id(mode)) for mode in modes]
+
+
+def mode_share_text(probability: float, percent: int | None) -> str:
+    """By its whole percents, if any."""
+    return share_text(probability if percent is None else percent / 100.0)
+
+
 def share_text(probability: float) -> str:
-    """Share of one mode among several, which is never 0 or 100 %."""
+    """A probability in whole percents, which is never 0 or 100 %."""
     if probability < LEAST_SHARE:
-        return "under 1%"
-    return "over 99%" if probability > 1.0 - LEAST_SHARE else f"{probability:.0%}"
+        return "< 1 %"
+    return "> 99 %" if probability > 1.0 - LEAST_SHARE else f"{100.0 * probability:.0f} %"
 
 
 def area_text(area_m2: float) -> str:

@@ -81,6 +81,7 @@ class Degrees(NamedTuple):
 
     lat_deg: float
     lon_deg: float
+    decimals: int = 5
 
 
 LENGTH = "length"
@@ -144,7 +145,7 @@ class Column:
                 kind = value.text.replace(" ", "-")
                 return f'<span class="badge {kind}">{symbol} {value.text}</span>'
             case Degrees():
-                return " ".join(_data(one, f"{one:.5f}") for one in value)
+                return " ".join(_data(one, f"{one:.{value.decimals}f}") for one in value[:2])
             case Measured(float() | int() as mean, float() | int() as sigma):
                 beside = f'<span class="sigma">± {_data(sigma, self._sigma(sigma))}</span>'
                 return f"{_data(mean, format(mean, self.form))} {beside}"
@@ -235,9 +236,9 @@ def number_of(count: int, noun: str) -> str:
     return f"{count} {noun}{'s' * (count != 1)}"
 
 
-def degrees_text(lat_deg: float, lon_deg: float) -> str:
-    """Latitude and longitude to a metre."""
-    return f"{lat_deg:.5f} {lon_deg:.5f}"
+def degrees_text(lat_deg: float, lon_deg: float, decimals: int = 5) -> str:
+    """Latitude and longitude."""
+    return f"{lat_deg:.{decimals}f} {lon_deg:.{decimals}f}"
 
 
 def terminal_lines(

@@ -61,12 +61,16 @@ def zone_of(lat_deg: float, lon_deg: float) -> int:
 
 def check_position(lat_deg: float, lon_deg: float) -> None:
     """Raise `GeoError` unless the position can be mapped."""
+    could_be_swapped = abs(lat_deg) <= 180.0 and abs(lon_deg) <= MAX_LATITUDE_DEG
+    swapped = "; latitude and longitude swapped?" if could_be_swapped else ""
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
-        raise GeoError(f"no position on Earth: latitude {lat_deg}, longitude {lon_deg} deg")
+        raise GeoError(
+            f"no position on Earth: latitude {lat_deg}, longitude {lon_deg} deg{swapped}"
+        )
     if abs(lat_deg) > MAX_LATITUDE_DEG:
         raise GeoError(
             f"latitude {lat_deg:.4f} deg is beyond 84 deg, where UTM ends; "
-            "cellwalk cannot map this walk"
+            f"cellwalk cannot map this walk{swapped}"
         )
 
 

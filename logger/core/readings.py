@@ -53,7 +53,7 @@ CELL_REACH_M = 120_000.0
 TS 36.211 100 km for LTE. So two readings of one cell are at most twice as far from each other."""
 _FARTHEST_M = 1e8
 """No coordinate or level on this Earth is larger."""
-_PER_READING = ("level_dbm", "scan_seq", "modem", "ta", "named_share")
+_PER_READING = ("level_dbm", "scan_seq", "modem", "ta", "named_share", "run")
 NEAR_M = 150.0
 """Along the walk to either side.
 
@@ -129,7 +129,7 @@ class Readings:
     in steps of GSM or of LTE, -1 if unknown; None is none at all. `named_share` is the share of the
     scans near a reading that name the cell; None is unknown. `without_spikes`: repeated levels and
     those that their neighbours do not confirm have been removed, or are to stay. `is_timed`: in
-    the order of one clock.
+    the order of one clock. `run` numbers the runs in time order; None is one run.
     """
 
     cell: str
@@ -143,6 +143,7 @@ class Readings:
     named_share: FloatArray | None = None
     without_spikes: bool = False
     is_timed: bool = True
+    run: IntArray | None = None
 
     @classmethod
     def one(

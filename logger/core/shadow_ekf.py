@@ -395,7 +395,7 @@ class FilterMonitor(NamedTuple):
         if self.near_alarm.active:
             return (
                 "the walker is too near for the uncertainty of the position: "
-                f"its standard deviation is {self.nearness:.0%} of the distance"
+                f"its standard deviation is {100.0 * self.nearness:.0f} % of the distance"
             )
         return None
 

@@ -117,8 +117,9 @@ def ground_text(compared: ComparedRuns) -> str:
 def chance_text() -> str:
     """The rate of false words, and what no test excludes."""
     return (
-        f"Where nothing changed, at most {FALSE_WORDS:.0%} of pairs of walks get any such word by "
-        "chance. Operators change their cells too: a change is a reason to look, not a proof."
+        f"Where nothing changed, at most {100.0 * FALSE_WORDS:.0f} % of pairs of walks get any "
+        "such word by chance. Operators change their cells too: a change is a reason to look, "
+        "not a proof."
     )
 
 

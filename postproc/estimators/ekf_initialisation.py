@@ -127,7 +127,7 @@ def _find_start(
     if shortest is None:
         return (
             "no part of the walk locates the transmitter to "
-            f"{CLOSE:.0%} of its distance from the rest"
+            f"{100.0 * CLOSE:.0f} % of its distance from the rest"
         )
 
     prior = _likely_noise(full)

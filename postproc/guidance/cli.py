@@ -19,7 +19,7 @@ from postproc.options import prior_options, read_streets, runs_argument, streets
 with late_modules():
     from logger.core import places, readings, runfile
     from logger.core.model import prior as priors
-    from postproc import atomic_write, cell_work, foreign_file, multi_run, walk
+    from postproc import atomic_write, cell_work, foreign_file, ground, multi_run, walk
     from postproc.guidance import filter as guide_filter
     from postproc.guidance import next_walk
     from postproc.suspicion import run_assessment
@@ -112,7 +112,8 @@ def next_command(
         atomic_write.check_output(routes)
     if picture is not None:
         atomic_write.check_picture(picture)
-    begin, obs = _start(start), _readings_of(paths, cell)
+    begin = _start(start)
+    obs = _readings_of(paths, cell, begin)
     found = cell_work.attempt_alone(
         obs.cell,
         "its next walk",
@@ -125,7 +126,9 @@ def next_command(
     show(next_walk.document_of(found), as_json=as_json)
 
 
-def _readings_of(paths: Sequence[Path], cell: str | None) -> readings.Readings:
+def _readings_of(
+    paths: Sequence[Path], cell: str | None, begin: places.Places | None = None
+) -> readings.Readings:
     runs = [runfile.read_sound_run(path) for path in paths]
     multi_run.check_different(runs)
     observed = multi_run.in_one_zone([walk.observe_run(run) for run in runs])
@@ -135,7 +138,11 @@ def _readings_of(paths: Sequence[Path], cell: str | None) -> readings.Readings:
     if cell is None or cell not in parts:
         names = ", ".join(sorted({obs.cell for obs in every})[:10]) or "none"
         raise ConfigError(f"no readings of {cell or 'any cell'} with a position; cells: {names}")
-    return multi_run.merge(parts[cell], multi_run.modems_of(runs))
+    modems = multi_run.modems_of(runs)
+    near, *others = [multi_run.merge(part, modems) for part in ground.places_of(parts[cell])]
+    if begin is None or not others:  # the place with most readings
+        return near
+    return min((near, *others), key=lambda obs: begin.in_zone(obs.utm).away_m(obs.places[-1]))
 
 
 def _first_to_look_for(runs: Sequence[runfile.Run], every: list[readings.Readings]) -> str | None:

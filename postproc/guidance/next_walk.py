@@ -14,7 +14,7 @@ import numpy as np
 from logger.command_line import late_modules
 from logger.core.answer import Answer, Provenance, answer_of
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.certainty import RADII, metres
+from logger.core.certainty import RADII, metres, relevant_modes
 from logger.core.document import Column, Degrees, Document, Table
 from logger.core.document import Line as TextLine
 from logger.core.errors import ConfigError, EstimationError
@@ -103,12 +103,13 @@ def next_walk(
     best, *others = plans(forecaster, routes, course, has_map=True)
     distance_m = float(np.hypot(*(first_turn(best.route) - best.route.corner_m[0])))
     verdict, reasons, *_ = decide(posterior, obs)
+    named = [mode.place for mode in relevant_modes(posterior.modes)]
     return NextWalk(
         answer_of(obs.cell, verdict, reasons, Provenance(len(obs)), posterior),
         start,
         posterior,
         tuple(_rank(one, sample) for one in _different([best, *others])),
-        sentence(best, sample, places, None, distance_m, task.mean_dbm)[0],
+        sentence(best, sample, named, None, distance_m, task.mean_dbm)[0],
         forecaster,
         everywhere.places,
     )
@@ -220,9 +221,10 @@ def parts_of(walk: NextWalk) -> Iterator[str | TextLine | Table]:
             number,
             one.route.length_m,
             metres(one.r95_after_m),
-            Degrees(*_degrees(walk, one)[-1]),
+            Degrees(lat_deg, lon_deg),
         )
         for number, one in enumerate(walk.routes, 1)
+        for lat_deg, lon_deg in _degrees(walk, one)[-1:]
     ]
     yield Table(_COLUMNS, rows)
     yield OPTIMISTIC

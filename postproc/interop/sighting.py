@@ -18,7 +18,7 @@ from typing import Any, TypeVar, get_args
 import numpy as np
 
 from logger.core.arrays import BoolArray, IntArray
-from logger.core.cell_names import channel_name, mnc_digits
+from logger.core.cell_names import channel_name, identity_of, mnc_digits
 from logger.core.errors import GeoError, RunFileError
 from logger.core.places import Places, Track, check_position, fix_sigma_m
 from logger.core.rows import channels_of
@@ -352,6 +352,15 @@ def _network_code(fields: Fields, name: str, fewest_digits: int) -> str | None:
     return f"{code:0{max(n_digits, fewest_digits)}d}"
 
 
+def with_whole_codes(name: str) -> str:
+    """A cell's name with the zeros of its network code."""
+    mcc, *rest = name.split("-")
+    if len(mcc) != 3 or identity_of(name) is None:
+        return name
+    mnc = half_plmn({"mcc": mcc, "mnc": rest[0]})[1]
+    return name if mnc is None else "-".join([mcc, mnc, *rest[1:]])
+
+
 def is_plmn(mcc: str | None, mnc: str | None) -> bool:
     """Whether the codes of country and network are numbers, as other programs take them to be."""
     return all(code is not None and code.isascii() and code.isdecimal() for code in (mcc, mnc))
@@ -486,14 +495,12 @@ def _plain(column: str) -> str:
     return "".join(filter(str.isalnum, column.lower()))
 
 
-_YEAR_FIRST = re.compile(
-    r"(\d{4})[-./](\d{1,2})[-./](\d{1,2})[ T_](\d{1,2})[:.](\d{2})[:.](\d{2})(?:[.,](\d{1,9}))?"
-)
-_DAY_FIRST = re.compile(
-    r"(\d{1,2})\.(\d{1,2})\.(\d{4})[ T_](\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?"
-)
-"""With dots only: with slashes nobody knows which of two numbers is the month."""
-_TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?")
+_CLOCK = r"(\d{1,2})[:.](\d{2})(?:[:.](\d{2})(?:[.,](\d{1,9}))?)?(?: ?([AaPp])\.?[Mm]\.?)?"
+_YEAR_FIRST = re.compile(r"(\d{4})[-./](\d{1,2})[-./](\d{1,2})[ T_]" + _CLOCK)
+_DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4}),?[ T_]" + _CLOCK)
+# only all times of a file show which of the first two numbers is the month
+_SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}),?[ T_]" + _CLOCK)
+_TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?(?: ?([AaPp])\.?[Mm]\.?)?")
 _SINCE_1970 = re.compile(r"(\d{9,10})(?:[.,](\d{1,9}))?|(\d{12,13})(?:[.,]\d+)?")
 
 
@@ -509,7 +516,26 @@ class Moment:
         return self.t_ns if self.is_utc else None
 
 
-def moment_of(time: str, name: str) -> Moment:
+def is_month_first(times: Iterable[str]) -> bool | None:
+    """Whether dates with slashes begin with the month; None without such dates.
+
+    Raises ValueError where none tells.
+    """
+    example = ""
+    for time in filter(None, times):
+        found = _SLASHED.fullmatch(time)
+        if found is None:
+            break  # no file has two forms: the first value tells
+        first, second = int(found[1]), int(found[2])
+        if max(first, second) > 12:
+            return second > 12
+        example = example or time
+    if example:
+        raise ValueError(f"of dates such as {example!r} nobody knows which number is the month")
+    return None
+
+
+def moment_of(time: str, name: str, *, month_first: bool | None = None) -> Moment:
     """The moment that a text means; raises ValueError, naming the column, for none.
 
     Nine or ten digits are seconds since 1970, twelve or thirteen are milliseconds. A time of day
@@ -531,15 +557,29 @@ def moment_of(time: str, name: str) -> Moment:
     if found := _DAY_FIRST.fullmatch(time):
         day, month, year, *clock = found.groups()
         return _by_clock(time, name, (year, month, day), clock)
+    if month_first is not None and (found := _SLASHED.fullmatch(time)):
+        one, other, year, *clock = found.groups()
+        date = (year, one, other) if month_first else (year, other, one)
+        return _by_clock(time, name, date, clock)
     if found := _TIME_OF_DAY.fullmatch(time):
         return _by_clock(time, name, ("1970", "1", "1"), list(found.groups()))
     return Moment(utc_ns_of(time, name), is_utc=True)
 
 
+def _hour_of_day(hour: int, half: str | None) -> int:
+    """With the letter of AM or PM; raises ValueError."""
+    if half is None:
+        return hour
+    if not 1 <= hour <= 12:
+        raise ValueError("an hour with AM or PM is 1 to 12")
+    return hour % 12 + 12 * (half in "pP")
+
+
 def _by_clock(time: str, name: str, date: tuple[str, str, str], clock: list[str | None]) -> Moment:
-    *of_day, fraction = clock
+    *of_day, fraction, half = clock
     try:
         year, month, day, hour, minute, second = (int(part or 0) for part in (*date, *of_day))
+        hour = _hour_of_day(hour, half)
         when = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
     except ValueError as error:
         raise ValueError(f"{name} is no time: {time[:40]!r} ({error})") from None

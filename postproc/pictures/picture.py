@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.certainty import radii_text, share_text
-from logger.core.locator.posterior import Mode, Posterior
+from logger.core.certainty import mode_share_text, radii_text, relevant_percents
+from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import HALF, LEVEL, Squares
 from logger.core.model import path_loss
 from logger.core.model.path_loss import log_distance_db
@@ -201,15 +201,20 @@ def headline(result: CellResult) -> str:
         return f"located: {radii} of the best position"
     if place and result.verdict == "ambiguous":
         modes = place.likely_modes
-        shares = ", ".join(f"{mode.percent}%" for mode in modes[:4])
+        shares = ", ".join(mode.share for mode in modes[:4])
         return f"ambiguous: {len(modes)} positions fit ({shares}); {radii} of the first"
     reason = result.warnings[0] if result.warnings else "the readings do not determine a position"
     return f"{result.verdict}: {reason}"
 
 
-def mode_label(posterior: Posterior, mode: Mode) -> str:
-    """Probability of one of several modes; "100 %" of a single one would suggest certainty."""
-    return share_text(mode.probability) if len(posterior.modes) > 1 else ""
+def mode_labels(posterior: Posterior) -> list[str]:
+    """Probability of each of several modes; that of a single one would suggest certainty."""
+    percents = relevant_percents(posterior.modes)
+    texts = [
+        mode_share_text(mode.probability, percent)
+        for mode, percent in zip(posterior.modes, percents, strict=True)
+    ]
+    return texts if len(texts) > 1 else [""] * len(texts)
 
 
 def colour_range_dbm(level_dbm: FloatArray) -> tuple[float, float]:

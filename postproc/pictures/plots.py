@@ -37,7 +37,7 @@ from postproc.pictures.picture import (
     focus_of,
     headline,
     legend_of,
-    mode_label,
+    mode_labels,
     picture_of,
 )
 from postproc.pictures.survey import (
@@ -532,12 +532,11 @@ def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
     name = "likely positions" if several else "most likely position"
     name += f": {word}" if word in SIGNS else ""
     positions_m = picture.survey.modes_m(posterior.modes)
-    for i, (mode, (east_m, north_m)) in enumerate(
-        zip(posterior.modes, positions_m.tolist(), strict=True)
+    for i, (text, (east_m, north_m)) in enumerate(
+        zip(mode_labels(posterior), positions_m.tolist(), strict=True)
     ):
         label = "_nolegend_" if i else name + outside_note(box, east_m, north_m)
         draw_cell_mark(axes, (east_m, north_m), word, colour, label=label)
-        text = mode_label(posterior, mode)
         share = axes.annotate(text, (east_m, north_m), (7, 7), textcoords="offset points")
         share.set(fontweight="bold", zorder=9, annotation_clip=True)
 

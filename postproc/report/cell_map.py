@@ -13,7 +13,7 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox, BboxBase
 
 from logger.core.arrays import FloatArray
-from logger.core.certainty import relevant_modes, share_text
+from logger.core.certainty import relevant_modes
 from postproc.basemap import Basemap, read_basemap
 from postproc.cell_work import Attempts
 from postproc.pictures import colours
@@ -125,7 +125,8 @@ def _place(survey: Survey, number: int, cell: CellResult) -> _Place | None:
     is_positioned = cell.verdict in _POSITIONED
     if cell.posterior is not None and (is_positioned or word in SIGNS):
         modes = relevant_modes(cell.posterior.modes)
-        shares = tuple(share_text(mode.probability) if len(modes) > 1 else "" for mode in modes)
+        likely = () if cell.place is None else cell.place.likely_modes
+        shares = tuple(mode.share if len(modes) > 1 else "" for mode in likely)
         regions = regions_of(cell.posterior, survey.origin_m)
         what = "" if is_positioned else "not located yet"
         rings = regions["95"], regions["50"]

@@ -39,13 +39,21 @@ class Coordinates:
 
 
 def coordinates(
-    lat_deg: float, lon_deg: float, r95_m: float | None = None, share: str = "", street: str = ""
+    lat_deg: float,
+    lon_deg: float,
+    r95_m: float | None = None,
+    share: str = "",
+    street: str = "",
+    decimals: int = _DECIMALS,
 ) -> Coordinates:
-    """Every notation of a position; `r95_m` becomes the uncertainty of the geo URI."""
+    """Every notation of a position; `r95_m` becomes the uncertainty of the geo URI.
+
+    `decimals` are those of `decimal`.
+    """
     lat, lon = (f"{value:.{_DECIMALS}f}" for value in (lat_deg, lon_deg))
     uncertain = "" if r95_m is None else f";u={r95_m:.0f}"
     return Coordinates(
-        decimal=f"{lat}, {lon}",
+        decimal=f"{lat_deg:.{decimals}f}, {lon_deg:.{decimals}f}",
         degrees=f"{_dms(lat_deg, 'NS')} {_dms(lon_deg, 'EW')}",
         utm=_utm(lat_deg, lon_deg),
         mgrs=_mgrs(lat_deg, lon_deg),

@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from logger.core.arrays import FloatArray
-from logger.core.certainty import area_text, metres, share_text
+from logger.core.certainty import area_text, metres
 from logger.core.guidance.sentence import direction
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency, consistency
 from postproc.pictures import colours
-from postproc.pictures.picture import ETA, P0, Fit, Picture, fit_of
+from postproc.pictures.picture import ETA, P0, Fit, Picture, fit_of, mode_labels
 from postproc.pictures.plots import (
     DASHED,
     Strips,
@@ -272,10 +272,9 @@ def _posterior(picture: Picture) -> list[str]:
         return []
     sentences = [f"The 95 % region covers {area_text(posterior.region_area_m2)}."]
     modes = posterior.modes[:_MOST_POSITIONS]
-    for mode, position_m in zip(modes, picture.survey.modes_m(modes), strict=True):
-        several = len(posterior.modes) > 1
-        share = f"A position with {share_text(mode.probability)}"
-        subject = share if several else "The most likely position"
+    shares = mode_labels(posterior)[:_MOST_POSITIONS]
+    for share, position_m in zip(shares, picture.survey.modes_m(modes), strict=True):
+        subject = f"A position with {share}" if share else "The most likely position"
         sentences.append(f"{subject} is {_from_start(picture, position_m)}.")
     return sentences
 

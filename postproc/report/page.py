@@ -9,8 +9,8 @@ from math import inf
 from jinja2 import Template
 from markupsafe import Markup
 
-from logger.core.answer import CONSPICUOUS, Answer
-from logger.core.certainty import metres, share_text
+from logger.core.answer import CONSPICUOUS, Answer, decimals_within
+from logger.core.certainty import metres
 from logger.core.document import Column, Degrees, Table, Value, Word, number_of
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.suspicion.words import strongest_reasons, word_rate_text
@@ -163,9 +163,11 @@ def _places(result: CellResult, streets: Streets) -> Iterator[Coordinates]:
     for mode in modes:
         is_only = len(modes) == 1
         radius_m = place.r95_m if is_only else None
-        share = "" if is_only else share_text(mode.probability)
+        share = "" if is_only else mode.share
         street = streets(mode.lat, mode.lon) or ""
-        yield coordinates(mode.lat, mode.lon, radius_m, share, street)
+        radii_m = (place.r95_m, place.r50_m) if is_only else (mode.ellipse95.semi_major_m,)
+        decimals = decimals_within(*radii_m)
+        yield coordinates(mode.lat, mode.lon, radius_m, share, street, decimals)
 
 
 def html(

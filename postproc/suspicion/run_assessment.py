@@ -164,7 +164,7 @@ def findings_at_desk(rules: Iterable[Rule[Source, Any]], source: Source) -> Iter
             if evidence is not None:
                 nats = rule.nats("") if rule.weigh is None else rule.weigh(source, cell)
                 name = cell if isinstance(cell, str) else cell.name
-                text = rule.says(evidence)
+                text = rule.text_of(evidence)
                 yield Finding(rule, name, 0, None, None, text, evidence, nats)
 
 
@@ -414,7 +414,7 @@ def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
         where = f"{cell_name}: " if cell_name else ""
         yield Line(f"{where}{failed.reason}", "red")
     if not suspicions.cells:
-        yield "no cell was named by two scans"
+        yield "no cell with an identity was named by two scans, so no rule was asked"
     if suspicions.not_asked:
         yield f"not checked, as these were missing: {not_asked_text(suspicions, details=details)}"
     yield suspicions.unnoticed_text

@@ -83,11 +83,8 @@ def swap_hint(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
     )
     if claimed_km <= _REACH_KM or other_km > _REACH_KM:
         return None
-    near = (
-        f"at {lat_deg:.5f} {lon_deg:.5f} it would be {max(other_km, 1.0):.0f} km or less from "
-        "the walk"
-    )
-    return f"latitude and longitude swapped? {near} instead of {claimed_km:.0f} km"
+    meant = f"{round(lat_deg, 7)},{round(lon_deg, 7)}"
+    return f"did you mean {meant}? It is near the walk; the claim is off by {claimed_km:.0f} km"
 
 
 def parse_claim(text: str, cell: str | None) -> Claim:
@@ -97,7 +94,11 @@ def parse_claim(text: str, cell: str | None) -> Claim:
     except ValueError:
         values = []
     if len(values) not in {2, 3} or not all(map(math.isfinite, values)):
-        raise ConfigError(f"{text!r} is no claim: LAT,LON or LAT,LON,SIGMA_M is wanted")
+        several = "; of several places give each with a --claim of its own"
+        raise ConfigError(
+            f"{text!r} is no claim: LAT,LON or LAT,LON,SIGMA_M is wanted"
+            f"{several if len(values) > 3 else ''}"
+        )
     return _check(
         Claim(cell, values[0], values[1], values[2] if len(values) == 3 else 0.0, "command line")
     )
@@ -192,14 +193,7 @@ def _sigma_m(range_m: int | None) -> float:
 
 
 def _check(claim: Claim) -> Claim:
-    try:
-        check_position(claim.lat_deg, claim.lon_deg)
-    except GeoError as error:
-        if abs(claim.lat_deg) <= 180.0 and abs(claim.lon_deg) <= MAX_LATITUDE_DEG < abs(
-            claim.lat_deg
-        ):
-            raise GeoError(f"{error}; latitude and longitude swapped?") from error
-        raise
+    check_position(claim.lat_deg, claim.lon_deg)
     return claim
 
 
@@ -364,7 +358,7 @@ def _cell_parts(cell: CellVerdict) -> Iterator[Part]:
         yield Line(reason, bullet="  - ")
     if cell.p is None or cell.level is None or cell.q is None:
         return
-    edge = f"the claim lies on the edge of the {cell.level:.1%} region"
+    edge = f"the claim lies on the edge of the {_level_text(cell.level)} region"
     yield Line(f"p {p_text(cell.p)} ({edge}), q {p_text(cell.q)}", bullet="  ")
     columns = [
         Column("detected with 95 %", unit="m"),
@@ -375,6 +369,10 @@ def _cell_parts(cell: CellVerdict) -> Iterator[Part]:
     if any(one.indirect_blind_m for one in cell.power):
         blind = "* farther out in this direction a displacement would not be detected"
         yield Line(blind, bullet="  ")
+
+
+def _level_text(level: float) -> str:
+    return "> 99.9 %" if level > 1.0 - 1e-3 else f"{100.0 * level:.1f} %"
 
 
 def _distance(m: float) -> str:

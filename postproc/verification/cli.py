@@ -12,6 +12,7 @@ from logger.core.errors import ConfigError
 from postproc.options import (
     area_options,
     false_alarm_option,
+    grouped_runs,
     only_one,
     place_of,
     prior_options,
@@ -22,7 +23,7 @@ from postproc.options import (
 with late_modules():
     from logger.core import document, runfile
     from logger.core.model import prior as priors
-    from postproc import atomic_write, cell_work, multi_run, progress, scan_counts
+    from postproc import atomic_write, cell_work, ground, progress, scan_counts
     from postproc import result as estimation
     from postproc.verification import celldb as databases
     from postproc.verification import (
@@ -57,7 +58,11 @@ def tested_claims(
 @click.command
 @runs_argument
 @click.option(
-    "--claim", metavar="LAT,LON[,SIGMA_M]", help="Claimed position of --cell or of every cell."
+    "--claim",
+    "texts",
+    multiple=True,
+    metavar="LAT,LON[,SIGMA_M]",
+    help="Claimed position of --cell or every cell (repeatable).",
 )
 @click.option(
     "--claims",
@@ -77,7 +82,7 @@ def tested_claims(
 @json_option
 def verify(
     paths: Sequence[Path],
-    claim: str | None,
+    texts: Sequence[str],
     claims_path: Path | None,
     cell: str | None,
     against: Path | None,
@@ -92,33 +97,41 @@ def verify(
     Each is consistent, rejected or cannot be decided, by all runs together; what they would notice
     is printed first. The exit code is 3 if a test failed.
     """
-    only_one({"--claim": claim, "--claims": claims_path, "--sites": sites}, is_required=True)
-    runs, only = list(map(runfile.read_sound_run, paths)), [cell] if cell else None
-    multi_run.check_different(runs)
+    named = {"--claim": texts or None, "--claims": claims_path, "--sites": sites}
+    only_one(named, is_required=True)
+    only = [cell] if cell else []
     if sites:
-        if len(runs) > 1:
+        if len(paths) > 1:
             raise ConfigError("--sites tests one run; a second one goes with --against")
         if prior.area is not None:
             raise ConfigError("--sites asks the readings alone: it takes no area")
-        other = runfile.read_sound_run(against) if against is not None else None
-        return _verify_sites(runs[0], other, only, p_fa, prior, as_json=as_json)
+        run, *other = map(runfile.read_sound_run, [*paths, *([against] if against else [])])
+        return _verify_sites(run, other[0] if other else None, only, p_fa, prior, as_json=as_json)
     if against is not None:
         raise ConfigError("--against goes with --sites")
-    scan_counts.observed_cells(runs, only)  # a wrong --cell is an error before the work begins
-    claimed = [] if claim is None else [claims.parse_claim(claim, cell)]
-    result = stored_result(runs, only or [], estimation.Options(prior))
-    verified = run_claims.verify_claims(
-        runs, claimed, p_fa, prior, only,
-        file=claims_path, result=result, progress=progress.with_progress,
-    )  # fmt: skip
-    show(claims.document_of(verified), as_json=as_json)
-    return cell_work.exit_code(verified.cells)
+    groups = grouped_runs(paths, only, prior.area)
+    found = [
+        run_claims.verify_claims(
+            group.runs,
+            [claims.parse_claim(text, cell) for text in texts],
+            p_fa,
+            prior,
+            own,
+            file=claims_path,
+            result=stored_result(group.runs, own, estimation.Options(prior)),
+            progress=progress.with_progress,
+        )
+        for group, own in groups
+    ]
+    documents = list(map(claims.document_of, found))
+    show(ground.document_of_groups([group for group, _ in groups], documents), as_json=as_json)
+    return cell_work.exit_code([one for verified in found for one in verified.cells])
 
 
 def _verify_sites(
     run: runfile.Run,
     other: runfile.Run | None,
-    only: Sequence[str] | None,
+    only: Sequence[str],
     p_fa: float,
     prior: priors.Prior,
     *,

@@ -24,6 +24,7 @@ from logger.core.places import Places, Track
 from logger.core.readings import Readings
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
+from postproc.ground import places_of
 from postproc.multi_run import (
     in_one_zone,
     merge,
@@ -43,7 +44,6 @@ from postproc.verification.claims import (
     Verdict,
     Verified,
     away_m,
-    p_text,
     read_claims,
     swap_hint,
 )
@@ -317,7 +317,7 @@ def verify_claims(
         prior = replace(prior, area=prior.area.at(tracks))
     modems, of_cells = modems_of(runs), parts_by_cell(observed, every_cell)
     by_name = {
-        cell: merge(parts_of_most_heard_modems(parts, modems), modems)
+        cell: [merge(parts_of_most_heard_modems(near, modems), modems) for near in places_of(parts)]
         for cell, parts in of_cells.items()
     }
     rarely = {cell: why for cell, n in scans_of(runs).items() if (why := too_rarely(n))}
@@ -327,13 +327,13 @@ def verify_claims(
     tests: dict[tuple[str, float], _Shared] = {}
 
     def test(cell: str, claim: Claim) -> CellVerdict:
-        obs = by_name.get(cell)
-        if cell in rarely:
-            return undecided_verdict(cell, 0 if obs is None else len(obs), claim, rarely[cell])
-        if obs is None:
-            why = "none of its readings has both a level and a position"
-            return undecided_verdict(cell, 0, claim, why)
-        return verify_cell(obs, claim, p_fa, prior, posteriors, tests)
+        places = by_name.get(cell, [])
+        if cell in rarely or not places:
+            why = rarely.get(cell, "none of its readings has both a level and a position")
+            return undecided_verdict(cell, sum(map(len, places)), claim, why)
+        if len(places) > 1:  # each has a transmitter of its own
+            return verify_cell(_nearest(places, claim), claim, p_fa, prior)
+        return verify_cell(places[0], claim, p_fa, prior, posteriors, tests)
 
     def on_earth(verdict: CellVerdict) -> CellVerdict:
         return verdict if walk_deg is None else _geodesic(verdict, walk_deg)
@@ -342,7 +342,7 @@ def verify_claims(
         verdict = attempt(cell, "the test of its claim", lambda: on_earth(test(cell, claim)))
         if not isinstance(verdict, Failure):
             return verdict
-        n = len(by_name[cell]) if cell in by_name else 0
+        n = sum(map(len, by_name.get(cell, ())))
         return undecided_verdict(cell, n, claim, verdict.reason, verdict.error)
 
     names = [cell for cell, _ in pairs]
@@ -365,6 +365,11 @@ def benjamini_hochberg(p: FloatArray) -> FloatArray:
     adjusted = np.empty(len(p))
     adjusted[order] = np.minimum.accumulate(p[order] * len(p) / rank)
     return np.minimum(adjusted, 1.0)
+
+
+def _nearest(places: Sequence[Readings], claim: Claim) -> Readings:
+    at_deg = claim.lat_deg, claim.lon_deg
+    return min(places, key=lambda obs: away_m(at_deg, obs.places.first_deg))
 
 
 def _middle_deg(track: Track) -> tuple[float, float]:
@@ -401,8 +406,9 @@ def _decide(undecided_yet: CellVerdict, q: float, p_fa: float) -> CellVerdict:
     verdict: Verdict = "cannot tell"
     if undecided_yet.p is not None and q <= p_fa:
         verdict = "rejected"
-        share = p_text(undecided_yet.p)
-        reasons.append(f"so unlikely a place is the true one in {share} of all walks")
+        p = undecided_yet.p
+        share = f"fewer than {100.0 * LEAST_P:g}" if p < LEAST_P else f"{100.0 * p:.2g}"
+        reasons.append(f"so unlikely a place is the true one in {share} % of all walks")
     elif notices_m is not None:
         is_sharp = notices_m <= _MOST_DISTANCES * max(distance_m, _LEAST_DISTANCE_M)
         verdict = "consistent" if is_sharp else "cannot tell"

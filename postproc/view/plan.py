@@ -20,7 +20,7 @@ from postproc.estimators.filters import FilterPath
 from postproc.notebook_plan import length_text, round_step
 from postproc.pictures import colours
 from postproc.pictures.colours import Bytes, Colour
-from postproc.pictures.picture import legend_of, mode_label, region_rings
+from postproc.pictures.picture import legend_of, mode_labels, region_rings
 from postproc.pictures.survey import Box, Clock, Walk, evenly_spaced
 from postproc.result import BATCH, RTS, Estimate
 from postproc.view.view_model import CellView, ViewModel
@@ -240,7 +240,7 @@ def draw_posterior(surface: Surface, view: ViewModel, cell: CellView) -> None:
     posteriors = [step.posterior for step in cell.steps]
     positions_m = view.survey.modes_m([mode for one in posteriors for mode in one.modes])
     counts = [len(posterior.modes) for posterior in posteriors]
-    labels = [mode_label(posterior, mode) for posterior in posteriors for mode in posterior.modes]
+    labels = [text for posterior in posteriors for text in mode_labels(posterior)]
     if surface.is_plan:
         rim = Style([colours.PAPER], 7.0, 19.0)
         surface.points_over_time((*path, "modes", "rim"), cell.t_ns, positions_m, rim, counts)
@@ -542,9 +542,7 @@ def _draw_all_cells(plan: Surface, view: ViewModel) -> None:
         ink = view.cell_colours.get(result.cell, colours.QUIET)
         rings = region_rings(posterior.squares, LEVEL, view.survey.origin_m)
         plan.lines(("all", result.cell, "region95"), rings, Style([(*ink, 200)], 0.75))
-        labels = [
-            f"{result.cell} {mode_label(posterior, mode)}".rstrip() for mode in posterior.modes
-        ]
+        labels = [f"{result.cell} {text}".rstrip() for text in mode_labels(posterior)]
         positions_m = view.survey.modes_m(posterior.modes)
         style = Style([ink], 6.0, 30.0)
         plan.points(("all", result.cell), positions_m, style, labels=labels, show_labels=True)

@@ -13,7 +13,7 @@ PLACE = Place(
     lat=52.5, lon=13.4, r50_m=20.4, r95_m=45.6, drms_m=25.0, area_m2=6000.0, modes=(MODE,),
     strongest=StrongestReading(lat=52.5, lon=13.4, level_dbm=-60.0),
 )  # fmt: skip
-LOCATED = Answer("262-01-1-1", "located", ("one position holds 100%",), Provenance(20), PLACE)
+LOCATED = Answer("262-01-1-1", "located", ("one position holds > 99 %",), Provenance(20), PLACE)
 RADII = "most likely within 20 m, surely within 46 m"
 
 
@@ -36,6 +36,14 @@ def test_a_wide_region_is_rounded_by_less_than_what_most_likely_holds_it(r50_m, 
     place = msgspec.structs.replace(PLACE, r50_m=r50_m, r95_m=1001.0)
     wide = replace(LOCATED, verdict="cannot tell", place=place)
     assert f"; likeliest at about {where}, most likely within " in wide.sentence
+
+
+@pytest.mark.parametrize(
+    ("r95_m", "where"), [(150.0, "52.50000 13.40000"), (990.0, "52.5000 13.4000")]
+)
+def test_a_place_has_the_decimals_of_its_radius(r95_m, where):
+    place = msgspec.structs.replace(PLACE, r50_m=40.0, r95_m=r95_m)
+    assert f"likeliest at {where}, " in replace(LOCATED, verdict="ambiguous", place=place).sentence
 
 
 @pytest.mark.parametrize("word", ["unusual", "suspicious"])

@@ -116,7 +116,7 @@ def test_a_walker_too_near_for_the_uncertainty_raises_the_alarm():
     assert counts_of(np.zeros(9), distance_m=25.0).disagrees is None
     assert counts_of(np.zeros(2), distance_m=15.0).disagrees is None
     near = counts_of(np.zeros(3), distance_m=15.0)
-    assert "33% of the distance" in near.disagrees
+    assert "33 % of the distance" in near.disagrees
     assert counts_of(np.zeros(3), distance_m=200.0, monitor=near).disagrees is None
 
 

@@ -16,14 +16,14 @@ HIGH = Alternative(HEIGHT, "30 m", 0.6, 350_000.0, 0.05)
 @pytest.mark.parametrize(
     ("some", "text"),
     [
-        ([NEAR, FAR], "reach: near 62%, far 38% (alone: 4.1 km²)"),
+        ([NEAR, FAR], "reach: near 62 %, far 38 % (alone: 4.1 km²)"),
         ([NEAR], "reach: near (fixed)"),
-        ([OMNI, SECTOR], "antenna: omni over 99%, sector under 1% (alone: 90 000 m², elsewhere)"),
+        ([OMNI, SECTOR], "antenna: omni > 99 %, sector < 1 % (alone: 90 000 m², elsewhere)"),
         (
             [OMNI, Alternative(ANTENNA, "sector", 0.0, None, None)],
-            "antenna: omni over 99%, sector under 1%",
+            "antenna: omni > 99 %, sector < 1 %",
         ),
-        ([LOW, HIGH], "height: 30 m 60%"),
+        ([LOW, HIGH], "height: 30 m 60 %"),
         ([LOW, Alternative(HEIGHT, "30 m", 0.45, 1.0, 0.05)], "height: unknown"),
         ([HIGH], "height: 30 m (fixed)"),
         ([FAR, SECTOR, HIGH], "reach: far (fixed); antenna: sector (fixed); height: 30 m (fixed)"),

@@ -96,7 +96,7 @@ def test_places_that_fit_are_counted_at_the_top(phone):
     modes = "[{probability: 0.6}, {probability: 0.35}, {probability: 0.05}]"
     status = f"{{state: 'recording', position: {{verdict: 'cannot tell', modes: {modes}}}}}"
     sentence = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[1]
-    assert sentence == "Recording; 2 places fit"
+    assert sentence == "Recording; 3 places fit"
 
 
 def test_the_cell_that_is_offered_is_one_tap_away(phone):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from logger.core.locator.pipeline import decide, locate
+from logger.core.locator.two_source_test import LIVE, divide_in_time
 from logger.core.places import Places, Utm
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
@@ -435,23 +436,48 @@ def test_runs_of_one_modem_are_in_time_order(tmp_path):
             assert counts == ([40, 80, 60] if in_time else [80, 60, 40])
 
 
-def test_a_transmitter_that_moved_between_the_walks_is_not_located():
-    rng = np.random.default_rng(2)
-    far_m, angle = rng.uniform(100, 250), rng.uniform(0, 6.28)
-    before = np.array([60.0, 80.0])
-    after = before + far_m * np.array([np.cos(angle), np.sin(angle)])
-    parts = {}
-    for day, (count, source_m) in enumerate(((150, before), (300, after), (220, after))):
+def test_one_run_needs_no_order(tmp_path, monkeypatch):
+    monkeypatch.setattr("postproc.multi_run.fit_run", lambda *_: pytest.fail("a clock was fitted"))
+    observed = [observe_run(read_run(record_walk(tmp_path / "a.h5", BENT)))]
+    (obs,) = parts_by_cell(observed, [CELL])[CELL].values()
+    assert len(obs) == 100
+
+
+def _walks_of_days(*days):
+    """Readings of one cell, by day; each day has a count and where the transmitter is."""
+    rng, parts = np.random.default_rng(2), {}
+    for day, (count, source_m) in enumerate(days):
         x, y = path("square", count, 840.0 / count)
         distance_m = np.maximum(np.hypot(x - source_m[0], y - source_m[1]), 10.0)
         level_dbm = -30.0 - 30.0 * np.log10(distance_m) + 2.0 * rng.normal(size=count)
         level_dbm = np.round(level_dbm + shadowing(rng, x, y, 3.0, 15.0))
         parts[day] = observations(x, y, level_dbm, 3.0)
+    return parts
+
+
+BEFORE_M, AFTER_M = np.array([60.0, 80.0]), np.array([190.0, 210.0])
+
+
+def test_a_transmitter_that_moved_between_the_walks_is_not_located():
+    parts = _walks_of_days((150, BEFORE_M), (300, AFTER_M), (220, AFTER_M))
     when = {day: ("modem", UTC0_NS + day * DAY_NS) for day in parts}
     obs = merge(in_order({day: parts[day] for day in (1, 2, 0)}, when), [0, 0, 0])
     decision = decide(locate(obs.usable()), obs)
     assert decision.verdict == "cannot tell"
     assert "seems to have moved, between" in decision.reasons[0]
+
+
+@pytest.mark.parametrize("modems", ["aaa", "abc"])
+def test_walks_are_divided_between_days(modems):
+    """Not in the middle of one, and not by modem: the first of several has most levels."""
+    parts = _walks_of_days((120, BEFORE_M), (400, AFTER_M), (90, AFTER_M))
+    when = {day: (modem, UTC0_NS + day * DAY_NS) for day, modem in enumerate(modems)}
+    obs = merge(in_order(parts, when), [0, 0, 0])
+    division = divide_in_time(obs, locate(obs.usable()), LIVE)
+    for place, source_m in ((division.one, BEFORE_M), (division.other, AFTER_M)):
+        assert np.hypot(*(place.xy_m[:, 0] - source_m)) < 60.0
+    in_halves = divide_in_time(replace(obs, run=None), locate(obs.usable()), LIVE)
+    assert division.log_factor > in_halves.log_factor + 4.0
 
 
 def test_the_order_of_the_runs_is_not_that_of_the_answer(tmp_path):

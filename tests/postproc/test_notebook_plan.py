@@ -1,5 +1,6 @@
 """What a notebook shows of runs, results and cells."""
 
+import re
 import sys
 from dataclasses import replace
 from xml.etree import ElementTree as ET
@@ -13,6 +14,7 @@ import postproc
 from logger.core import answer
 from logger.core.errors import ConfigError
 from postproc.notebook_plan import OnPlan, round_step, svg
+from postproc.report.rendering import select_cells
 from tests.kit import sample_results as kit
 
 MOST_BYTES = 60_000
@@ -62,6 +64,17 @@ def test_a_result_shows_its_walk_and_both_regions(result):
     assert "suspicious</span>" in html
     assert "and 8 more" in html
     assert "style" not in {element.tag.split("}")[-1] for element in picture.iter()}  # no page's
+
+
+def test_cells_are_numbered_as_in_the_report(result):
+    """The conspicuous, then the located, then by readings, whatever their order in the result."""
+    first, *others, last = result.cells
+    located = replace(last, verdict="located", n=1)
+    mixed = replace(result, cells=(*others, located, first))
+    names = [cell.cell for cell in select_cells(mixed.cells, 3, [first.cell])]
+    assert names[:2] == [first.cell, last.cell]
+    shown = re.findall("|".join(map(re.escape, names)), mixed._repr_html_())
+    assert list(dict.fromkeys(shown)) == names
 
 
 def test_a_cell_shows_where_it_was_heard(result):

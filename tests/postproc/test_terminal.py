@@ -175,7 +175,13 @@ def test_the_places_of_an_ambiguous_cell_are_listed_with_their_sizes(tmp_path):
 def test_a_position_is_as_exact_as_it_is_known(tmp_path):
     found = _many(tmp_path, 1)
     place = found.rows[0].answer.place
-    for r50_m, r95_m, digits in ((200, 999, 8), (50, 1001, 7), (200, 1001, 6), (1000, 2000, 5)):
+    for r50_m, r95_m, digits in (
+        (50, 150, 8),
+        (200, 999, 7),
+        (50, 1001, 7),
+        (200, 1001, 6),
+        (1000, 2000, 5),
+    ):
         wide = msgspec.structs.replace(place, r50_m=float(r50_m), r95_m=float(r95_m))
         assert wide.where.startswith("52.5" if r95_m < 1000 else "about 52.5")
         assert len(wide.where.split()[-1]) == digits

@@ -6,14 +6,17 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
+from logger.core.certainty import relevant_modes
 from logger.core.guidance.forecast import Forecaster
 from logger.core.guidance.planner import Course, azimuth_deg, first_turn, plans
 from logger.core.guidance.routes import Route, compass_routes, street_routes
 from logger.core.guidance.sample import Cluster, clusters, draw
 from logger.core.guidance.sentence import sentence
 from logger.core.guidance.street_map import StreetMap, along_line_m
+from logger.core.locator.posterior import Mode
 from logger.core.locator.preparation import LocatorInput
 from logger.core.locator.quadtree import Tree
+from logger.core.locator.summary import summarise
 from logger.core.places import Places, join_places
 
 AGAIN_M = 25.0
@@ -71,8 +74,8 @@ class Guide:
             return False
         return self._planned is None or self._here.away_m(self._planned) >= AGAIN_M
 
-    def decide(self, task: LocatorInput, tree: Tree) -> None:
-        """Plan from the posterior that is known now."""
+    def decide(self, task: LocatorInput, tree: Tree, modes: Sequence[Mode] | None = None) -> None:
+        """Plan from the posterior that is known now; `modes` are the answer's."""
         here = self._here
         if here is None:
             return
@@ -97,7 +100,9 @@ class Guide:
         first = best.route.corner_m[0]
         target = first_turn(best.route)
         distance_m = float(np.hypot(*(target - first)))
-        text, why = sentence(best, sample, places, course.azimuth_deg, distance_m, task.mean_dbm)
+        modes = relevant_modes(summarise(task, tree).modes if modes is None else modes)
+        named = [mode.place for mode in modes]
+        text, why = sentence(best, sample, named, course.azimuth_deg, distance_m, task.mean_dbm)
         if says_little:  # the position is open, so the search has to go on
             why = "no way near here says much"
             text += f"; {why}"

@@ -9,6 +9,7 @@ houses: two transmitters with one identity, and one that jumps or moves, look li
 a while. By then every move of `MotionTest` has been compared with standing.
 """
 
+from collections.abc import Sequence
 from math import atan2, cos, degrees, log, nan, radians, remainder
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ from logger.core.guidance.routes import LEG_M
 from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
 from logger.core.locator.pipeline import locate
-from logger.core.locator.posterior import Posterior
+from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.region import coarse_cover
 from logger.core.locator.summary import summarise
 from logger.core.locator.two_source_test import (
@@ -116,6 +117,7 @@ class FollowedCell:
         self._verdict = LiveVerdict()
         self._latest: _Latest | None = None
         self._stop: Places | None = None  # where the walker has been since
+        self._modes: Sequence[Mode] | None = None  # of the answer
         self.answer: Answer | None = None
         self.region: MultiPolygon | None = None
         self.way: NextWay | None = None
@@ -138,7 +140,7 @@ class FollowedCell:
             if self._latest is None or stands or self._latest.is_outdated(here, quick_m):
                 self._latest = _Latest(here, quick_m, self._answer(locator, stands=stands))
         if is_due:
-            self._guide.decide(*last)
+            self._guide.decide(*last, self._modes)
             self.way = next_way(self._guide.advice)
         return True
 
@@ -158,6 +160,7 @@ class FollowedCell:
             return nan
         verdict, reasons, *_ = self._verdict.update(posterior, obs, stands=stands)
         self.region = squares_of_region(posterior)
+        self._modes = posterior.modes
         self.answer = answer_of(self.cell, verdict, reasons, Provenance(len(obs)), posterior)
         return posterior.r95_m
 

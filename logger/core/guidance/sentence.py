@@ -8,9 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
+from logger.core.certainty import metres
 from logger.core.guidance.forecast import Forecast
 from logger.core.guidance.planner import Plan, azimuth_deg, turn_deg
-from logger.core.guidance.sample import Cluster, PositionSample
+from logger.core.guidance.sample import PositionSample
 from logger.core.places import Places
 
 _TURNS = (
@@ -33,14 +34,11 @@ _POINTS = (
     "west",
     "north-west",
 )
-_DISTINCT = 2.0
-"""Standard deviations between two expected levels that a walker can tell apart."""
-_LEAST_PLACE = 0.1
-"""Places with less probability are not named."""
+_DISTINCT = 2.0  # standard deviations between two levels that a walker can tell apart
 _CLOSE_M = 120.0
 """Within a block of the likeliest place the sentence speaks of its other sides."""
-_OPEN_M = 500.0
-"""Farther than this around the likeliest place nobody searches."""
+_OPEN_M = 500.0  # farther than this around the likeliest place nobody searches
+_COUNTS = {2: "two", 3: "three", 4: "four"}
 _PASSING, _SAYS_MOST = "passing it says most", "this way says most about it"
 
 
@@ -59,31 +57,31 @@ def turn(course_deg: float | None, azimuth: float) -> str:
 def sentence(
     best: Plan,
     sample: PositionSample,
-    places: Sequence[Cluster],
+    places: Sequence[Places],
     course_deg: float | None,
     distance_m: float,
     mean_dbm: float,
 ) -> tuple[str, str]:
-    """Advice and reason of a plan; `mean_dbm` was subtracted from its levels."""
+    """Advice and reason of a plan; `mean_dbm` was subtracted from levels, `places` the answer's."""
     here = Places.of(*best.route.corner_m[0])
     way_m = best.route.corner_m[1] - best.route.corner_m[0]
     go = f"{turn(course_deg, azimuth_deg(way_m))}, {direction(way_m)}, "
     go += f"{distance_m:.0f} m"
-    named = [place for place in places if place.probability >= _LEAST_PLACE]
-    if len(named) > 1:
-        fit = f"{_count(len(named))} places fit"
-        return f"{go}: {fit}, {_two_places(best, sample, named, mean_dbm)}", fit
-    where, why = _one_place(sample, named or places, here)
+    if len(places) > 1:
+        fit = f"{_COUNTS.get(len(places), len(places))} places fit"
+        return f"{go}: {fit}, {_two_places(best, sample, places, mean_dbm)}", fit
+    where, why = _one_place(sample, places[0], here)
     it = "passing the likeliest place says most" if why == _PASSING else why
     return f"{go}: {where}; {why}", it
 
 
 def _two_places(
-    best: Plan, sample: PositionSample, places: Sequence[Cluster], mean_dbm: float
+    best: Plan, sample: PositionSample, places: Sequence[Places], mean_dbm: float
 ) -> str:
     one, other = places[:2]
-    apart_m = one.place.away_m(other.place)
-    fit = f"{apart_m:.0f} m apart" if len(places) == 2 else f"the likeliest {apart_m:.0f} m apart"
+    apart_m = one.away_m(other)
+    fit = f"{metres(apart_m)} apart"
+    fit = fit if len(places) == 2 else f"the likeliest {fit}"
     to_one_m, to_other_m = (_away_m(sample, place) for place in (one, other))
     at_one = to_one_m < to_other_m
     if at_one.all() or not at_one.any():
@@ -94,22 +92,19 @@ def _two_places(
     if not len(distinct):
         return fit
     k = int(distinct[0])
-    name = direction(one.place.xy_m[:, 0] - other.place.xy_m[:, 0])
+    name = direction(one.xy_m[:, 0] - other.xy_m[:, 0])
     return (
         f"{fit}; on the way about {one_dbm[k] + mean_dbm:.0f} dBm if it is the {name} one, "
         f"{other_dbm[k] + mean_dbm:.0f} dBm if it is the other"
     )
 
 
-def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) -> tuple[str, str]:
+def _one_place(sample: PositionSample, place: Places, here: Places) -> tuple[str, str]:
     """Where it may be; what the way is good for."""
     # without a radius: the answer has one
-    if not places:
-        return "the position is open", _SAYS_MOST
-    place = places[0]
-    away_m = place.place.away_m(here)
+    away_m = place.away_m(here)
     spread_m = _spread_m(sample, place)
-    where = f"{away_m:.0f} m {direction(place.place.xy_m[:, 0] - here.xy_m[:, 0])}"
+    where = f"{metres(away_m)} {direction(place.xy_m[:, 0] - here.xy_m[:, 0])}"
     if away_m < _CLOSE_M and spread_m < _CLOSE_M:
         return f"the likeliest place is {where}", "hear it from another side"
     if spread_m < _OPEN_M:
@@ -117,7 +112,7 @@ def _one_place(sample: PositionSample, places: Sequence[Cluster], here: Places) 
     return f"the position is open, likeliest {where}", _SAYS_MOST
 
 
-def _spread_m(sample: PositionSample, place: Cluster) -> float:
+def _spread_m(sample: PositionSample, place: Places) -> float:
     """Radius with 95 % of the sample."""
     away_m = _away_m(sample, place)
     order = np.argsort(away_m)
@@ -125,15 +120,11 @@ def _spread_m(sample: PositionSample, place: Cluster) -> float:
     return float(away_m[order[min(last, len(order) - 1)]])
 
 
-def _away_m(sample: PositionSample, place: Cluster) -> FloatArray:
-    return sample.places.distances_m(place.place)[:, 0]
+def _away_m(sample: PositionSample, place: Places) -> FloatArray:
+    return sample.places.distances_m(place)[:, 0]
 
 
 def _mean(forecast: Forecast, part: BoolArray) -> FloatArray:
     """Mean expected levels (m,) over some of the positions."""
     weight = forecast.weight[part]
     return np.asarray(weight @ forecast.level_dbm[part] / np.sum(weight), float)
-
-
-def _count(number: int) -> str:
-    return {2: "two", 3: "three", 4: "four"}[number]

@@ -95,7 +95,7 @@ def _of_kind(
 def alternatives_text(alternatives: Sequence[Alternative]) -> str:
     """Which reach, antenna and height the answer took, and the areas that others would give.
 
-    Such as "reach: near 62%, far 38% (alone: 4.1 km²); antenna: omni (fixed); height: unknown".
+    Such as "reach: near 62 %, far 38 % (alone: 4.1 km²); antenna: omni (fixed); height: unknown".
     """
     return "; ".join(
         f"{kind}: {_kind_text(kind, list(some))}"

@@ -46,8 +46,8 @@ _LEAST_LONG_SHARE = 0.5
 _FEWEST_BLOCKS = 8  # of a part: twice the unknowns of a transmitter
 FEWEST_READINGS = 40
 """A shorter walk is not divided."""
-_PASSED_M = 200.0
-"""A walk that comes no closer to a position does not pass it."""
+_MOST_MOMENTS = 4  # between runs
+_PASSED_M = 200.0  # a walk that comes no closer to a position does not pass it
 _APART = 0.12  # of peaks, by the extent of the walk
 _PEAK_REACH = 0.7  # by that distance: a peak is the highest level within it
 _SMOOTHING = 0.03  # of the level, by the extent of the walk
@@ -97,8 +97,7 @@ class Division(NamedTuple):
     """Two positions that together explain the levels.
 
     `log_factor` is the log Bayes factor against one position, raised to the power of the trust in
-    the noise as the likelihood of positions is; `is_in_time`: the first
-    is that of the first half of the walk, the other that of the second.
+    the noise as the likelihood of positions is; `is_in_time`: one after the other.
     """
 
     log_factor: float
@@ -148,22 +147,46 @@ def divide(obs: Readings, posterior: Posterior, effort: DivisionEffort = DESK) -
 def divide_in_time(
     obs: Readings, posterior: Posterior, effort: DivisionEffort = DESK
 ) -> Division | None:
-    """The first half of the readings and the second, each with a transmitter of its own.
+    """The readings before and after a moment, each part with a transmitter of its own.
 
-    It reveals a transmitter that jumps. None for several modems, and for a walk too short.
+    It reveals a transmitter that jumps, between runs or within one. None for several modems, and
+    for a walk too short.
     """
     obs = obs.usable()
     if not _is_divisible(obs):
         return None
-    is_early = np.arange(len(obs)) < len(obs) // 2
+    found = [_divided_at(obs, is_early, posterior, effort) for is_early in _moments(obs)]
+    tries = [one for one in found if one is not None]
+    if not tries:
+        return None
+    best = max(tries, key=lambda one: one.log_factor)
+    # each moment is as likely beforehand
+    log_factor = float(log_sum(np.array([one.log_factor for one in tries]))) - log(len(tries))
+    return best._replace(log_factor=log_factor).division(posterior.trust, is_in_time=True)
+
+
+def _moments(obs: Readings) -> list[BoolArray]:
+    """Which readings (n,) are early."""
+    n = len(obs)
+    parts = [] if obs.run is None else [obs.run <= run for run in np.unique(obs.run)[:-1]]
+    parts.sort(key=lambda is_early: abs(2 * np.count_nonzero(is_early) - n))
+    long_enough = [
+        is_early
+        for is_early in parts[:_MOST_MOMENTS]
+        if FEWEST_READINGS <= 2 * np.count_nonzero(is_early) <= 2 * n - FEWEST_READINGS
+    ]
+    return long_enough or [np.arange(n) < n // 2]
+
+
+def _divided_at(
+    obs: Readings, is_early: BoolArray, posterior: Posterior, effort: DivisionEffort
+) -> "_Try | None":
     halves = [
         blocks(obs.part(chosen), effort.search.most_blocks // 2) for chosen in (is_early, ~is_early)
     ]
     walk = join(halves)
     in_one = np.arange(len(walk)) < len(halves[0])
-    task = _task(walk, posterior, effort)
-    best = _try(task, in_one)
-    return best and best.division(task.trust, is_in_time=True)
+    return _try(_task(walk, posterior, effort), in_one)
 
 
 def _is_divisible(obs: Readings) -> bool:

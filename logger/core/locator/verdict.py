@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from logger.core.answer import OnMap
 from logger.core.certainty import metres, relevant_modes, share_text, whole_percents
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
@@ -181,7 +182,7 @@ def assess(
     if contradiction:
         reasons.insert(0, contradiction)
     elif outside_share > _MOST_OUTSIDE:
-        needed = f"{outside}, and a location needs at most {_MOST_OUTSIDE:.0%}"
+        needed = f"{outside}, and a location needs at most {share_text(_MOST_OUTSIDE)}"
         reasons.append(f"the readings do not show that it is in the area: {needed}")
     needed_m = within_m if is_wide and not contradiction else None
     if reasons:
@@ -189,7 +190,7 @@ def assess(
         verdict: Verdict = "cannot tell"
     elif is_single:
         radius = f"95 % lie within {posterior.r95_m:.0f} m of it"
-        verdict, reasons = "located", [f"one position holds {percents[0]}%; {radius}"]
+        verdict, reasons = "located", [f"one position holds {_share_text(percents[0])}; {radius}"]
     else:
         verdict, reasons = "ambiguous", [_shares(case, percents), _advice(case)]
     if outside and outside_share <= _MOST_OUTSIDE:
@@ -253,13 +254,17 @@ def _two_transmitters(division: Division, obs: Readings) -> str:
     )
 
 
+def _share_text(percent: int) -> str:
+    return share_text(percent / 100.0)
+
+
 def _shares(case: _Case, percents: Sequence[int]) -> str:
     names = [
-        f"{percent}% at {place_text(mode.place)}"
+        f"{_share_text(percent)} at {place_text(mode.place, mode.ellipse.semi_major_m)}"
         for percent, mode in zip(percents, case.modes, strict=True)
     ]
     rest = 100 - sum(percents)
-    elsewhere = [f"{rest}% elsewhere"] if rest > 0 else []
+    elsewhere = [f"{rest} % elsewhere"] if rest > 0 else []
     return f"the levels fit several places: {', '.join(names + elsewhere)}"
 
 
@@ -271,9 +276,9 @@ def _advice(case: _Case) -> str:
     if_near_dbm = _expected_dbm(case, near, _PASSING_M)
     if_far_dbm = _expected_dbm(case, far, apart_m)
     return (
-        f"to decide, walk past {place_text(near.place)}, "
-        f"{way_m:.0f} m from where this walk ended: about {if_near_dbm:.0f} dBm there "
-        f"if it is this position, {if_far_dbm:.0f} dBm if it is the one {apart_m:.0f} m away"
+        f"to decide, walk past {place_text(near.place, near.ellipse.semi_major_m)}, "
+        f"{metres(way_m)} from where this walk ended: about {if_near_dbm:.0f} dBm there "
+        f"if it is this position, {if_far_dbm:.0f} dBm if it is the one {metres(apart_m)} away"
     )
 
 
@@ -285,9 +290,12 @@ def _expected_dbm(case: _Case, mode: Mode, distance_m: float) -> float:
     return float(level_dbm(p0_dbm, eta, distance_db))
 
 
-def place_text(place: Places) -> str:
+_NEAR_M = 500.0  # each of two transmitters has half of the readings
+
+
+def place_text(place: Places, r95_m: float = _NEAR_M) -> str:
     """Latitude and longitude of a place, as reasons name it; on no map x and y in metres."""
     if place.utm == NO_MAP:
         return f"x {place.x_m.item():.0f} m, y {place.y_m.item():.0f} m"
-    lat_deg, lon_deg = place.first_deg
-    return f"{lat_deg:.5f} {lon_deg:.5f}"
+    lat, lon = place.first_deg
+    return OnMap(lat=lat, lon=lon).within(r95_m)

@@ -162,13 +162,13 @@ class Rule(Generic[Source, Cell]):
             return 0.0
         return max(log(self.detection / rate.per_cell), 0.0)
 
-    def says(self, evidence: Evidence) -> str:
-        """The sentence; what ends with `_m` is metres."""
+    def text_of(self, evidence: Evidence) -> str:
+        """The sentence of a finding; what ends with `_m` is metres."""
         texts = {
             name: metres(float(value)) if name.endswith("_m") else value
             for name, value in evidence.items()
         }
-        return self.sentence.format(**texts)
+        return self.sentence.format(**texts).replace("%", " %")
 
     @property
     def text(self) -> str:
@@ -197,7 +197,7 @@ class Rule(Generic[Source, Cell]):
         share = min(self.detection / exp(nats), 1.0) if nats > 0.0 else 1.0
         if share >= 0.3:
             return "Rate not measured here."
-        return f"Seen with {share:.1%} of legitimate cells or fewer."
+        return f"Seen with {100.0 * share:.1f} % of legitimate cells or fewer."
 
 
 ScanRule = Rule[Memory, HeardCell]

@@ -148,7 +148,7 @@ class SuspicionTracker:
         if refuted_by and any(refuted_by(each, cell.name) for each in self._memories.values()):
             return []  # another modem hears it
         nats = rule.nats(rat) if rule.weigh is None else rule.weigh(memory, cell)
-        now, text = memory.now, rule.says(evidence)
+        now, text = memory.now, rule.text_of(evidence)
         at_deg = now.lat_deg, now.lon_deg
         finding = Finding(rule, cell.name, now.t_ns, *at_deg, text, evidence, nats)
         self._findings.put(cell.name, [*before, finding])

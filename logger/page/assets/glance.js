@@ -41,12 +41,10 @@ function trouble(status) {
   return `Trouble with ${faulty.join(' and ')}; the others are being recorded`;
 }
 
-const LEAST_PLACE = 0.1; // less likely places are not counted
-
 function place(status) {
   if (isFound(status)) return '; located';
-  const likely = (status.position?.modes ?? []).filter(mode => mode.probability >= LEAST_PLACE);
-  return likely.length > 1 ? `; ${likely.length} places fit` : '';
+  const modes = status.position?.modes ?? [];
+  return modes.length > 1 ? `; ${modes.length} places fit` : '';
 }
 
 /** The one thing to do now; where and how far is said by the arrow. */

@@ -28,11 +28,13 @@ from postproc.interop.sighting import (
     Sighting,
     Transmitters,
     integer,
+    is_month_first,
     maybe,
     moment_of,
     number,
     parse_rows,
     text,
+    with_whole_codes,
 )
 
 NAME = "CSV by column names"
@@ -59,6 +61,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "cell": (),
     "t_s": ("ts", "t", "seconds", "secs", "elapsedseconds", "elapsedtime"),
     "serving": ("serving", "servingcell", "isserving", "registered", "isregistered"),
+    "date": ("date", "gpsdate", "utcdate", "day"),
 }
 """Our names, which --columns takes, and what other programs call the same.
 
@@ -138,14 +141,35 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
     columns = _columns_of_file(source, chosen)
     columns = [column for column in columns if times or column[0] not in _TIMES]
     known = {ours for ours, _, _ in columns}
+    month_first = _is_month_first(source, columns)
     if known & {"cid", "cell"}:
-        yield from parse_rows(csv_table.rows(source), partial(_sighting, columns, None))
+        sighting = partial(_sighting, columns, None, month_first)
+        yield from parse_rows(csv_table.rows(source), sighting)
         return
     used = {name for _, name, _ in columns}
     others = [name for name in _names_of_file(source) if name not in used]
     transmitters = Transmitters(others, has_codes=bool(known & _CODES))
-    yield from parse_rows(csv_table.rows(source), partial(_sighting, columns, transmitters))
+    sighting = partial(_sighting, columns, transmitters, month_first)
+    yield from parse_rows(csv_table.rows(source), sighting)
     transmitters.check(source)
+
+
+def _is_month_first(source: Path, columns: list[Column]) -> bool | None:
+    named = {ours: name for ours, name, _ in columns if ours in {"date", "time"}}
+    if "time" not in named:
+        return None
+    rows = (row for _, row in csv_table.rows(source))
+    try:
+        return is_month_first(
+            " ".join(row[named[ours]].strip() for ours in sorted(named)) for row in rows
+        )
+    except ValueError as why:
+        if "date" in named:
+            return None  # the time of day counts alone
+        raise RunFileError(
+            f"{source}: column {named['time']!r}: {why}: write them as 2024-05-14 09:00:00, or add "
+            "--times none"
+        ) from None
 
 
 def _names_of_file(source: Path) -> list[str]:
@@ -192,7 +216,11 @@ def _meaning(name: str) -> tuple[str, Rat | None]:
 
 
 def _sighting(
-    columns: list[Column], transmitters: Transmitters | None, line: int, raw: Fields
+    columns: list[Column],
+    transmitters: Transmitters | None,
+    month_first: bool | None,
+    line: int,
+    raw: Fields,
 ) -> Row:
     level = _level(columns, raw)
     if level is None:
@@ -205,7 +233,10 @@ def _sighting(
     }
     if text(fields, "rat").upper() not in RATS:
         fields["rat"] = rat or ""
-    fields |= {"level": _plain(raw[column]), "when": _moment(columns, line, fields)}
+    fields |= {
+        "level": _plain(raw[column]),
+        "when": _moment(columns, line, fields, month_first=month_first),
+    }
     sighting = _OURS.sighting(line, fields)
     if transmitters is None or not isinstance(sighting, Sighting):
         return sighting
@@ -221,13 +252,18 @@ def _level(columns: list[Column], raw: Fields) -> tuple[str, Rat | None] | None:
     return None
 
 
-def _moment(columns: list[Column], line: int, fields: Fields) -> Moment:
+def _moment(
+    columns: list[Column], line: int, fields: Fields, *, month_first: bool | None
+) -> Moment:
     known = {ours for ours, _, _ in columns} & _TIMES
     if "time" in known:
         time = text(fields, "time")
         if _SECONDS.fullmatch(time):
             return Moment(round(float(time) * 1e9), is_utc=False)
-        return moment_of(time, "time")
+        try:  # a date of its own column belongs to a time of day
+            return moment_of(f"{text(fields, 'date')} {time}", "time", month_first=month_first)
+        except ValueError:
+            return moment_of(time, "time", month_first=month_first)
     if known:
         return Moment(round(number(fields, "t_s", (-1e9, 1e9)) * 1e9), is_utc=False)
     return Moment(line * ROW_NS, is_utc=False)
@@ -256,7 +292,7 @@ _OURS = Columns(
     ta=("ta",),
     more=lambda fields, _: {
         **{name: integer(fields, name) for name in ("bsic", "psc", "pci")},
-        "label": text(fields, "cell") or None,
+        "label": with_whole_codes(text(fields, "cell")) or None,
     },
 )
 

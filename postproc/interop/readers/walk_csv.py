@@ -29,12 +29,15 @@ from postproc.interop.sighting import (
     broadcast_of,
     cell_identity,
     integer,
+    is_plmn,
     maybe,
     number,
     parse_rows,
+    plmn,
     text,
     utc_ns_of,
     with_name,
+    with_whole_codes,
 )
 
 _CELL_BYTES = 64
@@ -91,12 +94,14 @@ def _reading(fields: Fields, transmitters: Transmitters) -> CellReading:
     role = next((role for role in _ROLES if role == text(fields, "role")), "scan")
     levels = {name: maybe(fields, name, LEVEL_RANGE_DBM) for name in LEVELS}
     named: dict[str, Any] = {name: _cell_value(fields, name) for name in CELL}
+    if is_plmn(named["mcc"], named["mnc"]):
+        named["mcc"], named["mnc"] = plmn({name: named[name] for name in ("mcc", "mnc")})
     named["broadcast"] = broadcast_of(fields)
     if all(levels[name] is None for name in LEVELS[1:]) and named["rxlev_raw"] is None:
         levels["rssi_dbm"] = number(fields, "rssi_dbm", LEVEL_RANGE_DBM)
     rat = RATS.get(text(fields, "rat").upper())
     reading = CellReading(role, rat, **levels, **named)  # type: ignore[arg-type]
-    cell: str | None = csv_table.unescape(text(fields, "cell"))
+    cell: str | None = with_whole_codes(csv_table.unescape(text(fields, "cell")))
     if not cell:
         reading = with_name(reading)
         cell = reading.cell or transmitters.name(fields, reading)

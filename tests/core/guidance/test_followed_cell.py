@@ -78,8 +78,11 @@ def test_the_answer_is_that_of_the_desktop_for_the_same_readings():
         locator.take(reading)
         if locator.stale > 1.0:
             locator.search()
-        before = followed.answer
+        before, way = followed.answer, followed.way
         followed.update(reading.places, locator)
+        if followed.way is not None and followed.way is not way:
+            places = followed.answer.place.likely_modes
+            assert ("places fit" in followed.way.text) == (len(places) > 1)
         if followed.answer is not before:
             answers.append(len(locator.readings.readings()))
             if len(answers) % 5 == 0:  # each costs as much as the answer

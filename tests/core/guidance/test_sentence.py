@@ -5,7 +5,7 @@ import pytest
 
 from logger.core.guidance.planner import Plan
 from logger.core.guidance.routes import Route
-from logger.core.guidance.sample import Cluster, PositionSample
+from logger.core.guidance.sample import PositionSample
 from logger.core.guidance.sentence import direction, sentence
 from logger.core.places import Places
 
@@ -34,6 +34,6 @@ def test_the_radius_is_said_by_the_answer_alone(away_m, spread_m, why):
     likely = Places.of(away_m + np.array([0.0, spread_m, -spread_m]), np.full(3, 5.2e6))
     sample = PositionSample(likely, np.array([0.4, 0.3, 0.3]), *[None] * 6)
     best = Plan(Route(np.array([[0.0, 5.2e6], [100.0, 5.2e6]])), 5.0, None, None)
-    there = Cluster(0.9, Places.of(away_m, 5.2e6))
+    there = Places.of(away_m, 5.2e6)
     text, _ = sentence(best, sample, [there], 90.0, 100.0, -80.0)
     assert text == f"straight on, east, 100 m: the likeliest place is {away_m:.0f} m east; {why}"

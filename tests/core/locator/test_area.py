@@ -70,7 +70,7 @@ def test_a_small_polygon_far_from_the_walk_is_found(obs):
     assert np.sum(posterior.squares.size_m[region] ** 2) < 2.0 * 50.0 * 60.0
     verdict, (reason, *_), *_ = decide(posterior, obs)
     assert verdict == "cannot tell"
-    assert reason.startswith("the readings contradict the area: without the area, over 99% is not")
+    assert reason.startswith("the readings contradict the area: without the area, > 99 % is not")
 
 
 def test_the_device_says_what_the_desktop_says(obs):
@@ -94,7 +94,7 @@ def test_the_device_says_what_the_desktop_says(obs):
 @pytest.mark.parametrize(
     ("outside_share", "verdict", "reason"),
     [
-        (0.1, "ambiguous", "without the area, 10% is not within 150 m of the walk"),
+        (0.1, "ambiguous", "without the area, 10 % is not within 150 m of the walk"),
         (0.3, "cannot tell", "the readings do not show that it is in the area"),
         (0.7, "cannot tell", "the readings contradict the area"),
     ],

@@ -24,7 +24,7 @@ def test_table(runs, capsys):
     assert "2 cells changed" in out
     assert f"gone: {name(3)} GSM: only in walk A" in out
     assert f"stronger: {name(2)} GSM" in out
-    assert "at most 5% of pairs of walks" in out
+    assert "at most 5 % of pairs of walks" in out
 
 
 def test_json(runs, capsys):

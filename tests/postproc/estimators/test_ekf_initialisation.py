@@ -185,7 +185,7 @@ def test_a_walk_that_ends_too_near_for_its_knowledge_gives_a_reason(walk):
     whole = locate(obs, FLAT, EFFORT)
     run = ekf_initialisation.run(at_source, whole)
     assert isinstance(run, str)
-    assert "15% of its distance" in run
+    assert "15 % of its distance" in run
 
 
 def test_a_point_counts_once_where_there_is_shadowing(walk):

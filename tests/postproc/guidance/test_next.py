@@ -14,6 +14,7 @@ from postproc.guidance.cli import _readings_of
 from postproc.guidance.next_walk import draw_map, next_walk
 from tests.kit.guided_walks import LAT_DEG, LON_DEG, line, rows
 from tests.kit.suspicion_walks import gsm, write_walk
+from tests.kit.walks import observations
 
 EMITTER_M = (150.0, 90.0)
 
@@ -58,6 +59,37 @@ def test_the_answer_is_that_of_smooth(run, capsys):
     assert document["best"]["r95_m"] == pytest.approx(cell["best"]["r95_m"])
     assert document["best"]["lat"] == pytest.approx(cell["best"]["lat"], abs=1e-9)
     assert document["verdict"] == cell["verdict"]
+
+
+def test_the_sentence_has_the_places_of_the_answer():
+    """A walk that a sample of the posterior takes for one place, and one it takes for several."""
+    for to_m, emitter_m in (((900.0, 0.0), (150.0, 90.0)), ((300.0, 0.0), (-300.0, 200.0))):
+        rng = np.random.default_rng(1)
+        x_m, y_m = np.array(line((0.0, 0.0), to_m)).T
+        away_m = np.maximum(np.hypot(x_m - emitter_m[0], y_m - emitter_m[1]), 5.0)
+        level_dbm = np.round(-25.0 - 28.0 * np.log10(away_m) + 4.0 * rng.normal(size=len(x_m)))
+        found = next_walk(observations(x_m, y_m, level_dbm, 4.0), Prior())
+        places = found.answer.place.likely_modes
+        assert ("two places fit" in found.text) == (len(places) == 2)
+        assert ("places fit" in found.text) == (len(places) > 1)
+
+
+def test_the_next_walk_is_in_one_place(tmp_path, capsys):
+    """Networks use channels and codes again: each place has an answer of its own."""
+    lines = ["t_s,lat,lon,rsrp_dbm,rat,arfcn,pci"]
+    for place, lon in enumerate((13.4, 14.4)):
+        for k, row in enumerate(rows(line((0.0, 0.0), (300.0, 0.0)), EMITTER_M)):
+            east = float(row["lon"]) - LON_DEG + lon
+            level_dbm = float(row["rssi_dbm"]) - 20.0
+            t_s = 7200 * place + k
+            lines.append(f"{t_s},{row['lat']},{east},{level_dbm},LTE,1300,210")
+    (tmp_path / "walk.csv").write_text("\n".join([*lines, ""]))
+    path = tmp_path / "run.h5"
+    assert main(["import", str(tmp_path / "walk.csv"), "-o", str(path)]) == 0
+    for asked, lon in (((), 13.4), (("--from", f"{LAT_DEG},14.4"), 14.4)):
+        document = _json(capsys, path, *asked)
+        assert document["best"]["r95_m"] < 5000.0
+        assert document["best"]["lon"] == pytest.approx(lon, abs=0.05)
 
 
 def test_the_sentence_has_the_metres_to_the_first_turn(run, capsys, tmp_path):

@@ -3,8 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from logger.core.answer import place_of
 from logger.core.locator.region import Squares
-from postproc.pictures.picture import fit_of, focus_of, headline, picture_of, region_rings
+from postproc.pictures.picture import (
+    fit_of,
+    focus_of,
+    headline,
+    mode_labels,
+    picture_of,
+    region_rings,
+)
 from postproc.pictures.survey import survey_of
 from tests.kit import sample_results as kit
 
@@ -28,9 +36,20 @@ def test_headline_states_the_verdict_and_its_extent(result):
     located = headline(replace(cell, verdict="located"))
     assert located == "located: most likely within 14 m, surely within 29 m of the best position"
     radii = "most likely within 14 m, surely within 29 m"
-    assert headline(cell) == f"ambiguous: 2 positions fit (50%, 50%); {radii} of the first"
+    assert headline(cell) == f"ambiguous: 2 positions fit (50 %, 50 %); {radii} of the first"
     undecided = replace(cell, verdict="cannot tell", warnings=("too few",))
     assert headline(undecided) == "cannot tell: too few"
+
+
+def test_shares_of_places_are_the_same_in_pictures_and_answers(result):
+    """Two of 0.485 and one of 0.03 have 49, 48 and 3 %, not 48, 48 and 3."""
+    cell = result.cells[0]
+    one, other = cell.posterior.modes
+    third = replace(other, probability=0.03, peak=0.01)
+    modes = (replace(one, probability=0.485), replace(other, probability=0.485), third)
+    posterior = replace(cell.posterior, modes=modes)
+    assert mode_labels(posterior) == ["49 %", "48 %", "3 %"]
+    assert [mode.share for mode in place_of(posterior).modes] == ["49 %", "48 %", "3 %"]
 
 
 def test_a_region_far_larger_than_the_walk_leaves_the_walk_visible(result):

@@ -57,7 +57,7 @@ def test_labels_of_near_places_hide_neither_each_other_nor_a_mark(result):
     axes = cell_map(survey_of(odd), odd.cells, None).figure.axes[0]
     axes.figure.draw_without_rendering()
     labels = [text for text in axes.texts if text.get_text().startswith("1 ")]
-    assert [text.get_text() for text in labels] == ["1 suspicious (60%)", "1 (30%)", "1 (10%)"]
+    assert [text.get_text() for text in labels] == ["1 suspicious (60 %)", "1 (30 %)", "1 (10 %)"]
     boxes = [text.get_window_extent() for text in labels]
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
     marks = axes.transData.transform([text.xy for text in labels])

@@ -171,7 +171,7 @@ def test_values_are_those_of_the_summary(page, result):
 def test_a_cell_names_reach_antenna_and_height(page):
     said = [one.text for one in page.all("p") if "reach:" in one.text]
     assert len(said) == 1
-    assert "reach: near 90%, far 10% (alone: 3" in said[0]
+    assert "reach: near 90 %, far 10 % (alone: 3" in said[0].replace("\N{NO-BREAK SPACE}", " ")
     assert "elsewhere); height: 5 m (fixed)." in said[0]
 
 

@@ -1,6 +1,7 @@
 import json
 import re
 
+import numpy as np
 import pytest
 
 from logger.core.errors import GeoError
@@ -143,13 +144,58 @@ def test_a_swapped_claim_is_asked_about(run, capsys):
         tell(capsys, "verify", run, "--claim", f"{lon},{lat}", "--cell", cell_name(0), "--json")
     )
     (cell,) = output["cells"]
-    assert any(reason.startswith("latitude and longitude swapped?") for reason in cell["reasons"])
+    meant = f"did you mean {round(lat, 7)},{round(lon, 7)}? It is near the walk; "
+    assert any(reason.startswith(meant) for reason in cell["reasons"])
     text = tell(capsys, "verify", run, "--claim", f"{lon},{lat}", "--cell", cell_name(0))
-    assert "latitude and longitude swapped? at 52.5" in text
+    assert meant in text
     told_km, asked_km = (
         int(re.search(rf"(\d+) km{end}", text)[1]) for end in (" from the walk\n", "\n")
     )
     assert told_km == asked_km
+
+
+def test_each_of_several_claims_is_tested(run, capsys):
+    claims = [",".join(map(str, place(*at_m))) for at_m in (TRANSMITTER_M, (900.0, 700.0))]
+    asked = [word for claim in claims for word in ("--claim", claim)]
+    output = tell(capsys, "verify", run, *asked, "--cell", cell_name(0), "--json")
+    words = [cell["verdict"] for cell in json.loads(output)["cells"]]
+    assert words == ["consistent", "rejected"]
+    said = fails(capsys, "verify", run, "--claim", ",".join(claims))
+    assert said.endswith("; of several places give each with a --claim of its own")
+
+
+def test_claims_are_tested_with_runs_of_several_places(run, tmp_path, capsys):
+    """As `smooth`, which has an answer for each place."""
+    log, far = tmp_path / "far.csv", tmp_path / "far.h5"
+    rows = [f"{k},{48.1 + k * 1e-5:.5f},11.5,{-60 - k % 9},{cell_name(0)}" for k in range(60)]
+    log.write_text("\n".join(["t_s,lat,lon,rssi_dbm,cell", *rows, ""]))
+    tell(capsys, "import", log, "-o", far)
+    claim = ",".join(map(str, place(*TRANSMITTER_M)))
+    asked = ("verify", run, far, "--claim", claim, "--cell", cell_name(0), "--json")
+    here, there = json.loads(tell(capsys, *asked))["groups"]
+    assert (here["cells"][0]["verdict"], there["cells"][0]["verdict"]) == ("consistent", "rejected")
+    assert here["place"] != there["place"]
+
+
+def test_a_claim_is_tested_where_it_is_heard(tmp_path, capsys):
+    """One log with an identity in two towns: that of the other town says nothing about it."""
+    log, path, cell = tmp_path / "tour.csv", tmp_path / "tour.h5", "262-01-4711-1"
+    rows = []
+    for n, lat in ((200, 52.5), (150, 48.1)):
+        for k in range(n):
+            east_m, north_m = min(6.0 * k, 600.0), max(6.0 * k - 600.0, 0.0)
+            level_dbm = -20.0 - 30.0 * np.log10(np.hypot(east_m - 300.0, north_m - 100.0))
+            at = f"{lat + north_m / 111200.0:.6f},{13.0 + east_m / 72000.0:.6f}"
+            rows.append(f"{len(rows) * 5 + (lat < 50.0) * 36000},{at},{level_dbm:.0f},{cell}")
+    log.write_text("\n".join(["t_s,lat,lon,rssi_dbm,cell", *rows, ""]))
+    tell(capsys, "import", log, "-o", path)
+    for is_stored in (False, True):
+        if is_stored:
+            tell(capsys, "smooth", path)
+        claims = ("--claim", "52.5009,13.0042", "--claim", "48.1009,13.0042")
+        found = json.loads(tell(capsys, "verify", path, *claims, "--json"))["cells"]
+        assert [one["n"] for one in found] == [200, 150]
+        assert [one["distance_m"] < 300.0 for one in found] == [True, True]
 
 
 @pytest.mark.parametrize(

@@ -148,7 +148,7 @@ def test_modes_have_labels_with_their_probability(recording_path, view):
     modes = [mode for step in view.cell_views[0].steps for mode in step.posterior.modes]
     positions = [position for row in rows(columns, ":positions") for position in row]
     np.testing.assert_allclose(positions, view.survey.modes_m(modes), atol=1e-3)
-    assert rows(columns, ":labels")[-1] == ["50%", "50%"]
+    assert rows(columns, ":labels")[-1] == ["50 %", "50 %"]
     assert rows(columns, ":labels")[0] == [""]
 
 
@@ -184,7 +184,7 @@ def test_events_keep_their_text_and_level(recording_path):
 def test_the_report_states_the_verdict_and_escapes_markup(recording_path):
     text = rows(static_columns(recording_path, f"/report/{NAME}"), ":text")[0][0]
     assert "SIMULATED" in text
-    assert "ambiguous: 2 positions fit (50%, 50%)" in text
+    assert "ambiguous: 2 positions fit (50 %, 50 %)" in text
     assert r"\<b\>not\</b\> \| markup" in text
     assert r"reference EKF\*" in text
     assert r"\* the filter of the specification" in text

@@ -204,3 +204,46 @@ def test_which_cell_serves(tmp_path, head):
     lines = [f"{i},52.5,13.4,-85,LTE,{value}" for i, value in enumerate(values)]
     rows = _rows(tmp_path, f"t_s,lat,lon,level,rat,{head}", *lines)
     assert [row.reading.role for row in rows] == list(values.values())
+
+
+@pytest.mark.parametrize(
+    ("times", "minutes"),
+    [
+        (("05/06/2024 11:59 PM", "05/14/2024 12:01 AM"), 8 * 1440 - 1438),
+        (("05/06/2024 11:59:00", "14/06/2024 00:01:00"), 9 * 1440 - 718),
+        (("5.6.2024 23:59", "6.6.2024 0:01"), 2),
+        (("2024-06-05 11:59 a.m.", "2024-06-05 12:01 p.m."), 2),
+    ],
+)
+def test_dates_are_read_by_all_times_of_a_file(tmp_path, times, minutes):
+    """Only a day beyond 12 shows which number is the month."""
+    head = "Date Time;Latitude;Longitude;RSSI;Cell ID"
+    first, second = _rows(tmp_path, head, *(f"{time};52.5;13.4;-70;7" for time in times))
+    assert (second.t_ns - first.t_ns) / 60e9 == minutes
+    assert first.fix.utc_ns is None
+
+
+@pytest.mark.parametrize(
+    ("time", "said"),
+    [
+        ("05/06/2024 09:00 AM", "column 'date time': of dates such as '05/06/2024 09:00 AM'"),
+        ("2024-06-05 13:00 PM", "an hour with AM or PM is 1 to 12"),
+    ],
+)
+def test_times_with_two_meanings_are_not_read(tmp_path, capsys, time, said):
+    source = tmp_path / "table.csv"
+    source.write_text(f"Date Time,Latitude,Longitude,RSSI,Cell ID\n{time},52.5,13.4,-70,7\n")
+    assert main(["import", str(source), "-o", str(tmp_path / "a.h5")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+
+
+@pytest.mark.parametrize(
+    ("date", "hours"),
+    [("2024-05-14", 476577), ("5/14/2024", 476577), ("05/06/2024", 9), ("Tuesday", 9)],
+)
+def test_a_date_of_its_own_column_belongs_to_the_time(tmp_path, date, hours):
+    """Where it cannot be read the time of day counts alone."""
+    head = "Date,Time,Latitude,Longitude,RSSI,Cell ID"
+    (row,) = _rows(tmp_path, head, f"{date},09:00:00,52.5,13.4,-70,7")
+    assert row.t_ns == hours * 3600 * 10**9

@@ -2,6 +2,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,7 +20,7 @@ READINGS = st.builds(
     role=st.sampled_from(["serving", "neighbour", "scan"]),
     rat=st.sampled_from([None, "GSM", "WCDMA", "LTE", "LTE-M", "NB-IoT", "NR"]),
     mcc=st.just("001"),
-    mnc=st.sampled_from(["1", "01", "001"]),
+    mnc=st.sampled_from(["10", "01", "001"]),
     lac=WHOLE,
     tac=WHOLE,
     cid=st.integers(0, 2**36 - 1),
@@ -114,3 +115,12 @@ def test_comments_before_the_header(tmp_path):
     (tmp_path / "walk.csv").write_text("# by hand\nt_s;lat;lon;rssi_dbm\n0;52;13;-70\n1;52;13;\n")
     good, bad = read_walk(tmp_path / "walk.csv")
     assert ([h.line for h in good], bad) == ([3], [BadRow(4, "rssi_dbm is empty")])
+
+
+@pytest.mark.parametrize(
+    ("header", "cell"), [("mcc,mnc,lac,cid", "722,7,1201,9"), ("cell", "722-7-1201-9")]
+)
+def test_a_network_code_has_its_zeros_whatever_the_columns(tmp_path, header, cell):
+    (tmp_path / "log.csv").write_text(f"t_s,lat,lon,rssi_dbm,{header}\n0,-34.6,-58.4,-60,{cell}\n")
+    (row,), _ = read_walk(tmp_path / "log.csv")
+    assert row.reading.cell == "722-07-1201-9"

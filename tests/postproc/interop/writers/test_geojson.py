@@ -86,7 +86,7 @@ def test_a_cell_is_a_point_and_one_without_a_place_has_no_geometry(tmp_path):
     assert second["geometry"] is None
     assert list(first["properties"]) == list(second["properties"]) == list(COLUMNS)
     assert first["properties"]["n_places"] == 2
-    assert re.fullmatch(r"50%: 52\.\d+ 13\.\d+", first["properties"]["other_places"])
+    assert re.fullmatch(r"50 %: 52\.\d+ 13\.\d+", first["properties"]["other_places"])
 
 
 def test_without_utc_there_are_seconds_only(tmp_path):
