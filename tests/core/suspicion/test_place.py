@@ -36,7 +36,7 @@ def test_far_places_need_less_evidence_than_near_ones(apart_m, slope_db, rules):
 
 @pytest.mark.parametrize(("apart_m", "text"), [(437, "437 m apart"), (1307, "1.3 km apart")])
 def test_a_distance_is_rounded_as_other_lengths(apart_m, text):
-    assert text in RULES["S5"].says({"apart_m": apart_m, "log_evidence": 3.6})
+    assert text in RULES["S5"].text_of({"apart_m": apart_m, "log_evidence": 3.6})
 
 
 def test_one_place_is_no_finding():
