@@ -222,12 +222,15 @@ _FEWER_DIGITS = {
 }
 _LONGER = {
     name.encode(): re.compile(pattern.encode())
-    for numbers in (
-        {"+C5GREG": "0[0-9A-F]{9,15}"},  # a cell of NR has 36 bits, printed with zeros before
-        *(family.long_numbers for family in FAMILIES.values()),
-    )
-    for name, pattern in numbers.items()
+    for family in FAMILIES.values()
+    for name, pattern in family.long_numbers.items()
 }
+_PADDED_NR_CELL = re.compile(
+    rb'[ ]*[0-9](?:,[ ]*[0-9])?,[ ]*"?[0-9A-F]{1,8}"?,[ ]*"?(0{1,7}[0-9A-F]{9})"?'
+    rb"[ ]*(?:\Z|,[ ]*[0-9]{1,2}(?![0-9A-Z]))",
+    re.IGNORECASE,
+)
+"""A row of +C5GREG with the cell in its place: 36 bits, with zeros before."""
 _EXACT = {
     b"+CSQ": rb"[ ]*[0-9]{1,3}(?:,[ ]*[0-9]{1,3})?",
     b"+CESQ": rb"[ ]*[0-9]{1,3}(?:,[ ]*[0-9]{1,3}){0,8}",
@@ -289,7 +292,9 @@ def row(name: bytes, body: bytes) -> bytes:
         match = exact.match(body)
         end = match.end() if match else 0
         return body[:end] + mask_text(body[end:])
-    return mask_numbers(_values(name, body))
+    masked = mask_numbers(_values(name, body))
+    cell = _PADDED_NR_CELL.match(body) if name == b"+C5GREG" else None
+    return masked if cell is None else masked[: cell.start(1)] + cell[1] + masked[cell.end(1) :]
 
 
 def command(name: bytes, body: bytes) -> bytes:
