@@ -26,7 +26,7 @@ from typing import ClassVar
 
 from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.generic import name_nbiot
-from logger.drivers.protocols.at import Command, Dialogue
+from logger.drivers.protocols.at import INTERRUPTION, Command, Dialogue
 from logger.drivers.quectel import KINDS
 from logger.drivers.reading.row_language import (
     TENTHS,
@@ -113,6 +113,15 @@ class QuectelGsm(Family):
             if not reply.is_refusal:
                 return () if reply.ok else None
         return (yield from name_nbiot(self, ()))
+
+    def read(self, lines: Sequence[str]) -> tuple[Row, ...]:
+        # no row goes on behind what has cut it
+        whole = [
+            line
+            for before, line in zip(["", *lines], lines, strict=False)
+            if before != INTERRUPTION or not _VALUES.fullmatch(line)
+        ]
+        return super().read(whole)
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in rows of QENG and NUESTATS."""

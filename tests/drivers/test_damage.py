@@ -25,8 +25,7 @@ PRINTS_NUMBERS = {"telit"}
 """Families that print network codes as numbers, also hexadecimal ones: 01 may be a 1 in the
 text.
 """
-JOINS_WRAPPED_ROWS = {"quectel_gsm"}
-"""Families that join the lines of a row which a terminal has wrapped, also within a number."""
+JOINS_WRAPPED_ROWS = {"quectel_gsm"}  # also within a number
 
 REPLIES = [
     path.read_text("latin-1") for path in sorted((SHARED / "corpus" / "modem").glob("*.txt"))
