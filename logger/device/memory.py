@@ -31,8 +31,6 @@ def within_memory(live: LiveSettings) -> LiveSettings:
 def give_back() -> None:
     """Make glibc use one heap for all threads, and no heap for blocks of over 128 kB.
 
-    Other C libraries are left as they are.
-
     By itself glibc raises that bound with each larger block that is freed, and gives each thread a
     heap: the arrays of forty cells then took 20 MB more, and more with time. Up to 1 MB at the end
     of the heap stays allocated for the next reading. To be called before threads start. Source:

@@ -143,10 +143,8 @@ def _nuestats(text: str) -> Row | None:
 
 
 def _join_wrapped_rows(lines: Iterable[str]) -> Iterator[str]:
-    """A line of nothing but values goes on with the row above.
-
-    A terminal wraps with a line end. Where a log has one as text, the modem has ended the row.
-    """
+    """A line of nothing but values goes on with the row above."""
+    # a terminal wraps with a line end; where a log has one as text, the modem has ended the row
     row = ""
     for line in lines:
         for at, piece in enumerate(_NEXT.split(line)):

@@ -87,7 +87,6 @@ def test_what_is_freed_is_given_back(how, least_mb, most_mb):
 @pytest.mark.slow
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
 def test_a_strong_cell_in_shadowing_takes_no_more_memory_than_is_reckoned():
-    """Many hypotheses of noise and many positions remain of it."""
     done = subprocess.run(
         [sys.executable, "-c", CELLS],
         capture_output=True,

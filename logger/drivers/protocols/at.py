@@ -112,7 +112,7 @@ _CODES = RESULTS_OF_CALLS | {"OK", "ERROR"}
 _ERROR = re.compile(r"\+CM[ES] ERROR\b.*")
 # Result codes after ATV0. 2 is RING, which ends no reply.
 _ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)
-"""Commands whose answer is plain words, which describe no cell."""
+"""Commands whose answer is plain words, no cell."""
 _NUMERIC = {"0": "OK", "1": "CONNECT", "3": "NO CARRIER", "4": "ERROR"}
 _NAMED = re.compile(r"\s*([+*^#!$%][A-Za-z][A-Za-z0-9]*)")
 _UNASKED = re.compile(

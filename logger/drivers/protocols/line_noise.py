@@ -51,7 +51,7 @@ def sentences(line: bytes) -> list[tuple[int, int]]:
 
 
 def without(line: bytes, spans: list[tuple[int, int]]) -> bytes:
-    """The rest of a line."""
+    """The rest."""
     ends = [0, *(end for _, end in spans)]
     begins = [*(begin for begin, _ in spans), len(line)]
     return b"".join(line[end:begin] for end, begin in zip(ends, begins, strict=True))
