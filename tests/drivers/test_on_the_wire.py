@@ -352,3 +352,17 @@ def test_what_interrupts_a_row_changes_no_value(name, inserted):
             assert all(any(one.items() <= cell.items() for cell in whole) for one in found), torn
     if SENTENCE in inserted and not inserted.startswith(b"\r\n"):
         assert n_whole >= 0.75 * n_places
+
+
+def test_a_report_between_the_rows_of_a_scan_costs_none_of_them():
+    """It may have cut the last value of the row before, which is left out with no more."""
+    rows = [
+        f'Operator:"Example",MCC:262,MNC:02,Rxlev:38,Cellid:5E6{n},Arfcn:6{n},Lac:3C4D,Bsic:25\r\n'
+        for n in (1, 2)
+    ]
+    data = "\r\n+CREG: 5\r\n".join(rows) + "\r\nOK\r\n"
+    found = read_on_the_wire(FAMILIES["sim800"], "AT+CNETSCAN", data.encode())
+    assert [(cell.cid, cell.arfcn, cell.bsic) for cell in found] == [
+        (0x5E61, 61, None),
+        (0x5E62, 62, 0x25),
+    ]
