@@ -34,9 +34,11 @@ def flashes_of(status: Status) -> tuple[float, ...]:
     With more sources than a modem and a receiver, the long flashes count to the first faulty one in
     the configuration.
     """
-    ports = list(status.ports.values())
-    number = next((k for k, port in enumerate(ports, 1) if port.fault), 0)
-    if status.state != "error" or len(ports) < 3 or not number:
+    # the text names what is worst: a card that takes nothing hides the ports
+    ports = enumerate(status.ports.items(), 1)
+    said = (k for k, (name, one) in ports if one.fault and f"{name}: {one.fault}" in status.text)
+    number = next(said, 0)
+    if status.state != "error" or len(status.ports) < 3 or not number:
         return FLASHES_S[status.state]
     return (*LONG_FLASH_S * (number - 1), LONG_FLASH_S[0], PAUSE_S)
 

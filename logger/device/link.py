@@ -27,6 +27,7 @@ from logger.drivers.reading.recognition import NumberHistory
 NOT_THERE = "is not there now"
 NO_EPOCHS = "no-epochs"
 """Code of the note that a receiver is at fault until its next fix record."""
+DRIVER = ": driver "  # between the name of a modem and its driver in a note
 _MEMORY_DEVICES = 1
 """Their major number: /dev/zero and /dev/null are no ports (Linux admin-guide/devices.txt)."""
 State = Literal["ok", "warn", "fail"]

@@ -13,7 +13,7 @@ MEMORY_MB = 250
 """MemoryMax= of fieldlogger.service: beyond it the kernel ends the recorder."""
 _SERVICE_MB, _STREETS_MB, _BASELINE_MB, _CELL_MB = 40.0, 58.0, 16.0, 2.1
 """Memory that a service without cells takes, that the largest street file and baseline add while
-they are read, and a cell of the live estimate (measured by benchmarks/live_cell.py)."""
+they are read, and a cell of the live estimate (measured by tests/device/test_memory.py)."""
 MOST_CELLS = int((MEMORY_MB - _SERVICE_MB - _STREETS_MB - _BASELINE_MB) / _CELL_MB)
 
 _BLOCK_BYTES, _END_BYTES = 128 * 1024, 1024 * 1024
@@ -30,8 +30,6 @@ def within_memory(live: LiveSettings) -> LiveSettings:
 
 def give_back() -> None:
     """Make glibc use one heap for all threads, and no heap for blocks of over 128 kB.
-
-    Other C libraries are left as they are.
 
     By itself glibc raises that bound with each larger block that is freed, and gives each thread a
     heap: the arrays of forty cells then took 20 MB more, and more with time. Up to 1 MB at the end

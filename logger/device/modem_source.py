@@ -11,7 +11,7 @@ from logger.core.errors import DeviceError
 from logger.core.source_tables import GNSS, MODEM
 from logger.core.types import CellReading, Fix, utc_text
 from logger.device.gnss_source import count_unmeasured, credible, note_impossible_date
-from logger.device.link import Device, Line, Link, Source
+from logger.device.link import DRIVER, Device, Line, Link, Source
 from logger.device.mode_switch import ModeSwitch, SavedModes
 from logger.device.modem_exchange import AfterStop, ModemExchange
 from logger.device.port import Port
@@ -145,6 +145,7 @@ class _Session:
         self._settings = settings
         self._mode = ModeSwitch(link, modes, gsm_only=settings.set_mode == "gsm")
         self._modem = ModemExchange(link, driver_of(settings.driver))
+        self._is_named = False
         self._echoes = False
         self._is_date_noted = False
         self._survey: list[Command] = []
@@ -189,7 +190,11 @@ class _Session:
             self._continue_survey(self._modem.driver)
 
     def _prepare(self) -> None:
-        self._modem.driver = self._modem.driver or self._identify()
+        if self._modem.driver is None or not self._is_named:
+            # the name shows which of two modems is here, also where site.toml says the driver
+            identified = self._identify()
+            self._modem.driver = self._modem.driver or identified
+            self._is_named = True
         if self._modem.driver is None:
             return
         self._modem.is_restarted = False
@@ -218,7 +223,8 @@ class _Session:
         if driver.name == Generic.name and self._modem.talk(identify()) != found:
             self._link.count("unidentified", 1, "times the modem's identity was unclear")
             return None
-        self._link.note("info", "modem-identified", f"modem is {text!r}: driver {driver.name}")
+        name = (self._modem.driver or driver).name
+        self._link.note("info", "modem-identified", f"modem is {text!r}{DRIVER}{name}")
         return driver
 
     def _poll(self, driver: Family) -> None:

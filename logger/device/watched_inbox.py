@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from logger.core.live_settings import FOLLOW, STRONGEST, SUSPICIOUS
 from logger.core.source_tables import MODEM
 from logger.core.types import Fix, Note, RawBytes, Record, Scan, utc_text
-from logger.device.link import NO_EPOCHS, Inbox
+from logger.device.link import DRIVER, NO_EPOCHS, Inbox
 from logger.device.live_view import CellTable
 from logger.device.status import FixStatus, PortStatus
 
@@ -128,7 +128,7 @@ class WatchedInbox(Inbox):
                 if note.code == "port-lost":
                     self.modems.pop(record.source, None)
                 elif note.code == "modem-identified":
-                    self.modems[record.source] = note.text
+                    self.modems[record.source] = note.text.rpartition(DRIVER)[0]
                     self._identified(record.source)
             case Note(code=code, text=cell) if code == FOLLOW:
                 self.followed = None if cell in {STRONGEST, SUSPICIOUS} else cell

@@ -189,7 +189,7 @@ class Cinterion(Family):
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells by the first way that gives any; neighbours by a later one where that refuses."""
-        found: tuple[Row, ...] = ()
+        found: tuple[CellReading | NoCell, ...] = ()
         for *first, last in self.ways:
             serving = yield from self.ask(first)
             neighbours = yield from self.ask([last])
@@ -204,8 +204,12 @@ class Cinterion(Family):
                 if not found or (isinstance(row, CellReading) and row.role == "neighbour")
             )
             if found and (neighbours is not None or isinstance(found[0], NoCell)):
-                return found
-        return found or (yield from Generic().poll())
+                break
+        if any(isinstance(row, NoCell) or row.role == "serving" for row in found):
+            return found
+        # a serving cell in a form that is not known (an identity of another width) has +CREG
+        common = yield from Generic().poll()
+        return (*(common or ()), *found) if found else common
 
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Readings in all forms of ^SMONC, ^SMOND, ^SMONI, ^SMONP, ^SNMON, ^MONI and ^MONP."""

@@ -26,7 +26,7 @@ from typing import ClassVar
 
 from logger.drivers.family import Claim, Family, cells_with
 from logger.drivers.generic import name_nbiot
-from logger.drivers.protocols.at import Command, Dialogue
+from logger.drivers.protocols.at import INTERRUPTION, Command, Dialogue
 from logger.drivers.quectel import KINDS
 from logger.drivers.reading.row_language import (
     TENTHS,
@@ -114,6 +114,15 @@ class QuectelGsm(Family):
                 return () if reply.ok else None
         return (yield from name_nbiot(self, ()))
 
+    def read(self, lines: Sequence[str]) -> tuple[Row, ...]:
+        # no row goes on behind what has cut it
+        whole = [
+            line
+            for before, line in zip(["", *lines], lines, strict=False)
+            if before != INTERRUPTION or not _VALUES.fullmatch(line)
+        ]
+        return super().read(whole)
+
     def rows_in(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """Cells in rows of QENG and NUESTATS."""
         plain = [line.replace('\\"', '"') for line in lines]
@@ -134,10 +143,8 @@ def _nuestats(text: str) -> Row | None:
 
 
 def _join_wrapped_rows(lines: Iterable[str]) -> Iterator[str]:
-    """A line of nothing but values goes on with the row above.
-
-    A terminal wraps with a line end. Where a log has one as text, the modem has ended the row.
-    """
+    """A line of nothing but values goes on with the row above."""
+    # a terminal wraps with a line end; where a log has one as text, the modem has ended the row
     row = ""
     for line in lines:
         for at, piece in enumerate(_NEXT.split(line)):

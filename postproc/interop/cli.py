@@ -8,7 +8,15 @@ from pathlib import Path
 
 import click
 
-from logger.command_line import FILE, INPUT, json_option, late_modules, number, show
+from logger.command_line import (
+    FILE,
+    INPUT,
+    json_option,
+    late_modules,
+    missing_library,
+    number,
+    show,
+)
 from logger.core.errors import ConfigError, RunFileError
 from postproc.interop.writers import names
 from postproc.options import (
@@ -29,7 +37,7 @@ with late_modules():
         track_file,
     )
     from postproc.interop import share as sharing
-    from postproc.interop.readers import named_columns
+    from postproc.interop.readers import diag, named_columns
     from postproc.suspicion import run_assessment
 
 _MOST_PRINTED = 20
@@ -220,7 +228,9 @@ def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
         yield f"{source}: rows were out of order and have been sorted by time"
     for why, n in imported.left.other:
         what = f"{why}: {n} not read" if imported.sha256 else f"left out: {n} rows, {why}"
-        yield f"{imported.path}: {what}"
+        # the run names no path of this computer
+        advice = f" ({missing_library('pycrate', '[diag]')})" if why == diag.NO_PYCRATE else ""
+        yield f"{imported.path}: {what}{advice}"
     if imported.no_track:
         yield f"{imported.path}: no positions: {imported.no_track}"
     for why, n in imported.left.no_level:

@@ -2,10 +2,11 @@ import threading
 from contextlib import closing
 
 import pytest
+from msgspec.structs import replace
 
 from logger.device import leds
 from logger.device.leds import StatusLight
-from logger.device.status import Status
+from logger.device.status import PortStatus, Status
 from tests.kit.service import assert_ends, wait_for
 
 
@@ -24,6 +25,15 @@ LONG_S = 1e6
 
 def status(state):
     return Status(state, "", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, {})
+
+
+@pytest.mark.parametrize("text", ["waiting for the card: Input/output error", "failed: full"])
+def test_a_failing_card_is_worse_than_a_faulty_port(text):
+    ports = {name: PortStatus(name) for name in ("a", "b", "gnss")}
+    ports["b"] = PortStatus("b", fault="no such port")
+    faulty = replace(status("error"), text="b: no such port", ports=ports)
+    assert leds.flashes_of(faulty).count(leds.LONG_FLASH_S[0]) == 2
+    assert leds.flashes_of(replace(faulty, text=text)) == leds.FLASHES_S["error"]
 
 
 def _shows(led_folder, level):

@@ -27,12 +27,14 @@ AWAY_S = 90.0
 """Longer than the time without a scan after which a modem has failed."""
 
 
-def _site(folder, first, second, gnss):
+def _site(folder, first, second, gnss, drivers=("auto", "auto")):
     text = (
         f'[run]\ndirectory = "{folder / "runs"}"\n'
         f'[modem]\nport = "{first}"\nname = "sim7600"\n'
+        f'driver = "{drivers[0]}"\n'
         f'[gnss]\nport = "{gnss}"\n'
         f'[[source]]\nkind = "modem"\nname = "sim800"\nport = "{second}"\n'
+        f'driver = "{drivers[1]}"\n'
         f"[live]\nmax_fix_age_s = {3.0 + 0.2 * SPEED}\n"
     )
     return parse_config(text, "site.toml"), text
@@ -122,7 +124,8 @@ def _apart_db(run, from_ns=0):
     return mean_dbm["sim7600"] - mean_dbm["sim800"]
 
 
-def test_modems_that_come_back_exchanged_keep_their_names(tmp_path):
+@pytest.mark.parametrize("drivers", [("auto", "auto"), ("sim7600", "sim800")])
+def test_modems_that_come_back_exchanged_keep_their_names(tmp_path, drivers):
     clock = ScaledClock(SPEED)
     walk, time = scenario("block", 3), WalkTime(clock)
     with ExitStack() as stack:
@@ -133,7 +136,7 @@ def test_modems_that_come_back_exchanged_keep_their_names(tmp_path):
             for k, name in enumerate(("sim7600", "sim800"))
         ]
         gnss = stack.enter_context(PtyDevice(talking(walk.receiver(cold_start_s=0.0), time)))
-        config, text = _site(tmp_path, *(port.path for port in ports), gnss.path)
+        config, text = _site(tmp_path, *(port.path for port in ports), gnss.path, drivers)
         under_way = Service(config, begin_run(config, text, clock), clock, threading.Event())
         under_way.start()
         try:

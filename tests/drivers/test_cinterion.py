@@ -218,6 +218,21 @@ def test_neighbours_come_from_another_command_where_smonp_is_not_known():
     assert sent == ["AT^SMONI", "AT^SMONP=255"]
 
 
+def test_a_serving_cell_of_another_width_beside_neighbours_is_that_of_creg():
+    replies = {
+        "AT^SMONI": ([SMONI_3G.replace("00228FF", "000228FF")], "OK"),
+        "AT^SMONP=255": (["2G:", SMONP], "OK"),
+        "AT+COPS?": (['+COPS: 0,2,"26202",2'], "OK"),
+        "AT+CREG?": (['+CREG: 2,1,"0143","000228FF",2'], "OK"),
+    }
+    rows, _ = run_dialogue(MODEM.poll(), replies)
+    cells = [row for row in rows if isinstance(row, CellReading)]
+    assert [(cell.role, cell.cell) for cell in cells] == [
+        ("serving", "262-02-323-141567"),
+        ("neighbour", "262-07-10812-19550"),
+    ]
+
+
 def test_poll_of_a_modem_that_has_none_of_the_commands():
     replies = {
         "AT+COPS?": (['+COPS: 0,2,"26202",0'], "OK"),

@@ -1,15 +1,16 @@
 """Replies as bytes, through redaction and the framer to the driver: variants of firmware."""
 
-from dataclasses import fields
+from dataclasses import asdict, fields, replace
 
 import pytest
 
 from logger.core.types import CellReading
 from logger.drivers.protocols.at import AtFramer, Command, Reply, Unsolicited
-from logger.drivers.protocols.redaction import redact
+from logger.drivers.protocols.redaction import Redactor, redact
 from logger.drivers.reading.standard_replies import names_of
 from logger.drivers.registry import FAMILIES
 from tests.kit.drivers import cells_of, on_the_wire, own_replies, poll_on_the_wire
+from tests.kit.nmea_sentences import gga
 
 CPSI_WITH_INDICES = "+CPSI: LTE,Online,262-02,0x333C,39589680,308,EUTRAN-BAND3,1650,5,0,28,50,0,6"
 
@@ -303,3 +304,65 @@ def test_refusals_in_words_of_a_maker_end_a_reply(words):
         Reply("AT^MONSC", (), "ERROR")
     ]
     assert list(framer.feed(b"\r\nRING\r\n")) == [Unsolicited("RING")]
+
+
+SENTENCE = gga().encode()
+
+
+def read_on_the_wire(driver, command, data):
+    framer, redactor = AtFramer(), Redactor()
+    framer.send(command, rows=driver.other_rows)
+    redactor.send(command.encode())
+    events = list(framer.feed(redactor.feed(data)))
+    replies = [event for event in events if isinstance(event, Reply)]
+    reply = replies[0] if replies else framer.expire()
+    return cells_of(driver, [command, *reply.marked_lines])
+
+
+def values_of(cell):
+    known = asdict(replace(cell, more={}, broadcast=None, identity_unsure=False))
+    return {name: value for name, value in known.items() if value not in (None, {}, False)}
+
+
+@pytest.mark.parametrize(
+    "inserted",
+    [
+        SENTENCE,
+        SENTENCE + b"\r\n",
+        b"\r\n" + SENTENCE + b"\r\n",
+        SENTENCE.replace(b"N", b"S"),
+        SENTENCE[:25] + b"\r\n",
+        b"\r\nRING\r\n",
+    ],
+    ids=["sentence", "and its end", "between line ends", "damaged", "cut", "call"],
+)
+@pytest.mark.parametrize("name", FAMILIES)
+def test_what_interrupts_a_row_changes_no_value(name, inserted):
+    driver = FAMILIES[name]
+    n_places = n_whole = 0
+    for reply in own_replies(name):
+        data = f"\n{reply}\n\nOK\n".replace("\n", "\r\n").encode("latin-1")
+        command = max(driver.sends(), key=lambda one: len(read_on_the_wire(driver, one, data)))
+        whole = [values_of(cell) for cell in read_on_the_wire(driver, command, data)]
+        for at in range(2, len(data) - 6, 3):
+            torn = data[:at] + inserted + data[at:]
+            found = [values_of(cell) for cell in read_on_the_wire(driver, command, torn)]
+            n_places += 1
+            n_whole += found == whole
+            assert all(any(one.items() <= cell.items() for cell in whole) for one in found), torn
+    if SENTENCE in inserted and not inserted.startswith(b"\r\n"):
+        assert n_whole >= 0.75 * n_places
+
+
+def test_a_report_between_the_rows_of_a_scan_costs_none_of_them():
+    """It may have cut the last value of the row before, which is left out with no more."""
+    rows = [
+        f'Operator:"Example",MCC:262,MNC:02,Rxlev:38,Cellid:5E6{n},Arfcn:6{n},Lac:3C4D,Bsic:25\r\n'
+        for n in (1, 2)
+    ]
+    data = "\r\n+CREG: 5\r\n".join(rows) + "\r\nOK\r\n"
+    found = read_on_the_wire(FAMILIES["sim800"], "AT+CNETSCAN", data.encode())
+    assert [(cell.cid, cell.arfcn, cell.bsic) for cell in found] == [
+        (0x5E61, 61, None),
+        (0x5E62, 62, 0x25),
+    ]

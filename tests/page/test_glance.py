@@ -86,6 +86,19 @@ def test_a_run_that_was_closed_in_order_is_no_trouble(phone):
     assert silent[:2] == ["trouble", "The recorder is silent for 4 s"]
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("b: no such port", "Trouble with b; the others are being recorded"),
+        ("waiting for the card: full", "Trouble: this walk is not being recorded"),
+    ],
+)
+def test_a_failing_card_is_worse_than_a_faulty_port(phone, text, said):
+    ports = "{a: {fault: ''}, b: {fault: 'no such port'}, c: {fault: ''}}"
+    status = f"{{state: 'error', text: '{text}', ports: {ports}}}"
+    assert phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[1] == said
+
+
 def test_without_a_live_estimate_the_walk_is_recorded(phone):
     status = "{state: 'recording', no_estimate: 'no live estimate: MemoryError'}"
     sign, sentence, _ = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")

@@ -55,10 +55,13 @@ class BorderedSums:
         self._log_det = np.array([noise.log_det for noise in noises])
         self._shared = SharedSums.of(prior, np.isfinite(prior.station_log_odds[:, numbers]))
         rows_of = [self._shared.rest, *station_rows(prior, numbers)[1:]]
-        self._stations = [
-            _StationSums(prior.of_station(one), closed, matrices, positions, most, rows_of_station)
-            for one, rows_of_station in zip(prior.stations, rows_of, strict=True)
-        ]
+        self._stations: list[_StationSums] = []
+        of_height: dict[float, FloatArray] = {}
+        for one, rows_of_station in zip(prior.stations, rows_of, strict=True):
+            alone = prior.of_station(one)
+            station = _StationSums(alone, closed, matrices, positions, most, rows_of_station)
+            station.columns[0] = of_height.setdefault(alone.height_m, station.columns[0])
+            self._stations.append(station)
 
     def over(self, walk: FloatArray) -> tuple[list[FloatArray], FloatArray]:
         """Sums (m + 1, k, h) of each station and log |K| (c, 1); the last block is still open.
@@ -112,26 +115,30 @@ class _StationSums:
         most: int,
         rows: IntArray,
     ) -> None:
-        columns = varying_columns(closed, prior, positions)
         self._prior, self._positions, self._rows = prior, positions, rows
-        self._columns = np.zeros((len(columns), most, len(positions)))
-        self._columns[:, : len(closed)] = columns
+        # the most memory of a device's cell: in single precision L is off by a millionth of a dB
+        self.columns: list[FloatArray] = []
+        for column in varying_columns(closed, prior, positions):
+            self.columns.append(np.zeros((most, len(positions)), np.float32))
+            self.columns[-1][: len(closed)] = column
         self.total = walk_sums(closed, matrices[rows], prior, positions)
 
     def of_last(self, row: FloatArray, walk: FloatArray) -> FloatArray:
         """Sums of the last block of a walk (5, n); `row` (c, n) is its row of W."""
         k = walk.shape[1] - 1
         last = single(walk[:, k:], 0.0, NOTHING_CENSORED)
-        self._columns[:, k : k + 1] = varying_columns(last, self._prior, self._positions)
-        extra = receiver_variance(last, self._prior, -self._columns[0, k : k + 1])
-        return _row_sums(row[self._rows], walk[2], self._columns[:, : k + 1], extra)
+        varying = varying_columns(last, self._prior, self._positions)
+        for column, value in zip(self.columns, varying, strict=True):
+            column[k] = value[0]
+        extra = receiver_variance(last, self._prior, -varying[0])
+        return _row_sums(row[self._rows], walk[2], self.columns, extra)
 
 
 def _row_sums(
-    row: FloatArray, level_dbm: FloatArray, columns: FloatArray, extra: FloatArray | None
+    row: FloatArray, level_dbm: FloatArray, columns: list[FloatArray], extra: FloatArray | None
 ) -> FloatArray:
     """As `marginal.sums` for one row of each hypothesis: (m + 1, c, h)."""
-    varying = row @ columns
+    varying = [row @ column[: row.shape[1]] for column in columns]
     fixed = row @ level_dbm, np.sum(row, axis=1)
     white = [*(value[:, None] for value in fixed), *varying]
     weight = np.ones_like(varying[0])

@@ -21,7 +21,7 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from logger.drivers.protocols.line_noise import Garbage, pieces
+from logger.drivers.protocols.line_noise import Garbage, goes_on, pieces, sentences, without
 
 # A driver yields Commands and is sent each Reply; whoever drives the generator owns the port. A
 # timeout is a Reply with final None, so a driver treats it as data.
@@ -112,7 +112,7 @@ _CODES = RESULTS_OF_CALLS | {"OK", "ERROR"}
 _ERROR = re.compile(r"\+CM[ES] ERROR\b.*")
 # Result codes after ATV0. 2 is RING, which ends no reply.
 _ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)
-"""Commands whose answer is plain words, which describe no cell."""
+"""Commands whose answer is plain words, no cell."""
 _NUMERIC = {"0": "OK", "1": "CONNECT", "3": "NO CARRIER", "4": "ERROR"}
 _NAMED = re.compile(r"\s*([+*^#!$%][A-Za-z][A-Za-z0-9]*)")
 _UNASKED = re.compile(
@@ -137,6 +137,8 @@ class AtFramer:
 
     def __init__(self) -> None:
         self._buffer = b""  # the line under way
+        self._torn = b""  # a line whose rest comes after a receiver's sentence and its line end
+        self._torn_blanks = 0
         self._overlong = False  # the beginning of that line has already been given up
         self._stale = False  # that line began before the pending command was written
         self._blanks = 0  # empty lines just before it
@@ -172,14 +174,14 @@ class AtFramer:
         self._names = _names(f"{command} {rows}")
         self._lines = []
         self._interrupted = set()
-        self._stale = is_within_line or bool(self._buffer)
+        self._stale = is_within_line or bool(self._buffer or self._torn)
         self._final_reassigned = False
         self.echo_seen = False
 
     def feed(self, data: bytes) -> Iterator[AtEvent]:
         """Events completed by `data`, all of which is consumed at the call."""
         *complete, self._buffer = _LINE_END.split(self._buffer + data)
-        events = [event for raw in complete for event in self._line_events(raw)]
+        events = [event for raw in complete for event in self._whole_events(raw)]
         while len(self._buffer) > MAX_LINE:
             events.append(Garbage(self._buffer[:MAX_LINE]))
             self._buffer = self._buffer[MAX_LINE:]
@@ -188,7 +190,7 @@ class AtFramer:
 
     def flush(self) -> Iterator[AtEvent]:
         """Events of the incomplete last line, at the end of a transcript."""
-        return self.feed(b"\n") if self._buffer else iter(())
+        return self.feed(b"\n\n\n") if self._buffer or self._torn else iter(())
 
     def expire(self) -> Reply:
         """Close the pending command by time-out, with the lines that came."""
@@ -200,6 +202,43 @@ class AtFramer:
         """Close the pending command, whose answer will never come since the modem has restarted."""
         self._expired = None
         return self._close(None)
+
+    def _whole_events(self, raw: bytes) -> Iterator[AtEvent]:
+        # joined again around a receiver's sentence and its line end
+        spans = sentences(raw)
+        if self._torn and not raw:
+            self._torn_blanks += 1
+            if self._torn_blanks > 1:  # the first is between CR and LF of the sentence
+                yield from self._end_of_torn(is_cut=False)
+                yield from self._line_events(raw)
+            return
+        if spans and not self._torn and not spans[0][0] and goes_on(without(raw, spans)):
+            yield from self._line_events(raw)  # the sentence may have torn any line before it
+            return
+        begin = 0
+        for span in spans:
+            part, begin = raw[begin : span[0]], span[1]
+            if not goes_on(part) or len(self._torn) > MAX_LINE:
+                yield from self._end_of_torn(is_cut=True)
+            self._torn += part
+            sentence = raw[slice(*span)].decode("ascii")
+            event = Unsolicited(sentence) if self._torn else self._line_event(sentence)
+            if event is not None:
+                yield event
+        self._torn_blanks = 0
+        rest = raw[begin:]
+        if not goes_on(rest):
+            yield from self._end_of_torn(is_cut=True)
+        if rest or not spans:
+            line, self._torn = self._torn + rest, b""
+            yield from self._line_events(line)
+
+    def _end_of_torn(self, *, is_cut: bool) -> Iterator[AtEvent]:
+        n_lines, torn, self._torn = len(self._lines), self._torn, b""
+        if torn:
+            yield from self._line_events(torn)
+        if is_cut and len(self._lines) > n_lines:
+            self._interrupted.add(len(self._lines) - 1)
 
     def _line_events(self, raw: bytes) -> Iterator[AtEvent]:
         if self._overlong or len(raw) > MAX_LINE:

@@ -14,6 +14,7 @@ from functools import reduce
 from operator import and_, or_, xor
 
 from logger.drivers.protocols.at import REFUSALS
+from logger.drivers.protocols.line_noise import goes_on, sentences, without
 from logger.drivers.reading.standard_replies import names_of
 from logger.drivers.registry import FAMILIES, IDENTITY
 
@@ -222,12 +223,15 @@ _FEWER_DIGITS = {
 }
 _LONGER = {
     name.encode(): re.compile(pattern.encode())
-    for numbers in (
-        {"+C5GREG": "0[0-9A-F]{9,15}"},  # a cell of NR has 36 bits, printed with zeros before
-        *(family.long_numbers for family in FAMILIES.values()),
-    )
-    for name, pattern in numbers.items()
+    for family in FAMILIES.values()
+    for name, pattern in family.long_numbers.items()
 }
+# a row of +C5GREG with the cell in its place: 36 bits, with zeros before
+_PADDED_NR_CELL = re.compile(
+    rb'[ ]*[0-9](?:,[ ]*[0-9])?,[ ]*"?[0-9A-F]{1,8}"?,[ ]*"?(0{1,7}[0-9A-F]{9})"?'
+    rb"[ ]*(?:\Z|,[ ]*[0-9]{1,2}(?![0-9A-Z]))",
+    re.IGNORECASE,
+)
 _EXACT = {
     b"+CSQ": rb"[ ]*[0-9]{1,3}(?:,[ ]*[0-9]{1,3})?",
     b"+CESQ": rb"[ ]*[0-9]{1,3}(?:,[ ]*[0-9]{1,3}){0,8}",
@@ -289,7 +293,9 @@ def row(name: bytes, body: bytes) -> bytes:
         match = exact.match(body)
         end = match.end() if match else 0
         return body[:end] + mask_text(body[end:])
-    return mask_numbers(_values(name, body))
+    masked = mask_numbers(_values(name, body))
+    cell = _PADDED_NR_CELL.match(body) if name == b"+C5GREG" else None
+    return masked if cell is None else masked[: cell.start(1)] + cell[1] + masked[cell.end(1) :]
 
 
 def command(name: bytes, body: bytes) -> bytes:
@@ -522,6 +528,8 @@ class Redactor:
 
     def __init__(self) -> None:
         self._line = b""
+        self._torn = b""  # a line whose rest comes after a receiver's sentence and its line end
+        self._torn_ends = 0
         self._is_masked = False  # the line's beginning was too long, and its rest is masked
         self._asks_identity = False
         self._sent: deque[bytes] = deque(maxlen=_LATE_COMMANDS)
@@ -568,14 +576,28 @@ class Redactor:
         return rest
 
     def _redact(self, line: bytes) -> bytes:
+        # joined again around a receiver's sentence and its line end
         if not line:
+            self._torn_ends -= 1
+            self._torn = self._torn if self._torn_ends > 0 else b""
             return line
+        spans = sentences(line)
+        rest = without(line, spans)
+        torn = self._torn if goes_on(rest) else b""
+        is_torn = bool(spans) and spans[-1][1] == len(line) and len(torn + rest) <= _LONGEST
+        self._torn, self._torn_ends = torn + rest if is_torn else b"", 2
+        kept = self._redact_text(torn + rest)[len(torn) :]
+        for begin, end in spans:
+            kept = kept[:begin] + sentence(line[begin:end]) + kept[begin:]
+        return kept
+
+    def _redact_text(self, line: bytes) -> bytes:
         if b"$" in line and SENTENCE.search(line):
             out, end = [], 0
             for found in SENTENCE.finditer(line):
-                out += [self._redact(line[end : found.start()]), sentence(found[0])]
+                out += [self._redact_text(line[end : found.start()]), sentence(found[0])]
                 end = found.end()
-            return b"".join(out) + self._redact(line[end:])
+            return b"".join(out) + self._redact_text(line[end:])
         if REPORT.match(line):
             return report(line)
         if line.strip(_AROUND).upper() in self._sent:

@@ -204,7 +204,7 @@ _RESULT = re.compile(
     r"\s*(?:OK|ERROR|\+CM[ES] ERROR\b.*|AT\b.*|AT[+^*$!#%&].*)?\s*\Z", re.IGNORECASE
 )
 _ONLY_A_NUMBER = re.compile(r"\s*[0-9x]+\s*\Z")  # x: redacted
-_LAST_VALUE = re.compile(r"[^\s,]*\s*\Z")
+_LAST_VALUE = re.compile(r"[^\s,:]*\s*\Z")  # its label stays
 _CLOSED = re.compile(r'(?:"[^"]*"|:)\s*\Z')
 _COMMON = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
 """Names of the replies that every family reads (`standard_replies`)."""

@@ -34,7 +34,9 @@ export function glance(state, silentMs) {
 
 function trouble(status) {
   const ports = Object.entries(status.ports ?? {});
-  const faulty = ports.filter(([, port]) => port.fault).map(([name]) => name);
+  // the text names what is worst: a card that takes nothing hides the ports
+  const said = ([name, port]) => port.fault && status.text.includes(`${name}: ${port.fault}`);
+  const faulty = ports.filter(said).map(([name]) => name);
   if (ports.length < 3 || !faulty.length || faulty.length === ports.length) {
     return 'Trouble: this walk is not being recorded';
   }

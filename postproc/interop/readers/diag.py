@@ -36,7 +36,7 @@ RRC, NAS_DOWN, NAS_UP = 0xB0C0, 0xB0EC, 0xB0ED
 GSM_RR, GSM_RR_OF_TWO = 0x512F, 0x5B2F
 CODES = frozenset({RRC, NAS_DOWN, NAS_UP, GSM_RR, GSM_RR_OF_TWO})
 """Codes of messages that are read."""
-NO_PYCRATE = "messages that need pycrate (pip install 'cellwalk[diag]')"
+NO_PYCRATE = "messages that need pycrate"
 
 _HEADS: Mapping[range, tuple[int, int, int, int]] = {
     range(6, 8): (4, 6, 2, 10),

@@ -13,6 +13,7 @@ from logger.drivers.protocols.at import (
 from logger.drivers.protocols.line_noise import Garbage
 from tests.kit.at_framers import CENG_LINES, CENG_REPLY, check, framer_after, framer_after_expiry
 from tests.kit.framers import feed_all, split_at
+from tests.kit.nmea_sentences import gga
 from tests.kit.scaling import check_growth
 
 
@@ -39,6 +40,53 @@ def test_any_line_end_ends_a_line(end):
         end.join([b"+CSQ: 20,0", b"OK", b""]),
         [Reply("AT+CSQ", ("+CSQ: 20,0",), "OK")],
     )
+
+
+SENTENCE = gga().encode()
+
+
+@pytest.mark.parametrize("end", [b"", b"\r\n", b"\n"])
+@pytest.mark.parametrize("before", [b"+", b'+CENG: 0,"01', b"+CENG: 1,1", b'255"'])
+@pytest.mark.parametrize("sentences", [1, 3])
+def test_a_sentence_of_a_receiver_takes_nothing_of_the_row_it_interrupts(before, end, sentences):
+    at = CENG_REPLY.index(before) + len(before)
+    inserted = (SENTENCE + end) * sentences
+    check(
+        framer_after("AT+CENG?"),
+        CENG_REPLY[:at] + inserted + CENG_REPLY[at:],
+        [
+            *[Unsolicited(SENTENCE.decode())] * sentences,
+            Reply("AT+CENG?", CENG_LINES, "OK"),
+        ],
+    )
+
+
+@pytest.mark.parametrize(
+    ("inserted", "after"),
+    [
+        (SENTENCE.replace(b"N", b"S"), b""),
+        (SENTENCE[:20], b"\r\n"),
+        (SENTENCE, b"\r\n"),  # the end of the row is lost
+    ],
+    ids=["damaged", "cut", "at the end"],
+)
+def test_a_row_that_may_have_lost_its_end_to_a_sentence_is_cut(inserted, after):
+    data = b"\r\n+CSQ: 20,9" + inserted + after
+    (reply,) = [
+        event
+        for event in feed_all(
+            framer_after("AT+CSQ")(), [data, b"\r\nOK\r\n" if not after else b"OK\r\n"]
+        )
+        if isinstance(event, Reply)
+    ]
+    assert reply.marked_lines == ("+CSQ: 20,9", INTERRUPTION)
+
+
+def test_a_row_torn_by_sentences_without_end_stays_small():
+    framer = framer_after("AT+CSQ")()
+    events = feed_all(framer, [b"x" + SENTENCE + b"\r\n"] * 10_000)
+    assert len(framer._torn) <= MAX_LINE + 1
+    assert Garbage not in map(type, events[:100])
 
 
 @pytest.mark.parametrize(

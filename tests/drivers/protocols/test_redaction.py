@@ -27,6 +27,8 @@ HARMLESS = [
     b"+CGNSINF: 1,1,20161124025208.000,31.222014,121.354368,114.600,0.28,0.0,1,,1.9\r\n",
     b'+QENG: "NR5G-SA","TDD",310,260,170C2C5F0,684,7D3C00,520110,41,12,-90,-11,20,1,50\r\n',
     b'+CREG: 2,1,"00C8","00005449",7\r\n+C5GREG: 2,1,"000001","000000001",11\r\n',
+    b'+C5GREG: 2,1,"000001","0012345678",11\r\n+C5GREG: 1,"000001","0000000123456789"\r\n',
+    b"+C5GREG: 2,5,000001,0000000123456789,12,0,15\r\n",
     b"+creg: 1\r\n+CPSI: NR5G_SA,Online,262-01,0x2A4C31,19088743210,412,NR5G_BAND78,632448,-8\r\n",
     (
         b'+COPS: (2,"Telekom.de","TMO","26201",7),(1,"Vodafone.de",'
@@ -68,6 +70,8 @@ def test_of_an_unknown_line_its_length_and_its_name_remain():
         (b'+CLIP: "4155551234",129', b'+CLIP: "xxxxxxxxxx",xxx'),
         (b"NMBR = 4155551234", b"NMBR = xxxxxxxxxx"),
         (b"MISSED_CALL: 10:12AM 4155551234", b"MISSED_CALL: xx:xxxx xxxxxxxxxx"),
+        (b'+C5GREG: 2,1,"000001","0012345678",129', b'+C5GREG: 2,1,"000001","xxxxxxxxxx",129'),
+        (b'+C5GREG: 2,1,"000001","1234567890",11', b'+C5GREG: 2,1,"000001","xxxxxxxxxx",11'),
         (b'AT+CMGS="4155551234"', b'AT+CMGS="xxxxxxxxxx"'),
         (b"ATD4155551234;", b"ATDxxxxxxxxxx;"),
         (b"Jos\xc3\xa9 kommt", b"xxx\xff\xff xxxxx"),
