@@ -306,7 +306,7 @@ class LiveTrack:
     """The walk so far, for readings on the device to have the places that the desktop gives them.
 
     Its latest `_MOST_FIXES` are smoothed when readings are placed; older ones no longer change.
-    Without times nothing is smoothed.
+    Where times go back or stand nothing is smoothed.
     """
 
     def __init__(self) -> None:
@@ -321,9 +321,9 @@ class LiveTrack:
 
     def add(self, place: Places, fix: Fix | None = None) -> None:
         """Take the next position, and the velocity of its fix if there is one."""
-        t_ns = place.t_ns.item()
-        self._is_timed &= t_ns > 0 or not self._n
-        if self._fixes and t_ns <= self._fixes[-1][4]:
+        since_ns = place.t_ns.item() - self._fixes[-1][4] if self._fixes else 1
+        self._is_timed &= since_ns >= 0
+        if since_ns <= 0:
             return
         speed_mps, course_deg = (fix.speed_mps, fix.course_deg) if fix else (None, None)
         velocity = (np.nan if one is None else one for one in (speed_mps, course_deg))
