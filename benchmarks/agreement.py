@@ -4,12 +4,11 @@ python benchmarks/agreement.py [--walks N] [--on] [--jobs N] [--json FILE] [--ma
 
 The walker follows the device's advice through the worlds of `guidance.py` until the transmitter is
 located, 3 km at most; with `--on` always 3 km. Then he stands and reads the phone, which hears
-nothing more meanwhile. The desktop imports the same rows from a file.
+nothing more meanwhile. The desktop reads the run file.
 Its verdict is that for the device's radius. Two answers between the two show what differs: the
 device's posterior searched anew, and the desktop's locator on the device's readings.
 """
 
-import csv
 import os
 import sys
 from collections.abc import Sequence
@@ -34,6 +33,9 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.summary import summarise
 from logger.core.locator.verdict import LIVE_M
 from logger.core.readings import Readings
+from logger.core.runfile import RunMeta, RunWriter, read_run
+from logger.core.types import CellReading, Fix, Record, Scan
+from postproc.walk import observe_run
 
 WALKS = 40
 MOST_APART, MOST_RATIO = 2, 1.5
@@ -98,7 +100,7 @@ def walk(number: int, *, goes_on: bool) -> Ending:
     if best is None:
         raise ValueError("no position at the end of the walk")
     live = Shown(loop.answer.verdict, best.r95_m, loop.error_m())
-    desk_obs = _through_file(loop.rows)
+    desk_obs = _recorded(loop.rows)
     desk = _answer_row(loop, tree.locate(desk_obs), desk_obs)
     locator = loop.filter.locator
     readings = locator.readings.readings()
@@ -126,14 +128,29 @@ def _answer_row(loop: Loop, posterior: Posterior, obs: Readings) -> Shown:
     return Shown(verdict, float(posterior.r95_m), error_m)
 
 
-def _through_file(rows: Sequence[dict[str, str]]) -> Readings:
+def _recorded(rows: Sequence[dict[str, str]]) -> Readings:
+    """The readings of the run file that the device writes, at the desktop's positions."""
+    records = []
+    for row in rows:
+        t_ns = round(float(row["t_s"]) * 1e9)
+        fix = Fix(True, lat_deg=float(row["lat"]), lon_deg=float(row["lon"]))
+        records.append(Record(t_ns, "gnss", fix))
+        if level_dbm := row["rssi_dbm"]:
+            heard = CellReading("serving", row["rat"], label="a", rssi_dbm=float(level_dbm))
+            records.append(Record(t_ns, "modem", Scan(t_ns, (heard,))))
     with TemporaryDirectory() as scratch:
-        file = Path(scratch) / "walk.csv"
-        with file.open("w", newline="") as text:
-            table = csv.DictWriter(text, list(rows[0]))
-            table.writeheader()
-            table.writerows(rows)
-        return tree.observations(file).usable()
+        file = Path(scratch) / "walk.journal"
+        meta = RunMeta(
+            run_id="0" * 32, boot_id="boot", started_ns=0, origin="simulated", program="-"
+        )
+        writer = RunWriter(file, meta)
+        for record in records:
+            writer.append(record)
+        writer.close(records[-1].t_ns, "end")
+        observed = observe_run(read_run(file)).observations
+    if observed is None:
+        raise ValueError("the walk has no position")
+    return observed.cells[0].usable()
 
 
 def tables(found: Sequence[Ending]) -> list[Table | str]:
