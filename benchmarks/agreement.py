@@ -100,7 +100,7 @@ def walk(number: int, *, goes_on: bool) -> Ending:
     if best is None:
         raise ValueError("no position at the end of the walk")
     live = Shown(loop.answer.verdict, best.r95_m, loop.error_m())
-    desk_obs = _recorded(loop.rows)
+    desk_obs = _through_run(loop.rows)
     desk = _answer_row(loop, tree.locate(desk_obs), desk_obs)
     locator = loop.filter.locator
     readings = locator.readings.readings()
@@ -128,7 +128,7 @@ def _answer_row(loop: Loop, posterior: Posterior, obs: Readings) -> Shown:
     return Shown(verdict, float(posterior.r95_m), error_m)
 
 
-def _recorded(rows: Sequence[dict[str, str]]) -> Readings:
+def _through_run(rows: Sequence[dict[str, str]]) -> Readings:
     """The readings of the run file that the device writes, at the desktop's positions."""
     records = []
     for row in rows:

@@ -206,11 +206,10 @@ def _rise_nats(memory: Memory, cell: HeardCell) -> float:
     return log(rule.detection * rate.cells / rate.interval[1])
 
 
-def _levels_before(memory: Memory, cell: HeardCell) -> list[tuple[float, float]]:
-    # times and levels since the walker stands, before those that are compared
+def _levels_before(memory: Memory, cell: HeardCell) -> list[Level]:
+    # since the walker stands, before those that are compared
     since_s = memory.now.t_s - memory.now.still_s
-    before = list(cell.recent)[:-STEADY]
-    return [(level.t_s, level.level_dbm) for level in before if level.t_s >= since_s]
+    return [level for level in list(cell.recent)[:-STEADY] if level.t_s >= since_s]
 
 
 def _takes_channel(memory: Memory, cell: HeardCell) -> bool:
@@ -244,7 +243,7 @@ def _rises_while_others_stay(memory: Memory, cell: HeardCell) -> Evidence | None
     if weakest_dbm is None or weakest_dbm < _TAKEN_DBM or now.x_m is None:
         return None
     since_s, first_s = now.t_s - now.still_s, cell.recent[-STEADY].t_s
-    before = _levels_before(memory, cell)
+    before = [(level.t_s, level.level_dbm) for level in _levels_before(memory, cell)]
     if not before:
         scans = [b for b in memory.of(_SCANS) if since_s <= b.t_s < first_s]
         before = [(b.t_s, b.limit_dbm) for b in scans if b.is_full and b.lacks(memory, cell)]
