@@ -140,6 +140,10 @@ def recognise(
             "OpenCelliD and Mozilla"
         )
     form = next((form for form in formats() if form.is_it(seen)), None)
+    if form is None and seen.kind == "xml" and seen.has("gpx"):
+        raise RunFileError(
+            f"{source} is a track without cells: import the log that has them with --track {source}"
+        )
     if form is None:
         raise unknown_format(source, seen.words, seen.kind)
     if form.name != named_columns.NAME:

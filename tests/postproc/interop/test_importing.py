@@ -101,7 +101,8 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
         (b"%PDF-1.7\n1 0 obj", "I read a PDF document"),
         (b"PK\x05\x06" + bytes(18), "I read an empty zip"),
         (b"PAR1\x15\x04", "I read a Parquet table"),
-        (b'<?xml version="1.0"?>\n<gpx>', "I read XML or HTML that begins with <gpx>"),
+        (b'<?xml version="1.0"?>\n<kml>', "I read XML or HTML that begins with <kml>"),
+        (b'<?xml version="1.0"?>\n<gpx>', "is a track without cells: import the log that has them"),
         (b'[{"lat": 1}]', "I read a JSON list with the keys lat"),
         (
             b"name;street;town\nA;B;C\n",
