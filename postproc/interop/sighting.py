@@ -649,14 +649,15 @@ class Columns:
 
     `codes` are by technology the columns of the BSIC, PSC or PCI, `more` gives further values of a
     reading by our names. With `half_networks` a country without a network counts as well. Rows
-    without a known technology are no cells if `needs_rat`.
+    without a known technology are no cells if `needs_rat`. A track gives the positions where
+    `place` is None.
     """
 
     level_dbm: Callable[[Fields, Rat | None], float | None]
     when: Callable[[int, Fields], Moment] = in_order
     role: Callable[[Fields], Role] = lambda _: "scan"
     rat: Names = ("rat",)
-    place: tuple[str, str] = ("lat", "lon")
+    place: tuple[str, str] | None = ("lat", "lon")
     alt_m: Names = ()
     acc_m: Names = ()
     speed_mps: Names = ()
@@ -684,8 +685,11 @@ class Columns:
             "speed_mps": maybe(fields, _name_in(fields, self.speed_mps)),
             "course_deg": maybe(fields, _name_in(fields, self.course_deg)),
         }
-        lat, lon = self.place
-        fix = fix_of(fields, lat, lon, moment.utc_ns, **known)
+        if self.place is None:
+            fix = Fix(False, utc_ns=moment.utc_ns)
+        else:
+            lat, lon = self.place
+            fix = fix_of(fields, lat, lon, moment.utc_ns, **known)
         mcc, mnc = half_plmn(fields) if self.half_networks else plmn(fields)
         values: dict[str, Any] = {
             "mcc": mcc,

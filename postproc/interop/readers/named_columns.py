@@ -1,4 +1,4 @@
-"""Any table with positions and levels, its columns found by their names or named by the user.
+"""Any table with levels, and positions or times, its columns found by name or named by the user.
 
 This reads what QualiPoc, Nemo, TEMS and NetMonster export: users choose the columns there. Of the
 words of a name, units and words such as "serving" are dropped; a technology ("LTE serving cell RSRP
@@ -121,11 +121,16 @@ def columns_of(text: str) -> dict[str, str]:
 
 
 def is_it(seen: Contents) -> bool:
-    """Whether a table has a position and a level under names that are known."""
+    """Whether a table has a level, and a position or a cell at a time, under names known."""
     if seen.kind != "text" or "rssi_dbm" in seen.names:
         return False  # `walk_csv` names what is missing
     found = {ours for ours, _, _ in _columns(sorted(seen.names), {})}
-    return {"lat", "lon"} <= found and bool(found & set(_LEVELS))
+    has_place = {"lat", "lon"} <= found or (_needs_track(found) and "cid" in found)
+    return has_place and bool(found & set(_LEVELS))
+
+
+def _needs_track(found: set[str]) -> bool:
+    return "time" in found and not found & {"lat", "lon"}
 
 
 def has_time(source: Path, chosen: Mapping[str, str]) -> bool:
@@ -142,14 +147,15 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
     columns = [column for column in columns if times or column[0] not in _TIMES]
     known = {ours for ours, _, _ in columns}
     month_first = _is_month_first(source, columns)
+    form = replace(_OURS, place=None) if _needs_track(known) else _OURS
     if known & {"cid", "cell"}:
-        sighting = partial(_sighting, columns, None, month_first)
+        sighting = partial(_sighting, form, columns, None, month_first)
         yield from parse_rows(csv_table.rows(source), sighting)
         return
     used = {name for _, name, _ in columns}
     others = [name for name in _names_of_file(source) if name not in used]
     transmitters = Transmitters(others, has_codes=bool(known & _CODES))
-    sighting = partial(_sighting, columns, transmitters, month_first)
+    sighting = partial(_sighting, form, columns, transmitters, month_first)
     yield from parse_rows(csv_table.rows(source), sighting)
     transmitters.check(source)
 
@@ -184,7 +190,7 @@ def _columns_of_file(source: Path, chosen: Mapping[str, str]) -> list[Column]:
             raise RunFileError(f"{source} has no column {name!r} for {ours}; it has {names}")
     columns = _columns(names, chosen)
     found = {ours for ours, _, _ in columns}
-    missing = [name for name in ("lat", "lon") if name not in found]
+    missing = [name for name in ("lat", "lon") if name not in found and not _needs_track(found)]
     if missing or not found & set(_LEVELS):
         what = ", ".join([*missing, *(["level"] if not found & set(_LEVELS) else [])])
         raise RunFileError(
@@ -216,6 +222,7 @@ def _meaning(name: str) -> tuple[str, Rat | None]:
 
 
 def _sighting(
+    form: Columns,
     columns: list[Column],
     transmitters: Transmitters | None,
     month_first: bool | None,
@@ -237,7 +244,7 @@ def _sighting(
         "level": _plain(raw[column]),
         "when": _moment(columns, line, fields, month_first=month_first),
     }
-    sighting = _OURS.sighting(line, fields)
+    sighting = form.sighting(line, fields)
     if transmitters is None or not isinstance(sighting, Sighting):
         return sighting
     label = transmitters.name(raw, sighting.reading)

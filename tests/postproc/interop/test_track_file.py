@@ -76,3 +76,21 @@ def test_our_own_track_gives_our_own_log_its_positions_back(tmp_path):
         assert (fix.lat_deg, fix.lon_deg) == pytest.approx(
             (wanted.lat_deg, wanted.lon_deg), abs=2e-5
         )
+
+
+@pytest.mark.parametrize(
+    ("time", "level", "columns"),
+    [("time", "rssi", {}), ("Stamp", "Signal", {"time": "Stamp", "level": "Signal"})],
+)
+def test_a_table_without_positions_has_those_of_a_track(tmp_path, time, level, columns):
+    points = [(52.0, 13.0, _time(0)), (52.001, 13.0, _time(20))]
+    track = read_track(_gpx(tmp_path / "t.gpx", points))
+    table = tmp_path / "levels.csv"
+    rows = [f"2024-05-01T10:00:{s:02d}Z,GSM,262,01,4711,17,{-70 - s}" for s in (0, 10, 20)]
+    table.write_text("\n".join([f"{time},rat,mcc,mnc,lac,cid,{level}", *rows]) + "\n")
+    with pytest.raises(RunFileError, match="no position: add the GPX track of the walk"):
+        import_walk(table, tmp_path / "run.h5", reading=Reading(columns=columns))
+    import_walk(table, tmp_path / "run.h5", reading=Reading(columns=columns, track=track))
+    run = read_run(tmp_path / "run.h5")
+    assert run.named_readings["rssi_dbm"].tolist() == [-70.0, -80.0, -90.0]
+    assert run.tables["fixes"]["lat_deg"].tolist() == pytest.approx([52.0, 52.0005, 52.001])
