@@ -314,9 +314,9 @@ class LiveTrack:
         self._fixes: list[tuple[float, ...]] = []
         self._settled: Places | None = None
         self._n, self._is_timed = 0, True
-        self._scan_ns: dict[int, int] = {}
+        self._scan_ns: dict[int, int] = {}  # lengths of long scans by their middle
         self._smoothed: SmoothedTrack | None = None
-        self._like: SmoothedTrack | None = None
+        self._like: SmoothedTrack | None = None  # whose motion is the likeliest, of so many fixes
         self._n_like = 0
 
     def add(self, place: Places, fix: Fix | None = None) -> None:
