@@ -306,7 +306,7 @@ class LiveTrack:
     """The walk so far, for readings on the device to have the places that the desktop gives them.
 
     Its latest `_MOST_FIXES` are smoothed when readings are placed; older ones no longer change.
-    Where times go back or stand nothing is smoothed.
+    Where times go back nothing is smoothed.
     """
 
     def __init__(self) -> None:
@@ -322,7 +322,7 @@ class LiveTrack:
     def add(self, place: Places, fix: Fix | None = None) -> None:
         """Take the next position, and the velocity of its fix if there is one."""
         since_ns = place.t_ns.item() - self._fixes[-1][4] if self._fixes else 1
-        self._is_timed &= since_ns >= 0
+        self._is_timed &= since_ns > -(10**9)  # two receivers may come in another order
         if since_ns <= 0:
             return
         speed_mps, course_deg = (fix.speed_mps, fix.course_deg) if fix else (None, None)

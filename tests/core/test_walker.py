@@ -322,3 +322,21 @@ def test_without_times_places_stay_as_they_are():
     live = _live(replace(fixes, t_ns=np.zeros(60, np.int64)))
     readings = _readings(np.zeros(20, np.int64))
     assert live.place(readings) is readings
+
+
+def test_a_fix_that_comes_a_moment_late_is_left_out_and_others_are_smoothed():
+    fixes = _noisy_streets(60)
+    live = _live(fixes)
+    live.add(replace(fixes[-1], t_ns=fixes.t_ns[-1:] - 10**7, x_m=fixes.x_m[-1:] + 50.0))
+    readings = _readings(fixes.t_ns[20:40])
+    after = _live(fixes).place(readings).places
+    np.testing.assert_array_equal(live.place(readings).places.x_m, after.x_m)
+    assert np.any(after.x_m != fixes.x_m[20:40])
+
+
+def test_where_times_go_back_places_stay_as_they_are():
+    fixes = _noisy_streets(60)
+    live = _live(fixes)
+    live.add(replace(fixes[-1], t_ns=np.zeros(1, np.int64)))
+    readings = _readings(fixes.t_ns[20:40])
+    assert live.place(readings) is readings
