@@ -413,6 +413,18 @@ def program_version() -> str:
     return version("cellwalk")
 
 
+def in_report_order(cells: Sequence[CellResult], first: Sequence[str]) -> list[CellResult]:
+    """Those named `first`, then by verdict and readings."""
+    named = {cell: number for number, cell in enumerate(first)}
+
+    def rank(cell: CellResult) -> tuple[int, ...]:
+        is_nowhere = cell.obs is None and not cell.error
+        verdict = VERDICTS.index(cell.verdict)
+        return named.get(cell.cell, len(named)), is_nowhere, verdict, -cell.n
+
+    return sorted(cells, key=rank)
+
+
 @dataclass(frozen=True, slots=True)
 class Result:
     """All cells of one or several runs, the cell with most readings first.
@@ -502,15 +514,8 @@ class Result:
 
     @property
     def _cells_in_order(self) -> list[CellResult]:
-        """In the order of the report."""
-
-        def rank(cell: CellResult) -> tuple[float, ...]:
-            score_nats = self.words[cell.cell].score_nats if cell.word else 0.0
-            is_nowhere = cell.obs is None and not cell.error
-            word, verdict = WORDS.index(cell.word or WORDS[0]), VERDICTS.index(cell.verdict)
-            return -word, -score_nats, is_nowhere, verdict, -cell.n
-
-        return sorted(self.cells, key=rank)
+        conspicuous = [cell for cell, word in self.words.items() if word.is_conspicuous]
+        return in_report_order(self.cells, conspicuous)
 
     def _to_draw(self) -> list[CellResult]:
         """The conspicuous, located and ambiguous cells; without any the first that has a place."""

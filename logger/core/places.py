@@ -233,6 +233,14 @@ class Places:
         other = np.stack([np.ones(len(others)), other_x_m**2 + other_y_m**2, other_x_m, other_y_m])
         return log_distances_db(own @ other)
 
+    def with_others(self, chosen: BoolArray, others: "Places") -> Self:
+        """These places, but the others where `chosen` (n,)."""
+        names = ("x_m", "y_m", "z_m", "sigma_m")
+        return replace(
+            self,
+            **{k: np.where(chosen, getattr(others, k), getattr(self, k)) for k in names},
+        )
+
     def less_sure(self, sigma_m: float) -> Self:
         """One place with another, independent error of this sigma per axis."""
         return replace(self, sigma_m=np.array([hypot(self.sigma_m.item(), sigma_m)]))
@@ -303,14 +311,9 @@ class Track(Places):
 
         An imported file may have several within one tick of its clock.
         """
-        between = self.at(t_ns)
         current, has_fix = index_of(self.seq, fix_seq)
         exact = has_fix & (self.t_ns[current] == t_ns)
-        names = ("x_m", "y_m", "z_m", "sigma_m")
-        return replace(
-            between,
-            **{k: np.where(exact, getattr(self, k)[current], getattr(between, k)) for k in names},
-        )
+        return self.at(t_ns).with_others(exact, self.part(current))
 
 
 def join_places(parts: Sequence[Places]) -> Places:

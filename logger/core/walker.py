@@ -35,7 +35,6 @@ from logger.core.places import (
     TIMING_S,
     Places,
     Track,
-    Utm,
     join_places,
     smeared_sigma_m,
 )
@@ -303,15 +302,15 @@ def places_during(
 
 
 class LiveTrack:
-    """The walk so far, for readings on the device to have the places that the desktop gives them.
+    """The walk so far, to place readings on the device as the desktop does.
 
     Its latest `_MOST_FIXES` are smoothed when readings are placed; older ones no longer change.
     Where times go back nothing is smoothed.
     """
 
     def __init__(self) -> None:
-        self._utm: Utm | None = None
-        self._fixes: list[tuple[float, ...]] = []
+        self._utm = PLANE
+        self._fixes: list[tuple[float, ...]] = []  # x, y, z, sigma, t_ns, speed, course
         self._settled: Places | None = None
         self._n, self._is_timed = 0, True
         self._scan_ns: dict[int, int] = {}  # lengths of long scans by their middle
@@ -334,7 +333,7 @@ class LiveTrack:
             self._settle()
 
     def add_scan(self, begin_ns: int, end_ns: int) -> None:
-        """Take the time of a scan that lasted so long that the way walked counts."""
+        """Take a scan so long that the way walked counts."""
         self._scan_ns[(begin_ns + end_ns) // 2] = end_ns - begin_ns
 
     def place(self, obs: Readings) -> Readings:
@@ -352,12 +351,8 @@ class LiveTrack:
         placed = self._smoothed.at(t_ns)
         if self._settled is None:
             return placed
-        is_old, settled = t_ns <= self._settled.t_ns[-1], self._settled.at(t_ns)
-        names = ("x_m", "y_m", "z_m", "sigma_m")
-        return replace(
-            placed,
-            **{k: np.where(is_old, getattr(settled, k), getattr(placed, k)) for k in names},
-        )
+        is_old = t_ns <= self._settled.t_ns[-1]
+        return placed.with_others(is_old, self._settled.at(t_ns))
 
     def _settle(self) -> None:
         half = _MOST_FIXES // 2
@@ -370,8 +365,8 @@ class LiveTrack:
 
     def _smooth(self) -> SmoothedTrack:
         x_m, y_m, z_m, sigma_m, t_ns, speed_mps, course_deg = np.array(self._fixes).T
-        utm, seq = self._utm or PLANE, np.arange(len(t_ns))
-        track = Track(x_m, y_m, z_m, sigma_m, t_ns.astype(np.int64), utm, seq=seq)
+        seq = np.arange(len(t_ns))
+        track = Track(x_m, y_m, z_m, sigma_m, t_ns.astype(np.int64), self._utm, seq=seq)
         like = self._like if self._n < 2 * self._n_like else None
         smoothed = smooth_track(track, _velocities(speed_mps, course_deg, track), like=like)
         if like is None:

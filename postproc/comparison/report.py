@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from logger.core.certainty import share_text
 from logger.core.document import Column, Document, Line, Measured, Table, Value
 from logger.core.places import Utm
 from postproc.comparison.changes import (
@@ -117,9 +118,9 @@ def ground_text(compared: ComparedRuns) -> str:
 def chance_text() -> str:
     """The rate of false words, and what no test excludes."""
     return (
-        f"Where nothing changed, at most {100.0 * FALSE_WORDS:.0f} % of pairs of walks get any "
-        "such word by chance. Operators change their cells too: a change is a reason to look, "
-        "not a proof."
+        f"Where nothing changed, at most {share_text(FALSE_WORDS)} of pairs of walks get any such "
+        "word by chance. Operators change their cells too: a change is a reason to look, not a "
+        "proof."
     )
 
 

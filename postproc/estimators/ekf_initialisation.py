@@ -16,6 +16,7 @@ import numpy as np
 
 from logger.core import shadow_ekf
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.certainty import share_text
 from logger.core.errors import EstimationError
 from logger.core.locator.online import EFFORT
 from logger.core.locator.pipeline import locate
@@ -127,7 +128,7 @@ def _find_start(
     if shortest is None:
         return (
             "no part of the walk locates the transmitter to "
-            f"{100.0 * CLOSE:.0f} % of its distance from the rest"
+            f"{share_text(CLOSE)} of its distance from the rest"
         )
 
     prior = _likely_noise(full)

@@ -25,7 +25,7 @@ from postproc.report.page import (
     no_street,
     section_without_details,
 )
-from postproc.result import VERDICTS, CellResult, Result
+from postproc.result import CellResult, Result, in_report_order
 from postproc.verification.claims import Verified
 
 MOST_DETAILED = 8
@@ -117,17 +117,10 @@ def make_report(
 def select_cells(
     cells: Sequence[CellResult], most: int, first: Sequence[str] = ()
 ) -> list[CellResult]:
-    """Cells to show in detail: those named in their order, then located, ambiguous, by readings."""
-    named = {cell: number for number, cell in enumerate(first)}
+    """Cells to show in detail: those named `first` or heard."""
+    named = set(first)
     shown = [cell for cell in cells if cell.obs is not None or cell.error or cell.cell in named]
-    shown.sort(
-        key=lambda cell: (
-            named.get(cell.cell, len(named)),
-            VERDICTS.index(cell.verdict),
-            -cell.n,
-        )
-    )
-    return shown[:most]
+    return in_report_order(shown, first)[:most]
 
 
 _Detail = tuple[CellSection, tuple[ReportFigure, ...]]
