@@ -4,9 +4,10 @@ The answer is that of the desktop for the same readings, computed anew after a l
 device's own posterior changes or has another radius: that one has fewer blocks, and of 40 simulated
 walks 14 ended with another radius by half. Advice is by the device's own posterior.
 
-A location is within 60 m, and is reported only if it still holds after one more leg, a block of
-houses: two transmitters with one identity, and one that jumps or moves, look like one position for
-a while. By then every move of `MotionTest` has been compared with standing.
+A location is within 60 m. On the way it is reported only if it still holds after one more leg, a
+block of houses: two transmitters with one identity, and one that jumps or moves, look like one
+position for a while. By then every move of `MotionTest` has been compared with standing. Where the
+walker stops, the desktop's tests decide at once, all of them: so both programs end with one word.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from logger.core.guidance.advice import Advice, Guide
 from logger.core.guidance.routes import LEG_M
 from logger.core.guidance.street_map import StreetMap
 from logger.core.locator.online import OnlineLocator
-from logger.core.locator.pipeline import locate
+from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.region import coarse_cover
 from logger.core.locator.summary import summarise
@@ -74,8 +75,12 @@ class LiveVerdict:
     def update(self, posterior: Posterior, obs: Readings, *, stands: bool = False) -> Decision:
         """The verdict on a posterior; `obs` has readings of the walk in their order.
 
-        Where the walker `stands` since the last one it confirms nothing.
+        Where the walker `stands` it is the desktop's for this radius.
         """
+        if stands and assess(posterior, obs, within_m=LIVE_M).verdict == "located":
+            decision = decide(posterior, obs, within_m=LIVE_M)
+            self._held = CONFIRMED_AFTER + 1 if decision.verdict == "located" else 0
+            return decision
         decision = assess(posterior, obs, self._division, within_m=LIVE_M)
         is_located = decision.verdict == "located"
         if self._updates % _DIVIDED_EVERY == 0 or (
@@ -93,8 +98,8 @@ class LiveVerdict:
                 is_located = False
         else:
             self._motion = MotionTest()
-        self._updates += not stands
-        self._held = self._held + (not stands) if is_located else 0
+        self._updates += 1
+        self._held = self._held + 1 if is_located else 0
         if is_located and self._held <= CONFIRMED_AFTER:
             reason = f"{decision.reasons[0]}; walk one leg away to confirm it"
             return Decision("cannot tell", [reason], decision.division)

@@ -12,7 +12,7 @@ from logger.core.guidance.followed_cell import (
     true_azimuth_deg,
 )
 from logger.core.locator.online import OnlineLocator
-from logger.core.locator.pipeline import locate
+from logger.core.locator.pipeline import decide, locate
 from logger.core.locator.quadtree import Effort
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, LIVE, divide_in_time
 from logger.core.locator.verdict import LIVE_M, assess
@@ -50,14 +50,13 @@ def test_a_location_is_believed_after_one_more_leg():
     assert "walk one leg away to confirm it" in decisions[0].reasons[0]
 
 
-def test_standing_confirms_nothing():
+def test_where_the_walker_stands_the_verdict_is_that_of_the_desktop():
     obs = _walk(AROUND, np.array([120.0, 90.0]))
     posterior = locate(obs, Prior(), EFFORT)
     verdict = LiveVerdict()
-    words = [verdict.update(posterior, obs, stands=True).verdict for _ in range(8)]
-    words += [verdict.update(posterior, obs).verdict for _ in range(CONFIRMED_AFTER + 1)]
-    words.append(verdict.update(posterior, obs, stands=True).verdict)
-    assert words == ["cannot tell"] * (8 + CONFIRMED_AFTER) + ["located"] * 2
+    assert verdict.update(posterior, obs).verdict == "cannot tell"
+    assert verdict.update(posterior, obs, stands=True) == decide(posterior, obs, within_m=LIVE_M)
+    assert verdict.update(posterior, obs).verdict == "located"
 
 
 def test_a_location_that_is_lost_has_to_be_confirmed_again():
@@ -126,6 +125,8 @@ def test_a_transmitter_that_moved_is_two_positions_in_time():
     decision = LiveVerdict().update(posterior, obs)
     assert decision.verdict == "cannot tell"
     assert "seems to have moved, from near" in decision.reasons[0]
+    sharp = locate(_walk(AROUND, np.array([120.0, 90.0])), Prior(), EFFORT)
+    assert LiveVerdict().update(sharp, obs, stands=True).verdict == "cannot tell"
     of_two_walks = assess(posterior, replace(obs, is_timed=False), division)
     assert "seems to have moved, between" in of_two_walks.reasons[0]
 
