@@ -335,7 +335,7 @@ class BaselineStore:
             mode = "rwc" if create else "rw"
             self._db = sqlite3.connect(
                 f"{path.absolute().as_uri()}?mode={mode}",
-                _PATIENCE_S,
+                timeout=_PATIENCE_S,
                 uri=True,
                 isolation_level=None,
             )

@@ -177,6 +177,14 @@ class Places:
     def __len__(self) -> int:
         return len(self.x_m)
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Places):
+            return NotImplemented
+        of_both = ((getattr(self, name), getattr(other, name)) for name in self._columns)
+        return self.utm == other.utm and all(
+            np.array_equal(one, another, equal_nan=True) for one, another in of_both
+        )
+
     def __getitem__(self, k: int) -> "Places":
         k = range(len(self))[k]
         return self.part(slice(k, k + 1))

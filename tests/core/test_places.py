@@ -1,5 +1,7 @@
 """Places of the walker and of a transmitter: frame, time, ground measured before."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,14 @@ def test_a_place_of_coordinates_alone_is_certain_and_has_no_height():
     place = Places.of(3.0, 4.0)
     assert (len(place), place.sigma_m.item(), place.t_ns.item()) == (1, 0.0, 0)
     assert np.isnan(place.z_m.item())
+
+
+def test_equal_places_have_equal_numbers_and_unknown_heights_alike():
+    walk = Places.of([0.0, 3.0], [1.0, 2.0], utm=Utm(32))
+    assert walk == Places.of([0.0, 3.0], [1.0, 2.0], utm=Utm(32))
+    assert walk != walk[0]
+    assert walk != Places.of([0.0, 3.0], [1.0, 2.0], utm=Utm(33))
+    assert walk != replace(walk, z_m=np.array([400.0, np.nan]))
 
 
 def test_distances_are_from_each_to_each():

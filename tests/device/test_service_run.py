@@ -100,7 +100,7 @@ def test_a_bug_in_one_part_of_a_tick_is_counted_and_the_rest_goes_on(folder, mon
         logger.send_signal(signal.SIGTERM)
         _, errors = logger.communicate(timeout=service.LIMIT_S)
         assert logger.returncode == 0, errors
-    assert errors.count("ValueError") == 1
+    assert errors.splitlines().count("ValueError") == 1
     run = _run(folder)
     assert run.end.reason == "signal SIGTERM"
     assert any("ValueError" in text for text in _notes(run, "internal"))
