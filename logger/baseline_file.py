@@ -72,17 +72,11 @@ class BaselineFile:
         self._squares: Latest[SquareHistory] = Latest(_MOST_KEPT)
         self._cells: Latest[KnownCell | None] = Latest(_MOST_KEPT)
         self._channels: Latest[Mapping[int, int]] = Latest(_MOST_KEPT)
-        trust = self._all_rows("SELECT cell, note FROM trust ORDER BY cell")
-        self._trust: dict[str, str] = dict(trust)
-        self._doubted = self._read_doubted()
-        self.digests = [
-            str(row[0]) for row in self._all_rows("SELECT digest FROM walk ORDER BY digest")
-        ]
-        self.n_walks = len(self.digests)
-        answered: tuple[object, ...] = (self.digests, list(self._trust.items()))
-        if self._doubted:  # without any it is that of a file which cannot have them
-            answered += (sorted(self._doubted),)
-        self.fingerprint = sha256(repr(answered).encode()).hexdigest()
+        try:
+            self._read()
+        except BaseException:
+            self.close()
+            raise
 
     def close(self) -> None:
         """Release the file."""
@@ -157,6 +151,19 @@ class BaselineFile:
             FEWEST_SCANS,
         )
         return MappingProxyType(dict(rows))
+
+    def _read(self) -> None:
+        trust = self._all_rows("SELECT cell, note FROM trust ORDER BY cell")
+        self._trust: dict[str, str] = dict(trust)
+        self._doubted = self._read_doubted()
+        self.digests = [
+            str(row[0]) for row in self._all_rows("SELECT digest FROM walk ORDER BY digest")
+        ]
+        self.n_walks = len(self.digests)
+        answered: tuple[object, ...] = (self.digests, list(self._trust.items()))
+        if self._doubted:  # without any it is that of a file which cannot have them
+            answered += (sorted(self._doubted),)
+        self.fingerprint = sha256(repr(answered).encode()).hexdigest()
 
     def _answer(self, kept: Latest[Answer], key: str, read: Callable[[], Answer]) -> Answer:
         if key not in kept:

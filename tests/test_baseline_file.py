@@ -136,11 +136,10 @@ def test_any_damage_is_an_error_or_an_answer(tmp_path, stored_file):
         path = tmp_path / "damaged.db"
         path.write_bytes(content)
         try:
-            baseline = BaselineFile(path)
-            baseline.square(square)
-            baseline.cell(name(1))
-            baseline.channels("262", "01", "GSM")
-            baseline.close()
+            with closing(BaselineFile(path)) as baseline:
+                baseline.square(square)
+                baseline.cell(name(1))
+                baseline.channels("262", "01", "GSM")
         except RunFileError:
             n_errors += 1
     assert n_errors > 30
@@ -152,8 +151,11 @@ def test_values_of_another_kind_are_damage(tmp_path, stored_file):
     with closing(sqlite3.connect(path)) as db:
         db.execute("UPDATE square_cell SET n_scans = 0")
         db.commit()
-    with pytest.raises(RunFileError, match="cannot be read as a baseline"):
-        BaselineFile(path).square(square_of(LAT_DEG, LON_DEG))
+    with (
+        closing(BaselineFile(path)) as baseline,
+        pytest.raises(RunFileError, match="cannot be read as a baseline"),
+    ):
+        baseline.square(square_of(LAT_DEG, LON_DEG))
 
 
 def test_a_change_that_was_cut_is_named(tmp_path, stored_file):
@@ -172,4 +174,5 @@ def test_a_change_that_was_cut_is_named(tmp_path, stored_file):
         BaselineFile(path)
     with BaselineStore(path) as store:
         assert len(store.walks()) == 3
-    assert BaselineFile(path).fingerprint == BaselineFile(stored_file).fingerprint
+    with closing(BaselineFile(path)) as one, closing(BaselineFile(stored_file)) as other:
+        assert one.fingerprint == other.fingerprint

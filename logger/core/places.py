@@ -129,7 +129,7 @@ NO_MAP = Utm(0)
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class Places:  # noqa: PLW1641 (arrays have no hash)
     """Places in time order, arrays of shape (n,); one place is n = 1.
 
     `x_m, y_m` are east and north in the zone `utm`, `sigma_m` the standard deviation per axis.

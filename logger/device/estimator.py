@@ -12,6 +12,7 @@ import logging
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from traceback import format_tb
@@ -134,10 +135,10 @@ class Estimator:
 
     def _run(self) -> None:
         try:
-            files = self._open_files()
-            self._tracker = self._made_ahead(files)
-            while (given := self._waiting.get()) is not None:
-                self._take(*given, files)
+            with closing(self._open_files()) as files:
+                self._tracker = self._made_ahead(files)
+                while (given := self._waiting.get()) is not None:
+                    self._take(*given, files)
         except Exception:  # nothing is left to try
             log.exception("the live estimate has ended")
             self._behind = True

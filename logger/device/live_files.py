@@ -7,6 +7,7 @@ baseline is asked is recorded (`NotedBaseline`).
 
 import logging
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack, closing
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
@@ -58,6 +59,7 @@ class LiveFiles:
         self._notes: list[Note] = []
         self._lines = b""
         self._noted: Latest[None] = Latest(_MOST_NOTED)
+        self._opened = ExitStack()
         self._baseline: Baseline = NotedBaseline()
         self._streets = StreetAtlas(())
         self._streets_file = settings.streets
@@ -65,6 +67,10 @@ class LiveFiles:
             self._open_baseline(path)
         if self._streets_file:
             self._read_streets()
+
+    def close(self) -> None:
+        """Release the files."""
+        self._opened.close()
 
     def take_notes(self) -> list[Note]:
         """Events since the last call."""
@@ -113,7 +119,7 @@ class LiveFiles:
     def _open_baseline(self, path: Path) -> None:
         try:
             bound_heap()
-            self._baseline = BaselineFile(path)
+            self._baseline = self._opened.enter_context(closing(BaselineFile(path)))
         except Exception as error:  # noqa: BLE001
             self._give_up_baseline(error)
             return
@@ -133,6 +139,7 @@ class LiveFiles:
         return answer
 
     def _give_up_baseline(self, error: Exception) -> None:
+        self.close()
         self._baseline = NotedBaseline()
         why = str(error) if isinstance(error, RunFileError) else error_place(error)
         self._warn(UNREADABLE, f"{why}; nothing is known of earlier walks")

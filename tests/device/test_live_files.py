@@ -42,8 +42,13 @@ def notes_of(baseline: str):
     return notes, [value for value in values if value not in notes]
 
 
-def test_a_baseline_is_an_event_with_its_fingerprint(baseline_file):
-    baseline = LiveFiles(LiveSettings(baseline=str(baseline_file)))
+@pytest.fixture
+def baseline(baseline_file):
+    with closing(LiveFiles(LiveSettings(baseline=str(baseline_file)))) as baseline:
+        yield baseline
+
+
+def test_a_baseline_is_an_event_with_its_fingerprint(baseline, baseline_file):
     notes, _ = notes_of(str(baseline_file))
     assert [note.code for note in notes] == [READ]
     assert baseline.fingerprint in notes[0].text
@@ -67,8 +72,7 @@ def test_a_file_that_cannot_be_read_is_one_event(tmp_path, content):
     assert estimates == notes_of("")[1]
 
 
-def test_a_file_damaged_during_the_walk_is_one_event(baseline_file):
-    baseline = LiveFiles(LiveSettings(baseline=str(baseline_file)))
+def test_a_file_damaged_during_the_walk_is_one_event(baseline, baseline_file):
     baseline.take_notes()
     content = bytearray(baseline_file.read_bytes())
     content[4096:] = b"\xff" * (len(content) - 4096)
@@ -94,8 +98,7 @@ def test_a_file_that_takes_too_much_memory_is_one_event(tmp_path, note):
     assert baseline.trust_note("cell 1") is None
 
 
-def test_any_error_is_one_event(baseline_file, monkeypatch):
-    baseline = LiveFiles(LiveSettings(baseline=str(baseline_file)))
+def test_any_error_is_one_event(baseline, monkeypatch):
     baseline.take_notes()
 
     def failing(*_):

@@ -137,11 +137,11 @@ def test_the_order_of_the_walks_does_not_matter(tmp_path, summaries):
             for summary in order:
                 store.add(summary)
     assert contents(paths[0]) == contents(paths[1])
-    first, second = (BaselineFile(path) for path in paths)
-    assert first.fingerprint == second.fingerprint
-    for walk in summaries:
-        for row in walk.heard:
-            assert first.square(row.square) == second.square(row.square)
+    with closing(BaselineFile(paths[0])) as first, closing(BaselineFile(paths[1])) as second:
+        assert first.fingerprint == second.fingerprint
+        for walk in summaries:
+            for row in walk.heard:
+                assert first.square(row.square) == second.square(row.square)
 
 
 def test_a_removed_walk_leaves_nothing(tmp_path, summaries):
@@ -166,9 +166,9 @@ def test_trust_survives_walks(tmp_path, summaries):
         store.remove([1])
         for summary in summaries:
             store.add(summary)
-    baseline = BaselineFile(path)
-    assert baseline.trust_note(name(1)) == "my femtocell"
-    assert baseline.trust_note("262-01-9-9") == "never heard"
+    with closing(BaselineFile(path)) as baseline:
+        assert baseline.trust_note(name(1)) == "my femtocell"
+        assert baseline.trust_note("262-01-9-9") == "never heard"
     with BaselineStore(path) as store:
         assert store.distrust(name(1))
         assert not store.distrust(name(1))

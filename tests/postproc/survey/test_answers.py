@@ -2,6 +2,7 @@
 
 import json
 import re
+from contextlib import closing
 from itertools import combinations
 
 import numpy as np
@@ -37,10 +38,10 @@ def test_baseline(survey, tmp_path, capsys):
     assert _json(capsys, "baseline", survey.folder, "-b", path)["added"] == 8
     again = _json(capsys, "baseline", survey.folder, "-b", path)
     assert (again["added"], again["walks"], again["cells"]) == (0, 8, 2)
-    file = BaselineFile(path)
-    for cell in survey.cells():
-        known = file.cell(cell.cell)
-        assert (known.n_walks, known.n_scans) == (cell.n_runs, cell.n_scans)
+    with closing(BaselineFile(path)) as file:
+        for cell in survey.cells():
+            known = file.cell(cell.cell)
+            assert (known.n_walks, known.n_scans) == (cell.n_runs, cell.n_scans)
 
 
 def test_nothing_changed_between_two_days(survey, scheduler, capsys):
