@@ -130,6 +130,10 @@ _FORMS: Mapping[tuple[str, Rat], Form] = {
     ("2", "GSM"): _GSM,
 }
 _MOST_CODE: Mapping[Rat, int] = {"GSM": 99, "WCDMA": 511, "LTE": 503, "NR": 1007}
+_MOST_CHANNEL: Mapping[Rat, int] = {"GSM": 1023, "WCDMA": 16383, "LTE": 70705, "NR": 3279165}
+"""Of LTE the end of the last band."""
+_BETWEEN_BANDS_OF_NR = range(875_001, 2_016_667)
+"""7.125 to 24.25 GHz (3GPP TS 38.104 5.1, 5.4.2.1)."""
 
 _ANY_BAND = 999  # above all bands
 _LTE_BAND_EDGES = (  # first downlink EARFCN and band (3GPP TS 36.101 table 5.7.3-1)
@@ -138,7 +142,8 @@ _LTE_BAND_EDGES = (  # first downlink EARFCN and band (3GPP TS 36.101 table 5.7.
     "8690:26 9040:27 9210:28 9660:29 9770:30 9870:31 9920:32 36000:33 36200:34 36350:35 "
     "36950:36 37550:37 37750:38 38250:39 38650:40 39650:41 41590:42 43590:43 45590:44 "
     "46590:45 46790:46 54540:47 55240:48 65536:65 66436:66 67336:67 67536:68 67836:69 "
-    "68336:70 68586:71"
+    "68336:70 68586:71 68936:72 68986:73 69036:74 69466:75 70316:76 70366:85 70546:87 70596:88 "
+    "70646:103 70656:106 70706:0"
 )
 _LTE_BANDS = [tuple(map(int, edge.split(":"))) for edge in _LTE_BAND_EDGES.split()]
 
@@ -228,8 +233,10 @@ def _base(cells: Sequence[_Cell], *, headings: bool) -> Callable[[str], int | No
 
 def _fits(rat: Rat, named: Mapping[str, str], read: Callable[[str], int | None]) -> bool:
     channel, code = (read(named[name]) if named[name] else 0 for name in ("channel", "code"))
-    if channel is None or code is None or code > _MOST_CODE[rat]:
+    if channel is None or code is None or code > _MOST_CODE[rat] or channel > _MOST_CHANNEL[rat]:
         return False
+    if rat == "NR":
+        return channel not in _BETWEEN_BANDS_OF_NR
     band = _band(rat, named)
     if rat != "LTE" or band is None or not named["channel"]:
         return True
