@@ -83,7 +83,7 @@ _LABELS = (
     "Cc|Nc|BSIC|RxQual|LAC|TAC|Id|ARFCN|UARFCN|EARFCN|PWR|TA|PSC|SCR|RSCP|EcIo|DRX|RSRP|RSRQ|PCI"
 )
 _MONI_LABEL = re.compile(
-    rf"(?<!\w)({_LABELS})\s?:[\s,]*([^\s,:]*+)(?!\s?:)", re.IGNORECASE | re.ASCII
+    rf"(?<!\w)({_LABELS})\s?:[\s,]*([^\s,:\]]*+)(?!\s?:)", re.IGNORECASE | re.ASCII
 )
 _CHANNELS: Mapping[str, tuple[Rat, int]] = {
     "arfcn": ("GSM", 1023),
@@ -98,6 +98,13 @@ _LABEL_OF_ONE: Mapping[str, Rat] = {
     "tac": "LTE",
 }
 _NO_CHANNEL = 65535
+_UTRA = tuple(  # downlinks of the bands in use (3GPP TS 25.101 5.4.4), in which a PCI may be a PSC
+    range(first, last + 1)
+    for first, last in (
+        *((412, 687), (712, 763), (1007, 1087), (1162, 1513), (1537, 1738), (1887, 2087)),
+        *((2237, 2563), (2937, 3088), (4357, 4458), (9237, 9387), (9662, 9938), (10562, 10838)),
+    )
+)
 _ADJACENT = re.compile(r"adj\b", re.IGNORECASE)
 _MONI_IDENTITY = frozenset({"cc", "nc", "lac", "tac", "id"})
 _LEVELS = ("psc", "rscp", "ecio", "rsrp", "rsrq", "pci")  # labels that are names of values
@@ -394,6 +401,8 @@ def _labelled_row(text: str) -> CellReading | None:
     channel = _channel(found, rat)
     if channel is None and found.keys() & _CHANNELS.keys():
         return None  # an empty slot
+    if last in _CHANNELS:
+        channel = None  # perhaps cut: a level follows it
     on_lte = rat == "LTE"
     code = found.get("id", "")
     area_code = area(found.get("tac" if on_lte else "lac", ""))
@@ -403,7 +412,7 @@ def _labelled_row(text: str) -> CellReading | None:
     named["rxq"] = found.get("rxqual", "")
     named["ta"] = found.get("ta", "") if rat == "GSM" else ""
     read = read_values(named)
-    if on_lte and "tac" not in found:
+    if on_lte and not found.keys() & {"tac", "pci"}:
         read["pci"] = hexadecimal(code, 0, _HIGHEST_PCI)
     reading = CellReading(
         role=_role(name, found),
@@ -483,7 +492,10 @@ def _servinfo_rat(fields: list[str]) -> Rat | None:
         text = at(fields, 4)
         # a scrambling code is decimal, so letters show a PCI
         is_pci = decimal(text) is None and hexadecimal(text, 0, _HIGHEST_PCI) is not None
-        return "LTE" if is_pci or re.fullmatch(r"[0-9A-Fa-f]{6,8}", text) else "WCDMA"
+        channel = decimal(at(fields, 0))
+        may_be_utra = channel in {None, _NO_CHANNEL} or any(channel in band for band in _UTRA)
+        is_lte = is_pci or not may_be_utra or re.fullmatch(r"[0-9A-Fa-f]{6,8}", text)
+        return "LTE" if is_lte else "WCDMA"
     narrow = decimal(at(fields, 0), 0, 1023) is not None or at(fields, 0) in {"", str(_NO_CHANNEL)}
     return "GSM" if narrow and re.fullmatch(r"\d{0,3}|[Ff]{2}", at(fields, 4)) else None
 
