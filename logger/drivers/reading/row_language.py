@@ -677,7 +677,7 @@ def labelled_row(labels: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pat
 
 def _group(name: str, kinds: Kinds) -> str:
     if name.startswith("_"):
-        return "[0-9A-F]{1,8}" if name == "_" else r"\d{1,5}"
+        return "[0-9A-F]{1,8}" if name == "_" else r"\d{1,6}"
     return rf"(?P<{name}>{kinds[name].pattern})"
 
 
