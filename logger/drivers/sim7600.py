@@ -80,7 +80,7 @@ _CPSI_KINDS: Kinds = {
     "lte_band": Value("band", _last_number, r"(?:EUTRAN|LTE)[-_ ]?BAND[-_ ]?\d{1,3}"),
     "nr_band": Value("band", _last_number, r"NR5G[-_ ]?BAND[-_ ]?\d{1,3}"),
     "psc": VALUES["psc"],
-    "pci": VALUES["pci"]._replace(pattern=r"\d{1,4}"),
+    "pci": VALUES["pci"]._replace(pattern=r"\d{1,4}|65535"),
     "pci_nr": VALUES["pci_nr"],
     "rxlev": Value("rssi_dbm", rssi_dbm, r"-?\d{1,3}"),
     "dlbw": Value("", str, r"\d{1,2}"),
@@ -100,11 +100,12 @@ _CPSI_FORMS: Mapping[str, Form] = {  # a row lacks its last value at most
     "GSM": _cpsi_form("GSM", "plmn area cid channel rxlev [_ c1_c2]"),
     "WCDMA": _cpsi_form("WCDMA", "plmn area cid wcdma_band psc uarfcn _ ecio rscp _ [_ _]"),
     "LTE": _cpsi_form("LTE", _LTE),
-    "LTE CAT-M1": _cpsi_form("LTE-M", _LTE),
-    "LTE NB-IOT": _cpsi_form("NB-IoT", _LTE),
-    "NB": _cpsi_form("NB-IoT", _LTE),  # SIM7022
-    "NR5G_SA": _cpsi_form("NR", "plmn area cid pci_nr nr_band nrarfcn rsrp [rsrq snr ...]"),
+    "CAT-M": _cpsi_form("LTE-M", _LTE),
+    "NB": _cpsi_form("NB-IoT", _LTE),
+    "NR5G": _cpsi_form("NR", "plmn area cid pci_nr nr_band nrarfcn rsrp [rsrq snr ...]"),
 }
+_SYSTEM = re.compile(r"(?:LTE )?(?:CAT-)?(NB|CAT-M)(?:-?IOT)?[12]?|(NR5G)(?:_N?SA)?")
+"""LTE CAT-M1; LTE NB-IOT, of a SIM7022 NB."""
 _NSA = _cpsi_form("NR", "pci_nr nr_band nrarfcn rsrp [rsrq snr ...]")
 _NSA_WITHOUT_BAND = _cpsi_form("NR", "pci_nr nrarfcn rsrp [rsrq snr ...]")
 _MORE_OF_NR = 2  # spacing of its carriers and bandwidth, in newer firmware
@@ -223,7 +224,9 @@ def _cpsi(text: str) -> Row | None:
     mode = values[0].upper()
     if mode == _NO_SERVICE:
         return NoCell(status=mode, state=at(values, 1) or None)
-    if mode in {"NR5G", "NR5G_NSA"}:
+    system = _SYSTEM.fullmatch(mode)
+    mode = (system[1] or system[2]) if system else mode
+    if mode == "NR5G" and at(values, 1).isdecimal():  # beside LTE: neither state nor network
         has_band = at(values, 2).upper().startswith("NR5G")
         return _cpsi_cell(_NSA if has_band else _NSA_WITHOUT_BAND, values[1:], {})
     if mode not in _CPSI_FORMS:
