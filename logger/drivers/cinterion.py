@@ -100,12 +100,13 @@ def _form(rat: Rat, names: str, unknown: str = "-*") -> Form:
 
 
 _SMONI = re.compile(r"\^SMONI\s*:\s*([^\^]*)", re.IGNORECASE)
+_4G = "earfcn band _bw_dl _bw_ul duplex mcc mnc tac cid28 pci _power rsrp rsrq _ ..."
 _SMONI_FORMS: Mapping[str, Form] = {  # one more value must follow
     "2G": _form("GSM", f"arfcn rssi {_WHO} c1 c2 ncc bcc gprs _ ..."),
     "3G": _form("WCDMA", "uarfcn psc ecn0 rscp mcc mnc lac cid28 _squal _srxlev _ ..."),
-    "4G": _form(
-        "LTE", "earfcn band _bw_dl _bw_ul duplex mcc mnc tac cid28 pci _power rsrp rsrq _ ..."
-    ),
+    "4G": _form("LTE", _4G),
+    "CAT.M": _form("LTE-M", _4G),
+    "CAT.NB": _form("NB-IoT", _4G),
 }
 _IDLE = frozenset({"NOCONN", "LIMSRV"})
 
@@ -225,7 +226,7 @@ class Cinterion(Family):
 
 def _smoni(text: str) -> Row | None:
     act, *texts = split(text)
-    shape = _SMONI_FORMS.get(act.upper())
+    shape = _SMONI_FORMS.get(act.upper().replace("-", ".").rstrip("12"))  # Cat.M1, Cat.NB2
     if act.upper() == "SEARCH" or (shape and at(texts, 0).upper() == "SEARCH"):
         return NoCell(shape.rat if shape else None, state="SEARCH")
     named = shape.texts_by_name(texts) if shape else None

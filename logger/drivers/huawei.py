@@ -55,7 +55,7 @@ _HCSQ = re.compile(
 )
 
 _KINDS: Kinds = {
-    **values_like(levels=r"[-+]?\d{1,4}", padding=""),
+    **values_like(levels=r"[-+]?\d{1,4}", padding="(?:0x)?0?"),
     "gsm_band": Value("band", {"0": 850, "1": 900, "2": 1800, "3": 1900}.get, "[0-3]"),
     "channel": VALUES["nrarfcn"],  # of any technology
     "rsrq": Value(
