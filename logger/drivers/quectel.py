@@ -132,6 +132,8 @@ _NEIGHBOURS: Mapping[Rat, tuple[Form, ...]] = {
     ),
     "NR": _forms("NR", "nrarfcn! pci* rsrp! rsrq [sinr]"),
 }
+_ANNOUNCED = "-1920"
+"""Level of a cell of GSM that was not received."""
 _RSRQ_FIRST = "earfcn! pci* rsrq rsrp! rssi [sinr srxlev]"  # camped on LTE
 _RSRP_FIRST = "earfcn! pci* rsrp! rsrq"  # on others, and where the modem has a Unisoc chip
 
@@ -261,6 +263,8 @@ def _neighbour(kind: str | None, word: str, texts: list[str]) -> Row | None:
         return None
     lte = (_RSRQ_FIRST, _RSRP_FIRST) if kind else (_RSRP_FIRST, _RSRQ_FIRST)
     forms = _NEIGHBOURS.get(rat) or _forms(rat, *lte)
+    if rat == "GSM" and _ANNOUNCED in texts:
+        forms = forms[1:]  # seen from LTE: its channel and priority are no network
     reading = first_cell(forms, "neighbour", texts, {"kind": kind.lower()} if kind else {})
     if reading and rat == "GSM" and reading.mcc is None and reading.rssi_dbm is None:
         return replace(reading, bsic=None)  # a filler before reception

@@ -188,6 +188,12 @@ def test_order_in_a_neighbour_row_follows_the_technology_camped_on():
     assert (gsm.arfcn, gsm.bsic, gsm.rssi_dbm) == (None, 45, -93.0)
 
 
+@pytest.mark.parametrize("row", ["882,12,48,255,0,37,-1920,0", "23,4,12,48,255,0,37,-1920,0"])
+def test_channel_and_priority_without_their_comma_are_no_network(row):
+    found = cells(f'+QENG: "neighbourcell","GSM",{row}')
+    assert [identity_of(cell) for cell in found] in ([], [NO_IDENTITY])
+
+
 @pytest.mark.parametrize(
     "row",
     ["10663,5,12,60,219,-970,-80,21", "10663,-698,219,-970,-80,4,-32768,-", "10663,219,-97,-8"],
