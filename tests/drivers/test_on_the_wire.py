@@ -287,6 +287,16 @@ def test_the_network_in_use_has_the_technology_where_creg_has_none():
     )
 
 
+def test_cesq_gives_the_quality_of_a_cell_of_3g_too():
+    replies = {
+        "AT+COPS?": '+COPS: 0,2,"26202",2\n\nOK',
+        "AT+CREG?": '+CREG: 2,1,"1A2B","00B5EEFF",2\n\nOK',
+        "AT+CESQ": "+CESQ: 99,99,27,34,255,255\n\nOK",
+    }
+    (serving,) = cells("generic", replies)
+    assert (serving.rscp_dbm, serving.ecio_db) == (-94.0, -7.5)
+
+
 @pytest.mark.parametrize("plmn", ["2620X", "262", "000000"])
 def test_what_is_no_number_of_a_network_names_none(plmn):
     replies = {
