@@ -340,7 +340,8 @@ def _monp(line: str) -> Row | None:
 def _smonp(line: str, heading: str) -> Row | None:
     """The heading above a row decides how it is read."""
     shape = _SMONP_FORMS.get(heading)
-    named = shape.texts_by_name(split(line.rsplit(maxsplit=1)[-1])) if shape and line else None
+    words = re.sub(r"\s*,\s*", ",", line).split()  # a log may write before the row
+    named = shape.texts_by_name(split(words[-1])) if shape and words else None
     if shape is None or named is None:
         return None
     plain = {name: text for name, text in named.items() if name not in {"ncc", "bcc"}}

@@ -62,7 +62,7 @@ _REPLY = re.compile(
 _HEADING = re.compile(
     r"(LTE-NR|LTE|NR|UMTS|WCDMA|GSM)\b.*\b(?:service|neighbou?r) cell", re.IGNORECASE
 )
-_ROW = re.compile(r"(?:\A|[\s\]>])([12],\d{1,2},[\w,.-]*)\W*\Z", re.ASCII)
+_ROW = re.compile(r"(?:\A|(?<!,)\s|[\]>])([12] ?, ?\d{1,2} ?,[\w,. -]*)\W*\Z", re.ASCII)
 
 _RATS: Mapping[str, Rat] = {"2": "WCDMA", "4": "LTE", "9": "NR"}
 _RATS_OF_HEADINGS: Mapping[str, Rat] = {
@@ -130,10 +130,10 @@ _FORMS: Mapping[tuple[str, Rat], Form] = {
     ("2", "GSM"): _GSM,
 }
 _MOST_CODE: Mapping[Rat, int] = {"GSM": 99, "WCDMA": 511, "LTE": 503, "NR": 1007}
+# of LTE the end of the last band
 _MOST_CHANNEL: Mapping[Rat, int] = {"GSM": 1023, "WCDMA": 16383, "LTE": 70705, "NR": 3279165}
-"""Of LTE the end of the last band."""
+# 7.125 to 24.25 GHz (3GPP TS 38.104 5.1, 5.4.2.1)
 _BETWEEN_BANDS_OF_NR = range(875_001, 2_016_667)
-"""7.125 to 24.25 GHz (3GPP TS 38.104 5.1, 5.4.2.1)."""
 
 _ANY_BAND = 999  # above all bands
 _LTE_BAND_EDGES = (  # first downlink EARFCN and band (3GPP TS 36.101 table 5.7.3-1)
@@ -199,7 +199,7 @@ def _reply_rows(lines: Sequence[str]) -> Iterator[Row]:
         row = _ROW.search(line)
         if row is None:
             continue
-        if row[1].split(",")[1] == "0":
+        if split(row[1])[1] == "0":
             yield NoCell()
         elif (found := _cell(split(row[1]), heading)) is not None:
             cells.append(found)

@@ -132,8 +132,7 @@ _NEIGHBOURS: Mapping[Rat, tuple[Form, ...]] = {
     ),
     "NR": _forms("NR", "nrarfcn! pci* rsrp! rsrq [sinr]"),
 }
-_ANNOUNCED = "-1920"
-"""Level of a cell of GSM that was not received."""
+_ANNOUNCED = "-1920"  # level of a cell of GSM that was not received
 _RSRQ_FIRST = "earfcn! pci* rsrq rsrp! rssi [sinr srxlev]"  # camped on LTE
 _RSRP_FIRST = "earfcn! pci* rsrp! rsrq"  # on others, and where the modem has a Unisoc chip
 

@@ -104,8 +104,8 @@ _CPSI_FORMS: Mapping[str, Form] = {  # a row lacks its last value at most
     "NB": _cpsi_form("NB-IoT", _LTE),
     "NR5G": _cpsi_form("NR", "plmn area cid pci_nr nr_band nrarfcn rsrp [rsrq snr ...]"),
 }
+# LTE CAT-M1; LTE NB-IOT, of a SIM7022 NB
 _SYSTEM = re.compile(r"(?:LTE )?(?:CAT-)?(NB|CAT-M)(?:-?IOT)?[12]?|(NR5G)(?:_N?SA)?")
-"""LTE CAT-M1; LTE NB-IOT, of a SIM7022 NB."""
 _NSA = _cpsi_form("NR", "pci_nr nr_band nrarfcn rsrp [rsrq snr ...]")
 _NSA_WITHOUT_BAND = _cpsi_form("NR", "pci_nr nrarfcn rsrp [rsrq snr ...]")
 _MORE_OF_NR = 2  # spacing of its carriers and bandwidth, in newer firmware

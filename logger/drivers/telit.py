@@ -181,7 +181,7 @@ _LEVEL_ONLY = re.compile(
     re.IGNORECASE,
 )
 _CARRIER = re.compile(
-    r"(?<![\w.,-])(?:(?P<arfcn>\d{1,4})|(?P<earfcn>\d{5,6})),(?P<rssi>-\d{2,3})\s*\Z"
+    r"(?<![\w.,-])(?:(?P<arfcn>\d{1,4})|(?P<earfcn>\d{5,6})) ?, ?(?P<rssi>-\d{2,3})\s*\Z"
 )
 _BEGIN_OR_END = re.compile(r"network survey (started|ended)", re.IGNORECASE)
 _CHANNEL: Mapping[Rat, str] = {"GSM": "arfcn", "WCDMA": "uarfcn", "LTE": "earfcn"}

@@ -238,6 +238,27 @@ def test_a_report_within_a_row_makes_no_other_values(name, report):
                     assert any(_is_part(reading, one) for one in whole), text
 
 
+BLANKS_BETWEEN_VALUES = [
+    ("fibocom", "AT+GTCCINFO?", "+GTCCINFO:\n1,4,262,02,1A2B,2D00A0B,514,87,3,100,46,42,42,26"),
+    ("sim7000", "AT+CENG?", '+CENG: 3740,1,137,"02D3C4B5",-101,-11,-92,6,20,"4E5F",0,9'),
+    ("sim7000", "AT+CENG?", "+CENG: 3740,1,138,-108"),
+    ("ublox", "AT+UCGED?", '+RSRP: 135,1300,"-098.00",136,1300,"-105.10",'),
+    ("cinterion", "AT^SMONP=255", "^SMONP:\n2G:\n653,22,-88,262,02,1,3,17,17,0143,83BB,-,-"),
+    ("telit", "AT#CSURV=0,62", "Network survey started ...\n62,-77\nNetwork survey ended"),
+]
+
+
+@pytest.mark.parametrize("blanks", [", ", " ,"])
+@pytest.mark.parametrize(("name", "command", "rows"), BLANKS_BETWEEN_VALUES)
+def test_blanks_between_values_cost_no_row(name, command, rows, blanks):
+    def read(text):
+        data = f"\n{text}\n\nOK\n".replace("\n", "\r\n").encode()
+        return read_on_the_wire(FAMILIES[name], command, data)
+
+    assert read(rows)
+    assert read(rows.replace(",", blanks)) == read(rows)
+
+
 # --- the standard replies
 
 

@@ -34,7 +34,7 @@ from logger.drivers.reading.row_language import (
     values,
 )
 
-_VALUE = r'(?:"[^"+]*"?|[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
+_VALUE = r'(?:"[^"+]*"?|(?:0[xX])?[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
 _REGISTRATION = re.compile(
     rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII
 )
@@ -241,7 +241,8 @@ def drop_cut_values(lines: Sequence[str], names: frozenset[str]) -> list[str]:
 
 
 def _parts(line: str, names: frozenset[str]) -> Iterator[str]:
-    """The line without the OK that a log has joined to it, in two where a URC stands within it."""
+    """The line, in two where a URC stands in the middle of it."""
+    # a log may have joined the result to it
     line = _JOINED_OK.sub("", line)
     for glued in _GLUED.finditer(line):
         if glued[1].upper() not in names | _COMMON:

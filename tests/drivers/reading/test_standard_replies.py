@@ -66,6 +66,7 @@ def test_every_driver_reads_the_common_ground_of_the_corpus(corpus):
         ("+CREG: 3,3,,,,1,2", {"n": 3, "stat": 3, "reject_cause_type": 1, "reject_cause": 2}),
         ('+CGREG: 3,"01","02",0,"03",0,7', {"stat": 3, "lac": 1, "reject_cause": 7, "rat": "GSM"}),
         ('+CREG: 2,1,"FFFE","1A2D001",7', {"n": 2, "stat": 1, "cid": 0x1A2D001, "rat": "LTE"}),
+        ("+CREG: 2,1,0x2AFE,0x1A2D", {"n": 2, "stat": 1, "lac": 0x2AFE, "cid": 0x1A2D}),
         (  # with the routing area
             "+CEREG: 2,1, 2AFE, 20 ,1A2D01 ,7",
             {"n": 2, "stat": 1, "tac": 0x2AFE, "cid": 0x1A2D01, "rat": "LTE"},
