@@ -73,14 +73,6 @@ _RATS_OF_HEADINGS: Mapping[str, Rat] = {
     "GSM": "GSM",
 }
 _NUMBER = r"-?\d{1,5}"
-_NOBODY = frozenset({0xFFFFFFF, 0xFFFFFFFF})  # fills the cell of a neighbour on NR too
-
-
-def _nr_cell(text: str) -> int | None:
-    identity = cell_identity(text, 36)
-    return None if identity in _NOBODY else identity
-
-
 _raw = partial(decimal, low=-999)
 
 
@@ -95,7 +87,7 @@ _KINDS: Kinds = {
     **{name: VALUES[name]._replace(pattern="[0-9A-F]{1,7}") for name in ("lac", "tac", "tac24")},
     "cid16": VALUES["cid16"]._replace(pattern="[0-9A-F]{1,10}"),
     "cid28": Value("cid", _cell28, "[0-9A-F]{1,10}"),  # the FM350 pads to the width of NR
-    "cid36": Value("cid", _nr_cell, "[0-9A-F]{1,10}"),
+    "cid36": VALUES["cid36"]._replace(pattern="[0-9A-F]{1,10}"),
     "channel": Value("", str, "[0-9A-F]{1,7}"),
     "code": Value("", str, "[0-9A-F]{1,4}"),
     "rscp": _index("rscp_dbm", RSCP_OF_INDEX, "rscp_raw"),
@@ -111,7 +103,7 @@ _PLACE = "channel code"
 
 
 def _form(rat: Rat, names: str) -> Form:
-    return form(rat, f"_service _rat mcc mnc {names}", _KINDS, unknown="")
+    return form(rat, f"_service _rat mcc mnc {names}", _KINDS, unknown="-*")
 
 
 _GSM = _form("GSM", "lac cid16 channel code _ ...")  # only the front is known

@@ -260,7 +260,8 @@ def _neighbour(kind: str | None, word: str, texts: list[str]) -> Row | None:
     rat = _rat(word)
     if rat is None:
         return None
-    lte = (_RSRQ_FIRST, _RSRP_FIRST) if kind else (_RSRP_FIRST, _RSRQ_FIRST)
+    lte = (_RSRQ_FIRST.replace("rsrq", "rsrq!"), _RSRP_FIRST, _RSRQ_FIRST)
+    lte = lte if kind else (_RSRP_FIRST, _RSRQ_FIRST)
     forms = _NEIGHBOURS.get(rat) or _forms(rat, *lte)
     if rat == "GSM" and _ANNOUNCED in texts:
         forms = forms[1:]  # seen from LTE: its channel and priority are no network

@@ -323,8 +323,8 @@ def _nr(named: Mapping[str, str]) -> _Levels:
     snr = named.get("snr", "")
     integer = decimal(snr, -999, 999)
     raw = {"sinr_raw": snr if integer is None else integer} if snr else {}
-    if scale is None:
-        return {}, raw
+    if scale is None or "" in (named["rsrp"], named.get("rsrq")):
+        return {}, raw  # which of the two is printed does not show
     ratio = rsrq_db(high, scale)
     if high and ratio is None:
         return {}, raw  # another unit than that of the level: one of them is damaged

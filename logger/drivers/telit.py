@@ -68,6 +68,7 @@ def _octal_bsic(text: str) -> int | None:
     return int(text, 8) if re.fullmatch(r"[0-7]{2}", text) else None
 
 
+_MOST_OF_DECIMAL_PCI = 3  # digits; one in hexadecimal is padded
 _HIGHEST_PCI = 503
 """Some models print the PCI where others print the cell identity, which is higher than this."""
 
@@ -101,8 +102,8 @@ _NO_CHANNEL = 65535
 _UTRA = tuple(  # downlinks of the bands in use (3GPP TS 25.101 5.4.4), in which a PCI may be a PSC
     range(first, last + 1)
     for first, last in (
-        *((412, 687), (712, 763), (1007, 1087), (1162, 1513), (1537, 1738), (1887, 2087)),
-        *((2237, 2563), (2937, 3088), (4357, 4458), (9237, 9387), (9662, 9938), (10562, 10838)),
+        *((412, 687), (712, 763), (1007, 1087), (1537, 1738), (1887, 2087), (2937, 3088)),
+        *((4357, 4458), (9237, 9387), (9662, 9938), (10562, 10838)),
     )
 )
 _ADJACENT = re.compile(r"adj\b", re.IGNORECASE)
@@ -456,7 +457,10 @@ def _role(name: str, found: Mapping[str, str]) -> Role:
 
 def _identity(text: str, rat: Rat) -> int | None:
     identity = cell_identity(text, 16 if rat == "GSM" else 28)
-    return None if rat == "LTE" and identity is not None and identity <= _HIGHEST_PCI else identity
+    may_be_pci = decimal(text, 0, _HIGHEST_PCI) is not None or (
+        identity is not None and identity <= _HIGHEST_PCI
+    )
+    return None if rat == "LTE" and may_be_pci else identity
 
 
 def _servinfo(fields: list[str]) -> CellReading | NoCell | None:
@@ -470,6 +474,8 @@ def _servinfo(fields: list[str]) -> CellReading | NoCell | None:
     found = read_values(texts)
     if channel is None or (found["rssi_dbm"] is None and not code and not _area_code(found)):
         return NoCell(rat)
+    if rat == "LTE" and len(texts["id"]) <= _MOST_OF_DECIMAL_PCI:
+        found["pci"] = decimal(texts["id"], 0, _HIGHEST_PCI)
     plmn = {"plmn": code} if re.fullmatch(r"\d{5,6}", code) else {}
     return CellReading(
         role="serving",

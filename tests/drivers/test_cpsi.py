@@ -112,6 +112,11 @@ def test_words_for_a_system(system, rat):
     assert one(LTE_M.replace("LTE CAT-M1", system)) == replace(one(LTE_M), rat=rat)
 
 
+def test_a_ratio_alone_is_no_level_of_nr():
+    reading = one(NR_SA.replace(",-880,-105,", ",,-105,"))
+    assert (reading.cell, reading.rsrp_dbm, reading.rsrq_db) == (one(NR_SA).cell, None, None)
+
+
 @pytest.mark.parametrize("system", ["NR5G", "NR5G_NSA"])
 def test_nr_with_state_and_network_is_nr_alone_whatever_its_word(system):
     assert one(NR_SA.replace("NR5G_SA", system)) == one(NR_SA)

@@ -107,6 +107,11 @@ def test_a_channel_that_no_band_has_is_of_the_other_base(heading, row, place):
     assert (reading.arfcn, reading.pci, reading.band) == place
 
 
+def test_a_dash_for_an_unknown_value_costs_no_row():
+    serving, *_ = MODEM.rows_in([line.replace(",14,45,40,24", ",-,45,40,24") for line in HEADED])
+    assert (serving.cid, serving.rsrp_dbm) == (0x2D3C4B5, -101.0)
+
+
 def test_where_no_base_fits_the_channel_is_unknown():
     reading, _ = MODEM.rows_in([line.replace("1444", "9999") for line in BARE])
     assert (reading.cell, reading.arfcn, reading.pci) == ("262-03-20064-47432886", None, None)

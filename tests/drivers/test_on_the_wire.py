@@ -69,6 +69,11 @@ def test_a_sara_r4_answers_ucged_with_rows_of_two_other_names():
     assert (neighbour.pci, neighbour.rsrp_dbm, neighbour.cell) == (136, -105.1, None)
 
 
+def test_a_negative_number_is_no_code_of_a_cell():
+    replies = SARA_R4 | {"AT+UCGED?": '+RSRP: -1,1300,"-098.00",136,1300,"-105.10",\n\nOK'}
+    assert [one.pci for one in cells("ublox", replies)] == [136]
+
+
 def test_a_cell_of_another_technology_names_no_cell():
     replies = SARA_R4 | {"AT+CEREG?": "ERROR", "AT+CREG?": '+CREG: 2,1,"1A2B","3C4D",0\n\nOK'}
     assert [one.cid for one in cells("ublox", replies)] == [None, None]

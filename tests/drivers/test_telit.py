@@ -210,11 +210,16 @@ def test_a_channel_at_the_end_of_a_row_may_be_cut():
 
 @pytest.mark.parametrize(
     ("channel", "rat", "code"),
-    [(10737, "WCDMA", (136, None)), (5110, "LTE", (None, None)), (68611, "LTE", (None, None))],
+    [(10737, "WCDMA", (136, None)), (5110, "LTE", (None, 136)), (68611, "LTE", (None, 136))],
 )
 def test_a_decimal_pci_on_a_channel_of_no_umts_is_no_scrambling_code(channel, rat, code):
     row = one(f'#SERVINFO: {channel},-72,"Example","001010",136,4E5F,128,3,-101')
     assert (row.rat, row.arfcn, (row.psc, row.pci), row.level_dbm) == (rat, channel, code, -101.0)
+
+
+def test_a_decimal_pci_is_no_cell_identity_in_hexadecimal():
+    row = one('#SERVINFO: 5110,-72,"Example","001010",352,4E5F,128,3,-101')
+    assert (row.rat, row.tac, row.cid, row.pci) == ("LTE", 0x4E5F, None, 352)
 
 
 def test_letters_in_a_pci_are_no_scrambling_code():

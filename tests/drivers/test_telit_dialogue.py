@@ -44,7 +44,7 @@ def test_poll_on_lte_takes_the_cell_from_the_registration():
     assert run_dialogue(MODEM.poll(), answers)[0][0].cid is None
 
 
-PCI_OF_SERVINFO = '#SERVINFO: 6300,-55,"Example Net","26203",178,4E5F,32,3,-84'
+PCI_OF_SERVINFO = '#SERVINFO: 1600,-55,"Example Net","26203",178,4E5F,32,3,-84'  # of both UMTS and LTE
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_the_registration_shows_whether_a_row_is_of_lte(command, registration, r
 
 
 def test_the_network_of_servinfo_joins_the_cell_of_moni():
-    moni = "#MONI: Example Net RSRP:-84 RSRQ:-9 TAC:4E5F Id:0A1B2C3 EARFCN:6300 PWR:-55dBm DRX:32"
+    moni = "#MONI: Example Net RSRP:-84 RSRQ:-9 TAC:4E5F Id:0A1B2C3 EARFCN:1600 PWR:-55dBm DRX:32"
     answers = {
         "AT#MONI": ([f"{moni} pci:178 QRxLevMin:-122"], "OK"),
         "AT#SERVINFO": ([PCI_OF_SERVINFO], "OK"),
