@@ -402,6 +402,7 @@ def _environment(lines: Sequence[str]) -> Iterator[Row]:
                 serving = (reading.arfcn, reading.pci) if reading else None
             elif kind == "LTE_INTRA" and len(values) > 2:
                 channels["intra"] = values[1]
+                serving = serving or (decimal(values[1]), decimal(values[2]))
             elif kind == "LTE_INTER":
                 channels |= dict(_FREQUENCY.findall(text))
             elif (group := _group(kind)) and (row := _NEIGHBOUR.texts_by_name(values)):

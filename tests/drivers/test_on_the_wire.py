@@ -188,6 +188,16 @@ def test_a_channel_without_a_cell_has_no_code():
     assert [one.pci for one in cells("sierra", {"AT!LTEINFO?": reply})] == [77]
 
 
+def test_a_channel_of_3g_without_a_cell_is_none():
+    heading = "WCDMA:     UARFCN ThreshL ThreshH Prio PSC   RSCP   ECN0 RXLV"
+    rows = (
+        "            10737       0       0    0   0    0.0    0.0    0",
+        "            10713       0       0    0   0  -94.0   -7.5   20",
+    )
+    reply = "\n".join(("!LTEINFO:", heading, *rows, "", "OK"))
+    assert [(one.arfcn, one.psc) for one in cells("sierra", {"AT!LTEINFO?": reply})] == [(10713, 0)]
+
+
 @pytest.mark.parametrize("banner", ["^SYSSTART", "^SYSSTART AIRPLANE MODE"])
 def test_a_start_in_any_mode_is_a_restart(banner):
     assert FAMILIES["cinterion"].is_restart(banner)
