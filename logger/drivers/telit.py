@@ -322,7 +322,21 @@ def complete_serving_cell(rows: tuple[Row, ...]) -> tuple[Row, ...]:
         registered = (row for row in rows if isinstance(row, Registration))
         cids = (row.cid for row in registered if _area(row) == _area(best))
         best = replace(best, cid=next(cids, None))
-    return (best, *(row for row in rows if not is_serving(row)))
+    others = [row for row in rows if not is_serving(row)]
+    for row in others:
+        if isinstance(row, CellReading) and _is_again(row, best):
+            best = replace(best, pci=row.pci, rsrq_db=row.rsrq_db)
+            others.remove(row)
+            break
+    return (best, *others)
+
+
+def _is_again(row: CellReading, serving: CellReading) -> bool:
+    # an LM960 lists the serving cell without its name
+    names = ("rat", "arfcn", "rsrp_dbm", "rssi_dbm")
+    values = [getattr(row, name) for name in names]
+    is_same = None not in values and values == [getattr(serving, name) for name in names]
+    return is_same and row.cid is None and row.pci is not None and serving.pci is None
 
 
 def _of_lte(row: CellReading, rows: Sequence[Row]) -> CellReading:
