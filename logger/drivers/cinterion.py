@@ -11,7 +11,7 @@
      847  19  -75 26201 2A3B 4C5D   5   2  33  -104  30 I    No connection
 
 Needs: nothing; a poll takes the best of four commands that the modem has.
-Known by: the makers' names.
+Known by: makers or series.
 Doubts: area and cell have their full width in hexadecimal, so that a lost digit or comma shows: a
 group of another form names no cell. `dBm` is the level; `RXLev` and `PWR` are parameters of the
 cell, `rs` an index of another scale on each model. The network is one column or two. The bases of
@@ -168,7 +168,10 @@ class Cinterion(Family):
             "LTE": cells_with("neighbours"),
         }
     )
-    claim = Claim(maker=r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b")
+    claim = Claim(
+        maker=r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b",
+        series=r"\b(?:BGS|EHS|ELS|EXS|PHS|PLS|TX)\d{1,2}\b",  # Telit sells these
+    )
     setup_commands = Generic.setup_commands
     ways = (
         (Command("AT^SMONI"), Command("AT^SMONP=255")),
