@@ -343,7 +343,7 @@ def area_marks(bits: int = 16) -> set[int]:
 
 def identity_marks(bits: int) -> set[int]:
     """Cell identities that modems and programs print for no cell: 0 and all ones."""
-    return {0, 0xFFFF, 2**bits - 1}
+    return {0, 0xFFFF, *(2**width - 1 for width in (28, 31, 32, bits))}
 
 
 def identity_bits(rat: Rat | None) -> int:

@@ -11,7 +11,7 @@
      847  19  -75 26201 2A3B 4C5D   5   2  33  -104  30 I    No connection
 
 Needs: nothing; a poll takes the best of four commands that the modem has.
-Known by: the makers' names.
+Known by: makers or series.
 Doubts: area and cell have their full width in hexadecimal, so that a lost digit or comma shows: a
 group of another form names no cell. `dBm` is the level; `RXLev` and `PWR` are parameters of the
 cell, `rs` an index of another scale on each model. The network is one column or two. The bases of
@@ -100,12 +100,13 @@ def _form(rat: Rat, names: str, unknown: str = "-*") -> Form:
 
 
 _SMONI = re.compile(r"\^SMONI\s*:\s*([^\^]*)", re.IGNORECASE)
+_4G = "earfcn band _bw_dl _bw_ul duplex mcc mnc tac cid28 pci _power rsrp rsrq _ ..."
 _SMONI_FORMS: Mapping[str, Form] = {  # one more value must follow
     "2G": _form("GSM", f"arfcn rssi {_WHO} c1 c2 ncc bcc gprs _ ..."),
     "3G": _form("WCDMA", "uarfcn psc ecn0 rscp mcc mnc lac cid28 _squal _srxlev _ ..."),
-    "4G": _form(
-        "LTE", "earfcn band _bw_dl _bw_ul duplex mcc mnc tac cid28 pci _power rsrp rsrq _ ..."
-    ),
+    "4G": _form("LTE", _4G),
+    "CAT.M": _form("LTE-M", _4G),
+    "CAT.NB": _form("NB-IoT", _4G),
 }
 _IDLE = frozenset({"NOCONN", "LIMSRV"})
 
@@ -167,7 +168,10 @@ class Cinterion(Family):
             "LTE": cells_with("neighbours"),
         }
     )
-    claim = Claim(maker=r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b")
+    claim = Claim(
+        maker=r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b",
+        series=r"\b(?:BGS|EHS|ELS|EXS|PHS|PLS|TX)\d{1,2}\b",  # Telit sells these
+    )
     setup_commands = Generic.setup_commands
     ways = (
         (Command("AT^SMONI"), Command("AT^SMONP=255")),
@@ -225,7 +229,7 @@ class Cinterion(Family):
 
 def _smoni(text: str) -> Row | None:
     act, *texts = split(text)
-    shape = _SMONI_FORMS.get(act.upper())
+    shape = _SMONI_FORMS.get(act.upper().replace("-", ".").rstrip("12"))  # Cat.M1, Cat.NB2
     if act.upper() == "SEARCH" or (shape and at(texts, 0).upper() == "SEARCH"):
         return NoCell(shape.rat if shape else None, state="SEARCH")
     named = shape.texts_by_name(texts) if shape else None
@@ -339,7 +343,8 @@ def _monp(line: str) -> Row | None:
 def _smonp(line: str, heading: str) -> Row | None:
     """The heading above a row decides how it is read."""
     shape = _SMONP_FORMS.get(heading)
-    named = shape.texts_by_name(split(line.rsplit(maxsplit=1)[-1])) if shape and line else None
+    words = re.sub(r"\s*,\s*", ",", line).split()  # a log may write before the row
+    named = shape.texts_by_name(split(words[-1])) if shape and words else None
     if shape is None or named is None:
         return None
     plain = {name: text for name, text in named.items() if name not in {"ncc", "bcc"}}

@@ -62,7 +62,7 @@ _REPLY = re.compile(
 _HEADING = re.compile(
     r"(LTE-NR|LTE|NR|UMTS|WCDMA|GSM)\b.*\b(?:service|neighbou?r) cell", re.IGNORECASE
 )
-_ROW = re.compile(r"(?:\A|[\s\]>])([12],\d{1,2},[\w,.-]*)\W*\Z", re.ASCII)
+_ROW = re.compile(r"(?:\A|(?<!,)\s|[\]>])([12] ?, ?\d{1,2} ?,[\w,. -]*)\W*\Z", re.ASCII)
 
 _RATS: Mapping[str, Rat] = {"2": "WCDMA", "4": "LTE", "9": "NR"}
 _RATS_OF_HEADINGS: Mapping[str, Rat] = {
@@ -73,14 +73,6 @@ _RATS_OF_HEADINGS: Mapping[str, Rat] = {
     "GSM": "GSM",
 }
 _NUMBER = r"-?\d{1,5}"
-_NOBODY = frozenset({0xFFFFFFF, 0xFFFFFFFF})  # fills the cell of a neighbour on NR too
-
-
-def _nr_cell(text: str) -> int | None:
-    identity = cell_identity(text, 36)
-    return None if identity in _NOBODY else identity
-
-
 _raw = partial(decimal, low=-999)
 
 
@@ -95,7 +87,7 @@ _KINDS: Kinds = {
     **{name: VALUES[name]._replace(pattern="[0-9A-F]{1,7}") for name in ("lac", "tac", "tac24")},
     "cid16": VALUES["cid16"]._replace(pattern="[0-9A-F]{1,10}"),
     "cid28": Value("cid", _cell28, "[0-9A-F]{1,10}"),  # the FM350 pads to the width of NR
-    "cid36": Value("cid", _nr_cell, "[0-9A-F]{1,10}"),
+    "cid36": VALUES["cid36"]._replace(pattern="[0-9A-F]{1,10}"),
     "channel": Value("", str, "[0-9A-F]{1,7}"),
     "code": Value("", str, "[0-9A-F]{1,4}"),
     "rscp": _index("rscp_dbm", RSCP_OF_INDEX, "rscp_raw"),
@@ -111,7 +103,7 @@ _PLACE = "channel code"
 
 
 def _form(rat: Rat, names: str) -> Form:
-    return form(rat, f"_service _rat mcc mnc {names}", _KINDS, unknown="")
+    return form(rat, f"_service _rat mcc mnc {names}", _KINDS, unknown="-*")
 
 
 _GSM = _form("GSM", "lac cid16 channel code _ ...")  # only the front is known
@@ -130,6 +122,10 @@ _FORMS: Mapping[tuple[str, Rat], Form] = {
     ("2", "GSM"): _GSM,
 }
 _MOST_CODE: Mapping[Rat, int] = {"GSM": 99, "WCDMA": 511, "LTE": 503, "NR": 1007}
+# of LTE the end of the last band
+_MOST_CHANNEL: Mapping[Rat, int] = {"GSM": 1023, "WCDMA": 16383, "LTE": 70705, "NR": 3279165}
+# 7.125 to 24.25 GHz (3GPP TS 38.104 5.1, 5.4.2.1)
+_BETWEEN_BANDS_OF_NR = range(875_001, 2_016_667)
 
 _ANY_BAND = 999  # above all bands
 _LTE_BAND_EDGES = (  # first downlink EARFCN and band (3GPP TS 36.101 table 5.7.3-1)
@@ -138,7 +134,8 @@ _LTE_BAND_EDGES = (  # first downlink EARFCN and band (3GPP TS 36.101 table 5.7.
     "8690:26 9040:27 9210:28 9660:29 9770:30 9870:31 9920:32 36000:33 36200:34 36350:35 "
     "36950:36 37550:37 37750:38 38250:39 38650:40 39650:41 41590:42 43590:43 45590:44 "
     "46590:45 46790:46 54540:47 55240:48 65536:65 66436:66 67336:67 67536:68 67836:69 "
-    "68336:70 68586:71"
+    "68336:70 68586:71 68936:72 68986:73 69036:74 69466:75 70316:76 70366:85 70546:87 70596:88 "
+    "70646:103 70656:106 70706:0"
 )
 _LTE_BANDS = [tuple(map(int, edge.split(":"))) for edge in _LTE_BAND_EDGES.split()]
 
@@ -194,7 +191,7 @@ def _reply_rows(lines: Sequence[str]) -> Iterator[Row]:
         row = _ROW.search(line)
         if row is None:
             continue
-        if row[1].split(",")[1] == "0":
+        if split(row[1])[1] == "0":
             yield NoCell()
         elif (found := _cell(split(row[1]), heading)) is not None:
             cells.append(found)
@@ -228,8 +225,10 @@ def _base(cells: Sequence[_Cell], *, headings: bool) -> Callable[[str], int | No
 
 def _fits(rat: Rat, named: Mapping[str, str], read: Callable[[str], int | None]) -> bool:
     channel, code = (read(named[name]) if named[name] else 0 for name in ("channel", "code"))
-    if channel is None or code is None or code > _MOST_CODE[rat]:
+    if channel is None or code is None or code > _MOST_CODE[rat] or channel > _MOST_CHANNEL[rat]:
         return False
+    if rat == "NR":
+        return channel not in _BETWEEN_BANDS_OF_NR
     band = _band(rat, named)
     if rat != "LTE" or band is None or not named["channel"]:
         return True

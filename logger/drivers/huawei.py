@@ -55,9 +55,12 @@ _HCSQ = re.compile(
 )
 
 _KINDS: Kinds = {
-    **values_like(levels=r"[-+]?\d{1,4}", padding=""),
+    **values_like(levels=r"[-+]?\d{1,4}", padding="(?:0x)?0?"),
     "gsm_band": Value("band", {"0": 850, "1": 900, "2": 1800, "3": 1900}.get, "[0-3]"),
-    "channel": VALUES["nrarfcn"],  # of any technology
+    **{
+        name: VALUES[name]._replace(pattern=VALUES["nrarfcn"].pattern)
+        for name in ("arfcn", "uarfcn", "earfcn", "nrarfcn")
+    },
     "rsrq": Value(
         "rsrq_db", partial(level, low=-43.0, high=20.0), r"[-+]?\d{1,4}"
     ),  # -44 is not measured
@@ -68,17 +71,17 @@ _KINDS: Kinds = {
     "ura": number("", 0, 99999),
 }
 _FORMS: Mapping[str, tuple[Rat, str]] = {
-    "MONSC GSM": ("GSM", "mcc mnc gsm_band channel bsic cid16 lac rssi [rxq ta _]"),
-    "MONSC WCDMA": ("WCDMA", "mcc mnc channel psc cid28 lac rscp [rssi ecn0 drx ura _]"),
-    "MONSC LTE": ("LTE", "mcc mnc channel cid28 pci_hex tac rsrp [rsrq rssi _]"),
-    "MONSC NR": ("NR", "mcc mnc channel _scs cid36 pci_hex tac24 rsrp [rsrq sinr _]"),
-    "MONNC GSM": ("GSM", "gsm_band channel bsic cid16 lac rssi [_]"),
-    "MONNC WCDMA": ("WCDMA", "channel psc rscp [ecn0 _]"),
-    "MONNC LTE": ("LTE", "channel pci_hex rsrp [rsrq rssi _]"),
-    "MONNC NR": ("NR", "channel pci_hex rsrp [rsrq sinr _]"),
+    "MONSC GSM": ("GSM", "mcc mnc gsm_band arfcn bsic cid16 lac rssi [rxq ta _]"),
+    "MONSC WCDMA": ("WCDMA", "mcc mnc uarfcn psc cid28 lac rscp [rssi ecn0 drx ura _]"),
+    "MONSC LTE": ("LTE", "mcc mnc earfcn cid28 pci_hex tac rsrp [rsrq rssi _]"),
+    "MONSC NR": ("NR", "mcc mnc nrarfcn _scs cid36 pci_hex tac24 rsrp [rsrq sinr _]"),
+    "MONNC GSM": ("GSM", "gsm_band arfcn bsic cid16 lac rssi [_]"),
+    "MONNC WCDMA": ("WCDMA", "uarfcn psc rscp [ecn0 _]"),
+    "MONNC LTE": ("LTE", "earfcn pci_hex rsrp [rsrq rssi _]"),
+    "MONNC NR": ("NR", "nrarfcn pci_hex rsrp [rsrq sinr _]"),
 }
 _ROWS: Mapping[str, Form] = {
-    kind: form(rat, names, _KINDS, unknown="") for kind, (rat, names) in _FORMS.items()
+    kind: form(rat, names, _KINDS, unknown="-*") for kind, (rat, names) in _FORMS.items()
 }
 
 _HCSQ_VALUES: Mapping[str, tuple[Rat, tuple[str, ...]]] = {

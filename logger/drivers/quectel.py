@@ -132,8 +132,11 @@ _NEIGHBOURS: Mapping[Rat, tuple[Form, ...]] = {
     ),
     "NR": _forms("NR", "nrarfcn! pci* rsrp! rsrq [sinr]"),
 }
+_ANNOUNCED = "-1920"  # level of a cell of GSM that was not received
 _RSRQ_FIRST = "earfcn! pci* rsrq rsrp! rssi [sinr srxlev]"  # camped on LTE
 _RSRP_FIRST = "earfcn! pci* rsrp! rsrq"  # on others, and where the modem has a Unisoc chip
+# an RSRP is no RSRQ, however unknown the other is
+_INTRA_OR_INTER: Sequence[str] = (_RSRQ_FIRST.replace("rsrq", "rsrq!"), _RSRP_FIRST, _RSRQ_FIRST)
 
 _QSCAN: Mapping[Rat, Form] = {  # the last four only with AT+QSCAN=..,1
     "LTE": form("LTE", "mcc mnc earfcn! pci! rsrp! rsrq srxlev _ [cid28 tac _ band]", KINDS),
@@ -259,8 +262,10 @@ def _neighbour(kind: str | None, word: str, texts: list[str]) -> Row | None:
     rat = _rat(word)
     if rat is None:
         return None
-    lte = (_RSRQ_FIRST, _RSRP_FIRST) if kind else (_RSRP_FIRST, _RSRQ_FIRST)
+    lte = _INTRA_OR_INTER if kind else (_RSRP_FIRST, _RSRQ_FIRST)
     forms = _NEIGHBOURS.get(rat) or _forms(rat, *lte)
+    if rat == "GSM" and _ANNOUNCED in texts:
+        forms = forms[1:]  # seen from LTE: its channel and priority are no network
     reading = first_cell(forms, "neighbour", texts, {"kind": kind.lower()} if kind else {})
     if reading and rat == "GSM" and reading.mcc is None and reading.rssi_dbm is None:
         return replace(reading, bsic=None)  # a filler before reception

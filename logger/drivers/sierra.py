@@ -279,7 +279,7 @@ def _tables(lines: Sequence[str]) -> Iterator[Row]:
             continue
         if kind == "SERVING":
             serving = reading
-        elif not reading.pci and reading.level_dbm is None and reading.rat == "LTE":
+        elif not (reading.pci or reading.psc) and reading.level_dbm is None:
             continue  # a channel without a cell, whose values are all 0
         elif kind == "INTRAFREQ":
             if reading.pci == serving.pci:

@@ -169,6 +169,7 @@ def _engineering(lines: Sequence[str]) -> Iterator[Row]:
 
 
 def _sim7020(text: str) -> CellReading | None:
+    text = re.sub(r"\s*,\s*", ",", text)
     row = _SIM7020.match(text) or _SIM7020_NEIGHBOUR.match(text)
     named = row.groupdict("") if row else {}
     return cell("serving" if "tac" in named else "neighbour", "NB-IoT", named, _KINDS)

@@ -80,7 +80,7 @@ _CPSI_KINDS: Kinds = {
     "lte_band": Value("band", _last_number, r"(?:EUTRAN|LTE)[-_ ]?BAND[-_ ]?\d{1,3}"),
     "nr_band": Value("band", _last_number, r"NR5G[-_ ]?BAND[-_ ]?\d{1,3}"),
     "psc": VALUES["psc"],
-    "pci": VALUES["pci"]._replace(pattern=r"\d{1,4}"),
+    "pci": VALUES["pci"]._replace(pattern=r"\d{1,4}|65535"),
     "pci_nr": VALUES["pci_nr"],
     "rxlev": Value("rssi_dbm", rssi_dbm, r"-?\d{1,3}"),
     "dlbw": Value("", str, r"\d{1,2}"),
@@ -100,11 +100,12 @@ _CPSI_FORMS: Mapping[str, Form] = {  # a row lacks its last value at most
     "GSM": _cpsi_form("GSM", "plmn area cid channel rxlev [_ c1_c2]"),
     "WCDMA": _cpsi_form("WCDMA", "plmn area cid wcdma_band psc uarfcn _ ecio rscp _ [_ _]"),
     "LTE": _cpsi_form("LTE", _LTE),
-    "LTE CAT-M1": _cpsi_form("LTE-M", _LTE),
-    "LTE NB-IOT": _cpsi_form("NB-IoT", _LTE),
-    "NB": _cpsi_form("NB-IoT", _LTE),  # SIM7022
-    "NR5G_SA": _cpsi_form("NR", "plmn area cid pci_nr nr_band nrarfcn rsrp [rsrq snr ...]"),
+    "CAT-M": _cpsi_form("LTE-M", _LTE),
+    "NB": _cpsi_form("NB-IoT", _LTE),
+    "NR5G": _cpsi_form("NR", "plmn area cid pci_nr nr_band nrarfcn rsrp [rsrq snr ...]"),
 }
+# LTE CAT-M1; LTE NB-IOT, of a SIM7022 NB
+_SYSTEM = re.compile(r"(?:LTE )?(?:CAT-)?(NB|CAT-M)(?:-?IOT)?[12]?|(NR5G)(?:_N?SA)?")
 _NSA = _cpsi_form("NR", "pci_nr nr_band nrarfcn rsrp [rsrq snr ...]")
 _NSA_WITHOUT_BAND = _cpsi_form("NR", "pci_nr nrarfcn rsrp [rsrq snr ...]")
 _MORE_OF_NR = 2  # spacing of its carriers and bandwidth, in newer firmware
@@ -223,7 +224,9 @@ def _cpsi(text: str) -> Row | None:
     mode = values[0].upper()
     if mode == _NO_SERVICE:
         return NoCell(status=mode, state=at(values, 1) or None)
-    if mode in {"NR5G", "NR5G_NSA"}:
+    system = _SYSTEM.fullmatch(mode)
+    mode = (system[1] or system[2]) if system else mode
+    if mode == "NR5G" and at(values, 1).isdecimal():  # beside LTE: neither state nor network
         has_band = at(values, 2).upper().startswith("NR5G")
         return _cpsi_cell(_NSA if has_band else _NSA_WITHOUT_BAND, values[1:], {})
     if mode not in _CPSI_FORMS:
@@ -320,8 +323,8 @@ def _nr(named: Mapping[str, str]) -> _Levels:
     snr = named.get("snr", "")
     integer = decimal(snr, -999, 999)
     raw = {"sinr_raw": snr if integer is None else integer} if snr else {}
-    if scale is None:
-        return {}, raw
+    if scale is None or "" in (named["rsrp"], named.get("rsrq")):
+        return {}, raw  # which of the two is printed does not show
     ratio = rsrq_db(high, scale)
     if high and ratio is None:
         return {}, raw  # another unit than that of the level: one of them is damaged
@@ -399,6 +402,7 @@ def _environment(lines: Sequence[str]) -> Iterator[Row]:
                 serving = (reading.arfcn, reading.pci) if reading else None
             elif kind == "LTE_INTRA" and len(values) > 2:
                 channels["intra"] = values[1]
+                serving = serving or (decimal(values[1]), decimal(values[2]))
             elif kind == "LTE_INTER":
                 channels |= dict(_FREQUENCY.findall(text))
             elif (group := _group(kind)) and (row := _NEIGHBOUR.texts_by_name(values)):

@@ -218,7 +218,8 @@ def _reading(
     has_channel = channel is not None or "bcch" not in named
     if not re.fullmatch(_INDEX, named.get("rxl", "")) or not has_channel:
         return None
-    if not ids and not channel and not level and named.get("rxl") != "99":
+    is_named = any(ids.get(name) is not None for name in ("lac", "cid"))
+    if not is_named and not channel and not level and named.get("rxl") != "99":
         return None  # an empty slot
     if role == "scan":  # no firmware pads these
         channel, level, bsic = (n if n is None else int(n) for n in (channel, level, bsic))

@@ -68,6 +68,7 @@ def _octal_bsic(text: str) -> int | None:
     return int(text, 8) if re.fullmatch(r"[0-7]{2}", text) else None
 
 
+_MOST_OF_DECIMAL_PCI = 3  # digits; one in hexadecimal is padded
 _HIGHEST_PCI = 503
 """Some models print the PCI where others print the cell identity, which is higher than this."""
 
@@ -83,7 +84,7 @@ _LABELS = (
     "Cc|Nc|BSIC|RxQual|LAC|TAC|Id|ARFCN|UARFCN|EARFCN|PWR|TA|PSC|SCR|RSCP|EcIo|DRX|RSRP|RSRQ|PCI"
 )
 _MONI_LABEL = re.compile(
-    rf"(?<!\w)({_LABELS})\s?:[\s,]*([^\s,:]*+)(?!\s?:)", re.IGNORECASE | re.ASCII
+    rf"(?<!\w)({_LABELS})\s?:[\s,]*([^\s,:\]]*+)(?!\s?:)", re.IGNORECASE | re.ASCII
 )
 _CHANNELS: Mapping[str, tuple[Rat, int]] = {
     "arfcn": ("GSM", 1023),
@@ -98,6 +99,13 @@ _LABEL_OF_ONE: Mapping[str, Rat] = {
     "tac": "LTE",
 }
 _NO_CHANNEL = 65535
+_UTRA = tuple(  # downlinks of the bands in use (3GPP TS 25.101 5.4.4), in which a PCI may be a PSC
+    range(first, last + 1)
+    for first, last in (
+        *((412, 687), (712, 763), (1007, 1087), (1537, 1738), (1887, 2087), (2937, 3088)),
+        *((4357, 4458), (9237, 9387), (9662, 9938), (10562, 10838)),
+    )
+)
 _ADJACENT = re.compile(r"adj\b", re.IGNORECASE)
 _MONI_IDENTITY = frozenset({"cc", "nc", "lac", "tac", "id"})
 _LEVELS = ("psc", "rscp", "ecio", "rsrp", "rsrq", "pci")  # labels that are names of values
@@ -174,7 +182,7 @@ _LEVEL_ONLY = re.compile(
     re.IGNORECASE,
 )
 _CARRIER = re.compile(
-    r"(?<![\w.,-])(?:(?P<arfcn>\d{1,4})|(?P<earfcn>\d{5,6})),(?P<rssi>-\d{2,3})\s*\Z"
+    r"(?<![\w.,-])(?:(?P<arfcn>\d{1,4})|(?P<earfcn>\d{5,6})) ?, ?(?P<rssi>-\d{2,3})\s*\Z"
 )
 _BEGIN_OR_END = re.compile(r"network survey (started|ended)", re.IGNORECASE)
 _CHANNEL: Mapping[Rat, str] = {"GSM": "arfcn", "WCDMA": "uarfcn", "LTE": "earfcn"}
@@ -314,7 +322,21 @@ def complete_serving_cell(rows: tuple[Row, ...]) -> tuple[Row, ...]:
         registered = (row for row in rows if isinstance(row, Registration))
         cids = (row.cid for row in registered if _area(row) == _area(best))
         best = replace(best, cid=next(cids, None))
-    return (best, *(row for row in rows if not is_serving(row)))
+    others = [row for row in rows if not is_serving(row)]
+    for row in others:
+        if isinstance(row, CellReading) and _is_again(row, best):
+            best = replace(best, pci=row.pci, rsrq_db=row.rsrq_db)
+            others.remove(row)
+            break
+    return (best, *others)
+
+
+def _is_again(row: CellReading, serving: CellReading) -> bool:
+    # an LM960 lists the serving cell without its name
+    names = ("rat", "arfcn", "rsrp_dbm", "rssi_dbm")
+    values = [getattr(row, name) for name in names]
+    is_same = None not in values and values == [getattr(serving, name) for name in names]
+    return is_same and row.cid is None and row.pci is not None and serving.pci is None
 
 
 def _of_lte(row: CellReading, rows: Sequence[Row]) -> CellReading:
@@ -394,6 +416,8 @@ def _labelled_row(text: str) -> CellReading | None:
     channel = _channel(found, rat)
     if channel is None and found.keys() & _CHANNELS.keys():
         return None  # an empty slot
+    if last in _CHANNELS:
+        channel = None  # perhaps cut: a level follows it
     on_lte = rat == "LTE"
     code = found.get("id", "")
     area_code = area(found.get("tac" if on_lte else "lac", ""))
@@ -403,7 +427,7 @@ def _labelled_row(text: str) -> CellReading | None:
     named["rxq"] = found.get("rxqual", "")
     named["ta"] = found.get("ta", "") if rat == "GSM" else ""
     read = read_values(named)
-    if on_lte and "tac" not in found:
+    if on_lte and not found.keys() & {"tac", "pci"}:
         read["pci"] = hexadecimal(code, 0, _HIGHEST_PCI)
     reading = CellReading(
         role=_role(name, found),
@@ -447,7 +471,10 @@ def _role(name: str, found: Mapping[str, str]) -> Role:
 
 def _identity(text: str, rat: Rat) -> int | None:
     identity = cell_identity(text, 16 if rat == "GSM" else 28)
-    return None if rat == "LTE" and identity is not None and identity <= _HIGHEST_PCI else identity
+    may_be_pci = decimal(text, 0, _HIGHEST_PCI) is not None or (
+        identity is not None and identity <= _HIGHEST_PCI
+    )
+    return None if rat == "LTE" and may_be_pci else identity
 
 
 def _servinfo(fields: list[str]) -> CellReading | NoCell | None:
@@ -461,6 +488,8 @@ def _servinfo(fields: list[str]) -> CellReading | NoCell | None:
     found = read_values(texts)
     if channel is None or (found["rssi_dbm"] is None and not code and not _area_code(found)):
         return NoCell(rat)
+    if rat == "LTE" and len(texts["id"]) <= _MOST_OF_DECIMAL_PCI:
+        found["pci"] = decimal(texts["id"], 0, _HIGHEST_PCI)
     plmn = {"plmn": code} if re.fullmatch(r"\d{5,6}", code) else {}
     return CellReading(
         role="serving",
@@ -483,7 +512,10 @@ def _servinfo_rat(fields: list[str]) -> Rat | None:
         text = at(fields, 4)
         # a scrambling code is decimal, so letters show a PCI
         is_pci = decimal(text) is None and hexadecimal(text, 0, _HIGHEST_PCI) is not None
-        return "LTE" if is_pci or re.fullmatch(r"[0-9A-Fa-f]{6,8}", text) else "WCDMA"
+        channel = decimal(at(fields, 0))
+        may_be_utra = channel in {None, _NO_CHANNEL} or any(channel in band for band in _UTRA)
+        is_lte = is_pci or not may_be_utra or re.fullmatch(r"[0-9A-Fa-f]{6,8}", text)
+        return "LTE" if is_lte else "WCDMA"
     narrow = decimal(at(fields, 0), 0, 1023) is not None or at(fields, 0) in {"", str(_NO_CHANNEL)}
     return "GSM" if narrow and re.fullmatch(r"\d{0,3}|[Ff]{2}", at(fields, 4)) else None
 

@@ -209,7 +209,7 @@ _UCGED_FORMS = {
 }
 _LEVELS = re.compile(r"\+(?P<name>RSRP|RSRQ):\s*(?P<cells>[^+]*)", re.IGNORECASE)
 _LEVEL = re.compile(
-    r'(?<!\d)(?P<pci>\d{1,3}),(?P<arfcn>\d{1,6}),"?(?P<value>-\d{1,3}\.\d{1,2})(?!\d)'
+    r'(?<![\d-])(?P<pci>\d{1,3}) ?, ?(?P<arfcn>\d{1,6}) ?, ?"?(?P<value>-\d{1,3}\.\d{1,2})(?!\d)'
 )
 
 

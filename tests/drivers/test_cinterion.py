@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 
 from logger.core.types import CellReading
@@ -114,6 +116,13 @@ def test_ends_of_a_2g_row(tail, ta):
 )
 def test_search(line, rat):
     assert MODEM.rows_in([f"^SMONI: {line}"]) == (NoCell(rat, state="SEARCH"),)
+
+
+@pytest.mark.parametrize(
+    ("act", "rat"), [("Cat.M", "LTE-M"), ("CAT-M1", "LTE-M"), ("Cat.NB1", "NB-IoT")]
+)
+def test_smoni_of_lte_m_and_nbiot_is_that_of_lte(act, rat):
+    assert one(SMONI_4G.replace("4G", act)) == replace(one(SMONI_4G), rat=rat)
 
 
 def test_values_that_smoni_does_not_know():

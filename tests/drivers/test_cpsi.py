@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 
 from logger.core.types import CellReading
@@ -94,6 +96,34 @@ def test_lte_in_integer_decibel():
         10.0,
     )
     assert one(LTE_M.replace("CAT-M1", "NB-IOT")).rat == "NB-IoT"
+
+
+@pytest.mark.parametrize(
+    ("system", "rat"),
+    [
+        ("LTE CAT-M", "LTE-M"),
+        ("CAT-M1", "LTE-M"),
+        ("LTE NB-IOT2", "NB-IoT"),
+        ("LTE CAT-NB1", "NB-IoT"),
+        ("NB", "NB-IoT"),
+    ],
+)
+def test_words_for_a_system(system, rat):
+    assert one(LTE_M.replace("LTE CAT-M1", system)) == replace(one(LTE_M), rat=rat)
+
+
+def test_a_ratio_alone_is_no_level_of_nr():
+    reading = one(NR_SA.replace(",-880,-105,", ",,-105,"))
+    assert (reading.cell, reading.rsrp_dbm, reading.rsrq_db) == (one(NR_SA).cell, None, None)
+
+
+@pytest.mark.parametrize("system", ["NR5G", "NR5G_NSA"])
+def test_nr_with_state_and_network_is_nr_alone_whatever_its_word(system):
+    assert one(NR_SA.replace("NR5G_SA", system)) == one(NR_SA)
+
+
+def test_a_code_that_is_not_known_costs_no_row():
+    assert one(LTE.replace(",236,", ",65535,")) == replace(one(LTE), pci=None)
 
 
 def test_lte_as_an_index_has_no_level():

@@ -91,6 +91,27 @@ def test_the_rows_decide_against_the_headings():
     assert (serving.arfcn, serving.pci) == (1444, 303)
 
 
+@pytest.mark.parametrize(
+    ("heading", "row", "place"),
+    [
+        ("LTE", "1,4,310,260,4E5F,2D3C4B5,68611,136,171,25,22,40,40,16", (68611, 136, 71)),
+        ("LTE", "1,4,310,260,4E5F,2D3C4B5,10C03,88,171,25,22,40,40,16", (68611, 136, 71)),
+        ("NR", "1,9,262,01,2A4C31,4A5B6C7D8,632448,301,5078,273,30,60,56,65", (632448, 301, 78)),
+        ("NR", "1,9,262,01,2A4C31,4A5B6C7D8,154570,301,5028,50,30,60,56,65", (154570, 301, 28)),
+        ("NR", "1,9,262,01,2A4C31,4A5B6C7D8,1F9901,12D,50258,66,30,60,56,65", (2070785, 301, 258)),
+        ("UMTS", "1,2,262,02,A3C,1A2B3C4,10737,117,1,33,38,1,30", (10737, None, 1)),
+    ],
+)
+def test_a_channel_that_no_band_has_is_of_the_other_base(heading, row, place):
+    (reading,) = MODEM.rows_in(["+GTCCINFO:", f"{heading} service cell:", row, "OK"])
+    assert (reading.arfcn, reading.pci, reading.band) == place
+
+
+def test_a_dash_for_an_unknown_value_costs_no_row():
+    serving, *_ = MODEM.rows_in([line.replace(",14,45,40,24", ",-,45,40,24") for line in HEADED])
+    assert (serving.cid, serving.rsrp_dbm) == (0x2D3C4B5, -101.0)
+
+
 def test_where_no_base_fits_the_channel_is_unknown():
     reading, _ = MODEM.rows_in([line.replace("1444", "9999") for line in BARE])
     assert (reading.cell, reading.arfcn, reading.pci) == ("262-03-20064-47432886", None, None)

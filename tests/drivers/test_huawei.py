@@ -55,6 +55,18 @@ def test_gsm():
     )
 
 
+def test_what_is_unknown_costs_no_row():
+    assert one(GSM.replace(",58,", ",65535,")).arfcn is None
+    assert one(LTE.replace(",-12,", ",-,")).rsrp_dbm == -96.0
+    assert one(NR.replace("4A5B6C7D8", "FFFFFFF")).cid is None
+
+
+def test_numbers_in_hexadecimal_may_have_a_prefix_or_a_zero():
+    written = LTE.replace("2D3C4B5", "0x02D3C4B5").replace("4E5F", "0x4E5F")
+    assert one(written) == one(LTE)
+    assert one(LTE.replace("2D3C4B5", "02D3C4B5")) == one(LTE)
+
+
 def test_numbers_for_unknown_cost_no_row():
     assert one(GSM.replace("-72,,", "-72,99,255")) == one(GSM)
 

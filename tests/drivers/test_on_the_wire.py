@@ -69,6 +69,11 @@ def test_a_sara_r4_answers_ucged_with_rows_of_two_other_names():
     assert (neighbour.pci, neighbour.rsrp_dbm, neighbour.cell) == (136, -105.1, None)
 
 
+def test_a_negative_number_is_no_code_of_a_cell():
+    replies = SARA_R4 | {"AT+UCGED?": '+RSRP: -1,1300,"-098.00",136,1300,"-105.10",\n\nOK'}
+    assert [one.pci for one in cells("ublox", replies)] == [136]
+
+
 def test_a_cell_of_another_technology_names_no_cell():
     replies = SARA_R4 | {"AT+CEREG?": "ERROR", "AT+CREG?": '+CREG: 2,1,"1A2B","3C4D",0\n\nOK'}
     assert [one.cid for one in cells("ublox", replies)] == [None, None]
@@ -183,6 +188,16 @@ def test_a_channel_without_a_cell_has_no_code():
     assert [one.pci for one in cells("sierra", {"AT!LTEINFO?": reply})] == [77]
 
 
+def test_a_channel_of_3g_without_a_cell_is_none():
+    heading = "WCDMA:     UARFCN ThreshL ThreshH Prio PSC   RSCP   ECN0 RXLV"
+    rows = (
+        "            10737       0       0    0   0    0.0    0.0    0",
+        "            10713       0       0    0   0  -94.0   -7.5   20",
+    )
+    reply = "\n".join(("!LTEINFO:", heading, *rows, "", "OK"))
+    assert [(one.arfcn, one.psc) for one in cells("sierra", {"AT!LTEINFO?": reply})] == [(10713, 0)]
+
+
 @pytest.mark.parametrize("banner", ["^SYSSTART", "^SYSSTART AIRPLANE MODE"])
 def test_a_start_in_any_mode_is_a_restart(banner):
     assert FAMILIES["cinterion"].is_restart(banner)
@@ -238,6 +253,27 @@ def test_a_report_within_a_row_makes_no_other_values(name, report):
                     assert any(_is_part(reading, one) for one in whole), text
 
 
+BLANKS_BETWEEN_VALUES = [
+    ("fibocom", "AT+GTCCINFO?", "+GTCCINFO:\n1,4,262,02,1A2B,2D00A0B,514,87,3,100,46,42,42,26"),
+    ("sim7000", "AT+CENG?", '+CENG: 3740,1,137,"02D3C4B5",-101,-11,-92,6,20,"4E5F",0,9'),
+    ("sim7000", "AT+CENG?", "+CENG: 3740,1,138,-108"),
+    ("ublox", "AT+UCGED?", '+RSRP: 135,1300,"-098.00",136,1300,"-105.10",'),
+    ("cinterion", "AT^SMONP=255", "^SMONP:\n2G:\n653,22,-88,262,02,1,3,17,17,0143,83BB,-,-"),
+    ("telit", "AT#CSURV=0,62", "Network survey started ...\n62,-77\nNetwork survey ended"),
+]
+
+
+@pytest.mark.parametrize("blanks", [", ", " ,"])
+@pytest.mark.parametrize(("name", "command", "rows"), BLANKS_BETWEEN_VALUES)
+def test_blanks_between_values_cost_no_row(name, command, rows, blanks):
+    def read(text):
+        data = f"\n{text}\n\nOK\n".replace("\n", "\r\n").encode()
+        return read_on_the_wire(FAMILIES[name], command, data)
+
+    assert read(rows)
+    assert read(rows.replace(",", blanks)) == read(rows)
+
+
 # --- the standard replies
 
 
@@ -285,6 +321,16 @@ def test_the_network_in_use_has_the_technology_where_creg_has_none():
         0x2D00A0B,
         -73.0,
     )
+
+
+def test_cesq_gives_the_quality_of_a_cell_of_3g_too():
+    replies = {
+        "AT+COPS?": '+COPS: 0,2,"26202",2\n\nOK',
+        "AT+CREG?": '+CREG: 2,1,"1A2B","00B5EEFF",2\n\nOK',
+        "AT+CESQ": "+CESQ: 99,99,27,34,255,255\n\nOK",
+    }
+    (serving,) = cells("generic", replies)
+    assert (serving.rscp_dbm, serving.ecio_db) == (-94.0, -7.5)
 
 
 @pytest.mark.parametrize("plmn", ["2620X", "262", "000000"])

@@ -188,6 +188,26 @@ def test_order_in_a_neighbour_row_follows_the_technology_camped_on():
     assert (gsm.arfcn, gsm.bsic, gsm.rssi_dbm) == (None, 45, -93.0)
 
 
+def test_a_row_of_lte_without_its_rsrq_keeps_its_rsrp():
+    for unknown in ("-", "", "-32768"):
+        cell = one(f'+QENG: "neighbourcell intra","LTE",1850,371,-104,{unknown},-72,-,-,-,-,-,-')
+        assert (cell.rsrp_dbm, cell.rsrq_db, cell.rssi_dbm) == (-104.0, None, None)
+    filled = one('+QENG: "neighbourcell intra","LTE",1850,371,0,-104,-72,0,20')
+    assert (filled.rsrp_dbm, filled.rsrq_db) == (-104.0, None)
+
+
+def test_numbers_that_mean_no_channel_and_no_cell():
+    assert one(LTE.replace(",1300,", ",65535,")).arfcn is None
+    for filler in ("FFFFFFF", "0x7FFFFFFF", "FFFFFFFF", "FFFFFFFFF"):
+        assert one(SA.replace("170C23000", filler)).cid is None
+
+
+@pytest.mark.parametrize("row", ["882,12,48,255,0,37,-1920,0", "23,4,12,48,255,0,37,-1920,0"])
+def test_channel_and_priority_without_their_comma_are_no_network(row):
+    found = cells(f'+QENG: "neighbourcell","GSM",{row}')
+    assert [identity_of(cell) for cell in found] in ([], [NO_IDENTITY])
+
+
 @pytest.mark.parametrize(
     "row",
     ["10663,5,12,60,219,-970,-80,21", "10663,-698,219,-970,-80,4,-32768,-", "10663,219,-97,-8"],

@@ -243,6 +243,12 @@ def poll_with(*answers):
     )
 
 
+@pytest.mark.parametrize("serving", [CMGRMI[1] + ",1", CMGRMI[1][:60]])
+def test_the_serving_cell_in_a_row_of_another_form_is_no_neighbour(serving):
+    rows = MODEM.read([CMGRMI[0], serving, *CMGRMI[2:]])
+    assert [(row.arfcn, row.pci) for row in rows] == [(1300, 86), (37900, 417), (2850, 158)]
+
+
 def test_poll_names_the_serving_cell_once():
     serving, *others = poll_with(
         ([CPSI], "OK"), ([], "ERROR"), (CMGRMI, "OK"), (["+CESQ: 99,99,255,255,20,51"], "OK")

@@ -193,6 +193,35 @@ def test_rows_in_a_log():
 # --- AT#SERVINFO
 
 
+def test_a_neighbour_of_lte_with_its_code_under_a_label():
+    row = one("#MONI: RSRP:-107 RSRQ:-18 PCI:137 EARFCN:1300 PWR:-79dbm")
+    assert (row.role, row.arfcn, row.pci, row.rsrp_dbm) == ("neighbour", 1300, 137, -107.0)
+
+
+def test_a_closing_bracket_is_no_part_of_a_level():
+    row = one("#MONI: Adj Cell1 [LAC:3F6A, Id:1B7C, ARFCN:68, PWR:-76dbm]")
+    assert (row.cid, row.arfcn, row.rssi_dbm) == (0x1B7C, 68, -76.0)
+
+
+def test_a_channel_at_the_end_of_a_row_may_be_cut():
+    row = one(LABELLED[: LABELLED.index("02 PWR")])  # ARFCN:10 of 1002
+    assert (row.cell, row.arfcn) == (one(LABELLED).cell, None)
+
+
+@pytest.mark.parametrize(
+    ("channel", "rat", "code"),
+    [(10737, "WCDMA", (136, None)), (5110, "LTE", (None, 136)), (68611, "LTE", (None, 136))],
+)
+def test_a_decimal_pci_on_a_channel_of_no_umts_is_no_scrambling_code(channel, rat, code):
+    row = one(f'#SERVINFO: {channel},-72,"Example","001010",136,4E5F,128,3,-101')
+    assert (row.rat, row.arfcn, (row.psc, row.pci), row.level_dbm) == (rat, channel, code, -101.0)
+
+
+def test_a_decimal_pci_is_no_cell_identity_in_hexadecimal():
+    row = one('#SERVINFO: 5110,-72,"Example","001010",352,4E5F,128,3,-101')
+    assert (row.rat, row.tac, row.cid, row.pci) == ("LTE", 0x4E5F, None, 352)
+
+
 def test_letters_in_a_pci_are_no_scrambling_code():
     reading = one(SERVINFO_LTE.replace("2D3C4B5", "7B"))
     assert (reading.rat, reading.tac, reading.cid) == ("LTE", 0x4E5F, None)

@@ -44,7 +44,9 @@ def test_poll_on_lte_takes_the_cell_from_the_registration():
     assert run_dialogue(MODEM.poll(), answers)[0][0].cid is None
 
 
-PCI_OF_SERVINFO = '#SERVINFO: 6300,-55,"Example Net","26203",178,4E5F,32,3,-84'
+PCI_OF_SERVINFO = (
+    '#SERVINFO: 1600,-55,"Example Net","26203",178,4E5F,32,3,-84'  # of both UMTS and LTE
+)
 
 
 @pytest.mark.parametrize(
@@ -63,8 +65,22 @@ def test_the_registration_shows_whether_a_row_is_of_lte(command, registration, r
     assert codes == ((178, -84.0, None, None) if rat == "LTE" else (None, None, 178, -84.0))
 
 
+def test_the_serving_cell_that_moni_lists_without_its_name_is_no_neighbour():
+    row = "#MONI: RSRP:{} RSRQ:-13 Id:{:07X} EARFCN:6300 PWR:{}dbm".format
+    servinfo = '#SERVINFO: 6300,-68,"Example Net","26203",0A1B2C3,4E5F,32,3,-101'
+    for level, n_others in ((-101, 1), (-103, 2)):
+        answers = {
+            "AT#MONI": ([row(level, 236, -68), row(-107, 322, -79)], "OK"),
+            "AT#SERVINFO": ([servinfo], "OK"),
+        }
+        serving, *others = run_dialogue(MODEM.poll(), answers)[0]
+        assert serving.cell == f"262-03-{0x4E5F}-{0x0A1B2C3}"
+        assert (serving.pci, serving.rsrq_db) == ((236, -13.0) if n_others == 1 else (None, None))
+        assert [one.pci for one in others] == [236, 322][-n_others:]
+
+
 def test_the_network_of_servinfo_joins_the_cell_of_moni():
-    moni = "#MONI: Example Net RSRP:-84 RSRQ:-9 TAC:4E5F Id:0A1B2C3 EARFCN:6300 PWR:-55dBm DRX:32"
+    moni = "#MONI: Example Net RSRP:-84 RSRQ:-9 TAC:4E5F Id:0A1B2C3 EARFCN:1600 PWR:-55dBm DRX:32"
     answers = {
         "AT#MONI": ([f"{moni} pci:178 QRxLevMin:-122"], "OK"),
         "AT#SERVINFO": ([PCI_OF_SERVINFO], "OK"),

@@ -138,6 +138,11 @@ def test_cell_of_lte_is_read_where_a_letter_shows_its_base():
     ]
 
 
+def test_uplink_channels_of_the_bands_above_64_have_six_digits():
+    row = one(SCAN_LTE.replace("DLF: 1444, ULF:19444", "DLF:68611, ULF:133147"))  # band 71
+    assert (row.cell, row.arfcn, row.pci, row.rsrp_dbm) == (one(SCAN_LTE).cell, 68611, 303, -100.0)
+
+
 def test_scan_in_a_log():
     lines = [
         f"0000004711 [app] INFO: {SCAN_2G}\\r\\n",

@@ -375,7 +375,7 @@ _WORDS = {
 _ANYWHERE = frozenset((b"ok", b"error", b"dbm"))
 _COLON = re.compile(rb"[ ]?(?:\(dBm?\))?[ ]?:", re.IGNORECASE)
 _COLUMNS = re.compile(rb"[0-9A-Za-z)-](?:[ ]{2}|\t| -[0-9])|\A[ \t]+[0-9]")
-_CARRIER = re.compile(rb"\s*[0-9]{1,6},-[0-9]{2,3}\s*")
+_CARRIER = re.compile(rb"\s*[0-9]{1,6} ?, ?-[0-9]{2,3}\s*")
 _HEADING = re.compile(rb"[ \t]*([A-Za-z]+(?: [A-Za-z]+)*) [0-9]{1,2} ?:[ \t]*")
 _NETWORK = re.compile(rb"[ \t]*,?\(|.*\"[0-9]{5,7}\"")
 """The rest of a list of networks that a line end divides."""

@@ -400,6 +400,15 @@ def between(low: int, high: int) -> Callable[[str], int | None]:
     return partial(decimal, low=low, high=high)
 
 
+def _channel(high: int) -> Value:
+    # 65535 is in no band; modems print it for none
+    def read(text: str) -> int | None:
+        found = decimal(text, 0, high)
+        return None if found == 0xFFFF else found
+
+    return Value("arfcn", read, rf"\d{{1,{len(str(high))}}}")
+
+
 def number(attribute: str, low: int, high: int) -> Value:
     """A decimal integer in [low, high]."""
     width = max(len(str(abs(bound))) for bound in (low, high))
@@ -450,8 +459,8 @@ def values_like(levels: str = _SIGNED, padding: str = "(?:0x)?0*") -> Kinds:
         "cid28_10": code("cid", 28, 10),
         "arfcn": number("arfcn", 0, 1023),  # 3GPP TS 45.005 2
         "uarfcn": number("arfcn", 0, 16383),  # 25.101 5.4.3
-        "earfcn": number("arfcn", 0, 262143),  # 36.101 5.7.3
-        "nrarfcn": number("arfcn", 0, 3279165),  # 38.104 5.4.2.1
+        "earfcn": _channel(262143),  # 36.101 5.7.3
+        "nrarfcn": _channel(3279165),  # 38.104 5.4.2.1
         "band": number("band", 1, 255),
         "bsic": number("bsic", 0, 63),
         "psc": number("psc", 0, 511),
@@ -677,7 +686,7 @@ def labelled_row(labels: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pat
 
 def _group(name: str, kinds: Kinds) -> str:
     if name.startswith("_"):
-        return "[0-9A-F]{1,8}" if name == "_" else r"\d{1,5}"
+        return "[0-9A-F]{1,8}" if name == "_" else r"\d{1,6}"
     return rf"(?P<{name}>{kinds[name].pattern})"
 
 

@@ -34,7 +34,7 @@ from logger.drivers.reading.row_language import (
     values,
 )
 
-_VALUE = r'(?:"[^"+]*"?|[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
+_VALUE = r'(?:"[^"+]*"?|(?:0[xX])?[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
 _REGISTRATION = re.compile(
     rf"\+(CREG|CGREG|CEREG|C5GREG):\s*({_VALUE}(?:[ \t]*,[ \t]*{_VALUE})*)", re.ASCII
 )
@@ -62,6 +62,8 @@ _MOST_STAT, _WIDEST_STAT = 11, 3
 # +CEREG reports LTE and its kin alone; elsewhere 8 may be CDMA or GSM
 _RAT_OF_EPS: dict[int, Rat] = {8: "LTE-M", 9: "NB-IoT"}
 _CAUSE_TYPES = frozenset({0, 1})
+# a Novatel prints the routing area before the cell: +CEREG: 2,1, 1F00, 20 ,79D903 ,7
+_ROUTING_AREA, _WIDE_CELL = re.compile("[0-9A-Fa-f]{1,2}"), re.compile("[0-9A-Fa-f]{4,8}")
 _CELL, _NR_CELL = NumberForm(16, frozenset({4, 7, 8})), NumberForm(16, frozenset({9, 16}))
 """A registration prints the cells of all technologies in one field, GSM with four digits."""
 
@@ -85,6 +87,8 @@ def _registrations(line: str) -> Iterator[Row]:
             continue
         if not at(fields, 1) and at(fields, 2):
             fields[2:3] = [""]  # a cell never comes without its area: a comma stands twice
+        if _ROUTING_AREA.fullmatch(at(fields, 2)) and _WIDE_CELL.fullmatch(at(fields, 3)):
+            del fields[2]
         act = decimal(at(fields, 3).rstrip("])"), 0, 15)
         rats = RAT_OF_ACT | _RAT_OF_EPS if domain == "CEREG" else RAT_OF_ACT
         bits, form = (36, _NR_CELL) if domain == "C5GREG" else (28, _CELL)
@@ -203,6 +207,7 @@ _UNASKED = re.compile(r"\s*(?:RING|RDY|QCRDY|Call Ready|SMS Ready|SMS DONE|PB DO
 _RESULT = re.compile(
     r"\s*(?:OK|ERROR|\+CM[ES] ERROR\b.*|AT\b.*|AT[+^*$!#%&].*)?\s*\Z", re.IGNORECASE
 )
+_JOINED_OK = re.compile(r"(?<=[^\s:])\s+OK\s*\Z")
 _ONLY_A_NUMBER = re.compile(r"\s*[0-9x]+\s*\Z")  # x: redacted
 _LAST_VALUE = re.compile(r"[^\s,:]*\s*\Z")  # its label stays
 _CLOSED = re.compile(r'(?:"[^"]*"|:)\s*\Z')
@@ -237,6 +242,8 @@ def drop_cut_values(lines: Sequence[str], names: frozenset[str]) -> list[str]:
 
 def _parts(line: str, names: frozenset[str]) -> Iterator[str]:
     """The line, in two where a URC stands in the middle of it."""
+    # a log may have joined the result to it
+    line = _JOINED_OK.sub("", line)
     for glued in _GLUED.finditer(line):
         if glued[1].upper() not in names | _COMMON:
             yield from (line[: glued.start()], INTERRUPTION, line[glued.start() :])
@@ -308,6 +315,7 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
         cid=registration.cid,
         rssi_dbm=next((level for level in carriers if level is not None), None),
         rscp_dbm=signal.rscp_dbm,
+        ecio_db=signal.ecio_db,
         rsrp_dbm=signal.rsrp_dbm,
         rsrq_db=signal.rsrq_db,
     )

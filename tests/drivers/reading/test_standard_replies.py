@@ -66,6 +66,12 @@ def test_every_driver_reads_the_common_ground_of_the_corpus(corpus):
         ("+CREG: 3,3,,,,1,2", {"n": 3, "stat": 3, "reject_cause_type": 1, "reject_cause": 2}),
         ('+CGREG: 3,"01","02",0,"03",0,7', {"stat": 3, "lac": 1, "reject_cause": 7, "rat": "GSM"}),
         ('+CREG: 2,1,"FFFE","1A2D001",7', {"n": 2, "stat": 1, "cid": 0x1A2D001, "rat": "LTE"}),
+        ("+CREG: 2,1,0x2AFE,0x1A2D", {"n": 2, "stat": 1, "lac": 0x2AFE, "cid": 0x1A2D}),
+        (  # with the routing area
+            "+CEREG: 2,1, 2AFE, 20 ,1A2D01 ,7",
+            {"n": 2, "stat": 1, "tac": 0x2AFE, "cid": 0x1A2D01, "rat": "LTE"},
+        ),
+        ("+CEREG: 1, 2AFE, 20 ,1A2D01 ,7", {"stat": 1, "tac": 0x2AFE, "cid": 0x1A2D01}),
     ],
 )
 def test_registration_answered_and_reported(line, wanted):
@@ -252,6 +258,12 @@ def test_what_may_follow_a_row_cuts_none(following):
 )
 def test_what_stands_where_a_row_should_go_on_cuts_it(following):
     assert drop_cut_values([EC25, following], NAMES)[0] == EC25[:-1]
+
+
+@pytest.mark.parametrize("result", [" OK", "   OK", "\tOK \r"])
+def test_a_result_that_a_log_has_joined_to_a_row_is_no_part_of_it(result):
+    assert drop_cut_values([EC25 + result], NAMES) == [EC25]
+    assert drop_cut_values([f"OK{result}", f"AT+QENG:{result}"], NAMES)[1] == f"AT+QENG:{result}"
 
 
 def test_a_value_in_quotation_marks_is_complete():
