@@ -51,14 +51,14 @@ def connect(path: Path, *, views: bool = False) -> sqlite3.Connection:
     """
     size = check_regular(path)
     database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
-    for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0"):
-        database.execute(f"PRAGMA {pragma}")
-    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_BYTES)
     began = monotonic()
-    database.set_progress_handler(lambda: monotonic() > began + _SCHEMA_S, _STEPS_OF_SCHEMA)
     try:
+        for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0"):
+            database.execute(f"PRAGMA {pragma}")
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_BYTES)
+        database.set_progress_handler(lambda: monotonic() > began + _SCHEMA_S, _STEPS_OF_SCHEMA)
         database.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone()
-    except sqlite3.Error:
+    except BaseException:
         database.close()
         raise
     left = [_STEPS_LEAST + _STEPS_BY_BYTE * size]
