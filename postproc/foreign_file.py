@@ -4,12 +4,13 @@ A file may lie about everything. Whatever it claims is bounded by its own size, 
 it, or by a limit that stands here; docs/guide/formats.md lists them.
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from gzip import GzipFile
-from io import TextIOWrapper
+from io import BufferedReader, TextIOWrapper
 from pathlib import Path
-from typing import IO, TypeVar
+from typing import TypeVar
 
 from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
@@ -45,6 +46,11 @@ _SMALL_BYTES = 64 << 20
 _MOST_PACKED = 100
 """Times that a large file may be packed: a log is packed 5 to 20 times, zeros are 1000 times."""
 
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+"""How Excel's "Unicode Text" begins, and what Windows writes by `>`."""
+_SEPARATOR = re.compile(r"sep=.?[\r\n]*")
+"""A first line that Excel writes and reads: no row, and the header shows the separator as well."""
+
 Item = TypeVar("Item")
 
 
@@ -53,20 +59,33 @@ def most_unpacked_bytes(packed_bytes: int) -> int:
     return min(_SMALL_BYTES + _MOST_PACKED * packed_bytes, _MOST_UNPACKED)
 
 
+def encoding_of(head: bytes) -> str:
+    """Encoding of a text by its first bytes."""
+    return "utf-16" if head.startswith(_UTF16) else "utf-8-sig"
+
+
+def open_text(file: BufferedReader | GzipFile, newline: str | None = None) -> TextIOWrapper:
+    """The text of a file; what is no text is replaced by marks."""
+    return TextIOWrapper(file, encoding_of(file.peek(2)), "replace", newline=newline)
+
+
 class Lines(Iterator[str]):
     """Lines of a text file; those that a reader joins to one row are bounded together.
 
     `next` raises `RunFileError` for a longer row.
     """
 
-    def __init__(self, file: IO[bytes] | GzipFile, source: Path) -> None:
-        self._text = TextIOWrapper(file, "utf-8-sig", "replace", newline="")
+    def __init__(self, file: BufferedReader | GzipFile, source: Path) -> None:
+        self._text = open_text(file, newline="")
         self._source = source
         self._taken = 0
         self.number = 0
 
     def __next__(self) -> str:
         line = self._text.readline(LONGEST_ITEM)
+        if self.number == 0 and _SEPARATOR.fullmatch(line):
+            self.number += 1
+            line = self._text.readline(LONGEST_ITEM)
         if not line:
             raise StopIteration
         self._taken += len(line)
