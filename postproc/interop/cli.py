@@ -211,7 +211,8 @@ def _counts(imported: importing.Imported) -> str:
     remarks = f", {len(imported.left.remarks)} remarks" if imported.left.remarks else ""
     readings = document.number_of(imported.n_rows, "reading")
     bad = document.number_of(imported.left.n_bad, "bad row")
-    counts = f"{readings}{remarks}, {bad}{again}"
+    alone = f", {n} rows with a position alone" if (n := imported.n_positions) else ""
+    counts = f"{readings}{remarks}{alone}, {bad}{again}"
     return f"{imported.path}: {counts} ({imported.format})"
 
 

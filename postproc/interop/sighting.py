@@ -39,9 +39,13 @@ REMARK = "remark"
 """Code of the note of a warning."""
 
 
+POSITION_ALONE = CellReading("scan", None)
+"""In place of a reading: many loggers write a position each second and levels less often."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """One cell received at one position.
+    """One cell received at one position, or a position of the walker alone.
 
     `line` is the number of the line, row or record, `t_ns` gives the order in time; `fix.utc_ns` is
     None where the file has no UTC, and `fix.valid` is False where it has no position. `receiver`
@@ -53,6 +57,10 @@ class Sighting:
     fix: Fix
     reading: CellReading
     receiver: int = 0
+
+    @property
+    def is_position(self) -> bool:
+        return self.reading == POSITION_ALONE
 
     @property
     def lat_deg(self) -> float:
@@ -132,7 +140,7 @@ _VALUES_OF = {
 
 
 class SightingFile:
-    """Sightings, at first in the order in which they came; in memory are 56 bytes of each.
+    """Sightings, at first in the order in which they came; in memory are 57 bytes of each.
 
     The file has no name and goes with the object. Raises OSError where it cannot be written.
     """
@@ -141,7 +149,7 @@ class SightingFile:
         self._file = TemporaryFile(dir=folder)  # noqa: SIM115 (closed with this object)
         self._at = array("q", [0])
         self._t_ns, self._hashes = array("q"), array("q")
-        self._place = array("d")
+        self._place, self._is_position = array("d"), array("b")
         self._order: IntArray | None = None
 
     def close(self) -> None:
@@ -159,6 +167,7 @@ class SightingFile:
         self._at.append(self._at[-1] + len(data))
         self._t_ns.append(one.t_ns)
         self._hashes.append(hash((one.t_ns, fix, reading)))
+        self._is_position.append(one.is_position)
         if fix.valid:
             sigma_m = fix_sigma_m(fix.acc_m, fix.hdop, fix.quality)
             self._place.extend((one.lat_deg, one.lon_deg, sigma_m))
@@ -170,6 +179,12 @@ class SightingFile:
         self._file.flush()
         for i in self._order_of_rows().tolist():
             yield self._read(i)
+
+    @property
+    def n_positions(self) -> int:
+        """How many are a position alone."""
+        is_position = np.frombuffer(self._is_position, np.int8)
+        return int(np.count_nonzero(is_position[self._order_of_rows()]))
 
     def leave_out_repeated(self) -> None:
         """Keep one of equal sightings, the last."""

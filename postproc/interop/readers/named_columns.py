@@ -18,6 +18,7 @@ from postproc import csv_table
 from postproc.interop.contents import Contents, Format
 from postproc.interop.sighting import (
     LEVEL_RANGE_DBM,
+    POSITION_ALONE,
     RATS,
     ROW_NS,
     Columns,
@@ -27,6 +28,7 @@ from postproc.interop.sighting import (
     Row,
     Sighting,
     Transmitters,
+    fix_of,
     integer,
     is_month_first,
     maybe,
@@ -98,6 +100,7 @@ _ROLES: dict[str, Role] = {
 }
 """Another value may be the name of the serving cell."""
 _TIMES = frozenset({"t_s", "time"})
+_FIX = frozenset({*_TIMES, "date", "lat", "lon", "acc", "alt"})
 _CODES = frozenset({"arfcn", "bsic", "psc", "pci"})
 
 Column = tuple[str, str, Rat | None]
@@ -231,7 +234,7 @@ def _sighting(
 ) -> Row:
     level = _level(columns, raw)
     if level is None:
-        return NoCell(line, "no level")
+        return _position(form, columns, month_first, line, raw)
     column, rat = level
     fields: dict[str, Any] = {
         ours: _plain(raw[name])
@@ -249,6 +252,19 @@ def _sighting(
         return sighting
     label = transmitters.name(raw, sighting.reading)
     return replace(sighting, reading=replace(sighting.reading, label=label))
+
+
+def _position(
+    form: Columns, columns: list[Column], month_first: bool | None, line: int, raw: Fields
+) -> Row:
+    """A row without a level: its position counts where it has one and a time."""
+    fields: dict[str, Any] = {ours: _plain(raw[name]) for ours, name, _ in columns if ours in _FIX}
+    if form.place is None or not fields.keys() & _TIMES or not (fields["lat"] and fields["lon"]):
+        return NoCell(line, "no level")
+    moment = _moment(columns, line, fields, month_first=month_first)
+    known = {"alt_m": maybe(fields, "alt"), "acc_m": maybe(fields, "acc", (0.0, 1e6)) or None}
+    fix = fix_of(fields, "lat", "lon", moment.utc_ns, **known)
+    return Sighting(line, moment.t_ns, fix, POSITION_ALONE)
 
 
 def _level(columns: list[Column], raw: Fields) -> tuple[str, Rat | None] | None:

@@ -6,7 +6,7 @@ from logger.core.types import CellReading
 from postproc.cli import main
 from postproc.interop.importing import recognise
 from postproc.interop.readers import named_columns
-from postproc.interop.sighting import NoCell
+from postproc.interop.sighting import NoCell, Sighting
 
 TIME = "2024-05-01 12:00:07"
 
@@ -36,8 +36,20 @@ def test_a_drive_test_with_a_column_for_each_technology(tmp_path):
     assert lte.reading == CellReading(
         "scan", "LTE", "262", "01", tac=70, cid=256259, arfcn=1300, pci=5, rsrp_dbm=-99.5
     )
-    assert none == NoCell(4, "no level")
+    assert (none.is_position, none.t_ns, none.fix) == (True, gsm.t_ns, gsm.fix)
     assert (gsm.lat_deg, gsm.lon_deg, gsm.fix.utc_ns) == (52.5, 13.5, None)
+
+
+@pytest.mark.parametrize("row", ["0,0,", ",,"])
+def test_a_row_without_level_and_position_is_no_position(tmp_path, row):
+    first, second = _rows(tmp_path, "t_s,latitude,longitude,rsrp", "1,52,13,-90", f"2,{row}")
+    assert first.reading.rsrp_dbm == -90.0
+    assert not isinstance(second, Sighting)
+
+
+def test_a_position_in_a_table_without_times_says_nothing(tmp_path):
+    first, second = _rows(tmp_path, "latitude,longitude,rsrp", "52,13,-90", "52,13.1,")
+    assert (first.reading.rsrp_dbm, second) == (-90.0, NoCell(3, "no level"))
 
 
 def test_a_table_with_one_technology_column(tmp_path):
