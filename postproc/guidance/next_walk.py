@@ -40,6 +40,8 @@ from postproc.smoothing import too_few
 
 MOST_ROUTES = 5
 """Routes that are listed; the others differ from these by a leg."""
+_SAME_END_M = 20.0
+"""Routes that end closer together lead to one destination, as a receiver and a reader see it."""
 
 _EFFORT = Effort(most_squares=1500, split_share=0.005, nodes=3, most_blocks=150)
 """Where to walk changes little with finer squares."""
@@ -153,11 +155,15 @@ def _loop(start: Places, place: Cluster, side_m: float) -> Route:
 
 
 def _different(ranked: Sequence[Plan]) -> list[Plan]:
-    """The best routes of those that do not begin with a better one or are part of one."""
+    """The best routes to each destination that do not begin with a better one or are part of one."""
     chosen: list[Plan] = []
     for one in ranked:
-        points = set(one.points.tolist())
-        if all(len(points & set(other.points.tolist())) < 0.7 * len(points) for other in chosen):
+        points, end_m = set(one.points.tolist()), one.route.corner_m[-1]
+        if all(
+            len(points & set(other.points.tolist())) < 0.7 * len(points)
+            and np.hypot(*(other.route.corner_m[-1] - end_m)) > _SAME_END_M
+            for other in chosen
+        ):
             chosen.append(one)
         if len(chosen) == MOST_ROUTES:
             break
