@@ -14,7 +14,7 @@ import numpy as np
 from logger.command_line import late_modules
 from logger.core.answer import Answer, Provenance, answer_of
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.certainty import RADII, metres, relevant_modes
+from logger.core.certainty import RADII, metres
 from logger.core.document import Column, Degrees, Document, Table
 from logger.core.document import Line as TextLine
 from logger.core.errors import ConfigError, EstimationError
@@ -105,7 +105,7 @@ def next_walk(
     best, *others = plans(forecaster, routes, course, has_map=True)
     distance_m = float(np.hypot(*(first_turn(best.route) - best.route.corner_m[0])))
     verdict, reasons, *_ = decide(posterior, obs)
-    named = [mode.place for mode in relevant_modes(posterior.modes)]
+    named = [mode.place for mode in posterior.likely_modes]
     return NextWalk(
         answer_of(obs.cell, verdict, reasons, Provenance(len(obs)), posterior),
         start,
@@ -155,7 +155,7 @@ def _loop(start: Places, place: Cluster, side_m: float) -> Route:
 
 
 def _different(ranked: Sequence[Plan]) -> list[Plan]:
-    """The best routes to each destination that do not begin with a better one or are part of one."""
+    """The best routes to places of their own that do not begin with a better one or are in one."""
     chosen: list[Plan] = []
     for one in ranked:
         points, end_m = set(one.points.tolist()), one.route.corner_m[-1]
