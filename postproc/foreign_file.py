@@ -20,10 +20,8 @@ LONGEST_ITEM = 4 << 20
 """Bytes of a line, a row, an element of XML or an object of JSON: parsed, it takes 30 times that.
 
 A track of 100,000 points in one element of KML is shorter."""
-MOST_COLUMNS = 2000
-"""As many as a table of SQLite has."""
-MOST_DEPTH = 100
-"""Elements of XML within each other; a log has ten."""
+MOST_COLUMNS = 2000  # as many as a table of SQLite has
+MOST_DEPTH = 100  # elements of XML within each other; a log has ten
 MOST_ROWS = 200_000_000
 """Of any kind, in one file: OpenCelliD lists 50 million cells."""
 MOST_READINGS = 3_000_000
@@ -32,8 +30,7 @@ MOST_BAD_ROWS = 10_000
 """Of those that an import lists; further ones are counted."""
 MOST_REMARKS = 100_000
 """Of another program, each of which becomes a note."""
-MOST_TILE_PIXELS = 1024
-"""Along a side; tiles have 256 or 512."""
+MOST_TILE_PIXELS = 1024  # along a side; tiles have 256 or 512
 MOST_TILE_BYTES = 4 << 20
 """Of one tile, unpacked; a dense city in a vector tile has one megabyte."""
 MOST_DIRECTORY_BYTES = 2 << 20
@@ -46,10 +43,10 @@ _SMALL_BYTES = 64 << 20
 _MOST_PACKED = 100
 """Times that a large file may be packed: a log is packed 5 to 20 times, zeros are 1000 times."""
 
+# how Excel's "Unicode Text" begins, and what Windows writes by `>`
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
-"""How Excel's "Unicode Text" begins, and what Windows writes by `>`."""
+# a first line that Excel writes and reads: no row, and the header shows the separator as well
 _SEPARATOR = re.compile(r"sep=.?[\r\n]*")
-"""A first line that Excel writes and reads: no row, and the header shows the separator as well."""
 
 Item = TypeVar("Item")
 
@@ -65,7 +62,7 @@ def encoding_of(head: bytes) -> str:
 
 
 def open_text(file: BufferedReader | GzipFile, newline: str | None = None) -> TextIOWrapper:
-    """The text of a file; what is no text is replaced by marks."""
+    """Its text, with marks for what is none."""
     return TextIOWrapper(file, encoding_of(file.peek(2)), "replace", newline=newline)
 
 

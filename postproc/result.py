@@ -513,7 +513,7 @@ class Result:
 
     @property
     def cells_in_order(self) -> list[CellResult]:
-        """As every text has them: conspicuous ones, then by verdict and readings."""
+        """As every text has them."""
         conspicuous = [cell for cell, word in self.words.items() if word.is_conspicuous]
         return in_report_order(self.cells, conspicuous)
 

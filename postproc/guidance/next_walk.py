@@ -40,13 +40,11 @@ from postproc.smoothing import too_few
 
 MOST_ROUTES = 5
 """Routes that are listed; the others differ from these by a leg."""
-_SAME_END_M = 20.0
-"""Routes that end closer together lead to one destination, as a receiver and a reader see it."""
+_SAME_END_M = 20.0  # routes that end closer together have one destination for a receiver
 
 _EFFORT = Effort(most_squares=1500, split_share=0.005, nodes=3, most_blocks=150)
 """Where to walk changes little with finer squares."""
-_LOOP_M = (120.0, 300.0)
-"""Sides of squares around a place, walked where no street map is known."""
+_LOOP_M = (120.0, 300.0)  # sides of squares around a place, where no street map is known
 _FARTHEST_M = 20_000.0
 """Half an hour by car from the walk; a start beyond has latitude and longitude exchanged."""
 _DRAWS = 40

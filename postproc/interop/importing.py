@@ -162,12 +162,10 @@ def _is_cell_list(seen: Contents) -> bool:
     )
 
 
-_ROW_NS = 10**9
-"""From row to row where only their order is known."""
+_ROW_NS = 10**9  # from row to row where only their order is known
 _SHARE_OF_ONE_TIME = 0.2
 """Of the rows: a clock that shows minutes gives most of them the time of others."""
-_CURRENT_NS = 10 * 10**9
-"""An older fix is not current at a scan."""
+_CURRENT_NS = 10 * 10**9  # an older fix is not current at a scan
 
 
 class LeftOut:

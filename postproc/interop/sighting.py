@@ -39,8 +39,8 @@ REMARK = "remark"
 """Code of the note of a warning."""
 
 
+# in place of a reading: many loggers write a position each second and levels less often
 POSITION_ALONE = CellReading("scan", None)
-"""In place of a reading: many loggers write a position each second and levels less often."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,8 +279,7 @@ RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {
 
 
 _ASU_MOST = {"GSM": 31, "LTE": 97, "NR": 97}
-_LAST_DAY = 100_000
-"""Days since 1970, the year 2243: nanoseconds still fit into 64 bit."""
+_LAST_DAY = 100_000  # since 1970, the year 2243: nanoseconds still fit into 64 bit
 
 
 def text(fields: Fields, *names: str) -> str:
@@ -442,8 +441,7 @@ def ns_since_1970(when: datetime, name: str) -> int:
     return ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1000
 
 
-DEFAULT_CELL = "target"
-"""Name of the only cell of a table that names none."""
+DEFAULT_CELL = "target"  # the only cell of a table that names none
 _TRANSMITTERS = (
     *("cell", "bssid", "mac", "macaddress", "transmitter", "transmitterid", "txid", "beacon"),
     *("beaconid", "beaconuuid", "gateway", "gatewayid", "gatewayeui", "gateweui", "gtwid", "gweui"),
@@ -458,8 +456,7 @@ _DEVICES = (
     *("enb", "enbid", "enodeb", "enodebid", "gnb", "gnbid", "nodeb", "nodebid"),
 )
 """Columns that may name the transmitter, or the receiver, or number the rows."""
-_MOST_VALUES = 10_000
-"""A column with more values numbers the rows."""
+_MOST_VALUES = 10_000  # a column with more numbers the rows
 
 
 class Transmitters:

@@ -105,15 +105,14 @@ _LINE_END = re.compile(rb"[\r\n]")
 _ECHO = re.compile(rb"\Z|[ \t]*AT", re.IGNORECASE)
 _NAME = re.compile(r"[+*^#!$%][A-Z][A-Z0-9]*")
 _PREFIX = re.compile(rf"\s*({_NAME.pattern})\s?:")
+# no command here makes a call, but a caller who hangs up leaves one of them
 RESULTS_OF_CALLS = frozenset({"NO CARRIER", "BUSY", "NO ANSWER", "NO DIALTONE"})
-"""No command here makes a call, but a caller who hangs up leaves one of them."""
 # Huawei's words for a command that it lacks, and V.250's for one that a byte on the line has ended
 REFUSALS = frozenset({"COMMAND NOT SUPPORT", "TOO MANY PARAMETERS", "ABORTED"})
 _CODES = RESULTS_OF_CALLS | {"OK", "ERROR"}
 _ERROR = re.compile(r"\+CM[ES] ERROR\b.*")
 # Result codes after ATV0. 2 is RING, which ends no reply.
-_ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)
-"""Commands whose answer is plain words, no cell."""
+_ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)  # and for no cell
 _NUMERIC = {"0": "OK", "1": "CONNECT", "3": "NO CARRIER", "4": "ERROR"}
 _NAMED = re.compile(r"\s*([+*^#!$%][A-Za-z][A-Za-z0-9]*)")
 _UNASKED = re.compile(
@@ -195,11 +194,9 @@ class AtFramer:
         return iter(events)
 
     def _line_end(self, data: bytes, begin: int) -> int:
-        """Where the line from `begin` ends, -1 if that is not known yet.
-
-        Where lines end with LF, a CR alone ends echoes and numeric results (V.250). Any other that
-        the rest of a row follows is a damaged byte of it: the row with a CR in it is no text.
-        """
+        """Where the line from `begin` ends, -1 if that is not known yet."""
+        # Where lines end with LF, a CR alone ends echoes and numeric results (V.250). Any other
+        # that the rest of a row follows is a damaged byte of it: a row with a CR in it is no text.
         end = _LINE_END.search(data, begin)
         if end is None or end[0] == b"\n" or not self._after_lf:
             return end.start() if end else -1

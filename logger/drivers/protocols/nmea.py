@@ -233,8 +233,7 @@ REMEMBERED_EPOCHS = 4
 _HEADS = frozenset({pynmea2.GGA, pynmea2.RMC, pynmea2.GNS})
 """Sentences that make an epoch; the others only add to one."""
 _LONE_HEADS = _HEADS | {pynmea2.GLL}
-_MOST_GLL = 4
-"""A receiver that has sent more GLL and none of the others sends none; then GLL makes epochs."""
+_MOST_GLL = 4  # a receiver that has sent more of them and none of the others sends none
 _TIMED = frozenset({pynmea2.GST, pynmea2.ZDA})
 _UNTIMED = frozenset({pynmea2.GSA, pynmea2.VTG})
 
@@ -319,7 +318,7 @@ class FixAssembler:
         self._n_gll: int | None = 0  # None once a better sentence has come
 
     def feed(self, sentence: Sentence, t_ns: int) -> Iterator[tuple[int, Fix]]:
-        """Fixes completed by a sentence, with the stamp of the first GGA, GNS, RMC or lone GLL.
+        """Fixes completed by a sentence, with the stamp of the first of its heads.
 
         An epoch is complete when it has all that the last few had, whatever the receiver prints in
         whatever order. It ends without that when the next one begins, or by `flush`; what comes

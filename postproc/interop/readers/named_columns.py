@@ -257,7 +257,7 @@ def _sighting(
 def _position(
     form: Columns, columns: list[Column], month_first: bool | None, line: int, raw: Fields
 ) -> Row:
-    """A row without a level: its position counts where it has one and a time."""
+    # without a level its position counts where it has one and a time
     fields: dict[str, Any] = {ours: _plain(raw[name]) for ours, name, _ in columns if ours in _FIX}
     if form.place is None or not fields.keys() & _TIMES or not (fields["lat"] and fields["lon"]):
         return NoCell(line, "no level")
