@@ -225,6 +225,8 @@ def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
     if imported.no_clock:
         what = f"its times are no clock's, {imported.no_clock}"
         yield f"{source}: {what}: imported as with --times none"
+    elif not imported.has_times and imported.format == named_columns.NAME:
+        yield f"{source}: without times, only the order of the rows counts"
     if imported.was_sorted:
         yield f"{source}: rows were out of order and have been sorted by time"
     for why, n in imported.left.other:

@@ -400,8 +400,8 @@ def row_without_name(line: bytes, commands: Iterable[bytes]) -> bytes | None:
     for name in commands:
         if name in _PADDED and (padded := _PADDED[name].match(line)):
             zero, end = padded.span(1)
-            kept = row_without_name(line[:zero] + line[end:], commands)
-            return None if kept is None else kept[:zero] + b"0" + kept[zero:]
+            short = row_without_name(line[:zero] + line[end:], commands)
+            return None if short is None else short[:zero] + b"0" + short[zero:]
     words = _ANYWHERE.union(*(_WORDS[name] for name in commands))
     heading = _HEADING.fullmatch(line)
     if heading and words.issuperset(heading[1].lower().split()):

@@ -134,9 +134,10 @@ def _cell_value(fields: Fields, name: str) -> float | int | str | None:
 
 
 def _is_it(seen: Contents) -> bool:
-    """Two of our columns suffice: the reader names those that are missing."""
-    ours = {"t_s", "time_utc", "lat", "lon", *LEVELS}
-    return seen.kind == "text" and len(seen.names & ours) >= 2
+    """One of our columns and another suffice: the reader names those that are missing."""
+    ours = {"t_s", "time_utc", *LEVELS}
+    n_ours = len(seen.names & ours)
+    return seen.kind == "text" and n_ours > 0 and n_ours + len(seen.names & {"lat", "lon"}) >= 2
 
 
 IMPORTS = (

@@ -96,6 +96,7 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
         (b"\x89HDF\r\n\x1a\n", "needs no import"),
         (b"mcc,measured_at,lat\n", "no column mnc, lon, cell_id or cellid, act or net_type"),
         (b"t_s,lat,lon,noise\n", "no column rssi_dbm"),
+        (b"date,lat,lon,strength\n", "can be read with --columns lat=...,lon=...,level=..."),
         (b"", "I read an empty file"),
         (b"\0\xff\xfe" * 50, "I read a binary file that begins with 00 ff fe"),
         (b"%PDF-1.7\n1 0 obj", "I read a PDF document"),

@@ -52,6 +52,29 @@ def test_a_position_in_a_table_without_times_says_nothing(tmp_path):
     assert (first.reading.rsrp_dbm, second) == (-90.0, NoCell(3, "no level"))
 
 
+@pytest.mark.parametrize(
+    ("names", "codes"),
+    [
+        ("TAC,ECI,EARFCN,PCI", "0x1267,0x12D687,0X514,0x5"),
+        ("TAC (hex),ECI [hex],EARFCN,PCI_hex", "1267,12d687,1300,5"),
+        ("tac_hex,eci_hex,earfcn,pci", "0x1267,12D687,1300,5"),
+    ],
+)
+def test_codes_may_be_hexadecimal(tmp_path, names, codes):
+    header = f"time,lat,lon,rsrp,mcc,mnc,{names}"
+    (row,) = _rows(tmp_path, header, f"{TIME},52,13,-90,262,01,{codes}")
+    assert row.reading.cell == "262-01-4711-1234567"
+    assert (row.reading.arfcn, row.reading.pci) == (1300, 5)
+
+
+@pytest.mark.parametrize("level", ["-90,5 dBm", "-90.5dBm", "-90.5\u00a0dBm", "\u221290,5"])
+def test_a_level_may_have_its_unit(tmp_path, level):
+    header = "time;lat;lon;accuracy;altitude;rsrp;cell"
+    (row,) = _rows(tmp_path, header, f"{TIME};52;13;5 m;34,5 m;{level};3 m")
+    assert (row.reading.rsrp_dbm, row.reading.label) == (-90.5, "3 m")
+    assert (row.fix.acc_m, row.fix.alt_m) == (5.0, 34.5)
+
+
 def test_a_table_with_one_technology_column(tmp_path):
     """As NetMonster's users export their measurements."""
     lte, umts = _rows(
@@ -259,3 +282,13 @@ def test_a_date_of_its_own_column_belongs_to_the_time(tmp_path, date, hours):
     head = "Date,Time,Latitude,Longitude,RSSI,Cell ID"
     (row,) = _rows(tmp_path, head, f"{date},09:00:00,52.5,13.4,-70,7")
     assert row.t_ns == hours * 3600 * 10**9
+
+
+def test_a_table_whose_times_have_an_unknown_name_says_that_none_are_read(tmp_path, capsys):
+    rows = [f"14/05/2024;09:00:{i:02d};52,5;{13.4 + i / 1e4};-90;17" for i in range(20)]
+    (tmp_path / "a.csv").write_text("Date;Heure;Lat;Lon;RSRP;CID\n" + "\n".join(rows))
+    assert main(["import", str(tmp_path / "a.csv"), "-o", str(tmp_path / "run.h5")]) == 0
+    assert "a.csv: without times, only the order of the rows counts" in capsys.readouterr().err
+    named = ["--columns", "time=heure"]
+    assert main(["import", str(tmp_path / "a.csv"), "-o", str(tmp_path / "run.h5"), *named]) == 0
+    assert "without times" not in capsys.readouterr().err
