@@ -88,6 +88,7 @@ _TECHNOLOGIES: dict[str, Rat] = {
     "5g": "NR",
 }
 _LEVELS: dict[str, Rat | None] = {"rsrp": "LTE", "rscp": "WCDMA", "rxlev": "GSM", "level": None}
+_LEVEL_WORDS = frozenset({"rssi", "rxlev", "rscp", "rsrp"})  # "RSSI/RSRP": by the technology
 _UNIT = re.compile(r"\(.*?\)|\[.*?\]|[ _]dbm$")
 _WORD = re.compile(r"[a-z0-9]+")
 _SECONDS = re.compile(r"\d{1,8}(?:\.\d*)?")
@@ -223,7 +224,8 @@ def _meaning(name: str) -> tuple[str, Rat | None]:
     if "".join(words) in _NAMES["serving"]:
         return "serving", None
     rat = next((_TECHNOLOGIES[word] for word in words if word in _TECHNOLOGIES), None)
-    left = "".join(word for word in words if word not in _DROPPED and word not in _TECHNOLOGIES)
+    kept = [word for word in words if word not in _DROPPED and word not in _TECHNOLOGIES]
+    left = "level" if len(kept) > 1 and _LEVEL_WORDS.issuperset(kept) else "".join(kept)
     return f"cell{left}" if left in _OF_CELL and "cell" in words else left, rat
 
 

@@ -292,3 +292,20 @@ def test_a_table_whose_times_have_an_unknown_name_says_that_none_are_read(tmp_pa
     named = ["--columns", "time=heure"]
     assert main(["import", str(tmp_path / "a.csv"), "-o", str(tmp_path / "run.h5"), *named]) == 0
     assert "without times" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("rat", "level"), [("LTE", "rsrp_dbm"), ("UMTS", "rscp_dbm"), ("GSM", "rssi_dbm")]
+)
+@pytest.mark.parametrize("name", ["RSSI/RSRP", "rxlev_rscp_rsrp", "RSSI/RSCP/RSRP [dBm]"])
+def test_one_column_of_levels_of_all_technologies(tmp_path, name, rat, level):
+    """As monitors on telephones name it."""
+    header = f"Date;Time;Tech;MCC;MNC;LAC/TAC;CID;{name};Latitude;Longitude"
+    (row,) = _rows(tmp_path, header, f"2024-05-01;12:00:07;{rat};262;01;4711;17;-91;52;13")
+    assert getattr(row.reading, level) == -91.0
+    assert row.reading.cell == "262-01-4711-17"
+
+
+def test_of_two_columns_of_one_name_the_first_counts(tmp_path):
+    (row,) = _rows(tmp_path, "time,lat,lon,rsrp,pci,rsrp,pci", f"{TIME},52,13,-70,1,-90,2")
+    assert (row.reading.rsrp_dbm, row.reading.pci) == (-70.0, 1)
