@@ -70,6 +70,8 @@ def rows(
 
 
 def _rows_of(lines: Lines, delimiter: str, names: list[str]) -> Iterator[Line]:
+    # of two columns of one name the first counts
+    names = [name if name not in names[:i] else f"{name} {i}" for i, name in enumerate(names)]
     for number, values in _values_of(lines, delimiter, len(names)):
         if any(value.strip() for value in values):
             # a short row lacks its last columns; what it lacks is then empty

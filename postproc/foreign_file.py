@@ -4,12 +4,13 @@ A file may lie about everything. Whatever it claims is bounded by its own size, 
 it, or by a limit that stands here; docs/guide/formats.md lists them.
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from gzip import GzipFile
-from io import TextIOWrapper
+from io import BufferedReader, TextIOWrapper
 from pathlib import Path
-from typing import IO, TypeVar
+from typing import TypeVar
 
 from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
@@ -19,10 +20,8 @@ LONGEST_ITEM = 4 << 20
 """Bytes of a line, a row, an element of XML or an object of JSON: parsed, it takes 30 times that.
 
 A track of 100,000 points in one element of KML is shorter."""
-MOST_COLUMNS = 2000
-"""As many as a table of SQLite has."""
-MOST_DEPTH = 100
-"""Elements of XML within each other; a log has ten."""
+MOST_COLUMNS = 2000  # as many as a table of SQLite has
+MOST_DEPTH = 100  # elements of XML within each other; a log has ten
 MOST_ROWS = 200_000_000
 """Of any kind, in one file: OpenCelliD lists 50 million cells."""
 MOST_READINGS = 3_000_000
@@ -31,8 +30,7 @@ MOST_BAD_ROWS = 10_000
 """Of those that an import lists; further ones are counted."""
 MOST_REMARKS = 100_000
 """Of another program, each of which becomes a note."""
-MOST_TILE_PIXELS = 1024
-"""Along a side; tiles have 256 or 512."""
+MOST_TILE_PIXELS = 1024  # along a side; tiles have 256 or 512
 MOST_TILE_BYTES = 4 << 20
 """Of one tile, unpacked; a dense city in a vector tile has one megabyte."""
 MOST_DIRECTORY_BYTES = 2 << 20
@@ -45,6 +43,11 @@ _SMALL_BYTES = 64 << 20
 _MOST_PACKED = 100
 """Times that a large file may be packed: a log is packed 5 to 20 times, zeros are 1000 times."""
 
+# how Excel's "Unicode Text" begins, and what Windows writes by `>`
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+# a first line that Excel writes and reads: no row, and the header shows the separator as well
+_SEPARATOR = re.compile(r"sep=.?[\r\n]*")
+
 Item = TypeVar("Item")
 
 
@@ -53,20 +56,33 @@ def most_unpacked_bytes(packed_bytes: int) -> int:
     return min(_SMALL_BYTES + _MOST_PACKED * packed_bytes, _MOST_UNPACKED)
 
 
+def encoding_of(head: bytes) -> str:
+    """Encoding of a text by its first bytes."""
+    return "utf-16" if head.startswith(_UTF16) else "utf-8-sig"
+
+
+def open_text(file: BufferedReader | GzipFile, newline: str | None = None) -> TextIOWrapper:
+    """Its text, with marks for what is none."""
+    return TextIOWrapper(file, encoding_of(file.peek(2)), "replace", newline=newline)
+
+
 class Lines(Iterator[str]):
     """Lines of a text file; those that a reader joins to one row are bounded together.
 
     `next` raises `RunFileError` for a longer row.
     """
 
-    def __init__(self, file: IO[bytes] | GzipFile, source: Path) -> None:
-        self._text = TextIOWrapper(file, "utf-8-sig", "replace", newline="")
+    def __init__(self, file: BufferedReader | GzipFile, source: Path) -> None:
+        self._text = open_text(file, newline="")
         self._source = source
         self._taken = 0
         self.number = 0
 
     def __next__(self) -> str:
         line = self._text.readline(LONGEST_ITEM)
+        if self.number == 0 and _SEPARATOR.fullmatch(line):
+            self.number += 1
+            line = self._text.readline(LONGEST_ITEM)
         if not line:
             raise StopIteration
         self._taken += len(line)

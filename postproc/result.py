@@ -30,7 +30,6 @@ from logger.core.certainty import (
     Ellipse,
     ellipse95,
     radii_text,
-    relevant_modes,
 )
 from logger.core.document import (
     LENGTH,
@@ -351,7 +350,7 @@ class CellResult:
 def _on_plan(cell: CellResult, label: str = "", word: str = "") -> list[OnPlan]:
     if cell.posterior is None:
         return []
-    modes = relevant_modes(cell.posterior.modes) if cell.verdict == "ambiguous" else ()
+    modes = cell.posterior.likely_modes if cell.verdict == "ambiguous" else ()
     places_m = [(mode.x_m, mode.y_m) for mode in modes or cell.posterior.modes[:1]]
     levels = {95: LEVEL, 50: HALF} if cell.posterior.is_strongest_inside else {95: LEVEL}
     squares = cell.posterior.squares
@@ -478,12 +477,12 @@ class Result:
         more = len(self.cells) - _MOST_LINES
         after = [f"and {more} more: .to_frame() has all"] * (more > 0)
         said = Document(
-            None, body=[self._title(), self._table(self._cells_in_order[:_MOST_LINES]), *after]
+            None, body=[self._title(), self._table(self.cells_in_order[:_MOST_LINES]), *after]
         )
         return "\n".join(terminal_lines(said))
 
     def _repr_html_(self) -> str:
-        drawn, shown = self._to_draw(), self._cells_in_order[:_MOST_ROWS]
+        drawn, shown = self._to_draw(), self.cells_in_order[:_MOST_ROWS]
         shown += [cell for cell in drawn if all(cell is not one for one in shown)]
         on_plan = [
             part
@@ -513,13 +512,14 @@ class Result:
         return f"{', '.join(names[:3])}{more}: {said}"
 
     @property
-    def _cells_in_order(self) -> list[CellResult]:
+    def cells_in_order(self) -> list[CellResult]:
+        """As every text has them."""
         conspicuous = [cell for cell, word in self.words.items() if word.is_conspicuous]
         return in_report_order(self.cells, conspicuous)
 
     def _to_draw(self) -> list[CellResult]:
         """The conspicuous, located and ambiguous cells; without any the first that has a place."""
-        placed = [cell for cell in self._cells_in_order if cell.posterior is not None]
+        placed = [cell for cell in self.cells_in_order if cell.posterior is not None]
         known = [cell for cell in placed if cell.word or cell.verdict != "cannot tell"]
         return known[:_MOST_DRAWN] or placed[:1]
 

@@ -39,7 +39,6 @@ from logger.core.locator.region import HALF, LEVEL
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.runfile import Run
-from logger.core.suspicion.rule import WORDS
 from logger.core.suspicion.words import reason_line, strongest_reasons
 from logger.core.types import utc_text
 from postproc.cell_work import Failure, attempt
@@ -54,7 +53,6 @@ from postproc.result import (
     ESTIMATORS,
     REFERENCE,
     RTS,
-    VERDICTS,
     CellResult,
     ObservedRun,
     Result,
@@ -144,11 +142,15 @@ class SummaryRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """What is said of a result: of its runs, of them together, and of each cell."""
+    """What is said of a result: of its runs, of them together, and of each cell.
+
+    `in_order` names the cells as a text has them.
+    """
 
     runs: list[RunSummary]
     warnings: tuple[str, ...]
     rows: list[SummaryRow]
+    in_order: list[str]
     unnoticed: str
     run_names: Sequence[str]
 
@@ -164,7 +166,8 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
     content: object = {"runs": runs, "warnings": summary.warnings, "cells": forms}
     if len(runs) == 1:
         content = {"run": runs[0], "cells": forms}
-    rows = _in_order(summary.rows)
+    by_cell = {row.result.cell: row for row in summary.rows}
+    rows = [by_cell[cell] for cell in summary.in_order]
     conspicuous = {
         row.answer.cell: row.answer.word
         for row in rows
@@ -202,20 +205,6 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
     if summary.unnoticed:
         parts += ["", summary.unnoticed]
     return Document(content, body=parts), failures
-
-
-def _in_order(rows: Sequence[SummaryRow]) -> list[SummaryRow]:
-    """Conspicuous cells first, then the located, then by readings."""
-    by_size = sorted(rows, key=lambda row: -row.answer.provenance.n)
-    by_verdict = sorted(by_size, key=lambda row: VERDICTS.index(row.answer.verdict))
-    return sorted(by_verdict, key=_suspicion, reverse=True)
-
-
-def _suspicion(row: SummaryRow) -> tuple[int, float]:
-    word = row.answer.word
-    if word is None or not row.answer.is_conspicuous:
-        return 0, 0.0
-    return WORDS.index(word.word), word.score_nats
 
 
 def _words(rows: Sequence[SummaryRow], *, has_several_runs: bool) -> Iterator[Line]:
@@ -435,7 +424,7 @@ def _estimator_rows(answer: Answer) -> Iterator[tuple[Value, ...]]:
     if place is not None and parameters is not None:
         n = answer.provenance.n
         yield ("posterior", _position(place), _radii(place), *_parameters(parameters), n)
-        for i, mode in enumerate(place.modes if len(place.modes) > 1 else (), 1):
+        for i, mode in enumerate(place.likely_modes if len(place.likely_modes) > 1 else (), 1):
             yield f"  position {i}: {mode.share}", _position(mode), _axes(mode.ellipse95)
     paths = answer.paths or Paths({}, ())
     for estimator in ESTIMATORS:
@@ -489,6 +478,7 @@ def summarise(result: Result) -> Summary:
         [_run(observed, more) for observed in result.runs],
         result.warnings,
         [_row_or_why_not(cell, result) for cell in result.cells],
+        [cell.cell for cell in result.cells_in_order],
         result.unnoticed,
         [observed.run.name for observed in result.runs],
     )

@@ -95,6 +95,8 @@ class Family:
     """Names of rows in which words follow a number and a blank."""
     long_numbers: ClassVar[Mapping[str, str]] = {}
     """Patterns of numbers of more than nine digits, by the name of their row; others are masked."""
+    padded_cells: ClassVar[Mapping[str, str]] = {}
+    """Pattern of an unnamed row up to a cell of 9 digits; its group is the zero before."""
 
     @classmethod
     def sends(cls) -> Iterator[str]:

@@ -166,6 +166,10 @@ class Fibocom(Family):
         "+GTCCINFO": "LTE NR UMTS WCDMA GSM EN DC service neighbor neighbour cell PCC"
     }
 
+    padded_cells: ClassVar[Mapping[str, str]] = {
+        "+GTCCINFO": "[12],9,[0-9]{0,3},[0-9]{0,3},[0-9A-F]{1,7},(0)[0-9A-F]{9},"
+    }
+
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells received now; the serving one from +CREG and its like where +GTCCINFO has none."""
         rows = yield from self.ask(self.poll_commands)

@@ -101,17 +101,26 @@ def _has_one_speed(track: Track) -> bool:
 
 
 def too_fast(track: Track) -> str | None:
-    """Why the steps from fix to fix are too fast to be true; None where they are not."""
+    """Why the steps from fix to fix, or all together, are too fast to be true; None if not."""
     speed_mps = _speeds_mps(track)
     if len(speed_mps) < _FEWEST:
         return None
-    median_mps = float(np.median(np.minimum(speed_mps, _NO_TIME_MPS)))
-    if median_mps <= FASTEST_MPS:
+    what, mps = "every second step from fix to fix", float(np.median(speed_mps))
+    if mps <= FASTEST_MPS:  # short steps are no more than errors of the fixes
+        what, mps = "the way as a whole", _whole_mps(track)
+    if mps <= FASTEST_MPS:
         return None
-    how_fast = f"faster than {3.6 * median_mps:.0f} km/h"
-    if median_mps >= _NO_TIME_MPS:
-        how_fast = "made in no time"
-    return f"every second step from fix to fix would be {how_fast}"
+    how_fast = "made in no time"
+    if mps < _NO_TIME_MPS:
+        how_fast = f"faster than {3.6 * mps:.0f} km/h"
+    return f"{what} would be {how_fast}"
+
+
+def _whole_mps(track: Track) -> float:
+    # of half of the fixes, in all of the time: a few far off are no way
+    sides_m = np.ptp(np.quantile(np.stack([track.x_m, track.y_m]), (0.25, 0.75), axis=1), axis=0)
+    way_m = float(np.hypot(*sides_m)) - 4.0 * float(np.median(track.sigma_m))
+    return max(way_m, 0.0) * 1e9 / max(int(np.ptp(track.t_ns)), 1)
 
 
 def too_many_apart(walk: SmoothedTrack) -> str | None:

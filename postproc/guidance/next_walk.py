@@ -14,7 +14,7 @@ import numpy as np
 from logger.command_line import late_modules
 from logger.core.answer import Answer, Provenance, answer_of
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.certainty import RADII, metres, relevant_modes
+from logger.core.certainty import RADII, metres
 from logger.core.document import Column, Degrees, Document, Table
 from logger.core.document import Line as TextLine
 from logger.core.errors import ConfigError, EstimationError
@@ -40,11 +40,11 @@ from postproc.smoothing import too_few
 
 MOST_ROUTES = 5
 """Routes that are listed; the others differ from these by a leg."""
+_SAME_END_M = 20.0  # routes that end closer together have one destination for a receiver
 
 _EFFORT = Effort(most_squares=1500, split_share=0.005, nodes=3, most_blocks=150)
 """Where to walk changes little with finer squares."""
-_LOOP_M = (120.0, 300.0)
-"""Sides of squares around a place, walked where no street map is known."""
+_LOOP_M = (120.0, 300.0)  # sides of squares around a place, where no street map is known
 _FARTHEST_M = 20_000.0
 """Half an hour by car from the walk; a start beyond has latitude and longitude exchanged."""
 _DRAWS = 40
@@ -103,7 +103,7 @@ def next_walk(
     best, *others = plans(forecaster, routes, course, has_map=True)
     distance_m = float(np.hypot(*(first_turn(best.route) - best.route.corner_m[0])))
     verdict, reasons, *_ = decide(posterior, obs)
-    named = [mode.place for mode in relevant_modes(posterior.modes)]
+    named = [mode.place for mode in posterior.likely_modes]
     return NextWalk(
         answer_of(obs.cell, verdict, reasons, Provenance(len(obs)), posterior),
         start,
@@ -153,11 +153,15 @@ def _loop(start: Places, place: Cluster, side_m: float) -> Route:
 
 
 def _different(ranked: Sequence[Plan]) -> list[Plan]:
-    """The best routes of those that do not begin with a better one or are part of one."""
+    """The best routes to places of their own that do not begin with a better one or are in one."""
     chosen: list[Plan] = []
     for one in ranked:
-        points = set(one.points.tolist())
-        if all(len(points & set(other.points.tolist())) < 0.7 * len(points) for other in chosen):
+        points, end_m = set(one.points.tolist()), one.route.corner_m[-1]
+        if all(
+            len(points & set(other.points.tolist())) < 0.7 * len(points)
+            and np.hypot(*(other.route.corner_m[-1] - end_m)) > _SAME_END_M
+            for other in chosen
+        ):
             chosen.append(one)
         if len(chosen) == MOST_ROUTES:
             break

@@ -211,7 +211,8 @@ def _counts(imported: importing.Imported) -> str:
     remarks = f", {len(imported.left.remarks)} remarks" if imported.left.remarks else ""
     readings = document.number_of(imported.n_rows, "reading")
     bad = document.number_of(imported.left.n_bad, "bad row")
-    counts = f"{readings}{remarks}, {bad}{again}"
+    alone = f", {n} rows with a position alone" if (n := imported.n_positions) else ""
+    counts = f"{readings}{remarks}{alone}, {bad}{again}"
     return f"{imported.path}: {counts} ({imported.format})"
 
 
@@ -224,6 +225,8 @@ def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
     if imported.no_clock:
         what = f"its times are no clock's, {imported.no_clock}"
         yield f"{source}: {what}: imported as with --times none"
+    elif not imported.has_times and imported.format == named_columns.NAME:
+        yield f"{source}: without times, only the order of the rows counts"
     if imported.was_sorted:
         yield f"{source}: rows were out of order and have been sorted by time"
     for why, n in imported.left.other:

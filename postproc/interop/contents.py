@@ -19,7 +19,7 @@ from logger.core.foreign import open_regular
 from logger.drivers.diag.frames import is_stream
 from logger.sqlite_file import SQLITE_MAGIC, open_database
 from postproc import csv_table
-from postproc.foreign_file import MOST_MEMBERS, most_unpacked_bytes
+from postproc.foreign_file import MOST_MEMBERS, encoding_of, most_unpacked_bytes
 from postproc.interop.sighting import Columns, Row, parse_rows
 from postproc.progress import with_count
 
@@ -35,8 +35,6 @@ _KINDS = {
     b"PK\x05\x06": "an empty zip",
     b"PK": "a zip within a compressed file",
     b"\x1f\x8b": "a compressed file within another",
-    b"\xff\xfe": "text in UTF-16 (save it in UTF-8)",
-    b"\xfe\xff": "text in UTF-16 (save it in UTF-8)",
 }
 PACKETS = (b"\x0a\x0d\x0d\x0a", b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1")
 """How pcapng begins, then pcap with little and big-endian numbers and with nanoseconds."""
@@ -129,9 +127,9 @@ def look_at(source: Path) -> Contents:
     if is_stream(head):
         return Contents("diag", frozenset(), "", "Qualcomm's diagnostic stream")
     start = head.lstrip(b"\xef\xbb\xbf \r\n\t")
-    if not start or b"\0" in head or start.startswith(tuple(_KINDS)):
+    text = head.decode(encoding_of(head), "replace").lstrip()
+    if not text or "\0" in text or start.startswith(tuple(_KINDS)):
         raise unknown_format(source, _kind_of(start))
-    text = start.decode("utf-8", "replace")
     if text.startswith("<"):
         return _xml(source, text)
     if text.startswith(("{", "[")):

@@ -162,12 +162,10 @@ def _is_cell_list(seen: Contents) -> bool:
     )
 
 
-_ROW_NS = 10**9
-"""From row to row where only their order is known."""
+_ROW_NS = 10**9  # from row to row where only their order is known
 _SHARE_OF_ONE_TIME = 0.2
 """Of the rows: a clock that shows minutes gives most of them the time of others."""
-_CURRENT_NS = 10 * 10**9
-"""An older fix is not current at a scan."""
+_CURRENT_NS = 10 * 10**9  # an older fix is not current at a scan
 
 
 class LeftOut:
@@ -183,7 +181,7 @@ class LeftOut:
 
     def in_range(self, row: Row) -> Row:
         """A row without a level that its technology cannot report; one without a name is none."""
-        if not isinstance(row, Sighting):
+        if not isinstance(row, Sighting) or row.is_position:
             return row
         reading = row.reading if row.reading.rat is None else reportable(row.reading)
         self.n_levels += reading.level_dbm is not None
@@ -242,13 +240,15 @@ class LeftOut:
 class Imported:
     """The result of an import, and what of the file it has `left` out; `n_repeated` rows repeat.
 
-    Without `has_times` the run's times only count the rows; `no_clock` states why those of the
-    file, if asked for, are not used, `no_track` why there are no positions.
+    `n_positions` rows beside the `n_rows` readings have a position alone. Without `has_times` the
+    run's times only count the rows; `no_clock` states why those of the file, if asked for, are not
+    used, `no_track` why there are no positions.
     """
 
     path: Path
     format: str
     n_rows: int
+    n_positions: int
     n_repeated: int
     was_sorted: bool
     left: LeftOut
@@ -410,7 +410,8 @@ def _write(
     has_something = left.n_levels or (left.remarks and reading.track) or (sha256 and sightings)
     if not has_something:
         what = "no cell that its records name, and no level" if sha256 else "no usable row"
-        raise RunFileError(f"{name} has {what}{left.reason}")
+        alone = f"; {n} rows with a position alone" if (n := sightings.n_positions) else ""
+        raise RunFileError(f"{name} has {what}{alone}{left.reason}")
     n_read = len(sightings)
     if not form.unrepeated:
         sightings.leave_out_repeated()
@@ -434,7 +435,8 @@ def _write(
     imported = Imported(
         target,
         form.name,
-        len(sightings),
+        len(sightings) - sightings.n_positions,
+        sightings.n_positions,
         n_repeated,
         was_sorted,
         left,
@@ -507,8 +509,8 @@ def _start_ns(first: Sequence[Sighting], remarks: Sequence[Remark], track: GpsTr
 
 
 def _without_times(sightings: Iterable[Sighting]) -> Iterator[Sighting]:
-    """The rows in the file's order, with their number for a time."""
-    for i, row in enumerate(sightings):
+    """The readings in the file's order, with their number for a time."""
+    for i, row in enumerate(row for row in sightings if not row.is_position):
         yield replace(row, t_ns=i * _ROW_NS, fix=replace(row.fix, utc_ns=None))
 
 
@@ -582,7 +584,7 @@ def _fill(
     remarks: Sequence[Remark],
     track: GpsTrack | None,
 ) -> int:
-    """Notes, then each scan, with a fix before it wherever position or time changes.
+    """Notes, then fixes wherever position or time changes, and each scan after its fix.
 
     The track counts where no level has a position of its own.
     """
@@ -603,7 +605,8 @@ def _fill(
         if last != (row.t_ns, row.fix):
             last = (row.t_ns, row.fix)
             fix_seq = append(Record(t_ns, "import", row.fix))
-        append(Record(t_ns, "import", Scan(t_ns, tuple(r.reading for r in rows), fix_seq, fix_seq)))
+        if readings := tuple(r.reading for r in rows if not r.is_position):
+            append(Record(t_ns, "import", Scan(t_ns, readings, fix_seq, fix_seq)))
     return t_ns
 
 
@@ -675,6 +678,9 @@ def _notes(imported: Imported) -> Iterator[Note]:
         yield Note("warning", "no-times", text)
     if imported.was_sorted:
         yield Note("warning", "sorted", "rows were out of order and have been sorted by time")
+    if imported.n_positions:
+        text = f"{imported.n_positions} rows have a position alone"
+        yield Note("info", "positions", text)
     for why, n in imported.left.other:
         what = f"{why}: {n} not read" if imported.sha256 else f"{n} rows were passed over: {why}"
         yield Note("info", "no-cells", what)
@@ -698,6 +704,7 @@ def summary(imported: Imported) -> dict[str, object]:
         "run": str(imported.path),
         "format": imported.format,
         "rows": imported.n_rows,
+        "position_rows": imported.n_positions,
         "other_rows": imported.left.n_other,
         "left_out": dict(imported.left.other),
         "left_out_levels": dict(imported.left.no_level),

@@ -3,13 +3,12 @@
 import json
 import re
 from collections.abc import Callable, Iterator
-from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, TextIO
 
 from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
-from postproc.foreign_file import LONGEST_ITEM, text_lines
+from postproc.foreign_file import LONGEST_ITEM, open_text, text_lines
 from postproc.interop.sighting import BadRow, Parsed, Row, parse_rows
 
 Object = tuple[int, dict[str, Any]]
@@ -42,7 +41,7 @@ def _objects_of_list(source: Path, start: str) -> Iterator[Object | BadRow]:
     Raises `RunFileError` for a file that cannot be read or has no such list.
     """
     try:
-        with TextIOWrapper(open_regular(source), "utf-8-sig", "replace") as file:
+        with open_text(open_regular(source)) as file:
             for number, value in enumerate(_values(start, file), 1):
                 if isinstance(value, dict):
                     yield number, value

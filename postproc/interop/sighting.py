@@ -39,9 +39,13 @@ REMARK = "remark"
 """Code of the note of a warning."""
 
 
+# in place of a reading: many loggers write a position each second and levels less often
+POSITION_ALONE = CellReading("scan", None)
+
+
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """One cell received at one position.
+    """One cell received at one position, or a position of the walker alone.
 
     `line` is the number of the line, row or record, `t_ns` gives the order in time; `fix.utc_ns` is
     None where the file has no UTC, and `fix.valid` is False where it has no position. `receiver`
@@ -53,6 +57,10 @@ class Sighting:
     fix: Fix
     reading: CellReading
     receiver: int = 0
+
+    @property
+    def is_position(self) -> bool:
+        return self.reading == POSITION_ALONE
 
     @property
     def lat_deg(self) -> float:
@@ -132,7 +140,7 @@ _VALUES_OF = {
 
 
 class SightingFile:
-    """Sightings, at first in the order in which they came; in memory are 56 bytes of each.
+    """Sightings, at first in the order in which they came; in memory are 57 bytes of each.
 
     The file has no name and goes with the object. Raises OSError where it cannot be written.
     """
@@ -141,7 +149,7 @@ class SightingFile:
         self._file = TemporaryFile(dir=folder)  # noqa: SIM115 (closed with this object)
         self._at = array("q", [0])
         self._t_ns, self._hashes = array("q"), array("q")
-        self._place = array("d")
+        self._place, self._is_position = array("d"), array("b")
         self._order: IntArray | None = None
 
     def close(self) -> None:
@@ -159,6 +167,7 @@ class SightingFile:
         self._at.append(self._at[-1] + len(data))
         self._t_ns.append(one.t_ns)
         self._hashes.append(hash((one.t_ns, fix, reading)))
+        self._is_position.append(one.is_position)
         if fix.valid:
             sigma_m = fix_sigma_m(fix.acc_m, fix.hdop, fix.quality)
             self._place.extend((one.lat_deg, one.lon_deg, sigma_m))
@@ -170,6 +179,12 @@ class SightingFile:
         self._file.flush()
         for i in self._order_of_rows().tolist():
             yield self._read(i)
+
+    @property
+    def n_positions(self) -> int:
+        """How many are a position alone."""
+        is_position = np.frombuffer(self._is_position, np.int8)
+        return int(np.count_nonzero(is_position[self._order_of_rows()]))
 
     def leave_out_repeated(self) -> None:
         """Keep one of equal sightings, the last."""
@@ -264,8 +279,7 @@ RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {
 
 
 _ASU_MOST = {"GSM": 31, "LTE": 97, "NR": 97}
-_LAST_DAY = 100_000
-"""Days since 1970, the year 2243: nanoseconds still fit into 64 bit."""
+_LAST_DAY = 100_000  # since 1970, the year 2243: nanoseconds still fit into 64 bit
 
 
 def text(fields: Fields, *names: str) -> str:
@@ -302,7 +316,8 @@ def integer(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
     if not value_text:
         return None
     try:
-        value = int(value_text.removesuffix(".0"))
+        is_hex = value_text[:2] in {"0x", "0X"}
+        value = int(value_text, 16) if is_hex else int(value_text.removesuffix(".0"))
     except ValueError:
         raise ValueError(f"{names[0]} is no integer: {value_text[:40]!r}") from None
     if value < 0 or value in _UNKNOWN:
@@ -427,8 +442,7 @@ def ns_since_1970(when: datetime, name: str) -> int:
     return ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1000
 
 
-DEFAULT_CELL = "target"
-"""Name of the only cell of a table that names none."""
+DEFAULT_CELL = "target"  # the only cell of a table that names none
 _TRANSMITTERS = (
     *("cell", "bssid", "mac", "macaddress", "transmitter", "transmitterid", "txid", "beacon"),
     *("beaconid", "beaconuuid", "gateway", "gatewayid", "gatewayeui", "gateweui", "gtwid", "gweui"),
@@ -443,8 +457,7 @@ _DEVICES = (
     *("enb", "enbid", "enodeb", "enodebid", "gnb", "gnbid", "nodeb", "nodebid"),
 )
 """Columns that may name the transmitter, or the receiver, or number the rows."""
-_MOST_VALUES = 10_000
-"""A column with more values numbers the rows."""
+_MOST_VALUES = 10_000  # a column with more numbers the rows
 
 
 class Transmitters:
@@ -495,13 +508,32 @@ def _plain(column: str) -> str:
     return "".join(filter(str.isalnum, column.lower()))
 
 
-_CLOCK = r"(\d{1,2})[:.](\d{2})(?:[:.](\d{2})(?:[.,](\d{1,9}))?)?(?: ?([AaPp])\.?[Mm]\.?)?"
-_YEAR_FIRST = re.compile(r"(\d{4})[-./](\d{1,2})[-./](\d{1,2})[ T_]" + _CLOCK)
-_DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4}),?[ T_]" + _CLOCK)
+_CLOCK = (
+    r"(?P<hour>\d{1,2})[:.](?P<minute>\d{2})"
+    r"(?:[:.](?P<second>\d{2})(?:[.,](?P<fraction>\d{1,9}))?)?"
+    r"(?: ?(?P<half>[AaPp])\.?[Mm]\.?)?"
+)
 # only all times of a file show which of the first two numbers is the month
-_SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}),?[ T_]" + _CLOCK)
-_TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?(?: ?([AaPp])\.?[Mm]\.?)?")
-_SINCE_1970 = re.compile(r"(\d{9,10})(?:[.,](\d{1,9}))?|(\d{12,13})(?:[.,]\d+)?")
+_SLASHED = {
+    True: re.compile(r"(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4}),?[ T_]" + _CLOCK),
+    False: re.compile(r"(?P<day>\d{1,2})/(?P<month>\d{1,2})/(?P<year>\d{4}),?[ T_]" + _CLOCK),
+}
+_FORMS = (
+    re.compile(r"(?P<year>\d{4})[-./](?P<month>\d{1,2})[-./](?P<day>\d{1,2})[ T_]" + _CLOCK),
+    re.compile(r"(?P<day>\d{1,2})\.(?P<month>\d{1,2})\.(?P<year>\d{4}|\d{2}),?[ T_]" + _CLOCK),
+    re.compile(r"(?P<day>\d{1,2})[ -](?P<month>[A-Za-z]{3,9})[ -](?P<year>\d{4}),? " + _CLOCK),
+    re.compile(r"(?P<month>[A-Za-z]{3,9}) (?P<day>\d{1,2}),? (?P<year>\d{4}),? " + _CLOCK),
+    re.compile(
+        r"(?P<year>\d{4})(?P<month>\d{2})(?P<day>\d{2})"
+        r"(?P<hour>\d{2})(?P<minute>\d{2})(?P<second>\d{2})"
+    ),
+    re.compile(r"(?=\d{1,2}:\d{2}:\d{2})" + _CLOCK),
+)
+_EPOCH = {"year": "1970", "month": "1", "day": "1"}
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_SINCE_1970 = re.compile(
+    r"(\d{9,10})(?:[.,](\d{1,9}))?|(\d{12,13})(?:[.,]\d+)?|(\d{15,16})|(\d{18,19})"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -523,10 +555,10 @@ def is_month_first(times: Iterable[str]) -> bool | None:
     """
     example = ""
     for time in filter(None, times):
-        found = _SLASHED.fullmatch(time)
+        found = _SLASHED[True].fullmatch(time)
         if found is None:
             break  # no file has two forms: the first value tells
-        first, second = int(found[1]), int(found[2])
+        first, second = int(found["month"]), int(found["day"])
         if max(first, second) > 12:
             return second > 12
         example = example or time
@@ -538,31 +570,24 @@ def is_month_first(times: Iterable[str]) -> bool | None:
 def moment_of(time: str, name: str, *, month_first: bool | None = None) -> Moment:
     """The moment that a text means; raises ValueError, naming the column, for none.
 
-    Nine or ten digits are seconds since 1970, twelve or thirteen are milliseconds. A time of day
-    without a date counts from 1970.
+    Nine or ten digits are seconds since 1970, twelve or thirteen milliseconds, then microseconds
+    and nanoseconds. A time of day without a date counts from 1970.
     """
+    time = " ".join(time.split())
     if not time:
         raise ValueError(f"{name} is empty")
+    if time.upper().endswith((" UTC", " GMT")):
+        return replace(moment_of(time[:-4], name, month_first=month_first), is_utc=True)
     if found := _SINCE_1970.fullmatch(time):
-        if found[3]:
-            t_ns = int(found[3]) * 10**6
-        else:
-            t_ns = int(found[1]) * 10**9 + _fraction_ns(found[2])
+        whole, fraction, ms, us, ns = found.groups()
+        t_ns = int(whole or 0) * 10**9 + _fraction_ns(fraction)
+        t_ns += int(ms or 0) * 10**6 + int(us or 0) * 10**3 + int(ns or 0)
         if t_ns >= _LAST_DAY * 86_400 * 10**9:
             raise ValueError(f"{name} is no time of a walk: {time!r}")
         return Moment(t_ns, is_utc=True)
-    if found := _YEAR_FIRST.fullmatch(time):
-        year, month, day, *clock = found.groups()
-        return _by_clock(time, name, (year, month, day), clock)
-    if found := _DAY_FIRST.fullmatch(time):
-        day, month, year, *clock = found.groups()
-        return _by_clock(time, name, (year, month, day), clock)
-    if month_first is not None and (found := _SLASHED.fullmatch(time)):
-        one, other, year, *clock = found.groups()
-        date = (year, one, other) if month_first else (year, other, one)
-        return _by_clock(time, name, date, clock)
-    if found := _TIME_OF_DAY.fullmatch(time):
-        return _by_clock(time, name, ("1970", "1", "1"), list(found.groups()))
+    for form in _FORMS if month_first is None else (*_FORMS, _SLASHED[month_first]):
+        if found := form.fullmatch(time):
+            return _by_clock(time, name, found.groupdict())
     return Moment(utc_ns_of(time, name), is_utc=True)
 
 
@@ -575,15 +600,21 @@ def _hour_of_day(hour: int, half: str | None) -> int:
     return hour % 12 + 12 * (half in "pP")
 
 
-def _by_clock(time: str, name: str, date: tuple[str, str, str], clock: list[str | None]) -> Moment:
-    *of_day, fraction, half = clock
+def _by_clock(time: str, name: str, parts: dict[str, str | None]) -> Moment:
+    date = [parts.get(part) or default for part, default in _EPOCH.items()]
+    clock = [parts.get(part) or 0 for part in ("hour", "minute", "second")]
+    month = date[1][:3].lower()
+    if month in _MONTHS:
+        date[1] = str(_MONTHS.index(month) + 1)
     try:
-        year, month, day, hour, minute, second = (int(part or 0) for part in (*date, *of_day))
-        hour = _hour_of_day(hour, half)
-        when = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
+        year, month_number, day, hour, minute, second = map(int, (*date, *clock))
+        year += 2000 * (year < 100)
+        hour = _hour_of_day(hour, parts.get("half"))
+        when = datetime(year, month_number, day, hour, minute, second, tzinfo=UTC)
     except ValueError as error:
         raise ValueError(f"{name} is no time: {time[:40]!r} ({error})") from None
-    return Moment(ns_since_1970(when, name) + _fraction_ns(fraction), is_utc=False)
+    t_ns = ns_since_1970(when, name) + _fraction_ns(parts.get("fraction"))
+    return Moment(t_ns, is_utc=False)
 
 
 def _fraction_ns(digits: str | None) -> int:

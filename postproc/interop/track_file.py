@@ -19,7 +19,7 @@ from postproc.foreign_file import MOST_READINGS, with_limit
 from postproc.interop import xml_file
 from postproc.interop.contents import look_at, plain_file, unknown_format
 from postproc.interop.readers import gsmtap, rayhunter
-from postproc.interop.sighting import BadRow, Row, Sighting, fix_of, maybe, utc_ns_of
+from postproc.interop.sighting import BadRow, NoCell, Row, Sighting, fix_of, maybe, utc_ns_of
 
 MOST_APART_S = 60.0
 """Between points farther apart in time, a walker may have been anywhere in a block of houses."""
@@ -181,6 +181,8 @@ def on_track(rows: Iterable[Row], track: GpsTrack) -> Iterator[Row]:
     for row in rows:
         if not isinstance(row, Sighting):
             yield row
+        elif row.is_position:
+            yield NoCell(row.line, "no level")
         elif row.fix.utc_ns is None:
             yield BadRow(
                 row.line, "its time has no zone: name it, for example --zone Europe/Berlin"

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.certainty import mode_share_text, radii_text, relevant_percents
+from logger.core.certainty import radii_text, share_text, whole_percents
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import HALF, LEVEL, Squares
 from logger.core.model import path_loss
@@ -209,11 +209,7 @@ def headline(result: CellResult) -> str:
 
 def mode_labels(posterior: Posterior) -> list[str]:
     """Probability of each of several modes; that of a single one would suggest certainty."""
-    percents = relevant_percents(posterior.modes)
-    texts = [
-        mode_share_text(mode.probability, percent)
-        for mode, percent in zip(posterior.modes, percents, strict=True)
-    ]
+    texts = [share_text(percent / 100.0) for percent in whole_percents(posterior.likely_modes)]
     return texts if len(texts) > 1 else [""] * len(texts)
 
 

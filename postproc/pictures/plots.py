@@ -528,10 +528,10 @@ def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
             path = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
             style = {"facecolor": (*ink, alpha), "edgecolor": ink, "zorder": 4}
             axes.add_patch(PathPatch(path, label=label, **style))
-    several = len(posterior.modes) > 1
+    several = len(posterior.likely_modes) > 1
     name = "likely positions" if several else "most likely position"
     name += f": {word}" if word in SIGNS else ""
-    positions_m = picture.survey.modes_m(posterior.modes)
+    positions_m = picture.survey.modes_m(posterior.likely_modes)
     for i, (text, (east_m, north_m)) in enumerate(
         zip(mode_labels(posterior), positions_m.tolist(), strict=True)
     ):

@@ -13,7 +13,6 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox, BboxBase
 
 from logger.core.arrays import FloatArray
-from logger.core.certainty import relevant_modes
 from postproc.basemap import Basemap, read_basemap
 from postproc.cell_work import Attempts
 from postproc.pictures import colours
@@ -124,7 +123,7 @@ def _place(survey: Survey, number: int, cell: CellResult) -> _Place | None:
     named = number, cell.cell, word
     is_positioned = cell.verdict in _POSITIONED
     if cell.posterior is not None and (is_positioned or word in SIGNS):
-        modes = relevant_modes(cell.posterior.modes)
+        modes = cell.posterior.likely_modes
         likely = () if cell.place is None else cell.place.likely_modes
         shares = tuple(mode.share if len(modes) > 1 else "" for mode in likely)
         regions = regions_of(cell.posterior, survey.origin_m)

@@ -271,7 +271,7 @@ def _posterior(picture: Picture) -> list[str]:
     if posterior is None:
         return []
     sentences = [f"The 95 % region covers {area_text(posterior.region_area_m2)}."]
-    modes = posterior.modes[:_MOST_POSITIONS]
+    modes = posterior.likely_modes[:_MOST_POSITIONS]
     shares = mode_labels(posterior)[:_MOST_POSITIONS]
     for share, position_m in zip(shares, picture.survey.modes_m(modes), strict=True):
         subject = f"A position with {share}" if share else "The most likely position"

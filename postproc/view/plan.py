@@ -238,8 +238,8 @@ def draw_posterior(surface: Surface, view: ViewModel, cell: CellView) -> None:
         rings = [regions[share] for regions in cell.regions]
         surface.lines_over_time((*path, f"region{share}"), cell.t_ns, rings, style)
     posteriors = [step.posterior for step in cell.steps]
-    positions_m = view.survey.modes_m([mode for one in posteriors for mode in one.modes])
-    counts = [len(posterior.modes) for posterior in posteriors]
+    positions_m = view.survey.modes_m([mode for one in posteriors for mode in one.likely_modes])
+    counts = [len(posterior.likely_modes) for posterior in posteriors]
     labels = [text for posterior in posteriors for text in mode_labels(posterior)]
     if surface.is_plan:
         rim = Style([colours.PAPER], 7.0, 19.0)
@@ -543,7 +543,7 @@ def _draw_all_cells(plan: Surface, view: ViewModel) -> None:
         rings = region_rings(posterior.squares, LEVEL, view.survey.origin_m)
         plan.lines(("all", result.cell, "region95"), rings, Style([(*ink, 200)], 0.75))
         labels = [f"{result.cell} {text}".rstrip() for text in mode_labels(posterior)]
-        positions_m = view.survey.modes_m(posterior.modes)
+        positions_m = view.survey.modes_m(posterior.likely_modes)
         style = Style([ink], 6.0, 30.0)
         plan.points(("all", result.cell), positions_m, style, labels=labels, show_labels=True)
 

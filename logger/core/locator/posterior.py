@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from logger.core.arrays import FloatArray
-from logger.core.certainty import Ellipse, ellipse95
+from logger.core.certainty import Ellipse, ellipse95, relevant_modes
 from logger.core.locator.alternatives import Alternative
 from logger.core.locator.offsets import Offsets
 from logger.core.locator.region import HALF, Squares, area_m2, contains, highest_density
@@ -95,6 +95,11 @@ class Posterior:
         at = f"x_m={self.x_m:.1f}, y_m={self.y_m:.1f}"
         within = f"r50_m={self.r50_m:.1f}, r95_m={self.r95_m:.1f}"
         return f"Posterior({at}, {within}, {len(self.modes)} modes, {len(self.squares)} squares)"
+
+    @cached_property
+    def likely_modes(self) -> tuple[Mode, ...]:
+        """The modes that count, as every output has them."""
+        return relevant_modes(self.modes)
 
     @property
     def x_m(self) -> float:

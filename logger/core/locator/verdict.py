@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.answer import OnMap
-from logger.core.certainty import metres, relevant_modes, share_text, whole_percents
+from logger.core.certainty import metres, share_text, whole_percents
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
 from logger.core.model.path_loss import level_dbm, log_distance_db
@@ -72,9 +72,9 @@ class _Case:
     posterior: Posterior
     obs: Readings
 
-    @cached_property
+    @property
     def modes(self) -> tuple[Mode, ...]:
-        return relevant_modes(self.posterior.modes)
+        return self.posterior.likely_modes
 
     @cached_property
     def walk_m(self) -> float:

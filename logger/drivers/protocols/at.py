@@ -102,17 +102,17 @@ MAX_LINE = 4096  # bytes; the longest real line, a COPS scan of a big city, has 
 MAX_LINES = 1000  # lines of one reply; what comes beyond is passed on as unsolicited
 
 _LINE_END = re.compile(rb"[\r\n]")
+_ECHO = re.compile(rb"\Z|[ \t]*AT", re.IGNORECASE)
 _NAME = re.compile(r"[+*^#!$%][A-Z][A-Z0-9]*")
 _PREFIX = re.compile(rf"\s*({_NAME.pattern})\s?:")
+# no command here makes a call, but a caller who hangs up leaves one of them
 RESULTS_OF_CALLS = frozenset({"NO CARRIER", "BUSY", "NO ANSWER", "NO DIALTONE"})
-"""No command here makes a call, but a caller who hangs up leaves one of them."""
 # Huawei's words for a command that it lacks, and V.250's for one that a byte on the line has ended
 REFUSALS = frozenset({"COMMAND NOT SUPPORT", "TOO MANY PARAMETERS", "ABORTED"})
 _CODES = RESULTS_OF_CALLS | {"OK", "ERROR"}
 _ERROR = re.compile(r"\+CM[ES] ERROR\b.*")
 # Result codes after ATV0. 2 is RING, which ends no reply.
-_ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)
-"""Commands whose answer is plain words, no cell."""
+_ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)  # and for no cell
 _NUMERIC = {"0": "OK", "1": "CONNECT", "3": "NO CARRIER", "4": "ERROR"}
 _NAMED = re.compile(r"\s*([+*^#!$%][A-Za-z][A-Za-z0-9]*)")
 _UNASKED = re.compile(
@@ -137,6 +137,7 @@ class AtFramer:
 
     def __init__(self) -> None:
         self._buffer = b""  # the line under way
+        self._after_lf = False  # the line before it ended with LF, as those of this modem do
         self._torn = b""  # a line whose rest comes after a receiver's sentence and its line end
         self._torn_blanks = 0
         self._overlong = False  # the beginning of that line has already been given up
@@ -180,13 +181,33 @@ class AtFramer:
 
     def feed(self, data: bytes) -> Iterator[AtEvent]:
         """Events completed by `data`, all of which is consumed at the call."""
-        *complete, self._buffer = _LINE_END.split(self._buffer + data)
-        events = [event for raw in complete for event in self._whole_events(raw)]
+        data, begin, events = self._buffer + data, 0, list[AtEvent]()
+        while (end := self._line_end(data, begin)) >= 0:
+            events += self._whole_events(data[begin:end])
+            self._after_lf = data[end : end + 1] == b"\n"
+            begin = end + 1
+        self._buffer = data[begin:]
         while len(self._buffer) > MAX_LINE:
             events.append(Garbage(self._buffer[:MAX_LINE]))
             self._buffer = self._buffer[MAX_LINE:]
             self._overlong = True
         return iter(events)
+
+    def _line_end(self, data: bytes, begin: int) -> int:
+        """Where the line from `begin` ends, -1 if that is not known yet."""
+        # Where lines end with LF, a CR alone ends echoes and numeric results (V.250). Any other
+        # that the rest of a row follows is a damaged byte of it: a row with a CR in it is no text.
+        end = _LINE_END.search(data, begin)
+        if end is None or end[0] == b"\n" or not self._after_lf:
+            return end.start() if end else -1
+        line = data[begin : end.start()]
+        if _ECHO.match(line) or self._final(line.decode("latin-1")) is not None:
+            return end.start()
+        after = _LINE_END.search(data, end.end())
+        if after is None:
+            return -1
+        rest = data[end.end() : after.start()]
+        return after.start() if rest and goes_on(rest) else end.start()
 
     def flush(self) -> Iterator[AtEvent]:
         """Events of the incomplete last line, at the end of a transcript."""

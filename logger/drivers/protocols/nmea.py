@@ -44,10 +44,14 @@ _TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d)(?:\.(\d{0,9}))?")
 
 
 def fix_of(epoch: Mapping[type[Any], Any]) -> Fix:
-    """Fix of an epoch's messages by type; none where GGA (or GNS) and RMC disagree."""
+    """Fix of an epoch's messages by type; none where GGA (or GNS) and RMC disagree.
+
+    A GLL counts where it is alone.
+    """
     gga, rmc = epoch.get(pynmea2.GGA) or epoch.get(pynmea2.GNS), epoch.get(pynmea2.RMC)
-    quality = _worse(_quality(gga), rmc)
-    position = (_position(gga) or _position(rmc)) if _is_valid(gga, quality, rmc) else None
+    state = rmc or epoch.get(pynmea2.GLL)
+    quality = _worse(_quality(gga), state)
+    position = (_position(gga) or _position(state)) if _is_valid(gga, quality, state) else None
     gsa = epoch.get(pynmea2.GSA)
     lat_deg, lon_deg = position or (None, None)
     speed_mps, course_deg = _motion(rmc, epoch.get(pynmea2.VTG)) if position else (None, None)
@@ -67,12 +71,21 @@ def fix_of(epoch: Mapping[type[Any], Any]) -> Fix:
 
 
 def time_of_day_ns(message: Any) -> int | None:
-    """Nanoseconds since midnight of the first field, `hhmmss.sss`; None for a leap second."""
-    match = _TIME.fullmatch(message.data[0]) if message and message.data else None
+    """Nanoseconds since midnight of its field `hhmmss.sss`; None for a leap second."""
+    match = _TIME.fullmatch(_time_text(message)) if message else None
     if not match:
         return None
     hours, minutes, seconds, fraction = match.groups(default="")
     return ((int(hours) * 60 + int(minutes)) * 60 + int(seconds)) * 10**9 + int(f"{fraction:0<9}")
+
+
+def _time_text(message: Any) -> str:
+    return _field(message, 4 if isinstance(message, pynmea2.GLL) else 0)
+
+
+def _field(message: Any, index: int) -> str:
+    texts: list[str] = message.data[index : index + 1]
+    return texts[0] if texts else ""
 
 
 def nav_mode(gsa: Any) -> int | None:
@@ -90,13 +103,17 @@ def radius68_m(sigma_lat_m: float, sigma_lon_m: float) -> float:
     return math.sqrt(-math.log(1.0 - 0.68) * (sigma_lat_m**2 + sigma_lon_m**2))
 
 
-def _is_valid(gga: Any, quality: int | None, rmc: Any) -> bool:
+def _is_valid(gga: Any, quality: int | None, state: Any) -> bool:
     # pynmea2's own is_valid is False for every RMC of NMEA 4.1 with navigational status V, and for
     # GGA quality 6.
     if gga and quality not in _POSITIONED:
         return False
-    # by position: pynmea2 before 1.19 has no name for the mode
-    return not rmc or (rmc.status == "A" and not _NOT_MEASURED.intersection(rmc.data[11:12]))
+    return not state or (state.status == "A" and _mode(state) not in _NOT_MEASURED)
+
+
+def _mode(state: Any) -> str:
+    # by position: pynmea2 before 1.19 has no name for that of an RMC
+    return _field(state, 6 if isinstance(state, pynmea2.GLL) else 11)
 
 
 def _quality(gga: Any) -> int | None:
@@ -106,9 +123,9 @@ def _quality(gga: Any) -> int | None:
     return gga.gps_qual if gga and gga.gps_qual in range(10) else None
 
 
-def _worse(quality: int | None, rmc: Any) -> int | None:
-    """The quality, or that of an RMC whose position was not measured."""
-    letter = rmc.data[11] if rmc and len(rmc.data) > 11 else ""
+def _worse(quality: int | None, state: Any) -> int | None:
+    """The quality, or that of an RMC or GLL whose position was not measured."""
+    letter = _mode(state) if state else ""
     return (
         _QUALITY_OF_MODE[letter]
         if letter and letter in _ESTIMATED | _NOT_MEASURED - {"N"}
@@ -215,6 +232,8 @@ REMEMBERED_EPOCHS = 4
 
 _HEADS = frozenset({pynmea2.GGA, pynmea2.RMC, pynmea2.GNS})
 """Sentences that make an epoch; the others only add to one."""
+_LONE_HEADS = _HEADS | {pynmea2.GLL}
+_MOST_GLL = 4  # a receiver that has sent more of them and none of the others sends none
 _TIMED = frozenset({pynmea2.GST, pynmea2.ZDA})
 _UNTIMED = frozenset({pynmea2.GSA, pynmea2.VTG})
 
@@ -295,9 +314,11 @@ class FixAssembler:
         self._early: dict[type[Any], tuple[str, Any]] = {}
         self._recent: deque[Counter[str]] = deque(maxlen=REMEMBERED_EPOCHS)
         self._expected: Counter[str] | None = None
+        self._heads = _HEADS
+        self._n_gll: int | None = 0  # None once a better sentence has come
 
     def feed(self, sentence: Sentence, t_ns: int) -> Iterator[tuple[int, Fix]]:
-        """Fixes completed by a sentence, with the stamp of the first GGA, GNS or RMC.
+        """Fixes completed by a sentence, with the stamp of the first of its heads.
 
         An epoch is complete when it has all that the last few had, whatever the receiver prints in
         whatever order. It ends without that when the next one begins, or by `flush`; what comes
@@ -306,16 +327,24 @@ class FixAssembler:
         message, address = sentence.message, sentence.text[1:6]
         kind = type(message)
         fixes: list[tuple[int, Fix]] = []
-        if kind in _HEADS and self._begins_epoch(address, message):
+        self._choose_heads(kind)
+        if kind in self._heads and self._begins_epoch(address, message):
             fixes += self._begin(t_ns, message)
         epoch = self._epoch
         if kind in _TIMED and (epoch is None or _time_of_day(message) != epoch.time):
             self._early[kind] = address, message
-        elif epoch and kind in _HEADS | _TIMED | _UNTIMED:
+        elif epoch and kind in self._heads | _TIMED | _UNTIMED:
             epoch.add(address, message)
             if self._expected is not None and epoch.received >= self._expected:
                 fixes += epoch.take()
         return iter(fixes)
+
+    def _choose_heads(self, kind: type[Any]) -> None:
+        if kind in _HEADS:
+            self._heads, self._n_gll = _HEADS, None
+        elif kind is pynmea2.GLL and self._n_gll is not None:
+            self._n_gll += 1
+            self._heads = _LONE_HEADS if self._n_gll > _MOST_GLL else _HEADS
 
     def flush(self) -> Iterator[tuple[int, Fix]]:
         """The fix of what is pending, for a receiver that has fallen silent."""
@@ -368,5 +397,5 @@ def _noise(data: bytes) -> list[Sentence | Garbage]:
 def _time_of_day(message: Any) -> int | str:
     """For comparison: "120000" equals "120000.00"."""
     time_ns = time_of_day_ns(message)
-    text: str = message.data[0]
+    text = _time_text(message)
     return text if time_ns is None else time_ns

@@ -372,6 +372,11 @@ _WORDS = {
     for family in FAMILIES.values()
     for name, words in family.unnamed_rows.items()
 }
+_PADDED = {
+    name.encode(): re.compile(rb"[ ]*" + pattern.encode(), re.IGNORECASE)
+    for family in FAMILIES.values()
+    for name, pattern in family.padded_cells.items()
+}
 _ANYWHERE = frozenset((b"ok", b"error", b"dbm"))
 _COLON = re.compile(rb"[ ]?(?:\(dBm?\))?[ ]?:", re.IGNORECASE)
 _COLUMNS = re.compile(rb"[0-9A-Za-z)-](?:[ ]{2}|\t| -[0-9])|\A[ \t]+[0-9]")
@@ -392,6 +397,11 @@ def row_without_name(line: bytes, commands: Iterable[bytes]) -> bytes | None:
 
     It has numbers in columns or between commas, or behind words of the form with a colon.
     """
+    for name in commands:
+        if name in _PADDED and (padded := _PADDED[name].match(line)):
+            zero, end = padded.span(1)
+            short = row_without_name(line[:zero] + line[end:], commands)
+            return None if short is None else short[:zero] + b"0" + short[zero:]
     words = _ANYWHERE.union(*(_WORDS[name] for name in commands))
     heading = _HEADING.fullmatch(line)
     if heading and words.issuperset(heading[1].lower().split()):

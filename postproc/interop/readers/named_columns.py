@@ -18,6 +18,7 @@ from postproc import csv_table
 from postproc.interop.contents import Contents, Format
 from postproc.interop.sighting import (
     LEVEL_RANGE_DBM,
+    POSITION_ALONE,
     RATS,
     ROW_NS,
     Columns,
@@ -27,6 +28,7 @@ from postproc.interop.sighting import (
     Row,
     Sighting,
     Transmitters,
+    fix_of,
     integer,
     is_month_first,
     maybe,
@@ -70,7 +72,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
 
 _DROPPED = frozenset(
     {"serving", "serv", "pcell", "cell", "best", "active", "set", "sub", "full", "ss", "mean"}
-    | {"avg", "average", "value", "top1", "dl"}
+    | {"avg", "average", "value", "top1", "dl", "hex"}
 )
 _OF_CELL = frozenset({"id", "identity", "name"})
 """Words that mean something else without "cell"."""
@@ -86,11 +88,13 @@ _TECHNOLOGIES: dict[str, Rat] = {
     "5g": "NR",
 }
 _LEVELS: dict[str, Rat | None] = {"rsrp": "LTE", "rscp": "WCDMA", "rxlev": "GSM", "level": None}
+_LEVEL_WORDS = frozenset({"rssi", "rxlev", "rscp", "rsrp"})  # "RSSI/RSRP": by the technology
 _UNIT = re.compile(r"\(.*?\)|\[.*?\]|[ _]dbm$")
 _WORD = re.compile(r"[a-z0-9]+")
 _SECONDS = re.compile(r"\d{1,8}(?:\.\d*)?")
 """Of a column of times: so few since 1970 were in 1973, so they count from the start."""
 _DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
+_WITH_UNIT = re.compile(r"([-\u2212]?\d+(?:[.,]\d+)?)\s*(?:dBm?|m)?", re.IGNORECASE)
 _NONE = frozenset({"-", "--", "n/a", "na", "nan", "null", "none"})
 _ROLES: dict[str, Role] = {
     **dict.fromkeys(("true", "1", "yes", "y", "serving", "registered"), "serving"),
@@ -98,6 +102,9 @@ _ROLES: dict[str, Role] = {
 }
 """Another value may be the name of the serving cell."""
 _TIMES = frozenset({"t_s", "time"})
+_FIX = frozenset({*_TIMES, "date", "lat", "lon", "acc", "alt"})
+_MEASURED = frozenset({"level", "acc", "alt"})
+_WHOLE = frozenset({"area", "cid", "arfcn", "bsic", "psc", "pci"})
 _CODES = frozenset({"arfcn", "bsic", "psc", "pci"})
 
 Column = tuple[str, str, Rat | None]
@@ -217,7 +224,8 @@ def _meaning(name: str) -> tuple[str, Rat | None]:
     if "".join(words) in _NAMES["serving"]:
         return "serving", None
     rat = next((_TECHNOLOGIES[word] for word in words if word in _TECHNOLOGIES), None)
-    left = "".join(word for word in words if word not in _DROPPED and word not in _TECHNOLOGIES)
+    kept = [word for word in words if word not in _DROPPED and word not in _TECHNOLOGIES]
+    left = "level" if len(kept) > 1 and _LEVEL_WORDS.issuperset(kept) else "".join(kept)
     return f"cell{left}" if left in _OF_CELL and "cell" in words else left, rat
 
 
@@ -231,17 +239,17 @@ def _sighting(
 ) -> Row:
     level = _level(columns, raw)
     if level is None:
-        return NoCell(line, "no level")
+        return _position(form, columns, month_first, line, raw)
     column, rat = level
     fields: dict[str, Any] = {
-        ours: _plain(raw[name])
+        ours: _value(ours, name, raw)
         for ours, name, own in columns
         if (own is None or rat is None or own == rat) and _plain(raw[name])
     }
     if text(fields, "rat").upper() not in RATS:
         fields["rat"] = rat or ""
     fields |= {
-        "level": _plain(raw[column]),
+        "level": _value("level", column, raw),
         "when": _moment(columns, line, fields, month_first=month_first),
     }
     sighting = form.sighting(line, fields)
@@ -249,6 +257,19 @@ def _sighting(
         return sighting
     label = transmitters.name(raw, sighting.reading)
     return replace(sighting, reading=replace(sighting.reading, label=label))
+
+
+def _position(
+    form: Columns, columns: list[Column], month_first: bool | None, line: int, raw: Fields
+) -> Row:
+    # without a level its position counts where it has one and a time
+    fields = {ours: _value(ours, name, raw) for ours, name, _ in columns if ours in _FIX}
+    if form.place is None or not fields.keys() & _TIMES or not (fields["lat"] and fields["lon"]):
+        return NoCell(line, "no level")
+    moment = _moment(columns, line, fields, month_first=month_first)
+    known = {"alt_m": maybe(fields, "alt"), "acc_m": maybe(fields, "acc", (0.0, 1e6)) or None}
+    fix = fix_of(fields, "lat", "lon", moment.utc_ns, **known)
+    return Sighting(line, moment.t_ns, fix, POSITION_ALONE)
 
 
 def _level(columns: list[Column], raw: Fields) -> tuple[str, Rat | None] | None:
@@ -278,6 +299,15 @@ def _moment(
 
 def _role(fields: Fields) -> Role:
     return _ROLES.get(text(fields, "serving").lower(), "scan") if "serving" in fields else "scan"
+
+
+def _value(ours: str, name: str, raw: Fields) -> str:
+    # of a measured value without its unit, of a hexadecimal one with 0x
+    value = _plain(raw[name])
+    if ours in _MEASURED and (found := _WITH_UNIT.fullmatch(value)):
+        return found[1].replace(",", ".").replace("\u2212", "-")
+    is_hex = "hex" in name and value and ours in _WHOLE
+    return f"0x{value.removeprefix('0x')}" if is_hex else value
 
 
 def _plain(value: str) -> str:

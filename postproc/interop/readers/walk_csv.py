@@ -4,8 +4,9 @@ Columns: `t_s` (seconds) or `time_utc` (ISO 8601), `lat`, `lon` (WGS 84 degrees)
 optional `cell` (a name; without it the identity, else a column such as `bssid` or `gateway`, else
 "target"), `acc_m` (radius that holds 68 %), `rat`, and by their names in the run file whatever else
 is known of the fix (`alt_m`, `speed_mps`, `course_deg`) or of the cell (`mcc`, `mnc`, `lac`, `cid`,
-`rsrp_dbm`, ...), where `rssi_dbm` may be empty if another level is given. Other columns are passed
-over. An apostrophe before text that a spreadsheet would take for a formula is dropped.
+`rsrp_dbm`, ...), where `rssi_dbm` may be empty if another level is given. A row without a level is
+a position alone. Other columns are passed over. An apostrophe before text that a spreadsheet would
+take for a formula is dropped.
 """
 
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ from postproc import csv_table
 from postproc.interop.contents import Contents, Format
 from postproc.interop.sighting import (
     LEVEL_RANGE_DBM,
+    POSITION_ALONE,
     RATS,
     Fields,
     Row,
@@ -87,7 +89,9 @@ def _sighting(line: int, fields: Fields, transmitters: Transmitters) -> Sighting
     known = {name: maybe(fields, name) for name in PLACE}
     acc_m = maybe(fields, "acc_m", (0.0, 1e6))
     fix = Fix(True, utc_ns=utc_ns, lat_deg=lat_deg, lon_deg=lon_deg, acc_m=acc_m, **known)  # type: ignore[arg-type]
-    return Sighting(line, t_ns, fix, _reading(fields, transmitters))
+    has_level = any(text(fields, name) for name in (*LEVELS, "rxlev_raw"))
+    reading = _reading(fields, transmitters) if has_level else POSITION_ALONE
+    return Sighting(line, t_ns, fix, reading)
 
 
 def _reading(fields: Fields, transmitters: Transmitters) -> CellReading:
@@ -130,9 +134,10 @@ def _cell_value(fields: Fields, name: str) -> float | int | str | None:
 
 
 def _is_it(seen: Contents) -> bool:
-    """Two of our columns suffice: the reader names those that are missing."""
-    ours = {"t_s", "time_utc", "lat", "lon", *LEVELS}
-    return seen.kind == "text" and len(seen.names & ours) >= 2
+    """One of our columns and another suffice: the reader names those that are missing."""
+    ours = {"t_s", "time_utc", *LEVELS}
+    n_ours = len(seen.names & ours)
+    return seen.kind == "text" and n_ours > 0 and n_ours + len(seen.names & {"lat", "lon"}) >= 2
 
 
 IMPORTS = (

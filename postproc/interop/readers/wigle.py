@@ -40,7 +40,7 @@ _CELL = re.compile(r"(\d{3})(\d{2,3})_(\d+)_(\d+)")
 def read(source: Path) -> Iterator[Row]:
     """Cells of a file of either version; raises `RunFileError` without the columns needed."""
     with csv_table.text_lines(source) as lines:
-        skip = 1 if next(lines, "").startswith(PREFIX) else 0
+        skip = lines.number if next(lines, "").startswith(PREFIX) else 0
     yield from parse_rows(csv_table.rows(source, skip=skip, required=_NEEDED), _sighting)
 
 

@@ -42,6 +42,32 @@ def test_any_line_end_ends_a_line(end):
     )
 
 
+NETSCAN = b"MCC:310,MNC:260,Rxlev:53,Cellid:CF00,Arfcn:1275,Lac:3C4D"
+
+
+@pytest.mark.parametrize("at", [3, 12, NETSCAN.index(b"275"), len(NETSCAN) - 1])
+@pytest.mark.parametrize("lost", [0, 1])
+def test_a_row_with_a_carriage_return_in_it_is_damaged(at, lost):
+    """1275 is not channel 127, with the rest of the row on a line of its own."""
+    row, damaged = NETSCAN, NETSCAN[:at] + b"\r" + NETSCAN[at + lost :] + b"x"
+    data = b"\r\n".join([b"AT+CNETSCAN\r", row, damaged, row, b"", b"OK", b""])
+    reply = Reply("AT+CNETSCAN", (row.decode(),) * 2, "OK")
+    check(framer_after("AT+CNETSCAN"), data, [Garbage(damaged), reply])
+
+
+@pytest.mark.parametrize("rest", [b"+CSQ: 20,0", b"OK"])
+def test_a_line_feed_that_is_lost_takes_no_row(rest):
+    data = b"\r\n+CSQ: 21,0\r" + rest + b"\r\nOK\r\n"
+    (reply, *_) = feed_all(framer_after("AT+CSQ")(), [data])
+    assert (reply.lines[0], reply.final) == ("+CSQ: 21,0", "OK")
+
+
+def test_a_result_in_digits_ends_with_a_carriage_return_alone():
+    """V.250 after ATV0, with echo; the reply is there before anything follows."""
+    data = b"AT+CSQ\r+CSQ: 20,0\r\n0\r"
+    check(framer_after("AT+CSQ"), data, [Reply("AT+CSQ", ("+CSQ: 20,0",), "OK")])
+
+
 SENTENCE = gga().encode()
 
 

@@ -261,3 +261,46 @@ def test_time_grows_with_the_bytes_and_no_faster():
                 assembler.feed(event, i)
 
     check_growth(read, 50, 400)
+
+
+def gll(second, status="A", tail=",A"):
+    return nmea(f"GPGLL,5230.0000,N,01315.0000,E,1200{second:02d}.00,{status}{tail}")
+
+
+def zda(second):
+    return nmea(f"GPZDA,1200{second:02d}.00,21,09,2024,,")
+
+
+LONE = Fix(valid=True, lat_deg=52.5, lon_deg=13.25)
+
+
+def test_a_receiver_that_sends_only_gll_has_fixes_without_a_date():
+    """As those of a GGA alone: the time of the run is the Pi's."""
+    found = fixes(*(gll(second) for second in range(9)))
+    assert found == [(t_ns, LONE) for t_ns in range(4, 9)]
+    dated = fixes(*(text for i in range(9) for text in (gll(i), zda(i))))
+    assert [fix.utc_ns for _, fix in dated] == [NOON_NS + i * 10**9 for i in range(4, 9)]
+
+
+@pytest.mark.parametrize(("status", "tail"), [("V", ",N"), ("V", ""), ("A", ",N"), ("A", ",S")])
+def test_a_gll_that_was_not_measured_is_no_position(status, tail):
+    valid = {fix.valid for _, fix in fixes(*(gll(i, status, tail) for i in range(9)))}
+    assert valid == {False}
+
+
+def test_a_gll_of_dead_reckoning_is_one():
+    assert {fix.quality for _, fix in fixes(*(gll(i, tail=",E") for i in range(9)))} == {6}
+
+
+def test_gll_counts_for_nothing_beside_another_sentence():
+    texts = [text for i in range(9) for text in (gll(i), rmc(f"1200{i:02d}.00"))]
+    assert fixes(*texts) == fixes(*(text if "RMC" in text else "" for text in texts))
+    assert fixes(gll(0), gga(), rmc(), gll(0)) == [(1, BOTH)]
+
+
+def test_other_sentences_that_come_late_replace_gll():
+    both = [text for i in range(9, 12) for text in (gga(f"1200{i:02d}.00"), gll(i))]
+    found = fixes(*(gll(i) for i in range(9)), *both)
+    assert [(t_ns, fix.hdop) for t_ns, fix in found[3:]] == [
+        (7, None), (8, None), (9, 1.1), (11, 1.1), (13, 1.1),
+    ]  # fmt: skip

@@ -319,3 +319,33 @@ def test_gpsd_keeps_what_is_read_of_its_reports():
     assert {key for key in device if left[key] != device[key]} == {"sernum", "subtype", "id"}
     assert b"2310414" not in out
     assert list(GpsdFramer().feed(out)) == list(GpsdFramer().feed(text + b"\r\n"))
+
+
+NR_ROW = b"1,9,460,11,590A1C,%s,176190,524,505,75,6,57,57,73\r\n"
+
+
+@pytest.mark.parametrize("cell", [b"5AB620605", b"05AB620605", b"0123456789", b"FFFFFFFFF"])
+def test_an_nr_cell_of_36_bits_passes_at_its_place_in_a_row_of_fibocom(cell):
+    """Nine hexadecimal digits, or ten with a zero before, as numbers of five bytes have them."""
+    rows = b"+GTCCINFO:\r\nNR service cell:\r\n" + NR_ROW % cell
+    assert redact(rows, "AT+GTCCINFO?") == rows
+    (reading,) = cells_of(FAMILIES["fibocom"], rows.decode().splitlines())
+    assert reading.cid == int(cell, 16) or cell == b"FFFFFFFFF"
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        NR_ROW % b"15AB620605",
+        NR_ROW % b"005AB620605",
+        NR_ROW % b"460110123456789",
+        NR_ROW.replace(b",9,", b",4,") % b"0301234567",
+        NR_ROW.replace(b"590A1C", b"0301234567") % b"5AB620605",
+        b"0301234567,145,1,2,3\r\n",
+        b"1,9,0301234567,145,1,2,3\r\n",
+    ],
+)
+def test_a_number_of_ten_digits_elsewhere_does_not(row):
+    kept = redact(b"+GTCCINFO:\r\n" + row, "AT+GTCCINFO?").splitlines()[1]
+    assert not any(len(part) >= 10 for part in kept.replace(b"x", b"").split(b","))
+    assert b"xxxxxxxxxx" in kept

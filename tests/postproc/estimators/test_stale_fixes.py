@@ -75,6 +75,14 @@ def test_errors_of_fixes_are_no_speed():
     )
 
 
+def test_days_read_as_seconds_are_too_fast_although_each_step_is_short():
+    """A spreadsheet's numbers of days: a walk of a kilometre took a hundredth of a second."""
+    walked_s = np.arange(500) * 2.0
+    walk = track(walked_s / 86_400.0, walked_s * 1.2)
+    assert "the way as a whole would be faster than" in track_plausibility.too_fast(walk)
+    assert track_plausibility.too_fast(track(walked_s, walked_s * 1.2)) is None
+
+
 def test_two_errors_of_a_receiver_do_not_blame_the_times():
     x_m = np.arange(12) * 1.4
     x_m[[3, 9]] += 900.0

@@ -155,6 +155,8 @@ def test_the_routes_of_one_place_are_streets_of_a_map(run, capsys, tmp_path):
     lines = [[[x, lat[0]], [x, lat[-1]]] for x in lon] + [[[lon[0], y], [lon[-1], y]] for y in lat]
     path.write_text(json.dumps({"type": "MultiLineString", "coordinates": lines}))
     document = _json(capsys, run, "--streets", path)
+    ends = [tuple(round(degrees, 5) for degrees in one["points"][-1]) for one in document["routes"]]
+    assert len(set(ends)) == len(ends) > 2
     for y, x in document["routes"][0]["points"]:
         is_on = min(abs(x - one) for one in lon) < 1e-6 or min(abs(y - one) for one in lat) < 1e-6
         assert is_on

@@ -96,6 +96,7 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
         (b"\x89HDF\r\n\x1a\n", "needs no import"),
         (b"mcc,measured_at,lat\n", "no column mnc, lon, cell_id or cellid, act or net_type"),
         (b"t_s,lat,lon,noise\n", "no column rssi_dbm"),
+        (b"date,lat,lon,strength\n", "can be read with --columns lat=...,lon=...,level=..."),
         (b"", "I read an empty file"),
         (b"\0\xff\xfe" * 50, "I read a binary file that begins with 00 ff fe"),
         (b"%PDF-1.7\n1 0 obj", "I read a PDF document"),
@@ -123,10 +124,49 @@ def test_what_is_missing_is_named_in_one_line(tmp_path, capsys, data, says):
     assert not (tmp_path / "run.h5").exists()
 
 
+CSV_LOG = "t_s;lat;lon;rssi_dbm;cell\r\n0;52;13;-70;a\r\n1;52;13;-71;b\r\n"
+MEASUREMENT = (
+    '{"mcc": 262, "mnc": 1, "lac": 1, "cellid": 2, "signal": -70, "act": "GSM", "lat": 52, '
+    '"lon": 13, "measured_at": "2024-05-14 09:00:00"}'
+)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be"])
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        (CSV_LOG, "CSV"),
+        (f"sep=;\r\n{CSV_LOG}", "CSV"),
+        (CSV_LOG.replace(";", "\t"), "CSV"),
+        (f"sep=\t\r\n{CSV_LOG}".replace(";", "\t"), "CSV"),
+        (WIGLE, "WiGLE CSV"),
+        (f"sep=,\n{WIGLE}", "WiGLE CSV"),
+        ("time;lat;lon;rsrp\n2024-05-14 09:00:00;52,5;13,5;-70\n", "CSV by column names"),
+        ("sep=;\nlat;lon;rsrp\n52,5;13,5;-70\n", "CSV by column names"),
+        ("52.0,13.0,30,262,1,2,3,-70,LTE,LTE,1300,5\n", "CellMapper CSV"),
+        ("sep=,\n52.0,13.0,30,262,1,2,3,-70,LTE,LTE,1300,5\n", "CellMapper CSV"),
+        (f'{{"measurements": [{MEASUREMENT}]}}', "OpenCelliD measurements, JSON"),
+        ('<?xml version="1.0"?>\n<kml/>', None),
+    ],
+)
+def test_a_text_is_read_in_any_encoding_of_spreadsheets(tmp_path, text, name, encoding):
+    mark = "\ufeff" if encoding == "utf-16-be" else ""
+    (tmp_path / "plain").write_text(text, newline="")
+    (tmp_path / "x").write_bytes((mark + text).encode(encoding))
+    if name is None:
+        with pytest.raises(RunFileError, match="XML or HTML that begins with <kml>"):
+            recognise(tmp_path / "x")
+        return
+    form, plain = recognise(tmp_path / "x"), recognise(tmp_path / "plain")
+    rows = list(form.read(tmp_path / "x"))
+    assert (form.name, rows) == (name, list(plain.read(tmp_path / "plain")))
+    assert any(isinstance(row, Sighting) for row in rows)
+
+
 @pytest.mark.parametrize(
     ("data", "says"),
     [
-        ("lat,lon,level\n52,13,-70\n".encode("utf-16"), "I read text in UTF-16"),
+        ("lat,lon,level\n52,13,-70\n".encode("utf-32"), "I read a binary file"),
         (b"PAR1\x15\x04", "I read a Parquet table"),
         (b'[{"lat": 1}]', "I read a JSON list with the keys lat"),
     ],

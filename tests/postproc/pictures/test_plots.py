@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from logger.core.answer import Provenance, answer_of
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
@@ -10,6 +11,7 @@ from postproc.pictures import colours
 from postproc.pictures.plots import draw_run, figure_of, strips_of
 from postproc.pictures.survey import Clock, Levels
 from postproc.smoothing import smooth_runs
+from postproc.summary import estimator_table
 from tests.kit import sample_results as kit
 from tests.kit.runs import meta
 
@@ -77,6 +79,20 @@ def test_modes_have_a_label_only_where_there_are_several(result):
     several = kit.sample_result(run, places=2, verdict="ambiguous")
     assert with_progress(figure_of(several)).splitlines().count("50 %") == 2
     assert "> 99 %" not in with_progress(figure_of(result))
+
+
+def test_a_place_that_the_answer_does_not_list_is_in_no_picture_and_no_table(result):
+    """As `relevant_modes` says: a sharp peak with less than 1 % of the probability."""
+    several = kit.sample_result(result.runs[0].run, places=2, verdict="ambiguous")
+    one, other = several.cells[0].posterior.modes
+    modes = (replace(one, probability=0.994), replace(other, probability=0.006, peak=0.4))
+    posterior = replace(several.cells[0].posterior, modes=modes)
+    cell = replace(several.cells[0], posterior=posterior)
+    text = with_progress(figure_of(replace(several, cells=(cell,))))
+    assert "most likely position" in text
+    assert "< 1 %" not in text
+    rows = estimator_table(answer_of("a", "located", (), Provenance(9), posterior)).rows
+    assert not [row for row in rows if "position" in str(row[0])]
 
 
 def test_plan_is_to_scale(result):

@@ -6,7 +6,7 @@ from logger.core.types import CellReading
 from postproc.cli import main
 from postproc.interop.importing import recognise
 from postproc.interop.readers import named_columns
-from postproc.interop.sighting import NoCell
+from postproc.interop.sighting import NoCell, Sighting
 
 TIME = "2024-05-01 12:00:07"
 
@@ -36,8 +36,43 @@ def test_a_drive_test_with_a_column_for_each_technology(tmp_path):
     assert lte.reading == CellReading(
         "scan", "LTE", "262", "01", tac=70, cid=256259, arfcn=1300, pci=5, rsrp_dbm=-99.5
     )
-    assert none == NoCell(4, "no level")
+    assert (none.is_position, none.t_ns, none.fix) == (True, gsm.t_ns, gsm.fix)
     assert (gsm.lat_deg, gsm.lon_deg, gsm.fix.utc_ns) == (52.5, 13.5, None)
+
+
+@pytest.mark.parametrize("row", ["0,0,", ",,"])
+def test_a_row_without_level_and_position_is_no_position(tmp_path, row):
+    first, second = _rows(tmp_path, "t_s,latitude,longitude,rsrp", "1,52,13,-90", f"2,{row}")
+    assert first.reading.rsrp_dbm == -90.0
+    assert not isinstance(second, Sighting)
+
+
+def test_a_position_in_a_table_without_times_says_nothing(tmp_path):
+    first, second = _rows(tmp_path, "latitude,longitude,rsrp", "52,13,-90", "52,13.1,")
+    assert (first.reading.rsrp_dbm, second) == (-90.0, NoCell(3, "no level"))
+
+
+@pytest.mark.parametrize(
+    ("names", "codes"),
+    [
+        ("TAC,ECI,EARFCN,PCI", "0x1267,0x12D687,0X514,0x5"),
+        ("TAC (hex),ECI [hex],EARFCN,PCI_hex", "1267,12d687,1300,5"),
+        ("tac_hex,eci_hex,earfcn,pci", "0x1267,12D687,1300,5"),
+    ],
+)
+def test_codes_may_be_hexadecimal(tmp_path, names, codes):
+    header = f"time,lat,lon,rsrp,mcc,mnc,{names}"
+    (row,) = _rows(tmp_path, header, f"{TIME},52,13,-90,262,01,{codes}")
+    assert row.reading.cell == "262-01-4711-1234567"
+    assert (row.reading.arfcn, row.reading.pci) == (1300, 5)
+
+
+@pytest.mark.parametrize("level", ["-90,5 dBm", "-90.5dBm", "-90.5\u00a0dBm", "\u221290,5"])
+def test_a_level_may_have_its_unit(tmp_path, level):
+    header = "time;lat;lon;accuracy;altitude;rsrp;cell"
+    (row,) = _rows(tmp_path, header, f"{TIME};52;13;5 m;34,5 m;{level};3 m")
+    assert (row.reading.rsrp_dbm, row.reading.label) == (-90.5, "3 m")
+    assert (row.fix.acc_m, row.fix.alt_m) == (5.0, 34.5)
 
 
 def test_a_table_with_one_technology_column(tmp_path):
@@ -247,3 +282,30 @@ def test_a_date_of_its_own_column_belongs_to_the_time(tmp_path, date, hours):
     head = "Date,Time,Latitude,Longitude,RSSI,Cell ID"
     (row,) = _rows(tmp_path, head, f"{date},09:00:00,52.5,13.4,-70,7")
     assert row.t_ns == hours * 3600 * 10**9
+
+
+def test_a_table_whose_times_have_an_unknown_name_says_that_none_are_read(tmp_path, capsys):
+    rows = [f"14/05/2024;09:00:{i:02d};52,5;{13.4 + i / 1e4};-90;17" for i in range(20)]
+    (tmp_path / "a.csv").write_text("Date;Heure;Lat;Lon;RSRP;CID\n" + "\n".join(rows))
+    assert main(["import", str(tmp_path / "a.csv"), "-o", str(tmp_path / "run.h5")]) == 0
+    assert "a.csv: without times, only the order of the rows counts" in capsys.readouterr().err
+    named = ["--columns", "time=heure"]
+    assert main(["import", str(tmp_path / "a.csv"), "-o", str(tmp_path / "run.h5"), *named]) == 0
+    assert "without times" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("rat", "level"), [("LTE", "rsrp_dbm"), ("UMTS", "rscp_dbm"), ("GSM", "rssi_dbm")]
+)
+@pytest.mark.parametrize("name", ["RSSI/RSRP", "rxlev_rscp_rsrp", "RSSI/RSCP/RSRP [dBm]"])
+def test_one_column_of_levels_of_all_technologies(tmp_path, name, rat, level):
+    """As monitors on telephones name it."""
+    header = f"Date;Time;Tech;MCC;MNC;LAC/TAC;CID;{name};Latitude;Longitude"
+    (row,) = _rows(tmp_path, header, f"2024-05-01;12:00:07;{rat};262;01;4711;17;-91;52;13")
+    assert getattr(row.reading, level) == -91.0
+    assert row.reading.cell == "262-01-4711-17"
+
+
+def test_of_two_columns_of_one_name_the_first_counts(tmp_path):
+    (row,) = _rows(tmp_path, "time,lat,lon,rsrp,pci,rsrp,pci", f"{TIME},52,13,-70,1,-90,2")
+    assert (row.reading.rsrp_dbm, row.reading.pci) == (-70.0, 1)

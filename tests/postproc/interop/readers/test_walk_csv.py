@@ -6,8 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from logger.core.types import Broadcast, CellReading, Fix
+from postproc.cli import main
 from postproc.interop.importing import import_walk
 from postproc.interop.sighting import BadRow, Sighting
 from postproc.interop.writers import csv as write_csv
@@ -114,7 +116,31 @@ def test_a_bad_value_of_a_cell_is_a_bad_row(tmp_path):
 def test_comments_before_the_header(tmp_path):
     (tmp_path / "walk.csv").write_text("# by hand\nt_s;lat;lon;rssi_dbm\n0;52;13;-70\n1;52;13;\n")
     good, bad = read_walk(tmp_path / "walk.csv")
-    assert ([h.line for h in good], bad) == ([3], [BadRow(4, "rssi_dbm is empty")])
+    assert ([(h.line, h.is_position) for h in good], bad) == ([(3, False), (4, True)], [])
+
+
+def test_rows_with_a_position_alone_are_the_walkers_track(tmp_path, capsys):
+    """A logger that has a position each second and a level every fourth."""
+    rows = [f"{i},52,{13 + i / 1e4},{'' if i % 4 else -70 - i % 9},a" for i in range(40)]
+    rows += ["40,,,,a", "41,52,13,loud,a"]
+    (tmp_path / "walk.csv").write_text("t_s,lat,lon,rssi_dbm,cell\n" + "\n".join(rows))
+    assert main(["import", str(tmp_path / "walk.csv"), "-o", str(tmp_path / "walk.h5")]) == 0
+    said = capsys.readouterr()
+    assert "walk.h5: 10 readings, 30 rows with a position alone, 2 bad rows (CSV)" in said.out
+    assert [line.partition(": line ")[2] for line in said.err.splitlines()] == [
+        "42: lat is empty",
+        "43: rssi_dbm is no number: 'loud'",
+    ]
+    run = read_run(tmp_path / "walk.h5")
+    assert run.tables["fixes"]["t_ns"].tolist() == [i * 10**9 for i in range(40)]
+    assert run.tables["scans"]["t_ns"].tolist() == [i * 10**9 for i in range(0, 40, 4)]
+    assert len(run.tables["readings"]) == 10
+
+
+def test_positions_alone_are_no_walk(tmp_path):
+    (tmp_path / "walk.csv").write_text("t_s,lat,lon,rssi_dbm\n0,52,13,\n1,52,13.1,\n")
+    with pytest.raises(RunFileError, match="no usable row; 2 rows with a position alone"):
+        import_walk(tmp_path / "walk.csv", tmp_path / "walk.h5")
 
 
 @pytest.mark.parametrize(
