@@ -7,7 +7,6 @@ outside the zone.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from math import floor, hypot
 from typing import ClassVar, Self
 
@@ -158,9 +157,9 @@ class Places:
     ) -> "Places":
         """Places from coordinates: certain, without height and time if not given."""
         x, y = np.atleast_1d(np.asarray(x_m, float)), np.atleast_1d(np.asarray(y_m, float))
-        height, certain, never = _blank(len(x))
-        sigma_m = certain if sigma_m is None else sigma_m
-        return Places(x, y, height, sigma_m, never if t_ns is None else t_ns, utm)
+        sigma_m = np.zeros(len(x)) if sigma_m is None else sigma_m
+        t_ns = np.zeros(len(x), np.int64) if t_ns is None else t_ns
+        return Places(x, y, np.full(len(x), np.nan), sigma_m, t_ns, utm)
 
     @classmethod
     def of_degrees(
@@ -323,15 +322,6 @@ def join_places(parts: Sequence[Places]) -> Places:
         **{name: np.concatenate([getattr(one, name) for one in parts]) for name in names},
         utm=parts[0].utm,
     )
-
-
-@lru_cache(maxsize=256)  # needed several times after each live reading
-def _blank(count: int) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Heights NaN, sigmas and times 0; shape (count,) each, read-only."""
-    blank = np.full(count, np.nan), np.zeros(count), np.zeros(count, np.int64)
-    for values in blank:
-        values.flags.writeable = False
-    return blank
 
 
 def track_of(fixes: Rows) -> Track:

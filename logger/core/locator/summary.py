@@ -80,7 +80,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
     regions = _regions(task, squares, evidence, mixed)
     place = regions[0].mode.place
     mean, covariance = moments_over(tree.squares, evidence, mixed.share, np.arange(len(p)), p)
-    r50_m, r95_m, drms_m = _radii(squares, place)
+    r50_m, r95_m = _radii_m(squares, place)
     away_m = nearest_m(walk.blocks, Places.of(tree.x_m, tree.y_m))
     reach = _reach_share(task, tree)
     return Posterior(
@@ -89,7 +89,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         place=place,
         r50_m=r50_m,
         r95_m=r95_m,
-        drms_m=drms_m,
+        drms_m=_drms_m(squares, place),
         p0_dbm=float(mean[2]),
         p0_sigma_db=float(np.sqrt(covariance[2, 2])),
         eta=float(mean[3]),
@@ -174,17 +174,24 @@ def _regions(
     return sorted(regions, key=lambda region: -region.mode.probability)
 
 
-def _radii(squares: Squares, place: Places) -> tuple[float, float, float]:
-    """Radii with 50 % and 95 %, and root mean square distance."""
-    p, size_m = squares.probability, squares.size_m
-    distance_m = np.hypot(squares.x_m - place.x_m, squares.y_m - place.y_m)
+def _distance_m(squares: Squares, place: Places) -> FloatArray:
+    return np.hypot(squares.x_m - place.x_m, squares.y_m - place.y_m)
+
+
+def _radii_m(squares: Squares, place: Places) -> tuple[float, float]:
+    """Radii with 50 % and 95 %."""
+    p, distance_m = squares.probability, _distance_m(squares, place)
     order = np.argsort(distance_m)
     last = np.searchsorted(np.cumsum(p[order]), [HALF, LEVEL])
-    outer_m = np.hypot(distance_m, 0.5 * size_m)[order]
+    outer_m = np.hypot(distance_m, 0.5 * squares.size_m)[order]
     r50_m, r95_m = outer_m[np.minimum(last, len(p) - 1)].tolist()
-    within_m2 = size_m**2 / 6.0  # mean square distance from the centre of a square
-    drms_m = float(np.sqrt(np.sum(p * (distance_m**2 + within_m2))))
-    return min(r50_m, r95_m), r95_m, drms_m  # a large square near the point may reach farther
+    return min(r50_m, r95_m), r95_m  # a large square near the point may reach farther
+
+
+def _drms_m(squares: Squares, place: Places) -> float:
+    within_m2 = squares.size_m**2 / 6.0  # mean square distance from the centre of a square
+    mean_m2 = np.sum(squares.probability * (_distance_m(squares, place) ** 2 + within_m2))
+    return float(np.sqrt(mean_m2))
 
 
 def _reach_share(task: LocatorInput, tree: Tree) -> FloatArray:
