@@ -86,17 +86,6 @@ def _is_sigma(values_m: FloatArray) -> BoolArray:
     return np.isfinite(values_m) & (values_m >= 0.0)
 
 
-class Statistic(NamedTuple):
-    """Degrees of freedom and noncentrality of a statistic."""
-
-    dof: int
-    noncentrality: float
-
-    def power(self, p_fa: float) -> float:
-        """Probability that the test rejects at this false-alarm rate."""
-        return detection(p_fa, self.dof, self.noncentrality)
-
-
 def detection(p_fa: float, dof: int, noncentrality: float) -> float:
     """Probability that a noncentral chi-square exceeds the central one's limit for `p_fa`."""
     if noncentrality <= 0.0:
@@ -109,20 +98,20 @@ def noncentrality_of(p_fa: float, dof: int, power: float) -> float:
     return float(chndtrinc(chi2.isf(p_fa, dof), dof, 1.0 - power)) if power > p_fa else 0.0
 
 
-def direct_test(scene: Scene, true_m: FloatArray, claim_m: FloatArray) -> Statistic:
-    """The direct test of a claim (d,) while the transmitter is at `true_m` (d,)."""
+def direct_noncentrality(scene: Scene, true_m: FloatArray, claim_m: FloatArray) -> float:
+    """Of the direct test of a claim (d,), with n degrees, where the transmitter is at `true_m`."""
     missed = _ranges(scene, true_m) - _ranges(scene, claim_m)
     spread = _direct_covariance(scene, claim_m)
-    return Statistic(len(missed), float(missed @ np.linalg.solve(spread, missed)))
+    return float(missed @ np.linalg.solve(spread, missed))
 
 
-def indirect_test(scene: Scene, true_m: FloatArray, claim_m: FloatArray) -> Statistic | None:
-    """The indirect test of the same claim; None where `not_observable` says why."""
+def indirect_noncentrality(scene: Scene, true_m: FloatArray, claim_m: FloatArray) -> float | None:
+    """Of the indirect test of it, with d degrees; None where `not_observable` says why."""
     if not_observable(scene, true_m):
         return None
     spread = np.linalg.inv(_information(scene, true_m)) + np.diag(scene.claim_sigma_m**2)
     off = claim_m - true_m
-    return Statistic(scene.dimensions, float(off @ np.linalg.solve(spread, off)))
+    return float(off @ np.linalg.solve(spread, off))
 
 
 def not_observable(scene: Scene, at_m: FloatArray) -> str | None:
@@ -415,21 +404,22 @@ def _row(
 ) -> Row:
     true_m = np.zeros(scene.dimensions)
     claim_m = np.pad(offset_m, (0, scene.dimensions - 2))
-    direct = direct_test(scene, true_m, claim_m)
-    indirect = indirect_test(scene, true_m, claim_m)
+    n, d = scene.receivers_m.shape
+    direct = direct_noncentrality(scene, true_m, claim_m)
+    indirect = indirect_noncentrality(scene, true_m, claim_m)
     alarms_direct, alarms_indirect = simulate(scene, true_m, true_m, p_fa, trials, rng)
     found_direct, found_indirect = simulate(scene, true_m, claim_m, p_fa, trials, rng)
     return Row(
         sigma_m,
         tuple(scene.claim_sigma_m.tolist()),
         tuple(claim_m.tolist()),
-        direct.noncentrality,
-        indirect.noncentrality if indirect else None,
+        direct,
+        indirect,
         Rates(p_fa, alarms_direct),
-        Rates(p_fa if indirect else None, alarms_indirect),
-        Rates(direct.power(p_fa), found_direct),
-        Rates(indirect.power(p_fa) if indirect else None, found_indirect),
-        detection(p_fa, scene.dimensions, direct.noncentrality),
+        Rates(None if indirect is None else p_fa, alarms_indirect),
+        Rates(detection(p_fa, n, direct), found_direct),
+        Rates(None if indirect is None else detection(p_fa, d, indirect), found_indirect),
+        detection(p_fa, d, direct),
         not_observable(scene, true_m),
     )
 

@@ -656,13 +656,13 @@ def area_values(rat: Rat | None, code: int | None) -> dict[str, Any]:
     return {"lac" if rat in {"GSM", "WCDMA"} else "tac": code}
 
 
-def listed_row(names: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pattern[str]:
+def listed_row(names: str, kinds: Kinds) -> re.Pattern[str]:
     """Pattern of values in the order of words `name` or `label=name`; a group has the name.
 
     Here `_` is a hexadecimal number that is not read, and `_name` a decimal one.
     """
     words = (word.rpartition("=")[2] for word in names.split())
-    return _row((_group(name, kinds) for name in words), between)
+    return _row((_group(name, kinds) for name in words), r"\s*,\s*")
 
 
 def labelled_row(labels: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pattern[str]:
