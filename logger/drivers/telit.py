@@ -50,11 +50,11 @@ from logger.drivers.reading.row_language import (
     Row,
     Value,
     area,
-    area_values,
     at,
     cell_identity,
     decimal,
     hexadecimal,
+    identified,
     labelled_row,
     listed_row,
     network,
@@ -409,17 +409,14 @@ def _labelled_row(text: str) -> CellReading | None:
     reading = CellReading(
         role=_role(name, found),
         rat=rat,
-        mcc=mcc,
-        mnc=mnc,
-        **area_values(rat, area_code),
-        cid=None if area_code is None else _identity(code, rat),
         arfcn=channel,
         bsic=_octal_bsic(found.get("bsic", "")),
         more=_operator("" if _ADJACENT.match(name) else name),
         **read,
     )
     has_value = channel is not None or area_code is not None or reading.level_dbm is not None
-    return reading if has_value else None
+    cid = None if area_code is None else _identity(code, rat)
+    return identified(reading, Identity(mcc, mnc, area_code, cid)) if has_value else None
 
 
 def _rat(found: Mapping[str, str]) -> Rat | None:
@@ -543,13 +540,9 @@ def _reading(carrier: _Carrier, base: int | None, *, is_decimal: bool) -> CellRe
     named = _survey_identity(carrier, sure_base, is_decimal=is_decimal)
     status = texts.get("status", "").upper()
     status = _STATUS[int(status)] if status.isdecimal() else status
-    return CellReading(
+    reading = CellReading(
         role="scan",
         rat=rat,
-        mcc=named.mcc,
-        mnc=named.mnc,
-        **area_values(rat, named.area),
-        cid=named.cid,
         arfcn=channel,
         bsic=None if is_unknown else _bsic(texts.get("bsic", ""), sure_base),
         broadcast=carrier.broadcast,
@@ -557,6 +550,7 @@ def _reading(carrier: _Carrier, base: int | None, *, is_decimal: bool) -> CellRe
         more={"status": status} if status else {},
         **levels,
     )
+    return identified(reading, named)
 
 
 def _survey_identity(carrier: _Carrier, base: int | None, *, is_decimal: bool) -> Identity:

@@ -522,7 +522,11 @@ def _differ(first: CellReading, second: CellReading) -> bool:
 def _mark(row: Row, reply: NumberHistory, history: NumberHistory, *, unsure: bool) -> Row:
     if not has_identity(row):
         return row
-    changes: dict[str, Any] = _broadcast_marked(row, history) | _level_marked(row, history)
+    changes: dict[str, Any] = {}
+    if isinstance(row, CellReading) and row.broadcast and _is_broadcast_unsure(row, history):
+        changes["broadcast"] = replace(row.broadcast, broadcast_unsure=True)
+    if _is_level_lost(row, history):
+        changes["rssi_dbm"] = None
     unsure = unsure and not _is_in_other_reply(row, reply, history)
     unsure = unsure or row.identity_unsure or not _is_network_sure(network_of(row), history)
     for name, number in numbers(row):
@@ -535,25 +539,22 @@ def _mark(row: Row, reply: NumberHistory, history: NumberHistory, *, unsure: boo
     return replace(row, **changes, identity_unsure=unsure) if changes or unsure else row
 
 
-def _broadcast_marked(row: Row, history: NumberHistory) -> dict[str, Any]:
-    """The broadcast of a row, marked where it was printed once or another one far more often."""
+def _is_broadcast_unsure(row: Row, history: NumberHistory) -> bool:
+    """Whether it was printed once, or another one of the cell far more often."""
     printed = broadcast_of(row)
     if printed is None:
-        return {}
+        return False
     count = history.broadcasts.get(printed, 0)
     rivals = (n for other, n in history.broadcasts.items() if other[:-1] == printed[:-1])
-    if count > 1 and count * SHARE >= max(rivals, default=0):
-        return {}
-    return {"broadcast": replace(printed[-1], broadcast_unsure=True)}
+    return count <= 1 or count * SHARE < max(rivals, default=0)
 
 
-def _level_marked(row: Row, history: NumberHistory) -> dict[str, Any]:
-    # where a reply has lost the level of the cell, that of the carrier is of another scale
+def _is_level_lost(row: Row, history: NumberHistory) -> bool:
+    """Whether the reply has lost the level of the cell: that of the carrier is of another scale."""
     kind = level_kind_of(row)
     if kind is None or kind[-1]:
-        return {}
-    is_lost = history.levels.get((*kind[:-1], True), 0) >= history.levels.get(kind, 0)
-    return {"rssi_dbm": None} if is_lost else {}
+        return False
+    return history.levels.get((*kind[:-1], True), 0) >= history.levels.get(kind, 0)
 
 
 def _is_in_other_reply(row: Row, reply: NumberHistory, history: NumberHistory) -> bool:
