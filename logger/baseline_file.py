@@ -245,9 +245,3 @@ def _square_row(
 
 def _or_none(value: int) -> int | None:
     return None if value == UNKNOWN else value
-
-
-def parts_of(name: str) -> tuple[str, str, str, str]:
-    """MCC, MNC, area and CID of a written name; empty for an imported label."""
-    parts = name.split("-")
-    return (parts[0], parts[1], parts[2], parts[3]) if len(parts) == 4 else ("", "", "", "")

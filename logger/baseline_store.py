@@ -23,7 +23,6 @@ from logger.baseline_file import (
     VERSION,
     BaselineFile,
     check_head,
-    parts_of,
 )
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.baseline import SQUARE_M, squares_of
@@ -37,6 +36,10 @@ from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 
 FARTHEST_SIGMA_M = SQUARE_M / 2.0
 """A reading with a less sure position belongs to no square."""
+
+
+_NO_IDENTITY = ("", "", "", "")
+"""Of a cell with an imported label: MCC, MNC, area and CID."""
 
 
 class HeardRow(NamedTuple):
@@ -484,7 +487,10 @@ class BaselineStore:
     def _cell_numbers(self, walk: WalkSummary) -> dict[str, int]:
         self._db.executemany(
             "INSERT OR IGNORE INTO cell (name, rat, mcc, mnc, area, cid) VALUES (?, ?, ?, ?, ?, ?)",
-            [(name, rat, *parts_of(name)) for name, rat in walk.cells.items()],
+            [
+                (name, rat, *(name.split("-") if name.count("-") == 3 else _NO_IDENTITY))
+                for name, rat in walk.cells.items()
+            ],
         )
         numbers: dict[str, int] = {}
         for name in walk.cells:

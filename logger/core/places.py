@@ -327,7 +327,7 @@ def join_places(parts: Sequence[Places]) -> Places:
 
 @lru_cache(maxsize=256)
 def _no_heights(count: int) -> FloatArray:
-    """NaN, read-only; always the same array, by which equal places are equal although NaN is not."""
+    """NaN, read-only, always the same array: so places are equal although NaN is not."""
     unknown = np.full(count, np.nan)
     unknown.flags.writeable = False
     return unknown

@@ -173,10 +173,12 @@ def too_low_to_begin(settings: PowerSettings, sys: Path = SYS) -> str:
     return "" if low is None else f"waiting for a charger: {low}"
 
 
-def wait_for_charger(settings: PowerSettings, manager: ServiceManager, ended: Event) -> None:
+def wait_for_charger(
+    settings: PowerSettings, manager: ServiceManager, ended: Event, sys: Path = SYS
+) -> None:
     """Wait until the battery allows to record, or `ended`; feeds systemd's watchdog."""
     reason = ""
-    while not ended.is_set() and (now := too_low_to_begin(settings)):
+    while not ended.is_set() and (now := too_low_to_begin(settings, sys)):
         if not reason:
             log.warning("%s", now)
         reason = now

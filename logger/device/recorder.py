@@ -39,7 +39,7 @@ class Recorder:
     """The only user of a `RunWriter`; `run` until `finish` is called from another thread.
 
     `durable` is called after each flush that reached the card: the watchdog is fed there. Below
-    `FLOOR_BYTES` of free space, old journals with a verified HDF5 file are deleted, and with
+    `floor_bytes` of free space, old journals with a verified HDF5 file are deleted, and with
     `delete_oldest` the oldest runs as well (`RoomKeeper`).
     After a permanent failure it sets `ended`, and `error` is the reason: a logger that does not
     record must not go on.
@@ -54,6 +54,7 @@ class Recorder:
         ended: threading.Event,
         *,
         durable: Callable[[], None] = lambda: None,
+        floor_bytes: int = FLOOR_BYTES,
         delete_oldest: bool = False,
     ) -> None:
         self._writer = writer
@@ -65,7 +66,7 @@ class Recorder:
         self._ended = ended
         self._durable = durable
         self._room = RoomKeeper(
-            writer.path.parent, FLOOR_BYTES, self._note_from_thread, delete_oldest=delete_oldest
+            writer.path.parent, floor_bytes, self._note_from_thread, delete_oldest=delete_oldest
         )
         self._file = writer.file
         self._stop_reason: str | None = None

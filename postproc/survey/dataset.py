@@ -26,7 +26,7 @@ from postproc.ground import Ground
 from postproc.survey import layout
 from postproc.survey.parquet_batch import read_columns
 from postproc.survey.rule_inputs import RuleColumn
-from postproc.survey.walk_readings import SurveyRun
+from postproc.survey.walk_readings import HeardCell, SurveyRun
 
 _FORMAT = {"format": "cellwalk survey", "version": 2}
 _MOST_BYTES = 1 << 16
@@ -215,11 +215,13 @@ class Survey:
             for batch in self.batches
         }
 
-    def heard_in(self, batch: str) -> dict[str, dict[str, dict[str, Any]]]:
-        """What each run of a batch heard: rows of `layout.CELLS` by run and cell."""
-        heard: dict[str, dict[str, dict[str, Any]]] = {}
+    def heard_in(self, batch: str) -> dict[str, list[HeardCell]]:
+        """What each run of a batch heard."""
+        heard: dict[str, list[HeardCell]] = {}
         for row in read_columns(layout.cells_file(self.folder, batch), layout.CELLS).to_pylist():
-            heard.setdefault(row["run"], {})[row["cell"]] = row
+            run, numbers = row.pop("run"), row.pop("channels")
+            channels = tuple(zip(numbers[::2], numbers[1::2], strict=True))
+            heard.setdefault(run, []).append(HeardCell(**row, channels=channels))
         return heard
 
     def ground(self, runs: Sequence[str]) -> Iterator[Ground]:
