@@ -106,8 +106,12 @@ def propose_config(found: Iterable[PortReport], folder: Path | None = None) -> P
     if busy:
         run = [*(f"# {_comment(text)}" for text in busy), *run]
     live = ["[live]", f"target = {_text(SUSPICIOUS)}", f"baseline = {_text(OWN)}"]
-    further = [_modem(one).text.replace("[modem]", '[[source]]\nkind = "modem"', 1) for one in more]
-    parts = ("\n".join(run), *(table.text for table in tables), *further, "\n".join(live))
+    parts = (
+        "\n".join(run),
+        *(table.text for table in tables),
+        *map(_further_modem, more),
+        "\n".join(live),
+    )
     return Proposal("\n\n".join(parts) + "\n", "; ".join([*missing, *busy]))
 
 
@@ -123,6 +127,11 @@ def _modem(modem: PortReport | None) -> Proposal:
         return _empty("modem", "no modem has answered: powered, plugged in? fill in [modem] port")
     driver = f"driver = {_text(modem.driver or AUTO)}"
     return _table("[modem]", f"# {_comment(modem.text)}", *_at(modem), driver)
+
+
+def _further_modem(modem: PortReport | None) -> str:
+    _, lines = _modem(modem).text.split("\n", 1)
+    return f'[[source]]\nkind = "modem"\n{lines}'
 
 
 def _table(*lines: str) -> Proposal:

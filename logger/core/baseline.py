@@ -254,9 +254,8 @@ def has_whole_baseline(run: Any) -> bool:
 
 def _noted_in(run: Any) -> bytes:
     raw = run.tables["raw"]
-    rows = raw[raw["source"] == b"live"] if len(run.raw_bytes) else raw[:0]
-    spans = zip(rows["offset"].tolist(), rows["length"].tolist(), strict=True)
-    return b"".join(run.raw_bytes[start : start + n].tobytes() for start, n in spans)
+    noted: bytes = run.bytes_of(raw[raw["source"] == b"live"])
+    return noted
 
 
 def squares_around(

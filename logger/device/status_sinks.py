@@ -65,8 +65,12 @@ def status_sinks(
     """
     light, feed = StatusLight(settings.led), StatusFeed(settings.feed)
     file = StatusFile(status_folder(environ))
+
+    def show_line(status: Status) -> None:
+        manager.status(status.text)
+
     with closing(feed), closing(light):
-        yield [light.publish, file.publish, lambda one: manager.status(one.text), feed.publish]
+        yield [light.publish, file.publish, show_line, feed.publish]
 
 
 class StatusFeed:

@@ -106,7 +106,8 @@ def _mgrs(lat_deg: float, lon_deg: float) -> str:
     place = _in_standard_zone(lat_deg, lon_deg)
     if place is None:
         return ""
-    zone, (east, north) = abs(place.utm.zone), place.xy_m[:, 0].astype(int).tolist()
+    zone = abs(place.utm.zone)
+    east, north = int(place.x_m.item()), int(place.y_m.item())
     column = _COLUMNS[(zone - 1) % 3][east // 100_000 - 1]
     row = _ROWS[(north // 100_000 + (5 if zone % 2 == 0 else 0)) % len(_ROWS)]
     return f"{zone}{_band(lat_deg)} {column}{row} {east % 100_000:05d} {north % 100_000:05d}"

@@ -459,6 +459,10 @@ def summary(
         "first_taylor_term": rng.normal(error.mean_m, error.sigma_m, len(sample_m)),
         "exact": sample_m,
     }
+    normal: dict[str, list[dict[str, Any]]] = {}
+    for name, values in samples_m.items():
+        checks = [normality(values, limit, rng) for limit in (None, _CUT_SIGMAS)]
+        normal[name] = [check._asdict() for check in checks if check]
     return {
         "p_fa": p_fa,
         "trials": trials,
@@ -467,13 +471,8 @@ def summary(
         "printed": [asdict(pair) for pair in printed_pairs(p_fa)],
         "cannot_be_known": [f"{what}: {why}" for what, why in _UNKNOWN],
         "range_error": _RANGE | error._asdict(),
-        "normality": {name: _normality(values, rng) for name, values in samples_m.items()},
+        "normality": normal,
     }
-
-
-def _normality(values: FloatArray, rng: np.random.Generator) -> list[dict[str, Any]]:
-    checks = (normality(values, limit, rng) for limit in (None, _CUT_SIGMAS))
-    return [check._asdict() for check in checks if check]
 
 
 def checks(found: Json) -> list[Check]:
