@@ -10,6 +10,7 @@ from operator import xor
 import numpy as np
 
 from logger.core.arrays import FloatArray
+from logger.drivers.reading.row_language import MPS_PER_KNOT
 from logger.sim.dialects import ANYWHERE, NO_CARD, REGISTERED, Dialect, Listing
 from logger.sim.walk import Walk
 from logger.sim.world import Air, ModemFix, ReceivedCell, World
@@ -254,7 +255,6 @@ def frame_text(*texts: str) -> bytes:
 
 # --- the receiver ---
 
-MPS_PER_KNOT = 1852 / 3600
 SPEED_SIGMA_MPS = 0.05
 COURSE_FROM_MPS = 0.3
 """Slower than this no course is printed."""

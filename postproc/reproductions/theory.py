@@ -41,6 +41,7 @@ from scipy.stats import chi2, ncx2
 from logger.core.arrays import BoolArray, FloatArray
 from logger.core.errors import ConfigError
 from logger.core.model.path_loss import DB_PER_E_FOLD
+from postproc.estimators.metrics import SIGMA_PER_MAD
 from postproc.reproductions.checks import Check, Json, theirs, under
 
 _MOST_STEPS = 60  # Gauss-Newton converges in some 5; the rest is for poor geometry
@@ -49,7 +50,6 @@ _WORST_CONDITION = 1e8  # beyond it half of the digits are lost
 _HALVINGS = 8
 _SAMPLES = 200  # resolves p to 0.005
 _FEWEST = 8  # with fewer values the test rejects next to nothing
-_SIGMA_PER_MAD = 1.4826  # of a normal law
 
 
 @dataclass(frozen=True)
@@ -591,7 +591,7 @@ def _trim(values: FloatArray, limit_sigmas: float | None) -> tuple[FloatArray, f
         return values, -np.inf, np.inf
     middle = float(np.median(values))
     deviation = np.abs(values - middle)
-    reach = limit_sigmas * _SIGMA_PER_MAD * float(np.median(deviation))
+    reach = limit_sigmas * SIGMA_PER_MAD * float(np.median(deviation))
     return values[deviation <= reach], middle - reach, middle + reach
 
 

@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.blocks import squares
 from logger.core.readings import Readings
+from postproc.estimators.metrics import SIGMA_PER_MAD
 
 MOST_MODEMS = 4
 """Up to this many, nothing is aligned: estimates are those of `postproc smooth` to the last bit."""
@@ -37,7 +38,6 @@ _RANK = 1e-9
 """Of the largest eigenvalue: below, a direction is that of a common shift, which nothing shows."""
 _HUBER = 1.345
 """Standard deviations from which a place counts less: 95 % efficient for Gaussian errors."""
-_MAD = 1.4826
 _USUAL_EXCESS, _USUAL_WEIGHT = 1.4, 5.0
 """Variance of the walks of a modem in units of what the places say, and the degrees of freedom that
 this counts as: in eight synthetic cities the mean was 1.34."""
@@ -185,7 +185,7 @@ def robust_fit(levels: PlaceLevels, n: int) -> OffsetFit:
         # a place of two has half of its variance in its own mean
         count = np.bincount(place)[place]
         free_db = residual_db * np.sqrt(count / (count - 1.0))
-        error_db2 = max(_MAD * float(np.median(np.abs(free_db))), _LEAST_SIGMA_DB) ** 2
+        error_db2 = max(SIGMA_PER_MAD * float(np.median(np.abs(free_db))), _LEAST_SIGMA_DB) ** 2
         away = np.abs(free_db) / np.sqrt(error_db2)
         weight = np.minimum(1.0, _HUBER / np.maximum(away, 1e-9))
     return OffsetFit(inverse, offset_db, error_db2)
