@@ -49,13 +49,13 @@ from logger.drivers.reading.row_language import (
     cell_identity,
     decimal,
     form,
-    identified,
     level,
     network,
     read_values,
     rsrp_dbm,
     rsrq_db,
     rssi_dbm,
+    with_identity,
 )
 from logger.drivers.reading.standard_replies import merge_serving_cells, with_level
 
@@ -250,7 +250,7 @@ def _cpsi_cell(shape: Form, texts: list[str], more: Mapping[str, str]) -> CellRe
     who = _identity(rat, named) if reading.arfcn is not None else None
     if who is None:
         return None if reading.level_dbm is None else reading
-    return identified(reading, who)
+    return with_identity(reading, who)
 
 
 def _identity(rat: Rat, named: Mapping[str, str]) -> Identity | None:
@@ -362,7 +362,7 @@ def _system_cell(role: Role, text: str) -> CellReading | None:
     rat: Rat = "GSM" if on_gsm else "WCDMA"
     reading = cell(role, rat, named, _CCINFO_KINDS)
     if who is not None:
-        return identified(reading or CellReading(role, rat), who)
+        return with_identity(reading or CellReading(role, rat), who)
     known = (value for value in read_values(levels, _CCINFO_KINDS).values() if value is not None)
     return None if next(known, None) is None else reading
 

@@ -54,13 +54,13 @@ from logger.drivers.reading.row_language import (
     cell_identity,
     decimal,
     hexadecimal,
-    identified,
     labelled_row,
     listed_row,
     network,
     pieces,
     read_values,
     values,
+    with_identity,
 )
 from logger.drivers.reading.standard_replies import is_serving
 
@@ -416,7 +416,7 @@ def _labelled_row(text: str) -> CellReading | None:
     )
     has_value = channel is not None or area_code is not None or reading.level_dbm is not None
     cid = None if area_code is None else _identity(code, rat)
-    return identified(reading, Identity(mcc, mnc, area_code, cid)) if has_value else None
+    return with_identity(reading, Identity(mcc, mnc, area_code, cid)) if has_value else None
 
 
 def _rat(found: Mapping[str, str]) -> Rat | None:
@@ -550,7 +550,7 @@ def _reading(carrier: _Carrier, base: int | None, *, is_decimal: bool) -> CellRe
         more={"status": status} if status else {},
         **levels,
     )
-    return identified(reading, named)
+    return with_identity(reading, named)
 
 
 def _survey_identity(carrier: _Carrier, base: int | None, *, is_decimal: bool) -> Identity:

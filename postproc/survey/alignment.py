@@ -80,7 +80,7 @@ def align(obs: Readings) -> Alignment:
         return Alignment(obs, np.zeros(n), np.zeros(n))
     levels = levels_by_place(obs, obs.modem, PLACE_M)
     common = on_common_ground(clear_of_floor(levels, np.arange(n)))
-    part = _connected(common, n)
+    part = _part_numbers(common, n)
     fit = robust_fit(common, n)
     first = np.array([int(np.flatnonzero(part == own)[0]) for own in part])
     offset_db = fit.offset_db - fit.offset_db[first]  # against the first of its part
@@ -156,7 +156,7 @@ def clear_of_floor(levels: PlaceLevels, modem_of: IntArray) -> PlaceLevels:
     return PlaceLevels(levels.place[is_clear], levels.modem[is_clear], levels.level_dbm[is_clear])
 
 
-def _connected(levels: PlaceLevels, n: int) -> IntArray:
+def _part_numbers(levels: PlaceLevels, n: int) -> IntArray:
     """Number of the part of each of `n` modems: those that places connect are in one."""
     n_places = int(np.max(levels.place, initial=-1)) + 1
     ends = levels.modem, n + levels.place

@@ -652,7 +652,7 @@ def _identity_of(names: Sequence[str], kinds: Kinds) -> set[str]:
     return {name for name in names if name not in _NETWORK and _names(name, kinds)}
 
 
-def identified(reading: CellReading, named: Identity) -> CellReading:
+def with_identity(reading: CellReading, named: Identity) -> CellReading:
     """The reading with an identity; the area is `lac` of GSM and WCDMA, `tac` of all others."""
     reading = replace(reading, mcc=named.mcc, mnc=named.mnc, cid=named.cid)
     if reading.rat in {"GSM", "WCDMA"}:

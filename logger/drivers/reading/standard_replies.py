@@ -30,9 +30,9 @@ from logger.drivers.reading.row_language import (
     cell_identity,
     confirm,
     decimal,
-    identified,
     network_of,
     values,
+    with_identity,
 )
 
 _VALUE = r'(?:"[^"+]*"?|[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
@@ -313,7 +313,7 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
         # one of the two has lost a digit
         reading = replace(reading, rssi_dbm=None, rscp_dbm=None, rsrp_dbm=None)
     named = Identity(mcc, mnc, _area_of(registration, rat, rows), registration.cid)
-    return reportable(identified(reading, named))
+    return reportable(with_identity(reading, named))
 
 
 def _area_of(registration: Registration, rat: Rat | None, rows: Sequence[Row]) -> int | None:
