@@ -70,10 +70,10 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
     regions = _regions(task, squares, evidence, mixed)
     modes = tuple(mode for mode, _ in regions)
     place = modes[0].place
-    shift = None
+    between_modems = None
     if task.n_modems > 1:
-        in_first = regions[0][1]
-        shift = offsets(walk.blocks, walk.prior, tree, mixed, in_first, task.n_modems)
+        of_first = regions[0][1]
+        between_modems = offsets(walk.blocks, walk.prior, tree, mixed, of_first, task.n_modems)
     mean, covariance = moments_over(tree.squares, evidence, mixed.share, np.arange(len(p)), p)
     r50_m, r95_m = _radii_m(squares, place)
     away_m = nearest_m(walk.blocks, Places.of(tree.x_m, tree.y_m))
@@ -97,7 +97,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         limit_share=float(np.sum(p[away_m > END_OF_REACH * walk.prior.reach_m])),
         log_evidence=mixed.log_evidence,
         prior=task.prior,
-        offsets=shift,
+        offsets=between_modems,
         alternatives=_alternatives(walk.prior, tree, mixed, reach, squares),
         outside_share=task.outside_share,
     )

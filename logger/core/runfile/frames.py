@@ -85,7 +85,7 @@ def payload_of(packed: bytes, version: int) -> bytes | None:
 
 
 def scan(data: Buffer) -> Iterator[Frame | int]:
-    """Find every undamaged frame in order, and the number of bytes that are between two of them.
+    """Find every undamaged frame in order, and how many bytes between and after them are none.
 
     Zeros at the end are reserved space, not damage. Raises `ForgedFramesError` where damaged frames
     together are longer than twice the file plus 1 MB: forged ones would take hours to check.

@@ -426,7 +426,7 @@ class _Sealing:
         )
 
     def _take_frames(self, readers: Mapping[str, "_Reader"]) -> None:
-        """Number, kind and payload of the frames from which the file was made."""
+        """Compute the chain of the frames from which the file was made."""
         stop = b"" if self._end is None else stop_text(self._end)
         texts = {Kind.META: self._content.text("meta"), Kind.END: self._end_text, Kind.STOP: stop}
         raw_length = 0
