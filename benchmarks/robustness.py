@@ -29,7 +29,7 @@ from logger.core.certainty import CHI2_95_2DOF
 from logger.core.errors import EstimationError
 from logger.core.locator.pipeline import locate
 from logger.core.readings import Readings
-from logger.core.spikes import SpikeCheck, SpikeFilter
+from logger.core.spikes import SpikeFilter
 
 SIMULATED = (
     "white-L",
@@ -70,8 +70,8 @@ class Comparison(NamedTuple):
 class NoGuard(SpikeFilter[Readings]):
     """Takes every level."""
 
-    def take(self, reading: Readings, *_: object) -> list[SpikeCheck[Readings]]:
-        return [SpikeCheck(reading, 0.0)]
+    def take(self, reading: Readings, *_: object) -> list[tuple[Readings, float]]:
+        return [(reading, 0.0)]
 
 
 def offline(world: World, obs: Readings, *, guard: bool) -> Position:

@@ -37,11 +37,12 @@ from benchmarks.suspicion_logs import LOGS, Log, cells_with_one_peak, read_logs
 from benchmarks.suspicion_patterns import COPIES, KINDS, ORDINARY
 from benchmarks.suspicion_takeover import full_scans, print_takeovers, takeovers
 from benchmarks.synthetic_city.loggers import wilson95
+from logger.core import answer
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.suspicion.rule import WORDS, Finding, Rate
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import SuspicionTracker
-from logger.core.suspicion.words import Assessment, assess
+from logger.core.suspicion.words import assess
 from logger.core.types import Scan
 from postproc.suspicion.run_assessment import DATABASE_RULES
 
@@ -80,7 +81,7 @@ class Counts:
     cells: Counter[str] = field(default_factory=Counter)
     hours: Counter[str] = field(default_factory=Counter)
     suspicious: list[str] = field(default_factory=list)
-    assessed: list[tuple[str, Assessment]] = field(default_factory=list)
+    assessed: list[tuple[str, answer.Word]] = field(default_factory=list)
 
     def add(self, log: Log, baseline: Baseline = NO_BASELINE) -> None:
         """Apply all rules to a run."""
@@ -304,7 +305,7 @@ def print_databases(counts: Counts, results: Sequence[Outcome]) -> None:
             print_detection(station, weighed)
 
 
-def without_entry(cell: Assessment, n_known: int) -> Assessment:
+def without_entry(cell: answer.Word, n_known: int) -> answer.Word:
     """The word of a missing cell."""
     rule = DATABASE_RULES[0]
     assert rule.weigh is not None
@@ -313,13 +314,13 @@ def without_entry(cell: Assessment, n_known: int) -> Assessment:
     return assess(cell.cell, [*cell.findings, finding])
 
 
-def _words(cells: Iterable[Assessment]) -> tuple[int, int]:
+def _words(cells: Iterable[answer.Word]) -> tuple[int, int]:
     """Numbers of suspicious and of unusual cells."""
     words = Counter(cell.word for cell in cells)
     return words["suspicious"], words["unusual"]
 
 
-def _words_without(rule: str | None, cells: Sequence[Assessment]) -> tuple[int, int]:
+def _words_without(rule: str | None, cells: Sequence[answer.Word]) -> tuple[int, int]:
     return _words(
         assess(cell.cell, [one for one in cell.findings if one.rule.id != rule]) for cell in cells
     )

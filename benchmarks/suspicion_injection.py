@@ -20,10 +20,10 @@ import numpy as np
 
 from benchmarks.suspicion_logs import Log
 from benchmarks.suspicion_patterns import COPIES, KINDS, pattern_of
+from logger.core import answer
 from logger.core.baseline import NO_BASELINE, Baseline
 from logger.core.suspicion.rule import Rule, Word
 from logger.core.suspicion.tracker import SuspicionTracker
-from logger.core.suspicion.words import Assessment
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.sim.world import Shadowing
 
@@ -76,7 +76,7 @@ class Outcome:
 
     station: Station
     in_time: Word
-    at_end: Assessment
+    at_end: answer.Word
     seconds: float | None
     metres: float | None
     set_name: str

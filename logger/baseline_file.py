@@ -130,14 +130,12 @@ class BaselineFile:
             return None
         number, rat, n_walks, n_scans = cells[0]
         ((n_squares,),) = self._rows("SELECT count(*) FROM square_cell WHERE cell = ?", number)
-        ((best_dbm, strongest),) = self._rows(
-            "SELECT best_dbm, square FROM square_cell WHERE cell = ? "
-            "ORDER BY best_dbm DESC, square LIMIT 1",
-            number,
+        ((best_dbm,),) = self._rows(
+            "SELECT best_dbm FROM square_cell WHERE cell = ? ORDER BY best_dbm DESC LIMIT 1", number
         )
         pairs = self._rows("SELECT channel, code FROM cell_channel WHERE cell = ?", number)
         channels = frozenset((_or_none(channel), _or_none(code)) for channel, code in pairs)
-        return KnownCell(name, rat, n_walks, n_scans, n_squares, best_dbm, strongest, channels)
+        return KnownCell(name, rat, n_walks, n_scans, n_squares, best_dbm, channels)
 
     def _read_channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
         rows = self._rows(
@@ -252,9 +250,3 @@ def _square_row(
 
 def _or_none(value: int) -> int | None:
     return None if value == UNKNOWN else value
-
-
-def parts_of(name: str) -> tuple[str, str, str, str]:
-    """MCC, MNC, area and CID of a written name; empty for an imported label."""
-    parts = name.split("-")
-    return (parts[0], parts[1], parts[2], parts[3]) if len(parts) == 4 else ("", "", "", "")

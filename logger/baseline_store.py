@@ -23,7 +23,6 @@ from logger.baseline_file import (
     VERSION,
     BaselineFile,
     check_head,
-    parts_of,
 )
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.baseline import SQUARE_M, squares_of
@@ -37,6 +36,12 @@ from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 
 FARTHEST_SIGMA_M = SQUARE_M / 2.0
 """A reading with a less sure position belongs to no square."""
+
+
+def _numbers_in(name: str) -> Sequence[str]:
+    """MCC, MNC, area and CID of a written name; four empty ones for an imported label."""
+    numbers = name.split("-")
+    return numbers if len(numbers) == 4 else [""] * 4
 
 
 class HeardRow(NamedTuple):
@@ -103,7 +108,7 @@ def summarise_walk(run: Run) -> WalkSummary:
         cells=dict(zip(cells, rats, strict=True)),
         heard=rows_by_square(square, cell, rows["seq"], levels_dbm(rows), cells),
         visits=sorted({(int(s), rats[c]) for s, c in set(zip(square.tolist(), cell, strict=True))}),
-        channels=_channels(rows, cell, cells),
+        channels=channels_heard(rows, cell, cells),
         content=content_digest(fixes, readings),
         seal=run.end.digest if run.end else "",
         is_complete=run.is_complete,
@@ -175,7 +180,11 @@ def rows_by_square(
     return [HeardRow(row[0], cells[row[1]], *row[2:]) for row in rows]
 
 
-def _channels(rows: Rows, cell: IntArray, cells: list[str]) -> list[tuple[str, int, int]]:
+def channels_heard(rows: Rows, cell: IntArray, cells: Sequence[str]) -> list[tuple[str, int, int]]:
+    """Channels and codes of some `readings`, each once, as in `WalkSummary`.
+
+    `cell` (n,) is the number of the reading's cell among `cells`.
+    """
     code = np.full(len(rows), UNKNOWN, np.int64)
     for name in ("pci", "psc", "bsic"):  # a technology has one of them
         code = np.where(rows[name] == UNKNOWN_ID, code, rows[name])
@@ -484,7 +493,7 @@ class BaselineStore:
     def _cell_numbers(self, walk: WalkSummary) -> dict[str, int]:
         self._db.executemany(
             "INSERT OR IGNORE INTO cell (name, rat, mcc, mnc, area, cid) VALUES (?, ?, ?, ?, ?, ?)",
-            [(name, rat, *parts_of(name)) for name, rat in walk.cells.items()],
+            [(name, rat, *_numbers_in(name)) for name, rat in walk.cells.items()],
         )
         numbers: dict[str, int] = {}
         for name in walk.cells:

@@ -190,11 +190,11 @@ def run(config: Path, duration_s: float | None) -> None:
             battery.wait_for_charger(site.power, manager, stop[0])
             if stop[0].is_set():
                 return
-        begun = startup.begin_run(site, text, system_clock)  # before service, which is slow
-        if begun.writer.is_durable:
+        writer = startup.begin_run(site, text, system_clock)  # before service, which is slow
+        if writer.is_durable:
             manager.alive()
         learning = [sys.executable, "-m", "logger.cli", "learn", "--config", str(config)]
-        path = service.run_service(site, begun, manager, system_clock, stop, duration_s, learning)
+        path = service.run_service(site, writer, manager, system_clock, stop, duration_s, learning)
         print(path)
 
 

@@ -84,7 +84,7 @@ def _probe_port(port: str, usb: str, bauds: tuple[int, ...]) -> PortReport:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """Text of a site.toml, which `fieldlogger check` accepts where nothing is missing.
+    """Text of a site.toml or of one of its tables, which `fieldlogger check` accepts if complete.
 
     `advice` is one line on what is missing and what to do; the text has it as comments.
     """
@@ -100,15 +100,19 @@ def propose_config(found: Iterable[PortReport], folder: Path | None = None) -> P
     modem, *more = reversed(modems.values()) if modems else (None,)
     gnss = next((port for port in every if port.kind == "gnss"), None)
     tables = [_modem(modem), _gnss(gnss, modem)]
-    missing = [table.missing for table in tables if table.missing]
+    missing = [table.advice for table in tables if table.advice]
     busy = [port.text for port in every if port.kind == "busy"] if missing else []
     run = ["[run]", f"directory = {_text(str(folder or usual_folder()))}"]
     if busy:
         run = [*(f"# {_comment(text)}" for text in busy), *run]
     live = ["[live]", f"target = {_text(SUSPICIOUS)}", f"baseline = {_text(OWN)}"]
-    parts = (run, *(table.lines for table in tables), *map(_further_modem, more), live)
-    text = "\n\n".join("\n".join(lines) for lines in parts)
-    return Proposal(text + "\n", "; ".join([*missing, *busy]))
+    parts = (
+        "\n".join(run),
+        *(table.text for table in tables),
+        *map(_further_modem, more),
+        "\n".join(live),
+    )
+    return Proposal("\n\n".join(parts) + "\n", "; ".join([*missing, *busy]))
 
 
 def usual_folder() -> Path:
@@ -118,17 +122,20 @@ def usual_folder() -> Path:
     return Path.home() / "cellwalk"
 
 
-@dataclass(frozen=True, slots=True)
-class _Table:
-    lines: list[str]
-    missing: str = ""
-
-
-def _modem(modem: PortReport | None) -> _Table:
+def _modem(modem: PortReport | None) -> Proposal:
     if modem is None:
         return _empty("modem", "no modem has answered: powered, plugged in? fill in [modem] port")
     driver = f"driver = {_text(modem.driver or AUTO)}"
-    return _Table(["[modem]", f"# {_comment(modem.text)}", *_at(modem), driver])
+    return _table("[modem]", f"# {_comment(modem.text)}", *_at(modem), driver)
+
+
+def _further_modem(modem: PortReport | None) -> str:
+    _, lines = _modem(modem).text.split("\n", 1)
+    return f'[[source]]\nkind = "modem"\n{lines}'
+
+
+def _table(*lines: str) -> Proposal:
+    return Proposal("\n".join(lines))
 
 
 def _device(found: PortReport) -> str:
@@ -142,17 +149,12 @@ def _device(found: PortReport) -> str:
     return re.sub(r"-if[0-9a-f]{2}(-port\d+)?$", "", found.port)
 
 
-def _further_modem(modem: PortReport | None) -> list[str]:
-    lines = _modem(modem).lines
-    return ["[[source]]", 'kind = "modem"', *lines[1:]]
-
-
-def _gnss(gnss: PortReport | None, modem: PortReport | None) -> _Table:
+def _gnss(gnss: PortReport | None, modem: PortReport | None) -> Proposal:
     if gnss is not None:
-        return _Table(["[gnss]", *_at(gnss)])
+        return _table("[gnss]", *_at(gnss))
     if modem is not None and _locates(modem):
         comment = "# no separate receiver has answered; that of the modem needs an antenna too"
-        return _Table(["[gnss]", comment, f"port = {_text(GNSS_OF_MODEM)}"])
+        return _table("[gnss]", comment, f"port = {_text(GNSS_OF_MODEM)}")
     others = '"gpsd://localhost" is that of gpsd, "modem" the modem\'s own where it has one'
     return _empty("gnss", f"no receiver has answered: plugged in? fill in [gnss] port; {others}")
 
@@ -162,8 +164,8 @@ def _locates(modem: PortReport) -> bool:
     return driver is not None and bool(driver.gnss_poll_commands) and modem.receiver is not False
 
 
-def _empty(table: str, missing: str) -> _Table:
-    return _Table([f"[{table}]", f"# {missing}", 'port = ""'], missing)
+def _empty(table: str, missing: str) -> Proposal:
+    return Proposal(f'[{table}]\n# {missing}\nport = ""', missing)
 
 
 def _at(found: PortReport) -> list[str]:

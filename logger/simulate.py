@@ -75,7 +75,6 @@ def simulate(
     _check_names("scenario", [name], SCENARIOS)
     _check_names("city", [city_name], CITIES)
     _check_names("simulated modem", modem_names, DIALECTS)
-    misbehaviour = None if fault is None else _fault(fault)
     walk = scenario(name, seed, duration_s, city_name)
     view = LiveView()
     if is_led:
@@ -83,17 +82,16 @@ def simulate(
         walk = replace(walk, walk=led)
     clock = ScaledClock(speed)
     time = WalkTime(clock)
-    well = [walk.modem(time.now_s, DIALECTS[each], k) for k, each in enumerate(modem_names)]
-    modems: list[SimulatedModem | Misbehaving] = [*well]
-    if misbehaviour is not None:
-        modems[0] = Misbehaving(well[0], *misbehaviour, time.now_s, seed)
+    first, *more = (walk.modem(time.now_s, DIALECTS[each], k) for k, each in enumerate(modem_names))
+    faulty = first if fault is None else _misbehaving(first, fault, time.now_s, seed)
     receiver = talking(walk.receiver(), time)
     with (
         ExitStack() as opened,
         PtyDevice(receiver) as gnss_port,
         stop_signals() as (ended, signals),
     ):
-        ports = [opened.enter_context(PtyDevice(answering(modem))).path for modem in modems]
+        devices = [PtyDevice(answering(modem)) for modem in (faulty, *more)]
+        ports = [opened.enter_context(device).path for device in devices]
         text = _SITE.format(
             directory=_toml_text(str(folder)),
             gnss=gnss_port.path,
@@ -108,8 +106,8 @@ def simulate(
             status = opened.enter_context(_page(text, page_command, show_page))
         config = parse_config(text, "simulated site.toml")
         origin = f"{SIMULATED}{name}"
-        begun = begin_run(config, text, clock, origin=origin, truth=_truth(walk))
-        service = Service(config, begun, clock, ended)
+        writer = begin_run(config, text, clock, origin=origin, truth=_truth(walk))
+        service = Service(config, writer, clock, ended)
 
         def publish() -> None:
             nonlocal view
@@ -173,8 +171,10 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def _fault(text: str) -> tuple[str, float, float]:
-    """Name, begin and end in seconds of NAME:FROM:TO."""
+def _misbehaving(
+    modem: SimulatedModem, text: str, now_s: Callable[[], float], seed: int
+) -> Misbehaving:
+    """A modem with the fault NAME:FROM:TO; raises `ConfigError`."""
     name, _, times = text.partition(":")
     try:
         start_s, end_s = (float(time) for time in times.split(":"))
@@ -186,7 +186,7 @@ def _fault(text: str) -> tuple[str, float, float]:
     _check_names("fault", [name], FAULTS)
     if not 0.0 <= start_s < end_s:
         raise ConfigError(f"{text!r} ends before it begins: NAME:FROM:TO, times in seconds")
-    return name, start_s, end_s
+    return Misbehaving(modem, name, start_s, end_s, now_s, seed)
 
 
 def _truth(walk: Scenario) -> tuple[Truth, ...]:

@@ -119,8 +119,8 @@ class Towns:
         self._town = rank[number]
         self.zones = tuple(_zone_of(self._tile[self._town == town]) for town in range(len(rank)))
 
-    def place(self, ground: Ground) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Number of the town of each position (n,), with east and north in its zone."""
+    def place(self, ground: Ground) -> tuple[IntArray, Ground]:
+        """Number of the town of each position (n,), and the positions in its zone."""
         town = self._town[np.searchsorted(self._tile, _tiles(ground))]
         x_m, y_m = ground.x_m.copy(), ground.y_m.copy()
         target = np.array([utm.zone for utm in self.zones], np.int64)[town]
@@ -129,7 +129,7 @@ class Towns:
             rows = (ground.zone == zone) & (target == to)
             lat_lon_deg = Utm(zone).to_latlon_arrays(x_m[rows], y_m[rows])
             x_m[rows], y_m[rows] = Utm(to).to_xy_arrays(*lat_lon_deg)
-        return town, x_m, y_m
+        return town, Ground(target, x_m, y_m)
 
 
 def _tiles(ground: Ground) -> IntArray:

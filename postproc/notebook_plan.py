@@ -59,7 +59,12 @@ def svg(walks: Sequence[FloatArray], heard_m: FloatArray, cells: Sequence[OnPlan
     """The plan as SVG: `walks` (k, 2) as lines, `heard_m` (n, 2) as dots; empty without either."""
     if not len(heard_m) and not any(map(len, walks)):
         return ""
-    scale, corner_m, height = _frame(walks, heard_m, cells)
+    low_m, high_m = _shown_m(walks, heard_m, cells)
+    inside = _WIDTH - 2.0 * _EDGE, _MOST_HEIGHT - 2.0 * _EDGE
+    scale = float(np.min(inside / (high_m - low_m)))
+    height = max(float(high_m[1] - low_m[1]) * scale + 2.0 * _EDGE, _LEAST_HEIGHT)
+    half_m = 0.5 * np.array([_WIDTH, height]) / scale
+    corner_m = 0.5 * (low_m + high_m) + half_m * (-1.0, 1.0)  # north-west
 
     def pixels(points_m: FloatArray) -> FloatArray:
         return np.asarray((points_m - corner_m) * (scale, -scale), float)
@@ -120,10 +125,10 @@ def new_axes() -> "Axes":
     return plt.subplots(layout="constrained")[1]
 
 
-def _frame(
+def _shown_m(
     walks: Sequence[FloatArray], heard_m: FloatArray, cells: Sequence[OnPlan]
-) -> tuple[float, FloatArray, float]:
-    """Pixels a metre, the north-west corner in metres, and the height in pixels."""
+) -> FloatArray:
+    """South-west and north-east corner of what is drawn, shape (2, 2)."""
     walked_m = np.vstack([*walks, heard_m])
     low_m, high_m = walked_m.min(axis=0), walked_m.max(axis=0)
     walk_m = max(float(np.max(high_m - low_m)), _LEAST_WALK_M)
@@ -132,12 +137,8 @@ def _frame(
             low, high = np.minimum(low_m, points_m.min(0)), np.maximum(high_m, points_m.max(0))
             if np.max(high - low) <= _MOST_WALKS * walk_m:
                 low_m, high_m = low, high
-    extent_m = np.maximum(high_m - low_m, 0.4 * walk_m)
-    inside = _WIDTH - 2.0 * _EDGE, _MOST_HEIGHT - 2.0 * _EDGE
-    scale = float(np.min(inside / extent_m))
-    height = max(float(extent_m[1]) * scale + 2.0 * _EDGE, _LEAST_HEIGHT)
-    middle_m, half_m = 0.5 * (low_m + high_m), 0.5 * np.array([_WIDTH, height]) / scale
-    return scale, middle_m + half_m * (-1.0, 1.0), height
+    middle_m, half_m = 0.5 * (low_m + high_m), 0.5 * np.maximum(high_m - low_m, 0.4 * walk_m)
+    return np.stack([middle_m - half_m, middle_m + half_m])
 
 
 def _shapes(

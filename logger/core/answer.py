@@ -203,6 +203,7 @@ class Word:
     word: "rule.Word"
     score_nats: float
     findings: "tuple[rule.Finding, ...]"
+    cell: str
 
     @property
     def is_conspicuous(self) -> bool:

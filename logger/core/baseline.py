@@ -55,12 +55,6 @@ def squares_of(lat_lon_deg: FloatArray) -> IntArray:
     return np.asarray(belt << _COLUMN_BITS | column, np.int64)
 
 
-def centre_of(square: int) -> tuple[float, float]:
-    """Latitude and longitude in degrees of the middle of a square."""
-    belt, column = square >> _COLUMN_BITS, square & ((1 << _COLUMN_BITS) - 1)
-    return _middle_deg(belt), (column + 0.5) * 360.0 / _columns(belt) - 180.0
-
-
 def squares_within(lat_deg: float, lon_deg: float, radius_m: float) -> list[int]:
     """Squares that a disc around a position touches; the first is that of the position.
 
@@ -147,8 +141,8 @@ class KnownCell:
     """A cell that earlier walks heard, anywhere.
 
     `rat` is its technology, "" if unknown. `channels` has its pairs (channel number, code); the
-    code is BSIC, PSC or PCI, and either is None where not printed. `strongest_square` is where its
-    level was `best_dbm`, the strongest of all walks.
+    code is BSIC, PSC or PCI, and either is None where not printed. `best_dbm` is the strongest
+    level of all walks.
     """
 
     name: str
@@ -157,7 +151,6 @@ class KnownCell:
     n_scans: int
     n_squares: int
     best_dbm: float
-    strongest_square: int
     channels: frozenset[tuple[int | None, int | None]]
 
 
@@ -261,9 +254,8 @@ def has_whole_baseline(run: Any) -> bool:
 
 def _noted_in(run: Any) -> bytes:
     raw = run.tables["raw"]
-    rows = raw[raw["source"] == b"live"] if len(run.raw_bytes) else raw[:0]
-    spans = zip(rows["offset"].tolist(), rows["length"].tolist(), strict=True)
-    return b"".join(run.raw_bytes[start : start + n].tobytes() for start, n in spans)
+    noted: bytes = run.bytes_of(raw[raw["source"] == b"live"])
+    return noted
 
 
 def squares_around(

@@ -11,6 +11,7 @@ reuse codes some kilometres away, so two transmitters may have one such name.
 import re
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
+from typing import NamedTuple
 
 from logger.core.latest import Latest
 from logger.core.types import HIGHEST_ARFCN, CellReading, Scan
@@ -125,6 +126,15 @@ class Identities:
 def is_identity(cell: str) -> bool:
     """Whether a text is the name of a cell with an identity, with the MNC in full."""
     return _IDENTITY.fullmatch(cell) is not None
+
+
+class Identity(NamedTuple):
+    """Network, area and cell; `area` is the LAC of GSM and WCDMA, the TAC of later technologies."""
+
+    mcc: str | None = None
+    mnc: str | None = None
+    area: int | None = None
+    cid: int | None = None
 
 
 def identity_of(name: str) -> tuple[int, int, int, int] | None:

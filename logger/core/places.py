@@ -158,9 +158,9 @@ class Places:  # noqa: PLW1641 (arrays have no hash)
     ) -> "Places":
         """Places from coordinates: certain, without height and time if not given."""
         x, y = np.atleast_1d(np.asarray(x_m, float)), np.atleast_1d(np.asarray(y_m, float))
-        height, certain, never = _blank(len(x))
-        sigma_m = certain if sigma_m is None else sigma_m
-        return Places(x, y, height, sigma_m, never if t_ns is None else t_ns, utm)
+        sigma_m = np.zeros(len(x)) if sigma_m is None else sigma_m
+        t_ns = np.zeros(len(x), np.int64) if t_ns is None else t_ns
+        return Places(x, y, _no_heights(len(x)), sigma_m, t_ns, utm)
 
     @classmethod
     def of_degrees(
@@ -333,13 +333,12 @@ def join_places(parts: Sequence[Places]) -> Places:
     )
 
 
-@lru_cache(maxsize=256)  # needed several times after each live reading
-def _blank(count: int) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Heights NaN, sigmas and times 0; shape (count,) each, read-only."""
-    blank = np.full(count, np.nan), np.zeros(count), np.zeros(count, np.int64)
-    for values in blank:
-        values.flags.writeable = False
-    return blank
+@lru_cache(maxsize=256)
+def _no_heights(count: int) -> FloatArray:
+    """NaN, read-only, always the same array: so places are equal although NaN is not."""
+    unknown = np.full(count, np.nan)
+    unknown.flags.writeable = False
+    return unknown
 
 
 def track_of(fixes: Rows) -> Track:

@@ -77,15 +77,11 @@ class _Level(NamedTuple, Generic[T]):
     limit: int
 
 
-class SpikeCheck(NamedTuple, Generic[T]):
-    """A reading and how far it is above (or below) its neighbours; 0 if it is to be used."""
-
-    reading: T
-    spike_db: float
-
-
 class SpikeFilter(Generic[T]):
-    """Passes readings on in their order, each checked against its neighbours."""
+    """Passes readings on in their order, each checked against its neighbours.
+
+    A reading comes with how far it is above (or below) its neighbours; 0 if it is to be used.
+    """
 
     def __init__(self) -> None:
         self._before: deque[_Level[T]] = deque(maxlen=SLOPE_SIDE)  # without spikes
@@ -94,15 +90,17 @@ class SpikeFilter(Generic[T]):
         self._changes_db: deque[float] = deque(first_db, maxlen=N_CHANGES)
         self._waiting: deque[_Level[T]] = deque()
 
-    def take(self, reading: T, place: Places, level_dbm: float, limit: int) -> list[SpikeCheck[T]]:
+    def take(
+        self, reading: T, place: Places, level_dbm: float, limit: int
+    ) -> list[tuple[T, float]]:
         """The readings that can be decided now."""
         latest = _Level(reading, place.x_m.item(), place.y_m.item(), level_dbm, limit)
         return self._take(latest)
 
-    def _take(self, latest: _Level[T]) -> list[SpikeCheck[T]]:
+    def _take(self, latest: _Level[T]) -> list[tuple[T, float]]:
         if not self._waiting and self._is_near_last(latest):  # nearly all; the device counts
             self._keep(latest)
-            return [SpikeCheck(latest.reading, 0.0)]
+            return [(latest.reading, 0.0)]
         self._waiting.append(latest)
         return self._pass(ended=False)
 
@@ -114,12 +112,12 @@ class SpikeFilter(Generic[T]):
         self._before.extend(levels)
         self._changes_db.extend(changes_db)
 
-    def finish(self) -> list[SpikeCheck[T]]:
+    def finish(self) -> list[tuple[T, float]]:
         """The readings that still wait, decided by those there are."""
         return self._pass(ended=True)
 
-    def _pass(self, *, ended: bool) -> list[SpikeCheck[T]]:
-        checks: list[SpikeCheck[T]] = []
+    def _pass(self, *, ended: bool) -> list[tuple[T, float]]:
+        checks: list[tuple[T, float]] = []
         while self._waiting:
             spike_db = self._spike_db(ended=ended)
             if spike_db is None:
@@ -127,7 +125,7 @@ class SpikeFilter(Generic[T]):
             reading = self._waiting.popleft()
             if spike_db == 0.0:
                 self._keep(reading)
-            checks.append(SpikeCheck(reading.reading, spike_db))
+            checks.append((reading.reading, spike_db))
         return checks
 
     def _is_near_last(self, reading: _Level[T]) -> bool:
@@ -259,16 +257,16 @@ def spikes_along(places: Places, level_dbm: FloatArray, limit: IntArray) -> list
     of a stretch without a large change between neighbours.
     """
     walk = _Walk(places, level_dbm, limit)
-    spikes, checks = SpikeFilter[int](), list[SpikeCheck[int]]()
+    spikes, checks = SpikeFilter[int](), list[tuple[int, float]]()
     k = 0
     while k < len(places):
         latest = spikes._take(walk.level(k))  # noqa: SLF001 (this module)
         checks += latest
         k += 1
-        if latest and latest[-1].reading == k - 1 and not latest[-1].spike_db:
+        if latest and latest[-1] == (k - 1, 0.0):
             k = _skip_quiet(spikes, walk, k)
     checks += spikes.finish()
-    return [(check.reading, check.spike_db) for check in checks if check.spike_db]
+    return [(number, spike_db) for number, spike_db in checks if spike_db]
 
 
 class _Walk:

@@ -46,14 +46,12 @@ _DAY_S = 86_400
 
 @dataclass(frozen=True, slots=True)
 class TimeBase:
-    """UTC = reference_utc + (1 + drift) (t - reference_t); `sigma_s` is the spread of the pairs."""
+    """UTC = reference_utc + (1 + drift) (t - reference_t), by `n_pairs` of both times."""
 
     reference_t_ns: int
     reference_utc_ns: int
     drift: float
-    sigma_s: float
     n_pairs: int
-    n_rejected: int
 
     def utc_ns(self, t_ns: int) -> int:
         """UTC of a time since boot."""
@@ -140,9 +138,7 @@ def fit(
         reference_t_ns=int(t[0]),
         reference_utc_ns=int(t[0]) + int(utc[-1] - t[-1]) + prompt_ns,
         drift=drift,
-        sigma_s=float(np.std(residual_s)),
         n_pairs=len(residual_s),
-        n_rejected=int(np.count_nonzero(has_utc)) - len(residual_s),
     )
 
 

@@ -170,14 +170,15 @@ def smooth_track(
     q, share = (like.accel_m2s3, like.white_share) if like else _likeliest(likelihood)
     model = _model(track, velocity, q, share)
     score(model, excess)  # the first weights come from the fixes before each
-    series, apart2, expected = smooth(model, excess)
+    series = smooth(model, excess)
     for _ in range(_REWEIGHTINGS):
-        before, excess = excess, excess_variance(apart2, expected)
+        before, excess = excess, excess_variance(series.apart2, series.expected)
         if np.array_equal(excess, before):  # as without any outlier
             break
-        series, apart2, expected = smooth(model, excess)
-    outlier = apart2[:, 0] > _OUTLIER_SIGMA**2 * expected[:, 0]
-    doubt_m = np.where(_in_a_run(outlier), np.sqrt(apart2[:, 0]), 0.0)
+        series = smooth(model, excess)
+    apart2 = series.apart2[:, 0]
+    outlier = apart2 > _OUTLIER_SIGMA**2 * series.expected[:, 0]
+    doubt_m = np.where(_in_a_run(outlier), np.sqrt(apart2), 0.0)
     return SmoothedTrack(track, q, share, outlier, doubt_m, series)
 
 

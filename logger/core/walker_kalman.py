@@ -42,13 +42,16 @@ class Series(NamedTuple):
     """States `x` (n, 3, 2) and covariances `p` (n, 3, 3) of the filter after each fix.
 
     Adjoint vectors `r` (n, 3, 2) and matrices `n` (n, 3, 3): what a fix and all later ones add to
-    the state before it.
+    the state before it. `apart2` (n, 2) is the squared distance of each measurement from the
+    prediction by all others, `expected` (n, 2) the variance of it expected on each axis.
     """
 
     x: FloatArray
     p: FloatArray
     r: FloatArray
     n: FloatArray
+    apart2: FloatArray
+    expected: FloatArray
 
 
 STUDENT_DOF = 4.0  # heavy tails, and still a finite variance
@@ -92,35 +95,8 @@ def excess_variance(apart2: Variance, expected: Variance) -> Variance:
     return excess
 
 
-def smooth(model: Model, excess: FloatArray) -> tuple[Series, FloatArray, FloatArray]:
-    """Smooth with `excess` (n, 2) added to the variances; compare each measurement with the others.
-
-    Returns the series, the squared distance (n, 2) of each measurement from the prediction by all
-    others, and the variance (n, 2) of it expected on each axis, with the slack, without the excess.
-    """
-    steps: list[_Step] = []
-    _filter(model, excess, steps)
-    adjoint = _adjoint(model, steps)
-    slack = np.where(np.isfinite(model.variance), model.slack, 0.0)
-    apart2 = np.sum(adjoint.residual**2, axis=2) / adjoint.precision**2
-    x = np.swapaxes(np.array([one.by_axis for one in steps]), 1, 2)
-    series = Series(x, _square([one.p for one in steps]), adjoint.r, adjoint.n)
-    return series, apart2, 1.0 / adjoint.precision - excess + slack
-
-
 def _row(kind: int, wander_m: float) -> Vector:
     return (1.0, 0.0, wander_m) if kind == _POSITION else (0.0, 1.0, 0.0)
-
-
-def _predict(
-    kind: int, s: float, state: tuple[Vector, Vector, Symmetric]
-) -> tuple[Vector, float, float, float]:
-    """P h, and what the state gives for a measurement: on both axes, and its variance."""
-    x, y, (p00, p01, p02, p11, p12, p22) = state
-    if kind == _VELOCITY:
-        return (p01, p11, p12), x[1], y[1], p11
-    gain = p00 + s * p02, p01 + s * p12, p02 + s * p22
-    return gain, x[0] + s * x[2], y[0] + s * y[2], gain[0] + s * gain[2]
 
 
 def _plus(x: Vector, factor: float, v: Vector) -> Vector:
@@ -254,7 +230,9 @@ def _square(packed: list[Symmetric]) -> FloatArray:
     return np.array(packed)[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
 
 
-def _filter(model: Model, excess: FloatArray, steps: list[_Step] | None) -> float:
+def _filter(  # noqa: C901 (the filter in one piece)
+    model: Model, excess: FloatArray, steps: list[_Step] | None
+) -> float:
     """The filter over all fixes, with `excess` as it is; it adds each to `steps`.
 
     Without `steps` it is the log-likelihood of the innovations, and sets `excess` from these.
@@ -275,9 +253,14 @@ def _filter(model: Model, excess: FloatArray, steps: list[_Step] | None) -> floa
             if noise == inf:
                 continue
             s = wander_m[k]
-            gain, east, north, variance = _predict(kind, s, (x, y, p))
+            p00, p01, p02, p11, p12, p22 = p
+            if kind == _POSITION:
+                gain = p00 + s * p02, p01 + s * p12, p02 + s * p22  # P h
+                east, north = x[0] + s * x[2], y[0] + s * y[2]
+                variance = gain[0] + s * gain[2] + noise
+            else:
+                gain, east, north, variance = (p01, p11, p12), x[1], y[1], p11 + noise
             east, north = z[k][kind][0] - east, z[k][kind][1] - north
-            variance += noise
             if steps is None:
                 added[k][kind] = 0.0
                 if k > 0:  # the first fix has no prediction
@@ -301,20 +284,15 @@ def _filter(model: Model, excess: FloatArray, steps: list[_Step] | None) -> floa
     return log_likelihood
 
 
-class _Adjoint(NamedTuple):
-    """Series `r` and `n` of `Series`; u (n, 2, 2) and D (n, 2) of each measurement.
+def smooth(model: Model, excess: FloatArray) -> Series:
+    """Smooth with `excess` (n, 2) added to the variances; compare each measurement with the others.
 
-    The leave-one-out residual is u / D, of variance 1 / D.
+    What is expected has the slack and not the excess.
     """
-
-    r: FloatArray
-    n: FloatArray
-    residual: FloatArray
-    precision: FloatArray
-
-
-def _adjoint(model: Model, steps: list[_Step]) -> _Adjoint:
+    steps: list[_Step] = []
+    _filter(model, excess, steps)
     count = len(steps)
+    # of each measurement u and D: its leave-one-out residual is u / D, of variance 1 / D
     residual, precision = np.zeros((count, 2, 2)), np.ones((count, 2))
     rx, ry = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     m = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -336,5 +314,12 @@ def _adjoint(model: Model, steps: list[_Step]) -> _Adjoint:
         dt, a = step_s[k], decay[k]
         rx, ry = _earlier_vector(rx, dt, a), _earlier_vector(ry, dt, a)
         m = _earlier_matrix(m, dt, a)
-    r = np.swapaxes(np.array(vectors[::-1]), 1, 2)
-    return _Adjoint(r, _square(matrices[::-1]), residual, precision)
+    slack = np.where(np.isfinite(model.variance), model.slack, 0.0)
+    return Series(
+        x=np.swapaxes(np.array([one.by_axis for one in steps]), 1, 2),
+        p=_square([one.p for one in steps]),
+        r=np.swapaxes(np.array(vectors[::-1]), 1, 2),
+        n=_square(matrices[::-1]),
+        apart2=np.sum(residual**2, axis=2) / precision**2,
+        expected=1.0 / precision - excess + slack,
+    )

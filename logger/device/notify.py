@@ -26,6 +26,7 @@ class ServiceManager:
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self._ready = False
         self._heartbeat: int | None = None
+        self._text = ""
 
     @classmethod
     def of(cls, environ: Mapping[str, str] = os.environ) -> Self:
@@ -48,8 +49,10 @@ class ServiceManager:
         self._heartbeat = count
 
     def status(self, text: str) -> None:
-        """Set the line that `systemctl status` shows."""
-        self._send("STATUS=" + text.replace("\n", " "))
+        """Set the line that `systemctl status` shows, if it is another one."""
+        if text != self._text:
+            self._text = text
+            self._send("STATUS=" + text.replace("\n", " "))
 
     def stopping(self) -> None:
         """Report that the service is ending, which stops the watchdog."""

@@ -83,13 +83,16 @@ class Port:
 
     def __init__(self, url: str, baud: int, read_timeout_s: float) -> None:
         self._url = url
+        options: dict[str, Any] = {"write_timeout": WRITE_TIMEOUT_S, "exclusive": True}
+        if "://" in url:
+            options = {}  # rfc2217 refuses to be opened with a write timeout
         with _device_errors(url):
             self._serial = serial.serial_for_url(
                 pyserial_url(url),
                 do_not_open=True,
                 baudrate=baud,
                 timeout=read_timeout_s,
-                **_options(url),
+                **options,
             )
             with _kept_input(self._serial):
                 self._serial.open()
@@ -161,11 +164,6 @@ def _kept_input(port: serial.SerialBase) -> Iterator[None]:
     finally:
         for name in flushes:
             delattr(port, name)
-
-
-def _options(url: str) -> dict[str, Any]:
-    # a network port knows neither: rfc2217 refuses to be opened with a write timeout
-    return {} if "://" in url else {"write_timeout": WRITE_TIMEOUT_S, "exclusive": True}
 
 
 _ADVICE = {

@@ -14,6 +14,7 @@ from msgspec.structs import asdict, replace
 from logger.config import SiteConfig
 from logger.core.errors import ConfigError, DeviceError, RunFileError
 from logger.core.live_settings import OWN
+from logger.core.runfile import RunWriter
 from logger.core.types import DEAD_RECKONING, Note, Record
 from logger.device.battery import BatteryWatch
 from logger.device.clock import Clock
@@ -25,7 +26,6 @@ from logger.device.notify import ServiceManager
 from logger.device.page_requests import page_requests
 from logger.device.recorder import Recorder
 from logger.device.sources import source_of
-from logger.device.startup import BegunRun
 from logger.device.status import Sign, Status, status_folder
 from logger.device.status_sinks import status_sinks
 from logger.device.watched_inbox import PortSwap, WatchedInbox
@@ -59,7 +59,7 @@ class Service:
     def __init__(
         self,
         config: SiteConfig,
-        begun: BegunRun,
+        writer: RunWriter,
         clock: Clock,
         ended: threading.Event,
         *,
@@ -70,11 +70,11 @@ class Service:
             for source in sources:
                 source.validate()
         except ConfigError:
-            begun.writer.discard()
+            writer.discard()
             raise
         self._clock = clock
         self._ended = ended
-        self._started_ns = self._logged_ns = begun.started_ns
+        self._started_ns = self._logged_ns = writer.meta.started_ns
         self._stop = threading.Event()
         second_ns = 1e9 / clock.real_s(1.0)
         modem = next(source.name for source in config.source if source.gives_cells)
@@ -89,7 +89,7 @@ class Service:
         self._synced_ns: int | None = None
         self._n_syncs = self._n_of_page_synced = 0
         self._defects: dict[str, Tally] = {}
-        self.folder, self._writer = begun.folder, begun.writer
+        self.folder, self._writer = writer.path.parent, writer
         self.recorder = Recorder(
             self._writer,
             config.live,
@@ -344,7 +344,7 @@ def _finish_run(journal: Path) -> Path:
 
 def run_service(
     config: SiteConfig,
-    begun: BegunRun,
+    writer: RunWriter,
     manager: ServiceManager,
     clock: Clock,
     stop: tuple[threading.Event, list[str]],
@@ -361,7 +361,7 @@ def run_service(
     ended, signals = stop
     with status_sinks(config.status, manager) as sinks:
         battery = BatteryWatch(config.power, monotonic)
-        service = Service(config, begun, clock, ended, battery=battery)
+        service = Service(config, writer, clock, ended, battery=battery)
         service.start()
         teacher = list(learning) if config.live.baseline == OWN and not manager.is_present else []
         recovery = threading.Thread(

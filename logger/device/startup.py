@@ -9,7 +9,6 @@ import re
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
@@ -30,15 +29,6 @@ _INSTALLED = re.compile(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class BegunRun:
-    """A run whose description is durable, unless the card refuses; it waits for records."""
-
-    folder: Path
-    writer: RunWriter
-    started_ns: int
-
-
 def begin_run(
     config: SiteConfig,
     config_text: str,
@@ -46,8 +36,8 @@ def begin_run(
     *,
     origin: str = "walk",
     truth: tuple[Truth, ...] = (),
-) -> BegunRun:
-    """Begin the next run of the configured folder.
+) -> RunWriter:
+    """Begin the next run of the configured folder; its description is durable if the card allows.
 
     `config_text` is stored in the run; `truth` names the transmitters of a simulated world. Raises
     `ConfigError` for a folder, `RunFileError` for a journal that cannot be made.
@@ -66,7 +56,7 @@ def begin_run(
         live=config.live,
         truth=truth,
     )
-    return BegunRun(folder, RunWriter(journal_path(folder), meta), started_ns)
+    return RunWriter(journal_path(folder), meta)
 
 
 def usable_folder(directory: str) -> Path:

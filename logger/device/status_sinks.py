@@ -54,19 +54,6 @@ class StatusFile:
             self._fails = False
 
 
-class SystemdStatus:
-    """The line that `systemctl status` shows."""
-
-    def __init__(self, manager: ServiceManager) -> None:
-        self._manager = manager
-        self._text = ""
-
-    def publish(self, status: Status) -> None:
-        if status.text != self._text:
-            self._text = status.text
-            self._manager.status(status.text)
-
-
 @contextmanager
 def status_sinks(
     settings: StatusSettings, manager: ServiceManager, environ: Mapping[str, str] = os.environ
@@ -77,9 +64,13 @@ def status_sinks(
     recording.
     """
     light, feed = StatusLight(settings.led), StatusFeed(settings.feed)
-    file, line = StatusFile(status_folder(environ)), SystemdStatus(manager)
+    file = StatusFile(status_folder(environ))
+
+    def show_line(status: Status) -> None:
+        manager.status(status.text)
+
     with closing(feed), closing(light):
-        yield [light.publish, file.publish, line.publish, feed.publish]
+        yield [light.publish, file.publish, show_line, feed.publish]
 
 
 class StatusFeed:

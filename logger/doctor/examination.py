@@ -204,8 +204,8 @@ def _trial_run(config: SiteConfig, folder: str, seconds: float) -> Run:
         ),
     )
     clock = SystemClock()
-    begun = begin_run(trial_config, "", clock, origin=TRIAL)
-    service = Service(trial_config, begun, clock, threading.Event())
+    writer = begin_run(trial_config, "", clock, origin=TRIAL)
+    service = Service(trial_config, writer, clock, threading.Event())
     service.start()
     service.wait(seconds)
     return read_run(service.stop("end of the trial"))

@@ -349,9 +349,7 @@ def satellites_in_use(run: Run) -> int | None:
     if not len(received):
         return None
     latest = received[received["t_ns"] >= received["t_ns"][-1] - _RECENT_NS]
-    spans = zip(latest["offset"].tolist(), latest["length"].tolist(), strict=True)
-    text = b"".join(run.raw_bytes[start : start + length].tobytes() for start, length in spans)
-    sentences = _SENTENCE.findall(text)
+    sentences = _SENTENCE.findall(run.bytes_of(latest))
     if not sentences:
         return None
     return len({key for talker, values in sentences for key in _usable(talker, values)})

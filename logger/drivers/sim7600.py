@@ -25,11 +25,11 @@ Sources: measured replies in public code (+CPSI) and at pastebin.com/VfE7YiwG (+
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any, ClassVar
 
+from logger.core.cell_names import Identity
 from logger.core.types import CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family, cells_with
@@ -55,6 +55,7 @@ from logger.drivers.reading.row_language import (
     rsrp_dbm,
     rsrq_db,
     rssi_dbm,
+    with_identity,
 )
 from logger.drivers.reading.standard_replies import merge_serving_cells, with_level
 
@@ -249,27 +250,23 @@ def _cpsi_cell(shape: Form, texts: list[str], more: Mapping[str, str]) -> CellRe
     reading = cell("serving", rat, named, _CPSI_KINDS, {**more, **raw}, **place, **levels)
     if reading is None:
         return None
-    ids = _identity(rat, named) if reading.arfcn is not None else {}
-    return replace(reading, **ids) if ids or reading.level_dbm is not None else None
+    who = _identity(rat, named) if reading.arfcn is not None else None
+    if who is None:
+        return None if reading.level_dbm is None else reading
+    return with_identity(reading, who)
 
 
-def _identity(rat: Rat, named: Mapping[str, str]) -> dict[str, Any]:
-    """Empty where a part is damaged; a part marked as unknown is None."""
+def _identity(rat: Rat, named: Mapping[str, str]) -> Identity | None:
+    """None where a part is damaged; a part marked as unknown is None in it."""
     if "plmn" not in named:
-        return {}
+        return None
     area_bits, cid_bits = _BITS.get(rat, _BITS_OF_OTHERS)
     mcc, mnc = network(*named["plmn"].split("-", 1)) if "-" in named["plmn"] else (None, None)
     in_form = re.fullmatch(rf"0[xX][0-9A-Fa-f]{{1,{area_bits // 4}}}", named["area"])
     if mcc is None or not in_form or not re.fullmatch(r"-?\d{1,11}", named["cid"]):
-        return {}
-    return {
-        "mcc": mcc,
-        "mnc": mnc,
-        "lac" if rat in {"GSM", "WCDMA"} else "tac": area(named["area"], 16, area_bits),
-        "cid": cell_identity(
-            named["cid"], cid_bits, base=10
-        ),  # 4000000000 is printed as -294967296
-    }
+        return None
+    cid = cell_identity(named["cid"], cid_bits, base=10)  # 4000000000 is printed as -294967296
+    return Identity(mcc, mnc, area(named["area"], 16, area_bits), cid)
 
 
 def _gsm(named: Mapping[str, str]) -> _Levels:
@@ -304,13 +301,13 @@ def _lte(named: Mapping[str, str]) -> _Levels:
         return {}, {}
     rsrq, rsrp, rssi = printed
     levels = {
-        "rsrq_db": rsrq_db(rsrq, scale),
-        "rsrp_dbm": rsrp_dbm(rsrp, scale),
-        "rssi_dbm": rssi_dbm(rssi, scale),
+        "rsrq_db": _tenths(rsrq_db(rsrq, scale)),
+        "rsrp_dbm": _tenths(rsrp_dbm(rsrp, scale)),
+        "rssi_dbm": _tenths(rssi_dbm(rssi, scale)),
     }
     if levels["rsrq_db"] is None or (rssi and levels["rssi_dbm"] is None):
         return {}, {}
-    return {**sinr, **tenths(levels)}, {}
+    return {**sinr, **levels}, {}
 
 
 def _nr(named: Mapping[str, str]) -> _Levels:
@@ -328,7 +325,7 @@ def _nr(named: Mapping[str, str]) -> _Levels:
     ratio = rsrq_db(high, scale)
     if high and ratio is None:
         return {}, raw  # another unit than that of the level: one of them is damaged
-    return tenths({"rsrp_dbm": rsrp_dbm(low, scale), "rsrq_db": ratio}), raw
+    return {"rsrp_dbm": _tenths(rsrp_dbm(low, scale)), "rsrq_db": _tenths(ratio)}, raw
 
 
 def _scale(rsrp: str) -> float | None:
@@ -338,9 +335,9 @@ def _scale(rsrp: str) -> float | None:
     return None if rsrp_dbm(rsrp, 0.1) is None else 0.1
 
 
-def tenths(levels: Mapping[str, float | None]) -> dict[str, Any]:
-    """Levels rounded to what is printed."""
-    return {name: None if value is None else round(value, 1) for name, value in levels.items()}
+def _tenths(level_db: float | None) -> float | None:
+    """Rounded to what is printed."""
+    return None if level_db is None else round(level_db, 1)
 
 
 _LEVELS_OF = {"GSM": _gsm, "WCDMA": _wcdma, "NR": _nr}
@@ -363,26 +360,23 @@ def _system_cell(role: Role, text: str) -> CellReading | None:
     kept = _CCINFO_KINDS.keys() - ({"rscp", "ecio"} if on_gsm else set())
     named = {name: value for name, value in named.items() if name in kept}
     row = _WHO.match(text)
-    ids = _system_identity(row, cid_bits=16 if on_gsm else 28) if row else {}
+    who = _system_identity(row, cid_bits=16 if on_gsm else 28) if row else None
     levels = {name: named[name] for name in named.keys() & _CCINFO_LEVELS}
-    if not ids and not any(
-        value is not None for value in read_values(levels, _CCINFO_KINDS).values()
-    ):
-        return None
-    return cell(role, "GSM" if on_gsm else "WCDMA", named, _CCINFO_KINDS, **ids)
+    rat: Rat = "GSM" if on_gsm else "WCDMA"
+    reading = cell(role, rat, named, _CCINFO_KINDS)
+    if who is not None:
+        return with_identity(reading or CellReading(role, rat), who)
+    known = (value for value in read_values(levels, _CCINFO_KINDS).values() if value is not None)
+    return None if next(known, None) is None else reading
 
 
-def _system_identity(found: re.Match[str], cid_bits: int) -> dict[str, Any]:
+def _system_identity(found: re.Match[str], cid_bits: int) -> Identity | None:
     mcc, mnc, lac, cell = found.groups()[1:]
     if network(mcc, "00")[0] is None:
-        return {}
+        return None
     padded = len(mnc) == 1 or (len(mnc) == 3 and mnc.startswith("0"))  # 001 is printed for 01
-    return {
-        "mcc": mcc,
-        "mnc": None if padded else mnc,
-        "lac": area(lac, 10),
-        "cid": cell_identity(cell, cid_bits, 10),
-    }
+    cid = cell_identity(cell, cid_bits, 10)
+    return Identity(mcc, None if padded else mnc, area(lac, 10), cid)
 
 
 def _environment(lines: Sequence[str]) -> Iterator[Row]:

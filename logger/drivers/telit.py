@@ -36,6 +36,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar
 
+from logger.core.cell_names import Identity
 from logger.core.types import HIGHEST_ARFCN, MOST_NEIGHBOURS, Broadcast, CellReading, Rat, Role
 from logger.drivers import network_mode
 from logger.drivers.family import Claim, Family, cells_with
@@ -49,7 +50,6 @@ from logger.drivers.reading.row_language import (
     Row,
     Value,
     area,
-    area_values,
     at,
     cell_identity,
     decimal,
@@ -60,6 +60,7 @@ from logger.drivers.reading.row_language import (
     pieces,
     read_values,
     values,
+    with_identity,
 )
 from logger.drivers.reading.standard_replies import is_serving
 
@@ -432,17 +433,14 @@ def _labelled_row(text: str) -> CellReading | None:
     reading = CellReading(
         role=_role(name, found),
         rat=rat,
-        mcc=mcc,
-        mnc=mnc,
-        **area_values(rat, area_code),
-        cid=None if area_code is None else _identity(code, rat),
         arfcn=channel,
         bsic=_octal_bsic(found.get("bsic", "")),
         more=_operator("" if _ADJACENT.match(name) else name),
         **read,
     )
     has_value = channel is not None or area_code is not None or reading.level_dbm is not None
-    return reading if has_value else None
+    cid = None if area_code is None else _identity(code, rat)
+    return with_identity(reading, Identity(mcc, mnc, area_code, cid)) if has_value else None
 
 
 def _rat(found: Mapping[str, str]) -> Rat | None:
@@ -571,33 +569,28 @@ def _reading(carrier: _Carrier, base: int | None, *, is_decimal: bool) -> CellRe
     is_unknown = base is None and not carrier.bases
     agreed = base if base is not None and carrier.bases <= {base} else None
     sure_base = _DECIMAL if is_unknown else agreed
-    mcc, mnc, area_code, cid = _survey_identity(carrier, sure_base, is_decimal=is_decimal)
+    named = _survey_identity(carrier, sure_base, is_decimal=is_decimal)
     status = texts.get("status", "").upper()
     status = _STATUS[int(status)] if status.isdecimal() else status
-    return CellReading(
+    reading = CellReading(
         role="scan",
         rat=rat,
-        mcc=mcc,
-        mnc=mnc,
-        **area_values(rat, area_code),
-        cid=cid,
         arfcn=channel,
         bsic=None if is_unknown else _bsic(texts.get("bsic", ""), sure_base),
         broadcast=carrier.broadcast,
-        identity_unsure=is_unknown and mcc is not None,
+        identity_unsure=is_unknown and named.mcc is not None,
         more={"status": status} if status else {},
         **levels,
     )
+    return with_identity(reading, named)
 
 
-def _survey_identity(
-    carrier: _Carrier, base: int | None, *, is_decimal: bool
-) -> tuple[str | None, str | None, int | None, int | None]:
+def _survey_identity(carrier: _Carrier, base: int | None, *, is_decimal: bool) -> Identity:
     mcc, mnc = _network_of(carrier.texts, is_decimal=is_decimal)
     if mcc is None or base is None:
-        return None, None, None, None
+        return Identity()
     bits = 16 if carrier.rat == "GSM" else 28
-    return mcc, mnc, area(carrier.area, base), cell_identity(carrier.cell, bits, base)
+    return Identity(mcc, mnc, area(carrier.area, base), cell_identity(carrier.cell, bits, base))
 
 
 def _bsic(text: str, base: int | None) -> int | None:

@@ -1,7 +1,7 @@
 """What is carried along a walk: a modem of any dialect, and a GNSS receiver as a u-blox M8."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import reduce
@@ -9,6 +9,8 @@ from operator import xor
 
 import numpy as np
 
+from logger.core.arrays import FloatArray
+from logger.drivers.reading.row_language import MPS_PER_KNOT
 from logger.sim.dialects import ANYWHERE, NO_CARD, REGISTERED, Dialect, Listing
 from logger.sim.walk import Walk
 from logger.sim.world import Air, ModemFix, ReceivedCell, World
@@ -253,7 +255,6 @@ def frame_text(*texts: str) -> bytes:
 
 # --- the receiver ---
 
-MPS_PER_KNOT = 1852 / 3600
 SPEED_SIGMA_MPS = 0.05
 COURSE_FROM_MPS = 0.3
 """Slower than this no course is printed."""
@@ -301,20 +302,20 @@ class SimulatedReceiver:
     def epoch(self, t_s: float) -> bytes:
         """The sentences of one epoch; epochs come in order."""
         error_m = self._advance(t_s)
-        texts = NO_FIX if t_s < self._cold_start_s else self._fix(t_s, error_m)
+        texts = NO_FIX if t_s < self._cold_start_s else self._fix(t_s, error_m.tolist())
         return b"".join(sentence(text) for text in texts)
 
-    def _advance(self, t_s: float) -> tuple[float, float, float]:
-        """Position error in metres: x' = a x + sqrt(1 - a^2) sigma w, a = exp(-dt / T)."""
+    def _advance(self, t_s: float) -> FloatArray:
+        """East, north and up error, m: x' = a x + sqrt(1 - a^2) sigma w, a = exp(-dt / T)."""
         noise = self._noise
         decay = float(np.exp(-(t_s - self._t_s) / noise.wander_time_s))
         drive_m = self._rng.normal(0.0, noise.wander_sigma_m, 3)
         self._wander_m = decay * self._wander_m + np.sqrt(1.0 - decay**2) * drive_m
         self._t_s = t_s
-        east_m, north_m, up_m = self._wander_m + self._rng.normal(0.0, noise.white_sigma_m, 3)
-        return float(east_m), float(north_m), float(up_m)
+        return np.asarray(self._wander_m + self._rng.normal(0.0, noise.white_sigma_m, 3), float)
 
-    def _fix(self, t_s: float, error_m: tuple[float, float, float]) -> tuple[str, str, str]:
+    def _fix(self, t_s: float, error_m: Sequence[float]) -> Sequence[str]:
+        """RMC, GGA and GSA."""
         east_m, north_m = self._walk.position(t_s)
         lat_deg, lon_deg = self._world.to_latlon(east_m + error_m[0], north_m + error_m[1])
         utc = self._utc_start + timedelta(seconds=t_s)

@@ -40,6 +40,7 @@ from postproc.comparison.ground import (
     scale_db,
     variance_db2,
 )
+from postproc.estimators.metrics import SIGMA_PER_MAD
 from postproc.multi_run import check_different, in_one_zone, modems_of, of_one_modem
 from postproc.progress import Progress
 from postproc.walk import observe_run
@@ -52,8 +53,6 @@ from postproc.walk import observe_run
 _MOST_DB, _STEP_DB = 60.0, 0.1
 _CHANGES_DB = np.arange(-_MOST_DB, _MOST_DB + _STEP_DB / 2, _STEP_DB)
 """Changes of the mean that are tried."""
-_MAD = 1.4826
-"""Standard deviation of a Gaussian from its median absolute deviation."""
 _FEWEST_SCALE = 20
 """Differences from which the scale of the noise of two walks can be estimated."""
 
@@ -107,7 +106,7 @@ def offset_of(others: list[Change], *, same_modem: bool) -> Offset:
     changes_db = np.array([change.db for change in others])
     weight = np.array([1.0 / change.sigma_db**2 for change in others])
     median_db = weighted_median(changes_db, weight)
-    spread = _MAD * float(np.median(np.abs(changes_db - median_db) * np.sqrt(weight)))
+    spread = SIGMA_PER_MAD * float(np.median(np.abs(changes_db - median_db) * np.sqrt(weight)))
     # the median of Gaussians has pi/2 times the variance of the mean
     of_median_db2 = 0.5 * np.pi / float(np.sum(weight)) * max(1.0, spread) ** 2
     gain = prior_db2 / (prior_db2 + of_median_db2)
@@ -129,7 +128,7 @@ def scale_of(differences: list[Differences]) -> float:
     deviations = [part for one in differences if (part := _deviations(one)) is not None]
     if sum(map(len, deviations)) < _FEWEST_SCALE:
         return 1.0
-    return max(1.0, float(_MAD * np.median(np.abs(np.concatenate(deviations)))) ** 2)
+    return max(1.0, float(SIGMA_PER_MAD * np.median(np.abs(np.concatenate(deviations)))) ** 2)
 
 
 def _deviations(differences: Differences) -> FloatArray | None:

@@ -282,19 +282,18 @@ class Differences:
 def differences_of(cell: str, a: Ground, b: Ground) -> Differences:
     """Differences of a cell that both walks heard somewhere."""
     in_a, in_b = a.cells[cell], b.cells[cell]
-    common, at_a, at_b = np.intersect1d(in_a.block, in_b.block, return_indices=True)
+    block, at_a, at_b = np.intersect1d(in_a.block, in_b.block, return_indices=True)
     both_db = in_b.level_dbm[at_b] - in_a.level_dbm[at_a]
     variance = variance_db2(in_a.count[at_a], in_b.count[at_b])
-    less, less_db, less_variance = _bounds(in_a, b, in_b.block)
-    more, more_db, more_variance = _bounds(in_b, a, in_a.block)
-    bound = np.repeat([0, -1, 1], [len(common), len(less), len(more)])
+    heard = Differences(cell, in_a.rat, block, both_db, variance, np.zeros(len(block), np.int64))
+    parts = heard, _bounds(in_a, b, -1), _bounds(in_b, a, 1)
     return Differences(
         cell,
         in_a.rat,
-        np.concatenate([common, less, more]),
-        np.concatenate([both_db, -less_db, more_db]),
-        np.concatenate([variance, less_variance, more_variance]),
-        np.asarray(bound, np.int64),
+        np.concatenate([part.block for part in parts]),
+        np.concatenate([part.difference_db for part in parts]),
+        np.concatenate([part.variance_db2 for part in parts]),
+        np.concatenate([part.bound for part in parts]),
     )
 
 
@@ -305,14 +304,15 @@ def margins_db(heard: CellBlocks, other: Ground) -> FloatArray:
     return np.asarray(heard.level_dbm - floor_dbm, float)
 
 
-def _bounds(
-    heard: CellBlocks, other: Ground, heard_too: IntArray
-) -> tuple[IntArray, FloatArray, FloatArray]:
+def _bounds(heard: CellBlocks, other: Ground, bound: int) -> Differences:
     """Blocks in which the other walk could have heard a cell and did not.
 
-    With the level's distance from its floor, and the variance of that.
+    The difference is that of the level from the other's floor.
     """
     margin_db = margins_db(heard, other)
-    chosen = ~np.isin(heard.block, heard_too) & (margin_db > 0.0)  # NaN compares false
+    is_heard_too = np.isin(heard.block, other.cells[heard.cell].block)
+    chosen = ~is_heard_too & (margin_db > 0.0)  # NaN compares false
     count = heard.count[chosen]
-    return heard.block[chosen], margin_db[chosen], variance_db2(count, count)
+    difference_db, bounds = bound * margin_db[chosen], np.full(len(count), bound)
+    variance = variance_db2(count, count)
+    return Differences(heard.cell, heard.rat, heard.block[chosen], difference_db, variance, bounds)

@@ -20,6 +20,10 @@ _LAGS = 20
 _WHITE_SIGMAS = 1.96  # 95 % of a normal law
 
 
+SIGMA_PER_MAD = 1.4826
+"""Standard deviation of a normal law by its median absolute deviation."""
+
+
 class Consistency(NamedTuple):
     """A filter's innovations against the variances it claims for them.
 

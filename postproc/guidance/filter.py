@@ -14,6 +14,7 @@ from logger.core.locator.online import OnlineLocator
 from logger.core.model.prior import Prior
 from logger.core.places import TIMING_S, Places, place_of_fix
 from logger.core.readings import Readings, limit_of
+from logger.core.spikes import SpikeFilter
 from logger.core.types import Fix, range_dbm
 from logger.core.walker import LiveTrack
 from postproc.interop.sighting import LEVEL_RANGE_DBM, RATS
@@ -60,6 +61,7 @@ class GuideFilter:
     def __init__(self, prior: Prior, cell: str | None = None, lines: Iterable[Line] = ()) -> None:
         self._prior, self._cell, self._atlas = prior, cell, StreetAtlas(lines)
         self.locator = OnlineLocator(prior)
+        self._spikes = SpikeFilter[Readings]()
         self._start: Places | None = None
         self._walk = LiveTrack()
         self._followed: FollowedCell | None = None
@@ -106,12 +108,13 @@ class GuideFilter:
         if level_dbm is not None and self._is_followed(row):
             self.levels += 1
             rat = _text(row, "rat") or _RAT
-            reading = Readings.one(
-                self._cell or "", rat, timed, level_dbm, limit_of(level_dbm, rat)
-            )
+            limit = limit_of(level_dbm, rat)
+            reading = Readings.one(self._cell or "", rat, timed, level_dbm, limit)
             if self._strongest is None or _rank(reading) > _rank(self._strongest):
                 self._strongest = reading
-            self.locator.add(reading)
+            for one, spike_db in self._spikes.take(reading, timed, level_dbm, limit):
+                if not spike_db:
+                    self.locator.take(one)
             if self.locator.stale > 1.0:
                 self.locator.search()
         followed.update(place, self.locator)

@@ -278,8 +278,9 @@ def draw_map(walk: NextWalk, target: Path) -> None:
     start = walk.start.xy_m[:, 0]
     route_m = walk.routes[0].route.corner_m - start
     half_m = max(_LEAST_MAP_M, float(np.max(np.abs(route_m))) + _MARGIN_M)
-    east_m, north_m, nats = _information(walk, half_m)
-    mesh = axes.pcolormesh(east_m, north_m, nats, shading="auto", cmap="viridis")
+    at_m = np.linspace(-half_m, half_m, _GRID)
+    nats = _information(walk, at_m)
+    mesh = axes.pcolormesh(at_m, at_m, nats, shading="auto", cmap="viridis")
     figure.colorbar(mesh, label="what one reading would say about the position")
     squares = walk.posterior.squares
     chosen = highest_density(squares)
@@ -298,18 +299,16 @@ def draw_map(walk: NextWalk, target: Path) -> None:
     plots.save_figure(figure, target)
 
 
-def _information(walk: NextWalk, half_m: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """1/2 ln(1 + Var mu / N) of one reading on a grid around the start."""
-    at_m = np.linspace(-half_m, half_m, _GRID)
-    east_m, north_m = np.meshgrid(at_m, at_m)
-    nats = np.empty_like(east_m)
-    for row in range(_GRID):
-        x_m, y_m = east_m[row] + walk.start.x_m, north_m[row] + walk.start.y_m
-        forecast = walk.forecaster.at(Places.of(x_m, y_m))
+def _information(walk: NextWalk, at_m: FloatArray) -> FloatArray:
+    """1/2 ln(1 + Var mu / N) of one reading on a grid `at_m` (n,) north and east of the start."""
+    nats = np.empty((len(at_m), len(at_m)))
+    for row, north_m in enumerate(at_m):
+        y_m = np.full(len(at_m), north_m) + walk.start.y_m
+        forecast = walk.forecaster.at(Places.of(at_m + walk.start.x_m, y_m))
         off = forecast.level_dbm - forecast.weight @ forecast.level_dbm
         variance = forecast.weight @ off**2
         nats[row] = 0.5 * np.log1p(variance / np.diag(forecast.covariance))
-    return east_m, north_m, nats
+    return nats
 
 
 def _degrees(walk: NextWalk, one: RankedRoute) -> list[list[float]]:

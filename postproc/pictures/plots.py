@@ -137,11 +137,7 @@ def draw_marks(
     axes.plot(x, y, marker, color=rgb(colour), markersize=size, **style)
 
 
-def level_colours(level_range_dbm: tuple[float, float]) -> dict[str, Any]:
-    """Arguments of matplotlib that colour values as levels between two limits."""
-    low_dbm, high_dbm = level_range_dbm
-    cmap = ListedColormap(colours.level_scale(256) / 255.0)
-    return {"cmap": cmap, "vmin": low_dbm, "vmax": high_dbm}
+_LEVEL_COLOURS = ListedColormap(colours.level_scale(256) / 255.0)
 
 
 def level_bar(
@@ -195,12 +191,15 @@ def strips_of(rows: Sequence[Levels | None], clock: Clock) -> Strips | None:
 
 def draw_strips(figure: Figure, axes: Axes, strips: Strips) -> None:
     """One row for each cell, numbered from 1 at the top."""
+    low_dbm, high_dbm = colour_range_dbm(strips.level_dbm)
     image = axes.imshow(
         strips.level_dbm,
         aspect="auto",
         interpolation="nearest",
         extent=(0.0, strips.minutes, len(strips.level_dbm) + 0.5, 0.5),
-        **level_colours(colour_range_dbm(strips.level_dbm)),
+        cmap=_LEVEL_COLOURS,
+        vmin=low_dbm,
+        vmax=high_dbm,
     )
     level_bar(figure, axes, image, 4, aspect=12)
     axes.grid(visible=False)
@@ -483,6 +482,7 @@ def _draw_tracks(axes: Axes, picture: Picture) -> None:
 
 def draw_readings(axes: Axes, picture: Picture) -> ScalarMappable:
     """Readings as dots in the colours of their levels."""
+    low_dbm, high_dbm = picture.level_range_dbm
     return axes.scatter(
         picture.readings_m[:, 0],
         picture.readings_m[:, 1],
@@ -491,7 +491,9 @@ def draw_readings(axes: Axes, picture: Picture) -> ScalarMappable:
         linewidths=0,
         zorder=3,
         rasterized=True,
-        **level_colours(picture.level_range_dbm),
+        cmap=_LEVEL_COLOURS,
+        vmin=low_dbm,
+        vmax=high_dbm,
     )
 
 

@@ -6,7 +6,7 @@ Sources: RFC 5870 (geo URI), wiki.openstreetmap.org/wiki/Browsing (links), NGA.S
 from dataclasses import dataclass
 
 from logger.core.errors import GeoError
-from logger.core.places import MAX_LATITUDE_DEG, Utm
+from logger.core.places import MAX_LATITUDE_DEG, Places, Utm
 
 _DECIMALS = 5
 """A metre."""
@@ -73,8 +73,8 @@ def _dms(value_deg: float, letters: str) -> str:
     return f"{degrees}°{minutes:02d}'{rest / 100:05.2f}\"{letter}"
 
 
-def _standard_utm(lat_deg: float, lon_deg: float) -> tuple[int, float, float] | None:
-    """Zone, east and north of the standard grid, which has wider zones in Norway and Svalbard."""
+def _in_standard_zone(lat_deg: float, lon_deg: float) -> Places | None:
+    """The place in the standard grid, which has wider zones in Norway and Svalbard."""
     if not _SOUTHMOST_DEG <= lat_deg < MAX_LATITUDE_DEG:
         return None
     zone = int((lon_deg + 180.0) // 6.0) % 60 + 1
@@ -82,11 +82,11 @@ def _standard_utm(lat_deg: float, lon_deg: float) -> tuple[int, float, float] | 
         zone = 32
     if lat_deg >= 72.0 and 0.0 <= lon_deg < 42.0:
         zone = 31 + 2 * int((lon_deg + 3.0) // 12.0)
+    utm = Utm(zone if lat_deg >= 0.0 else -zone)
     try:
-        east_m, north_m = Utm(zone if lat_deg >= 0.0 else -zone).to_xy(lat_deg, lon_deg)
+        return Places.of_degrees(lat_deg, lon_deg, utm=utm)
     except GeoError:
         return None
-    return zone, east_m, north_m
 
 
 def _band(lat_deg: float) -> str:
@@ -94,20 +94,20 @@ def _band(lat_deg: float) -> str:
 
 
 def _utm(lat_deg: float, lon_deg: float) -> str:
-    found = _standard_utm(lat_deg, lon_deg)
-    if found is None:
+    place = _in_standard_zone(lat_deg, lon_deg)
+    if place is None:
         return ""
-    zone, east_m, north_m = found
-    return f"{zone}{_band(lat_deg)} {east_m:.0f} {north_m:.0f}"
+    zone = abs(place.utm.zone)
+    return f"{zone}{_band(lat_deg)} {place.x_m.item():.0f} {place.y_m.item():.0f}"
 
 
 def _mgrs(lat_deg: float, lon_deg: float) -> str:
     """To a metre; digits of MGRS are cut off, not rounded."""
-    found = _standard_utm(lat_deg, lon_deg)
-    if found is None:
+    place = _in_standard_zone(lat_deg, lon_deg)
+    if place is None:
         return ""
-    zone, east_m, north_m = found
-    east, north = int(east_m), int(north_m)
+    zone = abs(place.utm.zone)
+    east, north = int(place.x_m.item()), int(place.y_m.item())
     column = _COLUMNS[(zone - 1) % 3][east // 100_000 - 1]
     row = _ROWS[(north // 100_000 + (5 if zone % 2 == 0 else 0)) % len(_ROWS)]
     return f"{zone}{_band(lat_deg)} {column}{row} {east % 100_000:05d} {north % 100_000:05d}"

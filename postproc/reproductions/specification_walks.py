@@ -181,53 +181,43 @@ def median_error_m(plane_m2: FloatArray) -> float:
     return float(brentq(beyond, 0.0, 2.0 * float(np.sqrt(large))))
 
 
-class Claim(NamedTuple):
-    """Errors promised after some readings."""
-
-    readings: int
-    position_m: float
-    p0_db: float
-    eta: float
-    radius_m: float
-
-
-CLAIMS = (
-    Claim(10, 200.0, 5.0, 0.5, 300.0),
-    Claim(20, 100.0, 3.0, 0.3, 150.0),
-    Claim(50, 50.0, 1.0, 0.1, 80.0),
-)
-
-
-class Outcome(NamedTuple):
+class Errors(NamedTuple):
     """Errors of position, P0 and eta, and the claimed radius.
 
-    `covers` is whether the 95 % region holds the truth.
+    Of one estimate, `covers` is whether its 95 % region holds the truth, with its verdict.
     """
 
     position_m: float
     p0_db: float
     eta: float
     radius_m: float
-    covers: bool
-    verdict: str
+    covers: bool = False
+    verdict: str = ""
 
 
-Estimator = Callable[[Station, Places, FloatArray], Outcome]
+PROMISED = {
+    10: Errors(200.0, 5.0, 0.5, 300.0),
+    20: Errors(100.0, 3.0, 0.3, 150.0),
+    50: Errors(50.0, 1.0, 0.1, 80.0),
+}
+"""By the number of readings."""
+
+Estimator = Callable[[Station, Places, FloatArray], Errors]
 
 
 def convergence_checks(effort: Effort) -> list[Check]:
     """All lines of the table."""
-    rows = [line for claim in CLAIMS for line in compare(claim, effort.circles)]
+    rows = [line for readings in PROMISED for line in compare(readings, effort.circles)]
     return [
         *under("convergence", *rows),
         *under("convergence", observability(), _below_the_scale()),
     ]
 
 
-def compare(claim: Claim, runs: int) -> list[Check]:
+def compare(readings: int, runs: int) -> list[Check]:
     """One row of the table: position, P0 and eta, and error radius."""
-    at = circle(claim.readings)
-    levels_dbm = [noisy_level_dbm(SPEC, at, [claim.readings, run], NOISE_DB) for run in range(runs)]
+    claim, at = PROMISED[readings], circle(readings)
+    levels_dbm = [noisy_level_dbm(SPEC, at, [readings, run], NOISE_DB) for run in range(runs)]
     reference, by_reference = _medians(run_reference, at, levels_dbm)
     cellwalk, by_cellwalk = _medians(run_locator, at, levels_dbm)
     prior = Prior()
@@ -236,7 +226,7 @@ def compare(claim: Claim, runs: int) -> list[Check]:
     least_m = median_error_m(least[:2, :2])
     verdicts = ", ".join(sorted({outcome.verdict for outcome in by_cellwalk}))
     beyond = ", which the claim is beyond" if claim.position_m < least_m else ""
-    after = f"after {claim.readings} readings"
+    after = f"after {readings} readings"
     return [
         Check(
             f"{after}: position error ~{claim.position_m:.0f} m",
@@ -265,14 +255,13 @@ def compare(claim: Claim, runs: int) -> list[Check]:
 
 def _medians(
     estimate: Estimator, at: Places, levels_dbm: list[FloatArray]
-) -> tuple[Outcome, list[Outcome]]:
+) -> tuple[Errors, list[Errors]]:
     """Medians over the runs, and the outcome of each."""
     outcomes = [estimate(SPEC, at, level_dbm) for level_dbm in levels_dbm]
-    position_m, p0_db, eta, radius_m = np.median([o[:4] for o in outcomes], axis=0).tolist()
-    return Outcome(position_m, p0_db, eta, radius_m, covers=False, verdict=""), outcomes
+    return Errors(*np.median([one[:4] for one in outcomes], axis=0).tolist()), outcomes
 
 
-def run_reference(station: Station, at: Places, level_dbm: FloatArray) -> Outcome:
+def run_reference(station: Station, at: Places, level_dbm: FloatArray) -> Errors:
     """The reference EKF along a walk, started at the first point."""
     state = ekf.start(at[0])
     for reading in zip(at.x_m.tolist(), at.y_m.tolist(), level_dbm.tolist(), strict=True):
@@ -283,7 +272,7 @@ def run_reference(station: Station, at: Places, level_dbm: FloatArray) -> Outcom
     return _outcome(error, ekf.drms_m(state.p), covers, "")
 
 
-def run_locator(station: Station, at: Places, level_dbm: FloatArray) -> Outcome:
+def run_locator(station: Station, at: Places, level_dbm: FloatArray) -> Errors:
     """Our locator on a walk."""
     obs = observations(at, level_dbm)
     posterior = locate(obs)
@@ -294,9 +283,9 @@ def run_locator(station: Station, at: Places, level_dbm: FloatArray) -> Outcome:
     return _outcome(error, posterior.r95_m, covers, assess(posterior, obs).verdict)
 
 
-def _outcome(error: FloatArray, radius_m: float, covers: bool, status: str) -> Outcome:
+def _outcome(error: FloatArray, radius_m: float, covers: bool, status: str) -> Errors:
     p0_db, eta = np.abs(error[2:]).tolist()
-    return Outcome(float(np.hypot(*error[:2])), p0_db, eta, radius_m, covers, status)
+    return Errors(float(np.hypot(*error[:2])), p0_db, eta, radius_m, covers, status)
 
 
 def _covers(posterior: Posterior, true: Places) -> bool:
@@ -328,7 +317,7 @@ def _below_the_scale() -> Check:
     )
 
 
-def _coverage(outcomes: list[Outcome]) -> str:
+def _coverage(outcomes: list[Errors]) -> str:
     return f"{sum(outcome.covers for outcome in outcomes)} of {len(outcomes)}"
 
 

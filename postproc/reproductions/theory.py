@@ -41,6 +41,7 @@ from scipy.stats import chi2, ncx2
 from logger.core.arrays import BoolArray, FloatArray
 from logger.core.errors import ConfigError
 from logger.core.model.path_loss import DB_PER_E_FOLD
+from postproc.estimators.metrics import SIGMA_PER_MAD
 from postproc.reproductions.checks import Check, Json, theirs, under
 
 _MOST_STEPS = 60  # Gauss-Newton converges in some 5; the rest is for poor geometry
@@ -49,7 +50,6 @@ _WORST_CONDITION = 1e8  # beyond it half of the digits are lost
 _HALVINGS = 8
 _SAMPLES = 200  # resolves p to 0.005
 _FEWEST = 8  # with fewer values the test rejects next to nothing
-_SIGMA_PER_MAD = 1.4826  # of a normal law
 
 
 @dataclass(frozen=True)
@@ -86,17 +86,6 @@ def _is_sigma(values_m: FloatArray) -> BoolArray:
     return np.isfinite(values_m) & (values_m >= 0.0)
 
 
-class Statistic(NamedTuple):
-    """Degrees of freedom and noncentrality of a statistic."""
-
-    dof: int
-    noncentrality: float
-
-    def power(self, p_fa: float) -> float:
-        """Probability that the test rejects at this false-alarm rate."""
-        return detection(p_fa, self.dof, self.noncentrality)
-
-
 def detection(p_fa: float, dof: int, noncentrality: float) -> float:
     """Probability that a noncentral chi-square exceeds the central one's limit for `p_fa`."""
     if noncentrality <= 0.0:
@@ -109,20 +98,20 @@ def noncentrality_of(p_fa: float, dof: int, power: float) -> float:
     return float(chndtrinc(chi2.isf(p_fa, dof), dof, 1.0 - power)) if power > p_fa else 0.0
 
 
-def direct_test(scene: Scene, true_m: FloatArray, claim_m: FloatArray) -> Statistic:
-    """The direct test of a claim (d,) while the transmitter is at `true_m` (d,)."""
+def direct_noncentrality(scene: Scene, true_m: FloatArray, claim_m: FloatArray) -> float:
+    """Of the direct test of a claim (d,), with n degrees, where the transmitter is at `true_m`."""
     missed = _ranges(scene, true_m) - _ranges(scene, claim_m)
     spread = _direct_covariance(scene, claim_m)
-    return Statistic(len(missed), float(missed @ np.linalg.solve(spread, missed)))
+    return float(missed @ np.linalg.solve(spread, missed))
 
 
-def indirect_test(scene: Scene, true_m: FloatArray, claim_m: FloatArray) -> Statistic | None:
-    """The indirect test of the same claim; None where `not_observable` says why."""
+def indirect_noncentrality(scene: Scene, true_m: FloatArray, claim_m: FloatArray) -> float | None:
+    """Of the indirect test of it, with d degrees; None where `not_observable` says why."""
     if not_observable(scene, true_m):
         return None
     spread = np.linalg.inv(_information(scene, true_m)) + np.diag(scene.claim_sigma_m**2)
     off = claim_m - true_m
-    return Statistic(scene.dimensions, float(off @ np.linalg.solve(spread, off)))
+    return float(off @ np.linalg.solve(spread, off))
 
 
 def not_observable(scene: Scene, at_m: FloatArray) -> str | None:
@@ -415,21 +404,22 @@ def _row(
 ) -> Row:
     true_m = np.zeros(scene.dimensions)
     claim_m = np.pad(offset_m, (0, scene.dimensions - 2))
-    direct = direct_test(scene, true_m, claim_m)
-    indirect = indirect_test(scene, true_m, claim_m)
+    n, d = scene.receivers_m.shape
+    direct = direct_noncentrality(scene, true_m, claim_m)
+    indirect = indirect_noncentrality(scene, true_m, claim_m)
     alarms_direct, alarms_indirect = simulate(scene, true_m, true_m, p_fa, trials, rng)
     found_direct, found_indirect = simulate(scene, true_m, claim_m, p_fa, trials, rng)
     return Row(
         sigma_m,
         tuple(scene.claim_sigma_m.tolist()),
         tuple(claim_m.tolist()),
-        direct.noncentrality,
-        indirect.noncentrality if indirect else None,
+        direct,
+        indirect,
         Rates(p_fa, alarms_direct),
-        Rates(p_fa if indirect else None, alarms_indirect),
-        Rates(direct.power(p_fa), found_direct),
-        Rates(indirect.power(p_fa) if indirect else None, found_indirect),
-        detection(p_fa, scene.dimensions, direct.noncentrality),
+        Rates(None if indirect is None else p_fa, alarms_indirect),
+        Rates(detection(p_fa, n, direct), found_direct),
+        Rates(None if indirect is None else detection(p_fa, d, indirect), found_indirect),
+        detection(p_fa, d, direct),
         not_observable(scene, true_m),
     )
 
@@ -469,6 +459,10 @@ def summary(
         "first_taylor_term": rng.normal(error.mean_m, error.sigma_m, len(sample_m)),
         "exact": sample_m,
     }
+    normal: dict[str, list[dict[str, Any]]] = {}
+    for name, values in samples_m.items():
+        checks = [normality(values, limit, rng) for limit in (None, _CUT_SIGMAS)]
+        normal[name] = [check._asdict() for check in checks if check]
     return {
         "p_fa": p_fa,
         "trials": trials,
@@ -477,13 +471,8 @@ def summary(
         "printed": [asdict(pair) for pair in printed_pairs(p_fa)],
         "cannot_be_known": [f"{what}: {why}" for what, why in _UNKNOWN],
         "range_error": _RANGE | error._asdict(),
-        "normality": {name: _normality(values, rng) for name, values in samples_m.items()},
+        "normality": normal,
     }
-
-
-def _normality(values: FloatArray, rng: np.random.Generator) -> list[dict[str, Any]]:
-    checks = (normality(values, limit, rng) for limit in (None, _CUT_SIGMAS))
-    return [check._asdict() for check in checks if check]
 
 
 def checks(found: Json) -> list[Check]:
@@ -602,7 +591,7 @@ def _trim(values: FloatArray, limit_sigmas: float | None) -> tuple[FloatArray, f
         return values, -np.inf, np.inf
     middle = float(np.median(values))
     deviation = np.abs(values - middle)
-    reach = limit_sigmas * _SIGMA_PER_MAD * float(np.median(deviation))
+    reach = limit_sigmas * SIGMA_PER_MAD * float(np.median(deviation))
     return values[deviation <= reach], middle - reach, middle + reach
 
 

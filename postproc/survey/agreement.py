@@ -15,6 +15,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.readings import Readings
 from postproc.comparison.changes import weighted_median
 from postproc.comparison.ground import BLOCK_M
+from postproc.estimators.metrics import SIGMA_PER_MAD
 from postproc.survey.alignment import (
     PlaceLevels,
     clear_of_floor,
@@ -36,7 +37,6 @@ _MOST_SCATTER = 3.0
 
 In three synthetic cities honest loggers had up to 1.4 times, one that was 500 m off 9 times.
 """
-_MAD = 1.4826
 
 
 class Agreement(NamedTuple):
@@ -83,7 +83,7 @@ def agreements(obs: Readings, loggers: Sequence[str]) -> list[Agreement]:
         if not len(rows):  # no common ground at all
             continue
         number, own_db = int(modem[rows[0]]), away_db[rows]
-        scatter_db = _MAD * float(np.median(np.abs(own_db - np.median(own_db))))
+        scatter_db = SIGMA_PER_MAD * float(np.median(np.abs(own_db - np.median(own_db))))
         offset = float(offset_db[number])
         found.append(Agreement(loggers[number], obs.cell, len(rows), offset, scatter_db))
     return found

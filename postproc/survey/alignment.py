@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.blocks import squares
 from logger.core.readings import Readings
+from postproc.estimators.metrics import SIGMA_PER_MAD
 
 MOST_MODEMS = 4
 """Up to this many, nothing is aligned: estimates are those of `postproc smooth` to the last bit."""
@@ -37,7 +38,6 @@ _RANK = 1e-9
 """Of the largest eigenvalue: below, a direction is that of a common shift, which nothing shows."""
 _HUBER = 1.345
 """Standard deviations from which a place counts less: 95 % efficient for Gaussian errors."""
-_MAD = 1.4826
 _USUAL_EXCESS, _USUAL_WEIGHT = 1.4, 5.0
 """Variance of the walks of a modem in units of what the places say, and the degrees of freedom that
 this counts as: in eight synthetic cities the mean was 1.34."""
@@ -79,8 +79,15 @@ def align(obs: Readings) -> Alignment:
     if n <= MOST_MODEMS or obs.modem is None:
         return Alignment(obs, np.zeros(n), np.zeros(n))
     levels = levels_by_place(obs, obs.modem, PLACE_M)
-    offset_db, sigma_db, part = _offsets(clear_of_floor(levels, np.arange(n)), n)
-    sigma_db = sigma_db * np.sqrt(_excess(obs, obs.modem, n))
+    common = on_common_ground(clear_of_floor(levels, np.arange(n)))
+    part = _part_numbers(common, n)
+    fit = robust_fit(common, n)
+    first = np.array([int(np.flatnonzero(part == own)[0]) for own in part])
+    offset_db = fit.offset_db - fit.offset_db[first]  # against the first of its part
+    inverse = fit.inverse
+    spread = np.diag(inverse) + inverse[first, first] - 2.0 * inverse[np.arange(n), first]
+    sigma_db = np.sqrt(fit.error_db2 * np.maximum(spread, 0.0))
+    sigma_db *= np.sqrt(_excess(obs, obs.modem, n))
     is_certain = sigma_db <= CERTAIN_DB
     offset_db = np.where(is_certain, offset_db, 0.0)
     # a modem that is not certain stays one of its own
@@ -149,23 +156,12 @@ def clear_of_floor(levels: PlaceLevels, modem_of: IntArray) -> PlaceLevels:
     return PlaceLevels(levels.place[is_clear], levels.modem[is_clear], levels.level_dbm[is_clear])
 
 
-def _offsets(levels: PlaceLevels, n: int) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Offset of each modem and its sigma against the first of its part, and the part, (n,) each.
-
-    A part are modems that are connected by places.
-    """
-    common = on_common_ground(levels)
-    place, modem = common.place, common.modem
-    n_places = int(np.max(place, initial=-1)) + 1
-    links = coo_array((np.ones(len(place)), (modem, n + place)), shape=(n + n_places,) * 2)
-    part = connected_components(links, directed=False)[1][:n]
-    fit = robust_fit(common, n)
-    first = np.array([int(np.flatnonzero(part == own)[0]) for own in part])
-    inverse = fit.inverse
-    spread = np.diag(inverse) + inverse[first, first] - 2.0 * inverse[np.arange(n), first]
-    sigma_db = np.sqrt(fit.error_db2 * np.maximum(spread, 0.0))
-    relative_db = np.asarray(fit.offset_db - fit.offset_db[first], float)
-    return relative_db, np.asarray(sigma_db, float), np.asarray(part, np.int64)
+def _part_numbers(levels: PlaceLevels, n: int) -> IntArray:
+    """Number of the part of each of `n` modems: those that places connect are in one."""
+    n_places = int(np.max(levels.place, initial=-1)) + 1
+    ends = levels.modem, n + levels.place
+    links = coo_array((np.ones(len(levels.place)), ends), shape=(n + n_places,) * 2)
+    return np.asarray(connected_components(links, directed=False)[1][:n], np.int64)
 
 
 def on_common_ground(levels: PlaceLevels, least: int = 2) -> PlaceLevels:
@@ -182,20 +178,21 @@ def robust_fit(levels: PlaceLevels, n: int) -> OffsetFit:
     offset_db: FloatArray = np.zeros(n)
     inverse: FloatArray = np.zeros((n, n))
     for _ in range(_TURNS if len(place) else 0):
-        inverse, offset_db, residual_db = _solve(levels, weight, n)
+        inverse, offset_db = _solve(levels, weight, n)
+        free_dbm = levels.level_dbm - offset_db[levels.modem]
+        of_place_dbm = np.bincount(place, weight * free_dbm) / np.bincount(place, weight)
+        residual_db = free_dbm - of_place_dbm[place]
         # a place of two has half of its variance in its own mean
         count = np.bincount(place)[place]
         free_db = residual_db * np.sqrt(count / (count - 1.0))
-        error_db2 = max(_MAD * float(np.median(np.abs(free_db))), _LEAST_SIGMA_DB) ** 2
+        error_db2 = max(SIGMA_PER_MAD * float(np.median(np.abs(free_db))), _LEAST_SIGMA_DB) ** 2
         away = np.abs(free_db) / np.sqrt(error_db2)
         weight = np.minimum(1.0, _HUBER / np.maximum(away, 1e-9))
     return OffsetFit(inverse, offset_db, error_db2)
 
 
-def _solve(
-    levels: PlaceLevels, weight: FloatArray, n: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Weighted least squares without the levels of the places; pseudo-inverse, b, residuals."""
+def _solve(levels: PlaceLevels, weight: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    """Weighted least squares without the levels of the places: pseudo-inverse and offsets."""
     place, modem, level_dbm = levels
     total = np.bincount(place, weight)
     mean_dbm = np.bincount(place, weight * level_dbm) / total
@@ -204,11 +201,7 @@ def _solve(
     normal = np.diag(np.bincount(modem, weight, n)) - of_place.T @ (of_place / total[:, None])
     right = np.bincount(modem, weight * (level_dbm - mean_dbm[place]), n)
     inverse = np.linalg.pinv(normal, hermitian=True, rcond=_RANK)
-    offset_db = inverse @ right
-    free_dbm = level_dbm - offset_db[modem]
-    level_of_place = np.bincount(place, weight * free_dbm) / total
-    residual_db = np.asarray(free_dbm - level_of_place[place], float)
-    return np.asarray(inverse, float), np.asarray(offset_db, float), residual_db
+    return np.asarray(inverse, float), np.asarray(inverse @ right, float)
 
 
 def _number_by_appearance(numbers: IntArray) -> IntArray:

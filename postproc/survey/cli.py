@@ -304,7 +304,8 @@ def next_command(
     """Say where walking would tell most, a route for each walker."""
     _check_libraries("pyarrow", "distributed")
     whole, options = _open_survey(folder), estimation.Options(prior)
-    where = [places.Places.of_degrees(*place_of(text)[:2]) for text in starts]
+    named = [place_of(text)[0] for text in starts]
+    where = [places.Places.of_degrees(one.lat, one.lon) for one in named]
     lines = read_streets(streets)
     with scheduling.Cluster(scheduler, workers) as cluster:
         found = location.locate_survey(whole, options, cluster=cluster)

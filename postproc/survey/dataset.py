@@ -3,7 +3,7 @@
 import fcntl
 import json
 import secrets
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,7 +26,7 @@ from postproc.ground import Ground
 from postproc.survey import layout
 from postproc.survey.parquet_batch import read_columns
 from postproc.survey.rule_inputs import RuleColumn
-from postproc.survey.walk_readings import SurveyRun
+from postproc.survey.walk_readings import HeardCell, SurveyRun
 
 _FORMAT = {"format": "cellwalk survey", "version": 2}
 _MOST_BYTES = 1 << 16
@@ -215,11 +215,13 @@ class Survey:
             for batch in self.batches
         }
 
-    def heard_in(self, batch: str) -> dict[str, dict[str, dict[str, Any]]]:
-        """What each run of a batch heard: rows of `layout.CELLS` by run and cell."""
-        heard: dict[str, dict[str, dict[str, Any]]] = {}
+    def heard_in(self, batch: str) -> dict[str, list[HeardCell]]:
+        """What each run of a batch heard."""
+        heard: dict[str, list[HeardCell]] = {}
         for row in read_columns(layout.cells_file(self.folder, batch), layout.CELLS).to_pylist():
-            heard.setdefault(row["run"], {})[row["cell"]] = row
+            run, numbers = row.pop("run"), row.pop("channels")
+            channels = tuple(zip(numbers[::2], numbers[1::2], strict=True))
+            heard.setdefault(run, []).append(HeardCell(**row, channels=channels))
         return heard
 
     def ground(self, runs: Sequence[str]) -> Iterator[Ground]:
@@ -236,15 +238,12 @@ class Survey:
 
         Equal to the readings of `postproc smooth` of each run.
         """
-        table = self.rows(area, cells)
         order = {digest: i for i, digest in enumerate(self.runs)}
         wanted = set(order if runs is None else runs)
         series: dict[str, dict[str, Readings]] = {}
-        for cell, run, rows in _series(table):
+        for run, obs in _series(self.rows(area, cells), self.rats):
             if run in wanted:
-                series.setdefault(cell, {})[run] = _observations(
-                    cell, self.rats[cell] or None, rows
-                )
+                series.setdefault(obs.cell, {})[run] = obs
         return {
             cell: dict(sorted(by_run.items(), key=lambda item: order[item[0]]))
             for cell, by_run in sorted(series.items())
@@ -277,8 +276,8 @@ def _is_one_of(column: str, texts: Sequence[str]) -> pc.Expression:
     return pc.field(column).isin(pa.array(texts, pa.string()))
 
 
-def _series(table: pa.Table) -> Iterator[tuple[str, str, dict[str, np.ndarray[Any, Any]]]]:
-    """Rows of each cell of each run, of which one batch has all, in their order."""
+def _series(table: pa.Table, rats: Mapping[str, str]) -> Iterator[tuple[str, Readings]]:
+    """Run and readings of each cell of each run, of which one batch has all, in their order."""
     if not len(table):
         return
     cell, run = (table["cell"].combine_chunks(), table["run"].combine_chunks())
@@ -287,11 +286,9 @@ def _series(table: pa.Table) -> Iterator[tuple[str, str, dict[str, np.ndarray[An
     change = np.flatnonzero((np.diff(cell_of) != 0) | (np.diff(run_of) != 0)) + 1
     for first, end in zip([0, *change.tolist()], [*change.tolist(), len(table)], strict=True):
         rows = {name: values[first:end] for name, values in columns.items()}
-        yield (
-            cell.dictionary[int(cell_of[first])].as_py(),
-            run.dictionary[int(run_of[first])].as_py(),
-            rows,
-        )
+        name = cell.dictionary[int(cell_of[first])].as_py()
+        digest = run.dictionary[int(run_of[first])].as_py()
+        yield digest, _observations(name, rats[name] or None, rows)
 
 
 def _observations(cell: str, rat: str | None, rows: dict[str, np.ndarray[Any, Any]]) -> Readings:

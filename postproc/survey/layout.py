@@ -13,8 +13,6 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from logger.baseline_file import parts_of
-
 READINGS = pa.schema(
     [
         pa.field("cell", pa.string(), metadata={"unit": "name of the cell"}),
@@ -78,9 +76,9 @@ NO_AREA = "none"
 
 def area_of(cell: str) -> str:
     """The area of a cell by its name, as part of a path."""
-    mcc, mnc, area, _ = parts_of(cell)
-    text = f"{mcc}-{mnc}-{area}"
-    return text if text.replace("-", "").isdigit() else NO_AREA
+    text, _, _ = cell.rpartition("-")
+    is_identity = text.count("-") == 2 and text.replace("-", "").isdigit()
+    return text if is_identity else NO_AREA
 
 
 def description(survey: Path) -> Path:

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from logger.baseline_store import content_digest, walk_digest
+from logger.baseline_store import channels_heard, content_digest, walk_digest
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import RunFileError
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
-from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
+from logger.core.types import UNKNOWN_TIME
 from postproc.multi_run import modem_identity, with_one_modem
-from postproc.scan_counts import distinct_pairs, scans_of
+from postproc.scan_counts import scans_of
 from postproc.survey.rule_inputs import RuleColumn, rule_inputs
 from postproc.walk import observe_run
 
@@ -157,19 +157,12 @@ def _devices(run: Run, salt: str, logger: str | None, digest: str) -> tuple[str,
 
 def _channels(run: Run) -> dict[str, tuple[tuple[int, int], ...]]:
     rows = run.named_readings
-    code = np.full(len(rows), UNKNOWN_ID, np.int64)
-    for column in ("pci", "psc", "bsic"):  # a technology has one of them
-        code = np.where(rows[column] == UNKNOWN_ID, code, rows[column])
     names, cell = numbered_texts(rows["cell"])
     sure = rows["identity_unsure"] == 0
-    packed = (rows["arfcn"].astype(np.int64) << 32) + code
-    cell, packed = distinct_pairs(cell[sure], packed[sure])
+    cells = [name.decode("utf-8", "replace") for name in names]
     found: dict[str, list[tuple[int, int]]] = {}
-    for number, value in zip(cell.tolist(), packed.tolist(), strict=True):
-        channel = (value + 1) >> 32
-        pair = channel, value - (channel << 32)
-        if pair != (UNKNOWN_ID, UNKNOWN_ID):
-            found.setdefault(names[number].decode("utf-8", "replace"), []).append(pair)
+    for name, channel, code in channels_heard(rows[sure], cell[sure], cells):
+        found.setdefault(name, []).append((channel, code))
     found.pop("", None)
     return {name: tuple(pairs) for name, pairs in found.items()}
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from math import log
 from typing import Any, Final, NamedTuple, TypeVar
 
+from logger.core import answer
 from logger.core.baseline import NO_BASELINE, Baseline, baseline_of
 from logger.core.cell_names import identity_of
 from logger.core.document import Column, Document, Line, Table, Word, html_text, terminal_lines
@@ -14,7 +15,6 @@ from logger.core.suspicion.rule import Evidence, Finding, Need, Rate, Rule
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.tracker import Capabilities, SuspicionTracker
 from logger.core.suspicion.words import (
-    Assessment,
     assess,
     by_word,
     false_alarms_per_hour,
@@ -184,7 +184,7 @@ class Suspicions:
     cell the name is empty.
     """
 
-    cells: tuple[Assessment, ...]
+    cells: tuple[answer.Word, ...]
     runs: Mapping[str, Sequence[Run]]
     run_of: Mapping[int, Run]
     not_asked: dict[str, tuple[str, ...]]
@@ -333,12 +333,12 @@ def _with_failure(cell: CellResult, why: Failure) -> CellResult:
     return replace(cell, warnings=(*cell.warnings, why.reason), error=cell.error or why.error)
 
 
-def conspicuous_cells(runs: Sequence[Run], among: Collection[str]) -> list[Assessment]:
+def conspicuous_cells(runs: Sequence[Run], among: Collection[str]) -> list[answer.Word]:
     """The suspicious and unusual cells `among` these names, the most suspicious first."""
     return _conspicuous(assess_runs(runs), among)
 
 
-def _conspicuous(suspicions: Suspicions, among: Collection[str]) -> list[Assessment]:
+def _conspicuous(suspicions: Suspicions, among: Collection[str]) -> list[answer.Word]:
     return [cell for cell in suspicions.cells if cell.is_conspicuous and cell.cell in among]
 
 

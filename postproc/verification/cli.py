@@ -186,6 +186,10 @@ def lookup(path: Path, identity: str | None, near: str | None, *, as_json: bool)
     """Find cells by identity or around a position."""
     only_one({"--cell": identity, "--near": near}, is_required=True)
     database = databases.CellDb(path)
-    cells = database.by_identity(identity) if identity else database.near(*place_of(near or ""))
+    if identity:
+        cells = database.by_identity(identity)
+    else:
+        place, radius_m = place_of(near or "")
+        cells = database.near(place.lat, place.lon, radius_m)
     database.close()
     show(databases.document_of_cells(cells), as_json=as_json)

@@ -48,5 +48,8 @@ def test_a_place_has_the_decimals_of_its_radius(r95_m, where):
 
 @pytest.mark.parametrize("word", ["unusual", "suspicious"])
 def test_the_word_of_a_conspicuous_cell_comes_first(word):
-    assert replace(LOCATED, word=Word(word, 6.0, ())).sentence == f"{word}; {LOCATED.sentence}"
-    assert replace(LOCATED, word=Word("nothing unusual", 0.0, ())).sentence == LOCATED.sentence
+    odd, plain = (
+        replace(LOCATED, word=Word(one, 6.0, (), LOCATED.cell)) for one in (word, "nothing unusual")
+    )
+    assert odd.sentence == f"{word}; {LOCATED.sentence}"
+    assert plain.sentence == LOCATED.sentence

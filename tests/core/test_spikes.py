@@ -41,8 +41,8 @@ def spikes_of(x_m, y_m, level_dbm, rat=None):
         Level(k, *row) for k, row in enumerate(zip(*(c.tolist() for c in columns), strict=True))
     ]
     passed = [one for row in rows for one in take(spikes, row)] + spikes.finish()
-    assert [one.reading for one in passed] == rows  # each once, in its order
-    return [one.reading.k for one in passed if one.spike_db]
+    assert [row for row, _ in passed] == rows  # each once, in its order
+    return [row.k for row, spike_db in passed if spike_db]
 
 
 @pytest.mark.parametrize("spike_db", [30.0, -30.0])
@@ -133,8 +133,8 @@ def test_a_spike_waits_for_two_more_and_others_wait_behind_it():
     assert take(spikes, rows[10]._replace(level_dbm=-50.0)) == []
     assert take(spikes, rows[11]) == []
     passed = take(spikes, rows[12])
-    assert [(one.reading.k, one.spike_db) for one in passed] == [(10, 30.0), (11, 0.0), (12, 0.0)]
-    assert [one.reading.k for one in take(spikes, rows[13])] == [13]
+    assert [(row.k, spike_db) for row, spike_db in passed] == [(10, 30.0), (11, 0.0), (12, 0.0)]
+    assert [row.k for row, _ in take(spikes, rows[13])] == [13]
 
 
 @settings(max_examples=200, deadline=None)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from pyproj import Geod
 
-from logger.core.baseline import SQUARE_M, centre_of, square_of, squares_of, squares_within
+from logger.core import baseline
+from logger.core.baseline import SQUARE_M, square_of, squares_of, squares_within
 
 GEOD = Geod(ellps="WGS84")
 PLACES = [(0.0001, 0.0), (52.52, 13.4), (-33.9, 151.2), (60.0, 6.0), (69.6, -18.9), (83.9, 30.0)]
@@ -13,6 +14,12 @@ PLACES = [(0.0001, 0.0), (52.52, 13.4), (-33.9, 151.2), (60.0, 6.0), (69.6, -18.
 def neighbour(lat_deg, lon_deg, azimuth_deg, away_m):
     lon, lat, _ = GEOD.fwd(lon_deg, lat_deg, azimuth_deg, away_m)
     return lat, lon
+
+
+def centre_of(square):
+    """Latitude and longitude of the middle; a number has the belt above 18 bits of the column."""
+    belt, column = square >> 18, square & ((1 << 18) - 1)
+    return baseline._middle_deg(belt), (column + 0.5) * 360.0 / baseline._columns(belt) - 180.0
 
 
 @pytest.mark.parametrize(("lat_deg", "lon_deg"), PLACES)

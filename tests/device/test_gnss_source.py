@@ -90,11 +90,7 @@ def test_a_real_log_through_a_real_gpsd(tmp_path):
     assert known <= latitudes
     raw = run.tables["raw"]
     assert raw["sent"].sum() == 1
-    received = b"".join(
-        run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes()
-        for r in raw
-        if not r["sent"]
-    )
+    received = run.bytes_of(raw[raw["sent"] == 0])
     assert received.count(b'"class":"TPV"') >= len(fixes)
     assert b"gpsd-version" in {*run.tables["notes"]["code"]}
 

@@ -225,12 +225,7 @@ def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b""
 
 def _commands_of(walked) -> bytes:
     raw = walked.run.tables["raw"]
-    parts = [
-        walked.run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes()
-        for r in raw
-        if r["sent"]
-    ]
-    return b"".join(parts)
+    return walked.run.bytes_of(raw[raw["sent"] != 0])
 
 
 @pytest.fixture(scope="module")

@@ -45,10 +45,7 @@ def test_real_drive_and_real_replies_are_recorded_whole(tmp_path, corpus):
     assert (len(fixes), int(fixes["valid"].sum())) == (1142, 1142)
     raw = run.tables["raw"]
     incoming = raw[(raw["source"] == b"gnss") & (raw["sent"] == 0)]
-    received = b"".join(
-        run.raw_bytes[r["offset"] : r["offset"] + r["length"]].tobytes() for r in incoming
-    )
-    assert received == nmea
+    assert run.bytes_of(incoming) == nmea
     assert _identities(run.tables["readings"]) == Counter(
         _key(row) for e in expected for row in e["expected"]
     )

@@ -121,9 +121,9 @@ def test_a_run_that_can_never_be_leaves_no_journal(tmp_path, change):
         f'[run]\ndirectory = "{tmp_path}"\n[modem]\n{change}\n[gnss]\nport = "/dev/no-receiver"\n'
     )
     config, clock = parse_config(text, "site.toml"), SystemClock()
-    begun = begin_run(config, text, clock)
+    writer = begin_run(config, text, clock)
     with pytest.raises(ConfigError):
-        Service(config, begun, clock, None)
+        Service(config, writer, clock, None)
     assert not list(tmp_path.glob("run-*"))
 
 

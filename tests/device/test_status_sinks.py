@@ -10,7 +10,7 @@ import pytest
 from logger.config import StatusSettings
 from logger.device.notify import ServiceManager
 from logger.device.status import Status, read_status
-from logger.device.status_sinks import StatusFile, SystemdStatus, status_sinks
+from logger.device.status_sinks import StatusFile, status_sinks
 
 STATUS = Status("error", "card full", "run-1.journal", 1, 9, 0, 8, 3, 2, 1, 0, 10, None, {})
 
@@ -51,9 +51,11 @@ def test_all_sinks_show_the_status(tmp_path, systemd):
 
 
 def test_systemd_receives_a_line_only_when_it_changes(systemd):
-    sink = SystemdStatus(ServiceManager(systemd.address))
-    for text in ("a", "a", "b"):
-        sink.publish(msgspec.structs.replace(STATUS, text=text))
+    manager = ServiceManager(systemd.address)
+    with status_sinks(StatusSettings(), manager, {}) as sinks:
+        for text in ("a", "a", "b"):
+            for show in sinks:
+                show(msgspec.structs.replace(STATUS, text=text))
     assert systemd.messages() == ["STATUS=a", "STATUS=b"]
 
 

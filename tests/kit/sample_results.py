@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from logger.core import answer as answers
 from logger.core import ekf
 from logger.core.document import json_text
 from logger.core.locator.alternatives import ANTENNA, HEIGHT, REACH, Alternative
@@ -18,7 +19,7 @@ from logger.core.readings import Readings, observe
 from logger.core.runfile import Run, RunWriter, Truth, read_run
 from logger.core.suspicion.rule import Finding, Word
 from logger.core.suspicion.rules import RULES
-from logger.core.suspicion.words import Assessment, assess, unnoticed_text
+from logger.core.suspicion.words import assess, unnoticed_text
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from postproc.estimators import least_squares
 from postproc.estimators.filters import FilterPath, reference_ekf
@@ -138,7 +139,7 @@ def with_word(result: Result, number: int = 0, word: Word = "suspicious") -> Res
     ]
     words = {cell.cell: assess(cell.cell, ()) for cell in result.cells}
     if word != "nothing unusual":
-        words[named] = Assessment(word, 7.0, tuple(findings), named)
+        words[named] = answers.Word(word, 7.0, tuple(findings), named)
     not_asked = {"B1": ("earlier walks",), "T1": ("timing advance",)}
     unnoticed = unnoticed_text(not_asked, 600.0, 0)
     return dataclasses.replace(result, words=words, not_asked=not_asked, unnoticed=unnoticed)

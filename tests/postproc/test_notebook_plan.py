@@ -26,7 +26,7 @@ def result(tmp_path_factory):
     run = kit.write_run(tmp_path_factory.mktemp("plan") / "w.journal", seconds=400, cells=20)
     found = kit.sample_result(run, verdict="ambiguous", places=2)
     first, *rest = found.cells
-    words = {first.cell: answer.Word("suspicious", 9.0, ())}
+    words = {first.cell: answer.Word("suspicious", 9.0, (), first.cell)}
     return replace(found, cells=(first, *rest), words=words)
 
 

@@ -153,7 +153,7 @@ def test_one_line_a_cell_and_the_located_first(tmp_path):
 def test_no_cell_with_an_answer_or_a_word_is_folded(tmp_path):
     found = _many(tmp_path)
     for i, (verdict, word) in enumerate([("located", None), ("cannot tell", "unusual")]):
-        said = word and Word(word, 4.0, ())
+        said = word and Word(word, 4.0, (), "cell")
         answer = replace(found.rows[20 + i].answer, verdict=verdict, word=said)
         found.rows[20 + i] = found.rows[20 + i]._replace(answer=answer)
     text = _lines_of(document_of(found, details=False)[0], 80)

@@ -99,8 +99,7 @@ def street_routes(streets: StreetMap, here: Places, places: Sequence[Cluster]) -
     for end in ends:
         way = shortest.get(end)
         if way is not None:
-            onward = [leg for leg in streets.leaving[way[-1].end] if leg.end != way[-1].start]
-            ways += [way, *((*way, leg) for leg in onward)]
+            ways += [way, *((*way, leg) for leg in _onward(streets, way))]
     return [_route(way) for way in ways]
 
 
@@ -119,12 +118,16 @@ def _ways(streets: StreetMap, first: Sequence[Leg]) -> list[tuple[Leg, ...]]:
     waiting: list[tuple[Leg, ...]] = [(leg,) for leg in first]
     while waiting and len(complete) + len(waiting) < _MOST_WAYS:
         way, *waiting = waiting
-        onward = [leg for leg in streets.leaving[way[-1].end] if leg.end != way[-1].start]
+        onward = _onward(streets, way)
         if sum(leg.length_m for leg in way) >= _LEAST_M or not onward:
             complete.append(way)
         else:
             waiting += [(*way, leg) for leg in onward]
     return complete + waiting
+
+
+def _onward(streets: StreetMap, way: Sequence[Leg]) -> list[Leg]:
+    return [leg for leg in streets.leaving[way[-1].end] if leg.end != way[-1].start]
 
 
 def _route(way: Sequence[Leg]) -> Route:

@@ -55,7 +55,10 @@ class StreetMap:
         for leg in legs:
             self.leaving[leg.start].append(leg)
             self.leaving[leg.end].append(leg.opposite())
-        self._starts, self._ends, self._leg = _pieces(legs)
+        # the straight pieces of all legs, leg after leg: starts and ends (s, 2), number of the leg
+        self._starts = np.concatenate([np.zeros((0, 2)), *(leg.line_m[:-1] for leg in legs)])
+        self._ends = np.concatenate([np.zeros((0, 2)), *(leg.line_m[1:] for leg in legs)])
+        self._leg = np.repeat(np.arange(len(legs)), [len(leg.line_m) - 1 for leg in legs])
 
     def nearest(self, place: Places) -> OnStreet | None:
         """The nearest point of any street; None of an empty map."""
@@ -280,11 +283,3 @@ def _divide(line_m: FloatArray, start: int, end: int, crossings: list[FloatArray
         line = np.concatenate([[crossings[numbers[k]]], inside, [crossings[numbers[k + 1]]]])
         legs.append(Leg(numbers[k], numbers[k + 1], line, float(at_m[k + 1] - at_m[k])))
     return legs
-
-
-def _pieces(legs: list[Leg]) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Straight pieces of all legs, leg after leg: starts (s, 2), ends (s, 2), number of the leg."""
-    starts = np.concatenate([np.zeros((0, 2)), *(leg.line_m[:-1] for leg in legs)])
-    ends = np.concatenate([np.zeros((0, 2)), *(leg.line_m[1:] for leg in legs)])
-    number = np.repeat(np.arange(len(legs)), [len(leg.line_m) - 1 for leg in legs])
-    return starts, ends, number

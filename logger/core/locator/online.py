@@ -41,7 +41,6 @@ from logger.core.model.marginal import marginal
 from logger.core.model.prior import Prior, Station
 from logger.core.places import Places
 from logger.core.readings import Readings, in_order
-from logger.core.spikes import SpikeCheck, SpikeFilter
 
 MOST_BLOCKS = 100
 FEWEST_BLOCKS = 4
@@ -109,15 +108,9 @@ class OnlineLocator:
     `level_sigma_db` is the standard deviation of a level with the latest `strongest_mode`.
     """
 
-    def __init__(
-        self,
-        prior: Prior,
-        spikes: SpikeFilter[Readings] | None = None,
-        where: WalkArea | None = None,
-    ) -> None:
+    def __init__(self, prior: Prior, where: WalkArea | None = None) -> None:
         self._prior = prior
         self._where = where or WalkArea(None)
-        self._spikes = spikes or SpikeFilter[Readings]()
         self._white = np.array([h.white_share for h in prior.hypotheses])
         self._apart_m = np.array([h.decorrelation_m for h in prior.hypotheses])
         self._block = np.zeros(
@@ -163,17 +156,6 @@ class OnlineLocator:
         of_blocks = self._n / max(_GROWN * self._n_searched, 1.0)
         of_censored = self._n_gone / max(_GROWN * self._gone_searched, FEWEST_BLOCKS)
         return max(of_blocks, of_censored)
-
-    def add(self, latest: Readings) -> None:
-        """Take a reading once its neighbours confirm it."""
-        for reading, spike_db in self.check_spikes(latest):
-            if not spike_db:
-                self.take(reading)
-
-    def check_spikes(self, latest: Readings) -> list[SpikeCheck[Readings]]:
-        """Readings whose neighbours are known now, in order, with the size of a spike."""
-        level_dbm, limit = latest.level_dbm.item(), latest.limit.item()
-        return self._spikes.take(latest, latest.places, level_dbm, limit)
 
     def take(self, latest: Readings) -> None:
         """Take a reading that is no spike."""

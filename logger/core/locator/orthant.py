@@ -57,6 +57,14 @@ def log_cdf_and_slope(u: npt.NDArray[Float]) -> tuple[npt.NDArray[Float], npt.ND
     return log_cdf, bell / (_SQRT_2PI * share)
 
 
+class Moments(NamedTuple):
+    """Log of an integral over values f, and the mean and variance of f under its integrand."""
+
+    log_integral: FloatArray
+    mean: FloatArray
+    variance: FloatArray
+
+
 class Sites(NamedTuple):
     """Gaussians exp(-precision f^2 / 2 + shift f) instead of one reading per point, (g,) each."""
 
@@ -79,18 +87,16 @@ def log_all_positive(
     precision, shift = begun or Sites(np.zeros(len(mean)), np.zeros(len(mean)))
     found = -np.inf
     for sweep in range(_SWEEPS):
-        log_gaussian, at, variance = _gaussian_integral(
-            mean, covariance, readings * precision, readings * shift
-        )
-        of_cavity = np.maximum(1.0 / variance - precision, _LEAST_PRECISION)
-        without = (at / variance - shift) / of_cavity
+        joint = _gaussian_integral(mean, covariance, readings * precision, readings * shift)
+        of_cavity = np.maximum(1.0 / joint.variance - precision, _LEAST_PRECISION)
+        without = (joint.mean / joint.variance - shift) / of_cavity
         log_phi, tilted, narrowed = tilted_moments(without, 1.0 / of_cavity, own_variance)
         log_site = 0.5 * (
             np.log1p(precision / of_cavity)
             + of_cavity * without**2
             - (of_cavity * without + shift) ** 2 / (of_cavity + precision)
         )
-        last, found = found, float(readings @ (log_phi + log_site)) + log_gaussian
+        last, found = found, float(readings @ (log_phi + log_site) + joint.log_integral)
         if abs(found - last) < _CLOSE_NATS:
             break
         share = _DAMPED if sweep else 1.0
@@ -103,8 +109,8 @@ def log_all_positive(
 
 def _gaussian_integral(
     mean: FloatArray, covariance: FloatArray, precision: FloatArray, shift: FloatArray
-) -> tuple[float, FloatArray, FloatArray]:
-    """Log integral of N(f; mean, covariance) exp(-precision f^2 / 2 + shift f), mean, variance."""
+) -> Moments:
+    """Those of N(f; mean, covariance) exp(-precision f^2 / 2 + shift f)."""
     root = np.sqrt(precision)
     scaled = root[:, None] * covariance
     factor = np.asarray(np.linalg.cholesky(np.eye(len(mean)) + scaled * root), float)
@@ -114,18 +120,15 @@ def _gaussian_integral(
     log_integral = shift @ mean - 0.5 * mean @ (precision * mean) + 0.5 * pull @ moved
     log_integral -= np.sum(np.log(np.diagonal(factor)))
     variance = np.diagonal(covariance) - np.einsum("ij,ij->j", known, known)
-    return float(log_integral), mean + moved, variance
+    return Moments(np.asarray(log_integral, float), mean + moved, variance)
 
 
 def tilted_moments(
     mean: FloatArray, variance: FloatArray, own_variance: FloatArray | float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log probability that a noisy normal is positive, and its moments given that."""
+) -> Moments:
+    """Those of normals f that are positive with noise of `own_variance`, each on its own."""
     sd = np.sqrt(variance + own_variance)
     u = mean / sd
     log_phi, slope = log_cdf_and_slope(u)
-    return (
-        log_phi,
-        mean + variance * slope / sd,
-        variance - (variance / sd) ** 2 * slope * (u + slope),
-    )
+    narrowed = variance - (variance / sd) ** 2 * slope * (u + slope)
+    return Moments(log_phi, mean + variance * slope / sd, narrowed)

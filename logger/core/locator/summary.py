@@ -1,7 +1,5 @@
 """From the tree to the posterior: modes, median, radius, and means of the other unknowns."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
@@ -9,7 +7,7 @@ from logger.core.certainty import LEAST_PEAK
 from logger.core.locator.alternatives import Alternative, alternatives
 from logger.core.locator.mixture import Mixture, log_sum, rows_of_groups
 from logger.core.locator.observables import pool
-from logger.core.locator.offsets import Offsets, offsets
+from logger.core.locator.offsets import offsets
 from logger.core.locator.packing import around, compact_groups
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.preparation import LocatorInput
@@ -22,7 +20,7 @@ from logger.core.locator.region import (
     highest_density,
     mode_regions,
 )
-from logger.core.model.evidence import Evidence
+from logger.core.model.evidence import PAIRS, Evidence
 from logger.core.model.prior import Prior
 from logger.core.places import Places, Utm
 
@@ -60,14 +58,6 @@ _PLAUSIBLE_SHARE = 0.8
 one is 31 m better."""
 _MEDIAN_TURNS = 30
 """Weiszfeld's iteration halves its error in a turn or two."""
-_THETA_PAIRS = ((0, 0), (0, 1), (1, 1))
-"""Order of `Evidence.theta_cov`: var P0, cov(P0, eta), var eta."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Region:
-    mode: Mode
-    indices: IntArray
 
 
 def summarise(task: LocatorInput, tree: Tree) -> Posterior:
@@ -78,18 +68,23 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
     p = _displace(task.prior, tree, evidence, mixed, bias_m)
     squares = Squares(tree.x_m, tree.y_m, tree.size_m, p)
     regions = _regions(task, squares, evidence, mixed)
-    place = regions[0].mode.place
+    modes = tuple(mode for mode, _ in regions)
+    place = modes[0].place
+    between_modems = None
+    if task.n_modems > 1:
+        of_first = regions[0][1]
+        between_modems = offsets(walk.blocks, walk.prior, tree, mixed, of_first, task.n_modems)
     mean, covariance = moments_over(tree.squares, evidence, mixed.share, np.arange(len(p)), p)
-    r50_m, r95_m, drms_m = _radii(squares, place)
+    r50_m, r95_m = _radii_m(squares, place)
     away_m = nearest_m(walk.blocks, Places.of(tree.x_m, tree.y_m))
     reach = _reach_share(task, tree)
     return Posterior(
         squares=squares,
-        modes=tuple(region.mode for region in regions),
+        modes=modes,
         place=place,
         r50_m=r50_m,
         r95_m=r95_m,
-        drms_m=drms_m,
+        drms_m=_drms_m(squares, place),
         p0_dbm=float(mean[2]),
         p0_sigma_db=float(np.sqrt(covariance[2, 2])),
         eta=float(mean[3]),
@@ -102,7 +97,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         limit_share=float(np.sum(p[away_m > END_OF_REACH * walk.prior.reach_m])),
         log_evidence=mixed.log_evidence,
         prior=task.prior,
-        offsets=_offsets(task, tree, mixed, regions[0]),
+        offsets=between_modems,
         alternatives=_alternatives(walk.prior, tree, mixed, reach, squares),
         outside_share=task.outside_share,
     )
@@ -139,7 +134,7 @@ def moments_over(
     within_m2 = float(weight @ side_m**2) / 12.0
     v00, v01, v11 = (
         np.vdot(joint, v) + np.vdot(weighted_off[i], theta_off[k])
-        for v, (i, k) in zip(theta_cov, _THETA_PAIRS, strict=True)
+        for v, (i, k) in zip(theta_cov, PAIRS, strict=True)
     )
     covariance = np.empty((4, 4))
     covariance[:2, :2] = (weight * from_mean) @ from_mean.T + np.eye(2) * within_m2
@@ -158,8 +153,8 @@ def _on_recorded_scale(evidence: Evidence, mean_dbm: float) -> Evidence:
 
 def _regions(
     task: LocatorInput, squares: Squares, evidence: Evidence, mixed: Mixture
-) -> list[_Region]:
-    """Modes with much probability or a high peak, the likeliest first."""
+) -> list[tuple[Mode, IntArray]]:
+    """Modes with much probability or a high peak, and their squares, the likeliest first."""
     square = np.stack([squares.x_m, squares.y_m, squares.size_m])
     highest = float(np.max(squares.density))
     regions = []
@@ -170,21 +165,28 @@ def _regions(
         if mass >= _LEAST_MODE or peak >= LEAST_PEAK:
             moments = moments_over(square, evidence, mixed.share, indices, p)
             place = _place(task, squares, indices)
-            regions.append(_Region(Mode(mass, peak, *moments, place), indices))
-    return sorted(regions, key=lambda region: -region.mode.probability)
+            regions.append((Mode(mass, peak, *moments, place), indices))
+    return sorted(regions, key=lambda region: -region[0].probability)
 
 
-def _radii(squares: Squares, place: Places) -> tuple[float, float, float]:
-    """Radii with 50 % and 95 %, and root mean square distance."""
-    p, size_m = squares.probability, squares.size_m
-    distance_m = np.hypot(squares.x_m - place.x_m, squares.y_m - place.y_m)
+def _distance_m(squares: Squares, place: Places) -> FloatArray:
+    return np.hypot(squares.x_m - place.x_m, squares.y_m - place.y_m)
+
+
+def _radii_m(squares: Squares, place: Places) -> tuple[float, float]:
+    """Radii with 50 % and 95 %."""
+    p, distance_m = squares.probability, _distance_m(squares, place)
     order = np.argsort(distance_m)
     last = np.searchsorted(np.cumsum(p[order]), [HALF, LEVEL])
-    outer_m = np.hypot(distance_m, 0.5 * size_m)[order]
+    outer_m = np.hypot(distance_m, 0.5 * squares.size_m)[order]
     r50_m, r95_m = outer_m[np.minimum(last, len(p) - 1)].tolist()
-    within_m2 = size_m**2 / 6.0  # mean square distance from the centre of a square
-    drms_m = float(np.sqrt(np.sum(p * (distance_m**2 + within_m2))))
-    return min(r50_m, r95_m), r95_m, drms_m  # a large square near the point may reach farther
+    return min(r50_m, r95_m), r95_m  # a large square near the point may reach farther
+
+
+def _drms_m(squares: Squares, place: Places) -> float:
+    within_m2 = squares.size_m**2 / 6.0  # mean square distance from the centre of a square
+    mean_m2 = np.sum(squares.probability * (_distance_m(squares, place) ** 2 + within_m2))
+    return float(np.sqrt(mean_m2))
 
 
 def _reach_share(task: LocatorInput, tree: Tree) -> FloatArray:
@@ -211,13 +213,6 @@ def _noise_probability(task: LocatorInput, tree: Tree, mixed: Mixture) -> FloatA
     probability = np.zeros(len(task.walk.prior.hypotheses))
     probability[tree.numbers] = mixed.by_hypothesis
     return probability
-
-
-def _offsets(task: LocatorInput, tree: Tree, mixed: Mixture, region: _Region) -> Offsets | None:
-    if task.n_modems == 1:
-        return None
-    walk = task.walk
-    return offsets(walk.blocks, walk.prior, tree, mixed, region.indices, task.n_modems)
 
 
 def _displace(

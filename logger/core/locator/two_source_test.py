@@ -324,13 +324,6 @@ _MOVING_BLOCKS = 30
 _MOVING_BLOCK_M = 25.0
 
 
-class _Walk(NamedTuple):
-    """Blocks of readings in a row (5, n) as `blocks.single` takes them, and when: -1 to 0."""
-
-    rows: FloatArray
-    time: FloatArray
-
-
 class MotionTest:
     """Tries the moves of `MOVES_M` in turn and keeps what each explains."""
 
@@ -367,20 +360,23 @@ class MotionTest:
         return Division(log_factor, one, other, is_in_time=True)
 
 
-def _in_blocks(obs: Readings) -> _Walk:
-    """Readings in a row: a block of the ground would have readings of different times."""
+def _in_blocks(obs: Readings) -> FloatArray:
+    """Blocks of readings in a row (6, n): as `blocks.single` takes them, and when, -1 to 0.
+
+    A block of the ground would have readings of different times.
+    """
     number = np.arange(len(obs))
     block = number * min(_MOVING_BLOCKS, len(obs)) // len(obs)
     count = np.bincount(block)
     columns = (obs.x_m, obs.y_m, obs.level_dbm, obs.position_sigma_m**2)
     means = [np.bincount(block, column) / count for column in columns]
     time = np.bincount(block, number / (len(obs) - 1.0) - 1.0) / count
-    return _Walk(np.stack([*means, count.astype(float)]), time)
+    return np.stack([*means, count.astype(float), time])
 
 
-def _evidence(walk: _Walk, move_m: FloatArray, prior: Prior) -> tuple[float, FloatArray]:
+def _evidence(walk: FloatArray, move_m: FloatArray, prior: Prior) -> tuple[float, FloatArray]:
     """Also returns the place where the move ends."""
-    rows = walk.rows.copy()
-    rows[:2] -= move_m[:, None] * walk.time
+    rows = walk[:-1].copy()
+    rows[:2] -= move_m[:, None] * walk[-1]
     part = locate_part(single(rows, _MOVING_BLOCK_M, NOTHING_CENSORED), prior, _MOVING_EFFORT)
     return float(log_sum(part.log_evidence)), part.place.xy_m[:, 0]

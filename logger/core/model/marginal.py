@@ -258,7 +258,9 @@ class SigmaLaw:
 
     def __init__(self, total: FloatArray, n: int, prior: Prior) -> None:
         self._total, self._n, self._prior = total, n, prior
-        self._mean, self._precision, self._of_prior, self._log_det = _prior_terms(prior)
+        self._mean, self._precision = (of_one[:, None, None] for of_one in prior.coefficients)
+        self._of_prior = _sums_of(prior)
+        self._log_det = float(np.sum(np.log(prior.coefficients.precision)))
         self._weight = 1.0 / prior.sigma_log_sd**2
 
     def fit(self, tau: FloatArray) -> Fit:
@@ -297,11 +299,10 @@ class SigmaLaw:
 
 
 @lru_cache(maxsize=16)  # needed after each live reading
-def _prior_terms(prior: Prior) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Mean and precision (q, 1, 1), packed sums (m, 1, 1) and log |Lambda0|."""
+def _sums_of(prior: Prior) -> FloatArray:
+    """`prior_sums` of a prior, shape (m, 1, 1)."""
     mean, precision = prior.coefficients
-    of_prior = prior_sums(mean, np.diag(precision))[:, None, None]
-    return mean[:, None, None], precision[:, None, None], of_prior, float(np.sum(np.log(precision)))
+    return prior_sums(mean, np.diag(precision))[:, None, None]
 
 
 @cache

@@ -61,13 +61,6 @@ class Frame(NamedTuple):
     start: int
 
 
-@dataclass(frozen=True, slots=True)
-class Skipped:
-    """Bytes that belong to no undamaged frame."""
-
-    n_bytes: int
-
-
 class ForgedFramesError(ValueError):
     """Headers announce more than a recorder can have written."""
 
@@ -91,8 +84,8 @@ def payload_of(packed: bytes, version: int) -> bytes | None:
     return payload if unpack.eof else None
 
 
-def scan(data: Buffer) -> Iterator[Frame | Skipped]:
-    """Find every undamaged frame in order, and the bytes between them.
+def scan(data: Buffer) -> Iterator[Frame | int]:
+    """Find every undamaged frame in order, and how many bytes between and after them are none.
 
     Zeros at the end are reserved space, not damage. Raises `ForgedFramesError` where damaged frames
     together are longer than twice the file plus 1 MB: forged ones would take hours to check.
@@ -108,12 +101,12 @@ def scan(data: Buffer) -> Iterator[Frame | Skipped]:
             position = at + 1
             continue
         if at > good_end:
-            yield Skipped(at - good_end)
+            yield at - good_end
         yield frame
         position = good_end = frame.start + frame.length + _CRC.size
     tail = _length_without_zeros(data, good_end)
     if tail:
-        yield Skipped(tail)
+        yield tail
 
 
 def _header_at(data: Buffer, at: int) -> Frame | None:

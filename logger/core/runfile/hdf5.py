@@ -411,8 +411,7 @@ class _Sealing:
 
     def result(self) -> Sealing:
         readers = {name: _Reader(table) for name, table in self._tables.items()}
-        for number, kind, payload in self._frames(readers):
-            self._sealed.add(number, kind, payload)
+        self._take_frames(readers)
         surplus = next((name for name, reader in readers.items() if not reader.at_end), "")
         damage = decode_damage(self._content.text("damage"), self._content.path)
         return Sealing(
@@ -426,8 +425,8 @@ class _Sealing:
             self._sealed.continues,
         )
 
-    def _frames(self, readers: Mapping[str, "_Reader"]) -> Iterator[tuple[int, int, bytes]]:
-        """Number, kind and payload of the frames from which the file was made."""
+    def _take_frames(self, readers: Mapping[str, "_Reader"]) -> None:
+        """Compute the chain of the frames from which the file was made."""
         stop = b"" if self._end is None else stop_text(self._end)
         texts = {Kind.META: self._content.text("meta"), Kind.END: self._end_text, Kind.STOP: stop}
         raw_length = 0
@@ -455,7 +454,7 @@ class _Sealing:
                 self._changed[_TEXT_OF.get(kind, table)] += 1
             self._has_meta = self._has_meta or kind == Kind.META
             self._numbers.append(number)
-            yield number, kind, payload
+            self._sealed.add(number, kind, payload)
 
     def _differences(self, damage: Damage) -> Iterator[str]:
         yield from (

@@ -262,6 +262,7 @@ class RunWriter:
     """
 
     def __init__(self, path: Path, meta: RunMeta) -> None:
+        self.meta = meta
         self._journal = Journal(path, msgspec.json.encode(meta))
         self._rows: dict[str, list[bytes]] = {}
         self._raw: list[tuple[Any, ...]] = []

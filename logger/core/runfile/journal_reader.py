@@ -23,7 +23,6 @@ from logger.core.runfile.frames import (
     ForgedFramesError,
     Frame,
     Kind,
-    Skipped,
     payload_of,
     scan,
 )
@@ -182,8 +181,8 @@ class JournalParts:
     def _scan_frames(self, buffers: list[Buffer]) -> Iterator[Frame]:
         for i, buffer in enumerate(buffers):
             for event in scan(buffer):
-                if isinstance(event, Skipped):
-                    self._skipped += event.n_bytes
+                if isinstance(event, int):
+                    self._skipped += event
                 else:
                     yield event._replace(file=i)
 

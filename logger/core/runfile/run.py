@@ -252,6 +252,11 @@ class Run:
         """Whether it was stopped, and no frame of it is missing."""
         return self.end is not None and not self.damage.missing_frames
 
+    def bytes_of(self, rows: Rows) -> bytes:
+        """Those of some rows of the table `raw`, one after the other; none without `raw_bytes`."""
+        spans = zip(rows["offset"].tolist(), rows["length"].tolist(), strict=True)
+        return b"".join(self.raw_bytes[start : start + n].tobytes() for start, n in spans)
+
     def __repr__(self) -> str:
         counts = (f"{len(self.tables[name])} {name}" for name in ("fixes", "scans", "readings"))
         end = "" if self.end is not None else ", cut"

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
+from logger.core import answer
 from logger.core.baseline import NO_BASELINE, Baseline, square_of
 from logger.core.cell_names import Identities
 from logger.core.errors import error_place
@@ -12,7 +13,7 @@ from logger.core.latest import Latest
 from logger.core.suspicion.heard import Heard, Memory, Moment, Walker
 from logger.core.suspicion.rule import Evidence, Finding, Need, Rule
 from logger.core.suspicion.rules import RULES
-from logger.core.suspicion.words import Assessment, assess, by_word, unnoticed_text
+from logger.core.suspicion.words import assess, by_word, unnoticed_text
 from logger.core.types import Fix, Record, Scan
 
 _MOST_SQUARES = 10_000
@@ -56,7 +57,7 @@ class SuspicionTracker:
                 return self._take_scan(record.t_ns, scan, record.source)
         return []
 
-    def assessment(self, cell: str) -> Assessment:
+    def assessment(self, cell: str) -> answer.Word:
         """The word of a cell so far."""
         return assess(cell, self._findings.get(cell, ()))
 
@@ -81,12 +82,12 @@ class SuspicionTracker:
             rats |= {name: cell.rat for name, cell in memory.cells.items()}
         return {name: rat for name, rat in rats.items() if rat is not None}
 
-    def assessments(self) -> list[Assessment]:
+    def assessments(self) -> list[answer.Word]:
         """The words of cells named by two scans, and of those with findings."""
         checked = [name for name in self._asked if name in self._identities]
         return [self.assessment(name) for name in dict.fromkeys([*checked, *self._findings])]
 
-    def conspicuous(self) -> list[Assessment]:
+    def conspicuous(self) -> list[answer.Word]:
         """The words of unusual and suspicious cells, the most suspicious first."""
         known = by_word([self.assessment(name) for name in self._findings])
         return [one for one in known if one.is_conspicuous]

@@ -6,7 +6,6 @@ together, and one cause would count three times.
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from logger.core import answer
 from logger.core.suspicion.earlier_walks import FEWEST_WALKS
@@ -60,14 +59,7 @@ _NAMES = re.compile(r"^(version \w+): [A-Z]\d+(?: [A-Z]\d+)*$")
 """In what `rules_note` writes."""
 
 
-@dataclass(frozen=True, slots=True)
-class Assessment(answer.Word):
-    """The word of the cell `cell`, a part of its answer."""
-
-    cell: str
-
-
-def assess(cell: str, findings: Sequence[Finding]) -> Assessment:
+def assess(cell: str, findings: Sequence[Finding]) -> answer.Word:
     """Word and score of a cell."""
     by_family: dict[Family, float] = {}
     for finding in findings:
@@ -80,7 +72,7 @@ def assess(cell: str, findings: Sequence[Finding]) -> Assessment:
     strong = [finding for finding in findings if finding.nats >= SUSPICIOUS_NATS]
     if is_confirmed or any(finding.rule.strength == "suffices" for finding in strong):
         word = "suspicious"
-    return Assessment(word, score, tuple(findings), cell)
+    return answer.Word(word, score, tuple(findings), cell)
 
 
 def false_alarms_per_hour(word: Word) -> float:
@@ -157,12 +149,12 @@ def reason_line(cell: str, word: answer.Word) -> str:
     return f"{cell} is {word.word}: {'; '.join(strongest_reasons(word))}"
 
 
-def by_word(assessments: Sequence[Assessment]) -> list[Assessment]:
+def by_word(assessments: Sequence[answer.Word]) -> list[answer.Word]:
     """The most suspicious first."""
     return sorted(assessments, key=lambda a: (-WORDS.index(a.word), -a.score_nats, a.cell))
 
 
-def finding_notes(findings: Iterable[Finding], of: Iterable[Assessment]) -> Iterator[Note]:
+def finding_notes(findings: Iterable[Finding], of: Iterable[answer.Word]) -> Iterator[Note]:
     """An event for each finding, with the word and the score of its cell after it."""
     for finding, cell in zip(findings, of, strict=True):
         level: Level = "warning" if cell.word == "suspicious" else "info"

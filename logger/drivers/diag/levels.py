@@ -14,18 +14,9 @@ from collections.abc import Collection, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
-from logger.core.cell_names import HIGHEST
+from logger.core.cell_names import HIGHEST, Identity
 from logger.core.types import MOST_NEIGHBOURS, Rat, Role
 from logger.drivers.diag.frames import LogRecord
-
-
-class Identity(NamedTuple):
-    """Identity that a cell broadcasts; `area` is the LAC of GSM and WCDMA, the TAC of LTE."""
-
-    mcc: str
-    mnc: str
-    area: int
-    cell_id: int
 
 
 class Observation(NamedTuple):

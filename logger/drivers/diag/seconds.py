@@ -10,9 +10,9 @@ from math import fsum, sqrt
 from statistics import median
 from typing import Any
 
-from logger.core.cell_names import CODES
+from logger.core.cell_names import CODES, Identity
 from logger.core.types import Broadcast, CellReading, Rat, Role
-from logger.drivers.diag.levels import STAYS_NS, Identity, Observation
+from logger.drivers.diag.levels import STAYS_NS, Observation
 
 _SECOND_NS = 10**9
 _MOST_LEVELS, _MOST_CELLS = 1000, 128
@@ -56,9 +56,8 @@ class _Heard:
         if levels_dbm:
             values[_LEVEL[rat]] = median(levels_dbm)
         if self.identity:
-            mcc, mnc, area, cell_id = self.identity
-            values |= {"mcc": mcc, "mnc": mnc, "tac" if rat == "LTE" else "lac": area}
-            values["cid"] = cell_id
+            mcc, mnc, area, cid = self.identity
+            values |= {"mcc": mcc, "mnc": mnc, "tac" if rat == "LTE" else "lac": area, "cid": cid}
         if self.neighbours is not None:
             values["broadcast"] = Broadcast(self.neighbours)
         return CellReading(

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, NamedTuple, TypeGuard, TypeVar
 
-from logger.core.cell_names import FEWEST_SCANS, mnc_digits
+from logger.core.cell_names import FEWEST_SCANS, Identity, mnc_digits
 from logger.core.types import Broadcast, CellReading
 from logger.drivers.reading.row_language import NumberForm, NumberText, Registration, Row
 from logger.drivers.reading.standard_replies import is_serving
@@ -51,15 +51,6 @@ them again.
 """
 
 
-class Who(NamedTuple):
-    """Network, area and cell of a row."""
-
-    mcc: str | None
-    mnc: str | None
-    area: int | None
-    cid: int | None
-
-
 class Place(NamedTuple):
     """Technology and channel of a cell, and its code on the channel; None where not printed."""
 
@@ -76,8 +67,8 @@ class Naming(NamedTuple):
     is_sure: bool
 
 
-Namings = Mapping[Who, Naming]
-_NOBODY = Who(None, None, None, None)
+Namings = Mapping[Identity, Naming]
+_NOBODY = Identity()
 
 
 class _Likeness(Enum):
@@ -102,7 +93,7 @@ class _NamedCell:
     n_sure: int = 0
     latest: int = 0
 
-    def named_again(self, who: Who, naming: Naming, latest: int) -> "_NamedCell":
+    def named_again(self, who: Identity, naming: Naming, latest: int) -> "_NamedCell":
         """The cell after one more reply."""
         n_by_place = {**self.n_by_place}
         n_here = n_by_place[naming.place] = n_by_place.pop(naming.place, 0) + 1
@@ -138,13 +129,13 @@ class CellHistory:
     succession have named each.
     """
 
-    cells: Mapping[Who, _NamedCell] = field(default_factory=dict)
+    cells: Mapping[Identity, _NamedCell] = field(default_factory=dict)
     n_replies: int = 0
-    runs: Mapping[bool, Mapping[Who, int]] = field(default_factory=dict)
+    runs: Mapping[bool, Mapping[Identity, int]] = field(default_factory=dict)
 
     def with_reply(
         self, namings: Namings, *, is_scan: bool = False, is_alone: bool = True
-    ) -> tuple["CellHistory", frozenset[Who]]:
+    ) -> tuple["CellHistory", frozenset[Identity]]:
         """The history with one more reply, and the doubtful names of that.
 
         With `is_alone` no later reply is there to compare it with, as in a session.
@@ -171,7 +162,7 @@ class CellHistory:
             del cells[who]
         return after, doubtful
 
-    def doubtful(self, namings: Namings, repeated: Collection[Who]) -> frozenset[Who]:
+    def doubtful(self, namings: Namings, repeated: Collection[Identity]) -> frozenset[Identity]:
         """Names of a reply of this history that may be damage.
 
         `repeated` are those that replies in succession have. A name that two replies have for
@@ -185,7 +176,7 @@ class CellHistory:
             and self._is_doubtful(who, naming)
         )
 
-    def _is_doubtful(self, who: Who, naming: Naming) -> bool:
+    def _is_doubtful(self, who: Identity, naming: Naming) -> bool:
         n, digits, widths = self.cells[who].n, _digits(who, naming), _widths(naming)
         for other, cell in reversed([*self.cells.items()]):
             if n >= max(OFTEN, cell.n):
@@ -204,7 +195,7 @@ class CellHistory:
 
 def namings_of(pairs: Iterable[tuple[Row, Row]]) -> Namings:
     """How the rows of a reply name cells; each as read, and as marked."""
-    namings: dict[Who, Naming] = {}
+    namings: dict[Identity, Naming] = {}
     for row, marked in pairs:
         who = who_of(row)
         if who is None or not isinstance(row, CellReading | Registration):
@@ -220,13 +211,13 @@ def namings_of(pairs: Iterable[tuple[Row, Row]]) -> Namings:
     return namings
 
 
-def who_of(row: Row) -> Who | None:
+def who_of(row: Row) -> Identity | None:
     """What a row names of a cell; None where it names nothing."""
     if not isinstance(row, CellReading | Registration):
         return None
     network = (row.mcc, row.mnc) if isinstance(row, CellReading) else (None, None)
     area, cid = (None if code is None else int(code) for code in (_area(row), row.cid))
-    who = Who(*network, area, cid)
+    who = Identity(*network, area, cid)
     return None if who == _NOBODY else who
 
 
@@ -249,18 +240,24 @@ def _widths(naming: Naming) -> tuple[int, ...]:
     return tuple(len(text.lstrip("0")) for text in (*naming.texts, f"{naming.place.arfcn or ''}"))
 
 
-def _digits(who: Who, naming: Naming) -> str:
+def _digits(who: Identity, naming: Naming) -> str:
     parts = (who.mcc, *naming.texts, naming.place.arfcn, naming.place.code)
     digits = "".join(str(part) for part in parts if part is not None)
     return "".join(sorted(digits.replace("0", "")))  # one that leads a number is not kept
 
 
 def _likeness(
-    who: Who, naming: Naming, other: Who, cell: _NamedCell, *, is_late: bool, is_moved: bool
+    who: Identity,
+    naming: Naming,
+    other: Identity,
+    cell: _NamedCell,
+    *,
+    is_late: bool,
+    is_moved: bool,
 ) -> _Likeness:
     changed = {
         name
-        for name, a, b in zip(Who._fields, who, other, strict=True)
+        for name, a, b in zip(Identity._fields, who, other, strict=True)
         if a != b and None not in {a, b}
     }
     if is_late and is_moved:
@@ -486,7 +483,7 @@ def mark_doubtful_replies(
 
 def _doubtful_names(
     replies: Sequence[Sequence[Row]], marked: Sequence[Sequence[Row]], cells: CellHistory
-) -> tuple[CellHistory, list[frozenset[Who]]]:
+) -> tuple[CellHistory, list[frozenset[Identity]]]:
     namings = [namings_of(zip(*rows, strict=True)) for rows in zip(replies, marked, strict=True)]
     doubtful = []
     for rows, naming in zip(replies, namings, strict=True):
@@ -525,7 +522,11 @@ def _differ(first: CellReading, second: CellReading) -> bool:
 def _mark(row: Row, reply: NumberHistory, history: NumberHistory, *, unsure: bool) -> Row:
     if not has_identity(row):
         return row
-    changes: dict[str, Any] = _broadcast_marked(row, history) | _level_marked(row, history)
+    changes: dict[str, Any] = {}
+    if isinstance(row, CellReading) and row.broadcast and _is_broadcast_unsure(row, history):
+        changes["broadcast"] = replace(row.broadcast, broadcast_unsure=True)
+    if _is_level_lost(row, history):
+        changes["rssi_dbm"] = None
     unsure = unsure and not _is_in_other_reply(row, reply, history)
     unsure = unsure or row.identity_unsure or not _is_network_sure(network_of(row), history)
     for name, number in numbers(row):
@@ -538,25 +539,22 @@ def _mark(row: Row, reply: NumberHistory, history: NumberHistory, *, unsure: boo
     return replace(row, **changes, identity_unsure=unsure) if changes or unsure else row
 
 
-def _broadcast_marked(row: Row, history: NumberHistory) -> dict[str, Any]:
-    """The broadcast of a row, marked where it was printed once or another one far more often."""
+def _is_broadcast_unsure(row: Row, history: NumberHistory) -> bool:
+    """Whether it was printed once, or another one of the cell far more often."""
     printed = broadcast_of(row)
     if printed is None:
-        return {}
+        return False
     count = history.broadcasts.get(printed, 0)
     rivals = (n for other, n in history.broadcasts.items() if other[:-1] == printed[:-1])
-    if count > 1 and count * SHARE >= max(rivals, default=0):
-        return {}
-    return {"broadcast": replace(printed[-1], broadcast_unsure=True)}
+    return count <= 1 or count * SHARE < max(rivals, default=0)
 
 
-def _level_marked(row: Row, history: NumberHistory) -> dict[str, Any]:
-    # where a reply has lost the level of the cell, that of the carrier is of another scale
+def _is_level_lost(row: Row, history: NumberHistory) -> bool:
+    """Whether the reply has lost the level of the cell: that of the carrier is of another scale."""
     kind = level_kind_of(row)
     if kind is None or kind[-1]:
-        return {}
-    is_lost = history.levels.get((*kind[:-1], True), 0) >= history.levels.get(kind, 0)
-    return {"rssi_dbm": None} if is_lost else {}
+        return False
+    return history.levels.get((*kind[:-1], True), 0) >= history.levels.get(kind, 0)
 
 
 def _is_in_other_reply(row: Row, reply: NumberHistory, history: NumberHistory) -> bool:

@@ -15,11 +15,12 @@ not at all.
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any, NamedTuple, Self
 
+from logger.core.cell_names import Identity
 from logger.core.types import CellReading, Fix, Rat, Role, area_marks, identity_marks, widest_dbm
 
 # The value of a5f is 2655 whether the modem sent that or a digit of a53f was lost. The width shows
@@ -660,18 +661,21 @@ def _identity_of(names: Sequence[str], kinds: Kinds) -> set[str]:
     return {name for name in names if name not in _NETWORK and _names(name, kinds)}
 
 
-def area_values(rat: Rat | None, code: int | None) -> dict[str, Any]:
-    """The area of a cell as `lac` of GSM and WCDMA, or as `tac` of later technologies."""
-    return {"lac" if rat in {"GSM", "WCDMA"} else "tac": code}
+def with_identity(reading: CellReading, named: Identity) -> CellReading:
+    """The reading with an identity; the area is `lac` of GSM and WCDMA, `tac` of all others."""
+    reading = replace(reading, mcc=named.mcc, mnc=named.mnc, cid=named.cid)
+    if reading.rat in {"GSM", "WCDMA"}:
+        return replace(reading, lac=named.area)
+    return replace(reading, tac=named.area)
 
 
-def listed_row(names: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pattern[str]:
+def listed_row(names: str, kinds: Kinds) -> re.Pattern[str]:
     """Pattern of values in the order of words `name` or `label=name`; a group has the name.
 
     Here `_` is a hexadecimal number that is not read, and `_name` a decimal one.
     """
     words = (word.rpartition("=")[2] for word in names.split())
-    return _row((_group(name, kinds) for name in words), between)
+    return _row((_group(name, kinds) for name in words), r"\s*,\s*")
 
 
 def labelled_row(labels: str, kinds: Kinds, between: str = r"\s*,\s*") -> re.Pattern[str]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, replace
 from typing import Any, TypeGuard
 
+from logger.core.cell_names import Identity
 from logger.core.types import CARRIER_ABOVE_DB, CellReading, Rat, reportable
 from logger.drivers.protocols.at import INTERRUPTION
 from logger.drivers.reading.row_language import (
@@ -25,13 +26,13 @@ from logger.drivers.reading.row_language import (
     Row,
     Signal,
     area,
-    area_values,
     at,
     cell_identity,
     confirm,
     decimal,
     network_of,
     values,
+    with_identity,
 )
 
 _VALUE = r'(?:"[^"+]*"?|(?:0[xX])?[0-9A-Fa-f]*(?: [0-9A-Fa-f]+(?=\s*,))*)'
@@ -93,6 +94,7 @@ def _registrations(line: str) -> Iterator[Row]:
         rats = RAT_OF_ACT | _RAT_OF_EPS if domain == "CEREG" else RAT_OF_ACT
         bits, form = (36, _NR_CELL) if domain == "C5GREG" else (28, _CELL)
         cid = cell_identity(at(fields, 2), bits, form=form)
+        cause_type, cause = _reject_cause(domain, fields)
         where: dict[str, Any] = {
             "lac" if domain in {"CREG", "CGREG"} else "tac": area(at(fields, 1), bits=24)
         }
@@ -103,20 +105,19 @@ def _registrations(line: str) -> Iterator[Row]:
             n=decimal(n),
             cid=cid,
             act=act,
+            reject_cause_type=cause_type,
+            reject_cause=cause,
             **where,
-            **_reject_cause(domain, fields),
         )
 
 
-def _reject_cause(domain: str, fields: list[str]) -> dict[str, Any]:
-    """Printed where <n> is 3 (27.007 7.2, 10.1.20, 10.1.22)."""
+def _reject_cause(domain: str, fields: list[str]) -> tuple[int | None, int | None]:
+    """Type and cause, printed where <n> is 3 (27.007 7.2, 10.1.20, 10.1.22)."""
     at_type = {"CREG": 4, "CEREG": 4, "CGREG": 5}.get(domain)
     if at_type is None or len(fields) < at_type + 2:
-        return {}
+        return None, None
     kind, cause = (decimal(field, 0, 255) for field in fields[at_type : at_type + 2])
-    if kind not in _CAUSE_TYPES or cause is None:
-        return {}
-    return {"reject_cause_type": kind, "reject_cause": cause}
+    return (kind, cause) if kind in _CAUSE_TYPES and cause is not None else (None, None)
 
 
 def _quality(line: str) -> Iterator[Row]:
@@ -309,10 +310,6 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
     reading = CellReading(
         role="serving",
         rat=rat,
-        mcc=mcc,
-        mnc=mnc,
-        **_area_of(registration, rat, rows),
-        cid=registration.cid,
         rssi_dbm=next((level for level in carriers if level is not None), None),
         rscp_dbm=signal.rscp_dbm,
         ecio_db=signal.ecio_db,
@@ -323,10 +320,11 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
     if carrier_dbm and level_dbm and carrier_dbm - level_dbm > max(CARRIER_ABOVE_DB):
         # one of the two has lost a digit
         reading = replace(reading, rssi_dbm=None, rscp_dbm=None, rsrp_dbm=None)
-    return reportable(reading)
+    named = Identity(mcc, mnc, _area_of(registration, rat, rows), registration.cid)
+    return reportable(with_identity(reading, named))
 
 
-def _area_of(registration: Registration, rat: Rat | None, rows: Sequence[Row]) -> dict[str, Any]:
+def _area_of(registration: Registration, rat: Rat | None, rows: Sequence[Row]) -> int | None:
     # on LTE +CREG may print the area of circuit-switched service, or FFFE where there is none
     same = [row for row in rows if isinstance(row, Registration) and row.cid == registration.cid]
     tacs = [row.tac for row in same if row.tac is not None]
@@ -334,7 +332,7 @@ def _area_of(registration: Registration, rat: Rat | None, rows: Sequence[Row]) -
     if rat is None:
         rat = "LTE" if tacs else "GSM"
     codes = [*lacs, *tacs] if rat in {"GSM", "WCDMA"} else [*tacs, *lacs]
-    return area_values(rat, next(iter(codes), None))
+    return next(iter(codes), None)
 
 
 def _is_kin(one: Rat | None, other: Rat | None) -> bool:

@@ -12,13 +12,13 @@ from logging import getLogger
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from logger.core.cell_names import HIGHEST
+from logger.core.cell_names import HIGHEST, Identity
 from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
 from logger.core.latest import Latest
 from logger.core.types import Fix
 from logger.drivers.diag.frames import FrameReader, LogRecord
-from logger.drivers.diag.levels import ALLOWED_CODES, Decoder, Identity, Observation, RefusedError
+from logger.drivers.diag.levels import ALLOWED_CODES, Decoder, Observation, RefusedError
 from logger.drivers.diag.seconds import Second, Seconds
 from postproc.interop.contents import Format
 from postproc.interop.readers.rayhunter import CLOCK_SET_NS
@@ -115,12 +115,17 @@ class _Message(NamedTuple):
 
 
 class _Changes(NamedTuple):
-    """Objects and measurements that are gone; carriers and objects of others."""
+    """Objects and measurements that are gone; carriers and objects of others.
+
+    Of a handover the carrier, and the algorithms from then on.
+    """
 
     objects_gone: Sequence[int] = ()
     gone: Sequence[int] = ()
     carriers: Mapping[int, int | None] = {}
     objects: Mapping[int, int] = {}
+    target: int | None = None
+    algorithms: str = ""
 
 
 class _Measurements:
@@ -353,20 +358,18 @@ class Messages:
         if message.bits(7, 4):
             raise RefusedError
         has_measurements, has_more = message.bits(11, 1), message.bits(12, 1) or message.bits(15, 1)
-        target, algorithms, changes = None, "", _Changes()
+        changes = _Changes()
         if has_more:
-            target, algorithms, changes = self._decode(
-                "DL_DCCH_Message", _configuration, message.body
-            )
+            changes = self._decode("DL_DCCH_Message", _configuration, message.body)
         elif has_measurements:
             # they stand first: what follows them need not be decoded
             changes = self._decode("MeasConfig", _changes, message.after(17))
         measurements = self._measurements.setdefault(message.radio_id, _Measurements())
-        if target is not None and target != message.channel:
-            measurements.hand_over(message.channel, target)
+        if changes.target is not None and changes.target != message.channel:
+            measurements.hand_over(message.channel, changes.target)
         measurements.change(changes)
-        if algorithms:
-            yield self._signal(message.time_ns, "handover security", algorithms, message.cell)
+        if how := changes.algorithms:
+            yield self._signal(message.time_ns, "handover security", how, message.cell)
 
     def _uplink(self, message: _Message) -> Iterator[Observation]:
         if message.bits(0, 5) != _REPORT or not self._can_decode():
@@ -423,15 +426,15 @@ def _of_release(message: Any, release: str) -> Mapping[str, Any]:
     return dict(content)
 
 
-def _configuration(message: Any) -> tuple[int | None, str, _Changes]:
-    """Carrier of a handover, algorithms, changed measurements."""
+def _configuration(message: Any) -> _Changes:
     content = _of_release(message, "rrcConnectionReconfiguration-r8")
     target = content.get("mobilityControlInfo", {}).get("carrierFreq", {}).get("dl-CarrierFreq")
     _, handover = content.get("securityConfigHO", {}).get("handoverType", ("", {}))
     named = handover.get("securityAlgorithmConfig", {})
     parts = ("cipheringAlgorithm", "integrityProtAlgorithm") if named else ()
     algorithms = " ".join(named[one].upper()[:4] for one in parts)
-    return target, algorithms, _changes(content.get("measConfig", {}))
+    changes = _changes(content.get("measConfig", {}))
+    return changes._replace(target=target, algorithms=algorithms)
 
 
 def _changes(config: Any) -> _Changes:

@@ -47,14 +47,16 @@ def positions(source: Path) -> tuple[list[Fix | None], int | None]:
     entries = [_position(line) for line in lines]
     rows = [row for row in entries if row is not None]
     ahead_ns: dict[tuple[bool, bool], int] = {}
-    for system_ns, packet_ns, _ in rows:
+    for fix, packet_ns in rows:
+        system_ns = fix.utc_ns or 0
         if packet_ns is not None:
             clocks = system_ns >= CLOCK_SET_NS, packet_ns >= CLOCK_SET_NS
             difference_ns = system_ns - packet_ns
             ahead_ns[clocks] = min(difference_ns, ahead_ns.get(clocks, difference_ns))
     ahead_ns.setdefault((True, True), 0)
     fixes: list[Fix | None] = [None] * (len(entries) - len(rows))
-    for system_ns, _, fix in rows:
+    for fix, _ in rows:
+        system_ns = fix.utc_ns or 0
         if (system_ahead_ns := ahead_ns.get((system_ns >= CLOCK_SET_NS, True))) is not None:
             fixes.append(replace(fix, utc_ns=system_ns - system_ahead_ns))
     shifts_ns = [
@@ -65,8 +67,8 @@ def positions(source: Path) -> tuple[list[Fix | None], int | None]:
     return fixes, shifts_ns[0] if shifts_ns else None
 
 
-def _position(entry: json_lines.Object | BadRow) -> tuple[int, int | None, Fix] | None:
-    """Times of the hotspot and of the last packet, and the place; None for a line without."""
+def _position(entry: json_lines.Object | BadRow) -> tuple[Fix, int | None] | None:
+    """Position by the clock of the hotspot, time of the last packet; None for a line without."""
     if isinstance(entry, BadRow):
         return None
     line = entry[1]
@@ -77,7 +79,8 @@ def _position(entry: json_lines.Object | BadRow) -> tuple[int, int | None, Fix] 
         packet_s = None if packet is None else number(line, "latest_packet_timestamp", _SECONDS)
     except (ValueError, GeoError):
         return None
-    return int(system_s) * 10**9, None if packet_s is None else int(packet_s) * 10**9, fix
+    packet_ns = None if packet_s is None else int(packet_s) * 10**9
+    return replace(fix, utc_ns=int(system_s) * 10**9), packet_ns
 
 
 def _remarks(line: int, row: dict[str, Any]) -> list[Row]:

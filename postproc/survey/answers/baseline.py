@@ -11,7 +11,7 @@ from logger.core.baseline import squares_of
 from logger.core.cell_names import FEWEST_SCANS, is_by_channel
 from logger.core.places import Places, Utm
 from postproc.survey.dataset import Survey
-from postproc.survey.walk_readings import SurveyRun
+from postproc.survey.walk_readings import HeardCell, SurveyRun
 
 
 def add_walks(survey: Survey, store: BaselineStore) -> Iterator[bool]:
@@ -30,15 +30,15 @@ def add_walks(survey: Survey, store: BaselineStore) -> Iterator[bool]:
         for digest, rows in zip(names, np.split(order, ends[:-1]), strict=True):
             if digest in survey.runs and len(rows):
                 sure = {
-                    cell: row
-                    for cell, row in heard[digest].items()
-                    if row["n_scans"] and cell in known and not is_by_channel(cell)
+                    one.cell: one
+                    for one in heard[digest]
+                    if one.n_scans and one.cell in known and not is_by_channel(one.cell)
                 }
                 walk = _summary(survey.runs[digest], sure, table.take(pa.array(rows)))
                 yield store.add(walk, {survey.runs[digest].replaces}.__contains__) is not None
 
 
-def _summary(run: SurveyRun, heard: Mapping[str, Mapping[str, Any]], rows: pa.Table) -> WalkSummary:
+def _summary(run: SurveyRun, heard: Mapping[str, HeardCell], rows: pa.Table) -> WalkSummary:
     columns: dict[str, Any] = {
         name: rows[name].to_numpy()
         for name in ("zone", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
@@ -58,17 +58,11 @@ def _summary(run: SurveyRun, heard: Mapping[str, Mapping[str, Any]], rows: pa.Ta
         name=run.name,
         began_utc_ns=run.began_utc_ns,
         n_readings=len(cell),
-        cells={name: heard[name]["rat"] for name in cells},
+        cells={name: heard[name].rat for name in cells},
         heard=by_square,
-        visits=sorted({(row.square, heard[row.cell]["rat"]) for row in by_square}),
-        channels=sorted(
-            (name, *pair) for name in cells for pair in _pairs(heard[name]["channels"])
-        ),
+        visits=sorted({(row.square, heard[row.cell].rat) for row in by_square}),
+        channels=sorted((name, *pair) for name in cells for pair in heard[name].channels),
         content=run.content,
         seal=run.digest,
         is_complete=run.is_complete,
     )
-
-
-def _pairs(numbers: list[int]) -> list[tuple[int, int]]:
-    return list(zip(numbers[::2], numbers[1::2], strict=True))

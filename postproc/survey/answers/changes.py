@@ -61,11 +61,11 @@ def _walk(
         for parts in survey.observations(task.area, task.cells, runs).values():
             placed = {}
             for digest, obs in parts.items():
-                town, x_m, y_m = towns.place(ground_of(obs))
-                above_m = y_m + _TOWN_STRIDE_M * town
+                town, at = towns.place(ground_of(obs))
+                above_m = at.y_m + _TOWN_STRIDE_M * town
                 placed[digest] = replace(
                     obs,
-                    places=replace(obs.places, x_m=x_m, y_m=above_m),
+                    places=replace(obs.places, x_m=at.x_m, y_m=above_m),
                     level_dbm=obs.level_dbm - offset_db.get(survey.runs[digest].logger, 0.0),
                     known_limit=None,
                     scan_seq=obs.scan_seq + _RUN_STRIDE * number[digest],

@@ -276,8 +276,8 @@ def walked_ground(survey: Survey, choice: RunChoice) -> list[Walked]:
     towns = Towns(survey.ground(runs))
     found: list[list[IntArray]] = [[] for _ in towns.zones]
     for ground in survey.ground(runs):
-        town, x_m, y_m = towns.place(ground)
-        square = np.floor(np.column_stack([x_m, y_m]) / SQUARE_M).astype(np.int64)
+        town, at = towns.place(ground)
+        square = np.floor(np.column_stack([at.x_m, at.y_m]) / SQUARE_M).astype(np.int64)
         for number, own in enumerate(found):
             own.append(np.unique(square[town == number], axis=0))
     return [

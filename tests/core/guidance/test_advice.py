@@ -22,7 +22,7 @@ def _locator(points_m, emitter_m=EMITTER_M, seed=0):
 def _hear(locator, point_m, emitter_m, rng, noise_db=2.0):
     away_m = np.hypot(np.hypot(*np.subtract(point_m, emitter_m)), 5.0)
     level_dbm = round(-25.0 - 28.0 * np.log10(away_m) + rng.normal(0.0, noise_db))
-    locator.add(single_reading(*point_m, float(level_dbm), sigma_m=4.0))
+    locator.take(single_reading(*point_m, float(level_dbm), sigma_m=4.0))
     if locator.stale > 1.0:
         locator.search()
 
@@ -85,7 +85,7 @@ def test_the_search_goes_on_where_no_place_is_likely(seed):
         kept = np.exp(-4.0 / 50.0)
         shadow_db = kept * shadow_db + 8.0 * np.sqrt(1.0 - kept**2) * rng.standard_normal()
         level_dbm = float(round(-85.0 + shadow_db + rng.normal(0.0, 2.0)))
-        locator.add(single_reading(x_m, y_m, level_dbm, sigma_m=4.0))
+        locator.take(single_reading(x_m, y_m, level_dbm, sigma_m=4.0))
         if locator.stale > 1.0:
             locator.search()
         guide.walk(Places.of(float(x_m), float(y_m)))

@@ -79,7 +79,7 @@ def test_the_device_says_what_the_desktop_says(obs):
     online = OnlineLocator(Prior(), where=where)
     for one in obs:
         where.add(one.places)
-        online.add(one)
+        online.take(one)
         if online.stale > 1.0:
             online.search()
     posterior = summarise(*online.last_search())

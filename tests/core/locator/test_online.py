@@ -14,7 +14,7 @@ PRIOR = live_prior(LiveSettings(height_m=0.0))
 def follow(obs):
     online = OnlineLocator(PRIOR)
     for reading in obs:
-        online.add(reading)
+        online.take(reading)
         if online.stale > 1.0:
             online.search()
     return online
@@ -70,7 +70,7 @@ def test_a_walk_that_turns_is_searched_anew():
     assert online._curve is not None
     assert online.stale <= 1.0
     for k in range(200, 230):
-        online.add(single_reading(obs.x_m[k], obs.y_m[k], obs.level_dbm[k]))
+        online.take(single_reading(obs.x_m[k], obs.y_m[k], obs.level_dbm[k]))
     assert online.stale > 1.0
     online.search()
     assert online._curve is None
@@ -78,7 +78,7 @@ def test_a_walk_that_turns_is_searched_anew():
 
 def test_nothing_is_said_of_a_few_readings():
     online = OnlineLocator(PRIOR)
-    online.add(single_reading(0.0, 0.0, -80.0))
+    online.take(single_reading(0.0, 0.0, -80.0))
     assert online.strongest_mode() is None
     assert online.stale == 0.0
 
@@ -115,7 +115,7 @@ def test_the_same_readings_at_the_floor_lead_to_the_same_bits():
 def test_levels_that_never_change_leave_no_number_undefined():
     online = OnlineLocator(live_prior(LiveSettings()))
     for k in range(200):
-        online.add(single_reading(1.4 * k, 0.0, -85.0, sigma_m=7.0))
+        online.take(single_reading(1.4 * k, 0.0, -85.0, sigma_m=7.0))
         online_mode = online.strongest_mode()
         assert online_mode is None or np.all(np.isfinite(online_mode.state))
         if online.stale > 1.0:

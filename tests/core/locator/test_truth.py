@@ -186,7 +186,7 @@ def on_device(obs):
     """The posterior of the device after all readings, one by one."""
     locator = OnlineLocator(Prior())
     for reading in obs:
-        locator.add(reading)
+        locator.take(reading)
         if locator.stale > 1.0:
             locator.search()
     return summarise(*locator.last_search())

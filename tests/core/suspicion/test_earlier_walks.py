@@ -34,7 +34,7 @@ class Earlier(NotedBaseline):
             return None
         heard = self.cells[name]
         n_walks, n_scans, best_dbm = heard.n_walks, heard.n_scans, heard.best_dbm
-        return KnownCell(name, "GSM", n_walks, n_scans, 1, best_dbm, 0, frozenset({(51, 8)}))
+        return KnownCell(name, "GSM", n_walks, n_scans, 1, best_dbm, frozenset({(51, 8)}))
 
 
 class Doubting(Earlier):

@@ -10,8 +10,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from logger.core.cell_names import Identity
 from logger.drivers.diag.frames import FrameReader, LogRecord
-from logger.drivers.diag.levels import ALLOWED_CODES, Decoder, Identity
+from logger.drivers.diag.levels import ALLOWED_CODES, Decoder
 from tests.kit import diag_capture as diag
 
 CAPTURES = Path("../shared/captures")
@@ -199,7 +200,7 @@ def test_a_gsm_neighbour_list_between_two_names_of_its_cell():
         for one in decode(0x512F, body, decoder, T_NS + SECOND_NS)
     ]
     assert [one.neighbours for one in seen] == [None, (4, 42), None]
-    assert {(one.channel, one.identity.cell_id) for one in seen} == {(16, 30232)}
+    assert {(one.channel, one.identity.cid) for one in seen} == {(16, 30232)}
     sms = message(0x15, b"262017654321098")
     assert decode(0x512F, sms, decoder) == []
 

@@ -4,7 +4,8 @@ from statistics import stdev
 
 import pytest
 
-from logger.drivers.diag.levels import Identity, Observation
+from logger.core.cell_names import Identity
+from logger.drivers.diag.levels import Observation
 from logger.drivers.diag.seconds import Seconds
 
 SECOND_NS = 10**9

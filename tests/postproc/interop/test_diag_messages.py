@@ -10,9 +10,10 @@ from statistics import median
 
 import pytest
 
+from logger.core.cell_names import Identity
 from logger.core.runfile import read_run
 from logger.drivers.diag.frames import FrameReader, LogRecord
-from logger.drivers.diag.levels import ALLOWED_CODES, Decoder, Identity
+from logger.drivers.diag.levels import ALLOWED_CODES, Decoder
 from postproc.cli import main
 from postproc.interop.readers import diag as reader
 from postproc.interop.readers.diag import CODES, NAS_DOWN, NAS_UP, RRC, Messages

@@ -228,7 +228,7 @@ def cells(tmp_path):
     named = [replace(first, cell=name) for name in names]
     rule = next(iter(RULES.values()))
     finding = Finding(rule, first.cell, 0, None, None, '=1+1, "a\nb"', {}, 9.0)
-    words = {first.cell: answer.Word("suspicious", 9.0, (finding,))}
+    words = {first.cell: answer.Word("suspicious", 9.0, (finding,), first.cell)}
     return replace(result, cells=(first, *named, *rest), words=words)
 
 

@@ -137,13 +137,14 @@ def test_a_town_that_is_larger_than_a_map_is_divided():
     x_m, y_m = Utm(29).to_xy_arrays(lat, lon)
     ground = Ground(np.full(len(t), 29), x_m, y_m)
     towns = Towns([ground])
-    town, x_m, y_m = towns.place(ground)
+    town, at = towns.place(ground)
     assert len(towns.zones) > 8
     for number in range(len(towns.zones)):
         own = town == number
-        assert np.hypot(np.ptp(x_m[own]), np.ptp(y_m[own])) < 700e3
-    back = [towns.zones[k].to_latlon(x, y) for k, x, y in zip(town[::500], x_m[::500], y_m[::500],
-                                                             strict=True)]  # fmt: skip
+        assert np.hypot(np.ptp(at.x_m[own]), np.ptp(at.y_m[own])) < 700e3
+    assert at.zone.tolist() == [towns.zones[number].zone for number in town]
+    some = zip(at.zone[::500].tolist(), at.x_m[::500], at.y_m[::500], strict=True)
+    back = [Utm(zone).to_latlon(x, y) for zone, x, y in some]
     assert np.allclose(back, np.column_stack([lat, lon])[::500], atol=1e-6)
 
 
