@@ -7,7 +7,6 @@ outside the zone.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from math import floor, hypot
 from typing import ClassVar, Self
 
@@ -160,7 +159,7 @@ class Places:  # noqa: PLW1641 (arrays have no hash)
         x, y = np.atleast_1d(np.asarray(x_m, float)), np.atleast_1d(np.asarray(y_m, float))
         sigma_m = np.zeros(len(x)) if sigma_m is None else sigma_m
         t_ns = np.zeros(len(x), np.int64) if t_ns is None else t_ns
-        return Places(x, y, _no_heights(len(x)), sigma_m, t_ns, utm)
+        return Places(x, y, np.full(len(x), np.nan), sigma_m, t_ns, utm)
 
     @classmethod
     def of_degrees(
@@ -331,14 +330,6 @@ def join_places(parts: Sequence[Places]) -> Places:
         **{name: np.concatenate([getattr(one, name) for one in parts]) for name in names},
         utm=parts[0].utm,
     )
-
-
-@lru_cache(maxsize=256)
-def _no_heights(count: int) -> FloatArray:
-    """NaN, read-only, always the same array: so places are equal although NaN is not."""
-    unknown = np.full(count, np.nan)
-    unknown.flags.writeable = False
-    return unknown
 
 
 def track_of(fixes: Rows) -> Track:
