@@ -44,8 +44,9 @@ class _LateLoader(SourceFileLoader):
         except (ImportError, KeyboardInterrupt) as error:
             # where `from module import name` is the first use, Python drops the error of the run
             # and asks the half-made module for the name, which must not be there yet
-            module.__dict__.clear()
-            module.__dict__["__getattr__"] = partial(_raise, error)
+            names, spec = module.__dict__, module.__spec__
+            names.clear()
+            names.update(__getattr__=partial(_raise, error), __spec__=spec)  # 3.13 uses the latter
             raise
 
 

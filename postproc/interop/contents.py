@@ -303,7 +303,9 @@ def _not_unpacked(source: Path, error: Exception) -> RunFileError:
     reason = (isinstance(error, OSError) and error.strerror) or error
     if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
         reason = f"no space is left in {gettempdir()}; TMPDIR names another folder"
-    if isinstance(error, EOFError) or str(error) == "File is not a zip file":
+    # a member that reaches into the table of contents overlaps it (Python 3.11.8 and later)
+    cut = ("File is not a zip file", "Overlapped entries")
+    if isinstance(error, EOFError) or str(error).startswith(cut):
         reason = "its end is missing: download or copy it again"
     return RunFileError(f"{source} cannot be unpacked: {reason}")
 
