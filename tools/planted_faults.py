@@ -62,7 +62,7 @@ FAULTS = (
     Fault(
         "framing",
         "a line begun before the command answers it",
-        "A__ or bool(self._buffer)",
+        "A__ or bool(self._buffer or self._torn)",
         "A__",
         "tests/drivers/protocols",
         ("test_line_begun_before_the_command_does_not_answer_it",),
