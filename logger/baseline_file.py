@@ -208,17 +208,12 @@ def _open(path: Path) -> sqlite3.Connection:
     if not path.is_file():
         raise RunFileError(f"{path}: no such file; `postproc baseline add` makes a baseline")
     try:
-        database = connect(path)
-        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_BYTES)
-        try:
-            check_head(path, database)
-        except BaseException:
-            database.close()
-            raise
+        database = connect(path, check=lambda database: check_head(path, database))
     except (sqlite3.Error, ValueError, MemoryError) as error:
         raise RunFileError(_reason(path, error)) from error
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror}") from error
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_BYTES)
     return database
 
 

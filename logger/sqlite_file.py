@@ -6,7 +6,7 @@ been read.
 """
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from time import monotonic
@@ -44,10 +44,15 @@ def open_database(path: Path, *, views: bool = False) -> Iterator[sqlite3.Connec
         yield database
 
 
-def connect(path: Path, *, views: bool = False) -> sqlite3.Connection:
+def connect(
+    path: Path,
+    *,
+    views: bool = False,
+    check: Callable[[sqlite3.Connection], None] = lambda _: None,
+) -> sqlite3.Connection:
     """As `open_database`, to be closed by the caller; `views` allows views, which maps contain.
 
-    Raises OSError for what is no plain file.
+    Raises OSError for what is no plain file, and what `check` raises, closed.
     """
     size = check_regular(path)
     database = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
@@ -58,6 +63,7 @@ def connect(path: Path, *, views: bool = False) -> sqlite3.Connection:
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_BYTES)
         database.set_progress_handler(lambda: monotonic() > began + _SCHEMA_S, _STEPS_OF_SCHEMA)
         database.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone()
+        check(database)
     except BaseException:
         database.close()
         raise

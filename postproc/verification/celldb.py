@@ -247,14 +247,15 @@ def _damage_named(path: Path) -> Iterator[None]:
 def open_celldb(path: Path) -> sqlite3.Connection:
     if not path.is_file():
         raise RunFileError(f"{path}: no such file")
-    try:
-        db = connect(path)
+
+    def check(db: sqlite3.Connection) -> None:
         if db.execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
-            db.close()
             raise RunFileError(f"{path} is no cell database; `postproc celldb import` makes one")
+
+    try:
+        return connect(path, check=check)
     except (sqlite3.Error, ValueError) as error:
         raise RunFileError(f"{path} is no cell database: {error}") from error
-    return db
 
 
 def _belt(lat_deg: float) -> int:
