@@ -14,24 +14,32 @@ from typing import Self
 
 SEND_TIMEOUT_S = 1.0
 """Longest time that a busy systemd may delay the recorder."""
+_START_US = 180_000_000
+"""Of the watchdog until records are written regularly: a cold card and a slow processor need more
+than the usual 30 s to import what opens the ports, and a kill would start that anew."""
 
 
 class ServiceManager:
     """The systemd that started the logger and watches it.
 
-    `address` is a path, `@name` for an abstract socket, or empty without systemd.
+    `address` is a path, `@name` for an abstract socket, or empty without systemd; `watchdog_us` is
+    that of the unit, 0 for none.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, watchdog_us: int = 0) -> None:
         self._address = "\0" + address[1:] if address.startswith("@") else address
-        self._ready = False
+        self._watchdog_us = watchdog_us
+        self._ready = self._steady = False
         self._heartbeat: int | None = None
         self._text = ""
 
     @classmethod
     def of(cls, environ: Mapping[str, str] = os.environ) -> Self:
         """The one that the environment names."""
-        return cls(environ.get("NOTIFY_SOCKET", ""))
+        watchdog_us = environ.get("WATCHDOG_USEC", "")
+        return cls(
+            environ.get("NOTIFY_SOCKET", ""), int(watchdog_us) if watchdog_us.isdigit() else 0
+        )
 
     @property
     def is_present(self) -> bool:
@@ -39,13 +47,19 @@ class ServiceManager:
 
     def alive(self) -> None:
         """Feed the watchdog; the first call also reports that the service has started."""
-        self._send("WATCHDOG=1" if self._ready else "READY=1\nWATCHDOG=1")
-        self._ready = True
+        if not self._ready:
+            self._ready = True
+            self._send("READY=1")
+            self._set_watchdog(_START_US)
+        self._send("WATCHDOG=1")
 
     def heartbeat(self, count: int) -> None:
         """Feed the watchdog if `count` has grown: the recorder and the caller work."""
         if self._heartbeat is not None and count > self._heartbeat:
             self.alive()
+            if not self._steady:
+                self._steady = True
+                self._set_watchdog(self._watchdog_us)
         self._heartbeat = count
 
     def status(self, text: str) -> None:
@@ -57,6 +71,10 @@ class ServiceManager:
     def stopping(self) -> None:
         """Report that the service is ending, which stops the watchdog."""
         self._send("STOPPING=1")
+
+    def _set_watchdog(self, watchdog_us: int) -> None:
+        if self._watchdog_us:
+            self._send(f"WATCHDOG_USEC={watchdog_us}")
 
     def _send(self, assignments: str) -> None:
         if not self._address:

@@ -31,12 +31,31 @@ def test_the_first_word_says_that_it_has_started_and_all_feed_the_watchdog(notif
     manager.alive()
     manager.status("12 fixes\nREADY=0")
     manager.stopping()
-    said = [next_word() for _ in range(4)]
+    said = [next_word() for _ in range(5)]
     assert said == [
-        ["READY=1", "WATCHDOG=1"],
+        ["READY=1"],
+        ["WATCHDOG=1"],
         ["WATCHDOG=1"],
         ["STATUS=12 fixes READY=0"],
         ["STOPPING=1"],
+    ]
+
+
+def test_a_slow_start_has_a_longer_watchdog(notifications):
+    """The unit's own is back with the second durable write that the main thread has seen."""
+    address, next_word = notifications
+    manager = ServiceManager.of({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "30000000"})
+    manager.alive()
+    for count in (5, 6, 7):
+        manager.heartbeat(count)
+    said = [next_word()[0] for _ in range(6)]
+    assert said == [
+        "READY=1",
+        "WATCHDOG_USEC=180000000",
+        "WATCHDOG=1",
+        "WATCHDOG=1",
+        "WATCHDOG_USEC=30000000",
+        "WATCHDOG=1",
     ]
 
 
