@@ -17,6 +17,7 @@ from logger.core.locator.preparation import MOST_MODEMS
 from logger.core.locator.timing_advance import timing_of
 from logger.core.locator.verdict import DESK_M
 from logger.core.model.prior import Prior
+from logger.core.places import Places
 from logger.core.readings import LEAST_SHARE, Readings, SpikeLevel
 from logger.core.runfile import Run
 from postproc.cell_work import PROCESS_ENDED, Failure, attempt, failure
@@ -223,7 +224,7 @@ def estimate_cell(obs: Readings, options: Options = Options()) -> CellResult:
     reference = reference_ekf(obs) if len(obs) and obs.n_modems == 1 else None
     if posterior is None:
         return _converged_only(replace(located, reference=reference))
-    starts = [(float(mode.state[0]), float(mode.state[1])) for mode in posterior.modes]
+    starts = Places.of(*np.transpose([mode.state[:2] for mode in posterior.modes]))
     usable = obs.usable()
     all_aligned, usable_aligned = (
         readings if posterior.offsets is None else readings.on_one_scale(posterior.offsets.mean_db)

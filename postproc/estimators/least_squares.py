@@ -152,12 +152,13 @@ class Search(NamedTuple):
     loss: Loss
     sigma_db: float
 
-    def minima(self, starts: Sequence[tuple[float, float]]) -> list[Minimum]:
-        """Minima reached from starts (x, y), best first; impossible ones come last."""
-        projected = [self._search_position(start) for start in starts]
+    def minima(self, starts: Places) -> list[Minimum]:
+        """Minima reached from starts, best first; impossible ones come last."""
+        positions = list(starts.xy_m.T)
+        projected = [self._search_position(start) for start in positions]
         if self.loss == "linear" and np.all(self.rows.free):
             return _best_first(projected)
-        at_starts = [self.rows.best_at(*start) for start in starts]
+        at_starts = [self.rows.best_at(start) for start in positions]
         return self._search_states([*(minimum.state for minimum in projected), *at_starts])
 
     def refine(self, minima: Sequence[Minimum]) -> list[Minimum]:
@@ -170,15 +171,14 @@ class Search(NamedTuple):
         each_once = dict(zip(metres, states, strict=True)).values()
         return _best_first([self._search_state(state) for state in each_once])
 
-    def _search_position(self, start: tuple[float, float]) -> Minimum:
+    def _search_position(self, start: FloatArray) -> Minimum:
         misfit, slope = self.projection()
 
         def search() -> Minimum:
-            end = minimise(misfit, slope, np.array(start, float), _SCALE[:2], _STEPS)
-            state = self.rows.best_at(float(end.state[0]), float(end.state[1]))
-            return self._minimum(state, end.cost, end.converged)
+            end = minimise(misfit, slope, start, _SCALE[:2], _STEPS)
+            return self._minimum(self.rows.best_at(end.state), end.cost, end.converged)
 
-        return _tolerate_divergence(search, self.rows.best_at(*start))
+        return _tolerate_divergence(search, self.rows.best_at(start))
 
     def projection(self) -> tuple[_ArrayFunction, _ArrayFunction]:
         """Misfit (n,) of a position beyond what P0 and eta explain, and its derivative (n, 2).
@@ -195,8 +195,7 @@ class Search(NamedTuple):
 
         def slope(position: FloatArray) -> FloatArray:
             state, distance_db = best(position)
-            dx_m, dy_m = position[0] - rows.x_m, position[1] - rows.y_m
-            slopes = path_loss.position_slopes(dx_m, dy_m, state[3], distance_db)
+            slopes = rows.position_slopes(position, state[3], distance_db)
             basis = np.linalg.qr(np.column_stack([root, root * distance_db]))[0]
             weighted = -root[:, None] * slopes
             return np.asarray(weighted - basis @ (basis.T @ weighted), float)
@@ -226,7 +225,7 @@ class Search(NamedTuple):
         return max(self.sigma_db, _LEAST_SCALE_DB)
 
     def _minimum(self, state: FloatArray, cost: float, success: bool) -> Minimum:
-        possible = is_possible(state, Places.of(self.rows.x_m, self.rows.y_m))
+        possible = is_possible(state, self.rows.places)
         return Minimum(state, float(cost), success and possible)
 
     def deviation(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -322,7 +321,7 @@ def sandwich(rows: Rows, design: FloatArray, state: FloatArray) -> Sandwich:
     scale = np.where(scale > 0.0, scale, 1.0)
     scaled = design / scale
     bread = _inverse_square(np.sqrt(rows.weight)[:, None] * scaled)
-    shapes = Shapes.of(Places.of(rows.x_m, rows.y_m), rows.readings, rows.weight)
+    shapes = Shapes.of(rows.places, rows.readings, rows.weight)
     noise = residual_noise(shapes, design, e)
     total = np.bincount(noise.square, rows.weight)
     score = bread @ (total[:, None] * averages(noise.square, rows.weight, scaled)).T
@@ -371,17 +370,16 @@ def end_m(rows: Rows, state: FloatArray, axis: FloatArray, begin_m: float, rise:
     if begin_m >= REACH_M:
         return begin_m
     n_steps = 2 + int(np.log(REACH_M / begin_m) / np.log(_STEP))
-    lowest = profile_misfit(rows, state[0], state[1])
+    lowest = profile_misfit(rows, state)
     for step_m in np.geomspace(begin_m, REACH_M, n_steps).tolist():
-        x_m, y_m = state[:2] + step_m * axis
-        if profile_misfit(rows, x_m, y_m) - lowest >= rise:
+        if profile_misfit(rows, state[:2] + step_m * axis) - lowest >= rise:
             return float(step_m)
     return REACH_M
 
 
-def profile_misfit(rows: Rows, x_m: float, y_m: float) -> float:
-    """Weighted squared misfit of a position, P0 and eta free."""
-    state, distance_db = rows.regression(np.array([x_m, y_m]))
+def profile_misfit(rows: Rows, position: FloatArray) -> float:
+    """Weighted squared misfit of a position [x, y, ...], P0 and eta free."""
+    state, distance_db = rows.regression(position)
     residual_db = path_loss.level_dbm(state[2], state[3], distance_db) - rows.level_dbm
     return float(rows.weight @ residual_db**2)
 
@@ -415,24 +413,24 @@ class BatchFit:
 
 def fit(
     obs: Readings,
-    starts: Sequence[tuple[float, float]],
+    starts: Places,
     *,
     loss: Loss = "linear",
     height_m: float = 0.0,
 ) -> BatchFit:
-    """Best of the fits started at positions (x, y) in metres, `height_m` that of the antenna.
+    """Best of the fits from several starts, `height_m` that of the antenna.
 
     Raises `EstimationError` for fewer than 5 readings within the receiver's limits.
     """
     n_levels = int(np.count_nonzero(obs.limit == 0))
-    if n_levels < _FEWEST or not starts:
+    if n_levels < _FEWEST or not len(starts):
         raise EstimationError(
             f"{n_levels} readings do not determine a position, power and exponent: "
             f"at least {_FEWEST}"
         )
     robust = loss != "linear"
     rows, levels = group(obs, height_m, robust=robust), each_reading(obs, height_m).levels()
-    sigma_db = min(_sigma_db(levels, rows.best_at(*start), robust=True) for start in starts)
+    sigma_db = min(_sigma_db(levels, rows.best_at(start), robust=True) for start in starts.xy_m.T)
     minima = Search(rows, loss, sigma_db).minima(starts)
     sigma_db = _sigma_db(levels, minima[0].state, robust=robust)
     search = Search(rows, loss, sigma_db)

@@ -23,9 +23,7 @@ class Rows(NamedTuple):
     `height_m` is that of the antenna above the receiver, `readings` how many a row stands for.
     """
 
-    x_m: FloatArray
-    y_m: FloatArray
-    position_sigma_m: FloatArray
+    places: Places
     height_m: FloatArray
     level_dbm: FloatArray
     limit: IntArray
@@ -39,49 +37,60 @@ class Rows(NamedTuple):
 
     def levels(self) -> "Rows":
         """The rows that are levels."""
-        return Rows._make(column[self.free] for column in self)
+        free = self.free
+        return Rows(
+            self.places.part(free), self.height_m[free], self.level_dbm[free],
+            self.limit[free], self.readings[free], self.weight[free],
+        )  # fmt: skip
 
-    def log_distance_db(self, x_m: float, y_m: float) -> FloatArray:
-        """L of each row from a position."""
-        return path_loss.log_distance_db(
-            x_m - self.x_m, y_m - self.y_m, self.height_m, self.position_sigma_m
-        )
+    def log_distance_db(self, position: FloatArray) -> FloatArray:
+        """L of each row from a position [x, y, ...]."""
+        dx_m, dy_m = self._differences(position)
+        return path_loss.log_distance_db(dx_m, dy_m, self.height_m, self.places.sigma_m)
 
     def residuals(self, state: FloatArray) -> FloatArray:
         """Model minus level in dB, shape (n,)."""
-        distance_db = self.log_distance_db(state[0], state[1])
+        distance_db = self.log_distance_db(state)
         return path_loss.level_dbm(state[2], state[3], distance_db) - self.level_dbm
 
     def jacobian(self, state: FloatArray) -> FloatArray:
         """Derivative of `residuals` by the state, shape (n, 4)."""
-        dx_m, dy_m = state[0] - self.x_m, state[1] - self.y_m
-        return path_loss.level_slopes(dx_m, dy_m, state[3], self.height_m, self.position_sigma_m)
+        dx_m, dy_m = self._differences(state)
+        return path_loss.level_slopes(dx_m, dy_m, state[3], self.height_m, self.places.sigma_m)
 
-    def best_at(self, x_m: float, y_m: float) -> FloatArray:
+    def position_slopes(
+        self, position: FloatArray, eta: float, distance_db: FloatArray
+    ) -> FloatArray:
+        """Derivative of the model by the position (n, 2), `distance_db` from there."""
+        dx_m, dy_m = self._differences(position)
+        return path_loss.position_slopes(dx_m, dy_m, eta, distance_db)
+
+    def _differences(self, position: FloatArray) -> FloatArray:
+        return position[:2, None] - self.places.xy_m
+
+    def best_at(self, position: FloatArray) -> FloatArray:
         """State of a position: P0 and eta by weighted least squares over the levels."""
         rows = self if np.all(self.free) else self.levels()
-        return rows.regression(np.array([x_m, y_m]))[0]
+        return rows.regression(position)[0]
 
     def regression(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """State of a position (x, y) with the P0 and eta of all rows as levels, and their L (n,).
 
         Eta is 0 where all rows are equally far.
         """
-        distance_db = self.log_distance_db(position[0], position[1])
+        distance_db = self.log_distance_db(position)
         share = self.weight / np.sum(self.weight)
         mean_db, mean_dbm = float(share @ distance_db), float(share @ self.level_dbm)
         off_db = distance_db - mean_db
         spread_db2 = max(float(share @ off_db**2), _LEAST_SPREAD_DB2)
         eta = -float(share @ (off_db * (self.level_dbm - mean_dbm))) / spread_db2
-        return np.array([*position, mean_dbm + eta * mean_db, eta]), distance_db
+        return np.array([*position[:2], mean_dbm + eta * mean_db, eta]), distance_db
 
 
 def each_reading(obs: Readings, height_m: float) -> Rows:
     """A row of weight 1 for each reading."""
     one = np.ones(len(obs))
-    return Rows(
-        obs.x_m, obs.y_m, obs.position_sigma_m, height_m * one, obs.level_dbm, obs.limit, one, one
-    )
+    return Rows(obs.places, height_m * one, obs.level_dbm, obs.limit, one, one)
 
 
 def group(obs: Readings, height_m: float, *, robust: bool) -> Rows:
@@ -97,13 +106,18 @@ def group(obs: Readings, height_m: float, *, robust: bool) -> Rows:
         return rows._replace(weight=2.0 / (n_there[square] + 1.0))
     kind, row = np.unique(3 * square + rows.limit + 1, return_inverse=True)
     count = np.bincount(row).astype(float)
-    means = Rows._make(np.bincount(row, column) / count for column in rows)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(row, values) / count, float)
+
+    level_dbm = mean(obs.level_dbm)
     if robust:
         middle = (np.cumsum(count) - 0.5 * count).astype(np.int64)
         in_order = np.lexsort((obs.level_dbm, row))
-        means = means._replace(level_dbm=obs.level_dbm[in_order][middle])
+        level_dbm = obs.level_dbm[in_order][middle]
+    places = Places.of(mean(obs.x_m), mean(obs.y_m), sigma_m=mean(obs.position_sigma_m))
     weight = 2.0 * count / (n_there[kind // 3] + 1.0)
-    return means._replace(limit=kind % 3 - 1, readings=count, weight=weight)
+    return Rows(places, mean(rows.height_m), level_dbm, kind % 3 - 1, count, weight)
 
 
 def _squares(places: Places) -> IntArray:

@@ -105,7 +105,7 @@ def sample_result(run: Run, *, verdict="located", places=1) -> Result:
     obs = by_name[cell_name(0)]
     answer = sample_posterior(obs, places)
     filtered, rts = sample_filters(obs, answer)
-    fitted = least_squares.fit(obs, [(answer.x_m, answer.y_m)])
+    fitted = least_squares.fit(obs, Places.of(answer.x_m, answer.y_m))
     warnings = ("one position holds it; <b>not</b> | markup",)
     first = CellResult(
         obs.cell,

@@ -51,7 +51,7 @@ def test_least_squares_converges_to_a_possible_state_or_reports_that_it_did_not(
         obs = few_readings(seed)
         fit = least_squares.fit(
             obs,
-            [(float(np.mean(obs.x_m)) + 30.0, float(np.mean(obs.y_m)))],
+            Places.of(np.mean(obs.x_m) + 30.0, np.mean(obs.y_m)),
             loss=loss,
             height_m=5.0,
         )
@@ -71,7 +71,7 @@ def test_levels_as_large_as_floats_end_in_no_answer():
         wild[::2] = level
         fit = least_squares.fit(
             replace(obs, level_dbm=wild),
-            [(0.0, 0.0)],
+            Places.of(0.0, 0.0),
         )
         assert not fit.converged
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from logger.core.places import Places
 from postproc.estimators import least_squares
 from postproc.estimators.least_squares import Search
 from postproc.estimators.least_squares_rows import group
@@ -13,7 +14,9 @@ from tests.kit.walks import with_places
 def test_covariance_is_true(shadow_m, loss):
     rng = np.random.default_rng(7)
     fits = [
-        least_squares.fit(walk(rng, noise_db=1.5, shadow_m=shadow_m), [(60.0, 90.0)], loss=loss)
+        least_squares.fit(
+            walk(rng, noise_db=1.5, shadow_m=shadow_m), Places.of(60.0, 90.0), loss=loss
+        )
         for _ in range(24)
     ]
     chi2 = np.array([nees(fit) for fit in fits])
@@ -31,7 +34,7 @@ def test_an_axis_is_stretched_to_where_the_misfit_has_risen():
         straight=True,
         source=np.array([30.0, 120.0, -30.0, 3.0]),
     )
-    fit = least_squares.fit(obs, [(30.0, 120.0)])
+    fit = least_squares.fit(obs, Places.of(30.0, 120.0))
     rows = Search(group(obs, 0.0, robust=False), "linear", 3.0).linear_problem(fit.state)
 
     def end_m(begin_m, rise):
@@ -39,7 +42,7 @@ def test_an_axis_is_stretched_to_where_the_misfit_has_risen():
 
     def risen(away_m):
         lowest, there = (
-            least_squares.profile_misfit(rows, fit.state[0], fit.state[1] + d)
+            least_squares.profile_misfit(rows, fit.state[:2] + np.array([0.0, d]))
             for d in (0.0, away_m)
         )
         return there - lowest
@@ -57,7 +60,7 @@ def test_a_source_far_off_a_short_walk_is_not_bounded():
         straight=True,
         source=np.array([60.0, 900.0, -30.0, 3.0]),
     )
-    fit = least_squares.fit(obs, [(60.0, 900.0)])
+    fit = least_squares.fit(obs, Places.of(60.0, 900.0))
     assert not fit.bounded
     assert np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]) > 1000.0
 
@@ -65,6 +68,6 @@ def test_a_source_far_off_a_short_walk_is_not_bounded():
 def test_what_is_not_observed_is_uncertain():
     obs = walk(np.random.default_rng(12))
     still = with_places(obs, x_m=np.zeros(len(obs)), y_m=np.zeros(len(obs)))
-    fit = least_squares.fit(still, [(50.0, 0.0)])
+    fit = least_squares.fit(still, Places.of(50.0, 0.0))
     assert np.sqrt(fit.covariance[0, 0]) > 1000.0
     assert not fit.bounded

@@ -15,18 +15,20 @@ from tests.kit.walks import with_places
 def test_linear_part_agrees_with_dense_least_squares():
     obs = walk(np.random.default_rng(1), count=50)
     rows = group(obs, 5.0, robust=False)
-    loss_db = rows.log_distance_db(40.0, 70.0)
+    loss_db = rows.log_distance_db(np.array([40.0, 70.0]))
     root = np.sqrt(rows.weight)
     expected, *_ = scipy.linalg.lstsq(
         root[:, None] * np.column_stack([np.ones(50), -loss_db]), root * obs.level_dbm
     )
-    np.testing.assert_allclose(rows.best_at(40.0, 70.0), [40.0, 70.0, *expected], rtol=1e-9)
+    np.testing.assert_allclose(
+        rows.best_at(np.array([40.0, 70.0])), [40.0, 70.0, *expected], rtol=1e-9
+    )
 
 
 def test_rows_equally_far_away_determine_no_exponent():
     obs = walk(np.random.default_rng(1), count=50)
     rows = group(with_places(obs, x_m=np.full(50, 12.3), y_m=np.full(50, 4.5)), 5.0, robust=False)
-    x_m, y_m, p0_dbm, eta = rows.best_at(40.0, 70.0)
+    x_m, y_m, p0_dbm, eta = rows.best_at(np.array([40.0, 70.0]))
     assert (x_m, y_m, eta) == pytest.approx((40.0, 70.0, 0.0), abs=1e-9)
     assert p0_dbm == pytest.approx(np.average(rows.level_dbm, weights=rows.weight))
 
@@ -55,7 +57,7 @@ def test_readings_of_one_point_do_not_outweigh_the_walk():
     obs = walk(np.random.default_rng(8), shadow_m=10.0)
     again = np.concatenate([np.arange(len(obs)), np.full(900, 120)])
     long = replace(obs.part(again), known_limit=None)
-    short_fit, long_fit = (least_squares.fit(one, [(60.0, 90.0)]) for one in (obs, long))
+    short_fit, long_fit = (least_squares.fit(one, Places.of(60.0, 90.0)) for one in (obs, long))
     assert np.hypot(*(short_fit.state - long_fit.state)[:2]) < 10.0
     shrunk = np.linalg.det(long_fit.covariance[:2, :2]) / np.linalg.det(
         short_fit.covariance[:2, :2]
@@ -78,7 +80,7 @@ def test_a_million_readings(loss):
     obs = Readings(
         "c", None, Places.of(x, y, utm=Utm(32), sigma_m=np.zeros(count), t_ns=at), level, at
     )
-    fit = least_squares.fit(obs, [(40.0, 70.0), (300.0, 300.0)], loss=loss)
+    fit = least_squares.fit(obs, Places.of([40.0, 300.0], [70.0, 300.0]), loss=loss)
     assert fit.n == count
     assert nees(fit) < 9.2
     assert fit.sigma_db == pytest.approx(3.0, abs=0.05)

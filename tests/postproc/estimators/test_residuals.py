@@ -48,7 +48,7 @@ def around(obs):
 
 
 def fit_state(obs):
-    return least_squares.fit(obs, [(SOURCE[0], SOURCE[1])]).state
+    return least_squares.fit(obs, Places.of(*SOURCE[:2])).state
 
 
 def test_residuals_are_level_minus_model_and_what_a_limit_hides_is_none():
