@@ -32,6 +32,7 @@ from pmtiles.tile import (
 from pyproj import CRS, Transformer
 
 from logger.core.arrays import FloatArray
+from logger.core.certainty import OnMap
 from logger.core.errors import ConfigError
 from logger.core.foreign import check_regular, open_regular
 from logger.sqlite_file import is_sqlite, open_database
@@ -553,8 +554,8 @@ def open_pmtiles(path: Path, area: Area) -> Ground:
     return ground
 
 
-def street_at(path: Path, lat_deg: float, lon_deg: float) -> str | None:
-    """Name of the nearest street, by the finest vector tile at a position.
+def street_at(path: Path, at: OnMap) -> str | None:
+    """Name of the nearest street, by the finest vector tile there.
 
     None without one near, and for other kinds of files. Raises `ConfigError` for a file that cannot
     be read.
@@ -563,10 +564,10 @@ def street_at(path: Path, lat_deg: float, lon_deg: float) -> str | None:
         return None
     with _archive(path) as archive:
         for zoom in archive.zooms if archive.is_vector else ():
-            x, y = _web_mercator(lat_deg, lon_deg, zoom)
+            x, y = _web_mercator(at.lat, at.lon, zoom)
             data = archive.tile(zoom, int(x), int(y))
             if data is not None:
-                tile_m = _EQUATOR_M * math.cos(math.radians(lat_deg)) / 2**zoom
+                tile_m = _EQUATOR_M * math.cos(math.radians(at.lat)) / 2**zoom
                 return street_near(layers_of(data), (x % 1.0, y % 1.0), tile_m)
     return None
 

@@ -16,9 +16,9 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.cell_names import FEWEST_SCANS, REUSED_M, identity_of, is_by_channel
+from logger.core.certainty import OnMap
 from logger.core.document import Document, Line, Part, number_of
 from logger.core.errors import ConfigError, EstimationError, GeoError
 from logger.core.model.area import Area

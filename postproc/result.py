@@ -385,10 +385,10 @@ def region_of(cell: CellResult, level: float) -> Region:
 
 def _end(of: Estimate, utm: Utm) -> PathEnd:
     x, p = of.x, of.p
-    lat, lon = Places.of(x[0], x[1], utm=utm).first_deg
+    at = Places.of(x[0], x[1], utm=utm).on_map
     return PathEnd(
-        lat=lat,
-        lon=lon,
+        lat=at.lat,
+        lon=at.lon,
         drms_m=ekf.drms_m(ekf.upper_triangle(p)),
         p0_dbm=float(x[2]),
         p0_sigma_db=float(np.sqrt(max(p[2, 2], 0.0))),
@@ -571,5 +571,5 @@ def heard_at(obs: Readings | None) -> str | None:
     heard = None if obs is None or obs.utm == NO_MAP else obs.everywhere()
     if not heard:
         return None
-    lat_deg, lon_deg = heard.strongest.places.first_deg
-    return f"{lat_deg:.4f} {lon_deg:.4f}"
+    at = heard.strongest.places.on_map
+    return f"{at.lat:.4f} {at.lon:.4f}"

@@ -18,9 +18,15 @@ from logger.core.answer import (
     Place,
     Position,
     Region,
-    decimals_within,
 )
-from logger.core.certainty import RADII, Ellipse, metres, radius_m, share_text
+from logger.core.certainty import (
+    RADII,
+    Ellipse,
+    decimals_within,
+    metres,
+    radius_m,
+    share_text,
+)
 from logger.core.document import (
     Column,
     Degrees,
@@ -548,7 +554,8 @@ def json_form(
     }
     form |= {one.json_key: ends[one] for one in (RTS, BATCH)}
     if cell.batch is not None and cell.obs is not None:
-        rivals = [Places.of(*rival[:2], utm=cell.obs.utm).first_deg for rival in cell.batch.rivals]
+        places = [Places.of(*rival[:2], utm=cell.obs.utm) for rival in cell.batch.rivals]
+        rivals = [place.lat_lon_deg[:, 0].tolist() for place in places]
         form[BATCH.json_key] = _fields(paths.ends[BATCH.key], (*_END, "n")) | {
             "sigma_db": cell.batch.sigma_db,
             "converged": cell.batch.converged,

@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING, Literal, Self
 from msgspec import Struct
 from msgspec.structs import replace
 
-from logger.core.certainty import Ellipse, mode_share_text, radii_text, relevant_percents
+from logger.core.certainty import (
+    Ellipse,
+    OnMap,
+    mode_share_text,
+    radii_text,
+    relevant_percents,
+)
 from logger.core.types import Verdict
 
 if TYPE_CHECKING:  # the status is written before numpy is imported
@@ -20,16 +26,6 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
     from logger.core.locator.posterior import Posterior
     from logger.core.model.prior import Prior
     from logger.core.suspicion import rule
-
-DEGREE_DECIMALS = 6
-"""0.1 m."""
-# of 95 %, up to which a place has 5 and 4 decimals; beyond, what its 50 % radius leaves
-_SHARP_M, _ROUGH_M = 150.0, 1000.0
-# from this radius on so many: rounding moves a place by 670 m or 67 m at most
-_DECIMALS = ((1000.0, 2), (100.0, 3))
-_HALF_OF_LEVEL = 0.48
-"""Radius with 50 % by that with 95 %, of a Gaussian."""
-
 
 CONSPICUOUS = ("suspicious", "unusual")
 """Words of which an output speaks first, the worse first."""
@@ -50,32 +46,6 @@ class Region(Struct, kw_only=True):
 
     area_m2: float | None = None
     geojson: MultiPolygon | None = None
-
-
-def decimals_within(r95_m: float, r50_m: float | None = None) -> int:
-    """Decimals of the degrees of a place that these radii hold."""
-    if r95_m <= _ROUGH_M:
-        return 5 if r95_m <= _SHARP_M else 4
-    half_m = _HALF_OF_LEVEL * r95_m if r50_m is None else r50_m
-    return next((n for least_m, n in _DECIMALS if half_m >= least_m), 4)
-
-
-class OnMap(Struct, frozen=True, kw_only=True):
-    """A place in degrees, WGS 84."""
-
-    lat: float
-    lon: float
-
-    def in_short(self) -> Self:
-        """As it is shown while walking: to 0.1 m."""
-        lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (self.lat, self.lon))
-        return replace(self, lat=lat, lon=lon)
-
-    def within(self, r95_m: float, r50_m: float | None = None) -> str:
-        """Latitude and longitude as far as known where these radii hold it."""
-        decimals = decimals_within(r95_m, r50_m)
-        about = "" if r95_m <= _ROUGH_M else "about "
-        return f"{about}{self.lat:.{decimals}f} {self.lon:.{decimals}f}"
 
 
 class StrongestReading(OnMap, frozen=True, kw_only=True):
@@ -328,30 +298,29 @@ def answer_of(
 def place_of(posterior: "Posterior") -> Place:
     """A posterior in degrees."""
     strongest = posterior.strongest
-    strongest_lat, strongest_lon = strongest.places.first_deg
-    lat, lon = posterior.place.first_deg
+    heard_at, best = strongest.places.on_map, posterior.place.on_map
     modes = []
     for mode, percent in zip(posterior.modes, relevant_percents(posterior.modes), strict=True):
-        mode_lat, mode_lon = mode.place.first_deg
+        at = mode.place.on_map
         modes.append(
             Mode(
-                lat=mode_lat,
-                lon=mode_lon,
+                lat=at.lat,
+                lon=at.lon,
                 probability=mode.probability,
                 percent=percent,
                 ellipse95=mode.ellipse,
             )
         )
     return Place(
-        lat=lat,
-        lon=lon,
+        lat=best.lat,
+        lon=best.lon,
         r50_m=posterior.r50_m,
         r95_m=posterior.r95_m,
         drms_m=posterior.drms_m,
         area_m2=posterior.region_area_m2,
         modes=tuple(modes),
         strongest=StrongestReading(
-            lat=strongest_lat, lon=strongest_lon, level_dbm=strongest.level_dbm.item()
+            lat=heard_at.lat, lon=heard_at.lon, level_dbm=strongest.level_dbm.item()
         ),
         area="" if posterior.prior.area is None else posterior.prior.area.text,
         outside_share=posterior.outside_share,

@@ -1,9 +1,12 @@
-"""How sure a position is: ellipses and radii, the modes that are relevant, and words for both."""
+"""How sure a position is: ellipses, radii and decimals, relevant modes, and words for these."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, degrees, exp, isfinite, pi, sin, sqrt
-from typing import Protocol, TypeVar
+from typing import Protocol, Self, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 CHI2_95_2DOF = 5.991
 RADII = ("most likely within", "surely within")
@@ -78,6 +81,44 @@ def radii_text(r50_m: float | None, r95_m: float | None) -> str:
     """
     named = zip(RADII, (r50_m, r95_m), strict=True)
     return ", ".join(f"{name} {metres(radius)}" for name, radius in named if radius is not None)
+
+
+# --- degrees ---
+
+DEGREE_DECIMALS = 6
+"""0.1 m."""
+# of 95 %, up to which a place has 5 and 4 decimals; beyond, what its 50 % radius leaves
+_SHARP_M, _ROUGH_M = 150.0, 1000.0
+# from this radius on so many: rounding moves a place by 670 m or 67 m at most
+_DECIMALS = ((1000.0, 2), (100.0, 3))
+_HALF_OF_LEVEL = 0.48
+"""Radius with 50 % by that with 95 %, of a Gaussian."""
+
+
+def decimals_within(r95_m: float, r50_m: float | None = None) -> int:
+    """Decimals of the degrees of a place that these radii hold."""
+    if r95_m <= _ROUGH_M:
+        return 5 if r95_m <= _SHARP_M else 4
+    half_m = _HALF_OF_LEVEL * r95_m if r50_m is None else r50_m
+    return next((n for least_m, n in _DECIMALS if half_m >= least_m), 4)
+
+
+class OnMap(Struct, frozen=True, kw_only=True):
+    """A place in degrees, WGS 84."""
+
+    lat: float
+    lon: float
+
+    def in_short(self) -> Self:
+        """As it is shown while walking: to 0.1 m."""
+        lat, lon = (round(angle, DEGREE_DECIMALS) for angle in (self.lat, self.lon))
+        return replace(self, lat=lat, lon=lon)
+
+    def within(self, r95_m: float, r50_m: float | None = None) -> str:
+        """Latitude and longitude as far as known where these radii hold it."""
+        decimals = decimals_within(r95_m, r50_m)
+        about = "" if r95_m <= _ROUGH_M else "about "
+        return f"{about}{self.lat:.{decimals}f} {self.lon:.{decimals}f}"
 
 
 # --- modes ---

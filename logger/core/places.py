@@ -15,6 +15,7 @@ import numpy.typing as npt
 from pyproj import Proj
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
+from logger.core.certainty import OnMap
 from logger.core.errors import EstimationError, GeoError
 from logger.core.model.path_loss import log_distances_db
 from logger.core.rows import Rows
@@ -203,9 +204,10 @@ class Places:  # noqa: PLW1641 (arrays have no hash)
         return np.stack([self.x_m, self.y_m])
 
     @property
-    def first_deg(self) -> tuple[float, float]:
-        """WGS 84 latitude and longitude in degrees of the first place."""
-        return self.utm.to_latlon(self.x_m[0], self.y_m[0])
+    def on_map(self) -> OnMap:
+        """The first place in degrees."""
+        lat, lon = self.utm.to_latlon(self.x_m[0], self.y_m[0])
+        return OnMap(lat=lat, lon=lon)
 
     def in_zone(self, utm: Utm) -> Self:
         """The same places in another zone."""

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Annotated
 from msgspec import Meta, Struct
 from msgspec.structs import asdict, replace
 
-from logger.core.answer import DEGREE_DECIMALS, Answer, MultiPolygon, NextWay, OnMap, Place
+from logger.core.answer import Answer, MultiPolygon, NextWay, Place
 from logger.core.cell_names import channel_name
-from logger.core.certainty import Ellipse, ellipse95, radii_text, radius_m
+from logger.core.certainty import DEGREE_DECIMALS, Ellipse, OnMap, ellipse95, radii_text, radius_m
 from logger.core.latest import Latest
 from logger.core.live_settings import EKF, ONE_MODE, REFERENCE
 from logger.core.types import CellReading, LiveEstimate, Record, Scan, Verdict

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray
+from logger.core.certainty import OnMap
 from logger.sim.world import World
 
 Waypoints = tuple[tuple[float, float], ...]

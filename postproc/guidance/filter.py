@@ -165,9 +165,9 @@ class GuideFilter:
         if self._strongest is None:
             return GuideLine(t_s, text=why)
         radius_m = self._prior.radius_m(0.95)
-        lat, lon = self._strongest.places.first_deg
+        at = self._strongest.places.on_map
         best = Position(
-            lat=lat, lon=lon, r95_m=radius_m, r50_m=self._prior.radius_m(0.5)
+            lat=at.lat, lon=at.lon, r95_m=radius_m, r50_m=self._prior.radius_m(0.5)
         ).in_short()
         return GuideLine(t_s, best=best, area_m2=round(pi * radius_m**2), text=why)
 

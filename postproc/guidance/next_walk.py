@@ -135,9 +135,9 @@ def _routes(start: Places, places: Sequence[Cluster], lines: Iterable[Line]) -> 
         return [*compass_routes(start, places), *loops]
     routes = street_routes(streets, start, places)
     if not routes:
-        lat_deg, lon_deg = start.first_deg
+        at = start.on_map
         raise ConfigError(
-            f"no street of the map is near {lat_deg:.5f} {lon_deg:.5f}: "
+            f"no street of the map is near {at.lat:.5f} {at.lon:.5f}: "
             "choose a start with --from, or leave out --streets"
         )
     return routes
@@ -236,12 +236,11 @@ def parts_of(walk: NextWalk) -> Iterator[str | TextLine | Table]:
 
 def content_of(walk: NextWalk) -> dict[str, Any]:
     """What the JSON is made of."""
-    lat_deg, lon_deg = walk.start.first_deg
     return {
         "cell": walk.answer.cell,
         "verdict": walk.answer.verdict,
         "best": walk.answer.place and walk.answer.place.position,
-        "start": {"lat": lat_deg, "lon": lon_deg},
+        "start": walk.start.on_map,
         "text": walk.text,
         "routes": [
             {

@@ -5,6 +5,7 @@ Sources: RFC 5870 (geo URI), wiki.openstreetmap.org/wiki/Browsing (links), NGA.S
 
 from dataclasses import dataclass
 
+from logger.core.certainty import OnMap
 from logger.core.errors import GeoError
 from logger.core.places import MAX_LATITUDE_DEG, Places, Utm
 
@@ -39,8 +40,7 @@ class Coordinates:
 
 
 def coordinates(
-    lat_deg: float,
-    lon_deg: float,
+    at: OnMap,
     r95_m: float | None = None,
     share: str = "",
     street: str = "",
@@ -50,13 +50,13 @@ def coordinates(
 
     `decimals` are those of `decimal`.
     """
-    lat, lon = (f"{value:.{_DECIMALS}f}" for value in (lat_deg, lon_deg))
+    lat, lon = (f"{value:.{_DECIMALS}f}" for value in (at.lat, at.lon))
     uncertain = "" if r95_m is None else f";u={r95_m:.0f}"
     return Coordinates(
-        decimal=f"{lat_deg:.{decimals}f}, {lon_deg:.{decimals}f}",
-        degrees=f"{_dms(lat_deg, 'NS')} {_dms(lon_deg, 'EW')}",
-        utm=_utm(lat_deg, lon_deg),
-        mgrs=_mgrs(lat_deg, lon_deg),
+        decimal=f"{at.lat:.{decimals}f}, {at.lon:.{decimals}f}",
+        degrees=f"{_dms(at.lat, 'NS')} {_dms(at.lon, 'EW')}",
+        utm=_utm(at),
+        mgrs=_mgrs(at),
         geo=f"geo:{lat},{lon}{uncertain}",
         osm=f"https://www.openstreetmap.org/?mlat={lat}&mlon={lon}#map={_ZOOM}/{lat}/{lon}",
         share=share,
@@ -73,8 +73,9 @@ def _dms(value_deg: float, letters: str) -> str:
     return f"{degrees}°{minutes:02d}'{rest / 100:05.2f}\"{letter}"
 
 
-def _in_standard_zone(lat_deg: float, lon_deg: float) -> Places | None:
+def _in_standard_zone(at: OnMap) -> Places | None:
     """The place in the standard grid, which has wider zones in Norway and Svalbard."""
+    lat_deg, lon_deg = at.lat, at.lon
     if not _SOUTHMOST_DEG <= lat_deg < MAX_LATITUDE_DEG:
         return None
     zone = int((lon_deg + 180.0) // 6.0) % 60 + 1
@@ -93,21 +94,21 @@ def _band(lat_deg: float) -> str:
     return _BANDS[min(int((lat_deg - _SOUTHMOST_DEG) // 8.0), len(_BANDS) - 1)]
 
 
-def _utm(lat_deg: float, lon_deg: float) -> str:
-    place = _in_standard_zone(lat_deg, lon_deg)
+def _utm(at: OnMap) -> str:
+    place = _in_standard_zone(at)
     if place is None:
         return ""
     zone = abs(place.utm.zone)
-    return f"{zone}{_band(lat_deg)} {place.x_m.item():.0f} {place.y_m.item():.0f}"
+    return f"{zone}{_band(at.lat)} {place.x_m.item():.0f} {place.y_m.item():.0f}"
 
 
-def _mgrs(lat_deg: float, lon_deg: float) -> str:
+def _mgrs(at: OnMap) -> str:
     """To a metre; digits of MGRS are cut off, not rounded."""
-    place = _in_standard_zone(lat_deg, lon_deg)
+    place = _in_standard_zone(at)
     if place is None:
         return ""
     zone = abs(place.utm.zone)
     east, north = int(place.x_m.item()), int(place.y_m.item())
     column = _COLUMNS[(zone - 1) % 3][east // 100_000 - 1]
     row = _ROWS[(north // 100_000 + (5 if zone % 2 == 0 else 0)) % len(_ROWS)]
-    return f"{zone}{_band(lat_deg)} {column}{row} {east % 100_000:05d} {north % 100_000:05d}"
+    return f"{zone}{_band(at.lat)} {column}{row} {east % 100_000:05d} {north % 100_000:05d}"

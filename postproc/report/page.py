@@ -9,8 +9,8 @@ from math import inf
 from jinja2 import Template
 from markupsafe import Markup
 
-from logger.core.answer import CONSPICUOUS, Answer, decimals_within
-from logger.core.certainty import metres
+from logger.core.answer import CONSPICUOUS, Answer
+from logger.core.certainty import OnMap, decimals_within, metres
 from logger.core.document import Column, Degrees, Table, Value, Word, number_of
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.suspicion.words import strongest_reasons, word_rate_text
@@ -34,11 +34,11 @@ _MOST_GAPS = 60
 """Of a run: a recorder that fails for hours writes more than anybody reads."""
 
 
-Streets = Callable[[float, float], str | None]
+Streets = Callable[[OnMap], str | None]
 """Name of the street at a latitude and longitude."""
 
 
-def no_street(_lat_deg: float, _lon_deg: float) -> str | None:
+def no_street(_at: OnMap) -> str | None:
     """No file has names of streets."""
     return None
 
@@ -164,10 +164,10 @@ def _places(result: CellResult, streets: Streets) -> Iterator[Coordinates]:
         is_only = len(modes) == 1
         radius_m = place.r95_m if is_only else None
         share = "" if is_only else mode.share
-        street = streets(mode.lat, mode.lon) or ""
+        street = streets(mode) or ""
         radii_m = (place.r95_m, place.r50_m) if is_only else (mode.ellipse95.semi_major_m,)
         decimals = decimals_within(*radii_m)
-        yield coordinates(mode.lat, mode.lon, radius_m, share, street, decimals)
+        yield coordinates(mode, radius_m, share, street, decimals)
 
 
 def html(

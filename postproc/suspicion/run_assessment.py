@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 from logger.core import answer
 from logger.core.baseline import NO_BASELINE, Baseline, baseline_of
 from logger.core.cell_names import identity_of
+from logger.core.certainty import OnMap
 from logger.core.document import Column, Document, Line, Table, Word, html_text, terminal_lines
 from logger.core.runfile import Run
 from logger.core.suspicion.countries import TEST_MCCS
@@ -26,12 +27,19 @@ from logger.core.suspicion.words import (
 from logger.core.types import utc_text
 from logger.drivers.family import cells_with
 from postproc.cell_work import Failure, failure
-from postproc.ground import SEVERAL, HeardIn, runs_text, several_evidence, several_text
+from postproc.ground import (
+    SEVERAL,
+    HeardIn,
+    apart_m,
+    runs_text,
+    several_evidence,
+    several_text,
+)
 from postproc.progress import Progress
 from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import heard_utc_ns, observed_cells
 from postproc.verification.celldb import CellDb
-from postproc.verification.claims import away_m, claims_of
+from postproc.verification.claims import claims_of
 
 # P3: the database does not have the cell. S10: the levels reject the position that it has.
 
@@ -104,8 +112,9 @@ def _rejected_positions(desk: _Desk) -> Iterator[_Cell]:
         for verdict in verified.cells:
             if verdict.verdict != "rejected" or verdict.p is None or verdict.best_deg is None:
                 continue
-            claimed_deg = (verdict.claim.lat_deg, verdict.claim.lon_deg)
-            yield _Cell(verdict.cell, away_m(claimed_deg, verdict.best_deg), verdict.p)
+            lat, lon = verdict.best_deg
+            away_m = apart_m((verdict.claim.at, OnMap(lat=lat, lon=lon)))
+            yield _Cell(verdict.cell, away_m, verdict.p)
 
 
 @Rule[_Desk, _Cell](

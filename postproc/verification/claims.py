@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Literal
 
 from msgspec import UNSET, Struct, UnsetType
-from pyproj import Geod
 
 from logger.core.cell_names import identity_of, with_hint
+from logger.core.certainty import OnMap
 from logger.core.document import (
     Column,
     Document,
@@ -27,6 +27,7 @@ from logger.core.places import MAX_LATITUDE_DEG, check_position
 from logger.sqlite_file import is_sqlite
 from postproc import csv_table
 from postproc.foreign_file import with_limit
+from postproc.ground import apart_m
 from postproc.verification.celldb import CellDb, cell_export
 
 RANGE_SIGMA = 0.5
@@ -39,7 +40,6 @@ _MOST_SIGMA_M = 1e6
 _MOST = 100_000
 """Claims about cells of the runs: more than a city has cells."""
 _COLUMNS = ("cell", "lat", "lon")
-_GEOD = Geod(ellps="WGS84")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,32 +58,28 @@ class Claim:
                 f"the sigma of a claim is a number of metres, zero or larger, not {self.sigma_m:g}"
             )
 
+    @property
+    def at(self) -> OnMap:
+        """The place."""
+        return OnMap(lat=self.lat_deg, lon=self.lon_deg)
+
 
 _REACH_KM = 50.0
 """A GSM cell is received within 35 km, and a walk has its own length."""
 
 
-def away_m(one_deg: tuple[float, float], other_deg: tuple[float, float]) -> float:
-    """Distance on the Earth between two positions (latitude, longitude)."""
-    return float(_GEOD.inv(one_deg[1], one_deg[0], other_deg[1], other_deg[0])[2])
-
-
-def swap_hint(claim: Claim, walk_deg: tuple[float, float]) -> str | None:
+def swap_hint(claim: Claim, walk: OnMap) -> str | None:
     """Question whether the claim's latitude and longitude were exchanged.
 
-    `walk_deg` is that of the walk. None where the claim can be received, or
-    is far away either way.
+    None where the claim can be received from the walk, or is far away either way.
     """
-    lat_deg, lon_deg = claim.lon_deg, claim.lat_deg
-    if not abs(lat_deg) <= MAX_LATITUDE_DEG:
+    swapped = OnMap(lat=claim.lon_deg, lon=claim.lat_deg)
+    if not abs(swapped.lat) <= MAX_LATITUDE_DEG:
         return None
-    claimed_km, other_km = (
-        away_m(one, walk_deg) / 1000.0
-        for one in ((claim.lat_deg, claim.lon_deg), (lat_deg, lon_deg))
-    )
+    claimed_km, other_km = (apart_m((at, walk)) / 1000.0 for at in (claim.at, swapped))
     if claimed_km <= _REACH_KM or other_km > _REACH_KM:
         return None
-    meant = f"{round(lat_deg, 7)},{round(lon_deg, 7)}"
+    meant = f"{round(swapped.lat, 7)},{round(swapped.lon, 7)}"
     return f"did you mean {meant}? It is near the walk; the claim is off by {claimed_km:.0f} km"
 
 

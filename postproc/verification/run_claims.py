@@ -13,18 +13,18 @@ from pathlib import Path
 import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.certainty import metres
+from logger.core.certainty import OnMap, metres
 from logger.core.errors import ConfigError
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import Squares
 from logger.core.locator.verdict import contradiction_of, outside_text
 from logger.core.model.prior import Prior
-from logger.core.places import Places, Track
+from logger.core.places import Places
 from logger.core.readings import Readings
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
-from postproc.ground import places_of
+from postproc.ground import apart_m, middle_of, places_of
 from postproc.multi_run import (
     in_one_zone,
     merge,
@@ -43,7 +43,6 @@ from postproc.verification.claims import (
     Detectable,
     Verdict,
     Verified,
-    away_m,
     read_claims,
     swap_hint,
 )
@@ -323,7 +322,7 @@ def verify_claims(
     rarely = {cell: why for cell, n in scans_of(runs).items() if (why := too_rarely(n))}
     check_observed((claim.cell for claim in claims if claim.cell), every_cell)
     pairs = [(cell, claim) for claim in claims for cell in ([claim.cell] if claim.cell else every)]
-    walk_deg = _middle_deg(tracks[0]) if tracks else None
+    walk = middle_of(tracks[:1]) if tracks else None
     tests: dict[tuple[str, float], _Shared] = {}
 
     def test(cell: str, claim: Claim) -> CellVerdict:
@@ -336,7 +335,7 @@ def verify_claims(
         return verify_cell(places[0], claim, p_fa, prior, posteriors, tests)
 
     def on_earth(verdict: CellVerdict) -> CellVerdict:
-        return verdict if walk_deg is None else _geodesic(verdict, walk_deg)
+        return verdict if walk is None else _geodesic(verdict, walk)
 
     def test_or_why_not(cell: str, claim: Claim) -> CellVerdict:
         verdict = attempt(cell, "the test of its claim", lambda: on_earth(test(cell, claim)))
@@ -368,20 +367,15 @@ def benjamini_hochberg(p: FloatArray) -> FloatArray:
 
 
 def _nearest(places: Sequence[Readings], claim: Claim) -> Readings:
-    at_deg = claim.lat_deg, claim.lon_deg
-    return min(places, key=lambda obs: away_m(at_deg, obs.places.first_deg))
+    return min(places, key=lambda obs: apart_m((claim.at, obs.places.on_map)))
 
 
-def _middle_deg(track: Track) -> tuple[float, float]:
-    return track.utm.to_latlon(float(np.median(track.x_m)), float(np.median(track.y_m)))
-
-
-def _geodesic(verdict: CellVerdict, walk_deg: tuple[float, float]) -> CellVerdict:
+def _geodesic(verdict: CellVerdict, walk: OnMap) -> CellVerdict:
     """With a distance that is true off the map, and a hint for a far claim."""
     claim = verdict.claim
     if verdict.distance_m is not None and verdict.distance_m > _MAP_M:
-        verdict = replace(verdict, distance_m=away_m((claim.lat_deg, claim.lon_deg), walk_deg))
-    hint = swap_hint(claim, walk_deg)
+        verdict = replace(verdict, distance_m=apart_m((claim.at, walk)))
+    hint = swap_hint(claim, walk)
     return replace(verdict, reasons=(hint, *verdict.reasons)) if hint else verdict
 
 

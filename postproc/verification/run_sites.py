@@ -18,7 +18,6 @@ from functools import cached_property
 import numpy as np
 from msgspec import UNSET
 
-from logger.core.answer import OnMap
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.cell_names import FEWEST_SCANS
 from logger.core.errors import ConfigError
@@ -510,7 +509,7 @@ def site_verdict(run: Run, cell: str, other: Run | None, prior: Prior, p_fa: flo
         log_factor=sites.log_factor,
         p=sites.p,
         draws=sites.draws,
-        places=[sites.one.first_deg, sites.other.first_deg],
+        places=[(at.lat, at.lon) for at in (sites.one.on_map, sites.other.on_map)],
     )
 
 
@@ -530,8 +529,7 @@ def _sites_of(
     rng = np.random.default_rng(_SEED)
     if other is None:
         return _within_one_walk(walks[0], prior, rng)
-    first_deg = [obs.places.first_deg for obs in walks]
-    far_m = apart_m([OnMap(lat=lat, lon=lon) for lat, lon in first_deg])
+    far_m = apart_m([obs.places.on_map for obs in walks])
     if far_m > 2.0 * CELL_REACH_M:
         raise ConfigError(
             f"{cell} is heard {far_m / 1000.0:.0f} km apart, farther than any cell reaches: "

@@ -69,9 +69,10 @@ def test_distances_are_from_each_to_each():
 @pytest.mark.parametrize(("lat_deg", "lon_deg"), [(52.5, 13.4), (-33.9, 18.4), (0.0, 179.999)])
 def test_degrees_come_back_and_a_zone_may_be_given(lat_deg, lon_deg):
     place = Places.of_degrees(lat_deg, lon_deg)
-    assert place.first_deg == pytest.approx((lat_deg, lon_deg), abs=1e-9)
+    assert place.lat_lon_deg[:, 0] == pytest.approx((lat_deg, lon_deg), abs=1e-9)
     beside = place.in_zone(Utm(abs(place.utm.zone) % 60 + 1))
-    assert beside.first_deg == pytest.approx((lat_deg, lon_deg), abs=1e-9)
+    at = beside.on_map
+    assert (at.lat, at.lon) == pytest.approx((lat_deg, lon_deg), abs=1e-9)
     assert place.in_zone(place.utm) is place
 
 

@@ -22,6 +22,7 @@ from PIL import Image
 from pmtiles.tile import TileType
 from pyproj import CRS
 
+from logger.core.certainty import OnMap
 from logger.core.errors import FieldLoggerError
 from postproc.basemap import Area, open_ground, street_at
 from postproc.interop.importing import import_walk
@@ -90,7 +91,7 @@ def _import(path: Path) -> None:
 
 def _map(path: Path) -> None:
     open_ground(path, area())
-    street_at(path, LAT, LON)
+    street_at(path, OnMap(lat=LAT, lon=LON))
 
 
 def _survey(path: Path) -> None:

@@ -2,10 +2,11 @@
 
 import pytest
 
+from logger.core.certainty import OnMap
 from logger.core.errors import GeoError
 from logger.core.runfile import read_run
 from logger.core.types import Record, Scan
-from postproc.ground import Group, OnMap, by_place, check_one_place
+from postproc.ground import Group, by_place, check_one_place
 from tests.kit import runs
 from tests.postproc.baseline.walks import cell, name, write_walk
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from logger.core.answer import OnMap
+from logger.core.certainty import OnMap
 from logger.sim.walk import BLOCK_M, SHAPES, GuidedWalk, Walk, waypoints
 from logger.sim.world import Radio, World
 

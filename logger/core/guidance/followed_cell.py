@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.answer import DEGREE_DECIMALS, Answer, MultiPolygon, NextWay, Provenance, answer_of
+from logger.core.answer import Answer, MultiPolygon, NextWay, Provenance, answer_of
 from logger.core.errors import EstimationError
 from logger.core.guidance.advice import Advice, Guide
 from logger.core.guidance.routes import LEG_M
@@ -196,11 +196,13 @@ def next_way(advice: Advice | None) -> NextWay | None:
     """The advice in degrees."""
     if advice is None:
         return None
-    lat, lon = (round(angle, DEGREE_DECIMALS) for angle in advice.end.first_deg)
+    end = advice.end.on_map.in_short()
     distance_m = advice.end.away_m(advice.start)
     azimuth_deg = true_azimuth_deg(advice.start, advice.end)
     nats = round(advice.nats_per_km, 2)
-    return NextWay(azimuth_deg, round(distance_m, 1), lat, lon, nats, advice.text, advice.why)
+    return NextWay(
+        azimuth_deg, round(distance_m, 1), end.lat, end.lon, nats, advice.text, advice.why
+    )
 
 
 def true_azimuth_deg(start: Places, end: Places) -> float:
@@ -208,11 +210,10 @@ def true_azimuth_deg(start: Places, end: Places) -> float:
 
     True and grid north differ by up to 3 degrees at the border of a zone.
     """
-    lat_deg, lon_deg = start.first_deg
-    to_lat_deg, to_lon_deg = end.first_deg
-    east_deg = remainder(to_lon_deg - lon_deg, 360.0)  # 180 and -180 are one meridian
-    east = east_deg * cos(radians(0.5 * (lat_deg + to_lat_deg)))
-    return round(degrees(atan2(east, to_lat_deg - lat_deg)) % 360.0, 1) % 360.0
+    here, there = start.on_map, end.on_map
+    east_deg = remainder(there.lon - here.lon, 360.0)  # 180 and -180 are one meridian
+    east = east_deg * cos(radians(0.5 * (here.lat + there.lat)))
+    return round(degrees(atan2(east, there.lat - here.lat)) % 360.0, 1) % 360.0
 
 
 def squares_of_region(posterior: Posterior) -> MultiPolygon:

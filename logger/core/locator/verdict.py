@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.answer import OnMap
 from logger.core.certainty import metres, share_text, whole_percents
 from logger.core.locator.posterior import Mode, Posterior
 from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, Division
@@ -297,5 +296,4 @@ def place_text(place: Places, r95_m: float = _NEAR_M) -> str:
     """Latitude and longitude of a place, as reasons name it; on no map x and y in metres."""
     if place.utm == NO_MAP:
         return f"x {place.x_m.item():.0f} m, y {place.y_m.item():.0f} m"
-    lat, lon = place.first_deg
-    return OnMap(lat=lat, lon=lon).within(r95_m)
+    return place.on_map.within(r95_m)

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from logger.core.answer import CONSPICUOUS, OnMap, to_do_about
+from logger.core.answer import CONSPICUOUS, to_do_about
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.certainty import metres
 from logger.core.document import Column, Table, Word
 from logger.core.errors import ConfigError
-from logger.core.places import Utm
+from logger.core.places import Places, Utm
 from logger.core.suspicion.rules import RULES
 from logger.core.suspicion.words import WORD_RATES, word_rate_text
 from postproc.basemap import read_basemap
@@ -84,8 +84,7 @@ class Walked(NamedTuple):
         """Latitude and longitude of the middle."""
         box = self.box
         middle_m = 0.5 * (box.west + box.east), 0.5 * (box.south + box.north)
-        lat_deg, lon_deg = self.utm.to_latlon(*middle_m)
-        return place_name(OnMap(lat=lat_deg, lon=lon_deg))
+        return place_name(Places.of(*middle_m, utm=self.utm).on_map)
 
 
 class Plan(NamedTuple):

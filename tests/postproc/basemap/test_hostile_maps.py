@@ -21,11 +21,13 @@ import resource, sys
 from pathlib import Path
 from logger.core.errors import ConfigError
 from postproc.basemap import open_ground
+from logger.core.certainty import OnMap
 from postproc.basemap import street_at
 from tests.fuzz.fuzz_foreign import LAT, LON, area
 def mb(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
 around, before = area(), mb()
-for use in (lambda path: open_ground(path, around), lambda path: street_at(path, LAT, LON)):
+here = OnMap(lat=LAT, lon=LON)
+for use in (lambda path: open_ground(path, around), lambda path: street_at(path, here)):
     try:
         use(Path(sys.argv[1]))
         print("read")

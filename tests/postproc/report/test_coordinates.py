@@ -2,6 +2,7 @@
 
 import pytest
 
+from logger.core.certainty import OnMap
 from postproc.report.coordinates import coordinates
 
 
@@ -17,12 +18,12 @@ from postproc.report.coordinates import coordinates
     ],
 )
 def test_grids_with_the_wide_zones_of_norway(lat, lon, utm, mgrs):
-    at = coordinates(lat, lon)
+    at = coordinates(OnMap(lat=lat, lon=lon))
     assert (at.utm, at.mgrs) == (utm, mgrs)
 
 
 def test_links_and_degrees():
-    at = coordinates(52.50029, -13.40102, 11.4)
+    at = coordinates(OnMap(lat=52.50029, lon=-13.40102), 11.4)
     assert at.decimal == "52.50029, -13.40102"
     assert at.degrees == "52°30'01.04\"N 13°24'03.67\"W"
     assert at.geo == "geo:52.50029,-13.40102;u=11"
@@ -32,4 +33,4 @@ def test_links_and_degrees():
 
 
 def test_a_full_minute_is_carried_over():
-    assert coordinates(9.99999999, 0.0).degrees == "10°00'00.00\"N 0°00'00.00\"E"
+    assert coordinates(OnMap(lat=9.99999999, lon=0.0)).degrees == "10°00'00.00\"N 0°00'00.00\"E"

@@ -4,6 +4,7 @@ import re
 import numpy as np
 import pytest
 
+from logger.core.certainty import OnMap
 from logger.core.errors import GeoError
 from logger.core.types import Fix
 from postproc.cli import main
@@ -214,7 +215,8 @@ def test_who_is_asked_whether_a_claim_is_swapped(claim, walk, asked):
         with pytest.raises(GeoError, match="swapped"):
             parse_claim(",".join(map(str, claim)), None)
         return
-    assert bool(swap_hint(parse_claim(",".join(map(str, claim)), None), walk)) == asked
+    walk_at = OnMap(lat=walk[0], lon=walk[1])
+    assert bool(swap_hint(parse_claim(",".join(map(str, claim)), None), walk_at)) == asked
 
 
 def test_database_from_import_to_verify(run, tmp_path, capsys):
