@@ -51,9 +51,9 @@ class Ground(NamedTuple):
     y_m: FloatArray
 
 
-def place_numbers(lat_deg: FloatArray, lon_deg: FloatArray, apart_m: float) -> IntArray:
-    """Number of the place of each position (n,); those nearer than `apart_m` share a place."""
-    point_m = _points_m(lat_deg, lon_deg)
+def place_numbers(lat_lon_deg: FloatArray, apart_m: float) -> IntArray:
+    """Number (n,) of the place of each position (2, n); those nearer than `apart_m` share one."""
+    point_m = _points_m(lat_lon_deg)
     if not len(point_m) or np.linalg.norm(np.ptp(point_m, axis=0)) < apart_m:
         return np.zeros(len(point_m), np.int64)
     from scipy.spatial import cKDTree  # noqa: PLC0415 (0.2 s; for far places only)
@@ -79,7 +79,7 @@ def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
     tiles = np.unique(np.concatenate(list(tile.values()))) if tile else np.zeros(0, np.int64)
     is_reused = any(is_by_channel(obs.cell) for obs in parts.values())
     apart_m = REUSED_M if is_reused else 2.0 * CELL_REACH_M
-    number = place_numbers(*tile_centres_deg(tiles), apart_m)
+    number = place_numbers(tile_centres_deg(tiles), apart_m)
     places: list[dict[Key, Readings]] = [{} for _ in range(np.max(number, initial=-1) + 1)]
     for digest, obs in parts.items():
         own = number[np.searchsorted(tiles, tile[digest])]
@@ -114,7 +114,7 @@ class Towns:
         tiles = [np.unique(_tiles(part)) for part in ground]
         self._tile = np.unique(np.concatenate(tiles)) if tiles else np.zeros(0, np.int64)
         centre_deg = tile_centres_deg(self._tile)
-        number = _divide(place_numbers(*centre_deg, _APART_M), _points_m(*centre_deg))
+        number = _divide(place_numbers(centre_deg, _APART_M), _points_m(centre_deg))
         rank = np.argsort(np.argsort(-np.bincount(number), kind="stable"))
         self._town = rank[number]
         self.zones = tuple(_zone_of(self._tile[self._town == town]) for town in range(len(rank)))
@@ -138,8 +138,8 @@ def _tiles(ground: Ground) -> IntArray:
     return (ground.zone.astype(np.int64) * _STRIDE + column) * _STRIDE + row
 
 
-def tile_centres_deg(tile: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Latitude and longitude of the middle of tiles (n,)."""
+def tile_centres_deg(tile: IntArray) -> FloatArray:
+    """Latitude and longitude of the middle of tiles (n,), shape (2, n)."""
     row, column = tile % _STRIDE - _OFFSET, tile // _STRIDE % _STRIDE - _OFFSET
     zone = tile // _STRIDE // _STRIDE
     lat_lon_deg = np.zeros((2, len(tile)))
@@ -147,12 +147,12 @@ def tile_centres_deg(tile: IntArray) -> tuple[FloatArray, FloatArray]:
         own = zone == number
         middle_m = ((values[own] + 0.5) * _TILE_M for values in (column, row))
         lat_lon_deg[:, own] = Utm(number).to_latlon_arrays(*middle_m)
-    return lat_lon_deg[0], lat_lon_deg[1]
+    return lat_lon_deg
 
 
-def _points_m(lat_deg: FloatArray, lon_deg: FloatArray) -> FloatArray:
+def _points_m(lat_lon_deg: FloatArray) -> FloatArray:
     """On a sphere, shape (n, 3)."""
-    lat, lon = np.radians(lat_deg), np.radians(lon_deg)
+    lat, lon = np.radians(lat_lon_deg)
     axes = (np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat))
     return np.asarray(_EARTH_M * np.stack(axes, axis=1), float)
 
@@ -177,7 +177,7 @@ def _zone_of(tile: IntArray) -> Utm:
     zones = np.unique(tile // _STRIDE // _STRIDE)
     if len(zones) == 1:
         return Utm(int(zones[0]))
-    middle = _middle(_points_m(*tile_centres_deg(tile)))
+    middle = _middle(_points_m(tile_centres_deg(tile)))
     return Utm.at(min(max(middle.lat, -MAX_LATITUDE_DEG), MAX_LATITUDE_DEG), middle.lon)
 
 
@@ -428,7 +428,7 @@ def _groups_of(walks: Sequence[_Walk]) -> list[list[_Walk]]:
     first, second = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for apart_m, tiles in shared:
         run = np.repeat(list(tiles), [len(own) for own in tiles.values()])
-        place = place_numbers(*tile_centres_deg(np.concatenate([*tiles.values()])), apart_m)
+        place = place_numbers(tile_centres_deg(np.concatenate([*tiles.values()])), apart_m)
         order = np.argsort(place, kind="stable")
         same = np.flatnonzero(np.diff(place[order]) == 0)
         first.append(run[order][same])
@@ -447,7 +447,7 @@ def _heard_in_several(walks: Sequence[_Walk]) -> dict[str, list[tuple[list[str],
         heard = [(walk, walk.heard[cell]) for walk in walks if cell in walk.heard]
         tiles = [_tiles_of(walk.at.part(rows)) for walk, rows in heard]
         different = np.unique(np.concatenate(tiles))
-        number = place_numbers(*tile_centres_deg(different), 2.0 * CELL_REACH_M)
+        number = place_numbers(tile_centres_deg(different), 2.0 * CELL_REACH_M)
         places = []
         for place in dict.fromkeys(number.tolist()) if np.any(number) else ():
             near = different[number == place]
@@ -503,7 +503,5 @@ def _tiles_of(places: Places) -> IntArray:
 
 def middle_of(parts: Sequence[Places]) -> OnMap:
     """The middle of the medians of some places."""
-    lat_lon_deg = [
-        one.utm.to_latlon(float(np.median(one.x_m)), float(np.median(one.y_m))) for one in parts
-    ]
-    return _middle(_points_m(*np.array(lat_lon_deg, float).T))
+    middles = [Places.of(*np.median(one.xy_m, axis=1), utm=one.utm) for one in parts]
+    return _middle(_points_m(np.hstack([one.lat_lon_deg for one in middles])))

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.certainty import radii_text, share_text, whole_percents
+from logger.core.certainty import OnMap, radii_text, share_text, whole_percents
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import HALF, LEVEL, Squares
 from logger.core.model import path_loss
@@ -31,7 +31,7 @@ Rings = list[FloatArray]
 """Outline of a region: closed rings (k, 2), outer ones counterclockwise, holes clockwise."""
 
 
-def regions_of(posterior: Posterior, origin_m: tuple[float, float]) -> dict[str, Rings]:
+def regions_of(posterior: Posterior, origin_m: FloatArray) -> dict[str, Rings]:
     """Outlines of the 95 % and the 50 % region; the latter is empty where it would not be true."""
     regions = {"95": region_rings(posterior.squares, LEVEL, origin_m), "50": list[FloatArray]()}
     if posterior.is_strongest_inside:
@@ -39,7 +39,7 @@ def regions_of(posterior: Posterior, origin_m: tuple[float, float]) -> dict[str,
     return regions
 
 
-def region_rings(cells: Squares, share: float, origin_m: tuple[float, float]) -> Rings:
+def region_rings(cells: Squares, share: float, origin_m: FloatArray) -> Rings:
     """Outline of the smallest region with this `share` of the probability, in m from `origin_m`."""
     return [ring - origin_m for ring in rings_of(cells, share)]
 
@@ -141,7 +141,7 @@ class Picture:
     level_range_dbm: tuple[float, float]
     regions: dict[str, Rings]
     estimates: tuple[Estimate, ...]
-    truth_m: tuple[float, float] | None
+    truth_m: FloatArray | None
     box: Box | None
 
     @property
@@ -157,7 +157,7 @@ class Picture:
 
 def _readings_m(survey: Survey, focus: CellResult | None) -> FloatArray:
     obs = focus.obs if focus else None
-    return survey.local(obs.x_m, obs.y_m) if obs else np.empty((0, 2))
+    return survey.local(obs.places) if obs else np.empty((0, 2))
 
 
 def _level_dbm(focus: CellResult | None) -> FloatArray:
@@ -170,7 +170,7 @@ def picture_of(survey: Survey, focus: CellResult | None) -> Picture:
     regions = regions_of(posterior, survey.origin_m) if posterior else {}
     truth_m = _truth_m(survey, focus)
     extras = [np.vstack(regions["95"])] if regions else []
-    extras += [np.array([truth_m])] if truth_m else []
+    extras += [] if truth_m is None else [truth_m[None]]
     walked_m = np.vstack([survey.track_m, _readings_m(survey, focus)])
     return Picture(
         survey=survey,
@@ -234,12 +234,11 @@ def _estimates(survey: Survey, focus: CellResult | None) -> tuple[Estimate, ...]
     )
 
 
-def _truth_m(survey: Survey, focus: CellResult | None) -> tuple[float, float] | None:
+def _truth_m(survey: Survey, focus: CellResult | None) -> FloatArray | None:
     if focus is None or survey.utm is None:
         return None
     for walk in survey.walks:
         for truth in walk.run.meta.truth:
             if truth.cell == focus.cell:
-                east_m, north_m = survey.position_m(truth.lat_deg, truth.lon_deg).tolist()
-                return east_m, north_m
+                return survey.position_m(OnMap(lat=truth.lat_deg, lon=truth.lon_deg))
     return None

@@ -2,7 +2,6 @@
 
 import textwrap
 from collections.abc import Sequence
-from math import hypot
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -381,8 +380,9 @@ def draw_plan(figure: Figure | SubFigure, axes: Axes, picture: Picture) -> Box |
 
 def _draw_truth(axes: Axes, picture: Picture, box: Box) -> None:
     if picture.truth_m is not None:
-        label = "truth (simulated)" + outside_note(box, *picture.truth_m)
-        draw_marks(axes, *picture.truth_m, "*", colours.TRUTH, 13, label=label, zorder=9)
+        label = "truth (simulated)" + outside_note(box, picture.truth_m)
+        east_m, north_m = picture.truth_m
+        draw_marks(axes, east_m, north_m, "*", colours.TRUTH, 13, label=label, zorder=9)
 
 
 def draw_inset(axes: Axes, inset: Inset, picture: Picture) -> Axes:
@@ -420,14 +420,11 @@ def draw_streets(axes: Axes, survey: Survey) -> None:
         axes.grid(visible=False)
 
 
-def outside_note(box: Box, east_m: float, north_m: float) -> str:
-    """Remark in a legend on a position outside the plan; empty for one inside."""
-    if box.contains(east_m, north_m):
+def outside_note(box: Box, position_m: FloatArray) -> str:
+    """Remark in a legend on a position (2,) outside the plan; empty for one inside."""
+    if box.contains(position_m):
         return ""
-    distance_m = hypot(
-        max(box.west - east_m, east_m - box.east, 0.0),
-        max(box.south - north_m, north_m - box.north, 0.0),
-    )
+    distance_m = float(np.hypot(*(position_m - np.clip(position_m, *box.corners_m))))
     return f", {metres(distance_m) if distance_m < _FAR_M else 'far'} outside the plan"
 
 
@@ -503,15 +500,16 @@ _MARKS = {"suspicious": ("o", 14.0), "unusual": ("D", 10.0)}
 
 
 def draw_cell_mark(
-    axes: Axes, position_m: tuple[float, float], word: str, colour: Colour, **style: Any
+    axes: Axes, position_m: FloatArray, word: str, colour: Colour, **style: Any
 ) -> None:
     """Where a cell is, in a shape and with the sign of its word; a dot without one."""
     marker, size = _MARKS.get(word, ("o", 7.0))
-    white = rgb(colours.PAPER)
-    draw_marks(axes, *position_m, marker, colour, size, markeredgecolor=white, zorder=8, **style)
+    east_m, north_m = position_m
+    style |= {"markeredgecolor": rgb(colours.PAPER), "zorder": 8}
+    draw_marks(axes, east_m, north_m, marker, colour, size, **style)
     if sign := SIGNS.get(word):
         within = {"markeredgewidth": 2.0, "zorder": 8.5}
-        draw_marks(axes, *position_m, sign, colours.PAPER, 0.45 * size, **within)
+        draw_marks(axes, east_m, north_m, sign, colours.PAPER, 0.45 * size, **within)
 
 
 def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
@@ -524,7 +522,7 @@ def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
     ink = rgb(colour)
     for name, alpha in (("95", 0.12), ("50", 0.25)):
         if rings := picture.regions[name]:
-            inside = all(box.contains(*corner) for ring in rings for corner in ring.tolist())
+            inside = np.all(box.contains(np.vstack(rings)))
             label = f"{name} % region" + ("" if inside else " (extends outside)")
             # holes run the other way round and stay empty
             path = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
@@ -534,19 +532,18 @@ def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
     name = "likely positions" if several else "most likely position"
     name += f": {word}" if word in SIGNS else ""
     positions_m = picture.survey.modes_m(posterior.likely_modes)
-    for i, (text, (east_m, north_m)) in enumerate(
-        zip(mode_labels(posterior), positions_m.tolist(), strict=True)
-    ):
-        label = "_nolegend_" if i else name + outside_note(box, east_m, north_m)
-        draw_cell_mark(axes, (east_m, north_m), word, colour, label=label)
-        share = axes.annotate(text, (east_m, north_m), (7, 7), textcoords="offset points")
+    for i, (text, position_m) in enumerate(zip(mode_labels(posterior), positions_m, strict=True)):
+        label = "_nolegend_" if i else name + outside_note(box, position_m)
+        draw_cell_mark(axes, position_m, word, colour, label=label)
+        share = axes.annotate(text, position_m, (7, 7), textcoords="offset points")
         share.set(fontweight="bold", zorder=9, annotation_clip=True)
 
 
 def _draw_estimate(axes: Axes, estimate: Estimate, box: Box) -> None:
-    east_m, north_m = estimate.x[:2].tolist()
+    position_m = estimate.x[:2]
     name, colour = legend_of(estimate.estimator)
-    label = name + outside_note(box, east_m, north_m)
+    label = name + outside_note(box, position_m)
+    east_m, north_m = position_m
     draw_marks(axes, east_m, north_m, "x", colour, 8, label=label, zorder=7)
     ellipse = estimate.ellipse
     axes.add_patch(

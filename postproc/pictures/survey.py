@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from logger.core.answer import Word
-from logger.core.arrays import FloatArray, IntArray
+from logger.core.arrays import BoolArray, FloatArray, IntArray
+from logger.core.certainty import OnMap
 from logger.core.locator.posterior import Mode
-from logger.core.places import Utm
+from logger.core.places import Places, Utm
 from logger.core.readings import times_ns
 from logger.core.rows import levels_dbm
 from logger.core.runfile import Run
@@ -127,9 +128,11 @@ class Box(NamedTuple):
         beside = self.east < other.west or other.east < self.west
         return beside or self.north < other.south or other.north < self.south
 
-    def contains(self, x_m: float, y_m: float) -> bool:
-        """Whether a point lies inside."""
-        return self.west <= x_m <= self.east and self.south <= y_m <= self.north
+    def contains(self, points_m: FloatArray) -> BoolArray:
+        """Whether points (..., 2) lie inside, shape (...)."""
+        south_west, north_east = self.corners_m
+        is_inside = (south_west <= points_m) & (points_m <= north_east)
+        return np.asarray(np.all(is_inside, axis=-1), np.bool_)
 
 
 def plan_box(walked_m: FloatArray, extras_m: Iterable[FloatArray]) -> Box:
@@ -163,9 +166,7 @@ def with_inset(
     `answer_m` (k, 2) is shown larger; an inset must not hide `drawn_m` (n, 2).
     """
     around = None if answer_m is None or not len(answer_m) else Box.around(answer_m)
-    is_outside = around is None or not (
-        box.contains(around.west, around.south) and box.contains(around.east, around.north)
-    )
+    is_outside = around is None or not np.all(box.contains(around.corners_m))
     if around is None or is_outside:
         return box, None
     half_m = max(0.75 * around.size, 0.5 * _LEAST_INSET_M)
@@ -181,8 +182,7 @@ def with_inset(
         Box(west, south, west + side_m, south + side_m),
         Box(east - side_m, north - side_m, east, north),
     ):
-        hidden = [frame.contains(*point_m) for point_m in drawn_m.tolist()]
-        if np.mean(hidden) <= _MOST_COVERED and frame.apart(shown):
+        if np.mean(frame.contains(drawn_m)) <= _MOST_COVERED and frame.apart(shown):
             return box, (shown, frame)
     south = box.south - side_m
     frame = Box(west, south, west + side_m, south + side_m)
@@ -227,7 +227,7 @@ class Walk:
 class Survey:
     """The walks of a result; `utm` is None where no run has a fix.
 
-    Local positions are metres east and north of `origin_m`. `warnings` are about the runs, not
+    Local positions are metres east and north of `origin_m` (2,). `warnings` are about the runs, not
     about a cell; `words` are those of the cells where suspicion was asked. `streets_m` are the
     streets of a simulated world, lines (k, 2).
     """
@@ -235,7 +235,7 @@ class Survey:
     walks: tuple[Walk, ...]
     clock: Clock
     utm: Utm | None
-    origin_m: tuple[float, float]
+    origin_m: FloatArray
     warnings: tuple[str, ...]
     words: Mapping[str, Word] = field(default_factory=dict)
     streets_m: Sequence[FloatArray] = ()
@@ -259,18 +259,19 @@ class Survey:
         """Whether one of the runs is."""
         return any(walk.run.meta.truth for walk in self.walks)
 
-    def local(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """Local positions (n, 2) of UTM coordinates (n,)."""
-        return np.column_stack([x_m, y_m]) - self.origin_m
+    def local(self, places: Places) -> FloatArray:
+        """Local positions (n, 2) of places in the zone of the survey."""
+        return np.asarray(places.xy_m.T - self.origin_m, float)
 
     def modes_m(self, modes: Sequence[Mode]) -> FloatArray:
         """Local positions (n, 2) of modes of a posterior."""
         return np.array([(mode.x_m, mode.y_m) for mode in modes]).reshape(-1, 2) - self.origin_m
 
-    def position_m(self, lat_deg: float, lon_deg: float) -> FloatArray:
-        """Local position (2,) of latitude and longitude; one run must have a fix."""
+    def position_m(self, at: OnMap) -> FloatArray:
+        """Local position (2,); one run must have a fix."""
         assert self.utm is not None
-        return np.array(self.utm.to_xy(lat_deg, lon_deg)) - self.origin_m
+        local_m = self.local(Places.of_degrees(at.lat, at.lon, utm=self.utm))
+        return np.asarray(local_m[0], float)
 
     def degrees(self, positions_m: FloatArray) -> FloatArray:
         """Latitude and longitude (n, 2) of local positions (n, 2); one run must have a fix."""
@@ -286,13 +287,13 @@ def survey_of(result: Result) -> Survey:
     """The walks of a result, the origin at the first fix of the first run that has one."""
     runs = [observed.run for observed in result.runs]
     tracks = [observed.observations.track for observed in result.runs if observed.observations]
-    origin_m = (float(tracks[0].x_m[0]), float(tracks[0].y_m[0])) if tracks else (0.0, 0.0)
+    origin_m = tracks[0].xy_m[:, 0] if tracks else np.zeros(2)
     walks = []
     for observed in result.runs:
         t_ns, track_m = np.zeros(0, np.int64), np.empty((0, 2))
         if observed.observations is not None:
             track = observed.observations.track
-            t_ns, track_m = track.t_ns, np.column_stack([track.x_m, track.y_m]) - origin_m
+            t_ns, track_m = track.t_ns, track.xy_m.T - origin_m
         walks.append(Walk(observed.run, levels_of(observed.run), t_ns, track_m))
     survey = Survey(
         walks=tuple(walks),
@@ -313,7 +314,7 @@ def _simulated_streets(survey: Survey) -> list[FloatArray]:
         CITIES, key=lambda name: hypot(*(here_deg - (CITIES[name].lat_deg, CITIES[name].lon_deg)))
     )
     return [
-        np.array([survey.position_m(*end_deg) for end_deg in street])
+        np.array([survey.position_m(OnMap(lat=lat, lon=lon)) for lat, lon in street])
         for name in names
         if name in SCENARIOS
         for street in scenario(name, city_name=nearest).streets_deg()

@@ -131,8 +131,7 @@ def _place(survey: Survey, number: int, cell: CellResult) -> _Place | None:
         rings = regions["95"], regions["50"]
         return _Place(*named, what, survey.modes_m(modes), shares, *rings)
     if word in SIGNS and cell.obs is not None and len(cell.obs):
-        strongest = cell.obs.strongest
-        where_m = survey.local(strongest.x_m, strongest.y_m)
+        where_m = survey.local(cell.obs.strongest.places)
         return _Place(*named, "where it was strongest", where_m, ("",), [], [])
     return None
 
@@ -185,8 +184,8 @@ def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> list[Annot
             path = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
             style = {"edgecolor": rgb(colour), "linestyle": line, "zorder": 4}
             axes.add_patch(PathPatch(path, facecolor=(*rgb(colour), alpha), **style))
-    positions_m = place.positions_m.tolist()
-    n_outside = sum(not box.contains(*each) for each in positions_m) if box else 0
+    positions_m = place.positions_m
+    n_outside = int(np.sum(~box.contains(positions_m))) if box else 0
     outside = f", {n_outside} of {len(positions_m)} places outside the plan" if n_outside else ""
     for i, (position_m, share) in enumerate(zip(positions_m, place.shares, strict=True)):
         what = f", {place.what}" if place.what else ""

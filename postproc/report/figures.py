@@ -109,15 +109,15 @@ def legends_inch(figure: Figure) -> float:
 
 def _draw_claim(axes: Axes, picture: Picture, box: Box, tested: CellVerdict) -> None:
     claim = tested.claim
-    east_m, north_m = picture.survey.position_m(claim.lat_deg, claim.lon_deg).tolist()
+    east_m, north_m = position_m = picture.survey.position_m(claim.at)
     ink = rgb(colours.INK)
     marker = "X" if tested.verdict == "rejected" else "D"
     fill = colours.PAPER if tested.verdict == "cannot tell" else colours.INK
-    label = f"claimed position: {tested.verdict}{outside_note(box, east_m, north_m)}"
+    label = f"claimed position: {tested.verdict}{outside_note(box, position_m)}"
     style = {"markeredgecolor": ink, "label": label, "zorder": 10}
     draw_marks(axes, east_m, north_m, marker, fill, 6, **style)
     radius_m = 2.0 * claim.sigma_m
-    if radius_m > 0.0 and box.enlarge(radius_m).contains(east_m, north_m):
+    if radius_m > 0.0 and box.enlarge(radius_m).contains(position_m):
         circle = Circle((east_m, north_m), radius_m, fill=False, edgecolor=ink, linestyle=DASHED)
         axes.add_patch(circle).set_zorder(5)
 
@@ -282,7 +282,7 @@ def _posterior(picture: Picture) -> list[str]:
 def _claims(picture: Picture, claims: Sequence[CellVerdict]) -> list[str]:
     sentences = []
     for tested in claims:
-        position_m = picture.survey.position_m(tested.claim.lat_deg, tested.claim.lon_deg)
+        position_m = picture.survey.position_m(tested.claim.at)
         where = _from_start(picture, position_m)
         sentences.append(f"A claimed position ({tested.verdict}) is {where}.")
     return sentences

@@ -14,7 +14,7 @@ from PIL import Image
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.certainty import ellipse95
 from logger.core.locator.region import LEVEL, Squares
-from logger.core.places import MAX_GAP_S
+from logger.core.places import MAX_GAP_S, Places
 from postproc.basemap import Basemap
 from postproc.estimators.filters import FilterPath
 from postproc.notebook_plan import length_text, round_step
@@ -406,7 +406,7 @@ def draw_plan(writer: RerunWriter, view: ViewModel) -> None:
         _draw_claims(plan, view, cell)
         if cell.picture.truth_m is not None:
             style = Style([colours.TRUTH], 7.0, 20.0)
-            plan.points(("cells", cell.name, "truth"), np.array([cell.picture.truth_m]), style)
+            plan.points(("cells", cell.name, "truth"), cell.picture.truth_m[None], style)
     _draw_all_cells(plan, view)
 
 
@@ -493,7 +493,7 @@ def _draw_filter(
     plan: Surface, view: ViewModel, path: Sequence[str], filtered: FilterPath, ink: Colour
 ) -> None:
     """A filter's path, and its position and ellipse at each reading."""
-    positions_m = view.survey.local(filtered.x[:, 0], filtered.x[:, 1])
+    positions_m = view.survey.local(Places.of(*filtered.x[:, :2].T))
     with np.errstate(invalid="ignore"):
         drawable = np.all(np.isfinite(filtered.p), axis=(1, 2)) & (
             np.hypot(*positions_m.T) < FARTHEST_M
@@ -522,7 +522,7 @@ def _draw_claims(plan: Surface, view: ViewModel, cell: CellView) -> None:
         return
     for i, tested in enumerate(cell.claims, 1):
         claim, ink = tested.claim, [colours.verdict_colour(tested.verdict)]
-        position_m = view.survey.position_m(claim.lat_deg, claim.lon_deg)
+        position_m = view.survey.position_m(claim.at)
         if np.hypot(*position_m) > FARTHEST_M:
             continue
         path = ("cells", cell.name, "claims", str(i))
@@ -572,9 +572,7 @@ def draw_density(plan: Surface, view: ViewModel, cell: CellView) -> None:
     plan.send_columns(path, cell.t_ns, rr.EncodedImage.columns(blob=images))
 
 
-def density(
-    squares: Squares, origin_m: tuple[float, float], box: Box, pixel_m: float
-) -> FloatArray:
+def density(squares: Squares, origin_m: FloatArray, box: Box, pixel_m: float) -> FloatArray:
     """Probability of each pixel of the plan, shape (rows, columns), north up.
 
     A square contributes to a pixel by their common area. Its corners are steps in a two-dimensional
@@ -670,9 +668,9 @@ def _draw_marks(surface: Surface, view: ViewModel, cell: CellView) -> None:
         for estimate in cell.picture.estimates
     ]
     if cell.picture.truth_m is not None:
-        marks.append((np.array(cell.picture.truth_m), colours.TRUTH))
+        marks.append((cell.picture.truth_m, colours.TRUTH))
     for tested in cell.claims:
-        position_m = view.survey.position_m(tested.claim.lat_deg, tested.claim.lon_deg)
+        position_m = view.survey.position_m(tested.claim.at)
         marks.append((position_m, colours.verdict_colour(tested.verdict)))
     near = [(position_m, ink) for position_m, ink in marks if np.hypot(*position_m) < FARTHEST_M]
     if near:

@@ -15,6 +15,7 @@ import rerun.blueprint as rrb
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.document import Column, Degrees, Table, Word, markdown_table, markdown_text
 from logger.core.locator.alternatives import alternatives_text
+from logger.core.places import Places
 from logger.core.rows import Rows
 from postproc.atomic_write import whole_file
 from postproc.basemap import Basemap
@@ -191,7 +192,7 @@ def _draw_accuracy(writer: RerunWriter, view: ViewModel, cell: CellView) -> None
     half = step_line("posterior, 50 %", colours.POSTERIOR)
     writer.plot(f"{path}/r50", cell.t_ns, cell.of_steps("r50_m"), half)
     if cell.picture.truth_m is not None:
-        best_m = view.survey.local(cell.of_steps("x_m"), cell.of_steps("y_m"))
+        best_m = view.survey.local(Places.of(cell.of_steps("x_m"), cell.of_steps("y_m")))
         error_m = np.hypot(*(best_m - cell.picture.truth_m).T)
         writer.plot(f"{path}/error", cell.t_ns, error_m, step_line("error", colours.TRUTH))
 
@@ -484,8 +485,7 @@ def _error(view: ViewModel, cell: CellView) -> str:
     posterior, truth_m = cell.result.posterior, cell.picture.truth_m
     if truth_m is None or posterior is None:
         return ""
-    best_m = np.array([posterior.x_m, posterior.y_m]) - view.survey.origin_m
-    error_m = float(np.hypot(*(best_m - truth_m)))
+    error_m = float(np.hypot(*(view.survey.local(posterior.place)[0] - truth_m)))
     return f"Simulated: the best position is {error_m:.0f} m from the truth."
 
 

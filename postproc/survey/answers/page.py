@@ -332,7 +332,7 @@ def _grounds(basemap: Path | None, towns: Sequence[Walked]) -> list[str]:
         return [""] * len(towns)
     found, errors = [], []
     for town in towns:
-        frame = Frame((), Clock(np.zeros(1, np.int64), (None,)), town.utm, (0.0, 0.0), ())
+        frame = Frame((), Clock(np.zeros(1, np.int64), (None,)), town.utm, np.zeros(2), ())
         try:
             ground = read_basemap(basemap, frame, town.box, _MOST_PIXELS)
         except ConfigError as error:

@@ -5,6 +5,7 @@ import pytest
 
 from logger.core.answer import place_of
 from logger.core.locator.region import Squares
+from logger.core.places import Places
 from postproc.pictures.picture import (
     fit_of,
     focus_of,
@@ -64,7 +65,7 @@ def test_a_region_far_larger_than_the_walk_leaves_the_walk_visible(result):
     )
     huge = replace(cell, posterior=replace(cell.posterior, squares=far))
     box = picture_of(survey_of(result), huge).box
-    assert box.contains(0.0, 0.0)
+    assert box.contains(np.zeros(2))
     assert box.size < 400.0
 
 
@@ -74,7 +75,7 @@ def test_estimates_are_local_and_those_that_have_a_picture(result):
     assert keys == ["batch", "ekf", "rts", "reference"]
     ekf = picture.estimates[1]
     x_m, y_m = result.cells[0].ekf.x[-1, :2]
-    assert survey_of(result).local(x_m, y_m)[0].tolist() == ekf.x[:2].tolist()
+    assert survey_of(result).local(Places.of(x_m, y_m))[0].tolist() == ekf.x[:2].tolist()
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +114,7 @@ def test_without_a_position_there_is_no_fit(cell):
 
 def test_rings_are_closed_and_relative_to_the_origin():
     (ring,) = region_rings(
-        Squares(*(np.array([v]) for v in (100.0, 200.0, 8.0, 1.0))), 0.95, (90.0, 190.0)
+        Squares(*(np.array([v]) for v in (100.0, 200.0, 8.0, 1.0))), 0.95, np.array([90.0, 190.0])
     )
     np.testing.assert_array_equal(ring[0], ring[-1])
     np.testing.assert_allclose(

@@ -4,6 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from logger.core.certainty import OnMap
 from logger.core.places import Utm
 from postproc.pictures.survey import (
     Box,
@@ -33,7 +34,9 @@ def test_positions_convert_to_degrees_and_back(result):
     survey = survey_of(result)
     positions_m = np.array([(0.0, 0.0), (30.0, -70.0)])
     for position_m, degrees in zip(positions_m, survey.degrees(positions_m), strict=True):
-        np.testing.assert_allclose(survey.position_m(*degrees), position_m, atol=1e-6)
+        np.testing.assert_allclose(
+            survey.position_m(OnMap(lat=degrees[0], lon=degrees[1])), position_m, atol=1e-6
+        )
     np.testing.assert_allclose(survey.degrees(np.zeros((1, 2))), [(kit.LAT, kit.LON)], atol=1e-6)
 
 
@@ -74,9 +77,9 @@ WALK_M = np.array([(0.0, 0.0), (200.0, 100.0)])
 
 
 def test_a_region_near_the_walk_enlarges_the_plan():
-    assert plan_box(WALK_M, []).contains(100.0, 50.0)
-    assert not plan_box(WALK_M, []).contains(400.0, 50.0)
-    assert plan_box(WALK_M, [np.array([(400.0, 50.0)])]).contains(400.0, 50.0)
+    assert plan_box(WALK_M, []).contains(np.array([100.0, 50.0]))
+    assert not plan_box(WALK_M, []).contains(np.array([400.0, 50.0]))
+    assert plan_box(WALK_M, [np.array([(400.0, 50.0)])]).contains(np.array([400.0, 50.0]))
 
 
 def test_a_region_far_larger_than_the_walk_extends_outside():
@@ -119,16 +122,16 @@ def test_a_small_answer_has_an_inset_in_a_free_corner():
     box, inset = with_inset(PLAN, SMALL_M, np.array([(200.0, 350.0), (390.0, 20.0)]))
     shown, frame = inset
     assert box == PLAN
-    assert all(shown.contains(*point) for point in SMALL_M.tolist())
+    assert all(map(shown.contains, SMALL_M))
     assert frame.apart(shown)
-    assert frame.contains(20.0, 20.0)
+    assert frame.contains(np.array([20.0, 20.0]))
 
 
 def test_an_inset_hides_no_walk_but_gets_room():
     walk_m = np.column_stack([np.linspace(0.0, 400.0, 100)] * 2)
     box, (_, frame) = with_inset(PLAN, SMALL_M, walk_m)
     assert box.height > PLAN.height
-    assert not any(frame.contains(*point) for point in walk_m[1:].tolist())
+    assert not any(map(frame.contains, walk_m[1:]))
 
 
 @pytest.mark.parametrize("answer_m", [None, SMALL_M * 3.0 - 400.0, SMALL_M + 300.0])

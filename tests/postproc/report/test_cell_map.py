@@ -12,6 +12,7 @@ from msgspec import structs
 from PIL import Image
 from pmtiles.tile import TileType
 
+from logger.core.certainty import OnMap
 from logger.core.errors import ConfigError
 from logger.core.places import Places
 from logger.sim.scenario import scenario
@@ -114,7 +115,9 @@ def test_streets_are_those_of_the_city_that_was_walked(result):
         replace(result, runs=(replace(observed, run=replace(observed.run, meta=city)),))
     )
     walked = scenario("city-clean", city_name="leipzig").streets_deg()
-    ends_m = np.array([[survey.position_m(*end) for end in street] for street in walked])
+    ends_m = np.array(
+        [[survey.position_m(OnMap(lat=lat, lon=lon)) for lat, lon in street] for street in walked]
+    )
     assert np.allclose(survey.streets_m, ends_m)
 
 

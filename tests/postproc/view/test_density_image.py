@@ -16,9 +16,8 @@ def cells(*squares):
 
 
 def test_probability_is_at_the_squares_north_up():
-    pixels = density(
-        cells((1005.0, 2015.0, 10.0, 0.75), (1035.5, 2000.5, 0.5, 0.25)), (1000.0, 2000.0), BOX, 1.0
-    )
+    two = cells((1005.0, 2015.0, 10.0, 0.75), (1035.5, 2000.5, 0.5, 0.25))
+    pixels = density(two, np.array([1000.0, 2000.0]), BOX, 1.0)
     assert pixels.shape == (20, 40)
     np.testing.assert_allclose(pixels[:10, :10], 0.0075)
     np.testing.assert_allclose(pixels[19, 35], 0.25)
@@ -32,8 +31,8 @@ def test_squares_outside_the_plan_are_left_out():
         (-5.0, -5.0, 0.5, 0.25),
         (20.0, 30.0, 10.0, 0.25),
     ]
-    assert not np.any(density(cells(*outside), (0.0, 0.0), BOX, 1.0))
-    half = density(cells((0.0, 10.0, 10.0, 1.0)), (0.0, 0.0), BOX, 1.0)
+    assert not np.any(density(cells(*outside), np.zeros(2), BOX, 1.0))
+    half = density(cells((0.0, 10.0, 10.0, 1.0)), np.zeros(2), BOX, 1.0)
     np.testing.assert_allclose(np.sum(half), 0.5)
 
 
