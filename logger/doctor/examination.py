@@ -22,7 +22,7 @@ from logger.core.document import Column, Document, Part, Table, facts, terminal_
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import Run, read_run
 from logger.core.source_tables import GNSS, MODEM
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.link import NOT_THERE, Line
 from logger.device.machine import kernel_text
 from logger.device.mode_switch import SavedModes, unrestored_modes
@@ -203,7 +203,7 @@ def _trial_run(config: SiteConfig, folder: str, seconds: float) -> Run:
             for one in config.source
         ),
     )
-    clock = SystemClock()
+    clock = Clock()
     writer = begin_run(trial_config, "", clock, origin=TRIAL)
     service = Service(trial_config, writer, clock, threading.Event())
     service.start()
