@@ -25,6 +25,10 @@ class Clock:
         """Real duration of this clock's seconds, for timeouts of the system."""
         return seconds
 
+    def real_now_s(self) -> float:
+        """Now in real seconds: a modem needs its time, however fast a simulated walk runs."""
+        return self.real_s(self.now_ns() / 1e9)
+
 
 class ScaledClock(Clock):
     """A clock that runs `rate` times faster than the real one, from zero."""
