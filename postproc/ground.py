@@ -320,7 +320,7 @@ def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[tuple
     Raises `ConfigError` for a cell that no group names.
     """
     named = [
-        {name.decode("utf-8", "replace") for run in group.runs
+        {name.decode() for run in group.runs
          for name in np.unique(run.named_readings["cell"]).tolist()}
         for group in groups
     ]  # fmt: skip
@@ -413,7 +413,7 @@ def _walk_of(run: Run) -> _Walk | None:
     ends = np.searchsorted(which[rows], np.arange(len(names) + 1))
     heard = {}
     for k, stored in enumerate(names.tolist()):
-        name = stored.decode("utf-8", "replace")
+        name = stored.decode()
         if ends[k + 1] > ends[k] and identity_of(name) is not None:
             heard[name] = rows[ends[k] : ends[k + 1]]
     return _Walk(run, track, at, heard)

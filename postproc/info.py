@@ -229,20 +229,16 @@ def _cells(run: Run) -> tuple[CellCount, ...]:
     )
     cells = [
         CellCount(
-            _text(name),
-            _text(rat) or None,
+            name.decode(),
+            rat.decode() or None,
             n,
-            scans[_text(name)],
+            scans[name.decode()],
             most_dbm if np.isfinite(most_dbm) else None,
         )
         for name, rat, n, most_dbm in rows
         if name
     ]
     return tuple(sorted(cells, key=lambda cell: -cell.n))
-
-
-def _text(stored: bytes) -> str:
-    return stored.decode("utf-8", "replace")
 
 
 def _gaps(of: str, t_ns: np.ndarray[tuple[int], np.dtype[np.int64]], start_ns: int) -> list[Gap]:
@@ -258,10 +254,10 @@ def _events(run: Run) -> tuple[Event, ...]:
     return tuple(
         Event(
             (int(row["t_ns"]) - run.meta.started_ns) / 1e9,
-            _text(row["source"]),
-            _text(row["level"]),
-            _text(row["code"]),
-            _text(row["text"]),
+            row["source"].decode(),
+            row["level"].decode(),
+            row["code"].decode(),
+            row["text"].decode(),
         )
         for row in run.tables["notes"]
     )

@@ -64,7 +64,7 @@ def _of_one_modem(observations: Observations, readings: Rows) -> Observations:
     naming = Naming(cell[counts], number[place[counts]], rat[counts])
     share = named_shares(places.part(at), naming)
     key, first = np.unique(naming.cell * len(seq) + naming.scan, return_index=True)
-    numbers = {name.decode("utf-8", "replace"): k for k, name in enumerate(names.tolist())}
+    numbers = {name.decode(): k for k, name in enumerate(names.tolist())}
 
     def with_share(obs: Readings) -> Readings:
         scan = number[np.searchsorted(seq, obs.scan_seq)]

@@ -270,6 +270,6 @@ def _settings(config: Path) -> Iterator[str]:
 
 def _events(run: Run) -> Iterator[tuple[str | float, ...]]:
     for row in run.tables["notes"][-_MOST_NOTES:]:
-        text = without_private(row["text"].decode("utf-8", "replace"))
+        text = without_private(row["text"].decode())
         seconds = (int(row["t_ns"]) - run.meta.started_ns) / 1e9
         yield seconds, row["level"].decode(), row["code"].decode(), text

@@ -330,7 +330,7 @@ def levels_of(run: Run) -> tuple[Levels, ...]:
     starts = np.searchsorted(which[order], np.arange(1, len(names)))
     columns = (np.split(column[usable][order], starts) for column in (t_ns, level))
     cells = [
-        Levels(name.decode("utf-8", "replace"), times, values)
+        Levels(name.decode(), times, values)
         for name, times, values in zip(names, *columns, strict=False)
     ]
     return tuple(sorted(cells, key=lambda cell: -len(cell.t_ns)))
