@@ -239,9 +239,8 @@ class CellResult:
     `needed_m` the radius that a location needs, if the region is wider. `word` is empty unless it
     is conspicuous.
 
-    `shares` is what each run contributed, `run_index` (n,) the index in `Result.runs` of each
-    reading of `obs`, and `without` the answer without one run, by its index; empty unless two or
-    more runs observed the cell.
+    `shares` is what each run contributed, and `without` the answer without one run, by its index in
+    `Result.runs`; empty unless two or more runs observed the cell.
     """
 
     cell: str
@@ -262,7 +261,6 @@ class CellResult:
     set_aside: tuple[SpikeLevel, ...] = ()
     n_scans: int | None = None
     heard_utc_ns: tuple[int, int] | None = None
-    run_index: IntArray | None = None
     shares: tuple[RunShare, ...] = ()
     without: Mapping[int, "CellResult"] = field(default_factory=dict)
     error: str | None = None
