@@ -164,10 +164,7 @@ def _name_directly(axes: Axes, survey: Survey) -> None:
 
 
 def _draw_basemap(axes: Axes, basemap: Basemap, shown: Box) -> None:
-    alpha = _OPACITY * basemap.pixels[..., 3:] / 255.0
-    paper = np.array(colours.PAPER)
-    pixels = np.rint(basemap.pixels[..., :3] * alpha + paper * (1.0 - alpha)).astype(np.uint8)
-    box = basemap.box
+    pixels, box = basemap.on_paper(colours.PAPER, _OPACITY), basemap.box
     extent = (box.west, box.east, box.south, box.north)
     axes.imshow(pixels, extent=extent, interpolation="none", zorder=0)
     axes.set_xlim(shown.west, shown.east)
