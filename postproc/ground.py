@@ -75,7 +75,7 @@ def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
 
     The place with most readings comes first; each is in the zone of its first run.
     """
-    tile = {digest: _tiles(ground_of(obs)) for digest, obs in parts.items()}
+    tile = {digest: _tiles_of(obs.places) for digest, obs in parts.items()}
     tiles = np.unique(np.concatenate(list(tile.values()))) if tile else np.zeros(0, np.int64)
     is_reused = any(is_by_channel(obs.cell) for obs in parts.values())
     apart_m = REUSED_M if is_reused else 2.0 * CELL_REACH_M
@@ -102,9 +102,9 @@ def elsewhere_reasons(cell: str, n_places: int, n_readings: int) -> list[str]:
     return [f"heard in {where} too, {how}: these are different transmitters"]
 
 
-def ground_of(obs: Readings) -> Ground:
-    """Where the readings of a cell are."""
-    return Ground(np.full(len(obs), obs.utm.zone), obs.x_m, obs.y_m)
+def ground_of(places: Places) -> Ground:
+    """Places, each with its zone."""
+    return Ground(np.full(len(places), places.utm.zone), places.x_m, places.y_m)
 
 
 class Towns:
@@ -498,7 +498,7 @@ def days_text(first_utc: str | None, last_utc: str | None) -> str:
 
 
 def _tiles_of(places: Places) -> IntArray:
-    return _tiles(Ground(np.full(len(places), places.utm.zone), places.x_m, places.y_m))
+    return _tiles(ground_of(places))
 
 
 def middle_of(parts: Sequence[Places]) -> OnMap:

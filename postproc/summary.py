@@ -33,7 +33,7 @@ from logger.core.document import (
     facts,
     number_of,
 )
-from logger.core.guidance.sentence import direction
+from logger.core.guidance.sentence import direction_from
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.region import HALF, LEVEL
 from logger.core.model.prior import Prior
@@ -247,8 +247,7 @@ def advice(answer: Answer, cell: CellResult) -> str:
     if posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
         return "The levels do not show the distance yet: walk to where they are clearly higher."
     last, shown = obs.places[-1], posterior.place
-    way_m = shown.xy_m[:, 0] - last.xy_m[:, 0]
-    way = f"{metres(shown.away_m(last))} {direction(way_m)}"
+    way = f"{metres(shown.away_m(last))} {direction_from(last, shown)}"
     return (
         f"Walk around the most likely position, {place.where}, {way} of the last reading of this "
         "cell."

@@ -71,7 +71,7 @@ def _of_one_modem(observations: Observations, readings: Rows) -> Observations:
         row = first[np.searchsorted(key, numbers[obs.cell] * len(seq) + scan)]
         return replace(obs, named_share=share[row])
 
-    return replace(observations, cells=tuple(map(with_share, observations.cells)))
+    return observations.each(with_share)
 
 
 def named_shares(places: Places, naming: Naming) -> FloatArray:
@@ -81,7 +81,7 @@ def named_shares(places: Places, naming: Naming) -> FloatArray:
     a cell says that it is weak if it lists cells of that technology; a scan that names the serving
     cell alone says so only where no other scans are.
     """
-    along_m = np.append(0.0, np.cumsum(np.hypot(*np.diff(places.xy_m, axis=1))))
+    along_m = np.append(0.0, np.cumsum(places.steps_m))
     first = np.searchsorted(along_m, along_m - NEAR_M, side="left")
     end = np.searchsorted(along_m, along_m + NEAR_M, side="right")
     lists = {rat: _lists(naming, rat, len(places)) for rat in np.unique(naming.rat).tolist()}
@@ -140,8 +140,7 @@ def observe_run(run: Run) -> ObservedRun:
 
 
 def _in_order_of_rows(observations: Observations) -> Observations:
-    cells = tuple(replace(obs, is_timed=False) for obs in observations.cells)
-    return replace(observations, cells=cells)
+    return observations.each(lambda obs: replace(obs, is_timed=False))
 
 
 def _as_written(observations: Observations) -> Observations:
@@ -153,7 +152,7 @@ def _as_written(observations: Observations) -> Observations:
         sigma_m = np.hypot(np.maximum(obs.places.sigma_m, UNKNOWN_SIGMA_M), more_m[fix])
         return replace(obs, places=replace(obs.places, sigma_m=sigma_m))
 
-    return replace(observations, cells=tuple(widen(obs) for obs in observations.cells))
+    return observations.each(widen)
 
 
 def _smooth_track(tables: Mapping[str, Rows], observations: Observations) -> SmoothedTrack:
@@ -178,7 +177,7 @@ def _place_readings(
             places = places_during(track.at, obs.t_ns, *scan_times_ns(scans, obs))
         return replace(obs, places=places)
 
-    return replace(observations, cells=tuple(place_cell(obs) for obs in observations.cells))
+    return observations.each(place_cell)
 
 
 def _describe_moved_fixes(track: SmoothedTrack) -> list[str]:

@@ -203,6 +203,11 @@ class Places:  # noqa: PLW1641 (arrays have no hash)
         return np.stack([self.x_m, self.y_m])
 
     @property
+    def steps_m(self) -> FloatArray:
+        """Distance of each place but the first from the one before, shape (n - 1,)."""
+        return np.asarray(np.hypot(np.diff(self.x_m), np.diff(self.y_m)), float)
+
+    @property
     def first_deg(self) -> tuple[float, float]:
         """WGS 84 latitude and longitude in degrees of the first place."""
         return self.utm.to_latlon(self.x_m[0], self.y_m[0])

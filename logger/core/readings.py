@@ -10,7 +10,7 @@ high ones of that place, and all together they decay with distance more slowly t
 cell.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -190,6 +190,11 @@ class Readings:
         return 1 if self.modem is None else int(np.max(self.modem, initial=0)) + 1
 
     @property
+    def modem_numbers(self) -> IntArray:
+        """Number of the modem of each reading: 0 where all are from one."""
+        return np.zeros(len(self), np.int64) if self.modem is None else self.modem
+
+    @property
     def limit(self) -> IntArray:
         """Which readings are censored at a limit of the modem's scale: see `limits`."""
         if self.known_limit is not None:
@@ -313,6 +318,10 @@ class Observations:
     n_without_position: int
     n_without_identity: int
     n_without_level: int
+
+    def each(self, change: Callable[[Readings], Readings]) -> "Observations":
+        """With a change of the readings of every cell."""
+        return replace(self, cells=tuple(map(change, self.cells)))
 
     def __repr__(self) -> str:
         return f"Observations({len(self.cells)} cells, {self.n_readings} readings, {self.track})"

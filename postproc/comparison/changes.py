@@ -6,7 +6,7 @@ tests of the pair.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter, itemgetter
 from pathlib import Path
@@ -522,8 +522,7 @@ def compare_runs(a: Run, b: Run, progress: Progress | None = None) -> ComparedRu
         if run.observations is None:
             raise EstimationError(f"{run.run.path}: {run.warnings[0]}")
         # a level differs from another modem's by more than a station changes
-        cells = tuple(map(of_one_modem, run.observations.cells))
-        walks.append(replace(run.observations, cells=cells))
+        walks.append(run.observations.each(of_one_modem))
     numbers = modems_of([a, b])
     same_modem = numbers[0] == numbers[1]
     compared = compare(walks[0].cells, walks[1].cells, same_modem=same_modem, progress=progress)
