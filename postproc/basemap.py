@@ -645,8 +645,7 @@ def read_basemap(
     ground = open_ground(path, area)
     # the nearest pixel is taken: half as large, so that none is off by more than a quarter of one
     pixel_m = max(area.finest_m, 0.5 * _pixel_m(ground, area))
-    shape = max(round(box.height / pixel_m), 1), max(round(box.width / pixel_m), 1)
-    pixels = _resample(ground, area, shape)
+    pixels = _resample(ground, area, box.shape(pixel_m))
     if not np.any(pixels[..., 3]):
         raise ConfigError(f"{path} does not cover the area of this walk")
     return Basemap(pixels, box)

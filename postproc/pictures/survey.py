@@ -108,9 +108,18 @@ class Box(NamedTuple):
         return max(self.width, self.height)
 
     @property
+    def middle_m(self) -> tuple[float, float]:
+        """East and north of the middle."""
+        return 0.5 * (self.west + self.east), 0.5 * (self.south + self.north)
+
+    @property
     def corners_m(self) -> FloatArray:
         """South-west and north-east corner, shape (2, 2)."""
         return np.array([(self.west, self.south), (self.east, self.north)])
+
+    def shape(self, pixel_m: float) -> tuple[int, int]:
+        """Rows and columns of a picture with pixels of this size."""
+        return max(round(self.height / pixel_m), 1), max(round(self.width / pixel_m), 1)
 
     def enlarge(self, margin_x_m: float, margin_y_m: float | None = None) -> "Box":
         """With a margin on every side; `margin_y_m` only where it differs."""
@@ -172,8 +181,7 @@ def with_inset(
     side_m = _INSET_SIDE * min(box.width, box.height)
     if side_m < _LEAST_ENLARGED * 2.0 * half_m:
         return box, None
-    middle_m = 0.5 * (around.west + around.east), 0.5 * (around.south + around.north)
-    shown = Box(*middle_m, *middle_m).enlarge(half_m)
+    shown = Box(*around.middle_m, *around.middle_m).enlarge(half_m)
     gap_m = 0.015 * box.size
     west, south = box.west + gap_m, box.south + gap_m
     east, north = box.east - gap_m, box.north - gap_m

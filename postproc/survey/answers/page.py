@@ -82,9 +82,7 @@ class Walked(NamedTuple):
     @property
     def centre_text(self) -> str:
         """Latitude and longitude of the middle."""
-        box = self.box
-        middle_m = 0.5 * (box.west + box.east), 0.5 * (box.south + box.north)
-        lat_deg, lon_deg = self.utm.to_latlon(*middle_m)
+        lat_deg, lon_deg = self.utm.to_latlon(*self.box.middle_m)
         return place_name(OnMap(lat=lat_deg, lon=lon_deg))
 
 
@@ -306,7 +304,7 @@ def _shape(number: int, cell: LocatedCell, utm: Utm, box: Box, scale: float) -> 
     if cell.lat_deg is None or cell.lon_deg is None:
         return None
     x_m, y_m = utm.to_xy(cell.lat_deg, cell.lon_deg)
-    if not (box.west <= x_m <= box.east and box.south <= y_m <= box.north):
+    if not box.contains(x_m, y_m):
         return None
     kind = word_of(cell)
     path = ""
