@@ -28,7 +28,7 @@ from logger.core.readings import places_of as at_readings
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
 from logger.core.timebase import utc_clock
-from logger.core.types import utc_text
+from logger.core.types import known_utc_text
 from postproc.scan_counts import check_observed, heard_utc_ns
 
 _TILE_M = 5000.0
@@ -214,7 +214,7 @@ class Group:
     `where` is the middle of their ground, None of runs without a position. `several` has where each
     identity was heard that is named farther apart than any cell reaches, the group's own place
     first. Beside other groups, `first_utc` and `last_utc` are its first and last reading, None
-    where no run knows UTC.
+    where no run knows UTC. `cells` are those that were asked for, none for all.
     """
 
     runs: tuple[Run, ...]
@@ -222,6 +222,7 @@ class Group:
     first_utc: str | None = None
     last_utc: str | None = None
     several: Mapping[str, tuple[HeardIn, ...]] = field(default_factory=dict)
+    cells: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -288,9 +289,9 @@ def by_place(runs: Sequence[Run]) -> list[Group]:
             if not all(ids.isdisjoint(by) for by, _ in at)
         }
         times_ns = [at_ns for both in heard_utc_ns(own).values() for at_ns in both]
-        ends = [utc_text(end(times_ns)) if times_ns else None for end in (min, max)]
+        first_utc, last_utc = first_and_last_utc(times_ns)
         middle = middle_of([walk.track for walk in group])
-        found.append(Group(own, middle, ends[0], ends[1], where))
+        found.append(Group(own, middle, first_utc, last_utc, where))
     return [*found, *([Group(tuple(lost), None)] if lost else [])]
 
 
@@ -314,8 +315,8 @@ def check_one_place(runs: Sequence[Run]) -> None:
         )
 
 
-def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[tuple[Group, list[str]]]:
-    """Each group with those of the `cells` that it names; none is every cell, of every group.
+def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[Group]:
+    """Groups that name some of the `cells`, each asked for those; none is all, of every group.
 
     Raises `ConfigError` for a cell that no group names.
     """
@@ -326,9 +327,9 @@ def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[tuple
     ]  # fmt: skip
     check_observed(cells, set().union(*named))
     for group, names in zip(groups, named, strict=True):
-        own = [cell for cell in cells if cell in names]
+        own = tuple(cell for cell in cells if cell in names)
         if own or not cells:
-            yield group, own
+            yield replace(group, cells=own)
 
 
 def document_of_groups(groups: Sequence[Group], documents: Sequence[Document]) -> Document:
@@ -473,14 +474,14 @@ def _heard_in(heard: Sequence[tuple[_Walk, IntArray]]) -> HeardIn:
         clock = utc_clock(walk.run.meta.origin, walk.run.tables["fixes"])
         t_ns = walk.run.tables["readings"]["t_ns"][rows]
         times_ns += [clock(int(t_ns.min())), clock(int(t_ns.max()))]
-    known_ns = [at_ns for at_ns in times_ns if at_ns is not None]
+    first_utc, last_utc = first_and_last_utc([at_ns for at_ns in times_ns if at_ns is not None])
     return HeardIn(
         lat=middle.lat,
         lon=middle.lon,
         runs=tuple(walk.run.name for walk, _ in heard),
         n=sum(len(rows) for _, rows in heard),
-        first_utc=utc_text(min(known_ns)) if known_ns else None,
-        last_utc=utc_text(max(known_ns)) if known_ns else None,
+        first_utc=first_utc,
+        last_utc=last_utc,
     )
 
 
@@ -489,6 +490,11 @@ def runs_text(names: Sequence[str], first_utc: str | None, last_utc: str | None)
     few, n_more = ", ".join(names[:_MOST_RUNS]), len(names) - _MOST_RUNS
     more = f" and {n_more} more" if n_more > 0 else ""
     return f"{few}{more}{days_text(first_utc, last_utc)}"
+
+
+def first_and_last_utc(times_ns: Sequence[int]) -> tuple[str | None, str | None]:
+    """What `days_text` takes, each None without a time."""
+    return known_utc_text(min(times_ns, default=None)), known_utc_text(max(times_ns, default=None))
 
 
 def days_text(first_utc: str | None, last_utc: str | None) -> str:

@@ -11,7 +11,7 @@ import msgspec
 from logger.core.document import Column, Document, Line, Table, Value, Word, number_of
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
-from logger.core.types import utc_text
+from logger.core.types import known_utc_text
 from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.ground import days_text
 from postproc.progress import with_progress
@@ -202,8 +202,7 @@ def _parts(location: Location, cells: Sequence[LocatedCell]) -> Iterator[str | L
 
 
 def _where(cell: LocatedCell) -> str:
-    times_ns = cell.first_utc_ns, cell.last_utc_ns
-    days = days_text(*(None if at_ns is None else utc_text(at_ns) for at_ns in times_ns))
+    days = days_text(known_utc_text(cell.first_utc_ns), known_utc_text(cell.last_utc_ns))
     return f"{cell.heard_near} ({number_of(cell.n_runs, 'run')}{days})"
 
 

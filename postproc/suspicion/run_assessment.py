@@ -23,10 +23,16 @@ from logger.core.suspicion.words import (
     unnoticed_text,
     word_rate_text,
 )
-from logger.core.types import utc_text
 from logger.drivers.family import cells_with
 from postproc.cell_work import Failure, failure
-from postproc.ground import SEVERAL, HeardIn, runs_text, several_evidence, several_text
+from postproc.ground import (
+    SEVERAL,
+    HeardIn,
+    first_and_last_utc,
+    runs_text,
+    several_evidence,
+    several_text,
+)
 from postproc.progress import Progress
 from postproc.result import CellResult, Options, Result
 from postproc.scan_counts import heard_utc_ns, observed_cells
@@ -381,8 +387,7 @@ _Ends = Mapping[int, Mapping[str, tuple[int, int]]]
 def _heard_text(suspicions: Suspicions, cell: str, ends_of: _Ends) -> str:
     runs = suspicions.runs[cell]
     known_ns = [at_ns for run in runs for at_ns in ends_of[id(run)].get(cell, ())]
-    ends = (utc_text(min(known_ns)), utc_text(max(known_ns))) if known_ns else (None, None)
-    return runs_text([run.name for run in runs], *ends)
+    return runs_text([run.name for run in runs], *first_and_last_utc(known_ns))
 
 
 def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:
