@@ -509,7 +509,5 @@ def _tiles_of(places: Places) -> IntArray:
 
 def middle_of(parts: Sequence[Places]) -> OnMap:
     """The middle of the medians of some places."""
-    lat_lon_deg = [
-        one.utm.to_latlon(float(np.median(one.x_m)), float(np.median(one.y_m))) for one in parts
-    ]
-    return _middle(_points_m(*np.array(lat_lon_deg, float).T))
+    medians_deg = np.array([one.median_deg for one in parts], float)
+    return _middle(_points_m(*medians_deg.T))

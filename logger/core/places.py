@@ -212,6 +212,11 @@ class Places:  # noqa: PLW1641 (arrays have no hash)
         """WGS 84 latitude and longitude in degrees of the first place."""
         return self.utm.to_latlon(self.x_m[0], self.y_m[0])
 
+    @property
+    def median_deg(self) -> tuple[float, float]:
+        """Latitude and longitude of the median place; there is at least one."""
+        return self.utm.to_latlon(float(np.median(self.x_m)), float(np.median(self.y_m)))
+
     def in_zone(self, utm: Utm) -> Self:
         """The same places in another zone."""
         if self.utm == utm:

@@ -20,7 +20,7 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import Squares
 from logger.core.locator.verdict import contradiction_of, outside_text
 from logger.core.model.prior import Prior
-from logger.core.places import Places, Track
+from logger.core.places import Places
 from logger.core.readings import Readings
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
@@ -323,7 +323,7 @@ def verify_claims(
     rarely = {cell: why for cell, n in scans_of(runs).items() if (why := too_rarely(n))}
     check_observed((claim.cell for claim in claims if claim.cell), every_cell)
     pairs = [(cell, claim) for claim in claims for cell in ([claim.cell] if claim.cell else every)]
-    walk_deg = _middle_deg(tracks[0]) if tracks else None
+    walk_deg = tracks[0].median_deg if tracks else None
     tests: dict[tuple[str, float], _Shared] = {}
 
     def test(cell: str, claim: Claim) -> CellVerdict:
@@ -370,10 +370,6 @@ def benjamini_hochberg(p: FloatArray) -> FloatArray:
 def _nearest(places: Sequence[Readings], claim: Claim) -> Readings:
     at_deg = claim.lat_deg, claim.lon_deg
     return min(places, key=lambda obs: away_m(at_deg, obs.places.first_deg))
-
-
-def _middle_deg(track: Track) -> tuple[float, float]:
-    return track.utm.to_latlon(float(np.median(track.x_m)), float(np.median(track.y_m)))
 
 
 def _geodesic(verdict: CellVerdict, walk_deg: tuple[float, float]) -> CellVerdict:
