@@ -25,7 +25,7 @@ from logger.core.model.area import Area
 from logger.core.places import MAX_LATITUDE_DEG, Places, Track, Utm, track_of
 from logger.core.readings import CELL_REACH_M, Readings
 from logger.core.readings import places_of as at_readings
-from logger.core.rows import numbered_texts
+from logger.core.rows import numbered_texts, rows_of_each
 from logger.core.runfile import Run
 from logger.core.timebase import utc_clock
 from logger.core.types import known_utc_text
@@ -410,13 +410,8 @@ def _walk_of(run: Run) -> _Walk | None:
     at, is_known = at_readings(track, run.tables["scans"], readings)
     names, which = numbered_texts(readings["cell"])
     rows = np.flatnonzero(is_known & (readings["identity_unsure"] == 0))
-    rows = rows[np.argsort(which[rows], kind="stable")]
-    ends = np.searchsorted(which[rows], np.arange(len(names) + 1))
-    heard = {}
-    for k, stored in enumerate(names.tolist()):
-        name = stored.decode()
-        if ends[k + 1] > ends[k] and identity_of(name) is not None:
-            heard[name] = rows[ends[k] : ends[k + 1]]
+    named = ((names[k].decode(), rows[some]) for k, some in rows_of_each(which[rows]))
+    heard = {name: some for name, some in named if identity_of(name) is not None}
     return _Walk(run, track, at, heard)
 
 

@@ -10,7 +10,7 @@ from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.errors import EstimationError
 from logger.core.places import UNKNOWN_SIGMA_M, Places, index_of, join_places
 from logger.core.readings import NEAR_M, Observations, Readings, modems_of, observe, scan_times_ns
-from logger.core.rows import Rows, numbered_texts
+from logger.core.rows import Rows, numbered_texts, rows_of_each
 from logger.core.runfile import Run
 from logger.core.runfile.meta import has_times, is_dated, is_import
 from logger.core.types import UNKNOWN_TIME
@@ -86,9 +86,7 @@ def named_shares(places: Places, naming: Naming) -> FloatArray:
     end = np.searchsorted(along_m, along_m + NEAR_M, side="right")
     lists = {rat: _lists(naming, rat, len(places)) for rat in np.unique(naming.rat).tolist()}
     share = np.zeros(len(naming.cell))
-    order = np.argsort(naming.cell, kind="stable")
-    change = 1 + np.flatnonzero(np.diff(naming.cell[order]))
-    for rows in np.split(order, change) if len(order) else ():
+    for _, rows in rows_of_each(naming.cell):
         at, is_list = naming.scan[rows], lists[int(naming.rat[rows[0]])]
         named_in = np.unique(at)
         beside = named_in[~is_list[named_in]]

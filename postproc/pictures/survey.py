@@ -15,7 +15,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.posterior import Mode
 from logger.core.places import Utm
 from logger.core.readings import times_ns
-from logger.core.rows import levels_dbm
+from logger.core.rows import levels_dbm, numbered_texts, rows_of_each
 from logger.core.runfile import Run
 from logger.core.runfile.meta import SIMULATED
 from logger.core.timebase import TimeBase, fit_run
@@ -333,14 +333,12 @@ def levels_of(run: Run) -> tuple[Levels, ...]:
     readings = run.named_readings
     level, t_ns = levels_dbm(readings), times_ns(run.tables["scans"], readings)
     usable = np.isfinite(level) & (readings["cell"] != b"")
-    names, which = np.unique(readings["cell"][usable], return_inverse=True)
-    order = np.lexsort((t_ns[usable], which))
-    starts = np.searchsorted(which[order], np.arange(1, len(names)))
-    columns = (np.split(column[usable][order], starts) for column in (t_ns, level))
-    cells = [
-        Levels(name.decode(), times, values)
-        for name, times, values in zip(names, *columns, strict=False)
-    ]
+    names, which = numbered_texts(readings["cell"][usable])
+    t_ns, level = t_ns[usable], level[usable]
+    cells = []
+    for number, some in rows_of_each(which):
+        rows = some[np.argsort(t_ns[some], kind="stable")]
+        cells.append(Levels(names[number].decode(), t_ns[rows], level[rows]))
     return tuple(sorted(cells, key=lambda cell: -len(cell.t_ns)))
 
 
