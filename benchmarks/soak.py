@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.sim.devices import SimulatedModem, SimulatedReceiver
 from logger.sim.dialects import DIALECTS, Answer, Settings, block, ceng_rows
 from logger.sim.ptys import PtyDevice, PtyLine, Session, answering
@@ -117,7 +117,7 @@ def measure_loads(service: subprocess.Popen, idle: subprocess.Popen, hours: floa
 def main() -> None:
     """Walk, watch, stop, and say how much memory grew after the first hour or the first half."""
     hours = float(sys.argv[1]) if len(sys.argv) > 1 else 2.0
-    world, walk, walked = town(), Walk(BLOCK * LAPS), WalkTime(SystemClock())
+    world, walk, walked = town(), Walk(BLOCK * LAPS), WalkTime(Clock())
     rng = np.random.default_rng(2)
     dialect = replace(
         DIALECTS["sim800"], replies={**DIALECTS["sim800"].replies, "+CENG?": all_cells}

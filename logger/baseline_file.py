@@ -5,15 +5,25 @@ walks, so a lookup takes as long after 1000 walks as after one.
 """
 
 import sqlite3
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import closing
 from hashlib import sha256
 from math import sqrt
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
-from logger.core.baseline import HeardInSquare, KnownCell, SquareHistory
+from logger.core.baseline import (
+    CELL,
+    CHANNELS,
+    DOUBT,
+    SQUARE,
+    TRUST,
+    Baseline,
+    HeardInSquare,
+    KnownCell,
+    SquareHistory,
+)
 from logger.core.cell_names import FEWEST_SCANS
 from logger.core.errors import RunFileError
 from logger.core.latest import Latest
@@ -40,8 +50,6 @@ _ROW_BYTES = 100
 _HEAP_BYTES, _LONGEST_BYTES = 16 << 20, 64 << 10
 """What SQLite may use in the recorder, which has little memory, and of a value."""
 
-Answer = TypeVar("Answer")
-
 
 def configured_file(name: str, folder: Path) -> Path | None:
     """The file that `LiveSettings.baseline` names, with runs in `folder`; None for none.
@@ -60,8 +68,8 @@ def bound_heap() -> None:
         database.execute(f"PRAGMA hard_heap_limit = {_HEAP_BYTES}")
 
 
-class BaselineFile:
-    """A `logger.core.baseline.Baseline` in a file.
+class BaselineFile(Baseline):
+    """A baseline in a file.
 
     Raises `RunFileError`, also later where the file is damaged inside.
     """
@@ -69,9 +77,7 @@ class BaselineFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._db = _open(path)
-        self._squares: Latest[SquareHistory] = Latest(_MOST_KEPT)
-        self._cells: Latest[KnownCell | None] = Latest(_MOST_KEPT)
-        self._channels: Latest[Mapping[int, int]] = Latest(_MOST_KEPT)
+        self._kept = {kind: Latest[Any](_MOST_KEPT) for kind in (SQUARE, CELL, CHANNELS)}
         try:
             self._read()
         except BaseException:
@@ -82,26 +88,23 @@ class BaselineFile:
         """Release the file."""
         self._db.close()
 
-    def square(self, square: int) -> SquareHistory:
-        """As `Baseline.square`."""
-        return self._answer(self._squares, str(square), lambda: self._read_square(square))
+    def ask(self, kind: str, key: Any) -> Any:
+        if kind == TRUST:
+            return self._trust.get(key)
+        if kind == DOUBT:
+            return key in self._doubted
+        kept, name = self._kept[kind], str(key)
+        if name not in kept:
+            try:
+                kept.put(name, self._read_answer(kind, key))
+            except (TypeError, ValueError, ArithmeticError) as error:  # no value of ours
+                raise RunFileError(_reason(self.path, error)) from error
+        return kept[name]
 
-    def cell(self, name: str) -> KnownCell | None:
-        """As `Baseline.cell`."""
-        return self._answer(self._cells, name, lambda: self._read_cell(name))
-
-    def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
-        """As `Baseline.channels`."""
-        return self._answer(
-            self._channels, f"{mcc}-{mnc} {rat}", lambda: self._read_channels(mcc, mnc, rat)
-        )
-
-    def trust_note(self, name: str) -> str | None:
-        """As `Baseline.trust_note`."""
-        return self._trust.get(name)
-
-    def is_doubted(self, name: str) -> bool:
-        return name in self._doubted
+    def _read_answer(self, kind: str, key: Any) -> Any:
+        if kind == SQUARE:
+            return self._read_square(key)
+        return self._read_cell(key) if kind == CELL else self._read_channels(*key)
 
     def _read_doubted(self) -> frozenset[str]:
         if not self._all_rows("SELECT 1 FROM sqlite_master WHERE name = 'doubted'"):
@@ -162,14 +165,6 @@ class BaselineFile:
         if self._doubted:  # without any it is that of a file which cannot have them
             answered += (sorted(self._doubted),)
         self.fingerprint = sha256(repr(answered).encode()).hexdigest()
-
-    def _answer(self, kept: Latest[Answer], key: str, read: Callable[[], Answer]) -> Answer:
-        if key not in kept:
-            try:
-                kept.put(key, read())
-            except (TypeError, ValueError, ArithmeticError) as error:  # no value of ours
-                raise RunFileError(_reason(self.path, error)) from error
-        return kept[key]
 
     def _all_rows(self, statement: str) -> list[Any]:
         return self._rows(statement, most_bytes=_MOST_BYTES)

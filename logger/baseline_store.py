@@ -96,8 +96,8 @@ def summarise_walk(run: Run) -> WalkSummary:
     rows, square = readings[usable], squares[usable]
     names, cell = np.unique(rows["cell"], return_inverse=True)
     first = np.unique(cell, return_index=True)[1]
-    cells = [_text(name) for name in names]
-    rats = [_text(rat) for rat in rows["rat"][first]]
+    cells = [name.decode() for name in names]
+    rats = [rat.decode() for rat in rows["rat"][first]]
     times = fixes["utc_ns"][fixes["utc_ns"] != UNKNOWN_TIME]
     return WalkSummary(
         digest=walk_digest(run),
@@ -191,10 +191,6 @@ def channels_heard(rows: Rows, cell: IntArray, cells: Sequence[str]) -> list[tup
     channel = np.where(rows["arfcn"] == UNKNOWN_ID, UNKNOWN, rows["arfcn"])
     seen = set(zip(cell.tolist(), channel.tolist(), code.tolist(), strict=True))
     return sorted((cells[c], number, k) for c, number, k in seen if (number, k) != (UNKNOWN,) * 2)
-
-
-def _text(stored: bytes) -> str:
-    return stored.decode("utf-8", "replace")
 
 
 # heard, visit and heard_channel have what each walk contributes, so that a walk can be removed

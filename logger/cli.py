@@ -182,7 +182,7 @@ def run(config: Path, duration_s: float | None) -> None:
 
     site, text = site_file.load_config(config)
     site = replace(site, live=memory.within_memory(site.live))
-    system_clock, manager = clock.SystemClock(), notify.ServiceManager.of(os.environ)
+    system_clock, manager = clock.Clock(), notify.ServiceManager.of(os.environ)
     if duration_s is None and site.run.longest_h:
         duration_s = 3600.0 * site.run.longest_h  # systemd starts the next run
     with notify.stop_signals() as stop:

@@ -11,7 +11,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from time import monotonic
 
-from logger.core.foreign import check_regular, open_regular
+from logger.core.foreign import begins_with, check_regular
 
 _STEPS_AT_ONCE = 1_000_000
 _STEPS_OF_SCHEMA = 5_000
@@ -30,11 +30,7 @@ SQLITE_MAGIC = b"SQLite format 3\0"  # sqlite.org/fileformat.html, section 1.2
 
 def is_sqlite(path: Path) -> bool:
     """Whether a file begins as an SQLite database does; no for one that cannot be read."""
-    try:
-        with open_regular(path) as file:
-            return file.read(len(SQLITE_MAGIC)) == SQLITE_MAGIC
-    except OSError:
-        return False
+    return begins_with(path, SQLITE_MAGIC)
 
 
 @contextmanager

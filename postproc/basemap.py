@@ -1,4 +1,4 @@
-"""A picture of the ground under the plan: images with a position, tiles of PMTiles and MBTiles."""
+"""A picture of the ground under the plan: tiles of PMTiles and MBTiles."""
 
 import gzip
 import math
@@ -34,7 +34,7 @@ from pyproj import CRS, Transformer
 from logger.core.arrays import FloatArray
 from logger.core.certainty import OnMap
 from logger.core.errors import ConfigError
-from logger.core.foreign import check_regular, open_regular
+from logger.core.foreign import begins_with, check_regular, open_regular
 from logger.sqlite_file import is_sqlite, open_database
 from postproc.foreign_file import MOST_DIRECTORY_BYTES, MOST_TILE_BYTES, MOST_TILE_PIXELS
 from postproc.pictures.survey import Box, Survey
@@ -344,20 +344,19 @@ class Area(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """Pixels (rows, columns, 4) of a part of the Earth.
-
-    The centre of pixel (column, row) lies at `affine` (2, 3) @ [column, row, 1] in Web Mercator.
-    """
+    """Pixels (rows, columns, 4) from a corner, its west and north, in metres of Web Mercator."""
 
     pixels: npt.NDArray[np.uint8]
-    affine: FloatArray
+    west_m: float
+    north_m: float
+    pixel_width_m: float
+    pixel_height_m: float
 
     def pixel_at(self, area: Area) -> tuple[FloatArray, FloatArray]:
-        """Column and row, with fractions, of each point of the area's mesh."""
-        points = area.web_mercator_m
-        offset = points - self.affine[:, 2].reshape(2, *[1] * (points.ndim - 1))
-        column, row = np.tensordot(np.linalg.inv(self.affine[:, :2]), offset, axes=1)
-        return column, row
+        """Column and row, whole in the middle of a pixel, of each point of the area's mesh."""
+        x_m, y_m = area.web_mercator_m
+        column = (x_m - self.west_m) / self.pixel_width_m - 0.5
+        return column, (self.north_m - y_m) / self.pixel_height_m - 0.5
 
 
 def ground_of(
@@ -367,9 +366,9 @@ def ground_of(
 
     `picture_at` gives the pictures of the tiles in these columns and rows of a level.
     """
+    x_m, y_m = area.web_mercator_m
     for zoom in zooms:
         side_m = 2.0 * _HALF_WORLD_M / 2**zoom
-        x_m, y_m = area.web_mercator_m
         columns = _covering((x_m + _HALF_WORLD_M) / side_m, 2**zoom)
         rows = _covering((_HALF_WORLD_M - y_m) / side_m, 2**zoom)
         if 0 < len(columns) * len(rows) <= MOST_TILES:
@@ -402,13 +401,9 @@ def _mosaic(picture: TilePicture, side_m: float, columns: range, rows: range) ->
         image.paste(tile.resize((width, height)), corner)
     if image is None:
         return None
-    pixel_x, pixel_y = side_m / width, side_m / height
-    west = columns[0] * side_m - _HALF_WORLD_M
-    north = _HALF_WORLD_M - rows[0] * side_m
-    affine = np.array(
-        [[pixel_x, 0.0, west + 0.5 * pixel_x], [0.0, -pixel_y, north - 0.5 * pixel_y]]
-    )
-    return Ground(np.asarray(image), affine)
+    west_m = columns[0] * side_m - _HALF_WORLD_M
+    north_m = _HALF_WORLD_M - rows[0] * side_m
+    return Ground(np.asarray(image), west_m, north_m, side_m / width, side_m / height)
 
 
 def open_mbtiles(path: Path, area: Area) -> Ground:
@@ -524,11 +519,7 @@ class _Archive:
 
 def is_pmtiles(path: Path) -> bool:
     """Whether a file is a PMTiles archive of version 3."""
-    try:
-        with open_regular(path) as file:
-            return file.read(len(_MAGIC)) == _MAGIC
-    except OSError:
-        return False
+    return begins_with(path, _MAGIC)
 
 
 def open_pmtiles(path: Path, area: Area) -> Ground:
@@ -628,12 +619,16 @@ class Basemap:
     pixels: Pixels
     box: Box
 
-    def jpeg(self, paper: tuple[int, int, int], opacity: float = 1.0) -> bytes:
-        """The pixels on paper of a colour, where they are transparent or not opaque."""
+    def on_paper(self, paper: Colour, opacity: float = 1.0) -> Pixels:
+        """On paper of a colour, which shows where they are not opaque; (rows, columns, 3)."""
         alpha = opacity * self.pixels[..., 3:] / 255.0
         rgb = self.pixels[..., :3] * alpha + np.array(paper) * (1.0 - alpha)
+        return np.asarray(np.rint(rgb), np.uint8)
+
+    def jpeg(self, paper: Colour, opacity: float = 1.0) -> bytes:
+        """As `on_paper`."""
         file = BytesIO()
-        Image.fromarray(np.rint(rgb).astype(np.uint8)).save(file, "JPEG", quality=_QUALITY)
+        Image.fromarray(self.on_paper(paper, opacity)).save(file, "JPEG", quality=_QUALITY)
         return file.getvalue()
 
 
@@ -651,8 +646,7 @@ def read_basemap(
     ground = open_ground(path, area)
     # the nearest pixel is taken: half as large, so that none is off by more than a quarter of one
     pixel_m = max(area.finest_m, 0.5 * _pixel_m(ground, area))
-    shape = max(round(box.height / pixel_m), 1), max(round(box.width / pixel_m), 1)
-    pixels = _resample(ground, area, shape)
+    pixels = _resample(ground, area, box.shape(pixel_m))
     if not np.any(pixels[..., 3]):
         raise ConfigError(f"{path} does not cover the area of this walk")
     return Basemap(pixels, box)

@@ -175,10 +175,10 @@ def smooth(
     groups = grouped_runs(paths, cells, prior.area)
     estimates, documents = [], []
     rows: list[cell_work.Row] = []
-    for group, own_cells in groups:
+    for group in groups:
         asked = result.Options(prior, loss, within_m)
-        find = stored_or_estimated if own_cells else estimate
-        estimated = find(group.runs, own_cells, asked)
+        find = stored_or_estimated if group.cells else estimate
+        estimated = find(group.runs, group.cells, asked)
         with_words, _ = run_assessment.conspicuous_first(
             estimated, progress.with_progress, group.several
         )
@@ -188,11 +188,11 @@ def smooth(
         documents.append(said)
         rows += [*summed.rows, *failures]
     # printed first: a run on a read-only card has an answer too
-    show(ground.document_of_groups([group for group, _ in groups], documents), as_json=as_json)
-    for (group, own_cells), estimated, said in zip(groups, estimates, documents, strict=True):
+    show(ground.document_of_groups(groups, documents), as_json=as_json)
+    for group, estimated, said in zip(groups, estimates, documents, strict=True):
         beside = results.path_beside([run.path for run in group.runs])
-        if not own_cells or not beside.exists():  # a few cells do not replace all
-            results.write(estimated, said.content, beside, own_cells)
+        if not group.cells or not beside.exists():  # a few cells do not replace all
+            results.write(estimated, said.content, beside, group.cells)
     return cell_work.exit_code(rows)
 
 
@@ -262,7 +262,7 @@ def suspect(
     """
     with ExitStack() as stack:
         baseline = database = None
-        groups = [group for group, _ in grouped_runs(paths)]
+        groups = grouped_runs(paths)
         if is_signalling:
             listed = [signalling.document_of(signalling.signals_of(one.runs)) for one in groups]
             show(ground.document_of_groups(groups, listed), as_json=as_json)

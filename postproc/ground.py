@@ -25,10 +25,10 @@ from logger.core.model.area import Area
 from logger.core.places import MAX_LATITUDE_DEG, Places, Track, Utm, track_of
 from logger.core.readings import CELL_REACH_M, Readings
 from logger.core.readings import places_of as at_readings
-from logger.core.rows import numbered_texts
+from logger.core.rows import numbered_texts, rows_of_each
 from logger.core.runfile import Run
 from logger.core.timebase import utc_clock
-from logger.core.types import utc_text
+from logger.core.types import known_utc_text
 from postproc.scan_counts import check_observed, heard_utc_ns
 
 _TILE_M = 5000.0
@@ -75,7 +75,7 @@ def places_of(parts: Mapping[Key, Readings]) -> list[dict[Key, Readings]]:
 
     The place with most readings comes first; each is in the zone of its first run.
     """
-    tile = {digest: _tiles(ground_of(obs)) for digest, obs in parts.items()}
+    tile = {digest: _tiles_of(obs.places) for digest, obs in parts.items()}
     tiles = np.unique(np.concatenate(list(tile.values()))) if tile else np.zeros(0, np.int64)
     is_reused = any(is_by_channel(obs.cell) for obs in parts.values())
     apart_m = REUSED_M if is_reused else 2.0 * CELL_REACH_M
@@ -102,9 +102,9 @@ def elsewhere_reasons(cell: str, n_places: int, n_readings: int) -> list[str]:
     return [f"heard in {where} too, {how}: these are different transmitters"]
 
 
-def ground_of(obs: Readings) -> Ground:
-    """Where the readings of a cell are."""
-    return Ground(np.full(len(obs), obs.utm.zone), obs.x_m, obs.y_m)
+def ground_of(places: Places) -> Ground:
+    """Places, each with its zone."""
+    return Ground(np.full(len(places), places.utm.zone), places.x_m, places.y_m)
 
 
 class Towns:
@@ -214,7 +214,7 @@ class Group:
     `where` is the middle of their ground, None of runs without a position. `several` has where each
     identity was heard that is named farther apart than any cell reaches, the group's own place
     first. Beside other groups, `first_utc` and `last_utc` are its first and last reading, None
-    where no run knows UTC.
+    where no run knows UTC. `cells` are those that were asked for, none for all.
     """
 
     runs: tuple[Run, ...]
@@ -222,6 +222,7 @@ class Group:
     first_utc: str | None = None
     last_utc: str | None = None
     several: Mapping[str, tuple[HeardIn, ...]] = field(default_factory=dict)
+    cells: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -288,9 +289,9 @@ def by_place(runs: Sequence[Run]) -> list[Group]:
             if not all(ids.isdisjoint(by) for by, _ in at)
         }
         times_ns = [at_ns for both in heard_utc_ns(own).values() for at_ns in both]
-        ends = [utc_text(end(times_ns)) if times_ns else None for end in (min, max)]
+        first_utc, last_utc = first_and_last_utc(times_ns)
         middle = middle_of([walk.track for walk in group])
-        found.append(Group(own, middle, ends[0], ends[1], where))
+        found.append(Group(own, middle, first_utc, last_utc, where))
     return [*found, *([Group(tuple(lost), None)] if lost else [])]
 
 
@@ -314,21 +315,21 @@ def check_one_place(runs: Sequence[Run]) -> None:
         )
 
 
-def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[tuple[Group, list[str]]]:
-    """Each group with those of the `cells` that it names; none is every cell, of every group.
+def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[Group]:
+    """Groups that name some of the `cells`, each asked for those; none is all, of every group.
 
     Raises `ConfigError` for a cell that no group names.
     """
     named = [
-        {name.decode("utf-8", "replace") for run in group.runs
+        {name.decode() for run in group.runs
          for name in np.unique(run.named_readings["cell"]).tolist()}
         for group in groups
     ]  # fmt: skip
     check_observed(cells, set().union(*named))
     for group, names in zip(groups, named, strict=True):
-        own = [cell for cell in cells if cell in names]
+        own = tuple(cell for cell in cells if cell in names)
         if own or not cells:
-            yield group, own
+            yield replace(group, cells=own)
 
 
 def document_of_groups(groups: Sequence[Group], documents: Sequence[Document]) -> Document:
@@ -409,13 +410,8 @@ def _walk_of(run: Run) -> _Walk | None:
     at, is_known = at_readings(track, run.tables["scans"], readings)
     names, which = numbered_texts(readings["cell"])
     rows = np.flatnonzero(is_known & (readings["identity_unsure"] == 0))
-    rows = rows[np.argsort(which[rows], kind="stable")]
-    ends = np.searchsorted(which[rows], np.arange(len(names) + 1))
-    heard = {}
-    for k, stored in enumerate(names.tolist()):
-        name = stored.decode("utf-8", "replace")
-        if ends[k + 1] > ends[k] and identity_of(name) is not None:
-            heard[name] = rows[ends[k] : ends[k + 1]]
+    named = ((names[k].decode(), rows[some]) for k, some in rows_of_each(which[rows]))
+    heard = {name: some for name, some in named if identity_of(name) is not None}
     return _Walk(run, track, at, heard)
 
 
@@ -473,14 +469,14 @@ def _heard_in(heard: Sequence[tuple[_Walk, IntArray]]) -> HeardIn:
         clock = utc_clock(walk.run.meta.origin, walk.run.tables["fixes"])
         t_ns = walk.run.tables["readings"]["t_ns"][rows]
         times_ns += [clock(int(t_ns.min())), clock(int(t_ns.max()))]
-    known_ns = [at_ns for at_ns in times_ns if at_ns is not None]
+    first_utc, last_utc = first_and_last_utc([at_ns for at_ns in times_ns if at_ns is not None])
     return HeardIn(
         lat=middle.lat,
         lon=middle.lon,
         runs=tuple(walk.run.name for walk, _ in heard),
         n=sum(len(rows) for _, rows in heard),
-        first_utc=utc_text(min(known_ns)) if known_ns else None,
-        last_utc=utc_text(max(known_ns)) if known_ns else None,
+        first_utc=first_utc,
+        last_utc=last_utc,
     )
 
 
@@ -491,6 +487,11 @@ def runs_text(names: Sequence[str], first_utc: str | None, last_utc: str | None)
     return f"{few}{more}{days_text(first_utc, last_utc)}"
 
 
+def first_and_last_utc(times_ns: Sequence[int]) -> tuple[str | None, str | None]:
+    """What `days_text` takes, each None without a time."""
+    return known_utc_text(min(times_ns, default=None)), known_utc_text(max(times_ns, default=None))
+
+
 def days_text(first_utc: str | None, last_utc: str | None) -> str:
     """The first and the last day after a comma; nothing where they are unknown."""
     days = dict.fromkeys(utc[:10] for utc in (first_utc, last_utc) if utc)
@@ -498,10 +499,10 @@ def days_text(first_utc: str | None, last_utc: str | None) -> str:
 
 
 def _tiles_of(places: Places) -> IntArray:
-    return _tiles(Ground(np.full(len(places), places.utm.zone), places.x_m, places.y_m))
+    return _tiles(ground_of(places))
 
 
 def middle_of(parts: Sequence[Places]) -> OnMap:
     """The middle of the medians of some places."""
-    middles = [Places.of(*np.median(one.xy_m, axis=1), utm=one.utm) for one in parts]
-    return _middle(_points_m(np.hstack([one.lat_lon_deg for one in middles])))
+    medians_deg = [one.median.lat_lon_deg for one in parts]
+    return _middle(_points_m(np.hstack(medians_deg)))

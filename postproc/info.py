@@ -124,16 +124,28 @@ def _parts(info: Info, *, details: bool) -> Iterator[Line | Table]:
     rows = [(one.cell, one.rat, one.n, one.n_scans, one.strongest_dbm) for one in cells]
     yield Table(_CELL_COLUMNS, rows)
     yield from _rest(len(info.cells) - len(cells), "cells")
-    longest = sorted(info.gaps, key=lambda gap: -gap.length_s)[:most]
-    for gap in sorted(longest, key=lambda gap: gap.start_s):
+    longest = longest_gaps(info.gaps, most)
+    for gap in longest:
         yield Line(f"no {gap.of} for {gap.length_s:.0f} s at +{gap.start_s:.0f} s", bullet="gap  ")
     yield from _rest(len(info.gaps) - len(longest), "shorter gaps")
-    gravest = sorted(info.events, key=lambda event: _WEIGHT.get(event.level, 2))[:most]
-    for event in sorted(gravest, key=lambda event: event.t_s):
+    gravest = gravest_events(info.events, most)
+    for event in gravest:
         style = _STYLES.get(event.level, "dim")
         yield Line(f"{event.source}: {event.in_short}", style, bullet=f"+{event.t_s:.0f} s  ")
     yield from _rest(len(info.events) - len(gravest), "events")
     yield from facts([("digest", info.digest)], len("readings"))
+
+
+def longest_gaps(gaps: Sequence[Gap], most: int) -> list[Gap]:
+    """At most so many, in the order of time."""
+    longest = sorted(gaps, key=lambda gap: -gap.length_s)[:most]
+    return sorted(longest, key=lambda gap: gap.start_s)
+
+
+def gravest_events(events: Sequence[Event], most: int) -> list[Event]:
+    """At most so many, errors before warnings before others, in the order of time."""
+    gravest = sorted(events, key=lambda event: _WEIGHT.get(event.level, 2))[:most]
+    return sorted(gravest, key=lambda event: event.t_s)
 
 
 def _rest(n: int, what: str) -> Iterator[Line]:
@@ -229,20 +241,16 @@ def _cells(run: Run) -> tuple[CellCount, ...]:
     )
     cells = [
         CellCount(
-            _text(name),
-            _text(rat) or None,
+            name.decode(),
+            rat.decode() or None,
             n,
-            scans[_text(name)],
+            scans[name.decode()],
             most_dbm if np.isfinite(most_dbm) else None,
         )
         for name, rat, n, most_dbm in rows
         if name
     ]
     return tuple(sorted(cells, key=lambda cell: -cell.n))
-
-
-def _text(stored: bytes) -> str:
-    return stored.decode("utf-8", "replace")
 
 
 def _gaps(of: str, t_ns: np.ndarray[tuple[int], np.dtype[np.int64]], start_ns: int) -> list[Gap]:
@@ -258,10 +266,10 @@ def _events(run: Run) -> tuple[Event, ...]:
     return tuple(
         Event(
             (int(row["t_ns"]) - run.meta.started_ns) / 1e9,
-            _text(row["source"]),
-            _text(row["level"]),
-            _text(row["code"]),
-            _text(row["text"]),
+            row["source"].decode(),
+            row["level"].decode(),
+            row["code"].decode(),
+            row["text"].decode(),
         )
         for row in run.tables["notes"]
     )

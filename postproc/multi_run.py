@@ -202,8 +202,9 @@ def _modem_numbers(parts: Parts, modems: Sequence[int]) -> list[IntArray]:
     known: dict[tuple[int, int], int] = {}
     numbers = []
     for i, obs in parts.items():
-        own = np.zeros(len(obs), np.int64) if obs.modem is None else obs.modem
-        different, first, which = np.unique(own, return_index=True, return_inverse=True)
+        different, first, which = np.unique(
+            obs.modem_numbers, return_index=True, return_inverse=True
+        )
         for k in np.argsort(first).tolist():
             known.setdefault((modems[i], int(different[k])), len(known))
         of_different = [known[modems[i], int(one)] for one in different]
@@ -253,5 +254,5 @@ def modem_identity(run: Run) -> Hashable | None:
 
 
 def _observations_in(observations: Observations, utm: Utm) -> Observations:
-    cells = tuple(replace(obs, places=obs.places.in_zone(utm)) for obs in observations.cells)
-    return replace(observations, track=observations.track.in_zone(utm), cells=cells)
+    moved = observations.each(lambda obs: replace(obs, places=obs.places.in_zone(utm)))
+    return replace(moved, track=observations.track.in_zone(utm))

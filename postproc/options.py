@@ -229,8 +229,8 @@ def read_streets(path: Path | None) -> street_file.StreetLines | tuple[()]:
 
 def grouped_runs(
     paths: Sequence[Path], cells: Sequence[str] = (), where: area.Area | None = None
-) -> list[tuple[ground.Group, list[str]]]:
-    """The runs of some files by place, each group with those of the `cells` that it names.
+) -> list[ground.Group]:
+    """The runs of some files by place, each group asked for those of the `cells` that it names.
 
     Groups far from the area are left out, with a line on stderr, but for the last.
     """

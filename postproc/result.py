@@ -54,7 +54,7 @@ from logger.core.readings import Observations, Readings, SpikeLevel
 from logger.core.runfile import Run
 from logger.core.suspicion.rule import WORDS
 from logger.core.suspicion.words import strongest_reasons
-from logger.core.types import Verdict, utc_text
+from logger.core.types import Verdict, known_utc_text
 from postproc.cell_work import Failure
 from postproc.estimators.filters import Comparison, FilterPath
 from postproc.estimators.least_squares import BatchFit, Loss
@@ -123,7 +123,7 @@ def _values(answer: Answer, beside: Sequence[str]) -> Iterator[Value]:
     yield from _place(answer)
     yield from (made_from.n, "; ".join(made_from.runs))
     for utc_ns in (made_from.first_utc_ns, made_from.last_utc_ns):
-        yield None if utc_ns is None else utc_text(utc_ns)
+        yield known_utc_text(utc_ns)
     yield "; ".join(strongest_reasons(word)) if word else None
     yield "; ".join(answer.reasons)
     for key in beside:
@@ -239,9 +239,8 @@ class CellResult:
     `needed_m` the radius that a location needs, if the region is wider. `word` is empty unless it
     is conspicuous.
 
-    `shares` is what each run contributed, `run_index` (n,) the index in `Result.runs` of each
-    reading of `obs`, and `without` the answer without one run, by its index; empty unless two or
-    more runs observed the cell.
+    `shares` is what each run contributed, and `without` the answer without one run, by its index in
+    `Result.runs`; empty unless two or more runs observed the cell.
     """
 
     cell: str
@@ -262,7 +261,6 @@ class CellResult:
     set_aside: tuple[SpikeLevel, ...] = ()
     n_scans: int | None = None
     heard_utc_ns: tuple[int, int] | None = None
-    run_index: IntArray | None = None
     shares: tuple[RunShare, ...] = ()
     without: Mapping[int, "CellResult"] = field(default_factory=dict)
     error: str | None = None

@@ -55,7 +55,7 @@ def _add(total: Counter[str], names: npt.NDArray[np.bytes_], which: IntArray) ->
     """Count the rows of each name; `which` are their numbers."""
     counts = np.bincount(which, minlength=len(names))
     for stored, count in zip(names.tolist(), counts.tolist(), strict=True):
-        total[stored.decode("utf-8", "replace")] += count
+        total[stored.decode()] += count
 
 
 def heard_utc_ns(runs: Sequence[Run]) -> dict[str, tuple[int, int]]:
@@ -69,7 +69,7 @@ def heard_utc_ns(runs: Sequence[Run]) -> dict[str, tuple[int, int]]:
         last = np.append(first, len(order))[1:] - 1
         for name, *ends_ns in zip(names, t_ns[first].tolist(), t_ns[last].tolist(), strict=True):
             utc_ns = [at_ns for at_ns in map(clock, ends_ns) if at_ns is not None]
-            times_ns.setdefault(name.decode("utf-8", "replace"), []).extend(utc_ns)
+            times_ns.setdefault(name.decode(), []).extend(utc_ns)
     return {name: (min(utc_ns), max(utc_ns)) for name, utc_ns in times_ns.items() if utc_ns}
 
 

@@ -195,7 +195,6 @@ def _estimate_with_parts(parts: Parts, modems: Sequence[int], options: Options) 
         without[left_out] = locate_cell(merge(rest, modems), options.prior, options.within_m)
     return replace(
         result,
-        run_index=np.repeat(list(parts), [len(part) for part in parts.values()]),
         shares=tuple(sorted(shares_of(parts, modems, result.posterior), key=lambda one: one.run)),
         without=without,
     )

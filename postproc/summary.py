@@ -39,14 +39,14 @@ from logger.core.document import (
     facts,
     number_of,
 )
-from logger.core.guidance.sentence import direction
+from logger.core.guidance.sentence import direction_from
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.locator.region import HALF, LEVEL
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 from logger.core.runfile import Run
 from logger.core.suspicion.words import reason_line, strongest_reasons
-from logger.core.types import utc_text
+from logger.core.types import known_utc_text
 from postproc.cell_work import Failure, attempt
 from postproc.estimators.filters import AXES
 from postproc.estimators.region_outline import polygons
@@ -233,7 +233,7 @@ def _words(rows: Sequence[SummaryRow], *, has_several_runs: bool) -> Iterator[Li
 
 def _heard_text(answer: Answer) -> str:
     made_from = answer.provenance
-    ends = (_utc(at_ns) for at_ns in (made_from.first_utc_ns, made_from.last_utc_ns))
+    ends = (known_utc_text(at_ns) for at_ns in (made_from.first_utc_ns, made_from.last_utc_ns))
     return runs_text(made_from.runs, *ends)
 
 
@@ -253,8 +253,7 @@ def advice(answer: Answer, cell: CellResult) -> str:
     if posterior.at_limit or posterior.r95_m > _LONGEST_WALK_M:
         return "The levels do not show the distance yet: walk to where they are clearly higher."
     last, shown = obs.places[-1], posterior.place
-    way_m = shown.xy_m[:, 0] - last.xy_m[:, 0]
-    way = f"{metres(shown.away_m(last))} {direction(way_m)}"
+    way = f"{metres(shown.away_m(last))} {direction_from(last, shown)}"
     return (
         f"Walk around the most likely position, {place.where}, {way} of the last reading of this "
         "cell."
@@ -523,8 +522,8 @@ def json_form(
         "cell": answer.cell,
         "n": made_from.n,
         "n_scans": made_from.n_scans,
-        "first_utc": _utc(made_from.first_utc_ns),
-        "last_utc": _utc(made_from.last_utc_ns),
+        "first_utc": known_utc_text(made_from.first_utc_ns),
+        "last_utc": known_utc_text(made_from.last_utc_ns),
         "verdict": answer.verdict,
         "best": _fields(place, _PLACE)
         | _fields(parameters, _PARAMETERS)
@@ -595,10 +594,6 @@ def json_form(
     if made_from.error is not None:
         form["error"] = made_from.error
     return form
-
-
-def _utc(utc_ns: int | None) -> str | None:
-    return None if utc_ns is None else utc_text(utc_ns)
 
 
 def _fields(part: object, names: Sequence[str]) -> dict[str, object]:

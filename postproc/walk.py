@@ -10,7 +10,7 @@ from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.errors import EstimationError
 from logger.core.places import UNKNOWN_SIGMA_M, Places, index_of, join_places
 from logger.core.readings import NEAR_M, Observations, Readings, modems_of, observe, scan_times_ns
-from logger.core.rows import Rows, numbered_texts
+from logger.core.rows import Rows, numbered_texts, rows_of_each
 from logger.core.runfile import Run
 from logger.core.runfile.meta import has_times, is_dated, is_import
 from logger.core.types import UNKNOWN_TIME
@@ -64,14 +64,14 @@ def _of_one_modem(observations: Observations, readings: Rows) -> Observations:
     naming = Naming(cell[counts], number[place[counts]], rat[counts])
     share = named_shares(places.part(at), naming)
     key, first = np.unique(naming.cell * len(seq) + naming.scan, return_index=True)
-    numbers = {name.decode("utf-8", "replace"): k for k, name in enumerate(names.tolist())}
+    numbers = {name.decode(): k for k, name in enumerate(names.tolist())}
 
     def with_share(obs: Readings) -> Readings:
         scan = number[np.searchsorted(seq, obs.scan_seq)]
         row = first[np.searchsorted(key, numbers[obs.cell] * len(seq) + scan)]
         return replace(obs, named_share=share[row])
 
-    return replace(observations, cells=tuple(map(with_share, observations.cells)))
+    return observations.each(with_share)
 
 
 def named_shares(places: Places, naming: Naming) -> FloatArray:
@@ -81,14 +81,12 @@ def named_shares(places: Places, naming: Naming) -> FloatArray:
     a cell says that it is weak if it lists cells of that technology; a scan that names the serving
     cell alone says so only where no other scans are.
     """
-    along_m = np.append(0.0, np.cumsum(np.hypot(*np.diff(places.xy_m, axis=1))))
+    along_m = np.append(0.0, np.cumsum(places.steps_m))
     first = np.searchsorted(along_m, along_m - NEAR_M, side="left")
     end = np.searchsorted(along_m, along_m + NEAR_M, side="right")
     lists = {rat: _lists(naming, rat, len(places)) for rat in np.unique(naming.rat).tolist()}
     share = np.zeros(len(naming.cell))
-    order = np.argsort(naming.cell, kind="stable")
-    change = 1 + np.flatnonzero(np.diff(naming.cell[order]))
-    for rows in np.split(order, change) if len(order) else ():
+    for _, rows in rows_of_each(naming.cell):
         at, is_list = naming.scan[rows], lists[int(naming.rat[rows[0]])]
         named_in = np.unique(at)
         beside = named_in[~is_list[named_in]]
@@ -140,8 +138,7 @@ def observe_run(run: Run) -> ObservedRun:
 
 
 def _in_order_of_rows(observations: Observations) -> Observations:
-    cells = tuple(replace(obs, is_timed=False) for obs in observations.cells)
-    return replace(observations, cells=cells)
+    return observations.each(lambda obs: replace(obs, is_timed=False))
 
 
 def _as_written(observations: Observations) -> Observations:
@@ -153,7 +150,7 @@ def _as_written(observations: Observations) -> Observations:
         sigma_m = np.hypot(np.maximum(obs.places.sigma_m, UNKNOWN_SIGMA_M), more_m[fix])
         return replace(obs, places=replace(obs.places, sigma_m=sigma_m))
 
-    return replace(observations, cells=tuple(widen(obs) for obs in observations.cells))
+    return observations.each(widen)
 
 
 def _smooth_track(tables: Mapping[str, Rows], observations: Observations) -> SmoothedTrack:
@@ -178,7 +175,7 @@ def _place_readings(
             places = places_during(track.at, obs.t_ns, *scan_times_ns(scans, obs))
         return replace(obs, places=places)
 
-    return replace(observations, cells=tuple(place_cell(obs) for obs in observations.cells))
+    return observations.each(place_cell)
 
 
 def _describe_moved_fixes(track: SmoothedTrack) -> list[str]:

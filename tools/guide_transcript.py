@@ -17,7 +17,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
 from logger.sim.walk import WalkTime
@@ -118,7 +118,7 @@ def main(wheel: Path) -> None:
 
 
 def _first_boot(page: Transcript, site: Path, runs: Path) -> None:
-    walk, now = scenario("block", 1), WalkTime(SystemClock())
+    walk, now = scenario("block", 1), WalkTime(Clock())
     with ExitStack() as stack:
         sessions = (answering(walk.modem(now.now_s)), talking(walk.receiver(), now))
         ports = [stack.enter_context(PtyDevice(session)).path for session in sessions]

@@ -12,13 +12,7 @@ from typing import TYPE_CHECKING, Literal, Self
 from msgspec import Struct
 from msgspec.structs import replace
 
-from logger.core.certainty import (
-    Ellipse,
-    OnMap,
-    mode_share_text,
-    radii_text,
-    relevant_percents,
-)
+from logger.core.certainty import Ellipse, OnMap, radii_text, relevant_percents, share_text
 from logger.core.types import Verdict
 
 if TYPE_CHECKING:  # the status is written before numpy is imported
@@ -69,7 +63,7 @@ class Mode(OnMap, frozen=True, kw_only=True):
     @property
     def share(self) -> str:
         """Its probability in words."""
-        return mode_share_text(self.probability, self.percent)
+        return share_text(self.probability if self.percent is None else self.percent / 100.0)
 
     def in_short(self) -> Self:
         """With a probability of three digits."""

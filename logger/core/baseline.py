@@ -8,12 +8,13 @@ Levels are those of `CellReading.level_dbm`, as each modem printed them: two mod
 several dB. A level at the limit of the modem's scale counts as that level.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import cos, floor, radians, sqrt
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -166,34 +167,46 @@ _ANSWERS: Mapping[str, Any] = MappingProxyType(
 )
 
 
-class Baseline(Protocol):
-    """Earlier walks. A cell that was named by one scan only is unknown, as on a walk."""
+class Baseline(ABC):
+    """Earlier walks. A cell that was named by one scan only is unknown, as on a walk.
 
-    @property
-    def n_walks(self) -> int:
-        """Number of walks; 0 means that there is nothing to compare with."""
+    `n_walks` is their number; 0 means that there is nothing to compare with. `fingerprint` is a
+    digest of all walks and of what is trusted: equal for baselines that answer the same.
+    """
 
-    @property
-    def fingerprint(self) -> str:
-        """Digest of all walks and of what is trusted: equal for baselines that answer the same."""
+    n_walks: int
+    fingerprint: str
+
+    @abstractmethod
+    def ask(self, kind: str, key: Any) -> Any:
+        """The answer of a kind about a square, a cell or an operator; None where it is unknown."""
 
     def square(self, square: int) -> SquareHistory:
         """Earlier walks in a square, numbered as in `logger.core.baseline`; empty if unvisited."""
+        known: SquareHistory | None = self.ask(SQUARE, square)
+        return known or SquareHistory(square)
 
     def cell(self, name: str) -> KnownCell | None:
         """What is known of the cell `mcc-mnc-area-cid`; None if no earlier walk heard it."""
+        known: KnownCell | None = self.ask(CELL, name)
+        return known
 
     def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
         """Channel numbers on which cells of an operator were heard, with the number of cells."""
+        known: Mapping[int, int] | None = self.ask(CHANNELS, (mcc, mnc, rat))
+        return known or {}
 
     def trust_note(self, name: str) -> str | None:
         """The user's note about a cell that is trusted; None if it is not."""
+        note: str | None = self.ask(TRUST, name)
+        return note
 
     def is_doubted(self, name: str) -> bool:
         """Whether a cell was heard and not learnt."""
+        return bool(self.ask(DOUBT, name))
 
 
-class NotedBaseline:
+class NotedBaseline(Baseline):
     """What a live estimate received, in lines of `answer_line`; without lines nothing."""
 
     def __init__(self, text: bytes = b"") -> None:
@@ -204,25 +217,10 @@ class NotedBaseline:
             known[tuple(key) if kind == CHANNELS else key] = msgspec.convert(
                 answer, _ANSWERS[kind], str_keys=True
             )
-        ((fingerprint, n_walks),) = self._answers[FILE].items() or [("", 0)]
-        self.fingerprint: str = fingerprint
-        self.n_walks: int = n_walks
+        ((self.fingerprint, self.n_walks),) = self._answers[FILE].items() or [("", 0)]
 
-    def square(self, square: int) -> SquareHistory:
-        return self._answers[SQUARE].get(square) or SquareHistory(square)
-
-    def cell(self, name: str) -> KnownCell | None:
-        return self._answers[CELL].get(name)
-
-    def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
-        known: Mapping[int, int] = self._answers[CHANNELS].get((mcc, mnc, rat), {})
-        return known
-
-    def trust_note(self, name: str) -> str | None:
-        return self._answers[TRUST].get(name)
-
-    def is_doubted(self, name: str) -> bool:
-        return name in self._answers[DOUBT]
+    def ask(self, kind: str, key: Any) -> Any:
+        return self._answers[kind].get(key)
 
 
 NO_BASELINE = NotedBaseline()

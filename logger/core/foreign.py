@@ -64,6 +64,15 @@ def read_regular(path: Path, most_bytes: int, *, follow_links: bool = True) -> b
     return content
 
 
+def begins_with(path: Path, magic: bytes) -> bool:
+    """Whether a file is one that begins with these bytes; no for one that cannot be read."""
+    try:
+        with open_regular(path) as file:
+            return file.read(len(magic)) == magic
+    except OSError:
+        return False
+
+
 def decode_json(text: bytes, kind: type[Kind]) -> Kind:
     """A value in JSON; raises only `msgspec.DecodeError`, also for bad UTF-8 and deep nesting.
 

@@ -209,6 +209,16 @@ class Places:  # noqa: PLW1641 (arrays have no hash)
         lat, lon = self.utm.to_latlon(self.x_m[0], self.y_m[0])
         return OnMap(lat=lat, lon=lon)
 
+    @property
+    def steps_m(self) -> FloatArray:
+        """Distance of each place but the first from the one before, shape (n - 1,)."""
+        return np.asarray(np.hypot(np.diff(self.x_m), np.diff(self.y_m)), float)
+
+    @property
+    def median(self) -> "Places":
+        """The place in the middle of each axis; there is at least one."""
+        return Places.of(*np.median(self.xy_m, axis=1), utm=self.utm)
+
     def in_zone(self, utm: Utm) -> Self:
         """The same places in another zone."""
         if self.utm == utm:

@@ -10,7 +10,7 @@ high ones of that place, and all together they decay with distance more slowly t
 cell.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -28,7 +28,7 @@ from logger.core.places import (
     track_of,
 )
 from logger.core.repeated_levels import repeats_along
-from logger.core.rows import Rows, levels_dbm, numbered_texts
+from logger.core.rows import Rows, levels_dbm, numbered_texts, rows_of_each
 from logger.core.spikes import spikes_along
 from logger.core.types import RXLEV_0_DBM, UNKNOWN_TIME
 
@@ -190,6 +190,11 @@ class Readings:
         return 1 if self.modem is None else int(np.max(self.modem, initial=0)) + 1
 
     @property
+    def modem_numbers(self) -> IntArray:
+        """Number of the modem of each reading: 0 where all are from one."""
+        return np.zeros(len(self), np.int64) if self.modem is None else self.modem
+
+    @property
     def limit(self) -> IntArray:
         """Which readings are censored at a limit of the modem's scale: see `limits`."""
         if self.known_limit is not None:
@@ -295,7 +300,7 @@ class Readings:
     def _rows_by_modem(self) -> list[IntArray]:
         if self.modem is None:
             return [np.arange(len(self))]
-        return [np.flatnonzero(self.modem == number) for number in np.unique(self.modem)]
+        return [rows for _, rows in rows_of_each(self.modem)]
 
     def _is_valid(self) -> BoolArray:
         places = self.places
@@ -313,6 +318,10 @@ class Observations:
     n_without_position: int
     n_without_identity: int
     n_without_level: int
+
+    def each(self, change: Callable[[Readings], Readings]) -> "Observations":
+        """With a change of the readings of every cell."""
+        return replace(self, cells=tuple(map(change, self.cells)))
 
     def __repr__(self) -> str:
         return f"Observations({len(self.cells)} cells, {self.n_readings} readings, {self.track})"
@@ -407,14 +416,14 @@ def _by_cell(
     usable: BoolArray,
 ) -> tuple[Readings, ...]:
     names, which = numbered_texts(readings["cell"][usable])
-    indices = np.flatnonzero(usable)[np.argsort(which, kind="stable")]
-    ends = np.cumsum(np.bincount(which, minlength=len(names)))
+    indices = np.flatnonzero(usable)
     cells = []
-    for name, of_name in zip(names, np.split(indices, ends[:-1]), strict=False):
-        rows = of_name[np.argsort(places.t_ns[of_name], kind="stable")]
+    for number, some in rows_of_each(which):
+        rows = indices[some]
+        rows = rows[np.argsort(places.t_ns[rows], kind="stable")]
         rat = readings["rat"][rows[0]].decode() or None
         of_cell: dict[str, Any] = {k: v[rows] for k, v in columns.items()}
-        obs = Readings(name.decode(), rat, places.part(rows), **of_cell)
+        obs = Readings(names[number].decode(), rat, places.part(rows), **of_cell)
         has_ta = obs.ta is not None and np.any(obs.ta >= 0)
         cells.append(obs if has_ta else replace(obs, ta=None))
     return tuple(sorted(cells, key=len, reverse=True))

@@ -114,10 +114,9 @@ def _most_equal(places: Places, level_dbm: FloatArray, limit: IntArray) -> float
     The receiver has to move on before each.
     """
     is_equal = np.diff(level_dbm) == 0.0
-    step_m = np.hypot(np.diff(places.x_m), np.diff(places.y_m))
     run = np.cumsum(~is_equal)
     way_m, count = (
-        np.bincount(run, step_m * is_equal),
+        np.bincount(run, places.steps_m * is_equal),
         np.bincount(run, is_equal & (limit[1:] == 0)),
     )
     return float(np.sum(np.minimum(np.floor(way_m / _MOVED_M + _ROUNDING), count)))

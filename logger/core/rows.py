@@ -105,6 +105,14 @@ def numbered_texts(column: npt.NDArray[np.bytes_]) -> tuple[npt.NDArray[np.bytes
     return texts[order], rank[which]
 
 
+def rows_of_each(numbers: IntArray) -> list[tuple[int, IntArray]]:
+    """The different numbers of a column in order, each with its rows in order."""
+    order = np.argsort(numbers, kind="stable")
+    starts = np.flatnonzero(np.diff(numbers[order])) + 1
+    parts = np.split(order, starts) if len(order) else []
+    return [(int(numbers[rows[0]]), rows) for rows in parts]
+
+
 def to_current_columns(table: str, rows: Rows) -> Rows:
     """Rows of a run of any version with today's columns, unknown where it had none."""
     if rows.dtype == DTYPES[table]:

@@ -29,6 +29,11 @@ def utc_text(utc_ns: int, *, compact: bool = False) -> str:
     return when.strftime("%Y%m%dT%H%M%SZ" if compact else "%Y-%m-%dT%H:%M:%SZ")
 
 
+def known_utc_text(utc_ns: int | None) -> str | None:
+    """As `utc_text`; None where the time is unknown."""
+    return None if utc_ns is None else utc_text(utc_ns)
+
+
 UNKNOWN_ID = -1
 """Mark of an unknown integer that cannot be negative."""
 UNKNOWN_TIME = -(2**63)

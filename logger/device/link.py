@@ -10,8 +10,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Generic, Literal, Protocol, Self, TypeVar
+from typing import Any, Generic, Literal, Self, TypeVar
 
 import msgspec
 
@@ -141,33 +140,6 @@ class Device:
     receiver: bool | None = None
 
 
-class Stream(Protocol):
-    """The bytes of an open source; a context manager that closes it.
-
-    All raise `DeviceError` once it has gone away.
-    """
-
-    def __enter__(self) -> Self: ...
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-        /,
-    ) -> None: ...
-    def read(self) -> bytes:
-        """Bytes there are; empty after a silence."""
-        ...
-
-    def rest(self) -> bytes:
-        """What has come and was not read yet; nothing is waited for."""
-        ...
-
-    def write(self, data: bytes) -> None:
-        """Write all bytes."""
-        ...
-
-
 class Source(ABC, Generic[Settings]):
     """Where records come from; a kind of source is one file with a class derived from this.
 
@@ -199,7 +171,7 @@ class Source(ABC, Generic[Settings]):
         return type(self)(msgspec.structs.replace(self.settings, port=port))
 
     @abstractmethod
-    def open(self, read_timeout_s: float) -> Stream:
+    def open(self, read_timeout_s: float) -> Port:
         """The bytes; raises `DeviceError` when it cannot be opened now."""
 
     def redactor(self) -> Redactor:
@@ -253,7 +225,7 @@ class Link:
         self.known = NumberHistory()
         self._inbox = inbox
         self._redactor = source.redactor()
-        self._port: Stream | None = None
+        self._port: Port | None = None
         self._open_source = source
         self._tallies: dict[str, Tally] = {}
         self.has_heard = False
@@ -351,7 +323,7 @@ class Link:
             self.emit(RawBytes(data), t_ns)
         return t_ns, data
 
-    def _take_rest(self, port: Stream) -> None:
+    def _take_rest(self, port: Port) -> None:
         """Closing the port would discard it."""
         with suppress(DeviceError):
             for _ in range(MOST_CHUNKS_LEFT):

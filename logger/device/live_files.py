@@ -6,26 +6,18 @@ baseline is asked is recorded (`NotedBaseline`).
 """
 
 import logging
-from collections.abc import Callable, Mapping
 from contextlib import ExitStack, closing
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from logger.baseline_file import BaselineFile, bound_heap, configured_file
 from logger.core.baseline import (
-    CELL,
-    CHANNELS,
-    DOUBT,
     FILE,
     READ,
-    SQUARE,
-    TRUST,
     UNREADABLE,
     Baseline,
-    KnownCell,
     NotedBaseline,
-    SquareHistory,
     answer_line,
 )
 from logger.core.errors import FieldLoggerError, RunFileError, error_place
@@ -42,13 +34,11 @@ log = logging.getLogger(__name__)
 _MOST_NOTED = 10_000
 """Questions of a walk; what is asked again after so many others is recorded again."""
 
-Answer = TypeVar("Answer")
-
 _STREETS, _NO_STREETS = "streets", "streets-unreadable"
 """Codes of the events about streets."""
 
 
-class LiveFiles:
+class LiveFiles(Baseline):
     """A `Baseline` and `Streets` that answer whatever happens, from the files that settings name.
 
     `take_notes` and `take_lines` are to be recorded. Made and used in one thread, that of the live
@@ -60,7 +50,7 @@ class LiveFiles:
         self._lines = b""
         self._noted: Latest[None] = Latest(_MOST_NOTED)
         self._opened = ExitStack()
-        self._baseline: Baseline = NotedBaseline()
+        self._use(NotedBaseline())
         self._streets = StreetAtlas(())
         self._streets_file = settings.streets
         if (path := configured_file(settings.baseline, folder)) is not None:
@@ -90,36 +80,25 @@ class LiveFiles:
             self._give_up_streets(error)
         return None
 
-    @property
-    def n_walks(self) -> int:
-        """Number of walks, 0 without a readable file."""
-        return self._baseline.n_walks
+    def ask(self, kind: str, key: Any) -> Any:
+        try:
+            answer = self._baseline.ask(kind, key)
+        except Exception as error:  # noqa: BLE001
+            self._give_up_baseline(error)
+            return None
+        if (question := f"{kind} {key}") not in self._noted and self.n_walks:
+            self._noted.put(question, None)
+            self._lines += answer_line(kind, key, answer)
+        return answer
 
-    @property
-    def fingerprint(self) -> str:
-        """Digest of what the baseline answers from, empty without a readable file."""
-        return self._baseline.fingerprint
-
-    def square(self, square: int) -> SquareHistory:
-        return self._ask(SQUARE, square, lambda baseline: baseline.square(square))
-
-    def cell(self, name: str) -> KnownCell | None:
-        return self._ask(CELL, name, lambda baseline: baseline.cell(name))
-
-    def channels(self, mcc: str, mnc: str, rat: str) -> Mapping[int, int]:
-        key = (mcc, mnc, rat)
-        return self._ask(CHANNELS, key, lambda baseline: baseline.channels(*key))
-
-    def trust_note(self, name: str) -> str | None:
-        return self._ask(TRUST, name, lambda baseline: baseline.trust_note(name))
-
-    def is_doubted(self, name: str) -> bool:
-        return self._ask(DOUBT, name, lambda baseline: baseline.is_doubted(name))
+    def _use(self, baseline: Baseline) -> None:
+        self._baseline = baseline
+        self.n_walks, self.fingerprint = baseline.n_walks, baseline.fingerprint
 
     def _open_baseline(self, path: Path) -> None:
         try:
             bound_heap()
-            self._baseline = self._opened.enter_context(closing(BaselineFile(path)))
+            self._use(self._opened.enter_context(closing(BaselineFile(path))))
         except Exception as error:  # noqa: BLE001
             self._give_up_baseline(error)
             return
@@ -127,20 +106,9 @@ class LiveFiles:
         self._notes.append(Note("info", READ, text))
         self._lines += answer_line(FILE, self.fingerprint, self.n_walks)
 
-    def _ask(self, kind: str, key: Any, ask: Callable[[Baseline], Answer]) -> Answer:
-        try:
-            answer = ask(self._baseline)
-        except Exception as error:  # noqa: BLE001
-            self._give_up_baseline(error)
-            return ask(self._baseline)
-        if (question := f"{kind} {key}") not in self._noted and self.n_walks:
-            self._noted.put(question, None)
-            self._lines += answer_line(kind, key, answer)
-        return answer
-
     def _give_up_baseline(self, error: Exception) -> None:
         self.close()
-        self._baseline = NotedBaseline()
+        self._use(NotedBaseline())
         why = str(error) if isinstance(error, RunFileError) else error_place(error)
         self._warn(UNREADABLE, f"{why}; nothing is known of earlier walks")
 

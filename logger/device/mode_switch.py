@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 
 from logger.core.foreign import decode_json, read_regular
+from logger.core.runfile.journal import sync_folder
 from logger.core.types import Level
 from logger.device.link import Link
 from logger.device.modem_exchange import AfterStop
@@ -94,11 +95,7 @@ class SavedModes:
             part.replace(self.path)
         else:
             self.path.unlink(missing_ok=True)
-        folder = os.open(self._folder, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        sync_folder(self._folder)
 
 
 class ModeSwitch:

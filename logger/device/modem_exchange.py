@@ -118,6 +118,7 @@ class ModemExchange:
 
     def __init__(self, link: Link, driver: Family | None) -> None:
         self._link = link
+        self._now_s = link.clock.real_now_s
         self.driver = driver
         self.framer = AtFramer()
         self.unsolicited = UnsolicitedBlock()
@@ -218,10 +219,6 @@ class ModemExchange:
             self.receive()
         return not self._n_pending_queries
 
-    def _now_s(self) -> float:
-        """Real time: a modem needs its time to answer, however fast a simulated walk runs."""
-        return self._link.clock.real_s(self._link.clock.now_ns() / 1e9)
-
     def _count_anomalies(self, reply: Reply, *, slow: bool) -> None:
         if slow:
             self._link.count("slow-answer", 1, "answers took more than half of the time they may")
@@ -295,6 +292,7 @@ class AfterStop:
 
     def __init__(self, link: Link, framer: AtFramer) -> None:
         self._link = link
+        self._now_s = link.clock.real_now_s
         self._framer = framer
 
     def drain(self) -> None:
@@ -319,6 +317,3 @@ class AfterStop:
     def _read_events(self) -> list[object]:
         _, data = self._link.read()
         return list(self._framer.feed(data))
-
-    def _now_s(self) -> float:
-        return self._link.clock.real_s(self._link.clock.now_ns() / 1e9)

@@ -115,7 +115,7 @@ class Port:
             self._serial.close()
 
     def read(self) -> bytes:
-        """As `Stream.read`, at most a chunk."""
+        """Bytes there are, at most a chunk; empty after a silence."""
         with _device_errors(self._url):
             data = bytes(self._serial.read(1))
             with suppress(
@@ -125,7 +125,7 @@ class Port:
             return data
 
     def rest(self) -> bytes:
-        """As `Stream.rest`, at most a chunk."""
+        """What has come and was not read yet, at most a chunk; nothing is waited for."""
         with _device_errors(self._url):
             self._serial.timeout = 0
             try:

@@ -12,7 +12,7 @@ from logger.core.document import Column, Document, Table
 from logger.core.errors import ConfigError
 from logger.core.foreign import decode_json, read_regular
 from logger.device.battery import Battery
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.live_view import CellStatus, LiveView, PositionStatus, Whole
 
 FOLDER = Path("/run/cellwalk")
@@ -103,7 +103,7 @@ def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:
 
 def status_age_s(status: Status) -> float:
     """How long ago the recorder wrote a status."""
-    return (SystemClock().now_ns() - status.now_ns) / 1e9
+    return (Clock().now_ns() - status.now_ns) / 1e9
 
 
 def silent_s(status: Status) -> float:

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from logger.core.live_settings import FOLLOW, STRONGEST, SUSPICIOUS
 from logger.core.source_tables import MODEM
-from logger.core.types import Fix, Note, RawBytes, Record, Scan, utc_text
+from logger.core.types import Fix, Note, RawBytes, Record, Scan, known_utc_text
 from logger.device.link import DRIVER, NO_EPOCHS, Inbox
 from logger.device.live_view import CellTable
 from logger.device.status import FixStatus, PortStatus
@@ -151,11 +151,10 @@ class WatchedInbox(Inbox):
 
 
 def _fix_status(t_ns: int, fix: Fix) -> FixStatus:
-    utc = None if fix.utc_ns is None else utc_text(fix.utc_ns)
     return FixStatus(
         t_ns,
         fix.valid,
-        utc,
+        known_utc_text(fix.utc_ns),
         fix.lat_deg,
         fix.lon_deg,
         fix.acc_m,

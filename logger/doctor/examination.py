@@ -22,7 +22,7 @@ from logger.core.document import Column, Document, Part, Table, facts, terminal_
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import Run, read_run
 from logger.core.source_tables import GNSS, MODEM
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.link import NOT_THERE, Line
 from logger.device.machine import kernel_text
 from logger.device.mode_switch import SavedModes, unrestored_modes
@@ -203,7 +203,7 @@ def _trial_run(config: SiteConfig, folder: str, seconds: float) -> Run:
             for one in config.source
         ),
     )
-    clock = SystemClock()
+    clock = Clock()
     writer = begin_run(trial_config, "", clock, origin=TRIAL)
     service = Service(trial_config, writer, clock, threading.Event())
     service.start()
@@ -270,6 +270,6 @@ def _settings(config: Path) -> Iterator[str]:
 
 def _events(run: Run) -> Iterator[tuple[str | float, ...]]:
     for row in run.tables["notes"][-_MOST_NOTES:]:
-        text = without_private(row["text"].decode("utf-8", "replace"))
+        text = without_private(row["text"].decode())
         seconds = (int(row["t_ns"]) - run.meta.started_ns) / 1e9
         yield seconds, row["level"].decode(), row["code"].decode(), text

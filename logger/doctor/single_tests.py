@@ -15,7 +15,7 @@ import numpy as np
 from logger.config import ModemSettings, PowerSettings, SourceSettings
 from logger.core.baseline import Baseline, square_of
 from logger.core.places import UERE_M
-from logger.core.rows import Rows, levels_dbm
+from logger.core.rows import Rows, levels_dbm, numbered_texts, rows_of_each
 from logger.core.runfile import Run
 from logger.core.runfile.journal import is_recording
 from logger.core.runfile.run_names import JOURNAL, first_part
@@ -434,10 +434,9 @@ def antenna_line(readings: Rows, fixes: Rows, baseline: Baseline | None) -> Line
 def _mean_levels(readings: Rows) -> dict[str, float]:
     levels = levels_dbm(readings)
     usable = (readings["cell"] != b"") & np.isfinite(levels)
-    cells = readings["cell"][usable]
-    return {
-        name.decode(): float(np.mean(levels[usable][cells == name])) for name in np.unique(cells)
-    }
+    names, which = numbered_texts(readings["cell"][usable])
+    each = rows_of_each(which)
+    return {names[k].decode(): float(np.mean(levels[usable][rows])) for k, rows in each}
 
 
 def _differences(heard: dict[str, float], fixes: Rows, baseline: Baseline | None) -> list[float]:

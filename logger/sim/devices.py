@@ -11,7 +11,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray
 from logger.drivers.reading.row_language import MPS_PER_KNOT
-from logger.sim.dialects import ANYWHERE, NO_CARD, REGISTERED, Dialect, Listing
+from logger.sim.dialects import ANYWHERE, NO_CARD, REGISTERED, Dialect, Listing, angle_text
 from logger.sim.walk import Walk
 from logger.sim.world import Air, ModemFix, ReceivedCell, World
 
@@ -320,7 +320,7 @@ class SimulatedReceiver:
         lat_deg, lon_deg = self._world.to_latlon(east_m + error_m[0], north_m + error_m[1])
         utc = self._utc_start + timedelta(seconds=t_s)
         time = f"{utc:%H%M%S}.{utc.microsecond // 10_000:02d}"
-        position = f"{_angle(lat_deg, 2, 'NS')},{_angle(lon_deg, 3, 'EW')}"
+        position = f"{angle_text(lat_deg, 2, 'NS')},{angle_text(lon_deg, 3, 'EW')}"
         altitude = f"{ALTITUDE_M + error_m[2]:.1f}"
         quality = f"{len(SATELLITES):02d},{HDOP:.2f}"
         satellites = ",".join(f"{number:02d}" for number in SATELLITES)
@@ -342,11 +342,3 @@ def sentence(text: str) -> bytes:
     """Text between `$` and a checksum, with its line end."""
     body = text.encode("ascii")
     return b"$%b*%02X\r\n" % (body, reduce(xor, body))
-
-
-def _angle(angle_deg: float, degree_digits: int, letters: str) -> str:
-    """As `ddmm.mmmmm`; the second of `letters` is the negative hemisphere."""
-    # Rounded once, in steps of 1e-5 minutes, so that no 60.00000 minutes come out.
-    degrees, steps = divmod(round(abs(angle_deg) * 6_000_000), 6_000_000)
-    minutes, fraction = divmod(steps, 100_000)
-    return f"{degrees:0{degree_digits}d}{minutes:02d}.{fraction:05d},{letters[angle_deg < 0.0]}"

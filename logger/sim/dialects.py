@@ -262,8 +262,7 @@ def _cgpsinfo(air: Air, settings: Settings) -> Answer:
     fix = air.fix()
     if fix is None or settings["+CGPS"].startswith("0"):
         return ["+CGPSINFO: ,,,,,,,,"]
-    lat = f"{_minutes(fix.lat_deg, 2)},{'NS'[fix.lat_deg < 0]}"
-    lon = f"{_minutes(fix.lon_deg, 3)},{'EW'[fix.lon_deg < 0]}"
+    lat, lon = angle_text(fix.lat_deg, 2, "NS", 6), angle_text(fix.lon_deg, 3, "EW", 6)
     motion = f"{fix.speed_mps * KNOTS_PER_MPS:.1f},{fix.course_deg:.1f}"
     return [f"+CGPSINFO: {lat},{lon},{fix.utc:%d%m%y},{tenths(fix)},{fix.alt_m:.1f},{motion}"]
 
@@ -272,11 +271,14 @@ def tenths(fix: ModemFix) -> str:
     return f"{fix.utc:%H%M%S}.{fix.utc.microsecond // 100_000}"
 
 
-def _minutes(angle_deg: float, degree_digits: int) -> str:
-    """As `ddmm.mmmmmm`, without sign."""
-    degrees, steps = divmod(round(abs(angle_deg) * 60_000_000), 60_000_000)
-    whole_minutes, fraction = divmod(steps, 1_000_000)
-    return f"{degrees:0{degree_digits}d}{whole_minutes:02d}.{fraction:06d}"
+def angle_text(angle_deg: float, degree_digits: int, letters: str, decimals: int = 5) -> str:
+    """As `ddmm.mmmmm`, and the hemisphere: the second of `letters` where it is negative."""
+    # Rounded once, in steps of the last decimal, so that no 60.00000 minutes come out.
+    minute = 10**decimals
+    degrees, steps = divmod(round(abs(angle_deg) * (60 * minute)), 60 * minute)
+    minutes, fraction = divmod(steps, minute)
+    side = letters[angle_deg < 0.0]
+    return f"{degrees:0{degree_digits}d}{minutes:02d}.{fraction:0{decimals}d},{side}"
 
 
 LTE_ONLY = "38"

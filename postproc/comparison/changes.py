@@ -6,7 +6,7 @@ tests of the pair.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter, itemgetter
 from pathlib import Path
@@ -256,12 +256,12 @@ class CellChange:
     n_a: int
     n_b: int
     n_blocks: int
-    change_db: float | None
-    sigma_db: float | None
-    contrast_db: float | None
-    p: float | None
-    block: IntArray
-    difference_db: FloatArray
+    change_db: float | None = None
+    sigma_db: float | None = None
+    contrast_db: float | None = None
+    p: float | None = None
+    block: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    difference_db: FloatArray = field(default_factory=lambda: np.zeros(0))
     error: str | None = None
 
     @property
@@ -365,10 +365,7 @@ def _test(
 
 
 def _without_comparison(why: Failure) -> CellChange:
-    return CellChange(
-        why.cell, "", "not comparable", why.reason, 0, 0, 0, None, None, None, None,
-        np.zeros(0, np.int64), np.zeros(0), why.error,
-    )  # fmt: skip
+    return CellChange(why.cell, "", "not comparable", why.reason, 0, 0, 0, error=why.error)
 
 
 def _offsets(tested: list[_Tested], *, same_modem: bool) -> dict[str, float]:
@@ -441,7 +438,7 @@ def _too_little(one: Differences, grounds: tuple[Ground, Ground]) -> CellChange:
     text = f"heard by both walks in {blocks_text(len(one))}, {FEWEST_BLOCKS} are needed"
     return CellChange(
         one.cell, one.rat, "not comparable", text, heard_a.n_readings, heard_b.n_readings,
-        len(one), None, None, None, None, one.block, one.difference_db,
+        len(one), block=one.block, difference_db=one.difference_db,
     )  # fmt: skip
 
 
@@ -470,8 +467,8 @@ def _change_of_absent(
             word = "gone" if side == 0 else "new"
     counts = (heard.n_readings, 0) if side == 0 else (0, heard.n_readings)
     return CellChange(
-        cell, heard.rat, word, text, *counts, n, None, None, None, p,
-        heard.block, np.full(len(heard.block), np.nan),
+        cell, heard.rat, word, text, *counts, n, p=p,
+        block=heard.block, difference_db=np.full(len(heard.block), np.nan),
     )  # fmt: skip
 
 
@@ -525,8 +522,7 @@ def compare_runs(a: Run, b: Run, progress: Progress | None = None) -> ComparedRu
         if run.observations is None:
             raise EstimationError(f"{run.run.path}: {run.warnings[0]}")
         # a level differs from another modem's by more than a station changes
-        cells = tuple(map(of_one_modem, run.observations.cells))
-        walks.append(replace(run.observations, cells=cells))
+        walks.append(run.observations.each(of_one_modem))
     numbers = modems_of([a, b])
     same_modem = numbers[0] == numbers[1]
     compared = compare(walks[0].cells, walks[1].cells, same_modem=same_modem, progress=progress)

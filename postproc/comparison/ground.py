@@ -16,6 +16,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.cell_names import FEWEST_SCANS
 from logger.core.document import number_of
 from logger.core.readings import Readings
+from logger.core.rows import rows_of_each
 from postproc.cell_work import Attempts
 
 BLOCK_M = 50.0
@@ -160,13 +161,12 @@ class _Scans(NamedTuple):
     def floors(self, grid: Grid) -> dict[int, float]:
         """Median over the scans of a block of the weakest level, where scans name several cells."""
         block = grid.blocks_of(self.half)
-        order = np.argsort(block, kind="stable")
         floors = {}
-        for here in np.split(order, np.flatnonzero(np.diff(block[order])) + 1):
+        for number, here in rows_of_each(block):
             lists = here[self.n_named[here] > 1]
             # where most scans name one cell only, the others may have been cut short
             if 2 * len(lists) > len(here):
-                floors[int(block[here[0]])] = float(np.median(self.weakest_dbm[lists]))
+                floors[number] = float(np.median(self.weakest_dbm[lists]))
         return floors
 
 

@@ -232,8 +232,8 @@ def _filter_and_smooth(
     state = shadow_pass(obs, state, noise, readings=before, conditionals=conditionals[before]).end
     state = shadow_ekf.release(state, mode.covariance)
     ahead = shadow_pass(obs, state, noise, readings=after, conditionals=conditionals[after])
-    rows, moved_m = retained_rows(len(obs)), np.hypot(np.diff(obs.x_m), np.diff(obs.y_m))
-    smoothed = rts.smooth(conditionals, moved_m, noise, mode.state, ahead.end, rows)
+    rows = retained_rows(len(obs))
+    smoothed = rts.smooth(conditionals, obs.places.steps_m, noise, mode.state, ahead.end, rows)
     none = np.full(len(rows), np.nan)
     return ahead.path, FilterPath(obs.t_ns[rows], *smoothed, none, none)
 

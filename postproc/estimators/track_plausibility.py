@@ -158,9 +158,8 @@ def _changes(track: Track) -> IntArray:
 
 def steps(track: Track) -> tuple[FloatArray, FloatArray]:
     """Length in metres and time in seconds of each step between new positions, shape (m,)."""
-    first = _changes(track)
-    step_m = np.hypot(np.diff(track.x_m[first]), np.diff(track.y_m[first]))
-    return np.asarray(step_m, float), np.asarray(np.diff(track.t_ns[first]) / 1e9, float)
+    changed = track.part(_changes(track))
+    return changed.steps_m, np.asarray(np.diff(changed.t_ns) / 1e9, float)
 
 
 def without_stale(track: Track) -> Track:

@@ -95,14 +95,14 @@ def export(
         groups = grouped_runs(paths, cells)
         with_words = [
             run_assessment.conspicuous_first(
-                stored_or_estimated(group.runs, own_cells), progress.with_progress, group.several
+                stored_or_estimated(group.runs, group.cells), progress.with_progress, group.several
             )[0]
-            for group, own_cells in groups
+            for group in groups
         ]
         exported, answers = exporting.write_answers(with_words, output, name, every=all_estimators)
         counts = document.number_of(exported.n_estimates, "cell")
         if len(groups) > 1:
-            counts = f"{counts} of {len(groups)} places: {', '.join(g.name for g, _ in groups)}"
+            counts = f"{counts} of {len(groups)} places: {', '.join(g.name for g in groups)}"
     else:
         run = runfile.read_sound_run(paths[0])
         only = list(scan_counts.observed_cells([run], cells)) if cells else None

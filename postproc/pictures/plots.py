@@ -31,6 +31,7 @@ from postproc.pictures.picture import (
     Fit,
     Parameter,
     Picture,
+    Rings,
     colour_range_dbm,
     fit_of,
     focus_of,
@@ -512,6 +513,15 @@ def draw_cell_mark(
         draw_marks(axes, east_m, north_m, sign, colours.PAPER, 0.45 * size, **within)
 
 
+def draw_rings(axes: Axes, rings: Rings, colour: Colour, alpha: float, **style: Any) -> None:
+    """A region by its outlines, filled as far as `alpha` says."""
+    # holes run the other way round and stay empty
+    path = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
+    ink = rgb(colour)
+    style |= {"facecolor": (*ink, alpha), "edgecolor": ink, "zorder": 4}
+    axes.add_patch(PathPatch(path, **style))
+
+
 def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
     focus = picture.focus
     posterior = focus.posterior if focus else None
@@ -519,15 +529,11 @@ def _draw_posterior(axes: Axes, picture: Picture, box: Box) -> None:
         return
     word = picture.survey.word(focus.cell)
     colour = colours.word_colour(word) if word in SIGNS else colours.POSTERIOR
-    ink = rgb(colour)
     for name, alpha in (("95", 0.12), ("50", 0.25)):
         if rings := picture.regions[name]:
             inside = np.all(box.contains(np.vstack(rings)))
             label = f"{name} % region" + ("" if inside else " (extends outside)")
-            # holes run the other way round and stay empty
-            path = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
-            style = {"facecolor": (*ink, alpha), "edgecolor": ink, "zorder": 4}
-            axes.add_patch(PathPatch(path, label=label, **style))
+            draw_rings(axes, rings, colour, alpha, label=label)
     several = len(posterior.likely_modes) > 1
     name = "likely positions" if several else "most likely position"
     name += f": {word}" if word in SIGNS else ""

@@ -16,7 +16,7 @@ from logger.core.certainty import OnMap
 from logger.core.locator.posterior import Mode
 from logger.core.places import Places, Utm
 from logger.core.readings import times_ns
-from logger.core.rows import levels_dbm
+from logger.core.rows import levels_dbm, numbered_texts, rows_of_each
 from logger.core.runfile import Run
 from logger.core.runfile.meta import SIMULATED
 from logger.core.timebase import TimeBase, fit_run
@@ -109,9 +109,18 @@ class Box(NamedTuple):
         return max(self.width, self.height)
 
     @property
+    def middle_m(self) -> FloatArray:
+        """East and north of the middle, shape (2,)."""
+        return np.asarray(self.corners_m.mean(axis=0), float)
+
+    @property
     def corners_m(self) -> FloatArray:
         """South-west and north-east corner, shape (2, 2)."""
         return np.array([(self.west, self.south), (self.east, self.north)])
+
+    def shape(self, pixel_m: float) -> tuple[int, int]:
+        """Rows and columns of a picture with pixels of this size."""
+        return max(round(self.height / pixel_m), 1), max(round(self.width / pixel_m), 1)
 
     def enlarge(self, margin_x_m: float, margin_y_m: float | None = None) -> "Box":
         """With a margin on every side; `margin_y_m` only where it differs."""
@@ -173,8 +182,7 @@ def with_inset(
     side_m = _INSET_SIDE * min(box.width, box.height)
     if side_m < _LEAST_ENLARGED * 2.0 * half_m:
         return box, None
-    middle_m = 0.5 * (around.west + around.east), 0.5 * (around.south + around.north)
-    shown = Box(*middle_m, *middle_m).enlarge(half_m)
+    shown = Box(*around.middle_m, *around.middle_m).enlarge(half_m)
     gap_m = 0.015 * box.size
     west, south = box.west + gap_m, box.south + gap_m
     east, north = box.east - gap_m, box.north - gap_m
@@ -326,14 +334,12 @@ def levels_of(run: Run) -> tuple[Levels, ...]:
     readings = run.named_readings
     level, t_ns = levels_dbm(readings), times_ns(run.tables["scans"], readings)
     usable = np.isfinite(level) & (readings["cell"] != b"")
-    names, which = np.unique(readings["cell"][usable], return_inverse=True)
-    order = np.lexsort((t_ns[usable], which))
-    starts = np.searchsorted(which[order], np.arange(1, len(names)))
-    columns = (np.split(column[usable][order], starts) for column in (t_ns, level))
-    cells = [
-        Levels(name.decode("utf-8", "replace"), times, values)
-        for name, times, values in zip(names, *columns, strict=False)
-    ]
+    names, which = numbered_texts(readings["cell"][usable])
+    t_ns, level = t_ns[usable], level[usable]
+    cells = []
+    for number, some in rows_of_each(which):
+        rows = some[np.argsort(t_ns[some], kind="stable")]
+        cells.append(Levels(names[number].decode(), t_ns[rows], level[rows]))
     return tuple(sorted(cells, key=lambda cell: -len(cell.t_ns)))
 
 

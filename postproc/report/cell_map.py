@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox, BboxBase
 
@@ -24,6 +22,7 @@ from postproc.pictures.plots import (
     draw_cell_mark,
     draw_ground,
     draw_inset,
+    draw_rings,
     draw_walks,
     figure_of_size,
     legend_below,
@@ -71,7 +70,7 @@ class _Place(NamedTuple):
 def cell_map(
     survey: Survey,
     cells: Sequence[CellResult],
-    basemap: FilePath | None,
+    basemap: Path | None,
     tries: Attempts | None = None,
 ) -> ReportFigure | None:
     """The plan; None where no cell has a place on it.
@@ -163,10 +162,7 @@ def _name_directly(axes: Axes, survey: Survey) -> None:
 
 
 def _draw_basemap(axes: Axes, basemap: Basemap, shown: Box) -> None:
-    alpha = _OPACITY * basemap.pixels[..., 3:] / 255.0
-    paper = np.array(colours.PAPER)
-    pixels = np.rint(basemap.pixels[..., :3] * alpha + paper * (1.0 - alpha)).astype(np.uint8)
-    box = basemap.box
+    pixels, box = basemap.on_paper(colours.PAPER, _OPACITY), basemap.box
     extent = (box.west, box.east, box.south, box.north)
     axes.imshow(pixels, extent=extent, interpolation="none", zorder=0)
     axes.set_xlim(shown.west, shown.east)
@@ -181,9 +177,7 @@ def _draw_place(axes: Axes, place: _Place, box: Box | None = None) -> list[Annot
     wide: tuple[float, Any] = (0.05, DASHED) if place.what else (0.16, "solid")
     for rings, (alpha, line) in ((place.outline, wide), (place.likely, (0.28, "none"))):
         if rings:
-            path = Path.make_compound_path(*(Path(ring, closed=True) for ring in rings))
-            style = {"edgecolor": rgb(colour), "linestyle": line, "zorder": 4}
-            axes.add_patch(PathPatch(path, facecolor=(*rgb(colour), alpha), **style))
+            draw_rings(axes, rings, colour, alpha, linestyle=line)
     positions_m = place.positions_m
     n_outside = int(np.sum(~box.contains(positions_m))) if box else 0
     outside = f", {n_outside} of {len(positions_m)} places outside the plan" if n_outside else ""

@@ -83,22 +83,22 @@ def report(
     options = estimation.Options(prior, within_m=within_m)
     groups = grouped_runs(paths, cells, prior.area)
     codes, documents = [], []
-    for group, own_cells in groups:
+    for group in groups:
         start_s, file, folder = perf_counter(), target, picture_folder
         if len(groups) > 1:
             own = output or group.runs[0].path.with_suffix(".html")
             file = own.with_stem(f"{own.stem}-{group.file_name}")
             folder = picture_folder and picture_folder / group.file_name
         result, conspicuous = run_assessment.conspicuous_first(
-            stored_or_estimated(group.runs, own_cells, options),
+            stored_or_estimated(group.runs, group.cells, options),
             progress.with_progress,
             group.several,
         )
         findings = [f"{cell} is {ground.several_text(at)}" for cell, at in group.several.items()]
         page = rendering.make_report(
             replace(result, warnings=(*findings, *result.warnings)),
-            tested_claims(result, own_cells or [None], prior, p_fa, claim, claims),
-            most=max(rendering.MOST_DETAILED, len(own_cells)),
+            tested_claims(result, group.cells or [None], prior, p_fa, claim, claims),
+            most=max(rendering.MOST_DETAILED, len(group.cells)),
             first=conspicuous,
             basemap=basemap,
             progress=progress.with_progress,
@@ -107,7 +107,7 @@ def report(
             print(f"{basemap} is not drawn: no cell is located or ambiguous", file=sys.stderr)
         documents.append(_write_page(page, file, folder, start_s))
         codes.append(page.exit_code)
-    said = ground.document_of_groups([group for group, _ in groups], documents)
+    said = ground.document_of_groups(groups, documents)
     show(said, as_json=as_json)
     return max(codes)
 

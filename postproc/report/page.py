@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from math import inf
 
 from jinja2 import Template
@@ -15,7 +15,15 @@ from logger.core.document import Column, Degrees, Table, Value, Word, number_of
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.suspicion.words import strongest_reasons, word_rate_text
 from postproc.html_page import page_environment
-from postproc.info import CellCount, Event, Gap, Info, describe
+from postproc.info import (
+    CellCount,
+    Event,
+    Gap,
+    Info,
+    describe,
+    gravest_events,
+    longest_gaps,
+)
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
@@ -96,18 +104,6 @@ def event_table(events: Sequence[Event], run_name: str) -> Table:
         (time_text(event.t_s), Word(event.level), event.source, event.in_short) for event in events
     ]
     return Table(columns, rows, f"Events of {run_name}", scrolls=True)
-
-
-def longest_gaps(gaps: Sequence[Gap]) -> list[Gap]:
-    """The longest ones, in the order of time."""
-    longest = sorted(gaps, key=lambda gap: -gap.length_s)
-    return sorted(longest[:_MOST_GAPS], key=lambda gap: gap.start_s)
-
-
-def gravest_events(events: Sequence[Event]) -> list[Event]:
-    """Warnings and errors before others, in the order of time."""
-    severe = sorted(events, key=lambda event: event.level not in {"warning", "error"})
-    return sorted(severe[:_MOST_EVENTS], key=lambda event: event.t_s)
 
 
 def cell_section(
@@ -229,8 +225,8 @@ def _template(name: str) -> Template:
         "time": time_text,
         "duration": duration_text,
         "svg": _svg,
-        "longest": longest_gaps,
-        "gravest": gravest_events,
+        "longest": partial(longest_gaps, most=_MOST_GAPS),
+        "gravest": partial(gravest_events, most=_MOST_EVENTS),
         "gap_table": gap_table,
         "event_table": event_table,
     }

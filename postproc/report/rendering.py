@@ -137,8 +137,7 @@ def _detail(
     """A cell in detail, or why there are no details."""
 
     def draw() -> _Detail:
-        tests = verified.cells if verified else ()
-        claims = [tested for tested in tests if tested.cell == cell.cell]
+        claims = verified.of_cell(cell.cell) if verified else []
         figures = tuple(figures_of(picture_of(survey, cell), claims))
         names = [walk.run.name for walk in survey.walks]
         answer = result.answer(cell)

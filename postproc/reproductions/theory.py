@@ -41,7 +41,7 @@ from scipy.stats import chi2, ncx2
 from logger.core.arrays import BoolArray, FloatArray
 from logger.core.errors import ConfigError
 from logger.core.model.path_loss import DB_PER_E_FOLD
-from postproc.estimators.metrics import SIGMA_PER_MAD
+from postproc.estimators.metrics import SIGMA_PER_MAD, nees
 from postproc.reproductions.checks import Check, Json, theirs, under
 
 _MOST_STEPS = 60  # Gauss-Newton converges in some 5; the rest is for poor geometry
@@ -101,17 +101,14 @@ def noncentrality_of(p_fa: float, dof: int, power: float) -> float:
 def direct_noncentrality(scene: Scene, true_m: FloatArray, claim_m: FloatArray) -> float:
     """Of the direct test of a claim (d,), with n degrees, where the transmitter is at `true_m`."""
     missed = _ranges(scene, true_m) - _ranges(scene, claim_m)
-    spread = _direct_covariance(scene, claim_m)
-    return float(missed @ np.linalg.solve(spread, missed))
+    return float(nees(missed, _direct_covariance(scene, claim_m)))
 
 
 def indirect_noncentrality(scene: Scene, true_m: FloatArray, claim_m: FloatArray) -> float | None:
     """Of the indirect test of it, with d degrees; None where `not_observable` says why."""
     if not_observable(scene, true_m):
         return None
-    spread = np.linalg.inv(_information(scene, true_m)) + np.diag(scene.claim_sigma_m**2)
-    off = claim_m - true_m
-    return float(off @ np.linalg.solve(spread, off))
+    return float(nees(claim_m - true_m, _indirect_covariance(scene, true_m)))
 
 
 def not_observable(scene: Scene, at_m: FloatArray) -> str | None:
@@ -151,7 +148,7 @@ def simulate(
 def direct_statistic(scene: Scene, ranges_m: FloatArray, claims_m: FloatArray) -> FloatArray:
     """T of ranges (t, n) against claims (t, d), shape (t,)."""
     b = ranges_m - _ranges(scene, claims_m)
-    return _quadratic(_direct_covariance(scene, claims_m), b)
+    return nees(b, _direct_covariance(scene, claims_m))
 
 
 def indirect_statistic(scene: Scene, ranges_m: FloatArray, claims_m: FloatArray) -> FloatArray:
@@ -170,8 +167,7 @@ def indirect_statistic(scene: Scene, ranges_m: FloatArray, claims_m: FloatArray)
         step = _step(scene, ranges_m[going], position[going], weight)
         position[going] += step
         moved[going] = np.linalg.norm(step, axis=1)
-    spread = np.linalg.inv(_information(scene, position)) + np.diag(scene.claim_sigma_m**2)
-    return _quadratic(np.asarray(spread, float), claims_m - position)
+    return nees(claims_m - position, _indirect_covariance(scene, position))
 
 
 def _step(
@@ -210,10 +206,9 @@ def _direct_covariance(scene: Scene, position_m: FloatArray) -> FloatArray:
     return np.asarray(np.diag(scene.sigma_m**2) + of_claim, float)
 
 
-def _quadratic(matrix: FloatArray, v: FloatArray) -> FloatArray:
-    return np.asarray(
-        np.einsum("td,td->t", v, np.linalg.solve(matrix, v[..., None])[..., 0]), float
-    )
+def _indirect_covariance(scene: Scene, position_m: FloatArray) -> FloatArray:
+    of_position = np.linalg.inv(_information(scene, position_m))
+    return np.asarray(of_position + np.diag(scene.claim_sigma_m**2), float)
 
 
 class RangeError(NamedTuple):

@@ -13,6 +13,7 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.readings import Readings
+from logger.core.rows import rows_of_each
 from postproc.comparison.changes import weighted_median
 from postproc.comparison.ground import BLOCK_M
 from postproc.estimators.metrics import SIGMA_PER_MAD
@@ -77,12 +78,9 @@ def agreements(obs: Readings, loggers: Sequence[str]) -> list[Agreement]:
     modem, offset_db = levels.modem, robust_fit(levels, len(loggers)).offset_db
     free_dbm = levels.level_dbm - offset_db[modem]
     away_db = free_dbm - _median_of_others(levels.place, free_dbm)
-    by_modem = np.argsort(modem, kind="stable")
     found = []
-    for rows in np.split(by_modem, np.flatnonzero(np.diff(modem[by_modem])) + 1):
-        if not len(rows):  # no common ground at all
-            continue
-        number, own_db = int(modem[rows[0]]), away_db[rows]
+    for number, rows in rows_of_each(modem):
+        own_db = away_db[rows]
         scatter_db = SIGMA_PER_MAD * float(np.median(np.abs(own_db - np.median(own_db))))
         offset = float(offset_db[number])
         found.append(Agreement(loggers[number], obs.cell, len(rows), offset, scatter_db))

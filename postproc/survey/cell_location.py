@@ -303,8 +303,7 @@ def thin(obs: Readings) -> Readings:
 
 def _choice(obs: Readings) -> BoolArray:
     """Which readings (n,) to keep: of each square, modem and censoring evenly spread ones."""
-    modem = np.zeros(len(obs), np.int64) if obs.modem is None else obs.modem
-    square, _ = squares(obs.places, _MOST_SQUARES, modem)
+    square, _ = squares(obs.places, _MOST_SQUARES, obs.modem_numbers)
     key = square * 3 + obs.limit + 1
     order = np.argsort(key, kind="stable")
     first = np.searchsorted(key[order], key[order])

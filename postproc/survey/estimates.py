@@ -1,6 +1,6 @@
 """What has been computed of each cell of a survey, each once for the same runs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -10,32 +10,38 @@ import msgspec
 from logger.core.errors import RunFileError
 from postproc.result import Options
 from postproc.results import program_digest
+from postproc.survey.agreement import Agreement
+from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey
 from postproc.survey.tasks import RunChoice, runs_of
 
-Value = TypeVar("Value")
+Row = TypeVar("Row", Agreement, LocatedCell)
 
 
-class ResultFile(Generic[Value]):
-    """Results that have been computed, a line of JSON each.
+class Estimates(Generic[Row]):
+    """Rows that have been computed of the cells of a survey: a line of JSON for each cell.
 
-    `key` is a digest of all that a result depends on. A line that was torn is computed again.
+    The key of a line, by cell in `keys`, is a digest of all that it depends on. A torn line is
+    computed again.
     """
 
-    def __init__(self, path: Path, kind: type[Value]) -> None:
-        self._path = path
+    def __init__(self, path: Path, kind: type[tuple[Row, ...]], keys: Mapping[str, str]) -> None:
+        self._path, self._keys = path, keys
         line: Any = msgspec.defstruct("Line", [("key", str), ("value", kind)], frozen=True)
         self._line = line
-        self._known: dict[str, Value] = {one.key: one.value for one in whole_lines(path, line)}
+        self._known: dict[str, tuple[Row, ...]] = {
+            one.key: one.value for one in whole_lines(path, line)
+        }
 
-    def get(self, key: str) -> Value | None:
-        """The result with this key; None where there is none."""
-        return self._known.get(key)
+    def of(self, cell: str) -> tuple[Row, ...] | None:
+        """Rows of a cell; None where they have not been computed."""
+        return self._known.get(self._keys[cell])
 
-    def put(self, found: Sequence[tuple[str, Value]]) -> None:
-        """Add results; raises `RunFileError` where they cannot be written."""
-        append_lines(self._path, [self._line(*one) for one in found])
-        self._known.update(found)
+    def put(self, cells: Sequence[str], rows: Sequence[Row]) -> None:
+        """Add the rows of these cells; raises `RunFileError` where they cannot be written."""
+        found = {self._keys[cell]: tuple(r for r in rows if r.cell == cell) for cell in cells}
+        append_lines(self._path, [self._line(*one) for one in found.items()])
+        self._known |= found
 
 
 def keys_of(survey: Survey, choice: RunChoice, options: Options) -> dict[str, str]:

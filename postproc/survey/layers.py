@@ -10,7 +10,7 @@ import msgspec
 import pandas as pd
 import shapely
 
-from logger.core.types import utc_text
+from logger.core.types import known_utc_text
 from postproc.atomic_write import whole_file
 from postproc.survey.agreement import LoggerReport
 from postproc.survey.cell_location import LocatedCell
@@ -77,6 +77,5 @@ def _row(cell: LocatedCell) -> Mapping[str, Any]:
     row["word_rules"] = " ".join(cell.word_rules)
     row["offsets"] = msgspec.json.encode(cell.offsets).decode()
     for name_ns, name in _TIMES.items():
-        utc_ns = row.pop(name_ns)
-        row[name] = None if utc_ns is None else utc_text(utc_ns)
+        row[name] = known_utc_text(row.pop(name_ns))
     return row

@@ -4,14 +4,13 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
 
 import msgspec
 
 from logger.core.document import Column, Document, Line, Table, Value, Word, number_of
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
-from logger.core.types import utc_text
+from logger.core.types import known_utc_text
 from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.ground import days_text
 from postproc.progress import with_progress
@@ -19,7 +18,7 @@ from postproc.result import RADIUS_COLUMNS, VERDICTS, Options
 from postproc.survey.agreement import FEWEST_LOGGERS, Agreement, LoggerReport, liars, report
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey, SurveyCell
-from postproc.survey.estimates import ResultFile, keys_of
+from postproc.survey.estimates import Estimates, keys_of
 from postproc.survey.scheduling import Cluster
 from postproc.survey.suspicion import unnoticed_in, with_words, words_of_runs
 from postproc.survey.tasks import (
@@ -75,10 +74,10 @@ def locate_survey(
         raise ConfigError(f"cell {min(unknown)} is not in the survey, or not in these runs")
     cells = [cell for cell in cells if not only or cell.cell in only]
     keys = keys_of(survey, choice, options)
-    known = ResultFile(survey.folder / "estimates.jsonl", tuple[LocatedCell, ...])
-    waiting = [cell for cell in cells if not _is_done(known.get(keys[cell.cell]))]
-    _locate(survey, waiting, choice, options, cluster, known, keys)
-    found = [row for cell in cells for row in known.get(keys[cell.cell]) or ()]
+    known = Estimates(survey.folder / "estimates.jsonl", tuple[LocatedCell, ...], keys)
+    waiting = [cell for cell in cells if not _is_done(known.of(cell.cell))]
+    _locate(survey, waiting, choice, options, cluster, known)
+    found = [row for cell in cells for row in known.of(cell.cell) or ()]
     words = words_of_runs(survey, survey.runs_that_heard(only, allowed), cluster)
     located = with_words(survey, found, words)
     return Location(located, tuple(loggers), len(cells) - len(waiting), unnoticed_in(words))
@@ -92,20 +91,13 @@ def reports_of_loggers(survey: Survey, choice: RunChoice, cluster: Cluster) -> l
     options = Options()  # nothing depends on them
     shared = [cell for cell in survey.cells(runs) if cell.n_runs > 2]
     keys = keys_of(survey, choice, options)
-    known = ResultFile(survey.folder / "loggers.jsonl", tuple[Agreement, ...])
-    waiting = [cell for cell in shared if known.get(keys[cell.cell]) is None]
+    known = Estimates(survey.folder / "loggers.jsonl", tuple[Agreement, ...], keys)
+    waiting = [cell for cell in shared if known.of(cell.cell) is None]
     tasks = tasks_of(survey, waiting, choice, options)
     arriving = cluster.results(compare_loggers, tasks)
     for task, found in with_progress(arriving, "loggers", len(tasks)):
-        known.put([(keys[cell], _of_cell(found, cell)) for cell in task.cells])
-    return report(sorted(one for cell in shared for one in known.get(keys[cell.cell]) or ()))
-
-
-Row = TypeVar("Row", Agreement, LocatedCell)
-
-
-def _of_cell(found: Sequence[Row], cell: str) -> tuple[Row, ...]:
-    return tuple(one for one in found if one.cell == cell)
+        known.put(task.cells, found)
+    return report(sorted(one for cell in shared for one in known.of(cell.cell) or ()))
 
 
 def _locate(
@@ -114,8 +106,7 @@ def _locate(
     choice: RunChoice,
     options: Options,
     cluster: Cluster,
-    known: ResultFile[tuple[LocatedCell, ...]],
-    keys: dict[str, str],
+    known: Estimates[LocatedCell],
 ) -> None:
     """Locate cells and keep the results; those with which workers die are tried alone."""
     tasks = tasks_of(survey, cells, choice, options)
@@ -123,7 +114,7 @@ def _locate(
     arriving = cluster.results(locate_cells, tasks, lambda _: [])
     for task, located in with_progress(arriving, "locating", len(tasks)):
         if located:
-            known.put([(keys[cell], _of_cell(located, cell)) for cell in task.cells])
+            known.put(task.cells, located)
         else:
             alone += [replace(task, cells=(cell,)) for cell in task.cells]
     named = {cell.cell: cell for cell in cells}
@@ -131,7 +122,7 @@ def _locate(
         locate_cells, alone, lambda task: [_row_without_result(named[task.cells[0]])]
     )
     for task, located in with_progress(arriving, "locating", len(alone)):
-        known.put([(keys[task.cells[0]], tuple(located))])
+        known.put(task.cells, located)
 
 
 def _is_done(rows: Sequence[LocatedCell] | None) -> bool:
@@ -202,8 +193,7 @@ def _parts(location: Location, cells: Sequence[LocatedCell]) -> Iterator[str | L
 
 
 def _where(cell: LocatedCell) -> str:
-    times_ns = cell.first_utc_ns, cell.last_utc_ns
-    days = days_text(*(None if at_ns is None else utc_text(at_ns) for at_ns in times_ns))
+    days = days_text(known_utc_text(cell.first_utc_ns), known_utc_text(cell.last_utc_ns))
     return f"{cell.heard_near} ({number_of(cell.n_runs, 'run')}{days})"
 
 

@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 from logger.core.arrays import IntArray
 from logger.core.errors import RunFileError
 from logger.core.foreign import check_regular
+from logger.core.runfile.journal import sync_folder
 from postproc.survey import layout
 from postproc.survey.walk_readings import WalkReadings
 
@@ -173,7 +174,7 @@ def _write(table: pa.Table, target: Path, rows_at_once: int = _ROWS_AT_ONCE) -> 
             file.flush()
             os.fsync(file.fileno())
         part.replace(target)
-        _sync_folder(target.parent)
+        sync_folder(target.parent)
     finally:
         part.unlink(missing_ok=True)
 
@@ -219,11 +220,3 @@ def read_columns(
             "runs/ and add its runs again"
         ) from error
     return table
-
-
-def _sync_folder(folder: Path) -> None:
-    number = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)

@@ -159,7 +159,7 @@ def _channels(run: Run) -> dict[str, tuple[tuple[int, int], ...]]:
     rows = run.named_readings
     names, cell = numbered_texts(rows["cell"])
     sure = rows["identity_unsure"] == 0
-    cells = [name.decode("utf-8", "replace") for name in names]
+    cells = [name.decode() for name in names]
     found: dict[str, list[tuple[int, int]]] = {}
     for name, channel, code in channels_heard(rows[sure], cell[sure], cells):
         found.setdefault(name, []).append((channel, code))

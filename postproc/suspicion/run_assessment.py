@@ -24,13 +24,13 @@ from logger.core.suspicion.words import (
     unnoticed_text,
     word_rate_text,
 )
-from logger.core.types import utc_text
 from logger.drivers.family import cells_with
 from postproc.cell_work import Failure, failure
 from postproc.ground import (
     SEVERAL,
     HeardIn,
     apart_m,
+    first_and_last_utc,
     runs_text,
     several_evidence,
     several_text,
@@ -390,8 +390,7 @@ _Ends = Mapping[int, Mapping[str, tuple[int, int]]]
 def _heard_text(suspicions: Suspicions, cell: str, ends_of: _Ends) -> str:
     runs = suspicions.runs[cell]
     known_ns = [at_ns for run in runs for at_ns in ends_of[id(run)].get(cell, ())]
-    ends = (utc_text(min(known_ns)), utc_text(max(known_ns))) if known_ns else (None, None)
-    return runs_text([run.name for run in runs], *ends)
+    return runs_text([run.name for run in runs], *first_and_last_utc(known_ns))
 
 
 def _lines(suspicions: Suspicions, *, details: bool) -> Iterator[str | Line]:

@@ -17,7 +17,7 @@ from logger.core.errors import EstimationError, GeoError
 from logger.core.places import track_of
 from logger.core.runfile import Run
 from logger.core.timebase import utc_clock
-from logger.core.types import Note, utc_text
+from logger.core.types import Note, known_utc_text
 
 CODE = "signalling"
 """Of the notes."""
@@ -81,12 +81,11 @@ def signals_of(runs: Sequence[Run]) -> list[Listed]:
     for run, of_run in found:
         utc_ns = utc_clock(run.meta.origin, run.tables["fixes"])
         for signal, place in zip(of_run, _places(run, of_run), strict=True):
-            at_ns = utc_ns(signal.time_ns)
             listed.append(
                 Listed(
                     run.name,
                     round((signal.time_ns - run.meta.started_ns) / 1e9, 3),
-                    None if at_ns is None else utc_text(at_ns),
+                    known_utc_text(utc_ns(signal.time_ns)),
                     signal.kind,
                     signal.value,
                     signal.cell,

@@ -276,6 +276,10 @@ class Verified:
     heard_once: tuple[str, ...] = ()
     not_observed: tuple[str, ...] = ()
 
+    def of_cell(self, cell: str) -> list[CellVerdict]:
+        """Verdicts on the claims about a cell."""
+        return [verdict for verdict in self.cells if verdict.cell == cell]
+
     @property
     def not_observed_text(self) -> str:
         """Their first names."""

@@ -116,15 +116,15 @@ def verify(
             [claims.parse_claim(text, cell) for text in texts],
             p_fa,
             prior,
-            own,
+            group.cells,
             file=claims_path,
-            result=stored_result(group.runs, own, estimation.Options(prior)),
+            result=stored_result(group.runs, group.cells, estimation.Options(prior)),
             progress=progress.with_progress,
         )
-        for group, own in groups
+        for group in groups
     ]
     documents = list(map(claims.document_of, found))
-    show(ground.document_of_groups([group for group, _ in groups], documents), as_json=as_json)
+    show(ground.document_of_groups(groups, documents), as_json=as_json)
     return cell_work.exit_code([one for verified in found for one in verified.cells])
 
 

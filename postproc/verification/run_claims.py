@@ -24,7 +24,7 @@ from logger.core.places import Places
 from logger.core.readings import Readings
 from logger.core.runfile import Run
 from postproc.cell_work import Failure, attempt
-from postproc.ground import apart_m, middle_of, places_of
+from postproc.ground import apart_m, places_of
 from postproc.multi_run import (
     in_one_zone,
     merge,
@@ -322,7 +322,7 @@ def verify_claims(
     rarely = {cell: why for cell, n in scans_of(runs).items() if (why := too_rarely(n))}
     check_observed((claim.cell for claim in claims if claim.cell), every_cell)
     pairs = [(cell, claim) for claim in claims for cell in ([claim.cell] if claim.cell else every)]
-    walk = middle_of(tracks[:1]) if tracks else None
+    walk = tracks[0].median.on_map if tracks else None
     tests: dict[tuple[str, float], _Shared] = {}
 
     def test(cell: str, claim: Claim) -> CellVerdict:

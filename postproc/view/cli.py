@@ -183,9 +183,8 @@ def _view_model(
         steps_shown = progress.with_progress(
             steps, f"answer for {cell.cell} step by step", view_model.MOST_STEPS
         )
-        tests = verified.cells if verified else ()
-        own = [test for test in tests if test.cell == cell.cell]
-        return view_model.cell_view(survey, cell, list(steps_shown), own)
+        claims_of_cell = verified.of_cell(cell.cell) if verified else []
+        return view_model.cell_view(survey, cell, list(steps_shown), claims_of_cell)
 
     tries = cell_work.Attempts("its view")
     views = [view for _, view in tries.each(cells, lambda cell: cell.cell, view_of)]

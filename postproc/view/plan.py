@@ -578,7 +578,7 @@ def density(squares: Squares, origin_m: FloatArray, box: Box, pixel_m: float) ->
     A square contributes to a pixel by their common area. Its corners are steps in a two-dimensional
     difference array, which is summed in both directions.
     """
-    rows, columns = max(round(box.height / pixel_m), 1), max(round(box.width / pixel_m), 1)
+    rows, columns = box.shape(pixel_m)
     half = 0.5 * squares.size_m / pixel_m
     across = (squares.x_m - origin_m[0] - box.west) / pixel_m
     down = (box.north - squares.y_m + origin_m[1]) / pixel_m

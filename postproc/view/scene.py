@@ -232,7 +232,7 @@ def _draw_stages(writer: RerunWriter, cell: CellView, live: Rows) -> None:
     """The estimator whose answer the device used."""
     is_cell = live["cell"] == cell.name.encode()
     rows = live[is_cell & np.isin(live["stage"], (b"locator", b"ekf"))]
-    stages = [_text(stage) for stage in rows["stage"]]
+    stages = [stage.decode() for stage in rows["stage"]]
     _draw_lane(writer, entity("states", cell.name, "live_stage"), rows["t_ns"], stages)
 
 
@@ -253,13 +253,11 @@ def _draw_events(writer: RerunWriter, notes: Rows) -> None:
     notes = notes[np.argsort(notes["t_ns"], kind="stable")]
     if not len(notes):
         return
-    texts = [f"{_text(row['source'])}: {_text(row['text']) or _text(row['code'])}" for row in notes]
+    texts = [
+        f"{row['source'].decode()}: {row['text'].decode() or row['code'].decode()}" for row in notes
+    ]
     levels = [_LEVELS.get(level, "INFO") for level in notes["level"].tolist()]
     writer.send_columns("events", notes["t_ns"], rr.TextLog.columns(text=texts, level=levels))
-
-
-def _text(raw: bytes) -> str:
-    return raw.decode("utf-8", "replace")
 
 
 # --- the recording ---

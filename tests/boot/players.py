@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.sim.scenario import Scenario
 from logger.sim.walk import WalkTime
 
@@ -49,7 +49,7 @@ class Receiver(players.Player):
 @contextmanager
 def carry(machine, walk: Scenario) -> Iterator[WalkTime]:
     """Carry modem and receiver along a walk that starts now, through all boots of a machine."""
-    time = WalkTime(SystemClock())
+    time = WalkTime(Clock())
     modem = Modem(machine.socket("modem"), walk.modem(time.now_s))
     receiver = Receiver(machine.socket("gps"), walk.receiver(cold_start_s=0.0), time)
     modem.start()

@@ -15,7 +15,7 @@ from logger.config import parse_config
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run
 from logger.device import gnss_source
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.gnss_source import GpsdSource, NmeaSource
 from logger.device.sources import source_of
 from logger.drivers.protocols.gpsd import GpsdFixes, Tpv
@@ -130,7 +130,7 @@ NOISE = bytes(range(0x80, 0xA0))
 def test_a_receiver_without_epochs_is_a_fault_until_one_comes(tmp_path, monkeypatch):
     """One note about its silence, and one about bytes that cannot be read."""
     monkeypatch.setattr(gnss_source, "EPOCH_WITHIN_S", WITHIN_S)
-    receiver, clock, none = Receiver(), SystemClock(), str(tmp_path / "none")
+    receiver, clock, none = Receiver(), Clock(), str(tmp_path / "none")
 
     def fault():
         return under_way.snapshot().ports["gnss"].fault
@@ -157,7 +157,7 @@ def test_a_gpsd_without_a_receiver_is_a_fault(tmp_path, monkeypatch):
     monkeypatch.setattr(gnss_source, "EPOCH_WITHIN_S", WITHIN_S)
     with socket.create_server(("127.0.0.1", 0)) as server:
         url = f"gpsd://127.0.0.1:{server.getsockname()[1]}"
-        under_way = make_service(tmp_path, SystemClock(), str(tmp_path / "none"), 0.0, 1.0, url)
+        under_way = make_service(tmp_path, Clock(), str(tmp_path / "none"), 0.0, 1.0, url)
         with recording(under_way):
             peer, _ = server.accept()
             peer.sendall(b'{"class":"DEVICES","devices":[]}\r\n')

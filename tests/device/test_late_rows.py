@@ -14,7 +14,7 @@ import pytest
 from logger.config import ModemSettings, NmeaSettings
 from logger.core.types import Fix, Note, RawBytes, Scan
 from logger.device import modem_source, scan_timeout
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.gnss_source import NmeaSource
 from logger.device.link import Inbox, Link
 from logger.device.modem_source import ModemSource
@@ -76,7 +76,7 @@ class Device:
 def link_to(source, folder):
     """A link that is run until the end; gives the values that come, and stops it."""
     inbox, stop = Inbox(), threading.Event()
-    link = Link(source, SystemClock(), inbox, stop)
+    link = Link(source, Clock(), inbox, stop)
     thread = threading.Thread(target=link.run, args=(folder,))
     values = []
 

@@ -104,7 +104,7 @@ def test_any_error_is_one_event(baseline, monkeypatch):
     def failing(*_):
         raise MemoryError
 
-    monkeypatch.setattr(BaselineFile, "cell", failing)
+    monkeypatch.setattr(BaselineFile, "ask", failing)
     assert baseline.cell(name(1)) is None
     assert [note.code for note in baseline.take_notes()] == [UNREADABLE]
 

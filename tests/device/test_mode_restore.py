@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from logger.core.runfile import read_run
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.mode_switch import FILE
 from logger.device.service import Service
 from logger.device.startup import begin_run
@@ -53,7 +53,7 @@ def test_the_status_goes_on_while_the_modem_takes_its_time_for_the_stop(tmp_path
     dialect = replace(MODELS["sim7600"], takes_s={"+CNMP=2": 4.0})
     modem = ObservedModem(dialect, tmp_path, time.monotonic)
     states, times_s = [], []
-    clock = SystemClock()
+    clock = Clock()
     with PtyDevice(answering(modem)) as port:
         site = config(tmp_path, port.path, "gsm")
         under_way = Service(site, begin_run(site, "", clock), clock, threading.Event())

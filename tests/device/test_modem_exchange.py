@@ -1,7 +1,7 @@
 """What of the rows of a poll becomes a scan."""
 
 from logger.core.types import CellReading
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.modem_exchange import ModemExchange
 from logger.drivers.quectel import Quectel
 from logger.drivers.quectel_gsm import QuectelGsm
@@ -19,7 +19,7 @@ M66 = """+QENG: 1,4
 
 class FakeLink:
     def __init__(self):
-        self.clock, self.known, self.scans = SystemClock(), NumberHistory(), []
+        self.clock, self.known, self.scans = Clock(), NumberHistory(), []
 
     def emit(self, scan, _end_ns):
         self.scans.append(scan)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from logger.core.runfile import read_run
-from logger.device.clock import ScaledClock, SystemClock
+from logger.device.clock import Clock, ScaledClock
 from logger.device.modem_source import ModemSource
 from logger.drivers import family
 from logger.drivers.registry import FAMILIES
@@ -193,7 +193,7 @@ def _misbehave(folder, fault, during_s=FAULT_S, name="sim800", scan: bytes = b""
     """A walk in real time: some whole scans (or the begin of a full one), a fault, and whole scans
     again.
     """
-    clock = SystemClock()
+    clock = Clock()
     story = Story(during_s[0])
     modem = BLOCK.modem(WalkTime(clock).now_s, DIALECTS[name])
     session = answering(modem if fault == "unplug" else Misbehaving(modem, fault, *during_s, story))
@@ -362,7 +362,7 @@ class Interrupting:
 def test_a_poll_whose_row_was_cut_is_no_scan_without_cells(tmp_path):
     """Where the row cannot be read the poll is counted in a note, and no identity is wrong."""
     modem = Interrupting([28, 38, 46, 53, 61])
-    clock = SystemClock()
+    clock = Clock()
     with PtyDevice(answering(modem)) as port:
         under_way = make_service(tmp_path, clock, port.path, 0.0, 0.01)
         under_way.start()
@@ -382,7 +382,7 @@ class Deaf:
     """A modem that answers nothing while `is_deaf`."""
 
     def __init__(self):
-        self._modem = BLOCK.modem(WalkTime(SystemClock()).now_s, DIALECTS["sim800"])
+        self._modem = BLOCK.modem(WalkTime(Clock()).now_s, DIALECTS["sim800"])
         self.is_deaf = True
 
     def feed(self, data):
@@ -403,7 +403,7 @@ def test_a_modem_that_becomes_unreadable_is_a_fault_that_says_what_to_look_at(
     tmp_path, monkeypatch
 ):
     monkeypatch.setattr(ModemSource, "patience_s", 3.0)
-    modem, clock = Unreadable(), SystemClock()
+    modem, clock = Unreadable(), Clock()
     modem.is_deaf = False
     with (
         PtyDevice(answering(modem)) as port,
@@ -422,7 +422,7 @@ def test_a_modem_that_becomes_unreadable_is_a_fault_that_says_what_to_look_at(
 def test_scans_that_become_rare_stand_in_the_status(tmp_path, monkeypatch):
     """Another program may eat most answers."""
     monkeypatch.setattr(ModemSource, "patience_s", 6.0)
-    modem, clock = Deaf(), SystemClock()
+    modem, clock = Deaf(), Clock()
     modem.is_deaf = False
     with (
         PtyDevice(answering(modem)) as port,
@@ -436,7 +436,7 @@ def test_scans_that_become_rare_stand_in_the_status(tmp_path, monkeypatch):
         service.wait_for(lambda: "only one scan" not in under_way.status())
 
 
-class BootedNow(SystemClock):
+class BootedNow(Clock):
     """The clock of a machine that has just booted."""
 
     def __init__(self):
@@ -446,7 +446,7 @@ class BootedNow(SystemClock):
         return super().now_ns() - self._boot_ns
 
 
-@pytest.mark.parametrize("kind", [SystemClock, BootedNow])
+@pytest.mark.parametrize("kind", [Clock, BootedNow])
 def test_a_modem_that_never_answered_is_a_fault_while_its_port_is_open(tmp_path, monkeypatch, kind):
     """It may take its time after a boot."""
     monkeypatch.setattr(family, "AUTOBAUD_TRIES", 1)
@@ -462,7 +462,7 @@ def test_a_modem_that_never_answered_is_a_fault_while_its_port_is_open(tmp_path,
     ):
         record_until(under_way, clock, lambda walked: walked.notes().count("port-opened") > 1)
         service.wait_for(is_open)
-        assert ("gives no answer" in ports[-1].fault) == (kind is SystemClock)
+        assert ("gives no answer" in ports[-1].fault) == (kind is Clock)
         modem.is_deaf = False
         record_until(under_way, clock, lambda walked: len(walked.scans()) > 1)
         assert not under_way.snapshot().ports["modem"].fault

@@ -14,7 +14,7 @@ from serial.urlhandler import protocol_socket
 from logger.config import NmeaSettings
 from logger.core.errors import ConfigError, DeviceError
 from logger.core.types import RawBytes
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.gnss_source import NmeaSource
 from logger.device.link import Inbox, Link
 from logger.device.port import Port, check_url
@@ -131,7 +131,7 @@ def test_what_waits_in_a_port_that_is_left_is_recorded(tmp_path, ends):
             ends(link)
 
     source = EndingSource(NmeaSettings(name="gnss", port=os.ttyname(slave)))
-    Link(source, SystemClock(), inbox, stop).run(tmp_path)
+    Link(source, Clock(), inbox, stop).run(tmp_path)
     values = []
     while (record := inbox.get(0.0)) is not None:
         values.append(record.value)

@@ -8,7 +8,7 @@ from logger.core.live_settings import LiveSettings
 from logger.core.runfile import RunWriter, finish_journal, journal, read_run, sealing_of
 from logger.core.types import Fix, RawBytes, Record, Scan
 from logger.device import recorder
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.link import Inbox
 from logger.device.recorder import Recorder
 from tests.kit import runs, service
@@ -22,9 +22,7 @@ class Bench:
         self.inbox = inbox or Inbox()
         self.ended = threading.Event()
         writer = RunWriter(self.path, runs.meta())
-        self.recorder = Recorder(
-            writer, LiveSettings(), self.inbox, SystemClock(), self.ended, **more
-        )
+        self.recorder = Recorder(writer, LiveSettings(), self.inbox, Clock(), self.ended, **more)
         self.thread = threading.Thread(target=self.recorder.run)
 
     def finish(self):

@@ -9,7 +9,7 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.device import scan_timeout
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.scan_timeout import (
     LATE_S,
     MARGIN_S,
@@ -200,7 +200,7 @@ class Case:
 def record(folder, case):
     """The run until it has shown what is looked at, with times since its begin."""
     folder.mkdir()
-    clock = SystemClock()
+    clock = Clock()
     start_s = clock.now_ns() / 1e9
     case.plug(WalkTime(clock).now_s)
 

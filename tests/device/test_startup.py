@@ -12,7 +12,7 @@ import pytest
 from logger.config import parse_config
 from logger.core.errors import ConfigError
 from logger.core.runfile import read_run, recover
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.service import Service
 from logger.device.startup import LIBRARIES, begin_run, installed_versions
 from tests.kit import service
@@ -120,7 +120,7 @@ def test_a_run_that_can_never_be_leaves_no_journal(tmp_path, change):
     text = (
         f'[run]\ndirectory = "{tmp_path}"\n[modem]\n{change}\n[gnss]\nport = "/dev/no-receiver"\n'
     )
-    config, clock = parse_config(text, "site.toml"), SystemClock()
+    config, clock = parse_config(text, "site.toml"), Clock()
     writer = begin_run(config, text, clock)
     with pytest.raises(ConfigError):
         Service(config, writer, clock, None)

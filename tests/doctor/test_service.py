@@ -1,6 +1,6 @@
 import msgspec
 
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.status import PortStatus, Status
 from logger.doctor.single_tests import status_lines
 
@@ -8,7 +8,7 @@ S = 10**9
 
 
 def test_the_status_of_a_service_is_evaluated():
-    now_ns = SystemClock().now_ns()
+    now_ns = Clock().now_ns()
     port = PortStatus("/dev/x", event="no such port; is the device plugged in?")
     well = Status("recording", "", "run-1", 1, now_ns, 0, now_ns, 3, 2, 1, 0, 10, None, {})
 

@@ -11,14 +11,14 @@ import mmap, os, random, signal, struct, sys, threading, time
 from pathlib import Path
 from logger.core.live_settings import LiveSettings
 from logger.core.runfile import RunWriter
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.link import Inbox
 from logger.device.recorder import Recorder
 from logger.core.types import RawBytes, Record
 from tests.kit import runs
 
 def record(path, shared, parent):
-    inbox, clock = Inbox(), SystemClock()
+    inbox, clock = Inbox(), Clock()
     durable = lambda: struct.pack_into("<Q", shared, 0, recorder.counts["RawBytes"])
     writer = RunWriter(path, runs.meta())
     recorder = Recorder(writer, LiveSettings(), inbox, clock, threading.Event(), durable=durable)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from logger.config import parse_config
 from logger.core.runfile import read_run
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.mode_switch import FILE
 from logger.device.service import Service
 from logger.device.startup import begin_run
@@ -36,7 +36,7 @@ def config(folder, port, set_mode="gsm", more=""):
 def recording(folder, port, set_mode="gsm"):
     """A run under way; it is stopped at the end, and read into the list that this gives."""
     found = []
-    site, clock = config(folder, port, set_mode), SystemClock()
+    site, clock = config(folder, port, set_mode), Clock()
     under_way = Service(site, begin_run(site, "", clock), clock, threading.Event())
     under_way.start()
     scans = under_way.recorder.counts

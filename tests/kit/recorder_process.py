@@ -17,12 +17,12 @@ from logger.core.live_settings import LiveSettings
 from logger.core.runfile import RunWriter, journal, journal_path
 from logger.core.types import RawBytes, Record
 from logger.device import recorder as recorder_module
-from logger.device.clock import SystemClock
+from logger.device.clock import Clock
 from logger.device.link import Inbox
 from tests.kit import runs
 recorder_module.TICK_S = 0.05
 journal.MOST_WAITING_BYTES = int(sys.argv[2])
-inbox, clock, ended = Inbox(), SystemClock(), threading.Event()
+inbox, clock, ended = Inbox(), Clock(), threading.Event()
 writer = RunWriter(journal_path(Path(sys.argv[1])), runs.meta())
 def report(*words):
     os.write(1, " ".join(map(str, words + ("\\n",))).encode())

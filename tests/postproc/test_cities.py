@@ -198,10 +198,10 @@ def test_first_runs_of_two_loggers_are_told_apart(files, tmp_path, capsys):
 def test_a_cell_is_asked_in_the_cities_that_name_it(files):
     groups = by_place([read_run(path) for path in files])
     (alone,) = groups_with(groups, [name_of(own_cell(1))])
-    assert (alone[0].name, alone[1]) == ("51.90° N, 8.47° W", [name_of(own_cell(1))])
+    assert (alone.name, alone.cells) == ("51.90° N, 8.47° W", (name_of(own_cell(1)),))
     both = [name_of(own_cell(0)), ROGUE_NAME]
-    assert [own for _, own in groups_with(groups, both)] == [both, [ROGUE_NAME]]
-    assert [own for _, own in groups_with(groups, [])] == [[], [], [], []]
+    assert [group.cells for group in groups_with(groups, both)] == [tuple(both), (ROGUE_NAME,)]
+    assert [group.cells for group in groups_with(groups, [])] == [(), (), (), ()]
     with pytest.raises(ConfigError, match="was not observed"):
         list(groups_with(groups, ["1-1-1-1"]))
 

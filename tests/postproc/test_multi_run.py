@@ -126,7 +126,6 @@ def test_offset_of_the_second_modem_is_estimated(both):
 def test_together_they_tell_more_than_each_alone(both, pair):
     (cell,) = both.cells
     assert cell.n == 180
-    np.testing.assert_array_equal(cell.run_index, np.repeat([0, 1], [100, 80]))
     areas = [result.posterior.region_area_m2 for result in cell.without.values()]
     assert cell.posterior.region_area_m2 < 0.8 * min(areas)
     # with two runs, without one of them is the other alone
@@ -337,7 +336,7 @@ def test_of_very_many_modems_those_heard_most_are_used(tmp_path):
     used = [share.run for share in cell.shares]
     assert (len(used), 0 in used) == (20, False)  # the first run has a reading less
     assert used == sorted(used)
-    assert (cell.n, len(cell.run_index)) == (180, 180)
+    assert (cell.n, len(cell.obs)) == (180, 180)
     assert any("2 of 22 runs are left out" in warning for warning in cell.warnings)
 
 

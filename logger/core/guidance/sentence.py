@@ -47,6 +47,11 @@ def direction(way_m: FloatArray) -> str:
     return _POINTS[round(azimuth_deg(way_m) / 45.0) % 8]
 
 
+def direction_from(start: Places, end: Places) -> str:
+    """Direction of the way from one place to another."""
+    return direction(end.xy_m[:, 0] - start.xy_m[:, 0])
+
+
 def turn(course_deg: float | None, azimuth: float) -> str:
     """The turn that a walker makes."""
     if course_deg is None:
@@ -92,7 +97,7 @@ def _two_places(
     if not len(distinct):
         return fit
     k = int(distinct[0])
-    name = direction(one.xy_m[:, 0] - other.xy_m[:, 0])
+    name = direction_from(other, one)
     return (
         f"{fit}; on the way about {one_dbm[k] + mean_dbm:.0f} dBm if it is the {name} one, "
         f"{other_dbm[k] + mean_dbm:.0f} dBm if it is the other"
@@ -104,7 +109,7 @@ def _one_place(sample: PositionSample, place: Places, here: Places) -> tuple[str
     # without a radius: the answer has one
     away_m = place.away_m(here)
     spread_m = _spread_m(sample, place)
-    where = f"{metres(away_m)} {direction(place.xy_m[:, 0] - here.xy_m[:, 0])}"
+    where = f"{metres(away_m)} {direction_from(here, place)}"
     if away_m < _CLOSE_M and spread_m < _CLOSE_M:
         return f"the likeliest place is {where}", "hear it from another side"
     if spread_m < _OPEN_M:

@@ -133,7 +133,7 @@ def blocks(obs: Readings, most: int, origin: Origin = NO_SHIFT) -> Blocks:
     """
     inside = obs.limit == 0
     at, level = obs.places.part(inside), obs.level_dbm[inside]
-    modem = _modems(obs)[inside]
+    modem = obs.modem_numbers[inside]
     fine = squares(at, min(_POINTS_EACH * most, _MOST_POINTS), modem, origin=origin)[0]
     count = np.bincount(fine).astype(float)
     mean = [np.bincount(fine, v) / count for v in (at.x_m, at.y_m, level, at.sigma_m**2)]
@@ -189,10 +189,6 @@ def _is_new(level_dbm: FloatArray, modem: IntArray, square: IntArray) -> BoolArr
     return is_new
 
 
-def _modems(obs: Readings) -> IntArray:
-    return np.zeros(len(obs), np.int64) if obs.modem is None else obs.modem
-
-
 def censored_places(obs: Readings, most: int = _MOST_CENSORED) -> Censored:
     """Censored readings, those of one point together, in at most `most` points for each limit.
 
@@ -201,7 +197,7 @@ def censored_places(obs: Readings, most: int = _MOST_CENSORED) -> Censored:
     at = np.flatnonzero(obs.limit)
     side, one = obs.limit[at].astype(float), np.ones(len(at))
     each = Censored(obs.places.part(at), obs.level_dbm[at], side, one)
-    return in_fewer_places(each, most, _modems(obs)[at])
+    return in_fewer_places(each, most, obs.modem_numbers[at])
 
 
 def in_fewer_places(gone: Censored, most: int, modem: IntArray | None = None) -> Censored:

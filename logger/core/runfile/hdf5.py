@@ -61,6 +61,11 @@ _PACKING = {"compression": "gzip", "compression_opts": 4, "shuffle": True, "flet
 Column = npt.NDArray[Any]
 
 
+def _dtypes_of(meta: RunMeta) -> dict[str, np.dtype[Any]]:
+    """Types of the tables of a run's version, of its bytes and of its frames."""
+    return {**parse_dtypes(meta.columns), RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
+
+
 class _Datasets:
     def __init__(self, file: h5py.File) -> None:
         self._file = file
@@ -84,8 +89,7 @@ class _Datasets:
 
     def finish(self, meta: RunMeta) -> None:
         """Write what waits, and make the tables of the run's version that have no row."""
-        of_run = {**parse_dtypes(meta.columns), RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
-        for name, dtype in of_run.items():
+        for name, dtype in _dtypes_of(meta).items():
             if name not in self.checksums:
                 self._add(name, np.empty(0, dtype))
         for name in self.checksums:
@@ -286,8 +290,7 @@ class Content:
             raise RunFileError(
                 f"{self.path} has schema {meta.schema}, which this cellwalk reads as a journal only"
             )
-        dtypes = {**parse_dtypes(meta.columns), RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
-        found = {name: self.table(name, dtype) for name, dtype in dtypes.items()}
+        found = {name: self.table(name, dtype) for name, dtype in _dtypes_of(meta).items()}
         n_bytes = sum(dataset.nbytes for dataset in found.values())
         if n_bytes > most_unpacked_bytes(self.file_bytes):
             raise RunFileError(self.too_much("it", n_bytes))

@@ -9,6 +9,7 @@ import re
 from pathlib import Path
 
 from logger.core.errors import RunFileError
+from logger.core.foreign import begins_with
 
 JOURNAL = ".journal"
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -59,10 +60,4 @@ def parts_of(journal: Path) -> list[Path]:
 
 def is_hdf5(path: Path) -> bool:
     """True for a file that begins as HDF5."""
-    try:
-        if not path.is_file():  # a pipe would be waited for
-            return False
-        with path.open("rb") as file:
-            return file.read(len(_HDF5_SIGNATURE)) == _HDF5_SIGNATURE
-    except OSError:
-        return False
+    return begins_with(path, _HDF5_SIGNATURE)

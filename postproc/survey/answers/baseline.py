@@ -10,6 +10,7 @@ from logger.baseline_store import FARTHEST_SIGMA_M, BaselineStore, WalkSummary, 
 from logger.core.baseline import squares_of
 from logger.core.cell_names import FEWEST_SCANS, is_by_channel
 from logger.core.places import Places, Utm
+from logger.core.rows import rows_of_each
 from postproc.survey.dataset import Survey
 from postproc.survey.walk_readings import HeardCell, SurveyRun
 
@@ -24,11 +25,10 @@ def add_walks(survey: Survey, store: BaselineStore) -> Iterator[bool]:
         heard = survey.heard_in(batch)
         table = survey.batch_rows(batch)
         digests = table["run"].combine_chunks()
-        order = np.argsort(digests.indices.to_numpy(), kind="stable")
-        ends = np.cumsum(np.bincount(digests.indices.to_numpy(), minlength=len(digests.dictionary)))
         names = digests.dictionary.to_pylist()
-        for digest, rows in zip(names, np.split(order, ends[:-1]), strict=True):
-            if digest in survey.runs and len(rows):
+        for number, rows in rows_of_each(digests.indices.to_numpy()):
+            digest = names[number]
+            if digest in survey.runs:
                 sure = {
                     one.cell: one
                     for one in heard[digest]

@@ -61,7 +61,7 @@ def _walk(
         for parts in survey.observations(task.area, task.cells, runs).values():
             placed = {}
             for digest, obs in parts.items():
-                town, at = towns.place(ground_of(obs))
+                town, at = towns.place(ground_of(obs.places))
                 above_m = at.y_m + _TOWN_STRIDE_M * town
                 placed[digest] = replace(
                     obs,

@@ -82,9 +82,7 @@ class Walked(NamedTuple):
     @property
     def centre_text(self) -> str:
         """Latitude and longitude of the middle."""
-        box = self.box
-        middle_m = 0.5 * (box.west + box.east), 0.5 * (box.south + box.north)
-        return place_name(Places.of(*middle_m, utm=self.utm).on_map)
+        return place_name(Places.of(*self.box.middle_m, utm=self.utm).on_map)
 
 
 class Plan(NamedTuple):
@@ -305,7 +303,7 @@ def _shape(number: int, cell: LocatedCell, utm: Utm, box: Box, scale: float) -> 
     if cell.lat_deg is None or cell.lon_deg is None:
         return None
     x_m, y_m = utm.to_xy(cell.lat_deg, cell.lon_deg)
-    if not (box.west <= x_m <= box.east and box.south <= y_m <= box.north):
+    if not box.contains(np.array([x_m, y_m])):
         return None
     kind = word_of(cell)
     path = ""
