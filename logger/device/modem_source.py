@@ -197,7 +197,7 @@ class _Session:
             self._is_named = True
         if self._modem.driver is None:
             return
-        self._modem.is_restarted = False
+        self._modem.is_restarted, self._modem.refusal = False, ""
         accepted = self._modem.talk(self._modem.driver.setup()) or self._modem.is_restarted
         self._modem.is_set_up = accepted and not self._modem.is_restarted
         if self._modem.is_set_up:
@@ -211,7 +211,9 @@ class _Session:
                 )
         elif self._modem.is_answered and not accepted and not self._modem.wire.is_over:
             self._link.count(
-                "setup-refused", 1, "times the modem did not accept its set-up; trying again"
+                "setup-refused",
+                1,
+                f"times the modem did not accept its set-up{self._modem.refusal}; trying again",
             )
 
     def _identify(self) -> Family | None:
@@ -231,16 +233,17 @@ class _Session:
         start_ns = (
             self._modem.late_ns if self._modem.framer.late_final_due else self._link.clock.now_ns()
         )
-        self._modem.is_damaged = False
+        self._modem.is_damaged, self._modem.refusal = False, ""
         rows = self._modem.talk(driver.poll())
         if self._modem.framer.echo_seen and self._modem.is_set_up and not self._echoes:
             self._modem.set_up_again("modem echoes again, as after a restart; setting it up again")
         self._echoes = self._modem.framer.echo_seen
         if rows is None:
             if self._modem.is_set_up and self._modem.is_answered and not self._modem.wire.is_over:
-                self._link.count(
-                    "poll-refused", 1, "polls were refused or lost; setting the modem up again"
+                what = (
+                    f"polls were refused{self._modem.refusal} or lost; setting the modem up again"
                 )
+                self._link.count("poll-refused", 1, what)
             self._modem.is_set_up = False
             return
         self._modem.emit_scan(start_ns, self._modem.wire.received_ns, rows)

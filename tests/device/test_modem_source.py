@@ -9,6 +9,7 @@ from itertools import pairwise
 import pytest
 
 from logger.core.runfile import read_run
+from logger.device import link
 from logger.device.clock import ScaledClock, SystemClock
 from logger.device.modem_source import ModemSource
 from logger.drivers import family
@@ -390,6 +391,37 @@ class Deaf:
 
     def unsolicited(self):
         return b""
+
+
+class Locked(Deaf):
+    """A modem that refuses one command for the reason it gives."""
+
+    def __init__(self, command, code):
+        super().__init__()
+        self._command, self._answer = f"{command}\r".encode(), f"\r\n{code}\r\n".encode()
+
+    def feed(self, data):
+        return self._answer if data == self._command else self._modem.feed(data)
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "says"),
+    [
+        ("AT+CENG?", "+CME ERROR: 11", "refused (AT+CENG?: +CME ERROR: 11 (SIM PIN))"),
+        ("AT+CENG?", "ERROR", "refused (AT+CENG?: ERROR)"),
+        ("AT+CENG=1,1", "+CME ERROR: 10", "set-up (AT+CENG=1,1: +CME ERROR: 10 (no SIM))"),
+    ],
+)
+def test_a_modem_that_refuses_is_told_of_with_its_reason(
+    tmp_path, monkeypatch, command, code, says
+):
+    monkeypatch.setattr(link, "NOTE_INTERVAL_S", 0.5)
+    clock = SystemClock()
+    with (
+        PtyDevice(answering(Locked(command, code))) as port,
+        recording(make_service(tmp_path, clock, port.path, 0.0, 0.1)) as under_way,
+    ):
+        service.wait_for(lambda: says in under_way.snapshot().ports["modem"].event)
 
 
 class Unreadable(Deaf):

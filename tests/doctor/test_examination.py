@@ -167,10 +167,15 @@ def test_missing_ports_are_reported_with_advice(tmp_path, capsys):
             "not ready to walk: disk: full (and 1 more below)",
         ),
         (
-            [("fail", "modem", "silent")],
+            [("fail", "modem", "/dev/ttyUSB0 is held by gpsd: sudo kill 7")],
+            "fail",
+            "not ready to walk: modem: /dev/ttyUSB0 is held by gpsd: sudo kill 7",
+        ),
+        (
+            [("fail", "modem", "/dev/null is no serial port")],
             "fail",
             (
-                "not ready to walk: modem: silent; "
+                "not ready to walk: modem: /dev/null is no serial port; "
                 "`fieldlogger probe --write site.toml` finds the ports"
             ),
         ),
