@@ -10,7 +10,7 @@ from logger.config import ModemSettings
 from logger.core.errors import DeviceError
 from logger.core.source_tables import GNSS, MODEM
 from logger.core.types import CellReading, Fix, utc_text
-from logger.device.gnss_source import count_unmeasured, credible, note_impossible_date
+from logger.device.gnss_source import credible, emit_fix, note_impossible_date
 from logger.device.link import DRIVER, Device, Line, Link, Source
 from logger.device.mode_switch import ModeSwitch, SavedModes
 from logger.device.modem_exchange import AfterStop, ModemExchange
@@ -254,8 +254,7 @@ class _Session:
 
     def _record_fix(self, reported: Fix) -> None:
         fix = credible(reported)
-        self._link.emit(fix, self._modem.wire.received_ns, source=GNSS)
-        count_unmeasured(self._link, fix)
+        emit_fix(self._link, fix, self._modem.wire.received_ns, source=GNSS)
         if fix.valid and fix.utc_ns != reported.utc_ns and not self._is_date_noted:
             self._is_date_noted = True
             note_impossible_date(self._link, utc_text(reported.utc_ns or 0)[:10])
