@@ -136,6 +136,14 @@ def test_check_refuses_what_is_no_port(site, capsys, tmp_path):
     assert "is no serial port" in capsys.readouterr().out
 
 
+def test_check_refuses_two_names_of_one_port(site, capsys, tmp_path):
+    by_id = tmp_path / "by-id"
+    by_id.symlink_to("/dev/ttyUSB77")
+    _with(site, "[source]", f'kind = "modem"\nport = "{by_id}"')
+    assert main(["check", "--config", str(site)]) == 2
+    assert f"modem2: {by_id} is the port of modem, /dev/ttyUSB77" in capsys.readouterr().out
+
+
 def test_the_directory_of_the_runs_must_be_usable(site, capsys):
     site.write_text(site.read_text().replace(str(site.parent / "runs"), str(site) + "/below"))
     assert "[run] directory" in _fails(capsys, "run", "--config", site)
