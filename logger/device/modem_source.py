@@ -248,9 +248,17 @@ class _Session:
             return
         self._modem.emit_scan(start_ns, self._modem.wire.received_ns, rows)
         if self._settings.fixes:
-            for row in self._modem.talk(driver.ask(driver.gnss_poll_commands)) or ():
-                if isinstance(row, Fix):
-                    self._record_fix(row)
+            self._record_fixes(driver)
+
+    def _record_fixes(self, driver: Family) -> None:
+        self._modem.refusal = ""
+        found = self._modem.talk(driver.ask(driver.gnss_poll_commands)) or ()
+        fixes = [row for row in found if isinstance(row, Fix)]
+        for fix in fixes:
+            self._record_fix(fix)
+        if not fixes and not self._modem.wire.is_over:
+            what = f"times the modem's receiver said nothing{self._modem.refusal}"
+            self._link.count("receiver-silent", 1, what)
 
     def _record_fix(self, reported: Fix) -> None:
         fix = credible(reported)

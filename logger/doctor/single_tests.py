@@ -377,8 +377,6 @@ def jumps(fixes: Rows) -> tuple[int, float]:
 
 
 def _fixes_line(fixes: Rows, satellites: int | None) -> Line:
-    if not len(fixes):
-        return Line("fail", "gnss", "nothing received: right port and baud? see fieldlogger probe")
     valid = fixes[fixes["valid"] == 1]
     if not len(valid):
         return Line("warn", "gnss", _no_position(satellites))
@@ -499,7 +497,12 @@ def run_lines(
     yield _readings_line(readings, minutes, every, run.meta.origin == TRIAL, set_mode)
     if (antenna := antenna_line(readings, fixes, baseline)) is not None:
         yield antenna
-    yield from fixes_lines(run, fixes)
+    if len(fixes):
+        yield from fixes_lines(run, fixes)
+    else:
+        is_own = any(source.gives_cells and source.gives_positions for source in sources)
+        doubt = "has this modem a receiver" if is_own else "right port and baud"
+        yield Line("fail", "gnss", f"nothing received: {doubt}? see fieldlogger probe")
 
 
 def _notes_of(run: Run, modem: str) -> list[tuple[str, str]]:

@@ -1,5 +1,6 @@
 import pytest
 
+from logger.config import ModemSettings
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from logger.doctor.single_tests import run_lines
@@ -32,6 +33,14 @@ def test_the_end_of_a_run_is_evaluated(tmp_path):
     assert [bad[what].state for what in ("modem", "readings", "gnss")] == ["fail", "warn", "warn"]
     assert "no such port" in bad["modem"].text
     assert _of(tmp_path, [Record(S, "modem", Scan(0, ()))])["gnss"].state == "fail"
+
+
+def test_without_a_fix_it_says_where_to_look(tmp_path):
+    path = tmp_path / "a.journal"
+    runs.write_journal(path, [Record(S, "modem", Scan(0, ()))])
+    for own, says in ((True, "has this modem a receiver?"), (False, "right port and baud?")):
+        modem = ModemSettings(name="modem", port="/a", fixes=own)
+        assert says in list(run_lines(read_run(path), sources=[modem]))[-1].text
 
 
 def _reception_of(rats, driver, *notes):
