@@ -10,7 +10,7 @@ from pathlib import Path
 from pyproj.exceptions import ProjError
 
 from logger.baseline_file import BaselineFile, bound_heap, configured_file
-from logger.command_line import missing_library
+from logger.command_line import SERVICE_FOLDER, SITE_TOML, missing_library
 from logger.config import FIRST_FREE_PORT, SiteConfig, SourceSettings, load_config, page_address
 from logger.core.document import Document, Word, facts
 from logger.core.errors import ConfigError, GeoError, RunFileError
@@ -50,6 +50,11 @@ def check(config_path: Path | None) -> list[Line]:
         config = site_config(config_path)
         lines.append(Line("ok", str(config_path), "configuration is valid"))
         lines += _site(config)
+        folder = Path(config.run.directory)
+        if config_path == SITE_TOML and not folder.resolve().is_relative_to(SERVICE_FOLDER):
+            text = f"the service writes below {SERVICE_FOLDER}; `systemctl edit fieldlogger` with"
+            text = f"{text} [Service] ReadWritePaths={folder} lets it, where its user may write"
+            lines.append(Line("warn", "directory", text))
     return lines
 
 
