@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from logger.config import ModemSettings, PowerSettings, SourceSettings
+from logger.config import GpsdSettings, ModemSettings, PowerSettings, SourceSettings
 from logger.core.baseline import Baseline, square_of
 from logger.core.places import UERE_M
 from logger.core.rows import Rows, levels_dbm
@@ -485,7 +485,9 @@ def run_lines(
     names = [source.name for source in sources if source.gives_cells] or [MODEM]
     for name in names:
         notes = _notes_of(run, name)
-        event = notes[-1][1] if notes else ""
+        # a port is opened again and again while its modem gives no answer
+        said = [note for note in notes if note[0] != "port-opened"] or notes
+        event = said[-1][1] if said else ""
         n_scans = np.count_nonzero(scans["source"] == name.encode())
         if n_scans:
             yield Line("ok", name, f"{n_scans / minutes:.0f} scans a minute; {event}")
@@ -500,9 +502,16 @@ def run_lines(
     if len(fixes):
         yield from fixes_lines(run, fixes)
     else:
-        is_own = any(source.gives_cells and source.gives_positions for source in sources)
-        doubt = "has this modem a receiver" if is_own else "right port and baud"
-        yield Line("fail", "gnss", f"nothing received: {doubt}? see fieldlogger probe")
+        yield Line("fail", "gnss", f"nothing received: {_doubt(sources)}")
+
+
+def _doubt(sources: Sequence[SourceSettings]) -> str:
+    receiver = next((source for source in sources if source.gives_positions), None)
+    if isinstance(receiver, GpsdSettings):
+        return "does gpsd run, and gpsmon show a receiver?"
+    is_own = receiver is not None and receiver.gives_cells
+    doubt = "has this modem a receiver" if is_own else "right port and baud"
+    return f"{doubt}? see fieldlogger probe"
 
 
 def _notes_of(run: Run, modem: str) -> list[tuple[str, str]]:
