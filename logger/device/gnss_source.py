@@ -86,7 +86,8 @@ class NmeaSource(Source[NmeaSettings]):
 
     def session(self, link: Link, folder: Path) -> None:
         del folder
-        unreadable = f"receiver sends nothing readable: is it NMEA at {self.settings.baud} baud?"
+        wanted = f"NMEA with GGA or RMC, at {self.settings.baud} baud"
+        unreadable = f"receiver sends nothing readable: is it {wanted}?"
         faults = ("receiver sends nothing: check its cable, port and baud rate", unreadable)
         record_fixes(link, NmeaFramer(), FixAssembler(), SILENT_S, faults)
 

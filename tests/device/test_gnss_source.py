@@ -145,7 +145,7 @@ def test_a_receiver_without_epochs_is_a_fault_until_one_comes(tmp_path, monkeypa
         receiver.data = NOISE
         service.wait_for(lambda: "sends nothing readable" in fault())
         clock.wait(threading.Event(), 3.0 * WITHIN_S)
-        assert "9600 baud" in fault()
+        assert "GGA or RMC, at 9600 baud" in fault()
         receiver.data = sentence("GPGGA,000012.00,,,,,0,00,99.9,,M,,M,,")
         service.wait_for(lambda: not fault())
     (run,) = tmp_path.glob("*.h5")
