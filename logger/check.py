@@ -10,8 +10,8 @@ from pathlib import Path
 from pyproj.exceptions import ProjError
 
 from logger.baseline_file import BaselineFile, bound_heap, configured_file
-from logger.command_line import missing_library
-from logger.config import FIRST_FREE_PORT, SiteConfig, load_config, page_address
+from logger.command_line import SERVICE_FOLDER, SITE_TOML, missing_library
+from logger.config import FIRST_FREE_PORT, SiteConfig, SourceSettings, load_config, page_address
 from logger.core.document import Document, Word, facts
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.guidance.street_atlas import StreetAtlas
@@ -50,6 +50,11 @@ def check(config_path: Path | None) -> list[Line]:
         config = site_config(config_path)
         lines.append(Line("ok", str(config_path), "configuration is valid"))
         lines += _site(config)
+        folder = Path(config.run.directory)
+        if config_path == SITE_TOML and not folder.resolve().is_relative_to(SERVICE_FOLDER):
+            text = f"the service writes below {SERVICE_FOLDER}; `systemctl edit fieldlogger` with"
+            text = f"{text} [Service] ReadWritePaths={folder} lets it, where its user may write"
+            lines.append(Line("warn", "directory", text))
     return lines
 
 
@@ -87,6 +92,7 @@ def _site(config: SiteConfig) -> Iterator[Line]:  # noqa: C901 (one check after 
     yield _folder(usable_folder(config.run.directory))
     for source in sources:
         yield from source.check()
+    yield from _shared_ports(config.source)
     for library in ("tornado", "segno"):
         if config.page.listen and find_spec(library) is None:
             yield Line("fail", "page", missing_library(library))
@@ -106,6 +112,16 @@ def _site(config: SiteConfig) -> Iterator[Line]:  # noqa: C901 (one check after 
         yield _address(*page_address(config.page.listen))
     if config.page.map:
         yield _plan(Path(config.page.map))
+
+
+def _shared_ports(sources: Sequence[SourceSettings]) -> Iterator[Line]:
+    # a port has another name under /dev/serial/by-id; opened twice it would be "in use"
+    owners: dict[str, SourceSettings] = {}
+    for source in sources:
+        owner = owners.setdefault(os.path.realpath(source.port), source)
+        if owner is not source:
+            text = f"{source.port} is the port of {owner.name}, {owner.port}: each has its own"
+            yield Line("fail", source.name, text)
 
 
 def _baseline(path: Path) -> Line:

@@ -153,9 +153,9 @@ def doctor(config_path: Path, trial_s: float, report: Path | None, *, as_json: b
     with _errors_only():  # the lines replace the service's log
         examined = examination.examine(config_path, trial_s, progress)
     progress("")
+    show(checking.document_of(examined.lines), as_json=as_json)
     if report is not None:
         examination.write_report(report, examined.lines, config_path, examined.run)
-    show(checking.document_of(examined.lines), as_json=as_json)
     return checking.exit_code(examined.lines)
 
 

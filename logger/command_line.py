@@ -80,6 +80,8 @@ with late_modules():
 Real = TypeVar("Real", bound=float)
 
 SITE_TOML = Path("/etc/cellwalk/site.toml")
+SERVICE_FOLDER = Path("/var/lib/cellwalk")
+"""Where systemd/fieldlogger.service keeps runs."""
 
 MOST_S = 1_000_000_000
 """30 years. A longer time is a typing error, and nanoseconds of this one fit into 64 bits."""

@@ -26,7 +26,7 @@ NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Percent = Annotated[float, msgspec.Meta(ge=0, le=95)]
 Baud = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]
 PortName = Annotated[str, msgspec.Meta(min_length=1)]
-_A_PORT = re.compile(r"/[^*?]+|(?!gpsd://$)[a-z][a-z0-9]*://.*")
+_A_PORT = re.compile(r"/[^*?]*[^*?\s]|(?!gpsd://$)[a-z][a-z0-9]*://.*")
 """A device, or a URL; a pattern of names would be any of them."""
 LedName = Annotated[str, msgspec.Meta(pattern="^[^/.]*$")]
 SourceName = Annotated[str, msgspec.Meta(pattern="^[a-z][a-z0-9_-]{0,15}$")]
@@ -360,6 +360,8 @@ def _explain(problem: str, labels: Sequence[str], sources: Sequence[Any]) -> str
         return f'{label}"port" is empty; `fieldlogger probe` finds the ports'
     if key == "kind":
         return f'{label}"kind": {what[0].lower()}{what[1:]}; valid are {", ".join(_KINDS)}'
+    if key == "led":
+        what = "the name of an LED under /sys/class/leds, like ACT"
     if key == "name" and "regex" in what:
         what = "a lower-case letter, then letters, digits, - and _, 16 at most"
     if what.startswith("Invalid enum value"):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from serial.tools import list_ports
 
+from logger.command_line import SERVICE_FOLDER
 from logger.core.errors import DeviceError
 from logger.core.live_settings import OWN, SUSPICIOUS
 from logger.core.source_tables import GNSS_OF_MODEM
@@ -19,8 +20,6 @@ from logger.drivers.registry import AUTO, FAMILIES
 BAUDS = (115_200, 9600, 38_400, 57_600, 4800, 230_400, 460_800, 19_200)
 """Tried in this order: modems and USB, then receivers, then what is rare."""
 _BY_ID = Path("/dev/serial/by-id")
-SERVICE_FOLDER = Path("/var/lib/cellwalk")
-"""Where systemd/fieldlogger.service keeps runs."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -224,6 +224,8 @@ def test_short_forms_and_sources_are_one_list(tables, expected):
         (MODEM + '[gnss]\nport = "modem"\nprt = 1\n', '[gnss] unknown key "prt"; did you mean'),
         (MODEM.replace("/a", "COM3") + GNSS, "'COM3' is no device: name one"),
         (MODEM + GNSS.replace("/b", "/dev/serial/by-id/*"), "is no device: name one"),
+        (MODEM + GNSS.replace("/b", "/b "), "'/b ' is no device: name one"),
+        (MODEM + GNSS + '[status]\nled = "/sys/class/leds/ACT"\n', '"led": the name of an LED'),
         (MODEM + GNSS.replace("/b", "gpsd://"), "'gpsd://' is no device: name one"),
         (MODEM + GNSS + MORE.replace("[[source]]", "[source]"), "two brackets: [[source]]"),
         (MODEM + 'set_mode = "GSM"\n' + GNSS, "invalid enum value 'GSM'; valid: \"gsm\""),

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from logger import check as checking
 from logger.cli import main
 from logger.config import parse_config
 from logger.core.errors import DeviceError
@@ -134,6 +135,24 @@ def test_check_refuses_what_is_no_port(site, capsys, tmp_path):
     site.write_text(site.read_text().replace("/dev/ttyUSB77", str(tmp_path / "site.toml")))
     assert main(["check", "--config", str(site)]) == 2
     assert "is no serial port" in capsys.readouterr().out
+
+
+def test_check_says_where_the_service_may_not_write(site, capsys, monkeypatch):
+    """Root may, whom doctor is run as."""
+    monkeypatch.setattr(checking, "SITE_TOML", site)
+    assert main(["check", "--config", str(site)]) == 0
+    assert f"ReadWritePaths={site.parent}/runs" in capsys.readouterr().out
+    monkeypatch.setattr(checking, "SERVICE_FOLDER", site.parent)
+    assert main(["check", "--config", str(site)]) == 0
+    assert "ReadWritePaths" not in capsys.readouterr().out
+
+
+def test_check_refuses_two_names_of_one_port(site, capsys, tmp_path):
+    by_id = tmp_path / "by-id"
+    by_id.symlink_to("/dev/ttyUSB77")
+    _with(site, "[source]", f'kind = "modem"\nport = "{by_id}"')
+    assert main(["check", "--config", str(site)]) == 2
+    assert f"modem2: {by_id} is the port of modem, /dev/ttyUSB77" in capsys.readouterr().out
 
 
 def test_the_directory_of_the_runs_must_be_usable(site, capsys):

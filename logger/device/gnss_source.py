@@ -53,6 +53,9 @@ _UNMEASURED = {
     SIMULATED: ("position-simulated", 1, "positions simulated by the receiver; none is used"),
 }
 """By quality: code of the note, count of each, text."""
+# a receiver's time goes on each second, and a modem repeats its last for a second or two
+OLD_S = 3.0
+_REPEATED = "positions with a time that stands still: the receiver repeats its last; none is used"
 _NOT_USED = "is the receiver's date, which cannot be (a rollover of its GPS weeks?); it is not used"
 PAUSE_S = 0.1
 """gpsd writes an epoch in one go: after a pause there is no more of it."""
@@ -83,7 +86,8 @@ class NmeaSource(Source[NmeaSettings]):
 
     def session(self, link: Link, folder: Path) -> None:
         del folder
-        unreadable = f"receiver sends nothing readable: is it NMEA at {self.settings.baud} baud?"
+        wanted = f"NMEA with GGA or RMC, at {self.settings.baud} baud"
+        unreadable = f"receiver sends nothing readable: is it {wanted}?"
         faults = ("receiver sends nothing: check its cable, port and baud rate", unreadable)
         record_fixes(link, NmeaFramer(), FixAssembler(), SILENT_S, faults)
 
@@ -144,20 +148,26 @@ def _emit(link: Link, fixes: Iterator[tuple[int, Fix]]) -> int:
     """Returns their number."""
     emitted = list(fixes)
     for fix_ns, fix in emitted:
-        link.emit(fix, fix_ns)
-        count_unmeasured(link, fix)
+        emit_fix(link, fix, fix_ns)
     return len(emitted)
+
+
+def emit_fix(link: Link, fix: Fix, t_ns: int, source: str | None = None) -> None:
+    """Record a fix, and count a position that was not measured or is an old one."""
+    utc_ns, since_ns = link.latest_utc
+    if fix.utc_ns is None or fix.utc_ns != utc_ns:
+        link.latest_utc = fix.utc_ns, t_ns
+    elif fix.valid and t_ns - since_ns > OLD_S * 1e9:
+        link.count("position-repeated", 1, _REPEATED)
+        fix = Fix(valid=False, utc_ns=fix.utc_ns)
+    link.emit(fix, t_ns, source)
+    if fix.quality in _UNMEASURED:
+        link.count(*_UNMEASURED[fix.quality])
 
 
 def note_impossible_date(link: Link, day: date | str) -> None:
     """Note that the receiver's date is not used."""
     link.note("warning", IMPOSSIBLE_DATE, f"{day} {_NOT_USED}")
-
-
-def count_unmeasured(link: Link, fix: Fix) -> None:
-    """Count a position that the receiver reports but has not measured."""
-    if fix.quality in _UNMEASURED:
-        link.count(*_UNMEASURED[fix.quality])
 
 
 def credible(fix: Fix) -> Fix:

@@ -23,7 +23,7 @@ from logger.device.scan_timeout import SilenceLimits
 from logger.drivers.protocols.redaction import Redactor
 from logger.drivers.reading.recognition import NumberHistory
 
-NOT_THERE = "is not there now"
+NOT_THERE, NO_PORT = "is not there now", "is no serial port"
 NO_EPOCHS = "no-epochs"
 """Code of the note that a receiver is at fault until its next fix record."""
 DRIVER = ": driver "  # between the name of a modem and its driver in a note
@@ -63,7 +63,7 @@ def port_line(name: str, url: str) -> Line:
     except OSError as error:
         return Line("fail", name, f"{url}: {error.strerror}")
     if not is_device:
-        return Line("fail", name, f"{url} is no serial port")
+        return Line("fail", name, f"{url} {NO_PORT}")
     if not os.access(path, os.R_OK | os.W_OK):
         return Line("fail", name, f"no permission for {url}; add this user to the group dialout")
     return Line("ok", name, url)
@@ -107,7 +107,7 @@ class Tally:
     """A count of events too frequent for a note each."""
 
     def __init__(self, what: str, least: int) -> None:
-        self._what = what
+        self.what = what
         self._least = least
         self._n = 0
         self._since_ns = 0
@@ -121,7 +121,7 @@ class Tally:
         if not self._n or (now_ns is not None and now_ns - self._since_ns < NOTE_INTERVAL_S * 1e9):
             return None
         n, self._n = self._n, 0
-        return f"{n} {self._what}" if n >= self._least else None
+        return f"{n} {self.what}" if n >= self._least else None
 
 
 Settings = TypeVar("Settings", bound=SourceSettings)
@@ -223,6 +223,8 @@ class Link:
         self.stop = stop
         self.silence_limits = SilenceLimits()
         self.known = NumberHistory()
+        # of the latest fix, and when the first fix had it
+        self.latest_utc: tuple[int | None, int] = None, 0
         self._inbox = inbox
         self._redactor = source.redactor()
         self._port: Port | None = None
@@ -308,7 +310,9 @@ class Link:
 
         Fewer than `least` events give no note.
         """
-        self._tallies.setdefault(code, Tally(what, least)).add(n, self.clock.now_ns())
+        tally = self._tallies.setdefault(code, Tally(what, least))
+        tally.what = what
+        tally.add(n, self.clock.now_ns())
 
     def count_garbage(self, n_bytes: int) -> None:
         """Count bytes that no framer could read."""

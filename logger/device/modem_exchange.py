@@ -130,6 +130,7 @@ class ModemExchange:
         self.is_heard = False
         self.is_answered = False
         self.is_damaged = False
+        self.refusal = ""  # of the latest command that had to be accepted
         self._has_bytes = False
         self._n_pending_queries = 0  # queries of the last full scan without an answer
 
@@ -199,6 +200,8 @@ class ModemExchange:
             )
             if reply is not None:
                 self.is_answered = True
+                if reply.is_refusal and (command.needed or self.is_set_up):
+                    self.refusal = f" ({reply.refusal})"
                 self._count_anomalies(reply, slow=wait.is_slow(self._now_s()))
                 return reply
             if self.is_restarted and not restarted:

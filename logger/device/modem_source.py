@@ -10,7 +10,7 @@ from logger.config import ModemSettings
 from logger.core.errors import DeviceError
 from logger.core.source_tables import GNSS, MODEM
 from logger.core.types import CellReading, Fix, utc_text
-from logger.device.gnss_source import count_unmeasured, credible, note_impossible_date
+from logger.device.gnss_source import credible, emit_fix, note_impossible_date
 from logger.device.link import DRIVER, Device, Line, Link, Source
 from logger.device.mode_switch import ModeSwitch, SavedModes
 from logger.device.modem_exchange import AfterStop, ModemExchange
@@ -197,7 +197,7 @@ class _Session:
             self._is_named = True
         if self._modem.driver is None:
             return
-        self._modem.is_restarted = False
+        self._modem.is_restarted, self._modem.refusal = False, ""
         accepted = self._modem.talk(self._modem.driver.setup()) or self._modem.is_restarted
         self._modem.is_set_up = accepted and not self._modem.is_restarted
         if self._modem.is_set_up:
@@ -211,7 +211,9 @@ class _Session:
                 )
         elif self._modem.is_answered and not accepted and not self._modem.wire.is_over:
             self._link.count(
-                "setup-refused", 1, "times the modem did not accept its set-up; trying again"
+                "setup-refused",
+                1,
+                f"times the modem did not accept its set-up{self._modem.refusal}; trying again",
             )
 
     def _identify(self) -> Family | None:
@@ -231,28 +233,36 @@ class _Session:
         start_ns = (
             self._modem.late_ns if self._modem.framer.late_final_due else self._link.clock.now_ns()
         )
-        self._modem.is_damaged = False
+        self._modem.is_damaged, self._modem.refusal = False, ""
         rows = self._modem.talk(driver.poll())
         if self._modem.framer.echo_seen and self._modem.is_set_up and not self._echoes:
             self._modem.set_up_again("modem echoes again, as after a restart; setting it up again")
         self._echoes = self._modem.framer.echo_seen
         if rows is None:
             if self._modem.is_set_up and self._modem.is_answered and not self._modem.wire.is_over:
-                self._link.count(
-                    "poll-refused", 1, "polls were refused or lost; setting the modem up again"
+                what = (
+                    f"polls were refused{self._modem.refusal} or lost; setting the modem up again"
                 )
+                self._link.count("poll-refused", 1, what)
             self._modem.is_set_up = False
             return
         self._modem.emit_scan(start_ns, self._modem.wire.received_ns, rows)
         if self._settings.fixes:
-            for row in self._modem.talk(driver.ask(driver.gnss_poll_commands)) or ():
-                if isinstance(row, Fix):
-                    self._record_fix(row)
+            self._record_fixes(driver)
+
+    def _record_fixes(self, driver: Family) -> None:
+        self._modem.refusal = ""
+        found = self._modem.talk(driver.ask(driver.gnss_poll_commands)) or ()
+        fixes = [row for row in found if isinstance(row, Fix)]
+        for fix in fixes:
+            self._record_fix(fix)
+        if not fixes and not self._modem.wire.is_over:
+            what = f"times the modem's receiver said nothing{self._modem.refusal}"
+            self._link.count("receiver-silent", 1, what)
 
     def _record_fix(self, reported: Fix) -> None:
         fix = credible(reported)
-        self._link.emit(fix, self._modem.wire.received_ns, source=GNSS)
-        count_unmeasured(self._link, fix)
+        emit_fix(self._link, fix, self._modem.wire.received_ns, source=GNSS)
         if fix.valid and fix.utc_ns != reported.utc_ns and not self._is_date_noted:
             self._is_date_noted = True
             note_impossible_date(self._link, utc_text(reported.utc_ns or 0)[:10])

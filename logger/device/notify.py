@@ -87,7 +87,7 @@ class ServiceManager:
 
 @contextmanager
 def stop_signals() -> Iterator[tuple[threading.Event, list[str]]]:
-    """Turn SIGTERM and SIGINT into an event; the handler does nothing else."""
+    """Turn SIGTERM and SIGINT into an event; ignore the terminal's end."""
     ended, received = threading.Event(), list[str]()
 
     def receive(number: int, _frame: FrameType | None) -> None:
@@ -95,6 +95,8 @@ def stop_signals() -> Iterator[tuple[threading.Event, list[str]]]:
         ended.set()
 
     before = {number: signal.signal(number, receive) for number in (signal.SIGTERM, signal.SIGINT)}
+    # a walker leaves the network of the ssh session that began the recording
+    before[signal.SIGHUP] = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         yield ended, received
     finally:

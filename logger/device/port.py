@@ -7,6 +7,7 @@ opened.
 import errno
 import fcntl
 import re
+import socket
 import termios
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -23,6 +24,13 @@ _NETWORK = ("socket", "rfc2217", "gpsd")
 _SEARCH = "hwgrep://"
 WRITE_TIMEOUT_S = 2.0
 MAX_CHUNK = 4096
+# a lost far end is noticed after half a minute; by default (tcp(7)) after two hours
+_PROBES = (
+    (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 10),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 5),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3),
+)
 
 
 def pyserial_url(url: str) -> str:
@@ -98,6 +106,7 @@ class Port:
                 self._serial.open()
         self._read_timeout_s = read_timeout_s
         self._keep_others_out()
+        self._probe_far_end()
 
     def __enter__(self) -> Self:
         return self
@@ -149,6 +158,12 @@ class Port:
         # pyserial's lock is a flock that only pyserial asks for; TIOCEXCL stops everybody but root
         with suppress(OSError, AttributeError):
             fcntl.ioctl(self._serial.fileno(), termios.TIOCEXCL)
+
+    def _probe_far_end(self) -> None:
+        # one that has lost its power or its network closes nothing, and a receiver is only read
+        if (far_end := getattr(self._serial, "_socket", None)) is not None:
+            for level, option, value in _PROBES:
+                far_end.setsockopt(level, option, value)
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import Run, read_run
 from logger.core.source_tables import GNSS, MODEM
 from logger.device.clock import Clock
-from logger.device.link import NOT_THERE, Line
+from logger.device.link import NO_PORT, NOT_THERE, Line
 from logger.device.machine import kernel_text
 from logger.device.mode_switch import SavedModes, unrestored_modes
 from logger.device.service import Service
@@ -121,7 +121,8 @@ def overall(lines: Iterable[Line], sources: frozenset[str] = SOURCES) -> Line:
 
 
 def _is_wrong_port(line: Line) -> bool:
-    return line.state == "fail" or NOT_THERE in line.text
+    # other faults of a source say themselves what to do
+    return NOT_THERE in line.text or NO_PORT in line.text
 
 
 def _tests(

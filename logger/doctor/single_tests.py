@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from logger.config import ModemSettings, PowerSettings, SourceSettings
+from logger.config import GpsdSettings, ModemSettings, PowerSettings, SourceSettings
 from logger.core.baseline import Baseline, square_of
 from logger.core.places import UERE_M
 from logger.core.rows import Rows, levels_dbm, numbered_texts, rows_of_each
@@ -377,8 +377,6 @@ def jumps(fixes: Rows) -> tuple[int, float]:
 
 
 def _fixes_line(fixes: Rows, satellites: int | None) -> Line:
-    if not len(fixes):
-        return Line("fail", "gnss", "nothing received: right port and baud? see fieldlogger probe")
     valid = fixes[fixes["valid"] == 1]
     if not len(valid):
         return Line("warn", "gnss", _no_position(satellites))
@@ -486,7 +484,9 @@ def run_lines(
     names = [source.name for source in sources if source.gives_cells] or [MODEM]
     for name in names:
         notes = _notes_of(run, name)
-        event = notes[-1][1] if notes else ""
+        # a port is opened again and again while its modem gives no answer
+        said = [note for note in notes if note[0] != "port-opened"] or notes
+        event = said[-1][1] if said else ""
         n_scans = np.count_nonzero(scans["source"] == name.encode())
         if n_scans:
             yield Line("ok", name, f"{n_scans / minutes:.0f} scans a minute; {event}")
@@ -498,7 +498,19 @@ def run_lines(
     yield _readings_line(readings, minutes, every, run.meta.origin == TRIAL, set_mode)
     if (antenna := antenna_line(readings, fixes, baseline)) is not None:
         yield antenna
-    yield from fixes_lines(run, fixes)
+    if len(fixes):
+        yield from fixes_lines(run, fixes)
+    else:
+        yield Line("fail", "gnss", f"nothing received: {_doubt(sources)}")
+
+
+def _doubt(sources: Sequence[SourceSettings]) -> str:
+    receiver = next((source for source in sources if source.gives_positions), None)
+    if isinstance(receiver, GpsdSettings):
+        return "does gpsd run, and gpsmon show a receiver?"
+    is_own = receiver is not None and receiver.gives_cells
+    doubt = "has this modem a receiver" if is_own else "right port and baud"
+    return f"{doubt}? see fieldlogger probe"
 
 
 def _notes_of(run: Run, modem: str) -> list[tuple[str, str]]:

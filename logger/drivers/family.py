@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
-from logger.core.types import CellReading, Role, reportable
+from logger.core.types import CellReading, Fix, Role, reportable
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.at import RESULTS_OF_CALLS, Command, Dialogue, Reply
 from logger.drivers.reading.row_language import Row
@@ -135,7 +135,7 @@ class Family:
             answered |= reply.ok
             lines += [command.text, *reply.marked_lines, *filter(None, [reply.final])]
         rows = self.read(lines)
-        return rows if answered or any(isinstance(row, CellReading) for row in rows) else None
+        return rows if answered or any(isinstance(row, CellReading | Fix) for row in rows) else None
 
     def read(self, lines: Sequence[str]) -> tuple[Row, ...]:
         """All rows in lines of replies or of a transcript; other lines are skipped.

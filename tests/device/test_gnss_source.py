@@ -145,12 +145,30 @@ def test_a_receiver_without_epochs_is_a_fault_until_one_comes(tmp_path, monkeypa
         receiver.data = NOISE
         service.wait_for(lambda: "sends nothing readable" in fault())
         clock.wait(threading.Event(), 3.0 * WITHIN_S)
-        assert "9600 baud" in fault()
+        assert "GGA or RMC, at 9600 baud" in fault()
         receiver.data = sentence("GPGGA,000012.00,,,,,0,00,99.9,,M,,M,,")
         service.wait_for(lambda: not fault())
     (run,) = tmp_path.glob("*.h5")
     notes = read_run(run).tables["notes"]
     assert [row["source"] for row in notes if row["code"] == b"no-epochs"] == [b"gnss", b"gnss"]
+
+
+def test_a_receiver_that_repeats_its_last_position_has_none(tmp_path, monkeypatch):
+    monkeypatch.setattr(gnss_source, "OLD_S", WITHIN_S)
+    receiver, none = Receiver(), str(tmp_path / "none")
+    receiver.data = service.nmea_epochs(1)
+    with (
+        PtyDevice(receiver) as gnss,
+        recording(make_service(tmp_path, SystemClock(), none, 0.0, 1.0, gnss.path)) as under_way,
+    ):
+        service.wait_for(lambda: under_way.snapshot().fix and under_way.snapshot().fix.valid)
+        service.wait_for(lambda: not under_way.snapshot().fix.valid)
+        receiver.data = service.nmea_epochs(2)
+        service.wait_for(lambda: under_way.snapshot().fix.valid)
+    (run,) = tmp_path.glob("*.h5")
+    tables = read_run(run).tables
+    assert np.isnan(tables["fixes"]["lat_deg"][tables["fixes"]["valid"] == 0]).all()
+    assert b"position-repeated" in tables["notes"]["code"]
 
 
 def test_a_gpsd_without_a_receiver_is_a_fault(tmp_path, monkeypatch):

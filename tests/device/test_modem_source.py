@@ -9,6 +9,7 @@ from itertools import pairwise
 import pytest
 
 from logger.core.runfile import read_run
+from logger.device import link
 from logger.device.clock import Clock, ScaledClock
 from logger.device.modem_source import ModemSource
 from logger.drivers import family
@@ -159,6 +160,22 @@ def test_the_receiver_of_the_modem_gives_the_fixes(tmp_path, name):
         east_m, north_m = BLOCK.world.to_local(fix["lat_deg"], fix["lon_deg"])
         t_s = fix["utc_ns"] / 1e9 - BLOCK.utc_start.timestamp()
         assert BLOCK.walk.position(t_s) == pytest.approx((east_m, north_m), abs=2.0)
+
+
+def test_the_receiver_of_a_modem_without_a_position_or_switched_off_is_told_of(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(link, "NOTE_INTERVAL_S", 0.5)
+    modem = Locked("AT+QGPSLOC=2", "+CME ERROR: 516", DIALECTS["ec25"])
+    with (
+        PtyDevice(answering(modem)) as port,
+        recording(make_service(tmp_path, SystemClock(), port.path, 0, 0.1, "modem")) as under_way,
+    ):
+        service.wait_for(lambda: under_way.snapshot().fix is not None)
+        assert not under_way.snapshot().fix.valid
+        modem.refuse("AT+QGPSLOC=2", "+CME ERROR: 505")
+        says = "receiver said nothing (AT+QGPSLOC=2: +CME ERROR: 505)"
+        service.wait_for(lambda: says in under_way.snapshot().ports["modem"].event)
 
 
 def test_a_date_before_a_rollover_is_noted_once(tmp_path):
@@ -381,8 +398,8 @@ def test_a_poll_whose_row_was_cut_is_no_scan_without_cells(tmp_path):
 class Deaf:
     """A modem that answers nothing while `is_deaf`."""
 
-    def __init__(self):
-        self._modem = BLOCK.modem(WalkTime(Clock()).now_s, DIALECTS["sim800"])
+    def __init__(self, dialect=DIALECTS["sim800"]):
+        self._modem = BLOCK.modem(WalkTime(Clock()).now_s, dialect)
         self.is_deaf = True
 
     def feed(self, data):
@@ -390,6 +407,40 @@ class Deaf:
 
     def unsolicited(self):
         return b""
+
+
+class Locked(Deaf):
+    """A modem that refuses one command for the reason it gives."""
+
+    def __init__(self, command, code, dialect=DIALECTS["sim800"]):
+        super().__init__(dialect)
+        self.refuse(command, code)
+
+    def refuse(self, command, code):
+        self._command, self._answer = f"{command}\r".encode(), f"\r\n{code}\r\n".encode()
+
+    def feed(self, data):
+        return self._answer if data == self._command else self._modem.feed(data)
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "says"),
+    [
+        ("AT+CENG?", "+CME ERROR: 11", "refused (AT+CENG?: +CME ERROR: 11 (SIM PIN))"),
+        ("AT+CENG?", "ERROR", "refused (AT+CENG?: ERROR)"),
+        ("AT+CENG=1,1", "+CME ERROR: 10", "set-up (AT+CENG=1,1: +CME ERROR: 10 (no SIM))"),
+    ],
+)
+def test_a_modem_that_refuses_is_told_of_with_its_reason(
+    tmp_path, monkeypatch, command, code, says
+):
+    monkeypatch.setattr(link, "NOTE_INTERVAL_S", 0.5)
+    clock = SystemClock()
+    with (
+        PtyDevice(answering(Locked(command, code))) as port,
+        recording(make_service(tmp_path, clock, port.path, 0.0, 0.1)) as under_way,
+    ):
+        service.wait_for(lambda: says in under_way.snapshot().ports["modem"].event)
 
 
 class Unreadable(Deaf):

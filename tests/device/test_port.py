@@ -4,6 +4,7 @@ import select
 import socket
 import threading
 import tty
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -143,6 +144,15 @@ def test_what_waits_in_a_port_that_is_left_is_recorded(tmp_path, ends):
 def test_a_socket_that_nobody_serves():
     with pytest.raises(DeviceError, match="socket://127.0.0.1:1"):
         Port("socket://127.0.0.1:1", 9600, 0.1)
+
+
+def test_a_far_end_that_vanishes_is_probed():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        number = server.getsockname()[1]
+        with Port(f"socket://127.0.0.1:{number}", 9600, 0.1):
+            rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()]
+            (timer,) = [row[5] for row in rows if row[2] == f"0100007F:{number:04X}"]
+    assert timer.startswith("02:")  # keepalive (Linux, networking/proc_net_tcp.rst)
 
 
 def test_unplugging_is_a_device_error():

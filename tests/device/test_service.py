@@ -1,7 +1,10 @@
 import json
 import os
+import pty
 import signal
 import socket
+import subprocess
+import sys
 from collections import Counter
 
 import numpy as np
@@ -123,6 +126,30 @@ def test_starts_with_a_device_missing_and_picks_it_up(tmp_path, missing):
     marked = fix_seq != -1
     assert marked.any()
     assert marked.tolist() == sorted(marked.tolist())
+
+
+_IN_A_TERMINAL = """
+import os, sys
+os.login_tty(int(sys.argv[1]))
+os.execv(sys.executable, [sys.executable, *sys.argv[2:]])
+"""
+
+
+def test_it_goes_on_when_its_terminal_goes(tmp_path):
+    player = NmeaPlayer(service.nmea_epochs(10_000), bytes_per_s=1600)
+    terminal, far_end = pty.openpty()
+    with PtyDevice(player) as gnss:
+        site = service.site_toml(tmp_path, str(tmp_path / "none"), gnss.path)
+        run = (*service.FIELDLOGGER[1:], "run", "--config", str(site))
+        command = (sys.executable, "-c", _IN_A_TERMINAL, str(far_end), *run)
+        with subprocess.Popen(command, pass_fds=(far_end,)) as logger:
+            os.close(far_end)
+            service.wait_for(lambda: _journal_has(tmp_path, "fixes", 5))
+            os.close(terminal)
+            n_before = service.n_recorded(tmp_path / "runs", "fixes")
+            service.wait_for(lambda: _journal_has(tmp_path, "fixes", n_before + 20))
+            logger.terminate()
+    assert _only_run(tmp_path).end.reason == "signal SIGTERM"
 
 
 def test_duration_ends_it_cleanly(tmp_path):

@@ -126,7 +126,9 @@ def test_a_report_to_nowhere_is_one_line(tmp_path, capsys):
     site = service.site_toml(tmp_path, str(tmp_path / "modem"), str(tmp_path / "gnss"))
     report = str(tmp_path / "no/report.txt")
     assert main(["doctor", "--config", str(site), "--seconds", "1", "--report", report]) == 2
-    assert "no/report.txt: No such file or directory" in capsys.readouterr().err
+    out, err = capsys.readouterr()
+    assert "no/report.txt: No such file or directory" in err
+    assert "overall: not " in out  # seconds of tests are not lost
 
 
 def test_the_level_of_the_log_is_restored(tmp_path, capsys):
@@ -167,10 +169,15 @@ def test_missing_ports_are_reported_with_advice(tmp_path, capsys):
             "not ready to walk: disk: full (and 1 more below)",
         ),
         (
-            [("fail", "modem", "silent")],
+            [("fail", "modem", "/dev/ttyUSB0 is held by gpsd: sudo kill 7")],
+            "fail",
+            "not ready to walk: modem: /dev/ttyUSB0 is held by gpsd: sudo kill 7",
+        ),
+        (
+            [("fail", "modem", "/dev/null is no serial port")],
             "fail",
             (
-                "not ready to walk: modem: silent; "
+                "not ready to walk: modem: /dev/null is no serial port; "
                 "`fieldlogger probe --write site.toml` finds the ports"
             ),
         ),

@@ -1,5 +1,6 @@
 import pytest
 
+from logger.config import GpsdSettings, ModemSettings, NmeaSettings
 from logger.core.runfile import read_run
 from logger.core.types import CellReading, Fix, Note, Record, Scan
 from logger.doctor.single_tests import run_lines
@@ -32,6 +33,28 @@ def test_the_end_of_a_run_is_evaluated(tmp_path):
     assert [bad[what].state for what in ("modem", "readings", "gnss")] == ["fail", "warn", "warn"]
     assert "no such port" in bad["modem"].text
     assert _of(tmp_path, [Record(S, "modem", Scan(0, ()))])["gnss"].state == "fail"
+
+
+@pytest.mark.parametrize(
+    ("receiver", "says"),
+    [
+        (NmeaSettings(name="gnss", port="/b"), "right port and baud?"),
+        (GpsdSettings(name="gnss", port="gpsd://h"), "does gpsd run"),
+        (ModemSettings(name="second", port="/b", fixes=True), "has this modem a receiver?"),
+    ],
+)
+def test_without_a_fix_it_says_where_to_look(tmp_path, receiver, says):
+    path = tmp_path / "a.journal"
+    runs.write_journal(path, [Record(S, "modem", Scan(0, ()))])
+    sources = [ModemSettings(name="modem", port="/a"), receiver]
+    assert says in list(run_lines(read_run(path), sources=sources))[-1].text
+
+
+def test_a_modem_that_gives_no_answer_is_said_to_give_none(tmp_path):
+    notes = [Note("info", "port-opened", "/a opened"), Note("warning", "port-lost", "no answer")]
+    for said, event in ((notes[:1], "/a opened"), ([*notes, notes[0]], "no answer")):
+        records = [Record(S, "modem", note) for note in said]
+        assert _of(tmp_path, records)["modem"].text == f"no scan; last event: {event}"
 
 
 def _reception_of(rats, driver, *notes):

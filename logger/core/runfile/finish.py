@@ -1,7 +1,9 @@
 """From journal to HDF5, at the stop, the next boot and the desk; reports what was lost."""
 
+import fcntl
+import os
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,17 +67,31 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
     parts = JournalParts(journal)
     part = target.with_name(target.name + ".part")
     try:
-        _check_room(parts, target)
-        write_hdf5(parts, part)
-        may_replace(target, parts.meta.run_id)
-        part.replace(target)
-        sync_folder(target.parent)
+        with _alone(part):
+            _check_room(parts, target)
+            write_hdf5(parts, part)
+            may_replace(target, parts.meta.run_id)
+            part.replace(target)
+            sync_folder(target.parent)
     except (OSError, RuntimeError) as error:  # HDF5 reports a full card by RuntimeError too
         raise RunFileError(f"cannot write {target}: {why_not_written(error)}") from error
-    finally:
-        with suppress(OSError):
-            part.unlink()
     return parts
+
+
+@contextmanager
+def _alone(part: Path) -> Iterator[None]:
+    # the service at its stop, the unit at the boot or a user: the others wait
+    while True:
+        with part.open("ab") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            if not part.exists() or not os.path.samestat(os.fstat(file.fileno()), part.stat()):
+                continue  # it has its name now
+            try:
+                yield
+            finally:
+                with suppress(OSError):
+                    part.unlink()
+            return
 
 
 def _check_room(parts: JournalParts, target: Path) -> None:

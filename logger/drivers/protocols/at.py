@@ -67,6 +67,12 @@ class Reply:
         return self.final not in {None, "OK", *RESULTS_OF_CALLS}
 
     @property
+    def refusal(self) -> str:
+        """The command, and why the modem refused it."""
+        why = _SIM_ERRORS.get((self.final or "").removeprefix("+CME ERROR: "), "")
+        return f"{self.command}: {self.final}{why}"
+
+    @property
     def marked_lines(self) -> tuple[str, ...]:
         """The lines, with `INTERRUPTION` where one may have lost its end."""
         lines: list[str] = []
@@ -111,6 +117,8 @@ RESULTS_OF_CALLS = frozenset({"NO CARRIER", "BUSY", "NO ANSWER", "NO DIALTONE"})
 REFUSALS = frozenset({"COMMAND NOT SUPPORT", "TOO MANY PARAMETERS", "ABORTED"})
 _CODES = RESULTS_OF_CALLS | {"OK", "ERROR"}
 _ERROR = re.compile(r"\+CM[ES] ERROR\b.*")
+_SIM_ERRORS = {"10": " (no SIM)", "11": " (SIM PIN)", "12": " (SIM PUK)", "13": " (SIM failure)"}
+# 3GPP TS 27.007 9.2.1
 # Result codes after ATV0. 2 is RING, which ends no reply.
 _ASKS_FOR_WORDS = re.compile(r"AT(?:I\d?|\+C?GM[IMR])", re.IGNORECASE)  # and for no cell
 _NUMERIC = {"0": "OK", "1": "CONNECT", "3": "NO CARRIER", "4": "ERROR"}

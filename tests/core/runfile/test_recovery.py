@@ -1,13 +1,22 @@
 """Recovery from a file or a folder, and room on the card."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from unittest.mock import ANY
 
 import h5py
 import pytest
 
 from logger.cli import main as fieldlogger
-from logger.core.runfile import RunWriter, free_bytes, make_room, read_run, recover
+from logger.core.runfile import (
+    RunWriter,
+    finish_journal,
+    free_bytes,
+    make_room,
+    read_run,
+    recover,
+    sealing_of,
+)
 from logger.core.runfile.run_names import first_part, parts_of
 from postproc.cli import main as postproc
 from tests.kit import runs
@@ -54,6 +63,15 @@ def test_what_is_being_recorded_is_left_alone(tmp_path, capsys):
     assert "being recorded" in capsys.readouterr().err
     writer.close(0, "test")
     assert len(list(recover(tmp_path))) == 1
+
+
+def test_a_journal_is_recovered_by_several_at_once(tmp_path):
+    journal = tmp_path / "run-000001.journal"
+    runs.write_journal(journal, runs.records(200), sync_every=5)
+    with ThreadPoolExecutor(4) as pool:
+        assert set(pool.map(finish_journal, [journal] * 8)) == {journal.with_suffix(".h5")}
+    assert sealing_of(journal) == sealing_of(journal.with_suffix(".h5"))
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_parts_are_found_in_their_order(tmp_path):
