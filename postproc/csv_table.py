@@ -14,8 +14,13 @@ from postproc.foreign_file import MOST_COLUMNS, Lines
 
 Line = tuple[int, dict[str, str]]
 
+TOO_MANY = "\0"
+"""Name of what a row has beyond its columns; its other values are empty, as they may be moved."""
 _COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+")
 _MOST_LINES = 10  # of a value: names of cells and networks have one, comments some
+_MOST_TITLES = 30  # lines above the header: of drive-test programs some twenty
+_FEWEST_NAMES = 3  # of a table with positions and levels; titles have one or two values
+_ROW_NUMBER = re.compile(r'"?\d+"?')
 
 
 @contextmanager
@@ -39,6 +44,22 @@ def names_of(header: str) -> list[str]:
     ]
 
 
+def header_of(source: Path, skip: int = 0) -> tuple[int, str]:
+    """Number and text of the header line: the first with three names, else with any."""
+    first = 0, ""
+    with text_lines(source) as lines:
+        for line in lines:
+            lines.end_row()
+            if lines.number <= skip or line.startswith("#") or not line.strip():
+                continue
+            first = first if first[0] else (lines.number, line)
+            if sum(map(bool, names_of(line))) >= _FEWEST_NAMES:
+                return lines.number, line
+            if lines.number >= _MOST_TITLES:
+                break
+    return first
+
+
 def rows(
     source: Path,
     *,
@@ -46,7 +67,7 @@ def rows(
     required: Iterable[str | Collection[str]] = (),
     header: Sequence[str] = (),
 ) -> Iterator[Line]:
-    """Rows by column name with line numbers; lines with # before the header are comments.
+    """Rows by column name with line numbers.
 
     `skip` lines come before the header. `required` names columns; of a collection of names one is
     enough. `header` names the columns of a file that has no header line. Raises `RunFileError`
@@ -56,27 +77,31 @@ def rows(
         with text_lines(source) as lines:
             yield from _rows_of(lines, ",", list(header))
         return
+    number, first = header_of(source, skip)
+    names = names_of(first)
+    _check(source, names, required)
     with text_lines(source) as lines:
-        first = ""
-        for first in lines:
+        while lines.number < number:
+            next(lines)
             lines.end_row()
-            if lines.number > skip and not first.startswith("#"):
-                break
-        else:
-            first = ""
-        names = names_of(first)
-        _check(source, names, required)
         yield from _rows_of(lines, _delimiter(first), names)
 
 
 def _rows_of(lines: Lines, delimiter: str, names: list[str]) -> Iterator[Line]:
     # of two columns of one name the first counts
     names = [name if name not in names[:i] else f"{name} {i}" for i, name in enumerate(names)]
+    is_first = True
     for number, values in _values_of(lines, delimiter, len(names)):
         if any(value.strip() for value in values):
+            n_more = len(values) - len(names)
+            if is_first and n_more == 1 and values[-1].strip() and _ROW_NUMBER.fullmatch(values[0]):
+                names, n_more = ["", *names], 0  # R numbers the rows in a column without a name
+            is_first = False
             # a short row lacks its last columns; what it lacks is then empty
-            padded = values + [""] * (len(names) - len(values))
+            padded = values + [""] * -n_more
             row = {n: v.strip() for n, v in zip(names, padded, strict=False)}
+            if any(value.strip() for value in values[len(names) :]):
+                row = dict.fromkeys(names, "") | {TOO_MANY: f"{len(values)} values"}
             if delimiter != ",":  # as spreadsheets write numbers in most languages
                 row = {n: v.replace(",", ".") if _COMMA.fullmatch(v) else v for n, v in row.items()}
             yield number, row

@@ -33,6 +33,7 @@ from logger.core.types import (
     identity_marks,
     utc_text,
 )
+from postproc import csv_table
 
 Source = TypeVar("Source")
 REMARK = "remark"
@@ -112,6 +113,10 @@ def parse_rows(
 ) -> Iterator[Row]:
     """Parsed rows with line numbers; `parse` returns None for no cell, raises for bad rows."""
     for line, fields in rows:
+        if isinstance(fields, dict) and (many := fields.get(csv_table.TOO_MANY)):
+            why = "a text with the separator needs quotation marks, a column a name in the header"
+            yield BadRow(line, f"{many} for {len(fields) - 1} columns: {why}")
+            continue
         try:
             parsed = parse(line, fields)
         except (ValueError, GeoError) as error:

@@ -186,8 +186,7 @@ def _is_month_first(source: Path, columns: list[Column]) -> bool | None:
 
 
 def _names_of_file(source: Path) -> list[str]:
-    with csv_table.text_lines(source) as lines:
-        return csv_table.names_of(next((line for line in lines if not line.startswith("#")), ""))
+    return csv_table.names_of(csv_table.header_of(source)[1])
 
 
 def _columns_of_file(source: Path, chosen: Mapping[str, str]) -> list[Column]:
