@@ -275,7 +275,7 @@ _LARGEST_CID = 2**36 - 1
 _NAMES: dict[Rat, tuple[str, ...]] = {
     "GSM": ("2G", "GPRS", "EDGE"),
     "WCDMA": ("3G", "UMTS", "HSPA", "HSPA+", "HSPAP", "HSDPA", "HSUPA"),
-    "LTE": ("4G", "LTE+", "LTE_CA", "LTE-A"),
+    "LTE": ("4G", "LTE+", "LTE_CA", "LTE-A", "EUTRAN", "E-UTRAN", "EUTRA", "E-UTRA"),
     "NR": ("5G", "NR5G", "NR5G-SA", "NR5G-NSA", "NRNSA", "NR_SA", "NR_NSA"),
 }
 RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {
@@ -335,6 +335,18 @@ def integer(fields: Fields, *names: str, largest: int = _LARGEST) -> int | None:
 def cell_identity(fields: Fields, *names: str) -> int | None:
     """Cell identity of any technology."""
     return integer(fields, *names, largest=_LARGEST_CID)
+
+
+_NODE_BITS: dict[Rat, int] = {"WCDMA": 16, "LTE": 8}
+"""Bits of the identity below the node (3GPP TS 23.003 4.3, TS 36.413 9.2.1.38); NR's differ."""
+
+
+def whole_identity(rat: Rat | None, node: int | None, rest: int | None) -> int | None:
+    """Complete identity from node and rest; a number that needs no node is complete already."""
+    bits = None if rat is None else _NODE_BITS.get(rat)
+    if rest is None or not node or bits is None or rest >> bits:
+        return rest
+    return node << bits | rest
 
 
 def level_of(fields: Fields, column: str, rat: Rat) -> float:
@@ -452,6 +464,7 @@ _TRANSMITTERS = (
     *("cell", "bssid", "mac", "macaddress", "transmitter", "transmitterid", "txid", "beacon"),
     *("beaconid", "beaconuuid", "gateway", "gatewayid", "gatewayeui", "gateweui", "gtwid", "gweui"),
     *("gw", "gwid", "eui", "basestation", "basestationid", "bts", "btsid", "cellname", "sitename"),
+    *("cgi", "ecgi", "ncgi", "globalcellid", "cellglobalid", "zelle", "cellule", "celda", "cella"),
 )
 """Columns that name the transmitter, by their letters and digits alone."""
 _DEVICES = (
@@ -536,9 +549,7 @@ _FORMS = (
 )
 _EPOCH = {"year": "1970", "month": "1", "day": "1"}
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_SINCE_1970 = re.compile(
-    r"(\d{9,10})(?:[.,](\d{1,9}))?|(\d{12,13})(?:[.,]\d+)?|(\d{15,16})|(\d{18,19})"
-)
+_SINCE_1970 = re.compile(r"(\d{10})(?:[.,](\d{1,9}))?|(\d{13})(?:[.,]\d+)?|(\d{16})|(\d{19})")
 
 
 @dataclass(frozen=True, slots=True)
@@ -575,8 +586,8 @@ def is_month_first(times: Iterable[str]) -> bool | None:
 def moment_of(time: str, name: str, *, month_first: bool | None = None) -> Moment:
     """The moment that a text means; raises ValueError, naming the column, for none.
 
-    Nine or ten digits are seconds since 1970, twelve or thirteen milliseconds, then microseconds
-    and nanoseconds. A time of day without a date counts from 1970.
+    Ten digits are seconds since 1970, 13 milliseconds, 16 microseconds, 19 nanoseconds; fewer were
+    before 2001, so they are another clock's. A time of day without a date counts from 1970.
     """
     time = " ".join(time.split())
     if not time:
