@@ -10,19 +10,22 @@ import unicodedata
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache, partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.types import Rat, Role
 from postproc import csv_table
-from postproc.interop.contents import Contents, Format
+from postproc.interop import json_lines
+from postproc.interop.contents import Contents, Format, look_at
 from postproc.interop.sighting import (
     CODES,
     LEVEL_RANGE_DBM,
     POSITION_ALONE,
     RATS,
     ROW_NS,
+    BadRow,
     Columns,
     Fields,
     Moment,
@@ -159,6 +162,9 @@ _STATES: dict[str, frozenset[Rat]] = {
     "lac": frozenset({"GSM", "WCDMA"}),
 }
 """Technologies that alone have what a name means."""
+_FEATURES = r'"features"\s*:\s*\['
+_MOST_OBJECTS = 1000
+"""Of a file, that show which names its objects have."""
 _LEVELS = ("rsrp", "rscp", "rxlev", "level")
 _LOOSE = frozenset({"area", "psc", "pci"})
 """Programs with one such column write there what any technology has: the TAC as LAC."""
@@ -224,7 +230,7 @@ def columns_of(text: str) -> dict[str, str]:
 
 def is_it(seen: Contents) -> bool:
     """Whether a table has a level, and a position or a cell at a time, under names known."""
-    if seen.kind != "text" or "rssi_dbm" in seen.names:
+    if seen.kind not in {"text", "json"} or (seen.kind == "text" and "rssi_dbm" in seen.names):
         return False  # `walk_csv` names what is missing
     found = {ours for ours, _, _ in _columns(sorted(seen.names), {})}
     has_place = _has_place(found) or (_needs_track(found) and "cid" in found)
@@ -260,7 +266,8 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
         others = [name for name in _names_of_file(source) if name not in used]
         transmitters = Transmitters(others, has_codes=bool(known & _CODES))
     sighting = partial(_sighting, source, form, columns, transmitters, month_first)
-    yield from parse_rows(csv_table.rows(source), sighting)
+    for row in _rows(source):
+        yield from [row] if isinstance(row, BadRow) else parse_rows([row], sighting)
     if transmitters is not None:
         transmitters.check(source)
 
@@ -269,7 +276,7 @@ def _is_month_first(source: Path, columns: tuple[Column, ...]) -> bool | None:
     named = {ours: name for ours, name, _ in columns if ours in {"date", "time"}}
     if "time" not in named:
         return None
-    rows = (row for _, row in csv_table.rows(source))
+    rows = (row[1] for row in _rows(source) if not isinstance(row, BadRow))
     try:
         return is_month_first(
             " ".join(row.get(named[ours], "").strip() for ours in sorted(named)) for row in rows
@@ -284,7 +291,42 @@ def _is_month_first(source: Path, columns: tuple[Column, ...]) -> bool | None:
 
 
 def _names_of_file(source: Path) -> list[str]:
-    return csv_table.names_of(csv_table.header_of(source)[1])
+    if (objects := _objects(source)) is None:
+        return csv_table.names_of(csv_table.header_of(source)[1])
+    first = islice(objects, _MOST_OBJECTS)
+    return list(dict.fromkeys(n for row in first if not isinstance(row, BadRow) for n in row[1]))
+
+
+def _objects(source: Path) -> Iterator[tuple[int, dict[str, str]] | BadRow] | None:
+    """Objects of JSON as rows of a table; None for a table."""
+    seen = look_at(source)
+    if seen.kind != "json":
+        return None
+    list_after = _FEATURES if seen.has("features") else r"\[" * seen.head.startswith("[")
+    rows = json_lines.objects(source, list_after)
+    return (row if isinstance(row, BadRow) else (row[0], dict(_values(row[1]))) for row in rows)
+
+
+def _values(fields: Fields, within: str = "") -> Iterator[tuple[str, str]]:
+    for key, value in fields.items():
+        name = f"{within} {key}".strip().lower()
+        if key == "geometry" and isinstance(value, dict):  # GeoJSON begins with the longitude
+            at = value.get("coordinates") if value.get("type") == "Point" else None
+            yield name, f"POINT({' '.join(map(str, at))})" if isinstance(at, list) else ""
+        elif isinstance(value, dict):
+            yield from _values(value, "" if key == "properties" else name)
+        else:
+            yield name, "" if value is None or isinstance(value, list) else str(value)
+
+
+def _rows(source: Path) -> Iterator[tuple[int, dict[str, str]] | BadRow]:
+    objects = _objects(source)
+    if objects is None:
+        yield from csv_table.rows(source)
+        return
+    nothing = dict.fromkeys(_names_of_file(source), "")
+    for row in objects:
+        yield row if isinstance(row, BadRow) else (row[0], nothing | row[1])
 
 
 def _columns_of_file(source: Path, chosen: Mapping[str, str]) -> list[Column]:

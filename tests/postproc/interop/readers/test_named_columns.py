@@ -514,3 +514,46 @@ def test_feet_are_no_metres(tmp_path):
     assert row.fix.alt_m == pytest.approx(304.8)
     assert row.fix.acc_m == pytest.approx(3.048)
     assert row.reading.ta is None
+
+
+_FEATURE = (
+    '{"type": "Feature", "geometry": {"type": "Point", "coordinates": [11.25, 48.5, 310]}, '
+    '"properties": {"time": "2024-05-01T12:00:07Z", "RSRP": -95.5, "ci": 17, "serving": true}}'
+)
+_OBJECT = (
+    '{"time": "2024-05-01T12:00:07Z", "serving": true, "gps": {"lat": 48.5, "lon": 11.25}, '
+    '"cell": {"RSRP": -95.5, "ci": 17, "lat": 1.0, "lon": 2.0, "name": null}}'
+)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        (f'{{"type": "FeatureCollection", "features": [{_FEATURE},', f"{_FEATURE}]}}"),
+        ("{", '"type": "FeatureCollection",', '"features": [', f"{_FEATURE},", _FEATURE, "]", "}"),
+        (_FEATURE, _FEATURE),
+        (_OBJECT, _OBJECT),
+        (f"[{_OBJECT}, {_OBJECT}]",),
+    ],
+)
+def test_json_is_a_table_as_well(tmp_path, lines):
+    """Of QGIS, of a program that writes one object a line, and of pandas."""
+    first, second = _rows(tmp_path, *lines)
+    assert first.reading == second.reading
+    assert first.reading == CellReading("serving", "LTE", cid=17, rsrp_dbm=-95.5, label="?-?-?-17")
+    assert (first.lat_deg, first.lon_deg) == (48.5, 11.25)
+    assert first.fix.utc_ns == 1_714_564_807 * 10**9
+
+
+def test_json_that_has_no_positions_says_what_it_has(tmp_path):
+    (tmp_path / "a.json").write_text('{"time": 1, "lat": 2, "lon": 3, "cells": [{"rsrp": -90}]}\n')
+    with pytest.raises(RunFileError, match="level: name it with --columns; it has .*'cells'"):
+        list(recognise(tmp_path / "a.json").read(tmp_path / "a.json"))
+
+
+def test_columns_of_json_may_be_named(tmp_path):
+    (tmp_path / "a.json").write_text('{"wann": 1714564807, "y": 48, "x": 11, "p": -90}\n' * 2)
+    columns = "time=wann,lat=y,lon=x,level=p"
+    target = str(tmp_path / "run.h5")
+    assert main(["import", str(tmp_path / "a.json"), "-o", target, "--columns", columns]) == 0
+    assert len(read_run(target).tables["readings"]) == 1  # the second row repeats the first
