@@ -75,7 +75,7 @@ def rows(
     """
     if header:
         with text_lines(source) as lines:
-            yield from _rows_of(lines, ",", list(header))
+            yield from _rows_of(source, lines, ",", list(header))
         return
     number, first = header_of(source, skip)
     names = names_of(first)
@@ -84,15 +84,20 @@ def rows(
         while lines.number < number:
             next(lines)
             lines.end_row()
-        yield from _rows_of(lines, _delimiter(first), names)
+        yield from _rows_of(source, lines, _delimiter(first), names)
 
 
-def _rows_of(lines: Lines, delimiter: str, names: list[str]) -> Iterator[Line]:
+def _rows_of(source: Path, lines: Lines, delimiter: str, header: list[str]) -> Iterator[Line]:
     # of two columns of one name the first counts
-    names = [name if name not in names[:i] else f"{name} {i}" for i, name in enumerate(names)]
-    is_first = True
+    names = [name if name not in header[:i] else f"{name} {i}" for i, name in enumerate(header)]
+    is_first, known = True, set(header)
     for number, values in _values_of(lines, delimiter, len(names)):
         if any(value.strip() for value in values):
+            if values[0].strip().lower() in known and _is_another(values, header):
+                raise RunFileError(
+                    f"{source}: line {number} is another header, with other columns: divide the "
+                    "file there"
+                )
             n_more = len(values) - len(names)
             if is_first and n_more == 1 and values[-1].strip() and _ROW_NUMBER.fullmatch(values[0]):
                 names, n_more = ["", *names], 0  # R numbers the rows in a column without a name
@@ -105,6 +110,12 @@ def _rows_of(lines: Lines, delimiter: str, names: list[str]) -> Iterator[Line]:
             if delimiter != ",":  # as spreadsheets write numbers in most languages
                 row = {n: v.replace(",", ".") if _COMMA.fullmatch(v) else v for n, v in row.items()}
             yield number, row
+
+
+def _is_another(values: Sequence[str], names: Sequence[str]) -> bool:
+    # files that were joined may have their columns in another order
+    lower = [value.strip().lower() for value in values]
+    return lower != list(names) and len(set(lower) & set(names) - {""}) >= _FEWEST_NAMES
 
 
 def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int, list[str]]]:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from logger.core.errors import RunFileError
 from logger.core.types import CellReading, Fix
 from postproc.csv_table import TOO_MANY, escape, rows, unescape
 from postproc.interop.sighting import Sighting
@@ -88,3 +89,11 @@ def test_a_row_with_more_values_than_columns_is_not_read(tmp_path):
 def test_texts_of_windows_are_read(tmp_path, encoding):
     ((_, row),) = _read(tmp_path, "Länge;Breite;Straße\n11,5;48,1;°\n", encoding)
     assert row == {"länge": "11.5", "breite": "48.1", "straße": "°"}
+
+
+def test_files_that_were_joined_need_one_order_of_columns(tmp_path):
+    head, other = "lat,lon,level,level\n", "lat,level,lon\n"
+    texts = [row["lon"] for _, row in _read(tmp_path, f"{head}1,2,3,4\n{head}5,6,7,8\n")]
+    assert texts == ["2", "lon", "6"]
+    with pytest.raises(RunFileError, match="a.csv: line 3 is another header"):
+        _read(tmp_path, f"{head}1,2,3,4\n{other}5,6,7\n")

@@ -98,8 +98,8 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "plmn": ("plmn", "mccmnc"),
     "area": ("lac", "tac", "lactac", "area", "areacode", "trackingareacode", "locationareacode"),
     "cid": (
-        *("cid", "ci", "cellid", "eci", "nci", "cellidentity", "zellid", "zellenid", "idcellule"),
-        *("idcelda", "idcella", "小区id"),
+        *("cid", "ci", "cellid", "eci", "nci", "cellidentity", "ecellid", "zellid", "zellenid"),
+        *("idcellule", "idcelda", "idcella", "小区id"),
     ),
     "node": ("enb", "enbid", "enodeb", "enodebid", "rnc", "rncid"),
     "sector": ("sector", "sectorid", "localid", "localcid"),
@@ -138,8 +138,10 @@ def _letters(name: str) -> str:
 _KNOWN = {_letters(name): ours for ours, names in _NAMES.items() for name in names}
 _DROPPED = frozenset(
     {"serving", "serv", "pcell", "cell", "best", "active", "set", "sub", "full", "mean"}
-    | {"avg", "average", "value", "top1", "dl", "hex"}
+    | {"avg", "average", "value", "top1", "dl", "hex", "kpi", "rf"}
 )
+_OF_DEGREES = frozenset({"all", "decimal", "degree", "degrees", "deg", "wgs84"})
+"""Words that say how a position is written; TEMS calls it All-Latitude Decimal Degree."""
 _OF_CELL = frozenset({"id", "identity", "name"})
 """Words that mean something else without "cell"."""
 _TECHNOLOGIES: dict[str, Rat] = {
@@ -156,7 +158,9 @@ _TECHNOLOGIES: dict[str, Rat] = {
 _STATES: dict[str, frozenset[Rat]] = {
     **dict.fromkeys(("rxlev", "rxlevel", "rxl", "bsic", "bcch"), frozenset({"GSM"})),
     **dict.fromkeys(("rscp", "uarfcn", "psc", "rnc", "rncid"), frozenset({"WCDMA"})),
-    **dict.fromkeys(("earfcn", "eci", "enb", "enbid", "enodeb", "enodebid"), frozenset({"LTE"})),
+    **dict.fromkeys(
+        ("earfcn", "eci", "ecellid", "enb", "enbid", "enodeb", "enodebid"), frozenset({"LTE"})
+    ),
     **dict.fromkeys(("narfcn", "nrarfcn", "nci", "ssrsrp"), frozenset({"NR"})),
     **dict.fromkeys(("rsrp", "rsrprx", "tac", "pci"), frozenset({"LTE", "NR"})),
     "lac": frozenset({"GSM", "WCDMA"}),
@@ -372,7 +376,8 @@ def _columns(names: list[str], chosen: Mapping[str, str]) -> list[Column]:
 def _meaning(name: str) -> Column:
     """A column with our name for it, empty where it is not known."""
     plain = _letters(name)
-    words = _WORD.findall(_UNIT.sub("", _MILLI.sub("", plain)))
+    all_words = _WORD.findall(_UNIT.sub("", _MILLI.sub("", plain)))
+    words = [word for word in all_words if word not in _OF_DEGREES]
     if "".join(words) in _NAMES["serving"]:
         return "serving", name, frozenset()
     kept = [word for word in words if word not in _DROPPED and word not in _TECHNOLOGIES]

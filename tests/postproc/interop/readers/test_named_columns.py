@@ -557,3 +557,24 @@ def test_columns_of_json_may_be_named(tmp_path):
     target = str(tmp_path / "run.h5")
     assert main(["import", str(tmp_path / "a.json"), "-o", target, "--columns", columns]) == 0
     assert len(read_run(target).tables["readings"]) == 1  # the second row repeats the first
+
+
+def test_columns_of_drive_test_programs(tmp_path):
+    """XCAL has both technologies in a row, TEMS and Nemo have words of their own."""
+    lte, nr = _rows(
+        tmp_path,
+        "TIME_STAMP,Lon,Lat,LTE KPI PCell Serving RSRP[dBm],LTE KPI PCell Serving PCI,"
+        "LTE KPI PCell Serving EARFCN(DL),5G KPI PCell RF Serving SS-RSRP [dBm],"
+        "5G KPI PCell RF Serving PCI,5G KPI PCell RF NR-ARFCN",
+        f"{TIME},11.5,48.1,-95.5,33,1300,-85.5,44,632448",
+        f"{TIME},11.5,48.1,,,,-85.5,44,632448",
+    )
+    assert (lte.reading.cell, lte.rssi_dbm) == ("LTE-1300-33", -95.5)
+    assert (nr.reading.cell, nr.rssi_dbm) == ("NR-632448-44", -85.5)
+    (row,) = _rows(
+        tmp_path,
+        "Time\tAll-Latitude Decimal Degree\tAll-Longitude Decimal Degree\tServing Cell RSRP (dBm)\t"
+        "E-CellID",
+        f"{TIME}\t48.1\t11.5\t-85\t20511491",
+    )
+    assert (row.lat_deg, row.reading.cell) == (48.1, "?-?-?-20511491")
