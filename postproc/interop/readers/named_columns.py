@@ -52,7 +52,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
         *("time", "timestamp", "datetime", "utctime", "gpstime", "timeutc", "devicetime"),
         *("zeit", "uhrzeit", "zeitstempel", "datumzeit", "datumuhrzeit", "heure", "horodatage"),
         *("dateheure", "hora", "fechahora", "datahora", "ora", "dataora", "tijd", "tijdstip"),
-        *("datumtijd", "czas", "tid", "zaman", "время", "датавремя", "时间", "時間", "日時"),
+        *("datumtijd", "czas", "zaman", "время", "датавремя", "时间", "時間", "日時"),
     ),
     "lat": (
         *("lat", "latitude", "gpslat", "gpslatitude", "breite", "breitengrad", "latitud"),
@@ -117,7 +117,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
         *("hoogte", "wysokosc", "высота", "海拔"),
     ),
     "cell": (),
-    "t_s": ("ts", "t", "seconds", "secs", "elapsedseconds", "elapsedtime", "elapsed", "sekunden"),
+    "t_s": ("ts", "t", "seconds", "secs", "elapsedseconds", "elapsedtime", "sekunden"),
     "serving": ("serving", "servingcell", "isserving", "registered", "isregistered"),
     "date": (
         *("date", "gpsdate", "utcdate", "day", "datum", "fecha", "data", "дата", "日期", "tarih"),
@@ -172,6 +172,8 @@ _MOST_OBJECTS = 1000
 _LEVELS = ("rsrp", "rscp", "rxlev", "level")
 _LOOSE = frozenset({"area", "psc", "pci"})
 """Programs with one such column write there what any technology has: the TAC as LAC."""
+_LEAST_WHOLE = 1 << 16
+"""Of the identities that are parts of others."""
 _VAGUE = frozenset({"type", "system", "mode"})
 """Names that may mean something else than a technology."""
 _UNIT = re.compile(r"\(.*?\)|\[.*?\]|[ _]dbm$")
@@ -198,6 +200,8 @@ _SECONDS = re.compile(r"\d{1,8}(?:\.\d*)?")
 """Of a column of times: so few since 1970 were in 1973, so they count from the start."""
 _DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
 _WITH_UNIT = re.compile(r"([-\u2212]?\d+(?:[.,]\d+)?)\s*(?:dBm?|m)?", re.IGNORECASE)
+_FILLERS = frozenset({"", "0", "-1", "255", "65535", "2147483647"})
+"""Of numbers that do not exist in the technology of a row."""
 _NONE = frozenset({"-", "--", "n/a", "na", "nan", "null", "none"})
 _ROLES: dict[str, Role] = {
     **dict.fromkeys(("true", "1", "yes", "y", "serving", "registered"), "serving"),
@@ -266,7 +270,7 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
     form = replace(_OURS, place=None) if _needs_track(known) else _OURS
     transmitters = None
     if not known & {"cid", "cell"} and not {"node", "sector"} <= known:
-        used = {name for ours, name, _ in columns if ours != "node"}
+        used = {name for ours, name, _ in columns if ours not in {"node", "sector"}}
         others = [name for name in _names_of_file(source) if name not in used]
         transmitters = Transmitters(others, has_codes=bool(known & _CODES))
     sighting = partial(_sighting, source, form, columns, transmitters, month_first)
@@ -414,6 +418,10 @@ def _is_explicit(name: str) -> bool:
     return not _TECHNOLOGIES.keys().isdisjoint(_WORD.findall(_letters(name)))
 
 
+def _is_vague(name: str) -> bool:
+    return {word for word in _WORD.findall(_letters(name)) if word not in _DROPPED} <= _VAGUE
+
+
 def _like(rat: Rat) -> Rat:
     return "LTE" if rat in {"LTE-M", "NB-IoT"} else rat
 
@@ -453,7 +461,9 @@ def _sighting(
         *(
             rats
             for ours, name, rats in columns
-            if len(rats) == 1 and ours not in {*_LEVELS, *_LOOSE} and _plain(raw[name])
+            if len(rats) == 1
+            and ours not in {*_LEVELS, *_LOOSE}
+            and _plain(raw[name]).removesuffix(".0") not in _FILLERS
         )
     )
     level = _level(columns, raw, stated or hinted)
@@ -501,7 +511,7 @@ def _stated(columns: tuple[Column, ...], raw: Fields) -> tuple[frozenset[Rat], s
         value = _plain(raw[name]) if ours in {"rat", "mnc"} else ""
         if rats := _technologies(value):
             return rats, ""
-        if ours == "rat" and _letters(name) not in _VAGUE:
+        if ours == "rat" and not _is_vague(name):
             other = other or value
     return frozenset(), other
 
@@ -585,11 +595,13 @@ def _network(fields: Fields) -> dict[str, str]:
 
 def _identity(fields: Fields, rat: Rat | None) -> dict[str, int]:
     """The complete identity from node and rest."""
-    rest = cell_identity(fields, "cid" if "cid" in fields else "sector")
-    node = None if rest is None else integer(fields, "node")
-    if rest is None or (node is None and "cid" not in fields):
-        return {}
-    return {"cid": whole_identity(rat and _like(rat), node, rest) or rest}
+    rest = cell_identity(fields, "cid")
+    if rest is None and "node" in fields:
+        rest = integer(fields, "sector")
+    if rest is None or rest >= _LEAST_WHOLE:
+        return {} if rest is None else {"cid": rest}
+    whole = whole_identity(rat and _like(rat), integer(fields, "node"), rest)
+    return {} if whole is None else {"cid": whole}
 
 
 def _position(
@@ -624,7 +636,10 @@ def _moment(
         except ValueError:
             return moment_of(time, "time", month_first=month_first)
     if known:
-        return Moment(round(number(fields, "t_s", (-1e9, 1e9)) * 1e9), is_utc=False)
+        try:
+            return Moment(round(number(fields, "t_s", (-1e9, 1e9)) * 1e9), is_utc=False)
+        except ValueError:  # "ts" may be a timestamp
+            return moment_of(text(fields, "t_s"), "t_s", month_first=month_first)
     return Moment(line * ROW_NS, is_utc=False)
 
 

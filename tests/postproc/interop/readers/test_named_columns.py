@@ -124,7 +124,9 @@ def test_a_column_that_names_transmitters_is_the_identity(tmp_path, head, column
 
 
 @pytest.mark.parametrize("head", [HEAD, WALK])
-@pytest.mark.parametrize("column", ["device", "Device ID", "node", "sensor", "id", "eNB", "ssid"])
+@pytest.mark.parametrize(
+    "column", ["device", "Device ID", "node", "sensor", "id", "eNB", "sector", "ssid"]
+)
 def test_a_column_that_may_name_transmitters_is_asked_for(tmp_path, capsys, head, column):
     source, run = tmp_path / "x.csv", str(tmp_path / "run.h5")
     source.write_text(_table(head, column, names=["a", "b"] * 4))
@@ -416,6 +418,8 @@ def test_the_place_of_the_station_is_none_of_the_receiver(tmp_path, capsys):
         ("rsrp,networktype", "-95,20", None, -95.0),
         ("rsrp,net", "-95,NR", "NR", -95.0),
         ("rsrp,type", "-95,Cell", "LTE", -95.0),
+        ("rsrp,Cell Type", "-95,macro", "LTE", -95.0),
+        ("rsrp,bsic,uarfcn", "-95,0,-1", "LTE", -95.0),
     ],
 )
 def test_the_level_is_that_of_the_technology_of_its_row(tmp_path, header, values, rat, level_dbm):
@@ -460,6 +464,8 @@ def test_a_positive_level_of_an_unknown_technology_is_none(tmp_path):
         ("rat,tac,enb,cid", "LTE,55,80123,3", "?-?-55-20511491"),
         ("rat,tac,eNB ID,Sector ID", "LTE,55,80123,3", "?-?-55-20511491"),
         ("rat,tac,enb,cid", "LTE,55,80123,20511491", "?-?-55-20511491"),
+        ("rat,tac,enb,cid", "LTE,55,Munich,20511491", "?-?-55-20511491"),
+        ("rat,earfcn,pci,sector", "LTE,1300,33,A", "LTE-1300-33"),
         ("rat,lac,RNC,cid", "WCDMA,55,12,34", "?-?-55-786466"),
         ("rat,tac,cid,eci", "LTE,55,3,20511491", "?-?-55-20511491"),
         ("rat,lac,tac,cid", "LTE,,55,17", "?-?-55-17"),
@@ -496,7 +502,7 @@ def test_hexadecimal_numbers_without_a_word_of_it_are_asked_for(tmp_path, capsys
     assert "a.csv: column 'lac' has hexadecimal numbers (12AB)" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("head", ["Time (ms)", "elapsed_ms", "t [ms]", "timestamp_ms"])
+@pytest.mark.parametrize("head", ["Time (ms)", "elapsed_time_ms", "t [ms]", "timestamp_ms"])
 def test_times_may_count_milliseconds(tmp_path, head):
     rows = _rows(tmp_path, f"{head},lat,lon,level", "0,52.5,13.5,-80", "1500,52.5,13.5,-81")
     assert [row.t_ns for row in rows] == [0, 1_500_000_000]
@@ -578,3 +584,9 @@ def test_columns_of_drive_test_programs(tmp_path):
         f"{TIME}\t48.1\t11.5\t-85\t20511491",
     )
     assert (row.lat_deg, row.reading.cell) == (48.1, "?-?-?-20511491")
+
+
+@pytest.mark.parametrize("time", ["1714564807", "2024-05-01T12:00:07Z", "1714564807000"])
+def test_ts_may_be_a_timestamp(tmp_path, time):
+    (row,) = _rows(tmp_path, "ts,lat,lon,rsrp,cid", f"{time},48,11,-85,17")
+    assert row.fix.utc_ns == 1_714_564_807 * 10**9
