@@ -20,7 +20,7 @@ _COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+")
 _MOST_LINES = 10  # of a value: names of cells and networks have one, comments some
 _MOST_TITLES = 30  # lines above the header: of drive-test programs some twenty
 _FEWEST_NAMES = 3  # of a table with positions and levels; titles have one or two values
-_ROW_NUMBER = re.compile(r'"?\d+"?')
+_ROW_NUMBER = re.compile(r'"\d+"')
 
 
 @contextmanager
@@ -91,7 +91,7 @@ def _rows_of(source: Path, lines: Lines, delimiter: str, header: list[str]) -> I
     # of two columns of one name the first counts
     names = [name if name not in header[:i] else f"{name} {i}" for i, name in enumerate(header)]
     is_first, known = True, set(header)
-    for number, values in _values_of(lines, delimiter, len(names)):
+    for number, line, values in _values_of(lines, delimiter, len(names)):
         if any(value.strip() for value in values):
             if values[0].strip().lower() in known and _is_another(values, header):
                 raise RunFileError(
@@ -99,8 +99,9 @@ def _rows_of(source: Path, lines: Lines, delimiter: str, header: list[str]) -> I
                     "file there"
                 )
             n_more = len(values) - len(names)
-            if is_first and n_more == 1 and values[-1].strip() and _ROW_NUMBER.fullmatch(values[0]):
-                names, n_more = ["", *names], 0  # R numbers the rows in a column without a name
+            # R numbers the rows, between quotation marks, in a column without a name
+            if is_first and n_more == 1 and _ROW_NUMBER.match(line):
+                names, n_more = ["", *names], 0
             is_first = False
             # a short row lacks its last columns; what it lacks is then empty
             padded = values + [""] * -n_more
@@ -118,8 +119,8 @@ def _is_another(values: Sequence[str], names: Sequence[str]) -> bool:
     return lower != list(names) and len(set(lower) & set(names) - {""}) >= _FEWEST_NAMES
 
 
-def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int, list[str]]]:
-    """Values of each row, with the number of its first line.
+def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int, str, list[str]]]:
+    """Values of each row, with the number and the text of its first line.
 
     Apps write names of networks unquoted, also those with a quotation mark. So where the marks do
     not give a value for each column, even with the next lines, they are text.
@@ -138,7 +139,7 @@ def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int
                 values = quoted
                 for _ in range(n_lines - 1):
                     ahead.popleft()
-        yield number, values
+        yield number, line, values
 
 
 def _row(lines: Sequence[str], delimiter: str) -> tuple[list[str], int]:

@@ -338,11 +338,15 @@ def cell_identity(fields: Fields, *names: str) -> int | None:
 
 
 _NODE_BITS: dict[Rat, int] = {"WCDMA": 16, "LTE": 8}
-"""Bits of the identity below the node (3GPP TS 23.003 4.3, TS 36.413 9.2.1.38); NR's differ."""
+"""Bits of the identity below the node (3GPP TS 23.003 4.3, TS 36.413 9.2.1.38)."""
+_LEAST_NCI = 1 << 14
+"""Of NR 4 to 14 bits (TS 38.413 9.3.1.6): which, only the network knows."""
 
 
 def whole_identity(rat: Rat | None, node: int | None, rest: int | None) -> int | None:
     """Complete identity from node and rest; a number that needs no node is complete already."""
+    if rat == "NR" and node and rest is not None and rest < _LEAST_NCI:
+        return None
     bits = None if rat is None else _NODE_BITS.get(rat)
     if rest is None or not node or bits is None or rest >> bits:
         return rest

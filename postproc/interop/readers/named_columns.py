@@ -101,7 +101,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
         *("cid", "ci", "cellid", "eci", "nci", "cellidentity", "ecellid", "zellid", "zellenid"),
         *("idcellule", "idcelda", "idcella", "小区id"),
     ),
-    "node": ("enb", "enbid", "enodeb", "enodebid", "rnc", "rncid"),
+    "node": ("enb", "enbid", "enodeb", "enodebid", "rnc", "rncid", "gnb", "gnbid"),
     "sector": ("sector", "sectorid", "localid", "localcid"),
     "arfcn": ("arfcn", "bcch", "bccharfcn", "earfcn", "uarfcn", "narfcn", "nrarfcn", "channel"),
     "bsic": ("bsic",),
@@ -161,7 +161,7 @@ _STATES: dict[str, frozenset[Rat]] = {
     **dict.fromkeys(
         ("earfcn", "eci", "ecellid", "enb", "enbid", "enodeb", "enodebid"), frozenset({"LTE"})
     ),
-    **dict.fromkeys(("narfcn", "nrarfcn", "nci", "ssrsrp"), frozenset({"NR"})),
+    **dict.fromkeys(("narfcn", "nrarfcn", "nci", "ssrsrp", "gnb", "gnbid"), frozenset({"NR"})),
     **dict.fromkeys(("rsrp", "rsrprx", "tac", "pci"), frozenset({"LTE", "NR"})),
     "lac": frozenset({"GSM", "WCDMA"}),
 }
@@ -238,7 +238,8 @@ def columns_of(text: str) -> dict[str, str]:
 
 def is_it(seen: Contents) -> bool:
     """Whether a table has a level, and a position or a cell at a time, under names known."""
-    if seen.kind not in {"text", "json"} or (seen.kind == "text" and "rssi_dbm" in seen.names):
+    is_ours = seen.has("rssi_dbm") and not seen.names.isdisjoint({"t_s", "time_utc"})
+    if seen.kind not in {"text", "json"} or (seen.kind == "text" and is_ours):
         return False  # `walk_csv` names what is missing
     found = {ours for ours, _, _ in _columns(sorted(seen.names), {})}
     has_place = _has_place(found) or (_needs_track(found) and "cid" in found)
@@ -593,7 +594,7 @@ def _network(fields: Fields) -> dict[str, str]:
     return {"mcc": found[1], "mnc": found[2]} if found and not any(codes.values()) else codes
 
 
-def _identity(fields: Fields, rat: Rat | None) -> dict[str, int]:
+def _identity(fields: Fields, rat: Rat | None) -> dict[str, int | str]:
     """The complete identity from node and rest."""
     rest = cell_identity(fields, "cid")
     if rest is None and "node" in fields:
@@ -601,7 +602,7 @@ def _identity(fields: Fields, rat: Rat | None) -> dict[str, int]:
     if rest is None or rest >= _LEAST_WHOLE:
         return {} if rest is None else {"cid": rest}
     whole = whole_identity(rat and _like(rat), integer(fields, "node"), rest)
-    return {} if whole is None else {"cid": whole}
+    return {"cid": "" if whole is None else whole}
 
 
 def _position(

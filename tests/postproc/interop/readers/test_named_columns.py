@@ -465,6 +465,8 @@ def test_a_positive_level_of_an_unknown_technology_is_none(tmp_path):
         ("rat,tac,eNB ID,Sector ID", "LTE,55,80123,3", "?-?-55-20511491"),
         ("rat,tac,enb,cid", "LTE,55,80123,20511491", "?-?-55-20511491"),
         ("rat,tac,enb,cid", "LTE,55,Munich,20511491", "?-?-55-20511491"),
+        ("rat,tac,gnb,cid", "NR,55,80123,3", None),
+        ("rat,tac,gnb,cid", "NR,55,80123,328183811", "?-?-55-328183811"),
         ("rat,earfcn,pci,sector", "LTE,1300,33,A", "LTE-1300-33"),
         ("rat,lac,RNC,cid", "WCDMA,55,12,34", "?-?-55-786466"),
         ("rat,tac,cid,eci", "LTE,55,3,20511491", "?-?-55-20511491"),
@@ -590,3 +592,8 @@ def test_columns_of_drive_test_programs(tmp_path):
 def test_ts_may_be_a_timestamp(tmp_path, time):
     (row,) = _rows(tmp_path, "ts,lat,lon,rsrp,cid", f"{time},48,11,-85,17")
     assert row.fix.utc_ns == 1_714_564_807 * 10**9
+
+
+def test_a_walk_that_is_not_ours_may_call_its_level_rssi_dbm(tmp_path):
+    (row,) = _rows(tmp_path, "timestamp,latitude,longitude,rssi_dbm", f"{TIME},48,11,-85")
+    assert row.rssi_dbm == -85.0
