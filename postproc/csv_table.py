@@ -14,8 +14,8 @@ from postproc.foreign_file import MOST_COLUMNS, Lines
 
 Line = tuple[int, dict[str, str]]
 
+# name of what a row has beyond its columns; its other values are empty, as they may be moved
 TOO_MANY = "\0"
-"""Name of what a row has beyond its columns; its other values are empty, as they may be moved."""
 _COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+")
 _MOST_LINES = 10  # of a value: names of cells and networks have one, comments some
 _MOST_TITLES = 30  # lines above the header: of drive-test programs some twenty
@@ -90,21 +90,16 @@ def rows(
 def _rows_of(source: Path, lines: Lines, delimiter: str, header: list[str]) -> Iterator[Line]:
     # of two columns of one name the first counts
     names = [name if name not in header[:i] else f"{name} {i}" for i, name in enumerate(header)]
-    is_first, known = True, set(header)
-    for number, line, values in _values_of(lines, delimiter, len(names)):
+    known = set(header)
+    for number, values in _values_of(lines, delimiter, len(names)):
         if any(value.strip() for value in values):
             if values[0].strip().lower() in known and _is_another(values, header):
                 raise RunFileError(
                     f"{source}: line {number} is another header, with other columns: divide the "
                     "file there"
                 )
-            n_more = len(values) - len(names)
-            # R numbers the rows, between quotation marks, in a column without a name
-            if is_first and n_more == 1 and _ROW_NUMBER.match(line):
-                names, n_more = ["", *names], 0
-            is_first = False
             # a short row lacks its last columns; what it lacks is then empty
-            padded = values + [""] * -n_more
+            padded = values + [""] * (len(names) - len(values))
             row = {n: v.strip() for n, v in zip(names, padded, strict=False)}
             if any(value.strip() for value in values[len(names) :]):
                 row = dict.fromkeys(names, "") | {TOO_MANY: f"{len(values)} values"}
@@ -119,13 +114,14 @@ def _is_another(values: Sequence[str], names: Sequence[str]) -> bool:
     return lower != list(names) and len(set(lower) & set(names) - {""}) >= _FEWEST_NAMES
 
 
-def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int, str, list[str]]]:
-    """Values of each row, with the number and the text of its first line.
+def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int, list[str]]]:
+    """Values of each row, with the number of its first line.
 
     Apps write names of networks unquoted, also those with a quotation mark. So where the marks do
     not give a value for each column, even with the next lines, they are text.
     """
     ahead: deque[str] = deque()
+    is_numbered: bool | None = None  # by R, between quotation marks, in a column without a name
     while line := ahead.popleft() if ahead else next(lines, ""):
         lines.end_row()
         number = lines.number - len(ahead)
@@ -139,7 +135,9 @@ def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int
                 values = quoted
                 for _ in range(n_lines - 1):
                     ahead.popleft()
-        yield number, line, values
+        if is_numbered is None and any(value.strip() for value in values):
+            is_numbered = len(values) == n_names + 1 and bool(_ROW_NUMBER.match(line))
+        yield number, values[1:] if is_numbered else values
 
 
 def _row(lines: Sequence[str], delimiter: str) -> tuple[list[str], int]:

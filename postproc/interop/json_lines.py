@@ -21,8 +21,8 @@ _DECODER = json.JSONDecoder()
 def objects(source: Path, list_after: str = "") -> Iterator[Object | BadRow]:
     """Objects with their number from 1; a line that is no object is a `BadRow`.
 
-    Those of a list, or of the one after a regular expression. Raises `RunFileError` for a file that
-    cannot be read, and for a list that is no JSON.
+    `list_after` is a regular expression. Raises `RunFileError` for a file that cannot be read, and
+    for a list that is no JSON.
     """
     if list_after:
         yield from _objects_of_list(source, list_after)

@@ -337,10 +337,9 @@ def cell_identity(fields: Fields, *names: str) -> int | None:
     return integer(fields, *names, largest=_LARGEST_CID)
 
 
+# bits of the identity below the node (3GPP TS 23.003 4.3, TS 36.413 9.2.1.38)
 _NODE_BITS: dict[Rat, int] = {"WCDMA": 16, "LTE": 8}
-"""Bits of the identity below the node (3GPP TS 23.003 4.3, TS 36.413 9.2.1.38)."""
-_LEAST_NCI = 1 << 14
-"""Of NR 4 to 14 bits (TS 38.413 9.3.1.6): which, only the network knows."""
+_LEAST_NCI = 1 << 14  # of NR 4 to 14 bits (TS 38.413 9.3.1.6): which, only the network knows
 
 
 def whole_identity(rat: Rat | None, node: int | None, rest: int | None) -> int | None:
@@ -590,8 +589,8 @@ def is_month_first(times: Iterable[str]) -> bool | None:
 def moment_of(time: str, name: str, *, month_first: bool | None = None) -> Moment:
     """The moment that a text means; raises ValueError, naming the column, for none.
 
-    Ten digits are seconds since 1970, 13 milliseconds, 16 microseconds, 19 nanoseconds; fewer were
-    before 2001, so they are another clock's. A time of day without a date counts from 1970.
+    Ten digits are seconds since 1970, 13 milliseconds, 16 microseconds, 19 nanoseconds. A time of
+    day without a date counts from 1970.
     """
     time = " ".join(time.split())
     if not time:

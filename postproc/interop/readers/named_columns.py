@@ -140,8 +140,8 @@ _DROPPED = frozenset(
     {"serving", "serv", "pcell", "cell", "best", "active", "set", "sub", "full", "mean"}
     | {"avg", "average", "value", "top1", "dl", "hex", "kpi", "rf"}
 )
+# TEMS calls it All-Latitude Decimal Degree
 _OF_DEGREES = frozenset({"all", "decimal", "degree", "degrees", "deg", "wgs84"})
-"""Words that say how a position is written; TEMS calls it All-Latitude Decimal Degree."""
 _OF_CELL = frozenset({"id", "identity", "name"})
 """Words that mean something else without "cell"."""
 _TECHNOLOGIES: dict[str, Rat] = {
@@ -155,6 +155,7 @@ _TECHNOLOGIES: dict[str, Rat] = {
     "nr": "NR",
     "5g": "NR",
 }
+# technologies that alone have what a name means
 _STATES: dict[str, frozenset[Rat]] = {
     **dict.fromkeys(("rxlev", "rxlevel", "rxl", "bsic", "bcch"), frozenset({"GSM"})),
     **dict.fromkeys(("rscp", "uarfcn", "psc", "rnc", "rncid"), frozenset({"WCDMA"})),
@@ -165,15 +166,12 @@ _STATES: dict[str, frozenset[Rat]] = {
     **dict.fromkeys(("rsrp", "rsrprx", "tac", "pci"), frozenset({"LTE", "NR"})),
     "lac": frozenset({"GSM", "WCDMA"}),
 }
-"""Technologies that alone have what a name means."""
 _FEATURES = r'"features"\s*:\s*\['
-_MOST_OBJECTS = 1000
-"""Of a file, that show which names its objects have."""
+_MOST_OBJECTS = 1000  # show which names those of a file have
 _LEVELS = ("rsrp", "rscp", "rxlev", "level")
+# programs with one such column write there what any technology has: the TAC as LAC
 _LOOSE = frozenset({"area", "psc", "pci"})
-"""Programs with one such column write there what any technology has: the TAC as LAC."""
-_LEAST_WHOLE = 1 << 16
-"""Of the identities that are parts of others."""
+_LEAST_WHOLE = 1 << 16  # smaller identities may be parts of others
 _VAGUE = frozenset({"type", "system", "mode"})
 """Names that may mean something else than a technology."""
 _UNIT = re.compile(r"\(.*?\)|\[.*?\]|[ _]dbm$")
@@ -200,8 +198,8 @@ _SECONDS = re.compile(r"\d{1,8}(?:\.\d*)?")
 """Of a column of times: so few since 1970 were in 1973, so they count from the start."""
 _DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
 _WITH_UNIT = re.compile(r"([-\u2212]?\d+(?:[.,]\d+)?)\s*(?:dBm?|m)?", re.IGNORECASE)
+# of numbers that do not exist in the technology of a row
 _FILLERS = frozenset({"", "0", "-1", "255", "65535", "2147483647"})
-"""Of numbers that do not exist in the technology of a row."""
 _NONE = frozenset({"-", "--", "n/a", "na", "nan", "null", "none"})
 _ROLES: dict[str, Role] = {
     **dict.fromkeys(("true", "1", "yes", "y", "serving", "registered"), "serving"),
@@ -307,7 +305,6 @@ def _names_of_file(source: Path) -> list[str]:
 
 
 def _objects(source: Path) -> Iterator[tuple[int, dict[str, str]] | BadRow] | None:
-    """Objects of JSON as rows of a table; None for a table."""
     seen = look_at(source)
     if seen.kind != "json":
         return None
@@ -379,7 +376,7 @@ def _columns(names: list[str], chosen: Mapping[str, str]) -> list[Column]:
 
 
 def _meaning(name: str) -> Column:
-    """A column with our name for it, empty where it is not known."""
+    # ours is empty for what is not known
     plain = _letters(name)
     all_words = _WORD.findall(_UNIT.sub("", _MILLI.sub("", plain)))
     words = [word for word in all_words if word not in _OF_DEGREES]
@@ -405,7 +402,7 @@ def _meaning(name: str) -> Column:
 
 
 def _together(words: list[str]) -> str:
-    """The meaning of several names in one: "RSSI/RSRP" is a level, "PSC/PCI" a code."""
+    # "RSSI/RSRP" is a level, "PSC/PCI" a code
     meant = {_KNOWN.get(word, "") for word in words}
     if len(meant) == 1:
         return meant.pop()
@@ -428,24 +425,24 @@ def _like(rat: Rat) -> Rat:
 
 
 @cache
-def _named(columns: tuple[Column, ...], rat: Rat | None) -> dict[str, tuple[str, ...]]:
-    """Columns that may hold what we call so of a technology, best first."""
-    named: dict[str, tuple[str, ...]] = {}
+def _names_for(columns: tuple[Column, ...], rat: Rat | None) -> dict[str, tuple[str, ...]]:
+    # the columns of each of our names that may have the value of a technology, best first
+    names: dict[str, tuple[str, ...]] = {}
     for ours in dict.fromkeys(ours for ours, _, _ in columns):
         some = [(name, rats) for known, name, rats in columns if known == ours]
         fits = [name for name, rats in some if rat is None or _like(rat) in rats]
         fits += [name for name, rats in some if rat is not None and not rats]
         if not fits and ours in _LOOSE:
             fits = [name for name, _ in some if not _is_explicit(name)]
-        named[ours] = tuple(fits)
+        names[ours] = tuple(fits)
     if rat is None:
-        return named
+        return names
     code = CODES.get(rat, "pci")
-    codes = {name: named.pop(name, ()) for name in ("code", *_OF_CODE)}
-    names = codes[code] + codes["code"]
+    codes = {name: names.pop(name, ()) for name in ("code", *_OF_CODE)}
+    own = codes[code] + codes["code"]
     if code != "bsic":
-        names = names or codes["psc"] + codes["pci"]
-    return named | {code: names}
+        own = own or codes["psc"] + codes["pci"]
+    return names | {code: own}
 
 
 def _sighting(
@@ -457,7 +454,7 @@ def _sighting(
     line: int,
     raw: Fields,
 ) -> Row:
-    stated, other = _stated(columns, raw)
+    stated, other = _technology_in(columns, raw)
     hinted = frozenset[Rat]().union(
         *(
             rats
@@ -482,7 +479,7 @@ def _sighting(
         return NoCell(line, f"its technology may be {' or '.join(sorted(rats))}")
     rat = "LTE" if len(rats) > 1 else next(iter(rats), None)
     fields: dict[str, Any] = {}
-    for ours, names in _named(columns, rat).items():
+    for ours, names in _names_for(columns, rat).items():
         values = (_value(source, ours, name, raw) for name in names)
         if value := next((one for one in values if one and not _is_no_code(ours, one)), ""):
             fields[ours] = value
@@ -505,8 +502,8 @@ def _is_no_code(ours: str, value: str) -> bool:
     return ours == "mnc" and bool(_technologies(value))
 
 
-def _stated(columns: tuple[Column, ...], raw: Fields) -> tuple[frozenset[Rat], str]:
-    """Technologies that a row names, and what it names that is none."""
+def _technology_in(columns: tuple[Column, ...], raw: Fields) -> tuple[frozenset[Rat], str]:
+    # with what the row names that is no technology
     other = ""
     for ours, name, _ in columns:
         value = _plain(raw[name]) if ours in {"rat", "mnc"} else ""
@@ -519,7 +516,7 @@ def _stated(columns: tuple[Column, ...], raw: Fields) -> tuple[frozenset[Rat], s
 
 @cache
 def _technologies(value: str) -> frozenset[Rat]:
-    """Those that a text names: of "5G NSA", where LTE is the anchor, both."""
+    # of "5G NSA", where LTE is the anchor, both
     if value.upper() in RATS:
         return frozenset({RATS[value.upper()]})
     words = _TECHNOLOGY_WORD.findall(value.upper())
@@ -550,7 +547,7 @@ def _place(fields: Fields) -> dict[str, str]:
 
 
 def _pair(place: str) -> list[str]:
-    """Latitude and longitude of "48.1, 11.5" or POINT(11.5 48.1)."""
+    # of "48.1, 11.5" or POINT(11.5 48.1)
     if found := _POINT.fullmatch(place):
         return [found[2], found[1]]
     for separator in (";", ", ", ",", " "):
@@ -560,7 +557,6 @@ def _pair(place: str) -> list[str]:
 
 
 def _degrees(value: str, name: str, letters: str, side: str) -> str:
-    """Decimal degrees; raises ValueError."""
     value = f"{value} {side}" if side and side in letters else value.strip()
     try:
         float(value.replace(",", "."))
@@ -588,14 +584,12 @@ def _degrees(value: str, name: str, letters: str, side: str) -> str:
 
 
 def _network(fields: Fields) -> dict[str, str]:
-    """Codes of country and network, also from one column."""
     codes = {name: text(fields, name) for name in ("mcc", "mnc")}
     found = _PLMN.fullmatch(text(fields, "plmn"))
     return {"mcc": found[1], "mnc": found[2]} if found and not any(codes.values()) else codes
 
 
 def _identity(fields: Fields, rat: Rat | None) -> dict[str, int | str]:
-    """The complete identity from node and rest."""
     rest = cell_identity(fields, "cid")
     if rest is None and "node" in fields:
         rest = integer(fields, "sector")
@@ -649,7 +643,6 @@ def _role(fields: Fields) -> Role:
 
 
 def _value(source: Path, ours: str, name: str, raw: Fields) -> str:
-    """A value as all readers take it; raises `RunFileError` for hexadecimal numbers unannounced."""
     value = _plain(raw[name])
     if ours not in _WHOLE or not value:
         return _measure(ours, name, value)

@@ -322,6 +322,11 @@ def test_of_two_columns_of_one_name_the_first_counts(tmp_path):
         ("Czas;Szerokość;Długość;RSRP;CI", ";"),
         ("Время;Широта;Долгота;RSRP;CID", ";"),
         ("时间,纬度,经度,RSRP(dBm),小区ID", ","),
+        ("日時,緯度,経度,RSRP,CI", ","),
+        ("Ora;Latitudine;Longitudine;RSRP;ID cella", ";"),
+        ("Data/Hora;Latitude;Longitude;RSRP;CI", ";"),
+        ("Tijd;Breedtegraad;Lengtegraad;RSRP;CI", ";"),
+        ("Zaman;Enlem;Boylam;RSRP;CI", ";"),
     ],
 )
 def test_headers_in_other_languages(tmp_path, header, separator):
