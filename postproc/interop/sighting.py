@@ -381,8 +381,8 @@ def half_plmn(fields: Fields) -> tuple[str | None, str | None]:
 def _network_code(fields: Fields, name: str, fewest_digits: int) -> str | None:
     """Code of a country or a network; one with too few digits has lost its zeros in a table."""
     code = integer(fields, name, largest=999)
-    if code is None:
-        return None
+    if code is None or (name == "mcc" and code == 0):
+        return None  # no country has zeros, and apps write them for none
     n_digits = len(text(fields, name).removesuffix(".0"))  # 020 is not 20
     return f"{code:0{max(n_digits, fewest_digits)}d}"
 

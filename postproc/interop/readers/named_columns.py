@@ -213,6 +213,7 @@ _MEASURED = frozenset({"level", "acc", "alt"})
 _WHOLE = frozenset({"area", "cid", "arfcn", "bsic", "psc", "pci"})
 _OF_CODE = frozenset({"bsic", "psc", "pci"})
 _CODES = _OF_CODE | {"arfcn", "code"}
+_OF_CELL_ITSELF = _CODES | {"area", "cid", "node", "sector", "ta", "cell"}
 
 Column = tuple[str, str, frozenset[Rat]]
 """Our name, the name in the file, and the technologies that this name states."""
@@ -359,8 +360,8 @@ def _columns(names: list[str], chosen: Mapping[str, str]) -> list[Column]:
     for ours, name in chosen.items():
         rats = _meaning(name)[2] if ours in _LEVELS else frozenset()
         columns[ours, rats] = (ours, name.lower(), rats)
-    # "level" may be a number of bars, and "net" a technology
-    last = {"net": 2}
+    # "level" may be a number of bars, "net" a technology and "Länge" a length
+    last = dict.fromkeys(("net", "länge", "laenge", "lange", "breite", "bredde", "längd"), 2)
     meant = sorted(
         map(_meaning, names),
         key=lambda column: last.get(column[1], column[0] == "level" and "dbm" not in column[1]),
@@ -425,8 +426,12 @@ def _like(rat: Rat) -> Rat:
 
 
 @cache
-def _names_for(columns: tuple[Column, ...], rat: Rat | None) -> dict[str, tuple[str, ...]]:
+def _names_for(
+    columns: tuple[Column, ...], rat: Rat | None, *, is_beside: bool = False
+) -> dict[str, tuple[str, ...]]:
     # the columns of each of our names that may have the value of a technology, best first
+    if is_beside:
+        columns = tuple(one for one in columns if one[0] not in _OF_CELL_ITSELF or one[2] == {rat})
     names: dict[str, tuple[str, ...]] = {}
     for ours in dict.fromkeys(ours for ours, _, _ in columns):
         some = [(name, rats) for known, name, rats in columns if known == ours]
@@ -479,7 +484,13 @@ def _sighting(
         return NoCell(line, f"its technology may be {' or '.join(sorted(rats))}")
     rat = "LTE" if len(rats) > 1 else next(iter(rats), None)
     fields: dict[str, Any] = {}
-    for ours, names in _names_for(columns, rat).items():
+    # a telephone in 5G NSA names the cell of LTE, whose level may be missing
+    is_beside = (
+        rat == "NR"
+        and not stated
+        and any("LTE" in one[2] for one in columns if one != level and one[0] in _LEVELS)
+    )
+    for ours, names in _names_for(columns, rat, is_beside=is_beside).items():
         values = (_value(source, ours, name, raw) for name in names)
         if value := next((one for one in values if one and not _is_no_code(ours, one)), ""):
             fields[ours] = value
@@ -530,6 +541,8 @@ def _level(columns: tuple[Column, ...], raw: Fields, rats: frozenset[Rat]) -> Co
         # another level of the row is that of the carrier, or of another cell
         own = [column for column in levels if column[2] & {_like(rat) for rat in rats}]
         levels = own or [column for column in levels if not column[2]]
+    elif not rats:
+        levels = [column for column in levels if column[2]] or levels
     return next((column for column in levels if _plain(raw[column[1]])), None)
 
 
@@ -557,7 +570,8 @@ def _pair(place: str) -> list[str]:
 
 
 def _degrees(value: str, name: str, letters: str, side: str) -> str:
-    value = f"{value} {side}" if side and side in letters else value.strip()
+    value = value.strip().replace("\u2212", "-")
+    value = f"{value} {side}" if side and side in letters else value
     try:
         float(value.replace(",", "."))
     except ValueError:

@@ -351,6 +351,7 @@ def test_headers_in_other_languages(tmp_path, header, separator):
         ('48°30\'00.0""N', "11°15'W"),
         ("48° 30′", "-11° 15′ 0″"),
         ("48:30:00N", "11:15:00w"),
+        ("48.5", "\u221211.25"),
     ],
 )
 def test_coordinates_with_letters_and_minutes(tmp_path, lat, lon):
@@ -415,6 +416,7 @@ def test_the_place_of_the_station_is_none_of_the_receiver(tmp_path, capsys):
         ("LTE RSSI,RSRP", "-65,-95", "LTE", -95.0),
         ("earfcn,rssi,rsrp", "1300,-65,", None, None),
         ("level,dBm", "3,-85", None, -85.0),
+        ("rssi,rsrp", "-65,", None, None),
         ("SS-RSRP", "-95", "NR", -95.0),
         ("rsrp,nrarfcn", "-95,632448", "NR", -95.0),
         ("LTE RSRP,NR RSRP,tech", "-95,-85,NR", "NR", -85.0),
@@ -471,6 +473,7 @@ def test_a_positive_level_of_an_unknown_technology_is_none(tmp_path):
         ("rat,tac,enb,cid", "LTE,55,80123,20511491", "?-?-55-20511491"),
         ("rat,tac,enb,cid", "LTE,55,Munich,20511491", "?-?-55-20511491"),
         ("rat,tac,gnb,cid", "NR,55,80123,3", None),
+        ("mcc,mnc,tac,cid", "0,0,55,17", "?-?-55-17"),
         ("rat,tac,gnb,cid", "NR,55,80123,328183811", "?-?-55-328183811"),
         ("rat,earfcn,pci,sector", "LTE,1300,33,A", "LTE-1300-33"),
         ("rat,lac,RNC,cid", "WCDMA,55,12,34", "?-?-55-786466"),
@@ -602,3 +605,16 @@ def test_ts_may_be_a_timestamp(tmp_path, time):
 def test_a_walk_that_is_not_ours_may_call_its_level_rssi_dbm(tmp_path):
     (row,) = _rows(tmp_path, "timestamp,latitude,longitude,rssi_dbm", f"{TIME},48,11,-85")
     assert row.rssi_dbm == -85.0
+
+
+def test_a_cell_of_lte_is_none_of_nr(tmp_path):
+    """A telephone in 5G NSA knows the identity of the anchor alone."""
+    head = "time,lat,lon,RSRP,SS-RSRP,TAC,PCI,CID,NR PCI"
+    lte, nr = _rows(tmp_path, head, f"{TIME},48,11,-95,-85,7,3,17,5", f"{TIME},48,11,,-85,7,3,17,5")
+    assert (lte.reading.rat, lte.reading.pci, lte.reading.cell) == ("LTE", 3, "?-?-7-17")
+    assert (nr.reading.rat, nr.reading.pci, nr.reading.cell) == ("NR", 5, None)
+
+
+def test_a_length_beside_a_longitude_is_none(tmp_path):
+    (row,) = _rows(tmp_path, "time,lat,Länge,lon,rsrp", f"{TIME},48,3,11,-85")
+    assert row.lon_deg == 11.0
