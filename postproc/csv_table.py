@@ -14,8 +14,13 @@ from postproc.foreign_file import MOST_COLUMNS, Lines
 
 Line = tuple[int, dict[str, str]]
 
+# name of what a row has beyond its columns; its other values are empty, as they may be moved
+TOO_MANY = "\0"
 _COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+")
 _MOST_LINES = 10  # of a value: names of cells and networks have one, comments some
+_MOST_TITLES = 30  # lines above the header: of drive-test programs some twenty
+_FEWEST_NAMES = 3  # of a table with positions and levels; titles have one or two values
+_ROW_NUMBER = re.compile(r'"\d+"')
 
 
 @contextmanager
@@ -39,6 +44,22 @@ def names_of(header: str) -> list[str]:
     ]
 
 
+def header_of(source: Path, skip: int = 0) -> tuple[int, str]:
+    """Number and text of the header line: the first with three names, else with any."""
+    first = 0, ""
+    with text_lines(source) as lines:
+        for line in lines:
+            lines.end_row()
+            if lines.number <= skip or line.startswith("#") or not line.strip():
+                continue
+            first = first if first[0] else (lines.number, line)
+            if sum(map(bool, names_of(line))) >= _FEWEST_NAMES:
+                return lines.number, line
+            if lines.number >= _MOST_TITLES:
+                break
+    return first
+
+
 def rows(
     source: Path,
     *,
@@ -46,7 +67,7 @@ def rows(
     required: Iterable[str | Collection[str]] = (),
     header: Sequence[str] = (),
 ) -> Iterator[Line]:
-    """Rows by column name with line numbers; lines with # before the header are comments.
+    """Rows by column name with line numbers.
 
     `skip` lines come before the header. `required` names columns; of a collection of names one is
     enough. `header` names the columns of a file that has no header line. Raises `RunFileError`
@@ -54,32 +75,43 @@ def rows(
     """
     if header:
         with text_lines(source) as lines:
-            yield from _rows_of(lines, ",", list(header))
+            yield from _rows_of(source, lines, ",", list(header))
         return
+    number, first = header_of(source, skip)
+    names = names_of(first)
+    _check(source, names, required)
     with text_lines(source) as lines:
-        first = ""
-        for first in lines:
+        while lines.number < number:
+            next(lines)
             lines.end_row()
-            if lines.number > skip and not first.startswith("#"):
-                break
-        else:
-            first = ""
-        names = names_of(first)
-        _check(source, names, required)
-        yield from _rows_of(lines, _delimiter(first), names)
+        yield from _rows_of(source, lines, _delimiter(first), names)
 
 
-def _rows_of(lines: Lines, delimiter: str, names: list[str]) -> Iterator[Line]:
+def _rows_of(source: Path, lines: Lines, delimiter: str, header: list[str]) -> Iterator[Line]:
     # of two columns of one name the first counts
-    names = [name if name not in names[:i] else f"{name} {i}" for i, name in enumerate(names)]
+    names = [name if name not in header[:i] else f"{name} {i}" for i, name in enumerate(header)]
+    known = set(header)
     for number, values in _values_of(lines, delimiter, len(names)):
         if any(value.strip() for value in values):
+            if values[0].strip().lower() in known and _is_another(values, header):
+                raise RunFileError(
+                    f"{source}: line {number} is another header, with other columns: divide the "
+                    "file there"
+                )
             # a short row lacks its last columns; what it lacks is then empty
             padded = values + [""] * (len(names) - len(values))
             row = {n: v.strip() for n, v in zip(names, padded, strict=False)}
+            if any(value.strip() for value in values[len(names) :]):
+                row = dict.fromkeys(names, "") | {TOO_MANY: f"{len(values)} values"}
             if delimiter != ",":  # as spreadsheets write numbers in most languages
                 row = {n: v.replace(",", ".") if _COMMA.fullmatch(v) else v for n, v in row.items()}
             yield number, row
+
+
+def _is_another(values: Sequence[str], names: Sequence[str]) -> bool:
+    # files that were joined may have their columns in another order
+    lower = [value.strip().lower() for value in values]
+    return lower != list(names) and len(set(lower) & set(names) - {""}) >= _FEWEST_NAMES
 
 
 def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int, list[str]]]:
@@ -89,6 +121,7 @@ def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int
     not give a value for each column, even with the next lines, they are text.
     """
     ahead: deque[str] = deque()
+    is_numbered: bool | None = None  # by R, between quotation marks, in a column without a name
     while line := ahead.popleft() if ahead else next(lines, ""):
         lines.end_row()
         number = lines.number - len(ahead)
@@ -102,7 +135,9 @@ def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int
                 values = quoted
                 for _ in range(n_lines - 1):
                     ahead.popleft()
-        yield number, values
+        if is_numbered is None and any(value.strip() for value in values):
+            is_numbered = len(values) == n_names + 1 and bool(_ROW_NUMBER.match(line))
+        yield number, values[1:] if is_numbered else values
 
 
 def _row(lines: Sequence[str], delimiter: str) -> tuple[list[str], int]:

@@ -4,6 +4,7 @@ A file may lie about everything. Whatever it claims is bounded by its own size, 
 it, or by a limit that stands here; docs/guide/formats.md lists them.
 """
 
+import codecs
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -61,9 +62,19 @@ def encoding_of(head: bytes) -> str:
     return "utf-16" if head.startswith(_UTF16) else "utf-8-sig"
 
 
+def _as_windows(error: UnicodeError) -> tuple[str, int]:
+    # a spreadsheet in western Europe writes cp1252 where it is not told to write UTF-8
+    if not isinstance(error, UnicodeDecodeError) or error.encoding != "utf-8":
+        return codecs.replace_errors(error)  # type: ignore[return-value]
+    return error.object[error.start : error.end].decode("cp1252", "replace"), error.end
+
+
+codecs.register_error("as-windows", _as_windows)
+
+
 def open_text(file: BufferedReader | GzipFile, newline: str | None = None) -> TextIOWrapper:
     """Its text, with marks for what is none."""
-    return TextIOWrapper(file, encoding_of(file.peek(2)), "replace", newline=newline)
+    return TextIOWrapper(file, encoding_of(file.peek(2)), "as-windows", newline=newline)
 
 
 class Lines(Iterator[str]):

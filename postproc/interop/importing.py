@@ -130,7 +130,7 @@ def recognise(
     Raises `RunFileError` for a file that is none of them.
     """
     seen = look_at(source)
-    if columns and seen.kind == "text":
+    if columns and seen.kind in {"text", "json"}:
         return named_columns.format_of(source, columns, times=times)
     if columns:
         raise unknown_format(source, seen.words, seen.kind)

@@ -18,11 +18,15 @@ _BETWEEN = re.compile(r"[\s,]*")
 _DECODER = json.JSONDecoder()
 
 
-def objects(source: Path) -> Iterator[Object | BadRow]:
+def objects(source: Path, list_after: str = "") -> Iterator[Object | BadRow]:
     """Objects with their number from 1; a line that is no object is a `BadRow`.
 
-    Raises `RunFileError` for a file that cannot be read, and for a list that is no JSON.
+    `list_after` is a regular expression. Raises `RunFileError` for a file that cannot be read, and
+    for a list that is no JSON.
     """
+    if list_after:
+        yield from _objects_of_list(source, list_after)
+        return
     with text_lines(source) as lines:
         for line in lines:
             if lines.number == 1 and line.startswith("["):
@@ -97,11 +101,8 @@ def _object(number: int, line: str) -> Object | BadRow:
 def parse_objects(
     source: Path, parse: Callable[[int, dict[str, Any]], Parsed], list_after: str = ""
 ) -> Iterator[Row]:
-    """Rows of all objects, or of those in the list after a regular expression.
-
-    `parse` as for `parse_rows`. Raises as `objects`.
-    """
-    for entry in _objects_of_list(source, list_after) if list_after else objects(source):
+    """Rows of all objects; `parse` as for `parse_rows`. Raises as `objects`."""
+    for entry in objects(source, list_after):
         if isinstance(entry, BadRow):
             yield entry
         else:

@@ -33,6 +33,7 @@ from logger.core.types import (
     identity_marks,
     utc_text,
 )
+from postproc import csv_table
 
 Source = TypeVar("Source")
 REMARK = "remark"
@@ -112,6 +113,10 @@ def parse_rows(
 ) -> Iterator[Row]:
     """Parsed rows with line numbers; `parse` returns None for no cell, raises for bad rows."""
     for line, fields in rows:
+        if isinstance(fields, dict) and (many := fields.get(csv_table.TOO_MANY)):
+            why = "a text with the separator needs quotation marks, a column a name in the header"
+            yield BadRow(line, f"{many} for {len(fields) - 1} columns: {why}")
+            continue
         try:
             parsed = parse(line, fields)
         except (ValueError, GeoError) as error:
@@ -270,7 +275,7 @@ _LARGEST_CID = 2**36 - 1
 _NAMES: dict[Rat, tuple[str, ...]] = {
     "GSM": ("2G", "GPRS", "EDGE"),
     "WCDMA": ("3G", "UMTS", "HSPA", "HSPA+", "HSPAP", "HSDPA", "HSUPA"),
-    "LTE": ("4G", "LTE+", "LTE_CA", "LTE-A"),
+    "LTE": ("4G", "LTE+", "LTE_CA", "LTE-A", "EUTRAN", "E-UTRAN", "EUTRA", "E-UTRA"),
     "NR": ("5G", "NR5G", "NR5G-SA", "NR5G-NSA", "NRNSA", "NR_SA", "NR_NSA"),
 }
 RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {
@@ -332,6 +337,21 @@ def cell_identity(fields: Fields, *names: str) -> int | None:
     return integer(fields, *names, largest=_LARGEST_CID)
 
 
+# bits of the identity below the node (3GPP TS 23.003 4.3, TS 36.413 9.2.1.38)
+_NODE_BITS: dict[Rat, int] = {"WCDMA": 16, "LTE": 8}
+_LEAST_NCI = 1 << 14  # of NR 4 to 14 bits (TS 38.413 9.3.1.6): which, only the network knows
+
+
+def whole_identity(rat: Rat | None, node: int | None, rest: int | None) -> int | None:
+    """Complete identity from node and rest; a number that needs no node is complete already."""
+    if rat == "NR" and node and rest is not None and rest < _LEAST_NCI:
+        return None
+    bits = None if rat is None else _NODE_BITS.get(rat)
+    if rest is None or not node or bits is None or rest >> bits:
+        return rest
+    return node << bits | rest
+
+
 def level_of(fields: Fields, column: str, rat: Rat) -> float:
     """Level in dBm of a column that has dBm if it is negative, else Android's ASU of `rat`.
 
@@ -361,8 +381,8 @@ def half_plmn(fields: Fields) -> tuple[str | None, str | None]:
 def _network_code(fields: Fields, name: str, fewest_digits: int) -> str | None:
     """Code of a country or a network; one with too few digits has lost its zeros in a table."""
     code = integer(fields, name, largest=999)
-    if code is None:
-        return None
+    if code is None or (name == "mcc" and code == 0):
+        return None  # no country has zeros, and apps write them for none
     n_digits = len(text(fields, name).removesuffix(".0"))  # 020 is not 20
     return f"{code:0{max(n_digits, fewest_digits)}d}"
 
@@ -447,6 +467,7 @@ _TRANSMITTERS = (
     *("cell", "bssid", "mac", "macaddress", "transmitter", "transmitterid", "txid", "beacon"),
     *("beaconid", "beaconuuid", "gateway", "gatewayid", "gatewayeui", "gateweui", "gtwid", "gweui"),
     *("gw", "gwid", "eui", "basestation", "basestationid", "bts", "btsid", "cellname", "sitename"),
+    *("cgi", "ecgi", "ncgi", "globalcellid", "cellglobalid", "zelle", "cellule", "celda", "cella"),
 )
 """Columns that name the transmitter, by their letters and digits alone."""
 _DEVICES = (
@@ -531,9 +552,7 @@ _FORMS = (
 )
 _EPOCH = {"year": "1970", "month": "1", "day": "1"}
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_SINCE_1970 = re.compile(
-    r"(\d{9,10})(?:[.,](\d{1,9}))?|(\d{12,13})(?:[.,]\d+)?|(\d{15,16})|(\d{18,19})"
-)
+_SINCE_1970 = re.compile(r"(\d{10})(?:[.,](\d{1,9}))?|(\d{13})(?:[.,]\d+)?|(\d{16})|(\d{19})")
 
 
 @dataclass(frozen=True, slots=True)
@@ -570,8 +589,8 @@ def is_month_first(times: Iterable[str]) -> bool | None:
 def moment_of(time: str, name: str, *, month_first: bool | None = None) -> Moment:
     """The moment that a text means; raises ValueError, naming the column, for none.
 
-    Nine or ten digits are seconds since 1970, twelve or thirteen milliseconds, then microseconds
-    and nanoseconds. A time of day without a date counts from 1970.
+    Ten digits are seconds since 1970, 13 milliseconds, 16 microseconds, 19 nanoseconds. A time of
+    day without a date counts from 1970.
     """
     time = " ".join(time.split())
     if not time:

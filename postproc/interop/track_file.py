@@ -169,11 +169,14 @@ def zone_named(name: str) -> ZoneInfo:
 def in_zone(rows: Iterable[Row], zone: ZoneInfo) -> Iterator[Row]:
     """The same rows with UTC where only a local time was known."""
     for row in rows:
-        if isinstance(row, Sighting) and row.fix.utc_ns is None:
-            utc_ns = _utc_ns(row.t_ns, zone)
-            yield replace(row, t_ns=utc_ns, fix=replace(row.fix, utc_ns=utc_ns))
-        else:
+        if not isinstance(row, Sighting) or row.fix.utc_ns is not None:
             yield row
+            continue
+        first_ns, second_ns = (_utc_ns(row.t_ns, zone, fold) for fold in (0, 1))
+        if first_ns != second_ns:
+            yield BadRow(row.line, _TWICE.format(zone.key))
+        else:
+            yield replace(row, t_ns=first_ns, fix=replace(row.fix, utc_ns=first_ns))
 
 
 def on_track(rows: Iterable[Row], track: GpsTrack) -> Iterator[Row]:
@@ -202,8 +205,15 @@ def with_position(rows: Iterable[Row]) -> Iterator[Row]:
             yield row
 
 
-def _utc_ns(local_ns: int, zone: ZoneInfo) -> int:
+_TWICE = (
+    "in {} that hour came twice or never, as the clocks were changed: name the offset, for "
+    "example --zone Etc/GMT-2 for two hours ahead of UTC"
+)
+
+
+def _utc_ns(local_ns: int, zone: ZoneInfo, fold: int) -> int:
     seconds, rest_ns = divmod(local_ns, 10**9)
-    local = (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)).replace(tzinfo=zone)
+    local = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)
+    local = local.replace(tzinfo=zone, fold=fold)
     since = local.astimezone(UTC) - datetime(1970, 1, 1, tzinfo=UTC)
     return (since.days * 86_400 + since.seconds) * 10**9 + rest_ns

@@ -119,6 +119,8 @@ def read_claims(path: Path, wanted: Sequence[str]) -> tuple[list[Claim], list[st
 
 def _of_csv(path: Path, wanted: Sequence[str], others: dict[str, None]) -> Iterator[Claim]:
     for line, row in csv_table.rows(path):
+        if csv_table.TOO_MANY in row:
+            raise RunFileError(f"{path}: line {line} has more values than the header has columns")
         if row["cell"] in wanted:
             yield _own(row, path, line)
         elif row["cell"] and len(others) < _MOST:

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from logger.core.errors import RunFileError
 from logger.core.types import CellReading, Fix
-from postproc.csv_table import escape, unescape
+from postproc.csv_table import TOO_MANY, escape, rows, unescape
 from postproc.interop.sighting import Sighting
 from postproc.interop.writers import csv as write_csv
 from tests.postproc.interop.walks import export_of, read_walk
@@ -53,3 +54,57 @@ def test_a_cell_named_as_a_formula(tmp_path, name):
             assert (row["rssi_dbm"], row["c1"], row["lat"]) == ("-77.5", "-3", "-33.0")
     (found,), bad = read_walk(tmp_path / "a.csv")
     assert (replace(found, line=2), bad) == (heard, [])
+
+
+def _read(tmp_path, text, encoding="utf-8"):
+    (tmp_path / "a.csv").write_bytes(text.encode(encoding))
+    return list(rows(tmp_path / "a.csv"))
+
+
+@pytest.mark.parametrize(
+    "title", ["My walk\n\n", "Export;;;;\r\n;;;;\r\n", "# a\nUser: x\n\n# b\n"]
+)
+def test_titles_above_the_header_are_no_header(tmp_path, title):
+    ((line, row),) = _read(tmp_path, f"{title}lat;lon;level\n1;2;3\n")
+    assert (line, row) == (title.count("\n") + 2, {"lat": "1", "lon": "2", "level": "3"})
+
+
+@pytest.mark.parametrize(
+    "rows_of_r", ['"1","a",2,3\n"2","b",4,5\n', '"0","a, b",2,3\n"1","b",4,5\n']
+)
+def test_row_numbers_without_a_name_move_no_value(tmp_path, rows_of_r):
+    """As write.table of R writes them."""
+    head = "name,lat,level\n"
+    assert [row["name"] for _, row in _read(tmp_path, head + rows_of_r)] in (
+        ["a", "b"],
+        ["a, b", "b"],
+    )
+
+
+def test_a_row_with_more_values_than_columns_is_not_read(tmp_path):
+    """Which of them a comma has moved nobody knows; an empty last value moves none."""
+    text = "cell,lat,lon\nA, b,48,11\nA,48,137,11,575\nA,48,11,,\n0,48,1,11\n"
+    one, two, three, _ = (row for _, row in _read(tmp_path, text))
+    assert one == {"cell": "", "lat": "", "lon": "", TOO_MANY: "4 values"}
+    assert (two["lat"], two[TOO_MANY]) == ("", "5 values")
+    assert three == {"cell": "A", "lat": "48", "lon": "11"}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16"])
+def test_texts_of_windows_are_read(tmp_path, encoding):
+    ((_, row),) = _read(tmp_path, "Länge;Breite;Straße\n11,5;48,1;°\n", encoding)
+    assert row == {"länge": "11.5", "breite": "48.1", "straße": "°"}
+
+
+def test_files_that_were_joined_need_one_order_of_columns(tmp_path):
+    head, other = "lat,lon,level,level\n", "lat,level,lon\n"
+    texts = [row["lon"] for _, row in _read(tmp_path, f"{head}1,2,3,4\n{head}5,6,7,8\n")]
+    assert texts == ["2", "lon", "6"]
+    with pytest.raises(RunFileError, match="a.csv: line 3 is another header"):
+        _read(tmp_path, f"{head}1,2,3,4\n{other}5,6,7\n")
+
+
+def test_a_first_value_without_quotation_marks_is_no_row_number(tmp_path):
+    """Of 0,48,1,11 a comma has moved the values."""
+    ((_, row),) = _read(tmp_path, "t,lat,lon\n0,48,1,11\n")
+    assert row["lat"] == ""

@@ -36,6 +36,7 @@ from postproc.interop.sighting import (
     plmn,
     reading_of,
     text,
+    whole_identity,
 )
 
 _LEVELS: dict[Rat, tuple[str, ...]] = {
@@ -44,8 +45,6 @@ _LEVELS: dict[Rat, tuple[str, ...]] = {
     "LTE": ("level", "rsrp"),
     "NR": ("level", "rsrp", "csirsrp"),
 }
-_NODE_BITS: dict[Rat, int] = {"WCDMA": 16, "LTE": 8}
-"""Bits of the identity below the node (3GPP TS 23.003 4.3, TS 36.413 9.2.1.38); NR's differ."""
 _MOST_NEIGHBOURS = 18
 _NONE = frozenset({"-", "--", "n/a", "na", "nan", "null", "none", "unknown"})
 _KML_NAMES = {
@@ -154,16 +153,12 @@ def _network(fields: Fields) -> dict[str, str | None]:
 
 
 def _identity(rat: Rat, fields: Fields) -> int | None:
-    """Complete identity from node and rest; a number that needs no node is complete already."""
     whole = cell_identity(fields, "rawcellid")
     if whole:
         return whole
     cid = _decimal_or_hex(fields, "cellid", hexadecimal="cellhex")
     node = _decimal_or_hex(fields, "node", hexadecimal="nodehex")
-    bits = _NODE_BITS.get(rat)
-    if cid is None or not node or bits is None or cid >> bits:
-        return cid
-    return node << bits | cid
+    return whole_identity(rat, node, cid)
 
 
 def _decimal_or_hex(fields: Fields, *names: str, hexadecimal: str) -> int | None:

@@ -37,10 +37,10 @@ from postproc.interop.sighting import (
     level_in,
     level_of,
     maybe,
+    moment_of,
     number,
     parse_rows,
     text,
-    utc_ns_of,
 )
 
 _CELLMAPPER_HEADER = (
@@ -103,15 +103,7 @@ def _opencellid_time(_: int, fields: Fields) -> Moment:
     measured_at = text(fields, "measured_at")
     if not measured_at:
         raise ValueError("measured_at is empty")
-    # ten digits are seconds until the year 2286, thirteen are milliseconds since 2001
-    utc_ns = (
-        int(measured_at) * (10**6 if len(measured_at) > 11 else 10**9)
-        if measured_at.isdecimal()
-        else utc_ns_of(measured_at, "measured_at")
-    )
-    if not 0 < utc_ns < 2**62:
-        raise ValueError(f"measured_at is out of range: {measured_at[:40]}")
-    return Moment(utc_ns, is_utc=True)
+    return Moment(moment_of(measured_at, "measured_at").t_ns, is_utc=True)
 
 
 def _opencellid_level_dbm(fields: Fields, rat: Rat | None) -> float:

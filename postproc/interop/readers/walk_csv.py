@@ -15,9 +15,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from logger.core.places import check_position
 from logger.core.schema import TABLES
-from logger.core.types import UNKNOWN_SIGNED, Broadcast, CellReading, Fix
+from logger.core.types import UNKNOWN_SIGNED, Broadcast, CellReading
 from postproc import csv_table
 from postproc.interop.contents import Contents, Format
 from postproc.interop.sighting import (
@@ -30,6 +29,7 @@ from postproc.interop.sighting import (
     Transmitters,
     broadcast_of,
     cell_identity,
+    fix_of,
     integer,
     is_plmn,
     maybe,
@@ -84,11 +84,8 @@ def _sighting(line: int, fields: Fields, transmitters: Transmitters) -> Sighting
     t_ns = round(number(fields, "t_s") * 1e9) if "t_s" in fields or utc_ns is None else utc_ns
     if abs(t_ns) >= 2**62:
         raise ValueError("the time is out of range")
-    lat_deg, lon_deg = number(fields, "lat"), number(fields, "lon")
-    check_position(lat_deg, lon_deg)
     known = {name: maybe(fields, name) for name in PLACE}
-    acc_m = maybe(fields, "acc_m", (0.0, 1e6))
-    fix = Fix(True, utc_ns=utc_ns, lat_deg=lat_deg, lon_deg=lon_deg, acc_m=acc_m, **known)  # type: ignore[arg-type]
+    fix = fix_of(fields, "lat", "lon", utc_ns, acc_m=maybe(fields, "acc_m", (0.0, 1e6)), **known)
     has_level = any(text(fields, name) for name in (*LEVELS, "rxlev_raw"))
     reading = _reading(fields, transmitters) if has_level else POSITION_ALONE
     return Sighting(line, t_ns, fix, reading)

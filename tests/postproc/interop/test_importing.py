@@ -104,7 +104,7 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
         (b"PAR1\x15\x04", "I read a Parquet table"),
         (b'<?xml version="1.0"?>\n<kml>', "I read XML or HTML that begins with <kml>"),
         (b'<?xml version="1.0"?>\n<gpx>', "is a track without cells: import the log that has them"),
-        (b'[{"lat": 1}]', "I read a JSON list with the keys lat"),
+        (b"<log><lat>1</lat></log>", "I read XML or HTML that begins with <log>"),
         (
             b"name;street;town\nA;B;C\n",
             "I read a table with the columns name, street, town. docs/guide/formats.md",
@@ -168,7 +168,7 @@ def test_a_text_is_read_in_any_encoding_of_spreadsheets(tmp_path, text, name, en
     [
         ("lat,lon,level\n52,13,-70\n".encode("utf-32"), "I read a binary file"),
         (b"PAR1\x15\x04", "I read a Parquet table"),
-        (b'[{"lat": 1}]', "I read a JSON list with the keys lat"),
+        (b"<log><lat>1</lat></log>", "I read XML or HTML that begins with <log>"),
     ],
 )
 def test_columns_are_those_of_a_table_of_text(tmp_path, capsys, data, says):

@@ -1,3 +1,6 @@
+from dataclasses import replace
+from datetime import datetime
+
 import pytest
 
 from logger.core.errors import ConfigError
@@ -18,6 +21,22 @@ def test_a_zone_makes_local_times_utc():
     summer, same = in_zone([LOCAL, known], zone_named("Europe/Berlin"))
     assert (summer.t_ns, summer.fix.utc_ns) == (utc_ns, utc_ns)
     assert same == known
+
+
+@pytest.mark.parametrize(
+    ("local", "is_one"),
+    [
+        ("2024-10-27T01:59", True),
+        ("2024-10-27T02:30", False),
+        ("2024-10-27T03:00", True),
+        ("2024-03-31T02:30", False),
+    ],
+)
+def test_an_hour_that_came_twice_or_never_is_no_time(local, is_one):
+    local_ns = int(datetime.fromisoformat(f"{local}Z").timestamp()) * 10**9
+    (row,) = in_zone([replace(LOCAL, t_ns=local_ns)], zone_named("Europe/Berlin"))
+    assert isinstance(row, Sighting if is_one else BadRow)
+    assert is_one or "twice or never" in row.why
 
 
 @pytest.mark.parametrize("name", ["Europe/Nowhere", "", "/etc/passwd", "../x"])

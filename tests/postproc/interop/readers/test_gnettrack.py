@@ -1,5 +1,6 @@
 import pytest
 
+from logger.core.cell_names import channel_name
 from logger.core.types import CellReading, Fix
 from postproc.interop.importing import recognise
 from postproc.interop.sighting import BadRow, NoCell
@@ -152,3 +153,15 @@ def test_the_timing_advance_of_gsm_is_read(tmp_path):
     lte = gsm.replace("2G\tEDGE", "4G\tLTE")  # in other steps
     _, (first, second) = _rows(tmp_path, head + gsm + lte)
     assert (first.reading.ta, second.reading.ta) == (3, None)
+
+
+def test_a_part_of_an_identity_of_nr_is_none(tmp_path):
+    """How many bits it has only the network knows; as it is, cells of all nodes would be one."""
+    head = "Timestamp\tLongitude\tLatitude\tOperator\tNode\tCellID\tLAC\tNetworkTech\tLevel"
+    head += "\tARFCN\tPSC"
+    place = "2024.05.14_09.00.00\t11.5\t48.1\t26201"
+    text = f"{head}\n{place}\t80123\t3\t55\t5G\t-95\t632448\t33\n"
+    (tmp_path / "log.txt").write_text(text)
+    (row,) = recognise(tmp_path / "log.txt").read(tmp_path / "log.txt")
+    assert (row.reading.cid, row.reading.cell) == (None, None)
+    assert channel_name(row.reading) == "NR-632448-33"

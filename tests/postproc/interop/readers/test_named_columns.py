@@ -124,7 +124,9 @@ def test_a_column_that_names_transmitters_is_the_identity(tmp_path, head, column
 
 
 @pytest.mark.parametrize("head", [HEAD, WALK])
-@pytest.mark.parametrize("column", ["device", "Device ID", "node", "sensor", "id", "eNB", "ssid"])
+@pytest.mark.parametrize(
+    "column", ["device", "Device ID", "node", "sensor", "id", "eNB", "sector", "ssid"]
+)
 def test_a_column_that_may_name_transmitters_is_asked_for(tmp_path, capsys, head, column):
     source, run = tmp_path / "x.csv", str(tmp_path / "run.h5")
     source.write_text(_table(head, column, names=["a", "b"] * 4))
@@ -286,10 +288,10 @@ def test_a_date_of_its_own_column_belongs_to_the_time(tmp_path, date, hours):
 
 def test_a_table_whose_times_have_an_unknown_name_says_that_none_are_read(tmp_path, capsys):
     rows = [f"14/05/2024;09:00:{i:02d};52,5;{13.4 + i / 1e4};-90;17" for i in range(20)]
-    (tmp_path / "a.csv").write_text("Date;Heure;Lat;Lon;RSRP;CID\n" + "\n".join(rows))
+    (tmp_path / "a.csv").write_text("Date;Instant;Lat;Lon;RSRP;CID\n" + "\n".join(rows))
     assert main(["import", str(tmp_path / "a.csv"), "-o", str(tmp_path / "run.h5")]) == 0
     assert "a.csv: without times, only the order of the rows counts" in capsys.readouterr().err
-    named = ["--columns", "time=heure"]
+    named = ["--columns", "time=instant"]
     assert main(["import", str(tmp_path / "a.csv"), "-o", str(tmp_path / "run.h5"), *named]) == 0
     assert "without times" not in capsys.readouterr().err
 
@@ -309,3 +311,310 @@ def test_one_column_of_levels_of_all_technologies(tmp_path, name, rat, level):
 def test_of_two_columns_of_one_name_the_first_counts(tmp_path):
     (row,) = _rows(tmp_path, "time,lat,lon,rsrp,pci,rsrp,pci", f"{TIME},52,13,-70,1,-90,2")
     assert (row.reading.rsrp_dbm, row.reading.pci) == (-70.0, 1)
+
+
+@pytest.mark.parametrize(
+    ("header", "separator"),
+    [
+        ("Zeit;Breite;Länge;RSRP;Zellen-ID", ";"),
+        ("Heure;Latitude;Longitude;RSRP;ID Cellule", ";"),
+        ("Hora,Latitud,Longitud,RSRP (dBm),ID celda", ","),
+        ("Czas;Szerokość;Długość;RSRP;CI", ";"),
+        ("Время;Широта;Долгота;RSRP;CID", ";"),
+        ("时间,纬度,经度,RSRP(dBm),小区ID", ","),
+        ("日時,緯度,経度,RSRP,CI", ","),
+        ("Ora;Latitudine;Longitudine;RSRP;ID cella", ";"),
+        ("Data/Hora;Latitude;Longitude;RSRP;CI", ";"),
+        ("Tijd;Breedtegraad;Lengtegraad;RSRP;CI", ";"),
+        ("Zaman;Enlem;Boylam;RSRP;CI", ";"),
+    ],
+)
+def test_headers_in_other_languages(tmp_path, header, separator):
+    comma = "," if separator == ";" else "."
+    values = [TIME, "48.5", "-11.5", "-99.5", "17"]
+    row = separator.join([TIME, *(value.replace(".", comma) for value in values[1:])])
+    (one,) = _rows(tmp_path, header, row)
+    assert (one.lat_deg, one.lon_deg, one.reading.rsrp_dbm, one.reading.cid) == (
+        48.5,
+        -11.5,
+        -99.5,
+        17,
+    )
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon"),
+    [
+        ("48.5N", "11.25W"),
+        ("N 48,5", "W 11,25"),
+        ("N48 30.000", "W011 15.000"),
+        ('48°30\'00.0""N', "11°15'W"),
+        ("48° 30′", "-11° 15′ 0″"),
+        ("48:30:00N", "11:15:00w"),
+        ("48.5", "\u221211.25"),
+    ],
+)
+def test_coordinates_with_letters_and_minutes(tmp_path, lat, lon):
+    (row,) = _rows(tmp_path, "time,lat,lon,rsrp,cid", f'{TIME},"{lat}","{lon}",-85,17')
+    assert (row.lat_deg, row.lon_deg) == (48.5, -11.25)
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon"),
+    [("11.5E", "48.5N"), ("48.5O", "11.5"), ("-48.5S", "11.5"), ("48 99.5N", "11.5"),
+     ("48 30", "11.5"), ("48.5 30N", "11.5"), ("48.5NS", "11.5")],
+)  # fmt: skip
+def test_coordinates_that_may_mean_another_place_are_not_read(tmp_path, lat, lon):
+    (row,) = _rows(tmp_path, "time,lat,lon,rsrp,cid", f"{TIME},{lat},{lon},-85,17")
+    assert row.line == 2
+    assert lat in row.why
+
+
+def test_a_column_beside_tells_the_hemisphere(tmp_path):
+    head = "time,Latitude,N/S,Longitude,E/W,rsrp,cid"
+    first, second = _rows(tmp_path, head, f"{TIME},33.5,S,70.5,W,-85,17", f"{TIME},33.5,S,70.5,W,,")
+    assert (first.lat_deg, first.lon_deg) == (second.lat_deg, second.lon_deg) == (-33.5, -70.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("Location", "48.5, 11.25"),
+        ("lat/lon", "(48.5,11.25)"),
+        ("LatLng", "48,5; 11,25"),
+        ("position", "48.5N 11.25E"),
+        ("WKT", "POINT(11.25 48.5)"),
+        ("geometry", "SRID=4326;POINT Z (11.25 48.5 310)"),
+    ],
+)
+def test_both_coordinates_in_one_column(tmp_path, name, place):
+    (row,) = _rows(tmp_path, f"time,{name},rsrp,cid", f'{TIME},"{place}",-85,17')
+    assert (row.lat_deg, row.lon_deg) == (48.5, 11.25)
+
+
+@pytest.mark.parametrize("place", ["[11.25, 48.5]", "11.25E, 48.5N", "48.5", "4808220N 01134500E"])
+def test_one_column_that_may_mean_another_place_is_not_read(tmp_path, place):
+    (row,) = _rows(tmp_path, "time,location,rsrp,cid", f'{TIME},"{place}",-85,17')
+    assert not isinstance(row, Sighting)
+
+
+def test_the_place_of_the_station_is_none_of_the_receiver(tmp_path, capsys):
+    site = "time,Cell Latitude,Cell Longitude"
+    (row,) = _rows(tmp_path, f"{site},Latitude,Longitude,rsrp,cid", f"{TIME},1,2,48,11,-85,17")
+    assert (row.lat_deg, row.lon_deg) == (48.0, 11.0)
+    (row,) = _rows(tmp_path, f"{site},rsrp,cid", f"{TIME},1,2,-85,17")
+    assert not row.fix.valid
+
+
+@pytest.mark.parametrize(
+    ("header", "values", "rat", "level_dbm"),
+    [
+        ("rat,rsrp,rxlev", "GSM,-95,-65", "GSM", -65.0),
+        ("rat,rssi,rsrp", "LTE,-65,-95", "LTE", -95.0),
+        ("rat,rssi,rsrp", "LTE,-65,", None, None),
+        ("rat,rssi,rsrp", "LTE-M,-65,-95", "LTE-M", -95.0),
+        ("LTE RSSI,RSRP", "-65,-95", "LTE", -95.0),
+        ("earfcn,rssi,rsrp", "1300,-65,", None, None),
+        ("level,dBm", "3,-85", None, -85.0),
+        ("rssi,rsrp", "-65,", None, None),
+        ("SS-RSRP", "-95", "NR", -95.0),
+        ("rsrp,nrarfcn", "-95,632448", "NR", -95.0),
+        ("LTE RSRP,NR RSRP,tech", "-95,-85,NR", "NR", -85.0),
+        ("rsrp,rat", "-95,4G (LTE)", "LTE", -95.0),
+        ("rsrp,rat,earfcn,nrarfcn", "-95,5G NSA,1300,", "LTE", -95.0),
+        ("rsrp,networktype", "-95,20", None, -95.0),
+        ("rsrp,net", "-95,NR", "NR", -95.0),
+        ("rsrp,type", "-95,Cell", "LTE", -95.0),
+        ("rsrp,Cell Type", "-95,macro", "LTE", -95.0),
+        ("rsrp,bsic,uarfcn", "-95,0,-1", "LTE", -95.0),
+    ],
+)
+def test_the_level_is_that_of_the_technology_of_its_row(tmp_path, header, values, rat, level_dbm):
+    row, _ = _rows(
+        tmp_path,
+        f"time,lat,lon,cid,{header}",
+        f"{TIME},48,11,17,{values}",
+        f"{TIME},48,11,17,{values}",
+    )
+    assert (row.reading.rat, row.reading.level_dbm) == (rat, level_dbm)
+    assert row.is_position == (level_dbm is None)
+
+
+@pytest.mark.parametrize(
+    ("rat", "why"),
+    [("CDMA", "no technology of 2G to 5G is called 'CDMA'"), ("4.5G", "is called '4.5G'"),
+     ("5G NSA", "its technology may be LTE or NR"), ("LTE+NR", "may be LTE or NR")],
+)  # fmt: skip
+def test_the_level_of_no_or_two_technologies_is_not_read(tmp_path, rat, why):
+    (row,) = _rows(tmp_path, "time,lat,lon,cid,rsrp,rat", f"{TIME},48,11,17,-95,{rat}")
+    assert isinstance(row, NoCell)
+    assert why in row.why
+
+
+@pytest.mark.parametrize("name", ["RSSI (ASU)", "Signal [%]", "Level (mW)", "power (dBµV/m)"])
+def test_a_level_in_another_unit_is_none(tmp_path, name):
+    source = tmp_path / "a.csv"
+    source.write_text(f"time,lat,lon,{name},cid\n{TIME},48,11,25,17\n")
+    with pytest.raises(RunFileError, match="unknown format"):
+        recognise(source)
+
+
+def test_a_positive_level_of_an_unknown_technology_is_none(tmp_path):
+    bad, good = _rows(tmp_path, "time,lat,lon,rssi", f"{TIME},48,11,85", f"{TIME},48,11,-85")
+    assert "level is 85, and dBm of a receiver are negative" in bad.why
+    assert good.rssi_dbm == -85.0
+
+
+@pytest.mark.parametrize(
+    ("header", "values", "cell"),
+    [
+        ("rat,tac,enb,cid", "LTE,55,80123,3", "?-?-55-20511491"),
+        ("rat,tac,eNB ID,Sector ID", "LTE,55,80123,3", "?-?-55-20511491"),
+        ("rat,tac,enb,cid", "LTE,55,80123,20511491", "?-?-55-20511491"),
+        ("rat,tac,enb,cid", "LTE,55,Munich,20511491", "?-?-55-20511491"),
+        ("rat,tac,gnb,cid", "NR,55,80123,3", None),
+        ("mcc,mnc,tac,cid", "0,0,55,17", "?-?-55-17"),
+        ("rat,tac,gnb,cid", "NR,55,80123,328183811", "?-?-55-328183811"),
+        ("rat,earfcn,pci,sector", "LTE,1300,33,A", "LTE-1300-33"),
+        ("rat,lac,RNC,cid", "WCDMA,55,12,34", "?-?-55-786466"),
+        ("rat,tac,cid,eci", "LTE,55,3,20511491", "?-?-55-20511491"),
+        ("rat,lac,tac,cid", "LTE,,55,17", "?-?-55-17"),
+        ("rat,lac,tac,cid", "GSM,7,55,17", "?-?-7-17"),
+        ("rat,lac,cid", "LTE,55,17", "?-?-55-17"),
+        ("plmn,tac,cid", "26202,55,17", "262-02-55-17"),
+        ("MCC-MNC,tac,cid", "262-02,55,17", "262-02-55-17"),
+        ("net,mcc,mnc,tac,cid", "LTE,262,2,55,17", "262-02-55-17"),
+        ("ecgi", "262-02-20511491", "262-02-20511491"),
+    ],
+)
+def test_an_identity_in_parts_is_whole(tmp_path, header, values, cell):
+    (row,) = _rows(tmp_path, f"time,lat,lon,level,rsrp,{header}", f"{TIME},48,11,,-95,{values}")
+    if "LTE" not in values:
+        (row,) = _rows(tmp_path, f"time,lat,lon,level,{header}", f"{TIME},48,11,-95,{values}")
+    assert row.reading.cell == cell
+
+
+@pytest.mark.parametrize(
+    ("rat", "psc", "pci"), [("UMTS", 33, None), ("LTE", None, 33), ("NR", None, 33)]
+)
+@pytest.mark.parametrize("name", ["PSC/PCI", "psc_pci", "PSC"])
+def test_one_column_of_codes_of_all_technologies(tmp_path, name, rat, psc, pci):
+    (row,) = _rows(tmp_path, f"time,lat,lon,level,rat,cid,{name}", f"{TIME},48,11,-95,{rat},1,33")
+    assert (row.reading.psc, row.reading.pci) == (psc, pci)
+
+
+def test_hexadecimal_numbers_without_a_word_of_it_are_asked_for(tmp_path, capsys):
+    """Those without a letter would become another area."""
+    source = tmp_path / "a.csv"
+    rows = "".join(f"{TIME},48,11,-85,{lac},17\n" for lac in ("1234", "12AB"))
+    source.write_text(f"time,lat,lon,rsrp,lac,cid\n{rows}")
+    assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 2
+    assert "a.csv: column 'lac' has hexadecimal numbers (12AB)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("head", ["Time (ms)", "elapsed_time_ms", "t [ms]", "timestamp_ms"])
+def test_times_may_count_milliseconds(tmp_path, head):
+    rows = _rows(tmp_path, f"{head},lat,lon,level", "0,52.5,13.5,-80", "1500,52.5,13.5,-81")
+    assert [row.t_ns for row in rows] == [0, 1_500_000_000]
+
+
+@pytest.mark.parametrize("time", ["240514090000", "123456789", "123456789012345"])
+def test_numbers_that_would_be_of_before_2001_are_no_times(tmp_path, time):
+    (row,) = _rows(tmp_path, "time,lat,lon,level", f"{time},52.5,13.5,-80")
+    assert "time is no ISO 8601 time" in row.why
+
+
+def test_feet_are_no_metres(tmp_path):
+    head = "time,lat,lon,Altitude (ft),Accuracy [ft],rsrp,TA (m),cid"
+    (row,) = _rows(tmp_path, head, f"{TIME},48,11,1000,10,-85,550,17")
+    assert row.fix.alt_m == pytest.approx(304.8)
+    assert row.fix.acc_m == pytest.approx(3.048)
+    assert row.reading.ta is None
+
+
+_FEATURE = (
+    '{"type": "Feature", "geometry": {"type": "Point", "coordinates": [11.25, 48.5, 310]}, '
+    '"properties": {"time": "2024-05-01T12:00:07Z", "RSRP": -95.5, "ci": 17, "serving": true}}'
+)
+_OBJECT = (
+    '{"time": "2024-05-01T12:00:07Z", "serving": true, "gps": {"lat": 48.5, "lon": 11.25}, '
+    '"cell": {"RSRP": -95.5, "ci": 17, "lat": 1.0, "lon": 2.0, "name": null}}'
+)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        (f'{{"type": "FeatureCollection", "features": [{_FEATURE},', f"{_FEATURE}]}}"),
+        ("{", '"type": "FeatureCollection",', '"features": [', f"{_FEATURE},", _FEATURE, "]", "}"),
+        (_FEATURE, _FEATURE),
+        (_OBJECT, _OBJECT),
+        (f"[{_OBJECT}, {_OBJECT}]",),
+    ],
+)
+def test_json_is_a_table_as_well(tmp_path, lines):
+    """Of QGIS, of a program that writes one object a line, and of pandas."""
+    first, second = _rows(tmp_path, *lines)
+    assert first.reading == second.reading
+    assert first.reading == CellReading("serving", "LTE", cid=17, rsrp_dbm=-95.5, label="?-?-?-17")
+    assert (first.lat_deg, first.lon_deg) == (48.5, 11.25)
+    assert first.fix.utc_ns == 1_714_564_807 * 10**9
+
+
+def test_json_that_has_no_positions_says_what_it_has(tmp_path):
+    (tmp_path / "a.json").write_text('{"time": 1, "lat": 2, "lon": 3, "cells": [{"rsrp": -90}]}\n')
+    with pytest.raises(RunFileError, match="level: name it with --columns; it has .*'cells'"):
+        list(recognise(tmp_path / "a.json").read(tmp_path / "a.json"))
+
+
+def test_columns_of_json_may_be_named(tmp_path):
+    (tmp_path / "a.json").write_text('{"wann": 1714564807, "y": 48, "x": 11, "p": -90}\n' * 2)
+    columns = "time=wann,lat=y,lon=x,level=p"
+    target = str(tmp_path / "run.h5")
+    assert main(["import", str(tmp_path / "a.json"), "-o", target, "--columns", columns]) == 0
+    assert len(read_run(target).tables["readings"]) == 1  # the second row repeats the first
+
+
+def test_columns_of_drive_test_programs(tmp_path):
+    """XCAL has both technologies in a row, TEMS and Nemo have words of their own."""
+    lte, nr = _rows(
+        tmp_path,
+        "TIME_STAMP,Lon,Lat,LTE KPI PCell Serving RSRP[dBm],LTE KPI PCell Serving PCI,"
+        "LTE KPI PCell Serving EARFCN(DL),5G KPI PCell RF Serving SS-RSRP [dBm],"
+        "5G KPI PCell RF Serving PCI,5G KPI PCell RF NR-ARFCN",
+        f"{TIME},11.5,48.1,-95.5,33,1300,-85.5,44,632448",
+        f"{TIME},11.5,48.1,,,,-85.5,44,632448",
+    )
+    assert (lte.reading.cell, lte.rssi_dbm) == ("LTE-1300-33", -95.5)
+    assert (nr.reading.cell, nr.rssi_dbm) == ("NR-632448-44", -85.5)
+    (row,) = _rows(
+        tmp_path,
+        "Time\tAll-Latitude Decimal Degree\tAll-Longitude Decimal Degree\tServing Cell RSRP (dBm)\t"
+        "E-CellID",
+        f"{TIME}\t48.1\t11.5\t-85\t20511491",
+    )
+    assert (row.lat_deg, row.reading.cell) == (48.1, "?-?-?-20511491")
+
+
+@pytest.mark.parametrize("time", ["1714564807", "2024-05-01T12:00:07Z", "1714564807000"])
+def test_ts_may_be_a_timestamp(tmp_path, time):
+    (row,) = _rows(tmp_path, "ts,lat,lon,rsrp,cid", f"{time},48,11,-85,17")
+    assert row.fix.utc_ns == 1_714_564_807 * 10**9
+
+
+def test_a_walk_that_is_not_ours_may_call_its_level_rssi_dbm(tmp_path):
+    (row,) = _rows(tmp_path, "timestamp,latitude,longitude,rssi_dbm", f"{TIME},48,11,-85")
+    assert row.rssi_dbm == -85.0
+
+
+def test_a_cell_of_lte_is_none_of_nr(tmp_path):
+    """A telephone in 5G NSA knows the identity of the anchor alone."""
+    head = "time,lat,lon,RSRP,SS-RSRP,TAC,PCI,CID,NR PCI"
+    lte, nr = _rows(tmp_path, head, f"{TIME},48,11,-95,-85,7,3,17,5", f"{TIME},48,11,,-85,7,3,17,5")
+    assert (lte.reading.rat, lte.reading.pci, lte.reading.cell) == ("LTE", 3, "?-?-7-17")
+    assert (nr.reading.rat, nr.reading.pci, nr.reading.cell) == ("NR", 5, None)
+
+
+def test_a_length_beside_a_longitude_is_none(tmp_path):
+    (row,) = _rows(tmp_path, "time,lat,Länge,lon,rsrp", f"{TIME},48,3,11,-85")
+    assert row.lon_deg == 11.0

@@ -6,6 +6,7 @@ import pytest
 
 from logger.core.errors import RunFileError
 from logger.core.types import CellReading, Fix
+from postproc.interop.importing import recognise
 from postproc.interop.readers import tables
 from postproc.interop.sighting import BadRow, NoCell, Sighting
 from postproc.interop.writers import opencellid_csv, opencellid_json
@@ -226,3 +227,12 @@ def test_real_measurements_say_the_same_in_both_ways_to_write_them():
     for row in collector:  # one wrote dBm, the other the ASU of the same measurement
         assert row.reading.rsrp_dbm == by_time[row.t_ns].reading.rsrp_dbm
         assert row.reading.cell == by_time[row.t_ns].reading.cell
+
+
+def test_a_time_of_twelve_digits_is_none(tmp_path):
+    """It is 14 May 2024 without the century; as milliseconds it would be of 1977."""
+    (tmp_path / "a.csv").write_text(
+        "lon,lat,mcc,mnc,lac,cellid,signal,measured_at,act\n11,48,262,1,5,7,-80,240514090000,GSM\n"
+    )
+    (row,) = recognise(tmp_path / "a.csv").read(tmp_path / "a.csv")
+    assert "measured_at is no ISO 8601 time: '240514090000'" in row.why

@@ -56,7 +56,7 @@ FIXES = st.builds(
     lon_deg=st.floats(-180.0, 180.0),
     alt_m=st.one_of(st.none(), st.floats(-400.0, 9000.0)),
     acc_m=st.one_of(st.none(), st.floats(0.0, 1000.0)),
-)
+).filter(lambda fix: fix.lat_deg != 0.0 or fix.lon_deg != 0.0)
 
 
 @given(
@@ -73,6 +73,17 @@ def test_what_is_written_is_read_back_equal(heard):
         good, bad = read_walk(Path(folder) / "walk.csv")
     assert bad == []
     assert [(h.t_ns, h.fix, h.reading) for h in good] == [(h.t_ns, h.fix, h.reading) for h in heard]
+
+
+@pytest.mark.parametrize("level", ["-85", ""])
+def test_zeros_for_a_position_are_none(tmp_path, level):
+    """Written before the receiver had a fix; they would put the walk into another zone of UTM."""
+    (tmp_path / "walk.csv").write_text(
+        f"t_s,lat,lon,rssi_dbm,cell\n0,0,0.0,{level},a\n1,48,11,-85,a\n"
+    )
+    (good,), (bad,) = read_walk(tmp_path / "walk.csv")
+    assert (good.lat_deg, bad.line) == (48.0, 2)
+    assert "there was no fix" in bad.why
 
 
 def _scans_of(text, tmp_path):
