@@ -159,7 +159,7 @@ def test_a_receiver_that_repeats_its_last_position_has_none(tmp_path, monkeypatc
     receiver.data = service.nmea_epochs(1)
     with (
         PtyDevice(receiver) as gnss,
-        recording(make_service(tmp_path, SystemClock(), none, 0.0, 1.0, gnss.path)) as under_way,
+        recording(make_service(tmp_path, Clock(), none, 0.0, 1.0, gnss.path)) as under_way,
     ):
         service.wait_for(lambda: under_way.snapshot().fix and under_way.snapshot().fix.valid)
         service.wait_for(lambda: not under_way.snapshot().fix.valid)

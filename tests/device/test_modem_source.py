@@ -169,7 +169,7 @@ def test_the_receiver_of_a_modem_without_a_position_or_switched_off_is_told_of(
     modem = Locked("AT+QGPSLOC=2", "+CME ERROR: 516", DIALECTS["ec25"])
     with (
         PtyDevice(answering(modem)) as port,
-        recording(make_service(tmp_path, SystemClock(), port.path, 0, 0.1, "modem")) as under_way,
+        recording(make_service(tmp_path, Clock(), port.path, 0, 0.1, "modem")) as under_way,
     ):
         service.wait_for(lambda: under_way.snapshot().fix is not None)
         assert not under_way.snapshot().fix.valid
@@ -435,7 +435,7 @@ def test_a_modem_that_refuses_is_told_of_with_its_reason(
     tmp_path, monkeypatch, command, code, says
 ):
     monkeypatch.setattr(link, "NOTE_INTERVAL_S", 0.5)
-    clock = SystemClock()
+    clock = Clock()
     with (
         PtyDevice(answering(Locked(command, code))) as port,
         recording(make_service(tmp_path, clock, port.path, 0.0, 0.1)) as under_way,
