@@ -23,10 +23,9 @@ minimum. Where the misfit rises more slowly than that, each axis of the position
 stretched to where the misfit, minimised over P0 and eta, has risen by what was expected at its end;
 a profile likelihood, one axis at a time.
 
-The 95 % ellipse then held the truth in all of 80 simulated walks (L and square, 840 m) with 3 dB of
-white noise and in 81 % with 6 dB decorrelating over 15 m, where sigma^2 (J' W J)^-1 did in 97 and
-23 %. In 165 measured walks a third of the ellipses are bounded at all, and 55 % of these
-held the truth.
+The 95 % ellipse then held the truth in all of 80 simulated walks with 3 dB of white noise and in
+81 % with 6 dB over 15 m, where sigma^2 (J' W J)^-1 did in 97 and 23 %. In 165 measured walks a
+third of the ellipses are bounded, and 55 % of these held the truth.
 """
 
 from collections.abc import Callable, Sequence

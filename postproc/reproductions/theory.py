@@ -8,15 +8,14 @@ receivers to position, shape (N, d):
     indirect   T = Delta' (P + W)^-1 Delta ~ chi2(d, delta_loc),    Delta = c - p^,
                                                                     P = (A' V^-1 A)^-1
 
-p^ results from c by Gauss-Newton steps. Both noncentralities are zero where the claim is true. For
-a small offset o both are o' (P + W)^-1 o, but the indirect test has fewer degrees of freedom. W = 0
-gives the plain tests. A position of d coordinates takes d + 1 receivers to be the only solution;
-with fewer there is the direct test alone.
+p^ results from c by Gauss-Newton steps. Both noncentralities are zero where the claim is true, and
+o' (P + W)^-1 o for a small offset o. A position of d coordinates takes d + 1 receivers; with fewer
+there is the direct test alone.
 
 **Its table 1** has detection probabilities of both tests for sigma 100 m and 20 km, with and
 without uncertainty of the claim (37.8, 37.8, 87.0 m), four receivers, false positions off by 2
-sigma in two coordinates. Positions of receivers and false-alarm rate are not given; the relation
-of its two columns can be tested: one noncentrality, with 4 degrees of freedom and with 3.
+sigma in two coordinates. Positions of receivers and false-alarm rate are not given; its two columns
+have one noncentrality, with 4 degrees of freedom and with 3.
 
 **The distance that a level gives.** True levels z = B - 10 eta log10 d + n, n ~ N(0, Gamma^2). The
 distance is computed with B~ instead of B: d~ = 10^((B~ - z) / (10 eta)) = d 10^((B~ - B - n) / (10
@@ -25,8 +24,8 @@ eta)). With the slope of the level by the distance,
     C = -10 eta / (d ln 10)    dB per metre,
 
 the first term of the Taylor series is eps = d~ - d = (B - B~ + n) / C, so eps ~ N((B - B~) / C,
-Gamma^2 / C^2). The series is that of an exponential: d~ / d is log-normal, and the normal law holds
-while Gamma is small against 10 eta / ln 10, which is 11 to 17 dB.
+Gamma^2 / C^2). In truth d~ / d is log-normal: the normal law holds while Gamma is small against 10
+eta / ln 10, which is 11 to 17 dB.
 """
 
 from collections.abc import Iterator, Sequence

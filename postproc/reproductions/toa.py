@@ -1,7 +1,6 @@
 """Position of a moving object from ranges to anchors: the README of Kalman_Filter_ToA, reproduced.
 
-Source: github.com/Yongseok1221/Kalman_Filter_ToA, README.md as of 2025-12-12 (one file; it
-publishes no error and no initial P).
+Source: github.com/Yongseok1221/Kalman_Filter_ToA, README.md as of 2025-12-12.
 
 **Measurements.** With Z_i = |X - a_i| + v_i, v_i ~ N(0, sigma^2), a squared range is
 
@@ -22,15 +21,14 @@ X = (H'H)^-1 H' z.
 
     w = X - (2 X_1 - X_0),    X the true position, X_0 and X_1 fixes
 
-The velocity is constant, so w is noise of the fixes and nothing else: E[w] = 0 and
+At constant velocity w is noise of the fixes alone: E[w] = 0 and
 
     Q = 4 C_1 + C_0,    C_k = covariance of the fix at step k
 
-which is (4.28 sigma^2 + 0.025 sigma^4) I for the README's anchors and path. The README prints
-simulated moments, which differ by sampling noise (up to 2.7 % in Q; its E[w] is that noise alone);
-they are used where they are printed. On a path that turns, the second differences of the path
-itself are part of w: their mean and covariance over the path are added. The initial P is not
-published; the covariance of the fix at k = 1 stands in for it (0.82 sigma^2 + 0.005 sigma^4 there).
+which is (4.28 sigma^2 + 0.025 sigma^4) I for the README's anchors and path. Its simulated moments,
+up to 2.7 % off by sampling, are used where it prints them. On a path that turns, mean and
+covariance of the path's second differences are added. The README has no initial P: that of the fix
+at k = 1 stands in for it (0.82 sigma^2 + 0.005 sigma^4 there).
 
 **The filter of the README**
 
@@ -38,29 +36,25 @@ published; the covariance of the fix at k = 1 stands in for it (0.82 sigma^2 + 0
     K = P_pred H' (H P_pred H' + R)^-1
     X = X_pred + K (z - H X_pred),    P = P_pred - K H P_pred
 
-The first two steps are single fixes. Q already is the whole error of a prediction from two fixes,
-and P comes on top: the filter works, but its P is no covariance of its error. Its S = H P_pred H' +
-R is singular: six differences of four ranges have rank 3. With all rows D = T D1 of independent
-rows D1, S = T S1 T', and T has full column rank, so
+The first two steps are single fixes. Q is the whole error of a prediction from two fixes already,
+so P is no covariance of the error. S = H P_pred H' + R is singular: six differences of four ranges
+have rank 3. With all rows D = T D1 of independent rows D1, S = T S1 T', so
 
     H' S^+ z = H1' T' (T')^+ S1^-1 T^+ T z1 = H1' S1^-1 z1
 
-**The same task without a singular matrix**: a filter on the squared ranges themselves, of state
-[x, y, vx, vy]. No differences are taken, so R is diagonal and S of full rank. For X ~ N(m, C) the
-moments of a squared range are exact:
+**The same task without a singular matrix**: a filter on the squared ranges, of state [x, y, vx,
+vy]. R is diagonal and S of full rank. For X ~ N(m, C) the moments of a squared range are exact:
 
     E Z^2 = |m - a|^2 + tr C + sigma^2
     S     = G C G' + 2 tr(C^2) 1 1' + diag(4 sigma^2 (|m - a|^2 + tr C) + 2 sigma^4)
     G     = 2 (m - a)'
 
 (second-order filter; Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and
-Navigation, sec. 10.3). Its motion model is the README's, constant velocity, without the noise of
-the fixes as process noise.
+Navigation, sec. 10.3). Its motion model is constant velocity without process noise.
 
 **The Cramer-Rao bound**, of one epoch and of all epochs so far. J = sum over ranges of u u' /
 sigma^2, u the unit vector from anchor to position; at constant velocity u becomes [u, j u] in the
-epoch j before. At an anchor a range has no derivative: there u is taken along the path, its limit
-for an object on it.
+epoch j before; at an anchor, where a range has no derivative, u is along the path.
 """
 
 from collections.abc import Iterator, Sequence
