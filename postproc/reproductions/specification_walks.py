@@ -2,8 +2,8 @@
 
 The table: 50 readings on a circle of 500 m around the station, 3 dB of noise, P0 = -45 dBm, eta =
 2.5. Beside its claims stand the reference EKF, our locator and the Cramer-Rao bound with the
-locator's priors on P0 and eta, which is local. It is J = G' G / r + diag(0, 0, Lambda0), G the slope of the levels by [x, y, P0, eta] at the
-true state, Lambda0 the inverse variances of normal priors on P0 and eta (Van Trees, Detection,
+locator's priors on P0 and eta, J = G' G / r + diag(0, 0, Lambda0), G the slope of the levels by [x,
+y, P0, eta] at the true state, Lambda0 the inverse variances of the priors (Van Trees, Detection,
 Estimation, and Modulation Theory I, sec. 2.4).
 
 The scenarios: a station at the origin with P0 = -30 dBm, eta = 3 (so that all levels are on the
