@@ -204,7 +204,7 @@ class Places:  # noqa: PLW1641 (arrays have no hash)
 
     @property
     def steps_m(self) -> FloatArray:
-        """Distance of each place but the first from the one before, shape (n - 1,)."""
+        """From each place to the next, shape (n - 1,)."""
         return np.asarray(np.hypot(np.diff(self.x_m), np.diff(self.y_m)), float)
 
     @property
@@ -214,7 +214,7 @@ class Places:  # noqa: PLW1641 (arrays have no hash)
 
     @property
     def median_deg(self) -> tuple[float, float]:
-        """Latitude and longitude of the median place; there is at least one."""
+        """As `first_deg`, of the median place."""
         return self.utm.to_latlon(float(np.median(self.x_m)), float(np.median(self.y_m)))
 
     def in_zone(self, utm: Utm) -> Self:
