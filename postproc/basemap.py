@@ -620,7 +620,7 @@ class Basemap:
     box: Box
 
     def on_paper(self, paper: Colour, opacity: float = 1.0) -> Pixels:
-        """On paper of a colour, which shows where they are not opaque; (rows, columns, 3)."""
+        """On paper of a colour, shape (rows, columns, 3)."""
         alpha = opacity * self.pixels[..., 3:] / 255.0
         rgb = self.pixels[..., :3] * alpha + np.array(paper) * (1.0 - alpha)
         return np.asarray(np.rint(rgb), np.uint8)

@@ -214,7 +214,7 @@ class Group:
     `where` is the middle of their ground, None of runs without a position. `several` has where each
     identity was heard that is named farther apart than any cell reaches, the group's own place
     first. Beside other groups, `first_utc` and `last_utc` are its first and last reading, None
-    where no run knows UTC. `cells` are those that were asked for, none for all.
+    where no run knows UTC. `cells` are those asked for, none for all.
     """
 
     runs: tuple[Run, ...]
@@ -488,7 +488,7 @@ def runs_text(names: Sequence[str], first_utc: str | None, last_utc: str | None)
 
 
 def first_and_last_utc(times_ns: Sequence[int]) -> tuple[str | None, str | None]:
-    """What `days_text` takes, each None without a time."""
+    """As `days_text` takes them."""
     return known_utc_text(min(times_ns, default=None)), known_utc_text(max(times_ns, default=None))
 
 

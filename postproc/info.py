@@ -137,13 +137,13 @@ def _parts(info: Info, *, details: bool) -> Iterator[Line | Table]:
 
 
 def longest_gaps(gaps: Sequence[Gap], most: int) -> list[Gap]:
-    """At most so many, in the order of time."""
+    """In the order of time."""
     longest = sorted(gaps, key=lambda gap: -gap.length_s)[:most]
     return sorted(longest, key=lambda gap: gap.start_s)
 
 
 def gravest_events(events: Sequence[Event], most: int) -> list[Event]:
-    """At most so many, errors before warnings before others, in the order of time."""
+    """Errors first, then warnings; in the order of time."""
     gravest = sorted(events, key=lambda event: _WEIGHT.get(event.level, 2))[:most]
     return sorted(gravest, key=lambda event: event.t_s)
 

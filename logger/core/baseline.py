@@ -179,7 +179,7 @@ class Baseline(ABC):
 
     @abstractmethod
     def ask(self, kind: str, key: Any) -> Any:
-        """The answer of a kind about a square, a cell or an operator; None where it is unknown."""
+        """The answer of a kind about a key; None where it is unknown."""
 
     def square(self, square: int) -> SquareHistory:
         """Earlier walks in a square, numbered as in `logger.core.baseline`; empty if unvisited."""

@@ -3,13 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, cos, degrees, exp, isfinite, pi, sin, sqrt
-from typing import TYPE_CHECKING, Self
+from typing import Protocol, Self, TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
-
-if TYPE_CHECKING:  # the status is written before numpy is imported
-    from logger.core.locator.posterior import Mode
 
 CHI2_95_2DOF = 5.991
 RADII = ("most likely within", "surely within")
@@ -134,17 +131,29 @@ LEAST_SHARE = 0.01
 """A mode with less is irrelevant, however sharp: "0 %" would send people the wrong way."""
 
 
-def relevant_modes(modes: "Sequence[Mode]") -> "tuple[Mode, ...]":
+class Peak(Protocol):
+    """What makes a mode relevant: its highest density beside the best, and its probability."""
+
+    @property
+    def peak(self) -> float: ...
+    @property
+    def probability(self) -> float: ...
+
+
+Ranked = TypeVar("Ranked", bound=Peak)
+
+
+def relevant_modes(modes: Sequence[Ranked]) -> tuple[Ranked, ...]:
     """The best mode, and those with much probability or a peak that fits nearly as well."""
     return (*modes[:1], *filter(_is_rival, modes[1:]))
 
 
-def _is_rival(mode: "Mode") -> bool:
+def _is_rival(mode: Peak) -> bool:
     is_sharp = mode.peak >= LEAST_PEAK and mode.probability >= LEAST_SHARE
     return is_sharp or mode.probability >= MINOR_MODE
 
 
-def whole_percents(modes: "Sequence[Mode]") -> list[int]:
+def whole_percents(modes: Sequence[Peak]) -> list[int]:
     """Probabilities of relevant modes in whole percents with the sum of the probabilities.
 
     The largest remainders are rounded up. None of several modes has 0 or 100.
@@ -158,7 +167,7 @@ def whole_percents(modes: "Sequence[Mode]") -> list[int]:
     return percents
 
 
-def relevant_percents(modes: "Sequence[Mode]") -> list[int | None]:
+def relevant_percents(modes: Sequence[Peak]) -> list[int | None]:
     """As `whole_percents`; None of irrelevant modes."""
     relevant = relevant_modes(modes)
     percents = dict(zip(map(id, relevant), whole_percents(relevant), strict=True))

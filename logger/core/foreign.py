@@ -65,7 +65,7 @@ def read_regular(path: Path, most_bytes: int, *, follow_links: bool = True) -> b
 
 
 def begins_with(path: Path, magic: bytes) -> bool:
-    """Whether a file is one that begins with these bytes; no for one that cannot be read."""
+    """Whether a readable file begins with these bytes."""
     try:
         with open_regular(path) as file:
             return file.read(len(magic)) == magic

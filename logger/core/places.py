@@ -211,7 +211,7 @@ class Places:  # noqa: PLW1641 (arrays have no hash)
 
     @property
     def steps_m(self) -> FloatArray:
-        """Distance of each place but the first from the one before, shape (n - 1,)."""
+        """From each place to the next, shape (n - 1,)."""
         return np.asarray(np.hypot(np.diff(self.x_m), np.diff(self.y_m)), float)
 
     @property

@@ -191,7 +191,7 @@ class Readings:
 
     @property
     def modem_numbers(self) -> IntArray:
-        """Number of the modem of each reading: 0 where all are from one."""
+        """As `modem`, 0 where all are from one."""
         return np.zeros(len(self), np.int64) if self.modem is None else self.modem
 
     @property
@@ -320,7 +320,7 @@ class Observations:
     n_without_level: int
 
     def each(self, change: Callable[[Readings], Readings]) -> "Observations":
-        """With a change of the readings of every cell."""
+        """With the readings of every cell changed."""
         return replace(self, cells=tuple(map(change, self.cells)))
 
     def __repr__(self) -> str:

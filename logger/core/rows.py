@@ -106,7 +106,7 @@ def numbered_texts(column: npt.NDArray[np.bytes_]) -> tuple[npt.NDArray[np.bytes
 
 
 def rows_of_each(numbers: IntArray) -> list[tuple[int, IntArray]]:
-    """The different numbers of a column in order, each with its rows in order."""
+    """The numbers of a column in order, each with its rows."""
     order = np.argsort(numbers, kind="stable")
     starts = np.flatnonzero(np.diff(numbers[order])) + 1
     parts = np.split(order, starts) if len(order) else []

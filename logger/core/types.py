@@ -30,7 +30,7 @@ def utc_text(utc_ns: int, *, compact: bool = False) -> str:
 
 
 def known_utc_text(utc_ns: int | None) -> str | None:
-    """As `utc_text`; None where the time is unknown."""
+    """As `utc_text`."""
     return None if utc_ns is None else utc_text(utc_ns)
 
 

@@ -272,7 +272,7 @@ def tenths(fix: ModemFix) -> str:
 
 
 def angle_text(angle_deg: float, degree_digits: int, letters: str, decimals: int = 5) -> str:
-    """As `ddmm.mmmmm`, and the hemisphere: the second of `letters` where it is negative."""
+    """As `ddmm.mmmmm`; the second of `letters` is the negative hemisphere."""
     # Rounded once, in steps of the last decimal, so that no 60.00000 minutes come out.
     minute = 10**decimals
     degrees, steps = divmod(round(abs(angle_deg) * (60 * minute)), 60 * minute)

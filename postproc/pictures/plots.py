@@ -514,7 +514,7 @@ def draw_cell_mark(
 
 
 def draw_rings(axes: Axes, rings: Rings, colour: Colour, alpha: float, **style: Any) -> None:
-    """A region by its outlines, filled as far as `alpha` says."""
+    """A region by its outlines."""
     # holes run the other way round and stay empty
     path = Outline.make_compound_path(*(Outline(ring, closed=True) for ring in rings))
     ink = rgb(colour)

@@ -109,17 +109,17 @@ class Box(NamedTuple):
         return max(self.width, self.height)
 
     @property
-    def middle_m(self) -> FloatArray:
-        """East and north of the middle, shape (2,)."""
-        return np.asarray(self.corners_m.mean(axis=0), float)
-
-    @property
     def corners_m(self) -> FloatArray:
         """South-west and north-east corner, shape (2, 2)."""
         return np.array([(self.west, self.south), (self.east, self.north)])
 
+    @property
+    def middle_m(self) -> FloatArray:
+        """Shape (2,)."""
+        return np.asarray(0.5 * np.sum(self.corners_m, axis=0), float)
+
     def shape(self, pixel_m: float) -> tuple[int, int]:
-        """Rows and columns of a picture with pixels of this size."""
+        """Rows and columns of such pixels."""
         return max(round(self.height / pixel_m), 1), max(round(self.width / pixel_m), 1)
 
     def enlarge(self, margin_x_m: float, margin_y_m: float | None = None) -> "Box":

@@ -19,10 +19,9 @@ Row = TypeVar("Row", Agreement, LocatedCell)
 
 
 class Estimates(Generic[Row]):
-    """Rows that have been computed of the cells of a survey: a line of JSON for each cell.
+    """Computed rows of the cells of a survey, a line of JSON for each cell.
 
-    The key of a line, by cell in `keys`, is a digest of all that it depends on. A torn line is
-    computed again.
+    `keys` has a digest of all that the rows of a cell depend on. A torn line is computed again.
     """
 
     def __init__(self, path: Path, kind: type[tuple[Row, ...]], keys: Mapping[str, str]) -> None:
@@ -34,11 +33,11 @@ class Estimates(Generic[Row]):
         }
 
     def of(self, cell: str) -> tuple[Row, ...] | None:
-        """Rows of a cell; None where they have not been computed."""
+        """Rows of a cell, None without."""
         return self._known.get(self._keys[cell])
 
     def put(self, cells: Sequence[str], rows: Sequence[Row]) -> None:
-        """Add the rows of these cells; raises `RunFileError` where they cannot be written."""
+        """Add rows of cells; raises `RunFileError`."""
         found = {self._keys[cell]: tuple(r for r in rows if r.cell == cell) for cell in cells}
         append_lines(self._path, [self._line(*one) for one in found.items()])
         self._known |= found

@@ -279,7 +279,7 @@ class Verified:
     not_observed: tuple[str, ...] = ()
 
     def of_cell(self, cell: str) -> list[CellVerdict]:
-        """Verdicts on the claims about a cell."""
+        """Verdicts on a cell."""
         return [verdict for verdict in self.cells if verdict.cell == cell]
 
     @property

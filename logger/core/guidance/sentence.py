@@ -48,7 +48,7 @@ def direction(way_m: FloatArray) -> str:
 
 
 def direction_from(start: Places, end: Places) -> str:
-    """Direction of the way from one place to another."""
+    """From one place to another."""
     return direction(end.xy_m[:, 0] - start.xy_m[:, 0])
 
 

@@ -62,7 +62,6 @@ Column = npt.NDArray[Any]
 
 
 def _dtypes_of(meta: RunMeta) -> dict[str, np.dtype[Any]]:
-    """Types of the tables of a run's version, of its bytes and of its frames."""
     return {**parse_dtypes(meta.columns), RAW_BYTES: np.dtype("u1"), FRAMES: FRAME_DTYPE}
 
 
