@@ -239,7 +239,9 @@ def words_of_help() -> int:
 
 
 def _words_of_command(command: click.Command, parent: click.Context | None = None) -> int:
-    context = click.Context(command, parent, command.name, terminal_width=80)
+    # click keeps the option --help as the first context has named it, for all later ones
+    settings = {**command.context_settings, "terminal_width": 80}
+    context = click.Context(command, parent, command.name, **settings)
     names = command.list_commands(context) if isinstance(command, click.Group) else []
     commands = [command.get_command(context, name) for name in names]
     inner = sum(_words_of_command(one, context) for one in commands if one is not None)
