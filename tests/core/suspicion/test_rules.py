@@ -414,6 +414,12 @@ def test_c2_a_modem_that_leaves_a_good_cell_for_a_weak_one():
     assert ("C2", 99) not in walk.rules
 
 
+def test_c2_between_networks_no_level_decides():
+    """A roaming card is moved to a preferred network."""
+    walk = Walk().scan(gsm(10, -70), times=70).scan(gsm(99, -90, mnc="03"), times=4)
+    assert ("C2", 99) not in walk.rules
+
+
 def test_c2_the_way_back_from_a_rogue_cell_that_fell_silent():
     walk = Walk().scan(gsm(10, -85), times=4).scan(gsm(99, -55), times=4)
     assert ("C2", 10) not in walk.scan(gsm(10, -85), times=4).rules
