@@ -195,7 +195,9 @@ def _is_far_view(memory: Memory, cell: HeardCell) -> bool:
         and other.area is not None
         and (arfcn is None or other.heard.reading.arfcn != arfcn)
     )
-    return 2 * sum(n == 1 for n in n_cells.values()) > len(n_cells) > 1
+    if n_cells.total() + 1 < _FEWEST_CELLS:  # a telephone that names its serving cell alone
+        return False
+    return 2 * sum(n == 1 for n in n_cells.values()) > len(n_cells)
 
 
 class _ServingAreas:

@@ -32,6 +32,7 @@ _USUAL_S = 300.0
 """A log of several telephones, or of a modem that tries networks in turn, names all of them in the
 first minutes."""
 _INDOORS_DB, _OUTDOORS_DB = 10.0, -5.0
+_REPEATER_DB = 20.0  # three deviations of the median of a few cells round a corner
 _DOOR_M = 60.0  # within which a door is passed; indoor positions are as far off
 _LEFT_M = 300.0  # where the levels of before are no longer to be compared
 _FEWEST_TO_COMPARE = 3  # cells of two scans
@@ -387,16 +388,17 @@ class Memory:
             if change_db <= -_INDOORS_DB and self._raised.pop(network, None) is None:
                 self._outdoors[network] = first
             elif change_db >= _INDOORS_DB:
-                self._take_rise(now, network)
+                self._take_rise(now, network, change_db)
         before.append(now)
 
-    def _take_rise(self, now: Moment, network: str) -> None:
+    def _take_rise(self, now: Moment, network: str, change_db: float) -> None:
         # the walk began indoors; or a repeater in a car comes, and goes
         if now.x_m is None or now.y_m is None:
             return
         x_m, y_m = now.x_m, now.y_m
         self._forget_spots(network, lambda s: hypot(s.x_m - x_m, s.y_m - y_m) <= _DOOR_M)
-        if any(len(cell.spots) for cell in self.cells.values()):
+        is_more = change_db >= _REPEATER_DB
+        if is_more and any(len(cell.spots) for cell in self.cells.values()):
             self._raised[network] = now
 
     def _forget_spots(self, network: str, is_wrong: Callable[[Spot], bool]) -> None:
