@@ -383,11 +383,12 @@ class Memory:
                 before.clear()
         elif (first := next((m for m in before if _is_near(m, now, _DOOR_M)), None)) is not None:
             change_db = _change_db(first, now, network) or 0.0
-            if abs(change_db) >= _INDOORS_DB:
+            least_db = _INDOORS_DB if network == _ALL else _REPEATER_DB  # walls are of all
+            if abs(change_db) >= least_db:
                 before.clear()
-            if change_db <= -_INDOORS_DB and self._raised.pop(network, None) is None:
+            if change_db <= -least_db and self._raised.pop(network, None) is None:
                 self._outdoors[network] = first
-            elif change_db >= _INDOORS_DB:
+            elif change_db >= least_db:
                 self._take_rise(now, network, change_db)
         before.append(now)
 
