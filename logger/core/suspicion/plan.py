@@ -165,8 +165,8 @@ def _two_areas(memory: Memory, cell: HeardCell) -> Evidence | None:
     gate="each held for 10 s; within 300 m of each other one is 10 dB stronger",
     sentence="channel {channel} with code {code} is also that of {other}, heard {apart_m} away",
     harmless="a telephone that prints the old identity with the new channel",
-    detection=0.25,  # so that P5 and S3, of a telephone that mixes two cells, are not enough
-    measured=on_telephones(GSM=(1, 21, 2.0)),
+    detection=0.5,
+    measured=on_telephones(GSM=(0, 21, 2.0)),
     rats=GSM,
 )
 def _anothers_channel(memory: Memory, cell: HeardCell) -> Evidence | None:
