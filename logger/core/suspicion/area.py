@@ -1,12 +1,13 @@
 """Location and tracking areas: codes that no other cell has, and changes while standing."""
 
+from collections import Counter
 from functools import partial
 from math import hypot
 
 from logger.core.latest import Latest
 from logger.core.suspicion.countries import GSMR_ARFCNS, TEST_MCCS
 from logger.core.suspicion.earlier_walks import ground
-from logger.core.suspicion.heard import MOST_NETWORKS, HeardCell, Memory, Moment
+from logger.core.suspicion.heard import MOST_NETWORKS, HeardCell, Memory, Moment, Walker
 from logger.core.suspicion.rule import Evidence, Rate, ScanRule, on_telephones
 
 _LATE_S = 300.0
@@ -76,6 +77,9 @@ def _is_of_known_area(memory: Memory, name: str) -> bool:
 def _is_past_a_border(memory: Memory, name: str) -> bool:
     # there other cells of the area follow, to an invented one none
     area, cell = name.rpartition("-")[0], memory.cells.get(name)
+    is_heard = any(heard is cell for heard in memory.taken)
+    if cell is not None and is_heard and _is_far_view(memory, cell):
+        return True
     return _is_of_known_area(memory, name) or any(
         other.name.rpartition("-")[0] == area
         and other.name != name
@@ -93,7 +97,7 @@ def _is_past_a_border(memory: Memory, name: str) -> bool:
     gate="for 20 s, on foot for 100 m or 80 s, with 3 other cells of the operator within 5 "
     "minutes and since two scans without any; the cell at least -90 dBm; an area of which no other "
     "cell comes later, and that two earlier walks did not hear where a cell of it is heard; not "
-    "faster than a car",
+    "faster than a car, nor where most areas have one cell",
     sentence="area {area} is that of none of the {neighbours} other cells heard with it",
     harmless="the border of two areas, a small cell in a house or shop",
     detection=0.8,
@@ -127,7 +131,7 @@ def _is_past_border(now: Moment, cell: HeardCell) -> bool:
     """Whether a cell is too far from its first place for a border just met."""
     since_s = now.t_s - cell.first_s
     if now.x_m is None or now.y_m is None or cell.first_m is None:
-        return True
+        return since_s >= _BORDER_S and now.t_s - now.leapt_s >= Walker.DOUBTFUL_S
     gone_m = hypot(now.x_m - cell.first_m[0], now.y_m - cell.first_m[1])
     if gone_m > _FASTEST_MPS * since_s:
         return False
@@ -149,6 +153,8 @@ def _is_past_border(now: Moment, cell: HeardCell) -> bool:
 )
 def _alone(memory: Memory, cell: HeardCell) -> Evidence | None:
     if memory.now.t_s - cell.first_s < _ALONE_S or cell.operator[:3] in TEST_MCCS:
+        return None
+    if not _is_past_border(memory.now, cell):
         return None
     if not _has_own_area(memory, cell):
         return None
@@ -175,7 +181,23 @@ def _has_own_area(memory: Memory, cell: HeardCell) -> bool:
     for other in memory.of_operator(cell.operator, cell.rat):  # a generator takes twice the time
         if other.area == area and other is not cell:
             return False
-    return not _is_known_area(memory, cell)
+    return not _is_known_area(memory, cell) and not _is_far_view(memory, cell)
+
+
+def _is_far_view(memory: Memory, cell: HeardCell) -> bool:
+    # from a mountain or an aircraft one cell is heard of most areas; who changes the area of a
+    # station keeps its channel
+    arfcn = cell.heard.reading.arfcn
+    n_cells = Counter(
+        other.area
+        for other in memory.of_operator(cell.operator, cell.rat)
+        if other is not cell
+        and other.area is not None
+        and (arfcn is None or other.heard.reading.arfcn != arfcn)
+    )
+    if n_cells.total() + 1 < _FEWEST_CELLS:  # a telephone that names its serving cell alone
+        return False
+    return 2 * sum(n == 1 for n in n_cells.values()) > len(n_cells)
 
 
 class _ServingAreas:
@@ -199,7 +221,7 @@ class _ServingAreas:
     harmless="the border of two areas, a cell switched off, another card or a roaming network",
     detection=0.4,
     measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
-    refuted_by=_is_of_known_area,
+    refuted_by=_is_past_a_border,
 )
 def _change(memory: Memory, cell: HeardCell) -> Evidence | None:
     now, areas = memory.now, memory.of(_ServingAreas)

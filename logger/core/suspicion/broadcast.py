@@ -5,7 +5,7 @@ from functools import partial
 from statistics import median
 
 from logger.core.latest import Latest
-from logger.core.suspicion.heard import Heard, HeardCell, Memory, serving_cell
+from logger.core.suspicion.heard import Heard, HeardCell, Memory, may_be_same, serving_cell
 from logger.core.suspicion.rule import GSM, Evidence, Rate, ScanRule, on_telephones
 
 _FEWEST_CELLS = 3
@@ -55,7 +55,7 @@ def _leave_for_weaker(memory: Memory, cell: HeardCell) -> Evidence | None:
         left = memory.cells.get(before[-1][1].name or "")
         # the way back from a rogue cell that fell silent accuses nobody
         is_newer = left is not None and left.first_s < cell.first_s
-        is_compared = is_newer and _are_compared(memory, serving, before[-1][1])
+        is_compared = is_newer and _are_compared(serving, before[-1][1])
         if len(before) == _STEADY and is_compared and not is_late:
             past.other = cell.name, t_s, min(b[2] for b in before), []
         past.serving.clear()
@@ -71,9 +71,9 @@ def _leave_for_weaker(memory: Memory, cell: HeardCell) -> Evidence | None:
     return {"left_dbm": round(left_dbm), "level_dbm": round(max(levels))}
 
 
-def _are_compared(memory: Memory, serving: Heard, left: Heard) -> bool:
-    is_apart = memory.are_apart(serving.operator, left.operator)
-    return serving.rat == left.rat and not is_apart
+def _are_compared(serving: Heard, left: Heard) -> bool:
+    # between networks no level decides
+    return serving.rat == left.rat and may_be_same(serving.operator, left.operator)
 
 
 _OFFSETS = partial(Latest[float], 128)

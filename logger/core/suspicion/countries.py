@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 
-TEST_MCCS = frozenset({"001", "999"})
+TEST_MCC = "001"
+TEST_MCCS = frozenset({TEST_MCC, "999"})
 """Test and private networks (ITU-T E.212)."""
 INTERNATIONAL = "901"
 """Ships, aircraft and satellites."""

@@ -32,9 +32,11 @@ _USUAL_S = 300.0
 """A log of several telephones, or of a modem that tries networks in turn, names all of them in the
 first minutes."""
 _INDOORS_DB, _OUTDOORS_DB = 10.0, -5.0
+_REPEATER_DB = 20.0  # three deviations of the median of a few cells round a corner
 _DOOR_M = 60.0  # within which a door is passed; indoor positions are as far off
 _LEFT_M = 300.0  # where the levels of before are no longer to be compared
 _FEWEST_TO_COMPARE = 3  # cells of two scans
+_ALL = "?-?"  # networks
 _NO_AREA = frozenset({0, 0xFFFE, 0xFFFF})
 """Area codes of a cell that is not registered with (3GPP TS 23.003 4.1)."""
 
@@ -84,6 +86,7 @@ class Level(NamedTuple):
     level_dbm: float
     x_m: float | None
     y_m: float | None
+    new: "Level | None" = None  # its first: of a neighbour a modem repeats an old one
 
 
 @dataclass(slots=True)
@@ -117,8 +120,8 @@ class HeardCell:
     first_m: tuple[float, float] | None = None
     is_renamed: bool = False  # the station was heard before, under another area code
 
-    def take(self, now: "Moment", heard: Heard, is_indoors: bool) -> None:
-        """Remember a reading; indoors without its level."""
+    def take(self, now: "Moment", heard: Heard, is_changed: bool) -> None:
+        """Remember a reading; indoors or beside a repeater without its level."""
         self.heard = heard
         t_s = now.t_s
         if t_s - self.last_s > GAP_S:
@@ -132,7 +135,7 @@ class HeardCell:
         if arfcn is not None and code is not None:
             self._take_pair(t_s, (arfcn, code))
         if heard.level_dbm is not None:
-            self._take_level(now, heard.level_dbm, is_indoors)
+            self._take_level(now, heard.level_dbm, is_changed, heard.is_serving)
 
     def _take_pair(self, t_s: float, pair: tuple[int, int]) -> None:
         """Channel and colour code are held for a while: after a handover they are mixed."""
@@ -157,14 +160,18 @@ class HeardCell:
         held = [pair[0] for pair, held_s in self.held_s.items() if held_s >= PAIR_HELD_S]
         return list(dict.fromkeys(held))
 
-    def _take_level(self, now: "Moment", level_dbm: float, is_indoors: bool) -> None:
+    def _take_level(
+        self, now: "Moment", level_dbm: float, is_changed: bool, is_serving: bool
+    ) -> None:
         self.best_dbm = max(self.best_dbm, level_dbm)
-        recent = self.recent
-        recent.append(Level(now.t_s, level_dbm, now.x_m, now.y_m))
+        recent, new = self.recent, None
+        if recent and recent[-1].level_dbm == level_dbm and not is_serving:
+            new = recent[-1].new or recent[-1]
+        recent.append(Level(now.t_s, level_dbm, now.x_m, now.y_m, new))
         if len(recent) >= STEADY:
             last = recent[-1].level_dbm, recent[-2].level_dbm, recent[-3].level_dbm
             self.weakest_dbm = min(last)
-        if now.x_m is not None and now.y_m is not None and not is_indoors:
+        if now.x_m is not None and now.y_m is not None and not is_changed:
             self.spots.add(now.x_m, now.y_m, level_dbm, now.t_s)
 
 
@@ -242,19 +249,20 @@ def may_be_same(operator: str, other: str) -> bool:
     return all("?" in pair or pair[0] == pair[1] for pair in pairs)
 
 
-def levels_dbm(now: Moment) -> dict[object, float]:
+def levels_dbm(now: Moment, network: str = "?-?") -> dict[object, float]:
     """By cell, or channel and code."""
     levels = {
         heard.name or (heard.rat, heard.reading.arfcn, heard.code): heard.level_dbm
         for heard in now.cells
+        if network == "?-?" or may_be_same(heard.operator, network)
     }
     return {key: level_dbm for key, level_dbm in levels.items() if level_dbm is not None}
 
 
-def _change_db(before: Moment, now: Moment) -> float | None:
+def _change_db(before: Moment, now: Moment, network: str) -> float | None:
     # what all cells have in common; a new cell or one that moves has no say
-    old_dbm = levels_dbm(before)
-    new = [(key, level_dbm) for key, level_dbm in levels_dbm(now).items() if key in old_dbm]
+    old_dbm = levels_dbm(before, network)
+    new = [(key, dbm) for key, dbm in levels_dbm(now, network).items() if key in old_dbm]
     if len(new) < _FEWEST_TO_COMPARE:
         return None
     return median([level_dbm - old_dbm[key] for key, level_dbm in new])
@@ -265,6 +273,10 @@ def _is_near(before: Moment | Level, now: Moment, way_m: float) -> bool:
     if before.x_m is None or before.y_m is None or now.x_m is None or now.y_m is None:
         return True
     return hypot(now.x_m - before.x_m, now.y_m - before.y_m) <= way_m
+
+
+def _is_brief(raised: Moment, now: Moment) -> bool:
+    return now.t_s - raised.t_s <= _LATE_S and _is_near(raised, now, _LEFT_M)
 
 
 State = TypeVar("State")
@@ -297,8 +309,10 @@ class Memory:
         self._first_s: float | None = None
         self._usual: set[str] = set()
         self._of: dict[Callable[[], Any], Any] = {}
-        self._beside: deque[Moment] = deque(maxlen=2 * STEADY)
-        self._outdoors: Moment | None = None
+        # by network, as a repeater serves one; the first is all of them
+        self._beside: dict[str, deque[Moment]] = {}
+        self._outdoors: dict[str, Moment] = {}
+        self._raised: dict[str, Moment] = {}
 
     def take(self, now: Moment) -> None:
         """Remember a scan."""
@@ -306,7 +320,9 @@ class Memory:
         self.now = now
         self.latest.append(now)
         self._take_serving(now)
-        self._take_walls(now)
+        networks = {heard.operator for heard in now.cells if heard.name}
+        for network in (_ALL, *(networks if len(networks) > 1 else ())):
+            self._take_walls(now, network)
         taken: dict[str, HeardCell] = {}
         for heard in now.cells:
             name = heard.name
@@ -321,7 +337,12 @@ class Memory:
                     heard, name, heard.rat, heard.operator, heard.area, cid, t_s, t_s, t_s
                 )
                 cell.is_renamed = self._is_renamed(now, heard)
-            cell.take(now, heard, self._outdoors is not None)
+            is_changed = any(
+                network in changed
+                for network in (_ALL, heard.operator)
+                for changed in (self._outdoors, self._raised)
+            )
+            cell.take(now, heard, is_changed)
             cell.area = heard.area if cell.area is None else cell.area
             self._put(cell)
             taken[name] = cell
@@ -343,31 +364,48 @@ class Memory:
                 return _is_near(last, now, _DOOR_M)
         return False
 
-    def _take_walls(self, now: Moment) -> None:
+    def _take_walls(self, now: Moment, network: str) -> None:
         # what all levels lose or gain at one place is of the receiver, not of one cell
-        outdoors, before = self._outdoors, self._beside
+        if network not in self._beside and len(self._beside) == MOST_NETWORKS:
+            return
+        before = self._beside.setdefault(network, deque(maxlen=2 * STEADY))
+        outdoors = self._outdoors.get(network)
+        if not _is_brief(self._raised.get(network, now), now):
+            del self._raised[network]
         if before and now.leapt_s > before[-1].leapt_s:
-            self._forget_spots(lambda _: True)  # nobody knows since when they were displaced
+            # nobody knows since when they were displaced
+            self._forget_spots(network, lambda _: True)
         if outdoors is not None:
-            change_db = _change_db(outdoors, now)
+            change_db = _change_db(outdoors, now, network)
             is_out = change_db is not None and change_db >= _OUTDOORS_DB
             if is_out or not _is_near(outdoors, now, _LEFT_M):
-                self._outdoors = None
+                del self._outdoors[network]
                 before.clear()
         elif (first := next((m for m in before if _is_near(m, now, _DOOR_M)), None)) is not None:
-            change_db = _change_db(first, now) or 0.0
-            if abs(change_db) >= _INDOORS_DB:
+            change_db = _change_db(first, now, network) or 0.0
+            least_db = _INDOORS_DB if network == _ALL else _REPEATER_DB  # walls are of all
+            if abs(change_db) >= least_db:
                 before.clear()
-            if change_db <= -_INDOORS_DB:
-                self._outdoors = first
-            elif change_db >= _INDOORS_DB and now.x_m is not None and now.y_m is not None:
-                x_m, y_m = now.x_m, now.y_m  # the walk began indoors
-                self._forget_spots(lambda s: hypot(s.x_m - x_m, s.y_m - y_m) <= _DOOR_M)
+            if change_db <= -least_db and self._raised.pop(network, None) is None:
+                self._outdoors[network] = first
+            elif change_db >= least_db:
+                self._take_rise(now, network, change_db)
         before.append(now)
 
-    def _forget_spots(self, is_wrong: Callable[[Spot], bool]) -> None:
+    def _take_rise(self, now: Moment, network: str, change_db: float) -> None:
+        # the walk began indoors; or a repeater in a car comes, and goes
+        if now.x_m is None or now.y_m is None:
+            return
+        x_m, y_m = now.x_m, now.y_m
+        self._forget_spots(network, lambda s: hypot(s.x_m - x_m, s.y_m - y_m) <= _DOOR_M)
+        is_more = change_db >= _REPEATER_DB
+        if is_more and any(len(cell.spots) for cell in self.cells.values()):
+            self._raised[network] = now
+
+    def _forget_spots(self, network: str, is_wrong: Callable[[Spot], bool]) -> None:
         for cell in self.cells.values():
-            cell.spots.forget(is_wrong)
+            if network in (_ALL, cell.operator):
+                cell.spots.forget(is_wrong)
 
     def _at_rest(self, now: Moment) -> Moment:
         # a receiver may repeat its position in a train: who stands meets few new cells, and hears

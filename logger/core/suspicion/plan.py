@@ -5,9 +5,15 @@ from functools import partial
 from math import hypot, inf
 
 from logger.core.latest import Latest
-from logger.core.suspicion.countries import GSMR_ARFCNS, INTERNATIONAL, TEST_MCCS, countries
+from logger.core.suspicion.countries import (
+    GSMR_ARFCNS,
+    INTERNATIONAL,
+    TEST_MCC,
+    TEST_MCCS,
+    countries,
+)
 from logger.core.suspicion.earlier_walks import FEWEST_MOVED
-from logger.core.suspicion.heard import HeardCell, Memory
+from logger.core.suspicion.heard import HeardCell, Memory, Moment
 from logger.core.suspicion.rule import GSM, Evidence, Rate, ScanRule, on_telephones
 from logger.core.suspicion.spots import Spot
 
@@ -60,7 +66,8 @@ class _Networks:
     id="P1",
     family="plan",
     needs=("position", "country code"),
-    gate="railways are named; a test network counts once 2 scans heard a cell of this country",
+    gate="railways are named; a test network counts once 2 scans heard a cell of this country, "
+    "001 also 300 m on",
     sentence="network {operator}: {why}",
     harmless="borders, ships and aircraft, private networks",
     detection=0.9,
@@ -76,11 +83,19 @@ def _foreign(memory: Memory, cell: HeardCell) -> Evidence | None:
     if why is None:
         networks.has_public |= cell.n_scans >= _FEWEST_SCANS
         return None
-    is_railway = networks.plan.is_railway(mcc, mnc) or reading.arfcn in GSMR_ARFCNS
-    if is_railway or (mcc in TEST_MCCS and not networks.has_public):
+    if networks.plan.is_railway(mcc, mnc) or reading.arfcn in GSMR_ARFCNS:
+        return None
+    if mcc in TEST_MCCS and not networks.has_public and not _is_wide(now, cell):
         return None
     memory.foreign.put(cell.name, None)
     return {"operator": cell.operator, "why": why}
+
+
+def _is_wide(now: Moment, cell: HeardCell) -> bool:
+    # no laboratory; a private network may be
+    if cell.operator[:3] != TEST_MCC or now.x_m is None or now.y_m is None or cell.first_m is None:
+        return False
+    return hypot(now.x_m - cell.first_m[0], now.y_m - cell.first_m[1]) > _NEAR_M
 
 
 _BY_CID = partial(Latest[list[str]], _MOST_CHANNELS)
@@ -163,6 +178,8 @@ def _anothers_channel(memory: Memory, cell: HeardCell) -> Evidence | None:
         other = memory.cells.get(name)
         if other is None or other.usual_pair != pair or cell.is_renamed or other.is_renamed:
             continue
+        if (other.area, other.cid) == (cell.area, cell.cid):
+            continue  # one cell of two networks (3GPP TS 23.251)
         above_db, apart_m = _closest(cell, other)
         if apart_m <= _NEAR_M and abs(above_db) >= _STRONGER_DB:
             return {

@@ -17,6 +17,7 @@ from logger.core.suspicion.heard import (
     Memory,
     Moment,
     levels_dbm,
+    may_be_same,
 )
 from logger.core.suspicion.rule import Evidence, Rate, ScanRule, on_telephones
 
@@ -61,7 +62,7 @@ class _Before(NamedTuple):
     is_full: bool
     unnamed: frozenset[tuple[int | None, int | None]]  # channel and code, without an identity
 
-    def lacks(self, memory: Memory, cell: HeardCell) -> bool:
+    def lacks(self, cell: HeardCell) -> bool:
         """Whether it could have heard a cell of this network."""
         arfcn = cell.heard.reading.arfcn
         if (
@@ -71,7 +72,9 @@ class _Before(NamedTuple):
         ):
             return False
         names = self.operators
-        return len(names) > 1 or not any(memory.are_apart(cell.operator, name) for name in names)
+        if any(not may_be_same(name, other) for name in names for other in names):
+            return True
+        return all(may_be_same(cell.operator, name) for name in names)
 
 
 def _steady_dbm(cell: HeardCell) -> float | None:
@@ -103,7 +106,8 @@ def _jump(memory: Memory, cell: HeardCell) -> Evidence | None:
         or (seconds > _JUMP_S and not _has_stood(memory.now, before.t_s))
     ):
         return None
-    if _apart_m(recent[-STEADY - 2], recent[-1]) > _NEAR_M:
+    old = recent[-STEADY - 2].new or recent[-STEADY - 2]
+    if _apart_m(old, recent[-1]) > _NEAR_M:
         return None
     rises_s = memory.of(_RISES)
     if _others_rise_db(memory, cell, recent[-STEADY].t_s) > _STAYS_DB:
@@ -121,14 +125,18 @@ def _jump(memory: Memory, cell: HeardCell) -> Evidence | None:
 _RISES = partial(deque[float], maxlen=1)
 
 
-def _others_rise_db(memory: Memory, cell: HeardCell, since_s: float) -> float:
-    # median of the others
-    before: dict[object, float] = {}
-    after: dict[object, float] = {}
-    for moment in memory.latest:
-        (before if moment.t_s < since_s else after).update(levels_dbm(moment))
-    both = before.keys() & after.keys() - {cell.name}
-    return median([after[key] - before[key] for key in both] or [0.0])
+def _others_rise_db(memory: Memory, cell: HeardCell, since_s: float, fewest: int = 1) -> float:
+    # median of the others, or of those of its network: a repeater raises one
+    rises_db = []
+    for network in ("?-?", cell.operator):
+        before: dict[object, float] = {}
+        after: dict[object, float] = {}
+        for moment in memory.latest:
+            (before if moment.t_s < since_s else after).update(levels_dbm(moment, network))
+        both = before.keys() & after.keys() - {cell.name}
+        if len(both) >= fewest:
+            rises_db.append(median([after[key] - before[key] for key in both]))
+    return max(rises_db, default=0.0)
 
 
 _SCANS = partial(deque[_Before], maxlen=12)
@@ -163,8 +171,8 @@ def _new_cells(memory: Memory) -> Iterator[HeardCell]:
     id="S3",
     family="signal",
     needs=("identity", "level", "position"),
-    gate="3 readings; 15 dB above what two scans of its network could have missed, within 120 m "
-    "and within 30 s or since the walker stands",
+    gate="3 readings; 15 dB above what two scans of its network could have missed, and above what "
+    "its others have risen by; within 120 m and within 30 s or since the walker stands",
     sentence="appears with {level_dbm} dBm where {limit_dbm} dBm could not be missed {seconds} "
     "s before",
     harmless="a legitimate cell switched on, the exit of a tunnel",
@@ -177,9 +185,7 @@ def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
     if weakest_dbm is None:
         return None
     first, silent_s = cell.recent[0], memory.silent_s
-    before = [
-        b for b in memory.of(_SCANS) if silent_s < b.t_s < first.t_s and b.lacks(memory, cell)
-    ]
+    before = [b for b in memory.of(_SCANS) if silent_s < b.t_s < first.t_s and b.lacks(cell)]
     before = [
         b
         for b in before[-STEADY:]
@@ -188,6 +194,10 @@ def _appears(memory: Memory, cell: HeardCell) -> Evidence | None:
     limit_dbm = max((b.limit_dbm for b in before), default=0.0)
     is_near = all(_apart_m(b, cell.recent[-1]) <= _PASSED_M for b in before)
     if len(before) < 2 or not is_near or weakest_dbm < limit_dbm + _APPEARS_DB:
+        return None
+    # what all have risen by since they were heard is of the receiver
+    rise_db = _others_rise_db(memory, cell, first.t_s, STEADY)
+    if weakest_dbm < limit_dbm + _APPEARS_DB + max(rise_db, 0.0):
         return None
     return {
         "level_dbm": round(weakest_dbm),
@@ -246,7 +256,7 @@ def _rises_while_others_stay(memory: Memory, cell: HeardCell) -> Evidence | None
     before = [(level.t_s, level.level_dbm) for level in _levels_before(memory, cell)]
     if not before:
         scans = [b for b in memory.of(_SCANS) if since_s <= b.t_s < first_s]
-        before = [(b.t_s, b.limit_dbm) for b in scans if b.is_full and b.lacks(memory, cell)]
+        before = [(b.t_s, b.limit_dbm) for b in scans if b.is_full and b.lacks(cell)]
     before = before[-2:]
     if len(before) < 2 or now.t_s - before[0][0] < _STOOD_S:
         return None

@@ -38,8 +38,11 @@ def test_one_network_says_nothing_of_another():
 
 
 def test_a_network_that_comes_late_has_to_be_explained():
-    walk = Walk().scan(*FIRST, metres=0.0, times=70).scan(*SECOND, metres=0.0, times=15)
-    assert ("L3", 60) in walk.rules
+    walk = Walk().scan(*FIRST, metres=0.0, times=70).scan(SECOND[0], metres=0.0, times=4)
+    assert walk.rules == {("L3", 60)}
+    walk.scan(*SECOND, metres=0.0, times=2)
+    assert not walk.tracker.conspicuous()
+    assert not walk.tracker.assessment(SECOND[0].cell).findings
 
 
 def test_a_receiver_that_repeats_its_position_in_a_train_does_not_stand():

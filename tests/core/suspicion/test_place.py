@@ -135,3 +135,15 @@ def test_a_position_that_leaps_for_a_while_is_of_no_cell(leap_m, begin, end):
         walk.scan(*_street(0.7 * k), metres=4.2 + to_m - off_m, seconds=1.0)
         off_m = to_m
     assert not {rule for rule, _ in walk.rules} & {"S4", "S5", "S6", "S9"}
+
+
+@pytest.mark.parametrize("network", ["01", "03"])
+def test_a_repeater_in_a_car_is_of_no_cell(network):
+    """It raises all cells of one network, or of the only one that is heard, for two minutes."""
+    walk = Walk()
+    for k in range(180):
+        raised_db = 25.0 if 100 <= k < 124 else 0.0
+        other = [gsm(60 + n, -80 - n, mnc=network, lac=4301) for n in range(4)]
+        other = other if network == "03" else []
+        walk.scan(*_street(k, loss_db=-raised_db), *other, metres=6.0)
+    assert not {rule for rule, _ in walk.rules} & {"S2", "S3", "S4", "S5", "S6", "S9", "S12"}

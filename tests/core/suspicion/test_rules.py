@@ -7,7 +7,8 @@ import pytest
 from logger.core.suspicion.countries import countries
 from logger.core.suspicion.rule import Rate
 from logger.core.suspicion.rules import RULES
-from logger.core.types import Broadcast, CellReading
+from logger.core.suspicion.tracker import SuspicionTracker
+from logger.core.types import Broadcast, CellReading, Record, Scan
 from tests.kit.suspicion_walks import Walk, gsm
 
 HOME = [gsm(cid, -80 - cid % 7) for cid in range(10, 16)]
@@ -75,6 +76,19 @@ def test_p1_a_test_network_counts_where_there_are_others():
     assert damaged.rules == set()
 
 
+@pytest.mark.parametrize(
+    ("mcc", "metres", "word"),
+    [
+        ("001", 20.0, "suspicious"),
+        ("001", 10.0, "nothing unusual"),  # a laboratory
+        ("999", 20.0, "nothing unusual"),  # the private network of a harbour
+    ],
+)
+def test_p1_a_test_network_that_has_caught_the_modem_from_the_begin(mcc, metres, word):
+    caught = gsm(99, mcc=mcc)
+    assert Walk().scan(caught, metres=metres, times=20).word(caught.cell) == word
+
+
 def test_p4_one_cell_identity_in_two_areas():
     walk = Walk().scan(*HOME, times=5).scan(gsm(10, lac=1202), *HOME[1:], times=5)
     assert ("P4", 10) in walk.rules
@@ -106,6 +120,14 @@ def test_what_was_heard_before_a_lift_is_not_compared(n_silent):
     assert {rule for rule, _ in walk.rules} == (set() if n_silent > 1 else {"L1", "L3", "S2", "S3"})
 
 
+@pytest.mark.parametrize(("cid", "is_accused"), [(10, False), (99, True)])
+def test_p5_one_cell_of_two_networks_is_no_contradiction(cid, is_accused):
+    """Networks share it, and the modem prints one or the other."""
+    shared = replace(gsm(cid, -60, mnc="10"), arfcn=HOME[0].arfcn)
+    walk = Walk().scan(*HOME, times=5).scan(*HOME[1:], shared, times=5)
+    assert (("P5", cid) in walk.rules) == is_accused
+
+
 def test_p6_one_identity_on_two_channels_for_a_while():
     other = gsm(10, arfcn=77)
     assert ("P6", 10) in Walk().scan(*HOME, times=5).scan(other, *HOME[1:], times=5).rules
@@ -120,6 +142,43 @@ def test_l1_l2_an_area_that_no_other_cell_has():
     border = [gsm(cid, -80, lac=1202) for cid in range(30, 40)]
     walk = Walk().scan(*many, times=3).scan(*many, border[0], times=3).scan(*border, times=15)
     assert walk.rules == set()
+
+
+@pytest.mark.parametrize(("n_areas", "is_accused"), [(1, True), (12, False)])
+def test_l1_l2_are_silent_where_most_areas_have_one_cell(n_areas, is_accused):
+    """On a mountain."""
+    near = [gsm(cid, -80, lac=1201 + cid % n_areas) for cid in range(10, 22)]
+    walk = Walk().scan(*near, times=3).scan(*near, gsm(99, -70, lac=7777), times=25)
+    assert bool({("L1", 99), ("L2", 99)} & walk.rules) == is_accused
+
+
+def test_l1_l2_are_withdrawn_where_the_cells_of_many_areas_come_later():
+    """On the way to its top the first far cell is alone."""
+    valley, far = HOME, [gsm(cid, -80, lac=cid) for cid in range(30, 45)]
+    walk = Walk().scan(*valley, times=3).scan(*valley, far[0], times=25)
+    assert ("L1", 30) in walk.rules
+    walk.scan(*far, times=4)
+    assert not walk.tracker.conspicuous()
+
+
+def test_l1_an_area_each_minute_is_no_far_view():
+    """A station that changes its area keeps its channel."""
+    walk = Walk().scan(*HOME, times=3)
+    for lac in range(7000, 7006):
+        walk.scan(*HOME, gsm(lac, -60, lac=lac, arfcn=99), times=20)
+    assert {("L1", lac) for lac in range(7000, 7006)} <= walk.rules
+
+
+@pytest.mark.parametrize(("seconds", "is_accused"), [(60.0, False), (90.0, True)])
+def test_l1_without_a_position_waits_as_on_foot(seconds, is_accused):
+    tracker = SuspicionTracker()
+    cells = (*HOME, gsm(99, -60, lac=7777))
+    found = []
+    for k in range(3 + round(seconds / 5.0) + 1):
+        t_ns = k * 5 * 10**9
+        scan = Scan(t_ns, tuple(HOME) if k < 3 else cells)
+        found += tracker.feed(Record(t_ns, "modem", scan))
+    assert ("L1" in {finding.rule.id for finding in found}) == is_accused
 
 
 def test_l3_a_new_area_while_standing():
@@ -183,6 +242,34 @@ def test_s2_s3_wait_for_the_scans_of_a_slow_modem_while_the_walker_stands(metres
     walk = Walk().scan(*HOME, metres=metres, seconds=60.0, times=5)
     walk.scan(*HOME[:5], gsm(15, -55), gsm(99, -50), metres=metres, seconds=60.0, times=4)
     assert (("S2", 15) in walk.rules) == is_named
+    assert (("S3", 99) in walk.rules) == is_named
+
+
+@pytest.mark.parametrize("repeats", [False, True])
+def test_s2_a_modem_that_repeats_old_levels_of_neighbours(repeats):
+    """The old level is of a place that the walker has left."""
+    walk = Walk()
+    for k in range(5):
+        weak = gsm(15, -85 if repeats else -85 - k % 2)
+        walk.scan(*HOME[:5], weak, metres=7.0)
+    walk.scan(gsm(15, -60), *HOME[:5], metres=2.0, times=4)
+    assert (("S2", 15) in walk.rules) != repeats
+
+
+@pytest.mark.parametrize(("rise_db", "dbm", "is_named"), [(0.0, -68, True), (25.0, -75, False)])
+def test_s3_is_silent_where_all_levels_rise(rise_db, dbm, is_named):
+    """A walker leaves a house, and hears more cells than in it."""
+    walk = Walk().scan(*_weaker(HOME, rise_db), metres=1.0, times=6)
+    walk.scan(*HOME, gsm(99, dbm), metres=1.0, times=4)
+    assert (("S3", 99) in walk.rules) == is_named
+
+
+@pytest.mark.parametrize(("mnc", "is_named"), [("01", True), ("03", False)])
+def test_s3_a_scan_of_one_network_says_nothing_of_another_that_comes_late(mnc, is_named):
+    """A roaming card is moved to another network; neighbours have no identity."""
+    nameless = [_nameless(cell) for cell in HOME[1:]]
+    walk = Walk().scan(HOME[0], *nameless, metres=0.0, times=70)
+    walk.scan(gsm(99, -50, mnc=mnc, arfcn=99), metres=0.0, times=4)
     assert (("S3", 99) in walk.rules) == is_named
 
 
@@ -327,6 +414,12 @@ def test_c2_a_modem_that_leaves_a_good_cell_for_a_weak_one():
     assert ("C2", 99) not in walk.rules
 
 
+def test_c2_between_networks_no_level_decides():
+    """A roaming card is moved to a preferred network."""
+    walk = Walk().scan(gsm(10, -70), times=70).scan(gsm(99, -90, mnc="03"), times=4)
+    assert ("C2", 99) not in walk.rules
+
+
 def test_c2_the_way_back_from_a_rogue_cell_that_fell_silent():
     walk = Walk().scan(gsm(10, -85), times=4).scan(gsm(99, -55), times=4)
     assert ("C2", 10) not in walk.scan(gsm(10, -85), times=4).rules
@@ -369,6 +462,27 @@ def test_r1_counts_a_change_once_and_not_one_by_a_call_on_3g():
     named_late = replace(gsm(10), cid=None)
     walk = Walk().scan(LTE, times=4).scan(named_late, times=3).scan(gsm(10), times=2)
     assert walk.rules == {("R1", 10)}
+
+
+@pytest.mark.parametrize(
+    ("dbm", "metres", "times", "rules"),
+    [
+        (-60, 0.0, 12, {("R1", 10)}),
+        (-60, 8.0, 12, {("R1", 10)}),
+        (-95, 0.0, 12, set()),  # a cellar
+        (-60, 40.0, 12, set()),  # a tunnel
+        (-60, 0.0, 80, set()),
+    ],
+)
+def test_r1_all_is_jammed_before_the_2g_cell(dbm, metres, times, rules):
+    """No cell is heard for a minute, then 2G as good as without walls between."""
+    walk = Walk().scan(LTE, metres=metres, times=4).scan(metres=metres, times=times)
+    assert walk.scan(gsm(10, dbm), metres=metres, times=4).rules == rules
+
+
+def test_r1_a_modem_that_prints_nothing_was_not_jammed():
+    walk = Walk().scan(LTE, metres=0.0, times=4).scan(gsm(10, -60), metres=0.0, seconds=60.0)
+    assert walk.scan(gsm(10, -60), metres=0.0, times=4).rules == set()
 
 
 def test_r1_is_about_one_network():
