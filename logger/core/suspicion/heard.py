@@ -36,7 +36,7 @@ _REPEATER_DB = 20.0  # three deviations of the median of a few cells round a cor
 _DOOR_M = 60.0  # within which a door is passed; indoor positions are as far off
 _LEFT_M = 300.0  # where the levels of before are no longer to be compared
 _FEWEST_TO_COMPARE = 3  # cells of two scans
-_ALL = "?-?"  # networks
+ALL_NETWORKS = "?-?"
 _NO_AREA = frozenset({0, 0xFFFE, 0xFFFF})
 """Area codes of a cell that is not registered with (3GPP TS 23.003 4.1)."""
 
@@ -249,12 +249,12 @@ def may_be_same(operator: str, other: str) -> bool:
     return all("?" in pair or pair[0] == pair[1] for pair in pairs)
 
 
-def levels_dbm(now: Moment, network: str = "?-?") -> dict[object, float]:
+def levels_dbm(now: Moment, network: str = ALL_NETWORKS) -> dict[object, float]:
     """By cell, or channel and code."""
     levels = {
         heard.name or (heard.rat, heard.reading.arfcn, heard.code): heard.level_dbm
         for heard in now.cells
-        if network == "?-?" or may_be_same(heard.operator, network)
+        if network == ALL_NETWORKS or may_be_same(heard.operator, network)
     }
     return {key: level_dbm for key, level_dbm in levels.items() if level_dbm is not None}
 
@@ -321,8 +321,9 @@ class Memory:
         self.latest.append(now)
         self._take_serving(now)
         networks = {heard.operator for heard in now.cells if heard.name}
-        for network in (_ALL, *(networks if len(networks) > 1 else ())):
+        for network in (ALL_NETWORKS, *(networks if len(networks) > 1 else ())):
             self._take_walls(now, network)
+        changed = self._outdoors.keys() | self._raised.keys()
         taken: dict[str, HeardCell] = {}
         for heard in now.cells:
             name = heard.name
@@ -337,12 +338,7 @@ class Memory:
                     heard, name, heard.rat, heard.operator, heard.area, cid, t_s, t_s, t_s
                 )
                 cell.is_renamed = self._is_renamed(now, heard)
-            is_changed = any(
-                network in changed
-                for network in (_ALL, heard.operator)
-                for changed in (self._outdoors, self._raised)
-            )
-            cell.take(now, heard, is_changed)
+            cell.take(now, heard, ALL_NETWORKS in changed or heard.operator in changed)
             cell.area = heard.area if cell.area is None else cell.area
             self._put(cell)
             taken[name] = cell
@@ -370,7 +366,8 @@ class Memory:
             return
         before = self._beside.setdefault(network, deque(maxlen=2 * STEADY))
         outdoors = self._outdoors.get(network)
-        if not _is_brief(self._raised.get(network, now), now):
+        raised = self._raised.get(network)
+        if raised is not None and not _is_brief(raised, now):
             del self._raised[network]
         if before and now.leapt_s > before[-1].leapt_s:
             # nobody knows since when they were displaced
@@ -383,7 +380,7 @@ class Memory:
                 before.clear()
         elif (first := next((m for m in before if _is_near(m, now, _DOOR_M)), None)) is not None:
             change_db = _change_db(first, now, network) or 0.0
-            least_db = _INDOORS_DB if network == _ALL else _REPEATER_DB  # walls are of all
+            least_db = _INDOORS_DB if network == ALL_NETWORKS else _REPEATER_DB  # walls are of all
             if abs(change_db) >= least_db:
                 before.clear()
             if change_db <= -least_db and self._raised.pop(network, None) is None:
@@ -404,7 +401,7 @@ class Memory:
 
     def _forget_spots(self, network: str, is_wrong: Callable[[Spot], bool]) -> None:
         for cell in self.cells.values():
-            if network in (_ALL, cell.operator):
+            if network in (ALL_NETWORKS, cell.operator):
                 cell.spots.forget(is_wrong)
 
     def _at_rest(self, now: Moment) -> Moment:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from logger.core.baseline import best_dbm
 from logger.core.suspicion.earlier_walks import FEWEST_WALKS, ground
 from logger.core.suspicion.heard import (
+    ALL_NETWORKS,
     FULL_LIST,
     STEADY,
     HeardCell,
@@ -128,7 +129,7 @@ _RISES = partial(deque[float], maxlen=1)
 def _others_rise_db(memory: Memory, cell: HeardCell, since_s: float, fewest: int = 1) -> float:
     # median of the others, or of those of its network: a repeater raises one
     rises_db = []
-    for network in ("?-?", cell.operator):
+    for network in (ALL_NETWORKS, cell.operator):
         before: dict[object, float] = {}
         after: dict[object, float] = {}
         for moment in memory.latest:
