@@ -21,8 +21,7 @@ _USUAL_M = 1000.0
 
 with late_modules():
     from logger import street_file
-    from logger.core import isolation, runfile
-    from logger.core.certainty import OnMap
+    from logger.core import certainty, isolation, runfile
     from logger.core.locator import verdict
     from logger.core.model import area
     from logger.core.model import prior as priors
@@ -288,7 +287,7 @@ def processors() -> int:
     return os.cpu_count() or 1
 
 
-def place_of(text: str) -> tuple[OnMap, float]:
+def place_of(text: str) -> tuple[certainty.OnMap, float]:
     """The place and the radius in metres of LAT,LON[,RADIUS_M]; raises `ConfigError`."""
     try:
         values = [float(part) for part in text.split(",")]
@@ -297,4 +296,4 @@ def place_of(text: str) -> tuple[OnMap, float]:
     if len(values) not in {2, 3}:
         raise ConfigError(f"{text!r} is no position: LAT,LON or LAT,LON,RADIUS_M is wanted")
     lat_deg, lon_deg, *radius_m = values
-    return OnMap(lat=lat_deg, lon=lon_deg), radius_m[0] if radius_m else _USUAL_M
+    return certainty.OnMap(lat=lat_deg, lon=lon_deg), radius_m[0] if radius_m else _USUAL_M

@@ -147,7 +147,7 @@ def test_import_names_bad_rows_by_line(csv, tmp_path, capsys):
     [
         ("t_s,lat,lon,rssi_dbm\n", "no usable row"),
         ("", "I read an empty file"),
-        ("lat,lon,rssi_dbm\n1,2,3\n", "t_s or time_utc"),
+        ("lat,lon,rssi_dbm\n1,2,3\n", "level is 3"),
         ("t_s,lat,lon\n1,2,3\n", "rssi_dbm"),
         ("t_s,lat,lon,rssi_dbm\n1,2,3,x\n", "line 2: rssi_dbm is no number"),
     ],
