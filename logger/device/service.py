@@ -43,6 +43,8 @@ MOST_UNNAMED = 2
 """With a modem and a receiver the text of a fault says which it is."""
 ANSWER_WITHIN_S = 45.0
 """After a boot, with which a modem gets its power: some answer after 30 s."""
+_DEAF_SCANS = 20
+"""Without any cell: a modem that has just registered names one in the first few."""
 RARE_SHARE = 0.25
 """Of its patience: the time without a scan that stands in the status."""
 FIX_AGE_S = 5.0
@@ -286,7 +288,13 @@ class Service:
                 faults[link.name] = port.fault
             elif patience_s is not None and scanless_s > patience_s:
                 faults[link.name] = f"no scan for {scanless_s:.0f} s: {port.fault or port.event}"
+            elif link.source.settings.gives_cells and self._is_deaf():
+                faults[link.name] = "no cell in any scan: is its antenna connected?"
         return faults
+
+    def _is_deaf(self) -> bool:
+        counts = self.recorder.counts
+        return counts["Scan"] >= _DEAF_SCANS and not counts["readings"]
 
     def _sign(self, now_ns: int) -> Sign:
         valid_ns = self._inbox.valid_ns

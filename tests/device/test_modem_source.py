@@ -443,6 +443,19 @@ def test_a_modem_that_refuses_is_told_of_with_its_reason(
         service.wait_for(lambda: says in under_way.snapshot().ports["modem"].event)
 
 
+def test_a_modem_that_never_hears_a_cell_is_a_fault_until_it_does(tmp_path):
+    row = '+CENG: 0,"0000,00,00,000,00,00,0000,00,00,0000,00"'
+    modem = Locked("AT+CENG?", f"+CENG: 1,1\r\n\r\n{row}\r\n\r\nOK")
+    with (
+        PtyDevice(answering(modem)) as port,
+        recording(make_service(tmp_path, Clock(), port.path, 0.0, 0.1)) as under_way,
+    ):
+        service.wait_for(lambda: "antenna" in under_way.snapshot().ports["modem"].fault)
+        assert under_way.snapshot().state == "error"
+        modem.refuse("AT", "OK")
+        service.wait_for(lambda: not under_way.snapshot().ports["modem"].fault)
+
+
 class Unreadable(Deaf):
     """A modem that sends noise while `is_deaf`, as one at another rate does."""
 
