@@ -15,8 +15,7 @@ from typing import Self
 SEND_TIMEOUT_S = 1.0
 """Longest time that a busy systemd may delay the recorder."""
 _START_US = 180_000_000
-"""Of the watchdog until records are written regularly: imports may take over 30 s from a cold card,
-and a kill would start them anew."""
+"""Of the watchdog at the start: imports from a cold card may take over 30 s."""
 
 
 class ServiceManager:
