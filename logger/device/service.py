@@ -44,7 +44,7 @@ MOST_UNNAMED = 2
 ANSWER_WITHIN_S = 45.0
 """After a boot, with which a modem gets its power: some answer after 30 s."""
 _DEAF_SCANS = 20
-"""Without any cell: a modem that starts needs a few."""
+"""Without any cell: a start takes a few."""
 RARE_SHARE = 0.25
 """Of its patience: the time without a scan that stands in the status."""
 FIX_AGE_S = 5.0

@@ -417,7 +417,7 @@ def fit(
     loss: Loss = "linear",
     height_m: float = 0.0,
 ) -> BatchFit:
-    """Best of the fits from some starts (k,); `height_m` is that of the antenna in metres.
+    """Best fit from some starts (k,); `height_m` is the antenna's, in metres.
 
     Raises `EstimationError` for fewer than 5 readings within the receiver's limits.
     """
