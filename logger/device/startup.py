@@ -14,7 +14,7 @@ from pathlib import Path
 
 from logger.config import SiteConfig
 from logger.core.errors import ConfigError
-from logger.core.runfile import RunMeta, RunWriter, Truth, journal_path
+from logger.core.runfile import RunMeta, RunWriter, Truth, journal_path, keep_number
 from logger.device.clock import Clock, boot_id
 
 LIBRARIES = {name: name for name in ("numpy", "h5py", "pyproj", "pynmea2", "msgspec")} | {
@@ -56,7 +56,10 @@ def begin_run(
         live=config.live,
         truth=truth,
     )
-    return RunWriter(journal_path(folder), meta)
+    writer = RunWriter(journal_path(folder), meta)
+    if origin == "walk":
+        keep_number(writer.path)
+    return writer
 
 
 def usable_folder(directory: str) -> Path:

@@ -139,3 +139,19 @@ def test_what_a_receiver_sent_before_its_port_was_opened_is_recorded(tmp_path):
         service.stop_service(logger)
     os.close(master)
     os.close(slave)
+
+
+@pytest.mark.parametrize("kept", [None, "", "\0\0\0\0\0\0", "x", "7" * 200])
+def test_the_number_of_a_removed_run_is_not_given_again(tmp_path, config, kept):
+    """Who fetches runs under their names would replace a walk by a later one."""
+    text = config.read_text()
+    site, clock = parse_config(text, "site.toml"), Clock()
+    for number in (1, 2):
+        path = begin_run(site, text, clock).path
+        assert path.name == f"run-{number:06d}.journal"
+        path.unlink()
+    begin_run(site, text, clock, origin="simulated walk block").path.unlink()
+    if kept is not None:  # a power cut may leave anything
+        (path.parent / ".last-run").write_text(kept)
+    expected = 1 if kept is not None else 3
+    assert begin_run(site, text, clock).path.name == f"run-{expected:06d}.journal"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from logger.core.runfile.journal import RunWriter
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, Truth
 from logger.core.runfile.retention import FLOOR_BYTES, free_bytes, make_room, remove_oldest_runs
-from logger.core.runfile.run_names import journal_path
+from logger.core.runfile.run_names import journal_path, keep_number
 
 if TYPE_CHECKING:
     from logger.core.runfile.finish import (
@@ -45,6 +45,7 @@ __all__ = [
     "finish_journal",
     "free_bytes",
     "journal_path",
+    "keep_number",
     "make_room",
     "read_results",
     "read_run",

@@ -6,22 +6,35 @@ run-000017.h5            made from them
 """
 
 import re
+from contextlib import suppress
 from pathlib import Path
 
 from logger.core.errors import RunFileError
-from logger.core.foreign import begins_with
+from logger.core.foreign import begins_with, read_regular
 
 JOURNAL = ".journal"
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 _NUMBERED = re.compile(r"run-(\d{6})\.")
 _LATER_PART = re.compile(r"(.*\.journal)\.\d+")
+# a later run with the name of one that was fetched and removed would replace the copy
+_LAST = ".last-run"
+_NUMBER = re.compile(rb"\d{1,6}")
 
 
 def journal_path(folder: Path) -> Path:
-    """Name of a new journal: one more than the highest number of journals or HDF5."""
+    """Name of a new journal: its number is above all that are or were there."""
     numbers = [int(match[1]) for path in folder.iterdir() if (match := _NUMBERED.match(path.name))]
+    with suppress(OSError):
+        if last := _NUMBER.match(read_regular(folder / _LAST, 100)):
+            numbers.append(int(last[0]))
     return folder / f"run-{max(numbers, default=0) + 1:06d}{JOURNAL}"
+
+
+def keep_number(journal: Path) -> None:
+    """Its number is not given again."""
+    with suppress(OSError):  # the number is that of the file as well
+        journal.with_name(_LAST).write_text(journal.name[4:10])
 
 
 def part_path(journal: Path, part: int) -> Path:
