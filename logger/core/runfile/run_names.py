@@ -1,4 +1,4 @@
-"""Names of runs: numbered, never dated, since the wall clock of a Pi is plausibly wrong.
+"""Names of runs: numbered, not dated, as a Pi may not know the time.
 
 run-000017.journal       what was recorded
 run-000017.journal.2     where it went on after the card had failed; read as one with the first
