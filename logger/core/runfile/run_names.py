@@ -23,7 +23,7 @@ _NUMBER = re.compile(rb"\d{1,6}")
 
 
 def journal_path(folder: Path) -> Path:
-    """Name of a new journal: its number is above all that are or were there."""
+    """Name of a new journal: its number is above all former ones."""
     numbers = [int(match[1]) for path in folder.iterdir() if (match := _NUMBERED.match(path.name))]
     with suppress(OSError):
         if last := _NUMBER.match(read_regular(folder / _LAST, 100)):
