@@ -80,18 +80,28 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
 
 @contextmanager
 def _alone(part: Path) -> Iterator[None]:
-    # the service at its stop, the unit at the boot or a user: the others wait
+    # The service at its stop, the unit at the boot or a user: the others wait. The lock is on a
+    # file beside, as the part becomes the run, which HDF5 locks as well to read it.
+    lock = part.with_suffix(".lock")
     while True:
-        with part.open("ab") as file:
+        with lock.open("ab") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
-            if not part.exists() or not os.path.samestat(os.fstat(file.fileno()), part.stat()):
-                continue  # it has its name now
+            if not _is_named(lock, file.fileno()):
+                continue  # who had it has removed it
             try:
                 yield
             finally:
-                with suppress(OSError):
-                    part.unlink()
+                for path in (part, lock):
+                    with suppress(OSError):
+                        path.unlink()
             return
+
+
+def _is_named(path: Path, number: int) -> bool:
+    try:
+        return os.path.samestat(os.fstat(number), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _check_room(parts: JournalParts, target: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from logger.cli import main as fieldlogger
 from logger.core.runfile import (
     RunWriter,
+    finish,
     finish_journal,
     free_bytes,
     make_room,
@@ -63,6 +64,17 @@ def test_what_is_being_recorded_is_left_alone(tmp_path, capsys):
     assert "being recorded" in capsys.readouterr().err
     writer.close(0, "test")
     assert len(list(recover(tmp_path))) == 1
+
+
+def test_a_run_can_be_read_from_the_moment_it_has_its_name(tmp_path, monkeypatch):
+    """HDF5 locks what it opens: whoever makes the run must not hold a lock on it then."""
+    journal = tmp_path / "run-000001.journal"
+    runs.write_journal(journal, runs.records(30))
+    run, read = journal.with_suffix(".h5"), []
+    monkeypatch.setattr(finish, "sync_folder", lambda _: read.append(read_run(run)))
+    finish_journal(journal)
+    assert len(read) == 1
+    assert {path.name for path in tmp_path.iterdir()} == {"run-000001.h5", "run-000001.journal"}
 
 
 def test_a_journal_is_recovered_by_several_at_once(tmp_path):
