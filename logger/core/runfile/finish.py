@@ -67,7 +67,7 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
     parts = JournalParts(journal)
     part = target.with_name(target.name + ".part")
     try:
-        with _alone(part):
+        with _alone(target.parent), _removed(part):
             _check_room(parts, target)
             write_hdf5(parts, part)
             may_replace(target, parts.meta.run_id)
@@ -79,29 +79,27 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
 
 
 @contextmanager
-def _alone(part: Path) -> Iterator[None]:
-    # The service at its stop, the unit at the boot or a user: the others wait. The lock is on a
-    # file beside, as the part becomes the run, which HDF5 locks as well to read it.
-    lock = part.with_suffix(".lock")
-    while True:
-        with lock.open("ab") as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
-            if not _is_named(lock, file.fileno()):
-                continue  # who had it has removed it
-            try:
-                yield
-            finally:
-                for path in (part, lock):
-                    with suppress(OSError):
-                        path.unlink()
-            return
-
-
-def _is_named(path: Path, number: int) -> bool:
+def _alone(folder: Path) -> Iterator[None]:
+    # The service at its stop, the unit at the boot or a user: the others wait. The folder has the
+    # lock, as the new file becomes the run, which HDF5 locks as well to read it.
+    number = os.open(folder, os.O_RDONLY)
     try:
-        return os.path.samestat(os.fstat(number), path.stat())
-    except FileNotFoundError:
-        return False
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(number, fcntl.LOCK_EX)
+        yield
+    finally:
+        with suppress(OSError):  # also that of a process which was forked meanwhile
+            fcntl.flock(number, fcntl.LOCK_UN)
+        os.close(number)
+
+
+@contextmanager
+def _removed(part: Path) -> Iterator[None]:
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            part.unlink()
 
 
 def _check_room(parts: JournalParts, target: Path) -> None:
