@@ -67,7 +67,7 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
     parts = JournalParts(journal)
     part = target.with_name(target.name + ".part")
     try:
-        with _alone(target.parent), _removed(part):
+        with _alone(target.parent), _temporary(part):
             _check_room(parts, target)
             write_hdf5(parts, part)
             may_replace(target, parts.meta.run_id)
@@ -94,7 +94,7 @@ def _alone(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _removed(part: Path) -> Iterator[None]:
+def _temporary(part: Path) -> Iterator[None]:
     try:
         yield
     finally:
