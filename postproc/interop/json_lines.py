@@ -102,8 +102,4 @@ def parse_objects(
     source: Path, parse: Callable[[int, dict[str, Any]], Parsed], list_after: str = ""
 ) -> Iterator[Row]:
     """Rows of all objects; `parse` as for `parse_rows`. Raises as `objects`."""
-    for entry in objects(source, list_after):
-        if isinstance(entry, BadRow):
-            yield entry
-        else:
-            yield from parse_rows([entry], parse)
+    return parse_rows(objects(source, list_after), parse)

@@ -109,10 +109,14 @@ Parsed = Row | Sequence[Row] | None
 
 
 def parse_rows(
-    rows: Iterable[tuple[int, Source]], parse: Callable[[int, Source], Parsed]
+    rows: Iterable[tuple[int, Source] | BadRow], parse: Callable[[int, Source], Parsed]
 ) -> Iterator[Row]:
     """Parsed rows with line numbers; `parse` returns None for no cell, raises for bad rows."""
-    for line, fields in rows:
+    for row in rows:
+        if isinstance(row, BadRow):
+            yield row
+            continue
+        line, fields = row
         if isinstance(fields, dict) and (many := fields.get(csv_table.TOO_MANY)):
             why = "a text with the separator needs quotation marks, a column a name in the header"
             yield BadRow(line, f"{many} for {len(fields) - 1} columns: {why}")

@@ -67,7 +67,7 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
     parts = JournalParts(journal)
     part = target.with_name(target.name + ".part")
     try:
-        with _alone(target.parent), _temporary(part):
+        with _alone(part):
             _check_room(parts, target)
             write_hdf5(parts, part)
             may_replace(target, parts.meta.run_id)
@@ -79,27 +79,20 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
+def _alone(part: Path) -> Iterator[None]:
     # The service at its stop, the unit at the boot or a user: the others wait. The folder has the
     # lock, as the new file becomes the run, which HDF5 locks as well to read it.
-    number = os.open(folder, os.O_RDONLY)
+    number = os.open(part.parent, os.O_RDONLY)
     try:
         with suppress(OSError):  # a file system without locks
             fcntl.flock(number, fcntl.LOCK_EX)
         yield
     finally:
+        with suppress(OSError):
+            part.unlink()
         with suppress(OSError):  # also that of a process which was forked meanwhile
             fcntl.flock(number, fcntl.LOCK_UN)
         os.close(number)
-
-
-@contextmanager
-def _temporary(part: Path) -> Iterator[None]:
-    try:
-        yield
-    finally:
-        with suppress(OSError):
-            part.unlink()
 
 
 def _check_room(parts: JournalParts, target: Path) -> None:

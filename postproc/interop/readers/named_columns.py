@@ -274,8 +274,7 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
         others = [name for name in _names_of_file(source) if name not in used]
         transmitters = Transmitters(others, has_codes=bool(known & _CODES))
     sighting = partial(_sighting, source, form, columns, transmitters, month_first)
-    for row in _rows(source):
-        yield from [row] if isinstance(row, BadRow) else parse_rows([row], sighting)
+    yield from parse_rows(_rows(source), sighting)
     if transmitters is not None:
         transmitters.check(source)
 
