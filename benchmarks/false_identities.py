@@ -3,18 +3,17 @@
 python benchmarks/false_identities.py [--corpus FOLDER] [--family NAME ...]
 python benchmarks/false_identities.py --streams 5000 [--whole SHARE] [--seed N] [--strangers]
 
-Every byte of every reply in the tests' data, and of the replies in FOLDER, is lost, doubled and
-changed in turn. A row is false where it names a cell, a level or a channel that the reply does not;
-an identity that is marked unsure is no false one. Replies come alone, as the first that a modem
-sends; then each damaged one comes between two whole ones, and only a cell that two scans have heard
-counts. Whole replies with an unsure identity are counted too: alone, and after an earlier reply. At
-last each reply comes a hundred times, every fifth of them with a byte lost or doubled: `session`.
+Every byte of the replies in the tests' data and in FOLDER is lost, doubled and changed in turn. A
+row is false where it names a cell, a level or a channel that the reply does not, unless its
+identity is marked unsure. Replies come alone; then each damaged one comes between two whole ones,
+and only a cell that two scans have heard counts. Whole replies with an unsure identity are counted
+too: alone, and after an earlier reply. At last each reply comes a hundred times, every fifth with a
+byte lost or doubled: `session`.
 
-With `--streams` a modem sends so many damaged replies of each kind of `DAMAGES`, in one session: at
-each turn one of its family's replies is drawn, and damaged at a place that is drawn. `--whole` is
-the share of replies that come whole in between, by default none. An identity is believed where two
-replies have named it for certain. With `--strangers` every other driver reads the stream as well:
-no driver may invent a cell in the replies of modems that it does not know.
+With `--streams` a modem sends so many damaged replies of each kind of `DAMAGES` in one session,
+reply and place drawn; `--whole` is the share that comes whole, by default none. An identity is
+believed where two replies have named it for certain. With `--strangers` every other driver reads
+the stream as well and may invent no cell.
 """
 
 import argparse

@@ -10,13 +10,13 @@ floor. Four ways to use that are compared:
     readings  not at all: the locator with the readings alone
     regular   as `postproc` does: readings count where most scans nearby have the target
     every     each scan without the target is a censored reading
-    careful   stretches of 16 m in which the target comes and goes are trimmed: as many of the
-              highest levels as there are scans without it (Powell, Econometrica 54(6), 1986). A
-              scan is a censored reading only if no reading is within 10 m, and if its serving cell
-              has had the target as a neighbour elsewhere
+    careful   stretches of 16 m in which the target comes and goes lose as many of the highest
+              levels as they have scans without it (Powell, Econometrica 54(6), 1986). A scan is a
+              censored reading only with no reading within 10 m, and if its serving cell has had
+              the target as a neighbour elsewhere
 
-`--loss` removes the target for a reason that no way knows of: 10 or 30 % of the scans, in stretches
-of 60 m, or all scans whose serving cell does not list it.
+`--loss` removes the target: from 10 or 30 % of the scans, in stretches of 60 m, or from all scans
+whose serving cell does not list it.
 """
 
 import argparse

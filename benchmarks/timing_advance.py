@@ -96,17 +96,19 @@ def compare(
     seed: int,
     prior: Prior = Prior(),  # noqa: B008 (frozen)
 ) -> np.ndarray:
-    """Error in m, 95 % region in m2 and whether it holds the source: shape (runs, 2, 3).
+    """What the locator states of each walk, shape (runs, 2, 4).
 
-    The second axis is without and with timing advance.
+    The second axis is without and with timing advance, the third error in m, 95 % region in m2,
+    whether that holds the source, and whether the source may be distant.
     """
-    rng, outcomes = np.random.default_rng(seed), np.zeros((runs, 2, 3))
+    rng, outcomes = np.random.default_rng(seed), np.zeros((runs, 2, 4))
     for i in range(runs):
         obs, source = simulate(rng, SHAPES[i % len(SHAPES)], case)
         for j, readings in enumerate((replace(obs, ta=None), obs)):
             answer = locate(readings, prior)
             error_m = np.hypot(answer.x_m - source[0], answer.y_m - source[1])
-            outcomes[i, j] = error_m, answer.region_area_m2, region_contains(answer, source)
+            is_inside = region_contains(answer, source)
+            outcomes[i, j] = error_m, answer.region_area_m2, is_inside, answer.may_be_distant
     return outcomes
 
 
@@ -125,10 +127,11 @@ def main() -> None:
         )
         for row, what in enumerate(("without", "with")):
             error_m, area_m2 = np.median(outcomes[:, row, :2], axis=0)
-            coverage, mean_m = np.mean(outcomes[:, row, 2]), np.mean(outcomes[:, row, 0])
+            mean_m, _, coverage, distant = np.mean(outcomes[:, row], axis=0)
             print(
                 f"  {what:7} median error {error_m:5.0f} m, mean {mean_m:5.0f} m; "
-                f"95 % in {area_m2 / 1e6:7.3f} km2, coverage {coverage:.2f}",
+                f"95 % in {area_m2 / 1e6:7.3f} km2, coverage {coverage:.2f}, "
+                f"may be distant {distant:.2f}",
                 flush=True,
             )
 

@@ -166,7 +166,6 @@ def _estimate(parts: Parts, modems: Sequence[int], options: Options) -> CellResu
 
 
 def _cell_without_result(parts: Parts) -> CellResult:
-    """Result of a cell whose estimate ended a process."""
     return _without_estimate(parts, failure(_name(parts), _WHAT, PROCESS_ENDED))
 
 

@@ -66,7 +66,7 @@ from postproc.result import (
     region_of,
 )
 
-_PLACE = ("lat", "lon", "r95_m", "r50_m", "drms_m")
+_PLACE = ("lat", "lon", "r95_m", "r50_m", "drms_m", "may_be_distant")
 _PARAMETERS = ("p0_dbm", "p0_sigma_db", "eta", "eta_sigma")
 _END = ("lat", "lon", "drms_m", *_PARAMETERS, "ellipse95")
 _PRIOR = tuple(one.name for one in fields(Prior) if one.name != "area")
@@ -254,10 +254,10 @@ def advice(answer: Answer, cell: CellResult) -> str:
         return "The levels do not show the distance yet: walk to where they are clearly higher."
     last, shown = obs.places[-1], posterior.place
     way = f"{metres(shown.away_m(last))} {direction_from(last, shown)}"
-    return (
-        f"Walk around the most likely position, {place.where}, {way} of the last reading of this "
-        "cell."
-    )
+    where = f"the most likely position, {place.where}, {way} of the last reading of this cell"
+    if posterior.may_be_distant:
+        return f"Walk towards {where}, as long as the levels rise: they do not show a distance yet."
+    return f"Walk around {where}."
 
 
 def sentence(text: str) -> str:
@@ -324,6 +324,7 @@ def _is_dull(row: SummaryRow) -> bool:
 def _why_not(rows: Sequence[SummaryRow]) -> Parts:
     """Why cells are not located; of several places, which are in the table, where to walk."""
     wide: list[float] = []
+    distant = 0
     others: list[tuple[str, str]] = []
     for row in rows:
         answer, needed_m = row.answer, row.result.needed_m
@@ -331,6 +332,7 @@ def _why_not(rows: Sequence[SummaryRow]) -> Parts:
             continue
         if needed_m is not None:
             wide.append(needed_m)
+            distant += answer.place is not None and answer.place.may_be_distant
         else:
             is_ambiguous = answer.verdict == "ambiguous" and len(answer.reasons) > 1
             others.append((answer.cell, answer.reasons[is_ambiguous]))
@@ -339,6 +341,9 @@ def _why_not(rows: Sequence[SummaryRow]) -> Parts:
         cells = "1 cell is" if len(wide) == 1 else f"{len(wide)} cells are"
         narrow = "Levels from other sides, and nearer to the position, would tell more."
         text = f"{cells} not located because 95 % do not lie within {metres(wide[0])}. {narrow}"
+        if distant:
+            which = "" if len(wide) == 1 else f" of {distant} of them"
+            text = f"{text} The levels{which} fit a mast kilometres away as well."
         parts += ["", text]
     return [*parts, *([""] if others else []), *facts(others)]
 

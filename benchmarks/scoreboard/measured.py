@@ -43,6 +43,7 @@ class WalkScore:
     `log_density` is the log of the mean probability per km2 within the error of the survey.
     `variant` names the prior that was used. Where it has an area, `beyond_m` is how far outside of
     it the truth stands, negative inside, and `is_contradicted` whether the readings contradict it.
+    `may_be_distant` is the posterior's.
     """
 
     trace: Trace
@@ -60,6 +61,7 @@ class WalkScore:
     curve_area_m2: tuple[float, ...] = ()
     beyond_m: float | None = None
     is_contradicted: bool = False
+    may_be_distant: bool = False
 
     @property
     def is_covered(self) -> bool:
@@ -120,6 +122,7 @@ def _score(
         curve_area_m2=tuple(region.area_m2 for region in curve),
         beyond_m=_beyond_m(posterior, source),
         is_contradicted=any("contradict the area" in reason for reason in reasons),
+        may_be_distant=getattr(posterior, "may_be_distant", False),
     )
 
 

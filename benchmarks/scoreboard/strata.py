@@ -86,6 +86,8 @@ def groups(scores: Sequence[WalkScore]) -> Iterator[tuple[str, list[WalkScore]]]
     for beyond_m in BEYOND_M:
         far = [one for one in scores if one.trace.closest_m > beyond_m]
         yield f"truth beyond {beyond_m:g} m", far
+    yield "may be distant", [one for one in scores if one.may_be_distant]
+    yield "is not distant", [one for one in scores if not one.may_be_distant]
     yield from _by_bin("region", scores, lambda one: one.area_m2[-1] / _KM2, AREAS_KM2, "km2")
     yield "small region", small(scores)
     for campaign in dict.fromkeys(one.trace.campaign for one in scores):

@@ -98,7 +98,7 @@ class Place(Position, frozen=True, kw_only=True, omit_defaults=True):
     The likeliest mode is first. `drms_m` is the root mean square distance from the position,
     `area_m2` that of the smallest region with 95 %, `strongest` the strongest reading. All is true
     only if the transmitter is in the `area`, where there is one; without it `outside_share` of the
-    probability is elsewhere.
+    probability is elsewhere. Radii of one that `may_be_distant` suppose that it is not.
     """
 
     drms_m: float
@@ -107,6 +107,14 @@ class Place(Position, frozen=True, kw_only=True, omit_defaults=True):
     strongest: StrongestReading
     area: str = ""
     outside_share: float | None = None
+    may_be_distant: bool = False
+
+    @property
+    def supposition(self) -> str:
+        """What the radii suppose, if anything."""
+        if self.area:
+            return f"if it is {self.area}"
+        return "if it is no distant mast" if self.may_be_distant else ""
 
     @property
     def likely_modes(self) -> tuple[Mode, ...]:
@@ -237,7 +245,7 @@ class Answer:
         where = ""
         if self.place is not None:
             where = f"{self.place.where}, {radii_text(self.place.r50_m, self.place.r95_m)}"
-            where += f", if it is {self.place.area}" if self.place.area else ""
+            where += f", {self.place.supposition}" if self.place.supposition else ""
         if self.verdict == "located":
             return f"located at {where}"
         why = f": {self.reasons[0]}" if self.reasons else ""
@@ -318,6 +326,7 @@ def place_of(posterior: "Posterior") -> Place:
         ),
         area="" if posterior.prior.area is None else posterior.prior.area.text,
         outside_share=posterior.outside_share,
+        may_be_distant=posterior.may_be_distant,
     )
 
 

@@ -135,7 +135,6 @@ class SimulatedModem:
         return [], "OK" if self._set(command) else "ERROR"
 
     def _reply_name(self, command: str) -> tuple[str, str]:
-        """Name of the reply, and the argument of one that takes any."""
         name, equals, argument = command.partition("=")
         return (
             (name + equals, argument)
@@ -331,7 +330,6 @@ class SimulatedReceiver:
         )
 
     def _speed_course(self, t_s: float) -> str:
-        """Speed in knots and course in degrees."""
         speed_mps, course_deg = self._walk.motion(t_s)
         speed_mps = abs(speed_mps + float(self._rng.normal(0.0, SPEED_SIGMA_MPS)))
         course = f"{course_deg:.2f}" if speed_mps >= COURSE_FROM_MPS else ""

@@ -202,7 +202,6 @@ def _signalling(result: Result) -> Table | None:
 
 
 def _strongest_counts(infos: Sequence[Info]) -> dict[str, CellCount]:
-    """Counts of every cell, from the run in which it was strongest."""
     counts = [count for info in infos for count in info.cells]
     counts.sort(key=lambda count: count.strongest_dbm or -inf)
     return {count.cell: count for count in counts}

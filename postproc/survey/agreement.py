@@ -143,7 +143,6 @@ def _offsets(found: Sequence[Agreement]) -> Mapping[str, float]:
 
 
 def _over_cells(logger: str, some: Sequence[Agreement], offset_db: float) -> LoggerReport:
-    """Medians over cells, each weighted by its blocks."""
     weight = np.array([one.n_blocks for one in some], float)
     scatter_db = weighted_median(np.array([one.scatter_db for one in some]), weight)
     return LoggerReport(logger, int(np.sum(weight)), offset_db, scatter_db)

@@ -28,6 +28,15 @@ def test_the_reason_stands_with_every_other_verdict(verdict):
     assert replace(answer, place=None).sentence == f"{verdict}: why"
 
 
+def test_what_the_radii_suppose_stands_after_them():
+    place = msgspec.structs.replace(PLACE, may_be_distant=True)
+    answer = replace(LOCATED, verdict="cannot tell", place=place)
+    assert answer.sentence.endswith(f"{RADII}, if it is no distant mast")
+    within = msgspec.structs.replace(PLACE, area="within 100 m of the walk")
+    answer = replace(LOCATED, verdict="cannot tell", place=within)
+    assert answer.sentence.endswith(f"{RADII}, if it is within 100 m of the walk")
+
+
 @pytest.mark.parametrize(
     ("r50_m", "where"),
     [(20.0, "52.5000 13.4000"), (450.0, "52.500 13.400"), (1000.0, "52.50 13.40")],

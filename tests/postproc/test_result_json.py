@@ -87,7 +87,8 @@ def test_keys_and_their_order(summaries):
     assert list(located["ekf"]) == [*STATE, "converged"]
     more = ["sigma_db", "converged", "bounded", "correlation_inflation", "rivals"]
     assert list(located["batch"]) == STATE + more
-    assert list(located["best"]) == ["lat", "lon", "r95_m", "r50_m", *STATE[2:7], "strongest"]
+    best = ["lat", "lon", "r95_m", "r50_m", "drms_m", "may_be_distant", *STATE[3:7], "strongest"]
+    assert list(located["best"]) == best
     assert list(located["modes"][0]) == ["lat", "lon", "probability", "percent", "ellipse95"]
     assert list(one["run"])[-2:] == ["n_readings_without_position", "warnings"]
 

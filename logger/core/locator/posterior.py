@@ -16,6 +16,8 @@ from logger.core.readings import Readings
 
 _LIMIT_SHARE = 0.01
 """With more probability at the end of the searched area, the search ended too early."""
+_MOST_OUTSIDE = 0.1
+"""Of the probability: twice what a 95 % region leaves out."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,8 @@ class Posterior:
     `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the
     first. `alternatives` are what single hypotheses of reach, antenna and height would say.
     `outside_share` is the probability outside of the prior's area without that area.
+    `outside_if_distant` is that outside of the 95 % region if some transmitters are distant
+    (`summary.DISTANT_SHARE`); None with an area.
     """
 
     squares: Squares
@@ -90,6 +94,7 @@ class Posterior:
     offsets: Offsets | None = None
     alternatives: tuple[Alternative, ...] = ()
     outside_share: float | None = None
+    outside_if_distant: float | None = None
 
     def __repr__(self) -> str:
         at = f"x_m={self.x_m:.1f}, y_m={self.y_m:.1f}"
@@ -142,6 +147,11 @@ class Posterior:
     def at_limit(self) -> bool:
         """Whether probability reaches the end of the searched area."""
         return self.limit_share > _LIMIT_SHARE
+
+    @property
+    def may_be_distant(self) -> bool:
+        """Whether only the prior says that it is not kilometres away."""
+        return self.outside_if_distant is not None and self.outside_if_distant > _MOST_OUTSIDE
 
     @cached_property
     def is_strongest_inside(self) -> bool:

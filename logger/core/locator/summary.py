@@ -28,6 +28,8 @@ BIAS_SHARE = 1.0
 """Share of the variance of the receiver's position that lasts for the walk."""
 END_OF_REACH = 0.7
 """Beyond this part of the prior's reach a position is at the end of the searched area."""
+DISTANT_SHARE, DISTANT_M = 0.1, 10_000.0
+"""Of the transmitters, those that the prior's reaches leave out: masts in open country."""
 
 _MODE_LEVEL = 0.999
 """Modes are the separate parts of the region with this probability."""
@@ -100,6 +102,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         offsets=between_modems,
         alternatives=_alternatives(walk.prior, tree, mixed, reach, squares),
         outside_share=task.outside_share,
+        outside_if_distant=_outside_if_distant(task.prior, tree, away_m, squares),
     )
 
 
@@ -194,6 +197,18 @@ def _reach_share(task: LocatorInput, tree: Tree) -> FloatArray:
     squares = tree.squares
     each = PositionPrior(task.walk.blocks, task.walk.prior, squares).log_by_reach(squares)
     return np.asarray(np.exp(each - log_sum(each.T)), float)
+
+
+def _outside_if_distant(
+    prior: Prior, tree: Tree, away_m: FloatArray, squares: Squares
+) -> float | None:
+    """Distant transmitters stand anywhere within `DISTANT_M` of the walk, squares `away_m` (h,)."""
+    if prior.area is not None:
+        return None
+    mass, alike = np.exp(tree.log_mass(0.0)), np.where(away_m < DISTANT_M, tree.size_m**2, 0.0)
+    times = (1.0 - DISTANT_SHARE) + DISTANT_SHARE * (alike / np.sum(alike)) / (mass / np.sum(mass))
+    p = squares.probability * times
+    return 1.0 - float(np.sum(p[highest_density(squares)]) / np.sum(p))
 
 
 def _alternatives(

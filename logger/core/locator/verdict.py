@@ -129,11 +129,16 @@ def _eta_at_bound(case: _Case) -> str | None:
     )
 
 
-def _beyond_reach(case: _Case) -> str | None:
-    if not case.posterior.at_limit:
+def _unknown_distance(case: _Case) -> str | None:
+    if case.posterior.at_limit:
+        reach_km = case.posterior.prior.reach_m / 1000
+        return f"the transmitter may be farther than the searched {reach_km:.0f} km"
+    if not case.posterior.may_be_distant:
         return None
-    reach_km = case.posterior.prior.reach_m / 1000
-    return f"the transmitter may be farther than the searched {reach_km:.0f} km"
+    return (
+        "the levels do not bound the distance: they fit a mast kilometres away as well, "
+        "and the radii suppose that it is none"
+    )
 
 
 def _one_sided(case: _Case) -> str | None:
@@ -149,7 +154,7 @@ GUARDS: tuple[Callable[[_Case], str | None], ...] = (_few_readings, _small_span,
 """What makes a region no evidence, whatever its size: a sentence each, or None."""
 HINTS: tuple[Callable[[_Case], str | None], ...] = (
     _short_walk,
-    _beyond_reach,
+    _unknown_distance,
     _one_sided,
 )
 """What widens a region: a sentence each, or None."""

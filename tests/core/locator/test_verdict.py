@@ -173,6 +173,7 @@ def test_mass_at_the_end_of_the_search():
     x, y = path("L", 150, 5.6)
     obs = observations(x, y, -95.0 + 4.0 * np.random.default_rng(26).normal(size=150))
     assert "the transmitter may be farther than the searched 1 km" in reasons(obs, reach_m=1000.0)
+    assert "they fit a mast kilometres away as well" in reasons(obs)
 
 
 def test_one_sided_walk():

@@ -66,6 +66,9 @@ def test_a_cell_without_a_position_has_advice(result):
     at_limit = replace(result.cells[0].posterior, limit_share=0.5)
     far = advice(result, verdict="cannot tell", posterior=at_limit)
     assert "do not show the distance yet" in far
+    distant = replace(result.cells[0].posterior, outside_if_distant=0.4)
+    towards = advice(result, verdict="cannot tell", posterior=distant)
+    assert towards.startswith("Walk towards the most likely position, 52.50")
     unknown = advice(result, verdict="cannot tell", posterior=None)
     assert "Walk where this cell is received" in unknown
 
