@@ -27,7 +27,7 @@ class Mode:
     `state` is the mean [x, y, P0, eta] in m, m, dBm and 1, `covariance` (4, 4) that of the mode's
     probability alone. `peak` is its highest density divided by the highest of all modes. `place` is
     where to look for it, in every answer the one coordinate of this mode: a tail draws the mean
-    away. The strongest mode has that of the posterior.
+    away.
     """
 
     probability: float
@@ -62,8 +62,7 @@ class Posterior:
     `r95_m` are the radii around it that hold half and 95 % of the probability of all modes,
     `drms_m` the root mean square distance from it. `p0_dbm` to
     `sigma_db` are means and standard deviations over the complete posterior, `noise_probability`
-    (c,), `station_probability` (s,) and `reach_probability` (r,) belong to the hypotheses of the
-    prior. `limit_share` is the probability at the end of the searched area.
+    (c,), `station_probability` (s,) and `reach_probability` (r,) belong to the prior's hypotheses. `limit_share` is the probability at the end of the searched area.
     `log_evidence` is the log probability density of the levels under the model, to compare models;
     with timing advances it is that of the levels given those, and `prior` reaches as far as they.
     `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the

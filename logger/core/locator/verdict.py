@@ -6,8 +6,6 @@
    position shown: located.
 4. Several relevant modes, each with a 95 % ellipse within that radius: ambiguous.
 5. Otherwise: cannot tell. What widens the region is listed after that reason.
-
-The radius is what a user can act on, whatever the extent of the walk.
 """
 
 from collections.abc import Callable, Sequence
