@@ -58,11 +58,11 @@ class Mode:
 class Posterior:
     """All that is known about one transmitter after a walk.
 
-    `place` is the one to show, that of `modes[0]`. `r50_m` and
-    `r95_m` are the radii around it that hold half and 95 % of the probability of all modes,
-    `drms_m` the root mean square distance from it. `p0_dbm` to
-    `sigma_db` are means and standard deviations over the complete posterior, `noise_probability`
-    (c,), `station_probability` (s,) and `reach_probability` (r,) belong to the prior's hypotheses. `limit_share` is the probability at the end of the searched area.
+    `place` is the one to show, that of `modes[0]`. `r50_m` and `r95_m` are the radii around it that
+    hold half and 95 % of the probability of all modes, `drms_m` the root mean square distance from
+    it. `p0_dbm` to `sigma_db` are means and standard deviations over the complete posterior,
+    `noise_probability` (c,), `station_probability` (s,) and `reach_probability` (r,) belong to the
+    prior's hypotheses. `limit_share` is the probability at the end of the searched area.
     `log_evidence` is the log probability density of the levels under the model, to compare models;
     with timing advances it is that of the levels given those, and `prior` reaches as far as they.
     `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the
