@@ -64,7 +64,7 @@ def _left_for_2g(memory: Memory) -> Iterator[HeardCell]:
     gate="4G or 5G of the same network, at last of at least -105 dBm, in the 30 s before, at most "
     "10 s of 3G between, or 300 s without any cell within 150 m and then 2G of -85 dBm; 2G held "
     "for 8 s by a cell with an identity; each change counts once",
-    sentence="{before} was left at {level_dbm} dBm, and 2G was kept for {held_s} s",
+    sentence="{before} was left at {level_dbm} dBm, {between}and 2G was kept for {held_s} s",
     harmless="a call, where the operator has no voice over 4G",
     about=_left_for_2g,
     detection=0.6,
@@ -82,10 +82,14 @@ def _stays_on_2g(memory: Memory, cell: HeardCell) -> Evidence | None:
         return None
     if held_s < _HELD_S or cell.n_scans < _FEWEST_SCANS:
         return None
-    if past.down_s - good_s > _BEFORE_S and not _is_jammed(past, memory.now, serving):
-        return None
+    between, gap_s = "", past.down_s - good_s
+    if gap_s > _BEFORE_S:
+        if not _is_jammed(past, memory.now, serving):
+            return None
+        between = f"no cell was heard for {gap_s:.0f} s, "
     past.good = None
-    return {"before": rat, "level_dbm": round(level_dbm), "held_s": round(held_s)}
+    level_and_time = {"level_dbm": round(level_dbm), "held_s": round(held_s)}
+    return {"before": rat, "between": between, **level_and_time}
 
 
 def _is_jammed(past: _Downgrade, now: Moment, serving: Heard) -> bool:

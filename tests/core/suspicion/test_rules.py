@@ -478,6 +478,9 @@ def test_r1_all_is_jammed_before_the_2g_cell(dbm, metres, times, rules):
     """No cell is heard for a minute, then 2G as good as without walls between."""
     walk = Walk().scan(LTE, metres=metres, times=4).scan(metres=metres, times=times)
     assert walk.scan(gsm(10, dbm), metres=metres, times=4).rules == rules
+    if rules:
+        (found,) = walk.found
+        assert ", no cell was heard for 65 s, and 2G was kept for " in found.text
 
 
 def test_r1_a_modem_that_prints_nothing_was_not_jammed():
