@@ -109,7 +109,7 @@ def _walk(rng: np.random.Generator, k: int, noise: Noise) -> tuple[World, Readin
 
 
 def _test(posterior: Posterior, sigma_m: float = 0.0) -> ClaimTest:
-    return ClaimTest(posterior.squares, sigma_m, posterior.prior.area is not None)
+    return ClaimTest.of(posterior, sigma_m)
 
 
 def alarms(options: argparse.Namespace) -> Json:

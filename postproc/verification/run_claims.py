@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from logger.core.arrays import FloatArray, IntArray
+from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.certainty import OnMap, metres
 from logger.core.errors import ConfigError
 from logger.core.locator.pipeline import locate
 from logger.core.locator.posterior import Posterior
-from logger.core.locator.region import Squares
+from logger.core.locator.region import HALF, Squares, with_distant
 from logger.core.locator.verdict import contradiction_of, outside_text
 from logger.core.model.prior import Prior
 from logger.core.places import Places
@@ -85,12 +85,20 @@ _NEARLY = 0.9
 class ClaimTest:
     """The test of claims of `sigma_m` per axis in the squares of a posterior.
 
-    `has_area`: the prior of the posterior has one.
+    `has_area`: the prior of the posterior has one. `distant_share` (h,) is that of the posterior: a
+    claim where a transmitter would be a distant one is tested among such ones as well.
     """
 
     squares: Squares
     sigma_m: float = 0.0
     has_area: bool = False
+    distant_share: FloatArray | None = None
+
+    @classmethod
+    def of(cls, posterior: Posterior, sigma_m: float = 0.0) -> "ClaimTest":
+        """The test in a posterior."""
+        has_area = posterior.prior.area is not None
+        return cls(posterior.squares, sigma_m, has_area, posterior.distant_share)
 
     def p_values(self, tail: FloatArray) -> FloatArray:
         """Of S; both of one shape."""
@@ -98,6 +106,8 @@ class ClaimTest:
 
     def p(self, place: Places) -> float:
         """Of a claim."""
+        if self._if_distant is not None and self._is_distant(place.xy_m)[0]:
+            return self._if_distant.p(place)
         return float(self.p_values(np.array(self.tail(place))))
 
     def tail(self, place: Places) -> float:
@@ -110,9 +120,8 @@ class ClaimTest:
         way = np.stack([np.sin(azimuth), np.cos(azimuth)])
         moved_m = way[..., None, None] * displacement_m[:, None]
         at = self._true_claims(_DRAWS)[:, None, None] + moved_m
-        tails = self._tails(self._densities_by_square(at.reshape(2, -1)))
-        is_rejected = (self.p_values(tails) <= p_fa).reshape(at.shape[1:])
-        return np.asarray(np.mean(is_rejected, axis=-1), float)
+        p = self.p_by_square(at.reshape(2, -1))
+        return np.asarray(np.mean((p <= p_fa).reshape(at.shape[1:]), axis=-1), float)
 
     def detectable(self, p_fa: float) -> tuple[float | None, tuple[Detectable, ...]]:
         """Displacements that are detected: whatever their direction, and for each azimuth."""
@@ -165,10 +174,31 @@ class ClaimTest:
     def _density_of_squares(self) -> FloatArray:
         return self._densities(_centres(self.squares))
 
-    def _densities_by_square(self, at: FloatArray) -> FloatArray:
-        """As `_densities`, that of the square around each position; 0 outside of all."""
-        found = np.zeros(at.shape[1])
-        squares, density, centres = self.squares, self._density_of_squares, _centres(self.squares)
+    @cached_property
+    def _if_distant(self) -> "ClaimTest | None":
+        if self.distant_share is None:
+            return None
+        return ClaimTest(with_distant(self.squares, self.distant_share), self.sigma_m)
+
+    def _is_distant(self, at: FloatArray) -> BoolArray:
+        """Whether a transmitter at positions (2, n) would rather be a distant one."""
+        if self.distant_share is None:
+            return np.zeros(at.shape[1], bool)
+        return np.append(self.distant_share > HALF, False)[self._square_around(at)]
+
+    def p_by_square(self, at: FloatArray) -> FloatArray:
+        """Of claims at positions (2, n), by the density of the square around; 0 outside of all."""
+        density = np.append(self._density_of_squares, 0.0)[self._square_around(at)]
+        p = self.p_values(self._tails(density))
+        is_distant = self._is_distant(at)
+        if self._if_distant is not None and np.any(is_distant):
+            p[is_distant] = self._if_distant.p_by_square(at[:, is_distant])
+        return p
+
+    def _square_around(self, at: FloatArray) -> IntArray:
+        """Index of the square around each of the positions (2, n); -1 outside of all."""
+        found = np.full(at.shape[1], -1)
+        squares, centres = self.squares, _centres(self.squares)
         corner = np.min(centres, axis=1, keepdims=True)
         for side_m in np.unique(squares.size_m).tolist():
             alike = np.flatnonzero(squares.size_m == side_m)
@@ -181,7 +211,7 @@ class ClaimTest:
             place = np.minimum(np.searchsorted(keys[order], wanted), len(alike) - 1)
             match = order[place]
             is_in = keys[match] == wanted
-            found[is_in] = density[alike[match[is_in]]]
+            found[is_in] = alike[match[is_in]]
         return found
 
 
@@ -252,7 +282,7 @@ def verify_cell(
     sigma_m = float(np.hypot(claim.sigma_m, lasting_m))
     key = obs.cell, sigma_m
     if key not in tests:
-        test = ClaimTest(posterior.squares, sigma_m, area is not None)
+        test = ClaimTest.of(posterior, sigma_m)
         tests[key] = test, test.detectable(p_fa)
     test, (notices_m, power) = tests[key]
     distance_m, p = float(np.min(usable.places.distances_m(place))), test.p(place)

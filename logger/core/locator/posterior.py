@@ -9,15 +9,22 @@ from logger.core.arrays import FloatArray
 from logger.core.certainty import Ellipse, ellipse95, relevant_modes
 from logger.core.locator.alternatives import Alternative
 from logger.core.locator.offsets import Offsets
-from logger.core.locator.region import HALF, Squares, area_m2, contains, highest_density
+from logger.core.locator.region import (
+    HALF,
+    Squares,
+    area_m2,
+    contains,
+    highest_density,
+    with_distant,
+)
 from logger.core.model.prior import Prior, Station
 from logger.core.places import Places
 from logger.core.readings import Readings
 
 _LIMIT_SHARE = 0.01
 """With more probability at the end of the searched area, the search ended too early."""
-_MOST_OUTSIDE = 0.1
-"""Of the probability: twice what a 95 % region leaves out."""
+_LEAST_INSIDE = 0.9
+"""Of the probability, in the 95 % region: without twice what that leaves out."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +75,8 @@ class Posterior:
     `offsets` are those of several modems at the strongest mode; P0 then is on the scale of the
     first. `alternatives` are what single hypotheses of reach, antenna and height would say.
     `outside_share` is the probability outside of the prior's area without that area.
-    `outside_if_distant` is that outside of the 95 % region if some transmitters are distant
-    (`summary.DISTANT_SHARE`); None with an area.
+    If some transmitters are distant (`summary.DISTANT_SHARE`), `distant_share` (h,) of those in
+    each square are such ones; None with an area.
     """
 
     squares: Squares
@@ -93,7 +100,7 @@ class Posterior:
     offsets: Offsets | None = None
     alternatives: tuple[Alternative, ...] = ()
     outside_share: float | None = None
-    outside_if_distant: float | None = None
+    distant_share: FloatArray | None = None
 
     def __repr__(self) -> str:
         at = f"x_m={self.x_m:.1f}, y_m={self.y_m:.1f}"
@@ -147,10 +154,13 @@ class Posterior:
         """Whether probability reaches the end of the searched area."""
         return self.limit_share > _LIMIT_SHARE
 
-    @property
+    @cached_property
     def may_be_distant(self) -> bool:
         """Whether only the prior says that it is not kilometres away."""
-        return self.outside_if_distant is not None and self.outside_if_distant > _MOST_OUTSIDE
+        if self.distant_share is None:
+            return False
+        p = with_distant(self.squares, self.distant_share).probability
+        return float(np.sum(p[highest_density(self.squares)])) < _LEAST_INSIDE
 
     @cached_property
     def is_strongest_inside(self) -> bool:

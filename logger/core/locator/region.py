@@ -5,7 +5,7 @@ the probability: the smallest region with that probability (Hyndman, The America
 50(2), 1996).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,6 +39,12 @@ class Squares:
     def density(self) -> FloatArray:
         """Probability per square metre, shape (n,)."""
         return self.probability / self.size_m**2
+
+
+def with_distant(squares: Squares, distant_share: FloatArray) -> Squares:
+    """The squares where some transmitters are distant, by `Posterior.distant_share` (n,)."""
+    p = squares.probability / (1.0 - distant_share)
+    return replace(squares, probability=p / np.sum(p))
 
 
 def highest_density(

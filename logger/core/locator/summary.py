@@ -102,7 +102,7 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         offsets=between_modems,
         alternatives=_alternatives(walk.prior, tree, mixed, reach, squares),
         outside_share=task.outside_share,
-        outside_if_distant=_outside_if_distant(task.prior, tree, away_m, squares),
+        distant_share=_distant_share(task.prior, tree, away_m),
     )
 
 
@@ -199,16 +199,13 @@ def _reach_share(task: LocatorInput, tree: Tree) -> FloatArray:
     return np.asarray(np.exp(each - log_sum(each.T)), float)
 
 
-def _outside_if_distant(
-    prior: Prior, tree: Tree, away_m: FloatArray, squares: Squares
-) -> float | None:
+def _distant_share(prior: Prior, tree: Tree, away_m: FloatArray) -> FloatArray | None:
     """Distant transmitters stand anywhere within `DISTANT_M` of the walk, squares `away_m` (h,)."""
     if prior.area is not None:
         return None
-    mass, alike = np.exp(tree.log_mass(0.0)), np.where(away_m < DISTANT_M, tree.size_m**2, 0.0)
-    times = (1.0 - DISTANT_SHARE) + DISTANT_SHARE * (alike / np.sum(alike)) / (mass / np.sum(mass))
-    p = squares.probability * times
-    return 1.0 - float(np.sum(p[highest_density(squares)]) / np.sum(p))
+    mass, room = np.exp(tree.log_mass(0.0)), np.where(away_m < DISTANT_M, tree.size_m**2, 0.0)
+    distant = DISTANT_SHARE * room / np.sum(room)
+    return np.asarray(distant / (distant + (1.0 - DISTANT_SHARE) * mass / np.sum(mass)), float)
 
 
 def _alternatives(

@@ -5,7 +5,7 @@ import pytest
 
 from logger.core.errors import EstimationError
 from logger.core.locator.pipeline import locate
-from logger.core.locator.region import HALF, highest_density
+from logger.core.locator.region import HALF, highest_density, with_distant
 from logger.core.locator.summary import BIAS_SHARE, DISTANT_M, DISTANT_SHARE
 from logger.core.locator.verdict import assess
 from logger.core.model.area import Area
@@ -147,7 +147,9 @@ def test_what_distant_transmitters_add_is_by_the_ratio_of_evidences(away_m):
         squares = zip(far.squares.x_m, far.squares.y_m, far.squares.probability, strict=True)
         held = sum(p for x_m, y_m, p in squares if region_contains(found, (x_m, y_m)))
         expected = 1.0 - (1.0 - weight) * 0.95 - weight * held
-        assert found.outside_if_distant == pytest.approx(expected, abs=0.15)
+        widened = with_distant(found.squares, found.distant_share)
+        outside = 1.0 - np.sum(widened.probability[highest_density(found.squares)])
+        assert outside == pytest.approx(expected, abs=0.15)
 
 
 def test_levels_of_a_distant_mast_are_named_so_and_those_of_a_near_one_are_not():
@@ -161,7 +163,7 @@ def test_an_area_and_a_timing_advance_bound_the_distance():
     assert locate(obs).may_be_distant
     timed = replace(obs, ta=np.full(len(obs), 1), rat="GSM")
     assert not locate(timed).may_be_distant
-    assert locate(obs, Prior(area=Area.within_walk(300.0))).outside_if_distant is None
+    assert locate(obs, Prior(area=Area.within_walk(300.0))).distant_share is None
 
 
 # --- mirror images ---

@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import kstest, ncx2
 
 from logger.core.errors import ConfigError
+from logger.core.locator.pipeline import locate
 from logger.core.locator.region import Squares
 from logger.core.model.area import Area
 from logger.core.model.prior import Prior
@@ -55,8 +56,8 @@ def test_every_square_is_found_by_its_places():
     inside = rng.uniform(-0.49, 0.49, (2, 200)) * squares.size_m[chosen]
     places = np.stack([squares.x_m, squares.y_m])[:, chosen] + inside
     test = ClaimTest(squares)
-    found = test._densities_by_square(places)
-    assert found == pytest.approx(test._density_of_squares[chosen])
+    assert test._square_around(places).tolist() == chosen.tolist()
+    assert test._square_around(np.array([[5000.0], [0.0]])).tolist() == [-1]
 
 
 def test_power_is_that_of_the_posterior():
@@ -145,6 +146,33 @@ def test_an_area_that_the_readings_contradict_decides_nothing():
     verdict = verify_cell(obs, claim, 0.05, replace(Prior(), area=wide))
     assert verdict.p > 0.05
     assert verdict.reasons[0].startswith("if it is there: without the area, ")
+
+
+def p_values_of_mast(seed, away_m):
+    """P-values of the true place of a mast so far from a walk: of the test, and by the prior."""
+    rng = np.random.default_rng(seed)
+    x_m, y_m = path("L", 75, 11.2)
+    bearing = rng.uniform(0.0, 2.0 * np.pi)
+    mast = at(away_m * np.cos(bearing), away_m * np.sin(bearing))
+    distance_m = np.hypot(x_m - mast.x_m, y_m - mast.y_m)
+    level_dbm = -25.0 - 32.0 * np.log10(distance_m) + rng.normal(0.0, 4.0, len(x_m))
+    test = ClaimTest.of(locate(observations(x_m, y_m, np.round(level_dbm), 3.0)))
+    return test.p(mast), ClaimTest(test.squares).p(mast)
+
+
+def test_the_place_of_a_distant_mast_is_not_rejected_for_its_distance_alone():
+    """Nothing in the levels speaks against it, only that most stand closer."""
+    p, p_near = np.transpose([p_values_of_mast(seed, 5000.0) for seed in range(10)])
+    assert np.sum(p <= 0.05) <= 3
+    assert np.sum(p_near <= 0.05) >= 9
+
+
+def test_a_near_walk_rejects_a_distant_claim():
+    obs, _ = simulate(np.random.default_rng(100), "square", white_db=2.0)
+    test = ClaimTest.of(locate(obs))
+    far_m = np.array([5000.0])
+    assert test.p(at(*(obs.places.xy_m[:, 0] + far_m))) < 0.01
+    assert np.all(test.power(far_m, 0.05) > 0.99)
 
 
 def test_benjamini_hochberg():
