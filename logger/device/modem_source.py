@@ -234,7 +234,12 @@ class _Session:
             self._modem.late_ns if self._modem.framer.late_final_due else self._link.clock.now_ns()
         )
         self._modem.is_damaged, self._modem.refusal = False, ""
+        self._modem.replies.clear()
         rows = self._modem.talk(driver.poll())
+        if (command := driver.unread(self._modem.replies)) is not None:
+            what = f"polls had rows of {command} in no form that driver {driver.name} reads"
+            self._link.count("unread-rows", 1, what)
+            self._modem.is_damaged = True  # no scan without cells
         if self._modem.framer.echo_seen and self._modem.is_set_up and not self._echoes:
             self._modem.set_up_again("modem echoes again, as after a restart; setting it up again")
         self._echoes = self._modem.framer.echo_seen
