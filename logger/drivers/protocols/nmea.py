@@ -351,6 +351,11 @@ class FixAssembler:
         return iter(list(self._epoch.take()) if self._epoch else [])
 
     @property
+    def time(self) -> int | str | None:
+        """Time of day of the latest epoch, None where none is printed."""
+        return None if self._epoch is None or self._epoch.time == "" else self._epoch.time
+
+    @property
     def impossible_date(self) -> date | None:
         """Date of the latest position if that is too early to be true."""
         messages = self._epoch.messages if self._epoch else {}
