@@ -33,10 +33,11 @@ _RESTARTED = re.compile(
 )
 
 _KNOWN_NUMBER = re.compile(
-    r"(?<!\w)(?!(?:255|32768|65535)\b)(?:0x)?[0-9A-F]*[1-9][0-9A-F]*(?!\w)", re.IGNORECASE
+    r"(?<!\w)(?!(?:255|32768|65535|4294967295)\b)(?:0x)?[0-9A-F]*[1-9][0-9A-F]*(?!\w)",
+    re.IGNORECASE,
 )
-_LEAST_OF_A_CELL = 4
-"""Channel, code, level and one more: rows of empty slots have fewer numbers that are not 0."""
+_LEAST_OF_A_CELL = 5
+"""Of an empty slot, or while the modem changes its cell, fewer numbers are known."""
 
 _FLAGS = re.IGNORECASE | re.DOTALL
 

@@ -72,6 +72,10 @@ EMPTY = {  # no service, no cell, unknown values
     "sim800": ("AT+CENG?", '+CENG: 1,1\n+CENG: 0,"0000,00,00,000,00,00,0000,00,00,0000,255"'),
     "fibocom": ("AT+GTCCINFO?", "+GTCCINFO:\n0,0,,,,,,,,,,,,"),
     "sim7600": ("AT+CPSI?", "+CPSI: LTE,Online,000-00,0x0000,0,0,EUTRAN-BAND0,65535,0,0,0,0,0,0"),
+    "sim7000": (
+        "AT+CPSI?",
+        "+CPSI: LTE,Online,262-02,0x3C4D,26543210,0,EUTRAN-BAND0,4294967295,0,0,0,0,0,0",
+    ),
     "quectel_gsm": ("AT+NUESTATS=CELL", "NUESTATS:CELL,3740,137,1,-32768,-32768,-32768,-32768"),
     "telit": ("AT#MONI", "#MONI: Cc:FFF Nc:FF RSRP:-141 RSRQ:-20 TAC:FFFF Id:FFFFFFF EARFCN:65535"),
     "quectel": ('AT+QENG="servingcell"', '+QENG: "servingcell","LIMSRV"'),

@@ -178,6 +178,20 @@ OK"""
     assert serving.identity_unsure is not is_sure
 
 
+@pytest.mark.parametrize("blank", ["", " "])
+def test_a_padded_cell_of_nr_is_read_with_blanks_between_the_values_too(blank):
+    """An FM350 pads the cell to ten digits (FM160 manual 9.1.15 has the other values)."""
+    row = "1,9,262,01,A0C100,06CE5C2002,627264,385,5078,100,60,80,80,65".replace(",", f",{blank}")
+    (serving,) = cells("fibocom", {"AT+GTCCINFO?": f"+GTCCINFO:\n{row}\n\nOK"})
+    assert (serving.cid, serving.tac, serving.arfcn) == (0x6CE5C2002, 0xA0C100, 627264)
+
+
+def test_a_cell_of_nr_is_read_with_blanks_between_the_values_too():
+    row = "NR5G_SA, Online, 262-01, 0xA0C100, 29231947778, 385, NR5G_BAND78, 627264, -880, -110, 24"
+    (serving,) = cells("sim7600", {"AT+CPSI?": f"+CPSI: {row}\n\nOK"})
+    assert (serving.cid, serving.rsrp_dbm) == (29231947778, -88.0)
+
+
 def test_a_channel_without_a_cell_has_no_code():
     heading = "InterFreq: EARFCN ThresholdLow ThresholdHi Priority PCI  RSRQ   RSRP   RSSI RXLV"
     rows = (
