@@ -159,7 +159,7 @@ def emit_fix(
 ) -> None:
     """Record a fix, and count a position that was not measured or is an old one.
 
-    `time` is the receiver's, where it prints no date beside it.
+    `time` is the receiver's, where it prints no date.
     """
     time = time if fix.utc_ns is None else fix.utc_ns
     latest, since_ns = link.latest_time

@@ -107,11 +107,9 @@ def _sim_state() -> Dialogue[str | None]:
 
 
 def _has_receiver(driver: Family) -> Dialogue[bool]:
-    """Whether the modem has a receiver of its own, which is not switched on for it.
-
-    It has the command that asks for a fix, or the one that switches the receiver on: AT+X=? is
-    answered OK where AT+X= is known (ITU-T V.250 5.4.1).
-    """
+    """Whether the modem has a receiver of its own, which is not switched on for it."""
+    # it has the command that asks for a fix, or the one that switches the receiver on: AT+X=? is
+    # answered OK where AT+X= is known (ITU-T V.250 5.4.1)
     tests = (Command(on.text.partition("=")[0] + "=?") for on in driver.gnss_start_commands)
     yield Command("AT+CMEE=1")
     for command in (*driver.gnss_poll_commands, *tests):

@@ -165,7 +165,7 @@ class Family:
         return is_torn or is_shortened or reply.final in RESULTS_OF_CALLS
 
     def unread(self, replies: Iterable[Reply]) -> str | None:
-        """The command of a row with numbers, where of all these replies no row is read."""
+        """The command of a row with numbers, where no row of the replies is read."""
         own = [reply for reply in replies if names_of(reply.command) - COMMON_NAMES]
         if self.rows_in([line for reply in own for line in (reply.command, *reply.lines)]):
             return None

@@ -110,7 +110,7 @@ _SYSTEM = re.compile(r"(?:LTE )?(?:CAT-)?(NB|CAT-M)(?:-?IOT)?[12]?|(NR5G)(?:_N?S
 _NSA = _cpsi_form("NR", "pci_nr nr_band nrarfcn rsrp [rsrq snr ...]")
 _NSA_WITHOUT_BAND = _cpsi_form("NR", "pci_nr nrarfcn rsrp [rsrq snr ...]")
 _MOST_MORE, _MORE = 2, re.compile(r"-?\d{1,5}")
-"""Values at the end of a row of newer firmware, of NR the spacing of its carriers and bandwidth."""
+# at the end of a row of newer firmware, of NR the spacing of its carriers and bandwidth
 _ECIO = re.compile(r"-?\d{1,2}(?:\.\d)?")
 _BITS: Mapping[Rat, tuple[int, int]] = {"GSM": (16, 16), "NR": (24, 36)}  # of area and cell
 _BITS_OF_OTHERS = (16, 28)

@@ -160,7 +160,6 @@ def _gga_alone(n):
 
 @pytest.mark.parametrize("epochs", [service.nmea_epochs, _gga_alone])
 def test_a_receiver_that_repeats_its_last_position_has_none(tmp_path, monkeypatch, epochs):
-    """Also one that prints no date."""
     monkeypatch.setattr(gnss_source, "OLD_S", WITHIN_S)
     receiver, none = Receiver(), str(tmp_path / "none")
     receiver.data = epochs(1)

@@ -457,7 +457,6 @@ def test_a_modem_that_never_hears_a_cell_is_a_fault_until_it_does(tmp_path):
 
 
 def test_rows_in_an_unknown_form_are_a_fault_that_says_so(tmp_path, monkeypatch):
-    """Not a missing antenna: such a poll is no scan without cells."""
     monkeypatch.setattr(link, "NOTE_INTERVAL_S", 0.5)
     monkeypatch.setattr(ModemSource, "patience_s", 3.0)
     rows = "+GTCCINFO:\r\nLTE service cell:\r\n1,4,262,02,4E5F,2D3C4B5,5A4,12F,103"

@@ -260,7 +260,7 @@ def test_row_without_its_last_value_is_the_cell_and_a_shorter_one_is_none(row):
 @pytest.mark.parametrize("row", ROWS)
 @pytest.mark.parametrize("more", [",7", ",0,100"])
 def test_more_values_at_the_end_of_a_row_cost_nothing(row, more):
-    """The layouts of the SIM7500 and SIM7600 manual, with what newer firmware may add."""
+    # written from the layouts of the SIM7500 and SIM7600 manual
     assert one(row + more) == one(row)
 
 

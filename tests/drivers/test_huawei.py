@@ -122,7 +122,6 @@ def test_values_that_are_not_measured_or_unknown():
 
 
 def test_a_comma_within_the_area_makes_no_other_area():
-    """Of a row without its last value, which the firmware may leave out, it would."""
     for row in (GSM, WCDMA, LTE, NR, NR.replace(",17", "")):
         whole, at = one(row), row.rindex(",", 0, row.index(",-"))
         for cut in range(at + 2, row.index(",-")):
@@ -131,7 +130,6 @@ def test_a_comma_within_the_area_makes_no_other_area():
 
 
 def test_a_row_of_zeros_has_no_level():
-    """As it is where nothing was measured; the manual has no ratio of 0 dB."""
     zeros = one("^MONSC: LTE,000,00,0,0,0,0,0,0,0")
     assert (identity_of(zeros), zeros.level_dbm, zeros.rsrq_db) == (NO_IDENTITY, None, None)
 

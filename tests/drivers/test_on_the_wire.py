@@ -180,7 +180,7 @@ OK"""
 
 @pytest.mark.parametrize("blank", ["", " "])
 def test_a_padded_cell_of_nr_is_read_with_blanks_between_the_values_too(blank):
-    """An FM350 pads the cell to ten digits (FM160 manual 9.1.15 has the other values)."""
+    # written from the FM160 manual 9.1.15; an FM350 pads the cell
     row = "1,9,262,01,A0C100,06CE5C2002,627264,385,5078,100,60,80,80,65".replace(",", f",{blank}")
     (serving,) = cells("fibocom", {"AT+GTCCINFO?": f"+GTCCINFO:\n{row}\n\nOK"})
     assert (serving.cid, serving.tac, serving.arfcn) == (0x6CE5C2002, 0xA0C100, 627264)

@@ -95,11 +95,8 @@ def nav_mode(gsa: Any) -> int | None:
 
 
 def radius68_m(sigma_lat_m: float, sigma_lon_m: float) -> float:
-    """Radius that holds 68 % of normal errors with these standard deviations.
-
-    Exact for a round ellipse (Rayleigh), too large by 4 % for one twice as long as wide and by 7 %
-    for a line.
-    """
+    """Radius that holds 68 % of normal errors with these standard deviations."""
+    # exact for a round ellipse (Rayleigh), too large by 4 % at 2:1 and by 7 % for a line
     return math.sqrt(-math.log(1.0 - 0.68) * (sigma_lat_m**2 + sigma_lon_m**2))
 
 
@@ -361,7 +358,7 @@ class FixAssembler:
 
     @property
     def time(self) -> int | str | None:
-        """Time of day of the latest epoch, None where none is printed."""
+        """Time of day of the latest epoch, if any."""
         return None if self._epoch is None or self._epoch.time == "" else self._epoch.time
 
     @property
@@ -393,7 +390,7 @@ class FixAssembler:
 
 
 def _next_epoch(before: _Epoch | None, t_ns: int, time: int | str) -> _Epoch:
-    """An epoch read at `t_ns`; a busy machine reads several at once, which came one by one."""
+    """The epoch read at `t_ns`; of several read at once each has its due time."""
     epoch = _Epoch(t_ns, time, t_ns)
     if before is None or not isinstance(time, int) or not isinstance(before.time, int):
         return epoch

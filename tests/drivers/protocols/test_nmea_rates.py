@@ -128,7 +128,7 @@ def test_damage_costs_the_epochs_it_hits_at_most(order, rate_hz):
 
 
 def stamps_s(rate_hz, arrivals_s, clock_s=lambda s: s):
-    """Times of fixes since the first, of epochs that are read at `arrivals_s` (by number)."""
+    """Times of the fixes of epochs that are read at `arrivals_s`."""
     assembler = FixAssembler()
     found = []
     for i in range(SECONDS * rate_hz):
@@ -145,7 +145,6 @@ def stamps_s(rate_hz, arrivals_s, clock_s=lambda s: s):
 @pytest.mark.parametrize("stall_s", [1.7, 10.0])
 @pytest.mark.parametrize("n_reads", [1, 2])
 def test_epochs_read_at_once_after_a_stall_have_their_own_times(rate_hz, stall_s, n_reads):
-    """A walker is metres further at the last one of them than at the first."""
     begin_s, end_s = 15.05, 15.05 + stall_s
 
     def arrival_s(t_s):
@@ -161,7 +160,6 @@ def test_epochs_read_at_once_after_a_stall_have_their_own_times(rate_hz, stall_s
 @pytest.mark.parametrize("rate_hz", [1, 5, 10])
 @pytest.mark.parametrize("step_s", [-18.0, -2.0, -0.6, 0.3, 1.0, 18.0])
 def test_a_step_of_the_receivers_clock_moves_no_fix(rate_hz, step_s):
-    """Leap seconds that it learns late, or its own clock before the first fix."""
     found = stamps_s(rate_hz, lambda s: s, lambda s: s + 30.0 + (step_s if s > 20.0 else 0.0))
     assert found == pytest.approx([i / rate_hz for i in range(len(found))])
 
