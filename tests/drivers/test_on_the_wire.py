@@ -178,6 +178,18 @@ OK"""
     assert serving.identity_unsure is not is_sure
 
 
+LTE_ROW = '+QENG: "servingcell","NOCONN","LTE","FDD",262,01,1A2D001,212,1300,3,5,5,1B2C,-97,-8,-70,14'
+
+
+def test_a_row_in_small_letters_is_read_too():
+    # written from the EC2x manual 6.17
+    command = 'AT+QENG="servingcell"'
+    (small,) = cells("quectel", {command: f"{LTE_ROW.lower()}\n\nOK"})
+    (large,) = cells("quectel", {command: f"{LTE_ROW}\n\nOK"})
+    assert small.cell == large.cell == f"262-01-{0x1B2C}-{0x1A2D001}"
+    assert small.rsrp_dbm == large.rsrp_dbm == -97.0
+
+
 @pytest.mark.parametrize("blank", ["", " "])
 def test_a_padded_cell_of_nr_is_read_with_blanks_between_the_values_too(blank):
     # written from the FM160 manual 9.1.15; an FM350 pads the cell
