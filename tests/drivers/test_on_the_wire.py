@@ -178,7 +178,7 @@ OK"""
     assert serving.identity_unsure is not is_sure
 
 
-LTE_ROW = '+QENG: "servingcell","NOCONN","LTE","FDD",262,01,1A2D001,212,1300,3,5,5,1B2C,-97,-8,-70,14'
+LTE_ROW = '+QENG: "servingcell","NOCONN","LTE","FDD",262,01,1A2D001,212,1300,3,5,5,1B2C,-97,-8,-7'
 
 
 def test_a_row_in_small_letters_is_read_too():
