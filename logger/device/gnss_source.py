@@ -73,6 +73,8 @@ class Assembler(Protocol):
     def feed(self, event: Any, t_ns: int, /) -> Iterator[tuple[int, Fix]]: ...
     def flush(self) -> Iterator[tuple[int, Fix]]: ...
     @property
+    def time(self) -> object: ...
+    @property
     def impossible_date(self) -> date | None: ...
 
 
@@ -120,7 +122,7 @@ def record_fixes(
                 received_ns = t_ns
                 n_fixes = _record(link, framer, assembler, data, t_ns)
             elif t_ns - received_ns > silent_s * 1e9:
-                n_fixes = _emit(link, assembler.flush())
+                n_fixes = _emit(link, assembler, assembler.flush())
             if n_fixes:
                 epoch_ns, fault = t_ns, ""
                 if not is_date_noted and (day := assembler.impossible_date):
@@ -131,7 +133,7 @@ def record_fixes(
                 fault = due
                 link.note("warning", NO_EPOCHS, fault)
     finally:
-        _emit(link, assembler.flush())
+        _emit(link, assembler, assembler.flush())
 
 
 def _record(link: Link, framer: Framer, assembler: Assembler, data: bytes, t_ns: int) -> int:
@@ -140,23 +142,29 @@ def _record(link: Link, framer: Framer, assembler: Assembler, data: bytes, t_ns:
         if isinstance(event, Garbage):
             link.count_garbage(len(event.data))
         else:
-            n_fixes += _emit(link, assembler.feed(event, t_ns))
+            n_fixes += _emit(link, assembler, assembler.feed(event, t_ns))
     return n_fixes
 
 
-def _emit(link: Link, fixes: Iterator[tuple[int, Fix]]) -> int:
+def _emit(link: Link, assembler: Assembler, fixes: Iterator[tuple[int, Fix]]) -> int:
     """Returns their number."""
     emitted = list(fixes)
     for fix_ns, fix in emitted:
-        emit_fix(link, fix, fix_ns)
+        emit_fix(link, fix, fix_ns, time=assembler.time)
     return len(emitted)
 
 
-def emit_fix(link: Link, fix: Fix, t_ns: int, source: str | None = None) -> None:
-    """Record a fix, and count a position that was not measured or is an old one."""
-    utc_ns, since_ns = link.latest_utc
-    if fix.utc_ns is None or fix.utc_ns != utc_ns:
-        link.latest_utc = fix.utc_ns, t_ns
+def emit_fix(
+    link: Link, fix: Fix, t_ns: int, source: str | None = None, time: object = None
+) -> None:
+    """Record a fix, and count a position that was not measured or is an old one.
+
+    `time` is the receiver's, where it prints no date.
+    """
+    time = time if fix.utc_ns is None else fix.utc_ns
+    latest, since_ns = link.latest_time
+    if time is None or time != latest:
+        link.latest_time = time, t_ns
     elif fix.valid and t_ns - since_ns > OLD_S * 1e9:
         link.count("position-repeated", 1, _REPEATED)
         fix = Fix(valid=False, utc_ns=fix.utc_ns)

@@ -224,7 +224,7 @@ class Link:
         self.silence_limits = SilenceLimits()
         self.known = NumberHistory()
         # of the latest fix, and when the first fix had it
-        self.latest_utc: tuple[int | None, int] = None, 0
+        self.latest_time: tuple[object, int] = None, 0
         self._inbox = inbox
         self._redactor = source.redactor()
         self._port: Port | None = None

@@ -131,6 +131,7 @@ class ModemExchange:
         self.is_answered = False
         self.is_damaged = False
         self.refusal = ""  # of the latest command that had to be accepted
+        self.replies: list[Reply] = []  # since the caller cleared them
         self._has_bytes = False
         self._n_pending_queries = 0  # queries of the last full scan without an answer
 
@@ -202,6 +203,7 @@ class ModemExchange:
                 self.is_answered = True
                 if reply.is_refusal and (command.needed or self.is_set_up):
                     self.refusal = f" ({reply.refusal})"
+                self.replies.append(reply)
                 self._count_anomalies(reply, slow=wait.is_slow(self._now_s()))
                 return reply
             if self.is_restarted and not restarted:

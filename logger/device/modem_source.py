@@ -107,11 +107,9 @@ def _sim_state() -> Dialogue[str | None]:
 
 
 def _has_receiver(driver: Family) -> Dialogue[bool]:
-    """Whether the modem has a receiver of its own, which is not switched on for it.
-
-    It has the command that asks for a fix, or the one that switches the receiver on: AT+X=? is
-    answered OK where AT+X= is known (ITU-T V.250 5.4.1).
-    """
+    """Whether the modem has a receiver of its own, which is not switched on for it."""
+    # it has the command that asks for a fix, or the one that switches the receiver on: AT+X=? is
+    # answered OK where AT+X= is known (ITU-T V.250 5.4.1)
     tests = (Command(on.text.partition("=")[0] + "=?") for on in driver.gnss_start_commands)
     yield Command("AT+CMEE=1")
     for command in (*driver.gnss_poll_commands, *tests):
@@ -234,7 +232,12 @@ class _Session:
             self._modem.late_ns if self._modem.framer.late_final_due else self._link.clock.now_ns()
         )
         self._modem.is_damaged, self._modem.refusal = False, ""
+        self._modem.replies.clear()
         rows = self._modem.talk(driver.poll())
+        if (command := driver.unread(self._modem.replies)) is not None:
+            what = f"polls had rows of {command} in no form that driver {driver.name} reads"
+            self._link.count("unread-rows", 1, what)
+            self._modem.is_damaged = True  # no scan without cells
         if self._modem.framer.echo_seen and self._modem.is_set_up and not self._echoes:
             self._modem.set_up_again("modem echoes again, as after a restart; setting it up again")
         self._echoes = self._modem.framer.echo_seen

@@ -10,7 +10,12 @@ from logger.core.types import CellReading, Fix, Role, reportable
 from logger.drivers.network_mode import ModeCommand
 from logger.drivers.protocols.at import RESULTS_OF_CALLS, Command, Dialogue, Reply
 from logger.drivers.reading.row_language import Row
-from logger.drivers.reading.standard_replies import drop_cut_values, names_of, standard_rows
+from logger.drivers.reading.standard_replies import (
+    COMMON_NAMES,
+    drop_cut_values,
+    names_of,
+    standard_rows,
+)
 
 if TYPE_CHECKING:
     from logger.core.suspicion.rule import Need  # with numpy, which drivers do not need
@@ -27,6 +32,12 @@ _RESTARTED = re.compile(
     re.IGNORECASE,
 )
 
+_KNOWN_NUMBER = re.compile(
+    r"(?<!\w)(?!(?:255|32768|65535|4294967295)\b)(?:0x)?[0-9A-F]*[1-9][0-9A-F]*(?!\w)",
+    re.IGNORECASE,
+)
+_LEAST_OF_A_CELL = 5
+"""Of an empty slot, or while the modem changes its cell, fewer numbers are known."""
 
 _FLAGS = re.IGNORECASE | re.DOTALL
 
@@ -152,6 +163,16 @@ class Family:
         is_torn = reply.is_torn and names_of(reply.command).isdisjoint(self.unnamed_rows)
         is_shortened = drop_cut_values(reply.marked_lines, self._names()) != list(reply.lines)
         return is_torn or is_shortened or reply.final in RESULTS_OF_CALLS
+
+    def unread(self, replies: Iterable[Reply]) -> str | None:
+        """The command of a row with numbers, where no row of the replies is read."""
+        own = [reply for reply in replies if names_of(reply.command) - COMMON_NAMES]
+        if self.rows_in([line for reply in own for line in (reply.command, *reply.lines)]):
+            return None
+        rows = ((reply.command, line) for reply in own for line in reply.lines)
+        n_least = _LEAST_OF_A_CELL
+        named = (name for name, row in rows if len(_KNOWN_NUMBER.findall(row)) >= n_least)
+        return next(named, None)
 
     @classmethod
     def _names(cls) -> frozenset[str]:

@@ -167,7 +167,7 @@ class Fibocom(Family):
     }
 
     padded_cells: ClassVar[Mapping[str, str]] = {
-        "+GTCCINFO": "[12],9,[0-9]{0,3},[0-9]{0,3},[0-9A-F]{1,7},(0)[0-9A-F]{9},"
+        "+GTCCINFO": "[12], ?9, ?[0-9]{0,3}, ?[0-9]{0,3}, ?[0-9A-F]{1,7}, ?(0)[0-9A-F]{9},"
     }
 
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:

@@ -21,7 +21,6 @@ layer published with the HiSilicon kernel sources; ModemManager's tests (firmwar
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -41,7 +40,6 @@ from logger.drivers.reading.row_language import (
     Signal,
     Value,
     form,
-    level,
     number,
     pieces,
     split,
@@ -61,9 +59,8 @@ _KINDS: Kinds = {
         name: VALUES[name]._replace(pattern=VALUES["nrarfcn"].pattern)
         for name in ("arfcn", "uarfcn", "earfcn", "nrarfcn")
     },
-    "rsrq": Value(
-        "rsrq_db", partial(level, low=-43.0, high=20.0), r"[-+]?\d{1,4}"
-    ),  # -44 is not measured
+    # a comma within the area would put digits of it here
+    **{name: VALUES[name]._replace(pattern=r"-\d{1,4}|0") for name in ("rssi", "rscp", "rsrp")},
     # other makers' marks for unknown
     "rxq": VALUES["rxq"]._replace(pattern=r"\d|99"),
     "ta": VALUES["ta"]._replace(pattern=r"\d{1,2}|255"),

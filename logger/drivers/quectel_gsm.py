@@ -95,8 +95,7 @@ class QuectelGsm(Family):
     def poll(self) -> Dialogue[tuple[Row, ...] | None]:
         """Cells received now; None without an answer or where engineering mode is off.
 
-        A modem that refuses `AT+QENG?` is an NB-IoT modem. (To a GSM modem `AT+QENG=0` means off,
-        which the next poll would see.)
+        A modem that refuses `AT+QENG?` is an NB-IoT modem.
         """
         reply = yield self.poll_commands[0]
         if reply.is_refusal:

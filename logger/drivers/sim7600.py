@@ -109,7 +109,8 @@ _CPSI_FORMS: Mapping[str, Form] = {  # a row lacks its last value at most
 _SYSTEM = re.compile(r"(?:LTE )?(?:CAT-)?(NB|CAT-M)(?:-?IOT)?[12]?|(NR5G)(?:_N?SA)?")
 _NSA = _cpsi_form("NR", "pci_nr nr_band nrarfcn rsrp [rsrq snr ...]")
 _NSA_WITHOUT_BAND = _cpsi_form("NR", "pci_nr nrarfcn rsrp [rsrq snr ...]")
-_MORE_OF_NR = 2  # spacing of its carriers and bandwidth, in newer firmware
+_MOST_MORE, _MORE = 2, re.compile(r"-?\d{1,5}")
+# at the end of a row of newer firmware, of NR the spacing of its carriers and bandwidth
 _ECIO = re.compile(r"-?\d{1,2}(?:\.\d)?")
 _BITS: Mapping[Rat, tuple[int, int]] = {"GSM": (16, 16), "NR": (24, 36)}  # of area and cell
 _BITS_OF_OTHERS = (16, 28)
@@ -237,8 +238,10 @@ def _cpsi(text: str) -> Row | None:
 
 def _cpsi_cell(shape: Form, texts: list[str], more: Mapping[str, str]) -> CellReading | None:
     rat, n_all = shape.rat or "LTE", len(shape.names)
-    if len(texts) > n_all + (_MORE_OF_NR if shape.is_open else 0):
+    more_texts = texts[n_all:]
+    if len(more_texts) > _MOST_MORE or not all(map(_MORE.fullmatch, more_texts)):
         return None
+    texts = texts[:n_all]
     if len(texts) < n_all:
         texts = texts[:-1]  # the last one may be cut
     named = shape.texts_by_name(texts)
@@ -248,8 +251,9 @@ def _cpsi_cell(shape: Form, texts: list[str], more: Mapping[str, str]) -> CellRe
     place = {"arfcn": decimal(on_gsm[1], 0, 1023), "band": on_gsm[2]} if on_gsm else {}
     levels, raw = _LEVELS_OF.get(rat, _lte)(named)
     reading = cell("serving", rat, named, _CPSI_KINDS, {**more, **raw}, **place, **levels)
-    if reading is None:
-        return None
+    has_level = reading and (reading.level_dbm is not None or reading.more.get("rsrp_raw"))
+    if reading is None or (more_texts and rat != "NR" and not has_level):
+        return None  # a comma too much moves the levels
     who = _identity(rat, named) if reading.arfcn is not None else None
     if who is None:
         return None if reading.level_dbm is None else reading

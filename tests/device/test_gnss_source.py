@@ -153,17 +153,23 @@ def test_a_receiver_without_epochs_is_a_fault_until_one_comes(tmp_path, monkeypa
     assert [row["source"] for row in notes if row["code"] == b"no-epochs"] == [b"gnss", b"gnss"]
 
 
-def test_a_receiver_that_repeats_its_last_position_has_none(tmp_path, monkeypatch):
+def _gga_alone(n):
+    lines = service.nmea_epochs(n).splitlines(keepends=True)
+    return b"".join(line for line in lines if b"GGA" in line)
+
+
+@pytest.mark.parametrize("epochs", [service.nmea_epochs, _gga_alone])
+def test_a_receiver_that_repeats_its_last_position_has_none(tmp_path, monkeypatch, epochs):
     monkeypatch.setattr(gnss_source, "OLD_S", WITHIN_S)
     receiver, none = Receiver(), str(tmp_path / "none")
-    receiver.data = service.nmea_epochs(1)
+    receiver.data = epochs(1)
     with (
         PtyDevice(receiver) as gnss,
         recording(make_service(tmp_path, Clock(), none, 0.0, 1.0, gnss.path)) as under_way,
     ):
         service.wait_for(lambda: under_way.snapshot().fix and under_way.snapshot().fix.valid)
         service.wait_for(lambda: not under_way.snapshot().fix.valid)
-        receiver.data = service.nmea_epochs(2)
+        receiver.data = epochs(2)
         service.wait_for(lambda: under_way.snapshot().fix.valid)
     (run,) = tmp_path.glob("*.h5")
     tables = read_run(run).tables

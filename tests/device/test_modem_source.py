@@ -456,6 +456,25 @@ def test_a_modem_that_never_hears_a_cell_is_a_fault_until_it_does(tmp_path):
         service.wait_for(lambda: not under_way.snapshot().ports["modem"].fault)
 
 
+def test_rows_in_an_unknown_form_are_a_fault_that_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(link, "NOTE_INTERVAL_S", 0.5)
+    monkeypatch.setattr(ModemSource, "patience_s", 3.0)
+    rows = "+GTCCINFO:\r\nLTE service cell:\r\n1,4,262,02,4E5F,2D3C4B5,5A4,12F,103"
+    modem = Locked("AT+GTCCINFO?", f"{rows}\r\n\r\nOK", DIALECTS["l850"])
+    others = {f"AT+{name}?\r".encode() for name in ("CREG", "CGREG", "CEREG", "C5GREG")}
+    answer = modem.feed
+    modem.feed = lambda data: b"\r\nOK\r\n" if data in others else answer(data)
+    clock = Clock()
+    with PtyDevice(answering(modem)) as port:
+        under_way = make_service(tmp_path, clock, port.path, 0.0, 0.1)
+        under_way.start()
+        says = "rows of AT+GTCCINFO? in no form that driver fibocom reads"
+        service.wait_for(lambda: says in under_way.snapshot().ports["modem"].fault)
+        walked = RecordedRun(read_run(under_way.stop("end")))
+    assert "unread-rows" in walked.notes()
+    assert not walked.scans()
+
+
 class Unreadable(Deaf):
     """A modem that sends noise while `is_deaf`, as one at another rate does."""
 

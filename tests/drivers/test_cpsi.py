@@ -258,6 +258,13 @@ def test_row_without_its_last_value_is_the_cell_and_a_shorter_one_is_none(row):
 
 
 @pytest.mark.parametrize("row", ROWS)
+@pytest.mark.parametrize("more", [",7", ",0,100"])
+def test_more_values_at_the_end_of_a_row_cost_nothing(row, more):
+    # written from the layouts of the SIM7500 and SIM7600 manual
+    assert one(row + more) == one(row)
+
+
+@pytest.mark.parametrize("row", ROWS)
 def test_lost_value_before_the_levels_is_no_cell(row):
     values = row.split(",")
     for lost in range(2, 2 + 4):

@@ -121,6 +121,19 @@ def test_values_that_are_not_measured_or_unknown():
     assert identity_of(one(GSM.replace("262,01", "000,00"))) == NO_IDENTITY
 
 
+def test_a_comma_within_the_area_makes_no_other_area():
+    for row in (GSM, WCDMA, LTE, NR, NR.replace(",17", "")):
+        whole, at = one(row), row.rindex(",", 0, row.index(",-"))
+        for cut in range(at + 2, row.index(",-")):
+            for moved in MODEM.rows_in([row[:cut] + "," + row[cut:]]):
+                assert identity_of(moved) in {identity_of(whole), NO_IDENTITY}
+
+
+def test_a_row_of_zeros_has_no_level():
+    zeros = one("^MONSC: LTE,000,00,0,0,0,0,0,0,0")
+    assert (identity_of(zeros), zeros.level_dbm, zeros.rsrq_db) == (NO_IDENTITY, None, None)
+
+
 def test_no_cell():
     assert one("^MONSC: NONE") == NoCell(status="NONE")
     assert MODEM.rows_in(["^MONNC: NONE"]) == ()

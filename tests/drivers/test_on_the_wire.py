@@ -178,6 +178,32 @@ OK"""
     assert serving.identity_unsure is not is_sure
 
 
+LTE_ROW = '+QENG: "servingcell","NOCONN","LTE","FDD",262,01,1A2D001,212,1300,3,5,5,1B2C,-97,-8,-7'
+
+
+def test_a_row_in_small_letters_is_read_too():
+    # written from the EC2x manual 6.17
+    command = 'AT+QENG="servingcell"'
+    (small,) = cells("quectel", {command: f"{LTE_ROW.lower()}\n\nOK"})
+    (large,) = cells("quectel", {command: f"{LTE_ROW}\n\nOK"})
+    assert small.cell == large.cell == f"262-01-{0x1B2C}-{0x1A2D001}"
+    assert small.rsrp_dbm == large.rsrp_dbm == -97.0
+
+
+@pytest.mark.parametrize("blank", ["", " "])
+def test_a_padded_cell_of_nr_is_read_with_blanks_between_the_values_too(blank):
+    # written from the FM160 manual 9.1.15; an FM350 pads the cell
+    row = "1,9,262,01,A0C100,06CE5C2002,627264,385,5078,100,60,80,80,65".replace(",", f",{blank}")
+    (serving,) = cells("fibocom", {"AT+GTCCINFO?": f"+GTCCINFO:\n{row}\n\nOK"})
+    assert (serving.cid, serving.tac, serving.arfcn) == (0x6CE5C2002, 0xA0C100, 627264)
+
+
+def test_a_cell_of_nr_is_read_with_blanks_between_the_values_too():
+    row = "NR5G_SA, Online, 262-01, 0xA0C100, 29231947778, 385, NR5G_BAND78, 627264, -880, -110, 24"
+    (serving,) = cells("sim7600", {"AT+CPSI?": f"+CPSI: {row}\n\nOK"})
+    assert (serving.cid, serving.rsrp_dbm) == (29231947778, -88.0)
+
+
 def test_a_channel_without_a_cell_has_no_code():
     heading = "InterFreq: EARFCN ThresholdLow ThresholdHi Priority PCI  RSRQ   RSRP   RSSI RXLV"
     rows = (

@@ -341,7 +341,7 @@ class AtFramer:
     def _belongs(self, line: str) -> bool:
         name = _NAMED.match(line)
         if name:
-            return name[1] in self._names
+            return name[1].upper() in self._names
         return not _UNASKED.fullmatch(line.strip())
 
     def _is_late(self, line: str) -> bool:

@@ -172,6 +172,11 @@ class GpsdFixes:
         return iter([(self._t_ns, _fix(self._tpv, sky, accuracy_m))])
 
     @property
+    def time(self) -> str | None:
+        """As that of `FixAssembler`."""
+        return self._tpv.time if self._tpv else None
+
+    @property
     def impossible_date(self) -> date | None:
         """As that of `FixAssembler`."""
         when = _when(self._tpv) if self._tpv else None

@@ -95,11 +95,8 @@ def nav_mode(gsa: Any) -> int | None:
 
 
 def radius68_m(sigma_lat_m: float, sigma_lon_m: float) -> float:
-    """Radius that holds 68 % of normal errors with these standard deviations.
-
-    Exact for a round ellipse (Rayleigh), too large by 4 % for one twice as long as wide and by 7 %
-    for a line.
-    """
+    """Radius that holds 68 % of normal errors with these standard deviations."""
+    # exact for a round ellipse (Rayleigh), too large by 4 % at 2:1 and by 7 % for a line
     return math.sqrt(-math.log(1.0 - 0.68) * (sigma_lat_m**2 + sigma_lon_m**2))
 
 
@@ -237,6 +234,9 @@ _MOST_GLL = 4  # a receiver that has sent more of them and none of the others se
 _TIMED = frozenset({pynmea2.GST, pynmea2.ZDA})
 _UNTIMED = frozenset({pynmea2.GSA, pynmea2.VTG})
 
+_LONGEST_DUE_NS = 60 * 10**9
+"""Between epochs; a longer time is a step of the receiver's clock."""
+
 _BODY = rb"[ -#%-)+-~]"  # printable without $ and *
 _SENTENCE = re.compile(
     rb"\$([A-Z][A-Z0-9]{2}" + _BODY + rb"{0,%d}+)\*([0-9A-Fa-f]{2})" % MAX_SENTENCE
@@ -282,10 +282,16 @@ class NmeaFramer:
 
 @dataclass(slots=True)
 class _Epoch:
-    """Messages of one time of day by type: the first of each, of GSA the most informative."""
+    """Messages of one time of day by type: the first of each, of GSA the most informative.
+
+    It came `due_ns` after the one before, was read at `read_ns`, and that was `late_ns` late.
+    """
 
     t_ns: int
     time: int | str
+    read_ns: int = 0
+    due_ns: int = 0
+    late_ns: int = 0
     messages: dict[type[Any], Any] = field(default_factory=dict)
     received: Counter[str] = field(default_factory=Counter)
     reported: bool = False
@@ -318,7 +324,7 @@ class FixAssembler:
         self._n_gll: int | None = 0  # None once a better sentence has come
 
     def feed(self, sentence: Sentence, t_ns: int) -> Iterator[tuple[int, Fix]]:
-        """Fixes completed by a sentence, with the stamp of the first of its heads.
+        """Fixes completed by a sentence, with the stamp of the first of its heads, or its due time.
 
         An epoch is complete when it has all that the last few had, whatever the receiver prints in
         whatever order. It ends without that when the next one begins, or by `flush`; what comes
@@ -351,6 +357,11 @@ class FixAssembler:
         return iter(list(self._epoch.take()) if self._epoch else [])
 
     @property
+    def time(self) -> int | str | None:
+        """Time of day of the latest epoch, if any."""
+        return None if self._epoch is None or self._epoch.time == "" else self._epoch.time
+
+    @property
     def impossible_date(self) -> date | None:
         """Date of the latest position if that is too early to be true."""
         messages = self._epoch.messages if self._epoch else {}
@@ -371,11 +382,29 @@ class FixAssembler:
             yield from self._epoch.take()
             self._recent.append(self._epoch.received)
             self._expected = reduce(or_, self._recent)
-        self._epoch = _Epoch(t_ns, _time_of_day(message))
+        self._epoch = _next_epoch(self._epoch, t_ns, _time_of_day(message))
         for address, early in self._early.values():
             if _time_of_day(early) == self._epoch.time:
                 self._epoch.add(address, early)
         self._early = {}
+
+
+def _next_epoch(before: _Epoch | None, t_ns: int, time: int | str) -> _Epoch:
+    """The epoch read at `t_ns`; of several read at once each has its due time."""
+    epoch = _Epoch(t_ns, time, t_ns)
+    if before is None or not isinstance(time, int) or not isinstance(before.time, int):
+        return epoch
+    came_ns, due_ns = t_ns - before.read_ns, (time - before.time) % DAY_NS
+    if not 0 < due_ns < _LONGEST_DUE_NS:
+        return epoch
+    epoch.due_ns = due_ns
+    is_in_time = due_ns < 2 * came_ns < 3 * due_ns
+    # a pause longer than between the epochs before: else the receiver has set its clock back
+    is_pause = 0 < 3 * before.due_ns < 2 * came_ns
+    if not is_in_time and (before.late_ns or is_pause):
+        epoch.late_ns = max(before.late_ns + came_ns - due_ns, 0)
+        epoch.t_ns = max(t_ns - epoch.late_ns, before.t_ns + 1)
+    return epoch
 
 
 def _sentence(match: re.Match[bytes]) -> Sentence | None:

@@ -337,7 +337,8 @@ def _values(name: bytes, body: bytes) -> bytes:
             )
             or between.endswith(b"\\")
         )
-        is_alone = between[-1:] in b',"' and body[token.end() : token.end() + 1] in b',".'
+        after = body[token.end() :].lstrip(b" ")
+        is_alone = between.rstrip(b" ")[-1:] in b',"' and after[:1] in b',".'
         if goes_on or _is_number(text, most_digits, _LONGER.get(name) if is_alone else None):
             out += [between, text]
         elif _MANY_LETTERS.search(text) and not (begins and has_networks):

@@ -587,11 +587,9 @@ def _is_sure(
 def _prints_short_numbers(
     column: Column, number: NumberText, reply: NumberHistory, history: NumberHistory
 ) -> bool:
-    """True where the firmware is shown to print short numbers.
-
-    Of decimal numbers any other reply shows it. For hexadecimal ones it takes a short one, which in
-    the same reply must be of the same column: a lost byte shortens one number only.
-    """
+    """True where the firmware is shown to print short numbers."""
+    # Of decimal numbers any other reply shows it. For hexadecimal ones it takes a short one, which
+    # in the same reply must be of the same column: a lost byte shortens one number only.
     if number.form.base == DECIMAL:
         return sum(history.texts(column).values()) > sum(reply.texts(column).values())
     if _n_short(_others(column, number, history), number.form):

@@ -212,7 +212,7 @@ _JOINED_OK = re.compile(r"(?<=[^\s:])\s+OK\s*\Z")
 _ONLY_A_NUMBER = re.compile(r"\s*[0-9x]+\s*\Z")  # x: redacted
 _LAST_VALUE = re.compile(r"[^\s,:]*\s*\Z")  # its label stays
 _CLOSED = re.compile(r'(?:"[^"]*"|:)\s*\Z')
-_COMMON = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
+COMMON_NAMES = frozenset({"+CREG", "+CGREG", "+CEREG", "+C5GREG", "+COPS", "+CSQ", "+CESQ"})
 """Names of the replies that every family reads (`standard_replies`)."""
 
 
@@ -246,7 +246,7 @@ def _parts(line: str, names: frozenset[str]) -> Iterator[str]:
     # a log may have joined the result to it
     line = _JOINED_OK.sub("", line)
     for glued in _GLUED.finditer(line):
-        if glued[1].upper() not in names | _COMMON:
+        if glued[1].upper() not in names | COMMON_NAMES:
             yield from (line[: glued.start()], INTERRUPTION, line[glued.start() :])
             return
     yield line
@@ -261,7 +261,7 @@ def _interrupts(line: str, before: str, names: frozenset[str]) -> bool:
     name = prefix[1].upper()
     return (
         not _RESULT.match(line)
-        and name not in names | _COMMON
+        and name not in names | COMMON_NAMES
         and not (own and own[1].upper() == name)
     )
 

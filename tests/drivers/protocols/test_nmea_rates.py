@@ -125,3 +125,47 @@ def test_damage_costs_the_epochs_it_hits_at_most(order, rate_hz):
     times_ns = [fix.utc_ns for fix in found if fix.utc_ns is not None]
     assert times_ns == sorted(set(times_ns))
     assert set(times_ns) <= {epoch_ns(i, rate_hz) for i in range(SECONDS * rate_hz)}
+
+
+def stamps_s(rate_hz, arrivals_s, clock_s=lambda s: s):
+    """Times of the fixes of epochs that are read at `arrivals_s`."""
+    assembler = FixAssembler()
+    found = []
+    for i in range(SECONDS * rate_hz):
+        t_s = i / rate_hz
+        shown = epoch_ns(0, 1) + round(clock_s(t_s) * 1e9)
+        time = f"{datetime.fromtimestamp(shown // 10**9, UTC):%H%M%S}.{shown % 10**9 // 10**7:02d}"
+        body = f"GNGGA,{time},{lat(i)},N,01315.00000,E,1,12,0.8,40.0,M,40.0,M,,"
+        for event in NmeaFramer().feed(sentence(body)):
+            found += [t_ns / 1e9 for t_ns, _ in assembler.feed(event, round(arrivals_s(t_s) * 1e9))]
+    return found
+
+
+@pytest.mark.parametrize("rate_hz", [1, 5, 10])
+@pytest.mark.parametrize("stall_s", [1.7, 10.0])
+@pytest.mark.parametrize("n_reads", [1, 2])
+def test_epochs_read_at_once_after_a_stall_have_their_own_times(rate_hz, stall_s, n_reads):
+    begin_s, end_s = 15.05, 15.05 + stall_s
+
+    def arrival_s(t_s):
+        if not begin_s < t_s < end_s:
+            return t_s
+        is_first = n_reads == 2 and t_s < (begin_s + end_s) / 2
+        return end_s - stall_s / 4 if is_first and stall_s > 2.0 else end_s
+
+    found = stamps_s(rate_hz, arrival_s)
+    assert found == pytest.approx([i / rate_hz for i in range(len(found))], abs=0.02)
+
+
+@pytest.mark.parametrize("rate_hz", [1, 5, 10])
+@pytest.mark.parametrize("step_s", [-18.0, -2.0, -0.6, 0.3, 1.0, 18.0])
+def test_a_step_of_the_receivers_clock_moves_no_fix(rate_hz, step_s):
+    found = stamps_s(rate_hz, lambda s: s, lambda s: s + 30.0 + (step_s if s > 20.0 else 0.0))
+    assert found == pytest.approx([i / rate_hz for i in range(len(found))])
+
+
+def test_jitter_of_a_slow_line_moves_a_fix_to_its_due_time_at_most():
+    chance = random.Random(1)
+    late = {s: chance.uniform(0.0, 0.3) for s in range(SECONDS)}
+    found = stamps_s(1, lambda s: s + late[round(s)])
+    assert found == pytest.approx([s + late[s] for s in range(SECONDS)])
