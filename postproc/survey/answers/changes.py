@@ -20,8 +20,6 @@ from postproc.survey.tasks import RunChoice, runs_of, tasks_of
 
 _RUN_STRIDE = 1 << 40
 """Between the numbers of scans of two runs."""
-_TOWN_STRIDE_M = 4e7
-"""Between two towns: more than UTM has from north to south. A grid of blocks has room for it."""
 
 
 def compare_times(
@@ -54,18 +52,17 @@ def _walk(
 ) -> Iterator[Readings]:
     """All readings of some runs as those of one walk, on the scale of the median logger.
 
-    The towns lie one above the other in one plane, each in its zone.
+    The towns lie side by side in one plane.
     """
     number = {digest: i for i, digest in enumerate(runs)}
     for task in tasks_of(survey, survey.cells(runs), EVERY_RUN, Options()):
         for parts in survey.observations(task.area, task.cells, runs).values():
             placed = {}
             for digest, obs in parts.items():
-                town, at = towns.place(ground_of(obs.places))
-                above_m = at.y_m + _TOWN_STRIDE_M * town
+                x_m, y_m = towns.in_one_plane(ground_of(obs.places))
                 placed[digest] = replace(
                     obs,
-                    places=replace(obs.places, x_m=at.x_m, y_m=above_m),
+                    places=replace(obs.places, x_m=x_m, y_m=y_m),
                     level_dbm=obs.level_dbm - offset_db.get(survey.runs[digest].logger, 0.0),
                     known_limit=None,
                     scan_seq=obs.scan_seq + _RUN_STRIDE * number[digest],
