@@ -413,6 +413,15 @@ def apart_m(where: Sequence[OnMap]) -> float:
     )
 
 
+def away_m(lat_lon_deg: FloatArray, where: OnMap) -> FloatArray:
+    """Distance on the ground of positions (2, n) from a place."""
+    from pyproj import Geod  # noqa: PLC0415 (as above)
+
+    lat, lon = lat_lon_deg
+    there = np.full(len(lat), where.lon), np.full(len(lat), where.lat)
+    return np.asarray(Geod(ellps="WGS84").inv(lon, lat, *there)[2], float)
+
+
 def place_name(where: OnMap) -> str:
     """Latitude and longitude to a kilometre."""
     north, east = "N" if where.lat >= 0.0 else "S", "E" if where.lon >= 0.0 else "W"

@@ -17,16 +17,16 @@ from postproc.options import (
     Command,
     basemap_option,
     cells_option,
-    place_of,
     prior_options,
     read_streets,
+    start_of,
     streets_option,
     within_option,
 )
 
 with late_modules():
     from logger import baseline_store as store
-    from logger.core import document, places
+    from logger.core import document
     from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, progress
     from postproc import result as estimation
@@ -304,8 +304,7 @@ def next_command(
     """Say where walking would tell most, a route for each walker."""
     _check_libraries("pyarrow", "distributed")
     whole, options = _open_survey(folder), estimation.Options(prior)
-    named = [place_of(text)[0] for text in starts]
-    where = [places.Places.of_degrees(one.lat, one.lon) for one in named]
+    where = [start_of(text) for text in starts]
     lines = read_streets(streets)
     with scheduling.Cluster(scheduler, workers) as cluster:
         found = location.locate_survey(whole, options, cluster=cluster)
@@ -315,4 +314,6 @@ def next_command(
     for walker, walk in walks.items():
         title = f"walker {walker}, {walk.answer.cell}: {walk.answer.sentence}"
         body += [document.Line(title, "bold"), *next_walk.parts_of(walk)]
-    show(document.Document({"walks": content}, body=body), as_json=as_json)
+    idle = f"{n - len(walks)} of {n} walkers have no walk: {next_walks.NONE_LEFT}"
+    remarks = [idle] if len(walks) < n else []
+    show(document.Document({"walks": content}, body=body, remarks=remarks), as_json=as_json)

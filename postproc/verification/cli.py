@@ -14,7 +14,6 @@ from postproc.options import (
     false_alarm_option,
     grouped_runs,
     only_one,
-    place_of,
     prior_options,
     runs_argument,
     stored_result,
@@ -31,6 +30,9 @@ with late_modules():
         run_claims,
         run_sites,
     )
+
+_USUAL_M = 1000.0
+"""Around `--near`."""
 
 
 def tested_claims(
@@ -186,10 +188,18 @@ def lookup(path: Path, identity: str | None, near: str | None, *, as_json: bool)
     """Find cells by identity or around a position."""
     only_one({"--cell": identity, "--near": near}, is_required=True)
     database = databases.CellDb(path)
-    if identity:
-        cells = database.by_identity(identity)
-    else:
-        place, radius_m = place_of(near or "")
-        cells = database.near(place.lat, place.lon, radius_m)
+    cells = database.by_identity(identity) if identity else database.near(*_circle_of(near or ""))
     database.close()
     show(databases.document_of_cells(cells), as_json=as_json)
+
+
+def _circle_of(text: str) -> tuple[float, float, float]:
+    """Degrees north and east, and metres, of LAT,LON[,RADIUS_M]; raises `ConfigError`."""
+    try:
+        values = [float(part) for part in text.split(",")]
+        lat_deg, lon_deg, radius_m = values if len(values) > 2 else [*values, _USUAL_M]
+    except ValueError:
+        raise ConfigError(
+            f"{text!r} is no position: LAT,LON or LAT,LON,RADIUS_M is wanted"
+        ) from None
+    return lat_deg, lon_deg, radius_m

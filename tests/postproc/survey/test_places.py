@@ -261,3 +261,19 @@ def test_changes_are_looked_for_in_every_town(tmp_path, scheduler, capsys):
     out = capsys.readouterr().out
     n_blocks = int(re.search(r"have walked (\d+) blocks", out)[1])
     assert n_blocks == pytest.approx(len(towns) * 400, rel=0.15)
+
+
+def test_a_walker_gets_a_walk_in_his_own_town(tmp_path, scheduler, capsys):
+    """The town of the walker has fewer readings than the other; a third town has none."""
+    lat, lon = fill(52.5, 13.4, 600.0)
+    there_lat, there_lon = fill(48.85, 2.35, 600.0)
+    walks = [walk(n, 33, lat[::2], lon[::2], [f"262-01-1-{n}"]) for n in (1, 2, 3)]
+    walks.append(walk(4, 31, there_lat[::4], there_lon[::4], ["208-01-1-4"]))
+    survey_of(tmp_path / "s", walks)
+    command = ["survey", "next", str(tmp_path / "s"), "--scheduler", scheduler]
+    assert main([*command, "--from", "48.85,2.35", "--walkers", "3"]) == 0
+    said = capsys.readouterr()
+    assert re.findall(r"^walker (\d), (\S+):", said.out, re.MULTILINE) == [("1", "208-01-1-4")]
+    assert "2 of 3 walkers have no walk" in said.err
+    assert main([*command, "--from", "40.4,-3.7"]) == 2
+    assert "within 20 km of --from" in capsys.readouterr().err
