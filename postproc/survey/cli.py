@@ -216,10 +216,14 @@ def diff(
     exit code is 3 if a comparison failed.
     """
     _check_libraries("pyarrow", "distributed")
-    early = tasks.RunChoice(until_utc_ns=_day_utc_ns(before))
-    late = tasks.RunChoice(since_utc_ns=_day_utc_ns(after or before))
+    until_utc_ns, since_utc_ns = _day_utc_ns(before), _day_utc_ns(after or before)
+    if since_utc_ns < until_utc_ns:
+        raise ConfigError("--after is a day before --before: walks between them would count twice")
+    early = tasks.RunChoice(until_utc_ns=until_utc_ns)
+    late = tasks.RunChoice(since_utc_ns=since_utc_ns)
     with scheduling.Cluster(scheduler, workers) as cluster:
-        compared = changes.compare_times(_open_survey(folder), early, late, cluster=cluster)
+        whole = _open_survey(folder)
+        compared, n_left_out = changes.compare_times(whole, early, late, cluster=cluster)
     cells = [asdict(cell) for cell in compared.cells]
     for cell in cells:  # without the blocks of each
         del cell["block"], cell["difference_db"]
@@ -244,6 +248,7 @@ def diff(
             *comparing.error_lines(compared.cells),
             comparing.cell_table(shown),
         ],
+        remarks=[changes.LEFT_OUT.format(n_left_out)] if n_left_out else (),
     )
     show(said, as_json=as_json)
     return cell_work.exit_code(compared.cells)

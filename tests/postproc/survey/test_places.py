@@ -277,3 +277,21 @@ def test_a_walker_gets_a_walk_in_his_own_town(tmp_path, scheduler, capsys):
     assert "2 of 3 walkers have no walk" in said.err
     assert main([*command, "--from", "40.4,-3.7"]) == 2
     assert "within 20 km of --from" in capsys.readouterr().err
+
+
+def test_walks_that_no_other_logger_confirms_are_counted(tmp_path, scheduler, capsys):
+    """Three loggers walk one town at both times, a fourth another."""
+    walks = []
+    for number, (logger, town) in enumerate(
+        [*(("x", (52.5, 13.4)), ("y", (52.5, 13.4)), ("z", (52.5, 13.4))), ("w", (48.1, 11.5))]
+    ):
+        lat, lon = fill(*town, 1000.0)
+        for later in (0, 1):
+            one = walk(10 * number + later, Utm.at(*town).zone, lat[::2], lon[::2])
+            began_ns = (1_790_000_000 + 864_000 * later) * 10**9
+            run = replace(one.run, began_utc_ns=began_ns, logger=logger, modem=logger)
+            walks.append(replace(one, run=run))
+    survey_of(tmp_path / "s", walks)
+    command = ["survey", "diff", str(tmp_path / "s"), "--before", "2026-09-25"]
+    assert main([*command, "--scheduler", scheduler]) == 0
+    assert "share no ground with them: 2" in capsys.readouterr().err
