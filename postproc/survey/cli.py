@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -71,11 +72,19 @@ def _day_utc_ns(text: str) -> int:
     return int(datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()) * 10**9
 
 
-def _open_survey(folder: Path) -> dataset.Survey:
-    """The survey, after a line on stderr that says how large it is: what follows takes long."""
+def _open_survey(folder: Path, *outputs: Path) -> dataset.Survey:
+    """The survey, after a line on stderr that says how large it is: what follows takes long.
+
+    Raises `RunFileError` where that will not be written.
+    """
     whole = dataset.Survey.open(folder)
+    for path in outputs:
+        atomic_write.check_output(path)
     n_runs, n_cells = len(whole.runs), len(whole.cells())
-    print(f"{folder}: {n_runs} runs, {n_cells} cells", file=sys.stderr, flush=True)
+    kept = (
+        "" if os.access(folder, os.W_OK) else "; no estimate is kept in a folder that is read-only"
+    )
+    print(f"{folder}: {n_runs} runs, {n_cells} cells{kept}", file=sys.stderr, flush=True)
     return whole
 
 
@@ -167,10 +176,11 @@ def locate(
     _check_libraries("pyarrow", "distributed", "geopandas")
     options = estimation.Options(prior, within_m=within_m)
     choice = tasks.RunChoice(since_utc_ns=_day_utc_ns(since) if since else None)
-    whole = _open_survey(folder)
+    files = layers.files_of(stem or folder / "located")
+    whole = _open_survey(folder, *files)
     with scheduling.Cluster(scheduler, workers) as cluster:
         located = location.locate_survey(whole, options, choice, cells, cluster=cluster)
-    files = layers.write_layers(located.cells, located.loggers, stem or folder / "located")
+    layers.write_layers(located.cells, located.loggers, files)
     show(location.document_of(located, files), as_json=as_json)
     return cell_work.exit_code(located.cells)
 
@@ -274,11 +284,11 @@ def map_command(
 ) -> None:
     """Write one page that needs no network: coverage, cells, regions, unusual ones."""
     _check_libraries("pyarrow", "distributed")
-    whole = _open_survey(folder)
+    target = target or folder / "survey.html"
+    whole = _open_survey(folder, target)
     with scheduling.Cluster(scheduler, workers) as cluster:
         found = location.locate_survey(whole, estimation.Options(prior), cluster=cluster)
     text = page.html(whole, found, location.EVERY_RUN, basemap)
-    target = target or folder / "survey.html"
     with atomic_write.whole_file(target) as part:
         part.write_text(text, "utf-8")
     content = {"path": target, "cells": len(found.cells)}
