@@ -337,6 +337,7 @@ def check_one_place(runs: Sequence[Run]) -> None:
 def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[Group]:
     """Groups that name some of the `cells`, each asked for those; none is all, of every group.
 
+    What is heard in several places is said of those alone.
     Raises `ConfigError` for a cell that no group names.
     """
     named = [
@@ -348,7 +349,8 @@ def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[Group
     for group, names in zip(groups, named, strict=True):
         own = tuple(cell for cell in cells if cell in names)
         if own or not cells:
-            yield replace(group, cells=own)
+            several = {cell: at for cell, at in group.several.items() if cell in own or not cells}
+            yield replace(group, cells=own, several=several)
 
 
 def document_of_groups(groups: Sequence[Group], documents: Sequence[Document]) -> Document:
