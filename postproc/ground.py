@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 from math import atan2, degrees, hypot
 from typing import NamedTuple, TypeVar
 
@@ -406,13 +405,8 @@ def several_text(where: Sequence[HeardIn]) -> str:
 
 def apart_m(where: Sequence[OnMap]) -> float:
     """Largest distance between some places on the ground."""
-    from pyproj import Geod  # noqa: PLC0415 (as above)
-
-    between = Geod(ellps="WGS84").inv
-    return max(
-        (float(between(a.lon, a.lat, b.lon, b.lat)[2]) for a, b in combinations(where, 2)),
-        default=0.0,
-    )
+    at_deg = np.array([(one.lat, one.lon) for one in where]).reshape(-1, 2).T
+    return max((float(np.max(away_m(at_deg, one))) for one in where), default=0.0)
 
 
 def away_m(lat_lon_deg: FloatArray, where: OnMap) -> FloatArray:

@@ -20,7 +20,7 @@ from postproc.options import (
 )
 
 with late_modules():
-    from logger.core import document, runfile
+    from logger.core import certainty, document, runfile
     from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, ground, progress, scan_counts
     from postproc import result as estimation
@@ -188,13 +188,17 @@ def lookup(path: Path, identity: str | None, near: str | None, *, as_json: bool)
     """Find cells by identity or around a position."""
     only_one({"--cell": identity, "--near": near}, is_required=True)
     database = databases.CellDb(path)
-    cells = database.by_identity(identity) if identity else database.near(*_circle_of(near or ""))
+    if identity:
+        cells = database.by_identity(identity)
+    else:
+        place, radius_m = _circle_of(near or "")
+        cells = database.near(place.lat, place.lon, radius_m)
     database.close()
     show(databases.document_of_cells(cells), as_json=as_json)
 
 
-def _circle_of(text: str) -> tuple[float, float, float]:
-    """Degrees north and east, and metres, of LAT,LON[,RADIUS_M]; raises `ConfigError`."""
+def _circle_of(text: str) -> tuple[certainty.OnMap, float]:
+    """The place and the radius in metres of LAT,LON[,RADIUS_M]; raises `ConfigError`."""
     try:
         values = [float(part) for part in text.split(",")]
         lat_deg, lon_deg, radius_m = values if len(values) > 2 else [*values, _USUAL_M]
@@ -202,4 +206,4 @@ def _circle_of(text: str) -> tuple[float, float, float]:
         raise ConfigError(
             f"{text!r} is no position: LAT,LON or LAT,LON,RADIUS_M is wanted"
         ) from None
-    return lat_deg, lon_deg, radius_m
+    return certainty.OnMap(lat=lat_deg, lon=lon_deg), radius_m
