@@ -72,17 +72,17 @@ def within_one(
 
     None if one position leaves nothing to explain, or the walk has no two strong points.
     """
-    return _tested(divide, obs, posterior, rng, draws)
+    return _sites_by(divide, obs, posterior, rng, draws)
 
 
 def between_two(
     obs: Readings, posterior: Posterior, rng: np.random.Generator, draws: int = DRAWS
 ) -> Sites | None:
     """Test of two runs on one scale, numbered; None where one of them has too few places."""
-    return _tested(divide_in_time, obs, posterior, rng, draws)
+    return _sites_by(divide_in_time, obs, posterior, rng, draws)
 
 
-def _tested(
+def _sites_by(
     divided: _Divide, obs: Readings, posterior: Posterior, rng: np.random.Generator, draws: int
 ) -> Sites | None:
     division = divided(obs, posterior)
