@@ -444,6 +444,11 @@ class BaselineStore:
         with self._errors():
             return dict(self._rows("SELECT cell, note FROM trust ORDER BY cell"))
 
+    def has_heard(self, cell: str) -> bool:
+        """Whether any walk heard a cell of this name."""
+        with self._errors():
+            return bool(self._rows("SELECT 1 FROM cell WHERE name = ?", cell))
+
     def n_cells(self) -> int:
         """Number of cells that any walk heard."""
         with self._errors():

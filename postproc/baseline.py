@@ -143,9 +143,11 @@ def trust(cell: str, note: str, target: Path, *, withdraw: bool, as_json: bool) 
             kept.trust(cell, note)
         elif not kept.distrust(cell):
             raise ConfigError(f"{cell} is not trusted")
+        is_known = withdraw or kept.has_heard(cell)
+    remarks = [] if is_known else [f"no walk of {target} has heard {cell}: is every digit right?"]
     content = {"cell": cell, "trusted": not withdraw, "note": note or None}
     text = f"{cell} is trusted{' no longer' if withdraw else f': {note}'}"
-    show(document.Document(content, body=[text]), as_json=as_json)
+    show(document.Document(content, body=[text], remarks=remarks), as_json=as_json)
 
 
 @baseline.command

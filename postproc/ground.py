@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 from math import atan2, degrees, hypot
 from typing import NamedTuple, TypeVar
 
@@ -37,6 +36,8 @@ _APART_M = 25_000.0
 """Between two towns: one picture of both would show little but the way between them."""
 _LARGEST_M = 300_000.0
 """Of a town: farther from its middle a zone distorts. What is larger is divided."""
+_SIDE_BY_SIDE_M, _IN_A_ROW = 1e6, 90
+"""Of towns in one plane. 8000 fit: coordinates of `Readings` end at 1e8 m."""
 _EARTH_M = 6_371_000.0
 """Of a sphere: true to 0.6 %, enough to tell which positions are in one place."""
 _OFFSET, _STRIDE = 1 << 19, 1 << 20
@@ -117,7 +118,10 @@ class Towns:
         number = _divide(place_numbers(centre_deg, _APART_M), _points_m(centre_deg))
         rank = np.argsort(np.argsort(-np.bincount(number), kind="stable"))
         self._town = rank[number]
-        self.zones = tuple(_zone_of(self._tile[self._town == town]) for town in range(len(rank)))
+        own = [self._tile[self._town == town] for town in range(len(rank))]
+        self.zones = tuple(map(_zone_of, own))
+        # a corner is a multiple of the tiles: blocks of 50 m are not cut
+        self._corner_m = np.array([_corner_m(*one) for one in zip(own, self.zones, strict=True)])
 
     def place(self, ground: Ground) -> tuple[IntArray, Ground]:
         """Number of the town of each position (n,), and the positions in its zone."""
@@ -130,6 +134,13 @@ class Towns:
             lat_lon_deg = Utm(zone).to_latlon_arrays(x_m[rows], y_m[rows])
             x_m[rows], y_m[rows] = Utm(to).to_xy_arrays(*lat_lon_deg)
         return town, Ground(target, x_m, y_m)
+
+    def in_one_plane(self, ground: Ground) -> FloatArray:
+        """East and north of positions (n,), shape (2, n), with the towns side by side."""
+        town, at = self.place(ground)
+        row, column = np.divmod(town, _IN_A_ROW)
+        away_m = _SIDE_BY_SIDE_M * np.stack([column, row]) - self._corner_m[town].T
+        return np.asarray(np.stack([at.x_m, at.y_m]) + away_m, float)
 
 
 def _tiles(ground: Ground) -> IntArray:
@@ -179,6 +190,13 @@ def _zone_of(tile: IntArray) -> Utm:
         return Utm(int(zones[0]))
     middle = _middle(_points_m(tile_centres_deg(tile)))
     return Utm.at(min(max(middle.lat, -MAX_LATITUDE_DEG), MAX_LATITUDE_DEG), middle.lon)
+
+
+def _corner_m(tile: IntArray, utm: Utm) -> FloatArray:
+    """East and north of a corner of a tile near the middle of a town, in its zone."""
+    middle = _middle(_points_m(tile_centres_deg(tile)))
+    middle_m = np.array(utm.to_xy(middle.lat, middle.lon))
+    return np.asarray(np.floor(middle_m / _TILE_M) * _TILE_M, float)
 
 
 def _middle(point_m: FloatArray) -> OnMap:
@@ -318,6 +336,7 @@ def check_one_place(runs: Sequence[Run]) -> None:
 def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[Group]:
     """Groups that name some of the `cells`, each asked for those; none is all, of every group.
 
+    What is heard in several places is said of those alone.
     Raises `ConfigError` for a cell that no group names.
     """
     named = [
@@ -329,7 +348,8 @@ def groups_with(groups: Sequence[Group], cells: Sequence[str]) -> Iterator[Group
     for group, names in zip(groups, named, strict=True):
         own = tuple(cell for cell in cells if cell in names)
         if own or not cells:
-            yield replace(group, cells=own)
+            several = {cell: at for cell, at in group.several.items() if cell in own or not cells}
+            yield replace(group, cells=own, several=several)
 
 
 def document_of_groups(groups: Sequence[Group], documents: Sequence[Document]) -> Document:
@@ -385,13 +405,17 @@ def several_text(where: Sequence[HeardIn]) -> str:
 
 def apart_m(where: Sequence[OnMap]) -> float:
     """Largest distance between some places on the ground."""
+    at_deg = np.array([(one.lat, one.lon) for one in where]).reshape(-1, 2).T
+    return max((float(np.max(away_m(at_deg, one))) for one in where), default=0.0)
+
+
+def away_m(lat_lon_deg: FloatArray, where: OnMap) -> FloatArray:
+    """Distance on the ground of positions (2, n) from a place."""
     from pyproj import Geod  # noqa: PLC0415 (as above)
 
-    between = Geod(ellps="WGS84").inv
-    return max(
-        (float(between(a.lon, a.lat, b.lon, b.lat)[2]) for a, b in combinations(where, 2)),
-        default=0.0,
-    )
+    lat, lon = lat_lon_deg
+    there = np.full(len(lat), where.lon), np.full(len(lat), where.lat)
+    return np.asarray(Geod(ellps="WGS84").inv(lon, lat, *there)[2], float)
 
 
 def place_name(where: OnMap) -> str:

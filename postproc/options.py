@@ -14,14 +14,10 @@ from typing import Any, TypeVar
 import click
 
 from logger.command_line import INPUT, late_modules, number
-from logger.core.errors import ConfigError
-
-_USUAL_M = 1000.0
-
 
 with late_modules():
     from logger import street_file
-    from logger.core import certainty, isolation, runfile
+    from logger.core import isolation, places, runfile
     from logger.core.locator import verdict
     from logger.core.model import area
     from logger.core.model import prior as priors
@@ -287,13 +283,10 @@ def processors() -> int:
     return os.cpu_count() or 1
 
 
-def place_of(text: str) -> tuple[certainty.OnMap, float]:
-    """The place and the radius in metres of LAT,LON[,RADIUS_M]; raises `ConfigError`."""
+def start_of(text: str) -> places.Places:
+    """Where `--from` says that a walk begins; raises `GeoError` for no place on the Earth."""
     try:
-        values = [float(part) for part in text.split(",")]
+        lat_deg, lon_deg = map(float, text.split(","))
     except ValueError:
-        values = []
-    if len(values) not in {2, 3}:
-        raise ConfigError(f"{text!r} is no position: LAT,LON or LAT,LON,RADIUS_M is wanted")
-    lat_deg, lon_deg, *radius_m = values
-    return certainty.OnMap(lat=lat_deg, lon=lon_deg), radius_m[0] if radius_m else _USUAL_M
+        raise click.UsageError(f"--from {text[:40]!r} is not LAT,LON in degrees") from None
+    return places.Places.of_degrees(lat_deg, lon_deg)

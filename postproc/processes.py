@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from pathlib import Path
 from typing import TypeVar
 
@@ -78,10 +78,17 @@ def _processes(count: int) -> ProcessPoolExecutor:
 def _submit(
     pool: ProcessPoolExecutor, work: Callable[[Item], Result], item: Item
 ) -> Future[Result]:
-    # a process that this starts inherits the mask: it has no interrupt before `_begin_process`
+    with without_interrupt():  # a process that this starts has none before `_begin_process`
+        return pool.submit(work, item)
+
+
+@contextmanager
+def without_interrupt() -> Iterator[None]:
+    """Ctrl-C waits. Threads and processes that are started now never have it."""
+    resource_tracker.ensure_running()  # its start, with the first process, would unblock it
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        return pool.submit(work, item)
+        yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 

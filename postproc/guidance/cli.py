@@ -14,7 +14,13 @@ import click
 from logger.command_line import FILE, json_option, late_modules, show
 from logger.core.errors import ConfigError
 from logger.core.printable import printable
-from postproc.options import prior_options, read_streets, runs_argument, streets_option
+from postproc.options import (
+    prior_options,
+    read_streets,
+    runs_argument,
+    start_of,
+    streets_option,
+)
 
 with late_modules():
     from logger.core import places, readings, runfile
@@ -112,7 +118,7 @@ def next_command(
         atomic_write.check_output(routes)
     if picture is not None:
         atomic_write.check_picture(picture)
-    begin = _start(start)
+    begin = None if start is None else start_of(start)
     obs = _readings_of(paths, cell, begin)
     found = cell_work.attempt_alone(
         obs.cell,
@@ -157,13 +163,3 @@ def _first_to_look_for(runs: Sequence[runfile.Run], every: list[readings.Reading
     if conspicuous:
         return conspicuous[0].cell
     return max(levels, key=lambda name: levels[name], default=None)
-
-
-def _start(text: str | None) -> places.Places | None:
-    if text is None:
-        return None
-    try:
-        lat_deg, lon_deg = (float(part) for part in text.split(","))
-    except ValueError:
-        raise click.UsageError(f"--from {text[:40]!r} is not LAT,LON in degrees") from None
-    return places.Places.of_degrees(lat_deg, lon_deg)

@@ -45,7 +45,7 @@ _SAME_END_M = 20.0  # routes that end closer together have one destination for a
 _EFFORT = Effort(most_squares=1500, split_share=0.005, nodes=3, most_blocks=150)
 """Where to walk changes little with finer squares."""
 _LOOP_M = (120.0, 300.0)  # sides of squares around a place, where no street map is known
-_FARTHEST_M = 20_000.0
+FARTHEST_START_M = 20_000.0
 """Half an hour by car from the walk; a start beyond has latitude and longitude exchanged."""
 _DRAWS = 40
 """True positions that the radius after a route is predicted for."""
@@ -121,7 +121,7 @@ def _start(obs: Readings, start: Places | None) -> Places:
         return obs.places[-1]
     start = start.in_zone(obs.utm)
     away_m = start.away_m(obs.places[-1])
-    if not away_m <= _FARTHEST_M:
+    if not away_m <= FARTHEST_START_M:
         raise ConfigError(
             f"--from is {away_m / 1000.0:.0f} km from the end of the walk; latitude comes first"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -17,16 +18,16 @@ from postproc.options import (
     Command,
     basemap_option,
     cells_option,
-    place_of,
     prior_options,
     read_streets,
+    start_of,
     streets_option,
     within_option,
 )
 
 with late_modules():
     from logger import baseline_store as store
-    from logger.core import document, places
+    from logger.core import document
     from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, progress
     from postproc import result as estimation
@@ -71,11 +72,19 @@ def _day_utc_ns(text: str) -> int:
     return int(datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp()) * 10**9
 
 
-def _open_survey(folder: Path) -> dataset.Survey:
-    """The survey, after a line on stderr that says how large it is: what follows takes long."""
+def _open_survey(folder: Path, *outputs: Path) -> dataset.Survey:
+    """The survey, after a line on stderr that says how large it is: what follows takes long.
+
+    Raises `RunFileError` where that will not be written.
+    """
     whole = dataset.Survey.open(folder)
+    for path in outputs:
+        atomic_write.check_output(path)
     n_runs, n_cells = len(whole.runs), len(whole.cells())
-    print(f"{folder}: {n_runs} runs, {n_cells} cells", file=sys.stderr, flush=True)
+    kept = (
+        "" if os.access(folder, os.W_OK) else "; no estimate is kept in a folder that is read-only"
+    )
+    print(f"{folder}: {n_runs} runs, {n_cells} cells{kept}", file=sys.stderr, flush=True)
     return whole
 
 
@@ -167,10 +176,11 @@ def locate(
     _check_libraries("pyarrow", "distributed", "geopandas")
     options = estimation.Options(prior, within_m=within_m)
     choice = tasks.RunChoice(since_utc_ns=_day_utc_ns(since) if since else None)
-    whole = _open_survey(folder)
+    files = layers.files_of(stem or folder / "located")
+    whole = _open_survey(folder, *files)
     with scheduling.Cluster(scheduler, workers) as cluster:
         located = location.locate_survey(whole, options, choice, cells, cluster=cluster)
-    files = layers.write_layers(located.cells, located.loggers, stem or folder / "located")
+    layers.write_layers(located.cells, located.loggers, files)
     show(location.document_of(located, files), as_json=as_json)
     return cell_work.exit_code(located.cells)
 
@@ -216,10 +226,14 @@ def diff(
     exit code is 3 if a comparison failed.
     """
     _check_libraries("pyarrow", "distributed")
-    early = tasks.RunChoice(until_utc_ns=_day_utc_ns(before))
-    late = tasks.RunChoice(since_utc_ns=_day_utc_ns(after or before))
+    until_utc_ns, since_utc_ns = _day_utc_ns(before), _day_utc_ns(after or before)
+    if since_utc_ns < until_utc_ns:
+        raise ConfigError("--after is a day before --before: walks between them would count twice")
+    early = tasks.RunChoice(until_utc_ns=until_utc_ns)
+    late = tasks.RunChoice(since_utc_ns=since_utc_ns)
     with scheduling.Cluster(scheduler, workers) as cluster:
-        compared = changes.compare_times(_open_survey(folder), early, late, cluster=cluster)
+        whole = _open_survey(folder)
+        compared, n_left_out = changes.compare_times(whole, early, late, cluster=cluster)
     cells = [asdict(cell) for cell in compared.cells]
     for cell in cells:  # without the blocks of each
         del cell["block"], cell["difference_db"]
@@ -244,6 +258,7 @@ def diff(
             *comparing.error_lines(compared.cells),
             comparing.cell_table(shown),
         ],
+        remarks=[changes.LEFT_OUT.format(n_left_out)] if n_left_out else (),
     )
     show(said, as_json=as_json)
     return cell_work.exit_code(compared.cells)
@@ -269,11 +284,11 @@ def map_command(
 ) -> None:
     """Write one page that needs no network: coverage, cells, regions, unusual ones."""
     _check_libraries("pyarrow", "distributed")
-    whole = _open_survey(folder)
+    target = target or folder / "survey.html"
+    whole = _open_survey(folder, target)
     with scheduling.Cluster(scheduler, workers) as cluster:
         found = location.locate_survey(whole, estimation.Options(prior), cluster=cluster)
     text = page.html(whole, found, location.EVERY_RUN, basemap)
-    target = target or folder / "survey.html"
     with atomic_write.whole_file(target) as part:
         part.write_text(text, "utf-8")
     content = {"path": target, "cells": len(found.cells)}
@@ -304,8 +319,7 @@ def next_command(
     """Say where walking would tell most, a route for each walker."""
     _check_libraries("pyarrow", "distributed")
     whole, options = _open_survey(folder), estimation.Options(prior)
-    named = [place_of(text)[0] for text in starts]
-    where = [places.Places.of_degrees(one.lat, one.lon) for one in named]
+    where = [start_of(text) for text in starts]
     lines = read_streets(streets)
     with scheduling.Cluster(scheduler, workers) as cluster:
         found = location.locate_survey(whole, options, cluster=cluster)
@@ -315,4 +329,6 @@ def next_command(
     for walker, walk in walks.items():
         title = f"walker {walker}, {walk.answer.cell}: {walk.answer.sentence}"
         body += [document.Line(title, "bold"), *next_walk.parts_of(walk)]
-    show(document.Document({"walks": content}, body=body), as_json=as_json)
+    idle = f"{n - len(walks)} of {n} walkers have no walk: {next_walks.NONE_LEFT}"
+    remarks = [idle] if len(walks) < n else []
+    show(document.Document({"walks": content}, body=body, remarks=remarks), as_json=as_json)

@@ -56,14 +56,8 @@ class Survey:
     @classmethod
     def open(cls, folder: Path) -> Self:
         """Raises `RunFileError` for a folder that is no survey or lacks files."""
-        try:
-            with open_regular(layout.description(folder)) as file:
-                about = json.loads(file.read(_MOST_BYTES))
-        except FileNotFoundError:
-            raise RunFileError(f"{folder} is no survey; `postproc survey add` makes one") from None
-        except (OSError, ValueError, RecursionError) as error:
-            raise RunFileError(f"{folder} cannot be read as a survey: {error}") from error
-        if not isinstance(about, dict) or {name: about.get(name) for name in _FORMAT} != _FORMAT:
+        about = _about(folder)
+        if {name: about.get(name) for name in _FORMAT} != _FORMAT:
             raise RunFileError(
                 f"{folder} is a survey of another version of this program; "
                 "add its runs to a new folder"
@@ -263,6 +257,25 @@ class Survey:
             survey = Survey.open(self.folder)  # another may have added to it since this was opened
             _remove_leftovers(survey)
             yield survey
+
+
+def _about(folder: Path) -> dict[str, Any]:
+    try:
+        with open_regular(layout.description(folder)) as file:
+            about = json.loads(file.read(_MOST_BYTES))
+    except FileNotFoundError:
+        raise RunFileError(f"{folder} is no survey; `postproc survey add` makes one") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise RunFileError(f"{folder} cannot be read as a survey: {error}") from error
+    return about if isinstance(about, dict) else {}
+
+
+def is_survey(folder: Path) -> bool:
+    """Whether a folder is a survey, of this version or another."""
+    try:
+        return _about(folder).get("format") == _FORMAT["format"]
+    except RunFileError:
+        return False
 
 
 def _remove_leftovers(survey: Survey) -> None:

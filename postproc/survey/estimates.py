@@ -1,5 +1,6 @@
 """What has been computed of each cell of a survey, each once for the same runs."""
 
+import errno
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -62,13 +63,18 @@ Line = TypeVar("Line", bound=msgspec.Struct)
 
 
 def append_lines(path: Path, lines: Sequence[msgspec.Struct]) -> None:
-    """Add lines; raises `RunFileError` where they cannot be written."""
+    """Add lines; raises `RunFileError` where they cannot be written.
+
+    In a survey that is another's to change, which is no error, they are not kept.
+    """
     text = b"".join(msgspec.json.encode(line) + b"\n" for line in lines)
     try:
         with path.open("ab") as file:
             # a torn line must not swallow the next one
             file.write(b"\n" + text if file.tell() else text)
     except OSError as error:
+        if error.errno in {errno.EROFS, errno.EACCES}:
+            return
         raise RunFileError(
             f"cannot write {path}: {error.strerror}; what was computed before is kept"
         ) from error

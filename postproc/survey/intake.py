@@ -6,14 +6,18 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from logger import baseline_file
 from logger.baseline_store import CONTRADICTION
 from logger.core.errors import FieldLoggerError, RunFileError
 from logger.core.runfile import read_sound_run, sealing_of
+from logger.sqlite_file import is_sqlite
 from postproc.interop.importing import import_walk
 from postproc.processes import outcome_of, read_ahead
-from postproc.survey.dataset import Survey
+from postproc.survey import layout
+from postproc.survey.dataset import Survey, is_survey
 from postproc.survey.parquet_batch import Batch
 from postproc.survey.walk_readings import SurveyRun, WalkReadings, readings_of, with_name
+from postproc.verification import celldb
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,12 +102,16 @@ _LOGS = frozenset(
 )
 """A folder has other files too; one that is named itself is read whatever it is called."""
 _RESULTS = ".post.h5"
+_OWN_DATABASES = frozenset(
+    number.to_bytes(4, "big") for number in (baseline_file.APPLICATION_ID, celldb.APPLICATION_ID)
+)
 
 
 def files_of(paths: Sequence[Path]) -> list[Path]:
     """Files that are named, and those of folders, in the order of their names.
 
-    A journal is left out where the HDF5 file made of it is beside. Raises `RunFileError`.
+    Left out of folders: a journal where the HDF5 file made of it is beside, surveys, and databases
+    of this program. Raises `RunFileError`.
     """
     files: list[Path] = []
     for path in paths:
@@ -119,9 +127,19 @@ def is_run(path: Path) -> bool:
 
 
 def _files_in(folder: Path) -> Iterator[Path]:
+    described = {path.parent for path in folder.rglob(layout.description(folder).name)}
+    surveys = set(filter(is_survey, described))
     for path in folder.rglob("*"):
         if path.name.startswith(".") or path.name.endswith(_RESULTS) or not path.is_file():
             continue
         is_finished = path.suffix == ".journal" and path.with_suffix(".h5").exists()
-        if path.suffix in _LOGS or (is_run(path) and not is_finished):
+        is_log = path.suffix in _LOGS and not _is_own_database(path)
+        if (is_log or (is_run(path) and not is_finished)) and surveys.isdisjoint(path.parents):
             yield path
+
+
+def _is_own_database(path: Path) -> bool:
+    if not is_sqlite(path):
+        return False
+    with path.open("rb") as file:
+        return file.read(72)[68:] in _OWN_DATABASES  # sqlite.org/fileformat.html, 1.3

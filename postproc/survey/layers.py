@@ -26,10 +26,16 @@ _COLUMNS = [
 ]
 
 
+def files_of(stem: Path) -> tuple[Path, Path]:
+    """STEM.parquet and STEM.gpkg; a dot in the name begins no suffix."""
+    name = stem.stem if stem.suffix in {".parquet", ".gpkg"} else stem.name
+    return stem.with_name(f"{name}.parquet"), stem.with_name(f"{name}.gpkg")
+
+
 def write_layers(
-    cells: Sequence[LocatedCell], loggers: Sequence[LoggerReport], stem: Path
-) -> tuple[Path, Path]:
-    """Write STEM.parquet and STEM.gpkg; raises `RunFileError` where that is impossible.
+    cells: Sequence[LocatedCell], loggers: Sequence[LoggerReport], files: tuple[Path, Path]
+) -> None:
+    """Write the `files_of` a stem; raises `RunFileError` where that is impossible.
 
     The GeoParquet file has a row for each cell with two geometries: `position`, the primary one,
     and `region`, its 95 % region. The GeoPackage has the layers `cells` (points), `regions` and the
@@ -43,7 +49,7 @@ def write_layers(
         for cell in cells
     ]
     regions = [shapely.from_wkb(cell.region_wkb) if cell.region_wkb else None for cell in cells]
-    parquet, package = stem.with_suffix(".parquet"), stem.with_suffix(".gpkg")
+    parquet, package = files
     frame = gpd.GeoDataFrame(
         table.assign(region=gpd.GeoSeries(regions, crs=_WGS84)),
         geometry=gpd.GeoSeries(points, crs=_WGS84),
@@ -52,7 +58,6 @@ def write_layers(
         frame.to_parquet(part, index=False)
     with whole_file(package) as part:
         _write_package(frame, loggers, part)
-    return parquet, package
 
 
 def _write_package(frame: gpd.GeoDataFrame, loggers: Sequence[LoggerReport], target: Path) -> None:

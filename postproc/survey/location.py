@@ -64,8 +64,11 @@ def locate_survey(
 ) -> Location:
     """Estimates of every cell that the chosen runs heard, or of those in `only`.
 
-    Raises `ConfigError` for an unknown cell and a scheduler that does not answer.
+    Raises `ConfigError` for an unknown cell, no runs, and a scheduler that does not answer.
     """
+    if not runs_of(survey, choice):
+        which = "of this time" if survey.runs else "yet: `postproc survey add` adds some"
+        raise ConfigError(f"{survey.folder} has no run {which}")
     loggers = reports_of_loggers(survey, choice, cluster)
     choice = replace(choice, without=choice.without | frozenset(liars(loggers)))
     allowed = runs_of(survey, choice)

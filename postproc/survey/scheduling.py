@@ -20,6 +20,7 @@ from distributed import Client, KilledWorker, LocalCluster, as_completed
 from distributed.comm import CommClosedError
 
 from logger.core.errors import ConfigError
+from postproc.processes import without_interrupt
 
 CONNECT_S = 60.0
 """For a scheduler to answer, at the start and after it was lost."""
@@ -141,20 +142,20 @@ def _client(scheduler: str | None, workers: int | None) -> Iterator[Client]:
     # what a lost worker or scheduler means is said here, in one line
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     if scheduler is None:
-        # TLS with keys that exist in memory only: other users of this machine cannot connect
-        with (
-            dask.config.set(_NO_PAGES),
-            LocalCluster(
-                n_workers=workers or os.cpu_count() or 1,
-                threads_per_worker=1,
-                dashboard_address=None,
-                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
-                security=True,
-                silence_logs=logging.CRITICAL,
-                env={"OMP_NUM_THREADS": "1"},
-            ) as cluster,
-            Client(cluster, set_as_default=False) as client,
-        ):
+        with dask.config.set(_NO_PAGES), ExitStack() as opened:
+            with without_interrupt():  # a worker would answer Ctrl-C by a traceback
+                # TLS with keys that exist in memory only: other users cannot connect
+                local = LocalCluster(
+                    n_workers=workers or os.cpu_count() or 1,
+                    threads_per_worker=1,
+                    dashboard_address=None,
+                    scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+                    security=True,
+                    silence_logs=logging.CRITICAL,
+                    env={"OMP_NUM_THREADS": "1"},
+                )
+                cluster = opened.enter_context(local)
+                client = opened.enter_context(Client(cluster, set_as_default=False))
             yield client
         return
     client = _connect(scheduler)

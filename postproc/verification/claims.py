@@ -399,5 +399,6 @@ def _site_parts(tested: SiteVerdict) -> Iterator[Part]:
     places = " and ".join(degrees_text(*place) for place in tested.places)
     factor = f"two places against one: log factor {tested.log_factor:.1f}, near {places}"
     yield Line(factor, bullet="  ")
-    share = f"share of {tested.draws} walks simulated past one transmitter with a factor as large"
-    yield Line(f"p {tested.p:.3g}: {share}", bullet="  ")
+    if tested.draws:  # none where one transmitter explains the levels as well
+        share = f"share of {tested.draws} walks simulated past one transmitter"
+        yield Line(f"p {tested.p:.3g}: {share} with a factor as large", bullet="  ")

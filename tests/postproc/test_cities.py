@@ -111,6 +111,13 @@ def test_one_command_names_the_invented_cell_its_cities_and_its_days(answer):
     assert lima["first_utc"][:10] == lima["last_utc"][:10] == "2026-09-24"
 
 
+def test_nothing_is_said_of_cells_that_were_not_asked_for(files):
+    groups = by_place([read_run(path) for path in files])
+    for cell, several in ((ROGUE_NAME, [ROGUE_NAME]), (name_of(own_cell(0)), [])):
+        for group in groups_with(groups, [cell]):
+            assert list(group.several) == several
+
+
 def test_each_city_has_its_own_answer(answer):
     groups = answer["groups"]
     assert [group["place"] for group in groups] == [

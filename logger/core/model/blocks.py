@@ -16,7 +16,6 @@ _MOST_POINTS = 1000
 _POINTS_EACH = 4
 """Supporting points for each block that is allowed: L changes little within a quarter of one."""
 _MOST_CENSORED = 100
-_CLEAR_M = 15.0
 _COARSER = 1.25
 _WIDE = 64
 """Keys of a span up to this many times their number are counted in a table, others by sorting."""
@@ -91,12 +90,6 @@ class Blocks:
         """The chosen blocks (n,), with their middles as only points, without censored ones."""
         plain = single(self.rows[:, chosen], self.size_m, NOTHING_CENSORED, self.places.utm)
         return replace(plain, modem=self.modem[chosen])
-
-    def clear_of_censored(self) -> "Blocks":
-        """Those far from censored readings: nearer, the levels received are the high ones."""
-        apart_m = self.places.distances_m(self.censored.places)
-        nearest_m = np.min(apart_m, axis=1, initial=np.inf)
-        return self.part(nearest_m > max(_CLEAR_M, 2.0 * self.size_m))
 
 
 def single(column: FloatArray, size_m: float, gone: Censored, utm: Utm = PLANE) -> Blocks:

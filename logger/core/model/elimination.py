@@ -72,15 +72,3 @@ def inverse(eliminated: FloatArray, count: int) -> FloatArray:
         np.divide(1.0, eliminated[start + k], out=found[k, k])
         found[k, k] -= (unit * between).sum(axis=0)
     return found
-
-
-def reduce_columns(eliminated: FloatArray, columns: list[FloatArray]) -> list[FloatArray]:
-    """U^-1 applied to the columns (n, ...) of the unknowns, later ones taken off earlier ones.
-
-    With A = X'X the reduced columns are orthogonal, their squares sum to D.
-    """
-    found = list(columns)
-    for k in range(len(columns) - 1, 0, -1):
-        for i in range(k):
-            found[i] = found[i] - eliminated[packed_index(k + 1, i + 1)] * found[k]
-    return found

@@ -20,14 +20,13 @@ from postproc.survey.tasks import RunChoice, runs_of, tasks_of
 
 _RUN_STRIDE = 1 << 40
 """Between the numbers of scans of two runs."""
-_TOWN_STRIDE_M = 4e7
-"""Between two towns: more than UTM has from north to south. A grid of blocks has room for it."""
+LEFT_OUT = "walks left out, of loggers that contradict the others or share no ground with them: {}"
 
 
 def compare_times(
     survey: Survey, before: RunChoice, after: RunChoice, *, cluster: Cluster
-) -> Comparison:
-    """The changes, without loggers that contradict the others.
+) -> tuple[Comparison, int]:
+    """The changes, and how many walks are left out: of loggers that the others do not confirm.
 
     Raises `ConfigError` where one of the times has no walk, and for a scheduler that does not
     answer.
@@ -39,14 +38,16 @@ def compare_times(
             raise ConfigError(f"no walk of the survey began {when} day")
     loggers = reports_of_loggers(survey, EVERY_RUN, cluster)
     offset_db = {one.logger: one.offset_db for one in loggers if not one.contradiction}
-    towns, sides = Towns(survey.ground([run for runs, _ in times for run in runs])), []
+    towns = Towns(survey.ground([run for runs, _ in times for run in runs]))
+    sides, n_left_out = [], 0
     for runs, when in times:
         # what one logger reads higher than the others is no change; without others nothing is known
         known = [one for one in runs if not loggers or survey.runs[one].logger in offset_db]
         if not known:
             raise ConfigError(f"no walk {when} day is of a logger that others can confirm")
+        n_left_out += len(runs) - len(known)
         sides.append(_walk(survey, known, towns, offset_db))
-    return compare(*sides, same_modem=False)
+    return compare(*sides, same_modem=False), n_left_out
 
 
 def _walk(
@@ -54,18 +55,17 @@ def _walk(
 ) -> Iterator[Readings]:
     """All readings of some runs as those of one walk, on the scale of the median logger.
 
-    The towns lie one above the other in one plane, each in its zone.
+    The towns lie side by side in one plane.
     """
     number = {digest: i for i, digest in enumerate(runs)}
     for task in tasks_of(survey, survey.cells(runs), EVERY_RUN, Options()):
         for parts in survey.observations(task.area, task.cells, runs).values():
             placed = {}
             for digest, obs in parts.items():
-                town, at = towns.place(ground_of(obs.places))
-                above_m = at.y_m + _TOWN_STRIDE_M * town
+                x_m, y_m = towns.in_one_plane(ground_of(obs.places))
                 placed[digest] = replace(
                     obs,
-                    places=replace(obs.places, x_m=at.x_m, y_m=above_m),
+                    places=replace(obs.places, x_m=x_m, y_m=y_m),
                     level_dbm=obs.level_dbm - offset_db.get(survey.runs[digest].logger, 0.0),
                     known_limit=None,
                     scan_seq=obs.scan_seq + _RUN_STRIDE * number[digest],

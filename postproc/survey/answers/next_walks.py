@@ -2,13 +2,14 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from math import hypot
+
+import numpy as np
 
 from logger.core.errors import ConfigError, EstimationError
 from logger.core.guidance.street_atlas import Line
 from logger.core.places import Places
-from postproc.ground import places_of
-from postproc.guidance.next_walk import NextWalk, next_walk
+from postproc.ground import away_m, places_of
+from postproc.guidance.next_walk import FARTHEST_START_M, NextWalk, next_walk
 from postproc.progress import with_progress
 from postproc.result import Options
 from postproc.survey.alignment import align
@@ -19,6 +20,7 @@ _TRIED_EACH = 3
 """Cells that are considered for each walker."""
 _APART_M = 500.0
 """Between the places of two walkers; nearer, one route serves both cells."""
+NONE_LEFT = f"no unsure cell is left near the start and {_APART_M:.0f} m from those of the others"
 
 
 def next_walks(
@@ -32,17 +34,22 @@ def next_walks(
     """A walk for each walker, by number: unsure cells with most readings, by nats for each km.
 
     The answer of each is that of `located`; cells that are located need no walk. `starts` are where
-    the walkers are, in turn. Raises `ConfigError` where no cell is unsure.
+    the walkers are, in turn: cells far from there are for others. Raises `ConfigError` where no
+    cell is unsure, or none near a start.
     """
     unsure = [cell for cell in located if cell.verdict != "located" and cell.x_m is not None]
     if not unsure:
         raise ConfigError("every cell that has a position is located: no walk is needed")
     unsure.sort(key=lambda cell: (-cell.n_readings, cell.cell))
+    at_deg = np.array([(cell.lat_deg, cell.lon_deg) for cell in unsure], float).T
+    is_taken = np.zeros(len(unsure), np.bool_)
     chosen: dict[int, NextWalk] = {}
     for walker in range(n_walkers):
         start = starts[walker % len(starts)] if starts else None
-        free = [cell for cell in unsure if all(_is_apart(cell, walk) for walk in chosen.values())]
-        tried = free[:_TRIED_EACH]
+        is_free = ~is_taken
+        if start is not None:
+            is_free &= away_m(at_deg, start.on_map) <= FARTHEST_START_M
+        tried = [unsure[k] for k in np.flatnonzero(is_free)[:_TRIED_EACH].tolist()]
         walks = []
         for cell in with_progress(tried, "planning", len(tried), [one.cell for one in tried]):
             try:
@@ -51,9 +58,13 @@ def next_walks(
             except (ConfigError, EstimationError):  # no route, or no place
                 continue
         if walks:
-            chosen[walker + 1] = max(walks, key=lambda walk: walk.routes[0].nats_per_km)
+            best = max(walks, key=lambda walk: walk.routes[0].nats_per_km)
+            chosen[walker + 1] = best
+            assert best.answer.place is not None  # of a posterior
+            is_taken |= away_m(at_deg, best.answer.place) <= _APART_M
     if not chosen:
-        raise ConfigError("no route leads to any of the unsure cells")
+        far = f" within {FARTHEST_START_M / 1000:.0f} km of --from; latitude comes first"
+        raise ConfigError(f"no route leads to any of the unsure cells{far if starts else ''}")
     return chosen
 
 
@@ -71,10 +82,3 @@ def _walk(
     walk = next_walk(thin(align(obs.usable()).obs), options.prior, start, lines)
     answer = replace(walk.answer, verdict=cell.verdict, reasons=cell.reasons)
     return walk._replace(answer=answer)
-
-
-def _is_apart(cell: LocatedCell, walk: NextWalk) -> bool:
-    if cell.cell == walk.answer.cell or cell.x_m is None or cell.y_m is None:
-        return False
-    apart_m = hypot(cell.x_m - walk.posterior.x_m, cell.y_m - walk.posterior.y_m)
-    return cell.zone != walk.start.utm.zone or apart_m > _APART_M

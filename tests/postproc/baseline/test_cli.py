@@ -44,13 +44,20 @@ def test_a_run_that_cannot_be_read_does_not_stop_the_others(folder, capsys):
 
 def test_the_list_has_walks_and_trusted_cells(folder, capsys):
     output_of(capsys, "add", "run-000001.h5", "run-000002.h5")
-    output_of(capsys, "trust", name(1), "my femtocell")
+    assert not output_of(capsys, "trust", name(1), "my femtocell").err
     text = output_of(capsys, "list").out
     assert "baseline.db: 2 walks" in text
     assert f"trusted: {name(1)}: my femtocell" in text
     listed = document(capsys, "list")
     assert [walk["name"] for walk in listed["walks"]] == ["run-000001.h5", "run-000002.h5"]
     assert listed["trusted"] == [{"cell": name(1), "note": "my femtocell"}]
+
+
+def test_a_name_that_no_walk_has_heard_is_trusted_with_a_remark(folder, capsys):
+    """A digit of the network is missing."""
+    output_of(capsys, "add", "run-000001.h5")
+    output = output_of(capsys, "trust", name(1).replace("-01-", "-1-"), "my femtocell")
+    assert "no walk of baseline.db has heard" in output.err
 
 
 def test_a_walk_is_removed_and_trust_stays(folder, capsys):

@@ -108,6 +108,27 @@ def test_each_run_once(walks, tmp_path, capsys):
     assert sum(one.n_readings for one in Survey.open(tmp_path / "s").cells()) == 240
 
 
+def test_what_postproc_keeps_beside_the_runs_is_no_log(walks, tmp_path, capsys):
+    """A survey within the folder of its runs, a baseline and a database of cells."""
+    main(
+        ["baseline", "add", str(walks / "run-000000.h5"), "--baseline", str(walks / "baseline.db")]
+    )
+    (tmp_path / "cells.csv").write_text(
+        "radio,mcc,net,area,cell,unit,lon,lat,range,samples,changeable,created,updated,"
+        "averageSignal\nGSM,262,1,801,1,0,13.4,52.5,1000,5,1,1,1,0\n"
+    )
+    cells = ["-o", str(walks / "cells.db")]
+    assert main(["celldb", "import", str(tmp_path / "cells.csv"), *cells]) == 0
+    capsys.readouterr()
+    survey = walks / "survey"
+    assert _add(capsys, walks, "-o", survey)[::2] == (0, "")
+    assert main(["survey", "map", str(survey), "--workers", "1"]) == 0
+    capsys.readouterr()
+    code, added, said = _add(capsys, walks, "-o", survey)
+    assert (code, said) == (0, "")
+    assert [file["is_known"] for file in added["files"]] == [True] * 3
+
+
 def test_damaged_runs_are_named_and_left_out(walks, tmp_path, capsys):
     (walks / "broken.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
     torn = write_walk(walks, 7, two_cells(), n=60, finish=False)

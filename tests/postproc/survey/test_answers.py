@@ -51,6 +51,9 @@ def test_nothing_changed_between_two_days(survey, scheduler, capsys):
     assert compared["common_blocks"] > 0
     assert main(["survey", "diff", str(survey.folder), "--before", "2020-01-01"]) == 2
     assert "no walk of the survey began before" in capsys.readouterr().err
+    twice = ["--before", "2026-09-22", "--after", "2026-09-21"]
+    assert main(["survey", "diff", str(survey.folder), *twice]) == 2
+    assert "would count twice" in capsys.readouterr().err
 
 
 def test_map_needs_no_network(survey, scheduler, capsys):

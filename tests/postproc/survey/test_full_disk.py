@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import subprocess
 
 import pytest
 
@@ -84,6 +85,23 @@ def test_full_while_locating(disk, walks, left_bytes, scheduler, capsys, tmp_pat
     for name in ("estimates.jsonl", "words.jsonl"):
         assert _lines(disk / "s" / name) == _lines(tmp_path / "s" / name)
     assert all((disk / "s" / f"located.{form}").exists() for form in ("parquet", "gpkg"))
+
+
+def test_of_a_survey_that_cannot_be_written(disk, walks, scheduler, capsys, tmp_path):
+    """Another's, on a share that is mounted to be read: located, drawn and planned elsewhere."""
+    survey = disk / "s"
+    assert main(["survey", "add", str(walks), "-o", str(survey)]) == 0
+    subprocess.run(["mount", "-o", "remount,ro", disk], check=True)
+    capsys.readouterr()
+    code, document, error = _locate(survey, scheduler, capsys)
+    assert (code, document) == (2, None)
+    assert error == f"postproc: cannot write {survey}/located.parquet: Read-only file system\n"
+    for command, name in (("locate", "of 2026.11"), ("map", "s.html")):
+        target = ["-o", str(tmp_path / name), "--scheduler", scheduler]
+        assert main(["survey", command, str(survey), *target]) == 0
+        assert "no estimate is kept" in capsys.readouterr().err
+    written = {path.name for path in tmp_path.iterdir() if path.is_file()}
+    assert written == {"of 2026.11.parquet", "of 2026.11.gpkg", "s.html"}
 
 
 def _lines(path):

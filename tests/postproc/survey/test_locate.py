@@ -227,8 +227,12 @@ def test_loggers_are_compared_once(tmp_path, scheduler):
 def test_since(results, scheduler, capsys):
     arguments = ["survey", "locate", str(results.folder), "--scheduler", scheduler, "--json",
                  "-o", str(results.folder / "late")]  # fmt: skip
-    assert main([*arguments, "--since", "2100-01-01"]) == 0
-    assert json.loads(capsys.readouterr().out)["cells"] == []
+    assert main([*arguments, "--since", "2026-09-01"]) == 0
+    capsys.readouterr()
+    written = (results.folder / "late.parquet").read_bytes()
+    assert main([*arguments, "--since", "2100-01-01"]) == 2
+    assert "has no run of this time" in capsys.readouterr().err
+    assert (results.folder / "late.parquet").read_bytes() == written
     assert main([*arguments, "--since", "soon"]) == 2
     assert capsys.readouterr().err == "postproc: 'soon' is no date, such as 2026-11-01\n"
 

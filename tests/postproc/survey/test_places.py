@@ -240,10 +240,14 @@ def test_loggers_of_two_zones_share_their_ground(tmp_path):
 
 
 def test_changes_are_looked_for_in_every_town(tmp_path, scheduler, capsys):
-    """Ground of three towns, in four zones; a cell is gone in the one that was not read before."""
+    """Ground of six towns, in seven zones, each read at both times."""
     day_ns = 86_400 * 10**9
     walks = []
-    for number, (lat_deg, lon_deg) in enumerate([(48.1, 11.5), (51.48, 12.0), (-33.9, 151.2)]):
+    towns = [
+        *((48.1, 11.5), (51.48, 12.0), (-33.9, 151.2)),
+        *((40.4, -3.7), (-16.8, 179.8), (60.2, 25.0)),
+    ]
+    for number, (lat_deg, lon_deg) in enumerate(towns):
         lat, lon = fill(lat_deg, lon_deg, 1000.0)
         for later in (0, 1):
             zone = Utm.at(lat_deg, lon_deg + (-0.1 if later else 0.1)).zone
@@ -256,4 +260,38 @@ def test_changes_are_looked_for_in_every_town(tmp_path, scheduler, capsys):
     )
     out = capsys.readouterr().out
     n_blocks = int(re.search(r"have walked (\d+) blocks", out)[1])
-    assert n_blocks == pytest.approx(3 * 400, rel=0.15)
+    assert n_blocks == pytest.approx(len(towns) * 400, rel=0.15)
+
+
+def test_a_walker_gets_a_walk_in_his_own_town(tmp_path, scheduler, capsys):
+    """The town of the walker has fewer readings than the other; a third town has none."""
+    lat, lon = fill(52.5, 13.4, 600.0)
+    there_lat, there_lon = fill(48.85, 2.35, 600.0)
+    walks = [walk(n, 33, lat[::2], lon[::2], [f"262-01-1-{n}"]) for n in (1, 2, 3)]
+    walks.append(walk(4, 31, there_lat[::4], there_lon[::4], ["208-01-1-4"]))
+    survey_of(tmp_path / "s", walks)
+    command = ["survey", "next", str(tmp_path / "s"), "--scheduler", scheduler]
+    assert main([*command, "--from", "48.85,2.35", "--walkers", "3"]) == 0
+    said = capsys.readouterr()
+    assert re.findall(r"^walker (\d), (\S+):", said.out, re.MULTILINE) == [("1", "208-01-1-4")]
+    assert "2 of 3 walkers have no walk" in said.err
+    assert main([*command, "--from", "40.4,-3.7"]) == 2
+    assert "within 20 km of --from" in capsys.readouterr().err
+
+
+def test_walks_that_no_other_logger_confirms_are_counted(tmp_path, scheduler, capsys):
+    """Three loggers walk one town at both times, a fourth another."""
+    walks = []
+    for number, (logger, town) in enumerate(
+        [*(("x", (52.5, 13.4)), ("y", (52.5, 13.4)), ("z", (52.5, 13.4))), ("w", (48.1, 11.5))]
+    ):
+        lat, lon = fill(*town, 1000.0)
+        for later in (0, 1):
+            one = walk(10 * number + later, Utm.at(*town).zone, lat[::2], lon[::2])
+            began_ns = (1_790_000_000 + 864_000 * later) * 10**9
+            run = replace(one.run, began_utc_ns=began_ns, logger=logger, modem=logger)
+            walks.append(replace(one, run=run))
+    survey_of(tmp_path / "s", walks)
+    command = ["survey", "diff", str(tmp_path / "s"), "--before", "2026-09-25"]
+    assert main([*command, "--scheduler", scheduler]) == 0
+    assert "share no ground with them: 2" in capsys.readouterr().err

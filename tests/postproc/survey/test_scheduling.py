@@ -1,7 +1,12 @@
 """The cluster of this machine, beside other programs and other users."""
 
 import http.client
+import os
+import signal
 import socket
+import subprocess
+import sys
+import time
 from contextlib import suppress
 
 import psutil
@@ -40,3 +45,34 @@ def test_needs_no_port_of_its_own_and_tells_nobody_what_it_does():
             assert ports
             paths = ("/", "/health", "/metrics", "/info/main/workers.html", "/json/counts.json")
             assert {_answer(port, path) for port in ports for path in paths} <= {None, 404}
+
+
+_WORKS_LONG = """
+import sys, time
+from pathlib import Path
+from postproc.survey.scheduling import Cluster
+
+def work(path):
+    Path(path).touch()
+    time.sleep(0.2)
+
+if __name__ == "__main__":
+    with Cluster(None, 1) as cluster:
+        list(cluster.results(work, [sys.argv[1]] * 300))
+"""
+
+
+def test_an_interrupt_leaves_no_traceback_of_a_worker(tmp_path):
+    """A terminal sends Ctrl-C to all processes: the workers leave it to the command."""
+    program, begun = tmp_path / "program.py", tmp_path / "begun"
+    program.write_text(_WORKS_LONG)
+    command = [sys.executable, str(program), str(begun)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, process_group=0) as process:
+        while not begun.exists() and process.poll() is None:
+            time.sleep(0.01)
+        interrupted_s = time.monotonic()
+        os.killpg(process.pid, signal.SIGINT)
+        _, said = process.communicate(timeout=60.0)
+    assert time.monotonic() - interrupted_s < 20.0
+    assert said.count("Traceback") == 1, said  # that of this program, which leaves it to Python
+    assert "KeyboardInterrupt" in said

@@ -1,11 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from logger.core.locator.pipeline import locate
-from logger.core.model.blocks import blocks
 from logger.core.model.prior import Prior
-from logger.core.places import Places, Utm
-from postproc.verification.run_sites import between_two, prepare_walk, within_one
+from logger.core.places import Places
+from postproc.multi_run import merge
+from postproc.verification.run_sites import DRAWS, between_two, within_one
 from tests.kit.walks import observations, path
 
 PRIOR = Prior()
@@ -22,19 +24,22 @@ def levels_at(rng, place, start=(0.0, 0.0), white_db=2.0):
     return x, y, level
 
 
+def two_runs(rng, second):
+    """The square twice, moved a little; the second run has its transmitter there."""
+    runs = [levels_at(rng, (80.0, 40.0)), levels_at(rng, second, (60.0, -30.0))]
+    parts = [replace(observations(*run), run=np.full(200, k)) for k, run in enumerate(runs)]
+    return merge(dict(enumerate(parts)), [0, 0])
+
+
 def test_two_runs_past_one_place_and_past_two():
     rng = np.random.default_rng(1)
-    one = prepare_walk(blocks(observations(*levels_at(rng, (80.0, 40.0))), 40), PRIOR)
-    same = prepare_walk(
-        blocks(observations(*levels_at(rng, (80.0, 40.0), (60.0, -30.0))), 40), PRIOR
+    calm, cloned = (
+        between_two(obs, locate(obs, PRIOR), rng)
+        for obs in (two_runs(rng, (80.0, 40.0)), two_runs(rng, (-10.0, 200.0)))
     )
-    away = prepare_walk(
-        blocks(observations(*levels_at(rng, (-10.0, 200.0), (60.0, -30.0))), 40), PRIOR
-    )
-    calm, cloned = (between_two(one, other, Utm(32), rng) for other in (same, away))
     assert calm.p > 0.05
-    assert cloned.p < 0.01
-    assert cloned.log_factor > max(calm.log_factor, 1.0)
+    assert cloned.p == 1.0 / (DRAWS + 1)
+    assert cloned.log_factor > max(calm.log_factor, 6.9)
     assert cloned.one.away_m(Places.of(80.0, 40.0)) < 40.0
     assert cloned.other.away_m(Places.of(-10.0, 200.0)) < 60.0
 
