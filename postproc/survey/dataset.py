@@ -12,6 +12,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
+import msgspec
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -28,7 +29,21 @@ from postproc.survey.parquet_batch import read_columns
 from postproc.survey.rule_inputs import RuleColumn
 from postproc.survey.walk_readings import HeardCell, SurveyRun
 
-_FORMAT = {"format": "cellwalk survey", "version": 2}
+_FORMAT, _VERSION = "cellwalk survey", 2
+
+
+class _Description(msgspec.Struct, frozen=True):
+    """What a survey's folder says of itself; `salt` of its fingerprints."""
+
+    format: str = ""
+    version: int = 0
+    salt: str = ""
+
+    @property
+    def is_of_this_version(self) -> bool:
+        return (self.format, self.version) == (_FORMAT, _VERSION)
+
+
 _MOST_BYTES = 1 << 16
 """Of survey.json, which has a line."""
 _ARRAYS = ("t_ns", "x_m", "y_m", "position_sigma_m", "level_dbm", "scan_seq")
@@ -56,14 +71,14 @@ class Survey:
     @classmethod
     def open(cls, folder: Path) -> Self:
         """Raises `RunFileError` for a folder that is no survey or lacks files."""
-        about = _about(folder)
-        if {name: about.get(name) for name in _FORMAT} != _FORMAT:
+        about = _description_of(folder)
+        if not about.is_of_this_version:
             raise RunFileError(
                 f"{folder} is a survey of another version of this program; "
                 "add its runs to a new folder"
             )
         batches = sorted(path.stem for path in (folder / "runs").glob("*.parquet"))
-        survey = cls(folder, tuple(batches), str(about.get("salt", "")))
+        survey = cls(folder, tuple(batches), about.salt)
         for batch in batches:
             survey.check(batch)
         return survey
@@ -75,8 +90,9 @@ class Survey:
             if folder.exists() and any(folder.iterdir()):
                 raise ConfigError(f"{folder} has other files; choose an empty or a new folder")
             folder.mkdir(parents=True, exist_ok=True)
+            about = _Description(_FORMAT, _VERSION, secrets.token_hex(8))
             with whole_file(layout.description(folder)) as part:
-                part.write_text(json.dumps(_FORMAT | {"salt": secrets.token_hex(8)}))
+                part.write_bytes(msgspec.json.encode(about))
         return cls.open(folder)
 
     def without_contents(self, *batches: str) -> "Survey":
@@ -259,21 +275,22 @@ class Survey:
             yield survey
 
 
-def _about(folder: Path) -> dict[str, Any]:
+def _description_of(folder: Path) -> _Description:
     try:
         with open_regular(layout.description(folder)) as file:
-            about = json.loads(file.read(_MOST_BYTES))
+            return msgspec.json.decode(file.read(_MOST_BYTES), type=_Description)
+    except msgspec.ValidationError:
+        return _Description()
     except FileNotFoundError:
         raise RunFileError(f"{folder} is no survey; `postproc survey add` makes one") from None
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, msgspec.DecodeError, RecursionError) as error:
         raise RunFileError(f"{folder} cannot be read as a survey: {error}") from error
-    return about if isinstance(about, dict) else {}
 
 
 def is_survey(folder: Path) -> bool:
     """Whether a folder is a survey, of this version or another."""
     try:
-        return _about(folder).get("format") == _FORMAT["format"]
+        return _description_of(folder).format == _FORMAT
     except RunFileError:
         return False
 
