@@ -362,7 +362,7 @@ class Guarded(RequestHandler):
             async for piece in pieces:
                 self.write(piece)
                 await asyncio.wait_for(self.flush(), PATIENCE_S)
-        except (TimeoutError, StreamClosedError):
+        except (TimeoutError, StreamClosedError, asyncio.CancelledError):  # or the server ends
             self.detach().close()
 
 
