@@ -108,17 +108,14 @@ MOST_LEVELS = 20_000
 """Of each cell: eleven hours of scans."""
 MOST_MARKS = 500
 MOST_CELLS = 64
-"""Cells with levels: those heard last."""
-MOST_COUNTED = 20_000
-"""Names of cells, 2 MB: a drive through a country."""
+MOST_COUNTED = 20_000  # names take 2 MB: a drive through a country
 MINUTE_NS = 60 * 10**9
 
 
 class Walk:
-    """One run so far; `take` its rows in their order.
+    """One run so far; `take` its rows in order.
 
-    `n_marks` grows with each mark that is on the card, `n_readings` with each reading, `n_cells`
-    with each cell that has an identity.
+    `n_marks` grows with each mark on the card, `n_readings` with each reading.
     """
 
     def __init__(self) -> None:

@@ -99,9 +99,8 @@ def _write(path: Path, line: bytes, more_flags: int) -> None:
         os.close(fd)
 
 
-PER_S, BURST = 20.0, 160.0
-"""Requests of one phone: the page makes two a second, and about twenty when it is opened, which an
-impatient person does several times."""
+PER_S, BURST = 20.0, 160.0  # an impatient person opens it several times
+"""Requests of one phone: the page makes two a second, and about twenty when it is opened."""
 ALL_PER_S, ALL_BURST = 100.0, 300.0
 WRITES_PER_S, WRITE_BURST = 1.0, 5.0
 """Marks and cells to follow."""

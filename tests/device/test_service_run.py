@@ -137,7 +137,7 @@ estimator.Estimator.finish = late
 
 
 def test_a_run_that_is_being_closed_is_no_trouble(folder, monkeypatch):
-    """A live estimate that is behind takes 20 s to its end: nobody should pull the plug."""
+    # a live estimate that is behind takes 20 s to its end, and nobody should pull the plug
     program = (sys.executable, "-c", PROGRAM.format(defect=SLOW_END))
     monkeypatch.setattr(service, "FIELDLOGGER", program)
     silences_s, signs = [], set()

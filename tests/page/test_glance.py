@@ -138,7 +138,7 @@ def test_the_cell_that_is_offered_is_one_tap_away(phone):
 
 @pytest.mark.parametrize(("width", "letters"), [(320, "100%"), (320, "200%"), (390, "200%")])
 def test_small_screens_and_large_letters_hold_everything(phone, width, letters):
-    """The letters are those that a person has set in the browser."""
+    # the letters are those that a person has set in the browser
     long, why = "310-410-65535-268435455", f"area 65535 {'x' * 60}"
     row = CellStatus(long, "LTE", 68_935, True, -101.0, -102.0, -99.0, -12.0, 9, 3, 1107.0)
     status = Status(
@@ -200,7 +200,7 @@ def test_the_arrow_leads_from_where_the_walker_is_now(phone):
 
 
 def test_a_page_that_came_in_part_loads_itself_again(phone):
-    """Over a poor Wi-Fi one of its files may be missing: it would connect for ever."""
+    # over a poor Wi-Fi one of its files may be missing: it would connect for ever
     command = phone.driver.execute_cdp_cmd
     command("Network.enable", {})
     command("Network.setBlockedURLs", {"urls": ["*/geometry.js"]})

@@ -91,7 +91,7 @@ def test_memory_is_bounded():
 
 
 def test_all_cells_of_a_walk_are_counted():
-    """The list on the phone has only some of them."""
+    # the list on the phone has only some of them
     walk, nothing = Walk(), dict.fromkeys(("rsrp_dbm", "rscp_dbm", "rssi_dbm"), math.nan)
     row = {"t_ns": 0, "rxlev_raw": -1, "identity_unsure": 0} | nothing
     for n in range(3 * MOST_CELLS):
