@@ -118,6 +118,8 @@ def simulate(
         service.start()
         service.wait(walk.duration_s, publish)
         run = service.stop(signals[0] if signals else "end of the simulated walk", publish)
+        for device in (gnss_port, *devices):
+            device.unplug()  # else the receiver would talk on until Ctrl-C
         if status is not None:
             ended.wait()
         return run

@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # the status is written before numpy is imported
 MOST_CELLS = 64
 MOST_SHOWN = 24
 """Cells in `status.json`; more do not fit on a phone."""
+PASSED_NS = 180 * 10**9  # a scan of all networks takes up to 3 min
 AVERAGE_NS = 2 * 10**9
 WARMER_NS = 4 * 10**9
 """The newest levels for `trend_db`: a walker takes five steps in this time."""
@@ -127,10 +128,10 @@ class LiveView(Struct, frozen=True, kw_only=True):
 
     `target` is the cell that is searched for, `offer` the one that a person may choose next.
     `suspicions` has the most suspicious cell first. `next`, None once the search is over, and
-    `position` are of the target; `cells` has the serving cell first, then the others by level.
-    `no_estimate` is why there is no live estimate now, empty while it is made. `left_out` says
-    which files it does not use, and why, `unnoticed` what the rules of suspicion cannot see. Cells
-    are looked for `within_walk_m` of the walk, None: anywhere.
+    `position` are of the target; `cells` has the serving cell first, then others by level, passed
+    ones last. `no_estimate` is why there is no live estimate now, empty while it is made.
+    `left_out` says which files it does not use, and why, `unnoticed` what the rules of suspicion
+    cannot see. Cells are looked for `within_walk_m` of the walk, None: anywhere.
     """
 
     target: TargetStatus | None = None
@@ -273,6 +274,7 @@ class CellTable:
     def fill(self, view: LiveView) -> LiveView:
         """The view with the cells that the modem heard of late, and the words of the view."""
         words = {one.cell: one for one in view.suspicions}
+        named = {*words, view.offer, view.target.cell if view.target else None}
         with self._lock:
             serving = set(self._serving.values())
             rows = [
@@ -285,8 +287,13 @@ class CellTable:
                 replace(row, verdict=position.verdict) if row.cell == position.cell else row
                 for row in rows
             ]
-        rows.sort(key=_importance)
-        return replace(view, cells=tuple(rows[:MOST_SHOWN]))
+        # of what the view speaks there is a row, however long ago it was heard
+        rows.sort(key=lambda row: (row.is_serving or row.cell in named, row.heard_ns), reverse=True)
+        passed_ns = max((row.heard_ns for row in rows), default=0) - PASSED_NS
+        rows = rows[:MOST_SHOWN]
+        rows.sort(key=lambda row: -(row.level_dbm or 0.0))
+        rows.sort(key=lambda row: (not row.is_serving, row.heard_ns < passed_ns))
+        return replace(view, cells=tuple(rows))
 
     def _take(self, t_ns: int, scan: Scan, modem: str) -> None:
         for reading in scan.readings:
@@ -358,7 +365,3 @@ def _trend(levels: Iterable[tuple[int, float]], now_ns: int) -> float | None:
 def _mean(levels: Iterable[tuple[int, float]], after_ns: int, until_ns: int) -> float | None:
     some = [level_dbm for t_ns, level_dbm in levels if after_ns < t_ns <= until_ns]
     return round(sum(some) / len(some), 1) if some else None
-
-
-def _importance(row: CellStatus) -> tuple[bool, float]:
-    return not row.is_serving, -(row.level_dbm or 0.0)

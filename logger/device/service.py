@@ -124,18 +124,24 @@ class Service:
         try:
             end_s = monotonic() + JOIN_S + RESTORE_S
             for link in links:
-                while link.is_alive() and (left_s := end_s - monotonic()) > 0.0:
-                    link.join(min(self._tick_s, left_s))
-                    if publish is not None:
-                        self._attempt("status", self._clock.now_ns(), lambda _: publish())
+                self._join(link, end_s, publish)
             if left := unrestored_modes(SavedModes(self.folder), FAMILIES.get):
                 self._links[0].note("warning", "mode-left", left)
         finally:
             self.recorder.finish(reason)
-            recorder.join()
+            # the live estimate may need some time: a silent recorder would look as if it hung
+            self._join(recorder, math.inf, publish)
         if self.recorder.error is not None:
             raise RunFileError(f"recording to {self._writer.path} failed: {self.recorder.error}")
         return _finish_run(self._writer.path)
+
+    def _join(
+        self, thread: threading.Thread, end_s: float, publish: Callable[[], None] | None
+    ) -> None:
+        while thread.is_alive() and (left_s := end_s - monotonic()) > 0.0:
+            thread.join(min(self._tick_s, left_s))
+            if publish is not None:
+                self._attempt("status", self._clock.now_ns(), lambda _: publish())
 
     def wait(self, duration_s: float | None, publish: Callable[[], None] = lambda: None) -> None:
         """Wait for `ended` or the end of the duration, and call `publish` once a tick.
@@ -298,7 +304,8 @@ class Service:
 
     def _sign(self, now_ns: int) -> Sign:
         valid_ns = self._inbox.valid_ns
-        if valid_ns is None or now_ns - valid_ns > FIX_AGE_S * 1e9:
+        is_old = valid_ns is not None and now_ns - valid_ns > FIX_AGE_S * 1e9
+        if valid_ns is None or (is_old and not self._stop.is_set()):
             return "no fix"
         words = {cell.word for cell in self.recorder.estimator.view.suspicions}
         return "suspicious" if "suspicious" in words else "recording"

@@ -108,18 +108,20 @@ MOST_LEVELS = 20_000
 """Of each cell: eleven hours of scans."""
 MOST_MARKS = 500
 MOST_CELLS = 64
+MOST_COUNTED = 20_000  # names take 2 MB: a drive through a country
 MINUTE_NS = 60 * 10**9
 
 
 class Walk:
-    """One run so far; `take` its rows in their order.
+    """One run so far; `take` its rows in order.
 
-    `n_marks` grows with each mark that is on the card, `n_readings` with each reading.
+    `n_marks` grows with each mark on the card, `n_readings` with each reading.
     """
 
     def __init__(self) -> None:
         self._t_ns, self._lat, self._lon = array("q"), array("d"), array("d")
         self._cells: Latest[_Levels] = Latest(MOST_CELLS)
+        self._names: set[bytes] = set()
         self._marks: deque[tuple[float, float, str]] = deque(maxlen=MOST_MARKS)
         self._here: tuple[float, float] | None = None
         self.n_marks = self.n_readings = 0
@@ -131,11 +133,17 @@ class Walk:
         elif table == "readings":
             self.n_readings += 1
             if row["cell"] and not row["identity_unsure"]:
+                if len(self._names) < MOST_COUNTED:
+                    self._names.add(row["cell"])
                 self._add_level(row)
         elif table == "notes" and _text(row["code"]) == MARK:
             self.n_marks += 1
             if self._here is not None:
                 self._marks.append((*self._here, _text(row["text"])))
+
+    @property
+    def n_cells(self) -> int:
+        return len(self._names)
 
     def minute(self, cell: str | None, now_ns: int) -> list[tuple[float, float]]:
         """Age in seconds and level of the readings of a cell in the last minute."""
@@ -216,6 +224,7 @@ class State(msgspec.Struct, frozen=True):
     status: Status | None
     minute: list[tuple[float, float]]
     n_marks: int
+    n_cells: int
     machine: Machine
     cell: str | None
     has_map: bool
@@ -328,6 +337,7 @@ class Feed:
             status=status,
             minute=self.walk.minute(self.cell, now_ns),
             n_marks=self.walk.n_marks,
+            n_cells=self.walk.n_cells,
             machine=self._machine,
             cell=self.cell,
             has_map=self._has_map,

@@ -585,7 +585,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure, format by the suffix; raises `RunFileError` or `ConfigError`."""
     kind = kind_of(path)
     FigureCanvasAgg(figure)
-    metadata = _WITHOUT_DATE.get(kind, {})
+    metadata = _WITHOUT_DATE.get(kind)  # some formats take none, not even an empty one
     with whole_file(path) as part, mpl.rc_context(STYLE):
         figure.savefig(part, format=kind, dpi=PIXELS_PER_INCH, metadata=metadata)
 

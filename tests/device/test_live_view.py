@@ -11,6 +11,7 @@ from logger.device.live_view import (
     CellTable,
     LiveView,
     SuspicionStatus,
+    TargetStatus,
     target_status,
 )
 from tests.kit.runs import reading
@@ -84,6 +85,28 @@ def test_memory_is_bounded_and_doubtful_names_do_not_count():
     assert len(table._cells) == MOST_CELLS
     assert len(_rows(table)) == MOST_SHOWN
     assert _rows(_table((1, replace(reading(1, -60.0), identity_unsure=True)))) == ()
+
+
+def test_cells_that_were_passed_long_ago_make_room_for_those_heard_now():
+    passed = [(n, reading(n, -50.0, "neighbour")) for n in range(10, 10 + MOST_SHOWN)]
+    now = 1000, reading(1, -90.0), *(reading(n, -95.0 - n, "neighbour") for n in (2, 3, 4))
+    rows = _rows(_table(*passed, now))
+    assert [row.cell[-2:] for row in rows[:4]] == ["-1", "-2", "-3", "-4"]
+    assert len(rows) == MOST_SHOWN
+    assert {row.heard_ns for row in rows[4:]} == {n * S for n in range(14, 10 + MOST_SHOWN)}
+
+
+def test_what_is_searched_for_and_what_is_suspicious_is_always_shown():
+    table = _table(*((n, reading(n, -110.0 + n)) for n in range(1, MOST_CELLS + 1)))
+    names = [f"262-01-4711-{n}" for n in (1, 2, 3)]
+    view = LiveView(
+        target=TargetStatus(names[0], "cannot tell"),
+        offer=names[1],
+        suspicions=(SuspicionStatus(names[2], "suspicious", 5.0, ("why",)),),
+    )
+    rows = table.fill(view).cells
+    assert len(rows) == MOST_SHOWN
+    assert set(names) < {row.cell for row in rows}
 
 
 def test_the_target_is_said_as_sure_as_it_is():

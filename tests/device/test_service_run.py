@@ -8,14 +8,14 @@ import pytest
 
 from logger.core.runfile import read_run
 from logger.device.page_requests import FILE, requests_folder
-from logger.device.status import read_status
+from logger.device.status import SILENT_S, read_status, status_age_s
 from tests.kit import service
 from tests.kit.simulated_devices import simulated_devices
 
 PROGRAM = """
 import sys, threading, time
 from logger import cli
-from logger.device import battery, link, page_requests, service
+from logger.device import battery, estimator, link, page_requests, service
 {defect}
 sys.exit(cli.main(sys.argv[1:]))
 """
@@ -125,6 +125,33 @@ def test_a_thread_that_ends_ends_the_service_with_its_run_sealed(folder, monkeyp
     assert logger.returncode not in {0, None}
     run = _run(folder)
     assert run.end.reason == "internal error of the logger"
+
+
+SLOW_END = """
+finish = estimator.Estimator.finish
+def late(self, patience_s):
+    time.sleep(8.0)
+    return finish(self, patience_s)
+estimator.Estimator.finish = late
+"""
+
+
+def test_a_run_that_is_being_closed_is_no_trouble(folder, monkeypatch):
+    # a live estimate that is behind takes 20 s to its end, and nobody should pull the plug
+    program = (sys.executable, "-c", PROGRAM.format(defect=SLOW_END))
+    monkeypatch.setattr(service, "FIELDLOGGER", program)
+    silences_s, signs = [], set()
+    with simulated_devices() as (modem, gnss, _), _start_service(folder, modem, gnss) as logger:
+        service.wait_for(lambda: service.n_recorded(folder / "runs", "fixes") > 5)
+        logger.send_signal(signal.SIGTERM)
+        while not _journal(folder).end:
+            time.sleep(0.2)
+            status = read_status(folder / "cellwalk")
+            silences_s.append(status_age_s(status))
+            signs.add(status.state)
+        logger.communicate(timeout=service.LIMIT_S)
+    assert max(silences_s) < SILENT_S
+    assert signs == {"recording"}
 
 
 def test_a_main_thread_that_hangs_is_not_fed(folder, monkeypatch):

@@ -22,8 +22,8 @@ class Phone:
     def __init__(self, chromium) -> None:
         self.chromium, self.driver = chromium, chromium._driver
 
-    def open(self, page, *, dark=False):
-        self.chromium.open(Address(page.address), width=PHONE_PX, dark=dark)
+    def open(self, page, *, dark=False, width=PHONE_PX):
+        self.chromium.open(Address(page.address), width=width, dark=dark)
 
     def text(self, name):
         return self.chromium.evaluate(f"return document.getElementById('{name}').textContent")

@@ -1,9 +1,11 @@
 """What the page says first, and where its arrow points: its modules in a real browser."""
 
+import msgspec
 import pytest
 
+from logger.core.answer import NextWay
 from logger.core.live_settings import FOLLOW
-from logger.device.live_view import SuspicionStatus, TargetStatus
+from logger.device.live_view import CellStatus, SuspicionStatus, TargetStatus
 from logger.device.status import Status
 from tests.kit import page as kit
 from tests.kit import service
@@ -134,6 +136,41 @@ def test_the_cell_that_is_offered_is_one_tap_away(phone):
     ]
 
 
+@pytest.mark.parametrize(("width", "letters"), [(320, "100%"), (320, "200%"), (390, "200%")])
+def test_small_screens_and_large_letters_hold_everything(phone, width, letters):
+    # the letters are those that a person has set in the browser
+    long, why = "310-410-65535-268435455", f"area 65535 {'x' * 60}"
+    row = CellStatus(long, "LTE", 68_935, True, -101.0, -102.0, -99.0, -12.0, 9, 3, 1107.0)
+    status = Status(
+        *("suspicious", "", "run-000002.journal", 1, 9, 0, 8, 123_456, 65_432, 1_234_567),
+        *(0, 10, None, {}),
+        suspicions=(SuspicionStatus(long, "suspicious", 5.0, (why,)),),
+        cells=(msgspec.structs.replace(row, word="suspicious", reasons=(why,)), row),
+        target=TargetStatus(long, "cannot tell"),
+        next=NextWay(9.0, 1234.0, 52.5, 13.4, 1.0, "go", "passing it says most"),
+        offer=long,
+        followed=long,
+    )
+    with kit.recording(phone.page.requests.parents[1], status):
+        phone.open(phone.page, width=width)
+        service.wait_for(lambda: phone.text("metres") == "1234 m", 10)
+        phone.chromium.evaluate(f"document.documentElement.style.fontSize = '{letters}'")
+        service.wait_for(lambda: phone.text("average") == "-102", 10)
+        assert phone.chromium.overflowing_elements() == []
+        size = "return parseFloat(getComputedStyle(document.getElementById('why')).fontSize)"
+        assert phone.chromium.evaluate(size) == pytest.approx(17.0 * int(letters[:-1]) / 100.0)
+    phone.open(phone.page)
+
+
+def test_who_should_stand_still_is_not_told_to_walk(phone):
+    status = "{state: 'no fix', fix: null, ports: {}}"
+    todo = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[2]
+    assert todo == "Stand under the open sky for a minute."
+    assert _screen_of(phone, f"{status}")["frame"] == "No advice without a position."
+    broken = "{state: 'error', text: 'no modem', ports: {}}"
+    assert _screen_of(phone, broken)["frame"] == "No advice meanwhile."
+
+
 def test_one_distance_is_said_beside_the_arrow_alone(phone):
     way = "{azimuth_deg: 0, distance_m: 87, lat: 0, lon: 0}"
     status = f"{{state: 'recording', fix: null, next: {way}}}"
@@ -160,3 +197,24 @@ def test_the_arrow_leads_from_where_the_walker_is_now(phone):
     assert phone.result_of("geometry.js", f"m.wayOf({{{fix}, {near}}})")["azimuthDeg"] == 90
     lost = phone.result_of("geometry.js", f"m.wayOf({{fix: null, {north_m}}})")
     assert lost == {"azimuthDeg": 90, "metres": 250}
+
+
+def test_a_page_that_came_in_part_loads_itself_again(phone):
+    # over a poor Wi-Fi one of its files may be missing: it would connect for ever
+    command = phone.driver.execute_cdp_cmd
+    command("Network.enable", {})
+    command("Network.setBlockedURLs", {"urls": ["*/geometry.js"]})
+    phone.open(phone.page)
+    assert not _is_alive(phone)
+    command("Network.setBlockedURLs", {"urls": []})
+    service.wait_for(lambda: _is_alive(phone), 20)
+
+
+def _is_alive(phone):
+    return phone.text("state") != "Connecting to the Pi"
+
+
+def test_an_impatient_person_is_not_refused(phone):
+    for _ in range(6):
+        phone.open(phone.page)
+        service.wait_for(lambda: _is_alive(phone), 5)

@@ -127,3 +127,18 @@ def _answer(page, number, request):
         one.sendall(request)
         return one.recv(4096)
     return b""
+
+
+def test_the_end_beside_an_open_phone_is_no_error(tmp_path):
+    kit.folders(tmp_path)
+    port = kit.free_port()
+    config = service.site_toml(
+        tmp_path, "/dev/a", "/dev/b", f'[page]\nlisten = "127.0.0.1:{port}"\n'
+    )
+    with kit.page_server(tmp_path, config, port) as page, socket.socket() as phone:
+        phone.connect(("127.0.0.1", port))
+        phone.sendall(f"GET /{page.token}/live HTTP/1.1\r\nHost: {page.host}\r\n\r\n".encode())
+        assert phone.recv(4096).startswith(b"HTTP/1.1 200")
+        page.process.terminate()
+        assert page.process.wait(20) == 0
+    assert "ERROR" not in (tmp_path / "page.log").read_text()

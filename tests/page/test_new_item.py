@@ -9,7 +9,7 @@ from pathlib import Path
 import logger
 
 FIELD = "    left_out: tuple[str, ...] = ()\n"
-VALUE = "cells=tuple(rows[:MOST_SHOWN])"
+VALUE = "cells=tuple(rows)"
 EDITS = ((FIELD, f"{FIELD}    n_strong: int = 0\n"), (VALUE, f"{VALUE}, n_strong=_strong(rows)"))
 ADDED = """
 

@@ -8,7 +8,7 @@ from logger.core.live_settings import MARK
 from logger.core.runfile import RunWriter
 from logger.core.types import Note, Record
 from logger.device.status import Status, write_status
-from logger.page.feed import MOST_POINTS, TABLES, Feed, JournalTail, Walk
+from logger.page.feed import MOST_CELLS, MOST_POINTS, TABLES, Feed, JournalTail, Walk
 from tests.kit import service
 from tests.kit.runs import meta, records, write_journal
 
@@ -88,6 +88,18 @@ def test_memory_is_bounded():
         walk.take("fixes", {"t_ns": i, "valid": 1, "lat_deg": 52.0 + i * 1e-4, "lon_deg": 13.0})
     walk.take("fixes", {"t_ns": 0, "valid": 1, "lat_deg": math.nan, "lon_deg": 13.0})
     assert len(walk.track("")["points"]) == MOST_POINTS
+
+
+def test_all_cells_of_a_walk_are_counted():
+    # the list on the phone has only some of them
+    walk, nothing = Walk(), dict.fromkeys(("rsrp_dbm", "rscp_dbm", "rssi_dbm"), math.nan)
+    row = {"t_ns": 0, "rxlev_raw": -1, "identity_unsure": 0} | nothing
+    for n in range(3 * MOST_CELLS):
+        for _ in range(2):
+            walk.take("readings", row | {"cell": b"262-01-4711-%d" % n})
+    walk.take("readings", row | {"cell": b"262-01-4711-9999", "identity_unsure": 1})
+    walk.take("readings", row | {"cell": b""})
+    assert walk.n_cells == 3 * MOST_CELLS
 
 
 @pytest.mark.parametrize("run", ["../../etc/passwd", "/etc/shadow", "x", ""])

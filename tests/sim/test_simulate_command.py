@@ -1,10 +1,13 @@
 """`fieldlogger simulate` with another modem, and with one that misbehaves."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
+import time
 import urllib.request
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -73,12 +76,21 @@ def test_the_page_of_a_walk_that_is_led_is_served_until_the_signal(tmp_path):
                 next(text for text in texts if text["status"] is not None)["status"]["fixes"] >= 0
             )
             kept = next(text["kept"] for text in texts if text["kept"] is not None)
+        end_s = time.monotonic() + 15.0
+        while (ptys := _open_ptys(process.pid)) and time.monotonic() < end_s:
+            time.sleep(0.1)
         process.send_signal(signal.SIGINT)
         path = process.stdout.read().strip()
         assert process.wait(60) == 0
+    assert ptys == []  # a receiver that talks on takes a processor until the Ctrl-C
     run = read_run(path)
     assert len(run.tables["readings"]) == kept
     assert run.meta.live.target == "suspicious"
+
+
+def _open_ptys(pid):
+    links = (os.readlink(path) for path in Path(f"/proc/{pid}/fd").iterdir())
+    return [link for link in links if "ptmx" in link]
 
 
 def test_an_unknown_city_is_one_line(tmp_path, capsys):

@@ -109,9 +109,10 @@ def outline(png):
 def test_it_shows_the_walk_and_calls_no_other_machine(web_viewer, chromium):
     page = Page(chromium, web_viewer.address)
     page.wait(lambda: not missing_items(page.screenshot(), within=PLAN))
+    # on a busy machine the key is there before the regions, and a click may find no frame
+    page.wait(lambda: outline(page.stable_screenshot()) > 0)
     late = outline(page.stable_screenshot())
-    page.look_at(1 / 3)
-    page.wait(lambda: outline(page.screenshot()) > 1.5 * late > 0)
+    page.wait(lambda: page.look_at(1 / 3) or outline(page.screenshot()) > 1.5 * late)
     # a request to another machine is answered within the page
     fetch = "return fetch('https://tel.example/').then(answer => answer.status)"
     assert chromium.evaluate(fetch) == 204

@@ -57,6 +57,13 @@ function showChoice(status) {
   byId('geo').href = `geo:${position.lat.toFixed(5)},${position.lon.toFixed(5)};u=${Math.round(position.r95_m)}`;
 }
 
+/** Why nothing points anywhere, in accord with what the glance says to do. */
+function noWay(status) {
+  if (status?.state === 'error') return 'No advice meanwhile.';
+  if (status?.state === 'no fix') return 'No advice without a position.';
+  return status?.target?.over ? 'Nothing leads on.' : 'No advice yet: walk on.';
+}
+
 export function showArrow({status, isOld}) {
   // an arrow that is no longer renewed leads astray
   const way = isOld ? null : wayOf(status);
@@ -71,8 +78,7 @@ export function showArrow({status, isOld}) {
   set('why', way && !isFound(status) && status.next.why ? `Why: ${status.next.why}.` : '');
   if (!way || isThere) {
     set('metres', isThere ? 'here' : '–');
-    const none = status?.target?.over ? 'Nothing leads on.' : 'No advice yet: walk on.';
-    set('frame', isThere ? 'Look around.' : isOld ? 'No advice without news.' : none);
+    set('frame', isThere ? 'Look around.' : isOld ? 'No advice without news.' : noWay(status));
     byId('arrow').setAttribute('aria-label', isThere ? 'you are there' : 'no advice');
     return;
   }

@@ -1,4 +1,4 @@
-// The cells: serving first, then by level; a tap follows one.
+// The cells, in the order of the status; a tap follows one.
 
 import {ask} from './marks.js';
 

@@ -8,14 +8,14 @@ let shownRun = null;
 let askedMs = 0;
 let shownRuns = '';
 
-function counters({status, machine, silent_s: silentS}) {
+function counters({status, machine, silent_s: silentS, n_cells: nCells}) {
   const fix = status?.fix;
   const durableS = status?.synced_ns == null ? null : (status.now_ns - status.synced_ns) / 1e9 + silentS;
   const free = machine.free_bytes;
   return [
     ['fixes', status?.fixes], ['satellites', fix?.sats_used],
     ['accuracy', fix?.acc_m != null ? `${fix.acc_m.toFixed(0)} m` : fix?.hdop != null ? `HDOP ${fix.hdop}` : null],
-    ['scans', status?.scans], ['readings', status?.readings], ['cells', status?.cells.length],
+    ['scans', status?.scans], ['readings', status?.readings], ['cells', nCells],
     ['on the card', durableS === null ? null : `${durableS.toFixed(0)} s ago`],
     ['free', free == null ? null : `${(free / 1e9).toFixed(1)} GB${free < LOW_BYTES ? ', low!' : ''}`],
     ['waiting', status?.waiting],

@@ -15,7 +15,7 @@ export function glance(state, silentMs) {
   if (!status) return ['trouble', 'Nothing is being recorded', 'The service is not running.'];
   if (state.silent_s && state.kept != null) {
     const kept = String(state.kept).replace(/\B(?=(\d{3})+$)/g, '\u00a0');
-    return ['stopped', `Stopped in order, ${kept} readings kept`, 'The run is among the closed runs below.'];
+    return ['stopped', `Stopped in order, ${kept} readings kept`, 'The run will be among the closed runs below.'];
   }
   if (state.silent_s) {
     return ['trouble', `The recorder is silent for ${Math.round(state.silent_s)} s`,

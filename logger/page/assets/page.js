@@ -56,6 +56,7 @@ function show() {
 }
 
 connect();
+document.documentElement.dataset.started = '';
 document.addEventListener('themechange', redraw);
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
 setInterval(() => {

@@ -2,13 +2,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.backend_bases import FigureCanvasBase
+from matplotlib.figure import Figure
 
 from logger.core.answer import Provenance, answer_of
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.pictures import colours
-from postproc.pictures.plots import draw_run, figure_of, strips_of
+from postproc.pictures.plots import draw_run, figure_of, save_figure, strips_of
 from postproc.pictures.survey import Clock, Levels
 from postproc.smoothing import smooth_runs
 from postproc.summary import estimator_table
@@ -43,6 +45,14 @@ def test_format_by_suffix(result, tmp_path, suffix, magic):
     draw_run(result, tmp_path / f"walk.{suffix}")
     assert (tmp_path / f"walk.{suffix}").read_bytes().startswith(magic)
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_every_format_that_is_offered_is_written(tmp_path):
+    offered = set(FigureCanvasBase.filetypes) - {"pgf"}  # that wants LaTeX
+    assert offered > {"gif", "jpg", "tiff", "webp"}
+    for suffix in sorted(offered):
+        save_figure(Figure((1.0, 1.0)), tmp_path / f"walk.{suffix}")
+        assert (tmp_path / f"walk.{suffix}").stat().st_size > 100
 
 
 def test_every_estimator_is_named(result):
