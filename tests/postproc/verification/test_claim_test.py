@@ -148,23 +148,38 @@ def test_an_area_that_the_readings_contradict_decides_nothing():
     assert verdict.reasons[0].startswith("if it is there: without the area, ")
 
 
-def p_values_of_mast(seed, away_m):
-    """P-values of the true place of a mast so far from a walk: of the test, and by the prior."""
+def walk_past_mast(seed, away_m):
+    """Readings of an L, and the mast so far from its beginning."""
     rng = np.random.default_rng(seed)
     x_m, y_m = path("L", 75, 11.2)
     bearing = rng.uniform(0.0, 2.0 * np.pi)
     mast = at(away_m * np.cos(bearing), away_m * np.sin(bearing))
     distance_m = np.hypot(x_m - mast.x_m, y_m - mast.y_m)
     level_dbm = -25.0 - 32.0 * np.log10(distance_m) + rng.normal(0.0, 4.0, len(x_m))
-    test = ClaimTest.of(locate(observations(x_m, y_m, np.round(level_dbm), 3.0)))
-    return test.p(mast), ClaimTest(test.squares).p(mast)
+    return observations(x_m, y_m, np.round(level_dbm), 3.0), mast
 
 
 def test_the_place_of_a_distant_mast_is_not_rejected_for_its_distance_alone():
     """Nothing in the levels speaks against it, only that most stand closer."""
-    p, p_near = np.transpose([p_values_of_mast(seed, 5000.0) for seed in range(10)])
-    assert np.sum(p <= 0.05) <= 3
-    assert np.sum(p_near <= 0.05) >= 9
+    p = []
+    for seed in range(10):
+        obs, mast = walk_past_mast(seed, 5000.0)
+        test = ClaimTest.of(locate(obs))
+        p.append((test.p(mast), ClaimTest(test.squares).p(mast)))
+    of_test, by_prior = np.transpose(p)
+    assert np.sum(of_test <= 0.05) <= 4
+    assert np.sum(by_prior <= 0.05) >= 9
+
+
+def test_a_rejection_says_that_it_supposes_no_distant_mast():
+    rejected = []
+    for seed in range(6):
+        obs, mast = walk_past_mast(seed, 3000.0)
+        claim = Claim(obs.cell, *obs.utm.to_latlon(*mast.xy_m[:, 0]), 0.0, "test")
+        verdict = verify_cell(obs, claim, 0.05, Prior())
+        rejected += [verdict] if verdict.p <= 0.05 else []
+    assert rejected
+    assert all(one.reasons[0].startswith("if it is no distant mast") for one in rejected)
 
 
 def test_a_near_walk_rejects_a_distant_claim():
