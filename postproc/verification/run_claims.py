@@ -105,7 +105,8 @@ class ClaimTest:
     def of(cls, posterior: Posterior, sigma_m: float = 0.0) -> "ClaimTest":
         """The test in a posterior."""
         has_area = posterior.prior.area is not None
-        return cls(posterior.squares, sigma_m, has_area, posterior.distant_share)
+        share = None if has_area else posterior.distant_share
+        return cls(posterior.squares, sigma_m, has_area, share)
 
     def p_values(self, tail: FloatArray) -> FloatArray:
         """Of S; both of one shape."""

@@ -189,6 +189,7 @@ def sample_posterior(obs: Readings, places=1, sigma_m=12.0) -> Posterior:
         reach_probability=_even(len(Prior().reaches)),
         strongest=Readings.one("c", "gsm", Places.of(*centre, utm=obs.utm), -60.0),
         limit_share=0.0,
+        distant_share=np.zeros(len(cells)),
         prior=Prior(),
         offsets=None,
         alternatives=(

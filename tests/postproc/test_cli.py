@@ -199,7 +199,7 @@ CONTRACT = {
     "verdict",
     "warnings",
 }
-BEST = {"lat", "lon", "r50_m", "r95_m", "drms_m", "strongest"}
+BEST = {"lat", "lon", "r50_m", "r95_m", "drms_m", "may_be_distant", "strongest"}
 BEST |= {"p0_dbm", "p0_sigma_db", "eta", "eta_sigma"}
 
 

@@ -76,7 +76,7 @@ class Posterior:
     first. `alternatives` are what single hypotheses of reach, antenna and height would say.
     `outside_share` is the probability outside of the prior's area without that area.
     If some transmitters are distant (`summary.DISTANT_SHARE`), `distant_share` (h,) of those in
-    each square are such ones; None with an area.
+    each square are such ones; none with an area.
     """
 
     squares: Squares
@@ -95,12 +95,12 @@ class Posterior:
     reach_probability: FloatArray
     strongest: Readings
     limit_share: float
+    distant_share: FloatArray
     log_evidence: float
     prior: Prior
     offsets: Offsets | None = None
     alternatives: tuple[Alternative, ...] = ()
     outside_share: float | None = None
-    distant_share: FloatArray | None = None
 
     def __repr__(self) -> str:
         at = f"x_m={self.x_m:.1f}, y_m={self.y_m:.1f}"
@@ -157,8 +157,6 @@ class Posterior:
     @cached_property
     def may_be_distant(self) -> bool:
         """Whether only the prior says that it is not kilometres away."""
-        if self.distant_share is None:
-            return False
         p = with_distant(self.squares, self.distant_share).probability
         return float(np.sum(p[highest_density(self.squares)])) < _LEAST_INSIDE
 

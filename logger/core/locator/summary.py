@@ -97,12 +97,12 @@ def summarise(task: LocatorInput, tree: Tree) -> Posterior:
         reach_probability=reach @ p,
         strongest=task.strongest,
         limit_share=float(np.sum(p[away_m > END_OF_REACH * walk.prior.reach_m])),
+        distant_share=_distant_share(task.prior, tree, away_m),
         log_evidence=mixed.log_evidence,
         prior=task.prior,
         offsets=between_modems,
         alternatives=_alternatives(walk.prior, tree, mixed, reach, squares),
         outside_share=task.outside_share,
-        distant_share=_distant_share(task.prior, tree, away_m),
     )
 
 
@@ -199,10 +199,10 @@ def _reach_share(task: LocatorInput, tree: Tree) -> FloatArray:
     return np.asarray(np.exp(each - log_sum(each.T)), float)
 
 
-def _distant_share(prior: Prior, tree: Tree, away_m: FloatArray) -> FloatArray | None:
+def _distant_share(prior: Prior, tree: Tree, away_m: FloatArray) -> FloatArray:
     """Distant transmitters stand anywhere within `DISTANT_M` of the walk, squares `away_m` (h,)."""
     if prior.area is not None:
-        return None
+        return np.zeros(len(away_m))
     mass, room = np.exp(tree.log_mass(0.0)), np.where(away_m < DISTANT_M, tree.size_m**2, 0.0)
     distant = DISTANT_SHARE * room / np.sum(room)
     return np.asarray(distant / (distant + (1.0 - DISTANT_SHARE) * mass / np.sum(mass)), float)

@@ -163,7 +163,7 @@ def test_an_area_and_a_timing_advance_bound_the_distance():
     assert locate(obs).may_be_distant
     timed = replace(obs, ta=np.full(len(obs), 1), rat="GSM")
     assert not locate(timed).may_be_distant
-    assert locate(obs, Prior(area=Area.within_walk(300.0))).distant_share is None
+    assert not locate(obs, Prior(area=Area.within_walk(300.0))).may_be_distant
 
 
 # --- mirror images ---
