@@ -69,8 +69,8 @@ _DISTANT = 0.8
 """Of the transmitters at a place: where more are distant, a claim is tested among such ones too.
 
 True places of masts 2 to 8 km away are then rejected in .43 instead of .95 of simulated walks, and
-claims displaced by five times the distance in .51 instead of .55 of measured ones; with .5 in .28
-and .45.
+claims displaced by five times the distance in .46 instead of .51 of measured ones; with .5 in .28
+and .41.
 """
 _LEAST_M, _FARTHEST_M, _TRIED = 10.0, 30_000.0, 25
 """Displacements tried, up to the reach of the prior."""

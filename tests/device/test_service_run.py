@@ -143,6 +143,7 @@ def test_a_run_that_is_being_closed_is_no_trouble(folder, monkeypatch):
     silences_s, signs = [], set()
     with simulated_devices() as (modem, gnss, _), _start_service(folder, modem, gnss) as logger:
         service.wait_for(lambda: service.n_recorded(folder / "runs", "fixes") > 5)
+        service.wait_for(lambda: read_status(folder / "cellwalk").state == "recording")
         logger.send_signal(signal.SIGTERM)
         while not _journal(folder).end:
             time.sleep(0.2)
