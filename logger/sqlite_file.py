@@ -11,7 +11,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from time import monotonic
 
-from logger.core.foreign import begins_with, check_regular
+from logger.core.foreign import begins_with, check_regular, open_regular
 
 _STEPS_AT_ONCE = 1_000_000
 _STEPS_OF_SCHEMA = 5_000
@@ -26,11 +26,20 @@ _ALLOWED = frozenset(
     {sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_FUNCTION, sqlite3.SQLITE_PRAGMA}
 )
 SQLITE_MAGIC = b"SQLite format 3\0"  # sqlite.org/fileformat.html, section 1.2
+_APPLICATION_ID = slice(68, 72)  # section 1.3
 
 
 def is_sqlite(path: Path) -> bool:
     """Whether a file begins as an SQLite database does; no for one that cannot be read."""
     return begins_with(path, SQLITE_MAGIC)
+
+
+def application_id(path: Path) -> int | None:
+    """None for a file of another kind."""
+    if not is_sqlite(path):
+        return None
+    with open_regular(path) as file:
+        return int.from_bytes(file.read(_APPLICATION_ID.stop)[_APPLICATION_ID], "big")
 
 
 @contextmanager

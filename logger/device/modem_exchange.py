@@ -131,7 +131,7 @@ class ModemExchange:
         self.is_answered = False
         self.is_damaged = False
         self.refusal = ""  # of the latest command that had to be accepted
-        self.replies: list[Reply] = []  # since the caller cleared them
+        self.replies: list[Reply] = []  # of the latest dialogue
         self._has_bytes = False
         self._n_pending_queries = 0  # queries of the last full scan without an answer
 
@@ -147,6 +147,7 @@ class ModemExchange:
 
     def talk(self, dialogue: Dialogue[T]) -> T:
         """Run a dialogue of the driver to its result."""
+        self.replies = []
         return run_dialogue(dialogue, self.ask)
 
     def ask(self, command: Command) -> Reply:

@@ -232,7 +232,6 @@ class _Session:
             self._modem.late_ns if self._modem.framer.late_final_due else self._link.clock.now_ns()
         )
         self._modem.is_damaged, self._modem.refusal = False, ""
-        self._modem.replies.clear()
         rows = self._modem.talk(driver.poll())
         if (command := driver.unread(self._modem.replies)) is not None:
             what = f"polls had rows of {command} in no form that driver {driver.name} reads"

@@ -10,7 +10,7 @@ from logger import baseline_file
 from logger.baseline_store import CONTRADICTION
 from logger.core.errors import FieldLoggerError, RunFileError
 from logger.core.runfile import read_sound_run, sealing_of
-from logger.sqlite_file import is_sqlite
+from logger.sqlite_file import application_id
 from postproc.interop.importing import import_walk
 from postproc.processes import outcome_of, read_ahead
 from postproc.survey import layout
@@ -102,9 +102,7 @@ _LOGS = frozenset(
 )
 """A folder has other files too; one that is named itself is read whatever it is called."""
 _RESULTS = ".post.h5"
-_OWN_DATABASES = frozenset(
-    number.to_bytes(4, "big") for number in (baseline_file.APPLICATION_ID, celldb.APPLICATION_ID)
-)
+_OWN_DATABASES = baseline_file.APPLICATION_ID, celldb.APPLICATION_ID
 
 
 def files_of(paths: Sequence[Path]) -> list[Path]:
@@ -133,13 +131,6 @@ def _files_in(folder: Path) -> Iterator[Path]:
         if path.name.startswith(".") or path.name.endswith(_RESULTS) or not path.is_file():
             continue
         is_finished = path.suffix == ".journal" and path.with_suffix(".h5").exists()
-        is_log = path.suffix in _LOGS and not _is_own_database(path)
+        is_log = path.suffix in _LOGS and application_id(path) not in _OWN_DATABASES
         if (is_log or (is_run(path) and not is_finished)) and surveys.isdisjoint(path.parents):
             yield path
-
-
-def _is_own_database(path: Path) -> bool:
-    if not is_sqlite(path):
-        return False
-    with path.open("rb") as file:
-        return file.read(72)[68:] in _OWN_DATABASES  # sqlite.org/fileformat.html, 1.3

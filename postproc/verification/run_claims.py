@@ -92,8 +92,8 @@ _NEARLY = 0.9
 class ClaimTest:
     """The test of claims of `sigma_m` per axis in the squares of a posterior.
 
-    `has_area`: the prior of the posterior has one. `distant_share` (h,) is that of the posterior: a
-    claim where a transmitter would be a distant one is tested among such ones as well.
+    `has_area`: the prior of the posterior has one. `distant_share` (h,) is the posterior's: where
+    it is large, a claim is tested among distant transmitters too.
     """
 
     squares: Squares

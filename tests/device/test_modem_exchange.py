@@ -3,6 +3,7 @@
 from logger.core.types import CellReading
 from logger.device.clock import Clock
 from logger.device.modem_exchange import ModemExchange
+from logger.drivers.protocols.at import Command, Reply
 from logger.drivers.quectel import Quectel
 from logger.drivers.quectel_gsm import QuectelGsm
 from logger.drivers.reading.recognition import NumberHistory
@@ -35,3 +36,17 @@ def test_a_list_that_repeats_a_cell_does_not_double_its_level():
     """Two readings of one level would make a position seem surer than it is."""
     assert [one.pci for one in scan_of(Quectel(), EC25)] == [135, 136]
     assert [one.arfcn for one in scan_of(QuectelGsm(), M66)] == [72, 80, 16]
+
+
+def test_replies_are_those_of_the_latest_dialogue():
+    """A modem that is asked for hours and never polled would fill the memory."""
+
+    def asks(n):
+        for _ in range(n):
+            yield Command("AT")
+
+    exchange = ModemExchange(FakeLink(), Quectel())
+    exchange.ask = lambda command: exchange.replies.append(Reply(command.text, (), "OK"))
+    for n in (3, 2):
+        exchange.talk(asks(n))
+        assert len(exchange.replies) == n

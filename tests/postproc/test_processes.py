@@ -1,7 +1,4 @@
 import os
-import signal
-import subprocess
-import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import active_children
@@ -12,6 +9,7 @@ import pytest
 
 from postproc import processes
 from postproc.processes import each
+from tests.kit.interrupted import stderr_of_interrupted
 
 
 def process_of(_):
@@ -122,12 +120,5 @@ else:
 
 
 def test_an_interrupt_while_a_process_starts_leaves_no_traceback_of_it(tmp_path):
-    program, starts = tmp_path / "program.py", tmp_path / "starts"
-    program.write_text(_STARTS_SLOWLY)
-    command = [sys.executable, str(program), str(starts)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, process_group=0) as process:
-        while not starts.exists() and process.poll() is None:
-            time.sleep(0.01)
-        os.killpg(process.pid, signal.SIGINT)
-        _, said = process.communicate(timeout=60.0)
+    said, _ = stderr_of_interrupted(_STARTS_SLOWLY, tmp_path)
     assert said.count("Traceback") == 1, said  # that of this program, which leaves it to Python

@@ -1,17 +1,13 @@
 """The cluster of this machine, beside other programs and other users."""
 
 import http.client
-import os
-import signal
 import socket
-import subprocess
-import sys
-import time
 from contextlib import suppress
 
 import psutil
 
 from postproc.survey.scheduling import Cluster
+from tests.kit.interrupted import stderr_of_interrupted
 
 
 def _ports():
@@ -64,15 +60,7 @@ if __name__ == "__main__":
 
 def test_an_interrupt_leaves_no_traceback_of_a_worker(tmp_path):
     """A terminal sends Ctrl-C to all processes: the workers leave it to the command."""
-    program, begun = tmp_path / "program.py", tmp_path / "begun"
-    program.write_text(_WORKS_LONG)
-    command = [sys.executable, str(program), str(begun)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, process_group=0) as process:
-        while not begun.exists() and process.poll() is None:
-            time.sleep(0.01)
-        interrupted_s = time.monotonic()
-        os.killpg(process.pid, signal.SIGINT)
-        _, said = process.communicate(timeout=60.0)
-    assert time.monotonic() - interrupted_s < 20.0
+    said, waited_s = stderr_of_interrupted(_WORKS_LONG, tmp_path)
+    assert waited_s < 20.0
     assert said.count("Traceback") == 1, said  # that of this program, which leaves it to Python
     assert "KeyboardInterrupt" in said
