@@ -162,6 +162,13 @@ def test_small_screens_and_large_letters_hold_everything(phone, width, letters):
     phone.open(phone.page)
 
 
+def test_a_screen_reader_says_once_that_contact_is_lost(phone):
+    show = "m.showGlance({status: {state: 'recording'}}, ms)"
+    live = f"(ms => {{{show}; return document.getElementById('glance').ariaLive}})"
+    lived = phone.result_of("glance.js", f"[6000, 7000, 12000, 0].map({live})")
+    assert lived == ["polite", "off", "off", "polite"]
+
+
 def test_who_should_stand_still_is_not_told_to_walk(phone):
     status = "{state: 'no fix', fix: null, ports: {}}"
     todo = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[2]

@@ -60,6 +60,9 @@ function advice(status) {
 export function showGlance(state, silentMs) {
   const [sign, sentence, todo] = glance(state, silentMs);
   byId('glance').dataset.sign = sign;
+  // a screen reader says that contact is lost, not each second of it
+  const only = text => text.replace(/\d+/g, '');
+  byId('glance').ariaLive = only(byId('state').textContent) === only(sentence) ? 'off' : 'polite';
   for (const [id, text] of [['sign', SIGNS[sign]], ['state', sentence], ['todo', todo]]) {
     if (byId(id).textContent !== text) byId(id).textContent = text;
   }
