@@ -76,7 +76,10 @@ def with_trust(prior: Prior, trust: float) -> Prior:
     """The prior where long shadowing counts with another power."""
     if hasattr(prior, "trust"):
         return replace(prior, trust=trust)
-    noise = tuple(group._replace(trust=trust) if group.is_long else group for group in prior.noise)
+    noise = tuple(
+        group._replace(trust=trust) if group.hypotheses[0].long_share else group
+        for group in prior.noise
+    )
     return replace(prior, noise=noise)
 
 

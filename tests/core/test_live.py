@@ -279,7 +279,7 @@ def test_the_target_has_advice_and_a_position():
     followed = tracker.followed
     assert followed.cell == "262-01-4711-1"
     assert followed.answer.verdict in {"located", "ambiguous", "cannot tell"}
-    assert followed.answer.place.r95_m < 500.0
+    assert followed.answer.place.r50_m < 500.0
     assert followed.answer.word is None
     assert tracker.answer.word.word == "nothing unusual"
     assert live_view(tracker).position.text == tracker.answer.sentence == followed.answer.sentence

@@ -146,8 +146,8 @@ class Posterior:
 
     @property
     def long_share(self) -> float:
-        """Probability that the shadowing has a long part, as of hills and streets."""
-        return float(np.sum(self.noise_probability[self.prior.noise_table.is_long]))
+        """Probability that shadowing has a long part, as of hills and streets, or is averaged."""
+        return float(np.sum(self.noise_probability[self.prior.noise_table.is_coarse]))
 
     @property
     def at_limit(self) -> bool:

@@ -57,10 +57,22 @@ def correlation(apart_m: FloatArray, decorrelation_m: float) -> FloatArray:
 
 
 def shares(hypothesis: Hypothesis) -> list[tuple[float, float]]:
-    """Shares of sigma^2 that are correlated, each with its decorrelation distance in m."""
-    white, short_m, long, long_m = hypothesis
+    """Shares of sigma^2 that are correlated, each with its decorrelation distance in m.
+
+    An average with a memory of a metres turns exp(-D / d) into (d exp(-D / d) - a exp(-D / a)) /
+    (d - a), a covariance in the plane too: the share of a is negative.
+    """
+    white, short_m, long, long_m, averaged_m = hypothesis
     both = ((1.0 - white) * (1.0 - long), short_m), ((1.0 - white) * long, long_m)
-    return [(share, scale_m) for share, scale_m in both if share > 0.0]
+    found = [(share, scale_m) for share, scale_m in both if share > 0.0]
+    if averaged_m <= 0.0:
+        return found
+    seen = [(share / (scale_m - averaged_m), scale_m) for share, scale_m in found]
+    return [
+        part
+        for share, scale_m in seen
+        for part in ((share * scale_m, scale_m), (-share * averaged_m, averaged_m))
+    ]
 
 
 def shadowing(apart_m: FloatArray, hypothesis: Hypothesis) -> FloatArray:

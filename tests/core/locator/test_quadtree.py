@@ -261,7 +261,7 @@ def test_the_density_hardly_depends_on_the_tiling():
 
 # --- stations far from the walk, and those that the noise excludes ---
 
-LONG = NoiseGroup(0.5, (Hypothesis(0.3, 10.0, 0.75, 350.0),), is_long=True)
+LONG = NoiseGroup(0.5, (Hypothesis(0.3, 10.0, 0.75, 350.0),), is_coarse=True)
 
 
 def every_station(obs, prior, places):
@@ -324,7 +324,7 @@ def test_a_pattern_has_no_part_where_the_noise_has_none():
     )
     places = np.array([[110.0, 20.0], [60.0, -50.0]])
     found, alone = every_station(walk(60), prior, places)
-    assert prior.noise_table.is_long.tolist() == [False, False, True]
+    assert prior.noise_table.is_coarse.tolist() == [False, False, True]
     np.testing.assert_allclose(found.log_p[:2], alone[0, :2], rtol=1e-12)
     np.testing.assert_array_equal(found.station[1, :2], 0.0)
     mixed = scipy.special.logsumexp(alone[:, 2], axis=0, b=[[0.7], [0.3]])

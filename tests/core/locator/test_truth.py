@@ -148,6 +148,24 @@ def test_regions_hold_distant_sites():
     assert most >= 0.5
 
 
+@pytest.mark.parametrize("noise", NOISES)
+def test_regions_hold_what_a_modem_averages(noise):
+    """Levels of 10 s; those of twelve walks under noise of two scales missed four."""
+    held, wrong = 0, 0
+    for run in range(12):
+        obs, station = past_antenna(noise, 5.0, 60.0, run)
+        total_db = np.concatenate([np.zeros(10), np.cumsum(obs.level_dbm)])
+        count = np.minimum(np.arange(1, len(obs) + 1), 10)
+        level_dbm = np.round((total_db[10:] - total_db[:-10]) / count)
+        posterior = locate(averaged := replace(obs, level_dbm=level_dbm))
+        is_inside = holds(posterior, station, 0.95)
+        held += is_inside
+        wrong += decide(posterior, averaged).verdict == "located" and not is_inside
+    print(f"{noise}: held {held} of 12, wrongly located {wrong}")
+    assert held >= 11
+    assert wrong == 0
+
+
 def disturb(obs, rng):
     """Errors of 1 m and .3 dB, far below those that the readings have."""
     x_m, y_m = obs.places.xy_m + rng.normal(size=(2, len(obs)))

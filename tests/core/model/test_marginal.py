@@ -156,7 +156,7 @@ def test_sums_of_a_sector_antenna_contain_those_of_an_omnidirectional_one():
     matrices = matrices_of(whiteners(track, prior, numbers))
     shared = SharedSums.of(prior, np.isfinite(prior.station_log_odds))
     assert prior.stations[shared.patterned].antenna_db
-    assert shared.rows.tolist() == np.flatnonzero(prior.noise_table.is_long).tolist()
+    assert shared.rows.tolist() == np.flatnonzero(prior.noise_table.is_coarse).tolist()
     first, patterned = (prior.of_station(prior.stations[k]) for k in (0, shared.patterned))
     alone = walk_sums(track, matrices, first, Places.of(*PLACES))
     joined = shared.join(

@@ -24,6 +24,18 @@ def test_shadowing_of_a_block_is_the_mean_over_its_points():
     assert np.max(np.diagonal(found)) < 0.9
 
 
+def test_levels_that_a_modem_averages_are_as_a_filter_gives_them():
+    """Against the filter itself: shadowing at each 0.1 m of a way, with a memory of 5 m."""
+    step_m, memory_m, scale_m = 0.1, 5.0, 30.0
+    way_m = np.arange(0.0, 60.0, step_m)
+    weight = np.exp(-way_m / memory_m) * step_m / memory_m
+    apart_m = np.array([0.0, 2.0, 10.0, 40.0])
+    between_m = np.abs(apart_m[:, None, None] + way_m[:, None] - way_m)
+    seen = np.einsum("i,kij,j->k", weight, np.exp(-between_m / scale_m), weight)
+    hypothesis = Hypothesis(0.2, scale_m, averaged_m=memory_m)
+    assert noise.shadowing(apart_m, hypothesis) == pytest.approx(0.8 * seen / seen[0], abs=2e-3)
+
+
 def test_what_is_whitened_is_white():
     x, y = path("square", 240, 3.0)
     walk = blocks(observations(x, y, np.zeros(240)), 20)

@@ -56,20 +56,22 @@ def test_hypotheses_share_all_odds():
     assert len(odds) == len(prior.hypotheses)
     assert odds.sum() == pytest.approx(1.0)
     assert prior.hypotheses[0] == WHITE
+    total = sum(group.probability for group in prior.noise)
     for group, first in zip(prior.noise, prior.noise_table.first, strict=True):
         of_group = odds[first : first + len(group.hypotheses)]
-        assert of_group == pytest.approx(1.0 / (len(prior.noise) * len(group.hypotheses)))
+        assert of_group == pytest.approx(group.probability / total / len(group.hypotheses))
 
 
 def test_shadowing_of_two_scales_is_trusted_least():
-    white, short, long = Prior().noise
-    assert white.trust == 1.0 > short.trust > long.trust
-    assert [group.is_long for group in (white, short, long)] == [False, False, True]
+    white, short, long, averaged = Prior().noise
+    assert white.trust == 1.0 > short.trust >= averaged.trust > long.trust
+    assert [group.is_coarse for group in Prior().noise] == [False, False, True, True]
     assert min(one.long_m for one in long.hypotheses) > max(one.short_m for one in long.hypotheses)
 
 
-def test_the_decorrelation_distance_is_the_integral_of_the_correlation():
-    hypothesis = Hypothesis(0.3, 20.0, 0.75, 300.0)
+@pytest.mark.parametrize("averaged_m", [0.0, 5.0])
+def test_the_decorrelation_distance_is_the_integral_of_the_correlation(averaged_m):
+    hypothesis = Hypothesis(0.3, 20.0, 0.75, 300.0, averaged_m)
     apart_m = np.arange(0.0, 6000.0, 0.1)
     assert 0.1 * np.sum(shadowing(apart_m, hypothesis)) / 0.7 == pytest.approx(
         hypothesis.decorrelation_m, rel=0.01
@@ -136,15 +138,16 @@ def test_any_antenna_is_one_of_the_others():
 
 
 def test_log_odds_of_the_stations_under_each_noise():
-    """A pattern needs noise with a long part, unless there is nothing but patterns."""
+    """A pattern needs noise in coarse blocks, unless there is nothing but patterns."""
     prior = Prior(stations=(Station(0.6, 5.0), Station(0.1, 20.0), Station(0.5, 5.0, (9.0,))))
     odds = np.exp(prior.station_log_odds)
     assert odds.shape == (3, len(prior.hypotheses))
     np.testing.assert_allclose(np.sum(odds, axis=0), 1.0)
-    is_long = prior.noise_table.is_long
-    assert 0 < np.count_nonzero(is_long) < len(is_long)
-    np.testing.assert_allclose(odds[:, is_long], np.outer([0.5, 1 / 12, 5 / 12], is_long[is_long]))
-    np.testing.assert_allclose(odds[:, ~is_long].T, [[6 / 7, 1 / 7, 0.0]] * np.sum(~is_long))
+    is_coarse = prior.noise_table.is_coarse
+    assert 0 < np.count_nonzero(is_coarse) < len(is_coarse)
+    all_odds = np.outer([0.5, 1 / 12, 5 / 12], is_coarse[is_coarse])
+    np.testing.assert_allclose(odds[:, is_coarse], all_odds)
+    np.testing.assert_allclose(odds[:, ~is_coarse].T, [[6 / 7, 1 / 7, 0.0]] * np.sum(~is_coarse))
     sector = prior.of_station(prior.stations[2])
     np.testing.assert_allclose(np.exp(sector.station_log_odds), 1.0)
 
