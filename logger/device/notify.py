@@ -71,6 +71,10 @@ class ServiceManager:
         """Report that the service is ending, which stops the watchdog."""
         self._send("STOPPING=1")
 
+    def ask_time(self, seconds: float) -> None:
+        """Ask that the stop may take so long from now on (TimeoutStopSec= may be less)."""
+        self._send(f"EXTEND_TIMEOUT_USEC={round(seconds * 1e6)}")
+
     def _set_watchdog(self, watchdog_us: int) -> None:
         if self._watchdog_us:
             self._send(f"WATCHDOG_USEC={watchdog_us}")
