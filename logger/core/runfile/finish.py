@@ -72,7 +72,7 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
             write_hdf5(parts, part)
             may_replace(target, parts.meta.run_id)
             part.replace(target)
-            sync_folder(target.parent)
+        sync_folder(target.parent)
     except (OSError, RuntimeError) as error:  # HDF5 reports a full card by RuntimeError too
         raise RunFileError(f"cannot write {target}: {why_not_written(error)}") from error
     return parts
@@ -80,19 +80,46 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
 
 @contextmanager
 def _alone(part: Path) -> Iterator[None]:
-    # The service at its stop, the unit at the boot or a user: the others wait. The folder has the
-    # lock, as the new file becomes the run, which HDF5 locks as well to read it.
-    number = os.open(part.parent, os.O_RDONLY)
+    # The service at its stop, the unit at the boot or a user: the others wait, where it is about
+    # the same run. The part has the lock until it is the run, which HDF5 locks as well to read it.
+    number = _claim(part)
     try:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(number, fcntl.LOCK_EX)
         yield
     finally:
-        with suppress(OSError):
-            part.unlink()
-        with suppress(OSError):  # also that of a process which was forked meanwhile
-            fcntl.flock(number, fcntl.LOCK_UN)
-        os.close(number)
+        if _is_named(part, number):
+            with suppress(OSError):
+                part.unlink()
+        _let_go(number)
+
+
+def _claim(part: Path) -> int:
+    flags = os.O_CREAT | os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    while True:
+        try:
+            number = os.open(part, flags, 0o666)
+        except PermissionError:
+            part.unlink()  # left by a user who hides files from others
+            continue
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(number, fcntl.LOCK_EX)
+        if _is_named(part, number):
+            if os.access(part, os.W_OK):
+                return number
+            part.unlink()  # left by another user
+        _let_go(number)  # it is the run now, or gone
+
+
+def _is_named(part: Path, number: int) -> bool:
+    try:
+        return os.path.samestat(os.fstat(number), part.lstat())
+    except OSError:
+        return False
+
+
+def _let_go(number: int) -> None:
+    with suppress(OSError):  # also that of a process which was forked meanwhile
+        fcntl.flock(number, fcntl.LOCK_UN)
+    os.close(number)
 
 
 def _check_room(parts: JournalParts, target: Path) -> None:

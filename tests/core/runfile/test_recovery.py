@@ -1,7 +1,10 @@
 """Recovery from a file or a folder, and room on the card."""
 
 import json
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from unittest.mock import ANY
 
 import h5py
@@ -19,8 +22,10 @@ from logger.core.runfile import (
     sealing_of,
 )
 from logger.core.runfile.run_names import first_part, parts_of
+from logger.own_baseline import learn
 from postproc.cli import main as postproc
 from tests.kit import runs
+from tests.kit.service import assert_ends
 
 HUGE = 1 << 60
 
@@ -83,6 +88,44 @@ def test_a_journal_is_recovered_by_several_at_once(tmp_path):
     with ThreadPoolExecutor(4) as pool:
         assert set(pool.map(finish_journal, [journal] * 8)) == {journal.with_suffix(".h5")}
     assert sealing_of(journal) == sealing_of(journal.with_suffix(".h5"))
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_stop_waits_neither_for_learning_nor_for_another_run(tmp_path):
+    """On a small Pi either takes minutes, in which an upgrade would record nothing."""
+    _, (second, _) = (_finished_run(tmp_path, n) for n in (1, 2))
+    learning = learn(tmp_path)
+    next(learning)  # under way
+    third = tmp_path / "run-000003.journal"
+    runs.write_journal(third, runs.records(20))
+    with _another_makes(second):
+        assert_ends(lambda: finish_journal(third), 20.0)
+    learning.close()
+    assert sealing_of(third) == sealing_of(third.with_suffix(".h5"))
+
+
+@contextmanager
+def _another_makes(journal):
+    """The HDF5 file of a journal, in another process that takes its time."""
+    slow = (
+        "import sys, time; from pathlib import Path; from logger.core.runfile import finish\n"
+        "def write(*_): print('writes', flush=True); time.sleep(1000)\n"
+        "finish.write_hdf5 = write; finish.finish_journal(Path(sys.argv[1]))"
+    )
+    with subprocess.Popen([sys.executable, "-c", slow, journal], stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        yield
+        process.kill()
+
+
+def test_what_a_cut_left_of_a_run_that_was_being_made_is_replaced(tmp_path):
+    journal, run = _finished_run(tmp_path, 1)
+    whole = run.read_bytes()
+    run.unlink()
+    with _another_makes(journal):
+        assert (tmp_path / "run-000001.h5.part").exists()
+    assert finish_journal(journal).read_bytes()[:100] == whole[:100]
+    assert sealing_of(journal) == sealing_of(run)
     assert len(list(tmp_path.iterdir())) == 2
 
 
