@@ -162,7 +162,7 @@ def test_the_directory_of_the_runs_must_be_usable(site, capsys):
 
 
 def test_check_refuses_a_card_that_has_become_read_only(site, capsys):
-    """Nobody can write there, not even the user whose folder it is."""
+    # nobody can write there, not even the user whose folder it is
     with small_file_system(site.parent / "runs", "size=1m,uid=65534,ro"):
         assert main(["check", "--config", str(site)]) == 2
     assert "runs is read-only, as a card is after an error" in capsys.readouterr().out

@@ -53,7 +53,7 @@ RARE_SHARE = 0.25
 FIX_AGE_S = 5.0
 """The light shows `no fix` for an older position: a walker moves 7 m meanwhile."""
 HDF5_S, HDF5_S_PER_MB = 30.0, 15.0
-"""Longest time that the HDF5 file of a journal may take: a Pi Zero needs about 5 s for a MB."""
+"""Longest time for an HDF5 file: a Pi Zero needs about 5 s a MB of journal."""
 
 
 class Service:
@@ -129,8 +129,8 @@ class Service:
     ) -> Path:
         """End the run and make its HDF5 file; the journal stays whatever happens.
 
-        `publish` is as for `wait`, `ask_time` receives the seconds that the HDF5 file of a long
-        run may take. Raises `RunFileError`.
+        `publish` is as for `wait`, `ask_time` receives the seconds that making it may take. Raises
+        `RunFileError`.
         """
         self._stop.set()
         self._closing = "the run is being closed"

@@ -45,7 +45,7 @@ def test_the_status_of_a_service_is_evaluated():
     ],
 )
 def test_what_systemd_says_of_the_unit_leads_to_the_right_advice(active, enabled, state, advice):
-    """`enable --now` does not repair what fails, and finds no unit where pipx installed."""
+    # `enable --now` does not repair what fails, and finds no unit where pipx installed
     line = unit_line(active, enabled)
     assert line.state == state
     assert advice in line.text

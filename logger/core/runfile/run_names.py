@@ -15,8 +15,8 @@ from logger.core.foreign import begins_with, read_regular
 JOURNAL = ".journal"
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
+# a service that is started again every few seconds reaches the millionth
 NUMBERED = r"run-\d{6,}"
-"""Names of runs; a service that is started again every few seconds reaches the millionth."""
 _NUMBERED = re.compile(r"run-(\d{6,})\.", re.ASCII)
 _LATER_PART = re.compile(r"(.*\.journal)\.\d+")
 # a later run with the name of one that was fetched and removed would replace the copy
@@ -40,7 +40,7 @@ def keep_number(journal: Path) -> None:
 
 
 def by_number(name: str) -> tuple[int, str]:
-    """Key to sort names of runs: run-999999, run-1000000."""
+    """Key to sort by: run-999999, run-1000000."""
     return len(name.partition(".")[0]), name
 
 

@@ -92,7 +92,7 @@ def test_a_journal_is_recovered_by_several_at_once(tmp_path):
 
 
 def test_a_stop_waits_neither_for_learning_nor_for_another_run(tmp_path):
-    """On a small Pi either takes minutes, in which an upgrade would record nothing."""
+    # on a small Pi either takes minutes, in which an upgrade would record nothing
     _, (second, _) = (_finished_run(tmp_path, n) for n in (1, 2))
     learning = learn(tmp_path)
     next(learning)  # under way
@@ -106,7 +106,7 @@ def test_a_stop_waits_neither_for_learning_nor_for_another_run(tmp_path):
 
 @contextmanager
 def _another_makes(journal):
-    """The HDF5 file of a journal, in another process that takes its time."""
+    # the HDF5 file, in a process that takes its time
     slow = (
         "import sys, time; from pathlib import Path; from logger.core.runfile import finish\n"
         "def write(*_): print('writes', flush=True); time.sleep(1000)\n"
