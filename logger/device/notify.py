@@ -72,7 +72,7 @@ class ServiceManager:
         self._send("STOPPING=1")
 
     def ask_time(self, seconds: float) -> None:
-        """Ask that the stop may take so long from now on."""
+        # more than TimeoutStopSec= allows
         self._send(f"EXTEND_TIMEOUT_USEC={round(seconds * 1e6)}")
 
     def _set_watchdog(self, watchdog_us: int) -> None:

@@ -52,8 +52,8 @@ RARE_SHARE = 0.25
 """Of its patience: the time without a scan that stands in the status."""
 FIX_AGE_S = 5.0
 """The light shows `no fix` for an older position: a walker moves 7 m meanwhile."""
+# longest time for an HDF5 file: a Pi Zero needs about 5 s a MB of journal
 HDF5_S, HDF5_S_PER_MB = 30.0, 15.0
-"""Longest time for an HDF5 file: a Pi Zero needs about 5 s a MB of journal."""
 
 
 class Service:
@@ -125,12 +125,11 @@ class Service:
         self,
         reason: str,
         publish: Callable[[], None] | None = None,
-        ask_time: Callable[[float], None] = lambda _: None,
+        ask_time: Callable[[float], None] = lambda _seconds: None,
     ) -> Path:
         """End the run and make its HDF5 file; the journal stays whatever happens.
 
-        `publish` is as for `wait`, `ask_time` receives the seconds that making it may take. Raises
-        `RunFileError`.
+        `publish` is as for `wait`. Raises `RunFileError`.
         """
         self._stop.set()
         self._closing = "the run is being closed"

@@ -254,7 +254,6 @@ def unit() -> Line:
 
 
 def unit_line(active: str, enabled: str) -> Line:
-    """From is-active and is-enabled."""
     if (active, enabled) == ("active", "enabled"):
         return Line("ok", "service", "fieldlogger.service is active, and enabled for the next boot")
     if enabled in {"unknown", "not-found"}:  # an older systemctl prints nothing

@@ -40,7 +40,7 @@ def keep_number(journal: Path) -> None:
 
 
 def by_number(name: str) -> tuple[int, str]:
-    """Key to sort by: run-999999, run-1000000."""
+    # run-999999, run-1000000
     return len(name.partition(".")[0]), name
 
 

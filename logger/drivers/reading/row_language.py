@@ -97,7 +97,6 @@ class Registration:
 
     @property
     def has_serving_cell(self) -> bool:
-        """Whether its cell serves the modem now."""
         # 27.007 prints a cell only while the modem is registered: of one that is not (0), searches
         # (2) or does not know (4), it may be the last one; one that is denied (3) has heard that
         # from the cell
