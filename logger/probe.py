@@ -113,7 +113,7 @@ def propose_config(found: Iterable[PortReport], folder: Path | None = None) -> P
     )
     advice = [*missing, *busy]
     if any(IN_USE in text for text in busy):  # what is missing may be there
-        advice = [*busy, "if the logger is recording, sudo systemctl stop fieldlogger"]
+        advice = [*busy, "the logger ends by sudo systemctl stop fieldlogger", *missing]
     return Proposal("\n\n".join(parts) + "\n", "; ".join(advice))
 
 
