@@ -98,12 +98,14 @@ def _claim(part: Path) -> int:
         try:
             number = os.open(part, flags, 0o666)
         except PermissionError:
-            part.unlink()  # left by a user who hides files from others
+            if not os.path.lexists(part):
+                raise
+            part.unlink(missing_ok=True)  # left by a user who hides files from others
             continue
         with suppress(OSError):  # a file system without locks
             fcntl.flock(number, fcntl.LOCK_EX)
         if _is_named(part, number):
-            if os.access(part, os.W_OK):
+            if os.access(part, os.W_OK, effective_ids=True):
                 return number
             part.unlink()  # left by another user
         _let_go(number)  # it is the run now, or gone

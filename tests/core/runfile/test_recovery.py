@@ -1,16 +1,20 @@
 """Recovery from a file or a folder, and room on the card."""
 
 import json
+import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from unittest.mock import ANY
 
 import h5py
 import pytest
 
 from logger.cli import main as fieldlogger
+from logger.core.errors import RunFileError
 from logger.core.runfile import (
     RunWriter,
     finish,
@@ -127,6 +131,35 @@ def test_what_a_cut_left_of_a_run_that_was_being_made_is_replaced(tmp_path):
     assert finish_journal(journal).read_bytes()[:100] == whole[:100]
     assert sealing_of(journal) == sealing_of(run)
     assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user")
+def test_a_folder_of_another_user_and_what_he_left_in_ones_own():
+    with TemporaryDirectory() as folder:  # others may not look into tmp_path
+        journal, part = (Path(folder) / f"run-000001.{end}" for end in ("journal", "h5.part"))
+        runs.write_journal(journal, runs.records(20))
+        finish_journal(journal).unlink()  # imports what another user may not read
+        Path(folder).chmod(0o755)
+        with _as_another_user(), pytest.raises(RunFileError, match="Permission denied"):
+            finish_journal(journal)
+        os.chown(folder, _NOBODY, -1)
+        for mode in (0o600, 0o644):
+            part.write_bytes(b"x")
+            part.chmod(mode)
+            with _as_another_user():
+                assert finish_journal(journal).stat().st_uid == _NOBODY
+
+
+_NOBODY = 65534
+
+
+@contextmanager
+def _as_another_user():
+    os.seteuid(_NOBODY)
+    try:
+        yield
+    finally:
+        os.seteuid(0)
 
 
 def test_parts_are_found_in_their_order(tmp_path):
