@@ -185,6 +185,8 @@ def parse_config(text: str, name: str) -> SiteConfig:
     for number, line in enumerate(text.splitlines(), 1):
         if len(line) > _LONGEST_LINE:
             raise ConfigError(f"{name}: line {number} is longer than {_LONGEST_LINE} characters")
+    if "\0" in text:
+        raise ConfigError(f"{name}: has NUL bytes, as a file cut while it was written: write it anew")
     labels, sources = list[str](), list[Any]()
     try:
         site = tomllib.loads(text)
