@@ -131,6 +131,19 @@ class Service:
 
         `publish` is as for `wait`. Raises `RunFileError`.
         """
+        journal = self.seal(reason, publish)
+        self._closing = f"the run is closed; its HDF5 file is being made of {journal.name}"
+        with suppress(OSError, RunFileError):
+            n_bytes = sum(file.stat().st_size for file in parts_of(journal))
+            ask_time(HDF5_S + HDF5_S_PER_MB * n_bytes / 1e6)
+        with ThreadPoolExecutor(1, "hdf5") as pool:
+            made = pool.submit(_finish_run, journal)
+            while not wait([made], self._tick_s).done:
+                self._show(publish)
+        return made.result()
+
+    def seal(self, reason: str, publish: Callable[[], None] | None = None) -> Path:
+        """As `stop`, without the HDF5 file."""
         self._stop.set()
         self._closing = "the run is being closed"
         recorder, *links = self._threads
@@ -146,17 +159,8 @@ class Service:
             self._join(recorder, math.inf, publish)
         if self.recorder.error is not None:
             raise RunFileError(f"recording to {self._writer.path} failed: {self.recorder.error}")
-        journal = self._writer.path
         self._is_sealed = True
-        self._closing = f"the run is closed; its HDF5 file is being made of {journal.name}"
-        with suppress(OSError, RunFileError):
-            n_bytes = sum(file.stat().st_size for file in parts_of(journal))
-            ask_time(HDF5_S + HDF5_S_PER_MB * n_bytes / 1e6)
-        with ThreadPoolExecutor(1, "hdf5") as pool:
-            made = pool.submit(_finish_run, journal)
-            while not wait([made], self._tick_s).done:
-                self._show(publish)
-        return made.result()
+        return self._writer.path
 
     def _join(
         self, thread: threading.Thread, end_s: float, publish: Callable[[], None] | None
@@ -427,8 +431,12 @@ def run_service(
             reason = signals[0] if signals else over
         finally:  # whatever has happened, the run is sealed and the process ends
             manager.stopping()
-            # what has failed may be `publish`
-            run = service.stop(reason, at_stop, manager.ask_time)
+            # systemd starts the next run at once, and the HDF5 file of a day takes a Pi minutes
+            goes_on = manager.is_present and not signals and not service.low_battery
+            if goes_on:
+                run = service.seal(reason, at_stop)  # what has failed may be `publish`
+            else:
+                run = service.stop(reason, at_stop, manager.ask_time)
         if not manager.is_present:
             recovery.join()
             _learn(teacher)
