@@ -177,6 +177,8 @@ def load_config(path: Path) -> tuple[SiteConfig, str]:
         raise ConfigError(f"{path}: not a text file in UTF-8") from None
     if len(text) > _MOST_CHARACTERS:
         raise ConfigError(f"{path}: longer than any configuration")
+    if "\0" in text:
+        raise ConfigError(f"{path}: has NUL bytes, as after a power cut: write it anew")
     return parse_config(text, str(path)), text
 
 
@@ -185,8 +187,6 @@ def parse_config(text: str, name: str) -> SiteConfig:
     for number, line in enumerate(text.splitlines(), 1):
         if len(line) > _LONGEST_LINE:
             raise ConfigError(f"{name}: line {number} is longer than {_LONGEST_LINE} characters")
-    if "\0" in text:
-        raise ConfigError(f"{name}: has NUL bytes, as a file cut while it was written: write it anew")
     labels, sources = list[str](), list[Any]()
     try:
         site = tomllib.loads(text)

@@ -143,7 +143,6 @@ class Service:
         return made.result()
 
     def seal(self, reason: str, publish: Callable[[], None] | None = None) -> Path:
-        """As `stop`, without the HDF5 file."""
         self._stop.set()
         self._closing = "the run is being closed"
         recorder, *links = self._threads
