@@ -148,6 +148,14 @@ def test_check_says_where_the_service_may_not_write(site, capsys, monkeypatch):
     assert "ReadWritePaths" not in capsys.readouterr().out
 
 
+def test_check_warns_of_an_interval_in_milliseconds(site, capsys):
+    for interval, is_told in (("2", False), ("2000", True)):
+        text = site.read_text()
+        site.write_text(re.sub("poll_interval_s = .*", f"poll_interval_s = {interval}", text))
+        assert main(["check", "--config", str(site)]) == 0
+        assert ("warn  modem: polled every 2000 s only" in capsys.readouterr().out) == is_told
+
+
 def test_check_refuses_two_names_of_one_port(site, capsys, tmp_path):
     by_id = tmp_path / "by-id"
     by_id.symlink_to("/dev/ttyUSB77")
