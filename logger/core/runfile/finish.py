@@ -18,6 +18,7 @@ from logger.core.runfile.run import HDF5_READER
 from logger.core.runfile.run_names import JOURNAL, first_part, is_hdf5, parts_of
 
 _MARGIN_BYTES = 1 << 20
+_MOST_TRIES = 100
 _NONE = Damage()
 
 
@@ -93,22 +94,28 @@ def _alone(part: Path) -> Iterator[None]:
 
 
 def _claim(part: Path) -> int:
-    flags = os.O_CREAT | os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-    while True:
-        try:
-            number = os.open(part, flags, 0o666)
-        except PermissionError:
-            if not os.path.lexists(part):
-                raise
-            part.unlink(missing_ok=True)  # left by a user who hides files from others
-            continue
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(number, fcntl.LOCK_EX)
+    for _ in range(_MOST_TRIES):
+        number = _locked(part)
         if _is_named(part, number):
             if os.access(part, os.W_OK, effective_ids=True):
                 return number
             part.unlink()  # left by another user
         _let_go(number)  # it is the run now, or gone
+    return _locked(part)  # of a file system that numbers a file anew at each look
+
+
+def _locked(part: Path) -> int:
+    flags = os.O_CREAT | os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    try:
+        number = os.open(part, flags, 0o666)
+    except PermissionError:
+        if not os.path.lexists(part):
+            raise
+        part.unlink()  # left by a user who hides files from others
+        number = os.open(part, flags, 0o666)
+    with suppress(OSError):  # a file system without locks
+        fcntl.flock(number, fcntl.LOCK_EX)
+    return number
 
 
 def _is_named(part: Path, number: int) -> bool:
