@@ -69,7 +69,7 @@ class ServiceManager:
             self._send("STATUS=" + text.replace("\n", " "))
 
     def stopping(self) -> None:
-        """Report that the service is ending: TimeoutStopSec= is its limit now."""
+        """Report that the service is ending: TimeoutStopSec= limits it now."""
         self._send("STOPPING=1")
         # systemd 252 goes on watching, and would kill who makes the HDF5 file of a long run
         self._steady = True  # no heartbeat brings the unit's watchdog back
