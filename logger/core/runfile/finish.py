@@ -95,16 +95,16 @@ def _alone(part: Path) -> Iterator[None]:
 
 def _claim(part: Path) -> int:
     for _ in range(_MOST_TRIES):
-        number = _locked(part)
+        number = _lock(part)
         if _is_named(part, number):
             if os.access(part, os.W_OK, effective_ids=True):
                 return number
             part.unlink()  # left by another user
         _let_go(number)  # it is the run now, or gone
-    return _locked(part)  # of a file system that numbers a file anew at each look
+    return _lock(part)  # of a file system that numbers a file anew at each look
 
 
-def _locked(part: Path) -> int:
+def _lock(part: Path) -> int:
     flags = os.O_CREAT | os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     try:
         number = os.open(part, flags, 0o666)
