@@ -191,6 +191,9 @@ def _plan(path: Path) -> Line:
 
 
 def _folder(folder: Path) -> Line:
+    if os.statvfs(folder).f_flag & os.ST_RDONLY:
+        text = f"{folder} is read-only, as a card is after an error: restart, or use another card"
+        return Line("fail", "directory", text)
     if os.access(folder, os.W_OK):
         return Line("ok", "directory", f"{folder} is writable")
     owner = folder.stat().st_uid

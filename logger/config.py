@@ -177,6 +177,8 @@ def load_config(path: Path) -> tuple[SiteConfig, str]:
         raise ConfigError(f"{path}: not a text file in UTF-8") from None
     if len(text) > _MOST_CHARACTERS:
         raise ConfigError(f"{path}: longer than any configuration")
+    if "\0" in text:
+        raise ConfigError(f"{path}: has NUL bytes, as after a power cut: write it anew")
     return parse_config(text, str(path)), text
 
 

@@ -23,6 +23,7 @@ from logger.core.errors import ConfigError, FieldLoggerError, RunFileError, erro
 from logger.core.live_settings import BEHIND, FAILED
 from logger.core.runfile import FLOOR_BYTES, Run, free_bytes, read_unaltered_run
 from logger.core.runfile.journal import sync_folder
+from logger.core.runfile.run_names import NUMBERED, by_number
 from logger.core.suspicion.rules import RULES_CODE
 from logger.core.suspicion.tracker import SuspicionTracker
 from logger.core.suspicion.words import conspicuous_in
@@ -36,7 +37,7 @@ _PIECE_BYTES = 1 << 20  # made durable at once: the recorder's own write waits f
 _AT_ONCE = 10  # runs for each copy of the file
 _MOST_TRIES = 5  # a run that ended the program as often, for want of memory, is left out
 _DAY_NS = 86_400 * 10**9
-_RUN = re.compile(r"(run-\d{6})(?:\.h5|\.journal)?")
+_RUN = re.compile(rf"({NUMBERED})(?:\.h5|\.journal)?", re.ASCII)
 
 _TABLES = (
     """CREATE TABLE IF NOT EXISTS seen (
@@ -59,7 +60,7 @@ def learn(folder: Path, *, adds: bool = True) -> Iterator[tuple[str, str]]:
             stamps = _sealed_runs(folder)
             known = _known_runs(folder)
             gone = [name for name, stamp in known.items() if stamps.get(name) != stamp]
-            new = sorted(stamps.keys() - (known.keys() - set(gone))) if adds else []
+            new = sorted(stamps.keys() - (known.keys() - set(gone)), key=by_number) if adds else []
             new = [name for name in new if name == _last_try(folder)[0]] or new[:_AT_ONCE]
             if not gone and not new:
                 return

@@ -13,7 +13,7 @@ from logger.command_line import SERVICE_FOLDER
 from logger.core.errors import DeviceError
 from logger.core.live_settings import OWN, SUSPICIOUS
 from logger.core.source_tables import GNSS_OF_MODEM
-from logger.device.port import Port
+from logger.device.port import IN_USE, Port
 from logger.device.sources import SOURCES
 from logger.drivers.registry import AUTO, FAMILIES
 
@@ -111,7 +111,10 @@ def propose_config(found: Iterable[PortReport], folder: Path | None = None) -> P
         *map(_further_modem, more),
         "\n".join(live),
     )
-    return Proposal("\n\n".join(parts) + "\n", "; ".join([*missing, *busy]))
+    advice = [*missing, *busy]
+    if any(IN_USE in text for text in busy):  # what is missing may be there
+        advice = [*busy, "the logger ends by sudo systemctl stop fieldlogger", *missing]
+    return Proposal("\n\n".join(parts) + "\n", "; ".join(advice))
 
 
 def usual_folder() -> Path:

@@ -268,6 +268,14 @@ def test_a_byte_order_mark_as_windows_writes_it_is_no_error(tmp_path):
     assert load_config(file)[0].run.directory == "r"
 
 
+@pytest.mark.parametrize("whole", ["", SITE])
+def test_a_file_that_a_power_cut_left_as_zeros_is_to_be_written_anew(tmp_path, whole):
+    file = tmp_path / "site.toml"
+    file.write_text(whole + "\0" * 5000)
+    with pytest.raises(ConfigError, match="write it anew"):
+        load_config(file)
+
+
 def _message_of(capsys):
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1, lines

@@ -14,6 +14,7 @@ from logger.core.errors import DeviceError
 from logger.device.port import Port
 from logger.drivers.registry import FAMILIES
 from tests.kit import service
+from tests.kit.faulty_card import small_file_system
 
 REPLY = (
     '+CENG: 1,1\r\n+CENG: 0,"0666,21,00,310,260,08,4e72,04,03,0113,255"\r\n'
@@ -147,6 +148,14 @@ def test_check_says_where_the_service_may_not_write(site, capsys, monkeypatch):
     assert "ReadWritePaths" not in capsys.readouterr().out
 
 
+def test_check_warns_of_an_interval_in_milliseconds(site, capsys):
+    for interval, is_told in (("2", False), ("2000", True)):
+        text = site.read_text()
+        site.write_text(re.sub("poll_interval_s = .*", f"poll_interval_s = {interval}", text))
+        assert main(["check", "--config", str(site)]) == 0
+        assert ("warn  modem: polled every 2000 s only" in capsys.readouterr().out) == is_told
+
+
 def test_check_refuses_two_names_of_one_port(site, capsys, tmp_path):
     by_id = tmp_path / "by-id"
     by_id.symlink_to("/dev/ttyUSB77")
@@ -158,6 +167,13 @@ def test_check_refuses_two_names_of_one_port(site, capsys, tmp_path):
 def test_the_directory_of_the_runs_must_be_usable(site, capsys):
     site.write_text(site.read_text().replace(str(site.parent / "runs"), str(site) + "/below"))
     assert "[run] directory" in _fails(capsys, "run", "--config", site)
+
+
+def test_check_refuses_a_card_that_has_become_read_only(site, capsys):
+    # nobody can write there, not even the user whose folder it is
+    with small_file_system(site.parent / "runs", "size=1m,uid=65534,ro"):
+        assert main(["check", "--config", str(site)]) == 2
+    assert "runs is read-only, as a card is after an error" in capsys.readouterr().out
 
 
 def test_sample_configuration_is_valid(pytestconfig):

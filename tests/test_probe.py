@@ -9,6 +9,7 @@ from logger.cli import main
 from logger.config import parse_config
 from logger.device import gnss_source, modem_source
 from logger.device.clock import ScaledClock
+from logger.device.port import Port
 from logger.drivers.registry import FAMILIES
 from logger.probe import PortReport, probe, propose_config
 from logger.sim.ptys import PtyDevice, answering, talking
@@ -149,6 +150,14 @@ def test_what_is_missing_is_one_line(tmp_path, capsys):
     assert "no receiver has answered" in advice
     assert "no such port" in advice
     assert "fill in [modem] port" in site.read_text()
+
+
+def test_the_first_thing_is_to_stop_what_has_the_ports(ports):
+    # the logger itself, of a user who has started it and whose modem then moved
+    with Port(next(iter(ports)), 115_200, 0.1):
+        advice = propose_config(probe(ports, bauds=(115_200,))).advice
+    assert advice.startswith(f"port {next(iter(ports))}: in use by another program")
+    assert advice.index("sudo systemctl stop fieldlogger") < advice.index("no modem has answered")
 
 
 def test_a_port_that_is_not_there_is_told(tmp_path):

@@ -85,7 +85,7 @@ class Estimator:
         self._tracker: LiveTracker | None = None
         self._inbox = inbox
         self._waiting: queue.Queue[tuple[int, Record] | None] = queue.Queue(MOST_WAITING)
-        self._behind = False
+        self._behind = self._is_over = False
         self._has_started = False
         self._n_failures, self._again_ns = 0, 0
         self._failure = ""
@@ -128,16 +128,18 @@ class Estimator:
         """Work off what waits; False where that has not been done in the time."""
         try:
             self._waiting.put(None, timeout=patience_s)
+            self._thread.join(patience_s)
         except queue.Full:
-            return False
-        self._thread.join(patience_s)
+            self._behind = True
+        # what is left would only take the processor from what the stop has to do
+        self._is_over = True
         return not self._thread.is_alive() and not self._behind
 
     def _run(self) -> None:
         try:
             with closing(self._open_files()) as files:
                 self._tracker = self._made_ahead(files)
-                while (given := self._waiting.get()) is not None:
+                while (given := self._waiting.get()) is not None and not self._is_over:
                     self._take(*given, files)
         except Exception:  # nothing is left to try
             log.exception("the live estimate has ended")

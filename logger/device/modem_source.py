@@ -28,6 +28,7 @@ SILENT_POLLS = 3
 """Polls without an answer after which the port is closed and opened again."""
 SCAN_S, SURVEY_S = 60.0, 360.0
 """A modem without a scan for this long has failed; `SURVEY_S` is for a full scan."""
+_RARE_POLL_S = 60.0  # a walker is 80 m on; who writes more may mean milliseconds
 PROBE_TRIES = 2
 RECEIVER_IS_OFF = (": 505", ": 516")
 """+CME ERROR of a Quectel: its receiver is off, or has no fix yet."""
@@ -59,6 +60,9 @@ class ModemSource(Source[ModemSettings]):
 
     def check(self) -> Iterator[Line]:
         yield from super().check()
+        if (interval_s := self.settings.poll_interval_s) > _RARE_POLL_S:
+            text = f"polled every {interval_s:g} s only: poll_interval_s counts seconds"
+            yield Line("warn", self.name, text)
         if not self.settings.fixes:
             return
         driver = driver_of(self.settings.driver)

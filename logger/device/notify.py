@@ -14,6 +14,7 @@ from typing import Self
 
 SEND_TIMEOUT_S = 1.0
 """Longest time that a busy systemd may delay the recorder."""
+_STOP_US = 86_400_000_000
 _START_US = 180_000_000
 """Of the watchdog at the start: imports from a cold card may take over 30 s."""
 
@@ -68,8 +69,15 @@ class ServiceManager:
             self._send("STATUS=" + text.replace("\n", " "))
 
     def stopping(self) -> None:
-        """Report that the service is ending, which stops the watchdog."""
+        """Report that the service is ending: TimeoutStopSec= limits it now."""
         self._send("STOPPING=1")
+        # systemd 252 goes on watching, and would kill who makes the HDF5 file of a long run
+        self._steady = True  # no heartbeat brings the unit's watchdog back
+        self._set_watchdog(_STOP_US)
+
+    def ask_time(self, seconds: float) -> None:
+        # more than TimeoutStopSec= allows
+        self._send(f"EXTEND_TIMEOUT_USEC={round(seconds * 1e6)}")
 
     def _set_watchdog(self, watchdog_us: int) -> None:
         if self._watchdog_us:

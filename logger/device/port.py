@@ -181,14 +181,15 @@ def _kept_input(port: serial.SerialBase) -> Iterator[None]:
             delattr(port, name)
 
 
+IN_USE = "in use by another program"
 _ADVICE = {
     errno.ENOENT: "no such port; is the device plugged in?",
     errno.EACCES: (
         "no permission; add this user to the group dialout "
         "(sudo usermod -aG dialout $USER) and log in again"
     ),
-    errno.EBUSY: "in use by another program",
-    errno.EAGAIN: "in use by another program",
+    errno.EBUSY: IN_USE,
+    errno.EAGAIN: IN_USE,
     errno.ECONNREFUSED: "no answer; is the program at the other end running?",
     errno.ENOTTY: "this is no serial port",
     errno.ENXIO: "no such port; is the device plugged in?",

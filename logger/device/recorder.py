@@ -31,7 +31,7 @@ STOP_PATIENCE_TICKS = 10
 """Tries of a stop to get what waits in memory onto a full or failing card."""
 
 ESTIMATE_PATIENCE_S = 20.0
-"""Time that a stop waits for the live estimate; systemd allows 60 s for the stop."""
+"""Time that a stop waits for the live estimate; systemd allows 90 s for the stop."""
 LOOK_EVERY_S = 30.0
 
 

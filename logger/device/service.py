@@ -6,6 +6,8 @@ import os
 import subprocess
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import suppress
 from pathlib import Path
 from time import monotonic
 
@@ -15,6 +17,7 @@ from logger.config import SiteConfig
 from logger.core.errors import ConfigError, DeviceError, RunFileError
 from logger.core.live_settings import OWN
 from logger.core.runfile import RunWriter
+from logger.core.runfile.run_names import parts_of
 from logger.core.types import DEAD_RECKONING, Note, Record
 from logger.device.battery import BatteryWatch
 from logger.device.clock import Clock
@@ -49,6 +52,8 @@ RARE_SHARE = 0.25
 """Of its patience: the time without a scan that stands in the status."""
 FIX_AGE_S = 5.0
 """The light shows `no fix` for an older position: a walker moves 7 m meanwhile."""
+# longest time for an HDF5 file: a Pi Zero needs about 5 s a MB of journal
+HDF5_S, HDF5_S_PER_MB = 30.0, 15.0
 
 
 class Service:
@@ -78,6 +83,8 @@ class Service:
         self._ended = ended
         self._started_ns = self._logged_ns = writer.meta.started_ns
         self._stop = threading.Event()
+        self._closing = ""
+        self._is_sealed = False
         second_ns = 1e9 / clock.real_s(1.0)
         modem = next(source.name for source in config.source if source.gives_cells)
         self._swap = PortSwap(self._started_ns, second_ns, modem)
@@ -114,12 +121,30 @@ class Service:
         for thread in self._threads:
             thread.start()
 
-    def stop(self, reason: str, publish: Callable[[], None] | None = None) -> Path:
+    def stop(
+        self,
+        reason: str,
+        publish: Callable[[], None] | None = None,
+        ask_time: Callable[[float], None] = lambda _seconds: None,
+    ) -> Path:
         """End the run and make its HDF5 file; the journal stays whatever happens.
 
         `publish` is as for `wait`. Raises `RunFileError`.
         """
+        journal = self.seal(reason, publish)
+        self._closing = f"the run is closed; its HDF5 file is being made of {journal.name}"
+        with suppress(OSError, RunFileError):
+            n_bytes = sum(file.stat().st_size for file in parts_of(journal))
+            ask_time(HDF5_S + HDF5_S_PER_MB * n_bytes / 1e6)
+        with ThreadPoolExecutor(1, "hdf5") as pool:
+            made = pool.submit(_finish_run, journal)
+            while not wait([made], self._tick_s).done:
+                self._show(publish)
+        return made.result()
+
+    def seal(self, reason: str, publish: Callable[[], None] | None = None) -> Path:
         self._stop.set()
+        self._closing = "the run is being closed"
         recorder, *links = self._threads
         try:
             end_s = monotonic() + JOIN_S + RESTORE_S
@@ -133,15 +158,19 @@ class Service:
             self._join(recorder, math.inf, publish)
         if self.recorder.error is not None:
             raise RunFileError(f"recording to {self._writer.path} failed: {self.recorder.error}")
-        return _finish_run(self._writer.path)
+        self._is_sealed = True
+        return self._writer.path
 
     def _join(
         self, thread: threading.Thread, end_s: float, publish: Callable[[], None] | None
     ) -> None:
         while thread.is_alive() and (left_s := end_s - monotonic()) > 0.0:
             thread.join(min(self._tick_s, left_s))
-            if publish is not None:
-                self._attempt("status", self._clock.now_ns(), lambda _: publish())
+            self._show(publish)
+
+    def _show(self, publish: Callable[[], None] | None) -> None:
+        if publish is not None:
+            self._attempt("status", self._clock.now_ns(), lambda _: publish())
 
     def wait(self, duration_s: float | None, publish: Callable[[], None] = lambda: None) -> None:
         """Wait for `ended` or the end of the duration, and call `publish` once a tick.
@@ -247,11 +276,13 @@ class Service:
         """The status now, for all outputs."""
         counts, inbox, synced_ns = self.recorder.counts, self._inbox, self._synced_ns
         now_ns = self._clock.now_ns()  # after all times that it is compared with
+        if self._is_sealed:
+            synced_ns = now_ns
         faults = self._faults(now_ns)
         trouble = self._trouble(faults)
         return Status(
             state="error" if trouble else self._sign(now_ns),
-            text=trouble or self.status(),
+            text=trouble or self._closing or self.status(),
             run=str(self._writer.path),
             pid=os.getpid(),
             now_ns=now_ns,
@@ -399,7 +430,12 @@ def run_service(
             reason = signals[0] if signals else over
         finally:  # whatever has happened, the run is sealed and the process ends
             manager.stopping()
-            run = service.stop(reason, at_stop)  # what has failed may be `publish`
+            # systemd starts the next run at once, and the HDF5 file of a day takes a Pi minutes
+            goes_on = manager.is_present and not signals and not service.low_battery
+            if goes_on:
+                run = service.seal(reason, at_stop)  # what has failed may be `publish`
+            else:
+                run = service.stop(reason, at_stop, manager.ask_time)
         if not manager.is_present:
             recovery.join()
             _learn(teacher)

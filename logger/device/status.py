@@ -160,7 +160,9 @@ def running_status(folder: Path = FOLDER) -> Status:
         return status
     if any(folder.glob("status.json")):
         raise ConfigError("status.json is damaged: sudo systemctl restart fieldlogger")
-    raise ConfigError("no service is recording: sudo systemctl start fieldlogger")
+    # one that waits for a charger has been started
+    start = "sudo systemctl start fieldlogger"
+    raise ConfigError(f"no service is recording: {start}; sudo fieldlogger doctor says why")
 
 
 def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:

@@ -144,9 +144,9 @@ def _tests(
     try:
         status = read_status(status_folder() or FOLDER)
     except OSError as error:
-        status = None
         text = f"{error}: run this with sudo, or join the group cellwalk"
-        yield Line("warn", "status", text)
+        yield Line("fail", "status", text)
+        return  # the service is there, and has the ports
     if status is not None:
         yield from status_lines(status)
         journal = Path(status.run)

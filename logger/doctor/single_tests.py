@@ -250,11 +250,19 @@ def unit() -> Line:
     """Whether systemd runs the logger and starts it at the next boot."""
     if not Path("/run/systemd/system").is_dir():
         return Line("ok", "service", "no systemd here: start `fieldlogger run` yourself")
-    active, enabled = _systemctl("is-active"), _systemctl("is-enabled")
+    return unit_line(_systemctl("is-active"), _systemctl("is-enabled"))
+
+
+def unit_line(active: str, enabled: str) -> Line:
     if (active, enabled) == ("active", "enabled"):
         return Line("ok", "service", "fieldlogger.service is active, and enabled for the next boot")
-    text = f"fieldlogger.service is {active} and {enabled}: systemctl enable --now fieldlogger"
-    return Line("warn", "service", text)
+    if enabled in {"unknown", "not-found"}:  # an older systemctl prints nothing
+        return Line("ok", "service", "it is not installed here: start `fieldlogger run` yourself")
+    text = f"fieldlogger.service is {active} and {enabled}"
+    if active in {"activating", "failed"}:
+        text = f"{text}: journalctl -u fieldlogger says what keeps it from recording"
+        return Line("fail", "service", text)
+    return Line("warn", "service", f"{text}: sudo systemctl enable --now fieldlogger")
 
 
 def _systemctl(verb: str) -> str:

@@ -320,8 +320,7 @@ def complete_serving_cell(rows: tuple[Row, ...]) -> tuple[Row, ...]:
         mcc, mnc = network(plmns[0][:3], plmns[0][3:])
         best = replace(best, mcc=mcc, mnc=mnc)
     if best.cid is None and _area(best) is not None:
-        registered = (row for row in rows if isinstance(row, Registration))
-        cids = (row.cid for row in registered if _area(row) == _area(best))
+        cids = (row.cid for row in _registrations(rows) if _area(row) == _area(best))
         best = replace(best, cid=next(cids, None))
     others = [row for row in rows if not is_serving(row)]
     for row in others:
@@ -342,7 +341,7 @@ def _is_again(row: CellReading, serving: CellReading) -> bool:
 
 def _of_lte(row: CellReading, rows: Sequence[Row]) -> CellReading:
     # one of #SERVINFO with a PCI looks like one of WCDMA
-    registered = [one for one in rows if isinstance(one, Registration) and one.cid is not None]
+    registered = _registrations(rows)
     is_of_lte = any(one.domain == "CEREG" for one in registered) and not any(
         one.rat in {"GSM", "WCDMA"} for one in registered
     )
@@ -358,6 +357,10 @@ def _of_lte(row: CellReading, rows: Sequence[Row]) -> CellReading:
         rscp_dbm=None,
         rsrp_dbm=row.rscp_dbm,
     )
+
+
+def _registrations(rows: Sequence[Row]) -> list[Registration]:
+    return [row for row in rows if isinstance(row, Registration) and row.has_serving_cell]
 
 
 def _area(row: CellReading | Registration) -> int | None:

@@ -28,6 +28,7 @@ from logger.config import SiteConfig, page_address
 from logger.core.errors import ConfigError
 from logger.core.foreign import decode_json, open_regular
 from logger.core.latest import Latest
+from logger.core.runfile.run_names import NUMBERED, by_number
 from logger.device.page_requests import FILE, MOST_AT_ONCE, PageRequest
 from logger.page.assets import Asset, assets
 from logger.page.feed import Feed
@@ -226,14 +227,15 @@ def host_names(address: str, port: int) -> frozenset[str]:
     return frozenset({f"{host}:{port}"} | ({host} if port == 80 else set()))
 
 
-_CLOSED = re.compile(r"run-\d{6}\.h5", re.ASCII)
+_CLOSED = re.compile(rf"{NUMBERED}\.h5", re.ASCII)
 MOST_SHOWN = 20
 
 
 def closed_runs(folder: Path) -> list[tuple[str, int]]:
     """Names and sizes, the newest first."""
     try:
-        names = sorted((file.name for file in folder.iterdir() if is_run(file.name)), reverse=True)
+        names = [file.name for file in folder.iterdir() if is_run(file.name)]
+        names.sort(key=by_number, reverse=True)
         return [(name, (folder / name).lstat().st_size) for name in names[:MOST_SHOWN]]
     except OSError:
         return []

@@ -67,7 +67,7 @@ def test_a_root_that_is_never_written(installed_card, workplace, capsys):
             "the rig's image is without overlayroot, which Raspberry Pi OS takes, and busybox; "
             "remove base-*.raw"
         )
-    folder = workplace / "overlay"
+    folder = workplace / "read-only"
     parted = Parted(installed_card, folder)
     in_memory = "journalctl -b -u fieldlogger | grep 'stored in memory'"
     with (

@@ -73,6 +73,19 @@ def test_a_slow_processor_holds_nobody_up_and_is_told(monkeypatch):
     slow.go.set()
 
 
+def test_an_estimate_that_is_late_ends_with_the_recording():
+    # what is left would take the processor from the making of the HDF5 file
+    slow, inbox = Slow(LiveSettings()), Inbox()
+    beside = Estimator(lambda *_: slow, inbox)
+    beside.start()
+    for seq, record in walk(30):
+        assert beside.give(seq, record)
+    assert not beside.finish(0.1)
+    slow.go.set()
+    service.wait_for(lambda: not [one for one in threading.enumerate() if one.name == "estimate"])
+    assert len([v for v in next_values(inbox) if isinstance(v, LiveEstimate)]) <= 1
+
+
 class Failing(LiveTracker):
     """A tracker that fails where `fails` says so, by the number of a record."""
 

@@ -41,6 +41,19 @@ def test_the_first_word_says_that_it_has_started_and_all_feed_the_watchdog(notif
     ]
 
 
+def test_no_watchdog_ends_a_long_stop(notifications):
+    # systemd 252 killed a slow board that made an HDF5 file, 30 s after its last durable write
+    address, next_word = notifications
+    manager = ServiceManager.of({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "30000000"})
+    manager.alive()
+    manager.stopping()
+    for count in (5, 6):
+        manager.heartbeat(count)
+    manager.status("end")
+    said = [next_word()[0] for _ in range(7)]
+    assert said[3:] == ["STOPPING=1", "WATCHDOG_USEC=86400000000", "WATCHDOG=1", "STATUS=end"]
+
+
 def test_a_slow_start_has_a_longer_watchdog(notifications):
     """The unit's own is back with the second durable write that the main thread has seen."""
     address, next_word = notifications

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from logger.core.errors import RunFileError
-from logger.core.runfile import read_run
+from logger.core.runfile import read_run, unfinished_journals
 from logger.core.types import LiveEstimate
 from logger.sim.ptys import PtyDevice, answering
 from postproc.replay import replay
@@ -231,3 +231,16 @@ def test_a_run_is_closed_after_its_longest_time(tmp_path):
         with service.running_service(config) as logger:
             assert logger.wait(60) == 0
     assert _only_run(tmp_path).end.reason == "duration of 3.6 s over"
+
+
+def test_the_next_run_does_not_wait_for_the_hdf5_file_of_the_last(tmp_path, monkeypatch):
+    with service.systemd(monkeypatch, tmp_path), simulated_devices() as (modem, gnss, _):
+        config = service.site_toml(tmp_path, modem.path, gnss.path)
+        text = config.read_text().replace("[modem]", "longest_h = 0.001\n[modem]", 1)
+        config.write_text(text)
+        with service.running_service(config) as logger:
+            assert logger.wait(60) == 0
+    (journal,) = (tmp_path / "runs").glob("*.journal")
+    assert not list((tmp_path / "runs").glob("*.h5"))
+    assert unfinished_journals(tmp_path / "runs") == [journal]  # for fieldlogger-recover.service
+    assert read_run(journal).end.reason == "duration of 3.6 s over"

@@ -155,6 +155,44 @@ def test_a_run_that_is_being_closed_is_no_trouble(folder, monkeypatch):
     assert signs == {"recording"}
 
 
+SLOW_HDF5 = """
+from logger.core import runfile
+finish = runfile.finish_journal
+def late(journal):
+    time.sleep(5.0)
+    return finish(journal)
+runfile.finish_journal = late
+"""
+
+
+def test_the_status_says_that_the_hdf5_file_is_being_made_and_systemd_waits(folder, monkeypatch):
+    # a Pi Zero takes minutes for a long run, and TimeoutStopSec= is 60 s
+    program = (sys.executable, "-c", PROGRAM.format(defect=SLOW_HDF5))
+    monkeypatch.setattr(service, "FIELDLOGGER", program)
+    silences_s, texts, unsynced_s = [], [], []
+    with (
+        service.systemd(monkeypatch, folder) as said,
+        simulated_devices() as (modem, gnss, _),
+        _start_service(folder, modem, gnss) as logger,
+    ):
+        service.wait_for(lambda: said() and service.n_recorded(folder / "runs", "fixes") > 5)
+        logger.send_signal(signal.SIGTERM)
+        service.wait_for(lambda: said() and _journal(folder).end)
+        while not list((folder / "runs").glob("*.h5")):
+            time.sleep(0.1)
+            said()  # or its socket is full
+            status = read_status(folder / "cellwalk")
+            silences_s.append(status_age_s(status))
+            unsynced_s.append((status.now_ns - status.synced_ns) / 1e9)
+            texts.append(status.text)
+        logger.communicate(timeout=service.LIMIT_S)
+    assert max(silences_s) < SILENT_S
+    assert texts[-1] == "the run is closed; its HDF5 file is being made of run-000001.journal"
+    assert unsynced_s[-1] == 0.0
+    (asked,) = [text for text in said() if text.startswith("EXTEND_TIMEOUT_USEC=")]
+    assert int(asked.partition("=")[2]) > 30_000_000
+
+
 def test_a_main_thread_that_hangs_is_not_fed(folder, monkeypatch):
     defect = "service.Service.snapshot = lambda self: time.sleep(1000)"
     program = (sys.executable, "-c", PROGRAM.format(defect=defect))

@@ -150,6 +150,12 @@ def test_the_number_of_a_removed_run_is_not_given_again(tmp_path, config, kept):
         path = begin_run(site, text, clock).path
         assert path.name == f"run-{number:06d}.journal"
         path.unlink()
+    (path.parent / ".last-run").write_text("999999")
+    for number in (1_000_000, 1_000_001):
+        path = begin_run(site, text, clock).path
+        assert path.name == f"run-{number}.journal"
+        path.unlink()
+    (path.parent / ".last-run").write_text("000002")
     begin_run(site, text, clock, origin="simulated walk block").path.unlink()
     if kept is not None:  # a power cut may leave anything
         (path.parent / ".last-run").write_text(kept)

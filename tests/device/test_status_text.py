@@ -97,7 +97,8 @@ def test_a_status_of_a_service_that_hangs_is_an_error(folder, capsys):
 
 
 @pytest.mark.parametrize(
-    ("content", "reason"), [(None, "no service is recording"), ("{}", "damaged"), ("x", "damaged")]
+    ("content", "reason"),
+    [(None, "sudo fieldlogger doctor says why"), ("{}", "damaged"), ("x", "damaged")],
 )
 def test_without_a_status_nothing_is_recorded(folder, capsys, content, reason):
     if content is not None:

@@ -82,6 +82,17 @@ def _doctor(site, capsys):
     return out if "is being written" in out else ""
 
 
+def test_who_may_not_ask_the_service_is_told_so_first(tmp_path, capsys, monkeypatch):
+    # a trial would find the service's ports in use, and doctor would blame the modem
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    (tmp_path / "status.json").mkdir()
+    site = service.site_toml(tmp_path, str(tmp_path / "modem"), str(tmp_path / "gnss"))
+    main(["doctor", "--config", str(site), "--seconds", "1"])
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith("fail  overall: not ready to walk: status: ")
+    assert "run this with sudo" in first
+
+
 def test_a_journal_of_another_user_ends_no_examination(tmp_path, monkeypatch):
     (tmp_path / "run-000001.journal").touch()
     monkeypatch.setattr(Path, "open", _deny)

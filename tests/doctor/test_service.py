@@ -1,8 +1,9 @@
 import msgspec
+import pytest
 
 from logger.device.clock import Clock
 from logger.device.status import PortStatus, Status
-from logger.doctor.single_tests import status_lines
+from logger.doctor.single_tests import status_lines, unit_line
 
 S = 10**9
 
@@ -29,3 +30,22 @@ def test_the_status_of_a_service_is_evaluated():
     assert states(left_out=("x is no file",))["estimate"] == "warn"
     assert states(no_estimate="no live estimate")["estimate"] == "warn"
     assert states(now_ns=now_ns - 60 * S) == {"status": "fail"}
+
+
+@pytest.mark.parametrize(
+    ("active", "enabled", "state", "advice"),
+    [
+        ("active", "enabled", "ok", "is active"),
+        ("inactive", "enabled", "warn", "enable --now"),
+        ("active", "disabled", "warn", "enable --now"),
+        ("failed", "enabled", "fail", "journalctl -u fieldlogger"),
+        ("activating", "enabled", "fail", "journalctl -u fieldlogger"),
+        ("inactive", "unknown", "ok", "start `fieldlogger run`"),
+        ("inactive", "not-found", "ok", "start `fieldlogger run`"),
+    ],
+)
+def test_what_systemd_says_of_the_unit_leads_to_the_right_advice(active, enabled, state, advice):
+    # `enable --now` does not repair what fails, and finds no unit where pipx installed
+    line = unit_line(active, enabled)
+    assert line.state == state
+    assert advice in line.text

@@ -74,6 +74,26 @@ def test_the_area_of_gsm_is_that_of_cgreg_where_no_circuit_is_switched():
     assert (reading.cell, reading.tac) == (f"262-01-{0xCE00}-{0x5449}", None)
 
 
+@pytest.mark.parametrize("stat", [0, 2, 4])
+def test_a_modem_that_is_not_registered_has_no_serving_cell(stat):
+    # it may print its last cell, beside the level of another one
+    lost = f'+CREG: 2,{stat},"CE00","5449",0'
+    first = serving_cell(COPS="+COPS: 0", CREG=lost, CSQ="+CSQ: 20,99")
+    assert not isinstance(first, CellReading)
+    reading = serving_cell(
+        COPS='+COPS: 0,2,"26201",7',
+        CREG=lost,
+        CEREG='+CEREG: 2,1,"2AFE","1A2D001",7',
+        CESQ="+CESQ: 99,99,255,255,20,60",
+    )
+    assert (reading.rat, reading.cid, reading.rsrp_dbm) == ("LTE", 0x1A2D001, -81.0)
+
+
+def test_the_cell_that_denies_is_recorded():
+    reading = serving_cell(COPS="+COPS: 0", CREG='+CREG: 2,3,"CE00","5449",0', CSQ="+CSQ: 20,99")
+    assert (reading.cid, reading.rssi_dbm) == (0x5449, -73.0)
+
+
 @pytest.mark.parametrize(("act", "rat"), [(8, "LTE-M"), (9, "NB-IoT")])
 def test_lte_for_things_has_the_level_of_its_reference_signal(act, rat):
     reading = serving_cell(

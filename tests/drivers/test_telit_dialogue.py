@@ -40,8 +40,12 @@ def test_poll_on_lte_takes_the_cell_from_the_registration():
     }
     rows = run_dialogue(MODEM.poll(), answers)[0]
     assert rows[0].cell == f"262-03-{0x4E5F}-{0x0A1B2C3}"
-    answers["AT+CEREG?"] = (['+CEREG: 2,1,"4E60","0A1B2C3",7'], "OK")
-    assert run_dialogue(MODEM.poll(), answers)[0][0].cid is None
+    for other in (
+        '2,1,"4E60","0A1B2C3",7',
+        '2,2,"4E5F","0A1B2C3",7',
+    ):  # its last one, while it searches
+        answers["AT+CEREG?"] = ([f"+CEREG: {other}"], "OK")
+        assert run_dialogue(MODEM.poll(), answers)[0][0].cid is None
 
 
 PCI_OF_SERVINFO = (

@@ -23,6 +23,7 @@ from logger.page.server import (
     WRITES_PER_S,
     Limits,
     Places,
+    closed_runs,
     host_names,
 )
 from logger.page.token import is_token, make_token, page_url, qr_code, read_token
@@ -184,6 +185,13 @@ def test_the_map_is_given_in_small_parts(shared_server, span, code, size):
         assert len(content) == size
         assert headers["Content-Range"].startswith(span.replace("=", " ")[:11])
         assert headers["Content-Range"].endswith("/2048000")
+
+
+def test_the_newest_runs_come_first(tmp_path):
+    for number in (999_998, 999_999, 1_000_000):
+        (tmp_path / f"run-{number}.h5").write_bytes(b"x")
+    names = ["run-1000000.h5", "run-999999.h5", "run-999998.h5"]
+    assert closed_runs(tmp_path) == [(name, 1) for name in names]
 
 
 def test_a_link_among_the_runs_is_not_followed(page, tmp_path):

@@ -18,6 +18,7 @@ from logger.core.runfile.run import HDF5_READER
 from logger.core.runfile.run_names import JOURNAL, first_part, is_hdf5, parts_of
 
 _MARGIN_BYTES = 1 << 20
+_MOST_TRIES = 100
 _NONE = Damage()
 
 
@@ -72,7 +73,7 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
             write_hdf5(parts, part)
             may_replace(target, parts.meta.run_id)
             part.replace(target)
-            sync_folder(target.parent)
+        sync_folder(target.parent)
     except (OSError, RuntimeError) as error:  # HDF5 reports a full card by RuntimeError too
         raise RunFileError(f"cannot write {target}: {why_not_written(error)}") from error
     return parts
@@ -80,19 +81,54 @@ def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], Non
 
 @contextmanager
 def _alone(part: Path) -> Iterator[None]:
-    # The service at its stop, the unit at the boot or a user: the others wait. The folder has the
-    # lock, as the new file becomes the run, which HDF5 locks as well to read it.
-    number = os.open(part.parent, os.O_RDONLY)
+    # The service at its stop, the unit at the boot or a user: the others wait, where it is about
+    # the same run. The part has the lock until it is the run, which HDF5 locks as well to read it.
+    number = _claim(part)
     try:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(number, fcntl.LOCK_EX)
         yield
     finally:
-        with suppress(OSError):
-            part.unlink()
-        with suppress(OSError):  # also that of a process which was forked meanwhile
-            fcntl.flock(number, fcntl.LOCK_UN)
-        os.close(number)
+        if _is_named(part, number):
+            with suppress(OSError):
+                part.unlink()
+        _let_go(number)
+
+
+def _claim(part: Path) -> int:
+    for _ in range(_MOST_TRIES):
+        number = _lock(part)
+        if _is_named(part, number):
+            if os.access(part, os.W_OK, effective_ids=True):
+                return number
+            part.unlink()  # left by another user
+        _let_go(number)  # it is the run now, or gone
+    return _lock(part)  # of a file system that numbers a file anew at each look
+
+
+def _lock(part: Path) -> int:
+    flags = os.O_CREAT | os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    try:
+        number = os.open(part, flags, 0o666)
+    except PermissionError:
+        if not os.path.lexists(part):
+            raise
+        part.unlink()  # left by a user who hides files from others
+        number = os.open(part, flags, 0o666)
+    with suppress(OSError):  # a file system without locks
+        fcntl.flock(number, fcntl.LOCK_EX)
+    return number
+
+
+def _is_named(part: Path, number: int) -> bool:
+    try:
+        return os.path.samestat(os.fstat(number), part.lstat())
+    except OSError:
+        return False
+
+
+def _let_go(number: int) -> None:
+    with suppress(OSError):  # also that of a process which was forked meanwhile
+        fcntl.flock(number, fcntl.LOCK_UN)
+    os.close(number)
 
 
 def _check_room(parts: JournalParts, target: Path) -> None:

@@ -340,7 +340,8 @@ def open_content(
 ) -> Iterator[Content]:
     """An HDF5 file of ours; raises `RunFileError` where it is not of that kind, or damaged."""
     try:
-        with h5py.File(path, "r") as file:
+        # without a lock: who has just made the run may still hold one, and network drives have none
+        with h5py.File(path, "r", locking=False) as file:
             if file.attrs.get("format") != kind:
                 raise RunFileError(f"{path} {otherwise}")
             yield Content(path, file, member_names(path, file), path.stat().st_size)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from logger.core.errors import RunFileError
 from logger.core.runfile.journal import is_recording, sync_folder
-from logger.core.runfile.run_names import JOURNAL, parts_of
+from logger.core.runfile.run_names import JOURNAL, by_number, parts_of
 
 FLOOR_BYTES = 200_000_000
 """Some twenty hours of recording."""
@@ -26,7 +26,7 @@ def make_room(folder: Path, floor_bytes: int) -> Iterator[Path]:
 
     A journal with a gap stays: something more may be found in it one day. Raises OSError.
     """
-    for journal in sorted(folder.glob(f"*{JOURNAL}")):
+    for journal in sorted(folder.glob(f"*{JOURNAL}"), key=lambda path: by_number(path.name)):
         if free_bytes(folder) >= floor_bytes:
             return
         if _is_spare(journal):
@@ -44,7 +44,7 @@ def remove_oldest_runs(folder: Path, floor_bytes: int, is_wanted: bool) -> Itera
     runs: dict[str, list[Path]] = defaultdict(list)
     for file in folder.glob("run-[0-9]*.*") if is_wanted else ():
         runs[file.name.partition(".")[0]].append(file)
-    for name in sorted(runs)[:-1]:
+    for name in sorted(runs, key=by_number)[:-1]:
         if free_bytes(folder) >= floor_bytes:
             return
         files = sorted(runs[name], key=lambda file: file.suffix == ".h5")  # what is whole goes last

@@ -15,11 +15,13 @@ from logger.core.foreign import begins_with, read_regular
 JOURNAL = ".journal"
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
-_NUMBERED = re.compile(r"run-(\d{6})\.")
+# a service that is started again every few seconds reaches the millionth
+NUMBERED = r"run-\d{6,}"
+_NUMBERED = re.compile(r"run-(\d{6,})\.", re.ASCII)
 _LATER_PART = re.compile(r"(.*\.journal)\.\d+")
 # a later run with the name of one that was fetched and removed would replace the copy
 _LAST = ".last-run"
-_NUMBER = re.compile(rb"\d{1,6}")
+_NUMBER = re.compile(rb"\d+")
 
 
 def journal_path(folder: Path) -> Path:
@@ -34,7 +36,12 @@ def journal_path(folder: Path) -> Path:
 def keep_number(journal: Path) -> None:
     """Its number is not given again."""
     with suppress(OSError):  # the number is that of the file as well
-        journal.with_name(_LAST).write_text(journal.name[4:10])
+        journal.with_name(_LAST).write_text(journal.stem.removeprefix("run-"))
+
+
+def by_number(name: str) -> tuple[int, str]:
+    # run-999999, run-1000000
+    return len(name.partition(".")[0]), name
 
 
 def part_path(journal: Path, part: int) -> Path:

@@ -72,6 +72,9 @@ def confirm(number: int | None) -> int | None:
 MPS_PER_KNOT = 1852 / 3600
 
 
+_NO_SERVICE = frozenset({0, 2, 4})
+
+
 @dataclass(frozen=True, slots=True)
 class Registration:
     """Answer or report of +CREG and its like (3GPP TS 27.007 7.2, 10.1.20); answers have `n`.
@@ -91,6 +94,13 @@ class Registration:
     reject_cause_type: int | None = None
     reject_cause: int | None = None
     identity_unsure: bool = False
+
+    @property
+    def has_serving_cell(self) -> bool:
+        # 27.007 prints a cell only while the modem is registered: of one that is not (0), searches
+        # (2) or does not know (4), it may be the last one; one that is denied (3) has heard that
+        # from the cell
+        return self.cid is not None and self.stat not in _NO_SERVICE
 
 
 @dataclass(frozen=True, slots=True)

@@ -293,7 +293,7 @@ def chosen_networks(rows: Iterable[Row]) -> Iterator[Operator]:
 
 def with_serving_cell(rows: Sequence[Row]) -> tuple[Row, ...]:
     """The rows behind the serving cell of +CREG, +COPS and a level, if there is one."""
-    registered = [row for row in rows if isinstance(row, Registration) and row.cid is not None]
+    registered = [row for row in rows if isinstance(row, Registration) and row.has_serving_cell]
     # an answer is newer than a report; the technology shows what the level is of
     best = max(registered, key=lambda row: (row.n is not None, row.rat is not None), default=None)
     return tuple(rows) if best is None else (_registered_cell(best, rows), *rows)

@@ -13,7 +13,7 @@ export function glance(state, silentMs) {
   }
   const status = state?.status;
   if (!status) return ['trouble', 'Nothing is being recorded', 'The service is not running.'];
-  if (state.silent_s && state.kept != null) {
+  if (state.kept != null) {
     const kept = String(state.kept).replace(/\B(?=(\d{3})+$)/g, '\u00a0');
     return ['stopped', `Stopped in order, ${kept} readings kept`, 'The run will be among the closed runs below.'];
   }

@@ -1,13 +1,20 @@
 """Recovery from a file or a folder, and room on the card."""
 
 import json
+import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from unittest.mock import ANY
 
 import h5py
 import pytest
 
 from logger.cli import main as fieldlogger
+from logger.core.errors import RunFileError
 from logger.core.runfile import (
     RunWriter,
     finish,
@@ -19,8 +26,10 @@ from logger.core.runfile import (
     sealing_of,
 )
 from logger.core.runfile.run_names import first_part, parts_of
+from logger.own_baseline import learn
 from postproc.cli import main as postproc
 from tests.kit import runs
+from tests.kit.service import assert_ends
 
 HUGE = 1 << 60
 
@@ -84,6 +93,73 @@ def test_a_journal_is_recovered_by_several_at_once(tmp_path):
         assert set(pool.map(finish_journal, [journal] * 8)) == {journal.with_suffix(".h5")}
     assert sealing_of(journal) == sealing_of(journal.with_suffix(".h5"))
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_stop_waits_neither_for_learning_nor_for_another_run(tmp_path):
+    # on a small Pi either takes minutes, in which an upgrade would record nothing
+    _, (second, _) = (_finished_run(tmp_path, n) for n in (1, 2))
+    learning = learn(tmp_path)
+    next(learning)  # under way
+    third = tmp_path / "run-000003.journal"
+    runs.write_journal(third, runs.records(20))
+    with _another_makes(second):
+        assert_ends(lambda: finish_journal(third), 20.0)
+    learning.close()
+    assert sealing_of(third) == sealing_of(third.with_suffix(".h5"))
+
+
+@contextmanager
+def _another_makes(journal):
+    # the HDF5 file, in a process that takes its time
+    slow = (
+        "import sys, time; from pathlib import Path; from logger.core.runfile import finish\n"
+        "def write(*_): print('writes', flush=True); time.sleep(1000)\n"
+        "finish.write_hdf5 = write; finish.finish_journal(Path(sys.argv[1]))"
+    )
+    with subprocess.Popen([sys.executable, "-c", slow, journal], stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        yield
+        process.kill()
+
+
+def test_what_a_cut_left_of_a_run_that_was_being_made_is_replaced(tmp_path):
+    journal, run = _finished_run(tmp_path, 1)
+    whole = run.read_bytes()
+    run.unlink()
+    with _another_makes(journal):
+        assert (tmp_path / "run-000001.h5.part").exists()
+    assert finish_journal(journal).read_bytes()[:100] == whole[:100]
+    assert sealing_of(journal) == sealing_of(run)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user")
+def test_a_folder_of_another_user_and_what_he_left_in_ones_own():
+    with TemporaryDirectory() as folder:  # others may not look into tmp_path
+        journal, part = (Path(folder) / f"run-000001.{end}" for end in ("journal", "h5.part"))
+        runs.write_journal(journal, runs.records(20))
+        finish_journal(journal).unlink()  # imports what another user may not read
+        Path(folder).chmod(0o755)
+        with _as_another_user(), pytest.raises(RunFileError, match="Permission denied"):
+            finish_journal(journal)
+        os.chown(folder, _NOBODY, -1)
+        for mode in (0o600, 0o644):
+            part.write_bytes(b"x")
+            part.chmod(mode)
+            with _as_another_user():
+                assert finish_journal(journal).stat().st_uid == _NOBODY
+
+
+_NOBODY = 65534
+
+
+@contextmanager
+def _as_another_user():
+    os.seteuid(_NOBODY)
+    try:
+        yield
+    finally:
+        os.seteuid(0)
 
 
 def test_parts_are_found_in_their_order(tmp_path):

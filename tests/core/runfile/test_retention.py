@@ -47,6 +47,13 @@ def test_the_oldest_go_first_and_the_newest_stays(folder):
     assert names(folder) == ["cells.db", "run-000003.journal", "run-notes.txt"]
 
 
+def test_the_millionth_run_is_newer_than_those_before(folder):
+    for name in ("run-999999.h5", "run-1000000.journal"):
+        (folder / name).write_bytes(b"x")
+    removed = list(remove_oldest_runs(folder, FULL, is_wanted=True))
+    assert removed[-2:] == ["run-000003", "run-999999"]
+
+
 def test_a_run_that_is_recorded_stays(folder):
     with (folder / "run-000001.journal").open("rb") as journal:
         fcntl.flock(journal, fcntl.LOCK_EX)

@@ -109,6 +109,7 @@ def test_runs_are_numbered_and_can_be_finished_again(tmp_path):
         (["run-000007.h5"], 8),
         (["run-000007.journal.3", "run-000002.h5"], 8),
         (["run-000007.h5.part"], 8),
+        (["run-999999.h5", "run-1000000.journal"], 1_000_001),
         (["run-20260921T141320Z.h5", "run-1a2b3c4d.journal", "run.h5", "notes.txt"], 1),
     ],
 )
