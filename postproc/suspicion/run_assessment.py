@@ -161,7 +161,7 @@ def _apart_nats(_several: Several, cell: str) -> float:
     elsewhere=_APART,
     weigh=_apart_nats,
 )
-def _in_several_places(several: Several, cell: str) -> Evidence | None:
+def in_several_places(several: Several, cell: str) -> Evidence | None:
     return several_evidence(several[cell])
 
 
@@ -177,7 +177,7 @@ def findings_at_desk(rules: Iterable[Rule[Source, Any]], source: Source) -> Iter
                 yield Finding(rule, name, 0, None, None, text, evidence, nats)
 
 
-ALL_RULES: tuple[Rule[Any, Any], ...] = (*RULES.values(), *DATABASE_RULES, _in_several_places)
+ALL_RULES: tuple[Rule[Any, Any], ...] = (*RULES.values(), *DATABASE_RULES, in_several_places)
 
 
 _MOST_NAMED = 8
@@ -265,7 +265,7 @@ def assess_runs(
         not_asked.append(tracker.capabilities.not_asked(ALL_RULES))
         earlier_walks.append(tracker.earlier_walks)
         heard_s.append(tracker.capabilities.heard_s)
-    for finding in findings_at_desk([_in_several_places], several):
+    for finding in findings_at_desk([in_several_places], several):
         if finding.cell in findings:
             findings[finding.cell].append(finding)
     if database is not None:
