@@ -10,6 +10,7 @@ from logger.core.baseline import NO_BASELINE, Baseline, square_of
 from logger.core.cell_names import Identities
 from logger.core.errors import error_place
 from logger.core.latest import Latest
+from logger.core.suspicion.earlier_walks import walks_of
 from logger.core.suspicion.heard import Heard, Memory, Moment, Walker
 from logger.core.suspicion.rule import Evidence, Finding, Need, Rule
 from logger.core.suspicion.rules import RULES
@@ -63,7 +64,7 @@ class SuspicionTracker:
 
     @property
     def earlier_walks(self) -> int:
-        """Earlier walks, with a technology heard today, of at least half of this ground."""
+        """Earlier walks, with a cell heard today, of at least half of this ground."""
         by_square = sorted(self._walks_by_square.values())
         return by_square[(len(by_square) - 1) // 2] if by_square else 0
 
@@ -110,11 +111,12 @@ class SuspicionTracker:
         self._unnoticed = None
         if not self._baseline.n_walks or now.lat_deg is None or now.lon_deg is None:
             return
-        square = square_of(now.lat_deg, now.lon_deg)
-        n_walks = self._baseline.square(square).n_walks
-        heard = [n_walks.get(cell.rat, 0) for cell in now.cells]
-        known = self._walks_by_square.get(str(square), 0)
-        self._walks_by_square.put(str(square), max([known, *heard]))
+        square = self._baseline.square(square_of(now.lat_deg, now.lon_deg))
+        networks = {(cell.operator, cell.rat) for cell in now.cells if cell.name in square.cells}
+        number = str(square.square)
+        known = self._walks_by_square.get(number, 0)
+        heard = [walks_of(square, *network) for network in networks]
+        self._walks_by_square.put(number, max([known, *heard]))
 
     def _ask(self, memory: Memory, rule: Rule[Memory, Any]) -> list[Finding]:
         """Goes on with the next cell where the rule raises."""

@@ -108,8 +108,12 @@ def unnoticed_text(
     can_see_new = not not_asked.keys() >= _OF_A_NEW_STATION
     can_compare = {*not_asked.get("B1", ())} <= {"earlier walks"}
     unseen = ["a weak one", "one on the air for a minute or two"] if can_see_new else []
+    one = "one" if can_see_new else "a cell"
     if n_walks is None or n_walks < FEWEST_WALKS or not can_compare:
-        unseen.append(f"{'one' if can_see_new else 'a cell'} with a plausible identity")
+        unseen.append(f"{one} with a plausible identity")
+    else:
+        unseen.append(f"{one} that earlier walks heard too")
+        unseen.append("one of a network or technology that they did not hear")
     unseen.append("a copy of a cell beside it")
     if needs:
         listed = " or ".join(filter(None, (", ".join(needs[:-1]), needs[-1])))

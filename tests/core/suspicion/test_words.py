@@ -80,6 +80,13 @@ def test_more_walks_are_promised_to_help_only_where_they_would(missing, helps):
     assert ("plausible identity" in unnoticed_text({"B1": missing}, 600.0, 7)) != helps
 
 
+def test_earlier_walks_cannot_show_what_they_heard_too_nor_what_they_could_not_hear():
+    assert "earlier walks heard" not in unnoticed_text({}, 600.0, 6)
+    said = unnoticed_text({}, 600.0, 7)
+    assert "one that earlier walks heard too" in said
+    assert "one of a network or technology that they did not hear" in said
+
+
 def test_a_station_that_is_on_the_air_for_a_minute_is_not_said_to_be_noticed():
     """L1 waits for the second cell of a border: on foot 80 s."""
     assert "one on the air for a minute or two" in unnoticed_text({}, 600.0, 0)
