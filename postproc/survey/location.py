@@ -163,7 +163,7 @@ def document_of(location: Location, files: Sequence[Path]) -> Document:
     text = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
     known = f"; {location.n_known} known from before" if location.n_known else ""
     return Document(
-        {"files": files, "loggers": loggers, "cells": cells},
+        {"files": files, "loggers": loggers, "cells": cells, "unnoticed": location.unnoticed},
         f"{len(ordered)} cells: {text or 'none'}{known}",
         body=[*_parts(location, ordered), *map(str, files)],
     )

@@ -70,7 +70,9 @@ def folder(files, tmp_path):
 def _locate(capsys, folder, scheduler, *arguments):
     assert main(["survey", "locate", str(folder), "--scheduler", scheduler, "--json",
                  *arguments]) == 0  # fmt: skip
-    return {one["cell"]: one for one in json.loads(capsys.readouterr().out)["cells"]}
+    found = json.loads(capsys.readouterr().out)
+    assert "may be missed" in found["unnoticed"]
+    return {one["cell"]: one for one in found["cells"]}
 
 
 def test_worst_word_over_all_runs(files, folder, scheduler, capsys):
