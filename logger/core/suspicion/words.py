@@ -87,7 +87,8 @@ def word_rate_text(word: Word) -> str:
     low, high = (alarms / rate.hours for alarms in rate.interval)
     return (
         f"legitimate cells earned this word {rate.alarms / rate.hours:.2f} times an hour "
-        f"({low:.2f} to {high:.2f}, 95 %) in {rate.hours:.1f} h of {rate.where}"
+        f"({low:.2f} to {high:.2f}, 95 %) in {rate.hours:.1f} h of {rate.where}: {rate.alarms} of "
+        f"{rate.cells} cells, so more often where a modem names many"
     )
 
 

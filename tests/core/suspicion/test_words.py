@@ -72,6 +72,7 @@ def test_the_rate_of_an_alarm_is_a_bound_where_there_was_none():
 def test_a_rate_is_printed_with_its_interval_and_hours():
     text = "legitimate cells earned this word 0.03 times an hour (0.00 to 0.14, 95 %) in 38.5 h of "
     assert word_rate_text("suspicious").startswith(text)
+    assert "1 of 924 cells, so more often where a modem names many" in word_rate_text("suspicious")
 
 
 @pytest.mark.parametrize(("missing", "helps"), [(("earlier walks",), True), (("identity",), False)])
