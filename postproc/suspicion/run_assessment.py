@@ -477,8 +477,8 @@ def document_of_rules() -> Document:
     )
 
 
-_OF_USER: tuple[Need, ...] = ("position", "earlier walks", "cell database")
-"""What comes from a receiver or from files."""
+_OF_USER: tuple[Need, ...] = ("position", "other cells", "earlier walks", "cell database")
+"""What comes from a receiver, a place or files."""
 _GENERATIONS = {"GSM": "2", "WCDMA": "3", "NR": "5"}
 """By technology; of others it is 4."""
 FILE = "csv"

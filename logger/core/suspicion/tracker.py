@@ -10,6 +10,7 @@ from logger.core.baseline import NO_BASELINE, Baseline, square_of
 from logger.core.cell_names import Identities
 from logger.core.errors import error_place
 from logger.core.latest import Latest
+from logger.core.suspicion.area import has_others
 from logger.core.suspicion.earlier_walks import walks_of
 from logger.core.suspicion.heard import Heard, Memory, Moment, Walker
 from logger.core.suspicion.rule import Evidence, Finding, Need, Rule
@@ -102,6 +103,7 @@ class SuspicionTracker:
         for cell in memory.taken:
             if cell.n_scans == 1:
                 self._asked.put(cell.name, None)
+        self.capabilities.add_others(memory)
         self._count_walks(now)
         for name in tuple(self._refutable):
             self._withdraw(memory, name)
@@ -203,7 +205,7 @@ class Capabilities:
         self.heard_s = 0.0
 
     def serve(self, need: Need) -> None:
-        """Take what does not come from the modem."""
+        """Take what is not the modem's."""
         self._always.add(need)
 
     def add(self, now: Moment) -> None:
@@ -223,6 +225,12 @@ class Capabilities:
                 self._served[rat].add("neighbours")
         if len(self._served) > 1:
             self._always.add("second technology")
+
+    def add_others(self, memory: Memory) -> None:
+        for rat in {cell.rat for cell in memory.taken}:
+            served = self._served[rat]
+            if "other cells" not in served and has_others(memory, rat):
+                served.add("other cells")
 
     def missing(self, rule: Rule[Any, Any], rat: str) -> frozenset[Need]:
         """What a rule needs and no scan of a technology has served."""

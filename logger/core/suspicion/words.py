@@ -29,7 +29,7 @@ WORD_RATES: Mapping[Word, Rate] = {
 }
 """Legitimate cells that earned each word: `make suspicion`."""
 
-_OF_A_NEW_STATION = frozenset({"P1", "L1", "L2", "L4"})
+_OF_A_NEW_STATION = {"network": frozenset({"P1", "L4"}), "area": frozenset({"L1", "L2"})}
 """Rules, one of which a strong station of an invented network or area most likely breaks."""
 _SHORT_S = 120.0
 """Strong stations are named after up to 72 s, the median of kinds of modems and walks."""
@@ -106,9 +106,11 @@ def unnoticed_text(
         )
     missing = dict.fromkeys(need for needs in not_asked.values() for need in needs)
     needs = [_NEEDED[need] for need in missing if need in _NEEDED]
-    can_see_new = not not_asked.keys() >= _OF_A_NEW_STATION
+    hidden = [what for what, rules in _OF_A_NEW_STATION.items() if not_asked.keys() >= rules]
+    can_see_new = len(hidden) < len(_OF_A_NEW_STATION)
     can_compare = {*not_asked.get("B1", ())} <= {"earlier walks"}
     unseen = ["a weak one", "one on the air for a minute or two"] if can_see_new else []
+    unseen += [f"one of an invented {what}" for what in hidden if can_see_new]
     one = "one" if can_see_new else "a cell"
     if n_walks is None or n_walks < FEWEST_WALKS or not can_compare:
         unseen.append(f"{one} with a plausible identity")

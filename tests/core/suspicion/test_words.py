@@ -95,6 +95,14 @@ def test_a_station_that_is_on_the_air_for_a_minute_is_not_said_to_be_noticed():
     assert "no station would certainly" in unnoticed_text(of_a_new_station, 600.0, 0)
 
 
+def test_what_would_have_been_noticed_is_said_of_networks_and_areas_apart():
+    for hidden, what in (("P1", "L4"), "network"), (("L1", "L2"), "area"):
+        said = unnoticed_text(dict.fromkeys(hidden, ()), 600.0, 0)
+        assert "a strong new station would most likely" in said
+        assert f"one of an invented {what}" in said
+    assert "invented" not in unnoticed_text({"L1": ()}, 600.0, 0)
+
+
 def test_a_walk_of_seconds_promises_nothing():
     assert "even a strong new station may be missed" in unnoticed_text({}, 119.0, 30)
 
