@@ -169,9 +169,10 @@ def document_of(summary: Summary, *, details: bool) -> tuple[Document, list[Fail
     metres, levels in dBm, times in ns since boot. A value that is unknown or not finite is null.
     """
     runs, forms = summary.runs, [row.form for row in summary.rows]
-    content: object = {"runs": runs, "warnings": summary.warnings, "cells": forms}
+    content: dict[str, object] = {"runs": runs, "warnings": summary.warnings, "cells": forms}
     if len(runs) == 1:
         content = {"run": runs[0], "cells": forms}
+    content["unnoticed"] = summary.unnoticed
     by_cell = {row.result.cell: row for row in summary.rows}
     rows = [by_cell[cell] for cell in summary.in_order]
     conspicuous = {

@@ -7,12 +7,10 @@ from pathlib import Path
 
 import msgspec
 
-from logger.core.document import Column, Document, Line, Table, Value, Word, number_of
+from logger.core.document import Column, Document, Line, Table, Value, Word
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
-from logger.core.types import known_utc_text
 from postproc.cell_work import PROCESS_ENDED, failure
-from postproc.ground import days_text
 from postproc.progress import with_progress
 from postproc.result import RADIUS_COLUMNS, VERDICTS, Options
 from postproc.survey.agreement import FEWEST_LOGGERS, Agreement, LoggerReport, liars, report
@@ -165,7 +163,7 @@ def document_of(location: Location, files: Sequence[Path]) -> Document:
     text = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
     known = f"; {location.n_known} known from before" if location.n_known else ""
     return Document(
-        {"files": files, "loggers": loggers, "cells": cells},
+        {"files": files, "loggers": loggers, "cells": cells, "unnoticed": location.unnoticed},
         f"{len(ordered)} cells: {text or 'none'}{known}",
         body=[*_parts(location, ordered), *map(str, files)],
     )
@@ -185,19 +183,8 @@ def _parts(location: Location, cells: Sequence[LocatedCell]) -> Iterator[str | L
     for cell in cells:
         if cell.error:
             yield Line(f"{cell.cell}: {cell.reasons[0]}", "red")
-    for one in cells:
-        if one.n_places > 1 and one.place == 1:
-            own = [cell for cell in location.cells if cell.cell == one.cell]
-            where = "; ".join(map(_where, own))
-            far = f"is heard in {one.n_places} places, farther apart than a cell reaches"
-            yield Line(f"{one.cell} {far}: {where}", bullet="unusual: ")
     if location.unnoticed:
         yield location.unnoticed
-
-
-def _where(cell: LocatedCell) -> str:
-    days = days_text(known_utc_text(cell.first_utc_ns), known_utc_text(cell.last_utc_ns))
-    return f"{cell.heard_near} ({number_of(cell.n_runs, 'run')}{days})"
 
 
 def cell_row(cell: LocatedCell) -> tuple[Value, ...]:

@@ -10,9 +10,12 @@ from collections.abc import Iterator, Sequence
 import msgspec
 
 from logger.core.cell_names import is_by_channel
-from logger.core.suspicion.rule import WORDS, Word
+from logger.core.document import number_of
+from logger.core.suspicion.rule import WORDS, Finding, Word
 from logger.core.suspicion.rules import RULES, rules_version
-from logger.core.suspicion.words import strongest_reasons, unnoticed_text
+from logger.core.suspicion.words import assess, strongest_reasons, unnoticed_text
+from logger.core.types import known_utc_text
+from postproc.ground import days_text
 from postproc.progress import with_progress
 from postproc.survey import layout
 from postproc.survey.cell_location import LocatedCell
@@ -20,7 +23,7 @@ from postproc.survey.dataset import Survey
 from postproc.survey.estimates import append_lines, whole_lines
 from postproc.survey.rule_inputs import RuleColumn, run_of
 from postproc.survey.scheduling import Cluster
-from postproc.suspicion.run_assessment import failures_of, track
+from postproc.suspicion.run_assessment import failures_of, in_several_places, track
 
 _RUNS_AT_ONCE = 16
 """Of a task: a second or two of work for walks of an hour."""
@@ -80,17 +83,24 @@ def ask_runs(task: RunsOfBatch) -> list[RunWords]:
 def with_words(
     survey: Survey, cells: Sequence[LocatedCell], runs: Sequence[RunWords]
 ) -> tuple[LocatedCell, ...]:
-    """Cells with their worst word over the runs that heard them there, its rules and these runs."""
+    """Cells with their worst word over the runs that heard them there, and its rules."""
     asked = {cell.cell for cell in survey.cells([run.run for run in runs])} if runs else set()
     said: dict[str, dict[str, CellWord]] = {}
     for run in runs:
         for one in run.cells:
             said.setdefault(one.cell, {})[run.run] = one
+    places: dict[str, list[LocatedCell]] = {}
+    for cell in cells:
+        if cell.n_places > 1 and _is_checked(cell):
+            places.setdefault(cell.cell, []).append(cell)
     return tuple(
-        _with_word(
-            cell,
-            [one for run, one in said.get(cell.cell, {}).items()
-             if cell.n_places == 1 or run in cell.runs],
+        _with_places(
+            _with_word(
+                cell,
+                [one for run, one in said.get(cell.cell, {}).items()
+                 if cell.n_places == 1 or run in cell.runs],
+            ),
+            places.get(cell.cell, ()),
         )
         if cell.cell in asked and _is_checked(cell)
         else cell
@@ -117,6 +127,30 @@ def _with_word(cell: LocatedCell, said: Sequence[CellWord]) -> LocatedCell:
     return msgspec.structs.replace(
         cell, word=worst, word_rules=rules, word_reasons=reasons, word_runs=len(of_word)
     )
+
+
+def _with_places(cell: LocatedCell, places: Sequence[LocatedCell]) -> LocatedCell:
+    # S11 asks about all runs together
+    rule = in_several_places
+    nats = rule.weigh({}, cell.cell) if rule.weigh and places else 0.0
+    text = f"heard in {len(places)} places, farther apart than a cell reaches: "
+    text += "; ".join(map(_place_text, places))
+    own = assess(cell.cell, [Finding(rule, cell.cell, 0, None, None, text, {}, nats)])
+    if not own.is_conspicuous:
+        return cell
+    is_alone = cell.word == WORDS[0]
+    return msgspec.structs.replace(
+        cell,
+        word=own.word if is_alone else cell.word,
+        word_rules=(*cell.word_rules, rule.id),
+        word_reasons=(*cell.word_reasons, text),
+        word_runs=sum(one.n_runs for one in places) if is_alone else cell.word_runs,
+    )
+
+
+def _place_text(cell: LocatedCell) -> str:
+    days = days_text(known_utc_text(cell.first_utc_ns), known_utc_text(cell.last_utc_ns))
+    return f"{cell.heard_near} ({number_of(cell.n_runs, 'run')}{days})"
 
 
 def _tasks(survey: Survey, waiting: set[str]) -> Iterator[RunsOfBatch]:

@@ -161,7 +161,7 @@ def _apart_nats(_several: Several, cell: str) -> float:
     elsewhere=_APART,
     weigh=_apart_nats,
 )
-def _in_several_places(several: Several, cell: str) -> Evidence | None:
+def in_several_places(several: Several, cell: str) -> Evidence | None:
     return several_evidence(several[cell])
 
 
@@ -177,7 +177,7 @@ def findings_at_desk(rules: Iterable[Rule[Source, Any]], source: Source) -> Iter
                 yield Finding(rule, name, 0, None, None, text, evidence, nats)
 
 
-ALL_RULES: tuple[Rule[Any, Any], ...] = (*RULES.values(), *DATABASE_RULES, _in_several_places)
+ALL_RULES: tuple[Rule[Any, Any], ...] = (*RULES.values(), *DATABASE_RULES, in_several_places)
 
 
 _MOST_NAMED = 8
@@ -265,7 +265,7 @@ def assess_runs(
         not_asked.append(tracker.capabilities.not_asked(ALL_RULES))
         earlier_walks.append(tracker.earlier_walks)
         heard_s.append(tracker.capabilities.heard_s)
-    for finding in findings_at_desk([_in_several_places], several):
+    for finding in findings_at_desk([in_several_places], several):
         if finding.cell in findings:
             findings[finding.cell].append(finding)
     if database is not None:
@@ -477,8 +477,8 @@ def document_of_rules() -> Document:
     )
 
 
-_OF_USER: tuple[Need, ...] = ("position", "earlier walks", "cell database")
-"""What comes from a receiver or from files."""
+_OF_USER: tuple[Need, ...] = ("position", "other cells", "earlier walks", "cell database")
+"""What comes from a receiver, a place or files."""
 _GENERATIONS = {"GSM": "2", "WCDMA": "3", "NR": "5"}
 """By technology; of others it is 4."""
 FILE = "csv"

@@ -426,7 +426,8 @@ _COLOURS = (
 
 def empty_report(view: ViewModel) -> str:
     """Report of a run in which no cell was observed."""
-    return _join("# No cell", _runs(view), _list(view.survey.warnings))
+    unnoticed = markdown_text(view.unnoticed)
+    return _join("# No cell", _runs(view), _list(view.survey.warnings), unnoticed)
 
 
 def cell_report(view: ViewModel, cell: CellView) -> str:
@@ -444,6 +445,7 @@ def cell_report(view: ViewModel, cell: CellView) -> str:
         _error(view, cell),
         _claims(cell.claims),
         _list(view.survey.warnings),
+        markdown_text(view.unnoticed),
         _prior(result),
         _COLOURS,
     )

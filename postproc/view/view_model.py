@@ -161,6 +161,7 @@ class ViewModel:
     cell_colours: dict[str, Colour]
     box: Box | None
     failures: tuple[Failure, ...] = ()
+    unnoticed: str = ""  # as of the result
 
     def without(self, failures: Collection[Failure]) -> "ViewModel":
         """The view without cells that cannot be shown, and with the reasons."""
@@ -202,6 +203,7 @@ def view_model(
         cell_views=tuple(cell_views),
         cell_colours=_cell_colours(survey, [view.name for view in cell_views]),
         box=Box.around(np.vstack(corners_m)) if corners_m else None,
+        unnoticed=result.unnoticed,
     )
     return view.without(failures)
 

@@ -60,7 +60,7 @@ def test_nothing_is_declared_that_no_reply_has():
 def test_each_rule_can_be_asked_of_some_family():
     sources = [Capabilities(driver.gives) for driver in FAMILIES.values()]
     for source in sources:
-        for need in ("position", "earlier walks"):
+        for need in ("position", "other cells", "earlier walks"):
             source.serve(need)
     unfed = {rule.id for rule in RULES.values() if not any(s.technologies(rule) for s in sources)}
     assert unfed == set()

@@ -79,8 +79,9 @@ def test_the_schema_rejects_other_documents(summaries, validator):
 
 def test_keys_and_their_order(summaries):
     one, several = summaries
-    assert list(one) == ["run", "cells"]
-    assert list(several) == ["runs", "warnings", "cells"]
+    assert list(one) == ["run", "cells", "unnoticed"]
+    assert list(several) == ["runs", "warnings", "cells", "unnoticed"]
+    assert "a strong new station" in one["unnoticed"]
     (located, *_) = one["cells"]
     assert list(located) == [*CELL, *WORD]
     assert list(several["cells"][0]) == [*CELL, "runs", "offsets", "without", *WORD]

@@ -93,7 +93,7 @@ def _is_past_a_border(memory: Memory, name: str) -> bool:
 @ScanRule(
     id="L1",
     family="area",
-    needs=("identity", "area code", "level"),
+    needs=("identity", "area code", "level", "other cells"),
     gate="for 20 s, on foot for 100 m or 80 s, with 3 other cells of the operator within 5 "
     "minutes and since two scans without any; the cell at least -90 dBm; an area of which no other "
     "cell comes later, and that two earlier walks did not hear where a cell of it is heard; not "
@@ -102,7 +102,7 @@ def _is_past_a_border(memory: Memory, name: str) -> bool:
     harmless="the border of two areas, a small cell in a house or shop",
     detection=0.8,
     # the one of LTE was withdrawn later; on the walk it was an alarm
-    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(1, 814, 36.1), WCDMA=(1, 83, 9.8)),
+    measured=on_telephones(GSM=(0, 21, 2.0), LTE=(1, 794, 19.6), WCDMA=(1, 60, 4.9)),
     elsewhere=Rate(0, 197, 0.0, "full scans of 197 cells"),
     strength="suffices",
     refuted_by=_is_past_a_border,
@@ -113,10 +113,7 @@ def _unlike_neighbours(memory: Memory, cell: HeardCell) -> Evidence | None:
         return None
     if not _has_own_area(memory, cell):
         return None
-    of_operator = memory.of_operator(cell.operator, cell.rat)
-    late_s = max(now.t_s - _LATE_S, memory.silent_s)
-    late = [c for c in of_operator
-            if c is not cell and c.area is not None and c.last_s > late_s]  # fmt: skip
+    late = _others_of_late(memory, cell)
     if len(late) < _FEWEST_NEIGHBOURS:
         return None
     return {
@@ -125,6 +122,23 @@ def _unlike_neighbours(memory: Memory, cell: HeardCell) -> Evidence | None:
         "other_area": late[-1].area or 0,
         "level_dbm": round(level_dbm),
     }
+
+
+def _others_of_late(memory: Memory, cell: HeardCell) -> list[HeardCell]:
+    late_s = max(memory.now.t_s - _LATE_S, memory.silent_s)
+    return [
+        other
+        for other in memory.of_operator(cell.operator, cell.rat)
+        if other is not cell and other.area is not None and other.last_s > late_s
+    ]
+
+
+def has_others(memory: Memory, rat: str) -> bool:
+    # of one network, so that an area of its own stands out
+    of_networks = {cell.operator: cell for cell in memory.taken if cell.rat == rat}
+    return any(
+        len(_others_of_late(memory, cell)) >= _FEWEST_NEIGHBOURS for cell in of_networks.values()
+    )
 
 
 def _is_past_border(now: Moment, cell: HeardCell) -> bool:
@@ -141,13 +155,13 @@ def _is_past_border(now: Moment, cell: HeardCell) -> bool:
 @ScanRule(
     id="L2",
     family="area",
-    needs=("identity", "area code"),
+    needs=("identity", "area code", "other cells"),
     gate="10 cells of the operator heard, 3 of them after this one; not of a railway; an area as "
     "in L1",
     sentence="area {area} has this cell alone, of {cells} cells of the operator",
     harmless="the border of two areas, a small cell in a house or shop",
     detection=0.8,
-    measured=on_telephones(GSM=(0, 23, 2.7), LTE=(0, 814, 36.1), WCDMA=(0, 83, 9.8)),
+    measured=on_telephones(GSM=(0, 21, 2.0), LTE=(0, 794, 19.6), WCDMA=(0, 60, 4.9)),
     elsewhere=Rate(1, 194, 0.0, "full scans of 197 cells, railways left out"),
     refuted_by=_is_past_a_border,
 )

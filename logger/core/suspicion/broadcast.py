@@ -5,7 +5,14 @@ from functools import partial
 from statistics import median
 
 from logger.core.latest import Latest
-from logger.core.suspicion.heard import Heard, HeardCell, Memory, may_be_same, serving_cell
+from logger.core.suspicion.heard import (
+    MOST_CELLS,
+    Heard,
+    HeardCell,
+    Memory,
+    may_be_same,
+    serving_cell,
+)
 from logger.core.suspicion.rule import GSM, Evidence, Rate, ScanRule, on_telephones
 
 _FEWEST_CELLS = 3
@@ -76,8 +83,8 @@ def _are_compared(serving: Heard, left: Heard) -> bool:
     return serving.rat == left.rat and may_be_same(serving.operator, left.operator)
 
 
-_OFFSETS = partial(Latest[float], 128)
-_CONFIRMED = partial(Latest[float], 128)
+_OFFSETS = partial(Latest[float], MOST_CELLS)
+_CONFIRMED = partial(Latest[float], MOST_CELLS)
 """Reselection offsets in dB by cell: the last one, and the last that two readings in turn agreed
 on; a digit of a single one may be wrong."""
 

@@ -1,13 +1,14 @@
 """Earlier walks of the same ground: cells that are new, and cells that are gone."""
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 from math import hypot, log
 from statistics import median
 
 from logger.core.baseline import KnownCell, SquareHistory, square_of, squares_around
 from logger.core.cell_names import identity_of
 from logger.core.latest import Latest
-from logger.core.suspicion.heard import FULL_LIST, HeardCell, Memory
+from logger.core.suspicion.heard import FULL_LIST, MOST_CELLS, HeardCell, Memory
 from logger.core.suspicion.rule import Evidence, Rate, Rule, ScanRule
 
 FEWEST_WALKS = 7
@@ -28,8 +29,6 @@ _FEWEST_PLACES = 3
 """One or two may be behind the same house."""
 _APART_M = 50.0
 """Shadowing by houses is nearly independent over this distance."""
-_MOST_CELLS = 128
-"""As of a walk; those heard longest ago give way."""
 _FEWEST_COMMON = 3
 """Cells of today and earlier whose levels show that today's antenna is as good."""
 
@@ -47,7 +46,7 @@ class _Visit:
         self.limits_dbm: dict[tuple[float, float], float] = {}
         self.unnamed_channels: set[int | None] = set()
         self.weaker_db: float | None = None
-        self._sums: Latest[tuple[int, float]] = Latest(_MOST_CELLS)
+        self._sums: Latest[tuple[int, float]] = Latest(MOST_CELLS)
 
     def add(self, x_m: float, y_m: float, levels_dbm: dict[str, float]) -> None:
         """Add the levels of one list, by cell."""
@@ -74,6 +73,7 @@ class _Here:
     def __init__(self) -> None:
         self.now: object = None
         self.around: tuple[SquareHistory, ...] = ()
+        self.n_walks: dict[tuple[str, str], int] = {}  # by network and technology
         self.numbers: frozenset[tuple[str, int]] | None = None  # of all there, once asked for
         self.visits: dict[str, _Visit] = {}
 
@@ -82,15 +82,25 @@ def ground(memory: Memory) -> tuple[SquareHistory, ...]:
     """Squares of earlier walks within 150 m, the walker's first; empty without walks or place."""
     now, kept = memory.now, memory.of(_Here)
     if now is not kept.now:
-        kept.now, kept.around, kept.numbers = now, (), None
+        kept.now, kept.around, kept.n_walks, kept.numbers = now, (), {}, None
         if memory.baseline.n_walks and now.lat_deg is not None and now.lon_deg is not None:
             kept.around = squares_around(memory.baseline, now.lat_deg, now.lon_deg, _PLACE_M)
     return kept.around
 
 
+def walks_of(square: SquareHistory, operator: str, rat: str) -> int:
+    # at least: as many as heard the same cell of it; those with another card say nothing about it
+    of_network = f"{operator}-"
+    heard = [one.n_walks for name, one in square.cells.items() if name.startswith(of_network)]
+    return min(max(heard, default=0), square.n_walks.get(rat, 0))
+
+
 def _n_walks(memory: Memory, cell: HeardCell) -> int:
-    around = ground(memory)
-    return around[0].n_walks.get(cell.rat, 0) if around else 0
+    around, by_network = ground(memory), memory.of(_Here).n_walks
+    network = cell.operator, cell.rat
+    if network not in by_network:
+        by_network[network] = walks_of(around[0], *network) if around else 0
+    return by_network[network]
 
 
 def _is_renumbered(memory: Memory, name: str) -> bool:
@@ -98,18 +108,32 @@ def _is_renumbered(memory: Memory, name: str) -> bool:
     cell, around = memory.cells.get(name), ground(memory)
     if cell is None or _is_known(around, name):
         return False
-    kept = memory.of(_Here)
-    if kept.numbers is None:
-        heard = {heard for square in around for heard in square.cells}
-        kept.numbers = frozenset(_without_area(one) for one in heard if identity_of(one))
     moved = [
         other.name
         for other in memory.of_operator(cell.operator, cell.rat)
         if other.area == cell.area
-        and (other.operator, other.cid) in kept.numbers
+        and _has_known_number(memory, other)
         and not _is_known(around, other.name)
     ]
-    return name in moved and len(moved) >= FEWEST_MOVED
+    if name in moved and len(moved) >= FEWEST_MOVED:
+        return True
+    # nor are most cells rogue where earlier walks knew the network
+    answers = memory.of(_ASKED)
+    network = _network(cell)
+    are_new = [is_new for key, is_new in answers.items() if key.startswith(network)]
+    return sum(are_new) >= FEWEST_MOVED and 2 * sum(are_new) > len(are_new)
+
+
+def _has_known_number(memory: Memory, cell: HeardCell) -> bool:
+    kept = memory.of(_Here)
+    if kept.numbers is None:
+        heard = {heard for square in ground(memory) for heard in square.cells}
+        kept.numbers = frozenset(_without_area(one) for one in heard if identity_of(one))
+    return (cell.operator, cell.cid) in kept.numbers
+
+
+def _network(cell: HeardCell) -> str:
+    return f"{cell.operator} {cell.rat} "
 
 
 def _is_known(around: tuple[SquareHistory, ...], name: str) -> bool:
@@ -131,12 +155,18 @@ def _new_nats(memory: Memory, cell: HeardCell) -> float:
     return log(_NAMED_NEW / (_NEW_AFTER_MANY if is_many else _NEW.per_cell))
 
 
+# Whether cells are new, about which B1 was asked, by network and name; new ones by channel and
+# code, as one station may change its identity.
+_ASKED = partial(Latest[bool], MOST_CELLS)
+
+
 @ScanRule(
     id="B1",
     family="earlier walks",
     needs=("identity", "level", "position", "earlier walks"),
-    gate="7 earlier walks with this technology here, 3 readings of at least -95 dBm; from 15 "
-    "walks on it suffices; not where 3 cells have another area code than then",
+    gate="7 earlier walks with this network and technology here, 3 readings of at least -95 dBm; "
+    "from 15 walks on it suffices; not where 3 cells have another area code than then or most are "
+    "new",
     sentence="{walks} earlier walks {what}, today it has {level_dbm} dBm",
     harmless="a new cell, a cell that was repaired, one that earlier walks heard and did not learn",
     detection=_NAMED_NEW,
@@ -149,7 +179,13 @@ def _is_new(memory: Memory, cell: HeardCell) -> Evidence | None:
     n_walks, level_dbm, weakest_dbm = _n_walks(memory, cell), cell.heard.level_dbm, cell.weakest_dbm
     if n_walks < FEWEST_WALKS or level_dbm is None or weakest_dbm is None:
         return None
-    if weakest_dbm < _STRONG_DBM or memory.baseline.cell(cell.name) is not None:
+    if weakest_dbm < _STRONG_DBM:
+        return None
+    is_new = memory.baseline.cell(cell.name) is None
+    if not (is_new and _has_known_number(memory, cell)):
+        station = cell.pair if is_new and cell.pair else cell.name
+        memory.of(_ASKED).put(f"{_network(cell)}{station}", is_new)
+    if not is_new:
         return None
     is_doubted = memory.baseline.is_doubted(cell.name)
     what = "did not learn this cell, which was unusual then" if is_doubted else _UNHEARD

@@ -15,7 +15,8 @@ from logger.core.types import Broadcast, CellReading, Fix, Scan
 
 GAP_S = 15.0
 """A cell not reported for longer is not held: modems print a list every 1 to 10 s."""
-_MOST_CELLS = 128
+_OF_LATE = 128  # cells, and all of the last two scans: one of a large city names more
+MOST_CELLS = 1024  # of a scan: GSM has 973 channels, of one cell each
 _MOST_PAIRS = 4
 STEADY = 3
 """Readings at a new level: one may be wrong."""
@@ -95,7 +96,8 @@ class HeardCell:
 
     `heard` is its reading in the last scan that named it, `since_s` the begin of the present
     uninterrupted reception, `first_m` the place of the first. `weakest_dbm` is the weakest of the
-    last `STEADY` levels, None before there are so many.
+    last `STEADY` levels, None before there are so many. `twin`: another channel in the same
+    scans, since when and in which scan.
     """
 
     heard: Heard
@@ -118,6 +120,7 @@ class HeardCell:
     rings: list[tuple[float, float, int]] = field(default_factory=list)
     longest_s: float = 0.0
     first_m: tuple[float, float] | None = None
+    twin: tuple[int, float, int] | None = None
     is_renamed: bool = False  # the station was heard before, under another area code
 
     def take(self, now: "Moment", heard: Heard, is_changed: bool) -> None:
@@ -136,6 +139,14 @@ class HeardCell:
             self._take_pair(t_s, (arfcn, code))
         if heard.level_dbm is not None:
             self._take_level(now, heard.level_dbm, is_changed, heard.is_serving)
+
+    def take_twin(self, t_s: float, heard: Heard) -> None:
+        # a second reading of one scan; since when without a scan that has one alone
+        channel, own = heard.reading.arfcn, self.heard.reading.arfcn
+        if channel is None or own is None or channel == own or heard.rat != self.rat:
+            return
+        _, since_s, n = self.twin or (channel, t_s, 0)
+        self.twin = channel, t_s if n < self.n_scans - 1 else since_s, self.n_scans
 
     def _take_pair(self, t_s: float, pair: tuple[int, int]) -> None:
         """Channel and colour code are held for a while: after a handover they are mixed."""
@@ -297,13 +308,13 @@ class Memory:
         self.latest: deque[Moment] = deque(maxlen=2 * STEADY)
         self.taken: list[HeardCell] = []
         self.serving: HeardCell | None = None
-        self.cells: Latest[HeardCell] = Latest(_MOST_CELLS)
+        self.cells: Latest[HeardCell] = Latest(MOST_CELLS)
         self.gave_neighbours: set[str] = set()
-        self.foreign: Latest[None] = Latest(_MOST_CELLS)
+        self.foreign: Latest[None] = Latest(MOST_CELLS)
         self.changed_rat_s = -1e9
         self.silent_s = -1e9  # when two scans in turn heard nothing at last
         self._serving_rat: str | None = None
-        self._served: Latest[None] = Latest(_MOST_CELLS)
+        self._served: Latest[None] = Latest(MOST_CELLS)
         self._met_s: deque[float] = deque(maxlen=_MOST_MET)
         self._by_operator: dict[tuple[str, str], dict[str, HeardCell]] = {}
         self._first_s: float | None = None
@@ -327,7 +338,10 @@ class Memory:
         taken: dict[str, HeardCell] = {}
         for heard in now.cells:
             name = heard.name
-            if name is None or name in taken:
+            if name is None:
+                continue
+            if name in taken:
+                taken[name].take_twin(now.t_s, heard)
                 continue
             cell = self.cells.get(name)
             if cell is None or cell.rat != heard.rat:
@@ -444,9 +458,14 @@ class Memory:
             self._usual.add(operator)
 
     def _put(self, cell: HeardCell) -> None:
-        """If there are too many cells, the one heard longest ago gives way."""
-        if cell.name not in self.cells and len(self.cells) == _MOST_CELLS:
-            self._forget(next(iter(self.cells.values())))
+        """If there are too many cells, those heard longest ago give way."""
+        before_s = self.latest[-2].t_s if len(self.latest) > 1 else self.now.t_s
+        while cell.name not in self.cells and len(self.cells) >= _OF_LATE:
+            oldest = next(iter(self.cells.values()))
+            if oldest.last_s >= before_s and len(self.cells) < MOST_CELLS:
+                break
+            self._forget(oldest)
+            del self.cells[oldest.name]
         self.cells.put(cell.name, cell)
         of_operator = self._by_operator.setdefault((cell.operator, cell.rat), {})
         of_operator.pop(cell.name, None)

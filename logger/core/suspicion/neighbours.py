@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from logger.core.latest import Latest
 from logger.core.suspicion.countries import GSMR_ARFCNS
-from logger.core.suspicion.heard import HeardCell, Memory
+from logger.core.suspicion.heard import MOST_CELLS, HeardCell, Memory
 from logger.core.suspicion.rule import GSM, Evidence, Rate, ScanRule, on_telephones
 
 _FEWEST_SCANS = 3
@@ -14,7 +14,6 @@ _FULL_SCAN = 8
 """Cells with an identity in one reply: more than a serving cell's neighbours."""
 _FEWEST_LISTS = 3
 _FEWEST_LISTED = 2
-_MOST_LISTS = 128
 
 
 class _Silence:
@@ -70,7 +69,7 @@ class _Lists:
     """Neighbour lists by cell, and whose channel each is, by technology and number."""
 
     def __init__(self) -> None:
-        self.of: Latest[tuple[int, ...]] = Latest(_MOST_LISTS)
+        self.of: Latest[tuple[int, ...]] = Latest(MOST_CELLS)
         self.operator_of: Latest[str] = Latest(1000)
         self._seen: object = None
 

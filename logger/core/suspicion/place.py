@@ -4,7 +4,7 @@ from functools import partial
 from math import inf
 
 from logger.core.latest import Latest
-from logger.core.suspicion.heard import HeardCell, Memory
+from logger.core.suspicion.heard import MOST_CELLS, HeardCell, Memory
 from logger.core.suspicion.rule import Evidence, ScanRule, on_telephones
 from logger.core.suspicion.sources import LEAST_EVIDENCE, Sources, compare_sources
 
@@ -34,7 +34,7 @@ class _Tests:
     """The test is made once a scan for the three rules that ask."""
 
     def __init__(self) -> None:
-        self._due: Latest[int] = Latest(128)
+        self._due: Latest[int] = Latest(MOST_CELLS)
         self._now: object = None
         self._results: dict[str, Sources | None] = {}
 
@@ -182,7 +182,7 @@ class _Means:
         return self.first_s <= changed[0] and self.last_s >= changed[1]
 
 
-_STANDING = partial(Latest[_Means], 128)
+_STANDING = partial(Latest[_Means], MOST_CELLS)
 """Means of the cells heard since the walker stands here."""
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from functools import partial
-from math import hypot, inf
+from math import hypot, inf, log
 
 from logger.core.latest import Latest
 from logger.core.suspicion.countries import (
@@ -210,18 +210,36 @@ def _closest(cell: HeardCell, other: HeardCell) -> tuple[float, float]:
     return here.level_dbm - there.level_dbm, apart_m
 
 
+def _has_twin(memory: Memory, cell: HeardCell) -> bool:
+    # a telephone's list has the old and the new channel of a handover, for one scan
+    if cell.twin is None:
+        return False
+    _, since_s, n_scans = cell.twin
+    return n_scans == cell.n_scans and memory.now.t_s - since_s >= _HELD_S
+
+
+def _channels_nats(memory: Memory, cell: HeardCell) -> float:
+    rate = _two_channels.rate(cell.rat) if _has_twin(memory, cell) else None
+    return log(_two_channels.detection / (rate or _two_channels.measured["GSM"]).per_cell)
+
+
 @ScanRule(
     id="P6",
     family="plan",
     needs=("identity", "channel", "colour code"),
-    gate="each channel held for 10 s",
+    gate="each channel held for 10 s, or scans that name it on both, one after another, for 10 s",
     sentence="is heard on channel {channel} and on channel {other_channel}",
     harmless="an operator has changed the channels during the walk",
     detection=0.9,
     measured=on_telephones(GSM=(0, 21, 2.0)),
+    elsewhere=Rate(0, 66, 0.0, "lists of modems with 66 cells"),
     rats=GSM,
+    weigh=_channels_nats,
 )
-def _two_channels(_memory: Memory, cell: HeardCell) -> Evidence | None:
+def _two_channels(memory: Memory, cell: HeardCell) -> Evidence | None:
+    channel = cell.heard.reading.arfcn
+    if channel is not None and _has_twin(memory, cell):
+        return {"channel": channel, "other_channel": cell.twin[0] if cell.twin else channel}
     channels = cell.held_channels if len(cell.held_s) > 1 and cell.rat == "GSM" else []
     return {"channel": channels[0], "other_channel": channels[1]} if len(channels) > 1 else None
 

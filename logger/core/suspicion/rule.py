@@ -18,7 +18,7 @@ Family = Literal[
 Need = Literal[
     "position", "country code", "identity", "area code", "channel", "colour code", "level",
     "neighbours", "neighbour lists", "timing advance", "C1 and C2",
-    "second technology", "earlier walks", "cell database",
+    "second technology", "other cells", "earlier walks", "cell database",
 ]  # fmt: skip
 Value = float | int | str
 Evidence = Mapping[str, Value]

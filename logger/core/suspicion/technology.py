@@ -15,6 +15,7 @@ the weak stations are named in a car, with 30 s none."""
 _PASSING_S = 10.0
 """A stay on 3G that is no call: one on the way down, as where band after band is jammed."""
 _FEWEST_SCANS = 2
+_PAUSE_S = 10.0  # without a scan: a modem needs more for a start, for another technology less
 # where nothing was heard for longer: near enough for 4G that was good to be on the air still
 _SILENT_S, _PLACE_M = 300.0, 150.0
 # Walls that take 4G of -105 dBm below -120 take as much of 2G, which is some 20 dB stronger, as
@@ -41,6 +42,8 @@ def _left_for_2g(memory: Memory) -> Iterator[HeardCell]:
     if serving is None:
         return
     t_s, level_dbm = memory.now.t_s, serving.level_dbm
+    if _was_paused(memory):
+        past.good = None
     if serving.rat == "WCDMA":
         past.on_3g_s = t_s if past.on_3g_s is None else past.on_3g_s
         past.down_s = None
@@ -57,13 +60,22 @@ def _left_for_2g(memory: Memory) -> Iterator[HeardCell]:
         yield from serving_cell(memory)
 
 
+def _was_paused(memory: Memory) -> bool:
+    # a modem that starts again may look for 2G first
+    times_s = [moment.t_s for moment in list(memory.latest)[-3:]]
+    if len(times_s) < 3:
+        return False
+    pause_s = times_s[2] - times_s[1]
+    return pause_s > max(_PAUSE_S, 2.0 * (times_s[1] - times_s[0]))
+
+
 @ScanRule(
     id="R1",
     family="technology",
     needs=("second technology", "level"),
     gate="4G or 5G of the same network, at last of at least -105 dBm, in the 30 s before, at most "
     "10 s of 3G between, or 300 s without any cell within 150 m and then 2G of -85 dBm; 2G held "
-    "for 8 s by a cell with an identity; each change counts once",
+    "for 8 s by a cell with an identity; the modem scans all the time; each change counts once",
     sentence="{before} was left at {level_dbm} dBm, {between}and 2G was kept for {held_s} s",
     harmless="a call, where the operator has no voice over 4G",
     about=_left_for_2g,

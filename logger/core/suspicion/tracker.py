@@ -10,6 +10,8 @@ from logger.core.baseline import NO_BASELINE, Baseline, square_of
 from logger.core.cell_names import Identities
 from logger.core.errors import error_place
 from logger.core.latest import Latest
+from logger.core.suspicion.area import has_others
+from logger.core.suspicion.earlier_walks import walks_of
 from logger.core.suspicion.heard import Heard, Memory, Moment, Walker
 from logger.core.suspicion.rule import Evidence, Finding, Need, Rule
 from logger.core.suspicion.rules import RULES
@@ -63,7 +65,7 @@ class SuspicionTracker:
 
     @property
     def earlier_walks(self) -> int:
-        """Earlier walks, with a technology heard today, of at least half of this ground."""
+        """Earlier walks, with a cell heard today, of at least half of this ground."""
         by_square = sorted(self._walks_by_square.values())
         return by_square[(len(by_square) - 1) // 2] if by_square else 0
 
@@ -101,6 +103,7 @@ class SuspicionTracker:
         for cell in memory.taken:
             if cell.n_scans == 1:
                 self._asked.put(cell.name, None)
+        self.capabilities.add_others(memory)
         self._count_walks(now)
         for name in tuple(self._refutable):
             self._withdraw(memory, name)
@@ -110,11 +113,12 @@ class SuspicionTracker:
         self._unnoticed = None
         if not self._baseline.n_walks or now.lat_deg is None or now.lon_deg is None:
             return
-        square = square_of(now.lat_deg, now.lon_deg)
-        n_walks = self._baseline.square(square).n_walks
-        heard = [n_walks.get(cell.rat, 0) for cell in now.cells]
-        known = self._walks_by_square.get(str(square), 0)
-        self._walks_by_square.put(str(square), max([known, *heard]))
+        square = self._baseline.square(square_of(now.lat_deg, now.lon_deg))
+        networks = {(cell.operator, cell.rat) for cell in now.cells if cell.name in square.cells}
+        number = str(square.square)
+        known = self._walks_by_square.get(number, 0)
+        heard = [walks_of(square, *network) for network in networks]
+        self._walks_by_square.put(number, max([known, *heard]))
 
     def _ask(self, memory: Memory, rule: Rule[Memory, Any]) -> list[Finding]:
         """Goes on with the next cell where the rule raises."""
@@ -201,7 +205,7 @@ class Capabilities:
         self.heard_s = 0.0
 
     def serve(self, need: Need) -> None:
-        """Take what does not come from the modem."""
+        """Take what is not the modem's."""
         self._always.add(need)
 
     def add(self, now: Moment) -> None:
@@ -221,6 +225,12 @@ class Capabilities:
                 self._served[rat].add("neighbours")
         if len(self._served) > 1:
             self._always.add("second technology")
+
+    def add_others(self, memory: Memory) -> None:
+        for rat in {cell.rat for cell in memory.taken}:
+            served = self._served[rat]
+            if "other cells" not in served and has_others(memory, rat):
+                served.add("other cells")
 
     def missing(self, rule: Rule[Any, Any], rat: str) -> frozenset[Need]:
         """What a rule needs and no scan of a technology has served."""

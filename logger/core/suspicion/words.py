@@ -29,7 +29,7 @@ WORD_RATES: Mapping[Word, Rate] = {
 }
 """Legitimate cells that earned each word: `make suspicion`."""
 
-_OF_A_NEW_STATION = frozenset({"P1", "L1", "L2", "L4"})
+_OF_A_NEW_STATION = {"network": frozenset({"P1", "L4"}), "area": frozenset({"L1", "L2"})}
 """Rules, one of which a strong station of an invented network or area most likely breaks."""
 _SHORT_S = 120.0
 """Strong stations are named after up to 72 s, the median of kinds of modems and walks."""
@@ -87,7 +87,8 @@ def word_rate_text(word: Word) -> str:
     low, high = (alarms / rate.hours for alarms in rate.interval)
     return (
         f"legitimate cells earned this word {rate.alarms / rate.hours:.2f} times an hour "
-        f"({low:.2f} to {high:.2f}, 95 %) in {rate.hours:.1f} h of {rate.where}"
+        f"({low:.2f} to {high:.2f}, 95 %) in {rate.hours:.1f} h of {rate.where}: {rate.alarms} of "
+        f"{rate.cells} cells, so more often where a modem names many"
     )
 
 
@@ -105,11 +106,17 @@ def unnoticed_text(
         )
     missing = dict.fromkeys(need for needs in not_asked.values() for need in needs)
     needs = [_NEEDED[need] for need in missing if need in _NEEDED]
-    can_see_new = not not_asked.keys() >= _OF_A_NEW_STATION
+    hidden = [what for what, rules in _OF_A_NEW_STATION.items() if not_asked.keys() >= rules]
+    can_see_new = len(hidden) < len(_OF_A_NEW_STATION)
     can_compare = {*not_asked.get("B1", ())} <= {"earlier walks"}
     unseen = ["a weak one", "one on the air for a minute or two"] if can_see_new else []
+    unseen += [f"one of an invented {what}" for what in hidden if can_see_new]
+    one = "one" if can_see_new else "a cell"
     if n_walks is None or n_walks < FEWEST_WALKS or not can_compare:
-        unseen.append(f"{'one' if can_see_new else 'a cell'} with a plausible identity")
+        unseen.append(f"{one} with a plausible identity")
+    else:
+        unseen.append(f"{one} that earlier walks heard too")
+        unseen.append("one of a network or technology that they did not hear")
     unseen.append("a copy of a cell beside it")
     if needs:
         listed = " or ".join(filter(None, (", ".join(needs[:-1]), needs[-1])))

@@ -249,10 +249,6 @@ def reasons_of(cell: LocatedCell) -> tuple[str, ...]:
     reasons = list(cell.word_reasons) if cell.word in CONSPICUOUS else []
     if cell.word in CONSPICUOUS and not reasons:
         reasons = [f"rules {', '.join(cell.word_rules)}"]
-    if cell.n_places > 1:
-        reasons.append(
-            f"its identity is heard in {cell.n_places} places, farther apart than a cell reaches"
-        )
     if cell.two_sources is not None and cell.two_sources > _UNUSUAL_LOG_FACTOR:
         reasons.append("two transmitters explain its levels better than one")
     if cell.moved is not None and cell.moved > _UNUSUAL_LOG_FACTOR:

@@ -1,5 +1,6 @@
 """Earlier walks: B1, a cell that they did not hear, and B3, one that they all heard."""
 
+from dataclasses import replace
 from types import MappingProxyType
 
 import pytest
@@ -141,6 +142,38 @@ def test_b1_is_silent_where_the_operator_has_renumbered(n_moved, word):
     assert {walk.word(cell.cell) for cell in moved} == {word}
     new = gsm(99, -85, lac=1300)
     assert walk.scan(*moved, *HOME[n_moved:], new, times=4).word(new.cell) == "suspicious"
+
+
+def test_b1_says_nothing_of_a_network_that_earlier_walks_did_not_hear():
+    # another card, another modem, a network that has got another code
+    other = [gsm(cid, -80, mnc="03") for cid in range(30, 36)]
+    walk = Walk(baseline=Earlier(n_walks=15)).scan(*other, times=30)
+    assert {walk.word(cell.cell) for cell in other} == {"nothing unusual"}
+    assert "Earlier walks of this ground: 0" in walk.tracker.unnoticed_text
+    new = gsm(99, -85)
+    assert walk.scan(*HOME, new, times=4).word(new.cell) == "suspicious"
+    assert walk.tracker.earlier_walks == 15
+
+
+def test_b1_counts_the_walks_that_heard_the_network():
+    earlier, new = Earlier(n_walks=15, heard=0), gsm(99, -85)
+    earlier.cells = {name: replace(heard, n_walks=6) for name, heard in earlier.cells.items()}
+    assert Walk(baseline=earlier).scan(*HOME, new, times=4).word(new.cell) == "nothing unusual"
+
+
+@pytest.mark.parametrize(("n_new", "word"), [(5, "suspicious"), (7, "nothing unusual")])
+def test_b1_is_silent_where_most_cells_are_new(n_new, word):
+    # the operator has given all cells other identities
+    new = [gsm(cid, -85) for cid in range(90, 90 + n_new)]
+    walk = Walk(baseline=Earlier(n_walks=15)).scan(*HOME, *new, times=4)
+    assert {walk.word(cell.cell) for cell in new} == {word}
+
+
+def test_b1_takes_one_station_that_changes_its_identity_for_one():
+    walk = Walk(baseline=Earlier(n_walks=15))
+    for cid in range(90, 98):
+        walk.scan(*HOME, gsm(cid, -60, arfcn=99), times=4)
+    assert walk.word(gsm(97).cell) == "suspicious"
 
 
 def test_b1_wants_three_readings_of_its_level():

@@ -134,6 +134,20 @@ def test_p6_one_identity_on_two_channels_for_a_while():
     assert ("P6", 10) not in Walk().scan(*HOME, times=5).scan(other, *HOME[1:], times=2).rules
 
 
+@pytest.mark.parametrize(("times", "is_accused"), [(2, False), (3, True)])
+def test_p6_one_scan_names_an_identity_on_two_channels(times, is_accused):
+    # a modem that lists all cells hears a copy and its original; in a handover one scan may
+    walk = Walk().scan(*HOME, times=2).scan(*HOME, gsm(10, -60, arfcn=77), times=times)
+    assert (("P6", 10) in walk.rules) == is_accused
+
+
+def test_p6_two_handovers_are_no_copy():
+    walk = Walk()
+    for _ in range(3):
+        walk.scan(*HOME, times=3).scan(*HOME, gsm(10, -60, arfcn=77))
+    assert ("P6", 10) not in walk.scan(*HOME).rules
+
+
 def test_l1_l2_an_area_that_no_other_cell_has():
     many = [gsm(cid, -80) for cid in range(10, 20)]
     walk = Walk().scan(*many, times=3).scan(*many, gsm(99, -70, lac=7777), times=25)
@@ -486,6 +500,17 @@ def test_r1_all_is_jammed_before_the_2g_cell(dbm, metres, times, rules):
 def test_r1_a_modem_that_prints_nothing_was_not_jammed():
     walk = Walk().scan(LTE, metres=0.0, times=4).scan(gsm(10, -60), metres=0.0, seconds=60.0)
     assert walk.scan(gsm(10, -60), metres=0.0, times=4).rules == set()
+
+
+@pytest.mark.parametrize(("seconds", "is_accused"), [(5.0, True), (12.0, False), (25.0, False)])
+def test_r1_a_modem_that_starts_again_looks_for_2g_first(seconds, is_accused):
+    walk = Walk().scan(LTE, times=4).scan(gsm(10), seconds=seconds)
+    assert (("R1", 10) in walk.scan(gsm(10), times=4).rules) == is_accused
+
+
+def test_r1_a_slow_modem_is_asked():
+    slow = Walk().scan(LTE, seconds=15.0, times=4).scan(gsm(10), seconds=15.0, times=3)
+    assert slow.rules == {("R1", 10)}
 
 
 def test_r1_is_about_one_network():

@@ -110,6 +110,26 @@ def test_memory_is_bounded():
     assert sys.getsizeof(walk.tracker._findings) < 100_000
 
 
+@pytest.mark.parametrize(("n_others", "is_asked"), [(2, False), (3, True)])
+def test_among_few_cells_no_area_stands_out(n_others, is_asked):
+    # a rogue cell of 4G that takes over the modem leaves it few others
+    others = [gsm(10 + k, -70) for k in range(n_others)]
+    walk = Walk().scan(*others, times=2).scan(gsm(99, -60, lac=7777), times=40)
+    assert (("L1", 99) in walk.rules) == is_asked
+    said = walk.tracker.unnoticed_text
+    assert ("one of an invented area" in said) != is_asked
+
+
+def test_a_scan_of_more_cells_than_are_remembered_is_asked_about_all():
+    # a list of all networks in a large city; the cells of before are forgotten at its end
+    city = [gsm(1000 + k, -60.0 - k / 4.0, arfcn=k) for k in range(170)]
+    rogue = gsm(1, -55, mcc="001", lac=1, arfcn=900)
+    walk = Walk().scan(*city, rogue, seconds=30.0, times=4)
+    assert walk.word(rogue.cell) == "suspicious"
+    assert all(cell.n_scans == 4 for cell in walk.tracker._memories["modem"].cells.values())
+    assert len(walk.scan(*city[:5]).scan(gsm(2)).tracker._memories["modem"].cells) <= 128
+
+
 def _spots(places, n=40, step_m=30.0):
     """Levels along a street of the strongest of several stations with 55 dB at 1 m."""
     spots = []

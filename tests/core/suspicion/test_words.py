@@ -72,6 +72,7 @@ def test_the_rate_of_an_alarm_is_a_bound_where_there_was_none():
 def test_a_rate_is_printed_with_its_interval_and_hours():
     text = "legitimate cells earned this word 0.03 times an hour (0.00 to 0.14, 95 %) in 38.5 h of "
     assert word_rate_text("suspicious").startswith(text)
+    assert "1 of 924 cells, so more often where a modem names many" in word_rate_text("suspicious")
 
 
 @pytest.mark.parametrize(("missing", "helps"), [(("earlier walks",), True), (("identity",), False)])
@@ -80,11 +81,26 @@ def test_more_walks_are_promised_to_help_only_where_they_would(missing, helps):
     assert ("plausible identity" in unnoticed_text({"B1": missing}, 600.0, 7)) != helps
 
 
+def test_earlier_walks_cannot_show_what_they_heard_too_nor_what_they_could_not_hear():
+    assert "earlier walks heard" not in unnoticed_text({}, 600.0, 6)
+    said = unnoticed_text({}, 600.0, 7)
+    assert "one that earlier walks heard too" in said
+    assert "one of a network or technology that they did not hear" in said
+
+
 def test_a_station_that_is_on_the_air_for_a_minute_is_not_said_to_be_noticed():
     """L1 waits for the second cell of a border: on foot 80 s."""
     assert "one on the air for a minute or two" in unnoticed_text({}, 600.0, 0)
     of_a_new_station = dict.fromkeys(("P1", "L1", "L2", "L4"), ())
     assert "no station would certainly" in unnoticed_text(of_a_new_station, 600.0, 0)
+
+
+def test_what_would_have_been_noticed_is_said_of_networks_and_areas_apart():
+    for hidden, what in (("P1", "L4"), "network"), (("L1", "L2"), "area"):
+        said = unnoticed_text(dict.fromkeys(hidden, ()), 600.0, 0)
+        assert "a strong new station would most likely" in said
+        assert f"one of an invented {what}" in said
+    assert "invented" not in unnoticed_text({"L1": ()}, 600.0, 0)
 
 
 def test_a_walk_of_seconds_promises_nothing():

@@ -70,7 +70,9 @@ def folder(files, tmp_path):
 def _locate(capsys, folder, scheduler, *arguments):
     assert main(["survey", "locate", str(folder), "--scheduler", scheduler, "--json",
                  *arguments]) == 0  # fmt: skip
-    return {one["cell"]: one for one in json.loads(capsys.readouterr().out)["cells"]}
+    found = json.loads(capsys.readouterr().out)
+    assert "may be missed" in found["unnoticed"]
+    return {one["cell"]: one for one in found["cells"]}
 
 
 def test_worst_word_over_all_runs(files, folder, scheduler, capsys):
@@ -118,12 +120,14 @@ def test_each_place_of_an_identity_has_its_own_word(files, folder, scheduler, ca
     rows = json.loads(capsys.readouterr().out)["cells"]
     assert [(row["place"], row["n_runs"], row["word"], row["word_runs"]) for row in rows] == [
         (1, 2, "suspicious", 2),
-        (2, 1, "nothing unusual", 0),
+        (2, 1, "unusual", 3),
     ]
+    assert [row["word_rules"][-1] for row in rows] == ["S11", "S11"]
     assert main(argv) == 0
     said = " ".join(capsys.readouterr().out.split())
     places = "52.50° N, 13.40° E (2 runs, 2026-09-21); 40.70° N, 74.00° W (1 run, 2026-09-21)"
-    assert f"{FOREIGN} is heard in 2 places, farther apart than a cell reaches: {places}" in said
+    heard = f"heard in 2 places, farther apart than a cell reaches: {places}"
+    assert f"{FOREIGN} is unusual in 3 runs: {heard}" in said
 
 
 def test_words_of_other_rules_are_asked_again(folder, scheduler, capsys, monkeypatch):

@@ -9,7 +9,7 @@ from rerun.chunk import RrdReader
 
 from postproc.view import viewer
 from postproc.view.plan import ellipse_axes, zoom_of
-from postproc.view.scene import SHARED_AXIS, write_scene
+from postproc.view.scene import SHARED_AXIS, cell_report, empty_report, write_scene
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks, rows, static_columns, temporal_columns, times, values
 from tests.kit.walks import with_places
@@ -190,6 +190,12 @@ def test_the_report_states_the_verdict_and_escapes_markup(recording_path):
     assert r"\* the filter of the specification" in text
     assert "from the truth" in text
     assert r"**rejected** | too \<far\>" in text
+
+
+def test_the_report_says_what_no_rule_could_see(view):
+    some = replace(view, unnoticed="not a weak one")
+    assert "not a weak one" in cell_report(some, some.cell_views[0])
+    assert "not a weak one" in empty_report(some)
 
 
 def test_linked_plots_open_on_the_complete_run(recording_path):
