@@ -284,9 +284,6 @@ def processors() -> int:
 
 
 def start_of(text: str) -> places.Places:
-    """Where `--from` says that a walk begins; raises `GeoError` for no place on the Earth."""
-    try:
-        lat_deg, lon_deg = map(float, text.split(","))
-    except ValueError:
-        raise click.UsageError(f"--from {text[:40]!r} is not LAT,LON in degrees") from None
+    """Where `--from` says that a walk begins; raises as `position_of`."""
+    lat_deg, lon_deg, _ = places.position_of(text)
     return places.Places.of_degrees(lat_deg, lon_deg)

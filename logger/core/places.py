@@ -7,7 +7,7 @@ outside the zone.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import floor, hypot
+from math import floor, hypot, isfinite
 from typing import ClassVar, Self
 
 import numpy as np
@@ -16,7 +16,7 @@ from pyproj import Proj
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.certainty import OnMap
-from logger.core.errors import EstimationError, GeoError
+from logger.core.errors import ConfigError, EstimationError, GeoError
 from logger.core.model.path_loss import log_distances_db
 from logger.core.rows import Rows
 from logger.core.types import DEAD_RECKONING, Fix
@@ -72,6 +72,28 @@ def check_position(lat_deg: float, lon_deg: float) -> None:
             f"latitude {lat_deg:.4f} deg is beyond 84 deg, where UTM ends; "
             f"cellwalk cannot map this walk{swapped}"
         )
+
+
+def position_of(text: str, third: str = "") -> tuple[float, float, float | None]:
+    """LAT,LON as written, or LAT LON as tables have it; a third number may follow if it has a name.
+
+    Raises `ConfigError` for another text, `GeoError` for a position that cannot be mapped.
+    """
+    parts = text.replace(",", " ").split()
+    try:
+        values = [float(part) for part in parts]
+    except ValueError:
+        values = []
+    is_complete = len(values) == 2 or (len(values) == 3 and third != "")
+    if not is_complete or not all(map(isfinite, values)):
+        longer = f" or LAT,LON,{third}" if third else ""
+        alone = "; each position has an option of its own" if len(values) > 3 else ""
+        raise ConfigError(
+            f"{text[:40]!r} is no position: LAT,LON{longer} is wanted, like 52.52,13.405{alone}"
+        )
+    lat_deg, lon_deg, *more = values
+    check_position(lat_deg, lon_deg)
+    return lat_deg, lon_deg, more[0] if more else None
 
 
 @dataclass(frozen=True, slots=True)

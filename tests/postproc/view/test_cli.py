@@ -107,7 +107,7 @@ def test_several_runs_are_one_walk(tmp_path):
         (["--save", "x.txt"], "named .rrd"),
         (["--save", "x.rrd", "--port", "80"], "--port goes with --web"),
         (["--save", "x.rrd", "--cell", "nowhere"], "was not observed"),
-        (["--save", "x.rrd", "--claim", "north"], "is no claim"),
+        (["--save", "x.rrd", "--claim", "north"], "is no position: LAT,LON or LAT,LON,SIGMA_M"),
         (["--save", "x.rrd", "--claim", "95,0"], "latitude"),
         (["--save", "x.rrd", "--basemap", "absent.png"], "no such file"),
         (["--save", "absent/x.rrd"], "no such folder"),
