@@ -12,6 +12,7 @@ from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.cli import main
 from postproc.multi_run import (
+    check_different,
     in_one_zone,
     in_order,
     merge,
@@ -290,7 +291,7 @@ def test_a_modem_of_which_no_reading_counts_has_no_offset(pair):
 
 def test_modems_of_one_run_are_kept_apart(tmp_path):
     path = record_walk(tmp_path / "two.h5", BENT, second_db=-SHIFT_DB)
-    alone = record_walk(tmp_path / "one.h5", BENT, run_id="1" * 32)
+    alone = record_walk(tmp_path / "one.h5", BENT, run_id="1" * 32, seed=1)
     (cell,) = smooth_runs([read_run(path)]).cells
     first, second = cell.shares
     assert [(share.run, share.n) for share in cell.shares] == [(0, 100), (0, 100)]
@@ -412,6 +413,32 @@ def test_a_log_that_was_imported_twice_counts_once(tmp_path, capsys):
     for command in ("smooth", "compare", "report"):
         assert "a.h5 and" in (line := fails(capsys, command, *both))
         assert "are the same run" in line
+
+
+def test_a_run_and_its_shared_copy_are_one_walk(tmp_path, capsys):
+    """Each level would count twice, and the region would be too small."""
+    away_m = np.append(np.arange(0.0, 900.0, 4.0), np.arange(900.0, 0.0, -4.0))
+    way = away_m, np.where(np.arange(len(away_m)) < 225, 0.0, 40.0)
+    one = record_walk(tmp_path / "1.h5", way, seed=3)
+    copies = [tmp_path / "copy.h5", tmp_path / "again.h5"]
+    for copy in copies:
+        assert main(["share", str(one), "-o", str(copy)]) == 0
+    capsys.readouterr()
+    for command in ("smooth", "suspect", "compare", "next"):
+        line = fails(capsys, command, one, copies[0])
+        assert "1.journal and" in line
+        assert "are of one walk" in line
+    assert "are of one walk" in fails(capsys, "smooth", *copies)
+
+
+def test_modems_that_share_a_receiver_are_no_copies(tmp_path):
+    """The fixes are equal, and few levels of one instant are."""
+    one, other = (
+        read_run(record_walk(tmp_path / f"{k}.h5", BENT, seed=k, shift_db=SHIFT_DB * k))
+        for k in range(2)
+    )
+    assert np.array_equal(one.tables["fixes"]["lat_deg"], other.tables["fixes"]["lat_deg"])
+    check_different([one, other])
 
 
 def test_runs_of_one_modem_are_in_time_order(tmp_path):
