@@ -2,7 +2,7 @@
 
 Each track is smoothed alone and put into the UTM zone of the first. The difference between the
 levels of two modems is unknown (`logger.core.locator.offsets`), unless two runs name the same
-modem. A run may have several modems.
+modem.
 """
 
 import tomllib
@@ -56,7 +56,7 @@ def named_apart(runs: Sequence[Run]) -> list[Run]:
 
 
 def check_different(runs: Sequence[Run]) -> None:
-    """Raise `ConfigError` where two of the files have one walk: a run, a log, or a copy of it."""
+    """Raise `ConfigError` where two files are one run, imports of one log, or a copy."""
     known: dict[str, Run] = {}
     for run in runs:
         names = [run.meta.run_id]
@@ -73,16 +73,13 @@ def check_different(runs: Sequence[Run]) -> None:
             )
 
 
-_FEWEST_COMMON = 10
-"""Readings: fewer that count twice make no region noticeably smaller."""
+_FEWEST_COMMON = 10  # readings: fewer that count twice make no region noticeably smaller
 
 
 def _n_common(run: Run, other: Run) -> int:
-    """Readings of both, if they are most of those of either between the fixes of both.
-
-    A copy to share, or an import of a part, has another number and another zero of time; fixes have
-    their UTC and positions. Two modems that share a receiver have few levels in common.
-    """
+    """Readings that are in both, if most are where fixes are in both."""
+    # a copy to share, or an import of a part, has another number and zero of time, and the same
+    # fixes by UTC and position; modems that share a receiver have few levels in common
     fixes, others = (
         of.tables["fixes"][np.isfinite(of.tables["fixes"]["lat_deg"])] for of in (run, other)
     )
@@ -108,14 +105,14 @@ def _n_common(run: Run, other: Run) -> int:
 
 
 def _heard(readings: Rows, later_ns: int, first_ns: int, last_ns: int) -> npt.NDArray[np.void]:
-    """Time, level, channel and cell of what a clock that is so much later read between times."""
+    """Time, level, channel and cell of each, by a clock that is so much later."""
     t_ns, level_dbm = readings["t_ns"] - later_ns, levels_dbm(readings)
     is_between = (t_ns >= first_ns) & (t_ns <= last_ns) & np.isfinite(level_dbm)
     return np.unique(_bits(t_ns, level_dbm, readings["arfcn"], readings["cid"])[is_between])
 
 
 def _bits(*columns: npt.NDArray[Any]) -> npt.NDArray[np.void]:
-    """Rows of columns as values that are equal where all columns are."""
+    """Values that are equal where all columns are."""
     whole = [
         np.ascontiguousarray(one).view(np.int64) if one.dtype.kind == "f" else one.astype(np.int64)
         for one in columns

@@ -246,7 +246,7 @@ def grouped_runs(
 def estimate(
     runs: Sequence[runfile.Run], cells: Sequence[str], options: estimation.Options | None = None
 ) -> estimation.Result:
-    """Estimate cells (none named: all) of runs on all processors, with a bar on the terminal."""
+    """Estimate cells (none named: all) on all processors."""
     return smoothing.smooth_runs(
         runs,
         cells,
@@ -285,5 +285,5 @@ def processors() -> int:
 
 def start_of(text: str) -> places.Places:
     """Where `--from` says that a walk begins; raises as `position_of`."""
-    lat_deg, lon_deg, _ = places.position_of(text)
-    return places.Places.of_degrees(lat_deg, lon_deg)
+    at, _ = places.position_of(text)
+    return places.Places.of_degrees(at.lat, at.lon)

@@ -1,8 +1,7 @@
 """Places: where the walker was or a transmitter may be, in one UTM zone; and that zone.
 
 A walk that crosses the border of a zone or the equator stays continuous in the zone of its first
-fix. Transverse Mercator by PROJ (Karney 2011), accurate to nanometres at such distances, also far
-outside the zone.
+fix. Transverse Mercator by PROJ (Karney 2011) is accurate to nanometres far outside the zone.
 """
 
 from collections.abc import Sequence
@@ -74,10 +73,10 @@ def check_position(lat_deg: float, lon_deg: float) -> None:
         )
 
 
-def position_of(text: str, third: str = "") -> tuple[float, float, float | None]:
-    """LAT,LON as written, or LAT LON as tables have it; a third number may follow if it has a name.
+def position_of(text: str, third: str = "") -> tuple[OnMap, float | None]:
+    """LAT,LON or LAT LON, as our tables have it, and the `third` number, if that has a name.
 
-    Raises `ConfigError` for another text, `GeoError` for a position that cannot be mapped.
+    Raises `ConfigError`, or as `check_position`.
     """
     parts = text.replace(",", " ").split()
     try:
@@ -93,12 +92,12 @@ def position_of(text: str, third: str = "") -> tuple[float, float, float | None]
         )
     lat_deg, lon_deg, *more = values
     check_position(lat_deg, lon_deg)
-    return lat_deg, lon_deg, more[0] if more else None
+    return OnMap(lat=lat_deg, lon=lon_deg), more[0] if more else None
 
 
 @dataclass(frozen=True, slots=True)
 class Utm:
-    """One UTM zone for a complete run; `zone` as returned by `zone_of`."""
+    """One UTM zone; `zone` as of `zone_of`."""
 
     zone: int
 

@@ -84,8 +84,8 @@ def swap_hint(claim: Claim, walk: OnMap) -> str | None:
 
 def parse_claim(text: str, cell: str | None) -> Claim:
     """LAT,LON[,SIGMA_M]; raises as `position_of`."""
-    lat_deg, lon_deg, sigma_m = position_of(text, "SIGMA_M")
-    return Claim(cell, lat_deg, lon_deg, sigma_m or 0.0, "command line")
+    at, sigma_m = position_of(text, "SIGMA_M")
+    return Claim(cell, at.lat, at.lon, sigma_m or 0.0, "command line")
 
 
 def read_claims(path: Path, wanted: Sequence[str]) -> tuple[list[Claim], list[str]]:

@@ -191,7 +191,7 @@ def lookup(path: Path, identity: str | None, near: str | None, *, as_json: bool)
     if identity:
         cells = database.by_identity(identity)
     else:
-        lat_deg, lon_deg, radius_m = places.position_of(near or "", "RADIUS_M")
-        cells = database.near(lat_deg, lon_deg, _USUAL_M if radius_m is None else radius_m)
+        at, radius_m = places.position_of(near or "", "RADIUS_M")
+        cells = database.near(at.lat, at.lon, _USUAL_M if radius_m is None else radius_m)
     database.close()
     show(databases.document_of_cells(cells), as_json=as_json)

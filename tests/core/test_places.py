@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from logger.core import shadow_ekf
+from logger.core.certainty import OnMap
 from logger.core.errors import ConfigError, GeoError
 from logger.core.places import Places, Utm, join_places, position_of
 from logger.core.shadow_ekf import ShadowNoise
@@ -78,8 +79,9 @@ def test_degrees_come_back_and_a_zone_may_be_given(lat_deg, lon_deg):
 
 @pytest.mark.parametrize("text", ["-33.9241,18.4247", "-33.9241 18.4247", " -33.9241, 18.4247"])
 def test_a_position_is_read_as_it_is_written_and_as_our_tables_print_it(text):
-    assert position_of(text) == (-33.9241, 18.4247, None)
-    assert position_of(f"{text},80", "SIGMA_M") == (-33.9241, 18.4247, 80.0)
+    at = OnMap(lat=-33.9241, lon=18.4247)
+    assert position_of(text) == (at, None)
+    assert position_of(f"{text},80", "SIGMA_M") == (at, 80.0)
 
 
 @pytest.mark.parametrize("text", ["", "here", "52.5", "nan,13.4", "52.5,13.4,80", "52,5,13,4"])

@@ -416,7 +416,7 @@ def test_a_log_that_was_imported_twice_counts_once(tmp_path, capsys):
 
 
 def test_a_run_and_its_shared_copy_are_one_walk(tmp_path, capsys):
-    """Each level would count twice, and the region would be too small."""
+    # each level would count twice, and the region would be too small
     away_m = np.append(np.arange(0.0, 900.0, 4.0), np.arange(900.0, 0.0, -4.0))
     way = away_m, np.where(np.arange(len(away_m)) < 225, 0.0, 40.0)
     one = record_walk(tmp_path / "1.h5", way, seed=3)
@@ -432,7 +432,6 @@ def test_a_run_and_its_shared_copy_are_one_walk(tmp_path, capsys):
 
 
 def test_modems_that_share_a_receiver_are_no_copies(tmp_path):
-    """The fixes are equal, and few levels of one instant are."""
     one, other = (
         read_run(record_walk(tmp_path / f"{k}.h5", BENT, seed=k, shift_db=SHIFT_DB * k))
         for k in range(2)
