@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from logger.core.locator.pipeline import decide, locate
-from logger.core.locator.two_source_test import LIVE, divide_in_time
+from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, LIVE, divide_in_time
 from logger.core.places import Places, Utm
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
@@ -490,6 +490,34 @@ def test_a_transmitter_that_moved_between_the_walks_is_not_located():
     decision = decide(locate(obs.usable()), obs)
     assert decision.verdict == "cannot tell"
     assert "seems to have moved, between" in decision.reasons[0]
+
+
+def _by_other_modems(parts, apart_db):
+    """The walks together, each by a modem that reads so much higher than that of the day before."""
+    when = {day: (day, UTC0_NS + day * DAY_NS) for day in parts}
+    louder = {
+        day: replace(obs, level_dbm=obs.level_dbm + apart_db * day) for day, obs in parts.items()
+    }
+    return merge(in_order(louder, when), list(parts))
+
+
+@pytest.mark.parametrize("apart_db", [0.0, 12.0])
+def test_a_move_shows_where_each_walk_had_a_modem_of_its_own(apart_db):
+    """An offset between modems explains the levels of a whole walk, and not where they are high."""
+    obs = _by_other_modems(_walks_of_days((150, BEFORE_M), (300, AFTER_M)), apart_db)
+    division = divide_in_time(obs, locate(obs.usable()), LIVE)
+    assert division.log_factor > 2.0 * LEAST_LOG_FACTOR
+    found = [place.xy_m[:, 0] for place in (division.one, division.other)]
+    for source_m in (BEFORE_M, AFTER_M):
+        assert min(np.hypot(*(at_m - source_m)) for at_m in found) < 60.0
+
+
+@pytest.mark.parametrize("apart_db", [0.0, 12.0, 24.0])
+def test_an_offset_between_modems_is_no_move(apart_db):
+    obs = _by_other_modems(_walks_of_days((150, AFTER_M), (300, AFTER_M)), apart_db)
+    assert divide_in_time(obs, locate(obs.usable()), LIVE).log_factor < 0.0
+    two_in_one_run = replace(obs, run=None)
+    assert divide_in_time(two_in_one_run, locate(obs.usable()), LIVE) is None
 
 
 @pytest.mark.parametrize("modems", ["aaa", "abc"])
