@@ -83,7 +83,7 @@ def test_several_runs_are_one_walk(tmp_path):
     paths = [tmp_path / name / "run-000001.journal" for name in ("one", "two")]
     for i, path in enumerate(paths):
         path.parent.mkdir()
-        runs.write_journal(path, runs.records(30), run_id=str(i) * 32)
+        runs.write_journal(path, runs.on_another_day(runs.records(30), i), run_id=str(i) * 32)
     saved, cell = tmp_path / "x.rrd", "262-01-4711-1"
     argv = [*map(str, paths), "--cell", cell]
     assert main(["view", *argv, "--save", str(saved)]) == 0
