@@ -112,7 +112,7 @@ def _heard(readings: Rows, later_ns: int, first_ns: int, last_ns: int) -> npt.ND
 
 
 def _bits(*columns: npt.NDArray[Any]) -> npt.NDArray[np.void]:
-    """Values that are equal where all columns are."""
+    """Equal where all columns are."""
     whole = [
         np.ascontiguousarray(one).view(np.int64) if one.dtype.kind == "f" else one.astype(np.int64)
         for one in columns

@@ -29,6 +29,7 @@ from logger.core.certainty import (
     RADII,
     Ellipse,
     ellipse95,
+    metres,
     radii_text,
 )
 from logger.core.document import (
@@ -556,8 +557,13 @@ _NOTEBOOK_COLUMNS = (
 def _row(number: int, answer: Answer) -> tuple[Value, ...]:
     word = Mark(answer.word.word) if answer.word and answer.is_conspicuous else ""
     begin, place = (number, answer.cell, word, Mark(answer.verdict)), answer.place
-    at = (place.where, place.r50_m, place.r95_m) if place else (None, None, None)
+    at = (place.where, place.r50_m, surely(place)) if place else (None, None, None)
     return (*begin, *at, answer.provenance.n)
+
+
+def surely(place: Place) -> Value:
+    """The radius of 95 % and its supposition."""
+    return f"{metres(place.r95_m)} {place.supposition}" if place.supposition else place.r95_m
 
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:
