@@ -2,16 +2,18 @@
 
 Each track is smoothed alone and put into the UTM zone of the first. The difference between the
 levels of two modems is unknown (`logger.core.locator.offsets`), unless two runs name the same
-modem. A run may have several modems.
+modem.
 """
 
 import tomllib
 from collections import Counter
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from itertools import combinations
+from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from logger.baseline_store import walk_digest
 from logger.core.arrays import IntArray
@@ -20,6 +22,7 @@ from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
 from logger.core.places import Utm, join_places
 from logger.core.readings import Observations, Readings
+from logger.core.rows import Rows, levels_dbm
 from logger.core.runfile import Run
 from logger.core.runfile.meta import is_import
 from logger.core.source_tables import MODEM, source_tables
@@ -53,7 +56,7 @@ def named_apart(runs: Sequence[Run]) -> list[Run]:
 
 
 def check_different(runs: Sequence[Run]) -> None:
-    """Raise `ConfigError` where two of the files are one run, or imports of one log."""
+    """Raise `ConfigError` where two files are one run, imports of one log, or a copy."""
     known: dict[str, Run] = {}
     for run in runs:
         names = [run.meta.run_id]
@@ -62,6 +65,59 @@ def check_different(runs: Sequence[Run]) -> None:
         if same := [known[name] for name in names if name in known]:
             raise ConfigError(f"{same[0].path} and {run.path} are the same run: each counts once")
         known |= dict.fromkeys(names, run)
+    for run, other in combinations(runs, 2):
+        if (n := _n_common(run, other)) >= _FEWEST_COMMON:
+            raise ConfigError(
+                f"{run.path} and {other.path} are of one walk, with {n} readings in common, and "
+                "each counts once: leave out one of them"
+            )
+
+
+_FEWEST_COMMON = 10  # readings: fewer that count twice make no region noticeably smaller
+
+
+def _n_common(run: Run, other: Run) -> int:
+    """Readings that are in both, if most are where fixes are in both."""
+    # a copy to share, or an import of a part, has another number and zero of time, and the same
+    # fixes by UTC and position; modems that share a receiver have few levels in common
+    fixes, others = (
+        of.tables["fixes"][np.isfinite(of.tables["fixes"]["lat_deg"])] for of in (run, other)
+    )
+    if not len(fixes) or not len(others):
+        return 0
+    utc_ns, others_ns = fixes["utc_ns"], others["utc_ns"]
+    if np.max(utc_ns) < np.min(others_ns) or np.max(others_ns) < np.min(utc_ns):
+        return 0
+    at, at_others = (
+        _bits(one["utc_ns"], one["lat_deg"], one["lon_deg"]) for one in (fixes, others)
+    )
+    _, here, there = np.intersect1d(at, at_others, return_indices=True)
+    if not len(here):
+        return 0
+    common_ns = fixes["t_ns"][here]
+    later_ns, counts = np.unique(others["t_ns"][there] - common_ns, return_counts=True)
+    own, of_other = (
+        _heard(one.tables["readings"], by_ns, int(np.min(common_ns)), int(np.max(common_ns)))
+        for one, by_ns in ((run, 0), (other, int(later_ns[np.argmax(counts)])))
+    )
+    n = len(np.intersect1d(own, of_other))
+    return n if n > 0.5 * min(len(own), len(of_other)) else 0
+
+
+def _heard(readings: Rows, later_ns: int, first_ns: int, last_ns: int) -> npt.NDArray[np.void]:
+    """Time, level, channel and cell of each, by a clock that is so much later."""
+    t_ns, level_dbm = readings["t_ns"] - later_ns, levels_dbm(readings)
+    is_between = (t_ns >= first_ns) & (t_ns <= last_ns) & np.isfinite(level_dbm)
+    return np.unique(_bits(t_ns, level_dbm, readings["arfcn"], readings["cid"])[is_between])
+
+
+def _bits(*columns: npt.NDArray[Any]) -> npt.NDArray[np.void]:
+    """Equal where all columns are."""
+    whole = [
+        np.ascontiguousarray(one).view(np.int64) if one.dtype.kind == "f" else one.astype(np.int64)
+        for one in columns
+    ]
+    return np.column_stack(whole).view(f"V{8 * len(whole)}").ravel()
 
 
 def in_one_zone(runs: Sequence[ObservedRun]) -> tuple[ObservedRun, ...]:

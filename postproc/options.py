@@ -246,7 +246,7 @@ def grouped_runs(
 def estimate(
     runs: Sequence[runfile.Run], cells: Sequence[str], options: estimation.Options | None = None
 ) -> estimation.Result:
-    """Estimate cells (none named: all) of runs on all processors, with a bar on the terminal."""
+    """Estimate cells (none named: all) on all processors."""
     return smoothing.smooth_runs(
         runs,
         cells,
@@ -284,9 +284,6 @@ def processors() -> int:
 
 
 def start_of(text: str) -> places.Places:
-    """Where `--from` says that a walk begins; raises `GeoError` for no place on the Earth."""
-    try:
-        lat_deg, lon_deg = map(float, text.split(","))
-    except ValueError:
-        raise click.UsageError(f"--from {text[:40]!r} is not LAT,LON in degrees") from None
-    return places.Places.of_degrees(lat_deg, lon_deg)
+    """Where `--from` says that a walk begins; raises as `position_of`."""
+    at, _ = places.position_of(text)
+    return places.Places.of_degrees(at.lat, at.lon)

@@ -1,7 +1,6 @@
 """The result of `smooth`: every estimator over every cell of some runs, and answers as a table.
 
-One run is several with n = 1. Tables, report, view, exports and JSON are made of this and of
-nothing else; positions are UTM, times nanoseconds (conventions: `logger.core`).
+Tables, report, view, exports and JSON are made of this alone.
 """
 
 from collections import Counter
@@ -23,12 +22,14 @@ from logger.core.answer import (
     Word,
     answer_of,
     place_of,
+    supposition_of,
 )
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.certainty import (
     RADII,
     Ellipse,
     ellipse95,
+    metres,
     radii_text,
 )
 from logger.core.document import (
@@ -76,6 +77,7 @@ COLUMNS = (
     "longitude_deg",
     "r50_m",
     "r95_m",
+    "supposition",
     "n_places",
     "other_places",
     "n_readings",
@@ -86,7 +88,8 @@ COLUMNS = (
     "verdict_reasons",
 )
 """Position: that of the cell, WGS 84. `r50_m` and `r95_m` about it hold 50 % and 95 % of the
-probability, also of `other_places`: latitude, longitude and share of each."""
+probability, also of `other_places`: latitude, longitude and share of each; `supposition` is what
+the radii suppose."""
 _BESIDE = ("ekf", "rts", "batch")
 """Other estimators by their key; the ellipse of the reference EKF is wrong."""
 _WIDEST_M = 50_000.0
@@ -134,11 +137,11 @@ def _values(answer: Answer, beside: Sequence[str]) -> Iterator[Value]:
 
 def _place(answer: Answer) -> tuple[Value, ...]:
     if answer.place is None:
-        return None, None, None, None, 0, None
+        return None, None, None, None, None, 0, None
     place = answer.place.in_short()
     others = (f"{one.share}: {one.lat} {one.lon}" for one in place.modes[1:])
-    radii_m = place.r50_m, place.r95_m
-    return place.lat, place.lon, *radii_m, len(place.modes), "; ".join(others) or None
+    radii = place.r50_m, place.r95_m, place.supposition or None
+    return place.lat, place.lon, *radii, len(place.modes), "; ".join(others) or None
 
 
 def _is_bounded(end: PathEnd) -> bool:
@@ -303,8 +306,11 @@ class CellResult:
         word = f"{self.word}; " if self.word else ""
         posterior = self.posterior
         if posterior is not None and self.place is None:
+            area = "" if posterior.prior.area is None else posterior.prior.area.text
+            supposed = supposition_of(area, may_be_distant=posterior.may_be_distant)
             at = f"x {posterior.x_m:.0f} m, y {posterior.y_m:.0f} m"
-            return f"{word}{self.verdict}, {at}, {radii_text(posterior.r50_m, posterior.r95_m)}"
+            radii = radii_text(posterior.r50_m, posterior.r95_m)
+            return f"{word}{self.verdict}, {', '.join(filter(None, [at, radii, supposed]))}"
         made_from = Provenance(self.n)
         answer = Answer(self.cell, self.verdict, self.warnings, made_from, self.place)
         return f"{word}{answer.sentence}"
@@ -551,8 +557,13 @@ _NOTEBOOK_COLUMNS = (
 def _row(number: int, answer: Answer) -> tuple[Value, ...]:
     word = Mark(answer.word.word) if answer.word and answer.is_conspicuous else ""
     begin, place = (number, answer.cell, word, Mark(answer.verdict)), answer.place
-    at = (place.where, place.r50_m, place.r95_m) if place else (None, None, None)
+    at = (place.where, place.r50_m, surely(place)) if place else (None, None, None)
     return (*begin, *at, answer.provenance.n)
+
+
+def surely(place: Place) -> Value:
+    """The radius of 95 % and its supposition."""
+    return f"{metres(place.r95_m)} {place.supposition}" if place.supposition else place.r95_m
 
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:

@@ -94,6 +94,7 @@ _CELL_COLUMNS = (
     Column("surely", is_right=True),
     Column("places", is_right=True),
 )
+_DISTANT = "*"
 _MOST_ROWS = 12
 """More cells that are ordinary and not located push the answer off the screen."""
 _ESTIMATOR_COLUMNS = (
@@ -148,7 +149,7 @@ class SummaryRow(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """What is said of a result: of its runs, of them together, and of each cell.
+    """What is said of runs and of each cell.
 
     `in_order` names the cells as a text has them.
     """
@@ -300,6 +301,11 @@ def _overview(rows: Sequence[SummaryRow]) -> tuple[Parts, list[Failure]]:
         for row in rows
         for reason in (row.answer.reasons if row.error else ())
     ]
+    if any(row.answer.place is not None and row.answer.place.may_be_distant for row in shown):
+        parts += [
+            "",
+            f"{_DISTANT} if it is no distant mast: the levels fit one kilometres away as well",
+        ]
     parts += _why_not([row for row in shown if not row.error])
     for line in (_area_line(shown), _truth_line(shown)):
         parts += ["", line] if line else []
@@ -325,7 +331,6 @@ def _is_dull(row: SummaryRow) -> bool:
 def _why_not(rows: Sequence[SummaryRow]) -> Parts:
     """Why cells are not located; of several places, which are in the table, where to walk."""
     wide: list[float] = []
-    distant = 0
     others: list[tuple[str, str]] = []
     for row in rows:
         answer, needed_m = row.answer, row.result.needed_m
@@ -333,7 +338,6 @@ def _why_not(rows: Sequence[SummaryRow]) -> Parts:
             continue
         if needed_m is not None:
             wide.append(needed_m)
-            distant += answer.place is not None and answer.place.may_be_distant
         else:
             is_ambiguous = answer.verdict == "ambiguous" and len(answer.reasons) > 1
             others.append((answer.cell, answer.reasons[is_ambiguous]))
@@ -342,9 +346,6 @@ def _why_not(rows: Sequence[SummaryRow]) -> Parts:
         cells = "1 cell is" if len(wide) == 1 else f"{len(wide)} cells are"
         narrow = "Levels from other sides, and nearer to the position, would tell more."
         text = f"{cells} not located because 95 % do not lie within {metres(wide[0])}. {narrow}"
-        if distant:
-            which = "" if len(wide) == 1 else f" of {distant} of them"
-            text = f"{text} The levels{which} fit a mast kilometres away as well."
         parts += ["", text]
     return [*parts, *([""] if others else []), *facts(others)]
 
@@ -359,7 +360,9 @@ def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
     if place is None:
         where = heard_at(row.result.obs)
         return [(*begin, where and f"heard {where}")]
-    modes, radii = place.likely_modes, (metres(place.r50_m), metres(place.r95_m))
+    # before the radius: the digits of a column stay below each other
+    mark = _DISTANT if place.may_be_distant else ""
+    modes, radii = place.likely_modes, (metres(place.r50_m), f"{mark}{metres(place.r95_m)}")
     rows: list[tuple[Value, ...]] = [
         (*begin, place.where, *radii, str(len(modes)) if modes else "")
     ]
@@ -370,7 +373,7 @@ def _cell_rows(row: SummaryRow) -> list[tuple[Value, ...]]:
 
 
 def _area_line(rows: Sequence[SummaryRow]) -> str:
-    """What the positions suppose, and how much of their probability is elsewhere without it."""
+    """What the positions suppose."""
     places = [row.answer.place for row in rows if row.answer.place is not None]
     areas = sorted({place.area for place in places if place.area})
     shares = sorted(one.outside_share for one in places if one.outside_share is not None)
@@ -391,6 +394,9 @@ def _truth_line(rows: Sequence[SummaryRow]) -> str:
         return ""
     errors_m = sorted(check.error_m for check in checks if check.error_m is not None)
     held = sum(bool(check.inside_region95) for check in checks)
+    if len(checks) == 1:
+        side = "holds" if held else "does not hold"
+        return f"In truth the position is {metres(errors_m[0])} off; the 95 % region {side} it."
     return (
         f"In truth the positions are {metres(errors_m[0])} to {metres(errors_m[-1])} off; the "
         f"95 % region holds that of {held} of {len(checks)} cells."

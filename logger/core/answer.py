@@ -112,9 +112,14 @@ class Place(Position, frozen=True, kw_only=True, omit_defaults=True):
     @property
     def supposition(self) -> str:
         """What the radii suppose, if anything."""
-        if self.area:
-            return f"if it is {self.area}"
-        return "if it is no distant mast" if self.may_be_distant else ""
+        return supposition_of(self.area, may_be_distant=self.may_be_distant)
+
+    def radii(self, about: str = "") -> str:
+        """Both radii `about` a position, and what they suppose."""
+        of = f" of {about}" if about else ""
+        return ", ".join(
+            filter(None, [f"{radii_text(self.r50_m, self.r95_m)}{of}", self.supposition])
+        )
 
     @property
     def likely_modes(self) -> tuple[Mode, ...]:
@@ -244,8 +249,7 @@ class Answer:
         """The verdict, why, and where."""
         where = ""
         if self.place is not None:
-            where = f"{self.place.where}, {radii_text(self.place.r50_m, self.place.r95_m)}"
-            where += f", {self.place.supposition}" if self.place.supposition else ""
+            where = f"{self.place.where}, {self.place.radii()}"
         if self.verdict == "located":
             return f"located at {where}"
         why = f": {self.reasons[0]}" if self.reasons else ""
@@ -295,6 +299,13 @@ def answer_of(
     if posterior is not None:
         place, parameters = place_of(posterior), parameters_of(posterior)
     return Answer(cell, verdict, tuple(reasons), provenance, place, parameters, word, paths)
+
+
+def supposition_of(area: str, *, may_be_distant: bool) -> str:
+    """As `Place.supposition`."""
+    if area:
+        return f"if it is {area}"
+    return "if it is no distant mast" if may_be_distant else ""
 
 
 def place_of(posterior: "Posterior") -> Place:

@@ -1,13 +1,12 @@
 """Places: where the walker was or a transmitter may be, in one UTM zone; and that zone.
 
 A walk that crosses the border of a zone or the equator stays continuous in the zone of its first
-fix. Transverse Mercator by PROJ (Karney 2011), accurate to nanometres at such distances, also far
-outside the zone.
+fix. Transverse Mercator by PROJ (Karney 2011) is accurate to nanometres far outside the zone.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import floor, hypot
+from math import floor, hypot, isfinite
 from typing import ClassVar, Self
 
 import numpy as np
@@ -16,7 +15,7 @@ from pyproj import Proj
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.certainty import OnMap
-from logger.core.errors import EstimationError, GeoError
+from logger.core.errors import ConfigError, EstimationError, GeoError
 from logger.core.model.path_loss import log_distances_db
 from logger.core.rows import Rows
 from logger.core.types import DEAD_RECKONING, Fix
@@ -74,9 +73,31 @@ def check_position(lat_deg: float, lon_deg: float) -> None:
         )
 
 
+def position_of(text: str, third: str = "") -> tuple[OnMap, float | None]:
+    """LAT,LON or LAT LON, as our tables have it, and the `third` number, if that has a name.
+
+    Raises `ConfigError`, or as `check_position`.
+    """
+    parts = text.replace(",", " ").split()
+    try:
+        values = [float(part) for part in parts]
+    except ValueError:
+        values = []
+    is_complete = len(values) == 2 or (len(values) == 3 and third != "")
+    if not is_complete or not all(map(isfinite, values)):
+        longer = f" or LAT,LON,{third}" if third else ""
+        alone = "; each position has an option of its own" if len(values) > 3 else ""
+        raise ConfigError(
+            f"{text[:40]!r} is no position: LAT,LON{longer} is wanted, like 52.52,13.405{alone}"
+        )
+    lat_deg, lon_deg, *more = values
+    check_position(lat_deg, lon_deg)
+    return OnMap(lat=lat_deg, lon=lon_deg), more[0] if more else None
+
+
 @dataclass(frozen=True, slots=True)
 class Utm:
-    """One UTM zone for a complete run; `zone` as returned by `zone_of`."""
+    """One UTM zone; `zone` as of `zone_of`."""
 
     zone: int
 

@@ -114,7 +114,7 @@ def offset_of(others: list[Change], *, same_modem: bool) -> Offset:
 
 
 def weighted_median(values: FloatArray, weight: FloatArray) -> float:
-    """The value (n,) below which half of the weight lies; there is at least one."""
+    """The value (n,) below which half of the weight lies."""
     order = np.argsort(values, kind="stable")
     half = int(np.searchsorted(np.cumsum(weight[order]), 0.5 * np.sum(weight)))
     return float(values[order][min(half, len(order) - 1)])
@@ -396,7 +396,7 @@ _THAN = ("", " than the other cell explains", " than the other cells explain")
 _OR = (
     "without another cell, it may as well be the modem or its antenna",
     "compared with one other cell: it may be that one that changed",
-    "also another power or antenna, or works at the site",
+    "another power or antenna, works at the site, or it stands elsewhere now",
 )
 
 
@@ -422,7 +422,7 @@ def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float
         )
     elif changed:
         word = "stronger" if change_db > 0.0 else "weaker"
-        text = f"{how} all along; {_OR[min(one.n_others, 2)]}"
+        text = f"{how} on average; {_OR[min(one.n_others, 2)]}"
     heard_a, heard_b = (ground.cells[one.differences.cell] for ground in grounds)
     return CellChange(
         one.differences.cell, one.differences.rat, word, text,

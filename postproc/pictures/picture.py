@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray
-from logger.core.certainty import OnMap, radii_text, share_text, whole_percents
+from logger.core.certainty import OnMap, share_text, whole_percents
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.region import HALF, LEVEL, Squares
 from logger.core.model import path_loss
@@ -196,13 +196,12 @@ def focus_of(result: Result) -> CellResult | None:
 def headline(result: CellResult) -> str:
     """Verdict and radius or reason, one line."""
     place = result.place
-    radii = radii_text(place.r50_m, place.r95_m) if place else ""
     if place and result.verdict == "located":
-        return f"located: {radii} of the best position"
+        return f"located: {place.radii('the best position')}"
     if place and result.verdict == "ambiguous":
         modes = place.likely_modes
         shares = ", ".join(mode.share for mode in modes[:4])
-        return f"ambiguous: {len(modes)} positions fit ({shares}); {radii} of the first"
+        return f"ambiguous: {len(modes)} positions fit ({shares}); {place.radii('the first')}"
     reason = result.warnings[0] if result.warnings else "the readings do not determine a position"
     return f"{result.verdict}: {reason}"
 

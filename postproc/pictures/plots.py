@@ -20,7 +20,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from logger.core.arrays import FloatArray
-from logger.core.certainty import metres, radii_text
+from logger.core.certainty import metres
 from postproc.atomic_write import kind_of, whole_file
 from postproc.estimators.filters import FilterPath
 from postproc.estimators.metrics import NIS_95, Consistency
@@ -614,9 +614,8 @@ def _title(picture: Picture) -> str:
     lines = [f"{cell} - {kind} {files}"]
     word = survey.word(focus.cell) if focus else ""
     lines += [f"{word}; {headline(focus)}" if word else headline(focus)] if focus else []
-    if focus is not None and focus.posterior is not None and focus.verdict == "cannot tell":
-        radii = radii_text(focus.posterior.r50_m, focus.posterior.r95_m)
-        lines.append(f"{radii} of the best position")
+    if focus is not None and focus.place is not None and focus.verdict == "cannot tell":
+        lines.append(focus.place.radii("the best position"))
     lines += survey.warnings
     wrapped = (part for line in lines for part in textwrap.wrap(line, _TITLE_LETTERS))
     return "\n".join(map(verbatim, wrapped))

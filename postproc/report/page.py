@@ -27,7 +27,7 @@ from postproc.info import (
 from postproc.report.coordinates import Coordinates, coordinates
 from postproc.report.figures import ReportFigure
 from postproc.report.svg import inline_svg
-from postproc.result import RADIUS_COLUMNS, CellResult, Result, heard_at
+from postproc.result import RADIUS_COLUMNS, CellResult, Result, heard_at, surely
 from postproc.summary import advice, estimator_table, run_table, sentence
 from postproc.suspicion.signalling import signals_of, signals_table
 from postproc.verification.claims import CellVerdict, Verified
@@ -255,7 +255,7 @@ def _cell_table(result: Result, counts: Mapping[str, CellCount]) -> Table:
         heard = None if place else heard_at(cell.obs)
         shown: tuple[Value, ...] = (heard and f"heard {heard}", None, None)
         if place is not None:
-            shown = (place.where, place.r50_m, place.r95_m)
+            shown = (place.where, place.r50_m, surely(place))
         rows.append(
             (
                 number,

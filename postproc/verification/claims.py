@@ -1,6 +1,5 @@
 """Claimed positions, from an option, a CSV, a cell export or database; and verdicts on them."""
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -23,7 +22,7 @@ from logger.core.document import (
     number_of,
 )
 from logger.core.errors import ConfigError, GeoError, RunFileError
-from logger.core.places import MAX_LATITUDE_DEG, check_position
+from logger.core.places import MAX_LATITUDE_DEG, check_position, position_of
 from logger.sqlite_file import is_sqlite
 from postproc import csv_table
 from postproc.foreign_file import with_limit
@@ -84,20 +83,9 @@ def swap_hint(claim: Claim, walk: OnMap) -> str | None:
 
 
 def parse_claim(text: str, cell: str | None) -> Claim:
-    """LAT,LON[,SIGMA_M]; raises `ConfigError`."""
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) not in {2, 3} or not all(map(math.isfinite, values)):
-        several = "; of several places give each with a --claim of its own"
-        raise ConfigError(
-            f"{text!r} is no claim: LAT,LON or LAT,LON,SIGMA_M is wanted"
-            f"{several if len(values) > 3 else ''}"
-        )
-    return _check(
-        Claim(cell, values[0], values[1], values[2] if len(values) == 3 else 0.0, "command line")
-    )
+    """LAT,LON[,SIGMA_M]; raises as `position_of`."""
+    at, sigma_m = position_of(text, "SIGMA_M")
+    return Claim(cell, at.lat, at.lon, sigma_m or 0.0, "command line")
 
 
 def read_claims(path: Path, wanted: Sequence[str]) -> tuple[list[Claim], list[str]]:

@@ -20,7 +20,7 @@ from postproc.options import (
 )
 
 with late_modules():
-    from logger.core import certainty, document, runfile
+    from logger.core import document, places, runfile
     from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, ground, progress, scan_counts
     from postproc import result as estimation
@@ -191,19 +191,7 @@ def lookup(path: Path, identity: str | None, near: str | None, *, as_json: bool)
     if identity:
         cells = database.by_identity(identity)
     else:
-        place, radius_m = _circle_of(near or "")
-        cells = database.near(place.lat, place.lon, radius_m)
+        at, radius_m = places.position_of(near or "", "RADIUS_M")
+        cells = database.near(at.lat, at.lon, _USUAL_M if radius_m is None else radius_m)
     database.close()
     show(databases.document_of_cells(cells), as_json=as_json)
-
-
-def _circle_of(text: str) -> tuple[certainty.OnMap, float]:
-    """The place and the radius in metres of LAT,LON[,RADIUS_M]; raises `ConfigError`."""
-    try:
-        values = [float(part) for part in text.split(",")]
-        lat_deg, lon_deg, radius_m = values if len(values) > 2 else [*values, _USUAL_M]
-    except ValueError:
-        raise ConfigError(
-            f"{text!r} is no position: LAT,LON or LAT,LON,RADIUS_M is wanted"
-        ) from None
-    return certainty.OnMap(lat=lat_deg, lon=lon_deg), radius_m

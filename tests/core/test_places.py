@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from logger.core import shadow_ekf
-from logger.core.errors import GeoError
-from logger.core.places import Places, Utm, join_places
+from logger.core.certainty import OnMap
+from logger.core.errors import ConfigError, GeoError
+from logger.core.places import Places, Utm, join_places, position_of
 from logger.core.shadow_ekf import ShadowNoise
 from logger.sim.world import Shadowing
 
@@ -74,6 +75,21 @@ def test_degrees_come_back_and_a_zone_may_be_given(lat_deg, lon_deg):
     at = beside.on_map
     assert (at.lat, at.lon) == pytest.approx((lat_deg, lon_deg), abs=1e-9)
     assert place.in_zone(place.utm) is place
+
+
+@pytest.mark.parametrize("text", ["-33.9241,18.4247", "-33.9241 18.4247", " -33.9241, 18.4247"])
+def test_a_position_is_read_as_it_is_written_and_as_our_tables_print_it(text):
+    at = OnMap(lat=-33.9241, lon=18.4247)
+    assert position_of(text) == (at, None)
+    assert position_of(f"{text},80", "SIGMA_M") == (at, 80.0)
+
+
+@pytest.mark.parametrize("text", ["", "here", "52.5", "nan,13.4", "52.5,13.4,80", "52,5,13,4"])
+def test_what_is_no_position_is_said_with_what_is_wanted(text):
+    with pytest.raises(ConfigError, match="is no position: LAT,LON is wanted, like 52.52,13.405"):
+        position_of(text)
+    with pytest.raises(GeoError, match="swapped"):
+        position_of("133.9,52.5")
 
 
 def test_beyond_the_map_there_is_no_place():

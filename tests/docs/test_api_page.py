@@ -16,6 +16,7 @@ from logger.core.runfile import finish_journal
 from postproc import api
 from postproc.estimators import ekf_initialisation, filters, least_squares, rts
 from tests.docs.pages import ROOT
+from tests.kit.runs import UTC0_NS
 from tests.kit.sample_results import write_run
 
 FUNCTIONS = [name for name in postproc.__all__ if inspect.isfunction(getattr(postproc, name))]
@@ -28,7 +29,11 @@ def runs(tmp_path, monkeypatch):
     """The two runs that the page names."""
     for number, seconds in ((17, 240), (18, 100)):
         write_run(
-            tmp_path / f"run-0000{number}.journal", seconds=seconds, cells=1, run_id=f"{number:032}"
+            tmp_path / f"run-0000{number}.journal",
+            seconds=seconds,
+            cells=1,
+            run_id=f"{number:032}",
+            utc0_ns=UTC0_NS + number * 86_400 * 10**9,
         )
         finish_journal(tmp_path / f"run-0000{number}.journal")
     monkeypatch.chdir(tmp_path)

@@ -1,9 +1,10 @@
 """Small runs for tests, made with the real writer."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from logger.core.runfile import RunMeta, RunWriter
-from logger.core.types import CellReading, Fix, Note, RawBytes, Record, Scan
+from logger.core.types import CellReading, Fix, Note, RawBytes, Record, Scan, Value
 
 UTC0_NS = 1_790_000_000 * 10**9
 
@@ -49,6 +50,17 @@ def records(n: int) -> list[Record]:
         if i % 10 == 0:
             out.append(Record(t_ns + 6, "logger", Note("info", "tick", f"second {i}, Grüße")))
     return out
+
+
+def on_another_day(stream: list[Record], days: int = 1) -> list[Record]:
+    """The same walk again: two files of one walk count once."""
+
+    def later(value: Value) -> Value:
+        if not isinstance(value, Fix) or value.utc_ns is None:
+            return value
+        return replace(value, utc_ns=value.utc_ns + days * 86_400 * 10**9)
+
+    return [replace(record, value=later(record.value)) for record in stream]
 
 
 def write_journal(

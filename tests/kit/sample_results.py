@@ -12,7 +12,7 @@ from logger.core import ekf
 from logger.core.document import json_text
 from logger.core.locator.alternatives import ANTENNA, HEIGHT, REACH, Alternative
 from logger.core.locator.posterior import Mode, Posterior
-from logger.core.locator.region import Squares
+from logger.core.locator.region import Squares, highest_density
 from logger.core.model.prior import Hypothesis, Prior
 from logger.core.places import Places, Utm
 from logger.core.readings import Readings, observe
@@ -200,6 +200,13 @@ def sample_posterior(obs: Readings, places=1, sigma_m=12.0) -> Posterior:
             Alternative(HEIGHT, "5 m", 1.0, 2500.0, 0.05),
         ),
     )
+
+
+def as_if_distant(cell: CellResult) -> CellResult:
+    mostly = np.full(len(cell.posterior.squares), 0.9)
+    mostly[highest_density(cell.posterior.squares)] = 0.1
+    distant = dataclasses.replace(cell.posterior, distant_share=mostly)
+    return dataclasses.replace(cell, posterior=distant)
 
 
 def _even(count):

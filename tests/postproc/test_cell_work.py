@@ -22,6 +22,7 @@ from postproc.cli import main
 from postproc.verification import run_claims, run_sites
 from postproc.walk import observe_run
 from tests.kit import rerun_recordings
+from tests.kit.runs import UTC0_NS
 from tests.kit.sample_results import LAT, LON, cell_name, write_run
 
 BAD, GOOD = cell_name(0), [cell_name(1)]
@@ -216,7 +217,10 @@ def test_one_place_or_two(step, check, run):
 @pytest.fixture
 def another(tmp_path):
     path = tmp_path / "another.h5"
-    write_run(path, seconds=170, cells=2, boot_id="another", run_id="another")
+    day_ns = 86_400 * 10**9
+    write_run(
+        path, seconds=170, cells=2, boot_id="another", run_id="another", utc0_ns=UTC0_NS + day_ns
+    )
     return path
 
 

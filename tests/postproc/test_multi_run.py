@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from logger.core.locator.pipeline import decide, locate
-from logger.core.locator.two_source_test import LIVE, divide_in_time
+from logger.core.locator.two_source_test import LEAST_LOG_FACTOR, LIVE, divide_in_time
 from logger.core.places import Places, Utm
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.cli import main
 from postproc.multi_run import (
+    check_different,
     in_one_zone,
     in_order,
     merge,
@@ -290,7 +291,7 @@ def test_a_modem_of_which_no_reading_counts_has_no_offset(pair):
 
 def test_modems_of_one_run_are_kept_apart(tmp_path):
     path = record_walk(tmp_path / "two.h5", BENT, second_db=-SHIFT_DB)
-    alone = record_walk(tmp_path / "one.h5", BENT, run_id="1" * 32)
+    alone = record_walk(tmp_path / "one.h5", BENT, run_id="1" * 32, seed=1)
     (cell,) = smooth_runs([read_run(path)]).cells
     first, second = cell.shares
     assert [(share.run, share.n) for share in cell.shares] == [(0, 100), (0, 100)]
@@ -414,6 +415,31 @@ def test_a_log_that_was_imported_twice_counts_once(tmp_path, capsys):
         assert "are the same run" in line
 
 
+def test_a_run_and_its_shared_copy_are_one_walk(tmp_path, capsys):
+    # each level would count twice, and the region would be too small
+    away_m = np.append(np.arange(0.0, 900.0, 4.0), np.arange(900.0, 0.0, -4.0))
+    way = away_m, np.where(np.arange(len(away_m)) < 225, 0.0, 40.0)
+    one = record_walk(tmp_path / "1.h5", way, seed=3)
+    copies = [tmp_path / "copy.h5", tmp_path / "again.h5"]
+    for copy in copies:
+        assert main(["share", str(one), "-o", str(copy)]) == 0
+    capsys.readouterr()
+    for command in ("smooth", "suspect", "compare", "next"):
+        line = fails(capsys, command, one, copies[0])
+        assert "1.journal and" in line
+        assert "are of one walk" in line
+    assert "are of one walk" in fails(capsys, "smooth", *copies)
+
+
+def test_modems_that_share_a_receiver_are_no_copies(tmp_path):
+    one, other = (
+        read_run(record_walk(tmp_path / f"{k}.h5", BENT, seed=k, shift_db=SHIFT_DB * k))
+        for k in range(2)
+    )
+    assert np.array_equal(one.tables["fixes"]["lat_deg"], other.tables["fixes"]["lat_deg"])
+    check_different([one, other])
+
+
 def test_runs_of_one_modem_are_in_time_order(tmp_path):
     port = "/dev/serial/by-id/usb-SimTech_123-if03"
     one_modem = f'[[source]]\nkind = "modem"\nname = "modem"\ndriver = "sim800"\nport = "{port}"\n'
@@ -464,6 +490,34 @@ def test_a_transmitter_that_moved_between_the_walks_is_not_located():
     decision = decide(locate(obs.usable()), obs)
     assert decision.verdict == "cannot tell"
     assert "seems to have moved, between" in decision.reasons[0]
+
+
+def _by_other_modems(parts, apart_db):
+    """The walks together, each by a modem that reads so much higher than that of the day before."""
+    when = {day: (day, UTC0_NS + day * DAY_NS) for day in parts}
+    louder = {
+        day: replace(obs, level_dbm=obs.level_dbm + apart_db * day) for day, obs in parts.items()
+    }
+    return merge(in_order(louder, when), list(parts))
+
+
+@pytest.mark.parametrize("apart_db", [0.0, 12.0])
+def test_a_move_shows_where_each_walk_had_a_modem_of_its_own(apart_db):
+    """An offset between modems explains the levels of a whole walk, and not where they are high."""
+    obs = _by_other_modems(_walks_of_days((150, BEFORE_M), (300, AFTER_M)), apart_db)
+    division = divide_in_time(obs, locate(obs.usable()), LIVE)
+    assert division.log_factor > 2.0 * LEAST_LOG_FACTOR
+    found = [place.xy_m[:, 0] for place in (division.one, division.other)]
+    for source_m in (BEFORE_M, AFTER_M):
+        assert min(np.hypot(*(at_m - source_m)) for at_m in found) < 60.0
+
+
+@pytest.mark.parametrize("apart_db", [0.0, 12.0, 24.0])
+def test_an_offset_between_modems_is_no_move(apart_db):
+    obs = _by_other_modems(_walks_of_days((150, AFTER_M), (300, AFTER_M)), apart_db)
+    assert divide_in_time(obs, locate(obs.usable()), LIVE).log_factor < 0.0
+    two_in_one_run = replace(obs, run=None)
+    assert divide_in_time(two_in_one_run, locate(obs.usable()), LIVE) is None
 
 
 @pytest.mark.parametrize("modems", ["aaa", "abc"])

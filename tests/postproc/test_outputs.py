@@ -105,7 +105,7 @@ def test_a_full_disk_is_named_with_the_file_and_leaves_none(capsys, tmp_path, na
     names = {"RUN": "walk.journal", "OTHER": "other.journal", "CSV": "walk.csv"}
     given = {word: tmp_path / name for word, name in names.items()}
     runs.write_journal(given["RUN"], runs.records(60))
-    runs.write_journal(given["OTHER"], runs.records(50), run_id="f" * 32)
+    runs.write_journal(given["OTHER"], runs.on_another_day(runs.records(50)), run_id="f" * 32)
     given["CSV"].write_text("t_s,lat,lon,rssi_dbm\n" + "1,52,13,-70\n" * 9)
     words = [str(given.get(word, word)) for word in command]
     with small_file_system(tmp_path / "disk", "size=256k") as disk:

@@ -121,7 +121,8 @@ def test_json_says_in_how_many_scans(path, capsys):
 
 def test_scans_of_several_runs_add_up(path, tmp_path):
     other = tmp_path / "b.journal"
-    runs.write_journal(other, [replace_names(record) for record in records()], run_id="1" * 32)
+    again = runs.on_another_day([replace_names(record) for record in records()])
+    runs.write_journal(other, again, run_id="1" * 32)
     found = {one.cell: one for one in smooth_runs([read_run(path), read_run(other)]).cells}
     assert (found[FALSE].n_scans, found[FALSE].verdict) == (1, "cannot tell")
     assert found[FALSE].warnings == ("observed in one scan only",)

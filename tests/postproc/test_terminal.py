@@ -172,6 +172,19 @@ def test_the_places_of_an_ambiguous_cell_are_listed_with_their_sizes(tmp_path):
     assert all(int(likely) < int(surely) for likely, surely in sizes)
 
 
+def test_a_radius_that_supposes_no_distant_mast_is_marked(tmp_path):
+    run = kit.write_run(tmp_path / "walk.journal", seconds=120, cells=3)
+    result = kit.sample_result(run)
+    cells = [kit.as_if_distant(result.cells[0]), *result.cells[1:]]
+    text = _lines_of(document_of(summarise(replace(result, cells=cells)), details=False)[0], 80)
+    row, *others = [line for line in text.splitlines() if line.startswith("262-01-4711-10")]
+    assert re.search(r" located .* \d+ m +\*\d+ m +1$", row)
+    assert "*" not in "".join(others)
+    assert "* if it is no distant mast: the levels fit one kilometres away as well" in text
+    # of one cell there is no range
+    assert re.search(r"In truth the position is \d+ m off; the 95 % region (holds|does not)", text)
+
+
 def test_a_position_is_as_exact_as_it_is_known(tmp_path):
     found = _many(tmp_path, 1)
     place = found.rows[0].answer.place

@@ -132,7 +132,8 @@ def divide(obs: Readings, posterior: Posterior, effort: DivisionEffort = DESK) -
     and for several modems, whose offsets would divide a walk too.
     """
     obs = obs.usable()
-    if posterior.long_share < _LEAST_LONG_SHARE or not _is_divisible(obs):
+    is_divisible = obs.n_modems <= 1 and _is_long(obs)
+    if posterior.long_share < _LEAST_LONG_SHARE or not is_divisible:
         return None
     walk = join([blocks(obs, effort.search.most_blocks)])
     first, *others = _peaks(walk, effort.rivals)
@@ -149,13 +150,16 @@ def divide_in_time(
 ) -> Division | None:
     """The readings before and after a moment, each part with a transmitter of its own.
 
-    It reveals a transmitter that jumps, between runs or within one. None for several modems, and
-    for a walk too short.
+    It reveals a transmitter that jumps, between runs or within one. None for one run of several
+    modems, and for a walk too short.
     """
     obs = obs.usable()
-    if not _is_divisible(obs):
+    if not _is_long(obs):
         return None
-    found = [_divided_at(obs, is_early, posterior, effort) for is_early in _moments(obs)]
+    moments = _moments(obs)
+    if posterior.offsets is not None:  # those that suit one transmitter best, which parts need not
+        obs = replace(obs.on_one_scale(posterior.offsets.mean_db), modem=None)
+    found = [_divided_at(obs, is_early, posterior, effort) for is_early in moments]
     tries = [one for one in found if one is not None]
     if not tries:
         return None
@@ -166,7 +170,7 @@ def divide_in_time(
 
 
 def _moments(obs: Readings) -> list[BoolArray]:
-    """Which readings (n,) are early."""
+    """Which readings (n,) are early; offsets of several modems would divide a run too."""
     n = len(obs)
     parts = [] if obs.run is None else [obs.run <= run for run in np.unique(obs.run)[:-1]]
     parts.sort(key=lambda is_early: abs(2 * np.count_nonzero(is_early) - n))
@@ -175,7 +179,9 @@ def _moments(obs: Readings) -> list[BoolArray]:
         for is_early in parts[:_MOST_MOMENTS]
         if FEWEST_READINGS <= 2 * np.count_nonzero(is_early) <= 2 * n - FEWEST_READINGS
     ]
-    return long_enough or [np.arange(n) < n // 2]
+    if long_enough or obs.n_modems > 1:
+        return long_enough
+    return [np.arange(n) < n // 2]
 
 
 def _divided_at(
@@ -189,10 +195,9 @@ def _divided_at(
     return _try(_task(walk, posterior, effort), in_one)
 
 
-def _is_divisible(obs: Readings) -> bool:
-    """Offsets of several modems would divide a walk too, and a short one has no parts."""
-    n_measured = np.count_nonzero(obs.limit == 0)
-    return bool(obs.n_modems <= 1 and n_measured >= FEWEST_READINGS)
+def _is_long(obs: Readings) -> bool:
+    # a short one has no parts
+    return bool(np.count_nonzero(obs.limit == 0) >= FEWEST_READINGS)
 
 
 def _task(walk: Blocks, posterior: Posterior, effort: DivisionEffort) -> _Task:

@@ -102,6 +102,14 @@ def test_a_moved_transmitter_is_moved():
     assert n_moved >= 4
 
 
+def test_a_weaker_cell_may_stand_elsewhere():
+    # only the mean was tested: one that moved away is weaker too
+    compared = compare(walk(1), walk(2, extra_db={3: -12.0}), same_modem=True)
+    (text,) = [cell.text for cell in compared.cells if cell.word == "weaker"]
+    assert "weaker on average" in text
+    assert text.endswith("or it stands elsewhere now")
+
+
 def test_a_louder_modem_is_no_change():
     compared = compare(walk(1), walk(2, offset_db=12.0), same_modem=False)
     assert words(compared) == {}

@@ -174,7 +174,7 @@ def test_the_table_is_readable(run, capsys):
     ("arguments", "reason"),
     [
         (["--cell", "262-01-1-8"], "no readings of 262-01-1-8"),
-        (["--from", "here"], "is not LAT,LON"),
+        (["--from", "here"], "is no position: LAT,LON is wanted"),
         (["--from", "95,13"], "no position on Earth"),
         (["--from", "13.4,52.5"], "km from the end of the walk; latitude comes first"),
         (["--map", "next.xyz"], "a picture ends in"),

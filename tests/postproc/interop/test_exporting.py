@@ -237,6 +237,14 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
+def test_a_row_says_what_its_radii_suppose(tmp_path, cells):
+    first, *others = cells.cells
+    distant = replace(cells, cells=(kit.as_if_distant(first), *others))
+    write_answers([distant], tmp_path / "cells.csv", "csv")
+    of_first, *_, last = rows_of(tmp_path / "cells.csv")
+    assert (of_first["supposition"], last["supposition"]) == ("if it is no distant mast", "")
+
+
 def test_cells_come_back_from_csv(tmp_path, cells):
     exported, answers = write_answers([cells], tmp_path / "cells.csv", "csv")
     rows = rows_of(tmp_path / "cells.csv")

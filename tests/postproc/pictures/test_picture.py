@@ -42,6 +42,13 @@ def test_headline_states_the_verdict_and_its_extent(result):
     assert headline(undecided) == "cannot tell: too few"
 
 
+def test_radii_that_suppose_no_distant_mast_say_so(result):
+    distant = kit.as_if_distant(result.cells[0])
+    located = headline(replace(distant, verdict="located"))
+    assert located.endswith("of the best position, if it is no distant mast")
+    assert headline(distant).endswith("of the first, if it is no distant mast")
+
+
 def test_shares_of_places_are_the_same_in_pictures_and_answers(result):
     """Two of 0.485 and one of 0.03 have 49, 48 and 3 %, not 48, 48 and 3."""
     cell = result.cells[0]

@@ -76,6 +76,12 @@ def test_the_title_states_why_there_is_no_position(result):
     assert "most likely within 14 m, surely within 29 m of the best position" in text
 
 
+def test_the_title_says_what_the_radii_suppose(result):
+    first, *others = with_verdict(result, "cannot tell", "far away").cells
+    distant = replace(result, cells=(kit.as_if_distant(first), *others))
+    assert "of the best position, if it is no distant mast" in with_progress(figure_of(distant))
+
+
 def test_a_run_that_is_not_simulated_does_not_say_so(tmp_path):
     run = kit.write_run(tmp_path / "x.journal", seconds=60, cells=2, truth=False, utc=False)
     text = with_progress(figure_of(kit.sample_result(run)))

@@ -57,7 +57,7 @@ def test_mistakes_are_one_line(run, tmp_path, capsys):
     assert "no such folder" in fails(capsys, "report", run, "--pictures", tmp_path / "absent")
     assert "is a run" in fails(capsys, "report", run, "-o", run)
     assert "was not observed" in fails(capsys, "report", run, "--cell", "x")
-    assert "is no claim" in fails(
+    assert "is no position: LAT,LON or LAT,LON,SIGMA_M" in fails(
         capsys, "report", run, "--claim", "here", "-o", tmp_path / "x.html"
     )
     assert "environment" in fails(capsys, "report", run, "--environment", "sea")

@@ -1,6 +1,7 @@
 """The page: structure, verdicts, values, claims and alternative texts."""
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -117,6 +118,13 @@ def test_a_place_has_one_coordinate(result):
     (dms,) = set(re.findall(r"(\d+)°(\d\d)'([\d.]+)\"N", page.text))
     lat_deg = int(dms[0]) + int(dms[1]) / 60 + float(dms[2]) / 3600
     assert abs(lat_deg - place.lat) < 1e-5
+
+
+def test_the_table_says_what_a_radius_supposes(result):
+    first, *others = result.cells
+    distant = replace(result, cells=[kit.as_if_distant(first), *others])
+    page = Page(make_report(distant, most=1).html)
+    assert re.search(r"\d\sm if it is no distant mast", page.text)  # with a comma in the sentence
 
 
 def test_without_a_suspicious_cell_the_page_says_what_it_cannot_see(result):

@@ -1,11 +1,9 @@
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from logger.core.certainty import metres
 from logger.core.document import number_of
-from logger.core.locator.region import highest_density
 from postproc import summary
 from postproc.report import page
 from tests.kit import sample_results as kit
@@ -68,10 +66,7 @@ def test_a_cell_without_a_position_has_advice(result):
     at_limit = replace(result.cells[0].posterior, limit_share=0.5)
     far = advice(result, verdict="cannot tell", posterior=at_limit)
     assert "do not show the distance yet" in far
-    posterior = result.cells[0].posterior
-    mostly_distant = np.full(len(posterior.squares), 0.9)
-    mostly_distant[highest_density(posterior.squares)] = 0.1
-    distant = replace(posterior, distant_share=mostly_distant)
+    distant = kit.as_if_distant(result.cells[0]).posterior
     towards = advice(result, verdict="cannot tell", posterior=distant)
     assert towards.startswith("Walk towards the most likely position, 52.50")
     unknown = advice(result, verdict="cannot tell", posterior=None)

@@ -162,7 +162,7 @@ def test_each_of_several_claims_is_tested(run, capsys):
     words = [cell["verdict"] for cell in json.loads(output)["cells"]]
     assert words == ["consistent", "rejected"]
     said = fails(capsys, "verify", run, "--claim", ",".join(claims))
-    assert said.endswith("; of several places give each with a --claim of its own")
+    assert said.endswith("; each position has an option of its own")
 
 
 def test_claims_are_tested_with_runs_of_several_places(run, tmp_path, capsys):
@@ -235,6 +235,7 @@ def test_database_from_import_to_verify(run, tmp_path, capsys):
     ]
     assert cell["lat"] == pytest.approx(lat)
     assert "262-1-4711-100" in tell(capsys, "celldb", "lookup", db, "--near", f"{lat},{lon},50")
+    assert "262-1-4711-100" in tell(capsys, "celldb", "lookup", db, "--near", f"{lat} {lon}")
     assert "no alarm by itself" in tell(capsys, "celldb", "lookup", db, "--near", "1,2")
     (checked,) = json.loads(tell(capsys, "verify", run, "--claims", db, "--json"))["cells"]
     assert (checked["cell"], checked["claim"]["sigma_m"]) == (cell_name(0), 100.0)
@@ -272,7 +273,7 @@ def test_sites_of_two_cities(tmp_path, capsys):
 
 
 def test_mistakes_are_one_line(run, tmp_path, capsys):
-    assert "no claim" in fails(capsys, "verify", run, "--claim", "here")
+    assert "is no position" in fails(capsys, "verify", run, "--claim", "here")
     assert "was not observed" in fails(
         capsys, "verify", run, "--claim", "52,13", "--cell", "nobody"
     )

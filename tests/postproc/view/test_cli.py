@@ -83,7 +83,7 @@ def test_several_runs_are_one_walk(tmp_path):
     paths = [tmp_path / name / "run-000001.journal" for name in ("one", "two")]
     for i, path in enumerate(paths):
         path.parent.mkdir()
-        runs.write_journal(path, runs.records(30), run_id=str(i) * 32)
+        runs.write_journal(path, runs.on_another_day(runs.records(30), i), run_id=str(i) * 32)
     saved, cell = tmp_path / "x.rrd", "262-01-4711-1"
     argv = [*map(str, paths), "--cell", cell]
     assert main(["view", *argv, "--save", str(saved)]) == 0
@@ -107,7 +107,7 @@ def test_several_runs_are_one_walk(tmp_path):
         (["--save", "x.txt"], "named .rrd"),
         (["--save", "x.rrd", "--port", "80"], "--port goes with --web"),
         (["--save", "x.rrd", "--cell", "nowhere"], "was not observed"),
-        (["--save", "x.rrd", "--claim", "north"], "is no claim"),
+        (["--save", "x.rrd", "--claim", "north"], "is no position: LAT,LON or LAT,LON,SIGMA_M"),
         (["--save", "x.rrd", "--claim", "95,0"], "latitude"),
         (["--save", "x.rrd", "--basemap", "absent.png"], "no such file"),
         (["--save", "absent/x.rrd"], "no such folder"),
