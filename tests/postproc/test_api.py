@@ -30,7 +30,7 @@ SOURCE_M = (40.0, 60.0)
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
     path = tmp_path_factory.mktemp("api") / "walk.journal"
-    write_run(path, seconds=240, cells=2)
+    write_run(path, seconds=360, cells=2)
     return path
 
 
@@ -164,7 +164,7 @@ def test_a_run_and_its_result_are_exported(path):
     assert postproc.export([result, result], target).n_estimates == 2
     best = json_of(result)["cells"][0]["best"]
     assert f"{best['lat']:.6f}" in target.read_text()
-    assert postproc.export(path, path.parent / "walk.csv", cells=cell_name(1)).n_levels == 120
+    assert postproc.export(path, path.parent / "walk.csv", cells=cell_name(1)).n_levels == 180
     with pytest.raises(ConfigError, match="can contain estimates"):
         postproc.export(result, path.parent / "cells.wigle", form="wigle")
     with pytest.raises(ConfigError, match="format 'shp'"):

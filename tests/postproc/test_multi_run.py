@@ -184,7 +184,7 @@ def test_json_table_and_file_of_two_runs(pair, capsys):
 def test_one_run_keeps_its_contract(pair, capsys):
     assert main(["smooth", str(pair[0]), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert set(found) == {"run", "cells"}
+    assert set(found) == {"run", "cells", "unnoticed"}
     assert not {"offsets", "without"} & set(found["cells"][0])
     assert pair[0].with_suffix(".post.h5").exists()
 

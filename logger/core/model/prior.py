@@ -149,13 +149,18 @@ NOISE = (
             Hypothesis(0.3, 30.0, 0.75, 350.0),
             Hypothesis(0.7, 30.0, 0.75, 350.0),
             Hypothesis(0.3, 30.0, 0.75, 100.0),
-            Hypothesis(0.005, 30.0, 0.75, 350.0, averaged_m=12.0),
         ),
         is_coarse=True,
     ),
     NoiseGroup(
         0.8,
         (Hypothesis(0.005, 18.0, averaged_m=2.5), Hypothesis(0.005, 30.0, averaged_m=5.0)),
+        is_coarse=True,
+        probability=0.02,
+    ),
+    NoiseGroup(
+        0.45,
+        (Hypothesis(0.005, 30.0, 0.75, 350.0, averaged_m=12.0),),
         is_coarse=True,
         probability=0.02,
     ),
@@ -175,9 +180,9 @@ counts with the power `trust` only (generalised posterior: Bissiri, Holmes & Wal
 
 Averaged levels differ so little from one reading to the next that the others take them for little
 noise: of simulated walks under noise of two scales, with means over 10 s, regions held .67, with
-averaged hypotheses all; with a short scale alone, means over 5 s of drives held .81. The last group
-has the probability of few modems: the evidence of averages exceeds it, and with more, 0.3 dB decide
-which group explains a walk with a reading every 6 m.
+averaged hypotheses all; with a short scale alone, means over 5 s of drives held .81. These groups
+have the probability of few modems: the evidence of averages exceeds it, and with more, 0.3 dB
+decide which group explains a walk with a reading every 6 m.
 """
 
 

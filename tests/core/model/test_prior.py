@@ -63,9 +63,10 @@ def test_hypotheses_share_all_odds():
 
 
 def test_shadowing_of_two_scales_is_trusted_least():
-    white, short, long, averaged = Prior().noise
-    assert white.trust == 1.0 > short.trust >= averaged.trust > long.trust
-    assert [group.is_coarse for group in Prior().noise] == [False, False, True, True]
+    white, short, long, *averaged = Prior().noise
+    assert white.trust == 1.0 > short.trust > long.trust
+    assert [group.trust for group in averaged] == [short.trust, long.trust]
+    assert [group.is_coarse for group in Prior().noise] == [False, False, True, True, True]
     assert min(one.long_m for one in long.hypotheses) > max(one.short_m for one in long.hypotheses)
 
 
