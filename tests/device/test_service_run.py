@@ -178,13 +178,16 @@ def test_the_status_says_that_the_hdf5_file_is_being_made_and_systemd_waits(fold
         service.wait_for(lambda: said() and service.n_recorded(folder / "runs", "fixes") > 5)
         logger.send_signal(signal.SIGTERM)
         service.wait_for(lambda: said() and _journal(folder).end)
-        while not list((folder / "runs").glob("*.h5")):
-            time.sleep(0.1)
+
+        def is_made():
             said()  # or its socket is full
             status = read_status(folder / "cellwalk")
             silences_s.append(status_age_s(status))
             unsynced_s.append((status.now_ns - status.synced_ns) / 1e9)
             texts.append(status.text)
+            return list((folder / "runs").glob("*.h5"))
+
+        service.wait_for(is_made)
         logger.communicate(timeout=service.LIMIT_S)
     assert max(silences_s) < SILENT_S
     assert texts[-1] == "the run is closed; its HDF5 file is being made of run-000001.journal"
