@@ -66,7 +66,9 @@ count as noise: together with the second they are 3.5 dB rms, and each would be 
 
 _SECTOR_PROBABILITY = 0.2
 """Any walk past an omnidirectional antenna is explained by some pattern from some place close by:
-on 506 measured walks a half, under all noise, made regions miss twice as often as a fifth.
+on 506 measured walks a half, under all noise, made regions miss twice as often as a fifth. With
+patterns under noise of two scales only, the regions of 60 walks past sector antennas under
+shadowing of 6 dB over 15 m held .85, and 4 of 11 *located* were wrong; now .97, 1 of 9.
 """
 
 
@@ -271,8 +273,8 @@ class Prior:
     def station_log_odds(self) -> FloatArray:
         """Log probability of each station under each hypothesis of the noise, shape (s, c).
 
-        It is -inf for a pattern where the noise has no long part, unless all stations have one:
-        among houses and hills no antenna has a clean pattern.
+        It is -inf for a pattern under white noise, unless all stations have one: where nothing
+        casts a shadow a pattern explains any walk, and among houses none is clean.
         """
         return _station_log_odds(self.stations, self.noise)
 
@@ -309,7 +311,8 @@ def _noise_table(groups: tuple[NoiseGroup, ...]) -> NoiseTable:
 @lru_cache(maxsize=16)  # needed after each live reading
 def _station_log_odds(stations: tuple[Station, ...], groups: tuple[NoiseGroup, ...]) -> FloatArray:
     has_pattern = np.array([bool(one.antenna_db) for one in stations])
-    is_possible = _noise_table(groups).is_coarse | ~has_pattern[:, None] | np.all(has_pattern)
+    is_shadowed = np.array([one.white_share < 1.0 for group in groups for one in group.hypotheses])
+    is_possible = is_shadowed | ~has_pattern[:, None] | np.all(has_pattern)
     odds = np.array([one.probability for one in stations])[:, None] * is_possible
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(odds / np.sum(odds, axis=0)), float)

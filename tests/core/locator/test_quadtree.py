@@ -20,7 +20,7 @@ from logger.core.model.blocks import blocks
 from logger.core.model.evidence import Evidence
 from logger.core.model.marginal import NODES, marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
-from logger.core.model.prior import REACHES, Hypothesis, NoiseGroup, Prior, Reach, Station
+from logger.core.model.prior import REACHES, WHITE, Hypothesis, NoiseGroup, Prior, Reach, Station
 from logger.core.places import Places
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, simulate
@@ -324,13 +324,14 @@ def test_a_pattern_has_no_part_where_the_noise_has_none():
     )
     places = np.array([[110.0, 20.0], [60.0, -50.0]])
     found, alone = every_station(walk(60), prior, places)
-    assert prior.noise_table.is_coarse.tolist() == [False, False, True]
-    np.testing.assert_allclose(found.log_p[:2], alone[0, :2], rtol=1e-12)
-    np.testing.assert_array_equal(found.station[1, :2], 0.0)
-    mixed = scipy.special.logsumexp(alone[:, 2], axis=0, b=[[0.7], [0.3]])
-    np.testing.assert_allclose(found.log_p[2], mixed, rtol=1e-12)
-    odds = np.exp(alone[1, 2] + np.log(0.3) - mixed)
-    np.testing.assert_allclose(found.station[1, 2], odds, rtol=1e-9)
+    assert prior.hypotheses[0] == WHITE
+    np.testing.assert_allclose(found.log_p[0], alone[0, 0], rtol=1e-12)
+    np.testing.assert_array_equal(found.station[1, 0], 0.0)
+    for k in (1, 2):
+        mixed = scipy.special.logsumexp(alone[:, k], axis=0, b=[[0.7], [0.3]])
+        np.testing.assert_allclose(found.log_p[k], mixed, rtol=1e-12)
+        odds = np.exp(alone[1, k] + np.log(0.3) - mixed)
+        np.testing.assert_allclose(found.station[1, k], odds, rtol=1e-9)
 
 
 # --- effort ---

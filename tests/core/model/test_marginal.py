@@ -6,7 +6,7 @@ import scipy.stats
 from logger.core.model.blocks import blocks
 from logger.core.model.marginal import NODES, SharedSums, marginal, walk_sums
 from logger.core.model.noise import matrices_of, whiteners
-from logger.core.model.prior import Hypothesis, Prior, Station, prior_for
+from logger.core.model.prior import WHITE, Hypothesis, Prior, Station, prior_for
 from logger.core.places import Places
 from tests.kit.noise_groups import noise_groups
 from tests.kit.walks import observations, simulate
@@ -156,7 +156,7 @@ def test_sums_of_a_sector_antenna_contain_those_of_an_omnidirectional_one():
     matrices = matrices_of(whiteners(track, prior, numbers))
     shared = SharedSums.of(prior, np.isfinite(prior.station_log_odds))
     assert prior.stations[shared.patterned].antenna_db
-    assert shared.rows.tolist() == np.flatnonzero(prior.noise_table.is_coarse).tolist()
+    assert shared.rest.tolist() == [prior.hypotheses.index(WHITE)]
     first, patterned = (prior.of_station(prior.stations[k]) for k in (0, shared.patterned))
     alone = walk_sums(track, matrices, first, Places.of(*PLACES))
     joined = shared.join(

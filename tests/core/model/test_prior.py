@@ -139,16 +139,15 @@ def test_any_antenna_is_one_of_the_others():
 
 
 def test_log_odds_of_the_stations_under_each_noise():
-    """A pattern needs noise in coarse blocks, unless there is nothing but patterns."""
+    """A pattern needs shadowing, unless there is nothing but patterns."""
     prior = Prior(stations=(Station(0.6, 5.0), Station(0.1, 20.0), Station(0.5, 5.0, (9.0,))))
     odds = np.exp(prior.station_log_odds)
     assert odds.shape == (3, len(prior.hypotheses))
     np.testing.assert_allclose(np.sum(odds, axis=0), 1.0)
-    is_coarse = prior.noise_table.is_coarse
-    assert 0 < np.count_nonzero(is_coarse) < len(is_coarse)
-    all_odds = np.outer([0.5, 1 / 12, 5 / 12], is_coarse[is_coarse])
-    np.testing.assert_allclose(odds[:, is_coarse], all_odds)
-    np.testing.assert_allclose(odds[:, ~is_coarse].T, [[6 / 7, 1 / 7, 0.0]] * np.sum(~is_coarse))
+    assert prior.hypotheses[0] == WHITE
+    np.testing.assert_allclose(odds[:, 0], [6 / 7, 1 / 7, 0.0])
+    shadowed = odds[:, 1:]
+    np.testing.assert_allclose(shadowed.T, [[0.5, 1 / 12, 5 / 12]] * shadowed.shape[1])
     sector = prior.of_station(prior.stations[2])
     np.testing.assert_allclose(np.exp(sector.station_log_odds), 1.0)
 
