@@ -154,7 +154,8 @@ INPUT = PathType(is_input=True)
 DURATION_S = number(float, 0, MOST_S, unit="s", open_below=True)
 SEED = number(int, 0, 2**63 - 1)
 
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+# eager: known to options that print and end
+json_option = click.option("--json", "as_json", is_flag=True, is_eager=True, help="Print JSON.")
 
 
 version_option = partial(

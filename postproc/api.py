@@ -6,6 +6,7 @@ are `logger.core.errors.FieldLoggerError`.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import get_args, overload
@@ -288,14 +289,24 @@ def export(
     results = [result] if result is not None else [run] if isinstance(run, Result) else None
     if not isinstance(run, (Run, Path, str, Result)):
         results = list(run)
+        if not all(isinstance(one, Result) for one in results):
+            raise ConfigError("levels are written one run a file; several may be results alone")
     name = format_of(form, target, with_estimates=results is not None)
     check_output(target)
+    wanted = _names(cells)
     if results is not None:
-        return write_answers(results, target, name, every=all_estimators)[0]
+        some = [_part_of(one, wanted) for one in results] if wanted else results
+        if wanted and (unknown := set(wanted) - {cell.cell for one in some for cell in one.cells}):
+            raise ConfigError(f"cell {min(unknown)} is in no result")
+        return write_answers(some, target, name, every=all_estimators)[0]
     assert isinstance(run, (Run, Path, str))
-    observed, wanted = _run(run), _names(cells)
+    observed = _run(run)
     walk = walk_of_run(observed, list(observed_cells([observed], wanted)) if wanted else None)
     return write_walk(walk, target, name)
+
+
+def _part_of(result: Result, cells: Sequence[str]) -> Result:
+    return replace(result, cells=tuple(cell for cell in result.cells if cell.cell in cells))
 
 
 def _prior(
@@ -342,7 +353,7 @@ def _bare(
     position_sigma_m: npt.ArrayLike,
     rat: str | None,
 ) -> Readings:
-    x, y, level = (np.asarray(values, float) for values in (x_m, y_m, level_dbm))
+    x, y, level = (_floats(values) for values in (x_m, y_m, level_dbm))
     if x.ndim != 1 or not x.shape == y.shape == level.shape:
         raise ConfigError(
             f"x_m, y_m and level_dbm are of one shape (n,), not {x.shape}, {y.shape}, {level.shape}"
@@ -376,8 +387,18 @@ def _are_degrees(x: FloatArray, y: FloatArray) -> bool:
     return bool((could_be or could_be_swapped) and 0.0 < max(extents) < _DEGREES_WITHIN)
 
 
+def _floats(values: npt.ArrayLike) -> FloatArray:
+    try:
+        # a copy: the caller may write to his own; what is masked is unknown
+        return np.array(np.ma.filled(np.ma.asarray(values, float), np.nan))
+    except (TypeError, ValueError) as error:
+        raise ConfigError(
+            f"x_m, y_m, level_dbm and position_sigma_m are arrays of numbers: {error}"
+        ) from None
+
+
 def _broadcast(values: npt.ArrayLike, n: int) -> FloatArray:
     try:
-        return np.broadcast_to(np.asarray(values, float), (n,)).copy()
+        return np.broadcast_to(_floats(values), (n,)).copy()
     except ValueError:
         raise ConfigError(f"position_sigma_m is a scalar or has shape ({n},)") from None

@@ -222,13 +222,13 @@ def plot(path: Path, output: Path | None, cell: str | None, *, as_json: bool) ->
 
 def _print_rules(context: click.Context, _: click.Parameter, is_wanted: bool) -> None:
     if is_wanted:
-        show(run_assessment.document_of_rules(), as_json=False)
+        show(run_assessment.document_of_rules(), as_json=context.params["as_json"])
         context.exit()
 
 
 @program.command
 @click.option(
-    "--rules", is_flag=True, is_eager=True, expose_value=False, callback=_print_rules,
+    "--rules", is_flag=True, expose_value=False, callback=_print_rules,
     help="Print all rules with their needs and rates instead.",
 )  # fmt: skip
 @runs_argument

@@ -183,6 +183,7 @@ def share_text(probability: float) -> str:
 
 def area_text(area_m2: float) -> str:
     """An area with its significant digits."""
+    rounded_m2 = float(f"{area_m2:.2g}")
     if area_m2 >= 100_000.0:
-        return f"{area_m2 / 1e6:.2g} km²"
-    return f"{float(f'{area_m2:.2g}'):,.0f} m²".replace(",", "\N{NARROW NO-BREAK SPACE}")
+        return f"{rounded_m2 / 1e6:g} km²"
+    return f"{rounded_m2:,.0f} m²".replace(",", "\N{NARROW NO-BREAK SPACE}")

@@ -236,10 +236,12 @@ def parts_of(walk: NextWalk) -> Iterator[str | TextLine | Table]:
 
 def content_of(walk: NextWalk) -> dict[str, Any]:
     """What the JSON is made of."""
+    place = walk.answer.place
     return {
         "cell": walk.answer.cell,
         "verdict": walk.answer.verdict,
-        "best": walk.answer.place and walk.answer.place.position,
+        "best": place and place.position,
+        "supposition": (place and place.supposition) or None,
         "start": walk.start.on_map,
         "text": walk.text,
         "routes": [

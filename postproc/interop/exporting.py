@@ -226,7 +226,9 @@ def write_walk(walk: ExportWalk, target: Path, name: str) -> Exported:
     writable = getattr(form, "writable", None)
     sightings = [s for s in walk.sightings if writable is None or writable(s)]
     if writable is not None and not sightings:
-        why = walk.no_utc and f": the format needs UTC, and {walk.no_utc}"
+        why = ": no level has the complete identity of a cell" if walk.sightings else ""
+        if walk.no_utc:
+            why = f": the format needs UTC, and {walk.no_utc}"
         raise RunFileError(f"nothing in the run can be written as {name}{why}")
     with whole_file(target) as part:
         form.write(replace(walk, sightings=tuple(sightings)), part)

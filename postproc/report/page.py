@@ -243,7 +243,7 @@ def _cell_table(result: Result, counts: Mapping[str, CellCount]) -> Table:
         Column("word"),
         Column("verdict"),
         Column("type"),
-        Column("readings used", "d"),
+        Column("readings", "d"),
         Column("highest level", ".0f", "dBm"),
         _POSITION,
         *RADIUS_COLUMNS,

@@ -84,6 +84,7 @@ class LocatedCell(msgspec.Struct, frozen=True, kw_only=True):
     y_m: float | None = None
     r50_m: float | None = None
     r95_m: float | None = None
+    supposition: str | None = None
     region_m2: float | None = None
     probability: float | None = None
     p0_dbm: float | None = None
@@ -205,6 +206,7 @@ def _locate_place(heard: CellRuns, runs: Mapping[str, SurveyRun], options: Optio
         y_m=posterior.y_m,
         r50_m=place.r50_m,
         r95_m=place.r95_m,
+        supposition=place.supposition or None,
         region_m2=place.area_m2,
         probability=place.modes[0].probability,
         p0_dbm=posterior.p0_dbm,

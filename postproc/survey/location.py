@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 
+from logger.core.certainty import metres
 from logger.core.document import Column, Document, Line, Table, Value, Word
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
@@ -191,7 +192,8 @@ def cell_row(cell: LocatedCell) -> tuple[Value, ...]:
     """A cell in `CELL_COLUMNS`."""
     place: tuple[Value, ...] = (None, None, None)
     if cell.where:
-        place = (cell.where, cell.r50_m, cell.r95_m)
+        supposed = f"{metres(cell.r95_m)} {cell.supposition}" if cell.supposition else cell.r95_m
+        place = (cell.where, cell.r50_m, supposed)
     name = cell.cell if cell.n_places == 1 else f"{cell.cell} ({cell.place} of {cell.n_places})"
     return (name, Word(cell.verdict), *place, cell.n_readings, cell.n_runs)
 

@@ -470,11 +470,12 @@ def _content(suspicions: Suspicions, finding: Finding) -> Mapping[str, object]:
 
 def document_of_rules() -> Document:
     """All rules with their needs and rates, and what each family of modems lets them ask."""
-    texts = [rule.text for rule in ALL_RULES]
-    return Document(
-        texts,
-        body=[*(Line(text, bullet="  - ") for text in texts), "", *table_of_sources()],
-    )
+    content = [
+        {"rule": rule.id, "family": rule.family, "needs": rule.needs, "text": rule.text}
+        for rule in ALL_RULES
+    ]
+    lines = (Line(rule.text, bullet="  - ") for rule in ALL_RULES)
+    return Document(content, body=[*lines, "", *table_of_sources()])
 
 
 _OF_USER: tuple[Need, ...] = ("position", "other cells", "earlier walks", "cell database")

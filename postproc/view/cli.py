@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -179,7 +180,8 @@ def _view_model(
 
     def view_of(cell: estimation.CellResult) -> view_model.CellView:
         prior = cell.posterior.prior if cell.posterior else options.prior
-        steps = view_model.answer_steps(cell, prior, processors())
+        of_cell = dataclasses.replace(options, prior=prior)
+        steps = view_model.answer_steps(cell, of_cell, processors())
         steps_shown = progress.with_progress(
             steps, f"answer for {cell.cell} step by step", view_model.MOST_STEPS
         )

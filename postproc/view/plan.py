@@ -420,10 +420,11 @@ def level_strips(
     n_steps = max(1, -(-(len(t_ns) - 1) // MOST_STRIPS))
     longest_ns = n_steps * MAX_GAP_S * 1e9
     starts = range(0, len(t_ns) - 1, n_steps)
+    # of several runs an earlier one may follow: time leaps back
     slices = [
         slice(start, start + n_steps + 1)
         for start in starts
-        if t_ns[min(start + n_steps, len(t_ns) - 1)] - t_ns[start] <= longest_ns
+        if 0 <= t_ns[min(start + n_steps, len(t_ns) - 1)] - t_ns[start] <= longest_ns
     ]
     means_dbm = np.array([np.mean(level_dbm[part]) for part in slices])
     return [positions_m[part] for part in slices], means_dbm

@@ -13,7 +13,15 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from logger.core.arrays import FloatArray, IntArray
-from logger.core.document import Column, Degrees, Table, Word, markdown_table, markdown_text
+from logger.core.document import (
+    Column,
+    Degrees,
+    Table,
+    Word,
+    markdown_table,
+    markdown_text,
+    number_of,
+)
 from logger.core.locator.alternatives import alternatives_text
 from logger.core.places import Places
 from logger.core.rows import Rows
@@ -463,7 +471,7 @@ def _runs(view: ViewModel) -> str:
         for i, walk in enumerate(survey.walks)
     ]
     cells = {levels.cell for levels in survey.levels}
-    return "; ".join([*runs, f"{len(cells)} cells observed"])
+    return "; ".join([*runs, f"{number_of(len(cells), 'cell')} observed"])
 
 
 def _list(lines: Sequence[str]) -> str:

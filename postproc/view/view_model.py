@@ -10,7 +10,6 @@ import numpy as np
 
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.locator.posterior import Posterior
-from logger.core.model.prior import Prior
 from logger.core.readings import Readings
 from logger.core.runfile import Run
 from logger.core.types import UNKNOWN_TIME, Verdict
@@ -21,7 +20,7 @@ from postproc.pictures.colours import Colour
 from postproc.pictures.picture import Picture, Rings, focus_of, picture_of, regions_of
 from postproc.pictures.survey import Box, Survey, clock_of
 from postproc.processes import each
-from postproc.result import EKF, REFERENCE, CellResult, Estimator, Result
+from postproc.result import EKF, REFERENCE, CellResult, Estimator, Options, Result
 from postproc.smoothing import FEWEST_READINGS, locate_cell
 from postproc.verification.claims import CellVerdict
 
@@ -83,7 +82,7 @@ class Step(NamedTuple):
     posterior: Posterior
 
 
-def answer_steps(result: CellResult, prior: Prior, processes: int = 1) -> Iterator[Step]:
+def answer_steps(result: CellResult, options: Options, processes: int = 1) -> Iterator[Step]:
     """A cell's answer in at most `MOST_STEPS` steps, the last of them the answer itself.
 
     There is none without a posterior.
@@ -92,12 +91,14 @@ def answer_steps(result: CellResult, prior: Prior, processes: int = 1) -> Iterat
     if obs is None or posterior is None:
         return
     counts = step_counts(len(obs))[:-1]
-    parts = [obs.part(slice(n)) for n in counts]
-    answers = each(partial(locate_cell, prior=prior), parts, processes, _cell_without_result)
+    in_time = np.argsort(obs.t_ns, kind="stable")  # of several runs a later one may come first
+    parts = [obs.part(np.sort(in_time[:n])) for n in counts]
+    locate = partial(locate_cell, prior=options.prior, within_m=options.within_m)
+    answers = each(locate, parts, processes, _cell_without_result)
     for n, part in zip(counts, answers, strict=True):
         if part.posterior is not None:
-            yield Step(int(obs.t_ns[n - 1]), n, part.verdict, part.posterior)
-    yield Step(int(obs.t_ns[-1]), len(obs), result.verdict, posterior)
+            yield Step(int(obs.t_ns[in_time[n - 1]]), n, part.verdict, part.posterior)
+    yield Step(int(obs.t_ns[in_time[-1]]), len(obs), result.verdict, posterior)
 
 
 def _cell_without_result(part: Readings) -> CellResult:

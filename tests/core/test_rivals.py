@@ -35,7 +35,13 @@ def test_what_the_answer_took_and_what_the_others_would_say(some, text):
 
 
 @pytest.mark.parametrize(
-    ("area_m2", "text"), [(681.0, "680 m²"), (11_328.0, "11\u202f000 m²"), (1_240_000.0, "1.2 km²")]
+    ("area_m2", "text"),
+    [
+        (681.0, "680 m²"),
+        (11_328.0, "11\u202f000 m²"),
+        (1_240_000.0, "1.2 km²"),
+        (153_000_000.0, "150 km²"),
+    ],
 )
 def test_areas_have_two_digits(area_m2, text):
     assert area_text(area_m2) == text

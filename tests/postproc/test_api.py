@@ -171,6 +171,16 @@ def test_a_run_and_its_result_are_exported(path):
         postproc.export(path, path.parent / "walk.shp", form="shp")
 
 
+def test_of_results_some_cells_are_exported_and_runs_are_not_taken_for_results(path, tmp_path):
+    result, target = postproc.smooth(path), tmp_path / "cells.csv"
+    assert postproc.export(result, target, cells=cell_name(1)).n_estimates == 1
+    assert [line.split(",")[0] for line in target.read_text().splitlines()][1:] == [cell_name(1)]
+    with pytest.raises(ConfigError, match="cell nowhere is in no result"):
+        postproc.export(result, target, cells=[cell_name(1), "nowhere"])
+    with pytest.raises(ConfigError, match="one run a file"):
+        postproc.export([path, path], target)
+
+
 def test_every_answer_has_its_word_and_its_place(path):
     result = postproc.smooth(path)
     assert [answer.word.word for answer in result.answers] == ["nothing unusual"] * 2
@@ -254,6 +264,31 @@ LINE = np.arange(40) * 10.0
 def test_bare_arrays_that_cannot_be_a_walk_are_refused(x, y, level, sigma_m, says):
     with pytest.raises(ConfigError, match=says):
         locate(x, y, level, position_sigma_m=sigma_m)
+
+
+@pytest.mark.parametrize("what", [["a", "b"], [[1.0], [2.0, 3.0]], {"x": 1.0}])
+def test_what_is_no_array_of_numbers_is_refused(what):
+    x, y, level = walk()
+    for arrays in ((what, y, level), (x, y, what)):
+        with pytest.raises(ConfigError, match="arrays of numbers"):
+            locate(*arrays)
+    with pytest.raises(ConfigError, match="arrays of numbers"):
+        locate(x, y, level, position_sigma_m=what)
+
+
+def test_masked_values_are_not_taken_for_levels():
+    x, y, level = walk()
+    masked = np.ma.masked_array(level, mask=np.arange(len(level)) < 9)
+    with pytest.raises(ConfigError, match="leave out NaN"):
+        locate(x, y, masked)
+
+
+def test_a_result_keeps_its_readings_when_the_caller_writes_to_his_arrays():
+    x, y, level = walk()
+    cell = locate(x, y, level)
+    before = cell.obs.x_m.copy(), cell.obs.level_dbm.copy()
+    x[:], level[:] = 0.0, -50.0
+    np.testing.assert_array_equal((cell.obs.x_m, cell.obs.level_dbm), before)
 
 
 def test_no_run_at_all_is_said():

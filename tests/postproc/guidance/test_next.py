@@ -15,6 +15,7 @@ from postproc.guidance.next_walk import draw_map, next_walk
 from tests.kit.guided_walks import LAT_DEG, LON_DEG, line, rows
 from tests.kit.suspicion_walks import gsm, write_walk
 from tests.kit.walks import observations
+from tests.postproc.baseline import walks as city_walks
 
 EMITTER_M = (150.0, 90.0)
 
@@ -59,6 +60,15 @@ def test_the_answer_is_that_of_smooth(run, capsys):
     assert document["best"]["r95_m"] == pytest.approx(cell["best"]["r95_m"])
     assert document["best"]["lat"] == pytest.approx(cell["best"]["lat"], abs=1e-9)
     assert document["verdict"] == cell["verdict"]
+
+
+def test_the_radii_come_with_what_they_suppose(run, tmp_path, capsys):
+    noise = np.random.default_rng(1).integers(-3, 4, 60).tolist()
+    path = city_walks.write_walk(
+        tmp_path, 1, lambda k: (city_walks.cell(1, -90.0 + k // 20 + noise[k]),), n=60
+    )
+    assert _json(capsys, path)["supposition"] == "if it is no distant mast"
+    assert _json(capsys, run)["supposition"] is None
 
 
 def test_the_sentence_has_the_places_of_the_answer():

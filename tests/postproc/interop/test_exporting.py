@@ -155,6 +155,18 @@ def test_nothing_of_the_walker_is_exported(tmp_path, run, capsys, name):
 
 
 @pytest.mark.parametrize("name", ["wigle", "opencellid-csv", "opencellid-json"])
+def test_a_format_of_identities_says_that_a_run_has_none(tmp_path, capsys, name):
+    (tmp_path / "a.csv").write_text(
+        "time_utc,lat,lon,rssi_dbm,cell\n2024-05-14T09:00:00Z,52.0,13.0,-70,own\n"
+    )
+    _main(capsys, "import", tmp_path / "a.csv", "-o", tmp_path / "a.h5")
+    output = _main(
+        capsys, "export", tmp_path / "a.h5", "-o", tmp_path / "a", "--format", name, code=2
+    )
+    assert "no level has the complete identity of a cell" in output.err
+
+
+@pytest.mark.parametrize("name", ["wigle", "opencellid-csv", "opencellid-json"])
 def test_without_utc_a_format_that_needs_it_says_so(tmp_path, capsys, name):
     kit.write_run(tmp_path / "a.journal", seconds=20, cells=1, utc=False)
     output = _main(

@@ -53,6 +53,27 @@ def test_estimates_are_those_of_smooth(tmp_path):
     assert offsets == pytest.approx(posterior.offsets.mean_db.tolist())
 
 
+def test_what_the_radii_suppose_is_in_every_output(tmp_path, scheduler, capsys):
+    """Past a mast far away: the levels hardly change."""
+    noise = np.random.default_rng(1).integers(-3, 4, 60).tolist()
+    path = write_walk(tmp_path, 1, lambda k: (cell(1, -90.0 + k // 20 + noise[k]),), n=60)
+    (expected,) = smooth_runs([read_sound_run(path)], [name(1)]).cells
+    supposed = expected.place.supposition
+    assert supposed
+    folder = tmp_path / "s"
+    list(add_files(Survey.open_or_make(folder), [path]))
+    arguments = ["survey", "locate", str(folder), "--scheduler", scheduler]
+    assert main([*arguments, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["cells"][0]["supposition"] == supposed
+    assert main(arguments) == 0
+    assert supposed in " ".join(capsys.readouterr().out.split())
+    located = folder / "located.parquet"
+    assert duckdb.sql(f"SELECT supposition FROM '{located}'").fetchall() == [(supposed,)]
+    page = tmp_path / "map.html"
+    assert main(["survey", "map", str(folder), "-o", str(page), "--scheduler", scheduler]) == 0
+    assert supposed in page.read_text()
+
+
 def test_partition_and_order_do_not_matter(tmp_path):
     _, one = write_city(tmp_path / "one")
     _, other = write_city(tmp_path / "other", order=[5, 2, 7, 0, 1, 6, 4, 3], split=3)

@@ -1,7 +1,10 @@
 """What is printed and written about the rules is what the rules declare."""
 
+import json
 import re
 from pathlib import Path
+
+import pytest
 
 from logger.core.suspicion.rules import RULES
 from postproc.cli import main
@@ -25,6 +28,16 @@ def test_the_table_of_all_rules(capsys):
         assert f"{rule.sentence}. Only where: {rule.gate}." in plain
         assert f"Also seen with: {rule.harmless}." in plain
     assert "GSM 1 of 23 cells in 2.7 h (0.01 to 2.06 an hour)" in plain
+
+
+@pytest.mark.parametrize("words", [["--rules", "--json"], ["--json", "--rules", "no.h5"]])
+def test_the_rules_as_json(words, capsys):
+    assert main(["suspect", *words]) == 0
+    rules = {row["rule"]: row for row in json.loads(capsys.readouterr().out)}
+    assert {name: row["family"] for name, row in rules.items()} == {
+        rule.id: rule.family for rule in ALL_RULES.values()
+    }
+    assert all(row["text"] == ALL_RULES[name].text for name, row in rules.items())
 
 
 def test_the_page_names_no_rule_that_there_is_not_and_no_other_family():

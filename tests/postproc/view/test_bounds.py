@@ -80,6 +80,12 @@ def test_silence_is_a_gap():
     assert [strip[:, 0].tolist() for strip in strips] == [[0, 1], [1, 2], [3, 4]]
 
 
+def test_no_strip_leads_from_a_run_to_an_earlier_one():
+    t_ns = np.array([100, 101, 0, 1]) * 10**9
+    strips, _ = level_strips(t_ns, np.column_stack([np.arange(4.0), np.zeros(4)]), np.zeros(4))
+    assert [strip[:, 0].tolist() for strip in strips] == [[0, 1], [2, 3]]
+
+
 @pytest.mark.parametrize("count", [0, 1])
 def test_one_reading_has_no_strip(count):
     strips, level_dbm = level_strips(

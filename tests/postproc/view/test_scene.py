@@ -192,6 +192,13 @@ def test_the_report_states_the_verdict_and_escapes_markup(recording_path):
     assert r"**rejected** | too \<far\>" in text
 
 
+def test_the_report_counts_one_cell(view):
+    survey = view.survey
+    alone = replace(survey.walks[0], levels=survey.walks[0].levels[:1])
+    some = replace(view, survey=replace(survey, walks=(alone,)))
+    assert "; 1 cell observed" in cell_report(some, some.cell_views[0])
+
+
 def test_the_report_says_what_no_rule_could_see(view):
     some = replace(view, unnoticed="not a weak one")
     assert "not a weak one" in cell_report(some, some.cell_views[0])

@@ -6,9 +6,10 @@ import pytest
 from logger.core.model.prior import ENVIRONMENTS
 from logger.core.runfile import RunWriter, read_run
 from logger.core.types import UNKNOWN_TIME, CellReading, Fix, Record, Scan
+from postproc.multi_run import merge
 from postproc.pictures import colours
 from postproc.pictures.survey import clock_of
-from postproc.result import CellResult
+from postproc.result import CellResult, Options
 from postproc.smoothing import locate_cell
 from postproc.view.view_model import (
     MOST_STEPS,
@@ -126,7 +127,7 @@ def test_each_step_is_the_answer_from_the_readings_until_then(monkeypatch):
     monkeypatch.setattr("postproc.view.view_model.MOST_STEPS", 4)
     obs, _ = walks.simulate(np.random.default_rng(3), "square", count=80, step=8.0)
     result = locate_cell(obs, ENVIRONMENTS["any"])
-    steps = list(answer_steps(result, ENVIRONMENTS["any"]))
+    steps = list(answer_steps(result, Options()))
     assert (steps[-1].verdict, steps[-1].n) == (result.verdict, 80)
     assert steps[-1].posterior is result.posterior
     assert steps[0].posterior.region_area_m2 > steps[-1].posterior.region_area_m2
@@ -136,7 +137,34 @@ def test_each_step_is_the_answer_from_the_readings_until_then(monkeypatch):
     assert (again.verdict, again.posterior.r95_m) == (middle.verdict, middle.posterior.r95_m)
 
 
-def test_without_a_posterior_there_is_no_step():
-    assert (
-        list(answer_steps(CellResult("c", 0, None, "cannot tell", ()), ENVIRONMENTS["any"])) == []
+def test_steps_are_in_the_order_of_time_though_the_later_of_two_runs_has_most_readings(
+    monkeypatch,
+):
+    monkeypatch.setattr("postproc.view.view_model.MOST_STEPS", 4)
+    obs, _ = walks.simulate(np.random.default_rng(3), "square", count=80, step=8.0)
+    two = np.arange(80) < 30, np.arange(80) >= 30
+    parts = {run: replace(obs.part(two[run]), known_limit=None) for run in (1, 0)}
+    both = merge(parts, modems=(0, 1))
+    result = locate_cell(both, ENVIRONMENTS["any"])
+    steps = list(answer_steps(result, Options()))
+    times_ns = [step.t_ns for step in steps]
+    assert times_ns == sorted(times_ns)
+    assert times_ns[-1] == obs.t_ns[-1]
+    first = steps[0]
+    assert first.n < 30
+    again = locate_cell(obs.part(slice(first.n)), ENVIRONMENTS["any"])
+    assert first.posterior.r95_m == pytest.approx(again.posterior.r95_m, rel=0.05)
+
+
+def test_each_step_has_the_radius_of_a_location_that_the_user_chose():
+    obs, _ = walks.simulate(np.random.default_rng(3), "square", count=80, step=8.0)
+    strict, wide = (
+        [step.verdict for step in answer_steps(locate_cell(obs, one.prior, one.within_m), one)]
+        for one in (Options(within_m=1.0), Options(within_m=5000.0))
     )
+    assert set(strict) == {"cannot tell"}
+    assert wide[:-1].count("located") > 0
+
+
+def test_without_a_posterior_there_is_no_step():
+    assert list(answer_steps(CellResult("c", 0, None, "cannot tell", ()), Options())) == []
