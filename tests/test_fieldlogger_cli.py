@@ -45,6 +45,10 @@ def site(tmp_path):
         (("[gnss]", "[gnns]"), 'unknown key "gnns"; did you mean "gnss"?'),
         (('port = "/dev/ttyUSB78"', ""), '[gnss] missing key "port"'),
         (("[run]", "[run"), "line 1"),
+        (('"/dev/ttyUSB77"', "/dev/ttyUSB77"), "'port = /dev/ttyUSB77'; a text has straight"),
+        (("interval_s = 0.05", "interval_s = 0,05"), "_s = 0,05'; a text has straight quotes"),
+        (("interval_s = 0.05", 'interval_s = "1"'), "expected `float`, got `str`; without quotes"),
+        (("[gnss]", "[page]\nlisten = 8080\n[gnss]"), "got `int`; a text has quotes, like"),
         (
             ("poll_interval_s = 0.05", "poll_interval_s = -1"),
             '[modem] "poll_interval_s": expected `float` > 0',
