@@ -352,6 +352,8 @@ def recover(context: click.Context, path: Path, *, as_json: bool) -> int:
     body = list(lines()) if as_json else lines()  # as they come
     content = [result.as_dict() for result in results]
     show(document.Document(content, body=body), as_json=as_json)
+    if not results and not as_json:
+        print(f"{path}: no journal there lacks its HDF5 file", file=sys.stderr)
     losses = [result.loss for result in results if result.loss]
     for loss in losses if not as_json else ():
         print(f"{context.find_root().info_name}: {loss}", file=sys.stderr)

@@ -251,6 +251,17 @@ def test_a_cell_seen_twice_cannot_be_told(tmp_path, capsys):
     assert "only 2 readings" in cell["warnings"][0]
 
 
+def test_results_that_a_pattern_names_are_no_runs(tmp_path, capsys):
+    run = _run(tmp_path, runs.records(30))
+    assert main(["smooth", str(run)]) == 0
+    capsys.readouterr()
+    (stored,) = tmp_path.glob("*.post.h5")
+    said = _fails(capsys, "suspect", stored)
+    assert said.endswith("holds results of `postproc smooth`: name the run beside it")
+    assert main(["suspect", str(run), str(stored)]) == 0
+    assert capsys.readouterr().err == f"left out, as results are no runs: {stored.name}\n"
+
+
 @pytest.mark.parametrize("command", ["info", "replay", "smooth", "view", "plot", "recover"])
 def test_a_text_file_given_as_run_is_one_line(tmp_path, capsys, command):
     (tmp_path / "run.h5").write_text("lat,lon\n1,2\n")
