@@ -93,7 +93,8 @@ INTERRUPTED = 130
 class PathType(click.Path):
     """A path; with `is_file` one that names a file, with `is_input` one that can also be read.
 
-    `/` and `..` name no file. A pipe or a device may never end; a folder has no content.
+    `/` and `..` name no file, nor does `-` to write to. A pipe or a device may never end; a folder
+    has no content.
     """
 
     def __init__(self, *, is_file: bool = False, is_input: bool = False) -> None:
@@ -110,7 +111,8 @@ class PathType(click.Path):
         path = Path(value)
         if "\0" in str(path):
             self.fail(f"{str(path)!r} contains a NUL character", param, ctx)
-        if self._is_file and path.name in {"", ".."}:
+        nameless = {"", ".."} if self._is_input else {"", "..", "-"}
+        if self._is_file and path.name in nameless:
             self.fail(f"{str(path)!r} names no file", param, ctx)
         if self._is_input and path.exists():
             try:

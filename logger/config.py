@@ -172,7 +172,10 @@ def load_config(path: Path) -> tuple[SiteConfig, str]:
         with TextIOWrapper(open_regular(path), encoding="utf-8-sig") as file:
             text = file.read(_MOST_CHARACTERS + 1)
     except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}") from error
+        writes = f"; `fieldlogger probe --write {path}` writes one"
+        raise ConfigError(
+            f"{path}: {error.strerror}{writes * isinstance(error, FileNotFoundError)}"
+        ) from error
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: not a text file in UTF-8") from None
     if len(text) > _MOST_CHARACTERS:
