@@ -64,7 +64,7 @@ basemap_option = click.option(
     "--basemap",
     type=INPUT,
     metavar="FILE",
-    help="Ground: PMTiles, MBTiles, or an image with a world file.",
+    help="Ground: PMTiles or MBTiles.",
 )
 streets_option = click.option(
     "--streets",
