@@ -316,7 +316,7 @@ def probe(ports: tuple[str, ...], target: Path | None, *, as_json: bool) -> None
 
 
 def _check_new(path: Path) -> None:
-    """Before the ports are asked, which takes a while."""
+    # before the ports are asked, which takes a while
     if path.exists():
         raise ConfigError(f"{path}: File exists; move it away, or write to another name")
     if not path.parent.is_dir():

@@ -346,7 +346,7 @@ _KINDS: dict[str, type[SourceSettings]] = {
 
 
 def _line_of(problem: str, text: str) -> str:
-    """The line that is no TOML, with the rules that are broken most often."""
+    # with the rules that are broken most often
     line = re.search(r"at line (\d+)", problem)
     if line is None:
         return ""

@@ -28,8 +28,7 @@ Command = Callable[..., int | None]
 _Paths = TypeVar("_Paths", Path, tuple[Path, ...])
 
 _HDF5_READER = "logger.core.runfile.hdf5"
-_RESULTS = ".post.h5"
-"""End of the name of what `smooth` writes."""
+_RESULTS = ".post.h5"  # of `smooth`
 _FARTHEST_M = 30_000
 """Nothing farther is searched."""
 
@@ -45,7 +44,7 @@ def _start_reader(ctx: click.Context, _: click.Parameter, value: _Paths) -> _Pat
 def _without_results(
     ctx: click.Context, param: click.Parameter, value: tuple[Path, ...]
 ) -> tuple[Path, ...]:
-    """A pattern such as run-*.h5 names what `smooth` wrote beside the runs, too."""
+    # a pattern such as run-*.h5 names what `smooth` wrote beside the runs, too
     runs = tuple(path for path in value if not path.name.endswith(_RESULTS))
     if runs and len(runs) < len(value) and not ctx.resilient_parsing:
         others = ", ".join(path.name for path in value if path not in runs)

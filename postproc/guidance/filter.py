@@ -21,8 +21,7 @@ from postproc.interop.sighting import LEVEL_RANGE_DBM, RATS
 
 COLUMNS = ("t_s", "lat", "lon", "rssi_dbm")
 """Columns that the header has to name; `cell`, `acc_m` and `rat` may follow."""
-SURPLUS = ""
-"""Name of what a row has after its last column."""
+SURPLUS = ""  # what a row has after its last column
 
 _FEWEST_LEVELS = 5
 """With as many levels there is a best position, however unsure; before there is no answer."""
