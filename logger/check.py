@@ -12,7 +12,7 @@ from pyproj.exceptions import ProjError
 from logger.baseline_file import BaselineFile, bound_heap, configured_file
 from logger.command_line import SERVICE_FOLDER, SITE_TOML, missing_library
 from logger.config import FIRST_FREE_PORT, SiteConfig, SourceSettings, load_config, page_address
-from logger.core.document import Document, Word, facts
+from logger.core.document import Document, Word, facts, number_of
 from logger.core.errors import ConfigError, GeoError, RunFileError
 from logger.core.guidance.street_atlas import StreetAtlas
 from logger.core.places import Utm
@@ -46,8 +46,10 @@ def check(config_path: Path | None) -> list[Line]:
     Raises `ConfigError` for an unusable configuration.
     """
     lines = [*_libraries(), _map()]
-    if config_path is not None:
-        config = site_config(config_path)
+    if config_path is None:
+        lines.append(Line("warn", "site.toml", "none was checked: name it with --config"))
+    else:
+        config, _ = load_config(config_path)
         lines.append(Line("ok", str(config_path), "configuration is valid"))
         lines += _site(config)
         folder = Path(config.run.directory)
@@ -56,16 +58,6 @@ def check(config_path: Path | None) -> list[Line]:
             text = f"{text} [Service] ReadWritePaths={folder} lets it, where its user may write"
             lines.append(Line("warn", "directory", text))
     return lines
-
-
-def site_config(path: Path) -> SiteConfig:
-    """The configuration in a file; without a file the error names the command that writes one."""
-    try:
-        return load_config(path)[0]
-    except ConfigError as error:
-        if isinstance(error.__cause__, FileNotFoundError):
-            raise ConfigError(f"{error}; `fieldlogger probe --write {path}` writes one") from error
-        raise
 
 
 def _libraries() -> Iterator[Line]:
@@ -132,7 +124,8 @@ def _baseline(path: Path) -> Line:
     except RunFileError as error:
         return Line("fail", "baseline", str(error))
     baseline.close()
-    return Line("ok", "baseline", f"{path}: {baseline.n_walks} earlier walks")
+    walks = number_of(baseline.n_walks, "earlier walk")
+    return Line("ok", "baseline", f"{path}: {walks}")
 
 
 def _streets(path: Path) -> Line:

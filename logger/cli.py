@@ -292,6 +292,8 @@ def probe(ports: tuple[str, ...], target: Path | None, *, as_json: bool) -> None
 
     PORT limits the search to these ports (default: all serial ports).
     """
+    if target is not None:
+        _check_new(target)
     present = probing.serial_ports()
     candidates = {port: present.get(port, "") for port in ports} or present
     if not candidates:
@@ -307,19 +309,18 @@ def probe(ports: tuple[str, ...], target: Path | None, *, as_json: bool) -> None
         lines.append(f"# {device.port} ({origin}): {device.kind}{rate}{driver} {device.text}")
     show(document.Document(devices, body=[*lines, f"\n{proposal.text.rstrip()}"]), as_json=as_json)
     if target is not None:
-        _write_new(target, proposal.text)
+        with target.open("x", encoding="utf-8") as file:
+            file.write(proposal.text)
     if proposal.advice:
         raise ConfigError(proposal.advice)
 
 
-def _write_new(path: Path, text: str) -> None:
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError as error:
-        raise ConfigError(
-            f"{path}: {error.strerror}; move it away, or write to another name"
-        ) from error
+def _check_new(path: Path) -> None:
+    # before the ports are asked, which takes a while
+    if path.exists():
+        raise ConfigError(f"{path}: File exists; move it away, or write to another name")
+    if not path.parent.is_dir():
+        raise ConfigError(f"{path.parent}: no such folder")
 
 
 @program.command

@@ -93,7 +93,8 @@ INTERRUPTED = 130
 class PathType(click.Path):
     """A path; with `is_file` one that names a file, with `is_input` one that can also be read.
 
-    `/` and `..` name no file. A pipe or a device may never end; a folder has no content.
+    `/` and `..` name no file, nor does `-` to write to. A pipe or a device may never end; a folder
+    has no content.
     """
 
     def __init__(self, *, is_file: bool = False, is_input: bool = False) -> None:
@@ -110,7 +111,8 @@ class PathType(click.Path):
         path = Path(value)
         if "\0" in str(path):
             self.fail(f"{str(path)!r} contains a NUL character", param, ctx)
-        if self._is_file and path.name in {"", ".."}:
+        nameless = {"", ".."} if self._is_input else {"", "..", "-"}
+        if self._is_file and path.name in nameless:
             self.fail(f"{str(path)!r} names no file", param, ctx)
         if self._is_input and path.exists():
             try:
@@ -353,6 +355,8 @@ def recover(context: click.Context, path: Path, *, as_json: bool) -> int:
     body = list(lines()) if as_json else lines()  # as they come
     content = [result.as_dict() for result in results]
     show(document.Document(content, body=body), as_json=as_json)
+    if not results and not as_json:
+        print(f"{path}: no journal there lacks its HDF5 file", file=sys.stderr)
     losses = [result.loss for result in results if result.loss]
     for loss in losses if not as_json else ():
         print(f"{context.find_root().info_name}: {loss}", file=sys.stderr)

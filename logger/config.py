@@ -172,7 +172,10 @@ def load_config(path: Path) -> tuple[SiteConfig, str]:
         with TextIOWrapper(open_regular(path), encoding="utf-8-sig") as file:
             text = file.read(_MOST_CHARACTERS + 1)
     except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}") from error
+        writes = f"; `fieldlogger probe --write {path}` writes one"
+        raise ConfigError(
+            f"{path}: {error.strerror}{writes * isinstance(error, FileNotFoundError)}"
+        ) from error
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: not a text file in UTF-8") from None
     if len(text) > _MOST_CHARACTERS:
@@ -201,7 +204,7 @@ def parse_config(text: str, name: str) -> SiteConfig:
             site["source"] = sources
         config = msgspec.convert(site, SiteConfig)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{name}: {error}") from None
+        raise ConfigError(f"{name}: {error}{_line_of(str(error), text)}") from None
     except msgspec.ValidationError as error:
         raise ConfigError(f"{name}: {_explain(str(error), labels, sources)}") from None
     except (RecursionError, ValueError, OverflowError) as error:
@@ -342,6 +345,18 @@ _KINDS: dict[str, type[SourceSettings]] = {
 }
 
 
+def _line_of(problem: str, text: str) -> str:
+    # with the rules that are broken most often
+    line = re.search(r"at line (\d+)", problem)
+    if line is None:
+        return ""
+    shown = text.split("\n")[int(line[1]) - 1].strip()[:60]
+    return f": {shown!r}; a text has straight quotes, a decimal a point; true and false are small"
+
+
+_QUOTES = {"`str`, got": 'a text has quotes, like "this"', "got `str`": "without quotes"}
+
+
 def _explain(problem: str, labels: Sequence[str], sources: Sequence[Any]) -> str:
     """Translate msgspec's message."""
     what, _, where = problem.partition(" - at `$")
@@ -371,6 +386,7 @@ def _explain(problem: str, labels: Sequence[str], sources: Sequence[Any]) -> str
     if key == "directory" and "length" in what:
         what = "it is empty"
     what = what.replace(" | null", "")  # TOML has none: the key is left out
+    what = "; ".join([what, *(rule for wrong, rule in _QUOTES.items() if wrong in what)])
     place = f'{label}"{key}": ' if key else label
     return f"{place}{what[0].lower()}{what[1:]}"
 

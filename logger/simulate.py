@@ -147,7 +147,7 @@ def _page(site: str, program: Sequence[str], show: Callable[[str], None]) -> Ite
         # a Ctrl-C ends the walk, and only then the page
         with subprocess.Popen(command, env=environ, start_new_session=True) as process:  # noqa: S603
             try:
-                show(_address([*command, "--show"], environ))
+                show(_address(process, [*command, "--show"], environ))
                 yield status
             finally:
                 process.terminate()
@@ -157,8 +157,13 @@ def _page(site: str, program: Sequence[str], show: Callable[[str], None]) -> Ite
                     os.environ["RUNTIME_DIRECTORY"] = here
 
 
-def _address(command: list[str], environ: Mapping[str, str]) -> str:
+def _address(
+    page: "subprocess.Popen[bytes]", command: list[str], environ: Mapping[str, str]
+) -> str:
     for _ in range(_TRIES):
+        if page.poll() is not None:
+            # it has said why on stderr
+            raise ConfigError("the walk has not begun, as its page has ended")
         said = subprocess.run(  # noqa: S603
             command, env=environ, capture_output=True, text=True, check=False
         )

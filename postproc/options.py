@@ -28,6 +28,7 @@ Command = Callable[..., int | None]
 _Paths = TypeVar("_Paths", Path, tuple[Path, ...])
 
 _HDF5_READER = "logger.core.runfile.hdf5"
+_RESULTS = ".post.h5"  # of `smooth`
 _FARTHEST_M = 30_000
 """Nothing farther is searched."""
 
@@ -40,9 +41,20 @@ def _start_reader(ctx: click.Context, _: click.Parameter, value: _Paths) -> _Pat
     return value
 
 
+def _without_results(
+    ctx: click.Context, param: click.Parameter, value: tuple[Path, ...]
+) -> tuple[Path, ...]:
+    # a pattern such as run-*.h5 names what `smooth` wrote beside the runs, too
+    runs = tuple(path for path in value if not path.name.endswith(_RESULTS))
+    if runs and len(runs) < len(value) and not ctx.resilient_parsing:
+        others = ", ".join(path.name for path in value if path not in runs)
+        print(f"left out, as results are no runs: {others}", file=sys.stderr)
+    return _start_reader(ctx, param, runs or value)
+
+
 run_argument = click.argument("path", type=INPUT, metavar="RUN", callback=_start_reader)
 runs_argument = click.argument(
-    "paths", type=INPUT, nargs=-1, required=True, metavar="RUN...", callback=_start_reader
+    "paths", type=INPUT, nargs=-1, required=True, metavar="RUN...", callback=_without_results
 )
 cells_option = click.option(
     "--cell", "cells", multiple=True, metavar="NAME", help="Only this cell (repeatable)."
@@ -51,7 +63,7 @@ basemap_option = click.option(
     "--basemap",
     type=INPUT,
     metavar="FILE",
-    help="Ground: PMTiles, MBTiles, or an image with a world file.",
+    help="Ground: PMTiles or MBTiles.",
 )
 streets_option = click.option(
     "--streets",

@@ -82,9 +82,15 @@ def _with_bar(
         bar, count = BarColumn(_BAR_CELLS), text("{task.completed} of {task.total}")
         columns = [columns[0], bar, count, columns[2], text("left"), TimeRemainingColumn()]
         every = 1
-    console = Console(stderr=True)
+    # past the filter of control characters, which stays in place for what others print meanwhile
+    console = Console(file=getattr(sys.stderr, "rich_proxied_file", sys.stderr))
     with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
+        *columns,
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+        redirect_stdout=False,
+        redirect_stderr=False,
     ) as progress:
         task = progress.add_task(_now(what, names, 0), total=total)
         for done, item in enumerate(items, 1):

@@ -45,6 +45,10 @@ def site(tmp_path):
         (("[gnss]", "[gnns]"), 'unknown key "gnns"; did you mean "gnss"?'),
         (('port = "/dev/ttyUSB78"', ""), '[gnss] missing key "port"'),
         (("[run]", "[run"), "line 1"),
+        (('"/dev/ttyUSB77"', "/dev/ttyUSB77"), "'port = /dev/ttyUSB77'; a text has straight"),
+        (("interval_s = 0.05", "interval_s = 0,05"), "_s = 0,05'; a text has straight quotes"),
+        (("interval_s = 0.05", 'interval_s = "1"'), "expected `float`, got `str`; without quotes"),
+        (("[gnss]", "[page]\nlisten = 8080\n[gnss]"), "got `int`; a text has quotes, like"),
         (
             ("poll_interval_s = 0.05", "poll_interval_s = -1"),
             '[modem] "poll_interval_s": expected `float` > 0',
@@ -64,7 +68,10 @@ def test_a_wrong_configuration_is_one_line_with_what_to_mend(site, capsys, chang
 
 
 def test_missing_and_unreadable_configuration(tmp_path, capsys):
-    assert "No such file" in _fails(capsys, "run", "--config", tmp_path / "none.toml")
+    for command in ("run", "check", "learn", "page"):
+        line = _fails(capsys, command, "--config", tmp_path / "none.toml")
+        assert "No such file" in line
+        assert f"`fieldlogger probe --write {tmp_path / 'none.toml'}` writes one" in line
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     assert "UTF-8" in _fails(capsys, "run", "--config", tmp_path / "binary.toml")
 
@@ -74,6 +81,12 @@ def test_check_tells_of_a_missing_port_but_leaves_it_time(site, capsys):
     lines = {line["what"]: line for line in json.loads(capsys.readouterr().out)}
     assert lines["modem"]["state"] == "warn"
     assert "plugged in" in lines["modem"]["text"]
+
+
+def test_check_says_that_it_has_no_configuration(capsys):
+    assert main(["check"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[-1] == "warn  site.toml: none was checked: name it with --config"
 
 
 def _with(site, table, line):

@@ -138,7 +138,11 @@ def test_the_command_prints_the_proposal_and_never_writes_over_a_file(ports, tmp
     assert [one["kind"] for one in json.loads(capsys.readouterr().out)] == ["modem", "gnss"]
     assert parse_config(site.read_text(), "site").source[0].port == modem
     assert main(["probe", modem, gnss, "--write", str(site)]) == 2
-    assert "File exists; move it away" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "File exists; move it away" in said
+    assert "probing" not in said
+    assert main(["probe", modem, "--write", str(tmp_path / "none" / "site.toml")]) == 2
+    assert capsys.readouterr().err == f"fieldlogger: {tmp_path / 'none'}: no such folder\n"
 
 
 def test_what_is_missing_is_one_line(tmp_path, capsys):

@@ -106,7 +106,8 @@ def run_isolated(task: str, path: Path, *arguments: Any) -> Outcome:
 def end_all() -> None:
     """End the waiting processes; the next file starts one anew."""
     for process in _ready.pop(os.getpid(), []):
-        _end(process)
+        with suppress(KeyboardInterrupt):  # the answer is out, and a killed process needs no wait
+            _end(process)
 
 
 def _waiting() -> subprocess.Popen[bytes] | None:

@@ -16,8 +16,8 @@ from pathlib import Path
 import msgspec
 
 from logger.baseline_file import BaselineFile, configured_file
-from logger.check import check, site_config
-from logger.config import ModemSettings, SiteConfig
+from logger.check import check
+from logger.config import ModemSettings, SiteConfig, load_config
 from logger.core.document import Column, Document, Part, Table, facts, terminal_lines
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.runfile import Run, read_run
@@ -93,7 +93,7 @@ def examine(
     into a temporary folder. Raises `ConfigError` for an unusable configuration.
     """
     examination = Examination()
-    config = site_config(config_path)
+    config, _ = load_config(config_path)
     for line in _tests(config_path, config, seconds, examination):
         progress(line.what)
         examination.lines.append(line)

@@ -69,13 +69,15 @@ def _rows(*, needs_cell: bool) -> Iterator[dict[str, str | None]]:
             name for name in (*guide_filter.COLUMNS, *["cell"][:needs_cell]) if name not in names
         ]
         if missing:
-            raise click.UsageError(f"the header line has no column {', '.join(missing)}")
+            absent = f"the header line has no column {', '.join(missing)}"
+            raise click.UsageError(f"{absent}; commas separate columns")
         for name in (*guide_filter.COLUMNS, "cell", "acc_m", "rat"):
             if names.count(name) > 1:
                 raise click.UsageError(f"the header line names {name} twice")
         for values in map(_values, lines):
             if values:
-                yield dict(zip(names, [*values, *[None] * len(names)], strict=False))
+                named = dict(zip(names, [*values, *[None] * len(names)], strict=False))
+                yield named | {guide_filter.SURPLUS: "".join(values[len(names) :])}
 
 
 def _values(line: str) -> list[str]:

@@ -21,6 +21,7 @@ from postproc.interop.sighting import LEVEL_RANGE_DBM, RATS
 
 COLUMNS = ("t_s", "lat", "lon", "rssi_dbm")
 """Columns that the header has to name; `cell`, `acc_m` and `rat` may follow."""
+SURPLUS = ""  # what a row has after its last column
 
 _FEWEST_LEVELS = 5
 """With as many levels there is a best position, however unsure; before there is no answer."""
@@ -79,6 +80,7 @@ class GuideFilter:
         t_s = None
         try:
             t_s = _number(row, "t_s")
+            _check_columns(row)
             level_dbm = _level_dbm(row)
             place = self._place(row, t_s)
             if place is not None:
@@ -180,6 +182,11 @@ def _rank(reading: Readings) -> list[float]:
 def _is_within(streets: StreetMap, place: Places) -> bool:
     nearest = streets.nearest(place)
     return nearest is not None and nearest.away_m <= FARTHEST_M
+
+
+def _check_columns(row: Mapping[str, str | None]) -> None:
+    if _text(row, SURPLUS):
+        raise ValueError("more values than columns; decimals are written with a point")
 
 
 def _level_dbm(row: Mapping[str, str | None]) -> float | None:

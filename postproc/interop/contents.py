@@ -16,6 +16,7 @@ from typing import Literal
 
 from logger.core.errors import RunFileError
 from logger.core.foreign import open_regular
+from logger.core.runfile.frames import MAGIC as JOURNAL_MAGIC
 from logger.drivers.diag.frames import is_stream
 from logger.sqlite_file import SQLITE_MAGIC, open_database
 from postproc import csv_table
@@ -122,6 +123,8 @@ def look_at(source: Path) -> Contents:
         return _tables(source)
     if head.startswith(_HDF5):
         raise RunFileError(f"{source} is HDF5: a run needs no import")
+    if head.startswith(JOURNAL_MAGIC):
+        raise RunFileError(f"{source} is the journal of a run, which needs no import")
     if head.startswith(PACKETS):
         return Contents("packets", frozenset(), "", "network packets")
     if is_stream(head):

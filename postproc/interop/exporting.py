@@ -232,8 +232,11 @@ def write_walk(walk: ExportWalk, target: Path, name: str) -> Exported:
         raise RunFileError(f"nothing in the run can be written as {name}{why}")
     with whole_file(target) as part:
         form.write(replace(walk, sightings=tuple(sightings)), part)
-    n_fixes, left_out = sum(map(len, walk.track)), _left_out(walk, len(sightings))
-    return Exported(target, name, len(sightings), n_fixes, 0, walk.has_utc, left_out)
+    has_levels = getattr(form, "HAS_LEVELS", True)
+    n_levels, n_fixes = len(sightings) * has_levels, sum(map(len, walk.track))
+    left_out = _omissions(walk, n_levels) if has_levels else [f"all levels: {name} has none"]
+    left_out += [f"times in UTC: {walk.no_utc}"] if walk.no_utc else []
+    return Exported(target, name, n_levels, n_fixes, 0, walk.has_utc, tuple(left_out))
 
 
 def write_answers(
@@ -291,15 +294,11 @@ def says_of(answer: Answer) -> str:
     return "; ".join([answer.sentence, *why])
 
 
-def _left_out(walk: ExportWalk, n_written: int) -> tuple[str, ...]:
+def _omissions(walk: ExportWalk, n_written: int) -> list[str]:
     counts = {
         "without a complete identity, which the format needs": len(walk.sightings) - n_written,
         "of cells without an identity": walk.n_without_identity,
         "without a level": walk.n_without_level,
         "without a fix near in time": walk.n_without_position,
     }
-    omissions = [f"{n} readings {what}" for what, n in counts.items() if n]
-    return (
-        *omissions,
-        *([f"times in UTC: {walk.no_utc}"] if walk.no_utc else []),
-    )
+    return [f"{n} readings {what}" for what, n in counts.items() if n]

@@ -191,7 +191,8 @@ def on_track(rows: Iterable[Row], track: GpsTrack) -> Iterator[Row]:
                 row.line, "its time has no zone: name it, for example --zone Europe/Berlin"
             )
         elif (fix := track.at(row.fix.utc_ns)) is None:
-            yield BadRow(row.line, f"the track has no points within {MOST_APART_S:.0f} s of it")
+            apart = f"at most {MOST_APART_S:.0f} s apart"
+            yield BadRow(row.line, f"the track has no points before and after it, {apart}")
         else:
             yield replace(row, t_ns=row.fix.utc_ns, fix=fix)
 

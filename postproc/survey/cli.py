@@ -84,7 +84,8 @@ def _open_survey(folder: Path, *outputs: Path) -> dataset.Survey:
     kept = (
         "" if os.access(folder, os.W_OK) else "; no estimate is kept in a folder that is read-only"
     )
-    print(f"{folder}: {n_runs} runs, {n_cells} cells{kept}", file=sys.stderr, flush=True)
+    counts = f"{document.number_of(n_runs, 'run')}, {document.number_of(n_cells, 'cell')}"
+    print(f"{folder}: {counts}{kept}", file=sys.stderr, flush=True)
     return whole
 
 
@@ -132,7 +133,8 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
     n_added = len(results) - n_known - len(failed)
     known = f", {n_known} in it already" if n_known else ""
     left = f", {len(failed)} left out" if failed else ""
-    text = f"{folder}: {n_added} added{known}{left}; {len(whole.runs)} runs, {n_cells} cells"
+    counts = f"{document.number_of(len(whole.runs), 'run')}, {document.number_of(n_cells, 'cell')}"
+    text = f"{folder}: {n_added} added{known}{left}; {counts}"
     remarks = [f"left out: {result.problem}" for result in failed]
     remarks += [f"{result.path}: {result.remark}" for result in results if result.remark]
     show(document.Document(content, body=[text], remarks=remarks), as_json=as_json)

@@ -255,7 +255,8 @@ def open_celldb(path: Path) -> sqlite3.Connection:
     try:
         return connect(path, check=check)
     except (sqlite3.Error, ValueError) as error:
-        raise RunFileError(f"{path} is no cell database: {error}") from error
+        why = f"{error}; `postproc celldb import` makes one of a cell export"
+        raise RunFileError(f"{path} is no cell database: {why}") from error
 
 
 def _belt(lat_deg: float) -> int:

@@ -218,3 +218,16 @@ def test_a_forked_process_leaves_it_alone(file):
     os.close(reading)
     os.close(writing)
     assert run(file, "process")[0] == ours
+
+
+def test_an_interrupt_at_the_end_is_no_error(file):
+    run(file, "succeed", 1)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGCHLD, interrupt)  # while the end of the process is awaited
+    try:
+        isolation.end_all()
+    finally:
+        signal.signal(signal.SIGCHLD, before)

@@ -251,6 +251,30 @@ def test_a_cell_seen_twice_cannot_be_told(tmp_path, capsys):
     assert "only 2 readings" in cell["warnings"][0]
 
 
+def test_results_that_a_pattern_names_are_no_runs(tmp_path, capsys):
+    run = _run(tmp_path, runs.records(30))
+    assert main(["smooth", str(run)]) == 0
+    capsys.readouterr()
+    (stored,) = tmp_path.glob("*.post.h5")
+    said = _fails(capsys, "suspect", stored)
+    assert said.endswith("holds results of `postproc smooth`: name the run beside it")
+    assert main(["suspect", str(run), str(stored)]) == 0
+    assert capsys.readouterr().err == f"left out, as results are no runs: {stored.name}\n"
+
+
+def test_a_number_or_a_name_without_its_end_is_understood(tmp_path, capsys):
+    run = _run(tmp_path, runs.records(2), "run-000017.h5")
+    for name in ("17", "run-000017"):
+        said = _fails(capsys, "info", tmp_path / name)
+        assert said == f"postproc: {tmp_path / name}: no such file; did you mean {run}?"
+    assert _fails(capsys, "info", tmp_path / ("x" * 255)).endswith(": no such file")
+
+
+def test_a_dash_is_no_file_to_write(tmp_path, capsys):
+    run = _run(tmp_path, runs.records(2))
+    assert "'-' names no file" in _fails(capsys, "export", run, "-o", "-", "--format", "csv")
+
+
 @pytest.mark.parametrize("command", ["info", "replay", "smooth", "view", "plot", "recover"])
 def test_a_text_file_given_as_run_is_one_line(tmp_path, capsys, command):
     (tmp_path / "run.h5").write_text("lat,lon\n1,2\n")

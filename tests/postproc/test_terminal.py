@@ -48,6 +48,7 @@ def test_a_bar_on_a_terminal_only(run):
     assert "locating 262-01-4711-" in output_of  # the cell that is worked on
     assert "of 2" in output_of
     assert "left" in output_of
+    assert r"\u00" not in output_of  # the bar moves, and its sequences are not shown as text
     piped = subprocess.run(
         [sys.executable, "-m", "postproc.cli", "smooth", run],
         capture_output=True,

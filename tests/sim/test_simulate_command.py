@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 
 from logger.cli import main
+from logger.core.errors import ConfigError
 from logger.core.runfile import read_run
 from logger.sim.dialects import DIALECTS
 from logger.sim.faults import FAULTS
 from logger.sim.scenario import CITIES, SCENARIOS
+from logger.simulate import simulate
 
 
 def test_another_modem_that_misbehaves(tmp_path, capsys):
@@ -96,3 +98,12 @@ def _open_ptys(pid):
 def test_an_unknown_city_is_one_line(tmp_path, capsys):
     assert main(["simulate", "--out", str(tmp_path), "--city", "paris"]) == 2
     assert "known are: graz, leipzig, brno" in capsys.readouterr().err
+
+
+def test_a_page_that_ends_at_once_has_said_why_itself(tmp_path, capfd):
+    page = [sys.executable, "-c", "raise SystemExit('tornado is missing')"]
+    with pytest.raises(ConfigError) as error:
+        simulate(tmp_path, "block", 1, 5.0, 20.0, page_command=page)
+    assert str(error.value) == "the walk has not begun, as its page has ended"
+    assert capfd.readouterr().err == "tornado is missing\n"
+    assert not list(tmp_path.iterdir())

@@ -342,7 +342,9 @@ def open_content(
     try:
         # without a lock: who has just made the run may still hold one, and network drives have none
         with h5py.File(path, "r", locking=False) as file:
-            if file.attrs.get("format") != kind:
+            if (found := file.attrs.get("format")) != kind:
+                if found == _RESULTS_FORMAT:
+                    otherwise = "holds results of `postproc smooth`: name the run beside it"
                 raise RunFileError(f"{path} {otherwise}")
             yield Content(path, file, member_names(path, file), path.stat().st_size)
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:

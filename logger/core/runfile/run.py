@@ -1,5 +1,6 @@
 """A run opened for reading, finished HDF5 or a cut journal; impossible values become unknown."""
 
+import os
 import stat
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
@@ -417,7 +418,7 @@ def _check_file(path: Path) -> None:
     try:
         status = path.stat()
     except FileNotFoundError:
-        raise RunFileError(f"{path}: no such file") from None
+        raise RunFileError(f"{path}: no such file{_meant(path)}") from None
     except OSError as error:
         raise RunFileError(f"{path} cannot be read: {error.strerror or error}") from error
     except ValueError as error:
@@ -426,6 +427,14 @@ def _check_file(path: Path) -> None:
         raise RunFileError(f"{path} cannot be read: it is no file")
     if not status.st_size:
         raise RunFileError(f"{path} is empty")
+
+
+def _meant(path: Path) -> str:
+    # by its number, or without the end of its name
+    for name in (f"{path.name}.h5", f"run-{path.name:0>6}.h5"):
+        if os.path.isfile(path.with_name(name)):  # noqa: PTH113 (no error for a name too long)
+            return f"; did you mean {path.with_name(name)}?"
+    return ""
 
 
 def _arrays(tables: Mapping[str, tuple[Any, bytearray]]) -> dict[str, npt.NDArray[Any]]:

@@ -2,8 +2,8 @@
 
 A module has `write(walk, target)`, `writable(sighting)` if the format can represent only some
 levels, and `write_answers(answered, table, target)` if it has a place for cells: one row or feature
-for each row of `postproc.result`. Without `HAS_REGIONS` the regions of each are empty. A
-module is imported when its format is written.
+for each row of `postproc.result`. Without `HAS_REGIONS` the regions of each are empty. One of
+a track alone has `HAS_LEVELS = False`. A module is imported when its format is written.
 """
 
 import pkgutil

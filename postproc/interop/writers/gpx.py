@@ -15,6 +15,7 @@ from postproc.interop.xml_file import add, decimal
 from postproc.interop.xml_file import write as write_xml
 from postproc.outlines import DECIMALS
 
+HAS_LEVELS = False
 NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 

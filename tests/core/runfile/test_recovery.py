@@ -48,6 +48,8 @@ def test_exit_code_says_whether_something_was_lost(tmp_path, capsys, command):
     _cut(complete)
     assert command(["recover", str(tmp_path)]) == 0
     assert "run-000001.h5  digest " in capsys.readouterr().out
+    assert command(["recover", str(tmp_path)]) == 0
+    assert capsys.readouterr().err == f"{tmp_path}: no journal there lacks its HDF5 file\n"
     _cut(hit, damage=True)
     assert command(["recover", str(hit)]) == 3
     assert "1 frames missing" in capsys.readouterr().err

@@ -47,6 +47,13 @@ def test_a_bad_row_ends_nothing():
     assert ["error" in answer for answer in answers] == [False, True, True, False]
 
 
+def test_a_decimal_comma_is_no_position():
+    done = _run(HEADER + "0,52,5,13,4,-70\n3,52.5,13.4,-70,\n")
+    first, second = map(json.loads, done.stdout.splitlines())
+    assert first["error"] == "more values than columns; decimals are written with a point"
+    assert "error" not in second  # a comma at the end of each line is no value
+
+
 @pytest.mark.parametrize(
     "bad", [b'12,"52.5,13.4,-70\n', b"12,\xff\xfe,13.4,-70\n", b"12," + b"9" * 200_000 + b",1,2\n"]
 )

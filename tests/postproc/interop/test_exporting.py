@@ -178,6 +178,13 @@ def test_without_utc_a_format_that_needs_it_says_so(tmp_path, capsys, name):
     assert json.loads(output.out)["left_out"] == ["times in UTC: the receiver never reported UTC"]
 
 
+def test_a_track_alone_is_not_counted_as_levels(tmp_path, run, capsys):
+    assert main(["export", str(run), "-o", str(tmp_path / "walk.gpx")]) == 0
+    said = capsys.readouterr()
+    assert ": 0 levels, " in said.out
+    assert "left out: all levels: gpx has none" in said.err
+
+
 def test_readings_without_a_level_are_counted(tmp_path, capsys):
     lines = [
         f"{i},52.5,13.4,{-60 if i % 3 else -120},GSM,262,01,4711,{7 + i % 2}" for i in range(60)

@@ -94,6 +94,7 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
         (b"PK\x03\x04nothing", "cannot be unpacked"),
         (b"SQLite format 3\0" + b"\xff" * 200, "damaged SQLite"),
         (b"\x89HDF\r\n\x1a\n", "needs no import"),
+        (b"CWJ1\xdb\x36\x60\xad", "is the journal of a run, which needs no import"),
         (b"mcc,measured_at,lat\n", "no column mnc, lon, cell_id or cellid, act or net_type"),
         (b"t_s,lat,lon,noise\n", "no column rssi_dbm"),
         (b"date,lat,lon,strength\n", "can be read with --columns lat=...,lon=...,level=..."),

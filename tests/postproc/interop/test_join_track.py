@@ -51,7 +51,7 @@ def test_a_track_needs_utc_and_a_point_near():
     outside = Sighting(5, 0, Fix(False, 9 * 10**9), READING)
     placed, far, local, other = on_track([inside, outside, LOCAL, NoCell(6)], track)
     assert (placed.t_ns, placed.fix) == (2 * 10**9, track.fixes[2])
-    assert far == BadRow(5, "the track has no points within 60 s of it")
+    assert far == BadRow(5, "the track has no points before and after it, at most 60 s apart")
     assert "--zone" in local.why
     assert other == NoCell(6)
 

@@ -105,6 +105,8 @@ def test_each_run_once(walks, tmp_path, capsys):
     # the journal of a run is that run
     code, added, _ = _add(capsys, first.with_suffix(".journal"), "-o", tmp_path / "s")
     assert (code, added["runs"], added["files"][0]["is_known"]) == (0, 3, True)
+    assert main(["survey", "add", str(first), "-o", str(tmp_path / "one")]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'one'}: 1 added; 1 run, 2 cells\n"
     assert sum(one.n_readings for one in Survey.open(tmp_path / "s").cells()) == 240
 
 

@@ -123,6 +123,8 @@ def test_what_is_no_database_is_neither_read_nor_replaced(make, tmp_path):
     for broken in (lambda: load(precious, make(HEADER + ROW)), lambda: CellDb(precious)):
         with pytest.raises(RunFileError, match="no cell database"):
             broken()
+    with pytest.raises(RunFileError, match="`postproc celldb import` makes one"):
+        CellDb(precious)
     with pytest.raises(RunFileError, match="no such file"):
         CellDb(tmp_path / "none.db")
     assert precious.read_text() == "my thesis"
