@@ -66,9 +66,8 @@ count as noise: together with the second they are 3.5 dB rms, and each would be 
 
 _SECTOR_PROBABILITY = 0.2
 """Any walk past an omnidirectional antenna is explained by some pattern from some place close by:
-on 506 measured walks a half, under all noise, made regions miss twice as often as a fifth. With
-patterns under noise of two scales only, the regions of 60 walks past sector antennas under
-shadowing of 6 dB over 15 m held .85, and 4 of 11 *located* were wrong; now .97, 1 of 9.
+on 506 measured walks a half made regions miss twice as often as a fifth. With patterns under noise
+of two scales only, regions of 60 walks past sector antennas under 6 dB over 15 m held .85, now .97.
 """
 
 
@@ -182,9 +181,8 @@ counts with the power `trust` only (generalised posterior: Bissiri, Holmes & Wal
 
 Averaged levels differ so little from one reading to the next that the others take them for little
 noise: of simulated walks under noise of two scales, with means over 10 s, regions held .67, with
-averaged hypotheses all; with a short scale alone, means over 5 s of drives held .81. These groups
-have the probability of few modems: the evidence of averages exceeds it, and with more, 0.3 dB
-decide which group explains a walk with a reading every 6 m.
+averaged hypotheses all. These groups have the probability of few modems: with more, 0.3 dB decide
+which group explains a walk with a reading every 6 m.
 """
 
 
@@ -273,8 +271,8 @@ class Prior:
     def station_log_odds(self) -> FloatArray:
         """Log probability of each station under each hypothesis of the noise, shape (s, c).
 
-        It is -inf for a pattern under white noise, unless all stations have one: where nothing
-        casts a shadow a pattern explains any walk, and among houses none is clean.
+        It is -inf for a pattern under white noise, unless all stations have one: among houses no
+        antenna has a clean pattern.
         """
         return _station_log_odds(self.stations, self.noise)
 

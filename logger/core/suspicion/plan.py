@@ -20,6 +20,7 @@ from logger.core.suspicion.spots import Spot
 _FEWEST_SCANS = 2
 """With a cell of a network of this country before a test network is unusual: else the place is a
 laboratory or a simulation."""
+_MOST_TEST_CELLS = 2  # of a catcher, where nothing else is heard; a simulation has more
 _HELD_S = 10.0
 _NEAR_M = 300.0
 _STRONGER_DB = 10.0
@@ -35,6 +36,7 @@ class _Networks:
         self._near: tuple[float, float, tuple[str, ...]] = (inf, inf, ())
         self._whys: dict[tuple[str, str | None], str | None] = {}
         self.has_public = False
+        self.test_cells: set[str] = set()
 
     def why_not(self, mcc: str, mnc: str | None, lat_deg: float, lon_deg: float) -> str | None:
         """Why a network is not expected here, None if it is or that is unknown."""
@@ -67,7 +69,7 @@ class _Networks:
     family="plan",
     needs=("position", "country code"),
     gate="railways are named; a test network counts once 2 scans heard a cell of this country, "
-    "001 also 300 m on",
+    "one or two cells of 001 also 300 m on",
     sentence="network {operator}: {why}",
     harmless="borders, ships and aircraft, private networks",
     detection=0.9,
@@ -85,15 +87,21 @@ def _foreign(memory: Memory, cell: HeardCell) -> Evidence | None:
         return None
     if networks.plan.is_railway(mcc, mnc) or reading.arfcn in GSMR_ARFCNS:
         return None
-    if mcc in TEST_MCCS and not networks.has_public and not _is_wide(now, cell):
+    if mcc in TEST_MCCS and not networks.has_public and not _is_catcher(networks, now, cell):
         return None
     memory.foreign.put(cell.name, None)
     return {"operator": cell.operator, "why": why}
 
 
-def _is_wide(now: Moment, cell: HeardCell) -> bool:
-    # no laboratory; a private network may be
-    if cell.operator[:3] != TEST_MCC or now.x_m is None or now.y_m is None or cell.first_m is None:
+def _is_catcher(networks: _Networks, now: Moment, cell: HeardCell) -> bool:
+    # too wide for a laboratory; private networks of other test codes may be as wide
+    if cell.operator[:3] != TEST_MCC:
+        return False
+    if len(networks.test_cells) <= _MOST_TEST_CELLS:
+        networks.test_cells.add(cell.name)
+    if len(networks.test_cells) > _MOST_TEST_CELLS:
+        return False
+    if now.x_m is None or now.y_m is None or cell.first_m is None:
         return False
     return hypot(now.x_m - cell.first_m[0], now.y_m - cell.first_m[1]) > _NEAR_M
 

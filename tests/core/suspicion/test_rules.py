@@ -89,6 +89,13 @@ def test_p1_a_test_network_that_has_caught_the_modem_from_the_begin(mcc, metres,
     assert Walk().scan(caught, metres=metres, times=20).word(caught.cell) == word
 
 
+def test_p1_is_silent_about_a_simulation():
+    assert (
+        Walk().scan(*(gsm(cid, mcc="001") for cid in range(3)), metres=20.0, times=20).rules
+        == set()
+    )
+
+
 def test_p4_one_cell_identity_in_two_areas():
     walk = Walk().scan(*HOME, times=5).scan(gsm(10, lac=1202), *HOME[1:], times=5)
     assert ("P4", 10) in walk.rules
