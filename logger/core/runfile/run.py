@@ -431,7 +431,7 @@ def _check_file(path: Path) -> None:
 
 def _meant(path: Path) -> str:
     # by its number, or without the end of its name
-    for name in (f"{path.name}.h5", f"run-{path.name:0>6}.h5"):
+    for name in (f"{path.name}.h5", f"run-{path.name.zfill(6)}.h5"):
         if os.path.isfile(path.with_name(name)):  # noqa: PTH113 (no error for a name too long)
             return f"; did you mean {path.with_name(name)}?"
     return ""
