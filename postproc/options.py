@@ -21,6 +21,7 @@ with late_modules():
     from logger.core.locator import verdict
     from logger.core.model import area
     from logger.core.model import prior as priors
+    from logger.core.runfile import run_names
     from postproc import area_file, ground, multi_run, progress, results, smoothing
     from postproc import result as estimation
 
@@ -28,7 +29,6 @@ Command = Callable[..., int | None]
 _Paths = TypeVar("_Paths", Path, tuple[Path, ...])
 
 _HDF5_READER = "logger.core.runfile.hdf5"
-_RESULTS = ".post.h5"  # of `smooth`
 _FARTHEST_M = 30_000
 """Nothing farther is searched."""
 
@@ -45,7 +45,7 @@ def _without_results(
     ctx: click.Context, param: click.Parameter, value: tuple[Path, ...]
 ) -> tuple[Path, ...]:
     # a pattern such as run-*.h5 names what `smooth` wrote beside the runs, too
-    runs = tuple(path for path in value if not path.name.endswith(_RESULTS))
+    runs = tuple(path for path in value if not path.name.endswith(run_names.RESULTS))
     if runs and len(runs) < len(value) and not ctx.resilient_parsing:
         others = ", ".join(path.name for path in value if path not in runs)
         print(f"left out, as results are no runs: {others}", file=sys.stderr)

@@ -82,13 +82,13 @@ def _with_bar(
         bar, count = BarColumn(_BAR_CELLS), text("{task.completed} of {task.total}")
         columns = [columns[0], bar, count, columns[2], text("left"), TimeRemainingColumn()]
         every = 1
-    # past the filter of control characters, which stays in place for what others print meanwhile
-    console = Console(file=getattr(sys.stderr, "rich_proxied_file", sys.stderr))
+    console = Console(stderr=True)
     with Progress(
         *columns,
         console=console,
         transient=True,
         disable=not console.is_terminal,
+        # else rich writes through the filter of control characters
         redirect_stdout=False,
         redirect_stderr=False,
     ) as progress:

@@ -557,13 +557,17 @@ _NOTEBOOK_COLUMNS = (
 def _row(number: int, answer: Answer) -> tuple[Value, ...]:
     word = Mark(answer.word.word) if answer.word and answer.is_conspicuous else ""
     begin, place = (number, answer.cell, word, Mark(answer.verdict)), answer.place
-    at = (place.where, place.r50_m, surely(place)) if place else (None, None, None)
+    at = (
+        (place.where, place.r50_m, surely(place.r95_m, place.supposition))
+        if place
+        else (None, None, None)
+    )
     return (*begin, *at, answer.provenance.n)
 
 
-def surely(place: Place) -> Value:
+def surely(r95_m: float | None, supposition: str | None) -> Value:
     """The radius of 95 % and its supposition."""
-    return f"{metres(place.r95_m)} {place.supposition}" if place.supposition else place.r95_m
+    return f"{metres(r95_m)} {supposition}" if supposition else r95_m
 
 
 def joint_warnings(n_runs: int, cells: Sequence[CellResult]) -> tuple[str, ...]:

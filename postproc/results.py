@@ -28,6 +28,7 @@ from logger.core.document import json_text
 from logger.core.errors import RunFileError
 from logger.core.readings import Observations
 from logger.core.runfile import Run, read_results
+from logger.core.runfile.run_names import RESULTS
 from postproc.atomic_write import whole_file
 from postproc.result import (
     CellResult,
@@ -158,7 +159,7 @@ class NotStored(Exception):  # noqa: N818 (no error: the result can be computed)
 def path_beside(runs: Sequence[Path]) -> Path:
     """`run-x.h5` -> `run-x.post.h5`, or `run-x.together.post.h5` for the first name of several."""
     first = min(runs, key=lambda path: (path.name, path))
-    return first.with_suffix(".together.post.h5" if len(runs) > 1 else ".post.h5")
+    return first.with_suffix(f".together{RESULTS}" if len(runs) > 1 else RESULTS)
 
 
 _LIBVER = ("earliest", "v108")

@@ -255,7 +255,7 @@ def _cell_table(result: Result, counts: Mapping[str, CellCount]) -> Table:
         heard = None if place else heard_at(cell.obs)
         shown: tuple[Value, ...] = (heard and f"heard {heard}", None, None)
         if place is not None:
-            shown = (place.where, place.r50_m, surely(place))
+            shown = (place.where, place.r50_m, surely(place.r95_m, place.supposition))
         rows.append(
             (
                 number,

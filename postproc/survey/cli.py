@@ -80,13 +80,17 @@ def _open_survey(folder: Path, *outputs: Path) -> dataset.Survey:
     whole = dataset.Survey.open(folder)
     for path in outputs:
         atomic_write.check_output(path)
-    n_runs, n_cells = len(whole.runs), len(whole.cells())
     kept = (
         "" if os.access(folder, os.W_OK) else "; no estimate is kept in a folder that is read-only"
     )
-    counts = f"{document.number_of(n_runs, 'run')}, {document.number_of(n_cells, 'cell')}"
-    print(f"{folder}: {counts}{kept}", file=sys.stderr, flush=True)
+    print(
+        f"{folder}: {_size(len(whole.runs), len(whole.cells()))}{kept}", file=sys.stderr, flush=True
+    )
     return whole
+
+
+def _size(n_runs: int, n_cells: int) -> str:
+    return f"{document.number_of(n_runs, 'run')}, {document.number_of(n_cells, 'cell')}"
 
 
 @click.group(no_args_is_help=False)
@@ -133,8 +137,7 @@ def add(paths: Sequence[Path], folder: Path, logger: str | None, *, as_json: boo
     n_added = len(results) - n_known - len(failed)
     known = f", {n_known} in it already" if n_known else ""
     left = f", {len(failed)} left out" if failed else ""
-    counts = f"{document.number_of(len(whole.runs), 'run')}, {document.number_of(n_cells, 'cell')}"
-    text = f"{folder}: {n_added} added{known}{left}; {counts}"
+    text = f"{folder}: {n_added} added{known}{left}; {_size(len(whole.runs), n_cells)}"
     remarks = [f"left out: {result.problem}" for result in failed]
     remarks += [f"{result.path}: {result.remark}" for result in results if result.remark]
     show(document.Document(content, body=[text], remarks=remarks), as_json=as_json)

@@ -10,6 +10,7 @@ from logger import baseline_file
 from logger.baseline_store import CONTRADICTION
 from logger.core.errors import FieldLoggerError, RunFileError
 from logger.core.runfile import read_sound_run, sealing_of
+from logger.core.runfile.run_names import RESULTS
 from logger.sqlite_file import application_id
 from postproc.interop.importing import import_walk
 from postproc.processes import outcome_of, read_ahead
@@ -101,7 +102,6 @@ _LOGS = frozenset(
     {".csv", ".db", ".gz", ".json", ".jsonl", ".kismet", ".kml", ".ndjson", ".sqlite", ".zip"}
 )
 """A folder has other files too; one that is named itself is read whatever it is called."""
-_RESULTS = ".post.h5"
 _OWN_DATABASES = baseline_file.APPLICATION_ID, celldb.APPLICATION_ID
 
 
@@ -128,7 +128,7 @@ def _files_in(folder: Path) -> Iterator[Path]:
     described = {path.parent for path in folder.rglob(layout.description(folder).name)}
     surveys = set(filter(is_survey, described))
     for path in folder.rglob("*"):
-        if path.name.startswith(".") or path.name.endswith(_RESULTS) or not path.is_file():
+        if path.name.startswith(".") or path.name.endswith(RESULTS) or not path.is_file():
             continue
         is_finished = path.suffix == ".journal" and path.with_suffix(".h5").exists()
         is_log = path.suffix in _LOGS and application_id(path) not in _OWN_DATABASES

@@ -7,13 +7,12 @@ from pathlib import Path
 
 import msgspec
 
-from logger.core.certainty import metres
 from logger.core.document import Column, Document, Line, Table, Value, Word
 from logger.core.errors import ConfigError
 from logger.core.suspicion.rule import WORDS
 from postproc.cell_work import PROCESS_ENDED, failure
 from postproc.progress import with_progress
-from postproc.result import RADIUS_COLUMNS, VERDICTS, Options
+from postproc.result import RADIUS_COLUMNS, VERDICTS, Options, surely
 from postproc.survey.agreement import FEWEST_LOGGERS, Agreement, LoggerReport, liars, report
 from postproc.survey.cell_location import LocatedCell
 from postproc.survey.dataset import Survey, SurveyCell
@@ -192,8 +191,7 @@ def cell_row(cell: LocatedCell) -> tuple[Value, ...]:
     """A cell in `CELL_COLUMNS`."""
     place: tuple[Value, ...] = (None, None, None)
     if cell.where:
-        supposed = f"{metres(cell.r95_m)} {cell.supposition}" if cell.supposition else cell.r95_m
-        place = (cell.where, cell.r50_m, supposed)
+        place = (cell.where, cell.r50_m, surely(cell.r95_m, cell.supposition))
     name = cell.cell if cell.n_places == 1 else f"{cell.cell} ({cell.place} of {cell.n_places})"
     return (name, Word(cell.verdict), *place, cell.n_readings, cell.n_runs)
 

@@ -65,9 +65,9 @@ count as noise: together with the second they are 3.5 dB rms, and each would be 
 """
 
 _SECTOR_PROBABILITY = 0.2
-"""Any walk past an omnidirectional antenna is explained by some pattern from some place close by:
+"""Any walk past an omnidirectional antenna is explained by some pattern from close by:
 on 506 measured walks a half made regions miss twice as often as a fifth. With patterns under noise
-of two scales only, regions of 60 walks past sector antennas under 6 dB over 15 m held .85, now .97.
+of two scales only, regions past sector antennas under 6 dB over 15 m held .85, now .97.
 """
 
 

@@ -31,7 +31,7 @@ from logger.core.runfile.journal_reader import (
     decode_meta,
 )
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, has_times
-from logger.core.runfile.run_names import is_hdf5
+from logger.core.runfile.run_names import is_hdf5, run_name
 from logger.core.schema import MOST_NS, TABLES
 from logger.core.types import (
     UNKNOWN_ID,
@@ -431,7 +431,8 @@ def _check_file(path: Path) -> None:
 
 def _meant(path: Path) -> str:
     # by its number, or without the end of its name
-    for name in (f"{path.name}.h5", f"run-{path.name.zfill(6)}.h5"):
+    stem = run_name(int(path.name)) if path.name.isdecimal() else path.name
+    for name in (f"{path.name}.h5", f"{stem}.h5"):
         if os.path.isfile(path.with_name(name)):  # noqa: PTH113 (no error for a name too long)
             return f"; did you mean {path.with_name(name)}?"
     return ""

@@ -13,6 +13,7 @@ from logger.core.errors import RunFileError
 from logger.core.foreign import begins_with, read_regular
 
 JOURNAL = ".journal"
+RESULTS = ".post.h5"  # what `postproc smooth` writes beside a run
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 # a service that is started again every few seconds reaches the millionth
@@ -30,7 +31,12 @@ def journal_path(folder: Path) -> Path:
     with suppress(OSError):
         if last := _NUMBER.match(read_regular(folder / _LAST, 100)):
             numbers.append(int(last[0]))
-    return folder / f"run-{max(numbers, default=0) + 1:06d}{JOURNAL}"
+    return folder / f"{run_name(max(numbers, default=0) + 1)}{JOURNAL}"
+
+
+def run_name(number: int) -> str:
+    """Without an ending."""
+    return f"run-{number:06d}"
 
 
 def keep_number(journal: Path) -> None:

@@ -13,7 +13,7 @@ from logger.core.suspicion.countries import (
     countries,
 )
 from logger.core.suspicion.earlier_walks import FEWEST_MOVED
-from logger.core.suspicion.heard import HeardCell, Memory, Moment
+from logger.core.suspicion.heard import HeardCell, Memory
 from logger.core.suspicion.rule import GSM, Evidence, Rate, ScanRule, on_telephones
 from logger.core.suspicion.spots import Spot
 
@@ -36,7 +36,6 @@ class _Networks:
         self._near: tuple[float, float, tuple[str, ...]] = (inf, inf, ())
         self._whys: dict[tuple[str, str | None], str | None] = {}
         self.has_public = False
-        self.test_cells: set[str] = set()
 
     def why_not(self, mcc: str, mnc: str | None, lat_deg: float, lon_deg: float) -> str | None:
         """Why a network is not expected here, None if it is or that is unknown."""
@@ -87,23 +86,20 @@ def _foreign(memory: Memory, cell: HeardCell) -> Evidence | None:
         return None
     if networks.plan.is_railway(mcc, mnc) or reading.arfcn in GSMR_ARFCNS:
         return None
-    if mcc in TEST_MCCS and not networks.has_public and not _is_catcher(networks, now, cell):
+    if mcc in TEST_MCCS and not networks.has_public and not _is_catcher(memory, cell):
         return None
     memory.foreign.put(cell.name, None)
     return {"operator": cell.operator, "why": why}
 
 
-def _is_catcher(networks: _Networks, now: Moment, cell: HeardCell) -> bool:
+def _is_catcher(memory: Memory, cell: HeardCell) -> bool:
     # too wide for a laboratory; private networks of other test codes may be as wide
-    if cell.operator[:3] != TEST_MCC:
+    now = memory.now
+    if cell.operator[:3] != TEST_MCC or now.x_m is None or now.y_m is None or cell.first_m is None:
         return False
-    if len(networks.test_cells) <= _MOST_TEST_CELLS:
-        networks.test_cells.add(cell.name)
-    if len(networks.test_cells) > _MOST_TEST_CELLS:
-        return False
-    if now.x_m is None or now.y_m is None or cell.first_m is None:
-        return False
-    return hypot(now.x_m - cell.first_m[0], now.y_m - cell.first_m[1]) > _NEAR_M
+    n_cells = sum(one.operator[:3] == TEST_MCC for one in memory.cells.values())
+    away_m = hypot(now.x_m - cell.first_m[0], now.y_m - cell.first_m[1])
+    return n_cells <= _MOST_TEST_CELLS and away_m > _NEAR_M
 
 
 _BY_CID = partial(Latest[list[str]], _MOST_CHANNELS)

@@ -120,6 +120,13 @@ def holds(posterior, station, level):
     return bool(np.any(off_m <= 0.5 * squares.size_m[chosen]))
 
 
+def score(obs, station):
+    """Whether the 95 % region holds the station, and whether it is *located*."""
+    posterior = locate(obs)
+    is_located = decide(posterior, obs).verdict == "located"
+    return holds(posterior, station, 0.95), is_located
+
+
 @pytest.mark.parametrize("noise", NOISES)
 def test_a_region_holds_an_antenna_of_any_height(noise):
     """Of 36 walks past antennas 2, 20 and 30 m up one in twenty may miss: more than 5 in 3 %."""
@@ -128,9 +135,7 @@ def test_a_region_holds_an_antenna_of_any_height(noise):
         for pass_m in (5.0, 15.0, 25.0):
             for run in range(4):
                 obs, station = past_antenna(noise, height_m, pass_m, run)
-                posterior = locate(obs)
-                is_inside = holds(posterior, station, 0.95)
-                is_located = decide(posterior, obs).verdict == "located"
+                is_inside, is_located = score(obs, station)
                 held += is_inside
                 wrong += is_located and not is_inside
                 right += is_located and is_inside and height_m == 2.0
@@ -164,10 +169,9 @@ def test_regions_hold_what_a_modem_averages(noise):
         total_db = np.concatenate([np.zeros(10), np.cumsum(obs.level_dbm)])
         count = np.minimum(np.arange(1, len(obs) + 1), 10)
         level_dbm = np.round((total_db[10:] - total_db[:-10]) / count)
-        posterior = locate(averaged := replace(obs, level_dbm=level_dbm))
-        is_inside = holds(posterior, station, 0.95)
+        is_inside, is_located = score(replace(obs, level_dbm=level_dbm), station)
         held += is_inside
-        wrong += decide(posterior, averaged).verdict == "located" and not is_inside
+        wrong += is_located and not is_inside
     print(f"{noise}: held {held} of 12, wrongly located {wrong}")
     assert held >= 11
     assert wrong == 0
@@ -189,11 +193,9 @@ def test_regions_hold_sector_antennas_among_houses():
     """With patterns under noise of two scales only, five of 24 walks missed."""
     held, wrong = 0, 0
     for run in range(24):
-        obs, station = past_sector(run)
-        posterior = locate(obs)
-        is_inside = holds(posterior, station, 0.95)
+        is_inside, is_located = score(*past_sector(run))
         held += is_inside
-        wrong += decide(posterior, obs).verdict == "located" and not is_inside
+        wrong += is_located and not is_inside
     print(f"held {held} of 24, wrongly located {wrong}")
     assert held >= 21
     assert wrong <= 1
