@@ -21,7 +21,6 @@ with late_modules():
     from logger.core.locator import verdict
     from logger.core.model import area
     from logger.core.model import prior as priors
-    from logger.core.runfile import run_names
     from postproc import area_file, ground, multi_run, progress, results, smoothing
     from postproc import result as estimation
 
@@ -45,7 +44,7 @@ def _without_results(
     ctx: click.Context, param: click.Parameter, value: tuple[Path, ...]
 ) -> tuple[Path, ...]:
     # a pattern such as run-*.h5 names what `smooth` wrote beside the runs, too
-    runs = tuple(path for path in value if not path.name.endswith(run_names.RESULTS))
+    runs = tuple(path for path in value if not path.name.endswith(runfile.RESULTS))
     if runs and len(runs) < len(value) and not ctx.resilient_parsing:
         others = ", ".join(path.name for path in value if path not in runs)
         print(f"left out, as results are no runs: {others}", file=sys.stderr)

@@ -27,8 +27,7 @@ import logger.core
 from logger.core.document import json_text
 from logger.core.errors import RunFileError
 from logger.core.readings import Observations
-from logger.core.runfile import Run, read_results
-from logger.core.runfile.run_names import RESULTS
+from logger.core.runfile import RESULTS, Run, read_results
 from postproc.atomic_write import whole_file
 from postproc.result import (
     CellResult,

@@ -9,8 +9,7 @@ from tempfile import TemporaryDirectory
 from logger import baseline_file
 from logger.baseline_store import CONTRADICTION
 from logger.core.errors import FieldLoggerError, RunFileError
-from logger.core.runfile import read_sound_run, sealing_of
-from logger.core.runfile.run_names import RESULTS
+from logger.core.runfile import RESULTS, read_sound_run, sealing_of
 from logger.sqlite_file import application_id
 from postproc.interop.importing import import_walk
 from postproc.processes import outcome_of, read_ahead

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from logger.core.runfile.journal import RunWriter
 from logger.core.runfile.meta import Damage, RunEnd, RunMeta, Truth
 from logger.core.runfile.retention import FLOOR_BYTES, free_bytes, make_room, remove_oldest_runs
-from logger.core.runfile.run_names import journal_path, keep_number
+from logger.core.runfile.run_names import RESULTS, journal_path, keep_number
 
 if TYPE_CHECKING:
     from logger.core.runfile.finish import (
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FLOOR_BYTES",
+    "RESULTS",
     "Damage",
     "Recovered",
     "Run",
