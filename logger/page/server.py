@@ -340,6 +340,7 @@ class Guarded(RequestHandler):
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         if status_code in {HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.SERVICE_UNAVAILABLE}:
             self.set_header("Retry-After", "2")
+            self.set_header("Refresh", "2")  # browsers load a page again by this one alone
         status = HTTPStatus(status_code)
         self.finish(f"{status_code} {_WHY.get(status, status.phrase)}\n")
 

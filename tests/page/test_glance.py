@@ -219,10 +219,11 @@ def test_a_page_that_came_in_part_loads_itself_again(phone):
 
 
 def _is_alive(phone):
-    return phone.text("state") != "Connecting to the Pi"
+    state = phone.chromium.evaluate("return document.getElementById('state')?.textContent")
+    return state not in {None, "Connecting to the Pi"}
 
 
-def test_an_impatient_person_is_not_refused(phone):
-    for _ in range(6):
+def test_an_impatient_person_is_not_refused_for_long(phone):
+    for _ in range(12):  # more requests than one phone may make at once
         phone.open(phone.page)
-        service.wait_for(lambda: _is_alive(phone), 5)
+    service.wait_for(lambda: _is_alive(phone), 20)

@@ -206,7 +206,7 @@ def test_axe_and_the_policy_find_what_is_wrong(recorded_walk, phone):
     ):
         made = f"const e = document.createElement('{tag}'); e.{change}"
         phone.chromium.evaluate(f"{made}; document.body.append(e)")
-    service.wait_for(lambda: phone.chromium.evaluate("return document.images.length") == 1, 5)
+    service.wait_for(lambda: phone.chromium.evaluate("return document.images.length") == 1, 20)
     assert phone.chromium.evaluate("return window.bad ?? null") is None
     messages = " ".join(phone.chromium.console_messages())
     for directive in ("script-src", "img-src", "style-src"):
