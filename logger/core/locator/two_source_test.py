@@ -107,10 +107,14 @@ class Division(NamedTuple):
 
 
 class _Task(NamedTuple):
-    """`tried` has the divisions so far by the bytes of `in_one`: several peaks lead to the same."""
+    """Parts are compared under `prior`, of one station, and placed under the `broad` one of all.
+
+    `tried` has the divisions so far by the bytes of `in_one`: several peaks lead to the same.
+    """
 
     walk: Blocks
     prior: Prior
+    broad: Prior
     effort: DivisionEffort
     trust: float
     undivided: float  # log evidence of one transmitter
@@ -142,7 +146,8 @@ def divide(obs: Readings, posterior: Posterior, effort: DivisionEffort = DESK) -
     task = _task(walk, posterior, effort)
     tries = [_try(task, _nearer(walk, first, other)) for other in others]
     improved = (_improve(task, one) for one in tries)
-    return max((one for one in improved if one is not None), key=_rank, default=None)
+    best = max((one for one in improved if one is not None), key=_rank, default=None)
+    return None if best is None else _division(task, best)
 
 
 def divide_in_time(
@@ -159,14 +164,15 @@ def divide_in_time(
     moments = _moments(obs)
     if posterior.offsets is not None:  # those that suit one transmitter best, which parts need not
         obs = replace(obs.on_one_scale(posterior.offsets.mean_db), modem=None)
-    found = [_divided_at(obs, is_early, posterior, effort) for is_early in moments]
-    tries = [one for one in found if one is not None]
+    tasks = [_task_at(obs, is_early, posterior, effort) for is_early in moments]
+    found = [(task, _try(task, in_one)) for task, in_one in tasks]
+    tries = [(task, one) for task, one in found if one is not None]
     if not tries:
         return None
-    best = max(tries, key=lambda one: one.log_factor)
+    task, best = max(tries, key=lambda pair: pair[1].log_factor)
     # each moment is as likely beforehand
-    log_factor = float(log_sum(np.array([one.log_factor for one in tries]))) - log(len(tries))
-    return best._replace(log_factor=log_factor).division(posterior.trust, is_in_time=True)
+    log_factor = float(log_sum(np.array([one.log_factor for _, one in tries]))) - log(len(tries))
+    return _division(task, best._replace(log_factor=log_factor), is_in_time=True)
 
 
 def _moments(obs: Readings) -> list[BoolArray]:
@@ -184,15 +190,15 @@ def _moments(obs: Readings) -> list[BoolArray]:
     return [np.arange(n) < n // 2]
 
 
-def _divided_at(
+def _task_at(
     obs: Readings, is_early: BoolArray, posterior: Posterior, effort: DivisionEffort
-) -> "_Try | None":
+) -> tuple[_Task, BoolArray]:
+    """Also returns which blocks are early."""
     halves = [
         blocks(obs.part(chosen), effort.search.most_blocks // 2) for chosen in (is_early, ~is_early)
     ]
     walk = join(halves)
-    in_one = np.arange(len(walk)) < len(halves[0])
-    return _try(_task(walk, posterior, effort), in_one)
+    return _task(walk, posterior, effort), np.arange(len(walk)) < len(halves[0])
 
 
 def _is_long(obs: Readings) -> bool:
@@ -201,10 +207,11 @@ def _is_long(obs: Readings) -> bool:
 
 
 def _task(walk: Blocks, posterior: Posterior, effort: DivisionEffort) -> _Task:
-    prior = posterior.prior.of_station(posterior.station)
-    of_parts = prior if effort.noise is None else replace(prior, noise=effort.noise)
-    whole = locate_part(walk, of_parts, effort.search)
-    return _Task(walk, of_parts, effort, posterior.trust, float(log_sum(whole.log_evidence)), {})
+    broad = posterior.prior
+    broad = broad if effort.noise is None else replace(broad, noise=effort.noise)
+    prior = broad.of_station(posterior.station)
+    undivided = float(log_sum(locate_part(walk, prior, effort.search).log_evidence))
+    return _Task(walk, prior, broad, effort, posterior.trust, undivided, {})
 
 
 class _Try(NamedTuple):
@@ -219,9 +226,6 @@ class _Try(NamedTuple):
     two: Part
     in_one: BoolArray
     stronger: BoolArray
-
-    def division(self, trust: float, *, is_in_time: bool = False) -> Division:
-        return Division(trust * self.log_factor, self.one.place, self.two.place, is_in_time)
 
 
 def _try(task: _Task, in_one: BoolArray) -> _Try | None:
@@ -247,7 +251,7 @@ def _locate_both(task: _Task, in_one: BoolArray) -> _Try | None:
     return _Try(log_factor, is_passed, one, two, in_one, stronger)
 
 
-def _improve(task: _Task, best: _Try | None) -> Division | None:
+def _improve(task: _Task, best: _Try | None) -> _Try | None:
     """Divide again by which of the two located transmitters is the stronger."""
     tries = [best]
     while best and best.log_factor > _HOPELESS and len(tries) < task.effort.turns:
@@ -255,13 +259,35 @@ def _improve(task: _Task, best: _Try | None) -> Division | None:
             break
         best = _try(task, best.stronger)
         tries.append(best)
-    divisions = [one.division(task.trust) for one in tries if one and one.is_passed]
-    return max(divisions, key=_rank, default=None)
+    return max((one for one in tries if one and one.is_passed), key=_rank, default=None)
 
 
-def _rank(division: Division) -> tuple[float, list[float]]:
+def _rank(one: _Try) -> tuple[float, list[float]]:
     # exchanged parts have one factor: their places decide
-    return division.log_factor, [*division.one.xy_m.flat, *division.other.xy_m.flat]
+    return one.log_factor, [*one.one.place.xy_m.flat, *one.two.place.xy_m.flat]
+
+
+def _division(task: _Task, best: _Try, *, is_in_time: bool = False) -> Division:
+    log_factor = task.trust * best.log_factor
+    one, other = best.one.place, best.two.place
+    if log_factor > 0.0:
+        # one antenna that explains the whole walk places a part 50 m away from where its own does
+        one, other = (_place(task, task.walk.part(part)) for part in (best.in_one, ~best.in_one))
+    return Division(log_factor, one, other, is_in_time)
+
+
+def _place(task: _Task, part: Blocks) -> Places:
+    """The likeliest place by a part alone, whatever its antenna and noise."""
+    broad = task.broad
+    peaks = []
+    for station, of_station in zip(broad.stations, broad.station_log_odds, strict=True):
+        tree = search_once(part, broad.of_station(station), task.effort.search)
+        log_odds = broad.noise_table.log_odds + of_station
+        log_p = np.max(tree.evidence.log_p + log_odds[tree.numbers, None], axis=0)
+        h = int(np.argmax(log_p))
+        peaks.append((log_p[h], tree.x_m[h], tree.y_m[h]))
+    _, x_m, y_m = max(peaks)
+    return Places.of(x_m, y_m, utm=part.places.utm)
 
 
 def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:
