@@ -116,7 +116,7 @@ test-boot: .venv/dev.stamp
 AXE := .venv/axe/node_modules/axe-core/axe.min.js
 test-view: .venv/dev.stamp
 	test -e $(AXE) || npm install --silent --no-fund --prefix .venv/axe axe-core@4.14.1 || true
-	CELLWALK_AXE=$(AXE) $(BIN)/pytest -m slow -n 2 tests/view tests/page
+	CELLWALK_AXE=$(AXE) $(BIN)/pytest -m slow -n $(if $(AGAIN),0,2) $(AGAIN) tests/view tests/page
 
 # the pictures of the guide: the page on a phone during a simulated walk, the report and the survey
 screenshots: .venv/dev.stamp
