@@ -63,6 +63,14 @@ class Generic(Family):
         return None if rows is None else with_serving_cell(rows)
 
 
+def standard_poll() -> Dialogue[tuple[Row, ...] | None]:
+    """The serving cell of a modem that another driver has set up; None without one."""
+    generic = Generic()
+    yield from generic.ask(generic.setup_commands)
+    rows = (yield from generic.poll()) or ()
+    return rows if any(map(is_serving, rows)) else None
+
+
 def name_nbiot(family: Family, rows: Sequence[Row]) -> Dialogue[tuple[Row, ...] | None]:
     """Rows with names, or the registered cell."""
     common = (yield from family.ask(NAME)) or ()
