@@ -154,7 +154,7 @@ class Fibocom(Family):
             "WCDMA": cells_with(),
         }
     )
-    claim = Claim(maker=r"\bFIBOCOM\b", series=r"\bL8[1356]0-GL\b")
+    claim = Claim(maker=r"\bFIBOCOM\b", series=r"\b(?:L8[1356]0|FM350)-GL\b")
     setup_commands = Generic.setup_commands
     poll_commands = (
         Command("AT+GTCCINFO?", timeout_s=8.0),

@@ -68,6 +68,10 @@ _RATS: Mapping[str, Rat] = {
     "NR5G": "NR",
 }
 _WITH_NR = "ENDC"  # LTE, and a carrier of NR beside it
+_OF_LTE = frozenset({8, 9})
+"""Technologies of +COPS on LTE for machines, which !GSTATUS calls LTE."""
+_NOT_MAIN = re.compile(r"^[ \t]*(?:PCC RxD|SCC\d? Rx[MD])\b.*", _FLAGS | re.MULTILINE)
+"""Lines of the second antenna and of further carriers, whose levels have the labels of the main."""
 _UMTS_LEVEL = (r"RX level C0", r"RxM RSSI C0", r"RX level \(dBm\)", r"RX level")
 _LABELS: Mapping[
     Rat, Mapping[str, tuple[str, ...]]
@@ -198,7 +202,8 @@ def complete_serving_cells(rows: Sequence[Row]) -> tuple[Row, ...]:
         if not is_serving(row) or row.cell:
             completed.append(row)
         elif row.rat not in complete:
-            has_network = plmn and chosen.rat == row.rat and row.cid is not None
+            is_of_lte = row.rat == "LTE" and chosen.act in _OF_LTE
+            has_network = plmn and row.cid is not None and (chosen.rat == row.rat or is_of_lte)
             completed.append(replace(row, mcc=mcc, mnc=mnc) if has_network else row)
     return tuple(completed)
 
@@ -207,7 +212,8 @@ def _status(text: str) -> Iterator[Row]:
     mode = _MODE.search(text)
     if mode is None:
         return
-    rat = _RATS.get(mode[1].upper())
+    text = _NOT_MAIN.sub("", text)
+    rat = _RATS.get(mode[1].upper().removesuffix(" SA"))
     if rat is None:
         yield NoCell(status=mode[1])
         return
@@ -282,8 +288,8 @@ def _tables(lines: Sequence[str]) -> Iterator[Row]:
         elif not (reading.pci or reading.psc) and reading.level_dbm is None:
             continue  # a channel without a cell, whose values are all 0
         elif kind == "INTRAFREQ":
-            if reading.pci == serving.pci:
-                continue  # the serving cell again
+            if serving.pci in {None, reading.pci}:
+                continue  # the serving cell again, or perhaps
             reading = replace(reading, arfcn=serving.arfcn)
         yield reading
 

@@ -165,7 +165,7 @@ def test_5g_beside_lte():
     )
     assert (nr.more["sinr_raw"], nr.arfcn, nr.band) == (21, 528030, 41)
     assert one('+QENG: "NR5G-NSA",515,03,832,-76,21,-11').rsrq_db == -11.0
-    assert one('+QENG: "NR5G-NSA",262,03,65535,-32768,-32768,-32768').level_dbm is None
+    assert one('+QENG: "NR5G-NSA",262,03,65535,-32768,-32768,-32768') is None
 
 
 def test_order_in_a_neighbour_row_follows_the_technology_camped_on():

@@ -320,8 +320,11 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
     if carrier_dbm and level_dbm and carrier_dbm - level_dbm > max(CARRIER_ABOVE_DB):
         # one of the two has lost a digit
         reading = replace(reading, rssi_dbm=None, rscp_dbm=None, rsrp_dbm=None)
-    named = Identity(mcc, mnc, _area_of(registration, rat, rows), registration.cid)
-    return reportable(with_identity(reading, named))
+    code = _area_of(registration, rat, rows)
+    reading = with_identity(reading, Identity(mcc, mnc, code, registration.cid))
+    if rat is None and code not in {one.tac for one in rows if isinstance(one, Registration)}:
+        reading = replace(reading, lac=code, tac=None)
+    return reportable(reading)
 
 
 def _area_of(registration: Registration, rat: Rat | None, rows: Sequence[Row]) -> int | None:
