@@ -193,14 +193,19 @@ def complete_serving_cells(rows: Sequence[Row]) -> tuple[Row, ...]:
 
     The network, which !GSTATUS does not print, is that of +COPS.
     """
+    status = {row.cid: row.tac for row in rows if is_serving(row) and not row.cell}
     complete = {row.rat for row in rows if is_serving(row) and row.cell}
     chosen = next(chosen_networks(rows), Operator(plmn=""))
     plmn = chosen.plmn or ""
     mcc, mnc = network_of(plmn)
     completed: list[Row] = []
     for row in rows:
-        if not is_serving(row) or row.cell:
+        if not is_serving(row):
             completed.append(row)
+        elif row.cell:
+            # the tables print the area once, in decimal
+            is_unsure = status.get(row.cid) not in {None, row.tac}
+            completed.append(replace(row, identity_unsure=row.identity_unsure or is_unsure))
         elif row.rat not in complete:
             is_of_lte = row.rat == "LTE" and chosen.act in _OF_LTE
             has_network = plmn and row.cid is not None and (chosen.rat == row.rat or is_of_lte)

@@ -301,3 +301,11 @@ def test_levels():
         Signal("NR", rsrp_dbm=-75.0, rsrq_db=-11.0, more={"sinr_raw": 4}),
     )
     assert MODEM.read(['+QCSQ: "LTE",-71,-8']) == ()
+
+
+@pytest.mark.parametrize("priority", ["2", "-", "", "255", "-32768"])
+def test_a_cell_of_gsm_seen_from_lte_whose_priority_is_unknown_is_no_other_cell(priority):
+    # written after the EC2x manual 6.17: arfcn, priority, thresholds, NCC, band, BSIC, tenths
+    reading = one(f'+QENG: "neighbourcell","GSM",114,{priority},24,12,61,1,22,-750,20')
+    assert (reading.mcc, reading.lac, reading.cid) == (None, None, None)
+    assert (reading.arfcn, reading.bsic, reading.rssi_dbm) == (114, 22, -75.0)

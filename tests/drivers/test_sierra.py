@@ -310,3 +310,13 @@ def test_nr_alone_is_nr():
 def test_without_the_serving_row_no_row_of_its_channel_is_a_neighbour():
     lines = [line for line in LTEINFO if "01234567" not in line]
     assert [row.pci or row.psc for row in MODEM.read(lines)] == [211, 117]
+
+
+@pytest.mark.parametrize(("tac", "is_unsure"), [("11111", False), ("02567", True)])
+def test_an_area_of_the_tables_that_the_status_contradicts_is_unsure(tac, is_unsure):
+    # written after the EM75xx AT reference; were the table hexadecimal there, digits would not show
+    tables = [line.replace("11111", tac) for line in LTEINFO[:-1]]
+    replies = {"AT!GSTATUS?": (LTE[:-1], "OK"), "AT!LTEINFO?": (tables, "OK")}
+    rows, _ = run_dialogue(MODEM.poll(), replies)
+    (serving,) = (row for row in rows if isinstance(row, CellReading) and row.role == "serving")
+    assert (serving.tac, serving.identity_unsure) == (int(tac), is_unsure)
