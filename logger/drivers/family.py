@@ -175,7 +175,8 @@ class Family:
         return next(named, None)
 
     def is_foreign(self, replies: Sequence[Reply]) -> bool:
-        """True for a modem that refuses all commands of the family and has no standard ones yet."""
+        """True where the modem refuses all commands of the family."""
+        # one that had the standard ones too has no more to ask for
         own = _own(replies)
         asked = names_of(" ".join(reply.command for reply in replies))
         return bool(own) and all(one.is_refusal for one in own) and not asked >= COMMON_NAMES
@@ -205,7 +206,6 @@ class Family:
 
 
 def _own(replies: Iterable[Reply]) -> list[Reply]:
-    """Replies to other commands than those that every family has."""
     return [reply for reply in replies if names_of(reply.command) - COMMON_NAMES]
 
 

@@ -9,7 +9,7 @@
     +QENG: "servingcell","NOCONN","GSM",262,01,1A2B,3C4D,21,57,-,-66,255,255,0,39,41,1,-,...,"-"
     +QENG: "neighbourcell","GSM",262,01,1A2C,3C4F,27,61,-79,24,25,0,0
 
-Needs: nothing; the commands read what the modem measures anyway. A full scan takes minutes.
+Needs: nothing; the commands read what the modem measures anyway.
 Known by: the maker with a series of two letters and a digit.
 Doubts: the order of the values depends on the technology that the modem camps on. A neighbour's
 line does not name that technology; its values show it. Area and cell are hexadecimal, all else is

@@ -16,8 +16,8 @@
 
 Needs: AT+COPS=3,2, the form of the answer that contains the network; !GSTATUS does not.
 Known by: the maker, but not the HL, SL and Q2 modules.
-Doubts: area and cell are printed in two bases; where the two differ, nothing shows which is right,
-and the identity is unsure. Neighbours only on LTE.
+Doubts: area and cell are printed in two bases; where they differ the identity is unsure. Neighbours
+only on LTE.
 Sources: measured replies in public code and public logs of MC7455 and WP7607
 (firmware_notes/sierra.md).
 """
@@ -68,10 +68,9 @@ _RATS: Mapping[str, Rat] = {
     "NR5G": "NR",
 }
 _WITH_NR = "ENDC"  # LTE, and a carrier of NR beside it
-_OF_LTE = frozenset({8, 9})
-"""Technologies of +COPS on LTE for machines, which !GSTATUS calls LTE."""
+_OF_LTE = frozenset({8, 9})  # in +COPS, CAT-M and NB-IoT, which !GSTATUS calls LTE
+# lines of the second antenna and of further carriers, whose levels have the labels of the main one
 _NOT_MAIN = re.compile(r"^[ \t]*(?:PCC RxD|SCC\d? Rx[MD])\b.*", _FLAGS | re.MULTILINE)
-"""Lines of the second antenna and of further carriers, whose levels have the labels of the main."""
 _UMTS_LEVEL = (r"RX level C0", r"RxM RSSI C0", r"RX level \(dBm\)", r"RX level")
 _LABELS: Mapping[
     Rat, Mapping[str, tuple[str, ...]]

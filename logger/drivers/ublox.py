@@ -224,7 +224,9 @@ class Ublox(Family):
             "LTE": cells_with(),
         }
     )
-    claim = Claim(maker=r"\bu-?blox\b", series=r"\b(?:SARA|LISA|LARA|LEXI|TOBY|LENA|LEON|LUCY)-[A-Z]?\d")
+    claim = Claim(
+        maker=r"\bu-?blox\b", series=r"\b(?:SARA|LISA|LARA|LEXI|TOBY|LENA|LEON|LUCY)-[A-Z]?\d"
+    )
     setup_commands = (
         *Generic.setup_commands,
         Command("AT+UCGED=5"),  # the only one of the SARA-R4; the next replaces it elsewhere

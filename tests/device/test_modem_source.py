@@ -108,6 +108,7 @@ def test_modem_is_identified_and_set_up(walks, name):
     ].texts()
     assert walks[name].notes().count("modem-ready") == 1
     assert not {"no-answer", "setup-refused", "internal", "garbage"} & set(walks[name].notes())
+    assert ("unknown-model" in walks[name].notes()) == (FAMILY[name] == "generic")
 
 
 @pytest.mark.parametrize("name", DIALECTS)
@@ -171,6 +172,7 @@ def test_a_modem_that_lacks_the_commands_of_its_family_has_its_serving_cell(
     assert all(map(_is_of_the_world, readings))
     n_without = sum(reading.level_dbm is None for reading in readings)
     assert n_without <= 1, "the stop may cut the last poll"
+    assert "standard-replies" in walked.notes()
     assert "poll-refused" not in walked.notes()
 
 

@@ -655,10 +655,11 @@ def cell(
     more: Mapping[str, Any] | None = None,
     **values: Any,
 ) -> CellReading | None:
-    """The cell that texts by name describe, with more `values`; a network alone is no cell."""
+    """The cell that texts by name describe, with more `values`; None where none is known."""
     others = {name: text for name, text in named.items() if not _names(name, kinds)}
     found = identity(named, kinds) | read_values(others, kinds)
     beside = found.pop("more", {})
+    # a network alone is no cell
     known = {name: value for name, value in (found | values).items() if name not in _NETWORK}
     if all(value is None for value in (*known.values(), *beside.values())):
         return None
