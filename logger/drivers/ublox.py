@@ -409,6 +409,7 @@ def _environment(lines: Sequence[str]) -> Iterator[Row]:
         technology = _TECHNOLOGY.search(line)
         rat_of_head = _RATS[technology[1].upper()] if technology else rat_of_head
         if heading:
+            is_served = False
             role = (
                 "serving" if heading["serving"] else "neighbour" if heading["neighbour"] else None
             )
