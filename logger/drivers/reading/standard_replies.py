@@ -67,6 +67,7 @@ _CAUSE_TYPES = frozenset({0, 1})
 _ROUTING_AREA, _WIDE_CELL = re.compile("[0-9A-Fa-f]{1,2}"), re.compile("[0-9A-Fa-f]{4,8}")
 _CELL, _NR_CELL = NumberForm(16, frozenset({4, 7, 8})), NumberForm(16, frozenset({9, 16}))
 """A registration prints the cells of all technologies in one field, GSM with four digits."""
+_WIDE = NumberForm(16, frozenset({7, 8}))  # of other technologies
 
 
 def standard_rows(lines: Sequence[str]) -> tuple[Row, ...]:
@@ -92,7 +93,10 @@ def _registrations(line: str) -> Iterator[Row]:
             del fields[2]
         act = decimal(at(fields, 3).rstrip("])"), 0, 15)
         rats = RAT_OF_ACT | _RAT_OF_EPS if domain == "CEREG" else RAT_OF_ACT
-        bits, form = (36, _NR_CELL) if domain == "C5GREG" else (28, _CELL)
+        rat = None if act is None else rats.get(act)
+        bits, form = (28, _CELL if rat in {None, "GSM"} else _WIDE)
+        if domain == "C5GREG":
+            bits, form = 36, _NR_CELL
         cid = cell_identity(at(fields, 2), bits, form=form)
         cause_type, cause = _reject_cause(domain, fields)
         where: dict[str, Any] = {
@@ -101,7 +105,7 @@ def _registrations(line: str) -> Iterator[Row]:
         yield Registration(
             domain,
             stat,
-            rat=None if act is None else rats.get(act),
+            rat=rat,
             n=decimal(n),
             cid=cid,
             act=act,
