@@ -44,7 +44,7 @@ _REGISTRATION = re.compile(
 _AFTER_VALUE = re.compile(r"[\s+\\)\]},;\'<|]|\Z")
 # an answer begins with two small numbers, a report with one: +CREG: 1,"CE00","00005449"
 _LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
-_CSQ = re.compile(r"\+CSQ:\s*(\d{1,2}),\s*(\d{1,2})(?!\d)")
+_CSQ = re.compile(r"\+CSQ:\s*(\d{1,2}),\s*(\d{0,2})(?!\d)")  # a report may have cut the errors
 _CESQ = re.compile(r"\+CESQ:\s*(\d{1,3}(?:,\s*\d{1,3}){5}(?:(?:,\s*\d{1,3}){3})?)(?!\d)")
 _ERROR = re.compile(r"\+CM[ES] ERROR:\s*(?:(\d+)|([^\s\\][^\\]*?))\s*(?:\\.*)?\Z")
 _CHOSEN = re.compile(
