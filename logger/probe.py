@@ -15,6 +15,7 @@ from logger.core.live_settings import OWN, SUSPICIOUS
 from logger.core.source_tables import GNSS_OF_MODEM
 from logger.device.port import IN_USE, Port
 from logger.device.sources import SOURCES
+from logger.drivers.generic import UNKNOWN_MODEL, Generic
 from logger.drivers.registry import AUTO, FAMILIES
 
 BAUDS = (115_200, 9600, 38_400, 57_600, 4800, 230_400, 460_800, 19_200)
@@ -128,7 +129,8 @@ def _modem(modem: PortReport | None) -> Proposal:
     if modem is None:
         return _empty("modem", "no modem has answered: powered, plugged in? fill in [modem] port")
     driver = f"driver = {_text(modem.driver or AUTO)}"
-    return _table("[modem]", f"# {_comment(modem.text)}", *_at(modem), driver)
+    comments = [modem.text, *([UNKNOWN_MODEL] if modem.driver == Generic.name else [])]
+    return _table("[modem]", *(f"# {_comment(text)}" for text in comments), *_at(modem), driver)
 
 
 def _further_modem(modem: PortReport | None) -> str:

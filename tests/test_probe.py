@@ -93,6 +93,13 @@ def test_the_receiver_of_a_modem_is_proposed_where_its_driver_reads_one(driver, 
     assert port == ("modem" if FAMILIES[driver].gnss_poll_commands else "")
 
 
+@pytest.mark.parametrize("driver", FAMILIES)
+def test_the_proposal_says_where_no_driver_knows_the_model(driver):
+    text = propose_config([PortReport("/dev/ttyUSB2", "", "modem", 9600, driver, "ACME 1")]).text
+    assert ("# no driver knows this model" in text) == (driver == "generic")
+    assert tomllib.loads(text)["modem"]["driver"] == driver
+
+
 def test_the_proposal_is_a_configuration():
     found = [
         PortReport("/dev/ttyUSB0", "", "gnss", 9600),

@@ -333,7 +333,8 @@ def reportable(reading: CellReading) -> CellReading:
     """The reading without levels that its technology cannot report."""
     outside = {name for name in _RANGES_DBM if not _is_reportable(reading, name)}
     own = _OWN.get(reading.rat or "", "")
-    if own in outside or (own and not _holds(reading.rssi_dbm, getattr(reading, own))):
+    is_lost = not outside.isdisjoint(_OWN.values())
+    if is_lost or (own and not _holds(reading.rssi_dbm, getattr(reading, own))):
         outside.add("rssi_dbm")
     if not outside:
         return reading

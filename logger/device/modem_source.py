@@ -1,7 +1,7 @@
 """An AT modem of any family: set-up, polls and full scans, one command at a time."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -16,7 +16,7 @@ from logger.device.mode_switch import ModeSwitch, SavedModes
 from logger.device.modem_exchange import AfterStop, ModemExchange
 from logger.device.port import Port
 from logger.drivers.family import Family, wake
-from logger.drivers.generic import Generic
+from logger.drivers.generic import UNKNOWN_MODEL, Generic, standard_poll
 from logger.drivers.protocols.at import AtFramer, Command, Dialogue, Reply, run_dialogue
 from logger.drivers.protocols.redaction import Redactor
 from logger.drivers.reading.row_language import Operator
@@ -141,6 +141,10 @@ def _ask(port: Port, framer: AtFramer, command: Command) -> Reply:
     return framer.expire()
 
 
+def _has_cell(rows: Iterable[object] | None) -> bool:
+    return any(isinstance(row, CellReading) for row in rows or ())
+
+
 class _Session:
     def __init__(self, link: Link, settings: ModemSettings, modes: SavedModes) -> None:
         self._link = link
@@ -229,6 +233,8 @@ class _Session:
             return None
         name = (self._modem.driver or driver).name
         self._link.note("info", "modem-identified", f"modem is {text!r}{DRIVER}{name}")
+        if self._modem.driver is None and name == Generic.name:
+            self._link.note("warning", "unknown-model", UNKNOWN_MODEL)
         return driver
 
     def _poll(self, driver: Family) -> None:
@@ -241,6 +247,13 @@ class _Session:
             what = f"polls had rows of {command} in no form that driver {driver.name} reads"
             self._link.count("unread-rows", 1, what)
             self._modem.is_damaged = True  # no scan without cells
+        if driver.is_foreign(self._modem.replies) and not _has_cell(rows):
+            refusal = self._modem.refusal
+            if (standard := self._modem.talk(standard_poll())) is not None:
+                what = f"polls were refused{refusal}; the serving cell is that of standard replies"
+                self._link.count("standard-replies", 1, what)
+                rows = standard
+            self._modem.refusal = refusal
         if self._modem.framer.echo_seen and self._modem.is_set_up and not self._echoes:
             self._modem.set_up_again("modem echoes again, as after a restart; setting it up again")
         self._echoes = self._modem.framer.echo_seen

@@ -170,7 +170,7 @@ class Cinterion(Family):
     )
     claim = Claim(
         maker=r"\bSIEMENS\b|(?<!TELIT )\bCINTERION\b|\bGEMALTO\b|\bTHALES\b",
-        series=r"\b(?:BGS|EHS|ELS|EXS|PHS|PLS|TX)\d{1,2}\b",  # Telit sells these
+        series=r"\b(?:AHS|ALAS|BGS|EHS|ELS|ENS|EXS|PDS|PHS|PLS|TX)\d{1,2}\b",  # Telit sells these
     )
     setup_commands = Generic.setup_commands
     ways = (

@@ -166,13 +166,20 @@ class Family:
 
     def unread(self, replies: Iterable[Reply]) -> str | None:
         """The command of a row with numbers, where no row of the replies is read."""
-        own = [reply for reply in replies if names_of(reply.command) - COMMON_NAMES]
+        own = _own(replies)
         if self.rows_in([line for reply in own for line in (reply.command, *reply.lines)]):
             return None
         rows = ((reply.command, line) for reply in own for line in reply.lines)
         n_least = _LEAST_OF_A_CELL
         named = (name for name, row in rows if len(_KNOWN_NUMBER.findall(row)) >= n_least)
         return next(named, None)
+
+    def is_foreign(self, replies: Sequence[Reply]) -> bool:
+        """True where the modem refuses all commands of the family."""
+        # one that had the standard ones too has no more to ask for
+        own = _own(replies)
+        asked = names_of(" ".join(reply.command for reply in replies))
+        return bool(own) and all(one.is_refusal for one in own) and not asked >= COMMON_NAMES
 
     @classmethod
     def _names(cls) -> frozenset[str]:
@@ -196,6 +203,10 @@ class Family:
     def is_restart(self, line: str) -> bool:
         """True for a line that reports a restart, which loses the set-up."""
         return _RESTARTED.fullmatch(line.strip()) is not None
+
+
+def _own(replies: Iterable[Reply]) -> list[Reply]:
+    return [reply for reply in replies if names_of(reply.command) - COMMON_NAMES]
 
 
 def wake() -> Dialogue[bool]:

@@ -8,7 +8,7 @@
     2,4,,,,,189C,190,,24,24,2
     OK
 
-Needs: nothing, no SIM either; the answer takes 25 ms.
+Needs: nothing, no SIM either.
 Known by: the maker, or the series L8x0-GL.
 Doubts: area and cell are hexadecimal. Channel and PCI are so in the modems with headings and
 decimal in the FM350; the rows of one reply decide it together: by letters, by the range of a PCI
@@ -154,7 +154,7 @@ class Fibocom(Family):
             "WCDMA": cells_with(),
         }
     )
-    claim = Claim(maker=r"\bFIBOCOM\b", series=r"\bL8[1356]0-GL\b")
+    claim = Claim(maker=r"\bFIBOCOM\b", series=r"\b(?:L8[1356]0|FM350)-GL\b")
     setup_commands = Generic.setup_commands
     poll_commands = (
         Command("AT+GTCCINFO?", timeout_s=8.0),

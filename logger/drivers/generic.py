@@ -21,6 +21,9 @@ from logger.drivers.protocols.at import Command, Dialogue
 from logger.drivers.reading.row_language import Row
 from logger.drivers.reading.standard_replies import is_serving, with_name, with_serving_cell
 
+UNKNOWN_MODEL = (
+    "no driver knows this model: only its serving cell is recorded, while it is registered"
+)
 NAME = tuple(map(Command, ("AT+COPS=3,2", "AT+CEREG=2", "AT+COPS?", "AT+CEREG?")))  # of LTE
 
 
@@ -61,6 +64,14 @@ class Generic(Family):
         """Ask, and put together what describes the serving cell."""
         rows = yield from self.ask(self.poll_commands)
         return None if rows is None else with_serving_cell(rows)
+
+
+def standard_poll() -> Dialogue[tuple[Row, ...] | None]:
+    """The serving cell of another driver's modem."""
+    generic = Generic()
+    yield from generic.ask(generic.setup_commands)
+    rows = (yield from generic.poll()) or ()
+    return rows if any(map(is_serving, rows)) else None
 
 
 def name_nbiot(family: Family, rows: Sequence[Row]) -> Dialogue[tuple[Row, ...] | None]:

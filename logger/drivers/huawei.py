@@ -71,11 +71,11 @@ _FORMS: Mapping[str, tuple[Rat, str]] = {
     "MONSC GSM": ("GSM", "mcc mnc gsm_band arfcn bsic cid16 lac rssi [rxq ta _]"),
     "MONSC WCDMA": ("WCDMA", "mcc mnc uarfcn psc cid28 lac rscp [rssi ecn0 drx ura _]"),
     "MONSC LTE": ("LTE", "mcc mnc earfcn cid28 pci_hex tac rsrp [rsrq rssi _]"),
-    "MONSC NR": ("NR", "mcc mnc nrarfcn _scs cid36 pci_hex tac24 rsrp [rsrq sinr _]"),
+    "MONSC NR": ("NR", "mcc mnc nrarfcn _scs cid36 pci_nr_hex tac24 rsrp [rsrq sinr _]"),
     "MONNC GSM": ("GSM", "gsm_band arfcn bsic cid16 lac rssi [_]"),
     "MONNC WCDMA": ("WCDMA", "uarfcn psc rscp [ecn0 _]"),
     "MONNC LTE": ("LTE", "earfcn pci_hex rsrp [rsrq rssi _]"),
-    "MONNC NR": ("NR", "nrarfcn pci_hex rsrp [rsrq sinr _]"),
+    "MONNC NR": ("NR", "nrarfcn pci_nr_hex rsrp [rsrq sinr _]"),
 }
 _ROWS: Mapping[str, Form] = {
     kind: form(rat, names, _KINDS, unknown="-*") for kind, (rat, names) in _FORMS.items()

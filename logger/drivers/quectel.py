@@ -9,7 +9,7 @@
     +QENG: "servingcell","NOCONN","GSM",262,01,1A2B,3C4D,21,57,-,-66,255,255,0,39,41,1,-,...,"-"
     +QENG: "neighbourcell","GSM",262,01,1A2C,3C4F,27,61,-79,24,25,0,0
 
-Needs: nothing; the commands read what the modem measures anyway. A full scan takes minutes.
+Needs: nothing; the commands read what the modem measures anyway.
 Known by: the maker with a series of two letters and a digit.
 Doubts: the order of the values depends on the technology that the modem camps on. A neighbour's
 line does not name that technology; its values show it. Area and cell are hexadecimal, all else is
@@ -120,7 +120,8 @@ def _forms(rat: Rat, *rows: str) -> tuple[Form, ...]:
 _NEIGHBOURS: Mapping[Rat, tuple[Form, ...]] = {
     "GSM": _forms(
         "GSM",
-        "mcc! mnc! lac cid16 bsic! arfcn* rxlev! [c1 c2 _ _]",  # camped on GSM
+        "arfcn* _ _ _ _ _ bsic! rssi10* _",  # camped on LTE; in tenths no other value is so low
+        "mcc! mnc! lac cid16 bsic! arfcn* rxlev! [c1 c2 _ _]",  # on GSM
         "arfcn* _ _ _ _ _ bsic! rssi10! _",  # on LTE
         "bsic* rssi* _ _",  # on WCDMA
     ),
@@ -265,7 +266,7 @@ def _neighbour(kind: str | None, word: str, texts: list[str]) -> Row | None:
     lte = _INTRA_OR_INTER if kind else (_RSRP_FIRST, _RSRQ_FIRST)
     forms = _NEIGHBOURS.get(rat) or _forms(rat, *lte)
     if rat == "GSM" and _ANNOUNCED in texts:
-        forms = forms[1:]  # seen from LTE: its channel and priority are no network
+        forms = forms[2:]  # seen from LTE: its channel and priority are no network
     reading = first_cell(forms, "neighbour", texts, {"kind": kind.lower()} if kind else {})
     if reading and rat == "GSM" and reading.mcc is None and reading.rssi_dbm is None:
         return replace(reading, bsic=None)  # a filler before reception

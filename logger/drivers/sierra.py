@@ -16,8 +16,8 @@
 
 Needs: AT+COPS=3,2, the form of the answer that contains the network; !GSTATUS does not.
 Known by: the maker, but not the HL, SL and Q2 modules.
-Doubts: area and cell are printed in two bases; where the two differ, nothing shows which is right,
-and the identity is unsure. Neighbours only on LTE.
+Doubts: area and cell are printed in two bases; where they differ the identity is unsure. Neighbours
+only on LTE.
 Sources: measured replies in public code and public logs of MC7455 and WP7607
 (firmware_notes/sierra.md).
 """
@@ -68,6 +68,9 @@ _RATS: Mapping[str, Rat] = {
     "NR5G": "NR",
 }
 _WITH_NR = "ENDC"  # LTE, and a carrier of NR beside it
+_OF_LTE = frozenset({8, 9})  # in +COPS, CAT-M and NB-IoT, which !GSTATUS calls LTE
+# lines of the second antenna and of further carriers, whose levels have the labels of the main one
+_NOT_MAIN = re.compile(r"^[ \t]*(?:PCC RxD|SCC\d? Rx[MD])\b.*", _FLAGS | re.MULTILINE)
 _UMTS_LEVEL = (r"RX level C0", r"RxM RSSI C0", r"RX level \(dBm\)", r"RX level")
 _LABELS: Mapping[
     Rat, Mapping[str, tuple[str, ...]]
@@ -189,16 +192,22 @@ def complete_serving_cells(rows: Sequence[Row]) -> tuple[Row, ...]:
 
     The network, which !GSTATUS does not print, is that of +COPS.
     """
+    status = {row.cid: row.tac for row in rows if is_serving(row) and not row.cell}
     complete = {row.rat for row in rows if is_serving(row) and row.cell}
     chosen = next(chosen_networks(rows), Operator(plmn=""))
     plmn = chosen.plmn or ""
     mcc, mnc = network_of(plmn)
     completed: list[Row] = []
     for row in rows:
-        if not is_serving(row) or row.cell:
+        if not is_serving(row):
             completed.append(row)
+        elif row.cell:
+            # the tables print the area once, in decimal
+            is_unsure = status.get(row.cid) not in {None, row.tac}
+            completed.append(replace(row, identity_unsure=row.identity_unsure or is_unsure))
         elif row.rat not in complete:
-            has_network = plmn and chosen.rat == row.rat and row.cid is not None
+            is_of_lte = row.rat == "LTE" and chosen.act in _OF_LTE
+            has_network = plmn and row.cid is not None and (chosen.rat == row.rat or is_of_lte)
             completed.append(replace(row, mcc=mcc, mnc=mnc) if has_network else row)
     return tuple(completed)
 
@@ -207,7 +216,8 @@ def _status(text: str) -> Iterator[Row]:
     mode = _MODE.search(text)
     if mode is None:
         return
-    rat = _RATS.get(mode[1].upper())
+    text = _NOT_MAIN.sub("", text)
+    rat = _RATS.get(mode[1].upper().removesuffix(" SA"))
     if rat is None:
         yield NoCell(status=mode[1])
         return
@@ -282,8 +292,8 @@ def _tables(lines: Sequence[str]) -> Iterator[Row]:
         elif not (reading.pci or reading.psc) and reading.level_dbm is None:
             continue  # a channel without a cell, whose values are all 0
         elif kind == "INTRAFREQ":
-            if reading.pci == serving.pci:
-                continue  # the serving cell again
+            if serving.pci in {None, reading.pci}:
+                continue  # the serving cell again, or perhaps
             reading = replace(reading, arfcn=serving.arfcn)
         yield reading
 

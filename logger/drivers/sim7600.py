@@ -406,8 +406,9 @@ def _environment(lines: Sequence[str]) -> Iterator[Row]:
             elif (group := _group(kind)) and (row := _NEIGHBOUR.texts_by_name(values)):
                 named = {**row, "earfcn": channels.get(group, "")}
                 reading = cell("neighbour", "LTE", named, _CMGRMI_KINDS)
-                is_serving = reading and (reading.arfcn, reading.pci) == serving
-                reading = None if is_serving else reading
+                places = {serving, (None, serving[1])} if serving else set()
+                if reading and (reading.arfcn, reading.pci) in places:
+                    reading = None  # the serving cell, also where the channel is lost
             if reading is not None:
                 yield reading
 

@@ -260,7 +260,7 @@ class Telit(Family):
         }
     )
     claim = Claim(
-        maker=r"\btelit\b(?! cinterion)",
+        maker=r"\btelit\b",
         series=r"\b(?:G[CELMT]86\d|UC864|U[EL]86\d|HE86\d|[CDGHLMU]E9[124]0"
         r"|L[MN]9[4-6]\d|F[NT]9\d0)",
     )

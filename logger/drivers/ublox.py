@@ -224,7 +224,9 @@ class Ublox(Family):
             "LTE": cells_with(),
         }
     )
-    claim = Claim(maker=r"\bu-?blox\b", series=r"\b(?:SARA|LISA|LARA|TOBY|LENA|LEON|LUCY)-[A-Z]?\d")
+    claim = Claim(
+        maker=r"\bu-?blox\b", series=r"\b(?:SARA|LISA|LARA|LEXI|TOBY|LENA|LEON|LUCY)-[A-Z]?\d"
+    )
     setup_commands = (
         *Generic.setup_commands,
         Command("AT+UCGED=5"),  # the only one of the SARA-R4; the next replaces it elsewhere
@@ -395,6 +397,7 @@ def _lte_is_hexadecimal(lines: Sequence[str]) -> bool:
 def _environment(lines: Sequence[str]) -> Iterator[Row]:
     """What is between two cells belongs to the first."""
     role: Role | None = "serving"
+    is_served = False
     rat_of_head: Rat | None = None
     texts: dict[str, str] = {}
     for line in lines:
@@ -406,10 +409,14 @@ def _environment(lines: Sequence[str]) -> Iterator[Row]:
         technology = _TECHNOLOGY.search(line)
         rat_of_head = _RATS[technology[1].upper()] if technology else rat_of_head
         if heading:
+            is_served = False
             role = (
                 "serving" if heading["serving"] else "neighbour" if heading["neighbour"] else None
             )
         if identity and role is not None:
+            if role == "serving" and is_served:
+                role = "neighbour"  # its heading is lost
+            is_served |= role == "serving"
             texts = identity.groupdict("")
         if texts:
             radio = line[identity.end() :] if identity else line

@@ -14,6 +14,7 @@ from logger.device.clock import Clock, ScaledClock
 from logger.device.modem_source import ModemSource
 from logger.drivers import family
 from logger.drivers.registry import FAMILIES
+from logger.sim.dialects import identity_replies
 from logger.sim.faults import FAULTS, Misbehaving
 from logger.sim.ptys import PtyDevice, answering
 from logger.sim.scenario import scenario
@@ -107,6 +108,7 @@ def test_modem_is_identified_and_set_up(walks, name):
     ].texts()
     assert walks[name].notes().count("modem-ready") == 1
     assert not {"no-answer", "setup-refused", "internal", "garbage"} & set(walks[name].notes())
+    assert ("unknown-model" in walks[name].notes()) == (FAMILY[name] == "generic")
 
 
 @pytest.mark.parametrize("name", DIALECTS)
@@ -142,6 +144,36 @@ def test_full_scans_are_between_polls(walks, name):
 @pytest.mark.parametrize("name", DIALECTS)
 def test_nothing_of_the_raw_bytes_tells_who_the_device_is(walks, name):
     assert b"00499901" not in walks[name].run.raw_bytes.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("maker", "model", "driver"),
+    [
+        ("SIMCOM_Ltd", "SIMCOM_SIM5300E", "sim7600"),
+        ("Quectel_Ltd", "Quectel_UC15", "quectel"),
+        ("Sierra Wireless, Inc.", "MC8705", "sierra"),
+        ("Telit", "ME50G1-WW", "telit"),
+    ],
+)
+def test_a_modem_that_lacks_the_commands_of_its_family_has_its_serving_cell(
+    tmp_path, maker, model, driver
+):
+    clock = ScaledClock(SPEED)
+    identity = identity_replies([model], maker, model, "1.0")
+    modem = BLOCK.modem(WalkTime(clock).now_s, replace(DIALECTS["plain"], identity=identity))
+    with PtyDevice(answering(modem)) as port:
+        under_way = make_service(tmp_path, clock, port.path, 0.0, 1.0)
+        under_way.start()
+        record_until(under_way, clock, lambda walked: len(walked.scans()) > 5)
+        walked = RecordedRun(read_run(under_way.stop("end")))
+    assert any(text.endswith(f"driver {driver}") for text in walked.texts())
+    readings = [reading for _, scan in walked.scans() for reading in scan]
+    assert {reading.cell for reading in readings} & {"-".join(map(str, cell)) for cell in CELLS}
+    assert all(map(_is_of_the_world, readings))
+    n_without = sum(reading.level_dbm is None for reading in readings)
+    assert n_without <= 1, "the stop may cut the last poll"
+    assert "standard-replies" in walked.notes()
+    assert "poll-refused" not in walked.notes()
 
 
 @pytest.mark.parametrize("name", ["sim808", "sim7600", "ec25"])

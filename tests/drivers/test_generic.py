@@ -127,3 +127,12 @@ def test_a_level_far_below_that_of_its_carrier_has_lost_a_digit(printed):
 def test_a_level_below_the_scale_is_none():
     reading = serving_cell(CEREG='+CEREG: 2,1,"2AFE","1A2D001",7', CESQ="+CESQ: 99,99,255,255,20,0")
     assert reading.level_dbm is None
+
+
+@pytest.mark.parametrize(("act", "rat"), [("", None), (",0", "GSM")])
+def test_the_area_of_creg_alone_is_a_location_area(act, rat):
+    # written after 3GPP TS 27.007 7.2: modems of GSM print no technology
+    reading = serving_cell(
+        COPS='+COPS: 0,2,"26201"', CREG=f'+CREG: 2,1,"CE00","5449"{act}', CSQ="+CSQ: 20,0"
+    )
+    assert (reading.rat, reading.lac, reading.tac, reading.cid) == (rat, 0xCE00, None, 0x5449)

@@ -241,3 +241,10 @@ def test_poll_of_a_modem_that_does_not_know_monsc():
 
 def test_rows_before_a_time_out_are_kept():
     assert run_dialogue(MODEM.poll(), {"AT^MONSC": ([GSM], None)}, ((), None))[0] == (one(GSM),)
+
+
+def test_a_pci_of_lte_above_all_pcis_was_no_hexadecimal_number():
+    # written after the ME909s manual's form of ^MONSC, with a PCI that is 303 in decimal
+    assert (one(LTE.replace(",12F,", ",303,")).pci, one(LTE).pci) == (None, 303)
+    assert one("^MONNC: LTE,1850,303,-90,-13,-62").pci is None
+    assert one("^MONNC: NR,632448,303,-88,-13,0").pci == 0x303

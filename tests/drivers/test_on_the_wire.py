@@ -359,6 +359,17 @@ def test_cesq_gives_the_quality_of_a_cell_of_3g_too():
     assert (serving.rscp_dbm, serving.ecio_db) == (-94.0, -7.5)
 
 
+@pytest.mark.parametrize("report", ["", "\n\n+CTZV: +32", "\n\nRING"])
+def test_a_report_behind_csq_costs_no_level(report):
+    replies = {
+        "AT+CREG?": '+CREG: 2,1,"1A2B","3C4D",0\n\nOK',
+        "AT+CSQ": f"+CSQ: 20,0{report}\n\nOK",
+    }
+    assert [one.rssi_dbm for one in cells("generic", replies)] == [-73.0]
+    replies["AT+CSQ"] = "+CSQ: 2\n\nRING\n\nOK"
+    assert [one.rssi_dbm for one in cells("generic", replies)] == [None]
+
+
 @pytest.mark.parametrize("plmn", ["2620X", "262", "000000"])
 def test_what_is_no_number_of_a_network_names_none(plmn):
     replies = {

@@ -165,7 +165,7 @@ def test_5g_beside_lte():
     )
     assert (nr.more["sinr_raw"], nr.arfcn, nr.band) == (21, 528030, 41)
     assert one('+QENG: "NR5G-NSA",515,03,832,-76,21,-11').rsrq_db == -11.0
-    assert one('+QENG: "NR5G-NSA",262,03,65535,-32768,-32768,-32768').level_dbm is None
+    assert one('+QENG: "NR5G-NSA",262,03,65535,-32768,-32768,-32768') is None
 
 
 def test_order_in_a_neighbour_row_follows_the_technology_camped_on():
@@ -301,3 +301,11 @@ def test_levels():
         Signal("NR", rsrp_dbm=-75.0, rsrq_db=-11.0, more={"sinr_raw": 4}),
     )
     assert MODEM.read(['+QCSQ: "LTE",-71,-8']) == ()
+
+
+@pytest.mark.parametrize("priority", ["2", "-", "", "255", "-32768"])
+def test_a_cell_of_gsm_seen_from_lte_whose_priority_is_unknown_is_no_other_cell(priority):
+    # written after the EC2x manual 6.17: arfcn, priority, thresholds, NCC, band, BSIC, tenths
+    reading = one(f'+QENG: "neighbourcell","GSM",114,{priority},24,12,61,1,22,-750,20')
+    assert (reading.mcc, reading.lac, reading.cid) == (None, None, None)
+    assert (reading.arfcn, reading.bsic, reading.rssi_dbm) == (114, 22, -75.0)

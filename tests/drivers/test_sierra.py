@@ -273,3 +273,50 @@ def test_the_carrier_of_nr_beside_lte_is_a_reading_of_its_own():
     )
     without_level = [line.replace("-93", "--").replace("-11\n", "--") for line in lines]
     assert [row.rat for row in MODEM.read(without_level)] == ["LTE"]
+
+
+# --- written after the WP77xx and EM75xx AT references: forms that no capture has
+
+
+@pytest.mark.parametrize(("act", "is_named"), [(7, True), (8, True), (9, True), (2, False)])
+def test_lte_for_machines_has_its_network_from_the_operator(act, is_named):
+    replies = {
+        "AT+COPS?": ([f'+COPS: 0,2,"26203",{act}'], "OK"),
+        "AT!GSTATUS?": (LTE[:-1], "OK"),
+    }
+    rows, _ = run_dialogue(MODEM.poll(), replies)
+    (serving,) = (row for row in rows if isinstance(row, CellReading))
+    assert (serving.cell is not None) == is_named
+
+
+def test_the_level_of_another_antenna_or_carrier_replaces_none():
+    text = "\n".join(LTE).replace("PCC RxM RSRP:", "RSRP (dBm):")
+    text = text.replace("PCC RxD RSRP:", "RSRP (dBm):").replace("SCC RxM RSRP:", "RSRP (dBm):")
+    (whole,) = MODEM.read(text.split("\n"))
+    damaged = text.replace("RSRP (dBm):  -111", "RSRP (dBm):  -1\x7f1")
+    (without,) = MODEM.read(damaged.split("\n"))
+    lost = [line for line in text.split("\n") if "-111" not in line]
+    (alone,) = MODEM.read(lost)
+    assert (whole.rsrp_dbm, without.rsrp_dbm, alone.rsrp_dbm) == (-111.0, None, None)
+
+
+def test_nr_alone_is_nr():
+    rows = MODEM.read(["!GSTATUS: ", "System mode:   NR5G SA    \tPS state:    Attached     ",
+        "NR5G band:     n78    \t\tNR5G bw:     100 MHz ", "NR5G Rx chan:  627264\t\t",
+        "NR5G RSRP (dBm):  -95\tNR5G RSRQ (dB):  -11", "OK"])  # fmt: skip
+    assert [(row.rat, row.arfcn, row.rsrp_dbm) for row in rows] == [("NR", 627264, -95.0)]
+
+
+def test_without_the_serving_row_no_row_of_its_channel_is_a_neighbour():
+    lines = [line for line in LTEINFO if "01234567" not in line]
+    assert [row.pci or row.psc for row in MODEM.read(lines)] == [211, 117]
+
+
+@pytest.mark.parametrize(("tac", "is_unsure"), [("11111", False), ("02567", True)])
+def test_an_area_of_the_tables_that_the_status_contradicts_is_unsure(tac, is_unsure):
+    # written after the EM75xx AT reference; were the table hexadecimal there, digits would not show
+    tables = [line.replace("11111", tac) for line in LTEINFO[:-1]]
+    replies = {"AT!GSTATUS?": (LTE[:-1], "OK"), "AT!LTEINFO?": (tables, "OK")}
+    rows, _ = run_dialogue(MODEM.poll(), replies)
+    (serving,) = (row for row in rows if isinstance(row, CellReading) and row.role == "serving")
+    assert (serving.tac, serving.identity_unsure) == (int(tac), is_unsure)

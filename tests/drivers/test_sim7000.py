@@ -318,3 +318,11 @@ def test_recorded_replies(corpus):
     assert len(found) >= 20
     for entry in found:
         check_entry(entry, [as_json(row) for row in MODEM.read(lines_of(corpus, entry))])
+
+
+@pytest.mark.parametrize(("system", "level_dbm"), [("LTE NB-IOT", -145.0), ("LTE XY", None)])
+def test_the_carrier_does_not_stand_for_a_level_below_the_range(system, level_dbm):
+    # written after the SIM7000 series manual, with a system whose name is not known
+    header = f"+CENG: 1,1,1,{system}"
+    row = '+CENG: 0,"3740,60,-145,-120,-20,-9,23070,187214066,460,00,255"'
+    assert MODEM.read([header, row])[0].level_dbm == level_dbm

@@ -243,6 +243,16 @@ def poll_with(*answers):
     )
 
 
+def test_the_serving_cell_without_the_row_of_its_channel_is_no_neighbour():
+    rows = MODEM.read([line for line in CMGRMI if "LTE_Intra," not in line])
+    assert [(row.arfcn, row.pci) for row in rows] == [
+        (1300, 211),
+        (None, 86),
+        (37900, 417),
+        (2850, 158),
+    ]
+
+
 @pytest.mark.parametrize("serving", [CMGRMI[1] + ",1", CMGRMI[1][:60]])
 def test_the_serving_cell_in_a_row_of_another_form_is_no_neighbour(serving):
     rows = MODEM.read([CMGRMI[0], serving, *CMGRMI[2:]])

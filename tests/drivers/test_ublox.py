@@ -271,3 +271,19 @@ def test_cut_reply_names_no_other_cell(lines):
     for end in range(len(text)):
         # the last number of a line may be one that is cut; no row ends with one that names a cell
         assert identities(cells(text[:end].split("\n"))) <= whole, text[:end]
+
+
+def test_a_cell_whose_heading_is_lost_is_no_second_serving_cell():
+    # written after the SARA-G3 manual's form of +CGED=5; a line that nobody asked for takes the
+    # heading of the neighbour
+    lines = [
+        "+CGED: Service Cell:",
+        "MCC:262, MNC:02, LAC:1a2b, CI:3c4d, BSIC:18",
+        "Arfcn:00033, RxLevServ:048",
+        "Neigh",
+        "bour Cell 1:",
+        "MCC:262, MNC:02, LAC:1a2b, CI:3c4e, BSIC:19",
+        "Arfcn:00045, RxLev:035",
+    ]
+    cells = [(row.role, row.cid) for row in MODEM.read(lines)]
+    assert cells == [("serving", 0x3C4D), ("neighbour", 0x3C4E)]

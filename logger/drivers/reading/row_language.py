@@ -477,7 +477,8 @@ def values_like(levels: str = _SIGNED, padding: str = "(?:0x)?0*") -> Kinds:
         "psc": number("psc", 0, 511),
         "pci": number("pci", 0, 503),
         "pci_nr": number("pci", 0, 1007),
-        "pci_hex": Value("pci", partial(hexadecimal, low=0, high=1007), r"[0-9A-F]{1,3}"),
+        "pci_hex": Value("pci", partial(hexadecimal, low=0, high=503), r"[0-9A-F]{1,3}"),
+        "pci_nr_hex": Value("pci", partial(hexadecimal, low=0, high=1007), r"[0-9A-F]{1,3}"),
         "rssi": Value("rssi_dbm", rssi_dbm, levels),
         "rxq": number("rxq", 0, 7),  # 45.008 8.2.4
         "ta": number("ta", 0, 63),  # 45.010 5.4
@@ -658,7 +659,9 @@ def cell(
     others = {name: text for name, text in named.items() if not _names(name, kinds)}
     found = identity(named, kinds) | read_values(others, kinds)
     beside = found.pop("more", {})
-    if all(value is None for value in (*found.values(), *beside.values(), *values.values())):
+    # a network alone is no cell
+    known = {name: value for name, value in (found | values).items() if name not in _NETWORK}
+    if all(value is None for value in (*known.values(), *beside.values())):
         return None
     return CellReading(role, rat, **found | values, more={**(more or {}), **beside})
 

@@ -44,7 +44,7 @@ _REGISTRATION = re.compile(
 _AFTER_VALUE = re.compile(r"[\s+\\)\]},;\'<|]|\Z")
 # an answer begins with two small numbers, a report with one: +CREG: 1,"CE00","00005449"
 _LEADING_TWO = re.compile(r"\s*\d{1,3}\s*,\s*\d{1,3}\s*(?:,|\Z)")
-_CSQ = re.compile(r"\+CSQ:\s*(\d{1,2}),\s*(\d{1,2})(?!\d)")
+_CSQ = re.compile(r"\+CSQ:\s*(\d{1,2}),\s*(\d{0,2})(?!\d)")  # a report may have cut the errors
 _CESQ = re.compile(r"\+CESQ:\s*(\d{1,3}(?:,\s*\d{1,3}){5}(?:(?:,\s*\d{1,3}){3})?)(?!\d)")
 _ERROR = re.compile(r"\+CM[ES] ERROR:\s*(?:(\d+)|([^\s\\][^\\]*?))\s*(?:\\.*)?\Z")
 _CHOSEN = re.compile(
@@ -67,6 +67,7 @@ _CAUSE_TYPES = frozenset({0, 1})
 _ROUTING_AREA, _WIDE_CELL = re.compile("[0-9A-Fa-f]{1,2}"), re.compile("[0-9A-Fa-f]{4,8}")
 _CELL, _NR_CELL = NumberForm(16, frozenset({4, 7, 8})), NumberForm(16, frozenset({9, 16}))
 """A registration prints the cells of all technologies in one field, GSM with four digits."""
+_WIDE = NumberForm(16, frozenset({7, 8}))  # of other technologies
 
 
 def standard_rows(lines: Sequence[str]) -> tuple[Row, ...]:
@@ -92,7 +93,10 @@ def _registrations(line: str) -> Iterator[Row]:
             del fields[2]
         act = decimal(at(fields, 3).rstrip("])"), 0, 15)
         rats = RAT_OF_ACT | _RAT_OF_EPS if domain == "CEREG" else RAT_OF_ACT
-        bits, form = (36, _NR_CELL) if domain == "C5GREG" else (28, _CELL)
+        rat = None if act is None else rats.get(act)
+        bits, form = (28, _CELL if rat in {None, "GSM"} else _WIDE)
+        if domain == "C5GREG":
+            bits, form = 36, _NR_CELL
         cid = cell_identity(at(fields, 2), bits, form=form)
         cause_type, cause = _reject_cause(domain, fields)
         where: dict[str, Any] = {
@@ -101,7 +105,7 @@ def _registrations(line: str) -> Iterator[Row]:
         yield Registration(
             domain,
             stat,
-            rat=None if act is None else rats.get(act),
+            rat=rat,
             n=decimal(n),
             cid=cid,
             act=act,
@@ -320,8 +324,11 @@ def _registered_cell(registration: Registration, rows: Sequence[Row]) -> CellRea
     if carrier_dbm and level_dbm and carrier_dbm - level_dbm > max(CARRIER_ABOVE_DB):
         # one of the two has lost a digit
         reading = replace(reading, rssi_dbm=None, rscp_dbm=None, rsrp_dbm=None)
-    named = Identity(mcc, mnc, _area_of(registration, rat, rows), registration.cid)
-    return reportable(with_identity(reading, named))
+    code = _area_of(registration, rat, rows)
+    reading = with_identity(reading, Identity(mcc, mnc, code, registration.cid))
+    if rat is None and code not in {one.tac for one in rows if isinstance(one, Registration)}:
+        reading = replace(reading, lac=code, tac=None)
+    return reportable(reading)
 
 
 def _area_of(registration: Registration, rat: Rat | None, rows: Sequence[Row]) -> int | None:

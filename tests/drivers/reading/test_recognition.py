@@ -3,7 +3,7 @@
 import pytest
 
 from logger.drivers.reading.recognition import NumberHistory, mark_doubtful, mark_doubtful_replies
-from logger.drivers.reading.standard_replies import merge_serving_cells
+from logger.drivers.reading.standard_replies import merge_serving_cells, with_serving_cell
 from logger.drivers.registry import FAMILIES
 from tests.kit.drivers import identity_of
 
@@ -260,3 +260,15 @@ def test_a_carrier_of_no_cell_keeps_its_level():
     ]
     rows, _ = mark_doubtful(FAMILIES["telit"].read(lines), NumberHistory())
     assert [row.level_dbm for row in rows] == [-98.0, -80.0]
+
+
+@pytest.mark.parametrize(
+    ("cell", "act", "unsure"),
+    [("1345103", 7, False), ("0303", 7, True), ("0303", 2, True), ("0303", 0, False)],
+)
+def test_four_digits_are_all_of_a_cell_of_gsm_alone(cell, act, unsure):
+    # written after 3GPP TS 27.007 10.1.22: the cell of LTE has 28 bits; 0303 has lost some
+    lines = ['+COPS: 0,2,"26202"', f'+CREG: 2,1,"BF75","{cell}",{act}']
+    rows = with_serving_cell(FAMILIES["generic"].read(lines))
+    (serving, *_), _ = mark_doubtful(rows, NumberHistory())
+    assert (serving.cid, serving.identity_unsure) == (int(cell, 16), unsure)
