@@ -7,12 +7,12 @@ from logger.core.places import Places
 from tests.kit.walks import observations, path, simulate
 
 
-def two_sources(rng, apart_m=400.0):
-    """The louder of two transmitters, each passed at 40 m, 3 dB of white noise."""
+def two_sources(rng, apart_m=400.0, white_db=3.0):
+    """The louder of two transmitters, each passed at 40 m."""
     x, y = path("L", 300, 2.8)
     sources = np.array([(60.0, 40.0), (380.0, apart_m - 60.0)])
     level = np.max([-30.0 - 30.0 * np.log10(np.hypot(x - a, y - b)) for a, b in sources], axis=0)
-    return observations(x, y, np.round(level + 3.0 * rng.normal(size=len(x)))), sources
+    return observations(x, y, np.round(level + white_db * rng.normal(size=len(x)))), sources
 
 
 def test_two_transmitters_are_told():
@@ -25,6 +25,14 @@ def test_two_transmitters_are_told():
     outcome, (reason, *_), *_ = assess(posterior, obs, division)
     assert outcome == "cannot tell"
     assert "one position does not explain the data" in reason
+
+
+def test_a_pattern_hides_no_two_transmitters():
+    for seed in range(1, 5):
+        obs, _ = two_sources(np.random.default_rng(seed), apart_m=320.0, white_db=5.0)
+        posterior = locate(obs)
+        assert posterior.station.antenna_db
+        assert divide(obs, posterior).log_factor > LEAST_LOG_FACTOR
 
 
 def test_one_transmitter_is_not_divided():
