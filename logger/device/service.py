@@ -29,7 +29,7 @@ from logger.device.notify import ServiceManager
 from logger.device.page_requests import page_requests
 from logger.device.recorder import Recorder
 from logger.device.sources import source_of
-from logger.device.status import Sign, Status, status_folder
+from logger.device.status import FIX_AGE_S, Sign, Status, status_folder
 from logger.device.status_sinks import status_sinks
 from logger.device.watched_inbox import PortSwap, WatchedInbox
 from logger.drivers.registry import FAMILIES
@@ -50,8 +50,6 @@ _DEAF_SCANS = 20
 """Without any cell: a start takes a few."""
 RARE_SHARE = 0.25
 """Of its patience: the time without a scan that stands in the status."""
-FIX_AGE_S = 5.0
-"""The light shows `no fix` for an older position: a walker moves 7 m meanwhile."""
 # longest time for an HDF5 file: a Pi Zero needs about 5 s a MB of journal
 HDF5_S, HDF5_S_PER_MB = 30.0, 15.0
 

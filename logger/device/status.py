@@ -24,6 +24,9 @@ SILENT_S = 3.0
 _MOST_BYTES = 1 << 22
 """A status has 100 kB at most."""
 
+FIX_AGE_S = 5.0
+"""The light shows `no fix` for an older position: a walker moves 7 m meanwhile."""
+
 Sign = Literal["recording", "suspicious", "no fix", "error"]
 _MOST_CELLS = 8
 _CELL_COLUMNS = (
@@ -93,6 +96,21 @@ class Status(LiveView, frozen=True):
     followed: str | None = None
     battery: Battery | None = None
     recorded: tuple[str, ...] = ()
+
+    @property
+    def has_fix(self) -> bool:
+        """Whether the receiver gives positions now."""
+        return self.fix is not None and self.fix.valid and self.fix_age_s < FIX_AGE_S
+
+    @property
+    def fix_age_s(self) -> float:
+        """How long ago the receiver said anything; 0 without a receiver."""
+        return 0.0 if self.fix is None else (self.now_ns - self.fix.t_ns) / 1e9
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether it is known where the walker is: a way from an old place leads astray."""
+        return self.has_fix if self.state == "error" else self.state != "no fix"
 
 
 def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:
@@ -182,10 +200,13 @@ def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:
         place = "no position"
         if fix.lat_deg is not None and fix.lon_deg is not None:
             place = f"{fix.lat_deg:.5f} {fix.lon_deg:.5f}"
-        yield f"position: {place}, {used} satellites"
+        fix_s = status.fix_age_s + age_s
+        old = f", {fix_s:.0f} s ago" if fix_s > FIX_AGE_S else ""
+        yield f"position: {place}, {used} satellites{old}"
     if status.battery is not None:
         yield f"battery {status.battery}"
-    if status.next is not None and not age_s:  # the walker has gone on since
+    # the walker has gone on since
+    if status.next is not None and status.is_placed and not age_s:
         yield next_line(status.next)
     if status.position is not None:
         yield position_line(status.position)

@@ -154,7 +154,7 @@ def feed_line(status: Status) -> dict[str, Any]:
     return {
         "state": status.state,
         "uptime_s": round((status.now_ns - status.since_ns) / 1e9),
-        "has_fix": bool(status.fix and status.fix.valid),
+        "has_fix": status.has_fix,
         "satellites": status.fix.sats_used if status.fix else None,
         "fixes": status.fixes,
         "scans": status.scans,

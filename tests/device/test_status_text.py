@@ -9,8 +9,9 @@ from logger.command_line import INTERRUPTED
 from logger.core.answer import MultiPolygon, NextWay, StrongestReading
 from logger.core.document import Document, terminal_lines
 from logger.device.live_view import CellStatus, PositionStatus
-from logger.device.status import Status, report, status_parts, write_status
+from logger.device.status import FixStatus, Status, report, status_parts, write_status
 
+S = 10**9
 STATUS = Status(
     "recording", "9 s", "run-1.journal", 1, 9 * 10**9, 0, 8 * 10**9, 3, 2, 1, 0, 10, None, {},
     next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, "two places fit"),
@@ -45,6 +46,22 @@ def test_the_lines_say_what_the_page_shows():
     assert lines[5].split() == ["262-01-4711-1", "+", "-60", "1"]
     assert lines[6].split()[:4] == ["262-01-4711-2", "*", "-70", "-3"]
     assert lines[6].endswith("one place, suspicious")
+
+
+@pytest.mark.parametrize(
+    ("state", "fix", "place", "has_way"),
+    [
+        ("no fix", FixStatus(8 * S, False, None, None, None, None, None, 0), "no position, 0", False),
+        ("error", FixStatus(8 * S, True, None, 52.0, 13.0, None, 0.9, 9), "52.00000 13.00000", True),
+        ("error", FixStatus(2 * S, True, None, 52.0, 13.0, None, 0.9, 9), "9 satellites, 7 s", False),
+        ("recording", FixStatus(8 * S, False, None, None, None, None, None, 3), "no pos", True),
+    ],
+)
+def test_there_is_no_way_from_a_place_that_the_walker_has_left(state, fix, place, has_way):
+    # in `recording` the latest position is a moment old
+    lines = _lines(msgspec.structs.replace(STATUS, state=state, fix=fix))
+    assert place in next(line for line in lines if line.startswith("position:"))
+    assert any(line.startswith("go:") for line in lines) is has_way
 
 
 def test_a_file_that_is_not_used_is_a_line():

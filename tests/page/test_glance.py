@@ -70,6 +70,23 @@ def test_a_found_cell_has_coordinates_a_link_for_maps_and_what_to_do(phone):
     assert shown["frame"].startswith("south;")
 
 
+@pytest.mark.parametrize(
+    ("state", "fix", "metres", "frame"),
+    [
+        ("no fix", "{valid: false, t_ns: 9e9}", "–", "No advice without a position."),
+        ("error", "{valid: true, lat_deg: 1, lon_deg: 1, t_ns: 2e9}", "–", "No advice meanwhile."),
+        ("error", "{valid: true, lat_deg: 1, lon_deg: 1, t_ns: 9e9}", "0 m", "east; you stand: up"),
+        ("recording", "{valid: false, t_ns: 9e9}", "99 m", "east; you stand: up is north"),
+    ],
+)
+def test_nothing_leads_on_from_a_place_that_the_walker_has_left(phone, state, fix, metres, frame):
+    # one of two modems may be the trouble, and one epoch without a position is none
+    way = "{azimuth_deg: 90, distance_m: 99, lat: 1, lon: 1, why: 'so'}"
+    shown = _screen_of(phone, f"{{state: '{state}', now_ns: 10e9, next: {way}, fix: {fix}}}")
+    assert shown["metres"] == metres
+    assert shown["frame"].startswith(frame)
+
+
 def test_a_search_that_was_given_up_says_why_and_offers_the_next_cell(phone):
     status = (
         "{target: {cell: 'a', over: 'not heard for 10 min'}, offer: 'b', followed: 'a', "
