@@ -313,16 +313,15 @@ class Service:
         faults = {}
         for link in () if self._stop.is_set() else self._links:
             port, patience_s = self._inbox.ports[link.name], link.source.patience_s
-            has_scans = link.name in self._inbox.scan_ns
             scan_ns = self._inbox.scan_ns.get(link.name, self._started_ns)
             scanless_s = (now_ns - scan_ns) / 1e9
             if not port.is_open:
                 if port.event:  # else it is just being opened
                     faults[link.name] = port.event
-            elif port.fault and not has_scans and now_ns > ANSWER_WITHIN_S * 1e9:
-                faults[link.name] = port.fault
             elif patience_s is not None and scanless_s > patience_s:
                 faults[link.name] = f"no scan for {scanless_s:.0f} s: {port.fault or port.event}"
+            elif port.fault and now_ns > ANSWER_WITHIN_S * 1e9:
+                faults[link.name] = port.fault
             elif link.source.settings.gives_cells and self._is_deaf():
                 faults[link.name] = "no cell in any scan: is its antenna connected?"
         return faults

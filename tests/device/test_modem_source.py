@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from logger.core.runfile import read_run
-from logger.device import link
+from logger.device import link, modem_source
 from logger.device.clock import Clock, ScaledClock
 from logger.device.modem_source import ModemSource
 from logger.drivers import family
@@ -549,3 +549,27 @@ def test_a_modem_that_never_answered_is_a_fault_while_its_port_is_open(tmp_path,
         modem.is_deaf = False
         record_until(under_way, clock, lambda walked: len(walked.scans()) > 1)
         assert not under_way.snapshot().ports["modem"].fault
+
+
+def test_a_modem_that_falls_silent_is_a_fault_until_its_next_scan(tmp_path, monkeypatch):
+    """Not only in the second in which its port is closed; its loss stands in the status."""
+    monkeypatch.setattr(modem_source, "SILENT_POLLS", 1)
+    modem, clock, ports = Deaf(), Clock(), []
+    modem.is_deaf = False
+
+    def is_open_again():
+        ports.append(under_way.snapshot().ports["modem"])
+        return ports[-1].is_open
+
+    with (
+        PtyDevice(answering(modem)) as port,
+        recording(make_service(tmp_path, clock, port.path, 0.0, 0.1)) as under_way,
+    ):
+        record_until(under_way, clock, lambda walked: len(walked.scans()) > 1)
+        modem.is_deaf = True
+        service.wait_for(lambda: not is_open_again())
+        assert "gives no answer" in ports[-1].fault
+        service.wait_for(is_open_again)
+        assert "gives no answer" in ports[-1].fault
+        modem.is_deaf = False
+        service.wait_for(lambda: not under_way.snapshot().ports["modem"].fault)
