@@ -161,6 +161,21 @@ def test_check_says_where_the_service_may_not_write(site, capsys, monkeypatch):
     assert "ReadWritePaths" not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("table", "key", "what"),
+    [("live", "streets", "streets"), ("live", "baseline", "baseline"), ("page", "map", "map")],
+)
+def test_check_says_what_the_service_cannot_see(site, capsys, monkeypatch, table, key, what):
+    """Its unit hides homes."""
+    _with(site, table, f'{key} = "/home/ada/file"')
+    unseen = f"fail  {what}: no service sees /home/ada/file"
+    assert main(["check", "--config", str(site)]) == 2
+    assert unseen not in capsys.readouterr().out
+    monkeypatch.setattr(checking, "SITE_TOML", site)
+    assert main(["check", "--config", str(site)]) == 2
+    assert unseen in capsys.readouterr().out
+
+
 def test_check_warns_of_an_interval_in_milliseconds(site, capsys):
     for interval, is_told in (("2", False), ("2000", True)):
         text = site.read_text()
