@@ -299,6 +299,7 @@ class Service:
             followed=inbox.followed,
             battery=self._battery.latest if self._battery else None,
             recorded=self._requests.on_card if self._requests else (),
+            is_over=bool(self._closing),
             **asdict(inbox.cells.fill(self.recorder.estimator.view)),
         )
 

@@ -76,7 +76,8 @@ class Status(LiveView, frozen=True):
     `since_ns` is when the run began, `synced_ns` when the card last took all of it (None: not yet).
     `waiting` of the queue's `room` records have yet to be written.
     `followed` is the cell that the walker chose on the page, None for the program's choice.
-    `recorded` names the latest requests of the page that are on the card.
+    `recorded` names the latest requests of the page that are on the card. `is_over` once the ports
+    are closed: then only the files of the run are made.
     """
 
     state: Sign
@@ -96,6 +97,7 @@ class Status(LiveView, frozen=True):
     followed: str | None = None
     battery: Battery | None = None
     recorded: tuple[str, ...] = ()
+    is_over: bool = False
 
     @property
     def has_fix(self) -> bool:
@@ -110,6 +112,8 @@ class Status(LiveView, frozen=True):
     @property
     def is_placed(self) -> bool:
         """Whether it is known where the walker is: a way from an old place leads astray."""
+        if self.is_over:
+            return False
         return self.has_fix if self.state == "error" else self.state != "no fix"
 
 
@@ -168,7 +172,7 @@ def report(folder: Path) -> tuple[Document, bool]:
     age_s = silent_s(status)
     content = msgspec.structs.asdict(status) | {"silent_s": round(age_s, 1)}
     document = Document(content, body=status_parts(status, age_s))
-    return document, status.state != "error" and not age_s
+    return document, status.state != "error" and not age_s and not status.is_over
 
 
 def running_status(folder: Path = FOLDER) -> Status:
@@ -185,7 +189,9 @@ def running_status(folder: Path = FOLDER) -> Status:
 
 def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:
     """What the page on the phone says; of a status that is `age_s` old where it is silent."""
-    if age_s:
+    if status.is_over:  # it may be silent for some seconds, and then ends
+        yield f"stopped: {'the run is closed' if age_s else status.text}"
+    elif age_s:
         yield f"error: the recorder is silent for {age_s:.0f} s (journalctl -u fieldlogger)"
         yield f"before that {status.state}: {status.text}"
     else:

@@ -114,6 +114,23 @@ def test_a_status_of_a_service_that_hangs_is_an_error(folder, capsys):
 
 
 @pytest.mark.parametrize(
+    ("age_s", "first"),
+    [(0.0, "stopped: the run is closed; its HDF5 file"), (9.0, "stopped: the run is closed")],
+)
+def test_a_run_that_is_closed_is_no_error_and_is_not_recorded(folder, capsys, age_s, first):
+    """The page says the same."""
+    text = "the run is closed; its HDF5 file is being made of run-1.journal"
+    _write(folder, age_s=age_s, text=text, is_over=True)
+    assert main(["status"]) == 1
+    said = capsys.readouterr().out
+    assert said.startswith(first)
+    assert "error" not in said
+    assert "go:" not in said
+    assert main(["status", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["is_over"]
+
+
+@pytest.mark.parametrize(
     ("content", "reason"),
     [(None, "sudo fieldlogger doctor says why"), ("{}", "damaged"), ("x", "damaged")],
 )
