@@ -55,14 +55,16 @@ def _screen_of(phone, status):
 
 def test_a_found_cell_has_coordinates_a_link_for_maps_and_what_to_do(phone):
     suspicions = "[{cell: 'a', word: 'suspicious'}]"
+    suppose = "supposition: 'if it is within 300 m of the walk'"
     status = (
-        f"{{target: {{cell: 'a', over: 'located'}}, position: {LOCATED}, suspicions: {suspicions}, "
+        f"{{target: {{cell: 'a', over: 'located', {suppose}}}, position: {LOCATED}, suspicions: {suspicions}, "
         "next: {azimuth_deg: 9, distance_m: 99, lat: 1, lon: 1, why: 'so'}, "
         "fix: {valid: true, lat_deg: 52.501, lon_deg: 13.4}}"
     )
     shown = _screen_of(phone, status)
     assert shown["target"] == (
-        "Found: suspicious cell a, most likely within 20\u00a0m, surely within 46\u00a0m."
+        "Found: suspicious cell a, most likely within 20\u00a0m, surely within 46\u00a0m, "
+        "if it is within 300 m of the walk."
     )
     assert (shown["geo"], shown["href"]) == ("52.50000, 13.40000", "geo:52.50000,13.40000;u=46")
     assert "what to do" in shown["found"]
