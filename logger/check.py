@@ -185,6 +185,8 @@ def _address(address: str, port: int) -> Line:
 def _plan(path: Path) -> Line:
     """The page runs without the map."""
     start = b""
+    if not path.exists():
+        return Line("fail", "page", f"map {path}: no such file")
     try:
         if path.is_file():
             with path.open("rb") as file:

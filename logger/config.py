@@ -351,7 +351,10 @@ def _line_of(problem: str, text: str) -> str:
     if line is None:
         return ""
     shown = text.split("\n")[int(line[1]) - 1].strip()[:60]
-    return f": {shown!r}; a text has straight quotes, a decimal a point; true and false are small"
+    advice = "a text has straight quotes, a decimal a point; true and false are small"
+    if " twice" in problem or "overwrite" in problem:
+        advice = "a table and each of its keys stand once; a second modem is a [[source]]"
+    return f": {shown!r}; {advice}"
 
 
 _QUOTES = {"`str`, got": 'a text has quotes, like "this"', "got `str`": "without quotes"}

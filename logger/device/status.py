@@ -37,7 +37,6 @@ _CELL_COLUMNS = (
     Column("heard", ".0f", "s ago"),
     Column("word"),
 )
-_POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
 class FixStatus(msgspec.Struct, frozen=True):
@@ -223,8 +222,7 @@ def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:
 
 def next_line(way: NextWay) -> str:
     """Where to go."""
-    point = _POINTS[round(way.azimuth_deg / 45.0) % 8]
-    return f"go: {point} ({way.azimuth_deg:.0f} deg), {way.distance_m:.0f} m: {way.text}"
+    return f"go: {way.azimuth_deg:.0f} deg, {way.text.removeprefix('go, ')}"
 
 
 def position_line(position: PositionStatus) -> str:

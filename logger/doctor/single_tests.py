@@ -396,9 +396,13 @@ def _fixes_line(fixes: Rows, satellites: int | None) -> Line:
     is_known = bool(np.any(np.isfinite(sigma_m)))
     median_m = float(np.nanmedian(sigma_m)) if is_known else 0.0
     accuracy = f"about {median_m:.0f} m" if is_known else "unknown"
-    is_good = np.mean(fixes["valid"][-RECENT_FIXES:]) > GOOD_SHARE and median_m <= COARSE_M
     text = f"{len(valid)} of {len(fixes)} fixes with a position, accuracy {accuracy}"
-    return Line("ok" if is_good else "warn", "gnss", text)
+    if np.mean(fixes["valid"][-RECENT_FIXES:]) <= GOOD_SHARE:
+        text = f"{text}: it comes and goes, or has just come; wait a minute under open sky"
+        return Line("warn", "gnss", text)
+    if median_m > COARSE_M:
+        return Line("warn", "gnss", f"{text}: has the antenna a clear sky?")
+    return Line("ok", "gnss", text)
 
 
 def _no_position(satellites: int | None) -> str:

@@ -14,7 +14,7 @@ from logger.device.status import FixStatus, Status, report, status_parts, write_
 S = 10**9
 STATUS = Status(
     "recording", "9 s", "run-1.journal", 1, 9 * 10**9, 0, 8 * 10**9, 3, 2, 1, 0, 10, None, {},
-    next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, "two places fit"),
+    next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, "go, north-east, 137 m: two places fit"),
     position=PositionStatus(
         cell="262-01-4711-2", verdict="ambiguous", lat=52.0, lon=13.0, r95_m=88.0, r50_m=31.0,
         drms_m=40.0, area_m2=20_000.0, modes=(),
@@ -40,7 +40,7 @@ def _lines(status):
 def test_the_lines_say_what_the_page_shows():
     lines = _lines(STATUS)
     assert lines[:2] == ["recording: 9 s", "durable 1.0 s ago in run-1.journal"]
-    assert lines[2] == "go: NE (44 deg), 137 m: two places fit"
+    assert lines[2] == "go: 44 deg, north-east, 137 m: two places fit"
     assert lines[3] == "262-01-4711-2: suspicious; ambiguous: two places fit"
     assert "level (dBm)" in lines[4]
     assert lines[5].split() == ["262-01-4711-1", "+", "-60", "1"]
