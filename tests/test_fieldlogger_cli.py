@@ -45,6 +45,7 @@ def site(tmp_path):
         (("[gnss]", "[gnns]"), 'unknown key "gnns"; did you mean "gnss"?'),
         (('port = "/dev/ttyUSB78"', ""), '[gnss] missing key "port"'),
         (("[run]", "[run"), "line 1"),
+        (("[gnss]", 'led = "ACT"\n[gnss]'), 'unknown key "led"; it stands under [status]'),
         (("[gnss]", '[modem]\nport = "/dev/b"\n[gnss]'), "a second modem is a [[source]]"),
         (('port = "/dev/ttyUSB78"', 'port = "/dev/b"\nport = "/dev/c"'), "its keys stand once"),
         (('"/dev/ttyUSB77"', "/dev/ttyUSB77"), "'port = /dev/ttyUSB77'; a text has straight"),
