@@ -26,8 +26,7 @@ from logger.street_file import read_lines
 _PMTILES = b"PMTiles\3"
 """Begin of the file, and its version (github.com/protomaps/PMTiles, spec/v3)."""
 
-_HIDDEN = ("/home", "/root", "/run/user")
-"""What ProtectHome= of the units hides."""
+_HIDDEN = ("/home", "/root", "/run/user")  # by ProtectHome= of the units
 
 _STYLES = {"ok": "", "warn": "yellow", "fail": "red"}
 

@@ -317,10 +317,10 @@ def probe(ports: tuple[str, ...], target: Path | None, *, as_json: bool) -> None
 
 
 def _device(port: str) -> str:
-    """A port as a configuration takes it: ttyUSB0 is /dev/ttyUSB0."""
-    is_complete = "://" in port or "/" in port or Path(port).exists()
-    whole = port if is_complete else f"/dev/{port}"
-    return whole if "://" in whole else os.path.abspath(whole)
+    # a configuration takes complete names only
+    if "://" in port:
+        return port
+    return str(Path(port).absolute() if "/" in port or Path(port).exists() else Path("/dev", port))
 
 
 def _check_new(path: Path) -> None:

@@ -180,7 +180,6 @@ def test_check_says_where_the_service_may_not_write(site, capsys, monkeypatch):
     [("live", "streets", "streets"), ("live", "baseline", "baseline"), ("page", "map", "map")],
 )
 def test_check_says_what_the_service_cannot_see(site, capsys, monkeypatch, table, key, what):
-    """Its unit hides homes."""
     _with(site, table, f'{key} = "/home/ada/file"')
     unseen = f"fail  {what}: no service sees /home/ada/file"
     assert main(["check", "--config", str(site)]) == 2

@@ -147,7 +147,7 @@ def test_the_command_prints_the_proposal_and_never_writes_over_a_file(ports, tmp
 
 
 def test_a_port_may_be_named_as_users_name_it(ports, tmp_path, monkeypatch, capsys):
-    """A configuration takes complete paths only."""
+    # a configuration takes complete paths only
     monkeypatch.chdir(tmp_path)
     (tmp_path / "modem").symlink_to(next(iter(ports)))
     assert main(["probe", "modem", "ttyNONE", "--json"]) == 2

@@ -47,10 +47,10 @@ Whole = Annotated[int, Meta(ge=-(1 << 63), le=(1 << 63) - 1)]
 class TargetStatus(Struct, frozen=True):
     """The target and its best position so far, with the 95 % ellipse and its azimuth.
 
-    `r50_m` and `r95_m` are the radii that hold half and 95 % of all probability; null where the
-    position has less; they hold only under the `supposition`. `verdict` is that of the answer where there is one, else "one close place",
-    "several places" or "cannot tell". `over` is why nothing leads to it any more: "located", or why
-    it was given up; empty during the search.
+    `r50_m` and `r95_m` are the radii that hold half and 95 % of all probability under the
+    `supposition`; null where the position has less. `verdict` is that of the answer where there is
+    one, else "one close place", "several places" or "cannot tell". `over` is why nothing leads to
+    it any more: "located", or why it was given up; empty during the search.
     """
 
     cell: str

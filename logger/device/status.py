@@ -75,8 +75,8 @@ class Status(LiveView, frozen=True):
     `since_ns` is when the run began, `synced_ns` when the card last took all of it (None: not yet).
     `waiting` of the queue's `room` records have yet to be written.
     `followed` is the cell that the walker chose on the page, None for the program's choice.
-    `recorded` names the latest requests of the page that are on the card. `is_over` once the ports
-    are closed: then only the files of the run are made.
+    `recorded` names the latest requests of the page that are on the card. `is_over` once only the
+    files of the run are made.
     """
 
     state: Sign
@@ -100,17 +100,18 @@ class Status(LiveView, frozen=True):
 
     @property
     def has_fix(self) -> bool:
-        """Whether the receiver gives positions now."""
+        """Whether there are positions now."""
         return self.fix is not None and self.fix.valid and self.fix_age_s < FIX_AGE_S
 
     @property
     def fix_age_s(self) -> float:
-        """How long ago the receiver said anything; 0 without a receiver."""
+        """How long ago the receiver spoke, 0 without one."""
         return 0.0 if self.fix is None else (self.now_ns - self.fix.t_ns) / 1e9
 
     @property
     def is_placed(self) -> bool:
-        """Whether it is known where the walker is: a way from an old place leads astray."""
+        """Whether it is known where the walker is."""
+        # a way from an old place leads astray
         if self.is_over:
             return False
         return self.has_fix if self.state == "error" else self.state != "no fix"
@@ -200,14 +201,8 @@ def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:
         yield f"durable {durable_s:.1f} s ago in {status.run}"
     for reason in status.left_out:
         yield f"not used: {reason}"
-    if (fix := status.fix) is not None:
-        used = "?" if fix.sats_used is None else fix.sats_used
-        place = "no position"
-        if fix.lat_deg is not None and fix.lon_deg is not None:
-            place = f"{fix.lat_deg:.5f} {fix.lon_deg:.5f}"
-        fix_s = status.fix_age_s + age_s
-        old = f", {fix_s:.0f} s ago" if fix_s > FIX_AGE_S else ""
-        yield f"position: {place}, {used} satellites{old}"
+    if status.fix is not None:
+        yield _fix_line(status.fix, status.fix_age_s + age_s)
     if status.battery is not None:
         yield f"battery {status.battery}"
     # the walker has gone on since
@@ -218,6 +213,15 @@ def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:
     yield Table(_CELL_COLUMNS, [_cell(row, status, age_s) for row in status.cells[:_MOST_CELLS]])
     if status.unnoticed:
         yield status.unnoticed
+
+
+def _fix_line(fix: FixStatus, age_s: float) -> str:
+    used = "?" if fix.sats_used is None else fix.sats_used
+    place = "no position"
+    if fix.lat_deg is not None and fix.lon_deg is not None:
+        place = f"{fix.lat_deg:.5f} {fix.lon_deg:.5f}"
+    ago = f", {age_s:.0f} s ago" if age_s > FIX_AGE_S else ""
+    return f"position: {place}, {used} satellites{ago}"
 
 
 def next_line(way: NextWay) -> str:

@@ -4,9 +4,6 @@ The feed goes to alarms, Home Assistant or a broker, a JSON line a second to eve
 It has the state, the counts, the machine's ports and the cells that are unusual; it has no
 position, no time of day and no file. Identities of cells tell others about where the walker is:
 therefore the socket is local.
-
-A new output is a class with `publish`, one line in `status_sinks`, and its settings in
-`StatusSettings`.
 """
 
 import logging

@@ -58,8 +58,7 @@ ESSENTIAL = frozenset({"status", "card", "queue", "mode", "readings"})
 """A warning in one of these, or in a source, means that a walk would not be recorded properly."""
 SOURCES = frozenset({MODEM, GNSS})
 """Names of the sources, unless the configuration has others."""
-_READ_S = 600.0
-"""Of a run that is being recorded: the clock has a fix in it, and a day takes a Pi its memory."""
+_READ_S = 600.0  # of a run that is being recorded: in this time there is a fix for the clock
 _MOST_NOTES = 60
 _EVENT_COLUMNS = (Column("time", ".1f", "s"), Column("level"), Column("code"), Column("event"))
 _PRIVATE = (

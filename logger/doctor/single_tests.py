@@ -323,16 +323,11 @@ GOOD_SHARE = 0.8
 RECENT_FIXES = 10
 """The receiver works if this share of its latest fixes has a position."""
 
-_RECENT_NS = 5 * 10**9
-"""Every receiver lists its satellites once in this time."""
-_USABLE_DBHZ = 25
-"""A receiver can use a satellite from about this carrier-to-noise density on."""
-_ENOUGH = 5
-"""Four satellites give a position; one more to be sure."""
-_FASTEST_MPS = 70.0
-"""Of a car on a motorway."""
-_NOISE_M = 50.0
-"""Reflections among houses move a position this far at once."""
+_RECENT_NS = 5 * 10**9  # every receiver lists its satellites once in this time
+_USABLE_DBHZ = 25  # of carrier to noise: a satellite that a receiver can use
+_ENOUGH = 5  # four satellites give a position; one more to be sure
+_FASTEST_MPS = 70.0  # of a car on a motorway
+_NOISE_M = 50.0  # reflections among houses move a position this far at once
 _DEGREE_M = 111_200.0
 _SENTENCE = re.compile(rb"\$(..)GSV,\d+,\d+,\d*((?:,\d*)*)(?:,[0-9A-F])?\*[0-9A-F]{2}")
 

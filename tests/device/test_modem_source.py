@@ -552,7 +552,7 @@ def test_a_modem_that_never_answered_is_a_fault_while_its_port_is_open(tmp_path,
 
 
 def test_a_modem_that_falls_silent_is_a_fault_until_its_next_scan(tmp_path, monkeypatch):
-    """Not only in the second in which its port is closed; its loss stands in the status."""
+    # not only in the second in which its port is closed
     monkeypatch.setattr(modem_source, "SILENT_POLLS", 1)
     modem, clock, ports = Deaf(), Clock(), []
     modem.is_deaf = False

@@ -124,7 +124,7 @@ def test_other_commands_name_what_exists(line):
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_our_scripts_can_be_executed(page):
-    """Also those that stand in blocks of text."""
+    # also those that stand in blocks of text
     for script in re.findall(r"^(?:sudo )?\./(\S+\.sh)\b", page.read_text("utf-8"), re.MULTILINE):
         name = script if "/" in script else f"systemd/{script}"
         assert (ROOT / name).stat().st_mode & 0o111 == 0o111, script

@@ -64,7 +64,6 @@ def test_a_run_in_progress_is_tested_without_disturbing_it(tmp_path, capsys):
 
 
 def test_of_a_long_run_in_progress_its_end_is_read(tmp_path):
-    """All of a day's walk would take a small Pi its memory."""
     site = service.site_toml(tmp_path, "/dev/ttyUSB77", "/dev/ttyUSB78")
     (tmp_path / "runs").mkdir()
     runs.write_journal(tmp_path / "runs" / "run-000001.journal", runs.records(5000), close=False)

@@ -57,7 +57,8 @@ def test_a_found_cell_has_coordinates_a_link_for_maps_and_what_to_do(phone):
     suspicions = "[{cell: 'a', word: 'suspicious'}]"
     suppose = "supposition: 'if it is within 300 m of the walk'"
     status = (
-        f"{{target: {{cell: 'a', over: 'located', {suppose}}}, position: {LOCATED}, suspicions: {suspicions}, "
+        f"{{target: {{cell: 'a', over: 'located', {suppose}}}, position: {LOCATED}, "
+        f"suspicions: {suspicions}, "
         "next: {azimuth_deg: 9, distance_m: 99, lat: 1, lon: 1, why: 'so'}, "
         "fix: {valid: true, lat_deg: 52.501, lon_deg: 13.4}}"
     )

@@ -329,10 +329,8 @@ def read_run(path: Path | str) -> Run:
 
 
 def read_latest(path: Path, seconds: float) -> Run:
-    """The notes of a journal, and of its other tables the rows of the last seconds, or some more.
-
-    A day's walk then takes little memory. Raises `RunFileError`.
-    """
+    """A journal's notes, and its other rows of about the last seconds; raises `RunFileError`."""
+    # all of a day's walk takes a small Pi its memory
     _check_file(path)
     return _journal_run(path, round(seconds * 1e9))
 
@@ -507,7 +505,6 @@ def _journal_run(path: Path, last_ns: int | None = None) -> Run:
 
 
 def _latest_parts(parts: Iterable[Part], last_ns: int) -> Iterator[Part]:
-    """Those with notes, and those with rows of the last nanoseconds."""
     kept: dict[str, deque[Part]] = {}
     newest_ns = -MOST_NS
     for part in parts:
