@@ -190,6 +190,13 @@ def test_a_screen_reader_says_once_that_contact_is_lost(phone):
     assert lived == ["polite", "off", "off", "polite"]
 
 
+def test_a_screen_reader_says_what_the_trouble_is_now(phone):
+    show = "m.showGlance({status: {state: 'error', text, ports: {}}}, 0)"
+    live = f"(text => {{{show}; return document.getElementById('glance').ariaLive}})"
+    texts = "['modem: no scan for 61 s', 'modem: no scan for 62 s', 'no such port']"
+    assert phone.result_of("glance.js", f"{texts}.map({live})") == ["polite", "off", "polite"]
+
+
 def test_who_should_stand_still_is_not_told_to_walk(phone):
     status = "{state: 'no fix', fix: null, ports: {}}"
     todo = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[2]
