@@ -323,13 +323,12 @@ class Service:
                 faults[link.name] = f"no scan for {scanless_s:.0f} s: {port.fault or port.event}"
             elif port.fault and now_ns > ANSWER_WITHIN_S * 1e9:
                 faults[link.name] = port.fault
-            elif link.source.settings.gives_cells and self._is_deaf():
+            elif link.source.settings.gives_cells and self._is_deaf(link.name):
                 faults[link.name] = "no cell in any scan: is its antenna connected?"
         return faults
 
-    def _is_deaf(self) -> bool:
-        counts = self.recorder.counts
-        return counts["Scan"] >= _DEAF_SCANS and not counts["readings"]
+    def _is_deaf(self, name: str) -> bool:
+        return self._inbox.n_scans[name] >= _DEAF_SCANS and name not in self._inbox.hearing
 
     def _sign(self, now_ns: int) -> Sign:
         valid_ns = self._inbox.valid_ns

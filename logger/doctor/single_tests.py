@@ -495,7 +495,11 @@ def run_lines(
         said = [note for note in notes if note[0] != "port-opened"] or notes
         event = said[-1][1] if said else ""
         n_scans = np.count_nonzero(scans["source"] == name.encode())
-        if n_scans:
+        # of one modem the line of the readings says it
+        is_deaf = len(names) > 1 and name.encode() not in readings["source"]
+        if n_scans and is_deaf:
+            yield Line("warn", name, "no cell in any scan: is its antenna connected?")
+        elif n_scans:
             yield Line("ok", name, f"{n_scans / minutes:.0f} scans a minute; {event}")
         else:
             yield Line("fail", name, f"no scan; last event: {event or 'none'}")
