@@ -112,7 +112,7 @@ def test_a_bug_in_one_part_of_a_tick_is_counted_and_the_rest_goes_on(folder, mon
         "def fail(*_, **__): raise MemoryError\nservice.Service.wait = fail",
         "def fail(*_): raise ValueError\nservice.Service._attempt = fail",
         "def fail(*_): raise SystemExit(3)\nservice.Service.snapshot = fail",
-        "def fail(*_): raise ValueError\nlink.Link._note_tallies = fail",
+        "def fail(*_): raise ValueError\nlink.Link.read = link.Redactor.flush = fail",
         "def fail(*_): raise SystemExit\nlink.Link.read = fail",
     ],
 )
