@@ -197,6 +197,27 @@ def test_a_screen_reader_says_what_the_trouble_is_now(phone):
     assert phone.result_of("glance.js", f"{texts}.map({live})") == ["polite", "off", "polite"]
 
 
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        ("recording", "Mark 1 is on the card."),
+        ("no fix", "Mark 1 is on the card, without a position: there is none now."),
+    ],
+)
+def test_a_mark_without_a_position_is_said_to_have_none(phone, state, said):
+    phone.chromium.evaluate("window.fetch = async () => new Response('')")  # a Pi that takes it
+    phone.chromium.evaluate("document.getElementById('mark').requestSubmit()")
+    take = f"m.takeAnswer({{n_marks: 1, status: {{state: '{state}'}}}})"
+
+    def is_answered():
+        phone.result_of("marks.js", take)
+        return phone.text("answer") != "Sent; not on the card yet."
+
+    service.wait_for(is_answered, 10)
+    assert phone.text("answer") == said
+    phone.open(phone.page)
+
+
 def test_who_should_stand_still_is_not_told_to_walk(phone):
     status = "{state: 'no fix', fix: null, ports: {}}"
     todo = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[2]

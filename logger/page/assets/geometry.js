@@ -16,7 +16,7 @@ export function course(fix, nowNs) {
 }
 
 /** Whether it is known where the walker is: a way from where they were leads astray. */
-function isPlaced(status) {
+export function isPlaced(status) {
   if (status.state === 'error') return Boolean(status.fix?.valid) && isFresh(status.fix, status.now_ns);
   return status.state !== 'no fix';
 }
