@@ -255,11 +255,12 @@ def test_the_arrow_leads_from_where_the_walker_is_now(phone):
     assert lost == {"azimuthDeg": 90, "metres": 250}
 
 
-def test_a_page_that_came_in_part_loads_itself_again(phone):
-    # over a poor Wi-Fi one of its files may be missing: it would connect for ever
+@pytest.mark.parametrize("missing", ["*/geometry.js", "*.js"])
+def test_a_page_that_came_in_part_loads_itself_again(phone, missing):
+    # over a poor Wi-Fi some of its files may be missing: it would connect for ever
     command = phone.driver.execute_cdp_cmd
     command("Network.enable", {})
-    command("Network.setBlockedURLs", {"urls": ["*/geometry.js"]})
+    command("Network.setBlockedURLs", {"urls": [missing]})
     phone.open(phone.page)
     assert not _is_alive(phone)
     command("Network.setBlockedURLs", {"urls": []})
