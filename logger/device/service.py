@@ -435,6 +435,8 @@ def run_service(
                 run = service.stop(reason, at_stop, manager.ask_time)
         if not manager.is_present:
             recovery.join()
+            if teacher:
+                log.info("the baseline learns the run; Ctrl-C leaves that to the next start")
             _learn(teacher)
     return run
 
@@ -453,7 +455,8 @@ def _learn(learning: list[str]) -> None:
         learning, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False
     )
     if done.returncode:
-        log.warning("the baseline is as it was: %s", done.stderr.strip()[-200:])
+        why = done.stderr.strip()[-200:] or "learning was interrupted"
+        log.warning("the baseline is as it was: %s", why)
 
 
 def recover_folder(folder: Path) -> None:
