@@ -26,6 +26,8 @@ from logger.street_file import read_lines
 _PMTILES = b"PMTiles\3"
 """Begin of the file, and its version (github.com/protomaps/PMTiles, spec/v3)."""
 
+_HIDDEN = ("/home", "/root", "/run/user")  # by ProtectHome= of the units
+
 _STYLES = {"ok": "", "warn": "yellow", "fail": "red"}
 
 
@@ -57,7 +59,17 @@ def check(config_path: Path | None) -> list[Line]:
             text = f"the service writes below {SERVICE_FOLDER}; `systemctl edit fieldlogger` with"
             text = f"{text} [Service] ReadWritePaths={folder} lets it, where its user may write"
             lines.append(Line("warn", "directory", text))
+        lines += _hidden_files(config) if config_path == SITE_TOML else ()
     return lines
+
+
+def _hidden_files(config: SiteConfig) -> Iterator[Line]:
+    live = {"streets": config.live.streets, "baseline": config.live.baseline}
+    for what, name in {**live, "map": config.page.map}.items():
+        path = Path(name).resolve()
+        if name.startswith("/") and any(path.is_relative_to(hidden) for hidden in _HIDDEN):
+            text = f"no service sees {path} (ProtectHome=): move the file below {SITE_TOML.parent}"
+            yield Line("fail", what, text)
 
 
 def _libraries() -> Iterator[Line]:
@@ -172,6 +184,8 @@ def _address(address: str, port: int) -> Line:
 def _plan(path: Path) -> Line:
     """The page runs without the map."""
     start = b""
+    if not path.exists():
+        return Line("fail", "page", f"map {path}: no such file")
     try:
         if path.is_file():
             with path.open("rb") as file:

@@ -253,7 +253,8 @@ def learn(config_path: Path, *, as_json: bool) -> None:
     changes = own_baseline.learn(folder, adds=site.live.baseline == live_settings.OWN)
     content = dict(changes)
     body = [f"{run}: {what}" for run, what in content.items()]
-    show(document.Document(content, body=body), as_json=as_json)
+    remarks = () if body else ("nothing new to learn",)
+    show(document.Document(content, body=body, remarks=remarks), as_json=as_json)
 
 
 @program.command
@@ -295,7 +296,7 @@ def probe(ports: tuple[str, ...], target: Path | None, *, as_json: bool) -> None
     if target is not None:
         _check_new(target)
     present = probing.serial_ports()
-    candidates = {port: present.get(port, "") for port in ports} or present
+    candidates = {port: present.get(port, "") for port in map(_device, ports)} or present
     if not candidates:
         raise ConfigError("no serial port: plug in the modem and the receiver, or name a port")
     print(f"probing {', '.join(candidates)}: up to 20 s", file=sys.stderr)
@@ -315,12 +316,21 @@ def probe(ports: tuple[str, ...], target: Path | None, *, as_json: bool) -> None
         raise ConfigError(proposal.advice)
 
 
+def _device(port: str) -> str:
+    # a configuration takes complete names only
+    if "://" in port:
+        return port
+    return str(Path(port).absolute() if "/" in port or Path(port).exists() else Path("/dev", port))
+
+
 def _check_new(path: Path) -> None:
     # before the ports are asked, which takes a while
     if path.exists():
         raise ConfigError(f"{path}: File exists; move it away, or write to another name")
     if not path.parent.is_dir():
         raise ConfigError(f"{path.parent}: no such folder")
+    if not os.access(path.parent, os.W_OK):
+        raise ConfigError(f"{path.parent}: no permission; use sudo, or name another folder")
 
 
 @program.command

@@ -351,7 +351,10 @@ def _line_of(problem: str, text: str) -> str:
     if line is None:
         return ""
     shown = text.split("\n")[int(line[1]) - 1].strip()[:60]
-    return f": {shown!r}; a text has straight quotes, a decimal a point; true and false are small"
+    advice = "a text has straight quotes, a decimal a point; true and false are small"
+    if " twice" in problem or "overwrite" in problem:
+        advice = "a table and each of its keys stand once; a second modem is a [[source]]"
+    return f": {shown!r}; {advice}"
 
 
 _QUOTES = {"`str`, got": 'a text has quotes, like "this"', "got `str`": "without quotes"}
@@ -369,7 +372,10 @@ def _explain(problem: str, labels: Sequence[str], sources: Sequence[Any]) -> str
         table, _, key = table.rpartition(".")
     label, settings = _label_and_settings(table, labels, sources)
     if unknown:
-        return f'{label}unknown key "{unknown[1]}"{_nearest(unknown[1], _keys(settings))}'
+        key = unknown[1]
+        tables = [f"[{name}]" for name, one in _TABLES.items() if name and key in _keys(one)]
+        elsewhere = f"; it stands under {' or '.join(tables)}" if tables else ""
+        return f'{label}unknown key "{key}"{elsewhere or _nearest(key, _keys(settings))}'
     if missing:
         kind = f" (one of {', '.join(_KINDS)})" if missing[1] == "kind" else ""
         return f'{label}missing {"key" if table else "table"} "{missing[1]}"{kind}'

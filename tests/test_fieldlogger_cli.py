@@ -45,6 +45,9 @@ def site(tmp_path):
         (("[gnss]", "[gnns]"), 'unknown key "gnns"; did you mean "gnss"?'),
         (('port = "/dev/ttyUSB78"', ""), '[gnss] missing key "port"'),
         (("[run]", "[run"), "line 1"),
+        (("[gnss]", 'led = "ACT"\n[gnss]'), 'unknown key "led"; it stands under [status]'),
+        (("[gnss]", '[modem]\nport = "/dev/b"\n[gnss]'), "a second modem is a [[source]]"),
+        (('port = "/dev/ttyUSB78"', 'port = "/dev/b"\nport = "/dev/c"'), "its keys stand once"),
         (('"/dev/ttyUSB77"', "/dev/ttyUSB77"), "'port = /dev/ttyUSB77'; a text has straight"),
         (("interval_s = 0.05", "interval_s = 0,05"), "_s = 0,05'; a text has straight quotes"),
         (("interval_s = 0.05", 'interval_s = "1"'), "expected `float`, got `str`; without quotes"),
@@ -151,6 +154,17 @@ def test_check_refuses_what_is_no_port(site, capsys, tmp_path):
     assert "is no serial port" in capsys.readouterr().out
 
 
+def test_check_says_that_there_is_no_map(site, capsys):
+    assert main(["check", "--config", str(_with(site, "page", 'map = "/none.pmtiles"'))]) == 2
+    assert "fail  page: map /none.pmtiles: no such file" in capsys.readouterr().out
+
+
+def test_learning_nothing_is_said(site, capsys):
+    assert main(["learn", "--config", str(site)]) == 0
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", "nothing new to learn\n")
+
+
 def test_check_says_where_the_service_may_not_write(site, capsys, monkeypatch):
     """Root may, whom doctor is run as."""
     monkeypatch.setattr(checking, "SITE_TOML", site)
@@ -159,6 +173,20 @@ def test_check_says_where_the_service_may_not_write(site, capsys, monkeypatch):
     monkeypatch.setattr(checking, "SERVICE_FOLDER", site.parent)
     assert main(["check", "--config", str(site)]) == 0
     assert "ReadWritePaths" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "what"),
+    [("live", "streets", "streets"), ("live", "baseline", "baseline"), ("page", "map", "map")],
+)
+def test_check_says_what_the_service_cannot_see(site, capsys, monkeypatch, table, key, what):
+    _with(site, table, f'{key} = "/home/ada/file"')
+    unseen = f"fail  {what}: no service sees /home/ada/file"
+    assert main(["check", "--config", str(site)]) == 2
+    assert unseen not in capsys.readouterr().out
+    monkeypatch.setattr(checking, "SITE_TOML", site)
+    assert main(["check", "--config", str(site)]) == 2
+    assert unseen in capsys.readouterr().out
 
 
 def test_check_warns_of_an_interval_in_milliseconds(site, capsys):

@@ -16,6 +16,7 @@ from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
 from logger.sim.walk import WalkTime
 from tests.kit.dialects import DIALECTS
+from tests.kit.faulty_card import small_file_system
 from tests.kit.simulated_devices import simulated_devices
 
 HAVE_A_RECEIVER = {"sim808", "sim7000", "sim7600", "ec25"}
@@ -150,6 +151,23 @@ def test_the_command_prints_the_proposal_and_never_writes_over_a_file(ports, tmp
     assert "probing" not in said
     assert main(["probe", modem, "--write", str(tmp_path / "none" / "site.toml")]) == 2
     assert capsys.readouterr().err == f"fieldlogger: {tmp_path / 'none'}: no such folder\n"
+
+
+def test_a_port_may_be_named_as_users_name_it(ports, tmp_path, monkeypatch, capsys):
+    # a configuration takes complete paths only
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "modem").symlink_to(next(iter(ports)))
+    assert main(["probe", "modem", "ttyNONE", "--json"]) == 2
+    modem, none = json.loads(capsys.readouterr().out)
+    assert (modem["port"], modem["kind"]) == (str(tmp_path / "modem"), "modem")
+    assert none["port"] == "/dev/ttyNONE"
+
+
+def test_where_no_file_can_be_written_no_port_is_asked(tmp_path, capsys):
+    with small_file_system(tmp_path / "card", "ro,size=1m") as card:
+        assert main(["probe", "/dev/none", "--write", str(card / "site.toml")]) == 2
+    said = capsys.readouterr().err
+    assert said == f"fieldlogger: {card}: no permission; use sudo, or name another folder\n"
 
 
 def test_what_is_missing_is_one_line(tmp_path, capsys):

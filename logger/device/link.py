@@ -259,6 +259,7 @@ class Link:
                         source.session(self, folder)
                     finally:
                         self._take_rest(self._port)
+                        self._note_tallies()  # before the loss, which the status shows
             except FieldLoggerError as error:
                 # a missing device is reported once, not every second
                 if str(error) != complaint:
@@ -267,7 +268,6 @@ class Link:
             except Exception as error:  # a bug in one link must not end the recording of the other
                 log.exception("%s: unexpected", self.name)
                 self.note("error", "internal", f"{type(error).__name__}: {error}")
-            self._note_tallies()
             if pending := self._redactor.flush():
                 self.emit(RawBytes(pending), self.clock.now_ns())
             self.clock.wait(self.stop, RETRY_S)

@@ -47,10 +47,10 @@ Whole = Annotated[int, Meta(ge=-(1 << 63), le=(1 << 63) - 1)]
 class TargetStatus(Struct, frozen=True):
     """The target and its best position so far, with the 95 % ellipse and its azimuth.
 
-    `r50_m` and `r95_m` are the radii that hold half and 95 % of all probability; null where the
-    position has less. `verdict` is that of the answer where there is one, else "one close place",
-    "several places" or "cannot tell". `over` is why nothing leads to it any more: "located", or why
-    it was given up; empty during the search.
+    `r50_m` and `r95_m` are the radii that hold half and 95 % of all probability under the
+    `supposition`; null where the position has less. `verdict` is that of the answer where there is
+    one, else "one close place", "several places" or "cannot tell". `over` is why nothing leads to
+    it any more: "located", or why it was given up; empty during the search.
     """
 
     cell: str
@@ -65,13 +65,14 @@ class TargetStatus(Struct, frozen=True):
     r50_m: float | None = None
     r95_m: float | None = None
     over: str = ""
+    supposition: str = ""
 
     def __str__(self) -> str:
         if self.lat_deg is None:
             return f"target {self.cell}: {self.verdict}"
         position = f"{self.lat_deg:.5f} {self.lon_deg:.5f}"
         radii = radii_text(self.r50_m, self.r95_m)
-        parts = [f"target {self.cell}: {self.verdict}", position, radii]
+        parts = [f"target {self.cell}: {self.verdict}", position, radii, self.supposition]
         return ", ".join(filter(None, parts))
 
 
@@ -197,6 +198,7 @@ def target_status(
         r50_m=position.r50_m,
         r95_m=position.r95_m,
         over=over,
+        supposition=position.supposition,
     )
 
 

@@ -29,7 +29,7 @@ from logger.device.notify import ServiceManager
 from logger.device.page_requests import page_requests
 from logger.device.recorder import Recorder
 from logger.device.sources import source_of
-from logger.device.status import Sign, Status, status_folder
+from logger.device.status import FIX_AGE_S, Sign, Status, status_folder
 from logger.device.status_sinks import status_sinks
 from logger.device.watched_inbox import PortSwap, WatchedInbox
 from logger.drivers.registry import FAMILIES
@@ -50,8 +50,6 @@ _DEAF_SCANS = 20
 """Without any cell: a start takes a few."""
 RARE_SHARE = 0.25
 """Of its patience: the time without a scan that stands in the status."""
-FIX_AGE_S = 5.0
-"""The light shows `no fix` for an older position: a walker moves 7 m meanwhile."""
 # longest time for an HDF5 file: a Pi Zero needs about 5 s a MB of journal
 HDF5_S, HDF5_S_PER_MB = 30.0, 15.0
 
@@ -301,6 +299,7 @@ class Service:
             followed=inbox.followed,
             battery=self._battery.latest if self._battery else None,
             recorded=self._requests.on_card if self._requests else (),
+            is_over=bool(self._closing),
             **asdict(inbox.cells.fill(self.recorder.estimator.view)),
         )
 
@@ -315,23 +314,21 @@ class Service:
         faults = {}
         for link in () if self._stop.is_set() else self._links:
             port, patience_s = self._inbox.ports[link.name], link.source.patience_s
-            has_scans = link.name in self._inbox.scan_ns
             scan_ns = self._inbox.scan_ns.get(link.name, self._started_ns)
             scanless_s = (now_ns - scan_ns) / 1e9
             if not port.is_open:
                 if port.event:  # else it is just being opened
                     faults[link.name] = port.event
-            elif port.fault and not has_scans and now_ns > ANSWER_WITHIN_S * 1e9:
-                faults[link.name] = port.fault
             elif patience_s is not None and scanless_s > patience_s:
                 faults[link.name] = f"no scan for {scanless_s:.0f} s: {port.fault or port.event}"
-            elif link.source.settings.gives_cells and self._is_deaf():
+            elif port.fault and now_ns > ANSWER_WITHIN_S * 1e9:
+                faults[link.name] = port.fault
+            elif link.source.settings.gives_cells and self._is_deaf(link.name):
                 faults[link.name] = "no cell in any scan: is its antenna connected?"
         return faults
 
-    def _is_deaf(self) -> bool:
-        counts = self.recorder.counts
-        return counts["Scan"] >= _DEAF_SCANS and not counts["readings"]
+    def _is_deaf(self, name: str) -> bool:
+        return self._inbox.n_scans[name] >= _DEAF_SCANS and name not in self._inbox.hearing
 
     def _sign(self, now_ns: int) -> Sign:
         valid_ns = self._inbox.valid_ns
@@ -438,6 +435,8 @@ def run_service(
                 run = service.stop(reason, at_stop, manager.ask_time)
         if not manager.is_present:
             recovery.join()
+            if teacher:
+                log.info("the baseline learns the run; Ctrl-C leaves that to the next start")
             _learn(teacher)
     return run
 
@@ -456,7 +455,8 @@ def _learn(learning: list[str]) -> None:
         learning, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False
     )
     if done.returncode:
-        log.warning("the baseline is as it was: %s", done.stderr.strip()[-200:])
+        why = done.stderr.strip()[-200:] or "learning was interrupted"
+        log.warning("the baseline is as it was: %s", why)
 
 
 def recover_folder(folder: Path) -> None:

@@ -24,6 +24,9 @@ SILENT_S = 3.0
 _MOST_BYTES = 1 << 22
 """A status has 100 kB at most."""
 
+FIX_AGE_S = 5.0
+"""The light shows `no fix` for an older position: a walker moves 7 m meanwhile."""
+
 Sign = Literal["recording", "suspicious", "no fix", "error"]
 _MOST_CELLS = 8
 _CELL_COLUMNS = (
@@ -34,7 +37,6 @@ _CELL_COLUMNS = (
     Column("heard", ".0f", "s ago"),
     Column("word"),
 )
-_POINTS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
 class FixStatus(msgspec.Struct, frozen=True):
@@ -73,7 +75,8 @@ class Status(LiveView, frozen=True):
     `since_ns` is when the run began, `synced_ns` when the card last took all of it (None: not yet).
     `waiting` of the queue's `room` records have yet to be written.
     `followed` is the cell that the walker chose on the page, None for the program's choice.
-    `recorded` names the latest requests of the page that are on the card.
+    `recorded` names the latest requests of the page that are on the card. `is_over` once only the
+    files of the run are made.
     """
 
     state: Sign
@@ -93,6 +96,25 @@ class Status(LiveView, frozen=True):
     followed: str | None = None
     battery: Battery | None = None
     recorded: tuple[str, ...] = ()
+    is_over: bool = False
+
+    @property
+    def has_fix(self) -> bool:
+        """Whether there are positions now."""
+        return self.fix is not None and self.fix.valid and self.fix_age_s < FIX_AGE_S
+
+    @property
+    def fix_age_s(self) -> float:
+        """How long ago the receiver spoke, 0 without one."""
+        return 0.0 if self.fix is None else (self.now_ns - self.fix.t_ns) / 1e9
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether it is known where the walker is."""
+        # a way from an old place leads astray
+        if self.is_over:
+            return False
+        return self.has_fix if self.state == "error" else self.state != "no fix"
 
 
 def status_folder(environ: Mapping[str, str] = os.environ) -> Path | None:
@@ -150,7 +172,7 @@ def report(folder: Path) -> tuple[Document, bool]:
     age_s = silent_s(status)
     content = msgspec.structs.asdict(status) | {"silent_s": round(age_s, 1)}
     document = Document(content, body=status_parts(status, age_s))
-    return document, status.state != "error" and not age_s
+    return document, status.state != "error" and not age_s and not status.is_over
 
 
 def running_status(folder: Path = FOLDER) -> Status:
@@ -167,7 +189,9 @@ def running_status(folder: Path = FOLDER) -> Status:
 
 def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:
     """What the page on the phone says; of a status that is `age_s` old where it is silent."""
-    if age_s:
+    if status.is_over:  # it may be silent for some seconds, and then ends
+        yield f"stopped: {'the run is closed' if age_s else status.text}"
+    elif age_s:
         yield f"error: the recorder is silent for {age_s:.0f} s (journalctl -u fieldlogger)"
         yield f"before that {status.state}: {status.text}"
     else:
@@ -177,15 +201,12 @@ def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:
         yield f"durable {durable_s:.1f} s ago in {status.run}"
     for reason in status.left_out:
         yield f"not used: {reason}"
-    if (fix := status.fix) is not None:
-        used = "?" if fix.sats_used is None else fix.sats_used
-        place = "no position"
-        if fix.lat_deg is not None and fix.lon_deg is not None:
-            place = f"{fix.lat_deg:.5f} {fix.lon_deg:.5f}"
-        yield f"position: {place}, {used} satellites"
+    if status.fix is not None:
+        yield _fix_line(status.fix, status.fix_age_s + age_s)
     if status.battery is not None:
         yield f"battery {status.battery}"
-    if status.next is not None and not age_s:  # the walker has gone on since
+    # the walker has gone on since
+    if status.next is not None and status.is_placed and not age_s:
         yield next_line(status.next)
     if status.position is not None:
         yield position_line(status.position)
@@ -194,10 +215,18 @@ def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:
         yield status.unnoticed
 
 
+def _fix_line(fix: FixStatus, age_s: float) -> str:
+    used = "?" if fix.sats_used is None else fix.sats_used
+    place = "no position"
+    if fix.lat_deg is not None and fix.lon_deg is not None:
+        place = f"{fix.lat_deg:.5f} {fix.lon_deg:.5f}"
+    ago = f", {age_s:.0f} s ago" if age_s > FIX_AGE_S else ""
+    return f"position: {place}, {used} satellites{ago}"
+
+
 def next_line(way: NextWay) -> str:
     """Where to go."""
-    point = _POINTS[round(way.azimuth_deg / 45.0) % 8]
-    return f"go: {point} ({way.azimuth_deg:.0f} deg), {way.distance_m:.0f} m: {way.text}"
+    return f"go: {way.azimuth_deg:.0f} deg, {way.text.removeprefix('go, ')}"
 
 
 def position_line(position: PositionStatus) -> str:

@@ -4,9 +4,6 @@ The feed goes to alarms, Home Assistant or a broker, a JSON line a second to eve
 It has the state, the counts, the machine's ports and the cells that are unusual; it has no
 position, no time of day and no file. Identities of cells tell others about where the walker is:
 therefore the socket is local.
-
-A new output is a class with `publish`, one line in `status_sinks`, and its settings in
-`StatusSettings`.
 """
 
 import logging
@@ -154,7 +151,7 @@ def feed_line(status: Status) -> dict[str, Any]:
     return {
         "state": status.state,
         "uptime_s": round((status.now_ns - status.since_ns) / 1e9),
-        "has_fix": bool(status.fix and status.fix.valid),
+        "has_fix": status.has_fix,
         "satellites": status.fix.sats_used if status.fix else None,
         "fixes": status.fixes,
         "scans": status.scans,

@@ -1,6 +1,7 @@
 """The inbox of the recorder, which also keeps what the status shows."""
 
 import threading
+from collections import Counter
 from collections.abc import Callable, Mapping
 
 from msgspec.structs import replace
@@ -76,9 +77,10 @@ class PortSwap:
 class WatchedInbox(Inbox):
     """An inbox that keeps the latest fix, scan, cells and port events: the recorder only counts.
 
-    By source, `scan_ns` is the time of the latest scan, `scan_gap_ns` that since the one before. A
-    fault lasts until the port's next fix or scan. `n_polls` grows while the recorder runs; `swap`
-    is fed with every record, `identified` with the source of each name that `modems` gets.
+    By source, `scan_ns` is the time of the latest of `n_scans`, `scan_gap_ns` that since the one
+    before; those in `hearing` have named a cell. A fault lasts until the port's next fix or scan.
+    `n_polls` grows while the recorder runs; `swap` is fed with every record, `identified` with the
+    source of each name that `modems` gets.
     """
 
     def __init__(
@@ -97,6 +99,8 @@ class WatchedInbox(Inbox):
         self.valid_ns: int | None = None
         self.scan_ns: dict[str, int] = {}
         self.scan_gap_ns: dict[str, int] = {}
+        self.n_scans = Counter[str]()
+        self.hearing = set[str]()
         self.modems: dict[str, str] = {}
         self.n_polls = 0
         self.followed: str | None = None
@@ -117,10 +121,13 @@ class WatchedInbox(Inbox):
                 self.fix = _fix_status(record.t_ns, fix)
                 self.valid_ns = record.t_ns if fix.valid else self.valid_ns
                 self._clear_fault(record.source)
-            case Scan():
+            case Scan(readings=readings):
                 before_ns = self.scan_ns.get(record.source, record.t_ns)
                 self.scan_gap_ns[record.source] = record.t_ns - before_ns
                 self.scan_ns[record.source] = record.t_ns
+                self.n_scans[record.source] += 1
+                if readings:
+                    self.hearing.add(record.source)
                 self._clear_fault(record.source)
             case Note() as note if record.source in self.ports:
                 with self._ports_lock:

@@ -20,7 +20,7 @@ from logger.check import check
 from logger.config import ModemSettings, SiteConfig, load_config
 from logger.core.document import Column, Document, Part, Table, facts, terminal_lines
 from logger.core.errors import ConfigError, RunFileError
-from logger.core.runfile import Run, read_run
+from logger.core.runfile import Run, read_latest, read_run
 from logger.core.source_tables import GNSS, MODEM
 from logger.device.clock import Clock
 from logger.device.link import NO_PORT, NOT_THERE, Line
@@ -58,6 +58,7 @@ ESSENTIAL = frozenset({"status", "card", "queue", "mode", "readings"})
 """A warning in one of these, or in a source, means that a walk would not be recorded properly."""
 SOURCES = frozenset({MODEM, GNSS})
 """Names of the sources, unless the configuration has others."""
+_READ_S = 600.0  # of a run that is being recorded: in this time there is a fix for the clock
 _MOST_NOTES = 60
 _EVENT_COLUMNS = (Column("time", ".1f", "s"), Column("level"), Column("code"), Column("event"))
 _PRIVATE = (
@@ -155,7 +156,7 @@ def _tests(
         return
     text = f"{journal.name} is being written; the lines below are its last {LAST_S:.0f} s"
     yield Line("ok", "recording", text)
-    examination.run = read_run(journal)
+    examination.run = read_latest(journal, _READ_S)
     yield from _run_lines(config, examination.run)
 
 

@@ -323,16 +323,11 @@ GOOD_SHARE = 0.8
 RECENT_FIXES = 10
 """The receiver works if this share of its latest fixes has a position."""
 
-_RECENT_NS = 5 * 10**9
-"""Every receiver lists its satellites once in this time."""
-_USABLE_DBHZ = 25
-"""A receiver can use a satellite from about this carrier-to-noise density on."""
-_ENOUGH = 5
-"""Four satellites give a position; one more to be sure."""
-_FASTEST_MPS = 70.0
-"""Of a car on a motorway."""
-_NOISE_M = 50.0
-"""Reflections among houses move a position this far at once."""
+_RECENT_NS = 5 * 10**9  # every receiver lists its satellites once in this time
+_USABLE_DBHZ = 25  # of carrier to noise: a satellite that a receiver can use
+_ENOUGH = 5  # four satellites give a position; one more to be sure
+_FASTEST_MPS = 70.0  # of a car on a motorway
+_NOISE_M = 50.0  # reflections among houses move a position this far at once
 _DEGREE_M = 111_200.0
 _SENTENCE = re.compile(rb"\$(..)GSV,\d+,\d+,\d*((?:,\d*)*)(?:,[0-9A-F])?\*[0-9A-F]{2}")
 
@@ -396,9 +391,13 @@ def _fixes_line(fixes: Rows, satellites: int | None) -> Line:
     is_known = bool(np.any(np.isfinite(sigma_m)))
     median_m = float(np.nanmedian(sigma_m)) if is_known else 0.0
     accuracy = f"about {median_m:.0f} m" if is_known else "unknown"
-    is_good = np.mean(fixes["valid"][-RECENT_FIXES:]) > GOOD_SHARE and median_m <= COARSE_M
     text = f"{len(valid)} of {len(fixes)} fixes with a position, accuracy {accuracy}"
-    return Line("ok" if is_good else "warn", "gnss", text)
+    if np.mean(fixes["valid"][-RECENT_FIXES:]) <= GOOD_SHARE:
+        text = f"{text}: it comes and goes, or has just come; wait a minute under open sky"
+        return Line("warn", "gnss", text)
+    if median_m > COARSE_M:
+        return Line("warn", "gnss", f"{text}: has the antenna a clear sky?")
+    return Line("ok", "gnss", text)
 
 
 def _no_position(satellites: int | None) -> str:
@@ -496,7 +495,11 @@ def run_lines(
         said = [note for note in notes if note[0] != "port-opened"] or notes
         event = said[-1][1] if said else ""
         n_scans = np.count_nonzero(scans["source"] == name.encode())
-        if n_scans:
+        # of one modem the line of the readings says it
+        is_deaf = len(names) > 1 and name.encode() not in readings["source"]
+        if n_scans and is_deaf:
+            yield Line("warn", name, "no cell in any scan: is its antenna connected?")
+        elif n_scans:
             yield Line("ok", name, f"{n_scans / minutes:.0f} scans a minute; {event}")
         else:
             yield Line("fail", name, f"no scan; last event: {event or 'none'}")

@@ -275,7 +275,8 @@ PATIENCE_S = 20.0
 
 _POLICY = (
     "default-src 'none'",
-    "script-src 'self'",
+    # and the script within index.html
+    "script-src 'self' 'sha256-c/XGFgiutA3SwkB6FDeAhHQQzXjaq0sU8ENO//Nr2VI='",
     "style-src 'self'",
     "img-src 'self' blob:",
     "connect-src 'self'",

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 
+from logger.core.answer import MultiPolygon, StrongestReading
 from logger.core.places import Utm
 from logger.core.types import LiveEstimate, Record, Scan
 from logger.device.live_view import (
@@ -10,6 +11,7 @@ from logger.device.live_view import (
     TREND_NS,
     CellTable,
     LiveView,
+    PositionStatus,
     SuspicionStatus,
     TargetStatus,
     target_status,
@@ -133,3 +135,19 @@ def test_the_target_is_said_as_sure_as_it_is():
         target_status(ESTIMATE.cell, replace(ESTIMATE, stage="ekf", probability=1.0)).verdict
         == "one close place"
     )
+
+
+@pytest.mark.parametrize(
+    ("area", "is_far", "supposed"),
+    [("", True, "if it is no distant mast"), ("within 300 m", False, "if it is within 300 m")],
+)
+def test_the_target_supposes_what_its_position_does(area, is_far, supposed):
+    position = PositionStatus(
+        cell=ESTIMATE.cell, verdict="cannot tell", lat=52.0, lon=13.0, r95_m=88.0, r50_m=31.0,
+        drms_m=40.0, area_m2=20_000.0, modes=(), area=area, may_be_distant=is_far,
+        region=MultiPolygon(type="MultiPolygon", coordinates=[]),
+        strongest=StrongestReading(lat=52.0, lon=13.0, level_dbm=-60.0),
+    )  # fmt: skip
+    target = target_status(ESTIMATE.cell, ESTIMATE, position)
+    assert target.supposition == supposed
+    assert str(target).endswith(f"surely within 88 m, {supposed}")

@@ -1,5 +1,6 @@
 """The real service on real ptys: every family of modems, and modems that misbehave."""
 
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -8,10 +9,13 @@ from itertools import pairwise
 
 import pytest
 
+from logger.config import parse_config
 from logger.core.runfile import read_run
-from logger.device import link
+from logger.device import link, modem_source
 from logger.device.clock import Clock, ScaledClock
 from logger.device.modem_source import ModemSource
+from logger.device.service import Service
+from logger.device.startup import begin_run
 from logger.drivers import family
 from logger.drivers.registry import FAMILIES
 from logger.sim.dialects import identity_replies
@@ -507,6 +511,24 @@ def test_rows_in_an_unknown_form_are_a_fault_that_says_so(tmp_path, monkeypatch)
     assert not walked.scans()
 
 
+def test_one_of_two_modems_that_hears_no_cell_is_a_fault(tmp_path):
+    # it has no antenna, and the other hears some
+    row = '+CENG: 0,"0000,00,00,000,00,00,0000,00,00,0000,00"'
+    silent = Locked("AT+CENG?", f"+CENG: 1,1\r\n\r\n{row}\r\n\r\nOK")
+    other = Locked("AT", "OK")
+    with PtyDevice(answering(silent)) as one, PtyDevice(answering(other)) as two:
+        text = (
+            f'[run]\ndirectory = "{tmp_path}"\n[modem]\nport = "{two.path}"\n'
+            f'poll_interval_s = 0.1\n[gnss]\nport = "{tmp_path / "none"}"\n'
+            f'[[source]]\nkind = "modem"\nport = "{one.path}"\npoll_interval_s = 0.1\n'
+        )
+        config, clock = parse_config(text, "site.toml"), Clock()
+        under_way = Service(config, begin_run(config, text, clock), clock, threading.Event())
+        with recording(under_way):
+            service.wait_for(lambda: "antenna" in under_way.snapshot().ports["modem2"].fault, 60)
+            assert not under_way.snapshot().ports["modem"].fault
+
+
 class Unreadable(Deaf):
     """A modem that sends noise while `is_deaf`, as one at another rate does."""
 
@@ -581,3 +603,27 @@ def test_a_modem_that_never_answered_is_a_fault_while_its_port_is_open(tmp_path,
         modem.is_deaf = False
         record_until(under_way, clock, lambda walked: len(walked.scans()) > 1)
         assert not under_way.snapshot().ports["modem"].fault
+
+
+def test_a_modem_that_falls_silent_is_a_fault_until_its_next_scan(tmp_path, monkeypatch):
+    # not only in the second in which its port is closed
+    monkeypatch.setattr(modem_source, "SILENT_POLLS", 1)
+    modem, clock, ports = Deaf(), Clock(), []
+    modem.is_deaf = False
+
+    def is_open_again():
+        ports.append(under_way.snapshot().ports["modem"])
+        return ports[-1].is_open
+
+    with (
+        PtyDevice(answering(modem)) as port,
+        recording(make_service(tmp_path, clock, port.path, 0.0, 0.1)) as under_way,
+    ):
+        record_until(under_way, clock, lambda walked: len(walked.scans()) > 1)
+        modem.is_deaf = True
+        service.wait_for(lambda: not is_open_again())
+        assert "gives no answer" in ports[-1].fault
+        service.wait_for(is_open_again)
+        assert "gives no answer" in ports[-1].fault
+        modem.is_deaf = False
+        service.wait_for(lambda: not under_way.snapshot().ports["modem"].fault)

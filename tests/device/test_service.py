@@ -13,6 +13,7 @@ import pytest
 from logger.core.errors import RunFileError
 from logger.core.runfile import read_run, unfinished_journals
 from logger.core.types import LiveEstimate
+from logger.device.service import _learn
 from logger.sim.ptys import PtyDevice, answering
 from postproc.replay import replay
 from tests.kit import service
@@ -244,3 +245,21 @@ def test_the_next_run_does_not_wait_for_the_hdf5_file_of_the_last(tmp_path, monk
     assert not list((tmp_path / "runs").glob("*.h5"))
     assert unfinished_journals(tmp_path / "runs") == [journal]  # for fieldlogger-recover.service
     assert read_run(journal).end.reason == "duration of 3.6 s over"
+
+
+def test_what_a_logger_does_after_its_run_is_said(tmp_path):
+    # on a busy machine it takes a minute
+    with simulated_devices() as (modem, gnss, _):
+        more = '[live]\nbaseline = "own"\n'
+        config = service.site_toml(tmp_path, modem.path, gnss.path, more)
+        with service.running_service(config, "--duration", "3") as logger:
+            _, errors = logger.communicate(timeout=service.LIMIT_S)
+    assert errors.index("is sealed with") < errors.index("the baseline learns the run; Ctrl-C")
+
+
+def test_a_baseline_that_was_not_learnt_has_a_reason(caplog):
+    _learn([sys.executable, "-c", "raise SystemExit('no room')"])
+    _learn([sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGTERM)"])
+    reasons = ("no room", "learning was interrupted")
+    said = [record.message for record in caplog.records]
+    assert said == [f"the baseline is as it was: {why}" for why in reasons]

@@ -15,7 +15,7 @@ from tests.kit import service
 from tests.kit.simulated_devices import simulated_devices
 
 S = 10**9
-FIX = FixStatus(90 * S, True, "2026-05-01T10:00:00Z", 52.51234, 13.41234, 3.0, 0.9, 9)
+FIX = FixStatus(99 * S, True, "2026-05-01T10:00:00Z", 52.51234, 13.41234, 3.0, 0.9, 9)
 STATUS = Status(
     "suspicious", "see text", "/var/lib/cellwalk/run-000017.journal", 4711, 100 * S, 5 * S, 99 * S,
     90, 40, 280, 1, 20_000, FIX, {},
@@ -67,6 +67,8 @@ def test_a_line_has_no_position_no_time_and_no_file():
         {"cell": "262-01-4711-17", "word": "suspicious", "reasons": ["no neighbours"]}
     ]
     assert (line["uptime_s"], line["has_fix"], line["satellites"]) == (95, True, 9)
+    silent = replace(STATUS, fix=replace(FIX, t_ns=90 * S))  # the receiver says nothing any more
+    assert not feed_line(silent)["has_fix"]
     text = json.dumps(line)
     for private in ("52.5", "13.4", "2026", "run-0", "4711,", "/var"):
         assert private not in text

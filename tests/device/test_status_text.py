@@ -9,11 +9,12 @@ from logger.command_line import INTERRUPTED
 from logger.core.answer import MultiPolygon, NextWay, StrongestReading
 from logger.core.document import Document, terminal_lines
 from logger.device.live_view import CellStatus, PositionStatus
-from logger.device.status import Status, report, status_parts, write_status
+from logger.device.status import FixStatus, Status, report, status_parts, write_status
 
+S = 10**9
 STATUS = Status(
     "recording", "9 s", "run-1.journal", 1, 9 * 10**9, 0, 8 * 10**9, 3, 2, 1, 0, 10, None, {},
-    next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, "two places fit"),
+    next=NextWay(44.0, 137.0, 52.0, 13.0, 2.0, "go, north-east, 137 m: two places fit"),
     position=PositionStatus(
         cell="262-01-4711-2", verdict="ambiguous", lat=52.0, lon=13.0, r95_m=88.0, r50_m=31.0,
         drms_m=40.0, area_m2=20_000.0, modes=(),
@@ -39,12 +40,33 @@ def _lines(status):
 def test_the_lines_say_what_the_page_shows():
     lines = _lines(STATUS)
     assert lines[:2] == ["recording: 9 s", "durable 1.0 s ago in run-1.journal"]
-    assert lines[2] == "go: NE (44 deg), 137 m: two places fit"
+    assert lines[2] == "go: 44 deg, north-east, 137 m: two places fit"
     assert lines[3] == "262-01-4711-2: suspicious; ambiguous: two places fit"
     assert "level (dBm)" in lines[4]
     assert lines[5].split() == ["262-01-4711-1", "+", "-60", "1"]
     assert lines[6].split()[:4] == ["262-01-4711-2", "*", "-70", "-3"]
     assert lines[6].endswith("one place, suspicious")
+
+
+LOST = FixStatus(8 * S, False, None, None, None, None, None, 3)
+FIXED = FixStatus(8 * S, True, None, 52.0, 13.0, None, 0.9, 9)
+SILENT = msgspec.structs.replace(FIXED, t_ns=2 * S)
+
+
+@pytest.mark.parametrize(
+    ("state", "fix", "place", "has_way"),
+    [
+        ("no fix", LOST, "no position, 3", False),
+        ("error", FIXED, "52.00000 13.00000", True),
+        ("error", SILENT, "9 satellites, 7 s ago", False),
+        ("recording", LOST, "no position", True),
+    ],
+)
+def test_there_is_no_way_from_a_place_that_the_walker_has_left(state, fix, place, has_way):
+    # in `recording` the latest position is a moment old
+    lines = _lines(msgspec.structs.replace(STATUS, state=state, fix=fix))
+    assert place in next(line for line in lines if line.startswith("position:"))
+    assert any(line.startswith("go:") for line in lines) is has_way
 
 
 def test_a_file_that_is_not_used_is_a_line():
@@ -94,6 +116,22 @@ def test_a_status_of_a_service_that_hangs_is_an_error(folder, capsys):
     assert others[-2].split()[-1] == "21"
     assert main(["status", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["silent_s"] == pytest.approx(20.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("age_s", "first"),
+    [(0.0, "stopped: the run is closed; its HDF5 file"), (9.0, "stopped: the run is closed")],
+)
+def test_a_run_that_is_closed_is_no_error_and_is_not_recorded(folder, capsys, age_s, first):
+    text = "the run is closed; its HDF5 file is being made of run-1.journal"
+    _write(folder, age_s=age_s, text=text, is_over=True)
+    assert main(["status"]) == 1
+    said = capsys.readouterr().out
+    assert said.startswith(first)
+    assert "error" not in said
+    assert "go:" not in said
+    assert main(["status", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["is_over"]
 
 
 @pytest.mark.parametrize(

@@ -122,6 +122,14 @@ def test_other_commands_name_what_exists(line):
             pytest.fail(f"unknown command: {words}")
 
 
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_our_scripts_can_be_executed(page):
+    # also those that stand in blocks of text
+    for script in re.findall(r"^(?:sudo )?\./(\S+\.sh)\b", page.read_text("utf-8"), re.MULTILINE):
+        name = script if "/" in script else f"systemd/{script}"
+        assert (ROOT / name).stat().st_mode & 0o111 == 0o111, script
+
+
 def test_make_page_installs_the_libraries_of_the_page():
     rules = re.split(r"\n(?=\S+:)", (ROOT / "Makefile").read_text("utf-8"))
     recipes = {rule.partition(":")[0]: rule for rule in rules}

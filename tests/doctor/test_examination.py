@@ -1,3 +1,4 @@
+import fcntl
 import json
 import logging
 import re
@@ -8,10 +9,10 @@ import pytest
 from logger.cli import main
 from logger.device.link import Line
 from logger.device.mode_switch import SavedMode, SavedModes
-from logger.doctor.examination import overall
+from logger.doctor.examination import examine, overall
 from logger.doctor.single_tests import open_journal
 from logger.sim.ptys import PtyDevice, answering
-from tests.kit import service
+from tests.kit import runs, service
 from tests.kit.dialects import DIALECTS
 from tests.kit.mode_modems import ObservedModem
 from tests.kit.simulated_devices import simulated_devices
@@ -60,6 +61,19 @@ def test_a_run_in_progress_is_tested_without_disturbing_it(tmp_path, capsys):
             service.wait_for(lambda: "usable" in _doctor(site, capsys))
             service.stop_service(logger)
     assert open_journal(tmp_path / "empty") is None
+
+
+def test_of_a_long_run_in_progress_its_end_is_read(tmp_path):
+    site = service.site_toml(tmp_path, "/dev/ttyUSB77", "/dev/ttyUSB78")
+    (tmp_path / "runs").mkdir()
+    runs.write_journal(tmp_path / "runs" / "run-000001.journal", runs.records(5000), close=False)
+    with (tmp_path / "runs" / "run-000001.journal").open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)  # as its writer does
+        examination = examine(site)
+    states = {line.what: line.state for line in examination.lines}
+    assert (states["recording"], states["gnss"], states["readings"]) == ("ok", "ok", "ok")
+    assert 600 <= len(examination.run.tables["fixes"]) < 1000
+    assert len(examination.run.tables["notes"]) == 500
 
 
 def test_the_status_of_a_running_service_is_used(tmp_path, capsys, monkeypatch):

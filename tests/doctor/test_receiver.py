@@ -50,6 +50,20 @@ def test_satellites_without_a_position_are_counted(tmp_path, densities, says):
     assert (line.state, says in line.text) == ("warn", True), line
 
 
+@pytest.mark.parametrize(
+    ("valid", "hdop", "says"),
+    [
+        ([False] * 8 + [True] * 4, 1.0, "wait a minute under open sky"),
+        ([True] * 12, 9.0, "has the antenna a clear sky?"),
+    ],
+)
+def test_poor_positions_have_a_remedy(tmp_path, valid, hdop, says):
+    fixes = [Fix(is_valid, None, 52.0, 13.0, hdop=hdop) for is_valid in valid]
+    run = _run(tmp_path, [Record(i * S, "gnss", fix) for i, fix in enumerate(fixes)])
+    (line,) = fixes_lines(run, run.tables["fixes"])
+    assert (line.state, line.text.endswith(says)) == ("warn", True), line
+
+
 def test_only_the_latest_sentences_count(tmp_path):
     records = [
         Record(1 * S, "gnss", RawBytes(_gsv(45, 44, 40, 38, 33))),

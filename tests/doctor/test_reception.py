@@ -100,3 +100,14 @@ def test_no_advice_on_gsm_only_after_the_modem_has_refused_it(tmp_path):
     )
     line = _of(tmp_path, _reception_of(["LTE"], "sim7600", refused))["readings"]
     assert line.text.endswith("the modem refuses AT+CNMP=13")
+
+
+def test_one_of_two_modems_without_an_antenna_is_told(tmp_path):
+    path = tmp_path / "a.journal"
+    stream = [record for record in runs.records(30) if record.source != "logger"]
+    stream += [Record(t * S + 9, "other", Scan(t * S, ())) for t in range(30)]
+    runs.write_journal(path, sorted(stream, key=lambda record: record.t_ns))
+    sources = [ModemSettings(name=name, port=f"/dev/{name}") for name in ("modem", "other")]
+    lines = {line.what: line for line in run_lines(read_run(path), sources=sources)}
+    assert lines["modem"].state == "ok"
+    assert (lines["other"].state, "antenna connected" in lines["other"].text) == ("warn", True)

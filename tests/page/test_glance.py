@@ -55,19 +55,39 @@ def _screen_of(phone, status):
 
 def test_a_found_cell_has_coordinates_a_link_for_maps_and_what_to_do(phone):
     suspicions = "[{cell: 'a', word: 'suspicious'}]"
+    suppose = "supposition: 'if it is within 300 m of the walk'"
     status = (
-        f"{{target: {{cell: 'a', over: 'located'}}, position: {LOCATED}, suspicions: {suspicions}, "
+        f"{{target: {{cell: 'a', over: 'located', {suppose}}}, position: {LOCATED}, "
+        f"suspicions: {suspicions}, "
         "next: {azimuth_deg: 9, distance_m: 99, lat: 1, lon: 1, why: 'so'}, "
         "fix: {valid: true, lat_deg: 52.501, lon_deg: 13.4}}"
     )
     shown = _screen_of(phone, status)
     assert shown["target"] == (
-        "Found: suspicious cell a, most likely within 20\u00a0m, surely within 46\u00a0m."
+        "Found: suspicious cell a, most likely within 20\u00a0m, surely within 46\u00a0m, "
+        "if it is within 300 m of the walk."
     )
     assert (shown["geo"], shown["href"]) == ("52.50000, 13.40000", "geo:52.50000,13.40000;u=46")
     assert "what to do" in shown["found"]
     assert (shown["metres"], shown["why"]) == ("111 m", "")  # to the place, and nothing else
     assert shown["frame"].startswith("south;")
+
+
+@pytest.mark.parametrize(
+    ("state", "fix", "metres", "frame"),
+    [
+        ("no fix", "{valid: false, t_ns: 9e9}", "–", "No advice without a position."),
+        ("error", "{valid: true, lat_deg: 1, lon_deg: 1, t_ns: 2e9}", "–", "No advice meanwhile."),
+        ("error", "{valid: true, lat_deg: 1, lon_deg: 1, t_ns: 9e9}", "0 m", "east; you stand: up"),
+        ("recording", "{valid: false, t_ns: 9e9}", "99 m", "east; you stand: up is north"),
+    ],
+)
+def test_nothing_leads_on_from_a_place_that_the_walker_has_left(phone, state, fix, metres, frame):
+    # one of two modems may be the trouble, and one epoch without a position is none
+    way = "{azimuth_deg: 90, distance_m: 99, lat: 1, lon: 1, why: 'so'}"
+    shown = _screen_of(phone, f"{{state: '{state}', now_ns: 10e9, next: {way}, fix: {fix}}}")
+    assert shown["metres"] == metres
+    assert shown["frame"].startswith(frame)
 
 
 def test_a_search_that_was_given_up_says_why_and_offers_the_next_cell(phone):
@@ -170,6 +190,34 @@ def test_a_screen_reader_says_once_that_contact_is_lost(phone):
     assert lived == ["polite", "off", "off", "polite"]
 
 
+def test_a_screen_reader_says_what_the_trouble_is_now(phone):
+    show = "m.showGlance({status: {state: 'error', text, ports: {}}}, 0)"
+    live = f"(text => {{{show}; return document.getElementById('glance').ariaLive}})"
+    texts = "['modem: no scan for 61 s', 'modem: no scan for 62 s', 'no such port']"
+    assert phone.result_of("glance.js", f"{texts}.map({live})") == ["polite", "off", "polite"]
+
+
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        ("recording", "Mark 1 is on the card."),
+        ("no fix", "Mark 1 is on the card, without a position: there is none now."),
+    ],
+)
+def test_a_mark_without_a_position_is_said_to_have_none(phone, state, said):
+    phone.chromium.evaluate("window.fetch = async () => new Response('')")  # a Pi that takes it
+    phone.chromium.evaluate("document.getElementById('mark').requestSubmit()")
+    take = f"m.takeAnswer({{n_marks: 1, status: {{state: '{state}'}}}})"
+
+    def is_answered():
+        phone.result_of("marks.js", take)
+        return phone.text("answer") != "Sent; not on the card yet."
+
+    service.wait_for(is_answered, 10)
+    assert phone.text("answer") == said
+    phone.open(phone.page)
+
+
 def test_who_should_stand_still_is_not_told_to_walk(phone):
     status = "{state: 'no fix', fix: null, ports: {}}"
     todo = phone.result_of("glance.js", f"m.glance({{status: {status}}}, 0)")[2]
@@ -207,11 +255,12 @@ def test_the_arrow_leads_from_where_the_walker_is_now(phone):
     assert lost == {"azimuthDeg": 90, "metres": 250}
 
 
-def test_a_page_that_came_in_part_loads_itself_again(phone):
-    # over a poor Wi-Fi one of its files may be missing: it would connect for ever
+@pytest.mark.parametrize("missing", ["*/geometry.js", "*.js"])
+def test_a_page_that_came_in_part_loads_itself_again(phone, missing):
+    # over a poor Wi-Fi some of its files may be missing: it would connect for ever
     command = phone.driver.execute_cdp_cmd
     command("Network.enable", {})
-    command("Network.setBlockedURLs", {"urls": ["*/geometry.js"]})
+    command("Network.setBlockedURLs", {"urls": [missing]})
     phone.open(phone.page)
     assert not _is_alive(phone)
     command("Network.setBlockedURLs", {"urls": []})

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from logger.core.runfile.frames import Sealing
     from logger.core.runfile.run import (
         Run,
+        read_latest,
         read_results,
         read_run,
         read_sealed_run,
@@ -48,6 +49,7 @@ __all__ = [
     "journal_path",
     "keep_number",
     "make_room",
+    "read_latest",
     "read_results",
     "read_run",
     "read_sealed_run",

@@ -2,7 +2,8 @@
 
 import os
 import stat
-from collections.abc import Callable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -26,6 +27,7 @@ from logger.core.rows import (
 from logger.core.runfile.frames import Sealed, Sealing
 from logger.core.runfile.journal_reader import (
     JournalParts,
+    Part,
     decode_damage,
     decode_end,
     decode_meta,
@@ -326,6 +328,13 @@ def read_run(path: Path | str) -> Run:
         raise RunFileError(f"{path} takes more memory than there is") from None
 
 
+def read_latest(path: Path, seconds: float) -> Run:
+    """A journal's notes, and its other rows of about the last seconds; raises `RunFileError`."""
+    # all of a day's walk takes a small Pi its memory
+    _check_file(path)
+    return _journal_run(path, round(seconds * 1e9))
+
+
 def read_sound_run(path: Path | str) -> Run:
     """Read a run; values that no recorder writes become unknown and are counted."""
     return _without_meaningless(read_run(path))
@@ -460,11 +469,11 @@ def _hdf5_run(path: Path, outcome: Outcome) -> Run:
     return Run(path, "hdf5", meta, end, damage, tables, raw_bytes, digest, content["n_raw"])
 
 
-def _journal_run(path: Path) -> Run:
+def _journal_run(path: Path, last_ns: int | None = None) -> Run:
     parts = JournalParts(path)
     rows: dict[str, list[Rows]] = {table: [] for table in DTYPES}
     raw, n_raw, n_bytes = bytearray(), 0, 0
-    for part in parts:
+    for part in parts if last_ns is None else _latest_parts(parts, last_ns):
         found = part.rows
         if part.table == "raw":
             found = found.copy()
@@ -493,6 +502,22 @@ def _journal_run(path: Path) -> Run:
         parts.digest,
         n_raw,
     )
+
+
+def _latest_parts(parts: Iterable[Part], last_ns: int) -> Iterator[Part]:
+    kept: dict[str, deque[Part]] = {}
+    newest_ns = -MOST_NS
+    for part in parts:
+        if not len(part.rows):
+            continue
+        some = kept.setdefault(part.table, deque())
+        some.append(part)
+        newest_ns = max(newest_ns, int(part.rows["t_ns"].max()))
+        is_whole = part.table == "notes"
+        while some and not is_whole and some[0].rows["t_ns"].max() < newest_ns - last_ns:
+            some.popleft()
+    for some in kept.values():
+        yield from some
 
 
 class _ReadingsBySeq:

@@ -33,7 +33,9 @@ export function targetText(status) {
   if (!target) return 'No cell yet.';
   const word = wordOf(status, target.cell);
   const what = `${word ? `${word} cell ` : ''}${target.cell}`;
-  if (isFound(status)) return `Found: ${what}, ${radii(status.position)}.`;
+  if (isFound(status)) {
+    return `Found: ${[what, radii(status.position), target.supposition].filter(Boolean).join(', ')}.`;
+  }
   if (target.over && target.over !== 'located') return `Given up: ${what}; ${target.over}.`;
   const why = word === 'suspicious' ? '' : status.followed === target.cell ? ', as you chose' : ', the strongest cell when it was chosen';
   return `To ${word ? `the ${what}` : `cell ${what}`}${why}.`;

@@ -1,5 +1,7 @@
 // Numbers that show that the recording is sound, and the runs to take home.
 
+import {isFresh} from './geometry.js';
+
 const byId = id => document.getElementById(id);
 const LOW_BYTES = 1e9;
 // a run is closed some time after the next one has begun, or the service has stopped
@@ -9,7 +11,7 @@ let askedMs = 0;
 let shownRuns = '';
 
 function counters({status, machine, silent_s: silentS, n_cells: nCells}) {
-  const fix = status?.fix;
+  const fix = isFresh(status?.fix, status?.now_ns) ? status.fix : null;
   const durableS = status?.synced_ns == null ? null : (status.now_ns - status.synced_ns) / 1e9 + silentS;
   const free = machine.free_bytes;
   return [

@@ -6,10 +6,19 @@ const FRESH_NS = 5e9;
 const NEAR_M = 30;
 const POINTS = ['north', 'north-east', 'east', 'south-east', 'south', 'south-west', 'west', 'north-west'];
 
+/** Whether the receiver has said this of late. */
+export const isFresh = (fix, nowNs) => fix != null && nowNs - fix.t_ns < FRESH_NS;
+
 /** Course of the walker in degrees, null while standing: GPS knows a direction only of motion. */
 export function course(fix, nowNs) {
-  const moves = fix && fix.valid && fix.course_deg != null && fix.speed_mps >= MOVING_MPS;
-  return moves && nowNs - fix.t_ns < FRESH_NS ? fix.course_deg : null;
+  const moves = fix?.valid && fix.course_deg != null && fix.speed_mps >= MOVING_MPS;
+  return moves && isFresh(fix, nowNs) ? fix.course_deg : null;
+}
+
+/** Whether it is known where the walker is: a way from where they were leads astray. */
+export function isPlaced(status) {
+  if (status.state === 'error') return Boolean(status.fix?.valid) && isFresh(status.fix, status.now_ns);
+  return status.state !== 'no fix';
 }
 
 /** Angle of an azimuth on the screen, where up is the course, or north without one. */
@@ -38,7 +47,7 @@ export const isFound = status => status?.position?.verdict === 'located';
  */
 export function wayOf(status) {
   const next = isFound(status) ? status.position : status?.next, fix = status?.fix;
-  if (!next) return null;
+  if (!next || !isPlaced(status)) return null;
   if (!fix?.valid) return next.azimuth_deg == null ? null : {azimuthDeg: next.azimuth_deg, metres: next.distance_m};
   const [east, north] = metres({lat: fix.lat_deg, lon: fix.lon_deg}, next.lat, next.lon);
   const left = Math.hypot(east, north);

@@ -61,8 +61,9 @@ export function showGlance(state, silentMs) {
   const [sign, sentence, todo] = glance(state, silentMs);
   byId('glance').dataset.sign = sign;
   // a screen reader says that contact is lost, not each second of it
-  const only = text => text.replace(/\d+/g, '');
-  byId('glance').ariaLive = only(byId('state').textContent) === only(sentence) ? 'off' : 'polite';
+  const words = (...texts) => texts.join(' ').replace(/\d+/g, '');
+  const before = words(byId('state').textContent, byId('todo').textContent);
+  byId('glance').ariaLive = before === words(sentence, todo) ? 'off' : 'polite';
   for (const [id, text] of [['sign', SIGNS[sign]], ['state', sentence], ['todo', todo]]) {
     if (byId(id).textContent !== text) byId(id).textContent = text;
   }

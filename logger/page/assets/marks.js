@@ -1,7 +1,10 @@
 // What the walker tells the recorder: a mark, or a cell to follow.
 
+import {isPlaced} from './geometry.js';
+
 const answer = document.getElementById('answer');
 let nMarks = 0;
+let hasPlace = true;
 let showFrom = Infinity;
 
 /** Ask the Pi for something; true once it is on the card. */
@@ -28,13 +31,18 @@ document.getElementById('mark').addEventListener('submit', async event => {
   if (!await ask('mark', text || 'here!')) return;
   if (note.value === text) note.value = '';
   showFrom = before + 1;
-  takeAnswer({n_marks: nMarks});
+  answerFor(nMarks);
 });
 
 /** The news have the number of a mark, before or after the answer. */
-export function takeAnswer({n_marks: n}) {
+export function takeAnswer({n_marks: n, status}) {
   nMarks = n;
+  hasPlace = !status || isPlaced(status);
+  answerFor(n);
+}
+
+function answerFor(n) {
   if (n < showFrom) return;
   showFrom = Infinity;
-  answer.textContent = `Mark ${n} is on the card.`;
+  answer.textContent = `Mark ${n} is on the card${hasPlace ? '' : ', without a position: there is none now'}.`;
 }

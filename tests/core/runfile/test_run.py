@@ -13,6 +13,7 @@ from logger.core.runfile import (
     convert_journal,
     finish_journal,
     journal_path,
+    read_latest,
     read_run,
     unfinished_journals,
 )
@@ -78,6 +79,20 @@ def test_long_runs_without_a_sync_between(tmp_path, n):
         run = read_run(path)
         assert run.tables["fixes"]["seq"].tolist() == list(range(n))
         assert run.damage.missing_frames == 0
+
+
+def test_the_latest_of_a_long_run_is_read_with_all_notes(tmp_path):
+    stream = runs.records(5000)
+    runs.write_journal(tmp_path / "a.journal", stream, sync_every=10)
+    latest, whole = read_latest(tmp_path / "a.journal", 60.0), read_run(tmp_path / "a.journal")
+    assert latest.tables["notes"].tobytes() == whole.tables["notes"].tobytes()
+    for table in ("fixes", "scans", "readings"):
+        rows, every = latest.tables[table], whole.tables[table]
+        assert 60 <= len(rows) < 140
+        assert rows.tobytes() == every[-len(rows) :].tobytes()
+    raw = latest.tables["raw"]
+    assert latest.bytes_of(raw[-2:]) == b"$GPGGA,4998\r\n$GPGGA,4999\r\n"
+    assert len(latest.raw_bytes) < 2000 < len(whole.raw_bytes)
 
 
 def test_labelled_cells_read_back_equal(tmp_path):
