@@ -18,6 +18,7 @@ import numpy as np
 
 from logger.baseline_file import (
     APPLICATION_ID,
+    NEAR,
     SCALE,
     UNKNOWN,
     VERSION,
@@ -27,7 +28,7 @@ from logger.baseline_file import (
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.baseline import SQUARE_M, squares_of
 from logger.core.errors import ConfigError, FieldLoggerError, RunFileError
-from logger.core.places import track_of
+from logger.core.places import index_of, track_of
 from logger.core.readings import places_of
 from logger.core.rows import Rows, levels_dbm
 from logger.core.runfile import Run, sealing_of
@@ -36,6 +37,9 @@ from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 
 FARTHEST_SIGMA_M = SQUARE_M / 2.0
 """A reading with a less sure position belongs to no square."""
+
+_MOST_MARKS, _FEWEST_COMMON = 256, 8
+"""Marks of a walk, 2 kB: a copy of a twentieth of it still has a dozen of them."""
 
 
 def _numbers_in(name: str) -> Sequence[str]:
@@ -63,7 +67,7 @@ class WalkSummary:
     content, `seal` what it was sealed with. `is_complete` is false of a run that was cut or lacks
     frames. `cells` has the technology of each cell, `visits` the squares in which cells of a
     technology were named. `channels` are (cell, channel number, code), `UNKNOWN` where not printed.
-    `began_utc_ns` is None if no fix had a time.
+    `began_utc_ns` is None if no fix had a time. `marks` show a copy (`marks_of`).
     """
 
     digest: str
@@ -78,6 +82,7 @@ class WalkSummary:
     content: str = ""
     seal: str = ""
     is_complete: bool = True
+    marks: bytes = b""
 
     @property
     def n_squares(self) -> int:
@@ -98,12 +103,11 @@ def summarise_walk(run: Run) -> WalkSummary:
     first = np.unique(cell, return_index=True)[1]
     cells = [name.decode() for name in names]
     rats = [rat.decode() for rat in rows["rat"][first]]
-    times = fixes["utc_ns"][fixes["utc_ns"] != UNKNOWN_TIME]
     return WalkSummary(
         digest=walk_digest(run),
         run_id=run.meta.run_id,
         name=run.path.name,
-        began_utc_ns=int(times[0]) if len(times) else None,
+        began_utc_ns=began_utc_ns(run),
         n_readings=len(rows),
         cells=dict(zip(cells, rats, strict=True)),
         heard=rows_by_square(square, cell, rows["seq"], levels_dbm(rows), cells),
@@ -112,7 +116,48 @@ def summarise_walk(run: Run) -> WalkSummary:
         content=content_digest(fixes, readings),
         seal=run.end.digest if run.end else "",
         is_complete=run.is_complete,
+        marks=marks_of(run),
     )
+
+
+def began_utc_ns(run: Run) -> int | None:
+    """The first time of a run's fixes."""
+    utc_ns = run.tables["fixes"]["utc_ns"]
+    times = utc_ns[utc_ns != UNKNOWN_TIME]
+    return int(times[0]) if len(times) else None
+
+
+def marks_of(run: Run) -> bytes:
+    """The smallest hashes of its readings, each with UTC and position of its fix.
+
+    A copy to share has another number, digest and zero of time, but these of what it keeps.
+    """
+    fixes, readings = run.tables["fixes"], run.tables["readings"]
+    if not len(fixes) or not len(readings):
+        return b""
+    index, is_there = index_of(fixes["seq"], readings["fix_seq"])
+    at, level_dbm = fixes[index], levels_dbm(readings)
+    is_there &= (at["utc_ns"] != UNKNOWN_TIME) & np.isfinite(level_dbm)
+    state = np.zeros(len(readings), np.uint64)
+    columns = at["utc_ns"], at["lat_deg"], at["lon_deg"], readings["arfcn"], readings["cid"]
+    for values in (*columns, level_dbm):
+        is_real = values.dtype.kind == "f"
+        bits = values.astype(np.float64 if is_real else np.int64).view(np.uint64)
+        state = (state ^ bits) * np.uint64(0x9E3779B97F4A7C15)  # 2^64 by the golden ratio
+        state ^= state >> np.uint64(32)
+    return np.unique(state[is_there])[:_MOST_MARKS].astype("<u8").tobytes()
+
+
+def is_same_walk(marks: bytes, others: bytes) -> bool:
+    """Whether most readings of one of two walks are in the other."""
+    one, other = (np.frombuffer(part, "<u8") for part in (marks, others))
+    # of a walk with more readings nothing is known above its last mark
+    last = min((part[-1] for part in (one, other) if len(part) == _MOST_MARKS), default=None)
+    if last is not None:
+        one, other = one[one <= last], other[other <= last]
+    # modems that share a receiver have few levels in common
+    n = len(np.intersect1d(one, other))
+    return n >= _FEWEST_COMMON and n > 0.5 * min(len(one), len(other))
 
 
 def walk_digest(run: Run) -> str:
@@ -267,7 +312,14 @@ SEAL = "ALTER TABLE walk ADD COLUMN seal TEXT"
 NULL of walks of an earlier version, whose `digest` is that of the content.
 """
 
+MARK = (
+    "CREATE TABLE IF NOT EXISTS mark (walk INTEGER PRIMARY KEY, marks BLOB NOT NULL) STRICT",
+    "DELETE FROM mark WHERE walk = :walk",
+)
+"""Of each walk what shows a copy of it (`marks_of`); walks of an earlier version have none."""
+
 REMOVE = (
+    *MARK,
     """CREATE TEMP TABLE gone_heard AS
         SELECT DISTINCT cell, square FROM heard WHERE walk = :walk""",
     """CREATE TEMP TABLE gone_visit AS
@@ -366,9 +418,9 @@ class BaselineStore:
     ) -> int | None:
         """Add a walk and return its number; None if it is in the baseline already.
 
-        A walk that it continues, as `continues` says of a digest, or a damaged copy of it gives
-        way. Raises `RunFileError` if it may itself be a part of a walk that is there: both would
-        count.
+        A walk that it continues, as `continues` says of a digest, or a damaged or shorter copy of
+        it gives way. Raises `RunFileError` if it may itself be a part of a walk that is there: both
+        would count.
         """
         with self._change():
             if "seal" not in [row[1] for row in self._rows("PRAGMA table_info(walk)")]:
@@ -386,7 +438,25 @@ class BaselineStore:
                         f"{walk.name} is another state of walk {number}; "
                         f"`postproc baseline remove {number}` it first"
                     )
+            for copy in self.copies_of(walk.marks, walk.began_utc_ns, walk.run_id):
+                if copy.n_readings >= walk.n_readings:
+                    return None
+                self._remove(copy.id)
             return self._insert(walk)
+
+    def copies_of(
+        self, marks: bytes, began_utc_ns: int | None, run_id: str = ""
+    ) -> list[StoredWalk]:
+        """Walks with most readings of this one, or most of whose readings it has.
+
+        Not those of the run `run_id`.
+        """
+        with self._errors():
+            if not self._rows("SELECT 1 FROM sqlite_schema WHERE name = 'mark'"):
+                return []
+            near = self._rows(NEAR, run_id, began_utc_ns)
+            same = {number for number, _, others in near if is_same_walk(marks, others)}
+            return [walk for walk in self.walks() if walk.id in same] if same else []
 
     def contradictions(self, walk: int) -> list[int]:
         """Numbers of other walks of the same run, of which only one can be unaltered."""
@@ -475,6 +545,9 @@ class BaselineStore:
         ).lastrowid
         if number is None:
             raise RunFileError(f"{self.path}: no number for the walk")
+        for statement in MARK:
+            self._db.execute(statement, {"walk": number} if ":walk" in statement else {})
+        self._db.execute("INSERT INTO mark VALUES (?, ?)", (number, walk.marks))
         cell = self._cell_numbers(walk)
         self._db.executemany(
             "INSERT INTO heard VALUES (?, ?, ?, ?, ?, ?, ?)",
@@ -538,6 +611,10 @@ def without_runs(path: Path, runs: Sequence[Run], folder: Path) -> Path:
     tables = [(run.tables["fixes"], run.tables["readings"]) for run in runs]
     same = {*map(walk_digest, runs), *(content_digest(*pair) for pair in tables)}
     with closing(BaselineFile(path)) as file:
+        for run in runs:
+            marks = marks_of(run)
+            near = file.marks_near(began_utc_ns(run))
+            same |= {digest for digest, others in near.items() if is_same_walk(marks, others)}
         if same.isdisjoint(file.digests):
             return path
     copy = Path(shutil.copy(path, folder / "others.db"))
@@ -550,6 +627,8 @@ CONTRADICTION = (
     "{} says that it is the same run and differs: one of them was changed and sealed anew. Both "
     "count; the digest that was noted at the stop shows which is genuine"
 )
+COPY = "a copy of {}, which is there"
+SHORTER_COPY = "{}, a shorter copy of it, gave way"
 
 
 @dataclass(frozen=True, slots=True)
@@ -576,10 +655,14 @@ def add_walk(store: BaselineStore, path: Path, outcome: WalkSummary | FieldLogge
     try:
         if isinstance(outcome, FieldLoggerError):
             raise outcome
+        copies = store.copies_of(outcome.marks, outcome.began_utc_ns, outcome.run_id)
         number = store.add(outcome, lambda earlier: sealing_of(path, earlier).continues)
         others = [] if number is None else store.contradictions(number)
     except FieldLoggerError as error:
         return Added(path, problem=str(error))
     counts = outcome.n_readings, outcome.n_squares, len(outcome.cells)
     remark = CONTRADICTION.format(f"walk {others[0]}") if others else ""
+    if copies:
+        text = COPY if number is None else SHORTER_COPY
+        remark = text.format(f"walk {copies[0].id}, {copies[0].name}")
     return Added(path, number, outcome.digest, *counts, is_known=number is None, remark=remark)

@@ -1,13 +1,15 @@
 """Runs and logs of folders, added to a survey: each once, without damaged ones, whole batches."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from logger import baseline_file
-from logger.baseline_store import CONTRADICTION
+from logger.baseline_file import LONGEST_NS
+from logger.baseline_store import CONTRADICTION, COPY, SHORTER_COPY, is_same_walk
 from logger.core.errors import FieldLoggerError, RunFileError
 from logger.core.runfile import RESULTS, read_sound_run, sealing_of
 from logger.sqlite_file import application_id
@@ -62,11 +64,20 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
             if others and not walk.run.is_complete:
                 yield Added(path, problem=f"{path}: another state of {others[0]}, which is there")
                 continue
-            run = replace(walk.run, replaces=earlier.digest if earlier else "")
+            copy = None if same else _copy_of(walk.run, chain.from_iterable(states.values()))
+            if copy and copy.n_readings >= walk.run.n_readings:
+                remark = COPY.format(copy.name)
+                yield Added(path, walk.run.digest, is_known=True, remark=remark)
+                continue
+            replaced = earlier or copy
+            run = replace(walk.run, replaces=replaced.digest if replaced else "")
             known.add(run.digest)
             states[run.run_id] = [*(one for one in same if one is not earlier), run]
             batch.take(replace(walk, run=run))
             remark = CONTRADICTION.format(others[0]) if others else walk.remark
+            if copy:
+                states[copy.run_id].remove(copy)
+                remark = SHORTER_COPY.format(copy.name)
             yield Added(path, run.digest, len(walk), len(walk.cells), remark=remark)
             if batch.is_full:
                 number += 1
@@ -74,6 +85,19 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
                 batch = Batch()
         if batch.walks:
             batch.write(current.folder, f"{number + 1:06d}")
+
+
+def _copy_of(run: SurveyRun, others: Iterable[SurveyRun]) -> SurveyRun | None:
+    """A run with most readings of this one, or most of whose readings this one has."""
+    began_ns = run.began_utc_ns
+    if began_ns is None:
+        return None
+    near = (
+        other
+        for other in others
+        if other.began_utc_ns is not None and abs(other.began_utc_ns - began_ns) <= LONGEST_NS
+    )
+    return next((other for other in near if is_same_walk(other.marks, run.marks)), None)
 
 
 def _continues(path: Path, earlier: SurveyRun) -> bool:

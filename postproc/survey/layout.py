@@ -53,9 +53,10 @@ RUNS = pa.schema(
         ("n_readings", pa.int64()),
         ("is_complete", pa.bool_()),
         ("replaces", pa.string()),
+        ("marks", pa.binary()),
     ]
 )
-NOT_IN_OLDER = frozenset(("is_complete", "replaces"))
+NOT_IN_OLDER = frozenset(("is_complete", "replaces", "marks"))
 """Columns of runs that surveys of older versions lack."""
 RULES = pa.schema(
     [

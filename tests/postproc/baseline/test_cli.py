@@ -1,9 +1,14 @@
 """`postproc baseline`: what it prints, its exit codes, and errors of one line."""
 
 import json
+from contextlib import closing
+from pathlib import Path
 
 import pytest
 
+from logger.baseline_file import BaselineFile
+from logger.baseline_store import without_runs
+from logger.core.runfile import read_sound_run
 from postproc.cli import main
 from tests.postproc.baseline.walks import name, two_cells, write_walk
 
@@ -32,6 +37,26 @@ def test_runs_are_added_once(folder, capsys):
     assert (added["walks"], added["cells"]) == (2, 2)
     again = output_of(capsys, "add", "run-000001.h5").out
     assert again == "baseline.db: 0 added, 1 in it already; 2 walks, 2 cells\n"
+
+
+def test_a_run_and_its_shared_copy_are_one_walk(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_walk(tmp_path, 1, two_cells())
+    assert main(["share", "run-000001.h5", "-o", "copy.h5", "--blur-m", "50"]) == 0
+    assert main(["baseline", "add", "run-000001.h5", "-b", "whole.db"]) == 0
+    capsys.readouterr()
+    whole, copy = ("run-000001.h5", "copy.h5")
+    for order in ((whole, copy, whole), (copy, whole, copy)):
+        added = output_of(capsys, "add", *order)
+        assert "; 1 walk, 2 cells" in added.out
+        assert "walk 1, " in added.err
+        listed = document(capsys, "list")
+        assert [walk["name"] for walk in listed["walks"]] == [whole]
+        Path("baseline.db").unlink()
+    # a copy that is compared with its original has nothing new
+    others = without_runs(Path("whole.db"), [read_sound_run(Path(copy))], tmp_path)
+    with closing(BaselineFile(others)) as file:
+        assert file.n_walks == 0
 
 
 def test_a_run_that_cannot_be_read_does_not_stop_the_others(folder, capsys):
