@@ -5,6 +5,7 @@ leaves the baseline before the change or after it. There is no write-ahead log: 
 is copied to the device.
 """
 
+import os
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
@@ -27,7 +28,7 @@ from logger.baseline_file import (
 )
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.baseline import SQUARE_M, squares_of
-from logger.core.errors import ConfigError, FieldLoggerError, RunFileError
+from logger.core.errors import ConfigError, FieldLoggerError, RunFileError, why_not_written
 from logger.core.places import index_of, track_of
 from logger.core.readings import places_of
 from logger.core.rows import Rows, levels_dbm
@@ -388,6 +389,11 @@ class BaselineStore:
         self.path = path
         if not create and not path.is_file():
             raise RunFileError(f"{path}: no such file; `postproc baseline add` makes a baseline")
+        if create:  # SQLite does not say why it cannot open a file
+            try:
+                os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o644))
+            except OSError as error:
+                raise RunFileError(f"cannot write {path}: {why_not_written(error)}") from error
         with self._errors():
             mode = "rwc" if create else "rw"
             self._db = sqlite3.connect(

@@ -5,9 +5,9 @@ Tables, report, view, exports and JSON are made of this alone.
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from math import isfinite
-from typing import TYPE_CHECKING, Final, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, get_args
 
 import numpy as np
 
@@ -228,7 +228,26 @@ class Estimate(NamedTuple):
         return ellipse95(*self.p[[0, 0, 1], [0, 1, 1]].tolist())
 
 
-@dataclass(frozen=True, slots=True)
+def is_equal(one: Any, other: Any) -> bool:
+    """Whether every number is the same, also in arrays, and unknown ones are unknown in both."""
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
+        is_alike = (one.dtype, one.shape) == (other.dtype, other.shape)
+        return is_alike and one.tobytes() == other.tobytes()
+    if isinstance(one, Run):
+        return one.digest == other.digest
+    if is_dataclass(one):
+        names = [part.name for part in fields(one)]
+        return all(is_equal(getattr(one, name), getattr(other, name)) for name in names)
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(is_equal, one, other))
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(is_equal(one[key], other[key]) for key in one)
+    return bool(one == other or (one != one and other != other))  # noqa: PLR0124 (NaN)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class CellResult:
     """What each estimator states about one cell; None where it has nothing reliable to state.
 
@@ -269,6 +288,8 @@ class CellResult:
     error: str | None = None
     needed_m: float | None = None
     word: str = ""
+
+    __eq__, __hash__ = is_equal, None  # type: ignore[assignment]
 
     @property
     def place(self) -> Place | None:
@@ -428,7 +449,7 @@ def in_report_order(cells: Sequence[CellResult], first: Sequence[str]) -> list[C
     return sorted(cells, key=rank)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Result:
     """All cells of one or several runs, the cell with most readings first.
 
@@ -446,6 +467,8 @@ class Result:
     words: Mapping[str, Word] = field(default_factory=dict)
     not_asked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     unnoticed: str = ""
+
+    __eq__, __hash__ = is_equal, None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         conspicuous = {name: word.word for name, word in self.words.items() if word.is_conspicuous}

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,10 @@ _COLUMNS = (
 )
 
 
-def document_of(compared: ComparedRuns, *, details: bool) -> Document:
-    """Cells that changed in words; with `details` every cell."""
+def document_of(
+    compared: ComparedRuns, *, details: bool, written: Sequence[Path] = ()
+) -> Document:
+    """Cells that changed in words; with `details` every cell. `written` are files of it."""
     comparison = compared.comparison
     content = {
         "a": compared.a,
@@ -46,7 +49,8 @@ def document_of(compared: ComparedRuns, *, details: bool) -> Document:
         "false_words_per_pair": FALSE_WORDS,
         "cells": [_cell_content(cell, compared.utm, comparison.grid) for cell in comparison.cells],
     }
-    return Document(content, body=_parts(compared, details=details))
+    remarks = [f"written: {path}" for path in written]
+    return Document(content, body=_parts(compared, details=details), remarks=remarks)
 
 
 def _parts(compared: ComparedRuns, *, details: bool) -> Iterator[str | Line | Table]:
@@ -63,16 +67,16 @@ def _parts(compared: ComparedRuns, *, details: bool) -> Iterator[str | Line | Ta
     yield cell_table(shown)
     if details:
         for cell in cells:
-            if not cell.is_change:
+            if not (cell.is_change or cell.is_small_change):
                 yield Line(cell.text, "dim", bullet=f"{cell.cell}: ")
     elif hidden := len(cells) - len(shown):
         yield Line(f"{hidden} more could not be compared; -v has the reasons", "dim")
 
 
 def changed_lines(cells: Sequence[CellChange]) -> Iterator[Line]:
-    """Each cell that changed, in words."""
+    """Each cell that changed, in words, also where that is too little for a word."""
     for cell in cells:
-        if cell.is_change:
+        if cell.is_change or cell.is_small_change:
             yield Line(f"{cell.cell} {cell.rat}: {cell.text}", bullet=f"{cell.word}: ")
 
 

@@ -130,3 +130,8 @@ def test_no_baseline_is_one_line(folder, capsys, arguments):
 def test_mistakes_are_one_line(folder, capsys, arguments):
     output_of(capsys, "add", "run-000001.h5")
     assert len(output_of(capsys, *arguments, code=2).err.splitlines()) == 1
+
+
+def test_a_place_that_cannot_be_written_is_named_with_the_reason(folder, capsys):
+    said = output_of(capsys, "add", "run-000001.h5", "-b", "no/b.db", code=2)
+    assert said.err == "postproc: cannot write no/b.db: No such file or directory\n"

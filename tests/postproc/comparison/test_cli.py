@@ -84,3 +84,17 @@ def test_runs_far_apart_are_an_error(runs, tmp_path, capsys, monkeypatch):
     far = str(write_walk(tmp_path, 3))
     assert main(["compare", runs[0], far]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_files_that_are_written_are_named(runs, tmp_path, capsys):
+    page, recording = tmp_path / "page.html", tmp_path / "changes.rrd"
+    assert main(["compare", *runs, "-o", str(page), "--save", str(recording)]) == 0
+    assert capsys.readouterr().err == f"written: {page}\nwritten: {recording}\n"
+
+
+def test_a_small_change_is_told_without_its_word(tmp_path, capsys):
+    walks = write_walk(tmp_path, 1), write_walk(tmp_path, 2, extra_db={3: -5.0})
+    assert main(["compare", *map(str, walks)]) == 0
+    out = capsys.readouterr().out
+    assert "No cells changed" in out
+    assert f"same: {name(3)} GSM: " in out
