@@ -192,6 +192,18 @@ class RunShare:
     sigma_db: float | None
 
 
+def share_names(shares: Sequence[RunShare], run_names: Sequence[str]) -> list[str]:
+    """Their runs, each modem of one that has several by its number."""
+    counts = Counter(share.run for share in shares)
+    names, seen = [], Counter[int]()
+    for share in shares:
+        seen[share.run] += 1
+        n = counts[share.run]
+        modem = f" (modem {seen[share.run]} of {n})" if n > 1 else ""
+        names.append(f"{run_names[share.run]}{modem}")
+    return names
+
+
 class Estimator(NamedTuple):
     """An estimator beside the posterior: attribute of `CellResult`, key in JSON, and name."""
 

@@ -24,6 +24,7 @@ from postproc.multi_run import (
     with_one_modem,
 )
 from postproc.smoothing import estimate_cell, smooth_runs
+from postproc.summary import run_table
 from postproc.survey.walk_readings import readings_of
 from postproc.walk import observe_run
 from tests.kit import runs
@@ -300,6 +301,8 @@ def test_modems_of_one_run_are_kept_apart(tmp_path):
     assert any("several modems" in warning for warning in cell.warnings)
     with_another = smooth_runs([read_run(path), read_run(alone)]).cells[0]
     assert len(with_another.shares) == 3
+    names = [row[0] for row in run_table(with_another, ["two.h5", "one.h5"]).rows]
+    assert names == ["two.h5 (modem 1 of 2)", "two.h5 (modem 2 of 2)", "one.h5"]
 
 
 def test_a_comparison_and_a_survey_take_the_modem_with_most_readings(tmp_path):
