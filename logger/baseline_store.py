@@ -1,8 +1,7 @@
 """A baseline that is changed: walks added and removed, cells trusted.
 
-Each change is one SQLite transaction with its rollback journal, so a killed program or a power cut
-leaves the baseline before the change or after it. There is no write-ahead log: one file is all that
-is copied to the device.
+Each change is one SQLite transaction with its rollback journal: a killed program or a power cut
+leaves the baseline before or after it. Without a write-ahead log one file is copied to the device.
 """
 
 import os
@@ -39,8 +38,8 @@ from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 FARTHEST_SIGMA_M = SQUARE_M / 2.0
 """A reading with a less sure position belongs to no square."""
 
+# 2 kB: a copy of a twentieth of a walk still has a dozen
 _MOST_MARKS, _FEWEST_COMMON = 256, 8
-"""Marks of a walk, 2 kB: a copy of a twentieth of it still has a dozen of them."""
 
 
 def _numbers_in(name: str) -> Sequence[str]:
@@ -129,10 +128,8 @@ def began_utc_ns(run: Run) -> int | None:
 
 
 def marks_of(run: Run) -> bytes:
-    """The smallest hashes of its readings, each with UTC and position of its fix.
-
-    A copy to share has another number, digest and zero of time, but these of what it keeps.
-    """
+    """The smallest hashes of readings with UTC and position of their fix; a copy has them too."""
+    # of a copy to share the number, the digest and the zero of time are others
     fixes, readings = run.tables["fixes"], run.tables["readings"]
     if not len(fixes) or not len(readings):
         return b""
@@ -164,9 +161,7 @@ def is_same_walk(marks: bytes, others: bytes) -> bool:
 def walk_digest(run: Run) -> str:
     """Which walk a run is: the digest of its hash chain, or of its content.
 
-    Content identifies an import, since the chains of two imports of one source differ, and a run
-    that lacks frames of what was sealed. It identifies no other run: a copy may differ in what the
-    digest of the content leaves out.
+    Content identifies an import, whose chain is another each time, and a run that lacks frames.
     """
     is_part = run.end is not None and not run.is_complete
     if is_import(run.meta.origin) or is_part or not run.digest:
@@ -175,10 +170,7 @@ def walk_digest(run: Run) -> str:
 
 
 def content_digest(fixes: Rows, readings: Rows) -> str:
-    """SHA-256 of the times, positions, names and levels of a walk.
-
-    A journal, the HDF5 file made of it and a second import of the same source have the same one.
-    """
+    """SHA-256 of the times, positions, names and levels of a walk."""
     state = sha256()
     for values in (fixes["t_ns"], fixes["lat_deg"], fixes["lon_deg"], readings["t_ns"]):
         state.update(len(values).to_bytes(8, "little"))
@@ -317,7 +309,6 @@ MARK = (
     "CREATE TABLE IF NOT EXISTS mark (walk INTEGER PRIMARY KEY, marks BLOB NOT NULL) STRICT",
     "DELETE FROM mark WHERE walk = :walk",
 )
-"""Of each walk what shows a copy of it (`marks_of`); walks of an earlier version have none."""
 
 REMOVE = (
     *MARK,
@@ -361,8 +352,7 @@ REMOVE = (
 
 _PATIENCE_S = 10.0
 """For another program that changes the baseline; one change takes some milliseconds."""
-_SHORTEST_DIGEST = 6
-"""Characters of a digest that name a walk; 16 million walks differ in as many."""
+_SHORTEST_DIGEST = 6  # characters, in which 16 million walks differ
 _LONGEST_NOTE = 200
 
 
@@ -453,10 +443,7 @@ class BaselineStore:
     def copies_of(
         self, marks: bytes, began_utc_ns: int | None, run_id: str = ""
     ) -> list[StoredWalk]:
-        """Walks with most readings of this one, or most of whose readings it has.
-
-        Not those of the run `run_id`.
-        """
+        """Walks of other runs that have most readings of this one, or it of them."""
         with self._errors():
             if not self._rows("SELECT 1 FROM sqlite_schema WHERE name = 'mark'"):
                 return []
@@ -639,11 +626,7 @@ SHORTER_COPY = "{}, a shorter copy of it, gave way"
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """What became of a file: added as a walk, in the baseline already, or unusable.
-
-    `walk` is the number of the added walk, `problem` why none was added; `remark` is what
-    contradicts an added one.
-    """
+    """What became of a file: `walk` is the number of an added one, `problem` why none was added."""
 
     path: Path
     walk: int | None = None

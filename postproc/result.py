@@ -241,22 +241,24 @@ class Estimate(NamedTuple):
 
 
 def is_equal(one: Any, other: Any) -> bool:
-    """Whether every number is the same, also in arrays, and unknown ones are unknown in both."""
-    if type(one) is not type(other):
-        return False
-    if isinstance(one, np.ndarray):
-        is_alike = (one.dtype, one.shape) == (other.dtype, other.shape)
-        return is_alike and one.tobytes() == other.tobytes()
-    if isinstance(one, Run):
-        return one.digest == other.digest
-    if is_dataclass(one):
-        names = [part.name for part in fields(one)]
-        return all(is_equal(getattr(one, name), getattr(other, name)) for name in names)
-    if isinstance(one, tuple):
-        return len(one) == len(other) and all(map(is_equal, one, other))
-    if isinstance(one, Mapping):
-        return one.keys() == other.keys() and all(is_equal(one[key], other[key]) for key in one)
-    return bool(one == other or (one != one and other != other))  # noqa: PLR0124 (NaN)
+    """Whether every number is the same, or unknown in both."""
+    return type(one) is type(other) and bool(_comparable(one) == _comparable(other))
+
+
+def _comparable(value: Any) -> Any:
+    # arrays have no truth, and NaN is not equal to itself
+    if is_dataclass(value) and not isinstance(value, Run):
+        value = (type(value).__name__, *(getattr(value, part.name) for part in fields(value)))
+    match value:
+        case np.ndarray():
+            return value.dtype, value.shape, value.tobytes()
+        case Run():
+            return value.digest
+        case tuple():
+            return tuple(map(_comparable, value))
+        case Mapping():
+            return {key: _comparable(part) for key, part in value.items()}
+    return value if value == value else repr(value)  # noqa: PLR0124
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -264,14 +266,12 @@ class CellResult:
     """What each estimator states about one cell; None where it has nothing reliable to state.
 
     `n` counts the readings with a position, `n_scans` the scans that surely identified the cell.
-    `answer` is made of `posterior` and `verdict`; all other estimators are for comparison.
-    `residuals` are those at the posterior's best position. `timing` compares timing advances with
-    the posterior; None where none was read. `failed` names the estimators that did not converge;
-    their values are dropped. `heard_utc_ns` are the UTC of the first and the last reading, None if
-    unknown. `set_aside` are levels that the readings around contradict; only the reference EKF and
-    `residuals` use them. `error` is the error of the program that ended some work on the cell,
-    `needed_m` the radius that a location needs, if the region is wider. `word` is empty unless it
-    is conspicuous.
+    `residuals` are those at the posterior's best position. `failed` names the estimators that did
+    not converge; their values are dropped. `heard_utc_ns` are the UTC of the first and the last
+    reading, None if unknown. `set_aside` are levels that the readings around contradict; only the
+    reference EKF and `residuals` use them. `error` is the error of the program that ended some work
+    on the cell, `needed_m` the radius that a location needs, if the region is wider. `word` is
+    empty unless it is conspicuous.
 
     `shares` is what each run contributed, and `without` the answer without one run, by its index in
     `Result.runs`; empty unless two or more runs observed the cell.

@@ -271,7 +271,7 @@ class CellChange:
 
     @property
     def is_small_change(self) -> bool:
-        """Whether it is the same only because its change is smaller than that of a word."""
+        """Whether its change is only smaller than that of a word."""
         return self.word == "same" and self.text.endswith(SMALL)
 
 

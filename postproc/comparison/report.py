@@ -32,10 +32,8 @@ _COLUMNS = (
 )
 
 
-def document_of(
-    compared: ComparedRuns, *, details: bool, written: Sequence[Path] = ()
-) -> Document:
-    """Cells that changed in words; with `details` every cell. `written` are files of it."""
+def document_of(compared: ComparedRuns, *, details: bool, written: Sequence[Path] = ()) -> Document:
+    """Cells that changed in words; with `details` every cell."""
     comparison = compared.comparison
     content = {
         "a": compared.a,
@@ -74,7 +72,7 @@ def _parts(compared: ComparedRuns, *, details: bool) -> Iterator[str | Line | Ta
 
 
 def changed_lines(cells: Sequence[CellChange]) -> Iterator[Line]:
-    """Each cell that changed, in words, also where that is too little for a word."""
+    """Each cell that changed, if little, in words."""
     for cell in cells:
         if cell.is_change or cell.is_small_change:
             yield Line(f"{cell.cell} {cell.rat}: {cell.text}", bullet=f"{cell.word}: ")

@@ -24,10 +24,7 @@ from postproc.verification import celldb
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """What became of a file: added, in the survey already, or left out because of `problem`.
-
-    `remark` says of one that was added what contradicts it.
-    """
+    """What became of a file: added, in the survey already, or left out because of `problem`."""
 
     path: Path
     digest: str = ""
@@ -88,7 +85,7 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
 
 
 def _copy_of(run: SurveyRun, others: Iterable[SurveyRun]) -> SurveyRun | None:
-    """A run with most readings of this one, or most of whose readings this one has."""
+    """A run that has most readings of this one, or the other way round."""
     began_ns = run.began_utc_ns
     if began_ns is None:
         return None

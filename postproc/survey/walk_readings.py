@@ -35,8 +35,8 @@ class SurveyRun:
 
     `content` is the digest of its content (`walk_summary`). `modem` and `logger` are pseudonyms,
     the same in all runs of one survey. `began_utc_ns` is None if no fix had a time. `is_complete`
-    is false of a cut run; `replaces` is the digest of a cut run that this one continues, or of a
-    shorter copy. `marks` show a copy.
+    is false of a cut run; `replaces` is the digest of one that this one continues. `marks` show a
+    copy.
     """
 
     digest: str
