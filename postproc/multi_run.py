@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
+from math import inf
 from typing import Any, TypeVar
 
 import numpy as np
@@ -121,15 +122,16 @@ def _bits(*columns: npt.NDArray[Any]) -> npt.NDArray[np.void]:
 
 
 def in_one_zone(runs: Sequence[ObservedRun]) -> tuple[ObservedRun, ...]:
-    """The runs in the UTM zone of the first that has a position.
+    """The runs in the UTM zone of the one with a position that began first, in any order.
 
     Raises `GeoError` for runs of several places.
     """
     check_one_place([run.run for run in runs])
-    placed = [run.observations for run in runs if run.observations]
+    placed = [(run.run, run.observations) for run in runs if run.observations]
     if not placed:
         return tuple(runs)
-    utm = placed[0].track.utm
+    _, first = min(placed, key=lambda one: (_began_utc_ns(one[0]) or inf, one[0].digest))
+    utm = first.track.utm
     return tuple(
         replace(run, observations=run.observations and _observations_in(run.observations, utm))
         for run in runs

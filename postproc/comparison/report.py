@@ -100,6 +100,8 @@ def headline(compared: ComparedRuns) -> str:
     cells = compared.comparison.cells
     n_changed = sum(cell.is_change for cell in cells)
     n_comparable = sum(cell.word != "not comparable" for cell in cells)
+    if not n_comparable:
+        return f"No cell could be compared, of {len(cells)} heard"
     changed = f"{n_changed or 'No'} cell{'s' * (n_changed != 1)} changed"
     return f"{changed}, of {n_comparable} that could be compared and {len(cells)} heard"
 

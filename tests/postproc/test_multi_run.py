@@ -23,6 +23,7 @@ from postproc.multi_run import (
     shares_of,
     with_one_modem,
 )
+from postproc.result import is_equal
 from postproc.smoothing import estimate_cell, smooth_runs
 from postproc.summary import run_table
 from postproc.survey.walk_readings import readings_of
@@ -134,6 +135,13 @@ def test_together_they_tell_more_than_each_alone(both, pair):
     alone = smooth_runs([read_run(pair[0])]).cells[0].posterior
     assert cell.without[1].posterior.region_area_m2 == alone.region_area_m2
     assert cell.without[1].posterior.modes[0].probability == alone.modes[0].probability
+
+
+def test_the_order_of_runs_in_two_zones_does_not_matter(pair):
+    given = [read_run(path) for path in pair]
+    one, other = (smooth_runs(order).cells[0] for order in (given, given[::-1]))
+    assert one.obs.utm == other.obs.utm
+    assert is_equal(one.posterior, other.posterior)
 
 
 def test_other_zone_is_no_other_place(both):

@@ -8,6 +8,7 @@ import pytest
 from postproc.cli import main
 from postproc.view.plan import entity
 from tests.kit.rerun_recordings import rows, static_columns
+from tests.postproc.baseline import walks as city_walks
 from tests.postproc.comparison.city import name, write_walk
 
 
@@ -98,3 +99,12 @@ def test_a_small_change_is_told_without_its_word(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "No cells changed" in out
     assert f"same: {name(3)} GSM: " in out
+
+
+def test_where_nothing_could_be_compared_no_cell_is_unchanged(tmp_path, capsys):
+    elsewhere = city_walks.write_walk(tmp_path, 9, city_walks.two_cells(), lat_deg=52.51)
+    near = city_walks.write_walk(tmp_path, 8, city_walks.two_cells(), lat_deg=52.53)
+    assert main(["compare", str(elsewhere), str(near)]) == 0
+    out = capsys.readouterr().out
+    assert "No cell could be compared, of 1 heard." in out  # the other has one level
+    assert "cells changed" not in out
