@@ -270,11 +270,20 @@ def _modem_numbers(parts: Parts, modems: Sequence[int]) -> list[IntArray]:
     return numbers
 
 
-def of_one_modem(obs: Readings) -> Readings:
-    """The readings of the modem of a run that read most of a cell."""
-    if obs.modem is None:
-        return obs
-    return replace(obs.part(obs.modem == np.argmax(np.bincount(obs.modem))), modem=None)
+def of_one_modem(observations: Observations) -> Observations:
+    """Of each technology the readings of the modem of a run that read most of it."""
+    counts: dict[str | None, Counter[int]] = {}
+    for obs in observations.cells:
+        counts.setdefault(obs.rat, Counter()).update(obs.modem_numbers.tolist())
+    cells = []
+    for obs in observations.cells:
+        (modem, _), *_ = counts[obs.rat].most_common()
+        is_kept = obs.modem_numbers == modem
+        if obs.modem is None:
+            cells.append(obs)
+        elif np.any(is_kept):
+            cells.append(replace(obs.part(is_kept), modem=None))
+    return replace(observations, cells=tuple(cells))
 
 
 def with_one_modem(run: Run) -> Run:

@@ -529,7 +529,7 @@ def compare_runs(a: Run, b: Run, progress: Progress | None = None) -> ComparedRu
         if run.observations is None:
             raise EstimationError(f"{run.run.path}: {run.warnings[0]}")
         # a level differs from another modem's by more than a station changes
-        walks.append(run.observations.each(of_one_modem))
+        walks.append(of_one_modem(run.observations))
     numbers = modems_of([a, b])
     same_modem = numbers[0] == numbers[1]
     compared = compare(walks[0].cells, walks[1].cells, same_modem=same_modem, progress=progress)
