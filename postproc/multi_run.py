@@ -122,7 +122,7 @@ def _bits(*columns: npt.NDArray[Any]) -> npt.NDArray[np.void]:
 
 
 def in_one_zone(runs: Sequence[ObservedRun]) -> tuple[ObservedRun, ...]:
-    """The runs in the UTM zone of the one with a position that began first, in any order.
+    """The runs in the UTM zone of the one that began first.
 
     Raises `GeoError` for runs of several places.
     """
@@ -271,7 +271,7 @@ def _modem_numbers(parts: Parts, modems: Sequence[int]) -> list[IntArray]:
 
 
 def of_one_modem(observations: Observations) -> Observations:
-    """Of each technology the readings of the modem of a run that read most of it."""
+    """Of each technology the readings of the modem with most."""
     counts: dict[str | None, Counter[int]] = {}
     for obs in observations.cells:
         counts.setdefault(obs.rat, Counter()).update(obs.modem_numbers.tolist())
