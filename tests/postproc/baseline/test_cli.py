@@ -2,6 +2,7 @@
 
 import json
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from logger.baseline_file import BaselineFile
 from logger.baseline_store import without_runs
 from logger.core.runfile import read_sound_run
 from postproc.cli import main
-from tests.postproc.baseline.walks import name, two_cells, write_walk
+from tests.postproc.baseline.walks import cell, name, two_cells, write_walk
 
 
 @pytest.fixture
@@ -135,3 +136,17 @@ def test_mistakes_are_one_line(folder, capsys, arguments):
 def test_a_place_that_cannot_be_written_is_named_with_the_reason(folder, capsys):
     said = output_of(capsys, "add", "run-000001.h5", "-b", "no/b.db", code=2)
     assert said.err == "postproc: cannot write no/b.db: No such file or directory\n"
+
+
+def test_a_conspicuous_cell_that_becomes_known_is_named(tmp_path, monkeypatch, capsys):
+    """Later walks are not warned of it."""
+    monkeypatch.chdir(tmp_path)
+    foreign = replace(cell(7, -60.0, lac=1201), mcc="310", mnc="260")
+    heard = [*(cell(cid, -80.0 - cid, channel=20 + cid) for cid in range(1, 7)), foreign]
+    write_walk(tmp_path, 1, lambda _: heard)
+    says = "310-260-1201-7; `postproc baseline remove 1` undoes that"
+    assert says in output_of(capsys, "add", "run-000001.h5").err
+    assert output_of(capsys, "add", "run-000001.h5").err == ""  # it was known
+    output_of(capsys, "remove", "1")
+    output_of(capsys, "trust", "310-260-1201-7", "a ship in the harbour")
+    assert output_of(capsys, "add", "run-000001.h5").err == ""
