@@ -49,7 +49,7 @@ _ROW_BYTES = 100
 """Of a row of numbers; its texts come in addition."""
 LONGEST_NS = 86_400_000_000_000  # a day, and no walk is longer: a copy begins within it
 NEAR = (
-    "SELECT id, digest, marks FROM walk JOIN mark ON walk = id "  # noqa: S608
+    "SELECT id, digest, marks, is_copy FROM walk JOIN mark ON walk = id "  # noqa: S608
     f"WHERE run_id != ? AND began_utc_ns - ? BETWEEN -{LONGEST_NS} AND {LONGEST_NS}"
 )
 
@@ -164,7 +164,7 @@ class BaselineFile(Baseline):
         if not self._all_rows("SELECT 1 FROM sqlite_master WHERE name = 'mark'"):
             return {}  # of an earlier version
         rows = self._rows(NEAR, "", began_utc_ns, most_bytes=_MOST_BYTES)
-        return {digest: marks for _, digest, marks in rows}
+        return {digest: marks for _, digest, marks, _ in rows}
 
     def _read(self) -> None:
         trust = self._all_rows("SELECT cell, note FROM trust ORDER BY cell")

@@ -32,7 +32,7 @@ from logger.core.places import index_of, track_of
 from logger.core.readings import places_of
 from logger.core.rows import Rows, levels_dbm
 from logger.core.runfile import Run, sealing_of
-from logger.core.runfile.meta import is_import
+from logger.core.runfile.meta import is_import, is_shared_copy
 from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 
 FARTHEST_SIGMA_M = SQUARE_M / 2.0
@@ -83,6 +83,7 @@ class WalkSummary:
     seal: str = ""
     is_complete: bool = True
     marks: bytes = b""
+    is_copy: bool = False
 
     @property
     def n_squares(self) -> int:
@@ -117,6 +118,7 @@ def summarise_walk(run: Run) -> WalkSummary:
         seal=run.end.digest if run.end else "",
         is_complete=run.is_complete,
         marks=marks_of(run),
+        is_copy=is_shared_copy(run.meta.origin),
     )
 
 
@@ -306,7 +308,8 @@ NULL of walks of an earlier version, whose `digest` is that of the content.
 """
 
 MARK = (
-    "CREATE TABLE IF NOT EXISTS mark (walk INTEGER PRIMARY KEY, marks BLOB NOT NULL) STRICT",
+    """CREATE TABLE IF NOT EXISTS mark (
+        walk INTEGER PRIMARY KEY, marks BLOB NOT NULL, is_copy INTEGER NOT NULL) STRICT""",
     "DELETE FROM mark WHERE walk = :walk",
 )
 
@@ -434,22 +437,24 @@ class BaselineStore:
                         f"{walk.name} is another state of walk {number}; "
                         f"`postproc baseline remove {number}` it first"
                     )
-            for copy in self.copies_of(walk.marks, walk.began_utc_ns, walk.run_id):
-                if copy.n_readings >= walk.n_readings:
+            for other, is_copy in self.copies_of(walk):
+                if walk.is_copy and not (is_copy and other.n_readings < walk.n_readings):
                     return None
-                self._remove(copy.id)
+                self._remove(other.id)
             return self._insert(walk)
 
-    def copies_of(
-        self, marks: bytes, began_utc_ns: int | None, run_id: str = ""
-    ) -> list[StoredWalk]:
-        """Walks of other runs that have most readings of this one, or it of them."""
+    def copies_of(self, walk: WalkSummary) -> list[tuple[StoredWalk, bool]]:
+        """Walks of which this is a shared copy, and shared copies of it."""
         with self._errors():
             if not self._rows("SELECT 1 FROM sqlite_schema WHERE name = 'mark'"):
                 return []
-            near = self._rows(NEAR, run_id, began_utc_ns)
-            same = {number for number, _, others in near if is_same_walk(marks, others)}
-            return [walk for walk in self.walks() if walk.id in same] if same else []
+            # without a copy one of two was changed and sealed anew, and nobody knows which
+            same = {
+                number: bool(is_copy)
+                for number, _, marks, is_copy in self._rows(NEAR, walk.run_id, walk.began_utc_ns)
+                if (walk.is_copy or is_copy) and is_same_walk(marks, walk.marks)
+            }
+            return [(one, same[one.id]) for one in self.walks() if one.id in same] if same else []
 
     def contradictions(self, walk: int) -> list[int]:
         """Numbers of other walks of the same run, of which only one can be unaltered."""
@@ -540,7 +545,8 @@ class BaselineStore:
             raise RunFileError(f"{self.path}: no number for the walk")
         for statement in MARK:
             self._db.execute(statement, {"walk": number} if ":walk" in statement else {})
-        self._db.execute("INSERT INTO mark VALUES (?, ?)", (number, walk.marks))
+        marks = (number, walk.marks, walk.is_copy)
+        self._db.execute("INSERT INTO mark VALUES (?, ?, ?)", marks)
         cell = self._cell_numbers(walk)
         self._db.executemany(
             "INSERT INTO heard VALUES (?, ?, ?, ?, ?, ?, ?)",
@@ -644,7 +650,7 @@ def add_walk(store: BaselineStore, path: Path, outcome: WalkSummary | FieldLogge
     try:
         if isinstance(outcome, FieldLoggerError):
             raise outcome
-        copies = store.copies_of(outcome.marks, outcome.began_utc_ns, outcome.run_id)
+        copies = store.copies_of(outcome)
         number = store.add(outcome, lambda earlier: sealing_of(path, earlier).continues)
         others = [] if number is None else store.contradictions(number)
     except FieldLoggerError as error:
@@ -653,5 +659,5 @@ def add_walk(store: BaselineStore, path: Path, outcome: WalkSummary | FieldLogge
     remark = CONTRADICTION.format(f"walk {others[0]}") if others else ""
     if copies:
         text = COPY if number is None else SHORTER_COPY
-        remark = text.format(f"walk {copies[0].id}, {copies[0].name}")
+        remark = text.format(f"walk {copies[0][0].id}, {copies[0][0].name}")
     return Added(path, number, outcome.digest, *counts, is_known=number is None, remark=remark)

@@ -62,7 +62,8 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
                 yield Added(path, problem=f"{path}: another state of {others[0]}, which is there")
                 continue
             copy = None if same else _copy_of(walk.run, chain.from_iterable(states.values()))
-            if copy and copy.n_readings >= walk.run.n_readings:
+            is_longer = copy and copy.is_copy and copy.n_readings < walk.run.n_readings
+            if copy and walk.run.is_copy and not is_longer:
                 remark = COPY.format(copy.name)
                 yield Added(path, walk.run.digest, is_known=True, remark=remark)
                 continue
@@ -85,14 +86,16 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
 
 
 def _copy_of(run: SurveyRun, others: Iterable[SurveyRun]) -> SurveyRun | None:
-    """A run that has most readings of this one, or the other way round."""
+    """A run of which this is a shared copy, or the other way round."""
     began_ns = run.began_utc_ns
     if began_ns is None:
         return None
     near = (
         other
         for other in others
-        if other.began_utc_ns is not None and abs(other.began_utc_ns - began_ns) <= LONGEST_NS
+        if (run.is_copy or other.is_copy)
+        and other.began_utc_ns is not None
+        and abs(other.began_utc_ns - began_ns) <= LONGEST_NS
     )
     return next((other for other in near if is_same_walk(other.marks, run.marks)), None)
 

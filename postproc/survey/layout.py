@@ -54,9 +54,10 @@ RUNS = pa.schema(
         ("is_complete", pa.bool_()),
         ("replaces", pa.string()),
         ("marks", pa.binary()),
+        ("is_copy", pa.bool_()),
     ]
 )
-NOT_IN_OLDER = frozenset(("is_complete", "replaces", "marks"))
+NOT_IN_OLDER = frozenset(("is_complete", "replaces", "marks", "is_copy"))
 """Columns of runs that surveys of older versions lack."""
 RULES = pa.schema(
     [

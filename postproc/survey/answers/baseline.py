@@ -66,4 +66,5 @@ def _summary(run: SurveyRun, heard: Mapping[str, HeardCell], rows: pa.Table) -> 
         seal=run.digest,
         is_complete=run.is_complete,
         marks=run.marks,
+        is_copy=run.is_copy,
     )
