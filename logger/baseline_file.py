@@ -47,6 +47,12 @@ _MOST_BYTES, _MOST_KEPT_BYTES = 16 << 20, 64 << 10
 """Of the names of all walks, 100 000, and of an answer that is kept: 500 cells in a square."""
 _ROW_BYTES = 100
 """Of a row of numbers; its texts come in addition."""
+LONGEST_NS = 86_400_000_000_000  # a day, and no walk is longer: a copy begins within it
+NEAR = (
+    "SELECT id, digest, marks, is_copy FROM walk JOIN mark ON walk = id "  # noqa: S608
+    f"WHERE run_id != ? AND began_utc_ns - ? BETWEEN -{LONGEST_NS} AND {LONGEST_NS}"
+)
+
 _HEAP_BYTES, _LONGEST_BYTES = 16 << 20, 64 << 10
 """What SQLite may use in the recorder, which has little memory, and of a value."""
 
@@ -152,6 +158,13 @@ class BaselineFile(Baseline):
             FEWEST_SCANS,
         )
         return MappingProxyType(dict(rows))
+
+    def marks_near(self, began_utc_ns: int | None) -> dict[str, bytes]:
+        """Marks of walks that began within a day, by digest."""
+        if not self._all_rows("SELECT 1 FROM sqlite_master WHERE name = 'mark'"):
+            return {}  # of an earlier version
+        rows = self._rows(NEAR, "", began_utc_ns, most_bytes=_MOST_BYTES)
+        return {digest: marks for _, digest, marks, _ in rows}
 
     def _read(self) -> None:
         trust = self._all_rows("SELECT cell, note FROM trust ORDER BY cell")

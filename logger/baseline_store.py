@@ -1,10 +1,10 @@
 """A baseline that is changed: walks added and removed, cells trusted.
 
-Each change is one SQLite transaction with its rollback journal, so a killed program or a power cut
-leaves the baseline before the change or after it. There is no write-ahead log: one file is all that
-is copied to the device.
+Each change is one SQLite transaction with its rollback journal: a killed program or a power cut
+leaves the baseline before or after it. Without a write-ahead log one file is copied to the device.
 """
 
+import os
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +18,7 @@ import numpy as np
 
 from logger.baseline_file import (
     APPLICATION_ID,
+    NEAR,
     SCALE,
     UNKNOWN,
     VERSION,
@@ -26,16 +27,19 @@ from logger.baseline_file import (
 )
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.baseline import SQUARE_M, squares_of
-from logger.core.errors import ConfigError, FieldLoggerError, RunFileError
-from logger.core.places import track_of
+from logger.core.errors import ConfigError, FieldLoggerError, RunFileError, why_not_written
+from logger.core.places import index_of, track_of
 from logger.core.readings import places_of
 from logger.core.rows import Rows, levels_dbm
 from logger.core.runfile import Run, sealing_of
-from logger.core.runfile.meta import is_import
+from logger.core.runfile.meta import is_import, is_shared_copy
 from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 
 FARTHEST_SIGMA_M = SQUARE_M / 2.0
 """A reading with a less sure position belongs to no square."""
+
+# 2 kB: a copy of a twentieth of a walk still has a dozen
+_MOST_MARKS, _FEWEST_COMMON = 256, 8
 
 
 def _numbers_in(name: str) -> Sequence[str]:
@@ -63,7 +67,7 @@ class WalkSummary:
     content, `seal` what it was sealed with. `is_complete` is false of a run that was cut or lacks
     frames. `cells` has the technology of each cell, `visits` the squares in which cells of a
     technology were named. `channels` are (cell, channel number, code), `UNKNOWN` where not printed.
-    `began_utc_ns` is None if no fix had a time.
+    `began_utc_ns` is None if no fix had a time. `marks` show a copy (`marks_of`).
     """
 
     digest: str
@@ -78,6 +82,8 @@ class WalkSummary:
     content: str = ""
     seal: str = ""
     is_complete: bool = True
+    marks: bytes = b""
+    is_copy: bool = False
 
     @property
     def n_squares(self) -> int:
@@ -98,12 +104,11 @@ def summarise_walk(run: Run) -> WalkSummary:
     first = np.unique(cell, return_index=True)[1]
     cells = [name.decode() for name in names]
     rats = [rat.decode() for rat in rows["rat"][first]]
-    times = fixes["utc_ns"][fixes["utc_ns"] != UNKNOWN_TIME]
     return WalkSummary(
         digest=walk_digest(run),
         run_id=run.meta.run_id,
         name=run.path.name,
-        began_utc_ns=int(times[0]) if len(times) else None,
+        began_utc_ns=began_utc_ns(run),
         n_readings=len(rows),
         cells=dict(zip(cells, rats, strict=True)),
         heard=rows_by_square(square, cell, rows["seq"], levels_dbm(rows), cells),
@@ -112,15 +117,53 @@ def summarise_walk(run: Run) -> WalkSummary:
         content=content_digest(fixes, readings),
         seal=run.end.digest if run.end else "",
         is_complete=run.is_complete,
+        marks=marks_of(run),
+        is_copy=is_shared_copy(run.meta.origin),
     )
+
+
+def began_utc_ns(run: Run) -> int | None:
+    """The first time of a run's fixes."""
+    utc_ns = run.tables["fixes"]["utc_ns"]
+    times = utc_ns[utc_ns != UNKNOWN_TIME]
+    return int(times[0]) if len(times) else None
+
+
+def marks_of(run: Run) -> bytes:
+    """The smallest hashes of readings with UTC and position of their fix; a copy has them too."""
+    # of a copy to share the number, the digest and the zero of time are others
+    fixes, readings = run.tables["fixes"], run.tables["readings"]
+    if not len(fixes) or not len(readings):
+        return b""
+    index, is_there = index_of(fixes["seq"], readings["fix_seq"])
+    at, level_dbm = fixes[index], levels_dbm(readings)
+    is_there &= (at["utc_ns"] != UNKNOWN_TIME) & np.isfinite(level_dbm)
+    state = np.zeros(len(readings), np.uint64)
+    columns = at["utc_ns"], at["lat_deg"], at["lon_deg"], readings["arfcn"], readings["cid"]
+    for values in (*columns, level_dbm):
+        is_real = values.dtype.kind == "f"
+        bits = values.astype(np.float64 if is_real else np.int64).view(np.uint64)
+        state = (state ^ bits) * np.uint64(0x9E3779B97F4A7C15)  # 2^64 by the golden ratio
+        state ^= state >> np.uint64(32)
+    return np.unique(state[is_there])[:_MOST_MARKS].astype("<u8").tobytes()
+
+
+def is_same_walk(marks: bytes, others: bytes) -> bool:
+    """Whether most readings of one of two walks are in the other."""
+    one, other = (np.frombuffer(part, "<u8") for part in (marks, others))
+    # of a walk with more readings nothing is known above its last mark
+    last = min((part[-1] for part in (one, other) if len(part) == _MOST_MARKS), default=None)
+    if last is not None:
+        one, other = one[one <= last], other[other <= last]
+    # modems that share a receiver have few levels in common
+    n = len(np.intersect1d(one, other))
+    return n >= _FEWEST_COMMON and n > 0.5 * min(len(one), len(other))
 
 
 def walk_digest(run: Run) -> str:
     """Which walk a run is: the digest of its hash chain, or of its content.
 
-    Content identifies an import, since the chains of two imports of one source differ, and a run
-    that lacks frames of what was sealed. It identifies no other run: a copy may differ in what the
-    digest of the content leaves out.
+    Content identifies an import, whose chain is another each time, and a run that lacks frames.
     """
     is_part = run.end is not None and not run.is_complete
     if is_import(run.meta.origin) or is_part or not run.digest:
@@ -129,10 +172,7 @@ def walk_digest(run: Run) -> str:
 
 
 def content_digest(fixes: Rows, readings: Rows) -> str:
-    """SHA-256 of the times, positions, names and levels of a walk.
-
-    A journal, the HDF5 file made of it and a second import of the same source have the same one.
-    """
+    """SHA-256 of the times, positions, names and levels of a walk."""
     state = sha256()
     for values in (fixes["t_ns"], fixes["lat_deg"], fixes["lon_deg"], readings["t_ns"]):
         state.update(len(values).to_bytes(8, "little"))
@@ -267,7 +307,14 @@ SEAL = "ALTER TABLE walk ADD COLUMN seal TEXT"
 NULL of walks of an earlier version, whose `digest` is that of the content.
 """
 
+MARK = (
+    """CREATE TABLE IF NOT EXISTS mark (
+        walk INTEGER PRIMARY KEY, marks BLOB NOT NULL, is_copy INTEGER NOT NULL) STRICT""",
+    "DELETE FROM mark WHERE walk = :walk",
+)
+
 REMOVE = (
+    *MARK,
     """CREATE TEMP TABLE gone_heard AS
         SELECT DISTINCT cell, square FROM heard WHERE walk = :walk""",
     """CREATE TEMP TABLE gone_visit AS
@@ -308,8 +355,7 @@ REMOVE = (
 
 _PATIENCE_S = 10.0
 """For another program that changes the baseline; one change takes some milliseconds."""
-_SHORTEST_DIGEST = 6
-"""Characters of a digest that name a walk; 16 million walks differ in as many."""
+_SHORTEST_DIGEST = 6  # characters, in which 16 million walks differ
 _LONGEST_NOTE = 200
 
 
@@ -336,6 +382,11 @@ class BaselineStore:
         self.path = path
         if not create and not path.is_file():
             raise RunFileError(f"{path}: no such file; `postproc baseline add` makes a baseline")
+        if create:  # SQLite does not say why it cannot open a file
+            try:
+                os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o644))
+            except OSError as error:
+                raise RunFileError(f"cannot write {path}: {why_not_written(error)}") from error
         with self._errors():
             mode = "rwc" if create else "rw"
             self._db = sqlite3.connect(
@@ -366,9 +417,9 @@ class BaselineStore:
     ) -> int | None:
         """Add a walk and return its number; None if it is in the baseline already.
 
-        A walk that it continues, as `continues` says of a digest, or a damaged copy of it gives
-        way. Raises `RunFileError` if it may itself be a part of a walk that is there: both would
-        count.
+        A walk that it continues, as `continues` says of a digest, or a damaged or shorter copy of
+        it gives way. Raises `RunFileError` if it may itself be a part of a walk that is there: both
+        would count.
         """
         with self._change():
             if "seal" not in [row[1] for row in self._rows("PRAGMA table_info(walk)")]:
@@ -386,7 +437,24 @@ class BaselineStore:
                         f"{walk.name} is another state of walk {number}; "
                         f"`postproc baseline remove {number}` it first"
                     )
+            for other, is_copy in self.copies_of(walk):
+                if walk.is_copy and not (is_copy and other.n_readings < walk.n_readings):
+                    return None
+                self._remove(other.id)
             return self._insert(walk)
+
+    def copies_of(self, walk: WalkSummary) -> list[tuple[StoredWalk, bool]]:
+        """Walks of which this is a shared copy, and shared copies of it."""
+        with self._errors():
+            if not self._rows("SELECT 1 FROM sqlite_schema WHERE name = 'mark'"):
+                return []
+            # without a copy one of two was changed and sealed anew, and nobody knows which
+            same = {
+                number: bool(is_copy)
+                for number, _, marks, is_copy in self._rows(NEAR, walk.run_id, walk.began_utc_ns)
+                if (walk.is_copy or is_copy) and is_same_walk(marks, walk.marks)
+            }
+            return [(one, same[one.id]) for one in self.walks() if one.id in same] if same else []
 
     def contradictions(self, walk: int) -> list[int]:
         """Numbers of other walks of the same run, of which only one can be unaltered."""
@@ -475,6 +543,10 @@ class BaselineStore:
         ).lastrowid
         if number is None:
             raise RunFileError(f"{self.path}: no number for the walk")
+        for statement in MARK:
+            self._db.execute(statement, {"walk": number} if ":walk" in statement else {})
+        marks = (number, walk.marks, walk.is_copy)
+        self._db.execute("INSERT INTO mark VALUES (?, ?, ?)", marks)
         cell = self._cell_numbers(walk)
         self._db.executemany(
             "INSERT INTO heard VALUES (?, ?, ?, ?, ?, ?, ?)",
@@ -538,6 +610,10 @@ def without_runs(path: Path, runs: Sequence[Run], folder: Path) -> Path:
     tables = [(run.tables["fixes"], run.tables["readings"]) for run in runs]
     same = {*map(walk_digest, runs), *(content_digest(*pair) for pair in tables)}
     with closing(BaselineFile(path)) as file:
+        for run in runs:
+            marks = marks_of(run)
+            near = file.marks_near(began_utc_ns(run))
+            same |= {digest for digest, others in near.items() if is_same_walk(marks, others)}
         if same.isdisjoint(file.digests):
             return path
     copy = Path(shutil.copy(path, folder / "others.db"))
@@ -550,15 +626,13 @@ CONTRADICTION = (
     "{} says that it is the same run and differs: one of them was changed and sealed anew. Both "
     "count; the digest that was noted at the stop shows which is genuine"
 )
+COPY = "a copy of {}, which is there"
+SHORTER_COPY = "{}, a shorter copy of it, gave way"
 
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """What became of a file: added as a walk, in the baseline already, or unusable.
-
-    `walk` is the number of the added walk, `problem` why none was added; `remark` is what
-    contradicts an added one.
-    """
+    """What became of a file: `walk` is the number of an added one, `problem` why none was added."""
 
     path: Path
     walk: int | None = None
@@ -576,10 +650,14 @@ def add_walk(store: BaselineStore, path: Path, outcome: WalkSummary | FieldLogge
     try:
         if isinstance(outcome, FieldLoggerError):
             raise outcome
+        copies = store.copies_of(outcome)
         number = store.add(outcome, lambda earlier: sealing_of(path, earlier).continues)
         others = [] if number is None else store.contradictions(number)
     except FieldLoggerError as error:
         return Added(path, problem=str(error))
     counts = outcome.n_readings, outcome.n_squares, len(outcome.cells)
     remark = CONTRADICTION.format(f"walk {others[0]}") if others else ""
+    if copies:
+        text = COPY if number is None else SHORTER_COPY
+        remark = text.format(f"walk {copies[0][0].id}, {copies[0][0].name}")
     return Added(path, number, outcome.digest, *counts, is_known=number is None, remark=remark)

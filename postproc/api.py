@@ -291,6 +291,8 @@ def export(
         results = list(run)
         if not all(isinstance(one, Result) for one in results):
             raise ConfigError("levels are written one run a file; several may be results alone")
+        if not results:
+            raise ConfigError("no result is given")
     name = format_of(form, target, with_estimates=results is not None)
     check_output(target)
     wanted = _names(cells)

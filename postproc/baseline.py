@@ -1,17 +1,18 @@
 """The commands `postproc baseline ...`."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from logger.command_line import FILE, json_option, late_modules, show
-from logger.core.errors import SOMETHING_LOST, ConfigError
+from logger.core.errors import SOMETHING_LOST, ConfigError, FieldLoggerError
 from postproc.options import runs_argument
 
 with late_modules():
-    from logger import baseline_store
-    from logger.core import cell_names, document, types
+    from logger import baseline_store, own_baseline
+    from logger.core import cell_names, document, runfile, types
     from postproc import processes, progress
 
 DEFAULT_NAME = "baseline.db"
@@ -37,8 +38,28 @@ def add_runs(
 
     Each run is durable when it is yielded. A run that cannot be read does not stop the others.
     """
-    for path, outcome in processes.read_ahead(paths, baseline_store.summarise_walk):
-        yield baseline_store.add_walk(store, path, outcome)
+    for path, outcome in processes.read_ahead(paths, _summary):
+        if isinstance(outcome, FieldLoggerError):
+            yield baseline_store.add_walk(store, path, outcome)
+            continue
+        walk, conspicuous = outcome
+        added = baseline_store.add_walk(store, path, walk)
+        doubtful = sorted(conspicuous - store.trusted_cells().keys())
+        if added.walk is not None and doubtful:  # later walks will not be warned of them
+            known = _KNOWN_NOW.format(", ".join(doubtful), added.walk)
+            remark = "; ".join(filter(None, [added.remark, known]))
+            added = replace(added, remark=remark)
+        yield added
+
+
+_KNOWN_NOW = (
+    "unusual or suspicious on it, and known from now on: {}; `postproc baseline remove {}` undoes "
+    "that"
+)
+
+
+def _summary(run: "runfile.Run") -> "tuple[baseline_store.WalkSummary, set[str]]":
+    return baseline_store.summarise_walk(run), own_baseline.conspicuous_cells(run)
 
 
 @click.group(no_args_is_help=False)

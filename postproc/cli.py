@@ -27,7 +27,7 @@ from logger.command_line import (
     under_old_name,
     version_option,
 )
-from logger.core.errors import SOMETHING_LOST, ConfigError
+from logger.core.errors import SOMETHING_LOST, ConfigError, RunFileError
 from postproc.baseline import baseline
 from postproc.guidance.cli import guide, next_command
 from postproc.interop.cli import export, import_, share
@@ -189,11 +189,16 @@ def smooth(
         rows += [*summed.rows, *failures]
     # printed first: a run on a read-only card has an answer too
     show(ground.document_of_groups(groups, documents), as_json=as_json)
+    code = cell_work.exit_code(rows)
     for group, estimated, said in zip(groups, estimates, documents, strict=True):
         beside = results.path_beside([run.path for run in group.runs])
         if not group.cells or not beside.exists():  # a few cells do not replace all
-            results.write(estimated, said.content, beside, group.cells)
-    return cell_work.exit_code(rows)
+            try:
+                results.write(estimated, said.content, beside, group.cells)
+            except RunFileError as error:
+                print(f"not stored, so other commands estimate again: {error}", file=sys.stderr)
+                code = SOMETHING_LOST
+    return code
 
 
 @program.command
@@ -316,7 +321,9 @@ def compare(
             part.write_bytes(comparison_report.html(compared).encode())
     if save is not None:
         scene.write_comparison(compared, save)
-    show(comparison_report.document_of(compared, details=verbose), as_json=as_json)
+    written = [path for path in (output, save) if path is not None]
+    said = comparison_report.document_of(compared, details=verbose, written=written)
+    show(said, as_json=as_json)
     return cell_work.exit_code(compared.comparison.cells)
 
 

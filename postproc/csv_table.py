@@ -128,10 +128,13 @@ def _values_of(lines: Lines, delimiter: str, n_names: int) -> Iterator[tuple[int
         values = plain = line.rstrip("\r\n").split(delimiter)
         if '"' in line:
             quoted, n_lines = _row([line], delimiter)
-            if n_lines > 1 and len(plain) != n_names:
+            if n_lines > 1 and (len(plain) != n_names or plain[-1].startswith('"')):
                 ahead.extend(islice(lines, _MOST_LINES - len(ahead)))
                 quoted, n_lines = _row([line, *ahead], delimiter)
-            if n_lines <= len(ahead) + 1 and (len(quoted) == n_names or len(plain) != n_names):
+            # a last value has lines of its own only where they are no rows
+            are_rows = [len(one.split(delimiter)) == n_names for one in islice(ahead, n_lines - 1)]
+            is_quoted = len(quoted) == n_names and not any(are_rows)
+            if n_lines <= len(ahead) + 1 and (is_quoted or len(plain) != n_names):
                 values = quoted
                 for _ in range(n_lines - 1):
                     ahead.popleft()

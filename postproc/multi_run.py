@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
+from math import inf
 from typing import Any, TypeVar
 
 import numpy as np
@@ -121,15 +122,16 @@ def _bits(*columns: npt.NDArray[Any]) -> npt.NDArray[np.void]:
 
 
 def in_one_zone(runs: Sequence[ObservedRun]) -> tuple[ObservedRun, ...]:
-    """The runs in the UTM zone of the first that has a position.
+    """The runs in the UTM zone of the one that began first.
 
     Raises `GeoError` for runs of several places.
     """
     check_one_place([run.run for run in runs])
-    placed = [run.observations for run in runs if run.observations]
+    placed = [(run.run, run.observations) for run in runs if run.observations]
     if not placed:
         return tuple(runs)
-    utm = placed[0].track.utm
+    _, first = min(placed, key=lambda one: (_began_utc_ns(one[0]) or inf, one[0].digest))
+    utm = first.track.utm
     return tuple(
         replace(run, observations=run.observations and _observations_in(run.observations, utm))
         for run in runs
@@ -268,11 +270,20 @@ def _modem_numbers(parts: Parts, modems: Sequence[int]) -> list[IntArray]:
     return numbers
 
 
-def of_one_modem(obs: Readings) -> Readings:
-    """The readings of the modem of a run that read most of a cell."""
-    if obs.modem is None:
-        return obs
-    return replace(obs.part(obs.modem == np.argmax(np.bincount(obs.modem))), modem=None)
+def of_one_modem(observations: Observations) -> Observations:
+    """Of each technology the readings of the modem with most."""
+    counts: dict[str | None, Counter[int]] = {}
+    for obs in observations.cells:
+        counts.setdefault(obs.rat, Counter()).update(obs.modem_numbers.tolist())
+    cells = []
+    for obs in observations.cells:
+        (modem, _), *_ = counts[obs.rat].most_common()
+        is_kept = obs.modem_numbers == modem
+        if obs.modem is None:
+            cells.append(obs)
+        elif np.any(is_kept):
+            cells.append(replace(obs.part(is_kept), modem=None))
+    return replace(observations, cells=tuple(cells))
 
 
 def with_one_modem(run: Run) -> Run:

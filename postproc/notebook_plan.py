@@ -101,7 +101,8 @@ def draw(
     axes.set(xlabel="east (m)", ylabel="north (m)")
     axes.ticklabel_format(useOffset=False, style="plain")
     style: Any = {"bbox_to_anchor": (0.0, 1.0), "ncols": 2, "frameon": False, "fontsize": "small"}
-    axes.legend(loc="lower left", **style)  # above the axes, where it hides nothing
+    if axes.get_legend_handles_labels()[0]:  # a run without a fix has none
+        axes.legend(loc="lower left", **style)  # above the axes, where it hides nothing
 
 
 def round_step(span: float, most: int) -> float:

@@ -5,9 +5,9 @@ Tables, report, view, exports and JSON are made of this alone.
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from math import isfinite
-from typing import TYPE_CHECKING, Final, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, get_args
 
 import numpy as np
 
@@ -192,6 +192,18 @@ class RunShare:
     sigma_db: float | None
 
 
+def share_names(shares: Sequence[RunShare], run_names: Sequence[str]) -> list[str]:
+    """Their runs, each modem of one that has several by its number."""
+    counts = Counter(share.run for share in shares)
+    names, seen = [], Counter[int]()
+    for share in shares:
+        seen[share.run] += 1
+        n = counts[share.run]
+        modem = f" (modem {seen[share.run]} of {n})" if n > 1 else ""
+        names.append(f"{run_names[share.run]}{modem}")
+    return names
+
+
 class Estimator(NamedTuple):
     """An estimator beside the posterior: attribute of `CellResult`, key in JSON, and name."""
 
@@ -228,19 +240,38 @@ class Estimate(NamedTuple):
         return ellipse95(*self.p[[0, 0, 1], [0, 1, 1]].tolist())
 
 
-@dataclass(frozen=True, slots=True)
+def is_equal(one: Any, other: Any) -> bool:
+    """Whether every number is the same, or unknown in both."""
+    return type(one) is type(other) and bool(_comparable(one) == _comparable(other))
+
+
+def _comparable(value: Any) -> Any:
+    # arrays have no truth, and NaN is not equal to itself
+    if is_dataclass(value) and not isinstance(value, Run):
+        value = (type(value).__name__, *(getattr(value, part.name) for part in fields(value)))
+    match value:
+        case np.ndarray():
+            return value.dtype, value.shape, value.tobytes()
+        case Run():
+            return value.digest
+        case tuple():
+            return tuple(map(_comparable, value))
+        case Mapping():
+            return {key: _comparable(part) for key, part in value.items()}
+    return value if value == value else repr(value)  # noqa: PLR0124
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class CellResult:
     """What each estimator states about one cell; None where it has nothing reliable to state.
 
     `n` counts the readings with a position, `n_scans` the scans that surely identified the cell.
-    `answer` is made of `posterior` and `verdict`; all other estimators are for comparison.
-    `residuals` are those at the posterior's best position. `timing` compares timing advances with
-    the posterior; None where none was read. `failed` names the estimators that did not converge;
-    their values are dropped. `heard_utc_ns` are the UTC of the first and the last reading, None if
-    unknown. `set_aside` are levels that the readings around contradict; only the reference EKF and
-    `residuals` use them. `error` is the error of the program that ended some work on the cell,
-    `needed_m` the radius that a location needs, if the region is wider. `word` is empty unless it
-    is conspicuous.
+    `residuals` are those at the posterior's best position. `failed` names the estimators that did
+    not converge; their values are dropped. `heard_utc_ns` are the UTC of the first and the last
+    reading, None if unknown. `set_aside` are levels that the readings around contradict; only the
+    reference EKF and `residuals` use them. `error` is the error of the program that ended some work
+    on the cell, `needed_m` the radius that a location needs, if the region is wider. `word` is
+    empty unless it is conspicuous.
 
     `shares` is what each run contributed, and `without` the answer without one run, by its index in
     `Result.runs`; empty unless two or more runs observed the cell.
@@ -269,6 +300,8 @@ class CellResult:
     error: str | None = None
     needed_m: float | None = None
     word: str = ""
+
+    __eq__, __hash__ = is_equal, None  # type: ignore[assignment]
 
     @property
     def place(self) -> Place | None:
@@ -428,7 +461,7 @@ def in_report_order(cells: Sequence[CellResult], first: Sequence[str]) -> list[C
     return sorted(cells, key=rank)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Result:
     """All cells of one or several runs, the cell with most readings first.
 
@@ -446,6 +479,8 @@ class Result:
     words: Mapping[str, Word] = field(default_factory=dict)
     not_asked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     unnoticed: str = ""
+
+    __eq__, __hash__ = is_equal, None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         conspicuous = {name: word.word for name, word in self.words.items() if word.is_conspicuous}

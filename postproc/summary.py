@@ -64,6 +64,7 @@ from postproc.result import (
     Result,
     heard_at,
     region_of,
+    share_names,
 )
 
 _PLACE = ("lat", "lon", "r95_m", "r50_m", "drms_m", "may_be_distant")
@@ -464,13 +465,14 @@ def _parameters(of: Parameters | PathEnd) -> tuple[Value, Value]:
 def run_table(cell: CellResult, run_names: Sequence[str]) -> Table:
     """What each run contributes: its level against the one with most, and the answer without it."""
     rows: list[tuple[Value, ...]] = []
-    for share in cell.shares if cell.without else ():
+    shares = cell.shares if cell.without else ()
+    for share, name in zip(shares, share_names(shares, run_names), strict=True):
         rest = cell.without[share.run]
         is_first = share.offset_db is not None and not share.sigma_db
         level: Value = "0" if is_first else Measured(share.offset_db, share.sigma_db)
         place = rest.place
         position = (_position(place), _radii(place)) if place else (None, None)
-        rows.append((run_names[share.run], share.n, level, *position, Word(rest.verdict)))
+        rows.append((name, share.n, level, *position, Word(rest.verdict)))
     return Table(_RUN_COLUMNS, rows, f"Run by run: cell {cell.cell}")
 
 

@@ -44,7 +44,7 @@ def write_run(folder, number, readings_at=None, *, day=0, n=40, notes=(RULES,), 
     readings_at = readings_at or two_cells()
     for k in range(n):
         t_ns = k * 2 * 10**9
-        utc_ns = (1_790_000_000 + day * DAY_S) * 10**9 + t_ns
+        utc_ns = (1_790_000_000 + day * DAY_S + 60 * number) * 10**9 + t_ns
         fix = Fix(True, utc_ns, LAT_DEG + k * STEP_DEG, LON_DEG, acc_m=5.0)
         seq = writer.append(Record(t_ns, "gnss", fix))
         writer.append(Record(t_ns + 10**8, "modem", Scan(t_ns, tuple(readings_at(k)), seq, seq)))

@@ -269,6 +269,11 @@ class CellChange:
         """Whether the word says that something changed."""
         return self.word in _CHANGED
 
+    @property
+    def is_small_change(self) -> bool:
+        """Whether its change is only smaller than that of a word."""
+        return self.word == "same" and self.text.endswith(SMALL)
+
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
@@ -393,6 +398,7 @@ def _absence(
 
 # by the number of other cells
 _THAN = ("", " than the other cell explains", " than the other cells explain")
+SMALL = f"more than noise, and less than the {LEAST_DB:g} dB of a word"
 _OR = (
     "without another cell, it may as well be the modem or its antenna",
     "compared with one other cell: it may be that one that changed",
@@ -406,7 +412,8 @@ def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float
     changed = one.p_level <= limit and abs(change_db) >= LEAST_DB
     how = f"{abs(change_db):.1f} dB {'stronger' if change_db > 0.0 else 'weaker'}"
     word: Word = "same"
-    text = f"{how}{_THAN[min(one.n_others, 2)]}, within the noise of two walks"
+    text = f"{how}{_THAN[min(one.n_others, 2)]}, "
+    text += SMALL if one.p_level <= limit and not changed else "within the noise of two walks"
     if moved:
         word = "moved"
         text = (
@@ -522,7 +529,7 @@ def compare_runs(a: Run, b: Run, progress: Progress | None = None) -> ComparedRu
         if run.observations is None:
             raise EstimationError(f"{run.run.path}: {run.warnings[0]}")
         # a level differs from another modem's by more than a station changes
-        walks.append(run.observations.each(of_one_modem))
+        walks.append(of_one_modem(run.observations))
     numbers = modems_of([a, b])
     same_modem = numbers[0] == numbers[1]
     compared = compare(walks[0].cells, walks[1].cells, same_modem=same_modem, progress=progress)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ _COLUMNS = (
 )
 
 
-def document_of(compared: ComparedRuns, *, details: bool) -> Document:
+def document_of(compared: ComparedRuns, *, details: bool, written: Sequence[Path] = ()) -> Document:
     """Cells that changed in words; with `details` every cell."""
     comparison = compared.comparison
     content = {
@@ -46,7 +47,8 @@ def document_of(compared: ComparedRuns, *, details: bool) -> Document:
         "false_words_per_pair": FALSE_WORDS,
         "cells": [_cell_content(cell, compared.utm, comparison.grid) for cell in comparison.cells],
     }
-    return Document(content, body=_parts(compared, details=details))
+    remarks = [f"written: {path}" for path in written]
+    return Document(content, body=_parts(compared, details=details), remarks=remarks)
 
 
 def _parts(compared: ComparedRuns, *, details: bool) -> Iterator[str | Line | Table]:
@@ -63,16 +65,16 @@ def _parts(compared: ComparedRuns, *, details: bool) -> Iterator[str | Line | Ta
     yield cell_table(shown)
     if details:
         for cell in cells:
-            if not cell.is_change:
+            if not (cell.is_change or cell.is_small_change):
                 yield Line(cell.text, "dim", bullet=f"{cell.cell}: ")
     elif hidden := len(cells) - len(shown):
         yield Line(f"{hidden} more could not be compared; -v has the reasons", "dim")
 
 
 def changed_lines(cells: Sequence[CellChange]) -> Iterator[Line]:
-    """Each cell that changed, in words."""
+    """Each cell that changed, if little, in words."""
     for cell in cells:
-        if cell.is_change:
+        if cell.is_change or cell.is_small_change:
             yield Line(f"{cell.cell} {cell.rat}: {cell.text}", bullet=f"{cell.word}: ")
 
 
@@ -98,6 +100,8 @@ def headline(compared: ComparedRuns) -> str:
     cells = compared.comparison.cells
     n_changed = sum(cell.is_change for cell in cells)
     n_comparable = sum(cell.word != "not comparable" for cell in cells)
+    if not n_comparable:
+        return f"No cell could be compared, of {len(cells)} heard"
     changed = f"{n_changed or 'No'} cell{'s' * (n_changed != 1)} changed"
     return f"{changed}, of {n_comparable} that could be compared and {len(cells)} heard"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
@@ -131,7 +132,8 @@ def next_command(
         next_walk.write_gpx(found, routes)
     if picture is not None:
         next_walk.draw_map(found, picture)
-    show(next_walk.document_of(found), as_json=as_json)
+    written = [f"written: {path}" for path in (routes, picture) if path is not None]
+    show(replace(next_walk.document_of(found), remarks=written), as_json=as_json)
 
 
 def _readings_of(

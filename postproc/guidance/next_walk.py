@@ -108,7 +108,7 @@ def next_walk(
         answer_of(obs.cell, verdict, reasons, Provenance(len(obs)), posterior),
         start,
         posterior,
-        tuple(_rank(one, sample) for one in _different([best, *others])),
+        tuple(_rank(one, sample, posterior.r95_m) for one in _different([best, *others])),
         sentence(best, sample, named, None, distance_m, task.mean_dbm)[0],
         forecaster,
         everywhere.places,
@@ -168,10 +168,11 @@ def _different(ranked: Sequence[Plan]) -> list[Plan]:
     return chosen
 
 
-def _rank(one: Plan, sample: PositionSample) -> RankedRoute:
+def _rank(one: Plan, sample: PositionSample, r95_m: float) -> RankedRoute:
     nats = one.nats_per_km * one.route.length_m / 1000.0
     after_m = _r95_after_m(one.forecast, np.unique(one.points), sample)
-    return RankedRoute(one.route, nats, one.nats_per_km, after_m)
+    # about the most probable one of few positions: no walk makes the region of today larger
+    return RankedRoute(one.route, nats, one.nats_per_km, min(after_m, r95_m))
 
 
 def _r95_after_m(forecast: Forecast, points: IntArray, sample: PositionSample) -> float:

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from threadpoolctl import threadpool_limits
 
 from logger.core.arrays import FloatArray, IntArray
+from logger.core.document import number_of
 from logger.core.errors import ConfigError
 from logger.core.live import LiveTracker
 from logger.core.live_settings import BEHIND, FOLLOW, MARK, STRONGEST, SUSPICIOUS, LiveSettings
@@ -279,8 +280,8 @@ def _removal_notes(
         f"{counts_left_out}: {where}",
         f"{len(run.raw_bytes)} raw bytes of the ports" if len(run.raw_bytes) else "",
         f"the configuration ({len(meta.config_text)} characters)" if meta.config_text else "",
-        f"{len(tables['notes']) - counts['Note']} notes, and the texts of the other "
-        f"{counts['Note']}"
+        number_of(len(tables["notes"]) - counts["Note"], "note")
+        + (f", and the texts of the other {counts['Note']}" if counts["Note"] else "")
         if len(tables["notes"])
         else "",
         f"names of cells that are no identity ({len(names.numbered)}); they are numbered"

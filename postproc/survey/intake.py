@@ -1,13 +1,15 @@
 """Runs and logs of folders, added to a survey: each once, without damaged ones, whole batches."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from logger import baseline_file
-from logger.baseline_store import CONTRADICTION
+from logger.baseline_file import LONGEST_NS
+from logger.baseline_store import CONTRADICTION, COPY, SHORTER_COPY, is_same_walk
 from logger.core.errors import FieldLoggerError, RunFileError
 from logger.core.runfile import RESULTS, read_sound_run, sealing_of
 from logger.sqlite_file import application_id
@@ -22,10 +24,7 @@ from postproc.verification import celldb
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """What became of a file: added, in the survey already, or left out because of `problem`.
-
-    `remark` says of one that was added what contradicts it.
-    """
+    """What became of a file: added, in the survey already, or left out because of `problem`."""
 
     path: Path
     digest: str = ""
@@ -62,11 +61,21 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
             if others and not walk.run.is_complete:
                 yield Added(path, problem=f"{path}: another state of {others[0]}, which is there")
                 continue
-            run = replace(walk.run, replaces=earlier.digest if earlier else "")
+            copy = None if same else _copy_of(walk.run, chain.from_iterable(states.values()))
+            is_longer = copy and copy.is_copy and copy.n_readings < walk.run.n_readings
+            if copy and walk.run.is_copy and not is_longer:
+                remark = COPY.format(copy.name)
+                yield Added(path, walk.run.digest, is_known=True, remark=remark)
+                continue
+            replaced = earlier or copy
+            run = replace(walk.run, replaces=replaced.digest if replaced else "")
             known.add(run.digest)
             states[run.run_id] = [*(one for one in same if one is not earlier), run]
             batch.take(replace(walk, run=run))
             remark = CONTRADICTION.format(others[0]) if others else walk.remark
+            if copy:
+                states[copy.run_id].remove(copy)
+                remark = SHORTER_COPY.format(copy.name)
             yield Added(path, run.digest, len(walk), len(walk.cells), remark=remark)
             if batch.is_full:
                 number += 1
@@ -74,6 +83,21 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
                 batch = Batch()
         if batch.walks:
             batch.write(current.folder, f"{number + 1:06d}")
+
+
+def _copy_of(run: SurveyRun, others: Iterable[SurveyRun]) -> SurveyRun | None:
+    """A run of which this is a shared copy, or the other way round."""
+    began_ns = run.began_utc_ns
+    if began_ns is None:
+        return None
+    near = (
+        other
+        for other in others
+        if (run.is_copy or other.is_copy)
+        and other.began_utc_ns is not None
+        and abs(other.began_utc_ns - began_ns) <= LONGEST_NS
+    )
+    return next((other for other in near if is_same_walk(other.marks, run.marks)), None)
 
 
 def _continues(path: Path, earlier: SurveyRun) -> bool:

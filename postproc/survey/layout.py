@@ -53,9 +53,11 @@ RUNS = pa.schema(
         ("n_readings", pa.int64()),
         ("is_complete", pa.bool_()),
         ("replaces", pa.string()),
+        ("marks", pa.binary()),
+        ("is_copy", pa.bool_()),
     ]
 )
-NOT_IN_OLDER = frozenset(("is_complete", "replaces"))
+NOT_IN_OLDER = frozenset(("is_complete", "replaces", "marks", "is_copy"))
 """Columns of runs that surveys of older versions lack."""
 RULES = pa.schema(
     [

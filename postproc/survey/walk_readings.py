@@ -12,12 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-from logger.baseline_store import channels_heard, content_digest, walk_digest
+from logger.baseline_store import (
+    began_utc_ns,
+    channels_heard,
+    content_digest,
+    marks_of,
+    walk_digest,
+)
 from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import RunFileError
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
-from logger.core.types import UNKNOWN_TIME
+from logger.core.runfile.meta import is_shared_copy
 from postproc.multi_run import modem_identity, with_one_modem
 from postproc.scan_counts import scans_of
 from postproc.survey.rule_inputs import RuleColumn, rule_inputs
@@ -30,7 +36,8 @@ class SurveyRun:
 
     `content` is the digest of its content (`walk_summary`). `modem` and `logger` are pseudonyms,
     the same in all runs of one survey. `began_utc_ns` is None if no fix had a time. `is_complete`
-    is false of a cut run; `replaces` is the digest of a cut run that this one continues.
+    is false of a cut run; `replaces` is the digest of one that this one continues. `marks` show a
+    copy.
     """
 
     digest: str
@@ -43,6 +50,8 @@ class SurveyRun:
     n_readings: int
     is_complete: bool = True
     replaces: str = ""
+    marks: bytes = b""
+    is_copy: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +114,6 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
         raise RunFileError("it has no position fix")
     series = sorted(observed.cells, key=lambda obs: obs.cell)
     fixes, readings = run.tables["fixes"], run.tables["readings"]
-    times = fixes["utc_ns"][fixes["utc_ns"] != UNKNOWN_TIME]
     digest = walk_digest(run)
     modem, name = _devices(run, salt, logger, digest)
     n_scans, channels = scans_of([run]), _channels(run)
@@ -124,9 +132,11 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
             run.path.name,
             name,
             modem,
-            int(times[0]) if len(times) else None,
+            began_utc_ns(run),
             sum(map(len, series)),
             run.is_complete,
+            marks=marks_of(run),
+            is_copy=is_shared_copy(run.meta.origin),
         ),
         tuple(
             HeardCell(o.cell, o.rat or "", len(o), n_scans.get(o.cell, 0), channels.get(o.cell, ()))

@@ -22,7 +22,7 @@ from postproc.options import (
 with late_modules():
     from logger.core import document, places, runfile
     from logger.core.model import prior as priors
-    from postproc import atomic_write, cell_work, ground, progress, scan_counts
+    from postproc import atomic_write, cell_work, ground, multi_run, progress, scan_counts
     from postproc import result as estimation
     from postproc.verification import celldb as databases
     from postproc.verification import (
@@ -108,6 +108,7 @@ def verify(
         if prior.area is not None:
             raise ConfigError("--sites asks the readings alone: it takes no area")
         run, *other = map(runfile.read_sound_run, [*paths, *([against] if against else [])])
+        multi_run.check_different([run, *other])
         return _verify_sites(run, other[0] if other else None, only, p_fa, prior, as_json=as_json)
     if against is not None:
         raise ConfigError("--against goes with --sites")

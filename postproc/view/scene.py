@@ -33,7 +33,7 @@ from postproc.pictures import colours
 from postproc.pictures.colours import Colour
 from postproc.pictures.picture import ETA, P0, Parameter, headline, legend_of
 from postproc.pictures.survey import Box
-from postproc.result import BATCH, EKF, REFERENCE, RTS, CellResult
+from postproc.result import BATCH, EKF, REFERENCE, RTS, CellResult, share_names
 from postproc.summary import REFERENCE_NOTE, estimator_table
 from postproc.verification.claims import CellVerdict
 from postproc.view.plan import (
@@ -480,8 +480,10 @@ def _list(lines: Sequence[str]) -> str:
 
 def _run_texts(view: ViewModel, result: CellResult) -> list[str]:
     texts = []
-    for share in result.shares if len(result.shares) > 1 else ():
-        text = f"{view.survey.walks[share.run].run.name} contributed {share.n} readings"
+    shares = result.shares if len(result.shares) > 1 else ()
+    names = share_names(shares, [walk.run.name for walk in view.survey.walks])
+    for share, name in zip(shares, names, strict=True):
+        text = f"{name} contributed {number_of(share.n, 'reading')}"
         if share.offset_db and share.sigma_db:
             text += f" (modem offset {share.offset_db:+.1f} ± {share.sigma_db:.1f} dB)"
         without = result.without.get(share.run)

@@ -348,3 +348,9 @@ def test_an_area_that_cannot_be_used_is_refused(path, tmp_path):
         postproc.smooth(path, area=file)
     with pytest.raises(ConfigError, match="not allowed"):
         postproc.smooth(path, area=file, within_walk_m=100.0)
+
+
+def test_no_result_is_no_file(tmp_path):
+    with pytest.raises(ConfigError, match="no result is given"):
+        postproc.export([], tmp_path / "cells.csv")
+    assert not list(tmp_path.iterdir())

@@ -108,3 +108,11 @@ def test_a_first_value_without_quotation_marks_is_no_row_number(tmp_path):
     """Of 0,48,1,11 a comma has moved the values."""
     ((_, row),) = _read(tmp_path, "t,lat,lon\n0,48,1,11\n")
     assert row["lat"] == ""
+
+
+def test_lines_of_the_last_value_are_no_rows(tmp_path):
+    """A comment of two lines, beside names of networks that begin with a quotation mark."""
+    head, comment = "lat,lon,note\n", '1,2,"a\nb"\n'
+    assert [row["note"] for _, row in _read(tmp_path, head + 2 * comment)] == ["a\nb", "a\nb"]
+    read = _read(tmp_path, f'{head}1,2,"a\n3,4,b"\n{comment}')
+    assert [(line, row["note"]) for line, row in read] == [(2, '"a'), (3, 'b"'), (4, "a\nb")]

@@ -11,6 +11,7 @@ from logger.core.places import Places, Utm
 from logger.core.runfile import RunWriter, Truth, read_run
 from logger.core.types import CellReading, Fix, Record, Scan
 from postproc.cli import main
+from postproc.comparison.changes import compare_runs
 from postproc.multi_run import (
     check_different,
     in_one_zone,
@@ -23,7 +24,9 @@ from postproc.multi_run import (
     shares_of,
     with_one_modem,
 )
+from postproc.result import is_equal
 from postproc.smoothing import estimate_cell, smooth_runs
+from postproc.summary import run_table
 from postproc.survey.walk_readings import readings_of
 from postproc.walk import observe_run
 from tests.kit import runs
@@ -40,6 +43,7 @@ BENT = (
     np.append(np.linspace(-90, 30, 50), np.full(50, 30.0)),
     np.append(np.zeros(50), np.linspace(0, 160, 50)),
 )
+LONG = np.linspace(0.0, 700.0, 300), np.zeros(300)
 STREET = np.full(80, 140.0), np.linspace(-60, 180, 80)
 SHIFT_DB = 9.0
 DAY_NS = 86_400 * 10**9
@@ -133,6 +137,13 @@ def test_together_they_tell_more_than_each_alone(both, pair):
     alone = smooth_runs([read_run(pair[0])]).cells[0].posterior
     assert cell.without[1].posterior.region_area_m2 == alone.region_area_m2
     assert cell.without[1].posterior.modes[0].probability == alone.modes[0].probability
+
+
+def test_the_order_of_runs_in_two_zones_does_not_matter(pair):
+    given = [read_run(path) for path in pair]
+    one, other = (smooth_runs(order).cells[0] for order in (given, given[::-1]))
+    assert one.obs.utm == other.obs.utm
+    assert is_equal(one.posterior, other.posterior)
 
 
 def test_other_zone_is_no_other_place(both):
@@ -300,17 +311,44 @@ def test_modems_of_one_run_are_kept_apart(tmp_path):
     assert any("several modems" in warning for warning in cell.warnings)
     with_another = smooth_runs([read_run(path), read_run(alone)]).cells[0]
     assert len(with_another.shares) == 3
+    names = [row[0] for row in run_table(with_another, ["two.h5", "one.h5"]).rows]
+    assert names == ["two.h5 (modem 1 of 2)", "two.h5 (modem 2 of 2)", "one.h5"]
 
 
 def test_a_comparison_and_a_survey_take_the_modem_with_most_readings(tmp_path):
     run = read_run(record_walk(tmp_path / "two.h5", BENT, second_db=-SHIFT_DB))
-    (obs,) = observe_run(run).observations.cells
-    assert obs.n_modems == 2
-    one = of_one_modem(obs)
+    seen = observe_run(run).observations
+    assert seen.cells[0].n_modems == 2
+    (one,) = of_one_modem(seen).cells
     assert (len(one), one.modem, one.n_modems) == (100, None, 1)
     assert set(with_one_modem(run).tables["scans"]["source"]) == {b"modem"}
     assert readings_of(run, "salt").remark
     assert len(readings_of(run, "salt")) == 100
+
+
+def test_a_comparison_takes_one_modem_for_all_cells(tmp_path):
+    """The second misses one cell sometimes: compared by the first, it were 9 dB stronger."""
+    walks = []
+    for day, modems in enumerate(({"modem": 0.0}, {"modem": 0.0, "modem2": -9.0})):
+        stream, random = [], np.random.default_rng(day)
+        for i, (lat, lon) in enumerate(zip(*UTM.to_latlon_arrays(*_at_border(LONG)), strict=True)):
+            t_ns = 2 * i * 10**9
+            utc_ns = UTC0_NS + day * DAY_NS + t_ns
+            stream.append(Record(t_ns, "gnss", Fix(True, utc_ns, lat, lon, acc_m=2.0)))
+            for number, (modem, shift_db) in enumerate(modems.items(), 1):
+                levels = np.round(shift_db - 70.0 - 5 * np.arange(4) + random.normal(0, 2.0, 4))
+                heard = [runs.reading(cid, level) for cid, level in enumerate(levels.tolist(), 1)]
+                if modem == "modem2":  # more scans, and fewer of the first cell
+                    stream.append(Record(t_ns + 5, modem, Scan(t_ns + 4, tuple(heard[1:]))))
+                    heard = heard[int(i % 3 == 0) :]
+                stream.append(Record(t_ns + number, modem, Scan(t_ns, tuple(heard))))
+        stream.sort(key=lambda record: record.t_ns)
+        runs.write_journal(tmp_path / f"{day}.journal", stream, run_id=str(day) * 32)
+        walks.append(read_run(tmp_path / f"{day}.journal"))
+    compared = compare_runs(*walks).comparison
+    assert len(compared.cells) == 4
+    assert {cell.word for cell in compared.cells} == {"same"}
+    assert compared.offset_db["GSM"] == pytest.approx(-9.0, abs=1.0)
 
 
 def test_scans_of_another_modem_make_a_cell_no_less_regular(tmp_path):

@@ -136,3 +136,9 @@ def test_a_frame_has_a_row_a_cell(result, monkeypatch):
 )
 def test_steps_are_round(span, most, step):
     assert round_step(span, most) == step
+
+
+def test_a_plot_of_nothing_has_no_legend(result):
+    axes = replace(result, runs=(replace(result.runs[0], observations=None),), cells=()).plot()
+    assert axes.get_legend() is None
+    plt.close(axes.figure)

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import subprocess
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -18,6 +19,7 @@ from postproc.result import Options
 from postproc.results import encode
 from postproc.smoothing import smooth_runs
 from tests.kit import sample_results as kit
+from tests.kit.faulty_card import small_file_system
 
 SECONDS = 120
 
@@ -257,3 +259,26 @@ def test_smooth_always_estimates(copy, monkeypatch, capsys):
     monkeypatch.setattr("postproc.smoothing.smooth_runs", lambda *_, **__: pytest.fail("estimated"))
     with pytest.raises(BaseException, match="estimated"):
         main(["smooth", str(copy)])
+
+
+def test_equal_results_are_equal(walk):
+    run, result, path = walk
+    stored = results.read(path, [run], None, Options())
+    assert stored == result
+    assert stored.cells[0] == result.cells[0]
+    assert result.cells[0] != result.cells[1]
+    assert result != replace(result, options=Options(within_m=60.0))
+    assert result != "a result"
+
+
+def test_where_nothing_can_be_stored_the_answer_is_given(walk, tmp_path, capsys):
+    run, _, _ = walk
+    with small_file_system(tmp_path / "card", "size=8m") as card:
+        (card / run.path.name).write_bytes(run.path.read_bytes())
+        subprocess.run(["mount", "-o", "remount,ro", card], check=True)
+        assert main(["smooth", str(card / run.path.name)]) == 3
+    shown = capsys.readouterr()
+    assert kit.cell_name(1) in shown.out
+    *_, line = shown.err.splitlines()
+    assert line.startswith("not stored, so other commands estimate again: cannot write")
+    assert line.endswith("Read-only file system")

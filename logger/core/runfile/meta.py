@@ -137,6 +137,11 @@ def is_simulated(origin: str) -> bool:
     return origin.startswith(SIMULATED)
 
 
+def is_shared_copy(origin: str) -> bool:
+    """Whether it is a copy to give away."""
+    return origin.startswith(SHARED)
+
+
 def origin_of_copy(origin: str) -> str:
     """Origin of a copy to give away, which names no file of its owner."""
     if not is_import(origin):

@@ -65,4 +65,6 @@ def _summary(run: SurveyRun, heard: Mapping[str, HeardCell], rows: pa.Table) -> 
         content=run.content,
         seal=run.digest,
         is_complete=run.is_complete,
+        marks=run.marks,
+        is_copy=run.is_copy,
     )

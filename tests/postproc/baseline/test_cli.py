@@ -1,11 +1,17 @@
 """`postproc baseline`: what it prints, its exit codes, and errors of one line."""
 
 import json
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from logger.baseline_file import BaselineFile
+from logger.baseline_store import without_runs
+from logger.core.runfile import read_sound_run
 from postproc.cli import main
-from tests.postproc.baseline.walks import name, two_cells, write_walk
+from tests.postproc.baseline.walks import cell, name, two_cells, write_walk
 
 
 @pytest.fixture
@@ -32,6 +38,26 @@ def test_runs_are_added_once(folder, capsys):
     assert (added["walks"], added["cells"]) == (2, 2)
     again = output_of(capsys, "add", "run-000001.h5").out
     assert again == "baseline.db: 0 added, 1 in it already; 2 walks, 2 cells\n"
+
+
+def test_a_run_and_its_shared_copy_are_one_walk(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_walk(tmp_path, 1, two_cells())
+    assert main(["share", "run-000001.h5", "-o", "copy.h5", "--blur-m", "50"]) == 0
+    assert main(["baseline", "add", "run-000001.h5", "-b", "whole.db"]) == 0
+    capsys.readouterr()
+    whole, copy = ("run-000001.h5", "copy.h5")
+    for order in ((whole, copy, whole), (copy, whole, copy)):
+        added = output_of(capsys, "add", *order)
+        assert "; 1 walk, 2 cells" in added.out
+        assert "walk 1, " in added.err
+        listed = document(capsys, "list")
+        assert [walk["name"] for walk in listed["walks"]] == [whole]
+        Path("baseline.db").unlink()
+    # a copy that is compared with its original has nothing new
+    others = without_runs(Path("whole.db"), [read_sound_run(Path(copy))], tmp_path)
+    with closing(BaselineFile(others)) as file:
+        assert file.n_walks == 0
 
 
 def test_a_run_that_cannot_be_read_does_not_stop_the_others(folder, capsys):
@@ -105,3 +131,22 @@ def test_no_baseline_is_one_line(folder, capsys, arguments):
 def test_mistakes_are_one_line(folder, capsys, arguments):
     output_of(capsys, "add", "run-000001.h5")
     assert len(output_of(capsys, *arguments, code=2).err.splitlines()) == 1
+
+
+def test_a_place_that_cannot_be_written_is_named_with_the_reason(folder, capsys):
+    said = output_of(capsys, "add", "run-000001.h5", "-b", "no/b.db", code=2)
+    assert said.err == "postproc: cannot write no/b.db: No such file or directory\n"
+
+
+def test_a_conspicuous_cell_that_becomes_known_is_named(tmp_path, monkeypatch, capsys):
+    """Later walks are not warned of it."""
+    monkeypatch.chdir(tmp_path)
+    foreign = replace(cell(7, -60.0, lac=1201), mcc="310", mnc="260")
+    heard = [*(cell(cid, -80.0 - cid, channel=20 + cid) for cid in range(1, 7)), foreign]
+    write_walk(tmp_path, 1, lambda _: heard)
+    says = "310-260-1201-7; `postproc baseline remove 1` undoes that"
+    assert says in output_of(capsys, "add", "run-000001.h5").err
+    assert output_of(capsys, "add", "run-000001.h5").err == ""  # it was known
+    output_of(capsys, "remove", "1")
+    output_of(capsys, "trust", "310-260-1201-7", "a ship in the harbour")
+    assert output_of(capsys, "add", "run-000001.h5").err == ""

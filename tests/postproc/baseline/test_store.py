@@ -114,7 +114,8 @@ def test_a_state_of_a_run_that_may_be_a_part_is_refused(tmp_path, store):
 
 
 def test_a_baseline_of_an_earlier_version(tmp_path):
-    """It has no seals, and digests of contents: its walks are known, other states are refused."""
+    """It has no seals, no marks, and digests of contents: its walks are known, other states are
+    refused."""
     path = tmp_path / "baseline.db"
     run = write_walk(tmp_path, 1, two_cells())
     walk = summarise_walk(read_sound_run(run))
@@ -122,6 +123,7 @@ def test_a_baseline_of_an_earlier_version(tmp_path):
         store.add(replace(walk, digest=walk.content))
     with closing(sqlite3.connect(path)) as db:
         db.execute("ALTER TABLE walk DROP COLUMN seal")
+        db.execute("DROP TABLE mark")
     with BaselineStore(path) as store:
         assert store.add(walk) is None
         with pytest.raises(RunFileError, match="another state of walk 1"):

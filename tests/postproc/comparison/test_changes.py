@@ -335,3 +335,13 @@ def test_equal_runs_give_equal_answers():
     assert pattern_of(along_a_street(values), 0.0, GRID) == pattern_of(
         along_a_street(values), 0.0, GRID
     )
+
+
+def test_a_change_below_the_least_of_a_word_is_no_noise():
+    """It gets no word, and no sentence that calls it noise."""
+    compared = compare(walk(1), walk(2, extra_db={3: -5.0}), same_modem=True)
+    small = [cell for cell in compared.cells if cell.is_small_change]
+    assert [(cell.cell, cell.word) for cell in small] == [(name(3), "same")]
+    assert small[0].p < 0.05 / compared.n_tests
+    assert "more than noise" in small[0].text
+    assert all("within the noise" in c.text for c in compared.cells if c not in small)

@@ -8,6 +8,7 @@ import pytest
 from postproc.cli import main
 from postproc.view.plan import entity
 from tests.kit.rerun_recordings import rows, static_columns
+from tests.postproc.baseline import walks as city_walks
 from tests.postproc.comparison.city import name, write_walk
 
 
@@ -84,3 +85,26 @@ def test_runs_far_apart_are_an_error(runs, tmp_path, capsys, monkeypatch):
     far = str(write_walk(tmp_path, 3))
     assert main(["compare", runs[0], far]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_files_that_are_written_are_named(runs, tmp_path, capsys):
+    page, recording = tmp_path / "page.html", tmp_path / "changes.rrd"
+    assert main(["compare", *runs, "-o", str(page), "--save", str(recording)]) == 0
+    assert capsys.readouterr().err == f"written: {page}\nwritten: {recording}\n"
+
+
+def test_a_small_change_is_told_without_its_word(tmp_path, capsys):
+    walks = write_walk(tmp_path, 1), write_walk(tmp_path, 2, extra_db={3: -5.0})
+    assert main(["compare", *map(str, walks)]) == 0
+    out = capsys.readouterr().out
+    assert "No cells changed" in out
+    assert f"same: {name(3)} GSM: " in out
+
+
+def test_where_nothing_could_be_compared_no_cell_is_unchanged(tmp_path, capsys):
+    elsewhere = city_walks.write_walk(tmp_path, 9, city_walks.two_cells(), lat_deg=52.51)
+    near = city_walks.write_walk(tmp_path, 8, city_walks.two_cells(), lat_deg=52.53)
+    assert main(["compare", str(elsewhere), str(near)]) == 0
+    out = capsys.readouterr().out
+    assert "No cell could be compared, of 1 heard." in out  # the other has one level
+    assert "cells changed" not in out

@@ -207,3 +207,21 @@ def test_a_cell_of_too_few_readings_has_no_route(run):
         EstimationError, match="only 4 .* at least 5 are needed; heard best at .*; walk there"
     ):
         next_walk(few, Prior())
+
+
+def test_files_that_are_written_are_named(run, tmp_path, capsys):
+    routes, picture = tmp_path / "routes.gpx", tmp_path / "map.png"
+    assert main(["next", str(run), "--routes", str(routes), "--map", str(picture)]) == 0
+    assert capsys.readouterr().err == f"written: {routes}\nwritten: {picture}\n"
+
+
+def test_no_route_makes_the_region_larger(tmp_path, capsys):
+    """From a few steps nothing is known, and the sample of positions is coarse."""
+    walk = list(rows(line((0.0, 0.0), (30.0, 0.0)), (-200.0, -300.0)))
+    with (tmp_path / "walk.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, [*walk[0], "cell", "rat", "acc_m"])
+        writer.writeheader()
+        writer.writerows(row | {"cell": "262-01-1-7", "rat": "GSM", "acc_m": "4"} for row in walk)
+    assert main(["import", str(tmp_path / "walk.csv"), "-o", str(tmp_path / "run.h5")]) == 0
+    document = _json(capsys, tmp_path / "run.h5")
+    assert max(one["r95_after_m"] for one in document["routes"]) <= document["best"]["r95_m"]

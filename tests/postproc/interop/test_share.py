@@ -294,3 +294,9 @@ def test_a_recorded_run_is_never_replaced(tmp_path, capsys):
     assert main(["share", str(walk), "-o", str(walk)]) == 2
     assert "recorded run" in capsys.readouterr().err
     assert walk.read_bytes() == before
+
+
+def test_texts_of_no_note_are_not_told(tmp_path, capsys):
+    output = _share(capsys, _walk(tmp_path, OUT_AND_BACK), "-o", tmp_path / "copy.h5")
+    (notes,) = [text for text in output["removed"] if "note" in text]
+    assert "other 0" not in notes

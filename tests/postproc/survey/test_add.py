@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -44,6 +45,20 @@ def _add(capsys, *arguments):
     code = main(["survey", "add", *map(str, arguments), "--json"])
     shown = capsys.readouterr()
     return code, json.loads(shown.out) if shown.out else None, shown.err
+
+
+def test_a_run_and_its_shared_copy_are_one_run(tmp_path, capsys):
+    whole, copy = write_walk(tmp_path, 1, two_cells()), tmp_path / "a-copy.h5"
+    assert main(["share", str(whole), "-o", str(copy), "--blur-m", "50"]) == 0
+    capsys.readouterr()
+    for order in ((whole, copy, whole), (copy, whole, copy)):
+        code, said, err = _add(capsys, *order[:2], "-o", tmp_path / "survey")
+        assert (code, said["runs"]) == (0, 1)
+        assert "copy of" in err
+        code, said, _ = _add(capsys, order[2], "-o", tmp_path / "survey")
+        assert (code, said["runs"], said["files"][0]["is_known"]) == (0, 1, True)
+        assert [run.name for run in Survey.open(tmp_path / "survey").runs.values()] == [whole.name]
+        shutil.rmtree(tmp_path / "survey")
 
 
 def test_readings_are_those_of_smooth(walks, tmp_path):

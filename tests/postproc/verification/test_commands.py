@@ -247,7 +247,10 @@ def test_sites(run, tmp_path, capsys):
         "cells"
     ]
     assert found["verdict"] == "no sign of two places"
-    write_run(tmp_path / "b.journal", seconds=200, cells=1)
+    assert "are the same run" in fails(capsys, "verify", run, "--sites", "--against", run)
+    write_run(
+        tmp_path / "b.journal", seconds=200, cells=1, run_id="b" * 32, utc0_ns=runs.UTC0_NS + 10**15
+    )
     both = json.loads(
         tell(capsys, "verify", run, "--sites", "--against", tmp_path / "b.journal", "--json")
     )["cells"]

@@ -14,6 +14,7 @@ from postproc.view.cli import _view_model
 from tests.kit import runs
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks, rows, static_columns
+from tests.postproc.test_multi_run import BENT, record_walk
 
 SHOWN, OTHER = kit.cell_name(0), kit.cell_name(1)
 
@@ -77,6 +78,15 @@ def test_several_cells_with_claims(run, tmp_path):
     for cell in (SHOWN, OTHER):
         assert f"/report/{cell}" in entities
         assert f"/plan/cells/{cell}/levels" in entities
+
+
+def test_modems_of_one_run_are_told_apart(tmp_path):
+    run, saved = record_walk(tmp_path / "two.h5", BENT, second_db=-9.0), tmp_path / "x.rrd"
+    assert main(["view", str(run), "--save", str(saved)]) == 0
+    (report,) = [entity for entity in chunks(saved) if str(entity).startswith("/report/")]
+    text = rows(static_columns(saved, report), ":text")[0][0]
+    for number in (1, 2):
+        assert f"{run.name} (modem {number} of 2) contributed 100 readings" in text
 
 
 def test_several_runs_are_one_walk(tmp_path):
