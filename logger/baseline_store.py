@@ -130,7 +130,7 @@ def began_utc_ns(run: Run) -> int | None:
 
 
 def marks_of(run: Run) -> bytes:
-    """The smallest hashes of readings with UTC and position of their fix; a copy has them too."""
+    """The smallest hashes of readings with their fix; a copy has them too."""
     # of a copy to share the number, the digest and the zero of time are others
     fixes, readings = run.tables["fixes"], run.tables["readings"]
     if not len(fixes) or not len(readings):
@@ -444,7 +444,7 @@ class BaselineStore:
             return self._insert(walk)
 
     def copies_of(self, walk: WalkSummary) -> list[tuple[StoredWalk, bool]]:
-        """Walks of which this is a shared copy, and shared copies of it."""
+        """Its originals and shared copies."""
         with self._errors():
             if not self._rows("SELECT 1 FROM sqlite_schema WHERE name = 'mark'"):
                 return []

@@ -24,7 +24,7 @@ from postproc.verification import celldb
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """What became of a file: added, in the survey already, or left out because of `problem`."""
+    """What became of a file: added, there already, or left out because of `problem`."""
 
     path: Path
     digest: str = ""
@@ -86,7 +86,7 @@ def add_files(survey: Survey, files: Sequence[Path], logger: str | None = None) 
 
 
 def _copy_of(run: SurveyRun, others: Iterable[SurveyRun]) -> SurveyRun | None:
-    """A run of which this is a shared copy, or the other way round."""
+    """A shared copy of this run, or its original."""
     began_ns = run.began_utc_ns
     if began_ns is None:
         return None

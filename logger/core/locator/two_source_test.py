@@ -38,7 +38,7 @@ from logger.core.readings import Readings
 LEAST_LOG_FACTOR = 4.0
 """55 to 1: strong to very strong evidence (Kass & Raftery, sec. 3.2).
 
-Of 40 simulated walks past two sources all exceed it, of 165 measured ones past one source 1.
+Of 300 simulated walks past two sources 295 exceed it, of 253 measured ones past one source 3.
 """
 
 _LEAST_LONG_SHARE = 0.5
@@ -81,7 +81,7 @@ DESK = DivisionEffort(
     rivals=3,
     turns=3,
 )
-"""A walk is located ten times or so."""
+"""Ten locations or so."""
 LIVE = DivisionEffort(
     Effort(most_squares=250, split_share=0.03, nodes=1, densest=0, most_blocks=50),
     rivals=1,
@@ -211,9 +211,9 @@ def _task(walk: Blocks, posterior: Posterior, effort: DivisionEffort) -> _Task:
 
 
 def _stations(posterior: Posterior) -> tuple[Station, ...]:
-    """The station that explains the whole walk; beside one with a pattern, one without.
+    """The walk's station; beside one with a pattern, one without.
 
-    A pattern explains much of two transmitters: with it alone 11 of 300 were not detected.
+    A pattern alone explains much of two transmitters: 11 of 300 were not detected.
     """
     chosen, every = posterior.station, posterior.prior.stations
     plain = [one for one in every if not one.antenna_db]
