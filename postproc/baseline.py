@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from logger.command_line import FILE, json_option, late_modules, show
+from logger.command_line import FILE, json_option, late_modules, run_now, show
 from logger.core.errors import SOMETHING_LOST, ConfigError, FieldLoggerError
 from postproc.options import runs_argument
 
@@ -38,6 +38,7 @@ def add_runs(
 
     Each run is durable when it is yielded. A run that cannot be read does not stop the others.
     """
+    run_now(own_baseline)  # its first use would be in several threads at once
     for path, outcome in processes.read_ahead(paths, _summary):
         if isinstance(outcome, FieldLoggerError):
             yield baseline_store.add_walk(store, path, outcome)
