@@ -1,6 +1,7 @@
 """Settings and shared material for all tests."""
 
 import os
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,17 @@ settings.load_profile("unhurried")
 progress._SILENCE_S = 3600.0
 # tests that run `learn` in their own process would leave no processor to those after them
 own_baseline.give_way = lambda: None
+
+_leave = subprocess.Popen.__exit__
+
+
+def _leave_failed(process, kind, error, traceback):
+    if kind is not None:
+        process.kill()  # a failed test would wait for a program that only a signal ends
+    return _leave(process, kind, error, traceback)
+
+
+subprocess.Popen.__exit__ = _leave_failed
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import urllib.request
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -91,7 +92,10 @@ def test_the_page_of_a_walk_that_is_led_is_served_until_the_signal(tmp_path):
 
 
 def _open_ptys(pid):
-    links = (os.readlink(path) for path in Path(f"/proc/{pid}/fd").iterdir())
+    links = []
+    for path in Path(f"/proc/{pid}/fd").iterdir():
+        with suppress(FileNotFoundError):  # closed meanwhile
+            links.append(os.readlink(path))
     return [link for link in links if "ptmx" in link]
 
 
