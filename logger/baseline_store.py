@@ -307,14 +307,12 @@ SEAL = "ALTER TABLE walk ADD COLUMN seal TEXT"
 NULL of walks of an earlier version, whose `digest` is that of the content.
 """
 
-MARK = (
-    """CREATE TABLE IF NOT EXISTS mark (
-        walk INTEGER PRIMARY KEY, marks BLOB NOT NULL, is_copy INTEGER NOT NULL) STRICT""",
-    "DELETE FROM mark WHERE walk = :walk",
-)
+MARK = """CREATE TABLE IF NOT EXISTS mark (
+    walk INTEGER PRIMARY KEY, marks BLOB NOT NULL, is_copy INTEGER NOT NULL) STRICT"""
 
 REMOVE = (
-    *MARK,
+    MARK,
+    "DELETE FROM mark WHERE walk = :walk",
     """CREATE TEMP TABLE gone_heard AS
         SELECT DISTINCT cell, square FROM heard WHERE walk = :walk""",
     """CREATE TEMP TABLE gone_visit AS
@@ -543,10 +541,10 @@ class BaselineStore:
         ).lastrowid
         if number is None:
             raise RunFileError(f"{self.path}: no number for the walk")
-        for statement in MARK:
-            self._db.execute(statement, {"walk": number} if ":walk" in statement else {})
+        self._db.execute(MARK)
+        # an earlier version, which knows no marks, may have removed a walk with this number
         marks = (number, walk.marks, walk.is_copy)
-        self._db.execute("INSERT INTO mark VALUES (?, ?, ?)", marks)
+        self._db.execute("INSERT OR REPLACE INTO mark VALUES (?, ?, ?)", marks)
         cell = self._cell_numbers(walk)
         self._db.executemany(
             "INSERT INTO heard VALUES (?, ?, ?, ?, ?, ?, ?)",

@@ -56,6 +56,11 @@ def whole_file(path: Path, *, keep: bool = True) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def output_remarks(*paths: Path | None) -> list[str]:
+    """What a command says of its files."""
+    return [f"written: {path}" for path in paths if path is not None]
+
+
 def _check_name(path: Path) -> None:
     if not path.parent.is_dir():
         raise RunFileError(f"{path.parent}: no such folder")

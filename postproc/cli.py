@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -321,9 +321,8 @@ def compare(
             part.write_bytes(comparison_report.html(compared).encode())
     if save is not None:
         scene.write_comparison(compared, save)
-    written = [path for path in (output, save) if path is not None]
-    said = comparison_report.document_of(compared, details=verbose, written=written)
-    show(said, as_json=as_json)
+    said = comparison_report.document_of(compared, details=verbose)
+    show(replace(said, remarks=atomic_write.output_remarks(output, save)), as_json=as_json)
     return cell_work.exit_code(compared.comparison.cells)
 
 

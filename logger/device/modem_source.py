@@ -1,7 +1,7 @@
 """An AT modem of any family: set-up, polls and full scans, one command at a time."""
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -141,10 +141,6 @@ def _ask(port: Port, framer: AtFramer, command: Command) -> Reply:
     return framer.expire()
 
 
-def _has_cell(rows: Iterable[object] | None) -> bool:
-    return any(isinstance(row, CellReading) for row in rows or ())
-
-
 class _Session:
     def __init__(self, link: Link, settings: ModemSettings, modes: SavedModes) -> None:
         self._link = link
@@ -247,7 +243,8 @@ class _Session:
             what = f"polls had rows of {command} in no form that driver {driver.name} reads"
             self._link.count("unread-rows", 1, what)
             self._modem.is_damaged = True  # no scan without cells
-        if driver.is_foreign(self._modem.replies) and not _has_cell(rows):
+        has_cell = any(isinstance(row, CellReading) for row in rows or ())
+        if not has_cell and driver.is_foreign(self._modem.replies):
             refusal = self._modem.refusal
             if (standard := self._modem.talk(standard_poll())) is not None:
                 what = f"polls were refused{refusal}; the serving cell is that of standard replies"

@@ -246,7 +246,7 @@ class CellChange:
     in B than the other cells explain, with `sigma_db`; `contrast_db` how much more it rose in one
     part of the ground than in another; None if not tested. `p` is the probability of such data if
     nothing changed. `block` and `difference_db`, shape (n,), are for maps. `error` is the error of
-    the program that ended the comparison, if any.
+    the program that ended the comparison, if any; `is_small_change` is less than any word needs.
     """
 
     cell: str
@@ -263,16 +263,12 @@ class CellChange:
     block: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     difference_db: FloatArray = field(default_factory=lambda: np.zeros(0))
     error: str | None = None
+    is_small_change: bool = False
 
     @property
     def is_change(self) -> bool:
         """Whether the word says that something changed."""
         return self.word in _CHANGED
-
-    @property
-    def is_small_change(self) -> bool:
-        """Whether its change is only smaller than that of a word."""
-        return self.word == "same" and self.text.endswith(SMALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -398,7 +394,6 @@ def _absence(
 
 # by the number of other cells
 _THAN = ("", " than the other cell explains", " than the other cells explain")
-SMALL = f"more than noise, and less than the {LEAST_DB:g} dB of a word"
 _OR = (
     "without another cell, it may as well be the modem or its antenna",
     "compared with one other cell: it may be that one that changed",
@@ -412,8 +407,10 @@ def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float
     changed = one.p_level <= limit and abs(change_db) >= LEAST_DB
     how = f"{abs(change_db):.1f} dB {'stronger' if change_db > 0.0 else 'weaker'}"
     word: Word = "same"
-    text = f"{how}{_THAN[min(one.n_others, 2)]}, "
-    text += SMALL if one.p_level <= limit and not changed else "within the noise of two walks"
+    is_small = one.p_level <= limit and not changed
+    why = f"more than noise, and less than the {LEAST_DB:g} dB of a word"
+    why = why if is_small else "within the noise of two walks"
+    text = f"{how}{_THAN[min(one.n_others, 2)]}, {why}"
     if moved:
         word = "moved"
         text = (
@@ -437,6 +434,7 @@ def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float
         change_db, float(np.hypot(one.change.sigma_db, one.offset.sigma_db)),
         one.contrast_db, min(one.p_level, one.p_pattern),
         one.differences.block, one.differences.difference_db - one.offset.db,
+        is_small_change=is_small and word == "same",
     )  # fmt: skip
 
 

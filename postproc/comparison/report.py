@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,7 +31,7 @@ _COLUMNS = (
 )
 
 
-def document_of(compared: ComparedRuns, *, details: bool, written: Sequence[Path] = ()) -> Document:
+def document_of(compared: ComparedRuns, *, details: bool) -> Document:
     """Cells that changed in words; with `details` every cell."""
     comparison = compared.comparison
     content = {
@@ -47,8 +46,7 @@ def document_of(compared: ComparedRuns, *, details: bool, written: Sequence[Path
         "false_words_per_pair": FALSE_WORDS,
         "cells": [_cell_content(cell, compared.utm, comparison.grid) for cell in comparison.cells],
     }
-    remarks = [f"written: {path}" for path in written]
-    return Document(content, body=_parts(compared, details=details), remarks=remarks)
+    return Document(content, body=_parts(compared, details=details))
 
 
 def _parts(compared: ComparedRuns, *, details: bool) -> Iterator[str | Line | Table]:

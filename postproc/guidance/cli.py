@@ -132,8 +132,8 @@ def next_command(
         next_walk.write_gpx(found, routes)
     if picture is not None:
         next_walk.draw_map(found, picture)
-    written = [f"written: {path}" for path in (routes, picture) if path is not None]
-    show(replace(next_walk.document_of(found), remarks=written), as_json=as_json)
+    said = next_walk.document_of(found)
+    show(replace(said, remarks=atomic_write.output_remarks(routes, picture)), as_json=as_json)
 
 
 def _readings_of(

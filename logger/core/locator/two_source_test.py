@@ -143,8 +143,7 @@ def divide(obs: Readings, posterior: Posterior, effort: DivisionEffort = DESK) -
     task = _task(walk, posterior, effort)
     tries = [_try(task, _nearer(walk, first, other)) for other in others]
     improved = (_improve(task, one) for one in tries)
-    best = max((one for one in improved if one is not None), key=_rank, default=None)
-    return None if best is None else _division(task, best)
+    return max((one for one in improved if one is not None), key=_rank, default=None)
 
 
 def divide_in_time(
@@ -161,15 +160,14 @@ def divide_in_time(
     moments = _moments(obs)
     if posterior.offsets is not None:  # those that suit one transmitter best, which parts need not
         obs = replace(obs.on_one_scale(posterior.offsets.mean_db), modem=None)
-    tasks = [_task_at(obs, is_early, posterior, effort) for is_early in moments]
-    found = [(task, _try(task, in_one)) for task, in_one in tasks]
-    tries = [(task, one) for task, one in found if one is not None]
+    found = [_divided_at(obs, is_early, posterior, effort) for is_early in moments]
+    tries = [one for one in found if one is not None]
     if not tries:
         return None
-    task, best = max(tries, key=lambda pair: pair[1].log_factor)
+    best = max(tries, key=lambda one: one.log_factor)
     # each moment is as likely beforehand
-    log_factor = float(log_sum(np.array([one.log_factor for _, one in tries]))) - log(len(tries))
-    return _division(task, best._replace(log_factor=log_factor), is_in_time=True)
+    log_factor = float(log_sum(np.array([one.log_factor for one in tries]))) - log(len(tries))
+    return best._replace(log_factor=log_factor).division(posterior.trust, is_in_time=True)
 
 
 def _moments(obs: Readings) -> list[BoolArray]:
@@ -187,15 +185,15 @@ def _moments(obs: Readings) -> list[BoolArray]:
     return [np.arange(n) < n // 2]
 
 
-def _task_at(
+def _divided_at(
     obs: Readings, is_early: BoolArray, posterior: Posterior, effort: DivisionEffort
-) -> tuple[_Task, BoolArray]:
-    """Also returns which blocks are early."""
+) -> "_Try | None":
     halves = [
         blocks(obs.part(chosen), effort.search.most_blocks // 2) for chosen in (is_early, ~is_early)
     ]
     walk = join(halves)
-    return _task(walk, posterior, effort), np.arange(len(walk)) < len(halves[0])
+    in_one = np.arange(len(walk)) < len(halves[0])
+    return _try(_task(walk, posterior, effort), in_one)
 
 
 def _is_long(obs: Readings) -> bool:
@@ -236,6 +234,9 @@ class _Try(NamedTuple):
     in_one: BoolArray
     stronger: BoolArray
 
+    def division(self, trust: float, *, is_in_time: bool = False) -> Division:
+        return Division(trust * self.log_factor, self.one.place, self.two.place, is_in_time)
+
 
 def _try(task: _Task, in_one: BoolArray) -> _Try | None:
     """None where one of the parts is too short."""
@@ -260,7 +261,7 @@ def _locate_both(task: _Task, in_one: BoolArray) -> _Try | None:
     return _Try(log_factor, is_passed, one, two, in_one, stronger)
 
 
-def _improve(task: _Task, best: _Try | None) -> _Try | None:
+def _improve(task: _Task, best: _Try | None) -> Division | None:
     """Divide again by which of the two located transmitters is the stronger."""
     tries = [best]
     while best and best.log_factor > _HOPELESS and len(tries) < task.effort.turns:
@@ -268,16 +269,13 @@ def _improve(task: _Task, best: _Try | None) -> _Try | None:
             break
         best = _try(task, best.stronger)
         tries.append(best)
-    return max((one for one in tries if one and one.is_passed), key=_rank, default=None)
+    divisions = [one.division(task.trust) for one in tries if one and one.is_passed]
+    return max(divisions, key=_rank, default=None)
 
 
-def _rank(one: _Try) -> tuple[float, list[float]]:
+def _rank(division: Division) -> tuple[float, list[float]]:
     # exchanged parts have one factor: their places decide
-    return one.log_factor, [*one.one.place.xy_m.flat, *one.two.place.xy_m.flat]
-
-
-def _division(task: _Task, best: _Try, *, is_in_time: bool = False) -> Division:
-    return Division(task.trust * best.log_factor, best.one.place, best.two.place, is_in_time)
+    return division.log_factor, [*division.one.xy_m.flat, *division.other.xy_m.flat]
 
 
 def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:
@@ -289,7 +287,7 @@ def _nearer(walk: Blocks, first: int, other: int) -> BoolArray:
 def locate_part(part: Blocks, prior: Prior, effort: Effort) -> Part:
     """One transmitter by some of the blocks."""
     log_evidence = np.full((len(prior.hypotheses), len(prior.stations)), _IMPOSSIBLE)
-    highest, best = -np.inf, None
+    peaks = []
     for k, (station, log_odds) in enumerate(
         zip(prior.stations, prior.station_log_odds, strict=True)
     ):
@@ -300,11 +298,10 @@ def locate_part(part: Blocks, prior: Prior, effort: Effort) -> Part:
         log_evidence[tree.numbers, k] = over_positions + of_noise
         log_p = tree.evidence.log_p + of_noise[:, None]
         c, h = np.unravel_index(np.argmax(log_p), log_p.shape)
-        if best is None or log_p[c, h] > highest:
-            place = Places.of(tree.x_m[h], tree.y_m[h], utm=part.places.utm)
-            highest, best = log_p[c, h], (place, tree.evidence.theta[:, c, h], station)
-    assert best is not None
-    return Part(log_sum(log_evidence), *best)
+        place = Places.of(tree.x_m[h], tree.y_m[h], utm=part.places.utm)
+        peaks.append((log_p[c, h], place, tree.evidence.theta[:, c, h], station))
+    _, place, theta, station = max(peaks, key=lambda peak: float(peak[0]))
+    return Part(log_sum(log_evidence), place, theta, station)
 
 
 def _expected_dbm(part: Part, walk: Blocks, prior: Prior) -> FloatArray:
