@@ -52,6 +52,7 @@ test-oldest: .venv/oldest.stamp
 	.venv/oldest/bin/pytest -m "not slow" -o cache_dir=.venv/oldest/cache $(AGAIN) \
 		$$(grep -rLE '^ *(from|import) (postproc|benchmarks|scipy|filterpy)' \
 		--include='test_*.py' --exclude=test_truth.py --exclude=test_any_input.py --exclude=test_marks.py \
+		--exclude=test_walker.py --exclude=test_posterior.py --exclude=test_live_scale.py \
 		--exclude=test_modem_source.py --exclude='test_mode_*.py' --exclude='test_lost_digits.py' \
 		--exclude=test_scan_timeout.py --exclude=test_late_rows.py --exclude=test_neighbour_lists.py \
 		--exclude-dir=guidance tests/core tests/device tests/drivers/protocols tests/page)
@@ -116,7 +117,7 @@ test-boot: .venv/dev.stamp
 AXE := .venv/axe/node_modules/axe-core/axe.min.js
 test-view: .venv/dev.stamp
 	test -e $(AXE) || npm install --silent --no-fund --prefix .venv/axe axe-core@4.14.1 || true
-	CELLWALK_AXE=$(AXE) $(BIN)/pytest -m slow -n $(if $(AGAIN),0,2) $(AGAIN) tests/view tests/page
+	CELLWALK_AXE=$(AXE) $(BIN)/pytest -m slow -n $(if $(AGAIN),0,2) -o cache_dir=.venv/view-cache $(AGAIN) tests/view tests/page
 
 # the pictures of the guide: the page on a phone during a simulated walk, the report and the survey
 screenshots: .venv/dev.stamp
