@@ -34,7 +34,8 @@ class Effort(NamedTuple):
     readings are censored, hypotheses are compared at `samples` positions of each of the two
     likeliest, and at one position only with 0. The `densest` squares are split even if they hold
     little: a narrow peak beside a broad one, such as the mirror image inside a round walk, hides
-    between the centres of squares. Coarse blocks are of `more_grids` besides the usual one.
+    between the centres of squares. Coarse blocks are of `more_grids` besides the usual one, all
+    blocks of one more where this is not 0.
     """
 
     most_squares: int = 6000

@@ -32,6 +32,19 @@ def test_the_coarse_blocks_are_of_as_many_grids_as_the_effort_says(more):
     obs = observations(x, 0.0 * x, -70.0 - 0.1 * np.arange(100))
     walk = prepare(obs, Prior(), Effort(more_grids=more)).walk
     assert len(walk.shifted) == more
+    assert not walk.fine_shifted  # each reading has a block of its own
+
+
+@pytest.mark.parametrize(("more", "grids"), [(0, 0), (3, 1)])
+def test_blocks_of_several_readings_are_of_another_grid_too(more, grids):
+    x = 2.0 * np.arange(900)
+    obs = observations(x, 0.0 * x, np.maximum(-70.0 - 0.1 * np.arange(900), -110.0))
+    obs = replace(obs, known_limit=-1 * (obs.level_dbm <= -110.0), modem=np.arange(900) % 2)
+    walk = prepare(obs, Prior(reach_m=2000.0), Effort(more_grids=more)).walk
+    assert len(walk.fine_shifted) == grids
+    for one in walk.fine_shifted:
+        assert one.censored is walk.blocks.censored
+        assert not np.array_equal(one.places.x_m, walk.blocks.places.x_m)
 
 
 @pytest.mark.parametrize("spike_db", [30.0, -30.0])
