@@ -511,6 +511,21 @@ def test_rows_in_an_unknown_form_are_a_fault_that_says_so(tmp_path, monkeypatch)
     assert not walked.scans()
 
 
+def test_rows_in_an_unknown_form_beside_readable_ones_are_recorded_and_cost_no_cell(tmp_path):
+    serving = '+QENG: "servingcell","NOCONN","GSM",262,02,4E5F,3C4D,21,57,0,-66,255,255,0,39,41,1'
+    serving += ',-,-,-,-,-,-,-,-,-,"-"'
+    unknown = '+QENG: "neighbourcell","5.5G",262,02,138,123,283'
+    modem = Locked('AT+QENG="servingcell"', f"{serving}\r\n{unknown}\r\n\r\nOK", DIALECTS["ec25"])
+    clock = Clock()
+    with PtyDevice(answering(modem)) as port:
+        under_way = make_service(tmp_path, clock, port.path, 0.0, 0.1)
+        under_way.start()
+        service.wait_for(lambda: under_way.snapshot().scans > 3)
+        walked = RecordedRun(read_run(under_way.stop("end")))
+    assert "unread-rows" in walked.notes()
+    assert all(readings for _, readings in walked.scans())
+
+
 def test_one_of_two_modems_that_hears_no_cell_is_a_fault(tmp_path):
     # it has no antenna, and the other hears some
     row = '+CENG: 0,"0000,00,00,000,00,00,0000,00,00,0000,00"'
