@@ -143,6 +143,7 @@ def test_full_scans_are_between_polls(walks, name):
     if surveys:
         assert "serving" in kinds[surveys[0] : surveys[-1]]
     assert ("full-scan" in walks[name].notes()) == bool(FAMILIES[FAMILY[name]].survey_commands)
+    assert "unread-rows" not in walks[name].notes()
 
 
 @pytest.mark.parametrize("name", DIALECTS)
@@ -524,6 +525,18 @@ def test_rows_in_an_unknown_form_beside_readable_ones_are_recorded_and_cost_no_c
         walked = RecordedRun(read_run(under_way.stop("end")))
     assert "unread-rows" in walked.notes()
     assert all(readings for _, readings in walked.scans())
+
+
+def test_rows_of_a_full_scan_in_an_unknown_form_are_recorded_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(link, "NOTE_INTERVAL_S", 0.5)
+    command = 'AT+QOPSCFG="scancontrol",0;+QOPS'
+    modem = Locked(command, "+QOPS: 1,262,02,138,123,283,17\r\n\r\nOK", DIALECTS["ec25"])
+    with (
+        PtyDevice(answering(modem)) as port,
+        recording(make_service(tmp_path, Clock(), port.path, 60.0, 0.1)) as under_way,
+    ):
+        says = f"rows of {command} in no form that driver quectel reads"
+        service.wait_for(lambda: says in under_way.snapshot().ports["modem"].event)
 
 
 def test_one_of_two_modems_that_hears_no_cell_is_a_fault(tmp_path):
