@@ -28,8 +28,8 @@ from logger.street_file import read_lines
 _PMTILES = b"PMTiles\3"
 """Begin of the file, and its version (github.com/protomaps/PMTiles, spec/v3)."""
 
+# folder of a USB device before that of its interface (kernel's sysfs-bus-usb)
 _USB = re.compile(r"(.*)/[0-9.-]+:\d+\.\d+(?:/|\Z)")
-"""Folder of a USB device before that of its interface (kernel's sysfs-bus-usb)."""
 _HIDDEN = ("/home", "/root", "/run/user")  # by ProtectHome= of the units
 
 _STYLES = {"ok": "", "warn": "yellow", "fail": "red"}

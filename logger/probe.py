@@ -58,7 +58,7 @@ def probe(ports: dict[str, str], bauds: Iterable[int] = BAUDS) -> list[PortRepor
 
 
 def stable_name(port: str) -> str:
-    """The name of a port under by-id, or under by-path where devices share a name, or its own."""
+    """The name of a port under by-id, by-path where some share one, or its own."""
     by_id, by_path = (
         {link.resolve(): str(link) for link in sorted((_NAMES / kind).glob("*"), reverse=True)}
         for kind in ("by-id", "by-path")

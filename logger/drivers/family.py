@@ -165,7 +165,7 @@ class Family:
         return is_torn or is_shortened or reply.final in RESULTS_OF_CALLS
 
     def unread(self, replies: Iterable[Reply]) -> str | None:
-        """The command of a row with numbers that is not read, also beside others that are."""
+        """The command of a row with numbers that is not read."""
         own = _own(replies)
         lines = [line for reply in own for line in (reply.command, *reply.lines)]
         rows = self.rows_in(lines)

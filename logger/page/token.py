@@ -22,7 +22,7 @@ _BYTES = 16
 
 
 def make_token(folder: Path) -> str:
-    """The token; another one where there is none or it is damaged; raises `ConfigError`."""
+    """The token, a new one where that is damaged; raises `ConfigError`."""
     path = folder / _FILE
     with suppress(ConfigError):
         return read_token(folder)
