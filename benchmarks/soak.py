@@ -79,8 +79,9 @@ def town() -> World:
 
 def all_cells(air: Air, _: Settings) -> Answer:
     """Every cell, where a real SIM800 reports seven."""
-    rows = [ceng_rows(4, 1, Air.of([one]))[0] for one in air.decoded]
-    numbered = [row.replace("+CENG: 0", f"+CENG: {number}") for number, row in enumerate(rows)]
+    pairs = [ceng_rows(4, 1, replace(air, others=(one,))) for one in air.decoded_cells[1:]]
+    rows = [pairs[0][0], *(neighbour for _, neighbour in pairs)]
+    numbered = [row.replace("+CENG: 1", f"+CENG: {number}") for number, row in enumerate(rows)]
     return ["+CENG: 4,1", *block(numbered)]
 
 

@@ -2,6 +2,7 @@
 
 import os
 import pwd
+import re
 import socket
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
@@ -18,6 +19,7 @@ from logger.core.guidance.street_atlas import StreetAtlas
 from logger.core.places import Utm
 from logger.device.leds import LEDS
 from logger.device.link import Line
+from logger.device.machine import SYS
 from logger.device.memory import MOST_CELLS
 from logger.device.sources import source_of
 from logger.device.startup import LIBRARIES, usable_folder, version_of
@@ -26,6 +28,8 @@ from logger.street_file import read_lines
 _PMTILES = b"PMTiles\3"
 """Begin of the file, and its version (github.com/protomaps/PMTiles, spec/v3)."""
 
+# folder of a USB device before that of its interface (kernel's sysfs-bus-usb)
+_USB = re.compile(r"(.*)/[0-9.-]+:\d+\.\d+(?:/|\Z)")
 _HIDDEN = ("/home", "/root", "/run/user")  # by ProtectHome= of the units
 
 _STYLES = {"ok": "", "warn": "yellow", "fail": "red"}
@@ -121,11 +125,16 @@ def _site(config: SiteConfig) -> Iterator[Line]:  # noqa: C901 (one check after 
 def _shared_ports(sources: Sequence[SourceSettings]) -> Iterator[Line]:
     # a port has another name under /dev/serial/by-id; opened twice it would be "in use"
     owners: dict[str, SourceSettings] = {}
+    modems: dict[str, SourceSettings] = {}
     for source in sources:
-        owner = owners.setdefault(os.path.realpath(source.port), source)
-        if owner is not source:
+        path = Path(os.path.realpath(source.port))
+        usb = _USB.match(os.path.realpath(SYS / "class/tty" / path.name / "device"))
+        if (owner := owners.setdefault(str(path), source)) is not source:
             text = f"{source.port} is the port of {owner.name}, {owner.port}: each has its own"
             yield Line("fail", source.name, text)
+        elif usb and source.gives_cells and (owner := modems.setdefault(usb[1], source)) != source:
+            text = f"{source.port} and {owner.port} are of one USB device: one modem counts twice"
+            yield Line("warn", source.name, text)
 
 
 def _baseline(path: Path) -> Line:

@@ -20,7 +20,7 @@ from logger.drivers.registry import AUTO, FAMILIES
 
 BAUDS = (115_200, 9600, 38_400, 57_600, 4800, 230_400, 460_800, 19_200)
 """Tried in this order: modems and USB, then receivers, then what is rare."""
-_BY_ID = Path("/dev/serial/by-id")
+_NAMES = Path("/dev/serial")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +58,14 @@ def probe(ports: dict[str, str], bauds: Iterable[int] = BAUDS) -> list[PortRepor
 
 
 def stable_name(port: str) -> str:
-    """The name under /dev/serial/by-id of a port, or its own."""
-    if not _BY_ID.is_dir():
-        return port
-    return next(
-        (str(link) for link in sorted(_BY_ID.iterdir()) if link.resolve() == Path(port).resolve()),
-        port,
+    """The name of a port under by-id, by-path where some share one, or its own."""
+    by_id, by_path = (
+        {link.resolve(): str(link) for link in sorted((_NAMES / kind).glob("*"), reverse=True)}
+        for kind in ("by-id", "by-path")
     )
+    # equal devices without a number have one name, which after the next start may be the other's
+    names = by_id | by_path if by_path.keys() - by_id.keys() else by_id
+    return port if "\0" in port else names.get(Path(port).resolve(), port)
 
 
 def _probe_port(port: str, usb: str, bauds: tuple[int, ...]) -> PortReport:
@@ -148,9 +149,9 @@ def _device(found: PortReport) -> str:
     A modem has several ports for AT commands. Where they have numbers only, all of one make count
     as one modem.
     """
-    if not found.port.startswith(str(_BY_ID)):
+    if not found.port.startswith(str(_NAMES)):
         return found.usb or found.port
-    return re.sub(r"-if[0-9a-f]{2}(-port\d+)?$", "", found.port)
+    return re.sub(r"(-if[0-9a-f]{2}|:\d+\.\d+)(-port\d+)?$", "", found.port)
 
 
 def _gnss(gnss: PortReport | None, modem: PortReport | None) -> Proposal:

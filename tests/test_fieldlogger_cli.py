@@ -205,6 +205,25 @@ def test_check_refuses_two_names_of_one_port(site, capsys, tmp_path):
     assert f"modem2: {by_id} is the port of modem, /dev/ttyUSB77" in capsys.readouterr().out
 
 
+def test_check_warns_of_two_ports_of_one_modem(site, capsys, tmp_path, monkeypatch):
+    """Its levels would count as those of two receivers; its receiver has a port of its own."""
+    monkeypatch.setattr(checking, "SYS", tmp_path)
+    places = {"77": "1-1.2:1.2", "78": "1-1.2:1.1", "79": "1-1.2:1.3", "80": "1-1.3:1.2"}
+    for number, place in places.items():
+        port = tmp_path / "devices" / place.partition(":")[0] / place / f"ttyUSB{number}"
+        port.mkdir(parents=True)
+        link = tmp_path / f"class/tty/ttyUSB{number}/device"
+        link.parent.mkdir(parents=True)
+        link.symlink_to(port)
+    _with(site, "[source]", 'kind = "modem"\nport = "/dev/ttyUSB80"')
+    assert main(["check", "--config", str(site)]) == 0
+    assert "of one USB device" not in capsys.readouterr().out
+    site.write_text(site.read_text().replace("ttyUSB80", "ttyUSB79"))
+    assert main(["check", "--config", str(site)]) == 0
+    said = "warn  modem2: /dev/ttyUSB79 and /dev/ttyUSB77 are of one USB device"
+    assert said in capsys.readouterr().out
+
+
 def test_the_directory_of_the_runs_must_be_usable(site, capsys):
     site.write_text(site.read_text().replace(str(site.parent / "runs"), str(site) + "/below"))
     assert "[run] directory" in _fails(capsys, "run", "--config", site)

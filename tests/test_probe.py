@@ -2,6 +2,7 @@ import json
 import tomllib
 from contextlib import ExitStack
 from itertools import product
+from pathlib import Path
 
 import pytest
 
@@ -11,7 +12,7 @@ from logger.device import gnss_source, modem_source
 from logger.device.clock import ScaledClock
 from logger.device.port import Port
 from logger.drivers.registry import FAMILIES
-from logger.probe import PortReport, probe, propose_config
+from logger.probe import PortReport, probe, propose_config, stable_name
 from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
 from logger.sim.walk import WalkTime
@@ -127,6 +128,28 @@ def test_more_modems_are_proposed_as_sources_once_each():
     ports = {source.name: source.port for source in config.source}
     assert ports == {"modem": found[0].port, "gnss": found[3].port, "modem2": found[2].port}
     assert config.source[-1].baud == 9600
+
+
+def test_equal_devices_without_a_number_are_named_by_their_usb_sockets(tmp_path, monkeypatch):
+    """Two modems of one model, and their four ports: /dev/serial/by-id has two names only."""
+    monkeypatch.setattr("logger.probe._NAMES", tmp_path)
+    names = [f"by-path/usb-0:1.{socket}:1.{port}-port0" for socket in (2, 3) for port in (2, 3)]
+    names += [f"by-id/usb-SimTech_0123456789ABCDEF-if0{port}-port0" for port in (2, 3)]
+    for number, name in zip((0, 1, 2, 3, 2, 3), names, strict=True):
+        link = tmp_path / name
+        link.parent.mkdir(exist_ok=True)
+        link.symlink_to(f"/dev/ttyUSB{number}")
+    found = [
+        PortReport(stable_name(f"/dev/ttyUSB{number}"), "1e0e:9001 SimTech", "modem", 115_200)
+        for number in range(4)
+    ]
+    assert [Path(one.port).name for one in found] == [Path(name).name for name in names[:4]]
+    receiver = PortReport("/dev/ttyACM0", "", "gnss", 9600)
+    config = parse_config(propose_config([*found, receiver]).text, "proposal")
+    assert [one.port for one in config.source if one.gives_cells] == [found[0].port, found[2].port]
+    for number in (0, 1):  # one modem alone keeps its name at any socket
+        (tmp_path / names[number]).unlink()
+    assert stable_name("/dev/ttyUSB2") == str(tmp_path / names[4])
 
 
 def test_no_name_and_no_word_of_a_modem_breaks_the_file():

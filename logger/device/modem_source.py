@@ -239,10 +239,7 @@ class _Session:
         )
         self._modem.is_damaged, self._modem.refusal = False, ""
         rows = self._modem.talk(driver.poll())
-        if (command := driver.unread(self._modem.replies)) is not None:
-            what = f"polls had rows of {command} in no form that driver {driver.name} reads"
-            self._link.count("unread-rows", 1, what)
-            self._modem.is_damaged = True  # no scan without cells
+        self._count_unread(driver)
         has_cell = any(isinstance(row, CellReading) for row in rows or ())
         if not has_cell and driver.is_foreign(self._modem.replies):
             refusal = self._modem.refusal
@@ -265,6 +262,12 @@ class _Session:
         self._modem.emit_scan(start_ns, self._modem.wire.received_ns, rows)
         if self._settings.fixes:
             self._record_fixes(driver)
+
+    def _count_unread(self, driver: Family) -> None:
+        if (command := driver.unread(self._modem.replies)) is not None:
+            what = f"replies had rows of {command} in no form that driver {driver.name} reads"
+            self._link.count("unread-rows", 1, what)
+            self._modem.is_damaged = True  # no scan without cells
 
     def _record_fixes(self, driver: Family) -> None:
         self._modem.refusal = ""
@@ -295,8 +298,9 @@ class _Session:
             self._survey_ns = now_ns + round(self._settings.full_scan_interval_s * 1e9)
         if self._survey:
             command = self._survey.pop(0)
-            self._modem.is_damaged = False
+            self._modem.is_damaged, self._modem.replies = False, []
             rows = run_dialogue(driver.survey(command), self._modem.ask_survey)
+            self._count_unread(driver)
             if rows is not None:
                 cells = [row for row in rows if isinstance(row, CellReading)]
                 networks = sum(isinstance(row, Operator) for row in rows)

@@ -165,14 +165,19 @@ class Family:
         return is_torn or is_shortened or reply.final in RESULTS_OF_CALLS
 
     def unread(self, replies: Iterable[Reply]) -> str | None:
-        """The command of a row with numbers, where no row of the replies is read."""
+        """The command of a row with numbers that is not read."""
         own = _own(replies)
-        if self.rows_in([line for reply in own for line in (reply.command, *reply.lines)]):
-            return None
-        rows = ((reply.command, line) for reply in own for line in reply.lines)
-        n_least = _LEAST_OF_A_CELL
-        named = (name for name, row in rows if len(_KNOWN_NUMBER.findall(row)) >= n_least)
-        return next(named, None)
+        lines = [line for reply in own for line in (reply.command, *reply.lines)]
+        rows = self.rows_in(lines)
+        for reply in own:
+            for row in reply.lines:
+                if len(_KNOWN_NUMBER.findall(row)) < _LEAST_OF_A_CELL:
+                    continue
+                # some rows are read only beside others, as under a heading
+                others = [line for line in lines if line is not row]
+                if not self.rows_in([reply.command, row]) and self.rows_in(others) == rows:
+                    return reply.command
+        return None
 
     def is_foreign(self, replies: Sequence[Reply]) -> bool:
         """True where the modem refuses all commands of the family."""

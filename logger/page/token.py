@@ -10,6 +10,7 @@ from pathlib import Path
 
 from logger.core.errors import ConfigError
 from logger.core.foreign import read_regular
+from logger.core.runfile.journal import sync_folder
 
 STATE = Path("/var/lib/cellwalk-page")
 """StateDirectory= of the unit."""
@@ -21,16 +22,24 @@ _BYTES = 16
 
 
 def make_token(folder: Path) -> str:
-    """The token, made at the first start; raises `ConfigError`."""
+    """The token, a new one where that is damaged; raises `ConfigError`."""
     path = folder / _FILE
-    try:
-        with suppress(FileExistsError):
-            fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o600)
-            with os.fdopen(fd, "w") as file:
-                file.write(secrets.token_urlsafe(_BYTES))
+    with suppress(ConfigError):
         return read_token(folder)
+    new = path.with_suffix(".new")
+    try:
+        new.unlink(missing_ok=True)
+        fd = os.open(new, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o600)
+        with os.fdopen(fd, "w") as file:
+            file.write(secrets.token_urlsafe(_BYTES))
+            file.flush()
+            os.fsync(fd)
+        # a Pi may lose its power as soon as the phone has the address
+        new.replace(path)
+        sync_folder(folder)
     except OSError as error:
         raise ConfigError(f"the page's token {path}: {error.strerror}") from error
+    return read_token(folder)
 
 
 def read_token(folder: Path) -> str:
@@ -45,8 +54,8 @@ def read_token(folder: Path) -> str:
         raise ConfigError(f"{path} belongs to the page: use sudo") from None
     except (OSError, UnicodeDecodeError):
         token = ""
-    if not _TOKEN.fullmatch(token):  # a power cut may leave an empty file
-        raise ConfigError(f"{path} is damaged: remove it and restart fieldlogger-page")
+    if not _TOKEN.fullmatch(token):
+        raise ConfigError(f"{path} is damaged: sudo systemctl restart fieldlogger-page")
     return token
 
 

@@ -16,25 +16,26 @@ from logger.core.live import LiveTracker
 from logger.core.live_settings import LiveSettings
 from logger.core.types import CellReading, Fix, Record, Scan
 from logger.device.memory import give_back
+from logger.sim.scenario import BLOCK
 
-S, STEP_M, SHADOW_DB, POLLS, FIRST, CELLS = 10**9, 2.8, 6.0, 250, 4, 16
+S, STEP_M, SHADOW_DB, POLLS, FIRST, CELLS = 10**9, 2.8, 4.0, 300, 4, 16
+EAST_M, NORTH_M = np.array(BLOCK[:11]).T
+CORNERS_M = np.cumsum([0.0, *np.hypot(np.diff(EAST_M), np.diff(NORTH_M))])
 
 def resident_mb():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
 
 def walk_past(tracker, n_cells):
     rng = np.random.default_rng(1)
-    at_m, shadow_db = rng.uniform(-300.0, 300.0, (n_cells, 2)), np.zeros(n_cells)
-    corners_m = [0, 200, 400, 600, 800, 1600]
+    at_m, shadow_db = rng.uniform(-500.0, 700.0, (n_cells, 2)), np.zeros(n_cells)
     for k in range(POLLS):
-        t_ns, way_m = 2 * k * S, k * STEP_M % 1600.0
-        x_m = np.interp(way_m, corners_m, [0, 200, 200, 400, 400, 0])
-        y_m = np.interp(way_m, corners_m, [0, 0, 200, 200, 400, 0])
-        rho = np.exp(-STEP_M / 15.0)
+        t_ns = 2 * k * S
+        x_m, y_m = (np.interp(k * STEP_M, CORNERS_M, one) for one in (EAST_M, NORTH_M))
+        rho = np.exp(-STEP_M / 20.0)
         shadow_db *= rho
         shadow_db += np.sqrt(1.0 - rho**2) * SHADOW_DB * rng.normal(size=n_cells)
         distance_m = np.hypot(*(at_m - [x_m, y_m]).T) + 10.0
-        levels_dbm = np.maximum(np.round(shadow_db - 25.0 - 32.0 * np.log10(distance_m)), -110.0)
+        levels_dbm = np.maximum(np.round(shadow_db - 8.0 - 29.0 * np.log10(distance_m)), -110.0)
         fix = Fix(True, None, 52.5 + y_m / 111_320, 13.4 + x_m / 67_766, acc_m=4.0)
         tracker.feed(2 * k, Record(t_ns, "gnss", fix))
         rows = tuple(
@@ -86,7 +87,7 @@ def test_what_is_freed_is_given_back(how, least_mb, most_mb):
 
 @pytest.mark.slow
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
-def test_a_strong_cell_in_shadowing_takes_no_more_memory_than_is_reckoned():
+def test_a_cell_of_a_long_walk_takes_no_more_memory_than_is_reckoned():
     done = subprocess.run(
         [sys.executable, "-c", CELLS],
         capture_output=True,

@@ -143,6 +143,7 @@ def test_full_scans_are_between_polls(walks, name):
     if surveys:
         assert "serving" in kinds[surveys[0] : surveys[-1]]
     assert ("full-scan" in walks[name].notes()) == bool(FAMILIES[FAMILY[name]].survey_commands)
+    assert "unread-rows" not in walks[name].notes()
 
 
 @pytest.mark.parametrize("name", DIALECTS)
@@ -509,6 +510,33 @@ def test_rows_in_an_unknown_form_are_a_fault_that_says_so(tmp_path, monkeypatch)
         walked = RecordedRun(read_run(under_way.stop("end")))
     assert "unread-rows" in walked.notes()
     assert not walked.scans()
+
+
+def test_rows_in_an_unknown_form_beside_readable_ones_are_recorded_and_cost_no_cell(tmp_path):
+    serving = '+QENG: "servingcell","NOCONN","GSM",262,02,4E5F,3C4D,21,57,0,-66,255,255,0,39,41,1'
+    serving += ',-,-,-,-,-,-,-,-,-,"-"'
+    unknown = '+QENG: "neighbourcell","5.5G",262,02,138,123,283'
+    modem = Locked('AT+QENG="servingcell"', f"{serving}\r\n{unknown}\r\n\r\nOK", DIALECTS["ec25"])
+    clock = Clock()
+    with PtyDevice(answering(modem)) as port:
+        under_way = make_service(tmp_path, clock, port.path, 0.0, 0.1)
+        under_way.start()
+        service.wait_for(lambda: under_way.snapshot().scans > 3)
+        walked = RecordedRun(read_run(under_way.stop("end")))
+    assert "unread-rows" in walked.notes()
+    assert all(readings for _, readings in walked.scans())
+
+
+def test_rows_of_a_full_scan_in_an_unknown_form_are_recorded_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(link, "NOTE_INTERVAL_S", 0.5)
+    command = 'AT+QOPSCFG="scancontrol",0;+QOPS'
+    modem = Locked(command, "+QOPS: 1,262,02,138,123,283,17\r\n\r\nOK", DIALECTS["ec25"])
+    with (
+        PtyDevice(answering(modem)) as port,
+        recording(make_service(tmp_path, Clock(), port.path, 60.0, 0.1)) as under_way,
+    ):
+        says = f"rows of {command} in no form that driver quectel reads"
+        service.wait_for(lambda: says in under_way.snapshot().ports["modem"].event)
 
 
 def test_one_of_two_modems_that_hears_no_cell_is_a_fault(tmp_path):

@@ -515,7 +515,18 @@ def test_what_is_wrong_with_a_token_is_said(tmp_path):
         page_url("", tmp_path)
     (tmp_path / "token").write_text("")
     with pytest.raises(ConfigError, match="is damaged"):
-        make_token(tmp_path)
+        read_token(tmp_path)
+
+
+@pytest.mark.parametrize("left", [b"", bytes(22), b"Qb7"])
+def test_a_token_that_a_power_cut_has_damaged_gives_way_to_another(tmp_path, left):
+    """The page is all that a Pi without a screen has."""
+    (tmp_path / "token").write_bytes(left)
+    (tmp_path / "token.new").write_bytes(left)
+    token = make_token(tmp_path)
+    assert make_token(tmp_path) == read_token(tmp_path) == token
+    assert [file.name for file in tmp_path.iterdir()] == ["token"]
+    assert (tmp_path / "token").stat().st_mode & 0o777 == 0o600
 
 
 def test_the_code_is_square_and_dark_on_light():

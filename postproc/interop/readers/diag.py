@@ -18,7 +18,13 @@ from logger.core.foreign import open_regular
 from logger.core.latest import Latest
 from logger.core.types import Fix
 from logger.drivers.diag.frames import FrameReader, LogRecord
-from logger.drivers.diag.levels import ALLOWED_CODES, Decoder, Observation, RefusedError
+from logger.drivers.diag.levels import (
+    ALLOWED_CODES,
+    STAYS_NS,
+    Decoder,
+    Observation,
+    RefusedError,
+)
 from logger.drivers.diag.seconds import Second, Seconds
 from postproc.interop.contents import Format
 from postproc.interop.readers.rayhunter import CLOCK_SET_NS
@@ -181,6 +187,7 @@ class Messages:
         self._gsm_cells: dict[int, str] = {}
         self._measurements: dict[int, _Measurements] = {}
         self._asked: dict[int, Signal] = {}
+        self._last_ns = 0
         # by cell: operator and own priority; what each broadcast last of the priorities of others
         self._operators: Latest[str] = Latest(_MOST)
         self._own: Latest[int] = Latest(_MOST)
@@ -194,6 +201,11 @@ class Messages:
         if record.code not in CODES:
             return []
         read = self._readers[record.code]
+        if abs(record.time_ns - self._last_ns) > STAYS_NS:
+            # another connection, perhaps of another capture: its numbers mean other carriers
+            for known in (self._cells, self._gsm_cells, self._measurements):
+                known.clear()
+        self._last_ns = record.time_ns
         try:
             return [*self._give_up(record.time_ns), *read(record)]
         except RefusedError:

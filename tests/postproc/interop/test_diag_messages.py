@@ -17,7 +17,7 @@ from logger.drivers.diag.levels import ALLOWED_CODES, Decoder
 from postproc.cli import main
 from postproc.interop.readers import diag as reader
 from postproc.interop.readers.diag import CODES, NAS_DOWN, NAS_UP, RRC, Messages
-from postproc.suspicion.signalling import Signal, signals_of
+from postproc.suspicion.signalling import UNKNOWN, Signal, signals_of
 from tests.kit import diag_capture as diag
 
 CAPTURES = Path("../shared/captures")
@@ -209,6 +209,19 @@ def test_reported_neighbours_are_on_the_carrier_that_is_measured():
         serving,
         (2850, 100, "neighbour", -96.5),
     ]
+    assert messages.n_unnamed == 1
+
+
+@pytest.mark.parametrize("later_s", [301, -301])
+def test_a_capture_behind_another_knows_nothing_of_its_carriers(later_s):
+    configured = rrc_body(DL_DCCH, configuration(measConfig=measurements({1: EARFCN, 2: 2850})))
+    reported = rrc_body(UL_DCCH, report(2, 40, [(100, 44)]))
+    refused = LogRecord(NAS_DOWN, 0, T_NS + later_s * SECOND_NS, bytes.fromhex("01000000074407"))
+    messages = Messages()
+    messages.feed(LogRecord(RRC, 0, T_NS, configured))
+    (signal,) = messages.feed(refused)
+    assert signal.cell == UNKNOWN
+    messages.feed(refused._replace(code=RRC, body=reported))
     assert messages.n_unnamed == 1
 
 
