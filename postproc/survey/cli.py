@@ -30,6 +30,7 @@ with late_modules():
     from logger.core import document
     from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, progress
+    from postproc import basemap as basemaps
     from postproc import result as estimation
     from postproc.comparison import ground as blocks
     from postproc.comparison import report as comparing
@@ -289,6 +290,7 @@ def map_command(
 ) -> None:
     """Write one page that needs no network: coverage, cells, regions, unusual ones."""
     _check_libraries("pyarrow", "distributed")
+    basemaps.check_basemap(basemap)
     target = target or folder / "survey.html"
     whole = _open_survey(folder, target)
     with scheduling.Cluster(scheduler, workers) as cluster:
