@@ -16,16 +16,16 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from logger.baseline_store import walk_digest
+from logger.baseline_store import is_same_walk, marks_of, walk_digest
 from logger.core.arrays import IntArray
 from logger.core.errors import ConfigError
 from logger.core.locator.posterior import Posterior
 from logger.core.locator.preparation import MOST_MODEMS, of_most_heard_modems
 from logger.core.places import Utm, join_places
-from logger.core.readings import Observations, Readings, times_ns
-from logger.core.rows import levels_dbm
+from logger.core.readings import Observations, Readings
+from logger.core.rows import Rows, levels_dbm
 from logger.core.runfile import Run
-from logger.core.runfile.meta import is_import
+from logger.core.runfile.meta import is_import, may_be_copy
 from logger.core.source_tables import MODEM, source_tables
 from logger.core.timebase import fit_run
 from postproc.ground import check_one_place
@@ -66,11 +66,13 @@ def check_different(runs: Sequence[Run]) -> None:
         if same := [known[name] for name in names if name in known]:
             raise ConfigError(f"{same[0].path} and {run.path} are the same run: each counts once")
         known |= dict.fromkeys(names, run)
-    for run, other in combinations(runs, 2):
-        if (n := _n_common(run, other)) >= _FEWEST_COMMON:
+    for (run, own), (other, others) in combinations([(run, marks_of(run)) for run in runs], 2):
+        is_copy = may_be_copy(run.meta.origin) or may_be_copy(other.meta.origin)
+        is_same = is_copy and is_same_walk(own, others)
+        if is_same or _n_common(run, other) >= _FEWEST_COMMON:
             raise ConfigError(
-                f"{run.path} and {other.path} are of one walk, with {n} readings in common, and "
-                "each counts once: leave out one of them"
+                f"{run.path} and {other.path} are of one walk, and each reading counts once: "
+                "leave out one of them"
             )
 
 
@@ -80,8 +82,7 @@ _FEWEST_COMMON = 10  # readings: fewer that count twice make no region noticeabl
 def _n_common(run: Run, other: Run) -> int:
     """Readings that are in both, if most are where fixes are in both."""
     # a copy to share, or an import of a part, has another number and zero of time, and the same
-    # fixes by UTC and position, or the same scans; modems that share a receiver have few levels in
-    # common
+    # fixes by UTC and position; modems that share a receiver have few levels in common
     fixes, others = (
         of.tables["fixes"][np.isfinite(of.tables["fixes"]["lat_deg"])] for of in (run, other)
     )
@@ -94,39 +95,21 @@ def _n_common(run: Run, other: Run) -> int:
         _bits(one["utc_ns"], one["lat_deg"], one["lon_deg"]) for one in (fixes, others)
     )
     _, here, there = np.intersect1d(at, at_others, return_indices=True)
-    t_ns, others_t_ns = fixes["t_ns"][here], others["t_ns"][there]
-    if not len(here):  # levels that were exported have the places of their own times
-        t_ns, others_t_ns = _nearest_scans(run, other)
-    if not len(t_ns):
+    if not len(here):
         return 0
-    later_ns, counts = np.unique(others_t_ns - t_ns, return_counts=True)
+    common_ns = fixes["t_ns"][here]
+    later_ns, counts = np.unique(others["t_ns"][there] - common_ns, return_counts=True)
     own, of_other = (
-        _heard(one, by_ns, int(np.min(t_ns)), int(np.max(t_ns)))
+        _heard(one.tables["readings"], by_ns, int(np.min(common_ns)), int(np.max(common_ns)))
         for one, by_ns in ((run, 0), (other, int(later_ns[np.argmax(counts)])))
     )
     n = len(np.intersect1d(own, of_other))
     return n if n > 0.5 * min(len(own), len(of_other)) else 0
 
 
-def _nearest_scans(run: Run, other: Run) -> tuple[IntArray, IntArray]:
-    """Times of scans, and of the other run's that are nearest by UTC; none where it is unknown."""
-    bases = [fit_run(one.meta.origin, one.tables["fixes"]) for one in (run, other)]
-    t_ns, others_ns = (np.unique(_times_ns(one)) for one in (run, other))
-    if bases[0] is None or bases[1] is None or not len(others_ns):
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    at_ns, others_at_ns = bases[0].utc_ns_array(t_ns), bases[1].utc_ns_array(others_ns)
-    between_ns = (others_at_ns[1:] + others_at_ns[:-1]) // 2
-    return t_ns, others_ns[np.searchsorted(between_ns, at_ns)]
-
-
-def _times_ns(run: Run) -> IntArray:
-    return times_ns(run.tables["scans"], run.tables["readings"])
-
-
-def _heard(run: Run, later_ns: int, first_ns: int, last_ns: int) -> npt.NDArray[np.void]:
+def _heard(readings: Rows, later_ns: int, first_ns: int, last_ns: int) -> npt.NDArray[np.void]:
     """Time, level, channel and cell of each, by a clock that is so much later."""
-    readings = run.tables["readings"]
-    t_ns, level_dbm = _times_ns(run) - later_ns, levels_dbm(readings)
+    t_ns, level_dbm = readings["t_ns"] - later_ns, levels_dbm(readings)
     is_between = (t_ns >= first_ns) & (t_ns <= last_ns) & np.isfinite(level_dbm)
     return np.unique(_bits(t_ns, level_dbm, readings["arfcn"], readings["cid"])[is_between])
 
