@@ -132,6 +132,16 @@ MEASUREMENT = (
 )
 
 
+def test_a_table_of_a_chinese_spreadsheet_is_read_in_its_encoding(tmp_path):
+    rows = [
+        f"2026-05-01 10:00:{k:02d},48.10{k:02d},11.5,LTE,{7 + k},-8{k % 9},北京" for k in range(30)
+    ]
+    text = "\n".join(["时间,纬度,经度,网络制式,小区ID,信号强度,地点", *rows, ""])
+    (tmp_path / "a.csv").write_text(text, "gbk")
+    imported = import_walk(tmp_path / "a.csv", tmp_path / "a.h5")
+    assert (imported.n_rows, imported.left.n_bad) == (30, 0)
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be"])
 @pytest.mark.parametrize(
     ("text", "name"),
