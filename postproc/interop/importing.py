@@ -20,6 +20,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from logger.core.cell_names import channel_name
+from logger.core.document import number_of
 from logger.core.errors import FieldLoggerError, GeoError, RunFileError
 from logger.core.foreign import open_regular
 from logger.core.runfile import RunMeta, RunWriter, convert_journal, read_sound_run
@@ -233,7 +234,8 @@ class LeftOut:
                 f"; {len(self.remarks)} remarks have no place: "
                 "add the GPX track of the walk with --track"
             )
-        return "".join(f"; {n} rows: {why}" for why, n in (*self.other, *self.no_level))
+        left = (*self.other, *self.no_level)
+        return "".join(f"; {number_of(n, 'row')}: {why}" for why, n in left)
 
 
 @dataclass(frozen=True, slots=True)
@@ -410,7 +412,8 @@ def _write(
     has_something = left.n_levels or (left.remarks and reading.track) or (sha256 and sightings)
     if not has_something:
         what = "no cell that its records name, and no level" if sha256 else "no usable row"
-        alone = f"; {n} rows with a position alone" if (n := sightings.n_positions) else ""
+        n = sightings.n_positions
+        alone = f"; {number_of(n, 'row')} with a position alone" * bool(n)
         raise RunFileError(f"{name} has {what}{alone}{left.reason}")
     n_read = len(sightings)
     if not form.unrepeated:

@@ -205,7 +205,8 @@ def baseline(folder: Path, target: Path, *, as_json: bool) -> None:
         n_new = sum(progress.with_progress(work, "baseline", len(whole.runs)))
         n_walks, n_cells = len(kept.walks()), kept.n_cells()
     content = {"baseline": target, "added": n_new, "walks": n_walks, "cells": n_cells}
-    text = f"{target}: {n_new} added; {n_walks} walks, {n_cells} cells"
+    counts = document.number_of(n_walks, "walk"), document.number_of(n_cells, "cell")
+    text = f"{target}: {n_new} added; {', '.join(counts)}"
     show(document.Document(content, body=[text]), as_json=as_json)
 
 

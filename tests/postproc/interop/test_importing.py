@@ -476,14 +476,14 @@ def test_a_level_that_the_technology_cannot_report_is_none(tmp_path, capsys, rat
 def test_nothing_but_fillers_is_no_walk(tmp_path, capsys):
     source = _write(tmp_path, DRIVE + "0,52,13,LTE,262,01,7,99,62,3,-30,1,\n")
     assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 2
-    assert "1 rows: level outside of what LTE reports, -140 to -43 dBm" in capsys.readouterr().err
+    assert "1 row: level outside of what LTE reports, -140 to -43 dBm" in capsys.readouterr().err
 
 
 def test_a_cell_of_marks_is_no_cell(tmp_path, capsys):
     rows = [f"{i},52,{13 + i * 1e-5},GSM,262,01,0,0,62,,-70,1,\n" for i in range(9)]
     source = _write(tmp_path, DRIVE + "".join(rows))
     assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 0
-    assert "9 readings name no cell, so no cell can be located" in capsys.readouterr().err
+    assert "9 readings without a cell's name, so no cell can be located" in capsys.readouterr().err
 
 
 def test_without_a_technology_every_level_counts(tmp_path, capsys):
