@@ -231,7 +231,8 @@ def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
     if imported.was_sorted:
         yield f"{source}: rows were out of order and have been sorted by time"
     for why, n in imported.left.other:
-        rows = f"left out: {document.number_of(n, 'row')}, {why}"
+        where = f" (the first: line {first})" if (first := imported.left.first.get(why)) else ""
+        rows = f"left out: {document.number_of(n, 'row')}, {why}{where}"
         what = f"{why}: {n} not read" if imported.sha256 else rows
         # the run names no path of this computer
         advice = f" ({missing_library('pycrate', '[diag]')})" if why == diag.NO_PYCRATE else ""

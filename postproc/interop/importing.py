@@ -177,6 +177,7 @@ class LeftOut:
         self.n_bad = 0
         self.remarks: list[Remark] = []
         self.n_levels = self.n_unnamed = 0
+        self.first: dict[str, int] = {}  # line of the first that is left out for a reason
         self._other: Counter[str] = Counter()
         self._no_level: Counter[str] = Counter()
 
@@ -200,6 +201,7 @@ class LeftOut:
         """Count a row; raises `RunFileError` for more remarks than a walk has."""
         if isinstance(row, NoCell):
             self._other[row.why] += row.n
+            self.first.setdefault(row.why, row.line)
         elif isinstance(row, Remark):
             if len(self.remarks) >= MOST_REMARKS and row.code != REMARK:
                 self._other[f"signals after the first {MOST_REMARKS:,}"] += 1

@@ -132,6 +132,15 @@ MEASUREMENT = (
 )
 
 
+def test_rows_of_another_form_are_counted_and_can_be_found(tmp_path, capsys):
+    row = '{{"time": "2026-05-01T10:00:{:02d}Z", "lat": 48.1, "lon": 11.5, "rsrp": -8{}, "cid": 7}}'
+    rows = [row.format(k, k) for k in range(9)]
+    rows[3:3] = ['{"time": "2026-05-01T10:00:02Z", "cells": [{"rsrp": -80}]}'] * 2
+    (tmp_path / "a.json").write_text("\n".join([*rows, ""]))
+    assert main(["import", str(tmp_path / "a.json"), "-o", str(tmp_path / "a.h5")]) == 0
+    assert "left out: 2 rows, no level (the first: line 4)\n" in capsys.readouterr().err
+
+
 def test_a_table_of_a_chinese_spreadsheet_is_read_in_its_encoding(tmp_path):
     rows = [
         f"2026-05-01 10:00:{k:02d},48.10{k:02d},11.5,LTE,{7 + k},-8{k % 9},北京" for k in range(30)
