@@ -132,7 +132,7 @@ def began_utc_ns(run: Run) -> int | None:
 
 
 def marks_of(run: Run) -> bytes:
-    """The smallest hashes of readings with their second of UTC; a copy has them too."""
+    """Smallest hashes of readings with their second of UTC; a copy has them too."""
     # of a copy to share the number, the digest and the zero of time are others, of exported levels
     # that were imported the positions too, and some formats have no channels
     fixes, readings = run.tables["fixes"], run.tables["readings"]

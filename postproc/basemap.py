@@ -657,7 +657,7 @@ def read_basemap(
 def ground_under(
     path: Path | None, survey: Survey, plan: Box | None, most_pixels: int = MOST_PIXELS
 ) -> Basemap | None:
-    """As `read_basemap`; of a file that does not help a line on stderr, as the rest is no worse."""
+    """As `read_basemap`; a line on stderr where that fails."""
     if path is None:
         return None
     try:
@@ -680,7 +680,7 @@ def open_ground(path: Path, area: Area) -> Ground:
 
 
 def check_basemap(path: Path | None) -> None:
-    """Raise `ConfigError` for a file that is no map: at once, and not after an estimate."""
+    """Raise `ConfigError` for a file that is no map."""
     if path is None:
         return
     if not path.is_file():

@@ -62,7 +62,7 @@ def most_unpacked_bytes(packed_bytes: int) -> int:
 
 
 def encoding_of(head: bytes) -> str:
-    """Encoding of a text by its first bytes, with its first line."""
+    """Encoding of a text by its first bytes."""
     if head.startswith(_UTF16):
         return "utf-16"
     line = head.partition(b"\n")[0]

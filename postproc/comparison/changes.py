@@ -439,7 +439,7 @@ def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float
 
 
 def _not_counted(cell: str, grounds: tuple[Ground, Ground]) -> str:
-    """The blocks in which a walk named a cell and no level counts, as the end of a sentence."""
+    # blocks in which a walk named the cell and no level counts, as the end of a sentence
     heard = [(walk, ground.cells.get(cell)) for walk, ground in zip("AB", grounds, strict=True)]
     left = [(walk, len(one.named) - len(one.block)) for walk, one in heard if one]
     why = "do not count: repeated, or spikes"

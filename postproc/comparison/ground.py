@@ -80,8 +80,7 @@ def _column_and_row(number: IntArray) -> tuple[IntArray, IntArray]:
 class CellBlocks:
     """Number and sum of the levels of a cell in each block that heard it, shape (n,) each.
 
-    The blocks are those of a grid, or half blocks. `named` has them and those in which no level
-    counts, shape (m,).
+    The blocks are those of a grid, or half blocks.
     """
 
     cell: str
@@ -89,7 +88,7 @@ class CellBlocks:
     block: IntArray
     count: IntArray
     sum_dbm: FloatArray
-    named: IntArray
+    named: IntArray  # blocks: these, and those in which no level counts
 
     @property
     def n_readings(self) -> int:

@@ -138,7 +138,7 @@ def is_simulated(origin: str) -> bool:
 
 
 def may_be_copy(origin: str) -> bool:
-    """Whether it is a copy to give away, or an import, perhaps of exported levels."""
+    """Whether it is shared, or imported."""
     return origin.startswith(SHARED) or is_import(origin)
 
 

@@ -75,7 +75,6 @@ def test_a_cell_that_is_left_elsewhere_is_gone_here():
 
 
 def with_one_level(cells, cid, from_m=0.0):
-    """From a place on the modem repeats the level of a cell."""
     return [
         replace(obs, level_dbm=np.where(obs.x_m < START_M[0] + from_m, obs.level_dbm, -80.0))
         if obs.cell == name(cid)
