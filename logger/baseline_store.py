@@ -28,11 +28,12 @@ from logger.baseline_file import (
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.baseline import SQUARE_M, squares_of
 from logger.core.errors import ConfigError, FieldLoggerError, RunFileError, why_not_written
-from logger.core.places import index_of, track_of
-from logger.core.readings import places_of
+from logger.core.places import track_of
+from logger.core.readings import places_of, times_ns
 from logger.core.rows import Rows, levels_dbm
 from logger.core.runfile import Run, sealing_of
-from logger.core.runfile.meta import is_import, is_shared_copy
+from logger.core.runfile.meta import is_import, may_be_copy
+from logger.core.timebase import fit_run
 from logger.core.types import UNKNOWN_ID, UNKNOWN_TIME
 
 FARTHEST_SIGMA_M = SQUARE_M / 2.0
@@ -40,6 +41,7 @@ FARTHEST_SIGMA_M = SQUARE_M / 2.0
 
 # 2 kB: a copy of a twentieth of a walk still has a dozen
 _MOST_MARKS, _FEWEST_COMMON = 256, 8
+_SHARE_OF_COPY = 0.8  # all but those at the turn of a second, which the other clock may exchange
 
 
 def _numbers_in(name: str) -> Sequence[str]:
@@ -118,7 +120,7 @@ def summarise_walk(run: Run) -> WalkSummary:
         seal=run.end.digest if run.end else "",
         is_complete=run.is_complete,
         marks=marks_of(run),
-        is_copy=is_shared_copy(run.meta.origin),
+        is_copy=may_be_copy(run.meta.origin),
     )
 
 
@@ -130,22 +132,22 @@ def began_utc_ns(run: Run) -> int | None:
 
 
 def marks_of(run: Run) -> bytes:
-    """The smallest hashes of readings with their fix; a copy has them too."""
-    # of a copy to share the number, the digest and the zero of time are others
+    """Smallest hashes of readings with their second of UTC; a copy has them too."""
+    # of a copy to share the number, the digest and the zero of time are others, of exported levels
+    # that were imported the positions too, and some formats have no channels
     fixes, readings = run.tables["fixes"], run.tables["readings"]
-    if not len(fixes) or not len(readings):
+    base = fit_run(run.meta.origin, fixes)
+    if base is None or not len(readings):
         return b""
-    index, is_there = index_of(fixes["seq"], readings["fix_seq"])
-    at, level_dbm = fixes[index], levels_dbm(readings)
-    is_there &= (at["utc_ns"] != UNKNOWN_TIME) & np.isfinite(level_dbm)
+    level_dbm = levels_dbm(readings)
+    second = base.utc_ns_array(times_ns(run.tables["scans"], readings)) // 10**9
     state = np.zeros(len(readings), np.uint64)
-    columns = at["utc_ns"], at["lat_deg"], at["lon_deg"], readings["arfcn"], readings["cid"]
-    for values in (*columns, level_dbm):
+    for values in (second, readings["cid"], level_dbm):
         is_real = values.dtype.kind == "f"
         bits = values.astype(np.float64 if is_real else np.int64).view(np.uint64)
         state = (state ^ bits) * np.uint64(0x9E3779B97F4A7C15)  # 2^64 by the golden ratio
         state ^= state >> np.uint64(32)
-    return np.unique(state[is_there])[:_MOST_MARKS].astype("<u8").tobytes()
+    return np.unique(state[np.isfinite(level_dbm)])[:_MOST_MARKS].astype("<u8").tobytes()
 
 
 def is_same_walk(marks: bytes, others: bytes) -> bool:
@@ -155,9 +157,9 @@ def is_same_walk(marks: bytes, others: bytes) -> bool:
     last = min((part[-1] for part in (one, other) if len(part) == _MOST_MARKS), default=None)
     if last is not None:
         one, other = one[one <= last], other[other <= last]
-    # modems that share a receiver have few levels in common
+    # modems that share a receiver have few levels in common, and logs that overlap are no copies
     n = len(np.intersect1d(one, other))
-    return n >= _FEWEST_COMMON and n > 0.5 * min(len(one), len(other))
+    return n >= _FEWEST_COMMON and n > _SHARE_OF_COPY * min(len(one), len(other))
 
 
 def walk_digest(run: Run) -> str:

@@ -366,7 +366,7 @@ def parse(file: Path, driver_name: str, command: str | None, *, as_json: bool) -
     ]
     show(document.Document(rows, body=texts), as_json=as_json)
     if not as_json:
-        print(f"{len(rows)} rows, driver {driver.name}", file=sys.stderr)
+        print(f"{document.number_of(len(rows), 'row')}, driver {driver.name}", file=sys.stderr)
 
 
 @program.command

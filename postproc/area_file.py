@@ -6,6 +6,7 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
+import shapely
 
 from logger.core.errors import ConfigError, GeoError
 from logger.core.foreign import decode_json, read_regular
@@ -103,5 +104,7 @@ def _check(polygon: Polygon) -> None:
             check_position(lat_deg, lon_deg)
         if not _encloses_anything(ring):
             raise ValueError("the corners of a polygon lie on one line")
+        if shapely.is_valid_reason(shapely.Polygon(ring)).startswith("Self-intersection"):
+            raise ValueError("the border of a polygon crosses itself: corners are in their order")
     if not polygon:
         raise ValueError("a polygon has no ring")

@@ -94,7 +94,7 @@ def add(paths: Sequence[Path], target: Path, *, as_json: bool) -> int:
     content = {"baseline": target, "walks": n_walks, "cells": n_cells, "runs": results}
     said = document.Document(
         content,
-        body=[f"{target}: {n_added} added{known}; {walks}, {n_cells} cells"],
+        body=[f"{target}: {n_added} added{known}; {walks}, {document.number_of(n_cells, 'cell')}"],
         remarks=[
             *(f"{result.path} was not added: {result.problem}" for result in failed),
             *(f"{result.path}: {result.remark}" for result in results if result.remark),

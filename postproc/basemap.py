@@ -5,6 +5,7 @@ import math
 import re
 import sqlite3
 import struct
+import sys
 import warnings
 import zlib
 from collections import defaultdict
@@ -35,6 +36,7 @@ from logger.core.arrays import FloatArray
 from logger.core.certainty import OnMap
 from logger.core.errors import ConfigError
 from logger.core.foreign import begins_with, check_regular, open_regular
+from logger.core.printable import printable
 from logger.sqlite_file import is_sqlite, open_database
 from postproc.foreign_file import MOST_DIRECTORY_BYTES, MOST_TILE_BYTES, MOST_TILE_PIXELS
 from postproc.pictures.survey import Box, Survey
@@ -406,30 +408,33 @@ def _mosaic(picture: TilePicture, side_m: float, columns: range, rows: range) ->
     return Ground(np.asarray(image), west_m, north_m, side_m / width, side_m / height)
 
 
-def open_mbtiles(path: Path, area: Area) -> Ground:
-    """The tiles of a file that cover an area; raises `ConfigError`."""
+@contextmanager
+def _mbtiles(path: Path) -> Iterator[sqlite3.Connection]:
     try:
         with open_database(path, views=True) as database:
-            from_south = database.execute(_IS_XYZ).fetchone() is None
-
-            def picture_at(zoom: int, *_: range) -> TilePicture:
-                def picture(column: int, row: int) -> Image.Image | None:
-                    stored = 2**zoom - 1 - row if from_south else row
-                    tile = database.execute(_TILE, (zoom, column, stored)).fetchone()
-                    return None if tile is None else tile_picture(tile[0])
-
-                return picture
-
-            ground = ground_of(range(FINEST, -1, -1), area, picture_at)
+            yield database
     except sqlite3.Error as error:
         raise ConfigError(f"{path} is no MBTiles file with raster tiles: {error}") from error
     except ValueError as error:
         raise ConfigError(f"{path}: {error} (vector tiles are read from PMTiles)") from error
     except OSError as error:
         raise ConfigError(f"{path} cannot be read: {error.strerror or error}") from error
-    if ground is None:
-        raise ConfigError(f"{path} does not cover the area of this walk")
-    return ground
+
+
+def open_mbtiles(path: Path, area: Area) -> Ground | None:
+    """The tiles of a file that cover an area; raises `ConfigError`."""
+    with _mbtiles(path) as database:
+        from_south = database.execute(_IS_XYZ).fetchone() is None
+
+        def picture_at(zoom: int, *_: range) -> TilePicture:
+            def picture(column: int, row: int) -> Image.Image | None:
+                stored = 2**zoom - 1 - row if from_south else row
+                tile = database.execute(_TILE, (zoom, column, stored)).fetchone()
+                return None if tile is None else tile_picture(tile[0])
+
+            return picture
+
+        return ground_of(range(FINEST, -1, -1), area, picture_at)
 
 
 def tile_picture(data: bytes | None) -> Image.Image:
@@ -522,7 +527,7 @@ def is_pmtiles(path: Path) -> bool:
     return begins_with(path, _MAGIC)
 
 
-def open_pmtiles(path: Path, area: Area) -> Ground:
+def open_pmtiles(path: Path, area: Area) -> Ground | None:
     """The tiles that cover an area; raises `ConfigError`."""
     with _archive(path) as archive:
 
@@ -539,10 +544,7 @@ def open_pmtiles(path: Path, area: Area) -> Ground:
 
             return picture
 
-        ground = ground_of(archive.zooms, area, picture_at)
-    if ground is None:
-        raise ConfigError(f"{path} does not cover the area of this walk")
-    return ground
+        return ground_of(archive.zooms, area, picture_at)
 
 
 def street_at(path: Path, at: OnMap) -> str | None:
@@ -652,18 +654,48 @@ def read_basemap(
     return Basemap(pixels, box)
 
 
+def ground_under(
+    path: Path | None, survey: Survey, plan: Box | None, most_pixels: int = MOST_PIXELS
+) -> Basemap | None:
+    """As `read_basemap`; a line on stderr where that fails."""
+    if path is None:
+        return None
+    try:
+        ground = read_basemap(path, survey, plan, most_pixels)
+        why = "the walk has no position"
+    except ConfigError as error:
+        ground, why = None, str(error)
+    if ground is None:
+        sys.stderr.write(printable(f"{path} is not drawn: {why}") + "\n")
+    return ground
+
+
 def open_ground(path: Path, area: Area) -> Ground:
     """What a file has of an area; raises `ConfigError` for one that cannot be read."""
-    if is_sqlite(path):
-        return open_mbtiles(path, area)
-    if is_pmtiles(path):
-        return open_pmtiles(path, area)
+    check_basemap(path)
+    ground = open_mbtiles(path, area) if is_sqlite(path) else open_pmtiles(path, area)
+    if ground is None:
+        raise ConfigError(f"{path} does not cover the area of this walk")
+    return ground
+
+
+def check_basemap(path: Path | None) -> None:
+    """Raise `ConfigError` for a file that is no map."""
+    if path is None:
+        return
     if not path.is_file():
-        raise ConfigError(f"{path} is no file")
-    raise ConfigError(
-        f"{path} is neither PMTiles nor MBTiles; GDAL makes MBTiles of a picture with a position: "
-        "gdal_translate -of MBTILES PICTURE map.mbtiles"
-    )
+        raise ConfigError(f"{path}: no such file")
+    if is_sqlite(path):
+        with _mbtiles(path) as database:
+            database.execute("SELECT 1 FROM tiles LIMIT 1")
+    elif is_pmtiles(path):
+        with _archive(path):
+            pass
+    else:
+        raise ConfigError(
+            f"{path} is neither PMTiles nor MBTiles; GDAL makes MBTiles of a picture with a "
+            "position: gdal_translate -of MBTILES PICTURE map.mbtiles"
+        )
 
 
 def _area_of(survey: Survey, box: Box, most_pixels: int) -> Area:

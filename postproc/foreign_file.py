@@ -46,6 +46,10 @@ _MOST_PACKED = 100
 
 # how Excel's "Unicode Text" begins, and what Windows writes by `>`
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
+_HEAD_BYTES = 8192  # a line of names is shorter, and files buffer as much
+# GBK, as a spreadsheet in China writes: a sign has two such bytes; letters of western Europe have
+# one, and seldom stand in pairs alone
+_CHINESE = re.compile(rb"(?:[\0-\x7f]*[\xa1-\xf7][\xa1-\xfe]){4,}[\0-\x7f]*")
 # a first line that Excel writes and reads: no row, and the header shows the separator as well
 _SEPARATOR = re.compile(r"sep=.?[\r\n]*")
 
@@ -59,7 +63,11 @@ def most_unpacked_bytes(packed_bytes: int) -> int:
 
 def encoding_of(head: bytes) -> str:
     """Encoding of a text by its first bytes."""
-    return "utf-16" if head.startswith(_UTF16) else "utf-8-sig"
+    if head.startswith(_UTF16):
+        return "utf-16"
+    line = head.partition(b"\n")[0]
+    is_utf8 = line.decode("utf-8", "ignore").encode() == line
+    return "utf-8-sig" if is_utf8 or not _CHINESE.fullmatch(line) else "gb18030"
 
 
 def _as_windows(error: UnicodeError) -> tuple[str, int]:
@@ -74,7 +82,7 @@ codecs.register_error("as-windows", _as_windows)
 
 def open_text(file: BufferedReader | GzipFile, newline: str | None = None) -> TextIOWrapper:
     """Its text, with marks for what is none."""
-    return TextIOWrapper(file, encoding_of(file.peek(2)), "as-windows", newline=newline)
+    return TextIOWrapper(file, encoding_of(file.peek(_HEAD_BYTES)), "as-windows", newline=newline)
 
 
 class Lines(Iterator[str]):

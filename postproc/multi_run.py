@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from logger.baseline_store import walk_digest
+from logger.baseline_store import is_same_walk, marks_of, walk_digest
 from logger.core.arrays import IntArray
 from logger.core.errors import ConfigError
 from logger.core.locator.posterior import Posterior
@@ -25,7 +25,7 @@ from logger.core.places import Utm, join_places
 from logger.core.readings import Observations, Readings
 from logger.core.rows import Rows, levels_dbm
 from logger.core.runfile import Run
-from logger.core.runfile.meta import is_import
+from logger.core.runfile.meta import is_import, may_be_copy
 from logger.core.source_tables import MODEM, source_tables
 from logger.core.timebase import fit_run
 from postproc.ground import check_one_place
@@ -66,11 +66,13 @@ def check_different(runs: Sequence[Run]) -> None:
         if same := [known[name] for name in names if name in known]:
             raise ConfigError(f"{same[0].path} and {run.path} are the same run: each counts once")
         known |= dict.fromkeys(names, run)
-    for run, other in combinations(runs, 2):
-        if (n := _n_common(run, other)) >= _FEWEST_COMMON:
+    for (run, own), (other, others) in combinations([(run, marks_of(run)) for run in runs], 2):
+        is_copy = may_be_copy(run.meta.origin) or may_be_copy(other.meta.origin)
+        is_same = is_copy and is_same_walk(own, others)
+        if is_same or _n_common(run, other) >= _FEWEST_COMMON:
             raise ConfigError(
-                f"{run.path} and {other.path} are of one walk, with {n} readings in common, and "
-                "each counts once: leave out one of them"
+                f"{run.path} and {other.path} are of one walk, and each reading counts once: "
+                "leave out one of them"
             )
 
 

@@ -167,7 +167,7 @@ def test_the_new_driver_reads_its_replies_by_name_and_by_itself(copy):
         done = run(copy, "-m", "logger.cli", "parse", *options, reply)
         assert done.returncode == 0, done.stderr
         assert "lac=6699  cid=15437" in done.stdout
-        assert done.stderr == "1 rows, driver acme_x\n"
+        assert done.stderr == "1 row, driver acme_x\n"
 
 
 @pytest.mark.parametrize("path", [path for path in FILES if "dialects" not in path])

@@ -438,9 +438,18 @@ def _change_of_tested(one: _Tested, grounds: tuple[Ground, Ground], limit: float
     )  # fmt: skip
 
 
+def _not_counted(cell: str, grounds: tuple[Ground, Ground]) -> str:
+    # blocks in which a walk named the cell and no level counts, as the end of a sentence
+    heard = [(walk, ground.cells.get(cell)) for walk, ground in zip("AB", grounds, strict=True)]
+    left = [(walk, len(one.named) - len(one.block)) for walk, one in heard if one]
+    why = "do not count: repeated, or spikes"
+    return "".join(f"; levels of walk {walk} in {blocks_text(n)} {why}" for walk, n in left if n)
+
+
 def _too_little(one: Differences, grounds: tuple[Ground, Ground]) -> CellChange:
     heard_a, heard_b = (ground.cells[one.cell] for ground in grounds)
     text = f"heard by both walks in {blocks_text(len(one))}, {FEWEST_BLOCKS} are needed"
+    text += _not_counted(one.cell, grounds)
     return CellChange(
         one.cell, one.rat, "not comparable", text, heard_a.n_readings, heard_b.n_readings,
         len(one), block=one.block, difference_db=one.difference_db,
@@ -470,6 +479,7 @@ def _change_of_absent(
         text = f"only in walk {walk}; walk {absent} could have heard it in {blocks_text(n)}"
         if p is not None and p <= limit:
             word = "gone" if side == 0 else "new"
+    text += _not_counted(cell, grounds)
     counts = (heard.n_readings, 0) if side == 0 else (0, heard.n_readings)
     return CellChange(
         cell, heard.rat, word, text, *counts, n, p=p,

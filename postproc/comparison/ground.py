@@ -88,6 +88,7 @@ class CellBlocks:
     block: IntArray
     count: IntArray
     sum_dbm: FloatArray
+    named: IntArray  # blocks: these, and those in which no level counts
 
     @property
     def n_readings(self) -> int:
@@ -104,7 +105,8 @@ class CellBlocks:
         block, which = np.unique(grid.blocks_of(self.block), return_inverse=True)
         count = np.bincount(which, self.count).astype(np.int64)
         sum_dbm = np.asarray(np.bincount(which, self.sum_dbm), float)
-        return replace(self, block=block, count=count, sum_dbm=sum_dbm)
+        named = np.unique(grid.blocks_of(self.named))
+        return replace(self, block=block, count=count, sum_dbm=sum_dbm, named=named)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,14 +181,17 @@ class _Walk:
         tries.each(cells, lambda obs: obs.cell, self._take)
 
     def _take(self, every: Readings) -> None:
-        obs = _without_doubt(every)
-        if obs is None:
+        named = _surely_placed(every)
+        if len(np.unique(named.scan_seq)) < FEWEST_SCANS:
             return
+        # where a cell is named irregularly it may have become weak
+        obs = _surely_placed(every.everywhere())
         at = half_blocks_at(obs.x_m, obs.y_m)
         half, which = np.unique(at, return_inverse=True)
         sum_dbm = np.asarray(np.bincount(which, obs.level_dbm), float)
         rat = obs.rat or ""
-        self._cells.append(CellBlocks(obs.cell, rat, half, np.bincount(which), sum_dbm))
+        heard = np.unique(half_blocks_at(named.x_m, named.y_m))
+        self._cells.append(CellBlocks(obs.cell, rat, half, np.bincount(which), sum_dbm, heard))
         parts = self._scans.setdefault(rat, [])
         parts.append(_Scans(obs.scan_seq, obs.level_dbm, np.ones(len(obs), np.int64), at))
         if sum(len(part.scan) for part in parts[1:]) > max(_MOST_ROWS, len(parts[0].scan)):
@@ -207,11 +212,8 @@ class _Walk:
         )
 
 
-def _without_doubt(obs: Readings) -> Readings | None:
-    # where a cell is named irregularly it may have become weak
-    everywhere = obs.everywhere()
-    sure = everywhere.part(everywhere.position_sigma_m <= _FARTHEST_SIGMA_M)
-    return sure if len(np.unique(sure.scan_seq)) >= FEWEST_SCANS else None
+def _surely_placed(obs: Readings) -> Readings:
+    return obs.part(obs.position_sigma_m <= _FARTHEST_SIGMA_M)
 
 
 # Null hypothesis: the difference in a block of 50 m is an offset of the modem plus an error that is
@@ -257,7 +259,7 @@ def scale_db(variance_db2: FloatArray) -> FloatArray:
 
 
 # A block in which one walk did not hear the cell, although it could have, says that the level was
-# below its floor there: the difference is censored.
+# below its floor there: the difference is censored. A level that does not count says nothing.
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,7 +312,7 @@ def _bounds(heard: CellBlocks, other: Ground, bound: int) -> Differences:
     The difference is that of the level from the other's floor.
     """
     margin_db = margins_db(heard, other)
-    is_heard_too = np.isin(heard.block, other.cells[heard.cell].block)
+    is_heard_too = np.isin(heard.block, other.cells[heard.cell].named)
     chosen = ~is_heard_too & (margin_db > 0.0)  # NaN compares false
     count = heard.count[chosen]
     difference_db, bounds = bound * margin_db[chosen], np.full(len(count), bound)

@@ -52,7 +52,8 @@ def guide(cell: str | None, streets: Path | None, prior: priors.Prior) -> None:
             was_off_map = True
             _say(f"{streets} has no street near the first position, so it is not used")
     if answers.levels == 0:
-        _say(f"no row had a level{'' if cell is None else f' of {cell}'} with a position")
+        of = " (and a name, if there is a column cell)" if cell is None else f" of {cell}"
+        _say(f"no row had a level{of} with a position")
 
 
 def _say(text: str) -> None:

@@ -122,9 +122,10 @@ class GuideFilter:
         followed.update(place, self.locator)
 
     def _is_followed(self, row: Mapping[str, str | None]) -> bool:
-        name = _text(row, "cell") or None
-        self._cell = self._cell or name
-        return name == self._cell
+        name = _text(row, "cell")
+        self._cell = self._cell or name or None
+        # in a column of names a row without one is of any cell
+        return (name or row.get("cell")) == self._cell
 
     def _place(self, row: Mapping[str, str | None], t_s: float | None) -> Places | None:
         """In the zone of the first row; None without a position."""

@@ -211,7 +211,8 @@ def _counts(imported: importing.Imported) -> str:
     remarks = f", {len(imported.left.remarks)} remarks" if imported.left.remarks else ""
     readings = document.number_of(imported.n_rows, "reading")
     bad = document.number_of(imported.left.n_bad, "bad row")
-    alone = f", {n} rows with a position alone" if (n := imported.n_positions) else ""
+    n = imported.n_positions
+    alone = f", {document.number_of(n, 'row')} with a position alone" * bool(n)
     counts = f"{readings}{remarks}{alone}, {bad}{again}"
     return f"{imported.path}: {counts} ({imported.format})"
 
@@ -230,17 +231,19 @@ def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
     if imported.was_sorted:
         yield f"{source}: rows were out of order and have been sorted by time"
     for why, n in imported.left.other:
-        what = f"{why}: {n} not read" if imported.sha256 else f"left out: {n} rows, {why}"
+        where = f" (the first: line {first})" if (first := imported.left.first.get(why)) else ""
+        rows = f"left out: {document.number_of(n, 'row')}, {why}{where}"
+        what = f"{why}: {n} not read" if imported.sha256 else rows
         # the run names no path of this computer
         advice = f" ({missing_library('pycrate', '[diag]')})" if why == diag.NO_PYCRATE else ""
         yield f"{imported.path}: {what}{advice}"
     if imported.no_track:
         yield f"{imported.path}: no positions: {imported.no_track}"
     for why, n in imported.left.no_level:
-        yield f"{imported.path}: left out: {n} levels, {why}"
-    if imported.left.n_unnamed:
-        every = ", so no cell can be located" if imported.left.n_unnamed == imported.n_rows else ""
-        yield f"{imported.path}: {imported.left.n_unnamed} readings name no cell{every}"
+        yield f"{imported.path}: left out: {document.number_of(n, 'level')}, {why}"
+    if n := imported.left.n_unnamed:
+        every = ", so no cell can be located" if n == imported.n_rows else ""
+        yield f"{imported.path}: {document.number_of(n, 'reading')} without a cell's name{every}"
 
 
 @click.command
@@ -262,7 +265,9 @@ def share(path: Path, output: Path, blur_m: float, *, as_json: bool) -> None:
     """
     atomic_write.check_writable(output)
     shared = sharing.share(runfile.read_sound_run(path), output, blur_m)
-    counts = f"{shared.n_fixes} fixes, {shared.n_scans} scans, {shared.n_readings} readings"
+    numbers = {"scan": shared.n_scans, "reading": shared.n_readings}
+    counts = ", ".join(document.number_of(n, noun) for noun, n in numbers.items())
+    counts = f"{shared.n_fixes} fix{'es' * (shared.n_fixes != 1)}, {counts}"
     parts = [("  removed", what) for what in shared.removed]
     parts += [("  kept", what) for what in shared.kept]
     body: list[document.Part] = [f"{shared.path}: {counts}", *document.facts(parts)]

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from logger.core.answer import Answer
 from logger.core.arrays import IntArray
+from logger.core.document import number_of
 from logger.core.errors import ConfigError, RunFileError
 from logger.core.locator.region import HALF, LEVEL
 from logger.core.places import MAX_GAP_S, SIGMA_OF_RADIUS68
@@ -301,4 +302,4 @@ def _omissions(walk: ExportWalk, n_written: int) -> list[str]:
         "without a level": walk.n_without_level,
         "without a fix near in time": walk.n_without_position,
     }
-    return [f"{n} readings {what}" for what, n in counts.items() if n]
+    return [f"{number_of(n, 'reading')} {what}" for what, n in counts.items() if n]

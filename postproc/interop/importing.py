@@ -20,6 +20,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from logger.core.cell_names import channel_name
+from logger.core.document import number_of
 from logger.core.errors import FieldLoggerError, GeoError, RunFileError
 from logger.core.foreign import open_regular
 from logger.core.runfile import RunMeta, RunWriter, convert_journal, read_sound_run
@@ -176,6 +177,7 @@ class LeftOut:
         self.n_bad = 0
         self.remarks: list[Remark] = []
         self.n_levels = self.n_unnamed = 0
+        self.first: dict[str, int] = {}  # line of the first that is left out for a reason
         self._other: Counter[str] = Counter()
         self._no_level: Counter[str] = Counter()
 
@@ -199,6 +201,7 @@ class LeftOut:
         """Count a row; raises `RunFileError` for more remarks than a walk has."""
         if isinstance(row, NoCell):
             self._other[row.why] += row.n
+            self.first.setdefault(row.why, row.line)
         elif isinstance(row, Remark):
             if len(self.remarks) >= MOST_REMARKS and row.code != REMARK:
                 self._other[f"signals after the first {MOST_REMARKS:,}"] += 1
@@ -233,7 +236,8 @@ class LeftOut:
                 f"; {len(self.remarks)} remarks have no place: "
                 "add the GPX track of the walk with --track"
             )
-        return "".join(f"; {n} rows: {why}" for why, n in (*self.other, *self.no_level))
+        left = (*self.other, *self.no_level)
+        return "".join(f"; {number_of(n, 'row')}: {why}" for why, n in left)
 
 
 @dataclass(frozen=True, slots=True)
@@ -410,7 +414,8 @@ def _write(
     has_something = left.n_levels or (left.remarks and reading.track) or (sha256 and sightings)
     if not has_something:
         what = "no cell that its records name, and no level" if sha256 else "no usable row"
-        alone = f"; {n} rows with a position alone" if (n := sightings.n_positions) else ""
+        n = sightings.n_positions
+        alone = f"; {number_of(n, 'row')} with a position alone" * bool(n)
         raise RunFileError(f"{name} has {what}{alone}{left.reason}")
     n_read = len(sightings)
     if not form.unrepeated:

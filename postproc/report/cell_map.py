@@ -11,7 +11,7 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox, BboxBase
 
 from logger.core.arrays import FloatArray
-from postproc.basemap import Basemap, read_basemap
+from postproc.basemap import Basemap, ground_under
 from postproc.cell_work import Attempts
 from postproc.pictures import colours
 from postproc.pictures.picture import Rings, picture_of, regions_of
@@ -78,8 +78,6 @@ def cell_map(
     A cell with a word has one also where no verdict gives a position: the best one, or where it was
     strongest. If small, the first of them is drawn larger. `basemap` is a picture of the ground;
     `tries` gets the cells that cannot be drawn.
-
-    Raises `ConfigError` where the file cannot be read, or does not cover the plan.
     """
     tries = tries or Attempts("its place on the map")
     numbered = enumerate(cells, 1)
@@ -92,7 +90,7 @@ def cell_map(
     drawn_m = np.vstack([survey.track_m, *(place.positions_m for place in places)])
     first = places[0]
     box, inset = with_inset(box, None if first.what else first.extent_m, drawn_m)
-    ground = read_basemap(basemap, survey, box, _MOST_PIXELS) if basemap else None
+    ground = ground_under(basemap, survey, box, _MOST_PIXELS)
     if ground is not None:
         survey = replace(survey, streets_m=())
     height_inch = (WIDTH_INCH - _BESIDE_INCH) * box.height / box.width + _ABOVE_INCH

@@ -11,7 +11,6 @@ from time import perf_counter
 import click
 
 from logger.command_line import FILE, PATH, json_option, late_modules, run_now, show
-from logger.core.errors import ConfigError
 from postproc.options import (
     area_options,
     basemap_option,
@@ -30,6 +29,7 @@ with late_modules():
     from logger.core import document
     from logger.core.model import prior as priors
     from postproc import atomic_write, ground, progress
+    from postproc import basemap as basemaps
     from postproc import result as estimation
     from postproc.report import rendering
     from postproc.suspicion import run_assessment
@@ -78,8 +78,7 @@ def report(
     atomic_write.check_output(target)
     if picture_folder is not None:
         atomic_write.check_folder(picture_folder)
-    if basemap is not None and not basemap.is_file():
-        raise ConfigError(f"{basemap}: no such file")
+    basemaps.check_basemap(basemap)
     options = estimation.Options(prior, within_m=within_m)
     groups = grouped_runs(paths, cells, prior.area)
     codes, documents = [], []

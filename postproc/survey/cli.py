@@ -30,6 +30,7 @@ with late_modules():
     from logger.core import document
     from logger.core.model import prior as priors
     from postproc import atomic_write, cell_work, progress
+    from postproc import basemap as basemaps
     from postproc import result as estimation
     from postproc.comparison import ground as blocks
     from postproc.comparison import report as comparing
@@ -204,7 +205,8 @@ def baseline(folder: Path, target: Path, *, as_json: bool) -> None:
         n_new = sum(progress.with_progress(work, "baseline", len(whole.runs)))
         n_walks, n_cells = len(kept.walks()), kept.n_cells()
     content = {"baseline": target, "added": n_new, "walks": n_walks, "cells": n_cells}
-    text = f"{target}: {n_new} added; {n_walks} walks, {n_cells} cells"
+    counts = document.number_of(n_walks, "walk"), document.number_of(n_cells, "cell")
+    text = f"{target}: {n_new} added; {', '.join(counts)}"
     show(document.Document(content, body=[text]), as_json=as_json)
 
 
@@ -289,6 +291,7 @@ def map_command(
 ) -> None:
     """Write one page that needs no network: coverage, cells, regions, unusual ones."""
     _check_libraries("pyarrow", "distributed")
+    basemaps.check_basemap(basemap)
     target = target or folder / "survey.html"
     whole = _open_survey(folder, target)
     with scheduling.Cluster(scheduler, workers) as cluster:

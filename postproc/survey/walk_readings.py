@@ -23,7 +23,7 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.errors import RunFileError
 from logger.core.rows import numbered_texts
 from logger.core.runfile import Run
-from logger.core.runfile.meta import is_shared_copy
+from logger.core.runfile.meta import may_be_copy
 from postproc.multi_run import modem_identity, with_one_modem
 from postproc.scan_counts import scans_of
 from postproc.survey.rule_inputs import RuleColumn, rule_inputs
@@ -136,7 +136,7 @@ def readings_of(run: Run, salt: str, logger: str | None = None) -> WalkReadings:
             sum(map(len, series)),
             run.is_complete,
             marks=marks_of(run),
-            is_copy=is_shared_copy(run.meta.origin),
+            is_copy=may_be_copy(run.meta.origin),
         ),
         tuple(
             HeardCell(o.cell, o.rat or "", len(o), n_scans.get(o.cell, 0), channels.get(o.cell, ()))

@@ -169,7 +169,8 @@ def import_exports(paths: Sequence[Path], output: Path, *, as_json: bool) -> Non
     atomic_write.check_writable(output)
     imported = databases.import_exports(paths, output, progress.with_progress)
     text = (
-        f"{imported.path}: {imported.n_cells} cells; {imported.n_rows} rows read, "
+        f"{imported.path}: {document.number_of(imported.n_cells, 'cell')}; "
+        f"{document.number_of(imported.n_rows, 'row')} read, "
         f"{imported.n_bad} bad, {imported.n_replaced} replaced by newer ones"
     )
     remarks = [f"{bad.file}: row {bad.row} is no cell: {bad.text}" for bad in imported.bad_rows]

@@ -116,9 +116,7 @@ def view(
     def write(path: Path) -> int:
         """Estimate and draw, after it is known that the result can be shown."""
         model = _view_model(runs, cells, options, claim, claims)
-        ground = basemaps.read_basemap(basemap, model.survey, model.box) if basemap else None
-        if basemap and ground is None:
-            print(f"{basemap} is not drawn: the walk has no position", file=sys.stderr)
+        ground = basemaps.ground_under(basemap, model.survey, model.box)
         failures = scene.write_scene(model, path, basemap=ground, online=not is_served)
         return cell_work.exit_code([*model.cells, *failures])
 
@@ -147,8 +145,7 @@ def _check(save: Path | None, basemap: Path | None, claim: Sequence[str]) -> Non
         if save.suffix != ".rrd":
             raise ConfigError(f"{save}: a rerun recording is named .rrd")
         atomic_write.check_output(save)
-    if basemap is not None and not basemap.is_file():
-        raise ConfigError(f"{basemap}: no such file")
+    basemaps.check_basemap(basemap)
     for text in claim:
         claiming.parse_claim(text, None)
 

@@ -6,6 +6,7 @@ from logger.core.errors import ConfigError
 from postproc.area_file import area_of, read_area
 
 RING = [[13.0, 52.0], [13.1, 52.0], [13.1, 52.1], [13.0, 52.0]]
+CROSSED = [[13.0, 52.0], [13.1, 52.1], [13.1, 52.0], [13.0, 52.1], [13.0, 52.0]]
 SQUARE = {"type": "Polygon", "coordinates": [RING]}
 
 
@@ -59,6 +60,7 @@ def test_heights_are_passed_over(write):
         ({"type": "Polygon", "coordinates": [RING[:2]]}, "at least three corners"),
         ({"type": "Polygon", "coordinates": [[[0, 91], [1, 92], [2, 90]]]}, "latitude"),
         ({"type": "MultiPolygon", "coordinates": [[]]}, "no ring"),
+        ({"type": "Polygon", "coordinates": [CROSSED]}, "crosses itself"),
         ({"type": "Polygon", "coordinates": [RING * 6000]}, "24000 corners, of which 20000"),
     ],
 )

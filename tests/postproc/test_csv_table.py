@@ -96,6 +96,12 @@ def test_texts_of_windows_are_read(tmp_path, encoding):
     assert row == {"länge": "11.5", "breite": "48.1", "straße": "°"}
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16"])
+def test_pairs_of_letters_of_western_europe_are_not_chinese(tmp_path, encoding):
+    ((_, row),) = _read(tmp_path, "Größe;Straße;Länge;süß;über;größer\n1;2;3;4;5;6\n", encoding)
+    assert list(row) == ["größe", "straße", "länge", "süß", "über", "größer"]
+
+
 def test_files_that_were_joined_need_one_order_of_columns(tmp_path):
     head, other = "lat,lon,level,level\n", "lat,level,lon\n"
     texts = [row["lon"] for _, row in _read(tmp_path, f"{head}1,2,3,4\n{head}5,6,7,8\n")]

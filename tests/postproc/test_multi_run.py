@@ -469,6 +469,17 @@ def test_a_run_and_its_shared_copy_are_one_walk(tmp_path, capsys):
     assert "are of one walk" in fails(capsys, "smooth", *copies)
 
 
+def test_a_run_and_its_exported_levels_are_one_walk(tmp_path, capsys):
+    # at each level stands the position of its own time, which is that of no fix
+    one, again = record_walk(tmp_path / "1.h5", BENT), tmp_path / "again.h5"
+    levels = tmp_path / "levels.csv"
+    assert main(["export", str(one), "-o", str(levels)]) == 0
+    assert main(["import", str(levels), "-o", str(again)]) == 0
+    capsys.readouterr()
+    for command in ("smooth", "compare", "report"):
+        assert "are of one walk" in fails(capsys, command, one, again)
+
+
 def test_modems_that_share_a_receiver_are_no_copies(tmp_path):
     one, other = (
         read_run(record_walk(tmp_path / f"{k}.h5", BENT, seed=k, shift_db=SHIFT_DB * k))

@@ -137,9 +137,9 @@ def is_simulated(origin: str) -> bool:
     return origin.startswith(SIMULATED)
 
 
-def is_shared_copy(origin: str) -> bool:
-    """Whether it is a copy to give away."""
-    return origin.startswith(SHARED)
+def may_be_copy(origin: str) -> bool:
+    """Whether it is shared, or imported."""
+    return origin.startswith(SHARED) or is_import(origin)
 
 
 def origin_of_copy(origin: str) -> str:

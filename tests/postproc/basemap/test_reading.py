@@ -151,7 +151,7 @@ def another_database(folder, view):
         (vector_tiles, "vector"),
         (far_tiles, "does not cover"),
         (another_database, "no MBTiles file"),
-        (lambda folder, view: folder / "absent.png", "is no file"),
+        (lambda folder, view: folder / "absent.png", "no such file"),
     ],
 )
 def test_an_unusable_file_is_one_line(make_file, reason, view, tmp_path):

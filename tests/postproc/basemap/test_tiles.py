@@ -9,7 +9,7 @@ from pmtiles.tile import Compression, TileType
 from pyproj import CRS
 
 from logger.core.errors import ConfigError
-from postproc.basemap import Area, draw_tile, is_pmtiles, layers_of, open_pmtiles
+from postproc.basemap import Area, draw_tile, is_pmtiles, layers_of, open_ground, open_pmtiles
 from tests.kit.vector_tiles import feature, layer, tile_at, write_pmtiles
 
 LAT, LON = 52.5, 13.4
@@ -85,8 +85,9 @@ def test_damaged_tiles_are_an_error(tmp_path):
 
 def test_a_place_without_tiles_is_an_error(tmp_path):
     path = write_pmtiles(tmp_path / "x.pmtiles", {(14, 1, 1): layer("roads", [])})
+    assert open_pmtiles(path, _area()) is None
     with pytest.raises(ConfigError, match="does not cover"):
-        open_pmtiles(path, _area())
+        open_ground(path, _area())
 
 
 SQUARE = [(0, 0), (2000, 0), (2000, 2000), (0, 2000)]

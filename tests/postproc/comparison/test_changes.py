@@ -16,7 +16,7 @@ from postproc.comparison.changes import (
     scale_of,
 )
 from postproc.comparison.ground import FREEDOM, Differences, Grid, half_blocks_at, scale_db
-from tests.postproc.comparison.city import name, walk
+from tests.postproc.comparison.city import START_M, name, walk
 
 
 def words(compared):
@@ -72,6 +72,32 @@ def test_a_cell_that_is_left_elsewhere_is_gone_here():
     assert third.n_b > 0
     assert third.word == "gone"
     assert "walk B heard it elsewhere" in third.text
+
+
+def with_one_level(cells, cid, from_m=0.0):
+    return [
+        replace(obs, level_dbm=np.where(obs.x_m < START_M[0] + from_m, obs.level_dbm, -80.0))
+        if obs.cell == name(cid)
+        else obs
+        for obs in cells
+    ]
+
+
+def test_a_cell_whose_level_a_modem_repeats_is_listed_and_neither_new_nor_gone():
+    repeated = with_one_level(walk(2), 3)
+    for other in (walk(1), walk(1, without=(3,))):
+        for pair in ((other, repeated), (repeated, other)):
+            compared = compare(*pair, same_modem=True)
+            assert words(compared) == {}
+            third = next(cell for cell in compared.cells if cell.cell == name(3))
+            assert third.word == "not comparable"
+            assert "repeat" in third.text
+
+
+def test_where_a_modem_repeats_a_level_it_did_not_miss_the_cell():
+    for seed in range(3):
+        repeated = with_one_level(walk(seed + 50), 3, from_m=700.0)
+        assert words(compare(walk(seed), repeated, same_modem=True)) == {}
 
 
 def test_new_is_gone_the_other_way_round():

@@ -136,6 +136,13 @@ def test_rows_of_other_cells_are_positions_only():
         assert [answer.best for answer in answers] == [answer.best for answer in alone]
 
 
+def test_rows_without_a_name_are_not_of_the_cell_that_a_later_row_names():
+    walk, guide = _walk((0.0, 0.0), (40.0, 0.0)), GuideFilter(Prior())
+    for name, n_levels in (("", 0), ("a", len(walk)), ("", len(walk))):
+        _answers([row | {"cell": name} for row in walk], guide)
+        assert guide.levels == n_levels
+
+
 def test_advice_follows_the_streets_of_a_map():
     utm = Utm.at(LAT_DEG, LON_DEG)
     x_m, y_m = utm.to_xy(LAT_DEG, LON_DEG)

@@ -132,6 +132,25 @@ MEASUREMENT = (
 )
 
 
+def test_rows_of_another_form_are_counted_and_can_be_found(tmp_path, capsys):
+    row = '{{"time": "2026-05-01T10:00:{:02d}Z", "lat": 48.1, "lon": 11.5, "rsrp": -8{}, "cid": 7}}'
+    rows = [row.format(k, k) for k in range(9)]
+    rows[3:3] = ['{"time": "2026-05-01T10:00:02Z", "cells": [{"rsrp": -80}]}'] * 2
+    (tmp_path / "a.json").write_text("\n".join([*rows, ""]))
+    assert main(["import", str(tmp_path / "a.json"), "-o", str(tmp_path / "a.h5")]) == 0
+    assert "left out: 2 rows, no level (the first: line 4)\n" in capsys.readouterr().err
+
+
+def test_a_table_of_a_chinese_spreadsheet_is_read_in_its_encoding(tmp_path):
+    rows = [
+        f"2026-05-01 10:00:{k:02d},48.10{k:02d},11.5,LTE,{7 + k},-8{k % 9},北京" for k in range(30)
+    ]
+    text = "\n".join(["时间,纬度,经度,网络制式,小区ID,信号强度,地点", *rows, ""])
+    (tmp_path / "a.csv").write_text(text, "gbk")
+    imported = import_walk(tmp_path / "a.csv", tmp_path / "a.h5")
+    assert (imported.n_rows, imported.left.n_bad) == (30, 0)
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be"])
 @pytest.mark.parametrize(
     ("text", "name"),
@@ -466,14 +485,14 @@ def test_a_level_that_the_technology_cannot_report_is_none(tmp_path, capsys, rat
 def test_nothing_but_fillers_is_no_walk(tmp_path, capsys):
     source = _write(tmp_path, DRIVE + "0,52,13,LTE,262,01,7,99,62,3,-30,1,\n")
     assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 2
-    assert "1 rows: level outside of what LTE reports, -140 to -43 dBm" in capsys.readouterr().err
+    assert "1 row: level outside of what LTE reports, -140 to -43 dBm" in capsys.readouterr().err
 
 
 def test_a_cell_of_marks_is_no_cell(tmp_path, capsys):
     rows = [f"{i},52,{13 + i * 1e-5},GSM,262,01,0,0,62,,-70,1,\n" for i in range(9)]
     source = _write(tmp_path, DRIVE + "".join(rows))
     assert main(["import", str(source), "-o", str(tmp_path / "run.h5")]) == 0
-    assert "9 readings name no cell, so no cell can be located" in capsys.readouterr().err
+    assert "9 readings without a cell's name, so no cell can be located" in capsys.readouterr().err
 
 
 def test_without_a_technology_every_level_counts(tmp_path, capsys):

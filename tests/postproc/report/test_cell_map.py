@@ -7,13 +7,11 @@ from io import BytesIO
 from itertools import combinations
 
 import numpy as np
-import pytest
 from msgspec import structs
 from PIL import Image
 from pmtiles.tile import TileType
 
 from logger.core.certainty import OnMap
-from logger.core.errors import ConfigError
 from logger.core.places import Places
 from logger.sim.scenario import scenario
 from postproc.pictures.survey import survey_of
@@ -160,10 +158,11 @@ def test_a_position_has_the_street_beside_it(result, tmp_path):
     assert "near <strong>Main &lt;Street&gt;</strong>" in html
 
 
-def test_a_file_that_does_not_cover_the_walk_is_an_error(result, tmp_path):
+def test_a_map_that_does_not_cover_the_walk_does_not_cost_the_page(result, tmp_path, capsys):
     far = write_pmtiles(tmp_path / "far.pmtiles", {(14, 3, 3): layer("roads", [])})
-    with pytest.raises(ConfigError, match="does not cover"):
-        make_report(result, basemap=far)
+    assert "data:image/jpeg" not in make_report(result, basemap=far).html
+    why = f"{far} does not cover the area of this walk"
+    assert capsys.readouterr().err == f"{far} is not drawn: {why}\n"
 
 
 def test_cells_that_the_plan_leaves_out_may_have_a_position_elsewhere_on_the_page(result):

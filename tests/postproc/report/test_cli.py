@@ -65,6 +65,20 @@ def test_mistakes_are_one_line(run, tmp_path, capsys):
     assert run.exists()
 
 
+def test_a_file_that_is_no_map_is_said_before_the_estimate(run, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("postproc.report.cli.stored_or_estimated", None)
+    monkeypatch.setattr("postproc.view.cli.stored_or_estimated", None)
+    broken = tmp_path / "x.pmtiles"
+    for content, why in (
+        (b"lat,lon", "neither PMTiles nor MBTiles"),
+        (b"PMTiles\3" + b"\xff" * 200, "cannot be read"),
+        (b"SQLite format 3\0" + bytes(200), "no MBTiles file"),
+    ):
+        broken.write_bytes(content)
+        for argv in (["report", run], ["view", run, "--save", tmp_path / "x.rrd"]):
+            assert why in fails(capsys, *argv, "--basemap", broken)
+
+
 def test_a_basemap_that_is_not_drawn_is_reported(run, tmp_path, capsys):
     """A walk straight on locates no cell, and then there is no plan of all cells."""
     ground, page = tmp_path / "ground.pmtiles", tmp_path / "page.html"

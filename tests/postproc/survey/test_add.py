@@ -61,6 +61,20 @@ def test_a_run_and_its_shared_copy_are_one_run(tmp_path, capsys):
         shutil.rmtree(tmp_path / "survey")
 
 
+@pytest.mark.parametrize("suffix", ["csv", "wigle.csv", "opencellid.json"])
+def test_a_run_and_what_was_exported_of_it_are_one_run(tmp_path, capsys, suffix):
+    whole, levels = write_walk(tmp_path, 1, two_cells()), tmp_path / f"a.{suffix}"
+    form = {"csv": "csv", "wigle.csv": "wigle", "opencellid.json": "opencellid-json"}[suffix]
+    assert main(["export", str(whole), "-o", str(levels), "--format", form]) == 0
+    capsys.readouterr()
+    for order in ((whole, levels), (levels, whole)):
+        code, said, err = _add(capsys, *order, "-o", tmp_path / "survey")
+        assert (code, said["runs"]) == (0, 1)
+        assert "copy of" in err
+        assert [run.name for run in Survey.open(tmp_path / "survey").runs.values()] == [whole.name]
+        shutil.rmtree(tmp_path / "survey")
+
+
 def test_readings_are_those_of_smooth(walks, tmp_path):
     survey = Survey.open_or_make(tmp_path / "survey")
     list(add_files(survey, sorted(walks.glob("*.h5"))))

@@ -229,7 +229,7 @@ def test_database_from_import_to_verify(run, tmp_path, capsys):
     output = capsys.readouterr()
     assert json.loads(output.out)["n_bad"] == 1
     assert "row 2" in output.err
-    assert "1 cells" in tell(capsys, "celldb", "import", export, "-o", db)
+    assert "1 cell; " in tell(capsys, "celldb", "import", export, "-o", db)
     (cell,) = json.loads(tell(capsys, "celldb", "lookup", db, "--cell", cell_name(0), "--json"))[
         "cells"
     ]

@@ -14,6 +14,7 @@ from postproc.view.cli import _view_model
 from tests.kit import runs
 from tests.kit import sample_results as kit
 from tests.kit.rerun_recordings import chunks, rows, static_columns
+from tests.kit.vector_tiles import write_pmtiles
 from tests.postproc.test_multi_run import BENT, record_walk
 
 SHOWN, OTHER = kit.cell_name(0), kit.cell_name(1)
@@ -244,7 +245,7 @@ def test_no_text_of_ours_sends_people_to_the_bare_viewer():
 def test_a_basemap_that_is_not_drawn_is_reported(tmp_path, capsys):
     walk = tmp_path / "lost.journal"
     runs.write_journal(walk, [one for one in runs.records(10) if not isinstance(one.value, Fix)])
-    (tmp_path / "ground.pmtiles").write_bytes(b"PMTiles\3")
+    write_pmtiles(tmp_path / "ground.pmtiles", {(14, 3, 3): b""})
     saved = ["--save", str(tmp_path / "lost.rrd"), "--basemap", str(tmp_path / "ground.pmtiles")]
     assert main(["view", str(walk), *saved]) == 0
     assert "ground.pmtiles is not drawn: the walk has no position\n" in capsys.readouterr().err
