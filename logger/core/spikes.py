@@ -8,8 +8,7 @@ sides than the noise between neighbours explains, and further above them than a 
 there would make it, given how they rise towards it.
 
 The readings are checked in their order, each as soon as possible. One that is near its predecessor
-passes at once; another waits until two of the next three confirm or contradict it. Desktop and
-device use the same class.
+passes at once; another waits until two of the next three confirm or contradict it.
 """
 
 from collections import deque

@@ -14,7 +14,7 @@ e_j for each pair i < j)
 
 The README's z, H and R for four anchors are right; its sketch of the anchors is mirrored.
 R takes the measured ranges for the true ones: since E Z^2 = |X - a|^2 + sigma^2 it is too large
-by 2 sigma^4 D D' on average, which matters at sigma^2 = 100 only. The fix of one epoch (LSE) is
+by 2 sigma^4 D D' on average. The fix of one epoch (LSE) is
 X = (H'H)^-1 H' z.
 
 **Process noise**: the error of a prediction from two single fixes, at k = 2.

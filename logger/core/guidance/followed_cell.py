@@ -1,8 +1,8 @@
 """The cell that is followed: the answer, and the way to walk next.
 
 The answer is that of the desktop for the same readings, computed anew after a leg, and where the
-device's own posterior changes or has another radius: that one has fewer blocks, and of 40 simulated
-walks 14 ended with another radius by half. Advice is by the device's own posterior.
+device's own posterior changes or has another radius: that one has fewer blocks. Advice is by the
+device's own posterior.
 
 A location is within 60 m. On the way it is reported only if it still holds after one more leg, a
 block of houses: two transmitters with one identity, and one that jumps or moves, look like one

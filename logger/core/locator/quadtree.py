@@ -18,8 +18,7 @@ from logger.core.places import Places
 _FINEST_FIRST_M = 10.0
 """First squares on the walk itself are no smaller: growth splits them where that pays.
 
-Twice as large ones save a fifth of the time, with areas within 3 %. But of 40 closed-loop walks
-device and desktop then had other radii in 6, not 3.
+Twice as large ones save a fifth of the time, but device and desktop differ twice as often.
 """
 _BLOCKS_PER_FIRST_SQUARE = 100.0
 """A walk of so many blocks begins with squares of a block's size; a longer one with larger."""
@@ -35,7 +34,7 @@ class Effort(NamedTuple):
     likeliest, and at one position only with 0. The `densest` squares are split even if they hold
     little: a narrow peak beside a broad one, such as the mirror image inside a round walk, hides
     between the centres of squares. Coarse blocks are of `more_grids` besides the usual one, all
-    blocks of one more where this is not 0.
+    blocks of one at most.
     """
 
     most_squares: int = 6000

@@ -42,7 +42,7 @@ _BEST_SQUARES = 15
 class Walk(NamedTuple):
     """What is searched: the walk in `blocks`, and in few `coarse` ones, or the same once more.
 
-    `shifted` are coarse blocks of other grids, `fine_shifted` all blocks of other grids.
+    `shifted` are coarse blocks of other grids, `fine_shifted` all blocks.
     """
 
     blocks: Blocks
@@ -154,7 +154,7 @@ def _over_grids(walk: Walk, tree: Tree) -> Tree:
 
 
 def _log_p(walk: Walk, grid: Blocks, numbers: list[int], position: FloatArray) -> FloatArray:
-    """Log evidence (c, h) of some hypotheses with the blocks of another grid, uncensored."""
+    """Log evidence (c, h) of hypotheses with another grid, uncensored."""
     evidence = BlocksEvidence.of(grid, walk.prior, whiteners(grid, walk.prior, numbers))
     return evidence.evaluate(walk.prior, walk.effort.nodes, position, None).log_p
 
@@ -227,8 +227,7 @@ def _joint_log_weight(walk: Walk, tree: Tree) -> FloatArray:
 def _plausible_parts(walk: Walk, tree: Tree) -> list[BlocksEvidence]:
     """Hypotheses that the levels of all blocks do not rule out at the best squares of the tree.
 
-    Their evidence is the mean over the grids of these blocks: which readings share a block moves
-    the evidence of one against another by up to two nats.
+    Their evidence is the mean over grids: which readings share a block moves it by up to two nats.
     """
     noise = whiteners(walk.blocks, walk.prior)
     timing = 0.0 if tree.log_timing is None else tree.log_timing

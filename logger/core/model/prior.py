@@ -54,7 +54,7 @@ HEIGHTS_M = (3.0, 10.0, 28.0)
 """Heights above the receiver, equally probable: of a street or first floor, a roof, a mast.
 
 The first stands for all where one is needed. A station on a mast that is passed closely looks like
-one farther away and lower. Five heights change no region of 51 measured walks by over 8 %.
+one farther away and lower.
 """
 
 SECTOR_DB = (9.3,)
