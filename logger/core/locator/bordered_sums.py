@@ -21,6 +21,7 @@ from logger.core.model.noise import (
 from logger.core.model.prior import Prior
 from logger.core.places import Places
 
+_ROWS = 8  # room for more blocks: a square of all that may come takes a third of a cell's memory
 _LEAST_VARIANCE = 1e-12  # of a block given all others, by sigma^2: above rounding errors
 
 
@@ -50,8 +51,7 @@ class BorderedSums:
             for share, scale_m in shares(hypothesis):
                 self._share[i, self._scales_m.index(scale_m)] += share
         self._white_share = np.array([h.white_share for h in hypotheses])
-        self._whitener = np.zeros((len(numbers), most, most))
-        self._whitener[:, :rows, :rows] = matrices
+        self._whitener = matrices
         self._log_det = np.array([noise.log_det for noise in noises])
         self._shared = SharedSums.of(prior, np.isfinite(prior.station_log_odds[:, numbers]))
         rows_of = [self._shared.rest, *station_rows(prior, numbers)[1:]]
@@ -72,6 +72,8 @@ class BorderedSums:
         """
         for k in range(self._rows, walk.shape[1] - 1):
             row, variance = self._conditional(walk[:, : k + 1])
+            if k == self._whitener.shape[1]:
+                self._whitener = np.pad(self._whitener, ((0, 0), (0, _ROWS), (0, _ROWS)))
             self._whitener[:, k, : k + 1] = row
             for station in self._stations:
                 station.total = station.total + station.of_last(row, walk[:, : k + 1])

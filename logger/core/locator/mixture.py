@@ -20,9 +20,9 @@ from logger.core.arrays import FloatArray, IntArray
 from logger.core.model.prior import Prior
 
 GROUP_POWER = 0.5
-"""k. A few readings more or less change the evidence of a group by a few nats, and with 1 the
-answer swings from one group to another. On 506 measured walks regions with .25 to 1 hold the
-transmitter as often.
+"""k. A few readings more or less change the evidence of a group by a few nats: with 1 the answer
+swings, with .25 regions under white noise are up to eight times as large. On 506 measured walks
+both hold transmitters as often.
 """
 
 _IMPOSSIBLE = -1e6
