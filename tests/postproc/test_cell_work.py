@@ -227,7 +227,7 @@ def another(tmp_path):
 @pytest.mark.parametrize(
     "step",
     [
-        "postproc.comparison.ground._without_doubt",
+        "postproc.comparison.ground._surely_placed",
         "postproc.comparison.changes.differences_of",
         "postproc.comparison.changes._change_of_tested",
     ],
