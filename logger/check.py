@@ -129,12 +129,15 @@ def _shared_ports(sources: Sequence[SourceSettings]) -> Iterator[Line]:
     for source in sources:
         path = Path(os.path.realpath(source.port))
         usb = _USB.match(os.path.realpath(SYS / "class/tty" / path.name / "device"))
-        if (owner := owners.setdefault(str(path), source)) is not source:
+        owner = owners.setdefault(str(path), source)
+        if owner is not source:
             text = f"{source.port} is the port of {owner.name}, {owner.port}: each has its own"
             yield Line("fail", source.name, text)
-        elif usb and source.gives_cells and (owner := modems.setdefault(usb[1], source)) != source:
-            text = f"{source.port} and {owner.port} are of one USB device: one modem counts twice"
-            yield Line("warn", source.name, text)
+        elif usb and source.gives_cells:
+            first = modems.setdefault(usb[1], source)
+            text = f"{source.port} and {first.port} are of one USB device: one modem counts twice"
+            if first is not source:
+                yield Line("warn", source.name, text)
 
 
 def _baseline(path: Path) -> Line:

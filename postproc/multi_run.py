@@ -9,6 +9,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from math import inf
 from typing import Any, TypeVar
@@ -66,9 +67,10 @@ def check_different(runs: Sequence[Run]) -> None:
         if same := [known[name] for name in names if name in known]:
             raise ConfigError(f"{same[0].path} and {run.path} are the same run: each counts once")
         known |= dict.fromkeys(names, run)
-    for (run, own), (other, others) in combinations([(run, marks_of(run)) for run in runs], 2):
+    marks = cache(lambda k: marks_of(runs[k]))
+    for (i, run), (k, other) in combinations(enumerate(runs), 2):
         is_copy = may_be_copy(run.meta.origin) or may_be_copy(other.meta.origin)
-        is_same = is_copy and is_same_walk(own, others)
+        is_same = is_copy and is_same_walk(marks(i), marks(k))
         if is_same or _n_common(run, other) >= _FEWEST_COMMON:
             raise ConfigError(
                 f"{run.path} and {other.path} are of one walk, and each reading counts once: "

@@ -233,7 +233,8 @@ def facts(named: Iterable[tuple[Text, Text]], width: int = 0) -> Iterator[Line]:
 
 def number_of(count: int, noun: str) -> str:
     """A number with its noun."""
-    return f"{count} {noun}{'s' * (count != 1)}"
+    plural = "es" if noun.endswith("x") else "s"
+    return f"{count} {noun}{plural * (count != 1)}"
 
 
 def degrees_text(lat_deg: float, lon_deg: float, decimals: int = 5) -> str:

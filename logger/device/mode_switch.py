@@ -7,7 +7,6 @@ entry for each source and model. It is restored at the stop, or at the next star
 stop or the modem was unplugged, also if the option is then off.
 """
 
-import os
 import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -15,7 +14,7 @@ from pathlib import Path
 import msgspec
 
 from logger.core.foreign import decode_json, read_regular
-from logger.core.runfile.journal import sync_folder
+from logger.core.runfile.journal import sync_folder, write_durably
 from logger.core.types import Level
 from logger.device.link import Link
 from logger.device.modem_exchange import AfterStop
@@ -84,18 +83,12 @@ class SavedModes:
         return [mode for mode in self.all() if (mode.driver, mode.model, mode.source) != key]
 
     def _write(self, entries: Iterable[SavedMode]) -> None:
-        """In one step; returns when the card has it."""
         saved = list(entries)
         if saved:
-            part = self.path.with_name(f"{FILE}.part")
-            with part.open("wb") as file:
-                file.write(msgspec.json.format(msgspec.json.encode(saved), indent=1))
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(self.path)
+            write_durably(self.path, msgspec.json.format(msgspec.json.encode(saved), indent=1))
         else:
             self.path.unlink(missing_ok=True)
-        sync_folder(self._folder)
+            sync_folder(self._folder)
 
 
 class ModeSwitch:

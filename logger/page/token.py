@@ -10,7 +10,7 @@ from pathlib import Path
 
 from logger.core.errors import ConfigError
 from logger.core.foreign import read_regular
-from logger.core.runfile.journal import sync_folder
+from logger.core.runfile.journal import write_durably
 
 STATE = Path("/var/lib/cellwalk-page")
 """StateDirectory= of the unit."""
@@ -26,17 +26,10 @@ def make_token(folder: Path) -> str:
     path = folder / _FILE
     with suppress(ConfigError):
         return read_token(folder)
-    new = path.with_suffix(".new")
     try:
-        new.unlink(missing_ok=True)
-        fd = os.open(new, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o600)
-        with os.fdopen(fd, "w") as file:
-            file.write(secrets.token_urlsafe(_BYTES))
-            file.flush()
-            os.fsync(fd)
+        path.with_suffix(".part").unlink(missing_ok=True)  # perhaps others may read it
         # a Pi may lose its power as soon as the phone has the address
-        new.replace(path)
-        sync_folder(folder)
+        write_durably(path, secrets.token_urlsafe(_BYTES).encode(), 0o600)
     except OSError as error:
         raise ConfigError(f"the page's token {path}: {error.strerror}") from error
     return read_token(folder)

@@ -108,7 +108,7 @@ def export(
         only = list(scan_counts.observed_cells([run], cells)) if cells else None
         exported = exporting.write_walk(exporting.walk_of_run(run, only), output, name)
         levels = document.number_of(exported.n_levels, "level")
-        counts = f"{levels}, {exported.n_fixes} fix{'es' * (exported.n_fixes != 1)}"
+        counts = f"{levels}, {document.number_of(exported.n_fixes, 'fix')}"
     said = document.Document(
         exported,
         body=[f"{exported.path}: {counts} ({name})"],
@@ -265,9 +265,8 @@ def share(path: Path, output: Path, blur_m: float, *, as_json: bool) -> None:
     """
     atomic_write.check_writable(output)
     shared = sharing.share(runfile.read_sound_run(path), output, blur_m)
-    numbers = {"scan": shared.n_scans, "reading": shared.n_readings}
+    numbers = {"fix": shared.n_fixes, "scan": shared.n_scans, "reading": shared.n_readings}
     counts = ", ".join(document.number_of(n, noun) for noun, n in numbers.items())
-    counts = f"{shared.n_fixes} fix{'es' * (shared.n_fixes != 1)}, {counts}"
     parts = [("  removed", what) for what in shared.removed]
     parts += [("  kept", what) for what in shared.kept]
     body: list[document.Part] = [f"{shared.path}: {counts}", *document.facts(parts)]

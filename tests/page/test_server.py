@@ -522,7 +522,7 @@ def test_what_is_wrong_with_a_token_is_said(tmp_path):
 def test_a_token_that_a_power_cut_has_damaged_gives_way_to_another(tmp_path, left):
     """The page is all that a Pi without a screen has."""
     (tmp_path / "token").write_bytes(left)
-    (tmp_path / "token.new").write_bytes(left)
+    (tmp_path / "token.part").write_bytes(left)
     token = make_token(tmp_path)
     assert make_token(tmp_path) == read_token(tmp_path) == token
     assert [file.name for file in tmp_path.iterdir()] == ["token"]

@@ -43,8 +43,7 @@ class BorderedSums:
         hypotheses = [prior.hypotheses[number] for number in numbers]
         noises = whiteners(closed, prior, numbers.tolist())
         matrices = matrices_of(noises)
-        rows = len(closed)
-        self._prior, self._rows = prior, rows
+        self._prior, self._rows = prior, len(closed)
         self._scales_m = sorted({scale_m for h in hypotheses for _, scale_m in shares(h)})
         self._share = np.zeros((len(numbers), len(self._scales_m)))
         for i, hypothesis in enumerate(hypotheses):

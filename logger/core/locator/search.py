@@ -134,7 +134,7 @@ def _over_grids(walk: Walk, tree: Tree) -> Tree:
     probabilities are as wide as the widest grid's, and 1 m changes which. Of each hypothesis only
     the shape changes, not the evidence.
     """
-    if len(walk.blocks.censored.places):
+    if not (walk.shifted or walk.fine_shifted) or len(walk.blocks.censored.places):
         return tree
     mixed, log_p = tree.mixture(walk.prior), tree.evidence.log_p.copy()
     is_coarse = walk.prior.noise_table.is_coarse[tree.numbers] | (not walk.is_searched_twice)

@@ -231,6 +231,18 @@ def sync_folder(folder: Path) -> None:
         os.close(fd)
 
 
+def write_durably(path: Path, content: bytes, mode: int = 0o666) -> None:
+    """Write a file in one step, durably."""
+    part = path.with_name(f"{path.name}.part")
+    fd = os.open(part, os.O_CREAT | os.O_TRUNC | os.O_WRONLY | os.O_CLOEXEC, mode)
+    with os.fdopen(fd, "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(fd)
+    part.replace(path)
+    sync_folder(path.parent)
+
+
 def is_recording(path: Path) -> bool:
     """True while a process holds the journal open for writing."""
     with path.open("rb") as file:

@@ -68,7 +68,7 @@ def test_full_while_adding(disk, walks, left_bytes, capsys):
     assert [(one.n_readings, one.n_runs) for one in whole.cells()] == [(240, 4)] * 2
 
 
-@pytest.mark.parametrize("left_bytes", [0, 16384])
+@pytest.mark.parametrize("left_bytes", [0, 4096, 16384, 65536])
 def test_full_while_locating(disk, walks, left_bytes, scheduler, capsys, tmp_path):
     assert main(["survey", "add", str(walks), "-o", str(disk / "s")]) == 0
     shutil.copytree(disk / "s", tmp_path / "s")
