@@ -59,11 +59,11 @@ def write_pmtiles(
     """A file with tiles by zoom, column and row."""
     zooms = [zoom for zoom, _, _ in tiles]
     is_vector = kind == TileType.MVT
+    packed = {tile: gzip.compress(tile) if is_vector else tile for tile in set(tiles.values())}
     with path.open("wb") as file:
         writer = Writer(file)
         for place in sorted(tiles, key=lambda place: zxy_to_tileid(*place)):
-            data = gzip.compress(tiles[place]) if is_vector else tiles[place]
-            writer.write_tile(zxy_to_tileid(*place), data)
+            writer.write_tile(zxy_to_tileid(*place), packed[tiles[place]])
         world = {"min_lon_e7": -1_800_000_000, "min_lat_e7": -850_000_000}
         world |= {"max_lon_e7": 1_800_000_000, "max_lat_e7": 850_000_000}
         compression = Compression.GZIP if is_vector else Compression.NONE

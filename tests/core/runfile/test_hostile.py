@@ -4,8 +4,6 @@ named.
 
 import os
 import shutil
-import subprocess
-import sys
 from contextlib import suppress
 
 import h5py
@@ -15,6 +13,7 @@ from logger.core.errors import RunFileError
 from logger.core.runfile import convert_journal, read_run, sealing_of
 from postproc.cli import main
 from tests.kit import hostile_runs, runs
+from tests.kit.own_memory import run_alone
 
 
 @pytest.fixture(scope="module")
@@ -104,28 +103,11 @@ def test_a_noted_digest_is_what_a_forger_cannot_meet(honest, tmp_path, capsys):
     assert "--digest" in capsys.readouterr().err
 
 
-LIMITED = """
-import resource, sys
-from postproc.cli import main
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-code = main(sys.argv[1:])
-processes = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-more = max(resource.getrusage(process).ru_maxrss for process in processes) - before
-print("MORE", more // 1024, file=sys.stderr)
-sys.exit(code)
-"""
-
-
 def _more_mb(*argv):
-    done = subprocess.run(
-        [sys.executable, "-c", LIMITED, *map(str, argv)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode in {0, 2, 3}, done.stderr
-    assert "Traceback" not in done.stderr
-    return int(done.stderr.split("MORE ")[1])
+    done = run_alone("postproc.cli:main", *argv)
+    assert done.code in {0, 2, 3}, done.err
+    assert "Traceback" not in done.err
+    return done.more_mb
 
 
 def test_bytes_that_memory_should_not_hold_are_counted_and_left(crafted_file):

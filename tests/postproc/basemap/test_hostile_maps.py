@@ -3,38 +3,34 @@
 import gzip
 import sqlite3
 import struct
-import subprocess
-import sys
 import zlib
 from io import BytesIO
+from pathlib import Path
 
 import pytest
 from PIL import Image, PngImagePlugin
 from pmtiles.tile import TileType
 
-from tests.fuzz.fuzz_foreign import places, png, streets
+from logger.core.certainty import OnMap
+from logger.core.errors import ConfigError
+from postproc.basemap import open_ground, street_at
+from tests.fuzz.fuzz_foreign import LAT, LON, area, places, png, streets
+from tests.kit.own_memory import run_alone
 from tests.kit.vector_tiles import field, layer, number, varint, write_pmtiles
 
-MORE_MB = 250
-LIMITED = """
-import resource, sys
-from pathlib import Path
-from logger.core.errors import ConfigError
-from postproc.basemap import open_ground
-from logger.core.certainty import OnMap
-from postproc.basemap import street_at
-from tests.fuzz.fuzz_foreign import LAT, LON, area
-def mb(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
-around, before = area(), mb()
-here = OnMap(lat=LAT, lon=LON)
-for use in (lambda path: open_ground(path, around), lambda path: street_at(path, here)):
-    try:
-        use(Path(sys.argv[1]))
-        print("read")
-    except ConfigError as error:
-        print(error)
-print("MORE", mb() - before)
-"""
+MORE_MB = 300
+AROUND, HERE = area(), OnMap(lat=LAT, lon=LON)
+
+
+def read_map(arguments):
+    """Print what becomes of a map: for the ground, and for the streets."""
+    path = Path(arguments[0])
+    for use in (lambda: open_ground(path, AROUND), lambda: street_at(path, HERE)):
+        try:
+            use()
+            print("read")
+        except ConfigError as error:
+            print(error)
 
 
 def _pmtiles(path, **changed):
@@ -131,16 +127,8 @@ def test_pmtiles_are_refused(tmp_path, name):
 
 
 def _read(path):
-    done = subprocess.run(
-        [sys.executable, "-c", LIMITED, str(path)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    *said, more = done.stdout.splitlines()
-    return said, int(more.removeprefix("MORE "))
+    done = run_alone(f"{__name__}:read_map", path)
+    return done.out.splitlines(), done.more_mb
 
 
 def test_what_follows_a_packed_directory_is_not_unpacked(tmp_path):

@@ -4,9 +4,8 @@ import gzip
 import hashlib
 import json
 import random
-import subprocess
-import sys
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,6 +36,7 @@ from tests.kit.diag_capture import (
 )
 from tests.kit.diag_capture import gps_lines as lines
 from tests.kit.foreign_files import damage
+from tests.kit.own_memory import run_alone
 
 
 def import_file(source, tmp_path, **reading):
@@ -422,23 +422,18 @@ def test_a_million_damaged_files(kind, sources, tmp_path):
     fuzz([sources[kind]], 1_000_000, 2 + kind, tmp_path)
 
 
-MORE_MB = """
-import resource, sys
-from pathlib import Path
-from postproc.interop.importing import import_walk
-def mb(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
-import_walk(Path(sys.argv[1]), Path(sys.argv[3]))
-before = mb()
-import_walk(Path(sys.argv[2]), Path(sys.argv[3]))
-print(mb() - before)
-"""
+def import_one(arguments):
+    """Import a file as another."""
+    import_walk(*map(Path, arguments))
 
 
 def more_mb(small, large, tmp_path):
     """Memory that a large file takes beyond a small one, in MB."""
-    arguments = [sys.executable, "-c", MORE_MB, small, large, tmp_path / "run.h5"]
-    done = subprocess.run(arguments, capture_output=True, text=True, check=True)
-    return int(done.stdout)
+    of_small, of_large = (
+        run_alone(f"{__name__}:import_one", path, tmp_path / "run.h5").more_mb
+        for path in (small, large)
+    )
+    return of_large - of_small
 
 
 @pytest.mark.parametrize(

@@ -2,33 +2,28 @@
 
 import gzip
 import json
-import os
 import sqlite3
-import subprocess
-import sys
 import zipfile
 from io import BytesIO
 
 import pytest
 
 from logger.core.runfile import read_run
+from postproc import progress
 from postproc.cli import main
+from tests.kit.own_memory import run_alone
 
 HEADER = "t_s,lat,lon,rssi_dbm\n"
 LOG = HEADER + "0,52,13,-70\n1,52,13,-71\n"
 MORE_MB = 250
-LIMITED = """
-import resource, sys
-from postproc import progress
-from postproc.cli import main
-progress._SILENCE_S = 3600.0
-import postproc.interop.importing
-def mb(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
-before = mb()
-code = main(sys.argv[1:])
-print("MORE", mb() - before, file=sys.stderr)
-sys.exit(code)
-"""
+
+
+def import_quietly(arguments):
+    """The command, without lines about how far it is: the machine may be busy."""
+    progress._SILENCE_S = 3600.0
+    return main(arguments)
+
+
 GPX = '<gpx creator="Tower Collector">'
 POINT = (
     '<trkpt lat="52" lon="13"><time>2024-01-01T00:00:01Z</time><name>(MCC 262, MNC 1, LAC 1, '
@@ -126,18 +121,15 @@ def _import(folder):
     """Exit code, memory in MB beyond that of the program, and what it says but of single rows."""
     folder_of_copies = folder.parent / f"{folder.name}-copies"
     folder_of_copies.mkdir()
-    done = subprocess.run(
-        [sys.executable, "-c", LIMITED, "import", str(folder / "x"), "-o", str(folder / "run.h5")],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env={**os.environ, "TMPDIR": str(folder_of_copies)},
+    done = run_alone(
+        f"{__name__}:import_quietly",
+        *("import", folder / "x", "-o", folder / "run.h5"),
+        imports=("postproc.interop.importing",),
+        environment={"TMPDIR": str(folder_of_copies)},
     )
-    assert "Traceback" not in done.stderr, done.stderr[-2000:]
+    assert "Traceback" not in done.err, done.err[-2000:]
     assert not list(folder_of_copies.iterdir())
-    said, _, more = done.stderr.rpartition("MORE ")
-    return done.returncode, int(more), said
+    return done.code, done.more_mb, done.err
 
 
 def _write_kismet(path, *texts):
