@@ -32,8 +32,10 @@ _RESTARTED = re.compile(
     re.IGNORECASE,
 )
 
+# redaction has masked what is in no form: a value of two characters or more, as `x` is unknown
 _KNOWN_NUMBER = re.compile(
-    r"(?<!\w)(?!(?:255|32768|65535|4294967295)\b)(?:0x)?[0-9A-F]*[1-9][0-9A-F]*(?!\w)",
+    r"(?<!\w)(?!(?:255|32768|65535|4294967295)\b)(?:0x)?[0-9A-F]*[1-9][0-9A-F]*(?!\w)"
+    r"|[,:]\s*-?x[x.]+(?=\s*(?:,|\Z))",
     re.IGNORECASE,
 )
 _LEAST_OF_A_CELL = 5
