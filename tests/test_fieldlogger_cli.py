@@ -60,6 +60,12 @@ def site(tmp_path):
         (("ttyUSB78", "ttyUSB77"), "name the same port"),
         (("/dev/ttyUSB77", "gpsd://localhost"), "gpsd is a receiver"),
         (('driver = "sim800"', 'driver = "sim8000"'), "no modem driver is called 'sim8000'"),
+        (('driver = "sim800"', 'driver = "SIM7600E-H"'), "did you mean 'sim7600'?"),
+        (('driver = "sim800"', 'driver = "Telit"'), "did you mean 'telit'?"),
+        (('driver = "sim800"', 'model = "sim800"'), 'unknown key "model"; did you mean "driver"?'),
+        (("[gnss]", "[gps]"), 'unknown key "gps"; did you mean "gnss"?'),
+        (("poll_interval_s = 0.05", "speed = 9600"), 'key "speed"; did you mean "baud"?'),
+        (('port = "/dev/ttyUSB78"', 'device = "/dev/ttyUSB78"'), '"device"; did you mean "port"?'),
     ],
 )
 def test_a_wrong_configuration_is_one_line_with_what_to_mend(site, capsys, change, says):

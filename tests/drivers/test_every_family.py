@@ -75,8 +75,7 @@ def test_rows_in_an_unknown_form_are_told_of(name):
 MASKED = {  # a letter in no form: redaction masks the row, and its cell is lost
     "ublox": (
         "AT+UCGED?",
-        "+UCGED: 2\n6,4,262,01\n"
-        '1300,3,50,50,1a2b,2d00a0b,135,a1b2c3d4,ffff,ff,46,20,13.00,1,255,"IDLE"',
+        '+UCGED: 2\n6,4,262,01\n1300,3,50,50,1a2b,2d00a0b,135,a1b2c3d4,ffff,ff,46,20,13,1,"IDLE"',
     ),
     "telit": (
         "AT#CSURV=0,62",
