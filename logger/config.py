@@ -420,6 +420,8 @@ def _choices(settings: type[msgspec.Struct], key: str) -> str:
     return ", ".join(f'"{text}"' for text in texts if text)
 
 
+# What others call a table or a key. The spelling of some is nearest to one that they do not mean:
+# `model` to `set_mode`, with which a modem may transmit.
 _OTHER_WORDS = {
     "gps": "gnss",
     "receiver": "gnss",
@@ -431,8 +433,6 @@ _OTHER_WORDS = {
     "folder": "directory",
     "path": "directory",
 }
-"""What others call a table or a key; the spelling of some is nearest to one that they do not mean:
-`model` to `set_mode`, with which a modem may transmit."""
 
 
 def _nearest(key: str, valid: Sequence[str]) -> str:

@@ -4,6 +4,7 @@ import pty
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -193,6 +194,45 @@ def test_check_says_what_the_service_cannot_see(site, capsys, monkeypatch, table
     monkeypatch.setattr(checking, "SITE_TOML", site)
     assert main(["check", "--config", str(site)]) == 2
     assert unseen in capsys.readouterr().out
+
+
+UNITS = Path(__file__).parents[1] / "systemd"
+
+
+@pytest.mark.parametrize(
+    ("listen", "is_told"),
+    [
+        ("10.42.0.1:8080", False),
+        ("127.0.0.1:8080", False),
+        ("127.0.0.1:8000", True),
+        ("192.168.4.1:8080", True),
+        ("[fd00::1]:8080", True),
+    ],
+)
+def test_check_says_which_page_its_unit_lets_no_phone_reach(
+    site, capsys, monkeypatch, listen, is_told
+):
+    _with(site, "page", f'listen = "{listen}"')
+    unit = (UNITS / "fieldlogger-page.service").read_text()
+    assert "\nIPAddressAllow=localhost 10.42.0.0/24\n" in unit
+    assert "\nSocketBindAllow=ipv4:tcp:8080\n" in unit
+    assert main(["check", "--config", str(site)]) == 0
+    assert "systemctl edit fieldlogger-page" not in capsys.readouterr().out
+    monkeypatch.setattr(checking, "SITE_TOML", site)
+    assert main(["check", "--config", str(site)]) == 0
+    assert ("systemctl edit fieldlogger-page" in capsys.readouterr().out) == is_told
+
+
+@pytest.mark.parametrize(
+    ("host", "is_told"), [("192.168.1.5", True), ("localhost", False), ("127.0.0.1", False)]
+)
+def test_check_says_which_host_the_service_does_not_reach(site, capsys, monkeypatch, host, is_told):
+    site.write_text(site.read_text().replace("/dev/ttyUSB77", f"socket://{host}:4000"))
+    assert "\nIPAddressAllow=localhost\n" in (UNITS / "fieldlogger.service").read_text()
+    monkeypatch.setattr(checking, "SITE_TOML", site)
+    assert main(["check", "--config", str(site)]) == 0
+    told = "warn  modem: the service reaches 192.168.1.5 only after"
+    assert (told in capsys.readouterr().out) == is_told
 
 
 def test_check_warns_of_an_interval_in_milliseconds(site, capsys):
