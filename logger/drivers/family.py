@@ -91,6 +91,8 @@ class Family:
     gnss_start_commands: ClassVar[tuple[Command, ...]] = ()
     gnss_poll_commands: ClassVar[tuple[Command, ...]] = ()
     """The modem's own receiver, used if configured."""
+    # names of models that may receive satellites or cells, not both
+    either_or: ClassVar[str] = "(?!)"
     mode_commands: ClassVar[tuple[ModeCommand, ...]] = ()
     """What restricts the modem to GSM, used if configured; a modem has one."""
     gives: "ClassVar[Mapping[str, frozenset[Need]]]" = MappingProxyType({})
