@@ -493,6 +493,22 @@ def test_a_modem_that_refuses_is_told_of_with_its_reason(
         service.wait_for(lambda: says in under_way.snapshot().ports["modem"].event)
 
 
+def test_cells_behind_a_repeated_result_are_no_poll_without_cells(tmp_path):
+    """The modem answers OK twice: its rows come while the next command is pending."""
+    modem = Locked("AT+CCINFO", "ERROR", DIALECTS["sim7600"])
+    answer = modem.feed
+    modem.feed = lambda data: b"\r\nOK\r\n" * (data == b"AT+CPSI?\r") + answer(data)
+    clock = Clock()
+    with PtyDevice(answering(modem)) as port:
+        under_way = make_service(tmp_path, clock, port.path, 0.0, 0.1)
+        under_way.start()
+        record_until(under_way, clock, lambda walked: len(walked.scans()) > 9)
+        walked = RecordedRun(read_run(under_way.stop("end")))
+    assert len(walked.scans()) > 9
+    assert all(readings for _, readings in walked.scans())
+    assert "stray-result" in walked.notes()
+
+
 def test_a_modem_that_never_hears_a_cell_is_a_fault_until_it_does(tmp_path):
     row = '+CENG: 0,"0000,00,00,000,00,00,0000,00,00,0000,00"'
     modem = Locked("AT+CENG?", f"+CENG: 1,1\r\n\r\n{row}\r\n\r\nOK")
