@@ -7,6 +7,7 @@ import socket
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from pyproj.exceptions import ProjError
 
@@ -21,6 +22,7 @@ from logger.device.leds import LEDS
 from logger.device.link import Line
 from logger.device.machine import SYS
 from logger.device.memory import MOST_CELLS
+from logger.device.port import NETWORK
 from logger.device.sources import source_of
 from logger.device.startup import LIBRARIES, usable_folder, version_of
 from logger.street_file import read_lines
@@ -31,6 +33,8 @@ _PMTILES = b"PMTiles\3"
 # folder of a USB device before that of its interface (kernel's sysfs-bus-usb)
 _USB = re.compile(r"(.*)/[0-9.-]+:\d+\.\d+(?:/|\Z)")
 _HIDDEN = ("/home", "/root", "/run/user")  # by ProtectHome= of the units
+_LOCAL = ("localhost", "127.", "::1")  # what fieldlogger.service reaches
+_PAGE, _OF_PAGE = "10.42.0.1:8080", ("10.42.0.", "127.")  # where fieldlogger-page.service serves
 
 _STYLES = {"ok": "", "warn": "yellow", "fail": "red"}
 
@@ -63,7 +67,7 @@ def check(config_path: Path | None) -> list[Line]:
             text = f"the service writes below {SERVICE_FOLDER}; `systemctl edit fieldlogger` with"
             text = f"{text} [Service] ReadWritePaths={folder} lets it, where its user may write"
             lines.append(Line("warn", "directory", text))
-        lines += _hidden_files(config) if config_path == SITE_TOML else ()
+        lines += (*_hidden_files(config), *_cut_off(config)) if config_path == SITE_TOML else ()
     return lines
 
 
@@ -74,6 +78,20 @@ def _hidden_files(config: SiteConfig) -> Iterator[Line]:
         if name.startswith("/") and any(path.is_relative_to(hidden) for hidden in _HIDDEN):
             text = f"no service sees {path} (ProtectHome=): move the file below {SITE_TOML.parent}"
             yield Line("fail", what, text)
+
+
+def _cut_off(config: SiteConfig) -> Iterator[Line]:
+    # packets that a unit does not allow are dropped without a word
+    for source in config.source:
+        url = urlsplit(source.port)
+        host = url.hostname or "localhost"
+        if url.scheme in NETWORK and not host.startswith(_LOCAL):
+            text = f"the service reaches {host} only after `systemctl edit fieldlogger` with"
+            yield Line("warn", source.name, f"{text} [Service] IPAddressAllow= its address")
+    address, port = page_address(config.page.listen or _PAGE)
+    if not address.startswith(_OF_PAGE) or port != page_address(_PAGE)[1]:
+        text = "no phone reaches it before `systemctl edit fieldlogger-page`: systemd/README.md"
+        yield Line("warn", "page", f"{address}, port {port}: {text}, Page on the phone")
 
 
 def _libraries() -> Iterator[Line]:

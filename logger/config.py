@@ -420,9 +420,25 @@ def _choices(settings: type[msgspec.Struct], key: str) -> str:
     return ", ".join(f'"{text}"' for text in texts if text)
 
 
+# What others call a table or a key. The spelling of some is nearest to one that they do not mean:
+# `model` to `set_mode`, with which a modem may transmit.
+_OTHER_WORDS = {
+    "gps": "gnss",
+    "receiver": "gnss",
+    "device": "port",
+    "tty": "port",
+    "speed": "baud",
+    "model": "driver",
+    "family": "driver",
+    "folder": "directory",
+    "path": "directory",
+}
+
+
 def _nearest(key: str, valid: Sequence[str]) -> str:
     # not at the start of a run, which must be fast
     from difflib import get_close_matches  # noqa: PLC0415
 
-    near = get_close_matches(key, valid, n=1)
+    meant = _OTHER_WORDS.get(key.lower())
+    near = [meant] if meant in valid else get_close_matches(key, valid, n=1)
     return f'; did you mean "{near[0]}"?' if near else f"; valid are {', '.join(valid)}"

@@ -4,6 +4,7 @@ import pty
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -60,6 +61,12 @@ def site(tmp_path):
         (("ttyUSB78", "ttyUSB77"), "name the same port"),
         (("/dev/ttyUSB77", "gpsd://localhost"), "gpsd is a receiver"),
         (('driver = "sim800"', 'driver = "sim8000"'), "no modem driver is called 'sim8000'"),
+        (('driver = "sim800"', 'driver = "SIM7600E-H"'), "did you mean 'sim7600'?"),
+        (('driver = "sim800"', 'driver = "Telit"'), "did you mean 'telit'?"),
+        (('driver = "sim800"', 'model = "sim800"'), 'unknown key "model"; did you mean "driver"?'),
+        (("[gnss]", "[gps]"), 'unknown key "gps"; did you mean "gnss"?'),
+        (("poll_interval_s = 0.05", "speed = 9600"), 'key "speed"; did you mean "baud"?'),
+        (('port = "/dev/ttyUSB78"', 'device = "/dev/ttyUSB78"'), '"device"; did you mean "port"?'),
     ],
 )
 def test_a_wrong_configuration_is_one_line_with_what_to_mend(site, capsys, change, says):
@@ -187,6 +194,45 @@ def test_check_says_what_the_service_cannot_see(site, capsys, monkeypatch, table
     monkeypatch.setattr(checking, "SITE_TOML", site)
     assert main(["check", "--config", str(site)]) == 2
     assert unseen in capsys.readouterr().out
+
+
+UNITS = Path(__file__).parents[1] / "systemd"
+
+
+@pytest.mark.parametrize(
+    ("listen", "is_told"),
+    [
+        ("10.42.0.1:8080", False),
+        ("127.0.0.1:8080", False),
+        ("127.0.0.1:8000", True),
+        ("192.168.4.1:8080", True),
+        ("[fd00::1]:8080", True),
+    ],
+)
+def test_check_says_which_page_its_unit_lets_no_phone_reach(
+    site, capsys, monkeypatch, listen, is_told
+):
+    _with(site, "page", f'listen = "{listen}"')
+    unit = (UNITS / "fieldlogger-page.service").read_text()
+    assert "\nIPAddressAllow=localhost 10.42.0.0/24\n" in unit
+    assert "\nSocketBindAllow=ipv4:tcp:8080\n" in unit
+    assert main(["check", "--config", str(site)]) == 0
+    assert "systemctl edit fieldlogger-page" not in capsys.readouterr().out
+    monkeypatch.setattr(checking, "SITE_TOML", site)
+    assert main(["check", "--config", str(site)]) == 0
+    assert ("systemctl edit fieldlogger-page" in capsys.readouterr().out) == is_told
+
+
+@pytest.mark.parametrize(
+    ("host", "is_told"), [("192.168.1.5", True), ("localhost", False), ("127.0.0.1", False)]
+)
+def test_check_says_which_host_the_service_does_not_reach(site, capsys, monkeypatch, host, is_told):
+    site.write_text(site.read_text().replace("/dev/ttyUSB77", f"socket://{host}:4000"))
+    assert "\nIPAddressAllow=localhost\n" in (UNITS / "fieldlogger.service").read_text()
+    monkeypatch.setattr(checking, "SITE_TOML", site)
+    assert main(["check", "--config", str(site)]) == 0
+    told = "warn  modem: the service reaches 192.168.1.5 only after"
+    assert (told in capsys.readouterr().out) == is_told
 
 
 def test_check_warns_of_an_interval_in_milliseconds(site, capsys):

@@ -1,6 +1,7 @@
 import json
 import tomllib
 from contextlib import ExitStack
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from logger.device.clock import ScaledClock
 from logger.device.port import Port
 from logger.drivers.registry import FAMILIES
 from logger.probe import PortReport, probe, propose_config, stable_name
+from logger.sim.dialects import identity_replies
 from logger.sim.ptys import PtyDevice, answering, talking
 from logger.sim.scenario import scenario
 from logger.sim.walk import WalkTime
@@ -62,6 +64,15 @@ def test_each_device_is_known_by_what_it_says(ports):
 def test_a_modem_is_asked_whether_it_has_a_receiver(looked_at):
     assert {name for name in DIALECTS if looked_at[name].receiver} == HAVE_A_RECEIVER
     assert {looked_at[name].kind for name in DIALECTS} == {"modem"}
+
+
+def test_a_receiver_that_may_keep_its_modem_from_cells_is_not_proposed():
+    walk, time = scenario("block", 1, 600.0), WalkTime(ScaledClock(20.0))
+    identity = identity_replies(["SIM7080G R1951"], "SIMCOM_Ltd", "SIMCOM_SIM7080G", "1951B05")
+    modem = walk.modem(time.now_s, replace(DIALECTS["sim7000"], identity=identity))
+    with PtyDevice(answering(modem)) as port:
+        (found,) = probe({port.path: ""}, bauds=(115_200,))
+    assert (found.driver, found.receiver) == ("sim7000", False)
 
 
 @pytest.mark.parametrize("receiver", ["receiver", "silent", "none"])

@@ -268,7 +268,7 @@ class ModemExchange:
                 self.close_block()
             since_ns = self.late_ns if is_late else self.wire.since_ns
             self.unsolicited.add(line, self.wire.received_ns, since_ns)
-            self.is_answered = True
+            self.is_answered = self.is_damaged = True  # a poll without cells has missed these
         elif line.strip() in {"OK", "ERROR"} and self._n_pending_queries:
             self._n_pending_queries -= 1
         elif line.strip() in {"OK", "ERROR"}:

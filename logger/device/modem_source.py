@@ -1,5 +1,6 @@
 """An AT modem of any family: set-up, polls and full scans, one command at a time."""
 
+import re
 import time
 from collections.abc import Iterator
 from functools import partial
@@ -32,6 +33,9 @@ _RARE_POLL_S = 60.0  # a walker is 80 m on; who writes more may mean millisecond
 PROBE_TRIES = 2
 RECEIVER_IS_OFF = (": 505", ": 516")
 """+CME ERROR of a Quectel: its receiver is off, or has no fix yet."""
+
+
+_EITHER_OR = "this model may hear no cells while its own receiver works: use a separate one"
 
 
 class ModemSource(Source[ModemSettings]):
@@ -97,7 +101,9 @@ class ModemSource(Source[ModemSettings]):
         if identity is None:
             return None
         driver, text = identity
-        return Device("modem", text, driver.name, converse(port, _has_receiver(driver)))
+        is_either_or = re.search(driver.either_or, text) is not None
+        receiver = not is_either_or and converse(port, _has_receiver(driver))
+        return Device("modem", text, driver.name, receiver)
 
 
 def _sim_state() -> Dialogue[str | None]:
@@ -231,6 +237,8 @@ class _Session:
         self._link.note("info", "modem-identified", f"modem is {text!r}{DRIVER}{name}")
         if self._modem.driver is None and name == Generic.name:
             self._link.note("warning", "unknown-model", UNKNOWN_MODEL)
+        if self._settings.fixes and re.search(driver.either_or, text):
+            self._link.note("warning", "receiver-or-cells", _EITHER_OR)
         return driver
 
     def _poll(self, driver: Family) -> None:

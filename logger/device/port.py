@@ -20,7 +20,7 @@ import serial
 from logger.core.errors import ConfigError, DeviceError
 
 GPSD_PORT = 2947
-_NETWORK = ("socket", "rfc2217", "gpsd")
+NETWORK = ("socket", "rfc2217", "gpsd")
 _SEARCH = "hwgrep://"
 WRITE_TIMEOUT_S = 2.0
 MAX_CHUNK = 4096
@@ -56,7 +56,7 @@ def _check(url: str) -> None:
     if "://" not in url and not url.startswith("gpsd:"):
         return
     parts = urlsplit(url)
-    if parts.scheme in _NETWORK:
+    if parts.scheme in NETWORK:
         number = parts.port  # raises ValueError for what is none
         if parts.scheme != "gpsd" and not (parts.hostname and number):
             raise ValueError(f"a host and a port are wanted: {parts.scheme}://HOST:PORT")
@@ -187,6 +187,10 @@ _ADVICE = {
     errno.EACCES: (
         "no permission; add this user to the group dialout "
         "(sudo usermod -aG dialout $USER) and log in again"
+    ),
+    errno.EPERM: (  # DevicePolicy=closed of the unit
+        "the service may not open it; `systemctl edit fieldlogger` with [Service] DeviceAllow= "
+        "lets it"
     ),
     errno.EBUSY: IN_USE,
     errno.EAGAIN: IN_USE,

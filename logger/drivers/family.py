@@ -32,8 +32,10 @@ _RESTARTED = re.compile(
     re.IGNORECASE,
 )
 
+# redaction has masked what is in no form: a value of two characters or more, as `x` is unknown
 _KNOWN_NUMBER = re.compile(
-    r"(?<!\w)(?!(?:255|32768|65535|4294967295)\b)(?:0x)?[0-9A-F]*[1-9][0-9A-F]*(?!\w)",
+    r"(?<!\w)(?!(?:255|32768|65535|4294967295)\b)(?:0x)?[0-9A-F]*[1-9][0-9A-F]*(?!\w)"
+    r"|[,:]\s*-?x[x.]+(?=\s*(?:,|\Z))",
     re.IGNORECASE,
 )
 _LEAST_OF_A_CELL = 5
@@ -89,6 +91,8 @@ class Family:
     gnss_start_commands: ClassVar[tuple[Command, ...]] = ()
     gnss_poll_commands: ClassVar[tuple[Command, ...]] = ()
     """The modem's own receiver, used if configured."""
+    # names of models that may receive satellites or cells, not both
+    either_or: ClassVar[str] = "(?!)"
     mode_commands: ClassVar[tuple[ModeCommand, ...]] = ()
     """What restricts the modem to GSM, used if configured; a modem has one."""
     gives: "ClassVar[Mapping[str, frozenset[Need]]]" = MappingProxyType({})

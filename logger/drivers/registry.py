@@ -42,8 +42,12 @@ FAMILIES: Mapping[str, Family] = families_in(drivers)
 def driver_of(name: str) -> Family | None:
     """The driver of that name, None for `auto`; an unknown name is the user's mistake."""
     if name != AUTO and name not in FAMILIES:
+        # a family in capitals, or a model instead of its family
+        claims = claimants(name, FAMILIES.values())
+        meant = [one for one in FAMILIES if one == name.lower()] or [one.name for one in claims]
+        hint = f"did you mean {meant[0]!r}? " if meant else ""
         raise ConfigError(
-            f"no modem driver is called {name!r}; known are: {', '.join((AUTO, *FAMILIES))}"
+            f"no modem driver is called {name!r}; {hint}known are: {', '.join((AUTO, *FAMILIES))}"
         )
     return FAMILIES.get(name)
 

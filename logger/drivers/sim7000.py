@@ -115,6 +115,7 @@ class Sim7000(Family):
     survey_commands = (Command("AT+COPS=?", timeout_s=180.0),)
     gnss_start_commands = modem_gnss.CGNSINF_ON
     gnss_poll_commands = modem_gnss.CGNSINF
+    either_or = "SIM70[789]0"
     long_numbers = modem_gnss.CGNSINF_TIME
     mode_commands = network_mode.CNMP
 

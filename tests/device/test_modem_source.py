@@ -215,6 +215,19 @@ def test_the_receiver_of_a_modem_without_a_position_or_switched_off_is_told_of(
         service.wait_for(lambda: says in under_way.snapshot().ports["modem"].event)
 
 
+@pytest.mark.parametrize(("model", "is_told"), [("SIM7000E", False), ("SIM7080G", True)])
+def test_a_model_that_may_hear_no_cells_beside_its_receiver_is_told_of(tmp_path, model, is_told):
+    clock = ScaledClock(SPEED)
+    identity = identity_replies([f"{model} R1351"], "SIMCOM_Ltd", f"SIMCOM_{model}", "1.0")
+    modem = BLOCK.modem(WalkTime(clock).now_s, replace(DIALECTS["sim7000"], identity=identity))
+    with PtyDevice(answering(modem)) as port:
+        under_way = make_service(tmp_path, clock, port.path, 0, 1.0, gnss="modem")
+        under_way.start()
+        record_until(under_way, clock, lambda walked: len(walked.run.tables["fixes"]) > 1)
+        run = RecordedRun(read_run(under_way.stop("end")))
+    assert ("receiver-or-cells" in run.notes()) == is_told
+
+
 def test_a_date_before_a_rollover_is_noted_once(tmp_path):
     clock = ScaledClock(SPEED)
     early = replace(BLOCK, utc_start=BLOCK.utc_start - timedelta(weeks=1024))
@@ -478,6 +491,22 @@ def test_a_modem_that_refuses_is_told_of_with_its_reason(
         recording(make_service(tmp_path, clock, port.path, 0.0, 0.1)) as under_way,
     ):
         service.wait_for(lambda: says in under_way.snapshot().ports["modem"].event)
+
+
+def test_cells_behind_a_repeated_result_are_no_poll_without_cells(tmp_path):
+    """The modem answers OK twice: its rows come while the next command is pending."""
+    modem = Locked("AT+CCINFO", "ERROR", DIALECTS["sim7600"])
+    answer = modem.feed
+    modem.feed = lambda data: b"\r\nOK\r\n" * (data == b"AT+CPSI?\r") + answer(data)
+    clock = Clock()
+    with PtyDevice(answering(modem)) as port:
+        under_way = make_service(tmp_path, clock, port.path, 0.0, 0.1)
+        under_way.start()
+        record_until(under_way, clock, lambda walked: len(walked.scans()) > 9)
+        walked = RecordedRun(read_run(under_way.stop("end")))
+    assert len(walked.scans()) > 9
+    assert all(readings for _, readings in walked.scans())
+    assert "stray-result" in walked.notes()
 
 
 def test_a_modem_that_never_hears_a_cell_is_a_fault_until_it_does(tmp_path):

@@ -1,3 +1,4 @@
+import errno
 import os
 import pty
 import select
@@ -18,7 +19,7 @@ from logger.core.types import RawBytes
 from logger.device.clock import Clock
 from logger.device.gnss_source import NmeaSource
 from logger.device.link import Inbox, Link
-from logger.device.port import Port, check_url
+from logger.device.port import Port, _device_errors, check_url
 
 
 def _read(port, n):
@@ -139,6 +140,15 @@ def test_what_waits_in_a_port_that_is_left_is_recorded(tmp_path, ends):
     assert b"".join(v.data for v in values if isinstance(v, RawBytes)) == b"+CENG: 1,1\r\n" * 300
     os.close(master)
     os.close(slave)
+
+
+def test_a_device_that_the_unit_does_not_allow():
+    """The kernel refuses it with EPERM, whoever owns it."""
+    with (
+        pytest.raises(DeviceError, match=r"/dev/rfcomm0: .*DeviceAllow="),
+        _device_errors("/dev/rfcomm0"),
+    ):
+        raise serial.SerialException(errno.EPERM, "could not open port")
 
 
 def test_a_socket_that_nobody_serves():

@@ -5,6 +5,7 @@ import re
 import pytest
 
 from logger.drivers.protocols.at import Reply
+from logger.drivers.protocols.redaction import redact
 from logger.drivers.registry import FAMILIES
 from tests.kit.drivers import check_cuts, own_replies, run_dialogue
 
@@ -69,6 +70,33 @@ def test_rows_in_an_unknown_form_are_told_of(name):
         readable = as_replies((command, reply))
         assert FAMILIES[name].unread(as_replies((command, f"{reply}\n{lines}"))) == command
         assert FAMILIES[name].unread(as_replies((command, lines)) + readable) == command
+
+
+MASKED = {  # a letter in no form: redaction masks the row, and its cell is lost
+    "ublox": (
+        "AT+UCGED?",
+        '+UCGED: 2\n6,4,262,01\n1300,3,50,50,1a2b,2d00a0b,135,a1b2c3d4,ffff,ff,46,20,13,1,"IDLE"',
+    ),
+    "telit": (
+        "AT#CSURV=0,62",
+        "Network survey started ...\n61,26,-76,0,262,02,23456,34567,CELL_UNKNOWN,0",
+    ),
+    "fibocom": ("AT+GTCCINFO?", "+GTCCINFO:\n1,4,262,02,4E5F,2D3C4B5,5A4,12F,NONE,100,15,46,46,23"),
+}
+
+
+@pytest.mark.parametrize("name", MASKED)
+def test_rows_that_redaction_masks_are_told_of(name):
+    command, lines = MASKED[name]
+    sent = redact(lines.replace("\n", "\r\n").encode(), command).decode()
+    reply = Reply(command, tuple(sent.split("\r\n")), "OK")
+    assert FAMILIES[name].read([command, *reply.lines]) == ()
+    assert FAMILIES[name].unread([reply]) == command
+
+
+def test_words_of_a_message_within_a_reply_are_no_unknown_form():
+    sent = redact(b"Hi Bob, see you at ten, five, six, seven, eight or so\r\n", "AT+UCGED?")
+    assert FAMILIES["ublox"].unread(as_replies(("AT+UCGED?", sent.decode().strip()))) is None
 
 
 EMPTY = {  # no service, no cell, unknown values
