@@ -183,8 +183,9 @@ def running_status(folder: Path = FOLDER) -> Status:
     if any(folder.glob("status.json")):
         raise ConfigError("status.json is damaged: sudo systemctl restart fieldlogger")
     # one that waits for a charger has been started
-    start = "sudo systemctl start fieldlogger"
-    raise ConfigError(f"no service is recording: {start}; sudo fieldlogger doctor says why")
+    start = "sudo systemctl start fieldlogger; sudo fieldlogger doctor says why"
+    by_hand = "one started by hand writes its status where RUNTIME_DIRECTORY says"
+    raise ConfigError(f"no service is recording: {start} ({by_hand})")
 
 
 def status_parts(status: Status, age_s: float = 0.0) -> Iterator[str | Table]:

@@ -31,7 +31,8 @@ def make_token(folder: Path) -> str:
         # a Pi may lose its power as soon as the phone has the address
         write_durably(path, secrets.token_urlsafe(_BYTES).encode(), 0o600)
     except OSError as error:
-        raise ConfigError(f"the page's token {path}: {error.strerror}") from error
+        start = "sudo systemctl start fieldlogger-page, or set STATE_DIRECTORY to a folder"
+        raise ConfigError(f"the page's token {path}: {error.strerror}; {start}") from error
     return read_token(folder)
 
 

@@ -167,6 +167,7 @@ def test_watching_goes_on_over_a_restart_of_the_service(folder, monkeypatch, cap
     assert main(["status", "--watch"]) == INTERRUPTED
     first, second, *_ = capsys.readouterr().out.splitlines()
     assert "no service is recording" in first
+    assert "by hand writes its status where RUNTIME_DIRECTORY says" in first
     assert second == "recording: 9 s"
 
 

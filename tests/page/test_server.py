@@ -513,6 +513,8 @@ def test_what_is_wrong_with_a_token_is_said(tmp_path):
         page_url("10.42.0.1:8080", tmp_path)
     with pytest.raises(ConfigError, match=r"\[page\] listen"):
         page_url("", tmp_path)
+    with pytest.raises(ConfigError, match="STATE_DIRECTORY"):  # of a page started by hand
+        make_token(tmp_path / "none")
     (tmp_path / "token").write_text("")
     with pytest.raises(ConfigError, match="is damaged"):
         read_token(tmp_path)
