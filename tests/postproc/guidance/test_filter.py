@@ -87,25 +87,24 @@ def test_rows_without_level_or_position_are_answered():
     assert after.error is UNSET
 
 
-@pytest.mark.parametrize(
-    ("column", "value", "reason"),
-    [
-        ("lat", "91", "no position on Earth"),
-        ("lat", "0.0", "km from the first one"),
-        ("lon", "east", "lon 'east' is not a number"),
-        ("rssi_dbm", "70", "rssi_dbm 70 is not from -200 to 50 dBm"),
-        ("t_s", "nan", "t_s 'nan' is not a number"),
-        ("t_s", "1_0", "t_s '1_0' is not a number"),
-        ("acc_m", "-1", "acc_m -1 is not from 0"),
-        ("acc_m", "1e200", "acc_m 1e+200 is not from 0"),
-    ],
-)
-def test_a_bad_row_is_answered_with_the_reason_and_counts_for_nothing(column, value, reason):
+BAD = [
+    ("lat", "91", "no position on Earth"),
+    ("lat", "0.0", "km from the first one"),
+    ("lon", "east", "lon 'east' is not a number"),
+    ("rssi_dbm", "70", "rssi_dbm 70 is not from -200 to 50 dBm"),
+    ("t_s", "nan", "t_s 'nan' is not a number"),
+    ("t_s", "1_0", "t_s '1_0' is not a number"),
+    ("acc_m", "-1", "acc_m -1 is not from 0"),
+    ("acc_m", "1e200", "acc_m 1e+200 is not from 0"),
+]
+
+
+def test_a_bad_row_is_answered_with_the_reason_and_counts_for_nothing():
     walk = _walk((0.0, 0.0), (160.0, 0.0))
     guide, other = GuideFilter(Prior()), GuideFilter(Prior())
     _answers(walk[:20], guide)
-    answer = guide.answer(walk[20] | {column: value})
-    assert reason in answer.error
+    for column, value, reason in BAD:
+        assert reason in guide.answer(walk[20] | {column: value}).error
     assert _answers(walk[20:], guide) == _answers(walk, other)[20:]
 
 
