@@ -151,7 +151,30 @@ def test_a_table_of_a_chinese_spreadsheet_is_read_in_its_encoding(tmp_path):
     assert (imported.n_rows, imported.left.n_bad) == (30, 0)
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be"])
+@pytest.mark.parametrize(
+    ("header", "encoding"),
+    [
+        ("Время;Широта;Долгота;Уровень;CID", "cp1251"),  # each word of an odd number of letters
+        ("Дата Время;Широта;Долгота;Уровень сигнала (дБм);CID", "cp1251"),
+        ("sep=;\nВРЕМЯ;ШИРОТА;ДОЛГОТА;УРОВЕНЬ СИГНАЛА;CID", "cp1251"),
+        ("Время;Широта;Долгота;RSRP (дБм);CID", "cp1251"),
+        ("Czas;Szerokość;Długość;RSRP;CI", "cp1250"),
+        ("Horodatage;Latitude;Longitude;Niveau;ID cellule", "cp1252"),
+        ("Zeit;Breite;Länge;Pegel;Zellen-ID", "cp1252"),
+        ("时间;纬度;经度;信号强度;小区ID", "gbk"),
+    ],
+)
+def test_a_spreadsheet_writes_the_encoding_of_its_country(tmp_path, header, encoding):
+    rows = [f"2026-05-01 10:00:{k:02d};48,10{k:02d};11,5;-8{k % 9};{7 + k}" for k in range(30)]
+    (tmp_path / "a.csv").write_text("\n".join([header, *rows, ""]), encoding)
+    imported = import_walk(tmp_path / "a.csv", tmp_path / "a.h5")
+    assert (imported.n_rows, imported.left.n_bad, imported.left.n_unnamed) == (30, 0, 0)
+    assert imported.has_times
+
+
+@pytest.mark.parametrize(
+    "encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "utf-16-be without"]
+)
 @pytest.mark.parametrize(
     ("text", "name"),
     [
@@ -172,7 +195,7 @@ def test_a_table_of_a_chinese_spreadsheet_is_read_in_its_encoding(tmp_path):
 def test_a_text_is_read_in_any_encoding_of_spreadsheets(tmp_path, text, name, encoding):
     mark = "\ufeff" if encoding == "utf-16-be" else ""
     (tmp_path / "plain").write_text(text, newline="")
-    (tmp_path / "x").write_bytes((mark + text).encode(encoding))
+    (tmp_path / "x").write_bytes((mark + text).encode(encoding.removesuffix(" without")))
     if name is None:
         with pytest.raises(RunFileError, match="XML or HTML that begins with <kml>"):
             recognise(tmp_path / "x")
