@@ -540,8 +540,8 @@ _CLOCK = (
 )
 # only all times of a file show which of the first two numbers is the month
 _SLASHED = {
-    True: re.compile(r"(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4}),?[ T_]" + _CLOCK),
-    False: re.compile(r"(?P<day>\d{1,2})/(?P<month>\d{1,2})/(?P<year>\d{4}),?[ T_]" + _CLOCK),
+    True: re.compile(r"(?P<month>\d{1,2})[-/](?P<day>\d{1,2})[-/](?P<year>\d{4}),?[ T_]" + _CLOCK),
+    False: re.compile(r"(?P<day>\d{1,2})[-/](?P<month>\d{1,2})[-/](?P<year>\d{4}),?[ T_]" + _CLOCK),
 }
 _FORMS = (
     re.compile(r"(?P<year>\d{4})[-./](?P<month>\d{1,2})[-./](?P<day>\d{1,2})[ T_]" + _CLOCK),
@@ -572,7 +572,7 @@ class Moment:
 
 
 def is_month_first(times: Iterable[str]) -> bool | None:
-    """Whether dates with slashes begin with the month; None without such dates.
+    """Whether dates such as 5/14/2024 begin with the month; None without such dates.
 
     Raises ValueError where none tells.
     """

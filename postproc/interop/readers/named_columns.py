@@ -184,6 +184,8 @@ _MILLISECONDS = re.compile(r"\d{1,11}(?:\.\d*)?")
 _WORD = re.compile(r"[^\W_]+")
 _TECHNOLOGY_WORD = re.compile(r"[A-Z0-9.]+")
 _HEX = re.compile(r"(?=.*[0-9])(?=.*[a-f])[0-9a-f]{3,9}", re.IGNORECASE)
+_NCC_BCC = re.compile(r"([0-7]) ?[-/] ?([0-7])")
+"""A BSIC in its two parts (3GPP TS 23.003 4.3.2), as TEMS writes it."""
 _PLMN = re.compile(r"(\d{3})[-/ _:]?(\d{2,3})(?:\.0)?")
 _POINT = re.compile(
     r"(?:SRID=4326; *)?POINT *Z? *\( *([^ ,()]+) +([^ ,()]+)[^()]*\)", re.IGNORECASE
@@ -194,6 +196,7 @@ _ANGLE = re.compile(
     r" *([NSEW]?)",
     re.IGNORECASE,
 )
+_DAY_NS = 86_400 * 10**9
 _SECONDS = re.compile(r"\d{1,8}(?:\.\d*)?")
 """Of a column of times: so few since 1970 were in 1973, so they count from the start."""
 _DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
@@ -274,7 +277,9 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
         others = [name for name in _names_of_file(source) if name not in used]
         transmitters = Transmitters(others, has_codes=bool(known & _CODES))
     sighting = partial(_sighting, source, form, columns, transmitters, month_first)
-    yield from parse_rows(_rows(source), sighting)
+    found = parse_rows(_rows(source), sighting)
+    midnight = _midnight(source, columns, month_first) if "time" in known else None
+    yield from _in_two_days(found, *midnight) if midnight else found
     if transmitters is not None:
         transmitters.check(source)
 
@@ -295,6 +300,40 @@ def _is_month_first(source: Path, columns: tuple[Column, ...]) -> bool | None:
             f"{source}: column {named['time']!r}: {why}: write them as 2024-05-14 09:00:00, or add "
             "--times none"
         ) from None
+
+
+def _midnight(
+    source: Path, columns: tuple[Column, ...], month_first: bool | None
+) -> tuple[int, bool] | None:
+    """Line where times of day without a date change to another day, and whether to the next.
+
+    None where that never happens, or more often than in rows that are ordered by time.
+    """
+    named = {ours: name for ours, name, _ in reversed(columns) if ours in {"date", "time"}}
+    last_ns, found = None, None
+    for row in _rows(source):
+        if isinstance(row, BadRow):
+            continue
+        line, raw = row
+        fields = {ours: _plain(raw[name]) for ours, name in named.items()}
+        try:
+            moment = _moment(columns, line, fields, month_first=month_first)
+        except ValueError:
+            continue
+        if moment.t_ns >= _DAY_NS or ":" not in fields["time"]:
+            return None
+        if last_ns is not None and 2 * abs(moment.t_ns - last_ns) > _DAY_NS:
+            if found is not None:
+                return None
+            found = line, moment.t_ns < last_ns
+        last_ns = moment.t_ns
+    return found
+
+
+def _in_two_days(rows: Iterator[Row], line: int, is_next: bool) -> Iterator[Row]:
+    for row in rows:
+        is_later = isinstance(row, Sighting) and (row.line >= line) == is_next
+        yield replace(row, t_ns=row.t_ns + _DAY_NS) if is_later else row
 
 
 def _names_of_file(source: Path) -> list[str]:
@@ -659,6 +698,8 @@ def _value(source: Path, ours: str, name: str, raw: Fields) -> str:
     value = _plain(raw[name])
     if ours not in _WHOLE or not value:
         return _measure(ours, name, value)
+    if ours == "bsic" and (parts := _NCC_BCC.fullmatch(value)):
+        return str(8 * int(parts[1]) + int(parts[2]))
     if "hex" in name:
         return f"0x{value.removeprefix('0x')}"
     if _HEX.fullmatch(value):

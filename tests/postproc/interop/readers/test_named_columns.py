@@ -248,6 +248,7 @@ def test_which_cell_serves(tmp_path, head):
     [
         (("05/06/2024 11:59 PM", "05/14/2024 12:01 AM"), 8 * 1440 - 1438),
         (("05/06/2024 11:59:00", "14/06/2024 00:01:00"), 9 * 1440 - 718),
+        (("05-06-2024 11:59", "14-06-2024 00:01"), 9 * 1440 - 718),
         (("5.6.2024 23:59", "6.6.2024 0:01"), 2),
         (("2024-06-05 11:59 a.m.", "2024-06-05 12:01 p.m."), 2),
     ],
@@ -258,6 +259,38 @@ def test_dates_are_read_by_all_times_of_a_file(tmp_path, times, minutes):
     first, second = _rows(tmp_path, head, *(f"{time};52.5;13.4;-70;7" for time in times))
     assert (second.t_ns - first.t_ns) / 60e9 == minutes
     assert first.fix.utc_ns is None
+
+
+@pytest.mark.parametrize(
+    ("times", "minutes"),
+    [
+        (("23:58:00", "23:59:00", "00:01:00", "00:02:00"), (0, 1, 3, 4)),
+        (
+            ("12:02:00 AM", "12:01:00 AM", "11:59:00 PM", "11:58:00 PM"),
+            (4, 3, 1, 0),
+        ),  # the newest first
+        (("", "23:58:00", "00:02:00"), (0, 4)),
+        (("08:00:00", "09:00:00", "08:30:00"), (0, 60, 30)),
+        # in the order of cells and not of time
+        (
+            tuple(f"{hour}:00:00" for hour in (6, 13, 20, 6, 13, 20, 6)),
+            (0, 420, 840, 0, 420, 840, 0),
+        ),
+    ],
+)
+def test_times_of_day_may_pass_midnight(tmp_path, times, minutes):
+    rows = _rows(tmp_path, "Time,Lat,Lon,RSSI,CID", *(f"{time},52.5,13.4,-70,7" for time in times))
+    t_ns = [row.t_ns for row in rows if isinstance(row, Sighting)]
+    assert [(one - min(t_ns)) / 60e9 for one in t_ns] == list(minutes)
+
+
+@pytest.mark.parametrize(
+    ("bsic", "number"),
+    [("3-2", 26), ("7/7", 63), ("10", 10), ("5.0", 5), ("10.0", 10), ("-", None)],
+)
+def test_a_bsic_may_be_in_two_parts(tmp_path, bsic, number):
+    (row,) = _rows(tmp_path, "t_s,Lat,Lon,RxLev,CID,BSIC", f"1,52.5,13.4,-70,7,{bsic}")
+    assert row.reading.bsic == number
 
 
 @pytest.mark.parametrize(
