@@ -45,8 +45,33 @@ _LONG_STEP_M = 7.0
 """Shorter ones have too few digits in a file to show a speed that exactly."""
 _UNEVEN = 0.2
 """Relative spread of time steps: equal ones, at one speed, may be those of a vehicle."""
+_ZONES_DEG = {
+    "2": (27.0, 84.0, -75.0, 180.0),
+    "3": (7.0, 84.0, -180.0, -50.0),
+    "4": (-1.0, 56.0, 34.0, 155.0),
+    "6": (-47.0, 38.0, -26.0, 64.0),
+    "7": (-57.0, 19.0, -93.0, -26.0),
+}
+"""Latitudes and longitudes of all countries of a zone, the first digit of their codes (ITU-T
+E.212); those of zone 5 are no latitudes.
+"""
 SLOW_MPS = 0.5
 """Slow walk: a jump is assumed to have taken no longer than its length at this speed."""
+
+
+def is_swapped(mcc: str | None, lat_deg: float, lon_deg: float) -> bool:
+    """Whether only latitude and longitude exchanged lie in the zone of a country code."""
+    zone_deg = _ZONES_DEG.get((mcc or "")[:1])
+    return (
+        zone_deg is not None
+        and not _is_within(zone_deg, lat_deg, lon_deg)
+        and _is_within(zone_deg, lon_deg, lat_deg)
+    )
+
+
+def _is_within(zone_deg: tuple[float, ...], lat_deg: float, lon_deg: float) -> bool:
+    south, north, west, east = zone_deg
+    return south <= lat_deg <= north and west <= lon_deg <= east
 
 
 def why_no_clock(track: Track, *, is_dated: bool = False) -> str | None:

@@ -332,8 +332,10 @@ def _midnight(
 
 def _in_two_days(rows: Iterator[Row], line: int, is_next: bool) -> Iterator[Row]:
     for row in rows:
-        is_later = isinstance(row, Sighting) and (row.line >= line) == is_next
-        yield replace(row, t_ns=row.t_ns + _DAY_NS) if is_later else row
+        if isinstance(row, Sighting) and (row.line >= line) == is_next:
+            yield replace(row, t_ns=row.t_ns + _DAY_NS)
+        else:
+            yield row
 
 
 def _names_of_file(source: Path) -> list[str]:
