@@ -158,9 +158,8 @@ def _is_cell_list(seen: Contents) -> bool:
     They begin with the technology of a cell. A walk of CellMapper does not.
     """
     first = seen.head.replace(";", ",").partition(",")[0].strip().upper()
-    return seen.kind == "text" and (
-        seen.has("radio", "net", "area", "cell") or first in {*RATS, "CDMA"}
-    )
+    has_names = seen.has("radio", "net", "area", "cell") and not named_columns.is_it(seen)
+    return seen.kind == "text" and (has_names or first in {*RATS, "CDMA"})
 
 
 _ROW_NS = 10**9  # from row to row where only their order is known

@@ -89,7 +89,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "rscp": ("rscp",),
     "rxlev": ("rxlev", "rxlevel", "rxl"),
     "rat": (
-        *("rat", "technology", "tech", "networktype", "nettype", "type", "system", "mode"),
+        *("rat", "radio", "technology", "tech", "networktype", "nettype", "type", "system", "mode"),
         *("technik", "technologie", "netztyp", "netzart", "typereseau", "tecnologia", "tipored"),
         *("tiporete", "tiporede", "технология", "制式", "网络类型", "网络制式"),
     ),
@@ -172,7 +172,7 @@ _LEVELS = ("rsrp", "rscp", "rxlev", "level")
 # programs with one such column write there what any technology has: the TAC as LAC
 _LOOSE = frozenset({"area", "psc", "pci"})
 _LEAST_WHOLE = 1 << 16  # smaller identities may be parts of others
-_VAGUE = frozenset({"type", "system", "mode"})
+_VAGUE = frozenset({"type", "system", "mode", "radio"})
 """Names that may mean something else than a technology."""
 _UNIT = re.compile(r"\(.*?\)|\[.*?\]|[ _]dbm$")
 _NO_DBM = re.compile(r"[(\[] *(?:asu|%|percent|raw|bars?|[munμ]?w|db ?[uμ]v.*?) *[)\]]")
@@ -196,6 +196,9 @@ _ANGLE = re.compile(
     r" *([NSEW]?)",
     re.IGNORECASE,
 )
+_CLOCK = re.compile(r"([01]?\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d*)?)")
+_FEWEST_TIMES = 10
+"""Different ones, of which seconds that were counted would not all be times of day."""
 _DAY_NS = 86_400 * 10**9
 _SECONDS = re.compile(r"\d{1,8}(?:\.\d*)?")
 """Of a column of times: so few since 1970 were in 1973, so they count from the start."""
@@ -268,8 +271,10 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
     """
     all_columns = _columns_of_file(source, chosen)
     columns = tuple(column for column in all_columns if times or column[0] not in _TIMES)
+    columns += _cell_numbers(source, columns)
     known = {ours for ours, _, _ in columns}
-    month_first = _is_month_first(source, columns)
+    clock = _column_of_clock(source, columns)
+    month_first = _is_month_first(source, columns, clock)
     form = replace(_OURS, place=None) if _needs_track(known) else _OURS
     transmitters = None
     if not known & {"cid", "cell"} and not {"node", "sector"} <= known:
@@ -277,18 +282,47 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
         others = [name for name in _names_of_file(source) if name not in used]
         transmitters = Transmitters(others, has_codes=bool(known & _CODES))
     sighting = partial(_sighting, source, form, columns, transmitters, month_first)
-    found = parse_rows(_rows(source), sighting)
-    midnight = _midnight(source, columns, month_first) if "time" in known else None
+    found = parse_rows(_rows(source, clock), sighting)
+    midnight = _midnight(source, columns, clock, month_first) if "time" in known else None
     yield from _in_two_days(found, *midnight) if midnight else found
     if transmitters is not None:
         transmitters.check(source)
 
 
-def _is_month_first(source: Path, columns: tuple[Column, ...]) -> bool | None:
+def _cell_numbers(source: Path, columns: tuple[Column, ...]) -> tuple[Column, ...]:
+    """A column `cell` with numbers, which with area and country are identities, as a column."""
+    known, used = {ours for ours, _, _ in columns}, {name for _, name, _ in columns}
+    if "cid" in known or "cell" in used or not {"mcc", "area"} <= known:
+        return ()
+    first = islice(_rows(source), _MOST_OBJECTS)
+    values = [_plain(row[1].get("cell", "")) for row in first if not isinstance(row, BadRow)]
+    are_numbers = any(values) and all(re.fullmatch(r"(\d+(\.0)?)?", one) for one in values)
+    return (("cid", "cell", frozenset()),) if are_numbers else ()
+
+
+def _column_of_clock(source: Path, columns: tuple[Column, ...]) -> str:
+    """The column of times if all are times of day without colons, as GPS receivers print them.
+
+    Numbers that count seconds come to 60 of a minute.
+    """
+    name = next((name for ours, name, _ in columns if ours == "time"), "")
+    different, has_zero = set[str](), False
+    for row in _rows(source) if name else ():
+        if isinstance(row, BadRow) or not (value := _plain(row[1].get(name, ""))):
+            continue
+        if not _CLOCK.fullmatch(value):
+            return ""
+        has_zero = has_zero or value.startswith("0")
+        if len(different) < _FEWEST_TIMES:
+            different.add(value)
+    return name if has_zero or len(different) == _FEWEST_TIMES else ""
+
+
+def _is_month_first(source: Path, columns: tuple[Column, ...], clock: str) -> bool | None:
     named = {ours: name for ours, name, _ in columns if ours in {"date", "time"}}
     if "time" not in named:
         return None
-    rows = (row[1] for row in _rows(source) if not isinstance(row, BadRow))
+    rows = (row[1] for row in _rows(source, clock) if not isinstance(row, BadRow))
     try:
         return is_month_first(
             " ".join(row.get(named[ours], "").strip() for ours in sorted(named)) for row in rows
@@ -303,7 +337,7 @@ def _is_month_first(source: Path, columns: tuple[Column, ...]) -> bool | None:
 
 
 def _midnight(
-    source: Path, columns: tuple[Column, ...], month_first: bool | None
+    source: Path, columns: tuple[Column, ...], clock: str, month_first: bool | None
 ) -> tuple[int, bool] | None:
     """Line where times of day without a date change to another day, and whether to the next.
 
@@ -311,7 +345,7 @@ def _midnight(
     """
     named = {ours: name for ours, name, _ in reversed(columns) if ours in {"date", "time"}}
     last_ns, found = None, None
-    for row in _rows(source):
+    for row in _rows(source, clock):
         if isinstance(row, BadRow):
             continue
         line, raw = row
@@ -351,22 +385,19 @@ def _objects(source: Path) -> Iterator[tuple[int, dict[str, str]] | BadRow] | No
         return None
     list_after = _FEATURES if seen.has("features") else r"\[" * seen.head.startswith("[")
     rows = json_lines.objects(source, list_after)
-    return (row if isinstance(row, BadRow) else (row[0], dict(_values(row[1]))) for row in rows)
+    flat = json_lines.named_values
+    return (row if isinstance(row, BadRow) else (row[0], dict(flat(row[1]))) for row in rows)
 
 
-def _values(fields: Fields, within: str = "") -> Iterator[tuple[str, str]]:
-    for key, value in fields.items():
-        name = f"{within} {key}".strip().lower()
-        if key == "geometry" and isinstance(value, dict):  # GeoJSON begins with the longitude
-            at = value.get("coordinates") if value.get("type") == "Point" else None
-            yield name, f"POINT({' '.join(map(str, at))})" if isinstance(at, list) else ""
-        elif isinstance(value, dict):
-            yield from _values(value, "" if key == "properties" else name)
-        else:
-            yield name, "" if value is None or isinstance(value, list) else str(value)
+def _rows(source: Path, clock: str = "") -> Iterator[tuple[int, dict[str, str]] | BadRow]:
+    # with colons in a column of times of day
+    for row in _rows_of_file(source):
+        if clock and not isinstance(row, BadRow) and (found := _CLOCK.fullmatch(row[1][clock])):
+            row[1][clock] = ":".join(found.groups())
+        yield row
 
 
-def _rows(source: Path) -> Iterator[tuple[int, dict[str, str]] | BadRow]:
+def _rows_of_file(source: Path) -> Iterator[tuple[int, dict[str, str]] | BadRow]:
     objects = _objects(source)
     if objects is None:
         yield from csv_table.rows(source)

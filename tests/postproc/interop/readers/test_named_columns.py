@@ -651,3 +651,40 @@ def test_a_cell_of_lte_is_none_of_nr(tmp_path):
 def test_a_length_beside_a_longitude_is_none(tmp_path):
     (row,) = _rows(tmp_path, "time,lat,Länge,lon,rsrp", f"{TIME},48,3,11,-85")
     assert row.lon_deg == 11.0
+
+
+@pytest.mark.parametrize(
+    ("times", "seconds"),
+    [
+        (("081459.00", "081500.00", "081501.50"), (0, 1, 2.5)),  # as a receiver prints them
+        (tuple(f"{95955 + k + 4040 * (k > 4)}" for k in range(10)), tuple(range(10))),
+        (("235959", "000001"), (0, 2)),
+        (tuple(str(1000 * k) for k in range(10, 20)), tuple(1000 * k for k in range(10))),
+        (("81500", "81501"), (0, 1)),  # may count seconds
+        (("081500", "081560"), (0, 60)),
+    ],
+)
+def test_times_of_day_may_lack_their_colons(tmp_path, times, seconds):
+    rows = _rows(tmp_path, "Time,Lat,Lon,RSSI", *(f"{time},52.5,13.4,-70" for time in times))
+    assert [(row.t_ns - rows[0].t_ns) / 1e9 for row in rows] == list(seconds)
+
+
+def test_their_date_is_that_of_its_column(tmp_path):
+    rows = [f"14/05/2024,09000{k},52.5,13.4,-70" for k in range(3)]
+    first, *_ = _rows(tmp_path, "Date,Time,Lat,Lon,RSSI", *rows)
+    assert first.t_ns == 476577 * 3600 * 10**9
+
+
+@pytest.mark.parametrize(
+    ("head", "cells", "names"),
+    [
+        ("mcc,mnc,lac,cell", ("7", "8"), ("262-01-2-7", "262-01-2-8")),
+        ("mcc,net,area,cell", ("7.0", ""), ("262-01-2-7", None)),
+        ("mcc,mnc,lac,cell", ("7", "Main St"), ("7", "Main St")),
+    ],
+)
+def test_numbers_of_cells_beside_their_area_are_identities(tmp_path, head, cells, names):
+    lines = [f"{k},52.5,13.4,GSM,262,01,2,{cell},-70" for k, cell in enumerate(cells)]
+    rows = _rows(tmp_path, f"t_s,lat,lon,radio,{head},rssi", *lines)
+    assert [row.reading.cell for row in rows] == list(names)
+    assert {row.reading.rat for row in rows} == {"GSM"}
