@@ -224,8 +224,8 @@ def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
         yield f"{source}: {what}: imported as with --times none"
     elif not imported.has_times and imported.format == named_columns.NAME:
         yield f"{source}: without times, only the order of the rows counts"
-    if imported.left.swapped:
-        yield f"{source}: {imported.left.swapped}: --columns lat=...,lon=... names the right ones"
+    if imported.left.doubt:
+        yield f"{source}: {imported.left.doubt}: --columns lat=...,lon=... names the right ones"
     if imported.was_sorted:
         yield f"{source}: rows were out of order and have been sorted by time"
     for why, n in imported.left.other:

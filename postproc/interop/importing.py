@@ -194,9 +194,7 @@ class LeftOut:
             if reading.level_dbm is None:
                 self._no_level[why] += 1
         self.n_unnamed += (reading.cell or channel_name(reading)) is None
-        if row.fix.valid:
-            at_deg = row.lat_deg, row.lon_deg
-            self.n_swapped += track_plausibility.is_swapped(reading.mcc, *at_deg)
+        self.n_swapped += track_plausibility.is_swapped(reading.mcc, row.fix)
         return row if reading is row.reading else replace(row, reading=reading)
 
     def take(self, row: BadRow | NoCell | Remark) -> None:
@@ -217,8 +215,8 @@ class LeftOut:
                 self.bad.append(row)
 
     @property
-    def swapped(self) -> str:
-        """That latitudes seem to be longitudes; empty where they do not."""
+    def doubt(self) -> str:
+        """That latitudes seem to be longitudes, or nothing."""
         if not self.n_swapped:
             return ""
         return (
@@ -695,8 +693,8 @@ def _notes(imported: Imported) -> Iterator[Note]:
         yield Note("warning", "no-times", text)
     if imported.was_sorted:
         yield Note("warning", "sorted", "rows were out of order and have been sorted by time")
-    if imported.left.swapped:
-        yield Note("warning", "swapped", imported.left.swapped)
+    if imported.left.doubt:
+        yield Note("warning", "swapped", imported.left.doubt)
     if imported.n_positions:
         text = f"{imported.n_positions} rows have a position alone"
         yield Note("info", "positions", text)

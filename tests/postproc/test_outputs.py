@@ -123,7 +123,7 @@ def test_a_full_disk_is_named_with_the_file_and_leaves_none(capsys, tmp_path, na
 
 
 def test_a_run_that_is_made_without_room_speaks_of_no_journal(capsys, tmp_path):
-    """The journal of an import or a copy goes with its folder; only that of a recording stays."""
+    # the journal of an import or a copy goes with its folder; only that of a recording stays
     with small_file_system(tmp_path / "disk", "size=256k") as disk:
         with pytest.raises(RunFileError, match="no room for .*x.h5: 1 MB must be free$"):
             write_run(disk / "x.h5", meta_of("import of a log"), lambda _: 0, "imported")

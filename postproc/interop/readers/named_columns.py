@@ -47,6 +47,8 @@ from postproc.interop.sighting import (
 )
 
 NAME = "CSV by column names"
+# our names, which --columns takes, and what other programs call the same; `t_s` counts seconds from
+# any start, and a table without `cid` may name its transmitters otherwise
 _NAMES: dict[str, tuple[str, ...]] = {
     "time": (
         *("time", "timestamp", "datetime", "utctime", "gpstime", "timeutc", "devicetime"),
@@ -123,10 +125,6 @@ _NAMES: dict[str, tuple[str, ...]] = {
         *("date", "gpsdate", "utcdate", "day", "datum", "fecha", "data", "дата", "日期", "tarih"),
     ),
 }
-"""Our names, which --columns takes, and what other programs call the same.
-
-`t_s` counts seconds from any start. A table without `cid` may name its transmitters otherwise.
-"""
 
 
 def _letters(name: str) -> str:
@@ -184,8 +182,8 @@ _MILLISECONDS = re.compile(r"\d{1,11}(?:\.\d*)?")
 _WORD = re.compile(r"[^\W_]+")
 _TECHNOLOGY_WORD = re.compile(r"[A-Z0-9.]+")
 _HEX = re.compile(r"(?=.*[0-9])(?=.*[a-f])[0-9a-f]{3,9}", re.IGNORECASE)
+# a BSIC in its two parts (3GPP TS 23.003 4.3.2), as TEMS writes it
 _NCC_BCC = re.compile(r"([0-7]) ?[-/] ?([0-7])")
-"""A BSIC in its two parts (3GPP TS 23.003 4.3.2), as TEMS writes it."""
 _PLMN = re.compile(r"(\d{3})[-/ _:]?(\d{2,3})(?:\.0)?")
 _POINT = re.compile(
     r"(?:SRID=4326; *)?POINT *Z? *\( *([^ ,()]+) +([^ ,()]+)[^()]*\)", re.IGNORECASE
@@ -197,11 +195,10 @@ _ANGLE = re.compile(
     re.IGNORECASE,
 )
 _CLOCK = re.compile(r"([01]?\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d*)?)")
-_FEWEST_TIMES = 10
-"""Different ones, of which seconds that were counted would not all be times of day."""
+_FEWEST_TIMES = 10  # different ones: of counted seconds some would be no times of day
 _DAY_NS = 86_400 * 10**9
+# of a column of times: so few since 1970 were in 1973, so they count from the start
 _SECONDS = re.compile(r"\d{1,8}(?:\.\d*)?")
-"""Of a column of times: so few since 1970 were in 1973, so they count from the start."""
 _DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
 _WITH_UNIT = re.compile(r"([-\u2212]?\d+(?:[.,]\d+)?)\s*(?:dBm?|m)?", re.IGNORECASE)
 # of numbers that do not exist in the technology of a row
@@ -290,7 +287,7 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
 
 
 def _cell_numbers(source: Path, columns: tuple[Column, ...]) -> tuple[Column, ...]:
-    """A column `cell` with numbers, which with area and country are identities, as a column."""
+    # a column `cell` with numbers, which with area and country are identities
     known, used = {ours for ours, _, _ in columns}, {name for _, name, _ in columns}
     if "cid" in known or "cell" in used or not {"mcc", "area"} <= known:
         return ()
@@ -301,10 +298,8 @@ def _cell_numbers(source: Path, columns: tuple[Column, ...]) -> tuple[Column, ..
 
 
 def _column_of_clock(source: Path, columns: tuple[Column, ...]) -> str:
-    """The column of times if all are times of day without colons, as GPS receivers print them.
-
-    Numbers that count seconds come to 60 of a minute.
-    """
+    # the column of times if all are times of day without colons, as GPS receivers print them;
+    # numbers that count seconds come to 60 of a minute
     name = next((name for ours, name, _ in columns if ours == "time"), "")
     different, has_zero = set[str](), False
     for row in _rows(source) if name else ():
@@ -339,10 +334,8 @@ def _is_month_first(source: Path, columns: tuple[Column, ...], clock: str) -> bo
 def _midnight(
     source: Path, columns: tuple[Column, ...], clock: str, month_first: bool | None
 ) -> tuple[int, bool] | None:
-    """Line where times of day without a date change to another day, and whether to the next.
-
-    None where that never happens, or more often than in rows that are ordered by time.
-    """
+    # line where times of day without a date change to another day, and whether to the next; None
+    # where that never happens, or more often than in rows that are ordered by time
     named = {ours: name for ours, name, _ in reversed(columns) if ours in {"date", "time"}}
     last_ns, found = None, None
     for row in _rows(source, clock):

@@ -67,7 +67,7 @@ def test_map_needs_no_network(survey, scheduler, capsys):
 
 
 def test_the_first_cell_is_drawn_larger(survey, scheduler):
-    """An attribute with a no-break space for a space is none: the inset was empty."""
+    # an attribute with a no-break space for a space is none: the inset was empty
     with Cluster(scheduler) as cluster:
         found = locate_survey(survey, Options(), cluster=cluster)
     odd = replace(found.cells[0], word="unusual", verdict="located", r95_m=5.0)
