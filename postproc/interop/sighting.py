@@ -281,6 +281,8 @@ _NAMES: dict[Rat, tuple[str, ...]] = {
     "WCDMA": ("3G", "UMTS", "HSPA", "HSPA+", "HSPAP", "HSDPA", "HSUPA"),
     "LTE": ("4G", "LTE+", "LTE_CA", "LTE-A", "EUTRAN", "E-UTRAN", "EUTRA", "E-UTRA"),
     "NR": ("5G", "NR5G", "NR5G-SA", "NR5G-NSA", "NRNSA", "NR_SA", "NR_NSA"),
+    "LTE-M": ("LTEM", "EMTC", "CAT-M", "CAT-M1"),
+    "NB-IoT": ("NBIOT", "CAT-NB1", "CAT-NB2", "NB1", "NB2"),
 }
 RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {
     n: rat for rat, ns in _NAMES.items() for n in ns

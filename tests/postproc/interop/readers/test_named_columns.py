@@ -688,3 +688,12 @@ def test_numbers_of_cells_beside_their_area_are_identities(tmp_path, head, cells
     rows = _rows(tmp_path, f"t_s,lat,lon,radio,{head},rssi", *lines)
     assert [row.reading.cell for row in rows] == list(names)
     assert {row.reading.rat for row in rows} == {"GSM"}
+
+
+@pytest.mark.parametrize(
+    ("name", "rat"),
+    [("CAT-M1", "LTE-M"), ("eMTC", "LTE-M"), ("NBIoT", "NB-IoT"), ("CAT-NB1", "NB-IoT")],
+)
+def test_modems_of_things_have_names_of_their_own(tmp_path, name, rat):
+    (row,) = _rows(tmp_path, "t_s,lat,lon,tech,cid,rsrp", f"1,52.5,13.4,{name},7,-90")
+    assert (row.reading.rat, row.reading.rsrp_dbm) == (rat, -90.0)
