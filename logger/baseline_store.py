@@ -12,6 +12,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+from shlex import quote
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -435,7 +436,7 @@ class BaselineStore:
                 elif seal is None or not walk.is_complete:
                     raise RunFileError(
                         f"{walk.name} is another state of walk {number}; "
-                        f"`postproc baseline remove {number}` it first"
+                        f"`postproc baseline remove {number} -b {quote(str(self.path))}` it first"
                     )
             for other, is_copy in self.copies_of(walk):
                 if walk.is_copy and not (is_copy and other.n_readings < walk.n_readings):

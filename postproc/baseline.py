@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 
 import click
 
@@ -47,16 +48,20 @@ def add_runs(
         added = baseline_store.add_walk(store, path, walk)
         doubtful = sorted(conspicuous - store.trusted_cells().keys())
         if added.walk is not None and doubtful:  # later walks will not be warned of them
-            known = _KNOWN_NOW.format(", ".join(doubtful), added.walk)
+            known = _KNOWN_NOW.format(", ".join(doubtful), added.walk, _option(store.path))
             remark = "; ".join(filter(None, [added.remark, known]))
             added = replace(added, remark=remark)
         yield added
 
 
 _KNOWN_NOW = (
-    "unusual or suspicious on it, and known from now on: {}; `postproc baseline remove {}` undoes "
-    "that"
+    "unusual or suspicious on it, and known from now on: {}; `postproc baseline remove {}{}` "
+    "undoes that"
 )
+
+
+def _option(path: Path) -> str:
+    return "" if path == Path(DEFAULT_NAME) else f" -b {quote(str(path))}"
 
 
 def _summary(run: "runfile.Run") -> "tuple[baseline_store.WalkSummary, set[str]]":

@@ -50,8 +50,22 @@ _HEAD_BYTES = 8192  # a line of names is shorter, and files buffer as much
 # GBK, as a spreadsheet in China writes: a sign has two such bytes; letters of western Europe have
 # one, and seldom stand in pairs alone
 _CHINESE = re.compile(rb"(?:[\0-\x7f]*[\xa1-\xf7][\xa1-\xfe]){4,}[\0-\x7f]*")
+# what a spreadsheet writes in Russia: words of such letters alone, most of them small
+_RUSSIAN = re.compile(
+    rb"(?:[^a-zA-Z\x80-\xff]|[a-zA-Z]+(?![\x80-\xff])|[\xa8\xb8\xb9\xc0-\xff]+(?![a-zA-Z]))+"
+)
+_RUSSIAN_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]{4}")
+_LARGE, _SMALL = bytes(range(0xC0, 0xE0)), bytes(range(0xE0, 0x100))
+# and in Poland: a mark or a French letter among others is there a letter, as in szerokość
+_POLISH = re.compile(rb"[a-zA-Z](?:\xb3[a-z]|\x9c\xe6)")
+# what programs for Windows write without saying so
+_UNMARKED = {
+    "utf-16-le": re.compile(rb"(?:[\t\r\n -~]\0){3}"),
+    "utf-16-be": re.compile(rb"(?:\0[\t\r\n -~]){3}"),
+}
 # a first line that Excel writes and reads: no row, and the header shows the separator as well
 _SEPARATOR = re.compile(r"sep=.?[\r\n]*")
+_SEPARATOR_LINE = re.compile(rb"\Asep=[^\r\n]?[\r\n]+")
 
 Item = TypeVar("Item")
 
@@ -65,9 +79,24 @@ def encoding_of(head: bytes) -> str:
     """Encoding of a text by its first bytes."""
     if head.startswith(_UTF16):
         return "utf-16"
-    line = head.partition(b"\n")[0]
-    is_utf8 = line.decode("utf-8", "ignore").encode() == line
-    return "utf-8-sig" if is_utf8 or not _CHINESE.fullmatch(line) else "gb18030"
+    for name, begins in _UNMARKED.items():
+        if begins.match(head):
+            return name
+    line = _SEPARATOR_LINE.sub(b"", head, 1).partition(b"\n")[0]
+    if line.decode("utf-8", "ignore").encode() == line:
+        return "utf-8-sig"
+    if _is_russian(line):
+        return "cp1251"
+    if _CHINESE.fullmatch(line):
+        return "gb18030"
+    return "cp1250" if _POLISH.search(line) else "utf-8-sig"
+
+
+def _is_russian(line: bytes) -> bool:
+    # the first of two bytes of a common Chinese sign is no small letter
+    n_large, n_small = (len(line) - len(line.translate(None, some)) for some in (_LARGE, _SMALL))
+    has_case = n_small >= n_large or not n_small
+    return has_case and bool(_RUSSIAN_WORD.search(line) and _RUSSIAN.fullmatch(line))
 
 
 def _as_windows(error: UnicodeError) -> tuple[str, int]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from logger.core.arrays import BoolArray, FloatArray, IntArray
 from logger.core.places import TIMING_S, Track, smeared_sigma_m
+from logger.core.types import Fix
 from logger.core.walker import SmoothedTrack
 
 FASTEST_MPS = 60.0
@@ -45,8 +46,31 @@ _LONG_STEP_M = 7.0
 """Shorter ones have too few digits in a file to show a speed that exactly."""
 _UNEVEN = 0.2
 """Relative spread of time steps: equal ones, at one speed, may be those of a vehicle."""
+# latitudes and longitudes of all countries of a zone, the first digit of their codes (ITU-T E.212);
+# the longitudes of zone 5 are no latitudes
+_ZONES_DEG = {
+    "2": (27.0, 84.0, -75.0, 180.0),
+    "3": (7.0, 84.0, -180.0, -50.0),
+    "4": (-1.0, 56.0, 34.0, 155.0),
+    "6": (-47.0, 38.0, -26.0, 64.0),
+    "7": (-57.0, 19.0, -93.0, -26.0),
+}
 SLOW_MPS = 0.5
 """Slow walk: a jump is assumed to have taken no longer than its length at this speed."""
+
+
+def is_swapped(mcc: str | None, fix: Fix) -> bool:
+    """Whether only latitude and longitude exchanged lie in the zone of a country code."""
+    zone_deg = _ZONES_DEG.get((mcc or "")[:1])
+    if zone_deg is None or fix.lat_deg is None or fix.lon_deg is None:
+        return False
+    at_deg = fix.lat_deg, fix.lon_deg
+    return not _is_within(zone_deg, at_deg) and _is_within(zone_deg, at_deg[::-1])
+
+
+def _is_within(zone_deg: tuple[float, ...], at_deg: tuple[float, ...]) -> bool:
+    south, north, west, east = zone_deg
+    return south <= at_deg[0] <= north and west <= at_deg[1] <= east
 
 
 def why_no_clock(track: Track, *, is_dated: bool = False) -> str | None:

@@ -218,16 +218,14 @@ def _counts(imported: importing.Imported) -> str:
 
 
 def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
-    for bad in imported.left.bad[:_MOST_PRINTED]:
-        yield f"{source}: line {bad.line}: {bad.why}"
-    if imported.left.n_bad > _MOST_PRINTED:
-        more = imported.left.n_bad - _MOST_PRINTED
-        yield f"{source}: ... and {more} more bad rows (--json lists them)"
+    yield from _bad_rows(source, imported.left)
     if imported.no_clock:
         what = f"its times are no clock's, {imported.no_clock}"
         yield f"{source}: {what}: imported as with --times none"
     elif not imported.has_times and imported.format == named_columns.NAME:
         yield f"{source}: without times, only the order of the rows counts"
+    if imported.left.doubt:
+        yield f"{source}: {imported.left.doubt}: --columns lat=...,lon=... names the right ones"
     if imported.was_sorted:
         yield f"{source}: rows were out of order and have been sorted by time"
     for why, n in imported.left.other:
@@ -244,6 +242,14 @@ def _remarks(source: str, imported: importing.Imported) -> Iterator[str]:
     if n := imported.left.n_unnamed:
         every = ", so no cell can be located" if n == imported.n_rows else ""
         yield f"{imported.path}: {document.number_of(n, 'reading')} without a cell's name{every}"
+
+
+def _bad_rows(source: str, left: importing.LeftOut) -> Iterator[str]:
+    for bad in left.bad[:_MOST_PRINTED]:
+        yield f"{source}: line {bad.line}: {bad.why}"
+    if left.n_bad > _MOST_PRINTED:
+        more = left.n_bad - _MOST_PRINTED
+        yield f"{source}: ... and {more} more bad rows (--json lists them)"
 
 
 @click.command

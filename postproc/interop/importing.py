@@ -158,9 +158,8 @@ def _is_cell_list(seen: Contents) -> bool:
     They begin with the technology of a cell. A walk of CellMapper does not.
     """
     first = seen.head.replace(";", ",").partition(",")[0].strip().upper()
-    return seen.kind == "text" and (
-        seen.has("radio", "net", "area", "cell") or first in {*RATS, "CDMA"}
-    )
+    has_names = seen.has("radio", "net", "area", "cell") and not named_columns.is_it(seen)
+    return seen.kind == "text" and (has_names or first in {*RATS, "CDMA"})
 
 
 _ROW_NS = 10**9  # from row to row where only their order is known
@@ -176,7 +175,7 @@ class LeftOut:
         self.bad: list[BadRow] = []
         self.n_bad = 0
         self.remarks: list[Remark] = []
-        self.n_levels = self.n_unnamed = 0
+        self.n_levels = self.n_unnamed = self.n_swapped = 0
         self.first: dict[str, int] = {}  # line of the first that is left out for a reason
         self._other: Counter[str] = Counter()
         self._no_level: Counter[str] = Counter()
@@ -195,6 +194,7 @@ class LeftOut:
             if reading.level_dbm is None:
                 self._no_level[why] += 1
         self.n_unnamed += (reading.cell or channel_name(reading)) is None
+        self.n_swapped += track_plausibility.is_swapped(reading.mcc, row.fix)
         return row if reading is row.reading else replace(row, reading=reading)
 
     def take(self, row: BadRow | NoCell | Remark) -> None:
@@ -213,6 +213,16 @@ class LeftOut:
             self.n_bad += 1
             if len(self.bad) < MOST_BAD_ROWS:
                 self.bad.append(row)
+
+    @property
+    def doubt(self) -> str:
+        """That latitudes seem to be longitudes, or nothing."""
+        if not self.n_swapped:
+            return ""
+        return (
+            f"the country codes of {number_of(self.n_swapped, 'reading')} are of another "
+            "continent than the positions, and would fit with latitude and longitude exchanged"
+        )
 
     @property
     def other(self) -> tuple[tuple[str, int], ...]:
@@ -683,6 +693,8 @@ def _notes(imported: Imported) -> Iterator[Note]:
         yield Note("warning", "no-times", text)
     if imported.was_sorted:
         yield Note("warning", "sorted", "rows were out of order and have been sorted by time")
+    if imported.left.doubt:
+        yield Note("warning", "swapped", imported.left.doubt)
     if imported.n_positions:
         text = f"{imported.n_positions} rows have a position alone"
         yield Note("info", "positions", text)
@@ -697,9 +709,13 @@ def _notes(imported: Imported) -> Iterator[Note]:
         yield Note(
             "info", "repeated", f"{imported.n_repeated} rows repeat others and were left out"
         )
-    for bad in imported.left.bad:
+    yield from _notes_of_bad_rows(imported.left)
+
+
+def _notes_of_bad_rows(left: LeftOut) -> Iterator[Note]:
+    for bad in left.bad:
         yield Note("warning", "bad-row", f"line {bad.line}: {bad.why}")
-    if more := imported.left.n_bad - len(imported.left.bad):
+    if more := left.n_bad - len(left.bad):
         yield Note("warning", "bad-rows", f"{more} more rows could not be read")
 
 

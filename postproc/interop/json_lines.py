@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -37,6 +37,19 @@ def objects(source: Path, list_after: str = "") -> Iterator[Object | BadRow]:
         else:
             return
     yield from _objects_of_list(source, r"\[")
+
+
+def named_values(fields: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:
+    """Values of an object and of those within it as texts, each by the names on its way."""
+    for key, value in fields.items():
+        name = f"{within} {key}".strip().lower()
+        if key == "geometry" and isinstance(value, dict):  # GeoJSON begins with the longitude
+            at = value.get("coordinates") if value.get("type") == "Point" else None
+            yield name, f"POINT({' '.join(map(str, at))})" if isinstance(at, list) else ""
+        elif isinstance(value, dict):
+            yield from named_values(value, "" if key == "properties" else name)
+        else:
+            yield name, "" if value is None or isinstance(value, list) else str(value)
 
 
 def _objects_of_list(source: Path, start: str) -> Iterator[Object | BadRow]:

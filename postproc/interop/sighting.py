@@ -281,6 +281,8 @@ _NAMES: dict[Rat, tuple[str, ...]] = {
     "WCDMA": ("3G", "UMTS", "HSPA", "HSPA+", "HSPAP", "HSDPA", "HSUPA"),
     "LTE": ("4G", "LTE+", "LTE_CA", "LTE-A", "EUTRAN", "E-UTRAN", "EUTRA", "E-UTRA"),
     "NR": ("5G", "NR5G", "NR5G-SA", "NR5G-NSA", "NRNSA", "NR_SA", "NR_NSA"),
+    "LTE-M": ("LTEM", "EMTC", "CAT-M", "CAT-M1"),
+    "NB-IoT": ("NBIOT", "CAT-NB1", "CAT-NB2", "NB1", "NB2"),
 }
 RATS: dict[str, Rat] = {rat.upper(): rat for rat in get_args(Rat)} | {
     n: rat for rat, ns in _NAMES.items() for n in ns
@@ -540,8 +542,8 @@ _CLOCK = (
 )
 # only all times of a file show which of the first two numbers is the month
 _SLASHED = {
-    True: re.compile(r"(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4}),?[ T_]" + _CLOCK),
-    False: re.compile(r"(?P<day>\d{1,2})/(?P<month>\d{1,2})/(?P<year>\d{4}),?[ T_]" + _CLOCK),
+    True: re.compile(r"(?P<month>\d{1,2})[-/](?P<day>\d{1,2})[-/](?P<year>\d{4}),?[ T_]" + _CLOCK),
+    False: re.compile(r"(?P<day>\d{1,2})[-/](?P<month>\d{1,2})[-/](?P<year>\d{4}),?[ T_]" + _CLOCK),
 }
 _FORMS = (
     re.compile(r"(?P<year>\d{4})[-./](?P<month>\d{1,2})[-./](?P<day>\d{1,2})[ T_]" + _CLOCK),
@@ -572,7 +574,7 @@ class Moment:
 
 
 def is_month_first(times: Iterable[str]) -> bool | None:
-    """Whether dates with slashes begin with the month; None without such dates.
+    """Whether dates such as 5/14/2024 begin with the month; None without such dates.
 
     Raises ValueError where none tells.
     """

@@ -201,7 +201,8 @@ def with_position(rows: Iterable[Row]) -> Iterator[Row]:
     """The same rows; those without a position are bad."""
     for row in rows:
         if isinstance(row, Sighting) and not row.fix.valid:
-            yield BadRow(row.line, "no position: add the GPX track of the walk with --track")
+            how = "add the GPX track of the walk with --track, or name its columns with --columns"
+            yield BadRow(row.line, f"no position: {how}")
         else:
             yield row
 

@@ -281,7 +281,7 @@ def _description_of(folder: Path) -> _Description:
             return msgspec.json.decode(file.read(_MOST_BYTES), type=_Description)
     except msgspec.ValidationError:
         return _Description()
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise RunFileError(f"{folder} is no survey; `postproc survey add` makes one") from None
     except (OSError, msgspec.DecodeError, RecursionError) as error:
         raise RunFileError(f"{folder} cannot be read as a survey: {error}") from error

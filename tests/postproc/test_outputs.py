@@ -6,7 +6,9 @@ import shutil
 
 import pytest
 
+from logger.core.errors import RunFileError
 from postproc.cli import main
+from postproc.interop.importing import meta_of, write_run
 from tests.kit import runs
 from tests.kit.faulty_card import small_file_system
 
@@ -118,3 +120,13 @@ def test_a_full_disk_is_named_with_the_file_and_leaves_none(capsys, tmp_path, na
             assert line.endswith("No space left on device")
             assert sorted(path.name for path in disk.rglob("*")) == ["ballast", "x"]
             (disk / "ballast").unlink()
+
+
+def test_a_run_that_is_made_without_room_speaks_of_no_journal(capsys, tmp_path):
+    # the journal of an import or a copy goes with its folder; only that of a recording stays
+    with small_file_system(tmp_path / "disk", "size=256k") as disk:
+        with pytest.raises(RunFileError, match="no room for .*x.h5: 1 MB must be free$"):
+            write_run(disk / "x.h5", meta_of("import of a log"), lambda _: 0, "imported")
+        runs.write_journal(disk / "walk.journal", runs.records(9))
+        assert main(["recover", str(disk / "walk.journal")]) == 2
+    assert "1 MB must be free; the journal is safe" in capsys.readouterr().err

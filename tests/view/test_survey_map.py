@@ -121,6 +121,12 @@ def test_towns_have_plans_side_by_side_and_their_cells_say_which(chromium, page)
     left, right = (chromium.box(f"figure:has(#plan-{n})") for n in (2, 3))
     assert left["top"] == right["top"]
     assert left["right"] <= right["left"]
+    assert chromium.console_messages() == []
+    inset = chromium.evaluate(
+        "const s = document.querySelector('svg.inset'), b = s.viewBox.baseVal;"
+        "return [b.width > 0, s.getScreenCTM().a * b.width / s.clientWidth]"
+    )
+    assert inset == [True, pytest.approx(1.0, rel=0.05)]
     links = chromium.evaluate(
         "return [...document.querySelectorAll('.odd-cell a')].map(a => [a.closest('article')"
         ".querySelector('.cell').textContent, document.querySelector(a.getAttribute('href'))"

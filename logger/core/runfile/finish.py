@@ -53,7 +53,7 @@ def _finish(journal: Path) -> tuple[Path, JournalParts]:
             raise RunFileError(f"{journal} is being recorded")
     except OSError as error:
         raise RunFileError(f"{error.filename or journal}: {error.strerror}") from error
-    return target, _convert(journal, target, _check_same_run)
+    return target, _convert(journal, target, _check_same_run, "; the journal is safe")
 
 
 def convert_journal(journal: Path, target: Path) -> Damage:
@@ -61,15 +61,17 @@ def convert_journal(journal: Path, target: Path) -> Damage:
 
     Returns what the journal has lost. Replaces a file of that name. Raises `RunFileError`.
     """
-    return _convert(journal, target, lambda *_: None).damage
+    return _convert(journal, target, lambda *_: None, "").damage
 
 
-def _convert(journal: Path, target: Path, may_replace: Callable[[Path, str], None]) -> JournalParts:
+def _convert(
+    journal: Path, target: Path, may_replace: Callable[[Path, str], None], what_stays: str
+) -> JournalParts:
     parts = JournalParts(journal)
     part = target.with_name(target.name + ".part")
     try:
         with _alone(part):
-            _check_room(parts, target)
+            _check_room(parts, target, what_stays)
             write_hdf5(parts, part)
             may_replace(target, parts.meta.run_id)
             part.replace(target)
@@ -131,13 +133,11 @@ def _let_go(number: int) -> None:
     os.close(number)
 
 
-def _check_room(parts: JournalParts, target: Path) -> None:
+def _check_room(parts: JournalParts, target: Path, what_stays: str) -> None:
     """Raises `RunFileError` if the card is too full: HDF5 may crash on a full card."""
     needed = _n_bytes(parts.path) + _MARGIN_BYTES
     if free_bytes(target.parent) < needed:
-        raise RunFileError(
-            f"no room for {target}: {needed / 1e6:.0f} MB must be free; the journal is safe"
-        )
+        raise RunFileError(f"no room for {target}: {needed / 1e6:.0f} MB must be free{what_stays}")
 
 
 def _check_same_run(target: Path, run_id: str) -> None:

@@ -47,6 +47,8 @@ from postproc.interop.sighting import (
 )
 
 NAME = "CSV by column names"
+# our names, which --columns takes, and what other programs call the same; `t_s` counts seconds from
+# any start, and a table without `cid` may name its transmitters otherwise
 _NAMES: dict[str, tuple[str, ...]] = {
     "time": (
         *("time", "timestamp", "datetime", "utctime", "gpstime", "timeutc", "devicetime"),
@@ -89,7 +91,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "rscp": ("rscp",),
     "rxlev": ("rxlev", "rxlevel", "rxl"),
     "rat": (
-        *("rat", "technology", "tech", "networktype", "nettype", "type", "system", "mode"),
+        *("rat", "radio", "technology", "tech", "networktype", "nettype", "type", "system", "mode"),
         *("technik", "technologie", "netztyp", "netzart", "typereseau", "tecnologia", "tipored"),
         *("tiporete", "tiporede", "технология", "制式", "网络类型", "网络制式"),
     ),
@@ -123,10 +125,6 @@ _NAMES: dict[str, tuple[str, ...]] = {
         *("date", "gpsdate", "utcdate", "day", "datum", "fecha", "data", "дата", "日期", "tarih"),
     ),
 }
-"""Our names, which --columns takes, and what other programs call the same.
-
-`t_s` counts seconds from any start. A table without `cid` may name its transmitters otherwise.
-"""
 
 
 def _letters(name: str) -> str:
@@ -172,7 +170,7 @@ _LEVELS = ("rsrp", "rscp", "rxlev", "level")
 # programs with one such column write there what any technology has: the TAC as LAC
 _LOOSE = frozenset({"area", "psc", "pci"})
 _LEAST_WHOLE = 1 << 16  # smaller identities may be parts of others
-_VAGUE = frozenset({"type", "system", "mode"})
+_VAGUE = frozenset({"type", "system", "mode", "radio"})
 """Names that may mean something else than a technology."""
 _UNIT = re.compile(r"\(.*?\)|\[.*?\]|[ _]dbm$")
 _NO_DBM = re.compile(r"[(\[] *(?:asu|%|percent|raw|bars?|[munμ]?w|db ?[uμ]v.*?) *[)\]]")
@@ -184,6 +182,8 @@ _MILLISECONDS = re.compile(r"\d{1,11}(?:\.\d*)?")
 _WORD = re.compile(r"[^\W_]+")
 _TECHNOLOGY_WORD = re.compile(r"[A-Z0-9.]+")
 _HEX = re.compile(r"(?=.*[0-9])(?=.*[a-f])[0-9a-f]{3,9}", re.IGNORECASE)
+# a BSIC in its two parts (3GPP TS 23.003 4.3.2), as TEMS writes it
+_NCC_BCC = re.compile(r"([0-7]) ?[-/] ?([0-7])")
 _PLMN = re.compile(r"(\d{3})[-/ _:]?(\d{2,3})(?:\.0)?")
 _POINT = re.compile(
     r"(?:SRID=4326; *)?POINT *Z? *\( *([^ ,()]+) +([^ ,()]+)[^()]*\)", re.IGNORECASE
@@ -194,8 +194,11 @@ _ANGLE = re.compile(
     r" *([NSEW]?)",
     re.IGNORECASE,
 )
+_CLOCK = re.compile(r"([01]?\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d*)?)")
+_FEWEST_TIMES = 10  # different ones: of counted seconds some would be no times of day
+_DAY_NS = 86_400 * 10**9
+# of a column of times: so few since 1970 were in 1973, so they count from the start
 _SECONDS = re.compile(r"\d{1,8}(?:\.\d*)?")
-"""Of a column of times: so few since 1970 were in 1973, so they count from the start."""
 _DECIMAL_COMMA = re.compile(r"-?\d+,\d+")
 _WITH_UNIT = re.compile(r"([-\u2212]?\d+(?:[.,]\d+)?)\s*(?:dBm?|m)?", re.IGNORECASE)
 # of numbers that do not exist in the technology of a row
@@ -265,8 +268,10 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
     """
     all_columns = _columns_of_file(source, chosen)
     columns = tuple(column for column in all_columns if times or column[0] not in _TIMES)
+    columns += _cell_numbers(source, columns)
     known = {ours for ours, _, _ in columns}
-    month_first = _is_month_first(source, columns)
+    clock = _column_of_clock(source, columns)
+    month_first = _is_month_first(source, columns, clock)
     form = replace(_OURS, place=None) if _needs_track(known) else _OURS
     transmitters = None
     if not known & {"cid", "cell"} and not {"node", "sector"} <= known:
@@ -274,16 +279,45 @@ def read(source: Path, chosen: Mapping[str, str], *, times: bool = True) -> Iter
         others = [name for name in _names_of_file(source) if name not in used]
         transmitters = Transmitters(others, has_codes=bool(known & _CODES))
     sighting = partial(_sighting, source, form, columns, transmitters, month_first)
-    yield from parse_rows(_rows(source), sighting)
+    found = parse_rows(_rows(source, clock), sighting)
+    midnight = _midnight(source, columns, clock, month_first) if "time" in known else None
+    yield from _in_two_days(found, *midnight) if midnight else found
     if transmitters is not None:
         transmitters.check(source)
 
 
-def _is_month_first(source: Path, columns: tuple[Column, ...]) -> bool | None:
+def _cell_numbers(source: Path, columns: tuple[Column, ...]) -> tuple[Column, ...]:
+    # a column `cell` with numbers, which with area and country are identities
+    known, used = {ours for ours, _, _ in columns}, {name for _, name, _ in columns}
+    if "cid" in known or "cell" in used or not {"mcc", "area"} <= known:
+        return ()
+    first = islice(_rows(source), _MOST_OBJECTS)
+    values = [_plain(row[1].get("cell", "")) for row in first if not isinstance(row, BadRow)]
+    are_numbers = any(values) and all(re.fullmatch(r"(\d+(\.0)?)?", one) for one in values)
+    return (("cid", "cell", frozenset()),) if are_numbers else ()
+
+
+def _column_of_clock(source: Path, columns: tuple[Column, ...]) -> str:
+    # the column of times if all are times of day without colons, as GPS receivers print them;
+    # numbers that count seconds come to 60 of a minute
+    name = next((name for ours, name, _ in columns if ours == "time"), "")
+    different, has_zero = set[str](), False
+    for row in _rows(source) if name else ():
+        if isinstance(row, BadRow) or not (value := _plain(row[1].get(name, ""))):
+            continue
+        if not _CLOCK.fullmatch(value):
+            return ""
+        has_zero = has_zero or value.startswith("0")
+        if len(different) < _FEWEST_TIMES:
+            different.add(value)
+    return name if has_zero or len(different) == _FEWEST_TIMES else ""
+
+
+def _is_month_first(source: Path, columns: tuple[Column, ...], clock: str) -> bool | None:
     named = {ours: name for ours, name, _ in columns if ours in {"date", "time"}}
     if "time" not in named:
         return None
-    rows = (row[1] for row in _rows(source) if not isinstance(row, BadRow))
+    rows = (row[1] for row in _rows(source, clock) if not isinstance(row, BadRow))
     try:
         return is_month_first(
             " ".join(row.get(named[ours], "").strip() for ours in sorted(named)) for row in rows
@@ -295,6 +329,40 @@ def _is_month_first(source: Path, columns: tuple[Column, ...]) -> bool | None:
             f"{source}: column {named['time']!r}: {why}: write them as 2024-05-14 09:00:00, or add "
             "--times none"
         ) from None
+
+
+def _midnight(
+    source: Path, columns: tuple[Column, ...], clock: str, month_first: bool | None
+) -> tuple[int, bool] | None:
+    # line where times of day without a date change to another day, and whether to the next; None
+    # where that never happens, or more often than in rows that are ordered by time
+    named = {ours: name for ours, name, _ in reversed(columns) if ours in {"date", "time"}}
+    last_ns, found = None, None
+    for row in _rows(source, clock):
+        if isinstance(row, BadRow):
+            continue
+        line, raw = row
+        fields = {ours: _plain(raw[name]) for ours, name in named.items()}
+        try:
+            moment = _moment(columns, line, fields, month_first=month_first)
+        except ValueError:
+            continue
+        if moment.t_ns >= _DAY_NS or ":" not in fields["time"]:
+            return None
+        if last_ns is not None and 2 * abs(moment.t_ns - last_ns) > _DAY_NS:
+            if found is not None:
+                return None
+            found = line, moment.t_ns < last_ns
+        last_ns = moment.t_ns
+    return found
+
+
+def _in_two_days(rows: Iterator[Row], line: int, is_next: bool) -> Iterator[Row]:
+    for row in rows:
+        if isinstance(row, Sighting) and (row.line >= line) == is_next:
+            yield replace(row, t_ns=row.t_ns + _DAY_NS)
+        else:
+            yield row
 
 
 def _names_of_file(source: Path) -> list[str]:
@@ -310,22 +378,19 @@ def _objects(source: Path) -> Iterator[tuple[int, dict[str, str]] | BadRow] | No
         return None
     list_after = _FEATURES if seen.has("features") else r"\[" * seen.head.startswith("[")
     rows = json_lines.objects(source, list_after)
-    return (row if isinstance(row, BadRow) else (row[0], dict(_values(row[1]))) for row in rows)
+    flat = json_lines.named_values
+    return (row if isinstance(row, BadRow) else (row[0], dict(flat(row[1]))) for row in rows)
 
 
-def _values(fields: Fields, within: str = "") -> Iterator[tuple[str, str]]:
-    for key, value in fields.items():
-        name = f"{within} {key}".strip().lower()
-        if key == "geometry" and isinstance(value, dict):  # GeoJSON begins with the longitude
-            at = value.get("coordinates") if value.get("type") == "Point" else None
-            yield name, f"POINT({' '.join(map(str, at))})" if isinstance(at, list) else ""
-        elif isinstance(value, dict):
-            yield from _values(value, "" if key == "properties" else name)
-        else:
-            yield name, "" if value is None or isinstance(value, list) else str(value)
+def _rows(source: Path, clock: str = "") -> Iterator[tuple[int, dict[str, str]] | BadRow]:
+    # with colons in a column of times of day
+    for row in _rows_of_file(source):
+        if clock and not isinstance(row, BadRow) and (found := _CLOCK.fullmatch(row[1][clock])):
+            row[1][clock] = ":".join(found.groups())
+        yield row
 
 
-def _rows(source: Path) -> Iterator[tuple[int, dict[str, str]] | BadRow]:
+def _rows_of_file(source: Path) -> Iterator[tuple[int, dict[str, str]] | BadRow]:
     objects = _objects(source)
     if objects is None:
         yield from csv_table.rows(source)
@@ -659,6 +724,8 @@ def _value(source: Path, ours: str, name: str, raw: Fields) -> str:
     value = _plain(raw[name])
     if ours not in _WHOLE or not value:
         return _measure(ours, name, value)
+    if ours == "bsic" and (parts := _NCC_BCC.fullmatch(value)):
+        return str(8 * int(parts[1]) + int(parts[2]))
     if "hex" in name:
         return f"0x{value.removeprefix('0x')}"
     if _HEX.fullmatch(value):

@@ -107,7 +107,8 @@ class Plan(NamedTuple):
             return ""
         box, inset = self.walked.box, self.inset
         view_m = inset.west - box.west, box.north - inset.north, inset.width, inset.height
-        return " ".join(f"{part_m * _WIDTH / box.width:.2f}" for part_m in view_m)
+        # with commas: spaces in a text of a page may become such as no line ends at
+        return ",".join(f"{part_m * _WIDTH / box.width:.2f}" for part_m in view_m)
 
 
 def html(survey: Survey, location: Location, choice: RunChoice, basemap: Path | None) -> str:

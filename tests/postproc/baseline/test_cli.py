@@ -147,6 +147,8 @@ def test_a_conspicuous_cell_that_becomes_known_is_named(tmp_path, monkeypatch, c
     says = "310-260-1201-7; `postproc baseline remove 1` undoes that"
     assert says in output_of(capsys, "add", "run-000001.h5").err
     assert output_of(capsys, "add", "run-000001.h5").err == ""  # it was known
+    other = output_of(capsys, "add", "run-000001.h5", "-b", "my walks.db").err
+    assert "; `postproc baseline remove 1 -b 'my walks.db'` undoes that" in other
     output_of(capsys, "remove", "1")
     output_of(capsys, "trust", "310-260-1201-7", "a ship in the harbour")
     assert output_of(capsys, "add", "run-000001.h5").err == ""

@@ -107,7 +107,7 @@ def test_a_state_of_a_run_that_may_be_a_part_is_refused(tmp_path, store):
     cut = summarise_walk(read_sound_run(write_walk(short, 1, two_cells(), n=50, finish=False)))
     complete = summarise_walk(read_sound_run(write_walk(long, 1, two_cells())))
     assert store.add(complete) == 1
-    with pytest.raises(RunFileError, match="another state of walk 1"):
+    with pytest.raises(RunFileError, match="another state of walk 1; `.* remove 1 -b .*db` it"):
         store.add(cut)
     store.remove([1])
     assert store.add(cut) is not None

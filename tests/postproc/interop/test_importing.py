@@ -1,5 +1,7 @@
+import bz2
 import gzip
 import json
+import lzma
 import os
 import re
 import sqlite3
@@ -103,6 +105,10 @@ def test_tables_tell_the_kind_of_sqlite(tmp_path):
         (b"%PDF-1.7\n1 0 obj", "I read a PDF document"),
         (b"PK\x05\x06" + bytes(18), "I read an empty zip"),
         (b"PAR1\x15\x04", "I read a Parquet table"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "an old Excel workbook (save its sheet as CSV)"),
+        (b"7z\xbc\xaf\x27\x1c", "a file packed by 7-Zip (unpack it)"),
+        (bz2.compress(b"lat,lon,level"), "a file packed by bzip2 (unpack it)"),
+        (lzma.compress(b"lat,lon,level"), "a file packed by xz (unpack it)"),
         (b'<?xml version="1.0"?>\n<kml>', "I read XML or HTML that begins with <kml>"),
         (b'<?xml version="1.0"?>\n<gpx>', "is a track without cells: import the log that has them"),
         (b"<log><lat>1</lat></log>", "I read XML or HTML that begins with <log>"),
@@ -151,7 +157,30 @@ def test_a_table_of_a_chinese_spreadsheet_is_read_in_its_encoding(tmp_path):
     assert (imported.n_rows, imported.left.n_bad) == (30, 0)
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be"])
+@pytest.mark.parametrize(
+    ("header", "encoding"),
+    [
+        ("Время;Широта;Долгота;Уровень;CID", "cp1251"),  # each word of an odd number of letters
+        ("Дата Время;Широта;Долгота;Уровень сигнала (дБм);CID", "cp1251"),
+        ("sep=;\nВРЕМЯ;ШИРОТА;ДОЛГОТА;УРОВЕНЬ СИГНАЛА;CID", "cp1251"),
+        ("Время;Широта;Долгота;RSRP (дБм);CID", "cp1251"),
+        ("Czas;Szerokość;Długość;RSRP;CI", "cp1250"),
+        ("Horodatage;Latitude;Longitude;Niveau;ID cellule", "cp1252"),
+        ("Zeit;Breite;Länge;Pegel;Zellen-ID", "cp1252"),
+        ("时间;纬度;经度;信号强度;小区ID", "gbk"),
+    ],
+)
+def test_a_spreadsheet_writes_the_encoding_of_its_country(tmp_path, header, encoding):
+    rows = [f"2026-05-01 10:00:{k:02d};48,10{k:02d};11,5;-8{k % 9};{7 + k}" for k in range(30)]
+    (tmp_path / "a.csv").write_text("\n".join([header, *rows, ""]), encoding)
+    imported = import_walk(tmp_path / "a.csv", tmp_path / "a.h5")
+    assert (imported.n_rows, imported.left.n_bad, imported.left.n_unnamed) == (30, 0, 0)
+    assert imported.has_times
+
+
+@pytest.mark.parametrize(
+    "encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "utf-16-be without"]
+)
 @pytest.mark.parametrize(
     ("text", "name"),
     [
@@ -172,7 +201,7 @@ def test_a_table_of_a_chinese_spreadsheet_is_read_in_its_encoding(tmp_path):
 def test_a_text_is_read_in_any_encoding_of_spreadsheets(tmp_path, text, name, encoding):
     mark = "\ufeff" if encoding == "utf-16-be" else ""
     (tmp_path / "plain").write_text(text, newline="")
-    (tmp_path / "x").write_bytes((mark + text).encode(encoding))
+    (tmp_path / "x").write_bytes((mark + text).encode(encoding.removesuffix(" without")))
     if name is None:
         with pytest.raises(RunFileError, match="XML or HTML that begins with <kml>"):
             recognise(tmp_path / "x")
@@ -197,6 +226,36 @@ def test_columns_are_those_of_a_table_of_text(tmp_path, capsys, data, says):
     target = tmp_path / "run.h5"
     assert main(["import", str(tmp_path / "source"), "-o", str(target), "--columns", columns]) == 2
     assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("mcc", "place", "is_swapped"),
+    [
+        (262, (48.1, 11.5), False),
+        (262, (11.5, 48.1), True),
+        (310, (-74.0, 40.7), True),
+        (310, (21.3, -157.8), False),
+        (404, (77.2, 28.6), True),
+        (655, (-26.2, 28.0), False),
+        (724, (-46.6, -23.5), True),
+        (547, (-17.5, -149.6), False),
+        (214, (35.9, -5.3), False),
+        (901, (11.5, 48.1), False),
+        (250, (37.6, 55.7), False),  # fits as well
+    ],
+)
+def test_positions_of_another_continent_are_said_to_be_swapped(
+    tmp_path, capsys, mcc, place, is_swapped
+):
+    lat, lon = place
+    rows = [f"{i},{lat + i / 1e4},{lon},GSM,{mcc},1,2,17,-70" for i in range(9)]
+    head = "t_s,lat,lon,rat,mcc,mnc,lac,cid,level"
+    (tmp_path / "a.csv").write_text("\n".join([head, *rows, ""]))
+    assert main(["import", str(tmp_path / "a.csv"), "-o", str(tmp_path / "a.h5")]) == 0
+    said = "the country codes of 9 readings are of another continent than the positions"
+    assert (said in capsys.readouterr().err) == is_swapped
+    codes = set(read_run(tmp_path / "a.h5").tables["notes"]["code"])
+    assert (b"swapped" in codes) == is_swapped
 
 
 def test_a_workbook_is_named_once(tmp_path, capsys):

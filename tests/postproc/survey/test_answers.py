@@ -17,8 +17,8 @@ from logger.core.places import Places, Utm
 from postproc.cli import main
 from postproc.result import Options
 from postproc.survey.answers.next_walks import next_walks
-from postproc.survey.answers.page import walked_ground
-from postproc.survey.location import EVERY_RUN, locate_survey
+from postproc.survey.answers.page import html, walked_ground
+from postproc.survey.location import EVERY_RUN, Location, locate_survey
 from postproc.survey.scheduling import Cluster
 from tests.postproc.survey.cities import write_city
 
@@ -64,6 +64,22 @@ def test_map_needs_no_network(survey, scheduler, capsys):
     assert "<script" not in page
     assert 0 < _walked_m2(page) == pytest.approx(2500.0 * len(_squares(survey)), rel=0.01)
     assert all(cell.cell in page for cell in survey.cells())
+
+
+def test_the_first_cell_is_drawn_larger(survey, scheduler):
+    # an attribute with a no-break space for a space is none: the inset was empty
+    with Cluster(scheduler) as cluster:
+        found = locate_survey(survey, Options(), cluster=cluster)
+    odd = replace(found.cells[0], word="unusual", verdict="located", r95_m=5.0)
+    drawn = Location((odd, *found.cells[1:]), found.loggers, found.n_known, found.unnoticed)
+    page = html(survey, drawn, EVERY_RUN, None)
+    view = re.search(r'<svg class="inset" [^>]* viewBox="([^"]*)">', page)[1]
+    x, y, width, height = map(float, re.split("[ ,]", view))
+    at = re.search(r'<svg x="([0-9.]+)%" y="([0-9.]+)%" [^>]*id="place-1"', page)
+    whole = re.search(r'viewBox="0 0 ([0-9.]+) ([0-9.]+)"', page)
+    for low, side, k in ((x, width, 0), (y, height, 1)):
+        middle = float(whole[k + 1]) * float(at[k + 1]) / 100.0
+        assert low + side / 2 == pytest.approx(middle, abs=0.1)
 
 
 def _squares(survey):

@@ -259,9 +259,11 @@ def test_since(results, scheduler, capsys):
 
 
 def test_mistakes_are_one_line(tmp_path, capsys):
-    assert main(["survey", "locate", str(tmp_path)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "is no survey; `postproc survey add` makes one" in line
+    (tmp_path / "run.h5").touch()
+    for folder in (tmp_path, tmp_path / "none", tmp_path / "run.h5"):
+        assert main(["survey", "locate", str(folder)]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line == f"postproc: {folder} is no survey; `postproc survey add` makes one"
 
 
 def test_a_survey_of_another_version_is_refused_with_what_to_do(tmp_path, capsys):

@@ -248,6 +248,7 @@ def test_which_cell_serves(tmp_path, head):
     [
         (("05/06/2024 11:59 PM", "05/14/2024 12:01 AM"), 8 * 1440 - 1438),
         (("05/06/2024 11:59:00", "14/06/2024 00:01:00"), 9 * 1440 - 718),
+        (("05-06-2024 11:59", "14-06-2024 00:01"), 9 * 1440 - 718),
         (("5.6.2024 23:59", "6.6.2024 0:01"), 2),
         (("2024-06-05 11:59 a.m.", "2024-06-05 12:01 p.m."), 2),
     ],
@@ -258,6 +259,38 @@ def test_dates_are_read_by_all_times_of_a_file(tmp_path, times, minutes):
     first, second = _rows(tmp_path, head, *(f"{time};52.5;13.4;-70;7" for time in times))
     assert (second.t_ns - first.t_ns) / 60e9 == minutes
     assert first.fix.utc_ns is None
+
+
+@pytest.mark.parametrize(
+    ("times", "minutes"),
+    [
+        (("23:58:00", "23:59:00", "00:01:00", "00:02:00"), (0, 1, 3, 4)),
+        (
+            ("12:02:00 AM", "12:01:00 AM", "11:59:00 PM", "11:58:00 PM"),
+            (4, 3, 1, 0),
+        ),  # the newest first
+        (("", "23:58:00", "00:02:00"), (0, 4)),
+        (("08:00:00", "09:00:00", "08:30:00"), (0, 60, 30)),
+        # in the order of cells and not of time
+        (
+            tuple(f"{hour}:00:00" for hour in (6, 13, 20, 6, 13, 20, 6)),
+            (0, 420, 840, 0, 420, 840, 0),
+        ),
+    ],
+)
+def test_times_of_day_may_pass_midnight(tmp_path, times, minutes):
+    rows = _rows(tmp_path, "Time,Lat,Lon,RSSI,CID", *(f"{time},52.5,13.4,-70,7" for time in times))
+    t_ns = [row.t_ns for row in rows if isinstance(row, Sighting)]
+    assert [(one - min(t_ns)) / 60e9 for one in t_ns] == list(minutes)
+
+
+@pytest.mark.parametrize(
+    ("bsic", "number"),
+    [("3-2", 26), ("7/7", 63), ("10", 10), ("5.0", 5), ("10.0", 10), ("-", None)],
+)
+def test_a_bsic_may_be_in_two_parts(tmp_path, bsic, number):
+    (row,) = _rows(tmp_path, "t_s,Lat,Lon,RxLev,CID,BSIC", f"1,52.5,13.4,-70,7,{bsic}")
+    assert row.reading.bsic == number
 
 
 @pytest.mark.parametrize(
@@ -618,3 +651,49 @@ def test_a_cell_of_lte_is_none_of_nr(tmp_path):
 def test_a_length_beside_a_longitude_is_none(tmp_path):
     (row,) = _rows(tmp_path, "time,lat,Länge,lon,rsrp", f"{TIME},48,3,11,-85")
     assert row.lon_deg == 11.0
+
+
+@pytest.mark.parametrize(
+    ("times", "seconds"),
+    [
+        (("081459.00", "081500.00", "081501.50"), (0, 1, 2.5)),  # as a receiver prints them
+        (tuple(f"{95955 + k + 4040 * (k > 4)}" for k in range(10)), tuple(range(10))),
+        (("235959", "000001"), (0, 2)),
+        (tuple(str(1000 * k) for k in range(10, 20)), tuple(1000 * k for k in range(10))),
+        (("81500", "81501"), (0, 1)),  # may count seconds
+        (("081500", "081560"), (0, 60)),
+    ],
+)
+def test_times_of_day_may_lack_their_colons(tmp_path, times, seconds):
+    rows = _rows(tmp_path, "Time,Lat,Lon,RSSI", *(f"{time},52.5,13.4,-70" for time in times))
+    assert [(row.t_ns - rows[0].t_ns) / 1e9 for row in rows] == list(seconds)
+
+
+def test_their_date_is_that_of_its_column(tmp_path):
+    rows = [f"14/05/2024,09000{k},52.5,13.4,-70" for k in range(3)]
+    first, *_ = _rows(tmp_path, "Date,Time,Lat,Lon,RSSI", *rows)
+    assert first.t_ns == 476577 * 3600 * 10**9
+
+
+@pytest.mark.parametrize(
+    ("head", "cells", "names"),
+    [
+        ("mcc,mnc,lac,cell", ("7", "8"), ("262-01-2-7", "262-01-2-8")),
+        ("mcc,net,area,cell", ("7.0", ""), ("262-01-2-7", None)),
+        ("mcc,mnc,lac,cell", ("7", "Main St"), ("7", "Main St")),
+    ],
+)
+def test_numbers_of_cells_beside_their_area_are_identities(tmp_path, head, cells, names):
+    lines = [f"{k},52.5,13.4,GSM,262,01,2,{cell},-70" for k, cell in enumerate(cells)]
+    rows = _rows(tmp_path, f"t_s,lat,lon,radio,{head},rssi", *lines)
+    assert [row.reading.cell for row in rows] == list(names)
+    assert {row.reading.rat for row in rows} == {"GSM"}
+
+
+@pytest.mark.parametrize(
+    ("name", "rat"),
+    [("CAT-M1", "LTE-M"), ("eMTC", "LTE-M"), ("NBIoT", "NB-IoT"), ("CAT-NB1", "NB-IoT")],
+)
+def test_modems_of_things_have_names_of_their_own(tmp_path, name, rat):
+    (row,) = _rows(tmp_path, "t_s,lat,lon,tech,cid,rsrp", f"1,52.5,13.4,{name},7,-90")
+    assert (row.reading.rat, row.reading.rsrp_dbm) == (rat, -90.0)

@@ -25,7 +25,8 @@ READINGS = st.builds(
     mnc=st.sampled_from(["10", "01", "001"]),
     lac=WHOLE,
     tac=WHOLE,
-    cid=st.integers(0, 2**36 - 1),
+    # of 2**31 - 1 Android makes its mark of none
+    cid=st.integers(0, 2**36 - 1).filter(lambda cid: cid != 2**31 - 1),
     arfcn=WHOLE,
     bsic=WHOLE,
     psc=WHOLE,
