@@ -50,9 +50,10 @@ _HEAD_BYTES = 8192  # a line of names is shorter, and files buffer as much
 # GBK, as a spreadsheet in China writes: a sign has two such bytes; letters of western Europe have
 # one, and seldom stand in pairs alone
 _CHINESE = re.compile(rb"(?:[\0-\x7f]*[\xa1-\xf7][\xa1-\xfe]){4,}[\0-\x7f]*")
-# what a spreadsheet writes in Russia: words of such letters alone, most of them small
+# what a spreadsheet writes in Russia: words of such letters alone, most of them small; a word that
+# may be taken in pieces (+ for ++) takes ages of a damaged file
 _RUSSIAN = re.compile(
-    rb"(?:[^a-zA-Z\x80-\xff]|[a-zA-Z]+(?![\x80-\xff])|[\xa8\xb8\xb9\xc0-\xff]+(?![a-zA-Z]))+"
+    rb"(?:[^a-zA-Z\x80-\xff]|[a-zA-Z]++(?![\x80-\xff])|[\xa8\xb8\xb9\xc0-\xff]++(?![a-zA-Z]))+"
 )
 _RUSSIAN_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]{4}")
 _LARGE, _SMALL = bytes(range(0xC0, 0xE0)), bytes(range(0xE0, 0x100))

@@ -21,6 +21,7 @@ from logger.core.rows import levels_dbm
 from logger.core.runfile import read_run
 from logger.core.types import Fix, Note, Scan
 from postproc.cli import main
+from postproc.foreign_file import encoding_of
 from postproc.info import describe
 from postproc.interop.importing import formats, import_walk, recognise
 from postproc.interop.sighting import BadRow, Sighting
@@ -176,6 +177,13 @@ def test_a_spreadsheet_writes_the_encoding_of_its_country(tmp_path, header, enco
     imported = import_walk(tmp_path / "a.csv", tmp_path / "a.h5")
     assert (imported.n_rows, imported.left.n_bad, imported.left.n_unnamed) == (30, 0, 0)
     assert imported.has_times
+
+
+def test_the_encoding_of_a_long_damaged_line_is_found_at_once():
+    # a pattern that may take words in pieces ends in years
+    words = [b"abcdefghijklmnopqrstuvwxyz" * 40, bytes(range(0xC0, 0x100)) * 20]
+    for line in (*words, b",".join(words), words[0] + b"\xd0", b"x".join(words)):
+        assert encoding_of(line + b'"\xff{') in {"utf-8-sig", "cp1251"}
 
 
 @pytest.mark.parametrize(
