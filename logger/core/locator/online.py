@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import FloatArray, IntArray
+from logger.core.arrays import FloatArray, IntArray, SingleArray
 from logger.core.locator.bordered_sums import BorderedSums, station_rows
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
@@ -56,7 +56,7 @@ _GROWN = 1.4  # times as many blocks or censored points: a new search is due
 _TURNED = 2.0  # urgency where the walk has left its curve, or the mass its modes
 _MODE_LEVEL = 0.99
 _MOST_READINGS = 1024  # of an hour's walk; answers of the device and the desktop are from the same
-_JOINED = 64  # single readings take ten times the memory of those in one array
+JOINED = 16  # single readings, a kilobyte each, take ten times the memory of those in one array
 
 
 class _Searched(NamedTuple):
@@ -80,13 +80,13 @@ class _Searched(NamedTuple):
 class _Evaluated(NamedTuple):
     """What is kept of the evidence of some blocks `walk` (5, n); it takes four times the memory.
 
-    It is computed again from sigma of one reading ago, `near_db` (c, h) or None. `probability`
-    (h,) and `by_hypothesis` (c,) are of its mixture.
+    It is computed again from sigma of one reading ago, `near_db` (c, h) or None: single precision
+    is enough to begin from. `probability` (h,) and `by_hypothesis` (c,) are of its mixture.
     """
 
     walk: FloatArray
-    near_db: FloatArray | None
-    sigma_db: FloatArray
+    near_db: SingleArray | None
+    sigma_db: SingleArray
     probability: FloatArray
     by_hypothesis: FloatArray
     mode: Mode | None
@@ -109,7 +109,7 @@ class ReadingsInOrder:
             every = in_order(self._kept)
             self._kept = [every.part(np.arange(len(every)) % 2 == 0)]
             self._every *= 2
-        elif len(self._kept) > _JOINED:
+        elif len(self._kept) > JOINED:
             self._kept = [in_order(self._kept)]
 
     def readings(self) -> Readings:
@@ -367,7 +367,7 @@ class OnlineLocator:
         sums = BorderedSums(prior, numbers, Places.of(*square[:2]), closed, MOST_BLOCKS)
         return _Searched(square, log_mass, numbers, sums, label, None, None, prior)
 
-    def _evaluate(self, searched: _Searched, near_db: FloatArray | None = None) -> None:
+    def _evaluate(self, searched: _Searched, near_db: SingleArray | None = None) -> None:
         """`near_db` (c, h) is sigma of one reading ago."""
         self._searched, self._n_evaluated = searched, self._n_readings
         walk = self._on_curve(0, self._n).copy()
@@ -376,17 +376,18 @@ class OnlineLocator:
         mixed = mixture(evidence.log_p, searched.log_mass, numbers, self._prior, log_weight)
         mode = self._mode(searched, evidence, mixed)
         of_mixture = mixed.probability, mixed.by_hypothesis
-        self._evaluated = _Evaluated(walk, near_db, evidence.sigma_db, *of_mixture, mode)
+        sigma_db = evidence.sigma_db.astype(np.float32)
+        self._evaluated = _Evaluated(walk, near_db, sigma_db, *of_mixture, mode)
 
 
-def _evidence(searched: _Searched, walk: FloatArray, near_db: FloatArray | None) -> Evidence:
+def _evidence(searched: _Searched, walk: FloatArray, near_db: SingleArray | None) -> Evidence:
     """Evidence of the blocks `walk` (5, n); `near_db` (c, h) is a sigma that cannot be far off."""
     totals, log_det = searched.sums.over(walk)
     prior, numbers = searched.prior, searched.numbers
     everywhere = np.arange(searched.square.shape[1])
     parts: list[Evidence] = []
     for one, total, rows in zip(prior.stations, totals, station_rows(prior, numbers), strict=True):
-        of_rows = None if near_db is None else near_db[rows]
+        of_rows = None if near_db is None else near_db[rows].astype(float)
         alone = prior.of_station(one)
         found = marginal(total, walk.shape[1], log_det[rows], alone, EFFORT.nodes, of_rows)
         found = with_possible_exponent(found, prior.least_eta)
