@@ -26,6 +26,7 @@ from logger.core.places import Places
 
 _STRIP = 16  # rows of W as long as the last of them: zeros take memory, short strips time
 _LINE = 64  # bytes, of the cache
+_MAPPED = 1 << 20  # bytes: so large a piece is mapped, and what is not set takes no memory
 _LEAST_VARIANCE = 1e-12  # of a block given all others, by sigma^2: above rounding errors
 _IN_CACHE = 16_384  # entries of columns multiplied at once: smaller than what malloc maps
 
@@ -115,7 +116,6 @@ class BorderedSums:
         return row / np.sqrt(variance)[:, None], variance
 
     def _add_row(self, k: int, row: FloatArray) -> None:
-        """Row k of W (c, k + 1)."""
         strip, at = divmod(k, _STRIP)
         if not at:
             self._strips[strip][:] = 0.0
@@ -150,7 +150,7 @@ def station_rows(prior: Prior, numbers: IntArray) -> list[IntArray]:
 
 
 def _fields(prior: Prior) -> list[Prior]:
-    """The station of each height with most harmonics: others as high have some of its columns."""
+    # of each height the station with most harmonics: others have some of its columns
     of_height: dict[float, Station] = {}
     for one in prior.stations:
         before = of_height.setdefault(one.height_m, one)
@@ -162,13 +162,10 @@ def _fields(prior: Prior) -> list[Prior]:
 def _in_one_piece(
     singles: Sequence[tuple[int, ...]], doubles: Sequence[tuple[int, ...]]
 ) -> tuple[list[SingleArray], list[FloatArray]]:
-    """Arrays of these shapes, in single and double precision, not set.
-
-    Apart, among the arrays of a search, they leave holes. What is never set takes no memory.
-    """
+    # not set; allocated one by one, among those of a search, they would leave holes
     sizes = [*(4 * prod(one) for one in singles), *(8 * prod(one) for one in doubles)]
     begin = np.cumsum([0, *(-(-size // _LINE) * _LINE for size in sizes)]).tolist()
-    piece = np.empty(begin[-1], np.uint8)
+    piece = np.empty(max(begin[-1], _MAPPED), np.uint8)
     parts = [piece[first:][:size] for first, size in zip(begin, sizes, strict=False)]
     n = len(singles)
     return (
@@ -178,7 +175,7 @@ def _in_one_piece(
 
 
 def _times_lower(strips: list[FloatArray], column: FloatArray) -> FloatArray:
-    """W (c, n, n) in strips times (c, n)."""
+    # W (c, n, n) times (c, n)
     product, padded = _padded(column)
     for first in range(0, column.shape[1], _STRIP):
         strip, end = strips[first // _STRIP], first + _STRIP
@@ -187,7 +184,7 @@ def _times_lower(strips: list[FloatArray], column: FloatArray) -> FloatArray:
 
 
 def _times_upper(strips: list[FloatArray], column: FloatArray) -> FloatArray:
-    """W' times (c, n)."""
+    # W' times (c, n)
     product, padded = _padded(column)
     for first in range(0, column.shape[1], _STRIP):
         strip, end = strips[first // _STRIP], first + _STRIP
@@ -196,7 +193,7 @@ def _times_upper(strips: list[FloatArray], column: FloatArray) -> FloatArray:
 
 
 def _padded(column: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Zeros, and (c, n) with zeros up to the end of a strip."""
+    # zeros, and (c, n) with zeros up to the end of a strip
     c, n = column.shape
     padded = np.zeros((c, -(-n // _STRIP) * _STRIP))
     padded[:, :n] = column
@@ -204,7 +201,7 @@ def _padded(column: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _times(row: FloatArray, column: SingleArray) -> FloatArray:
-    """Rows (c, n) times a column (n, h) of single precision, in double."""
+    # rows (c, n) times a column (n, h), in double precision
     product = np.empty((len(row), column.shape[1]))
     at_once = _IN_CACHE // len(column)
     for first in range(0, column.shape[1], at_once):
@@ -216,10 +213,8 @@ def _times(row: FloatArray, column: SingleArray) -> FloatArray:
 def _row_sums(
     white: list[FloatArray], diagonal: FloatArray, extra: FloatArray | None
 ) -> FloatArray:
-    """As `marginal.sums` for one row of each hypothesis: (m + 1, c, h).
-
-    `white` are the whitened level and columns, (c, 1) or (c, h), `diagonal` (c, 1) that of W.
-    """
+    """As `marginal.sums` for one row of each hypothesis: (m + 1, c, h)."""
+    # `white` has the whitened level and columns, (c, 1) or (c, h), `diagonal` (c, 1) is that of W
     weight = np.ones(white[-1].shape)
     if extra is not None:
         weight /= 1.0 + diagonal**2 * extra

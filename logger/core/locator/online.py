@@ -56,7 +56,7 @@ _GROWN = 1.4  # times as many blocks or censored points: a new search is due
 _TURNED = 2.0  # urgency where the walk has left its curve, or the mass its modes
 _MODE_LEVEL = 0.99
 _MOST_READINGS = 1024  # of an hour's walk; answers of the device and the desktop are from the same
-JOINED = 16  # single readings, a kilobyte each, take ten times the memory of those in one array
+JOINED = 32  # single readings, a kilobyte each, take ten times the memory of those in one array
 
 
 class _Searched(NamedTuple):
@@ -78,14 +78,10 @@ class _Searched(NamedTuple):
 
 
 class _Evaluated(NamedTuple):
-    """What is kept of the evidence of some blocks `walk` (5, n); it takes four times the memory.
+    """What is kept of the evidence, which can be computed again."""
 
-    It is computed again from sigma of one reading ago, `near_db` (c, h) or None: single precision
-    is enough to begin from. `probability` (h,) and `by_hypothesis` (c,) are of its mixture.
-    """
-
-    walk: FloatArray
-    near_db: SingleArray | None
+    walk: FloatArray  # (5, n)
+    near_db: SingleArray | None  # sigma (c, h) of one reading ago, where the fit begins
     sigma_db: SingleArray
     probability: FloatArray
     by_hypothesis: FloatArray
@@ -368,7 +364,6 @@ class OnlineLocator:
         return _Searched(square, log_mass, numbers, sums, label, None, None, prior)
 
     def _evaluate(self, searched: _Searched, near_db: SingleArray | None = None) -> None:
-        """`near_db` (c, h) is sigma of one reading ago."""
         self._searched, self._n_evaluated = searched, self._n_readings
         walk = self._on_curve(0, self._n).copy()
         evidence = _evidence(searched, walk, near_db)
@@ -381,7 +376,7 @@ class OnlineLocator:
 
 
 def _evidence(searched: _Searched, walk: FloatArray, near_db: SingleArray | None) -> Evidence:
-    """Evidence of the blocks `walk` (5, n); `near_db` (c, h) is a sigma that cannot be far off."""
+    # of the blocks `walk` (5, n); `near_db` is as in `marginal`
     totals, log_det = searched.sums.over(walk)
     prior, numbers = searched.prior, searched.numbers
     everywhere = np.arange(searched.square.shape[1])
