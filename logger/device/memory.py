@@ -35,8 +35,8 @@ def give_back() -> None:
     """Make glibc use one heap for all threads, and no heap for blocks of over 1 MB.
 
     By itself glibc raises that bound with each larger block that is freed, and gives each thread a
-    heap: the arrays of forty cells then took 20 MB more, and more with time. Up to 4 MB at
-    the end of the heap stay allocated. To be called before threads start. Source: mallopt(3).
+    heap: the arrays of forty cells then took 20 MB more, and more with time. Up to 4 MB of its
+    end stay. To be called before threads start. Source: mallopt(3).
     """
     if platform.libc_ver()[0] != "glibc":
         return

@@ -6,6 +6,7 @@ s^2 = k_nn - k' K^-1 k (bordered Cholesky factor), and the sums of `marginal` gr
 
 from collections.abc import Sequence
 from math import prod
+from mmap import mmap
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from logger.core.places import Places
 
 _STRIP = 16  # rows of W as long as the last of them: zeros take memory, short strips time
 _LINE = 64  # bytes, of the cache
-_MAPPED = 1 << 20  # bytes: so large a piece is mapped, and what is not set takes no memory
 _LEAST_VARIANCE = 1e-12  # of a block given all others, by sigma^2: above rounding errors
 _IN_CACHE = 16_384  # entries of columns multiplied at once: smaller than what malloc maps
 
@@ -117,8 +117,6 @@ class BorderedSums:
 
     def _add_row(self, k: int, row: FloatArray) -> None:
         strip, at = divmod(k, _STRIP)
-        if not at:
-            self._strips[strip][:] = 0.0
         self._strips[strip][:, at, : k + 1] = row
 
     def _of_last(self, row: FloatArray, walk: FloatArray) -> list[FloatArray]:
@@ -162,10 +160,11 @@ def _fields(prior: Prior) -> list[Prior]:
 def _in_one_piece(
     singles: Sequence[tuple[int, ...]], doubles: Sequence[tuple[int, ...]]
 ) -> tuple[list[SingleArray], list[FloatArray]]:
-    # not set; allocated one by one, among those of a search, they would leave holes
+    # zeros, in pages of their own: in the heap, among arrays of a search, they leave holes, and
+    # rows that are not set yet take memory
     sizes = [*(4 * prod(one) for one in singles), *(8 * prod(one) for one in doubles)]
     begin = np.cumsum([0, *(-(-size // _LINE) * _LINE for size in sizes)]).tolist()
-    piece = np.empty(max(begin[-1], _MAPPED), np.uint8)
+    piece = np.frombuffer(mmap(-1, begin[-1]), np.uint8)
     parts = [piece[first:][:size] for first, size in zip(begin, sizes, strict=False)]
     n = len(singles)
     return (
