@@ -26,6 +26,8 @@ from logger.core.model.prior import Prior, Station
 from logger.core.places import Places
 
 _STRIP = 16  # rows of W as long as the last of them: zeros take memory, short strips time
+# W and the columns are kept in single precision, which moves positions by 3e-5 m at most; the sums
+# are not: their differences then move positions by 10 m
 _LINE = 64  # bytes, of the cache
 _LEAST_VARIANCE = 1e-12  # of a block given all others, by sigma^2: above rounding errors
 _IN_CACHE = 16_384  # entries of columns multiplied at once: smaller than what malloc maps
@@ -66,10 +68,10 @@ class BorderedSums:
             alone = prior.of_station(one)
             totals.append(walk_sums(closed, matrices[rows], alone, positions, own))
         columns = [column for columns in found for column in columns]
-        wide, doubles = (most, len(positions)), [total.shape for total in totals]
-        doubles += [(len(numbers), _STRIP, end) for end in range(_STRIP, most + _STRIP, _STRIP)]
-        self._columns, kept = _in_one_piece([wide] * len(columns), doubles)
-        self._totals, self._strips = kept[: len(totals)], kept[len(totals) :]
+        wide, ends = (most, len(positions)), range(_STRIP, most + _STRIP, _STRIP)
+        singles = [*[wide] * len(columns), *((len(numbers), _STRIP, end) for end in ends)]
+        kept, self._totals = _in_one_piece(singles, [total.shape for total in totals])
+        self._columns, self._strips = kept[: len(columns)], kept[len(columns) :]
         for column, value in zip(self._columns, columns, strict=True):
             column[: len(value)] = value
         for total, value in zip(self._totals, totals, strict=True):
@@ -173,21 +175,21 @@ def _in_one_piece(
     )
 
 
-def _times_lower(strips: list[FloatArray], column: FloatArray) -> FloatArray:
+def _times_lower(strips: list[SingleArray], column: FloatArray) -> FloatArray:
     # W (c, n, n) times (c, n)
     product, padded = _padded(column)
     for first in range(0, column.shape[1], _STRIP):
         strip, end = strips[first // _STRIP], first + _STRIP
-        product[:, first:end] = np.matmul(strip, padded[:, :end, None])[..., 0]
+        product[:, first:end] = np.matmul(strip.astype(float), padded[:, :end, None])[..., 0]
     return product[:, : column.shape[1]]
 
 
-def _times_upper(strips: list[FloatArray], column: FloatArray) -> FloatArray:
+def _times_upper(strips: list[SingleArray], column: FloatArray) -> FloatArray:
     # W' times (c, n)
     product, padded = _padded(column)
     for first in range(0, column.shape[1], _STRIP):
         strip, end = strips[first // _STRIP], first + _STRIP
-        product[:, :end] += np.matmul(padded[:, None, first:end], strip)[:, 0]
+        product[:, :end] += np.matmul(padded[:, None, first:end], strip.astype(float))[:, 0]
     return product[:, : column.shape[1]]
 
 
